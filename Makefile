@@ -1,0 +1,85 @@
+# Every target works on a fresh clone with Python 3.11 or later, pip and cargo.
+# Python goes into .venv/, compiled code into target/; nothing is installed elsewhere.
+
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.NOTPARALLEL:
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+
+# Validation data beside the checkout. Tests that need it skip, and say so, when the variable is empty.
+OARLOCK_DATA ?= $(abspath $(wildcard ../shared))
+export OARLOCK_DATA
+export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
+
+RUST_SOURCES := Cargo.toml Cargo.lock $(wildcard crates/*/Cargo.toml) $(shell find crates/*/src -name '*.rs')
+
+.PHONY: help demo test bench lint format docs lock clean
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+demo: $(VENV)/.package ## build, then track a simulated sculler and a real pendulum
+	$(BIN)/oarlock demo --out out/demo
+
+test: $(VENV)/.package $(VENV)/.dev ## run the tests of the engine and of the package
+	cargo test --locked --quiet --package oarlock
+	$(BIN)/python -m pytest
+
+bench: ## time a step of the filter
+	cargo bench --locked --package oarlock
+
+lint: $(VENV)/.dev ## ruff, mypy, clippy and rustfmt, changing nothing
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	cargo fmt --all --check
+	cargo clippy --locked --quiet --workspace --all-targets -- -D warnings
+
+format: $(VENV)/.dev ## let ruff and rustfmt lay out the code
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+	cargo fmt --all
+
+docs: $(VENV)/.package $(VENV)/.dev ## check the links of the documentation and run its commands and examples
+	$(BIN)/python -m pytest tests/test_docs.py
+
+# `make lock UPGRADE=--upgrade` moves every pin to its newest version.
+COMPILE := CUSTOM_COMPILE_COMMAND="make lock" $(VENV)/lock/bin/pip-compile --quiet --strip-extras --allow-unsafe \
+	--no-emit-index-url --no-emit-find-links --no-emit-trusted-host --annotation-style=line $(UPGRADE)
+lock: $(VENV)/.created ## compute the pinned versions in requirements/ again
+	$(BIN)/python -m venv $(VENV)/lock
+	$(VENV)/lock/bin/python -m pip install --quiet --disable-pip-version-check pip-tools
+	$(COMPILE) --extra test --extra lint --extra dataframe --extra xarray \
+		--output-file requirements/dev.txt pyproject.toml requirements/build.in
+	$(COMPILE) --constraint requirements/dev.txt --output-file requirements/run.txt pyproject.toml requirements/build.in
+
+clean: ## remove everything that was built or installed
+	rm -rf $(VENV) target dist out .pytest_cache .mypy_cache .ruff_cache .hypothesis python/oarlock/*.so
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# Stamps: a step is done again only if what it depends on has changed.
+
+$(VENV)/.created:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "Oarlock needs Python 3.11 or later; $(PYTHON) is older or missing. Try: make PYTHON=python3.12 ..."; exit 1; }
+	@command -v cargo > /dev/null || { echo "Oarlock needs cargo, the Rust build tool: https://rustup.rs"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	@touch $@
+
+$(VENV)/.run: requirements/run.txt | $(VENV)/.created
+	$(PIP_INSTALL) --requirement $<
+	@touch $@
+
+$(VENV)/.dev: requirements/dev.txt | $(VENV)/.run
+	$(PIP_INSTALL) --requirement $<
+	@touch $@
+
+$(VENV)/.package: $(RUST_SOURCES) pyproject.toml | $(VENV)/.run
+	env -u CONDA_PREFIX PIP_QUIET=1 VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin develop --release --locked --quiet
+	@touch $@

@@ -1,0 +1,150 @@
+//! Belief and Info.
+
+use crate::array::items;
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use oarlock::estimate::belief::Belief;
+use oarlock::estimate::dense::Square;
+use oarlock::estimate::filter::Info;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// What the filter believes at one instant: time, mean (n,), covariance (n, n) in `state_names` order, SI and rad.
+#[pyclass(frozen, name = "Belief", module = "oarlock")]
+#[derive(Clone)]
+pub struct PyBelief {
+    pub belief: Belief,
+    pub names: Vec<String>,
+}
+
+/// A square matrix as (n, n).
+pub fn matrix<'py>(py: Python<'py>, m: &Square) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    PyArray1::from_slice(py, m.as_slice()).reshape([m.n(), m.n()])
+}
+
+#[pymethods]
+impl PyBelief {
+    #[new]
+    fn new(
+        time_s: f64,
+        mean: &Bound<'_, PyAny>,
+        covariance: &Bound<'_, PyAny>,
+        drive: &Bound<'_, PyAny>,
+        habit: &Bound<'_, PyAny>,
+        rejected_since_s: &Bound<'_, PyAny>,
+        state_names: Vec<String>,
+    ) -> PyResult<Self> {
+        let n = state_names.len();
+        let (mean, _) = items(mean, "mean", &[n])?;
+        let (covariance, _) = items(covariance, "covariance", &[n, n])?;
+        let rejected_since_s = crate::array::reals(rejected_since_s, "rejected_since_s")?.values;
+        let drive = crate::array::reals(drive, "drive")?.values;
+        let habit = crate::array::reals(habit, "habit")?.values;
+        let covariance = Square::from_rows(n, covariance.values)
+            .ok_or_else(|| crate::errors::DataError::new_err("covariance: expected one (n, n) matrix"))?;
+        let belief = Belief { time_s, mean: mean.values, covariance, drive, habit, rejected_since_s };
+        Ok(PyBelief { belief, names: state_names })
+    }
+
+    #[getter]
+    fn time_s(&self) -> f64 {
+        self.belief.time_s
+    }
+
+    #[getter]
+    fn mean<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.belief.mean)
+    }
+
+    #[getter]
+    fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        matrix(py, &self.belief.covariance)
+    }
+
+    /// Per driven state: factor on the variance of its driving noise, as learnt.
+    #[getter]
+    fn drive<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.belief.drive)
+    }
+
+    /// Per part of the measurement: usual size of its innovations, as a factor on what is expected (variance).
+    #[getter]
+    fn habit<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.belief.habit)
+    }
+
+    /// Per part of the measurement: since when it has been rejected without a break, s; NaN if it is not.
+    #[getter]
+    fn rejected_since_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.belief.rejected_since_s)
+    }
+
+    #[getter]
+    fn state_names(&self) -> Vec<String> {
+        self.names.clone()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Belief(time_s={}, {} states)", self.belief.time_s, self.names.len())
+    }
+}
+
+/// Report of one update.
+#[pyclass(frozen, name = "Info", module = "oarlock")]
+pub struct PyInfo {
+    pub info: Info,
+    pub time_s: f64,
+    pub status: &'static str,
+    pub sensor_names: Vec<String>,
+}
+
+#[pymethods]
+impl PyInfo {
+    /// Of the sample, s.
+    #[getter]
+    fn time_s(&self) -> f64 {
+        self.time_s
+    }
+
+    /// "starting", "tracking" or "out_of_order".
+    #[getter]
+    fn status(&self) -> &'static str {
+        self.status
+    }
+
+    /// Reading minus predicted reading, (n_measurements,), NaN where missing.
+    #[getter]
+    fn innovation<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.info.innovation)
+    }
+
+    /// Normalised innovation squared of all used rows.
+    #[getter]
+    fn nis(&self) -> f64 {
+        self.info.nis
+    }
+
+    /// Normalised innovation squared of all used inertial readings together, and their number.
+    #[getter]
+    fn inertial(&self) -> (f64, usize) {
+        self.info.inertial
+    }
+
+    /// By sensor and closure: nis, used, rejected, missing (rows).
+    #[getter]
+    fn sensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let all = PyDict::new(py);
+        for (name, s) in self.sensor_names.iter().zip(&self.info.sources) {
+            let one = PyDict::new(py);
+            one.set_item("nis", s.nis)?;
+            one.set_item("used", s.used)?;
+            one.set_item("rejected", s.rejected)?;
+            one.set_item("missing", s.missing)?;
+            all.set_item(name, one)?;
+        }
+        Ok(all)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Info(time_s={}, status='{}', nis={:.1})", self.time_s, self.status, self.info.nis)
+    }
+}

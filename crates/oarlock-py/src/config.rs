@@ -1,0 +1,53 @@
+//! Configuration: keyword arguments in, attributes out; the defaults are the engine's.
+
+use crate::errors::{raise, DataError};
+use oarlock::Config;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// How to track. Keyword arguments only; every key has a default.
+#[pyclass(frozen, name = "Config", module = "oarlock")]
+#[derive(Clone)]
+pub struct PyConfig(pub Config);
+
+#[pymethods]
+impl PyConfig {
+    #[new]
+    #[pyo3(signature = (**keys))]
+    fn new(py: Python<'_>, keys: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        let empty = PyDict::new(py);
+        let options = PyDict::new(py);
+        options.set_item("default", py.import("operator")?.call_method1("methodcaller", ("tolist",))?)?;
+        let json = py.import("json")?.call_method("dumps", (keys.unwrap_or(&empty),), Some(&options));
+        let json: String = json.map_err(|e| DataError::new_err(format!("config: {e}")))?.extract()?;
+        let config: Config =
+            serde_json::from_str(&json).map_err(|e| DataError::new_err(format!("config: {e}")))?;
+        config.check().map_err(|e| raise(py, e))?;
+        Ok(PyConfig(config))
+    }
+
+    /// All keys and values.
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let json = serde_json::to_string(&self.0).map_err(|e| DataError::new_err(e.to_string()))?;
+        py.import("json")?.call_method1("loads", (json,))
+    }
+
+    fn __getattr__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        let value = self.to_dict(py)?.get_item(name);
+        value.map_err(|_| pyo3::exceptions::PyAttributeError::new_err(format!("Config has no key '{name}'")))
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        Ok(format!("Config(**{})", self.to_dict(py)?.repr()?))
+    }
+
+    fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
+        other.cast::<PyConfig>().is_ok_and(|o| o.get().0 == self.0)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyAny>,))> {
+        let py = slf.py();
+        let make = py.import("oarlock")?.getattr("_config_from_dict")?;
+        Ok((make, (slf.get().to_dict(py)?,)))
+    }
+}

@@ -1,0 +1,76 @@
+//! A model as plain data, for `Model.describe()`.
+
+use oarlock::body::Body;
+use oarlock::model::{Expr, Frame, Joint, JointKind, ProcessKind, Sensor, SensorKind};
+use serde_json::{json, Value};
+
+/// Everything in the model; numbers in SI and rad at the model's parameter values.
+pub fn describe(body: &Body, path: &str) -> Value {
+    let m = &body.model;
+    let values: Vec<f64> = m.parameters.iter().map(|p| p.default).collect();
+    let frame_name = |i: usize| m.frames[i].name.clone();
+    let point = |p: &[Expr; 3]| numbers(p, &values);
+    let closure = |c: &oarlock::model::Closure| {
+        json!({"name": c.name, "frame_a": frame_name(c.sides[0].0), "frame_b": frame_name(c.sides[1].0),
+            "point_a": point(&c.sides[0].1), "point_b": point(&c.sides[1].1),
+            "axis_a": c.axes.map(|a| a[0]), "axis_b": c.axes.map(|a| a[1]),
+            "std_m": c.std_m, "std_axis": c.std_axis})
+    };
+    let w = &m.world;
+    json!({
+        "name": m.name, "description": m.description, "path": path,
+        "world": {"up": w.up, "forward": w.forward, "gravity_m_s2": w.gravity_m_s2,
+            "magnetic_norm_ut": w.magnetic_norm_ut, "magnetic_dip_rad": w.magnetic_dip_rad,
+            "magnetic_azimuth_rad": w.magnetic_azimuth_rad, "azimuth_fixed": w.azimuth_fixed},
+        "parameters": m.parameters.iter().map(|p| json!({"name": p.name, "value": p.default, "unit": p.unit,
+            "std": p.std, "label": p.label})).collect::<Vec<_>>(),
+        "joints": m.joints.iter().map(joint).collect::<Vec<_>>(),
+        "frames": m.frames.iter().enumerate().map(|(i, f)| frame(i, f, body)).collect::<Vec<_>>(),
+        "sensors": m.sensors.iter().map(|s| sensor(s, body, &values)).collect::<Vec<_>>(),
+        "closures": m.closures.iter().map(closure).collect::<Vec<_>>(),
+        "base_acceleration": m.base_accelerations.iter().map(|b| json!({"name": b.name, "label": b.label,
+            "axis": b.axis, "density": b.density, "start_std": b.start_std})).collect::<Vec<_>>(),
+        "state_names": body.layout.names, "measurement_names": body.suite.row_names(),
+    })
+}
+
+fn joint(j: &Joint) -> Value {
+    let kind = match j.kind {
+        JointKind::Fixed => "fixed",
+        JointKind::Hinge => "hinge",
+        JointKind::Slide => "slide",
+    };
+    let process = match j.process.kind {
+        ProcessKind::Jerk => json!({"kind": "jerk", "density": j.process.density, "start_std": j.process.start_std}),
+        ProcessKind::Walk => json!({"kind": "walk", "density": j.process.density, "start_std": [j.process.start_std[0]]}),
+    };
+    let process = if j.input || j.kind == JointKind::Fixed { Value::Null } else { process };
+    json!({"name": j.name, "kind": kind, "label": j.label, "limits": j.limits, "rest": j.rest, "input": j.input,
+        "std": j.input.then_some(j.input_std), "process": process})
+}
+
+fn frame(index: usize, f: &Frame, body: &Body) -> Value {
+    let m = &body.model;
+    let parent = (index > 0).then(|| m.frames[f.parent].name.clone());
+    json!({"name": f.name, "parent": parent, "joint": f.joint.map(|(j, _)| m.joints[j].name.clone()),
+        "sign": f.joint.map_or(1.0, |(_, s)| s)})
+}
+
+fn sensor(s: &Sensor, body: &Body, values: &[f64]) -> Value {
+    let m = &body.model;
+    match &s.kind {
+        SensorKind::Imu { frame, mount, noise } => json!({
+            "name": s.name, "kind": "imu", "frame": m.frames[*frame].name, "joint": null, "std": null, "std_m": null,
+            "gyro_std_rad_s": noise.gyro_std, "accel_std_m_s2": noise.accel_std, "mag_std_ut": noise.mag_std,
+            "mount": {"rotation": mount.rotation.0, "offset": numbers(&mount.offset, values)}}),
+        SensorKind::Encoder { joint, std } => json!({
+            "name": s.name, "kind": "encoder", "frame": null, "joint": m.joints[*joint].name, "std": std, "std_m": null}),
+        SensorKind::Position { frame, point, std } => json!({
+            "name": s.name, "kind": "position", "frame": m.frames[*frame].name, "joint": null, "std": null, "std_m": std,
+            "point": numbers(point, values)}),
+    }
+}
+
+fn numbers(v: &[Expr; 3], values: &[f64]) -> [f64; 3] {
+    [0, 1, 2].map(|i: usize| v[i].eval(values))
+}

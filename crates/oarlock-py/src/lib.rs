@@ -1,0 +1,33 @@
+//! Python face of the engine: names, arrays and errors go across here, and nothing is computed.
+
+mod array;
+mod belief;
+mod config;
+mod describe;
+mod errors;
+mod model;
+mod run;
+mod simulate;
+mod streams;
+mod tracker;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    let py = m.py();
+    m.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    m.add("ModelError", py.get_type::<errors::ModelError>())?;
+    m.add("DataError", py.get_type::<errors::DataError>())?;
+    m.add("DivergedError", py.get_type::<errors::DivergedError>())?;
+    m.add_class::<model::PyModel>()?;
+    m.add_class::<config::PyConfig>()?;
+    m.add_class::<belief::PyBelief>()?;
+    m.add_class::<belief::PyInfo>()?;
+    m.add_class::<run::PyRun>()?;
+    m.add_class::<tracker::PySample>()?;
+    m.add_class::<tracker::PyTracker>()?;
+    m.add_function(wrap_pyfunction!(run::track, m)?)?;
+    m.add_function(wrap_pyfunction!(simulate::imu_signals, m)?)?;
+    Ok(())
+}

@@ -1,0 +1,58 @@
+//! Signals along given joint values.
+
+use crate::array::items;
+use crate::errors::{raise, DataError};
+use crate::model::PyModel;
+use crate::streams::calibration;
+use numpy::{PyArray1, PyArray3, PyArrayMethods};
+use oarlock::body::Field;
+use oarlock::kinematics::Tree;
+use oarlock::model::SensorKind;
+use oarlock::simulate::{signals, Around, Spot, STENCIL};
+use oarlock::track::{mount_values, parameter_values};
+use pyo3::prelude::*;
+
+/// gyro, accel, mag of every inertial unit, (T, units, 9), from joint values at nine instants around each stamp,
+/// (T, 9, joints), `step_s` apart, and the root's acceleration (T, 3).
+#[pyfunction]
+pub fn imu_signals<'py>(
+    py: Python<'py>,
+    model: &Bound<'py, PyModel>,
+    calibration_: Option<&Bound<'py, PyAny>>,
+    q: &Bound<'py, PyAny>,
+    step_s: f64,
+    root_acceleration: &Bound<'py, PyAny>,
+    azimuth_rad: f64,
+) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    let (model, given) = (model.get().model.clone(), calibration(calibration_)?);
+    let parameters = parameter_values(&model, &given.parameters).map_err(|e| raise(py, e))?;
+    let mounts = mount_values(&model, &given.mounts).map_err(|e| raise(py, e))?;
+    let joints = model.joints.len();
+    let (q, rows) = items(q, "q", &[STENCIL, joints])?;
+    let (acceleration, accelerations) = items(root_acceleration, "root_acceleration", &[3])?;
+    if rows != accelerations {
+        return Err(DataError::new_err(format!("q has {rows} rows, root_acceleration {accelerations}")));
+    }
+    let spot = |(s, mount): (&oarlock::model::Sensor, &Option<_>)| match &s.kind {
+        SensorKind::Imu { frame, mount: own, .. } => {
+            let own = || (own.rotation, [0, 1, 2].map(|i| own.offset[i].eval(&parameters)));
+            let (rotation, offset) = mount.unwrap_or_else(own);
+            Some(Spot { frame: *frame, rotation, offset })
+        }
+        _ => None,
+    };
+    let spots: Vec<Spot> = model.sensors.iter().zip(&mounts).filter_map(spot).collect();
+    let (tree, field) = (Tree::new(&model, &parameters), Field::new(&model.world));
+    let magnetic_field = field.magnetic(azimuth_rad).0;
+    let out: Vec<f64> = py.detach(|| {
+        let row = |t: usize| {
+            let at: [&[f64]; STENCIL] =
+                std::array::from_fn(|k| &q.values[(t * STENCIL + k) * joints..(t * STENCIL + k + 1) * joints]);
+            let a = &acceleration.values[3 * t..3 * t + 3];
+            let around = Around { lift: field.lift, magnetic_field, root_acceleration: [a[0], a[1], a[2]] };
+            signals(&tree, &at, step_s, &around, &spots)
+        };
+        (0..rows).flat_map(row).flatten().collect()
+    });
+    PyArray1::from_vec(py, out).reshape([rows, spots.len(), 9])
+}

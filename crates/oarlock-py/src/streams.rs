@@ -1,0 +1,57 @@
+//! Recordings and calibrations on their way in.
+
+use crate::array::{items, reals};
+use crate::errors::DataError;
+use oarlock::recording::{Channel, Stream};
+use oarlock::rotation::Mat3;
+use oarlock::sensor::Quantity;
+use oarlock::track::Calibration;
+use pyo3::prelude::*;
+
+const CHANNELS: [(&str, Quantity, usize); 3] =
+    [("gyro_rad_s", Quantity::Gyro, 3), ("accel_m_s2", Quantity::Accel, 3), ("mag_ut", Quantity::Mag, 3)];
+
+/// Every stream of a Recording.
+pub fn streams(recording: &Bound<'_, PyAny>) -> PyResult<Vec<Stream>> {
+    recording.getattr("streams")?.try_iter()?.map(|s| stream(&s?)).collect()
+}
+
+fn stream(object: &Bound<'_, PyAny>) -> PyResult<Stream> {
+    let name: String = object.getattr("name")?.extract()?;
+    let time_s = reals(&object.getattr("time_s")?, &format!("stream '{name}', time_s"))?.values;
+    let mut channels = Vec::new();
+    for (field, quantity, width) in CHANNELS {
+        let Some(value) = object.getattr_opt(field)?.filter(|v| !v.is_none()) else { continue };
+        let (array, _) = items(&value, &format!("stream '{name}', {field}"), &[width])?;
+        channels.push(Channel { quantity, values: array.values });
+    }
+    if let Some(value) = object.getattr_opt("value")? {
+        let array = reals(&value, &format!("stream '{name}', value"))?;
+        let quantity = if array.shape.len() == 2 { Quantity::Position } else { Quantity::Joint };
+        channels.push(Channel { quantity, values: array.values });
+    }
+    Ok(Stream { name, time_s, channels })
+}
+
+/// A Calibration, or none.
+pub fn calibration(object: Option<&Bound<'_, PyAny>>) -> PyResult<Calibration> {
+    let mut out = Calibration::default();
+    let Some(object) = object else { return Ok(out) };
+    for pair in object.getattr("parameters")?.call_method0("items")?.try_iter()? {
+        let (name, value): (String, f64) = pair?.extract()?;
+        out.parameters.insert(name, value);
+    }
+    for pair in object.getattr("mounts")?.call_method0("items")?.try_iter()? {
+        let (name, (rotation, offset)): (String, (Bound<'_, PyAny>, Bound<'_, PyAny>)) = pair?.extract()?;
+        let (r, _) = items(&rotation, &format!("mount '{name}', link_from_sensor"), &[3, 3])?;
+        let (o, _) = items(&offset, &format!("mount '{name}', offset_m"), &[3])?;
+        let rotation = matrix(&r.values).ok_or_else(|| DataError::new_err(format!("mount '{name}': one matrix")))?;
+        out.mounts.insert(name, (rotation, [o.values[0], o.values[1], o.values[2]]));
+    }
+    Ok(out)
+}
+
+/// Nine numbers, row-major.
+pub fn matrix(v: &[f64]) -> Option<Mat3<f64>> {
+    (v.len() == 9).then(|| Mat3([0, 3, 6].map(|i| [v[i], v[i + 1], v[i + 2]])))
+}

@@ -1,0 +1,183 @@
+//! Live tracking, one sample at a time.
+
+use crate::array::{items, reals};
+use crate::belief::{PyBelief, PyInfo};
+use crate::config::PyConfig;
+use crate::errors::{raise, DataError};
+use crate::model::PyModel;
+use crate::streams::{calibration, streams};
+use oarlock::recording::{input_joint, Recording, Sample};
+use oarlock::sensor::Quantity;
+use oarlock::track::{Status, Tracker};
+use oarlock::Config;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// Everything measured at one instant.
+#[pyclass(frozen, name = "Sample", module = "oarlock")]
+#[derive(Clone)]
+pub struct PySample(Sample);
+
+#[pymethods]
+impl PySample {
+    #[getter]
+    fn time_s(&self) -> f64 {
+        self.0.time_s
+    }
+
+    fn __repr__(&self) -> String {
+        let there = |v: &[f64]| v.iter().filter(|x| !x.is_nan()).count();
+        format!("Sample(time_s={}, {} readings)", self.0.time_s, there(&self.0.z) + there(&self.0.inputs))
+    }
+}
+
+/// A belief and its workspace: `step(sample)` for live use.
+#[pyclass(name = "Tracker", module = "oarlock")]
+pub struct PyTracker {
+    tracker: Tracker,
+    config: Config,
+    /// Filled in anew for each sample that comes as a dictionary.
+    sample: Sample,
+    names: Vec<String>,
+    sensors: Vec<String>,
+}
+
+#[pymethods]
+impl PyTracker {
+    #[new]
+    #[pyo3(signature = (model, calibration_=None, config=None, belief=None))]
+    fn new(
+        py: Python<'_>,
+        model: &Bound<'_, PyModel>,
+        calibration_: Option<&Bound<'_, PyAny>>,
+        config: Option<&Bound<'_, PyConfig>>,
+        belief: Option<&Bound<'_, PyBelief>>,
+    ) -> PyResult<Self> {
+        let config = config.map(|c| c.get().0.clone()).unwrap_or_default();
+        let calibration = calibration(calibration_)?;
+        let mut tracker =
+            Tracker::new(model.get().model.clone(), &calibration, &config).map_err(|e| raise(py, e))?;
+        if let Some(belief) = belief {
+            tracker.resume(belief.get().belief.clone()).map_err(|e| raise(py, e))?;
+        }
+        let names = tracker.body.layout.names.clone();
+        let sensors = tracker.body.suite.sources.iter().map(|s| s.name.clone()).collect();
+        let sample = tracker.empty_sample();
+        Ok(PyTracker { tracker, config, sample, names, sensors })
+    }
+
+    /// A sample from readings by sensor: `{"back": {"gyro_rad_s": (3,), ...}, "seat": 0.31}`; what is absent is missing.
+    fn sample(&self, time_s: f64, readings: &Bound<'_, PyDict>) -> PyResult<PySample> {
+        let mut sample = self.tracker.empty_sample();
+        self.fill(&mut sample, time_s, readings)?;
+        Ok(PySample(sample))
+    }
+
+    /// The samples of a recording, merged as `oarlock.track` merges them.
+    fn samples(&self, py: Python<'_>, recording: &Bound<'_, PyAny>) -> PyResult<Vec<PySample>> {
+        let body = &self.tracker.body;
+        let streams = streams(recording)?;
+        let recording = Recording::new(&body.model, &body.suite, streams, self.config.merge_s);
+        let recording = recording.map_err(|e| raise(py, e))?;
+        let (mut cursor, mut sample) = (recording.start(), self.tracker.empty_sample());
+        let mut all = Vec::new();
+        while recording.next(&mut cursor, &mut sample) {
+            all.push(PySample(sample.clone()));
+        }
+        Ok(all)
+    }
+
+    /// Takes in a sample (a `Sample`, or time_s and readings) and returns (belief, info). The belief is None until the
+    /// start window is full.
+    #[pyo3(signature = (sample, readings=None))]
+    fn step(
+        &mut self,
+        py: Python<'_>,
+        sample: &Bound<'_, PyAny>,
+        readings: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<(Option<PyBelief>, PyInfo)> {
+        let status = match (sample.cast::<PySample>(), readings) {
+            (Ok(sample), None) => self.tracker.step(&sample.get().0),
+            (Err(_), Some(readings)) => {
+                let mut filled = self.sample.clone();
+                self.fill(&mut filled, sample.extract()?, readings)?;
+                self.sample = filled;
+                self.tracker.step(&self.sample)
+            }
+            _ => return Err(DataError::new_err("step: give a Sample, or time_s (s) and readings by sensor")),
+        };
+        let status = match status.map_err(|e| raise(py, e))? {
+            Status::Starting => "starting",
+            Status::Tracking => "tracking",
+            Status::OutOfOrder => "out_of_order",
+        };
+        let time_s = sample.cast::<PySample>().map_or(self.sample.time_s, |s| s.get().0.time_s);
+        let sensor_names = self.sensors.clone();
+        let info = PyInfo { info: self.tracker.info().clone(), time_s, status, sensor_names };
+        Ok((self.belief(), info))
+    }
+
+    /// What is believed now; None until the start window is full.
+    #[getter]
+    fn belief(&self) -> Option<PyBelief> {
+        self.tracker.belief().map(|b| PyBelief { belief: b.clone(), names: self.names.clone() })
+    }
+
+    #[getter]
+    fn state_names(&self) -> Vec<String> {
+        self.names.clone()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Tracker(model='{}', {} states)", self.tracker.body.model.name, self.names.len())
+    }
+}
+
+impl PyTracker {
+    fn fill(&self, sample: &mut Sample, time_s: f64, readings: &Bound<'_, PyDict>) -> PyResult<()> {
+        sample.clear();
+        sample.time_s = time_s;
+        for (name, value) in readings.iter() {
+            let name: String = name.extract()?;
+            match value.cast::<PyDict>() {
+                Ok(parts) => {
+                    for (field, value) in parts.iter() {
+                        self.put(sample, &name, &field.extract::<String>()?, &value)?;
+                    }
+                }
+                Err(_) => self.put(sample, &name, "value", &value)?,
+            }
+        }
+        Ok(())
+    }
+
+    fn put(&self, sample: &mut Sample, name: &str, field: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
+        let body = &self.tracker.body;
+        if let Some(joint) = input_joint(&body.model, name) {
+            sample.inputs[joint] = value.extract()?;
+            return Ok(());
+        }
+        let fits = |q: Quantity| match field {
+            "gyro_rad_s" => q == Quantity::Gyro,
+            "accel_m_s2" => q == Quantity::Accel,
+            "mag_ut" => q == Quantity::Mag,
+            _ => matches!(q, Quantity::Joint | Quantity::Position),
+        };
+        let source = body.suite.sources.iter().find(|s| s.name == name);
+        let part = source.and_then(|s| s.parts.iter().find(|p| fits(p.quantity)));
+        let Some(part) = part else {
+            let known = self.sensors.join(", ");
+            return Err(DataError::new_err(format!("sample: '{name}' has no '{field}' in this model; sensors: {known}")));
+        };
+        let label = format!("sample, {name}.{field}");
+        let values = match part.rows.len() {
+            1 => reals(value, &label)?.values,
+            n => items(value, &label, &[n])?.0.values,
+        };
+        if values.len() != part.rows.len() {
+            return Err(DataError::new_err(format!("{label}: {} numbers, expected {}", values.len(), part.rows.len())));
+        }
+        sample.z[part.rows.clone()].copy_from_slice(&values);
+        Ok(())
+    }
+}

@@ -1,0 +1,293 @@
+//! How the sensors of a hinge chain sit on their links: from a still stretch and a swing.
+//!
+//! While the chain stands still in a known posture, gravity gives two of the three degrees of freedom of a mount. The
+//! axis about which the sensor turns in the swing is the link's hinge axis, which gives two more, one of them twice.
+//! There the two are weighted by their uncertainties and what remains is reported as `disagreement_rad`.
+//!
+//! A sensor has to turn about one axis that is fixed in the world during its swing. Parallel hinges may all swing at
+//! once; of hinges that are not parallel only one may move at a time, and each sensor names its own `swing_s`.
+
+use super::still::{find_still, intersection, longest, still_stretches, StillLimits};
+use super::swing_sense::choose_signs;
+use super::turning::Turning;
+use crate::rotation::Mat3;
+use crate::{Error, Result};
+use nalgebra::{Matrix3, Vector3};
+
+/// One sensor of the chain with its readings. A chain is listed from its base to its tip, one sensor a link.
+#[derive(Debug, Clone, Copy)]
+pub struct ChainSensor<'a> {
+    /// For error texts.
+    pub name: &'a str,
+    /// Rotation that takes link axes to world (root) axes, in the posture of the still stretch.
+    pub world_from_link: Mat3<f64>,
+    /// Axis of the hinge that moves the link, in world axes, in the same posture; need not be a unit vector.
+    pub hinge_axis_in_world: [f64; 3],
+    /// Increasing time stamps, s.
+    pub time_s: &'a [f64],
+    /// Angular velocity in sensor axes, rad/s; rows that are not finite are passed over.
+    pub gyro_rad_s: &'a [[f64; 3]],
+    /// Specific force in sensor axes, m/s2: at rest it points up.
+    pub accel_m_s2: &'a [[f64; 3]],
+    /// When this sensor swings about its hinge alone, (start, end) in s; `None`: whenever the chain is not still.
+    pub swing_s: Option<(f64, f64)>,
+}
+
+/// What the user knows about the recording and the sensors.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ChainOptions {
+    /// The still stretch (start, end) in s; `None`: the longest that all sensors share.
+    pub still_s: Option<(f64, f64)>,
+    /// What counts as still.
+    pub still_limits: StillLimits,
+    /// The first clear turn of the first link (half of `least_turn_rad`) counts as positive; `false`: as negative.
+    pub first_turn_positive: bool,
+    /// How well the still posture is the stated one and the hinges lie as stated, rad.
+    pub posture_std_rad: f64,
+    /// Constant error of the accelerometers, m/s2.
+    pub accel_bias_std_m_s2: f64,
+    /// Misalignment between the gyroscope's axes and the accelerometer's, rad.
+    pub misalignment_std_rad: f64,
+    /// Largest share of the squared angular velocity off the hinge axis, 0 to 1.
+    pub most_off_axis_share: f64,
+    /// Largest angle by which gravity and hinge axis may disagree, rad.
+    pub most_disagreement_rad: f64,
+    /// Least turn about the hinge, rad.
+    pub least_turn_rad: f64,
+}
+
+impl Default for ChainOptions {
+    /// For consumer MEMS sensors on links whose hinges were levelled by eye.
+    fn default() -> Self {
+        Self {
+            still_s: None,
+            still_limits: StillLimits::default(),
+            first_turn_positive: true,
+            posture_std_rad: 1.0_f64.to_radians(),
+            accel_bias_std_m_s2: 0.05,
+            misalignment_std_rad: 0.3_f64.to_radians(),
+            most_off_axis_share: 0.05,
+            most_disagreement_rad: 10.0_f64.to_radians(),
+            least_turn_rad: 0.2,
+        }
+    }
+}
+
+/// A mount and what speaks for it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FoundMount {
+    /// The sensor.
+    pub name: String,
+    /// Takes sensor axes to link axes.
+    pub link_from_sensor: Mat3<f64>,
+    /// Standard deviation of a turn about the hinge axis, rad: the joint angle's zero.
+    pub std_about_hinge_rad: f64,
+    /// Standard deviation of a turn about the direction that is square to the hinge axis and nearest to up, rad.
+    pub std_about_up_rad: f64,
+    /// Standard deviation of a turn about the third direction, in which gravity and hinge axis are weighed, rad.
+    pub std_about_third_rad: f64,
+    /// By how much the sensor's angle between up and hinge axis is larger than the model's, rad.
+    pub disagreement_rad: f64,
+    /// The part of the disagreement by which the hinge axis was moved, rad; gravity took the rest.
+    pub axis_moved_rad: f64,
+    /// Hinge axis in sensor axes as the gyroscope found it, unit vector.
+    pub axis_in_sensor: [f64; 3],
+    /// Up in sensor axes as the accelerometer found it, unit vector.
+    pub up_in_sensor: [f64; 3],
+    /// Share of the squared angular velocity off the axis, 0 to 1.
+    pub off_axis_share: f64,
+    /// Correlation of the turning about the stated axis with that of the sensor before it; `None`: nothing to compare.
+    pub neighbour_correlation: Option<f64>,
+    /// Least and largest angle about the hinge during the swing, rad, from the gyroscope.
+    pub swing_range_rad: (f64, f64),
+    /// Gyroscope's bias in sensor axes, rad/s.
+    pub gyro_bias_rad_s: [f64; 3],
+    /// Scatter of the gyroscope's noisiest axis at rest, rad/s.
+    pub gyro_noise_rad_s: f64,
+    /// Scatter of the accelerometer's noisiest axis at rest, m/s2.
+    pub accel_noise_m_s2: f64,
+    /// Norm of the mean specific force at rest, m/s2; its distance from gravity shows the accelerometer's bias.
+    pub accel_norm_m_s2: f64,
+    /// The still stretch used, s.
+    pub still_s: (f64, f64),
+}
+
+/// Finds the mounts of a chain's sensors. `up_in_world` is in the axes of `world_from_link`.
+///
+/// The sign of a level hinge's axis cannot be seen by gyroscope and accelerometer: turning by an angle about an axis is
+/// turning by its negative about the reverse, seen from the other side. The first sensor's sign is chosen by
+/// `first_turn_positive`; each further one's so that its turning correlates with its neighbour's, as in a chain that
+/// swings as one. A hinge that is not parallel to the one before is taken as a first one. Where the hinge slants by more
+/// than `most_disagreement_rad`, gravity tells the sign.
+///
+/// # Errors
+/// [`Error::Data`] with the sensor's name and the figures: columns of different length, no common still stretch, specific
+/// force at rest that is not in m/s2, no swing, a swing about more than one axis, neighbours whose turning is unrelated,
+/// a vertical hinge, a posture that contradicts gravity and hinge axis.
+pub fn mounts(
+    sensors: &[ChainSensor],
+    up_in_world: [f64; 3],
+    options: &ChainOptions,
+) -> Result<Vec<FoundMount>> {
+    let up = Vector3::from(up_in_world).normalize();
+    if !up.norm().is_normal() {
+        return Err(Error::Data(format!("up {up_in_world:?} has no direction")));
+    }
+    for sensor in sensors {
+        check_sensor(sensor)?;
+    }
+    let still_s = match options.still_s {
+        Some(named) => named,
+        None => common_still(sensors, &options.still_limits)?,
+    };
+    let mut turns = Vec::with_capacity(sensors.len());
+    for sensor in sensors {
+        turns.push(Turning::of(sensor, still_s, options)?);
+    }
+    let correlations = choose_signs(sensors, &mut turns, up, options)?;
+    let found = sensors.iter().zip(&turns).zip(correlations);
+    found
+        .map(|((sensor, turning), correlation)| turning.mount(sensor, up, correlation, options))
+        .collect()
+}
+
+/// The longest stretch in which all sensors of the chain are still, (start, end) in s.
+///
+/// # Errors
+/// [`Error::Data`] when there is none.
+pub fn common_still(sensors: &[ChainSensor], limits: &StillLimits) -> Result<(f64, f64)> {
+    let mut common = vec![(f64::NEG_INFINITY, f64::INFINITY)];
+    for s in sensors {
+        find_still(s.name, s.time_s, s.gyro_rad_s, s.accel_m_s2, limits)?;
+        let own = still_stretches(s.time_s, s.gyro_rad_s, s.accel_m_s2, limits);
+        common = intersection(&common, &own);
+    }
+    longest(&common, limits.least_s).ok_or_else(|| {
+        let names: Vec<&str> = sensors.iter().map(|s| s.name).collect();
+        Error::Data(format!(
+            "sensors {}: each is still for {} s, but never all at once. Hold the whole chain still, or name the stretch",
+            names.join(", "),
+            limits.least_s
+        ))
+    })
+}
+
+/// Whether a row of the sensor belongs to its swing.
+pub(crate) fn in_swing(sensor: &ChainSensor, still_s: (f64, f64), time_s: f64) -> bool {
+    match sensor.swing_s {
+        Some((start, end)) => (start..=end).contains(&time_s),
+        None => !(still_s.0..=still_s.1).contains(&time_s),
+    }
+}
+
+fn check_sensor(sensor: &ChainSensor) -> Result<()> {
+    let axis = Vector3::from(sensor.hinge_axis_in_world).norm();
+    if !axis.is_normal() {
+        return Err(Error::Data(format!(
+            "sensor `{}`: the hinge axis {:?} has no direction",
+            sensor.name, sensor.hinge_axis_in_world
+        )));
+    }
+    let (t, g, a) = (
+        sensor.time_s.len(),
+        sensor.gyro_rad_s.len(),
+        sensor.accel_m_s2.len(),
+    );
+    if t != g || t != a {
+        return Err(Error::Data(format!(
+            "sensor `{}`: {t} time stamps, {g} rows of the gyroscope and {a} of the accelerometer; they must be equal",
+            sensor.name
+        )));
+    }
+    let increases = |w: &[f64]| w[1] > w[0];
+    match sensor.time_s.windows(2).position(|w| !increases(w)) {
+        Some(k) => Err(Error::Data(format!(
+            "sensor `{}`: time does not increase from {} s to {} s (row {})",
+            sensor.name,
+            sensor.time_s[k],
+            sensor.time_s[k + 1],
+            k + 1
+        ))),
+        None => Ok(()),
+    }
+}
+
+impl Turning {
+    fn mount(
+        &self,
+        sensor: &ChainSensor,
+        up_in_world: Vector3<f64>,
+        neighbour_correlation: Option<f64>,
+        options: &ChainOptions,
+    ) -> Result<FoundMount> {
+        let axis_in_world = Vector3::from(sensor.hinge_axis_in_world).normalize();
+        let (stated, seen) = (
+            axis_in_world.angle(&up_in_world),
+            self.spin.axis.angle(&self.up),
+        );
+        check_posture(sensor.name, stated, seen, options)?;
+        let axis_std = self.spin.std_rad.hypot(options.misalignment_std_rad);
+        let up_std = options
+            .posture_std_rad
+            .hypot(options.accel_bias_std_m_s2 / self.accel_norm);
+        let disagreement = seen - stated;
+        let axis_moved = disagreement * axis_std.powi(2) / (axis_std.powi(2) + up_std.powi(2));
+        let world = triad(axis_in_world, up_in_world, 0.0);
+        let own = triad(self.spin.axis, self.up, axis_moved);
+        let link_from_world = matrix(&sensor.world_from_link).transpose();
+        Ok(FoundMount {
+            name: sensor.name.to_owned(),
+            link_from_sensor: rotation(&(link_from_world * world * own.transpose())),
+            std_about_hinge_rad: up_std / stated.sin(),
+            std_about_up_rad: axis_std,
+            std_about_third_rad: (axis_std.powi(-2) + up_std.powi(-2)).powf(-0.5),
+            disagreement_rad: disagreement,
+            axis_moved_rad: axis_moved,
+            axis_in_sensor: self.spin.axis.into(),
+            up_in_sensor: self.up.into(),
+            off_axis_share: self.spin.off_axis_share,
+            neighbour_correlation,
+            swing_range_rad: self.range(),
+            gyro_bias_rad_s: self.bias.into(),
+            gyro_noise_rad_s: self.noise.0,
+            accel_noise_m_s2: self.noise.1,
+            accel_norm_m_s2: self.accel_norm,
+            still_s: self.still_s,
+        })
+    }
+}
+
+/// Columns: the axis turned by `moved` towards up, the direction square to it nearest to up, their normal.
+fn triad(axis: Vector3<f64>, up: Vector3<f64>, moved: f64) -> Matrix3<f64> {
+    let normal = axis.cross(&up).normalize();
+    let axis = axis * moved.cos() + normal.cross(&axis) * moved.sin();
+    Matrix3::from_columns(&[axis, normal.cross(&axis), normal])
+}
+
+fn check_posture(name: &str, stated: f64, seen: f64, options: &ChainOptions) -> Result<()> {
+    let (stated_deg, seen_deg) = (stated.to_degrees(), seen.to_degrees());
+    // The hinge axis alone tells nothing about a turn about itself, and gravity along it tells nothing more.
+    if stated.sin().min(seen.sin()) < 15.0_f64.to_radians().sin() {
+        return Err(Error::Data(format!(
+            "sensor `{name}`: the hinge is {stated_deg:.1} deg from vertical by the model and {seen_deg:.1} deg by the \
+             sensor; gravity finds a mount only where the hinge is at least 15 deg from vertical"
+        )));
+    }
+    if (seen - stated).abs() > options.most_disagreement_rad {
+        return Err(Error::Data(format!(
+            "sensor `{name}`: up and hinge axis enclose {seen_deg:.1} deg by the sensor and {stated_deg:.1} deg by the \
+             model, at most {:.1} deg apart are allowed. Check the posture of the still stretch and the hinge's axis",
+            options.most_disagreement_rad.to_degrees()
+        )));
+    }
+    Ok(())
+}
+
+/// The same matrix in nalgebra's type.
+pub(crate) fn matrix(m: &Mat3<f64>) -> Matrix3<f64> {
+    Matrix3::from_fn(|i, j| m.0[i][j])
+}
+
+fn rotation(m: &Matrix3<f64>) -> Mat3<f64> {
+    Mat3([0, 1, 2].map(|i| [0, 1, 2].map(|j| m[(i, j)])))
+}

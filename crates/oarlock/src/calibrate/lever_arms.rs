@@ -1,0 +1,183 @@
+//! Where the sensors of a hinge chain sit, and how far its hinges are apart: from the accelerometers during the swing.
+//!
+//! A sensor at `r` from its hinge reads `A r - R' g`, with `A` of angular velocity and acceleration, and what the hinge
+//! itself is accelerated by the links before it, which is linear in their lengths. So all offsets and lengths of a chain
+//! whose base rests are one linear least-squares problem. A constant reading per sensor is estimated with them; it takes
+//! up the accelerometer's bias and the slow drift of the integrated angle.
+
+use super::chain_motion::ChainMotion;
+use super::hinge_chain::{ChainSensor, FoundMount};
+use super::least_squares::LeastSquares;
+use crate::Result;
+use nalgebra::{DMatrix, DVector, Vector3};
+
+/// Tuning of the fit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LeverOptions {
+    /// Gravity, m/s2.
+    pub gravity_m_s2: f64,
+    /// Standard deviation of every coordinate before the swing is seen, m, about zero.
+    pub prior_std_m: f64,
+    /// Standard deviation of the constant reading, m/s2: bias, and gravity seen under an angle that has drifted.
+    pub constant_std_m_s2: f64,
+    /// Half the window of the parabola that gives angular accelerations and smooths the accelerometer alike, s.
+    pub smooth_s: f64,
+}
+
+impl Default for LeverOptions {
+    /// Links of arm's length; a drift of up to 6 deg, which is 1 m/s2.
+    fn default() -> Self {
+        Self {
+            gravity_m_s2: 9.80665,
+            prior_std_m: 0.3,
+            constant_std_m_s2: 1.0,
+            smooth_s: 0.03,
+        }
+    }
+}
+
+/// What was found for one sensor and its link. A coordinate whose standard deviation is near the prior's was not
+/// observed. The one along the link's own hinge never is, since a hinge may be placed anywhere along its axis; in a chain
+/// of parallel hinges it stays zero.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FoundLever {
+    /// The sensor.
+    pub name: String,
+    /// From the link's hinge to the sensor, in link axes, m.
+    pub offset_m: [f64; 3],
+    /// Its standard deviations, m.
+    pub offset_std_m: [f64; 3],
+    /// From the link's hinge to the next sensor's hinge, in link axes, m, and its standard deviations; `None` at the tip.
+    pub to_next_hinge_m: Option<([f64; 3], [f64; 3])>,
+    /// Root mean square of what the fit leaves of the smoothed specific force, m/s2 per axis.
+    pub residual_m_s2: f64,
+    /// The constant reading, in link axes, m/s2.
+    pub constant_m_s2: [f64; 3],
+}
+
+const BLOCKS: usize = 8;
+
+/// Finds offsets and hinge distances of a chain whose first hinge is fixed in the world. Each sensor's link hangs on the
+/// link of the sensor before it. `up_in_world` as for [`mounts`](super::hinge_chain::mounts), whose result is `mounts`.
+///
+/// # Errors
+/// [`Error::Data`](crate::Error::Data) when sensors and mounts differ in number or the sensors share no stretch of time.
+pub fn lever_arms(
+    sensors: &[ChainSensor],
+    mounts: &[FoundMount],
+    up_in_world: [f64; 3],
+    options: &LeverOptions,
+) -> Result<Vec<FoundLever>> {
+    let motion = ChainMotion::new(sensors, mounts, options.smooth_s)?;
+    let gravity = Vector3::from(up_in_world).normalize() * options.gravity_m_s2;
+    let mut forces = Vec::with_capacity(sensors.len());
+    for (sensor, mount) in sensors.iter().zip(mounts) {
+        forces.push(motion.smoothed(sensor, sensor.accel_m_s2, mount)?);
+    }
+    let rows: Vec<usize> = (0..motion.time_s.len())
+        .filter(|&k| motion.swings[k] && motion.is_inner(k))
+        .collect();
+    let fit = Fit {
+        motion,
+        forces,
+        gravity,
+        rows,
+    };
+    // The noise of each sensor is what the fit before left.
+    let mut noise = vec![0.1; sensors.len()];
+    for _ in 0..2 {
+        let value = fit.solve(&noise, options)?.solve()?.value;
+        noise = (0..sensors.len())
+            .map(|i| fit.residual(i, &value).max(1e-6))
+            .collect();
+    }
+    let estimate = fit.solve(&noise, options)?.solve()?;
+    Ok((0..sensors.len())
+        .map(|i| {
+            let at = |v: &DVector<f64>, first: usize| [v[first], v[first + 1], v[first + 2]];
+            let pair = |first: usize| (at(&estimate.value, first), at(&estimate.std, first));
+            let (offset_m, offset_std_m) = pair(fit.offset(i));
+            FoundLever {
+                name: sensors[i].name.to_owned(),
+                offset_m,
+                offset_std_m,
+                to_next_hinge_m: (i + 1 < sensors.len()).then(|| pair(fit.to_next(i))),
+                residual_m_s2: fit.residual(i, &estimate.value),
+                constant_m_s2: at(&estimate.value, fit.constant(i)),
+            }
+        })
+        .collect())
+}
+
+struct Fit {
+    motion: ChainMotion,
+    forces: Vec<Vec<Vector3<f64>>>,
+    gravity: Vector3<f64>,
+    rows: Vec<usize>,
+}
+
+impl Fit {
+    // Unknowns of sensor i: offset, constant reading, and, but for the last, the vector to the next hinge.
+    fn offset(&self, i: usize) -> usize {
+        9 * i
+    }
+
+    fn constant(&self, i: usize) -> usize {
+        9 * i + 3
+    }
+
+    fn to_next(&self, i: usize) -> usize {
+        9 * i + 6
+    }
+
+    fn unknowns(&self) -> usize {
+        9 * self.forces.len() - 3
+    }
+
+    fn solve(&self, noise: &[f64], options: &LeverOptions) -> Result<LeastSquares> {
+        let mut prior = DVector::from_element(self.unknowns(), options.prior_std_m);
+        for i in 0..self.forces.len() {
+            prior
+                .rows_mut(self.constant(i), 3)
+                .fill(options.constant_std_m_s2);
+        }
+        let mut squares = LeastSquares::new(prior, BLOCKS);
+        for (n, &k) in self.rows.iter().enumerate() {
+            for (i, &std) in noise.iter().enumerate() {
+                squares.add(
+                    n * BLOCKS / self.rows.len(),
+                    &self.design(i, k),
+                    &self.measured(i, k),
+                    std,
+                );
+            }
+        }
+        Ok(squares)
+    }
+
+    fn measured(&self, i: usize, k: usize) -> DVector<f64> {
+        let rest = self.motion.links[i].world_from_link[k].tr_mul(&self.gravity);
+        DVector::from_column_slice((self.forces[i][k] - rest).as_slice())
+    }
+
+    fn design(&self, i: usize, k: usize) -> DMatrix<f64> {
+        let mut a = DMatrix::zeros(3, self.unknowns());
+        let own = &self.motion.links[i];
+        a.fixed_view_mut::<3, 3>(0, self.offset(i))
+            .copy_from(&own.swirl[k]);
+        a.fixed_view_mut::<3, 3>(0, self.constant(i))
+            .fill_with_identity();
+        for (j, link) in self.motion.links[..i].iter().enumerate() {
+            let carried = own.world_from_link[k].tr_mul(&link.world_from_link[k]) * link.swirl[k];
+            a.fixed_view_mut::<3, 3>(0, self.to_next(j))
+                .copy_from(&carried);
+        }
+        a
+    }
+
+    fn residual(&self, i: usize, value: &DVector<f64>) -> f64 {
+        let left = |&k: &usize| (self.measured(i, k) - self.design(i, k) * value).norm_squared();
+        let sum: f64 = self.rows.iter().map(left).sum();
+        (sum / (3.0 * self.rows.len().max(1) as f64)).sqrt()
+    }
+}

@@ -1,0 +1,209 @@
+//! The magnetic field around a hinge chain and the constant offset of each magnetometer.
+//!
+//! A magnetised part that moves with the sensor adds a constant in sensor axes (hard iron). The swing turns the field
+//! against it, so that both are one linear least-squares problem. A part of an offset that lies along the hinge axis is
+//! seen only as a difference between the sensors; the offsets' prior shares it out, and its standard deviation says so.
+
+use super::chain_motion::ChainMotion;
+use super::hinge_chain::{matrix, ChainSensor, FoundMount};
+use super::least_squares::LeastSquares;
+use crate::{Error, Result};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+
+/// Tuning of the fit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MagneticOptions {
+    /// Standard deviation of an offset before the swing is seen, uT, about zero.
+    pub offset_std_ut: f64,
+    /// Standard deviation of the field's components before the swing is seen, uT, about zero.
+    pub field_std_ut: f64,
+}
+
+impl Default for MagneticOptions {
+    /// Offsets as left by a sensor's own calibration near steel; fields of the Earth's size.
+    fn default() -> Self {
+        Self {
+            offset_std_ut: 15.0,
+            field_std_ut: 60.0,
+        }
+    }
+}
+
+/// The common field and the sensors' offsets.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FoundField {
+    /// Field in world (root) axes, uT.
+    pub field_in_world_ut: [f64; 3],
+    /// Its standard deviations, uT.
+    pub field_std_ut: [f64; 3],
+    /// One per sensor, in the order given.
+    pub offsets: Vec<FoundOffset>,
+}
+
+/// A magnetometer's constant offset: to be subtracted from its readings.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FoundOffset {
+    /// The sensor.
+    pub name: String,
+    /// In sensor axes, uT.
+    pub offset_ut: [f64; 3],
+    /// Standard deviation along each sensor axis, uT.
+    pub offset_std_ut: [f64; 3],
+    /// Root mean square of what the common field leaves of the readings, uT per axis.
+    pub residual_ut: f64,
+    /// The same when no sensor has an offset. Offsets are worth their while where they halve it.
+    pub residual_without_ut: f64,
+}
+
+const BLOCKS: usize = 8;
+
+/// Finds the field and the offsets. `mag_ut[i]` holds the readings of `sensors[i]` in sensor axes, at its time stamps;
+/// `mounts` as found by [`mounts`](super::hinge_chain::mounts).
+///
+/// # Errors
+/// [`Error::Data`] when columns differ in length or number, a magnetometer reads zero throughout, or the sensors share no
+/// stretch of time.
+pub fn magnetic_field(
+    sensors: &[ChainSensor],
+    mag_ut: &[&[[f64; 3]]],
+    mounts: &[FoundMount],
+    options: &MagneticOptions,
+) -> Result<FoundField> {
+    check_columns(sensors, mag_ut)?;
+    // The magnetometer is not differentiated: one grid step of smoothing is none.
+    let motion = ChainMotion::new(sensors, mounts, 0.0)?;
+    let mut readings = Vec::with_capacity(sensors.len());
+    for ((sensor, column), mount) in sensors.iter().zip(mag_ut).zip(mounts) {
+        readings.push(motion.smoothed(sensor, column, mount)?);
+    }
+    let rows = (0..motion.time_s.len())
+        .filter(|&k| motion.swings[k])
+        .collect();
+    let fit = Fit {
+        motion,
+        readings,
+        rows,
+    };
+    let with = fit.solve(options.offset_std_ut, options)?;
+    // Not zero, for which there is no information matrix.
+    let without = fit.solve(1e-6, options)?;
+    let offsets = (0..sensors.len())
+        .map(|i| fit.offset(i, &with, &without, sensors, mounts))
+        .collect();
+    let three = |v: &DVector<f64>| [v[0], v[1], v[2]];
+    Ok(FoundField {
+        field_in_world_ut: three(&with.0),
+        field_std_ut: three(&with.1),
+        offsets,
+    })
+}
+
+struct Fit {
+    motion: ChainMotion,
+    readings: Vec<Vec<Vector3<f64>>>,
+    rows: Vec<usize>,
+}
+
+type Solution = (DVector<f64>, DVector<f64>);
+
+impl Fit {
+    fn solve(&self, offset_std_ut: f64, options: &MagneticOptions) -> Result<Solution> {
+        let mut prior = DVector::from_element(3 + 3 * self.readings.len(), offset_std_ut);
+        prior.rows_mut(0, 3).fill(options.field_std_ut);
+        // A field that differs from place to place is what disturbs the fit, not the sensor's noise.
+        let mut noise = 1.0;
+        for _ in 0..2 {
+            let value = self.equations(&prior, noise).solve()?.value;
+            let squares: f64 = (0..self.readings.len())
+                .map(|i| self.residual(i, &value).powi(2))
+                .sum();
+            noise = (squares / self.readings.len() as f64).sqrt().max(1e-3);
+        }
+        let estimate = self.equations(&prior, noise).solve()?;
+        Ok((estimate.value, estimate.std))
+    }
+
+    fn equations(&self, prior: &DVector<f64>, noise: f64) -> LeastSquares {
+        let mut squares = LeastSquares::new(prior.clone(), BLOCKS);
+        for (n, &k) in self.rows.iter().enumerate() {
+            for (i, column) in self.readings.iter().enumerate() {
+                let y = DVector::from_column_slice(column[k].as_slice());
+                squares.add(
+                    n * BLOCKS / self.rows.len(),
+                    &self.design(i, k, prior.len()),
+                    &y,
+                    noise,
+                );
+            }
+        }
+        squares
+    }
+
+    fn design(&self, i: usize, k: usize, unknowns: usize) -> DMatrix<f64> {
+        let mut a = DMatrix::zeros(3, unknowns);
+        a.fixed_view_mut::<3, 3>(0, 0)
+            .copy_from(&self.motion.links[i].world_from_link[k].transpose());
+        a.fixed_view_mut::<3, 3>(0, 3 + 3 * i).fill_with_identity();
+        a
+    }
+
+    fn residual(&self, i: usize, value: &DVector<f64>) -> f64 {
+        let left = |&k: &usize| {
+            let fitted = self.design(i, k, value.len()) * value;
+            (DVector::from_column_slice(self.readings[i][k].as_slice()) - fitted).norm_squared()
+        };
+        (self.rows.iter().map(left).sum::<f64>() / (3.0 * self.rows.len().max(1) as f64)).sqrt()
+    }
+
+    fn offset(
+        &self,
+        i: usize,
+        with: &Solution,
+        without: &Solution,
+        sensors: &[ChainSensor],
+        mounts: &[FoundMount],
+    ) -> FoundOffset {
+        let sensor_from_link = matrix(&mounts[i].link_from_sensor).transpose();
+        let in_link = Vector3::from_iterator(with.0.rows(3 + 3 * i, 3).iter().copied());
+        let variance = Matrix3::from_diagonal(&Vector3::from_iterator(
+            with.1.rows(3 + 3 * i, 3).iter().map(|s| s * s),
+        ));
+        let std = (sensor_from_link * variance * sensor_from_link.transpose())
+            .diagonal()
+            .map(f64::sqrt);
+        FoundOffset {
+            name: sensors[i].name.to_owned(),
+            offset_ut: (sensor_from_link * in_link).into(),
+            offset_std_ut: std.into(),
+            residual_ut: self.residual(i, &with.0),
+            residual_without_ut: self.residual(i, &without.0),
+        }
+    }
+}
+
+fn check_columns(sensors: &[ChainSensor], mag_ut: &[&[[f64; 3]]]) -> Result<()> {
+    if sensors.len() != mag_ut.len() {
+        return Err(Error::Data(format!(
+            "{} sensors and {} magnetometers",
+            sensors.len(),
+            mag_ut.len()
+        )));
+    }
+    for (sensor, column) in sensors.iter().zip(mag_ut) {
+        if column.len() != sensor.time_s.len() {
+            return Err(Error::Data(format!(
+                "sensor `{}`: {} time stamps and {} rows of the magnetometer; they must be equal",
+                sensor.name,
+                sensor.time_s.len(),
+                column.len()
+            )));
+        }
+        if column.iter().flatten().all(|&x| x == 0.0) {
+            return Err(Error::Data(format!(
+                "sensor `{}`: the magnetometer reads zero throughout; leave its column out",
+                sensor.name
+            )));
+        }
+    }
+    Ok(())
+}

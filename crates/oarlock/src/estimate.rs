@@ -1,0 +1,73 @@
+//! Sigma-point estimation. Knows states, readings and time, and nothing of bodies or sensors.
+
+pub mod belief;
+pub mod dense;
+pub mod filter;
+pub mod gate;
+pub mod learn;
+pub mod sigma;
+pub mod smoother;
+pub mod start;
+pub mod transition;
+
+use crate::lane::Lane;
+use transition::Transition;
+
+/// How the state is ordered: what is linear where decides which sigma points need a twin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Partition {
+    /// First block: whatever moves a frame or turns a reading. Readings are curved in it.
+    pub pose: usize,
+    /// Second block: rates. Readings are quadratic in them.
+    pub rate: usize,
+    /// The rest: accelerations, biases, accelerations of the base. Readings are linear in them.
+    pub linear: usize,
+}
+
+impl Partition {
+    /// Dimension of the tangent space.
+    pub fn dim(&self) -> usize {
+        self.pose + self.rate + self.linear
+    }
+
+    /// How many columns need a plus and a minus point.
+    pub fn curved(&self) -> usize {
+        self.pose + self.rate
+    }
+}
+
+/// What is estimated: how it moves by itself and what is read from it.
+pub trait System {
+    /// What the readings of one instant depend on besides the state: inputs, and which rows are there.
+    type Moment;
+    /// Room to work in, made once.
+    type Scratch;
+
+    /// Order of the state.
+    fn partition(&self) -> Partition;
+    /// Length of the measurement vector.
+    fn row_count(&self) -> usize;
+    /// Room to work in.
+    fn scratch(&self) -> Self::Scratch;
+    /// State at `delta` (tangent space) from `mean`, for every lane.
+    fn retract(&self, mean: &[f64], delta: &[Lane], state: &mut [Lane]) {
+        for ((s, &m), &d) in state.iter_mut().zip(mean).zip(delta) {
+            *s = Lane(d.0.map(|x| x + m));
+        }
+    }
+    /// Moves the mean by `delta` (tangent space).
+    fn shift(&self, mean: &mut [f64], delta: &[f64]) {
+        mean.iter_mut().zip(delta).for_each(|(m, d)| *m += d);
+    }
+    /// Tangent vector that leads from `from` to `to`.
+    fn difference(&self, to: &[f64], from: &[f64], out: &mut [f64]) {
+        out.iter_mut().zip(to.iter().zip(from)).for_each(|(o, (t, f))| *o = t - f);
+    }
+    /// Coordinates whose own driving noise the filter may learn: the ones that it enters first.
+    fn driven(&self) -> &[usize];
+    /// Motion over `dt` seconds; `variance` is the diagonal of the covariance, `drive` the factor on the driving noise of
+    /// each driven coordinate (1 where it is absent).
+    fn transition(&self, dt: f64, variance: &[f64], drive: &[f64], out: &mut Transition);
+    /// Readings of the rows that are there, at the state of every lane.
+    fn readings(&self, moment: &Self::Moment, scratch: &mut Self::Scratch, state: &[Lane], out: &mut [Lane]);
+}

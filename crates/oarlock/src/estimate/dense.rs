@@ -1,0 +1,222 @@
+//! Dense kernels of the filter. Matrices are square, row-major; factors are upper triangular with A = U'U.
+//!
+//! Each row of a result is built in one place from multiples of other rows, which plain loops turn into vector code.
+
+/// A square matrix.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Square {
+    n: usize,
+    data: Vec<f64>,
+}
+
+impl Square {
+    /// All zero.
+    pub fn zeros(n: usize) -> Self {
+        Square { n, data: vec![0.0; n * n] }
+    }
+
+    /// From rows laid end to end.
+    pub fn from_rows(n: usize, data: Vec<f64>) -> Option<Self> {
+        (data.len() == n * n).then_some(Square { n, data })
+    }
+
+    /// Number of rows.
+    pub fn n(&self) -> usize {
+        self.n
+    }
+
+    /// Rows laid end to end.
+    pub fn as_slice(&self) -> &[f64] {
+        &self.data
+    }
+
+    /// Row `i`.
+    #[inline(always)]
+    pub fn row(&self, i: usize) -> &[f64] {
+        &self.data[i * self.n..(i + 1) * self.n]
+    }
+
+    /// Row `i`.
+    #[inline(always)]
+    pub fn row_mut(&mut self, i: usize) -> &mut [f64] {
+        &mut self.data[i * self.n..(i + 1) * self.n]
+    }
+
+    /// Rows before `i`, and row `i`.
+    #[inline(always)]
+    pub(super) fn above_and_row(&mut self, i: usize) -> (&[f64], &mut [f64]) {
+        let (above, rest) = self.data.split_at_mut(i * self.n);
+        (above, &mut rest[..self.n])
+    }
+
+    /// Row `i`, and rows behind it.
+    #[inline(always)]
+    pub(super) fn row_and_below(&mut self, i: usize) -> (&mut [f64], &[f64]) {
+        let (head, below) = self.data.split_at_mut((i + 1) * self.n);
+        (&mut head[i * self.n..], below)
+    }
+
+    /// Entry (i, j).
+    #[inline(always)]
+    pub fn at(&self, i: usize, j: usize) -> f64 {
+        self.data[i * self.n + j]
+    }
+
+    /// Entry (i, j).
+    #[inline(always)]
+    pub fn at_mut(&mut self, i: usize, j: usize) -> &mut f64 {
+        &mut self.data[i * self.n + j]
+    }
+
+    /// Becomes a copy of `other`, which has the same size.
+    pub fn copy_from(&mut self, other: &Square) {
+        self.data.copy_from_slice(&other.data);
+    }
+
+    /// Copies the upper triangle onto the lower.
+    pub fn mirror_upper(&mut self) {
+        for i in 0..self.n {
+            for j in 0..i {
+                self.data[i * self.n + j] = self.data[j * self.n + i];
+            }
+        }
+    }
+
+    /// Diagonal into `out`.
+    pub fn diagonal(&self, out: &mut [f64]) {
+        out.iter_mut().enumerate().for_each(|(i, o)| *o = self.at(i, i));
+    }
+}
+
+/// `row += sum of coefficient * source`, four sources at a time.
+#[inline(always)]
+pub fn accumulate<'a>(row: &mut [f64], terms: impl Iterator<Item = (f64, &'a [f64])>) {
+    let mut terms = terms.filter(|t| t.0 != 0.0);
+    let n = row.len();
+    while let Some((a, x)) = terms.next() {
+        let (b, y) = terms.next().unwrap_or((0.0, x));
+        let (c, z) = terms.next().unwrap_or((0.0, x));
+        let (d, w) = terms.next().unwrap_or((0.0, x));
+        let (x, y, z, w) = (&x[..n], &y[..n], &z[..n], &w[..n]);
+        for j in 0..n {
+            row[j] += (a * x[j] + b * y[j]) + (c * z[j] + d * w[j]);
+        }
+    }
+}
+
+/// A pivot was not positive: the matrix is not positive definite.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NotPositive {
+    /// Which row.
+    pub row: usize,
+    /// Its pivot.
+    pub pivot: f64,
+}
+
+/// Overwrites the upper triangle of `a` by U with A = U'U. Reads the upper triangle only.
+pub fn cholesky(a: &mut Square) -> Result<(), NotPositive> {
+    for i in 0..a.n {
+        let n = a.n;
+        let (above, row) = a.above_and_row(i);
+        accumulate(&mut row[i..], (0..i).map(|k| (-above[k * n + i], &above[k * n + i..(k + 1) * n])));
+        finish_row(row, i)?;
+    }
+    Ok(())
+}
+
+/// U with U'U = 1 + G'G, where row r of G is `g[r * n..]`; Gram product and factor in one pass.
+pub fn cholesky_of_gram(g: &[f64], used: &[bool], u: &mut Square) -> Result<(), NotPositive> {
+    let n = u.n;
+    for i in 0..n {
+        let (above, row) = u.above_and_row(i);
+        row[i..].fill(0.0);
+        row[i] = 1.0;
+        let rows = g.chunks_exact(n).zip(used).filter(|(_, &on)| on).map(|(r, _)| r);
+        accumulate(&mut row[i..], rows.map(|r| (r[i], &r[i..])));
+        accumulate(&mut row[i..], (0..i).map(|k| (-above[k * n + i], &above[k * n + i..(k + 1) * n])));
+        finish_row(row, i)?;
+    }
+    Ok(())
+}
+
+#[inline(always)]
+fn finish_row(row: &mut [f64], i: usize) -> Result<(), NotPositive> {
+    let pivot = row[i];
+    // Written so that NaN fails too.
+    if !(pivot > 0.0 && pivot.is_finite()) {
+        return Err(NotPositive { row: i, pivot });
+    }
+    let scale = 1.0 / pivot.sqrt();
+    row[i..].iter_mut().for_each(|x| *x *= scale);
+    Ok(())
+}
+
+/// Solves U'y = b in place, U being the last block of `u`, from row and column `first` on.
+pub fn solve_transposed(u: &Square, first: usize, b: &mut [f64]) {
+    for i in 0..b.len() {
+        let (head, tail) = b.split_at_mut(i + 1);
+        if head[i] == 0.0 {
+            continue;
+        }
+        head[i] /= u.at(first + i, first + i);
+        let s = head[i];
+        tail.iter_mut().zip(&u.row(first + i)[first + i + 1..]).for_each(|(t, x)| *t -= s * x);
+    }
+}
+
+/// Solves U x = y in place, U being the last block of `u`, from row and column `first` on.
+pub fn solve(u: &Square, first: usize, y: &mut [f64]) {
+    for i in (0..y.len()).rev() {
+        let row = &u.row(first + i)[first + i + 1..];
+        let dot: f64 = row.iter().zip(&y[i + 1..]).map(|(a, b)| a * b).sum();
+        y[i] = (y[i] - dot) / u.at(first + i, first + i);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample(n: usize) -> Square {
+        let mut a = Square::zeros(n);
+        for i in 0..n {
+            for j in 0..n {
+                *a.at_mut(i, j) = 1.0 / (1.0 + i as f64 + j as f64);
+            }
+            *a.at_mut(i, i) += 1.0;
+        }
+        a
+    }
+
+    #[test]
+    fn factor_times_itself_is_the_matrix() {
+        let a = sample(7);
+        let mut u = a.clone();
+        cholesky(&mut u).unwrap();
+        for i in 0..7 {
+            for j in i..7 {
+                let product: f64 = (0..=i).map(|k| u.at(k, i) * u.at(k, j)).sum();
+                assert!((product - a.at(i, j)).abs() < 1e-14);
+            }
+        }
+    }
+
+    #[test]
+    fn solves_undo_the_matrix() {
+        let a = sample(6);
+        let mut u = a.clone();
+        cholesky(&mut u).unwrap();
+        let x: Vec<f64> = (0..6).map(|i| f64::from(i) - 2.5).collect();
+        let mut b: Vec<f64> = (0..6).map(|i| a.row(i).iter().zip(&x).map(|(p, q)| p * q).sum()).collect();
+        solve_transposed(&u, 0, &mut b);
+        solve(&u, 0, &mut b);
+        assert!(b.iter().zip(&x).all(|(p, q)| (p - q).abs() < 1e-13));
+    }
+
+    #[test]
+    fn an_indefinite_matrix_is_refused_by_row() {
+        let mut a = sample(4);
+        *a.at_mut(2, 2) = -1.0;
+        assert_eq!(cholesky(&mut a).unwrap_err().row, 2);
+    }
+}

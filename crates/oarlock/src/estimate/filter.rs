@@ -1,0 +1,334 @@
+//! One filter: predict exactly, update with every reading of a sample at once. Allocates nothing after it is made.
+//!
+//! The update is the unscented one (estimate/sigma.rs) in information form: with G and y divided by the noise,
+//! 1 + G'G = V'V, b = V'^-1 G'y, and for the part of V and b that belongs to H: X = V22'^-1 (rows of U reversed),
+//! x+ = x + X' b2, P+ = X'X. P+ cannot lose its symmetry or its sign.
+
+use super::belief::Belief;
+use super::dense::{accumulate, cholesky, cholesky_of_gram, solve_transposed, Square};
+use super::gate::{self, Room};
+use super::learn::{Correction, Learning};
+use super::sigma::{Fan, Spread};
+use super::transition::Transition;
+use super::System;
+use std::ops::Range;
+
+/// Which rows belong together.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Groups {
+    /// Accepted or rejected together.
+    pub parts: Vec<Range<usize>>,
+    /// Reported together; each covers whole parts.
+    pub sources: Vec<Range<usize>>,
+    /// All rows of inertial units, whose joint consistency is reported.
+    pub inertial: Vec<usize>,
+}
+
+/// What an update did with one source.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SourceInfo {
+    /// Normalised innovation squared over the used rows; NaN if none was used.
+    pub nis: f64,
+    /// Rows used.
+    pub used: u8,
+    /// Rows there but not believed.
+    pub rejected: u8,
+    /// Rows not there.
+    pub missing: u8,
+}
+
+/// The report of one update.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Info {
+    /// Reading minus predicted reading, NaN where missing.
+    pub innovation: Vec<f64>,
+    /// Of all used rows together.
+    pub nis: f64,
+    /// Of all used rows of inertial units together, and how many there were.
+    pub inertial: (f64, usize),
+    /// In the order of the sources.
+    pub sources: Vec<SourceInfo>,
+}
+
+impl Info {
+    /// Room for `groups`.
+    pub fn new(groups: &Groups, rows: usize) -> Self {
+        let none = SourceInfo { nis: f64::NAN, used: 0, rejected: 0, missing: 0 };
+        Info { innovation: vec![f64::NAN; rows], nis: f64::NAN, inertial: (f64::NAN, 0), sources: vec![none; groups.sources.len()] }
+    }
+}
+
+/// The belief is no longer a belief.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lost {
+    /// What broke.
+    pub what: String,
+}
+
+/// What an update is told.
+#[derive(Debug, Clone, Copy)]
+pub struct Sighting<'a> {
+    /// Readings; NaN is missing.
+    pub z: &'a [f64],
+    /// Standard deviation of each row's noise.
+    pub std: &'a [f64],
+    /// Parts that are not to be believed whatever the innovation says.
+    pub barred: &'a [bool],
+    /// Parts that pass at the bare quantile or not at all.
+    pub strict: &'a [bool],
+    /// Rows that belong together.
+    pub groups: &'a Groups,
+}
+
+/// How innovations are tested.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gate {
+    /// Test at all.
+    pub on: bool,
+    /// A part is odd when its normalised innovation squared exceeds the 1e-6 quantile this many times.
+    pub slack: f64,
+    /// A part rejected for longer than this is believed again, s: the belief may be wrong, not the sensor.
+    pub patience_s: f64,
+}
+
+/// How an update is done.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Manner {
+    /// Of the sigma points.
+    pub spread: Spread,
+    /// Of innovations.
+    pub gate: Gate,
+    /// Of driving noise.
+    pub learning: Learning,
+}
+
+/// Workspace of a filter.
+#[derive(Debug, Clone)]
+pub struct Filter<S: System> {
+    scratch: S::Scratch,
+    fan: Fan,
+    factor: Square,
+    gram: Square,
+    x: Square,
+    y: Vec<f64>,
+    b: Vec<f64>,
+    used: Vec<bool>,
+    shift: Vec<f64>,
+    variance: Vec<f64>,
+    rows: [Vec<f64>; 3],
+    room: Room,
+    /// Variance of each state before the update, and what the last prediction added to it.
+    before: Vec<f64>,
+    fresh: Vec<f64>,
+    since_s: f64,
+}
+
+impl<S: System> Filter<S> {
+    /// Room for `system`.
+    pub fn new(system: &S, groups: &Groups) -> Self {
+        let (part, m) = (system.partition(), system.row_count());
+        let n = part.dim();
+        let fan = Fan::new(part, m);
+        let width = fan.width;
+        Filter {
+            scratch: system.scratch(),
+            fan,
+            factor: Square::zeros(n),
+            gram: Square::zeros(width),
+            x: Square::zeros(n),
+            y: vec![0.0; m],
+            b: vec![0.0; width],
+            used: vec![false; m],
+            shift: vec![0.0; n],
+            variance: vec![0.0; n],
+            rows: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
+            room: Room::new(groups.inertial.len()),
+            before: vec![0.0; n],
+            fresh: vec![0.0; n],
+            since_s: 0.0,
+        }
+    }
+
+    /// Moves the belief on to `to_s`; `transition` tells how it moved.
+    pub fn predict(&mut self, system: &S, belief: &mut Belief, to_s: f64, transition: &mut Transition) {
+        belief.covariance.diagonal(&mut self.variance);
+        let dt = to_s - belief.time_s;
+        system.transition(dt, &self.variance, &belief.drive, transition);
+        transition.apply_to_mean(&mut belief.mean);
+        transition.apply_to_covariance(&mut belief.covariance, &mut self.rows);
+        belief.time_s = to_s;
+        for b in &transition.blocks {
+            (0..b.len).for_each(|i| self.fresh[b.index[i]] = b.noise[i][i]);
+        }
+        self.since_s = dt;
+    }
+
+    /// Takes in the readings of one instant.
+    pub fn update(
+        &mut self,
+        system: &S,
+        moment: &S::Moment,
+        belief: &mut Belief,
+        sighting: Sighting,
+        manner: Manner,
+        info: &mut Info,
+    ) -> Result<(), Lost> {
+        if sighting.z.iter().all(|z| z.is_nan()) {
+            self.report_missing(sighting, info);
+            return Ok(());
+        }
+        self.factorise(&belief.covariance)?;
+        self.fan.spread(system, moment, &mut self.scratch, &belief.mean, &self.factor, manner.spread);
+        self.whiten(sighting, info);
+        self.judge(sighting, manner, belief);
+        self.report(sighting, info);
+        belief.covariance.diagonal(&mut self.before);
+        self.combine(system, belief, info)?;
+        self.learn(system, belief, manner.learning);
+        Ok(())
+    }
+
+    fn learn(&mut self, system: &S, belief: &mut Belief, learning: Learning) {
+        if self.since_s == 0.0 {
+            return;
+        }
+        for (&i, drive) in system.driven().iter().zip(&mut belief.drive) {
+            let after = belief.covariance.at(i, i);
+            let c = Correction { shift: self.shift[i], before: self.before[i], after, fresh: self.fresh[i] };
+            *drive = learning.drive(*drive, self.since_s, c);
+        }
+        self.since_s = 0.0;
+    }
+
+    fn factorise(&mut self, covariance: &Square) -> Result<(), Lost> {
+        self.factor.copy_from(covariance);
+        if cholesky(&mut self.factor).is_ok() {
+            return Ok(());
+        }
+        // Rounding can leave a constant's pivot a hair below zero; a relative 1e-12 is far below any sensor's say.
+        self.factor.copy_from(covariance);
+        for i in 0..covariance.n() {
+            *self.factor.at_mut(i, i) *= 1.0 + 1e-12;
+        }
+        cholesky(&mut self.factor).map_err(|e| Lost {
+            what: format!("the covariance lost its sign (state {}, pivot {:.2e})", e.row, e.pivot),
+        })
+    }
+
+    fn whiten(&mut self, sighting: Sighting, info: &mut Info) {
+        let width = self.fan.width;
+        for (r, g) in self.fan.g.chunks_exact_mut(width).enumerate() {
+            let v = sighting.z[r] - self.fan.center[r] - self.fan.bend[r];
+            info.innovation[r] = v;
+            self.used[r] = !v.is_nan();
+            let weight = 1.0 / sighting.std[r];
+            self.y[r] = if self.used[r] { v * weight } else { 0.0 };
+            let weight = if self.used[r] { weight } else { 0.0 };
+            g.iter_mut().for_each(|x| *x = if weight == 0.0 { 0.0 } else { *x * weight });
+        }
+    }
+
+    fn judge(&mut self, sighting: Sighting, manner: Manner, belief: &mut Belief) {
+        let gate = manner.gate;
+        let groups = sighting.groups;
+        for (p, rows) in groups.parts.iter().enumerate() {
+            let count = self.used[rows.clone()].iter().filter(|&&u| u).count();
+            if count == 0 {
+                continue;
+            }
+            let barred = sighting.barred[p];
+            let slack = if sighting.strict[p] { 1.0 } else { gate.slack };
+            let since = &mut belief.rejected_since_s[p];
+            let patient = since.is_nan() || belief.time_s - *since <= gate.patience_s;
+            let nis = gate::nis(&self.fan.g, self.fan.width, &self.y, rows.clone(), &mut self.room);
+            let nis = nis.unwrap_or(f64::INFINITY);
+            let habit = &mut belief.habit[p];
+            let odd = gate.on && patient && nis > slack * habit.max(1.0) * gate::threshold(count);
+            *habit = manner.learning.habit(*habit, self.since_s, nis / count as f64);
+            if barred || odd {
+                self.used[rows.clone()].fill(false);
+                self.y[rows.clone()].fill(0.0);
+            }
+            *since = match (odd, since.is_nan()) {
+                (true, true) => belief.time_s,
+                (true, false) => *since,
+                _ => f64::NAN,
+            };
+        }
+    }
+
+    fn report(&mut self, sighting: Sighting, info: &mut Info) {
+        let width = self.fan.width;
+        for (g, _) in self.fan.g.chunks_exact_mut(width).zip(&self.used).filter(|(_, &used)| !used) {
+            g.fill(0.0);
+        }
+        for (source, rows) in info.sources.iter_mut().zip(&sighting.groups.sources) {
+            let there = rows.clone().filter(|&r| !info.innovation[r].is_nan()).count();
+            let used = rows.clone().filter(|&r| self.used[r]).count();
+            source.used = used as u8;
+            source.rejected = (there - used) as u8;
+            source.missing = (rows.len() - there) as u8;
+            let nis = gate::nis(&self.fan.g, width, &self.y, rows.clone(), &mut self.room);
+            source.nis = if used == 0 { f64::NAN } else { nis.unwrap_or(f64::NAN) };
+        }
+        let rows = sighting.groups.inertial.iter().copied();
+        let used = rows.clone().filter(|&r| self.used[r]).count();
+        let nis = gate::nis(&self.fan.g, width, &self.y, rows, &mut self.room);
+        info.inertial = (if used == 0 { f64::NAN } else { nis.unwrap_or(f64::NAN) }, used);
+    }
+
+    fn report_missing(&mut self, sighting: Sighting, info: &mut Info) {
+        info.innovation.fill(f64::NAN);
+        info.nis = f64::NAN;
+        info.inertial = (f64::NAN, 0);
+        for (source, rows) in info.sources.iter_mut().zip(&sighting.groups.sources) {
+            *source = SourceInfo { nis: f64::NAN, used: 0, rejected: 0, missing: rows.len() as u8 };
+        }
+    }
+
+    fn combine(&mut self, system: &S, belief: &mut Belief, info: &mut Info) -> Result<(), Lost> {
+        let (n, width) = (self.factor.n(), self.fan.width);
+        let broken = |e: super::dense::NotPositive| Lost {
+            what: format!("the update broke (row {}, pivot {:.2e})", e.row, e.pivot),
+        };
+        cholesky_of_gram(&self.fan.g, &self.used, &mut self.gram).map_err(broken)?;
+        self.b.fill(0.0);
+        accumulate(&mut self.b, self.y.iter().copied().zip(self.fan.g.chunks_exact(width)));
+        solve_transposed(&self.gram, 0, &mut self.b);
+        info.nis = squared(&self.y) - squared(&self.b);
+        self.solve_for_x(n, width - n);
+        self.shift.fill(0.0);
+        let b2 = &self.b[width - n..];
+        accumulate(&mut self.shift, b2.iter().copied().zip(self.x.as_slice().chunks_exact(n)));
+        system.shift(&mut belief.mean, &self.shift);
+        for i in 0..n {
+            let row = &mut belief.covariance.row_mut(i)[i..];
+            row.fill(0.0);
+            let x = &self.x;
+            // Row k of X starts at column n - 1 - k.
+            accumulate(row, (n - 1 - i..n).map(|k| (x.at(k, i), &x.row(k)[i..])));
+        }
+        belief.covariance.mirror_upper();
+        let finite = belief.mean.iter().all(|x| x.is_finite());
+        if finite { Ok(()) } else { Err(Lost { what: "the estimate is not a number".into() }) }
+    }
+
+    /// X = V22'^-1 (rows of U reversed), by forward substitution.
+    fn solve_for_x(&mut self, n: usize, offset: usize) {
+        for k in 0..n {
+            let start = n - 1 - k;
+            let (above, row) = self.x.above_and_row(k);
+            row[..start].fill(0.0);
+            row[start..].copy_from_slice(&self.factor.row(start)[start..]);
+            let gram = &self.gram;
+            let terms = (0..k).map(|i| (-gram.at(offset + i, offset + k), &above[i * n + start..(i + 1) * n]));
+            accumulate(&mut row[start..], terms);
+            let scale = 1.0 / gram.at(offset + k, offset + k);
+            row[start..].iter_mut().for_each(|x| *x *= scale);
+        }
+    }
+}
+
+fn squared(v: &[f64]) -> f64 {
+    v.iter().map(|x| x * x).sum()
+}

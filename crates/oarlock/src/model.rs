@@ -1,0 +1,253 @@
+//! What a body is: frames, joints, sensors, loops and parameters. Never changes once built.
+
+pub mod build;
+pub mod expr;
+mod locate;
+mod section;
+mod slot;
+pub mod spec;
+pub(crate) mod suggest;
+pub mod transform;
+
+use crate::rotation::Mat3;
+pub use build::read_model;
+pub use expr::Expr;
+pub use transform::{RotationExpr, Transform};
+
+/// What a joint lets move.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum JointKind {
+    /// Nothing.
+    Fixed,
+    /// A rotation, rad.
+    Hinge,
+    /// A translation, m.
+    Slide,
+}
+
+/// How a joint moves by itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ProcessKind {
+    /// Constant acceleration driven by white jerk: states q, qd, qdd.
+    Jerk,
+    /// Random walk: state q alone.
+    Walk,
+}
+
+/// A joint's own motion and its spread at the start.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Process {
+    /// Which motion.
+    pub kind: ProcessKind,
+    /// Standard deviation of the driving increments per sqrt(s).
+    pub density: f64,
+    /// Of q, qd, qdd at the start (only the first for a walk).
+    pub start_std: [f64; 3],
+}
+
+/// A joint: a named degree of freedom that one or more frames share.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Joint {
+    /// Unique among joints.
+    pub name: String,
+    /// For people.
+    pub label: String,
+    /// Hinge, slide or fixed.
+    pub kind: JointKind,
+    /// Soft range, rad or m: two standard deviations either side of its middle.
+    pub limits: [f64; 2],
+    /// Where it is held while nothing observes it, rad or m.
+    pub rest: f64,
+    /// Its own motion.
+    pub process: Process,
+    /// Its value comes from a stream and is no state.
+    pub input: bool,
+    /// Standard deviation of an input's reading, rad or m.
+    pub input_std: f64,
+}
+
+/// A frame: parent, then `before`, then the joint's motion about z, then `after`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame {
+    /// Unique among frames; frame 0 is `root`.
+    pub name: String,
+    /// Index of the parent; always smaller than the frame's own.
+    pub parent: usize,
+    /// Fixed transform from the parent to the joint; `None` is the identity.
+    pub before: Option<Transform>,
+    /// Index of the joint and its sign.
+    pub joint: Option<(usize, f64)>,
+    /// Fixed transform behind the joint; `None` is the identity.
+    pub after: Option<Transform>,
+}
+
+/// Orientation and place of a sensor on its link.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mount {
+    /// Link from sensor.
+    pub rotation: Mat3<f64>,
+    /// Sensor's origin in the link's frame, m.
+    pub offset: [Expr; 3],
+}
+
+/// Noise of an inertial unit; a quantity that is `None` is not measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImuNoise {
+    /// rad/s.
+    pub gyro_std: Option<f64>,
+    /// m/s2.
+    pub accel_std: Option<f64>,
+    /// uT.
+    pub mag_std: Option<f64>,
+    /// rad/s at the start.
+    pub gyro_bias_start_std: f64,
+    /// rad/s per sqrt(s).
+    pub gyro_bias_walk: f64,
+    /// m/s2 at the start.
+    pub accel_bias_start_std: f64,
+    /// m/s2 per sqrt(s).
+    pub accel_bias_walk: f64,
+}
+
+/// What a sensor reads.
+#[derive(Debug, Clone, PartialEq)]
+pub enum SensorKind {
+    /// Inertial unit on a frame.
+    Imu {
+        /// Index of the frame.
+        frame: usize,
+        /// On the link.
+        mount: Mount,
+        /// Per quantity.
+        noise: ImuNoise,
+    },
+    /// Reads a joint.
+    Encoder {
+        /// Index of the joint.
+        joint: usize,
+        /// rad or m.
+        std: f64,
+    },
+    /// Reads a point in root axes.
+    Position {
+        /// Index of the frame.
+        frame: usize,
+        /// In the frame, m.
+        point: [Expr; 3],
+        /// m.
+        std: f64,
+    },
+}
+
+/// A named sensor.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sensor {
+    /// Unique among sensors and closures.
+    pub name: String,
+    /// What it reads.
+    pub kind: SensorKind,
+}
+
+/// A closed loop: two points agree, and optionally two axes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Closure {
+    /// Unique among sensors and closures.
+    pub name: String,
+    /// Frame and point (m) of either side.
+    pub sides: [(usize, [Expr; 3]); 2],
+    /// Unit axes in either frame that must agree.
+    pub axes: Option<[[f64; 3]; 2]>,
+    /// m.
+    pub std_m: f64,
+    /// Of each direction cosine.
+    pub std_axis: f64,
+}
+
+/// An unmeasured acceleration of the root.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BaseAcceleration {
+    /// Unique among base accelerations.
+    pub name: String,
+    /// For people.
+    pub label: String,
+    /// Unit vector in root axes.
+    pub axis: [f64; 3],
+    /// m/s2 per sqrt(s).
+    pub density: f64,
+    /// m/s2.
+    pub start_std: f64,
+}
+
+/// Gravity and the magnetic field.
+#[derive(Debug, Clone, PartialEq)]
+pub struct World {
+    /// Unit vector in root axes.
+    pub up: [f64; 3],
+    /// Horizontal unit vector in root axes from which the azimuth counts.
+    pub forward: [f64; 3],
+    /// m/s2.
+    pub gravity_m_s2: f64,
+    /// uT.
+    pub magnetic_norm_ut: f64,
+    /// Below the horizon, rad.
+    pub magnetic_dip_rad: f64,
+    /// From `forward` about `up`, rad.
+    pub magnetic_azimuth_rad: f64,
+    /// The azimuth is known.
+    pub azimuth_fixed: bool,
+    /// rad per sqrt(s).
+    pub azimuth_walk: f64,
+}
+
+/// A length, a place or an angle of the body that a person may set.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameter {
+    /// Unique among parameters.
+    pub name: String,
+    /// For people.
+    pub label: String,
+    /// m, rad or empty.
+    pub unit: String,
+    /// Value unless set.
+    pub default: f64,
+    /// Prior standard deviation; `None` is unknown.
+    pub std: Option<f64>,
+}
+
+/// A body, its sensors and its loops.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Model {
+    /// Short name.
+    pub name: String,
+    /// One or two sentences.
+    pub description: String,
+    /// Gravity and magnetic field.
+    pub world: World,
+    /// In file order; expressions refer to them by index.
+    pub parameters: Vec<Parameter>,
+    /// In file order.
+    pub joints: Vec<Joint>,
+    /// Root first, parents before children, otherwise in file order.
+    pub frames: Vec<Frame>,
+    /// In file order.
+    pub sensors: Vec<Sensor>,
+    /// In file order.
+    pub closures: Vec<Closure>,
+    /// In file order.
+    pub base_accelerations: Vec<BaseAcceleration>,
+}
+
+impl Model {
+    /// Reads a model's TOML text; `file` names it in messages.
+    ///
+    /// # Errors
+    /// [`crate::Error::Model`] with every mistake on a line of its own, each with file, line, key and what was expected.
+    pub fn from_toml(text: &str, file: &str) -> crate::Result<Model> {
+        read_model(text, file).map_err(|mistakes| crate::Error::Model(mistakes.join("\n")))
+    }
+
+    /// Every parameter's default, in the order of [`Model::parameters`].
+    pub fn default_parameters(&self) -> Vec<f64> {
+        self.parameters.iter().map(|p| p.default).collect()
+    }
+}

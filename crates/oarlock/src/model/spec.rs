@@ -1,0 +1,234 @@
+//! A model's TOML text, read key by key: every value checked by itself, names not yet looked up.
+//!
+//! Reading goes on after a mistake with a stand-in value, so that one pass finds them all; the caller
+//! drops the result if there was any.
+
+mod frame;
+mod joint;
+mod sensor;
+mod world;
+
+pub(super) use frame::{FrameSpec, Shape};
+pub(super) use joint::JointSpec;
+pub(super) use sensor::{ClosureSpec, SensorSpec, What};
+
+use super::locate::Mistakes;
+use super::section::Section;
+use super::slot::{Named, Reader, Slot};
+use super::{BaseAcceleration, Parameter, World};
+use toml::de::DeTable;
+
+/// Everything that the file says.
+pub(super) struct Spec {
+    pub(super) name: String,
+    pub(super) description: String,
+    pub(super) world: World,
+    /// The world gives norm and dip of the magnetic field.
+    pub(super) has_field: bool,
+    pub(super) parameters: Vec<(Named, Parameter)>,
+    pub(super) joints: Vec<JointSpec>,
+    pub(super) frames: Vec<FrameSpec>,
+    pub(super) sensors: Vec<SensorSpec>,
+    pub(super) closures: Vec<ClosureSpec>,
+    pub(super) base_accelerations: Vec<(Named, BaseAcceleration)>,
+}
+
+/// The version of the file's layout that this code reads.
+const FORMAT: f64 = 1.0;
+const KEYS: [&str; 11] = [
+    "format",
+    "name",
+    "description",
+    "world",
+    "parameters",
+    "process",
+    "joint",
+    "frame",
+    "sensor",
+    "closure",
+    "base_acceleration",
+];
+
+/// Reads the text; `None` if it is no TOML at all.
+pub(super) fn read_spec(text: &str, mistakes: &Mistakes) -> Option<Spec> {
+    let (table, faults) = DeTable::parse_recoverable(text);
+    for fault in &faults {
+        let at = fault.span().map_or(0, |span| span.start);
+        mistakes.add(
+            at,
+            format!(
+                "not valid TOML: {}{}",
+                fault.message(),
+                syntax_hint(text, at)
+            ),
+        );
+    }
+    if !faults.is_empty() {
+        return None;
+    }
+    let empty = Reader {
+        mistakes,
+        parameters: Vec::new(),
+        defaults: Vec::new(),
+    };
+    let whole = Section::whole(&empty, table.get_ref(), &KEYS);
+    whole.refuse_unknown();
+    let parameters = read_parameters(&whole);
+    let reader = Reader {
+        mistakes,
+        parameters: parameters
+            .iter()
+            .map(|(name, _)| name.text.clone())
+            .collect(),
+        defaults: parameters.iter().map(|(_, p)| p.default).collect(),
+    };
+    Some(read_whole(
+        &Section::whole(&reader, table.get_ref(), &KEYS),
+        parameters,
+    ))
+}
+
+fn read_whole(whole: &Section, parameters: Vec<(Named, Parameter)>) -> Spec {
+    check_format(whole);
+    let (world, has_field) = world::read(whole);
+    let defaults = joint::read_defaults(whole);
+    Spec {
+        name: whole
+            .need("name", "\"sculler\"")
+            .and_then(|s| s.name())
+            .map_or(String::new(), |n| n.text),
+        description: whole.text_or_empty("description"),
+        world,
+        has_field,
+        parameters,
+        joints: whole
+            .tables("joint", &joint::KEYS)
+            .iter()
+            .map(|s| joint::read(s, &defaults))
+            .collect(),
+        frames: whole
+            .tables("frame", &frame::KEYS)
+            .iter()
+            .map(frame::read)
+            .collect(),
+        sensors: whole
+            .tables("sensor", &sensor::KEYS)
+            .iter()
+            .map(sensor::read)
+            .collect(),
+        closures: whole
+            .tables("closure", &sensor::CLOSURE_KEYS)
+            .iter()
+            .map(sensor::read_closure)
+            .collect(),
+        base_accelerations: whole
+            .tables("base_acceleration", &world::BASE_ACCELERATION_KEYS)
+            .iter()
+            .map(world::read_base_acceleration)
+            .collect(),
+    }
+}
+
+fn check_format(whole: &Section) {
+    let Some(slot) = whole.need("format", "1") else {
+        return;
+    };
+    if let Some(found) = slot.number().filter(|f| *f != FORMAT) {
+        slot.mistake(format!(
+            "{found} is not known; this version of oarlock reads format = {FORMAT}"
+        ));
+    }
+}
+
+/// What people write who know other formats.
+fn syntax_hint(text: &str, at: usize) -> &'static str {
+    let (Some(before), Some(after)) = (text.get(..at), text.get(at..)) else {
+        return "";
+    };
+    let before = before.trim_end_matches(' ').chars().next_back();
+    let mut after = after.trim_start_matches(' ').chars();
+    let (next, second) = (after.next(), after.next());
+    let digit = |c: Option<char>| c.is_some_and(|c| c.is_ascii_digit());
+    match (before, next) {
+        (_, Some(',')) if digit(before) && digit(second) => {
+            ". Decimals are written with a point: 0.52"
+        }
+        (Some('=' | ',' | '['), Some(c)) if c.is_alphanumeric() || "-+(".contains(c) => {
+            ". Texts, names and expressions stand in quotes: \"l_b/2\""
+        }
+        _ => "",
+    }
+}
+
+/// The name of a table of `[[...]]`; empty after a mistake.
+fn named(section: &Section, example: &str) -> Named {
+    let name = section.need("name", example).and_then(|slot| slot.name());
+    name.unwrap_or(Named {
+        text: String::new(),
+        at: section.at,
+    })
+}
+
+const PARAMETER_KEYS: [&str; 4] = ["default", "unit", "std", "label"];
+
+fn read_parameters(whole: &Section) -> Vec<(Named, Parameter)> {
+    let Some(slot) = whole.get("parameters") else {
+        return Vec::new();
+    };
+    let Some(section) = Section::of_any(slot) else {
+        return Vec::new();
+    };
+    section
+        .entries()
+        .into_iter()
+        .map(|(name, slot)| read_parameter(name, slot))
+        .collect()
+}
+
+fn read_parameter(name: Named, mut slot: Slot) -> (Named, Parameter) {
+    slot.path = format!("parameter `{}`", name.text);
+    check_parameter_name(&name, &slot);
+    let mut parameter = Parameter {
+        name: name.text.clone(),
+        label: String::new(),
+        unit: String::new(),
+        default: f64::NAN,
+        std: None,
+    };
+    if slot.value.get_ref().as_table().is_none() {
+        parameter.default = slot.number().unwrap_or(f64::NAN);
+        return (name, parameter);
+    }
+    let Some(section) = Section::of(slot, &PARAMETER_KEYS) else {
+        return (name, parameter);
+    };
+    parameter.label = section.text_or_empty("label");
+    if let Some(unit) = section.get("unit") {
+        parameter.unit = unit
+            .choice(&[("m", "m"), ("rad", "rad"), ("", "")])
+            .unwrap_or("")
+            .to_string();
+    }
+    let value = section
+        .need("default", "0.52")
+        .and_then(|s| match parameter.unit.as_str() {
+            "m" => s.length(),
+            "rad" => s.angle(),
+            _ => s.expr(),
+        });
+    parameter.default = value.map_or(f64::NAN, |e| e.eval(&[]));
+    parameter.std = section.get("std").and_then(|s| s.positive(&parameter.unit));
+    (name, parameter)
+}
+
+fn check_parameter_name(name: &Named, slot: &Slot) {
+    let ascii = |c: char| c.is_alphanumeric() || c == '_';
+    let starts = name
+        .text
+        .starts_with(|c: char| c.is_alphabetic() || c == '_');
+    if name.text == "pi" {
+        slot.mistake("`pi` is the number 3.14159...; expected another name");
+    } else if !starts || !name.text.chars().all(ascii) {
+        slot.mistake("no name: expected letters, digits and `_`, a letter first, so that expressions can use it");
+    }
+}

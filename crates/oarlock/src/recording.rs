@@ -1,0 +1,211 @@
+//! Measured streams, and their merging into samples.
+
+use crate::error::{Error, Result};
+use crate::model::suggest::hint;
+use crate::model::{Model, SensorKind};
+use crate::sensor::{Quantity, Suite};
+
+/// One quantity of a stream, rows laid end to end; NaN is missing.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Channel {
+    /// What it is; encoders of input joints are `Joint` too.
+    pub quantity: Quantity,
+    /// `time_s.len()` rows of 1 (joint) or 3 numbers.
+    pub values: Vec<f64>,
+}
+
+/// What one sensor said, at its own stamps.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stream {
+    /// Of the sensor, or of an input joint.
+    pub name: String,
+    /// Strictly increasing, s.
+    pub time_s: Vec<f64>,
+    /// What it measured.
+    pub channels: Vec<Channel>,
+}
+
+/// Everything measured at one instant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sample {
+    /// On the recording's clock, s.
+    pub time_s: f64,
+    /// In the order of the measurement vector; NaN is missing. Closures' rows are filled in by the tracker.
+    pub z: Vec<f64>,
+    /// Per joint of the model: readings of input joints, NaN where missing.
+    pub inputs: Vec<f64>,
+}
+
+impl Sample {
+    /// A sample that holds nothing.
+    pub fn empty(model: &Model, suite: &Suite) -> Self {
+        Sample { time_s: f64::NAN, z: vec![f64::NAN; suite.len()], inputs: vec![f64::NAN; model.joints.len()] }
+    }
+
+    /// Forgets all readings.
+    pub fn clear(&mut self) {
+        self.z.fill(f64::NAN);
+        self.inputs.fill(f64::NAN);
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Target {
+    Row(usize),
+    Input(usize),
+}
+
+/// Streams that belong to a model.
+#[derive(Debug, Clone)]
+pub struct Recording {
+    streams: Vec<Stream>,
+    /// Per stream and channel.
+    targets: Vec<Vec<Target>>,
+    merge_s: f64,
+    /// Plain sentences on what the model has no use for.
+    pub notes: Vec<String>,
+}
+
+/// How far a recording has been read: the next row of every stream.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Cursor(Vec<usize>);
+
+impl Recording {
+    /// Checks stamps, lengths and names.
+    pub fn new(model: &Model, suite: &Suite, streams: Vec<Stream>, merge_s: f64) -> Result<Self> {
+        let mut recording = Recording { streams: Vec::new(), targets: Vec::new(), merge_s, notes: Vec::new() };
+        for stream in streams {
+            check(&stream)?;
+            let targets = recording.targets_of(model, suite, &stream)?;
+            recording.targets.push(targets);
+            recording.streams.push(stream);
+        }
+        Ok(recording)
+    }
+
+    fn targets_of(&mut self, model: &Model, suite: &Suite, stream: &Stream) -> Result<Vec<Target>> {
+        if let Some(joint) = input_joint(model, &stream.name) {
+            return Ok(vec![Target::Input(joint); stream.channels.len()]);
+        }
+        let Some(source) = suite.sources.iter().find(|s| s.name == stream.name) else {
+            return Err(unknown_stream(model, &stream.name));
+        };
+        let mut targets = Vec::new();
+        for channel in &stream.channels {
+            match source.parts.iter().find(|p| p.quantity == channel.quantity) {
+                Some(part) => targets.push(Target::Row(part.rows.start)),
+                None => {
+                    let what = format!("{:?}", channel.quantity).to_lowercase();
+                    self.notes.push(format!("{}: {what} readings left out (the model's sensor has none)", stream.name));
+                    targets.push(Target::Row(usize::MAX));
+                }
+            }
+        }
+        Ok(targets)
+    }
+
+    /// Before the first row.
+    pub fn start(&self) -> Cursor {
+        Cursor(vec![0; self.streams.len()])
+    }
+
+    /// Names of the streams.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.streams.iter().map(|s| s.name.as_str())
+    }
+
+    /// First and last stamp, s; `None` if there is no row.
+    pub fn span_s(&self) -> Option<(f64, f64)> {
+        let first = self.streams.iter().filter_map(|s| s.time_s.first()).copied().reduce(f64::min)?;
+        let last = self.streams.iter().filter_map(|s| s.time_s.last()).copied().reduce(f64::max)?;
+        Some((first, last))
+    }
+
+    /// Reads the next sample, all rows within `merge_s` of the earliest; false at the end. Allocates nothing.
+    pub fn next(&self, cursor: &mut Cursor, sample: &mut Sample) -> bool {
+        let heads = self.streams.iter().zip(&cursor.0).filter_map(|(s, &at)| s.time_s.get(at));
+        let Some(time_s) = heads.copied().reduce(f64::min) else { return false };
+        sample.clear();
+        sample.time_s = time_s;
+        for ((stream, targets), at) in self.streams.iter().zip(&self.targets).zip(&mut cursor.0) {
+            let here = stream.time_s.get(*at).is_some_and(|t| t - time_s < self.merge_s);
+            if !here {
+                continue;
+            }
+            for (channel, target) in stream.channels.iter().zip(targets) {
+                let width = channel.values.len() / stream.time_s.len();
+                let values = &channel.values[*at * width..(*at + 1) * width];
+                match *target {
+                    Target::Row(usize::MAX) => {}
+                    Target::Row(row) => sample.z[row..row + width].copy_from_slice(values),
+                    Target::Input(joint) => sample.inputs[joint] = values[0],
+                }
+            }
+            *at += 1;
+        }
+        true
+    }
+}
+
+/// The input joint that a stream of this name feeds: the joint's own name, or that of an encoder on it.
+pub fn input_joint(model: &Model, name: &str) -> Option<usize> {
+    let encoder = model.sensors.iter().find_map(|s| match &s.kind {
+        SensorKind::Encoder { joint, .. } if s.name == name => Some(*joint),
+        _ => None,
+    });
+    let joint = encoder.or_else(|| model.joints.iter().position(|j| j.name == name))?;
+    model.joints[joint].input.then_some(joint)
+}
+
+fn unknown_stream(model: &Model, name: &str) -> Error {
+    let inputs = model.joints.iter().filter(|j| j.input).map(|j| j.name.as_str());
+    let known: Vec<&str> = model.sensors.iter().map(|s| s.name.as_str()).chain(inputs).collect();
+    Error::Data(format!(
+        "stream '{name}': model '{}' has no sensor of that name; {}. Its sensors and inputs: {}",
+        model.name,
+        hint(name, &known),
+        known.join(", ")
+    ))
+}
+
+fn check(stream: &Stream) -> Result<()> {
+    let t = &stream.time_s;
+    if let Some(i) = t.iter().position(|x| !x.is_finite()) {
+        return Err(Error::Data(format!(
+            "stream '{}': time_s[{i}] = {}: stamps must be finite seconds; drop that row",
+            stream.name, t[i]
+        )));
+    }
+    if let Some(i) = t.windows(2).position(|w| w[1] <= w[0]) {
+        return Err(Error::Data(format!(
+            "stream '{}': time_s[{}] = {} s does not come after time_s[{i}] = {} s; stamps must increase: \
+             sort the rows, drop repeated ones, or give each clock its own stream",
+            stream.name,
+            i + 1,
+            t[i + 1],
+            t[i]
+        )));
+    }
+    for c in &stream.channels {
+        let width = if c.quantity == Quantity::Joint { 1 } else { 3 };
+        if c.values.len() != width * t.len() {
+            return Err(Error::Data(format!(
+                "stream '{}': {} stamps but {} values of {:?}, expected {}",
+                stream.name,
+                t.len(),
+                c.values.len(),
+                c.quantity,
+                width * t.len()
+            )));
+        }
+        if let Some(i) = c.values.iter().position(|x| x.is_infinite()) {
+            return Err(Error::Data(format!(
+                "stream '{}': {:?} is infinite at {} s; write NaN for a missing value",
+                stream.name,
+                c.quantity,
+                t[i / width]
+            )));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,173 @@
+//! Rotations and three-vectors over one or many lanes, and SO(3) in doubles.
+
+use crate::lane::Real;
+use std::ops::{Add, AddAssign, Mul, Sub};
+
+/// Three numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Vec3<T>(pub [T; 3]);
+
+/// A row-major 3 x 3 matrix.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mat3<T>(pub [[T; 3]; 3]);
+
+impl<T: Real> Add for Vec3<T> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, o: Self) -> Self {
+        let (a, b) = (self.0, o.0);
+        Vec3([a[0] + b[0], a[1] + b[1], a[2] + b[2]])
+    }
+}
+
+impl<T: Real> Sub for Vec3<T> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, o: Self) -> Self {
+        let (a, b) = (self.0, o.0);
+        Vec3([a[0] - b[0], a[1] - b[1], a[2] - b[2]])
+    }
+}
+
+impl<T: Real> AddAssign for Vec3<T> {
+    #[inline(always)]
+    fn add_assign(&mut self, o: Self) {
+        *self = *self + o;
+    }
+}
+
+impl<T: Real> Mul<T> for Vec3<T> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, s: T) -> Self {
+        let a = self.0;
+        Vec3([a[0] * s, a[1] * s, a[2] * s])
+    }
+}
+
+impl<T: Real> Vec3<T> {
+    /// All zero.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Vec3([T::splat(0.0); 3])
+    }
+
+    /// The same vector in every lane.
+    #[inline(always)]
+    pub fn splat(v: [f64; 3]) -> Self {
+        Vec3(v.map(T::splat))
+    }
+
+    /// Cross product.
+    #[inline(always)]
+    pub fn cross(self, o: Self) -> Self {
+        let (a, b) = (self.0, o.0);
+        Vec3([
+            a[1] * b[2] - a[2] * b[1],
+            a[2] * b[0] - a[0] * b[2],
+            a[0] * b[1] - a[1] * b[0],
+        ])
+    }
+}
+
+impl<T: Real> Mat3<T> {
+    /// No rotation.
+    #[inline(always)]
+    pub fn identity() -> Self {
+        let (o, i) = (T::splat(0.0), T::splat(1.0));
+        Mat3([[i, o, o], [o, i, o], [o, o, i]])
+    }
+
+    /// The same matrix in every lane.
+    #[inline(always)]
+    pub fn splat(m: &Mat3<f64>) -> Self {
+        Mat3(m.0.map(|row| row.map(T::splat)))
+    }
+
+    /// Matrix times vector.
+    #[inline(always)]
+    pub fn apply(&self, v: Vec3<T>) -> Vec3<T> {
+        let v = v.0;
+        Vec3(self.0.map(|r| r[0] * v[0] + r[1] * v[1] + r[2] * v[2]))
+    }
+
+    /// Matrix times a vector that is equal in every lane.
+    #[inline(always)]
+    pub fn apply_f64(&self, v: [f64; 3]) -> Vec3<T> {
+        Vec3(self.0.map(|r| r[0].scale(v[0]) + r[1].scale(v[1]) + r[2].scale(v[2])))
+    }
+
+    /// Transpose times vector.
+    #[inline(always)]
+    pub fn apply_transposed(&self, v: Vec3<T>) -> Vec3<T> {
+        let (m, v) = (&self.0, v.0);
+        Vec3([0, 1, 2].map(|j| m[0][j] * v[0] + m[1][j] * v[1] + m[2][j] * v[2]))
+    }
+
+    /// Matrix product with a matrix that is equal in every lane.
+    #[inline(always)]
+    pub fn times_f64(&self, o: &Mat3<f64>) -> Self {
+        let o = &o.0;
+        Mat3(self.0.map(|r| {
+            [0, 1, 2].map(|j| r[0].scale(o[0][j]) + r[1].scale(o[1][j]) + r[2].scale(o[2][j]))
+        }))
+    }
+
+    /// Times a rotation about z, given its sine and cosine.
+    #[inline(always)]
+    pub fn turned_about_z(&self, sin: T, cos: T) -> Self {
+        Mat3(self.0.map(|r| [r[0] * cos + r[1] * sin, r[1] * cos - r[0] * sin, r[2]]))
+    }
+
+    /// Column `j`.
+    #[inline(always)]
+    pub fn column(&self, j: usize) -> Vec3<T> {
+        Vec3([self.0[0][j], self.0[1][j], self.0[2][j]])
+    }
+}
+
+impl Mat3<f64> {
+    /// Matrix product.
+    pub fn times(&self, o: &Self) -> Self {
+        self.times_f64(o)
+    }
+
+    /// Transpose.
+    pub fn transposed(&self) -> Self {
+        let m = &self.0;
+        Mat3([0, 1, 2].map(|i| [m[0][i], m[1][i], m[2][i]]))
+    }
+
+    /// Rotation about x by `angle` rad.
+    pub fn about_x(angle: f64) -> Self {
+        let (s, c) = angle.sin_cos();
+        Mat3([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+    }
+
+    /// Rotation about y by `angle` rad.
+    pub fn about_y(angle: f64) -> Self {
+        let (s, c) = angle.sin_cos();
+        Mat3([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    }
+
+    /// Rotation about z by `angle` rad.
+    pub fn about_z(angle: f64) -> Self {
+        let (s, c) = angle.sin_cos();
+        Mat3([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    }
+
+    /// Largest entry of |R R' - 1|, and the determinant: a rotation has 0 and 1.
+    pub fn rotation_defect(&self) -> (f64, f64) {
+        let p = self.times(&self.transposed());
+        let mut worst: f64 = 0.0;
+        for i in 0..3 {
+            for j in 0..3 {
+                let one = if i == j { 1.0 } else { 0.0 };
+                worst = worst.max((p.0[i][j] - one).abs());
+            }
+        }
+        let c = self.column(0).cross(self.column(1)).0;
+        let z = self.column(2).0;
+        (worst, c[0] * z[0] + c[1] * z[1] + c[2] * z[2])
+    }
+}

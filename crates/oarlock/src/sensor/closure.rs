@@ -1,0 +1,58 @@
+//! Closed loop as a virtual sensor that always reads zero: two points agree, and two axes (eqs. 15 to 18).
+
+use super::{Quantity, RowGroups};
+use crate::kinematics::FrameMotion;
+use crate::lane::Real;
+use crate::model::Closure;
+
+/// A loop at one set of parameters.
+#[derive(Debug, Clone)]
+pub struct Loop {
+    sides: [(usize, [f64; 3]); 2],
+    axes: Option<[[f64; 3]; 2]>,
+    std_m: f64,
+    std_axis: f64,
+}
+
+impl Loop {
+    /// From the model's description.
+    pub fn new(closure: &Closure, parameters: &[f64]) -> Self {
+        let side = |s: &(usize, [crate::model::Expr; 3])| (s.0, [0, 1, 2].map(|i| s.1[i].eval(parameters)));
+        Loop {
+            sides: [side(&closure.sides[0]), side(&closure.sides[1])],
+            axes: closure.axes,
+            std_m: closure.std_m,
+            std_axis: closure.std_axis,
+        }
+    }
+
+    /// The frames on either side.
+    pub fn frames(&self) -> [usize; 2] {
+        [self.sides[0].0, self.sides[1].0]
+    }
+
+    /// Gap x, y, z, then the difference of the axes if they must agree.
+    pub fn rows(&self) -> RowGroups {
+        let gap: &'static [&'static str] = &["x", "y", "z"];
+        let both: &'static [&'static str] = &["x", "y", "z", "axis_x", "axis_y", "axis_z"];
+        let mut std = vec![self.std_m; 3];
+        if self.axes.is_none() {
+            return vec![(Quantity::Closure, gap, std)];
+        }
+        std.extend([self.std_axis; 3]);
+        vec![(Quantity::Closure, both, std)]
+    }
+
+    /// First side minus second side, in root axes.
+    #[inline(always)]
+    pub fn predict<T: Real>(&self, frames: &[FrameMotion<T>], out: &mut [T]) {
+        let [a, b] = self.frames().map(|f| &frames[f]);
+        let end = |f: &FrameMotion<T>, p| f.position + f.rotation.apply_f64(p);
+        let gap = end(a, self.sides[0].1) - end(b, self.sides[1].1);
+        out[..3].copy_from_slice(&gap.0);
+        if let Some([za, zb]) = self.axes {
+            let turn = a.rotation.apply_f64(za) - b.rotation.apply_f64(zb);
+            out[3..6].copy_from_slice(&turn.0);
+        }
+    }
+}

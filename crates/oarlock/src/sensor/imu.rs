@@ -1,0 +1,61 @@
+//! Inertial unit: angular velocity, specific force and magnetic field in its own axes (eq. 8, with the offset of the
+//! unit from its link's origin and gravity felt once).
+
+use super::{Quantity, RowGroups, Surroundings};
+use crate::kinematics::FrameMotion;
+use crate::lane::Real;
+use crate::model::{ImuNoise, SensorKind};
+use crate::rotation::Mat3;
+
+/// Link from sensor, and the sensor's origin in the link's frame (m).
+pub type MountValue = (Mat3<f64>, [f64; 3]);
+
+/// An inertial unit on a frame.
+#[derive(Debug, Clone)]
+pub struct Imu {
+    /// Index of its frame.
+    pub frame: usize,
+    mount: MountValue,
+    noise: ImuNoise,
+}
+
+impl Imu {
+    /// From the model's description, unless `mount` says better.
+    pub fn new(kind: &SensorKind, parameters: &[f64], mount: &Option<MountValue>) -> Self {
+        let SensorKind::Imu { frame, mount: nominal, noise } = kind else {
+            unreachable!("called for inertial units only")
+        };
+        let own = || (nominal.rotation, [0, 1, 2].map(|i| nominal.offset[i].eval(parameters)));
+        Imu { frame: *frame, mount: mount.unwrap_or_else(own), noise: *noise }
+    }
+
+    /// Rows in the order gyro, accel, mag of what the unit has.
+    pub fn rows(&self) -> RowGroups {
+        let groups: [(Quantity, &'static [&'static str], Option<f64>); 3] = [
+            (Quantity::Gyro, &["gyro_x", "gyro_y", "gyro_z"], self.noise.gyro_std),
+            (Quantity::Accel, &["accel_x", "accel_y", "accel_z"], self.noise.accel_std),
+            (Quantity::Mag, &["mag_x", "mag_y", "mag_z"], self.noise.mag_std),
+        ];
+        groups.into_iter().filter_map(|(q, names, std)| Some((q, names, vec![std?; 3]))).collect()
+    }
+
+    /// Readings in sensor axes.
+    #[inline(always)]
+    pub fn predict<T: Real>(&self, frame: &FrameMotion<T>, around: &Surroundings<T>, out: &mut [T]) {
+        let root_from_sensor = frame.rotation.times_f64(&self.mount.0);
+        let mut at = 0;
+        let mut put = |v: crate::rotation::Vec3<T>| {
+            out[at..at + 3].copy_from_slice(&root_from_sensor.apply_transposed(v).0);
+            at += 3;
+        };
+        if self.noise.gyro_std.is_some() {
+            put(frame.angular_velocity);
+        }
+        if self.noise.accel_std.is_some() {
+            put(frame.proper_acceleration_at(frame.rotation.apply_f64(self.mount.1)));
+        }
+        if self.noise.mag_std.is_some() {
+            put(around.magnetic_field);
+        }
+    }
+}

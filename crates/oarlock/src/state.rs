@@ -1,0 +1,159 @@
+//! What is estimated, and where it stands in the state vector: poses, rates, accelerations, slow states.
+
+use crate::config::{Config, Magnetometer, DEFAULT_ESTIMATE};
+use crate::error::{Error, Result};
+use crate::estimate::Partition;
+use crate::model::{ImuNoise, JointKind, Model, ProcessKind, SensorKind};
+
+/// Where a joint's value, rate and acceleration stand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct JointSlots {
+    /// Value.
+    pub q: usize,
+    /// Rate and acceleration, unless the joint walks.
+    pub rates: Option<(usize, usize)>,
+}
+
+/// A slow state that adds to a reading or to the base's acceleration.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SlowSlot {
+    /// First index in the state.
+    pub first: usize,
+    /// 3 for a bias, 1 for a base acceleration.
+    pub len: usize,
+    /// Standard deviation at the start.
+    pub start_std: f64,
+    /// Per sqrt(s).
+    pub walk: f64,
+}
+
+/// Order of the state vector.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Layout {
+    /// Per joint of the model; `None` for inputs and fixed joints.
+    pub joints: Vec<Option<JointSlots>>,
+    /// Azimuth of the magnetic field.
+    pub azimuth: Option<usize>,
+    /// Per sensor of the model.
+    pub gyro_bias: Vec<Option<SlowSlot>>,
+    /// Per sensor of the model.
+    pub accel_bias: Vec<Option<SlowSlot>>,
+    /// Per base acceleration of the model.
+    pub base: Vec<Option<SlowSlot>>,
+    /// `trunk`, `trunk.velocity`, `trunk.acceleration`, `azimuth`, `back.gyro_bias_x`, `surge`.
+    pub names: Vec<String>,
+    /// Sizes of the blocks.
+    pub partition: Partition,
+}
+
+impl Layout {
+    /// The state of `model` under `config`.
+    pub fn new(model: &Model, config: &Config) -> Result<Self> {
+        check_names(model, config)?;
+        let mut layout = Layout {
+            joints: vec![None; model.joints.len()],
+            azimuth: None,
+            gyro_bias: vec![None; model.sensors.len()],
+            accel_bias: vec![None; model.sensors.len()],
+            base: vec![None; model.base_accelerations.len()],
+            names: Vec::new(),
+            partition: Partition { pose: 0, rate: 0, linear: 0 },
+        };
+        layout.place_joints(model, estimates_azimuth(model, config));
+        layout.place_slow(model, config);
+        layout.partition.linear = layout.names.len() - layout.partition.curved();
+        Ok(layout)
+    }
+
+    fn push(&mut self, name: String) -> usize {
+        self.names.push(name);
+        self.names.len() - 1
+    }
+
+    fn place_joints(&mut self, model: &Model, with_azimuth: bool) {
+        let moving = |j: &&crate::model::Joint| !j.input && j.kind != JointKind::Fixed;
+        for (i, joint) in model.joints.iter().enumerate().filter(|(_, j)| moving(j)) {
+            let q = self.push(joint.name.clone());
+            self.joints[i] = Some(JointSlots { q, rates: None });
+        }
+        if with_azimuth {
+            self.azimuth = Some(self.push("azimuth".into()));
+        }
+        self.partition.pose = self.names.len();
+        let jerky: Vec<usize> = (0..model.joints.len())
+            .filter(|&i| self.joints[i].is_some() && model.joints[i].process.kind == ProcessKind::Jerk)
+            .collect();
+        for (rank, &i) in jerky.iter().enumerate() {
+            let slots = self.joints[i].as_mut().expect("filtered above");
+            let rate = self.partition.pose + rank;
+            slots.rates = Some((rate, rate + jerky.len()));
+        }
+        for what in ["velocity", "acceleration"] {
+            self.names.extend(jerky.iter().map(|&i| format!("{}.{what}", model.joints[i].name)));
+        }
+        self.partition.rate = jerky.len();
+    }
+
+    fn place_slow(&mut self, model: &Model, config: &Config) {
+        let wants = |name: &str| config.estimate.iter().any(|e| e == name);
+        for (i, sensor) in model.sensors.iter().enumerate() {
+            let SensorKind::Imu { noise, .. } = &sensor.kind else { continue };
+            if wants("gyro_bias") && noise.gyro_std.is_some() {
+                self.gyro_bias[i] = Some(self.push_bias(&sensor.name, "gyro_bias", noise));
+            }
+            if wants("accel_bias") && noise.accel_std.is_some() {
+                self.accel_bias[i] = Some(self.push_bias(&sensor.name, "accel_bias", noise));
+            }
+        }
+        for (i, base) in model.base_accelerations.iter().enumerate() {
+            if wants(&base.name) {
+                let first = self.push(base.name.clone());
+                self.base[i] = Some(SlowSlot { first, len: 1, start_std: base.start_std, walk: base.density });
+            }
+        }
+    }
+
+    fn push_bias(&mut self, sensor: &str, what: &str, noise: &ImuNoise) -> SlowSlot {
+        let first = self.names.len();
+        self.names.extend(["x", "y", "z"].map(|a| format!("{sensor}.{what}_{a}")));
+        let (start_std, walk) = if what == "gyro_bias" {
+            (noise.gyro_bias_start_std, noise.gyro_bias_walk)
+        } else {
+            (noise.accel_bias_start_std, noise.accel_bias_walk)
+        };
+        SlowSlot { first, len: 3, start_std, walk }
+    }
+
+    /// Biases of gyroscopes and accelerometers.
+    pub fn biases(&self) -> impl Iterator<Item = &SlowSlot> {
+        self.gyro_bias.iter().chain(&self.accel_bias).flatten()
+    }
+
+    /// All slow states.
+    pub fn slow(&self) -> impl Iterator<Item = &SlowSlot> {
+        self.biases().chain(self.base.iter().flatten())
+    }
+
+    /// Dimension of the state.
+    pub fn dim(&self) -> usize {
+        self.names.len()
+    }
+}
+
+fn estimates_azimuth(model: &Model, config: &Config) -> bool {
+    let has_mag = |s: &crate::model::Sensor| matches!(&s.kind, SensorKind::Imu { noise, .. } if noise.mag_std.is_some());
+    !model.world.azimuth_fixed && config.magnetometer != Magnetometer::Off && model.sensors.iter().any(has_mag)
+}
+
+fn check_names(model: &Model, config: &Config) -> Result<()> {
+    let own = model.base_accelerations.iter().map(|b| b.name.as_str());
+    let known: Vec<&str> = DEFAULT_ESTIMATE.into_iter().chain(own).collect();
+    match config.estimate.iter().find(|e| !known.contains(&e.as_str())) {
+        None => Ok(()),
+        Some(odd) => Err(Error::Data(format!(
+            "config: estimate has '{odd}', which model '{}' does not know; it can estimate: {}",
+            model.name,
+            known.join(", ")
+        ))),
+    }
+}

@@ -1,0 +1,336 @@
+//! From samples to beliefs: start, step, and the whole recording.
+
+pub mod begin;
+pub mod loops;
+pub mod notes;
+pub mod run;
+
+use crate::body::{Body, Moment};
+use crate::config::{Config, Magnetometer};
+use crate::error::{Error, Result};
+use crate::estimate::belief::Belief;
+use crate::estimate::filter::{Filter, Gate, Groups, Info, Lost, Manner, Sighting};
+use crate::estimate::learn::Learning;
+use crate::estimate::sigma::Spread;
+use crate::estimate::transition::Transition;
+use crate::estimate::System;
+use crate::model::suggest::hint;
+use crate::model::{Model, SensorKind};
+use crate::recording::Sample;
+use crate::rotation::Mat3;
+use crate::sensor::imu::MountValue;
+use crate::sensor::Quantity;
+use loops::Loop;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// What is known of one wearing of the sensors.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Calibration {
+    /// Parameter values that differ from the model's defaults.
+    pub parameters: BTreeMap<String, f64>,
+    /// Per inertial unit: link from sensor, and its origin in the link, m.
+    pub mounts: BTreeMap<String, MountValue>,
+}
+
+/// What became of a sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Status {
+    /// Kept until the start window is full.
+    Starting,
+    /// Taken in.
+    Tracking,
+    /// Not later than the belief: refused, nothing changed.
+    OutOfOrder,
+}
+
+/// Longest single prediction, s: after a gap the spring that holds unobserved joints must be able to set in.
+const LONGEST_STEP_S: f64 = 0.1;
+/// Readings that feel the body's own motion are odd only far beyond the quantile: a jolt is not a fault.
+const GATE_SLACK: f64 = 10.0;
+/// A field whose norm is off by more than this share is disturbed.
+const FIELD_TOLERANCE: f64 = 0.15;
+
+/// A belief and its workspace.
+#[derive(Debug, Clone)]
+pub struct Tracker {
+    /// The model with its numbers.
+    pub body: Body,
+    config: Config,
+    filter: Filter<Body>,
+    groups: Groups,
+    quantities: Vec<Quantity>,
+    loops: Vec<Loop>,
+    std: Vec<f64>,
+    moment: Moment,
+    z: Vec<f64>,
+    barred: Vec<bool>,
+    strict: Vec<bool>,
+    manner: Manner,
+    transition: Transition,
+    info: Info,
+    belief: Option<Belief>,
+    waiting: Vec<Sample>,
+}
+
+impl Tracker {
+    /// Puts model, calibration and configuration together. Allocates all that steps will need.
+    pub fn new(model: Arc<Model>, calibration: &Calibration, config: &Config) -> Result<Self> {
+        config.check()?;
+        let parameters = parameter_values(&model, &calibration.parameters)?;
+        let mounts = mount_values(&model, &calibration.mounts)?;
+        let body = Body::new(model, &parameters, &mounts, config)?;
+        if body.layout.partition.pose == 0 || body.suite.is_empty() {
+            return Err(Error::Model(format!(
+                "model '{}': nothing to track: it needs a joint that moves (and is no input) and a sensor",
+                body.model.name
+            )));
+        }
+        let (groups, depends) = (body.groups(), loops::dependence(&body));
+        let rows = body.suite.len();
+        Ok(Tracker {
+            filter: Filter::new(&body, &groups),
+            loops: loops::loops(&body, &depends),
+            quantities: body.quantities(),
+            std: body.suite.std(),
+            moment: body.moment(),
+            z: vec![f64::NAN; rows],
+            barred: vec![false; groups.parts.len()],
+            strict: body.quantities().iter().map(|&q| q == Quantity::Mag).collect(),
+            manner: manner(config),
+            transition: Transition::default(),
+            info: Info::new(&groups, rows),
+            belief: None,
+            waiting: Vec::new(),
+            config: config.clone(),
+            groups,
+            body,
+        })
+    }
+
+    /// Goes on from a belief of an earlier run instead of fitting a start.
+    pub fn resume(&mut self, belief: Belief) -> Result<()> {
+        let (n, own) = (belief.mean.len(), self.body.layout.dim());
+        if n != own || belief.drive.len() != self.body.driven().len() || belief.rejected_since_s.len() != self.groups.parts.len() {
+            return Err(Error::Data(format!(
+                "belief of {n} states does not fit model '{}' with {own} states: use the same model and config",
+                self.body.model.name
+            )));
+        }
+        self.belief = Some(belief);
+        Ok(())
+    }
+
+    /// What is believed now; `None` until the start window is full.
+    pub fn belief(&self) -> Option<&Belief> {
+        self.belief.as_ref()
+    }
+
+    /// Report of the last update.
+    pub fn info(&self) -> &Info {
+        &self.info
+    }
+
+    /// A sample to fill in.
+    pub fn empty_sample(&self) -> Sample {
+        Sample::empty(&self.body.model, &self.body.suite)
+    }
+
+    /// Takes in one sample.
+    pub fn step(&mut self, sample: &Sample) -> Result<Status> {
+        self.step_with(sample, &mut |_, _, _| {})
+    }
+
+    /// Takes in one sample; `sink` sees every sample that was worked off, with the belief and the report behind it.
+    pub fn step_with(
+        &mut self,
+        sample: &Sample,
+        sink: &mut dyn FnMut(&Sample, &Belief, &Info),
+    ) -> Result<Status> {
+        let Some(mut belief) = self.belief.take() else {
+            return self.gather(sample, sink);
+        };
+        if sample.time_s <= belief.time_s || !sample.time_s.is_finite() {
+            self.belief = Some(belief);
+            return Ok(Status::OutOfOrder);
+        }
+        self.advance(&mut belief, sample, &mut |_, _| {})?;
+        sink(sample, &belief, &self.info);
+        self.belief = Some(belief);
+        Ok(Status::Tracking)
+    }
+
+    /// Works off what still waits for a full start window: the recording is over.
+    pub fn finish(&mut self, sink: &mut dyn FnMut(&Sample, &Belief, &Info)) -> Result<()> {
+        if self.belief.is_none() && !self.waiting.is_empty() {
+            self.begin(sink)?;
+        }
+        Ok(())
+    }
+
+    fn gather(&mut self, sample: &Sample, sink: &mut dyn FnMut(&Sample, &Belief, &Info)) -> Result<Status> {
+        let late = self.waiting.last().is_some_and(|w| sample.time_s <= w.time_s);
+        if late || !sample.time_s.is_finite() {
+            return Ok(Status::OutOfOrder);
+        }
+        self.waiting.push(sample.clone());
+        if sample.time_s - self.waiting[0].time_s < self.config.start_window_s {
+            return Ok(Status::Starting);
+        }
+        self.begin(sink)?;
+        Ok(Status::Tracking)
+    }
+
+    /// Fits the start and works off the samples that waited for it.
+    fn begin(&mut self, sink: &mut dyn FnMut(&Sample, &Belief, &Info)) -> Result<()> {
+        let waiting = std::mem::take(&mut self.waiting);
+        let mut belief = self.fit_start(&waiting)?;
+        for (i, sample) in waiting.iter().enumerate() {
+            if i == 0 {
+                self.update(&mut belief, sample)?;
+            } else {
+                self.advance(&mut belief, sample, &mut |_, _| {})?;
+            }
+            sink(sample, &belief, &self.info);
+        }
+        self.belief = Some(belief);
+        Ok(())
+    }
+
+    /// Predicts to the sample's time and updates; `on_predicted` sees each prediction and how it came about.
+    fn advance(
+        &mut self,
+        belief: &mut Belief,
+        sample: &Sample,
+        on_predicted: &mut dyn FnMut(&Transition, &Belief),
+    ) -> Result<()> {
+        loop {
+            let left = sample.time_s - belief.time_s;
+            let last = left <= LONGEST_STEP_S;
+            let to = if last { sample.time_s } else { belief.time_s + LONGEST_STEP_S };
+            self.filter.predict(&self.body, belief, to, &mut self.transition);
+            on_predicted(&self.transition, belief);
+            if last {
+                return self.update(belief, sample);
+            }
+        }
+    }
+
+    fn update(&mut self, belief: &mut Belief, sample: &Sample) -> Result<()> {
+        self.prepare(sample);
+        let sighting = Sighting {
+            z: &self.z,
+            std: &self.std,
+            barred: &self.barred,
+            strict: &self.strict,
+            groups: &self.groups,
+        };
+        let done = self.filter.update(&self.body, &self.moment, belief, sighting, self.manner, &mut self.info);
+        done.map_err(|lost| diverged(lost, belief.time_s))
+    }
+
+    /// Fills in inputs and loops, and bars disturbed magnetometers.
+    fn prepare(&mut self, sample: &Sample) {
+        self.z.copy_from_slice(&sample.z);
+        for l in &self.loops {
+            let rows = self.body.suite.sources[l.source].rows.clone();
+            let speaks = self.config.closures && l.speaks(sample);
+            self.z[rows].fill(if speaks { 0.0 } else { f64::NAN });
+        }
+        self.judge_magnetometers();
+        for (input, &value) in self.moment.inputs.iter_mut().zip(&sample.inputs) {
+            *input = if value.is_nan() { 0.0 } else { value };
+        }
+        self.moment.needed.fill(false);
+        for (i, source) in self.body.suite.sources.iter().enumerate() {
+            self.moment.active[i] = self.z[source.rows.clone()].iter().any(|z| !z.is_nan());
+            if self.moment.active[i] {
+                self.body.suite.mark_frames(i, &mut self.moment.needed);
+            }
+        }
+        self.body.tree.mark_ancestors(&mut self.moment.needed);
+    }
+
+    fn judge_magnetometers(&mut self) {
+        let norm = self.body.model.world.magnetic_norm_ut;
+        for (p, rows) in self.groups.parts.iter().enumerate() {
+            self.barred[p] = false;
+            if self.quantities[p] != Quantity::Mag {
+                continue;
+            }
+            let z = &mut self.z[rows.clone()];
+            match self.config.magnetometer {
+                Magnetometer::On => {}
+                Magnetometer::Off => z.fill(f64::NAN),
+                Magnetometer::Gated => {
+                    let measured = z.iter().map(|x| x * x).sum::<f64>().sqrt();
+                    let tolerance = (FIELD_TOLERANCE * norm).max(5.0 * self.std[rows.start]);
+                    self.barred[p] = (measured - norm).abs() > tolerance;
+                }
+            }
+        }
+    }
+}
+
+fn manner(c: &Config) -> Manner {
+    Manner {
+        spread: Spread { alpha: c.alpha, beta: c.beta, kappa: c.kappa },
+        gate: Gate { on: c.gate, slack: GATE_SLACK, patience_s: c.gate_patience_s },
+        learning: Learning { memory_s: c.learning_memory_s.unwrap_or(f64::INFINITY) },
+    }
+}
+
+fn diverged(lost: Lost, time_s: f64) -> Error {
+    let text = format!(
+        "the filter lost the track at {time_s:.3} s: {}. Check mounts and lengths, units and clocks of the streams, \
+         or try wider noise in the model file",
+        lost.what
+    );
+    Error::Diverged { time_s, text }
+}
+
+/// All parameter values: the model's defaults where `given` says nothing.
+pub fn parameter_values(model: &Model, given: &BTreeMap<String, f64>) -> Result<Vec<f64>> {
+    let mut values: Vec<f64> = model.parameters.iter().map(|p| p.default).collect();
+    let known: Vec<&str> = model.parameters.iter().map(|p| p.name.as_str()).collect();
+    for (name, &value) in given {
+        let Some(i) = known.iter().position(|k| k == name) else {
+            return Err(Error::Data(format!(
+                "parameter '{name}': model '{}' has none of that name; {}",
+                model.name,
+                hint(name, &known)
+            )));
+        };
+        if !value.is_finite() {
+            return Err(Error::Data(format!("parameter '{name}' = {value}: expected a finite number")));
+        }
+        values[i] = value;
+    }
+    Ok(values)
+}
+
+/// Mounts per sensor of the model; `None` is the model's own.
+pub fn mount_values(model: &Model, given: &BTreeMap<String, MountValue>) -> Result<Vec<Option<MountValue>>> {
+    let is_imu = |s: &&crate::model::Sensor| matches!(s.kind, SensorKind::Imu { .. });
+    let known: Vec<&str> = model.sensors.iter().filter(is_imu).map(|s| s.name.as_str()).collect();
+    for (name, (rotation, offset)) in given {
+        if !known.contains(&name.as_str()) {
+            return Err(Error::Data(format!(
+                "mount '{name}': model '{}' has no inertial unit of that name; {}",
+                model.name,
+                hint(name, &known)
+            )));
+        }
+        let (defect, det) = Mat3::rotation_defect(rotation);
+        if !(defect < 1e-6 && (det - 1.0).abs() < 1e-6) {
+            return Err(Error::Data(format!(
+                "mount '{name}': link_from_sensor is no rotation: |R R' - 1| = {defect:.2e}, det = {det:.6}; \
+                 expected an orthogonal matrix with determinant 1"
+            )));
+        }
+        if offset.iter().any(|x| !x.is_finite()) {
+            return Err(Error::Data(format!("mount '{name}': offset {offset:?} m must be finite")));
+        }
+    }
+    Ok(model.sensors.iter().map(|s| given.get(&s.name).copied()).collect())
+}

@@ -1,0 +1,109 @@
+//! Which joints a source feels, and when a closed loop has something to say.
+
+use crate::body::Body;
+use crate::kinematics::{FrameMotion, JointMotion};
+use crate::model::SensorKind;
+use crate::recording::Sample;
+use crate::rotation::Vec3;
+use crate::sensor::Surroundings;
+
+/// Per source and joint: whether moving the joint changes the source's readings.
+pub fn dependence(body: &Body) -> Vec<Vec<bool>> {
+    let joints = body.model.joints.len();
+    let at = |bumped: Option<usize>| {
+        let value = |j: usize, scale: f64, phase: f64| scale * (phase + 1.7 * j as f64).sin();
+        let mut q: Vec<f64> = (0..joints).map(|j| value(j, 0.7, 0.3)).collect();
+        let qd: Vec<f64> = (0..joints).map(|j| value(j, 1.3, 1.1)).collect();
+        let qdd: Vec<f64> = (0..joints).map(|j| value(j, 2.1, 2.3)).collect();
+        if let Some(j) = bumped {
+            q[j] += 0.1;
+        }
+        readings(body, &q, &qd, &qdd)
+    };
+    let calm = at(None);
+    let mut depends = vec![vec![false; joints]; body.suite.sources.len()];
+    for j in 0..joints {
+        let moved = at(Some(j));
+        for (source, row) in body.suite.sources.iter().zip(&mut depends) {
+            row[j] = source.rows.clone().any(|r| (moved[r] - calm[r]).abs() > 1e-9);
+        }
+    }
+    depends
+}
+
+/// All readings of a root at rest.
+pub fn readings(body: &Body, q: &[f64], qd: &[f64], qdd: &[f64]) -> Vec<f64> {
+    let root = FrameMotion::resting(Vec3(body.field.lift));
+    let azimuth = body.model.world.magnetic_azimuth_rad;
+    readings_from(body, root, body.field.magnetic(azimuth), q, qd, qdd)
+}
+
+/// All readings for a root that moves as `root` in a field (uT, root axes).
+pub fn readings_from(
+    body: &Body,
+    root: FrameMotion<f64>,
+    field: Vec3<f64>,
+    q: &[f64],
+    qd: &[f64],
+    qdd: &[f64],
+) -> Vec<f64> {
+    let mut frames = vec![root; body.tree.len()];
+    body.tree.motions(root, JointMotion { q, qd, qdd }, &vec![true; body.tree.len()], &mut frames);
+    let mut out = vec![0.0; body.suite.len()];
+    let all = vec![true; body.suite.sources.len()];
+    body.suite.predict(&frames, q, &Surroundings { magnetic_field: field }, &all, &mut out);
+    out
+}
+
+/// When a loop speaks.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Loop {
+    /// Index of its source.
+    pub source: usize,
+    /// Input joints it needs in the sample, all of them.
+    pub inputs: Vec<usize>,
+    /// Rows of encoders on its second side, of which the sample must hold one; empty: every sample will do.
+    pub encoders: Vec<usize>,
+}
+
+impl Loop {
+    /// Whether the sample holds what the loop needs.
+    pub fn speaks(&self, sample: &Sample) -> bool {
+        let inputs = self.inputs.iter().all(|&j| !sample.inputs[j].is_nan());
+        let encoders = self.encoders.is_empty() || self.encoders.iter().any(|&r| !sample.z[r].is_nan());
+        inputs && encoders
+    }
+}
+
+/// The model's loops.
+pub fn loops(body: &Body, depends: &[Vec<bool>]) -> Vec<Loop> {
+    let model = &body.model;
+    let first = body.suite.sources.len() - model.closures.len();
+    let describe = |(i, closure): (usize, &crate::model::Closure)| {
+        let source = first + i;
+        let felt = |j: &usize| depends[source][*j];
+        let inputs: Vec<usize> = (0..model.joints.len()).filter(|&j| model.joints[j].input).filter(felt).collect();
+        let far_side = joints_above(body, closure.sides[1].0);
+        let encoders = if inputs.is_empty() { encoder_rows(body, &far_side) } else { Vec::new() };
+        Loop { source, inputs, encoders }
+    };
+    model.closures.iter().enumerate().map(describe).collect()
+}
+
+fn joints_above(body: &Body, mut frame: usize) -> Vec<usize> {
+    let mut joints = Vec::new();
+    while frame != 0 {
+        joints.extend(body.model.frames[frame].joint.map(|(j, _)| j));
+        frame = body.model.frames[frame].parent;
+    }
+    joints
+}
+
+fn encoder_rows(body: &Body, joints: &[usize]) -> Vec<usize> {
+    let reads = |s: &&crate::model::Sensor| matches!(&s.kind, SensorKind::Encoder { joint, .. } if joints.contains(joint));
+    let row = |s: &crate::model::Sensor| {
+        let source = body.suite.sources.iter().find(|x| x.name == s.name)?;
+        Some(source.rows.start)
+    };
+    body.model.sensors.iter().filter(reads).filter_map(row).collect()
+}

@@ -1,0 +1,119 @@
+//! Plain sentences on what a run could not use or see.
+
+use super::loops::dependence;
+use super::run::Run;
+use crate::model::{JointKind, Model};
+use crate::recording::input_joint;
+
+/// Share of a sensor's readings that may be rejected without a word.
+const REJECTED_SHARE: f64 = 0.05;
+
+/// What a person should know before trusting the numbers.
+pub fn notes(run: &Run) -> Vec<String> {
+    let mut notes = run.recording().notes.clone();
+    notes.extend(nominal_mounts(run));
+    notes.extend(absent_streams(run));
+    notes.extend(silent_loops(run));
+    notes.extend(rejections(run));
+    notes.extend(unobserved(run));
+    if run.refused > 0 {
+        notes.push(format!("{} samples were not later than the belief and were refused", run.refused));
+    }
+    notes
+}
+
+/// Inertial units that are taken to sit where the model file says.
+pub fn at_nominal_mounts(run: &Run) -> Vec<String> {
+    let model = &run.tracker().body.model;
+    let imu = |s: &&crate::model::Sensor| matches!(s.kind, crate::model::SensorKind::Imu { .. });
+    let streams: Vec<&str> = run.recording().names().collect();
+    let nominal = model.sensors.iter().filter(imu).map(|s| s.name.clone());
+    nominal.filter(|n| !run.calibration().mounts.contains_key(n) && streams.contains(&n.as_str())).collect()
+}
+
+fn nominal_mounts(run: &Run) -> Option<String> {
+    let names = at_nominal_mounts(run);
+    let list = names.join(", ");
+    (!names.is_empty()).then(|| {
+        format!("mounts: the model's nominal ones for {list}; a sensor that sits 5 deg askew costs degrees: calibrate")
+    })
+}
+
+fn absent_streams(run: &Run) -> Option<String> {
+    let model = &run.tracker().body.model;
+    let there: Vec<&str> = run.recording().names().collect();
+    let sources = model.sensors.iter().map(|s| s.name.as_str());
+    let absent: Vec<&str> = sources.filter(|s| !is_there(model, &there, s)).collect();
+    (!absent.is_empty()).then(|| format!("no stream for: {}", absent.join(", ")))
+}
+
+fn is_there(model: &Model, streams: &[&str], sensor: &str) -> bool {
+    let joint = input_joint(model, sensor);
+    streams.contains(&sensor) || joint.is_some_and(|j| streams.iter().any(|s| input_joint(model, s) == Some(j)))
+}
+
+fn silent_loops(run: &Run) -> Vec<String> {
+    let model = &run.tracker().body.model;
+    let sources = run.tracker().body.suite.sources.len();
+    let first = sources - model.closures.len();
+    let rows = run.series.time_s.len();
+    let spoke = |s: usize| (0..rows).filter(|r| run.series.sources[r * sources + s].used > 0).count();
+    let describe = |(i, c): (usize, &crate::model::Closure)| {
+        let missing = rows - spoke(first + i);
+        let whole = if !run.config().closures { "switched off" } else { "no sample held the readings it needs" };
+        match missing {
+            0 => None,
+            m if m == rows => Some(format!("closure {}: never used ({whole})", c.name)),
+            m => Some(format!("closure {}: used in {} of {rows} samples", c.name, rows - m)),
+        }
+    };
+    model.closures.iter().enumerate().filter_map(describe).collect()
+}
+
+fn rejections(run: &Run) -> Vec<String> {
+    let body = &run.tracker().body;
+    let count = body.suite.sources.len();
+    let describe = |(s, source): (usize, &crate::sensor::Source)| {
+        let infos = run.series.sources.iter().skip(s).step_by(count);
+        let (rejected, there) = infos.fold((0u64, 0u64), |(r, t), i| {
+            (r + u64::from(i.rejected), t + u64::from(i.rejected) + u64::from(i.used))
+        });
+        let share = rejected as f64 / there.max(1) as f64;
+        (share > REJECTED_SHARE).then(|| {
+            format!(
+                "{}: {:.0} % of its readings did not fit and were rejected; check its mount, its units and, for a \
+                 magnetometer, the field's norm in the model ({} uT)",
+                source.name,
+                100.0 * share,
+                body.model.world.magnetic_norm_ut
+            )
+        })
+    };
+    body.suite.sources.iter().enumerate().filter_map(describe).collect()
+}
+
+fn unobserved(run: &Run) -> Vec<String> {
+    let body = &run.tracker().body;
+    let depends = dependence(body);
+    let sources = body.suite.sources.len();
+    let ever_used =
+        |s: usize| run.series.sources.iter().skip(s).step_by(sources).any(|i| i.used > 0);
+    let used: Vec<bool> = (0..sources).map(ever_used).collect();
+    let joints = body.model.joints.len();
+    let rows = run.series.time_s.len();
+    let mut notes = Vec::new();
+    for (j, joint) in body.model.joints.iter().enumerate().filter(|(_, j)| j.kind != JointKind::Fixed) {
+        let seen = (0..rows).filter(|r| run.series.observed[r * joints + j] == 1).count();
+        if 2 * seen >= rows && rows > 0 {
+            continue;
+        }
+        let felt = (0..sources).any(|s| used[s] && depends[s][j]);
+        let why = match (joint.input, felt) {
+            (true, _) => "no stream",
+            (false, false) => "no working sensor feels it",
+            (false, true) => "its sensors do not pin it down",
+        };
+        notes.push(format!("{}: not observed ({why})", joint.name));
+    }
+    notes
+}

@@ -1,0 +1,290 @@
+//! A whole recording: a loop over `Tracker::step`, and the smoother that goes back over it.
+
+use super::{Calibration, Status, Tracker};
+use crate::config::Config;
+use crate::error::{Error, Result};
+use crate::estimate::belief::Belief;
+use crate::estimate::filter::{Info, SourceInfo};
+use crate::estimate::smoother::Smoother;
+use crate::estimate::transition::Transition;
+use crate::model::Model;
+use crate::motion::is_observed;
+use crate::recording::{Cursor, Recording, Sample, Stream};
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// Told how much is done (0 to 1); false stops the work.
+pub type Progress<'a> = &'a mut dyn FnMut(f64) -> bool;
+
+/// A full belief that was kept, and where the recording stood.
+#[derive(Debug, Clone)]
+struct Checkpoint {
+    belief: Belief,
+    cursor: Cursor,
+    /// How many rows of output there were before this sample's.
+    row: usize,
+    is_row: bool,
+}
+
+/// Estimates over time.
+#[derive(Debug, Clone, Default)]
+pub struct Series {
+    /// Of every row, s.
+    pub time_s: Vec<f64>,
+    /// State, rows laid end to end.
+    pub mean: Vec<f64>,
+    /// Standard deviation of the state, rows laid end to end.
+    pub std: Vec<f64>,
+    /// Readings of the model's joints that are inputs, rows of all joints; NaN elsewhere and where missing.
+    pub inputs: Vec<f64>,
+    /// Per row and joint: 1 where the joint is observed.
+    pub observed: Vec<u8>,
+    /// Per row and source.
+    pub sources: Vec<SourceInfo>,
+    /// Per row: normalised innovation squared of all inertial readings together, and their number.
+    pub inertial: Vec<(f64, usize)>,
+}
+
+/// A tracked recording.
+#[derive(Debug, Clone)]
+pub struct Run {
+    tracker: Tracker,
+    recording: Arc<Recording>,
+    calibration: Calibration,
+    config: Config,
+    /// Estimates of every sample that was kept.
+    pub series: Series,
+    /// Whether they are smoothed.
+    pub smoothed: bool,
+    /// Samples worked off.
+    pub steps: usize,
+    /// Samples refused because they came late.
+    pub refused: usize,
+    checkpoints: Vec<Checkpoint>,
+    last: Option<Belief>,
+}
+
+const PROGRESS_EVERY: usize = 64;
+
+/// Tracks `streams`, from `start` if given, else from a fit of the first samples.
+pub fn track(
+    model: Arc<Model>,
+    streams: Vec<Stream>,
+    calibration: &Calibration,
+    config: &Config,
+    start: Option<Belief>,
+    progress: Progress,
+) -> Result<Run> {
+    let mut tracker = Tracker::new(model.clone(), calibration, config)?;
+    let recording = Recording::new(&model, &tracker.body.suite, streams, config.merge_s)?;
+    if let Some(belief) = start {
+        tracker.resume(belief)?;
+    }
+    let mut run = Run {
+        recording: Arc::new(recording),
+        calibration: calibration.clone(),
+        config: config.clone(),
+        series: Series::default(),
+        smoothed: false,
+        steps: 0,
+        refused: 0,
+        checkpoints: Vec::new(),
+        last: None,
+        tracker,
+    };
+    run.filter(progress)?;
+    Ok(run)
+}
+
+impl Run {
+    fn filter(&mut self, progress: Progress) -> Result<()> {
+        let recording = self.recording.clone();
+        let Some((begin, end)) = recording.span_s() else {
+            return Err(Error::Data("the recording holds no row: nothing to track".into()));
+        };
+        let mut tracker = self.tracker.clone();
+        let mut keeper = Keeper { run: self, cursors: VecDeque::new(), kept_s: f64::NEG_INFINITY };
+        let (mut cursor, mut sample) = (recording.start(), tracker.empty_sample());
+        let mut count = 0;
+        while recording.next(&mut cursor, &mut sample) {
+            keeper.cursors.push_back(cursor.clone());
+            let status = tracker.step_with(&sample, &mut |s, b, i| keeper.keep(s, b, i))?;
+            if status == Status::OutOfOrder {
+                keeper.cursors.pop_back();
+                keeper.run.refused += 1;
+            }
+            count += 1;
+            if count % PROGRESS_EVERY == 0 && !progress((sample.time_s - begin) / (end - begin)) {
+                return Err(Error::Stopped);
+            }
+        }
+        tracker.finish(&mut |s, b, i| keeper.keep(s, b, i))?;
+        self.last = tracker.belief().cloned();
+        Ok(())
+    }
+
+    /// The tracker that did the work, as it was before the first sample.
+    pub fn tracker(&self) -> &Tracker {
+        &self.tracker
+    }
+
+    /// What was tracked.
+    pub fn recording(&self) -> &Recording {
+        &self.recording
+    }
+
+    /// The belief behind the last sample, to go on from.
+    pub fn last_belief(&self) -> Option<&Belief> {
+        self.last.as_ref()
+    }
+
+    /// Full beliefs, one every `belief_interval_s`.
+    pub fn beliefs(&self) -> impl Iterator<Item = &Belief> {
+        self.checkpoints.iter().map(|c| &c.belief)
+    }
+
+    /// Rauch-Tung-Striebel smoothing. Filters again between the kept beliefs, from the last to the first, so that only
+    /// one stretch at a time is in memory.
+    pub fn smooth(&self, progress: Progress) -> Result<Run> {
+        if self.smoothed {
+            return Err(Error::Data("this track is smoothed already; smooth the filtered one".into()));
+        }
+        let mut out = self.clone();
+        let mut tracker = self.tracker.clone();
+        let mut smoother = Smoother::new(tracker.body.layout.dim());
+        let mut next = match &self.last {
+            Some(belief) => belief.clone(),
+            None => return Err(Error::Data("nothing was tracked: nothing to smooth".into())),
+        };
+        for (k, checkpoint) in self.checkpoints.iter().enumerate().rev() {
+            let stop = self.checkpoints.get(k + 1).map(|c| &c.cursor);
+            let stretch = Stretch::refilter(self, &mut tracker, checkpoint, stop)?;
+            for node in stretch.nodes.into_iter().rev() {
+                let mut belief = node.filtered;
+                let done = smoother.back(&tracker.body, &mut belief, &node.transition, &node.predicted, &next);
+                done.map_err(|lost| super::diverged(lost, belief.time_s))?;
+                if let Some(row) = node.row {
+                    out.write(row, &belief);
+                }
+                next = belief;
+            }
+            out.checkpoints[k].belief = next.clone();
+            if !progress(1.0 - k as f64 / self.checkpoints.len() as f64) {
+                return Err(Error::Stopped);
+            }
+        }
+        out.smoothed = true;
+        Ok(out)
+    }
+
+    fn write(&mut self, row: usize, belief: &Belief) {
+        let (n, joints) = (belief.mean.len(), self.tracker.body.model.joints.len());
+        self.series.mean[row * n..(row + 1) * n].copy_from_slice(&belief.mean);
+        belief.covariance.diagonal(&mut self.series.std[row * n..(row + 1) * n]);
+        self.series.std[row * n..(row + 1) * n].iter_mut().for_each(|x| *x = x.max(0.0).sqrt());
+        for (j, slots) in self.tracker.body.layout.joints.iter().enumerate() {
+            let Some(slots) = slots else { continue };
+            let variance = belief.covariance.at(slots.q, slots.q);
+            let seen = is_observed(&self.tracker.body.model.joints[j], variance);
+            self.series.observed[row * joints + j] = u8::from(seen);
+        }
+    }
+
+    /// What was tracked with.
+    pub fn calibration(&self) -> &Calibration {
+        &self.calibration
+    }
+
+    /// How it was tracked.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+}
+
+/// Keeps what a run returns, while it goes on.
+struct Keeper<'a> {
+    run: &'a mut Run,
+    /// Where the recording stood behind each sample that is still to be worked off.
+    cursors: VecDeque<Cursor>,
+    kept_s: f64,
+}
+
+impl Keeper<'_> {
+    fn keep(&mut self, sample: &Sample, belief: &Belief, info: &Info) {
+        let cursor = self.cursors.pop_front().expect("one for each sample");
+        let run = &mut *self.run;
+        run.steps += 1;
+        let gap = run.config.output_rate_hz.map_or(0.0, |rate| 1.0 / rate - 1e-9);
+        let is_row = belief.time_s - self.kept_s >= gap;
+        let row = run.series.time_s.len();
+        let due = run.checkpoints.last().is_none_or(|c| {
+            // A whole number of intervals up to rounding counts as reached.
+            belief.time_s - c.belief.time_s >= run.config.belief_interval_s * (1.0 - 1e-9)
+        });
+        if due {
+            run.checkpoints.push(Checkpoint { belief: belief.clone(), cursor, row, is_row });
+        }
+        if is_row {
+            self.kept_s = belief.time_s;
+            run.grow(sample, info);
+            run.write(row, belief);
+        }
+    }
+}
+
+impl Run {
+    fn grow(&mut self, sample: &Sample, info: &Info) {
+        let model = &self.tracker.body.model;
+        let (n, s) = (self.tracker.body.layout.dim(), &mut self.series);
+        s.time_s.push(sample.time_s);
+        s.mean.resize(s.mean.len() + n, 0.0);
+        s.std.resize(s.std.len() + n, 0.0);
+        let inputs = model.joints.iter().zip(&sample.inputs);
+        s.inputs.extend(inputs.map(|(j, &x)| if j.input { x } else { f64::NAN }));
+        let seen = model.joints.iter().zip(&sample.inputs);
+        s.observed.extend(seen.map(|(j, x)| u8::from(j.input && !x.is_nan())));
+        s.sources.extend_from_slice(&info.sources);
+        s.inertial.push(info.inertial);
+    }
+}
+
+/// A step of a stretch: the belief before, how it moved, the belief after moving.
+struct Node {
+    filtered: Belief,
+    /// Row of output that `filtered` belongs to.
+    row: Option<usize>,
+    transition: Transition,
+    predicted: Belief,
+}
+
+/// The filter's way from one checkpoint to the next.
+struct Stretch {
+    nodes: Vec<Node>,
+}
+
+impl Stretch {
+    fn refilter(run: &Run, tracker: &mut Tracker, from: &Checkpoint, stop: Option<&Cursor>) -> Result<Self> {
+        let (mut cursor, mut sample) = (from.cursor.clone(), tracker.empty_sample());
+        let mut belief = from.belief.clone();
+        let mut here = belief.clone();
+        let mut row = from.is_row.then_some(from.row);
+        let mut next_row = from.row + usize::from(from.is_row);
+        let mut nodes = Vec::new();
+        while stop != Some(&cursor) && run.recording.next(&mut cursor, &mut sample) {
+            if sample.time_s <= belief.time_s {
+                continue;
+            }
+            tracker.advance(&mut belief, &sample, &mut |transition, predicted| {
+                let filtered = std::mem::replace(&mut here, predicted.clone());
+                let (transition, predicted) = (transition.clone(), predicted.clone());
+                nodes.push(Node { filtered, row: row.take(), transition, predicted });
+            })?;
+            here = belief.clone();
+            if run.series.time_s.get(next_row) == Some(&sample.time_s) {
+                row = Some(next_row);
+                next_row += 1;
+            }
+        }
+        Ok(Stretch { nodes })
+    }
+}

@@ -1,0 +1,51 @@
+"""Oarlock tracks articulated bodies from wearable and mounted sensors, and says how sure it is.
+
+Everything that is meant to be used is named here; `oarlock.rowing` holds what is about rowing.
+"""
+
+from oarlock._core import Belief, Config, Info, Sample, Tracker, __version__
+from oarlock._core import Model as Model
+from oarlock.calibration import Calibration, load_calibration
+from oarlock.errors import DataError, DivergedError, ModelError
+from oarlock.evaluate import Evaluation, evaluate
+from oarlock.models import Base, load_model
+from oarlock.motion import Motion
+from oarlock.recording import ImuStream, Recording, ScalarStream, VectorStream, load_recording
+from oarlock.simulate import simulate
+from oarlock.track import Track, load_track
+from oarlock.tracking import smooth, track
+
+__all__ = [
+    "Base",
+    "Belief",
+    "Calibration",
+    "Config",
+    "DataError",
+    "DivergedError",
+    "Evaluation",
+    "ImuStream",
+    "Info",
+    "Model",
+    "ModelError",
+    "Motion",
+    "Recording",
+    "Sample",
+    "ScalarStream",
+    "Track",
+    "Tracker",
+    "VectorStream",
+    "__version__",
+    "evaluate",
+    "load_calibration",
+    "load_model",
+    "load_recording",
+    "load_track",
+    "simulate",
+    "smooth",
+    "track",
+]
+
+
+def _config_from_dict(keys: dict[str, object]) -> Config:
+    """Unpickles a Config."""
+    return Config(**keys)  # type: ignore[arg-type]

@@ -1,0 +1,182 @@
+"""`oarlock model`: list, show, check, copy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from oarlock.cli import model_sheet
+from oarlock.cli.options import Json, Settings, assignments, example
+from oarlock.cli.terminal import (
+    EXIT_DATA,
+    UsageError,
+    page,
+    print_json,
+    say,
+    steps,
+    table,
+    verb,
+)
+
+group = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Look at, check and start model files.")
+
+Named = Annotated[str, typer.Argument(metavar="NAME|FILE", help="A shipped model's name, or a model file.")]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Registers the verbs."""
+    app.add_typer(group, name="model")
+
+
+@group.command("list", epilog=example("oarlock model list", "oarlock model list --json"))
+@verb
+def list_(json_output: Json = False) -> None:
+    """The models that come with oarlock."""
+    from oarlock import load_model
+    from oarlock.shipped import model_names, model_path
+
+    models = [(name, load_model(name).describe()) for name in model_names()]
+    if json_output:
+        print_json([{**_short(description), "path": model_path(name)} for name, description in models])
+        return
+    table(
+        ["model", ">joints", ">frames", ">sensors", "what it is"],
+        [
+            (name, len(d["joints"]), len(d["frames"]) - 1, len(d["sensors"]), d["description"])
+            for name, d in models
+        ],
+        indent=0,
+    )
+    steps("oarlock model show sculler", "oarlock model copy sculler my.toml")
+
+
+def _short(description: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "name": description["name"],
+        "description": description["description"],
+        "joints": [joint["name"] for joint in description["joints"]],
+        "sensors": [sensor["name"] for sensor in description["sensors"]],
+    }
+
+
+@group.command(
+    "show",
+    epilog=example(
+        "oarlock model show sculler",
+        "oarlock model show my.toml --svg pose.svg",
+        "oarlock model show sculler --set l_ua_r=0.31 --at seat=0.3 --at trunk=-0.4",
+        "oarlock model show sculler --json | jq .measurement_names",
+    ),
+)
+@verb
+def show(
+    model: Named,
+    svg: Annotated[
+        Path | None, typer.Option("--svg", metavar="FILE", help="Also write the drawn pose as SVG.")
+    ] = None,
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--at",
+            metavar="JOINT=VALUE",
+            help="Joint value of the pose (rad or m); else at rest. Repeatable.",
+        ),
+    ] = None,
+    settings: Settings = None,
+    json_output: Json = False,
+) -> None:
+    """Frames, joints, sensors, parameters, layout of state and measurement, and the pose, drawn."""
+    from oarlock import load_model
+    from oarlock.pose_picture import draw_svg, draw_text, skeleton
+
+    loaded = load_model(model, parameters=assignments(settings, "--set"))
+    description = loaded.describe()
+    body = skeleton(loaded, posture(description, assignments(at, "--at"), "--at"))
+    if svg is not None:
+        svg.write_text(draw_svg(body, description["name"]), encoding="utf-8")
+    if json_output:
+        print_json(description)
+        return
+    model_sheet.write(description)
+    encoding = page().encoding.lower()
+    model_sheet.write_pose(draw_text(body, ascii_only=not encoding.startswith("utf")), at or [])
+    if svg is not None:
+        say(f"\nPose written to {svg}")
+
+
+def posture(description: dict[str, Any], given: dict[str, float], flag: str) -> list[float]:
+    """Joint values (n_joints): those given, the others at rest.
+
+    Raises:
+        UsageError: a name is no joint of the model.
+    """
+    joints = {joint["name"]: joint["rest"] for joint in description["joints"]}
+    for name in given:
+        if name not in joints:
+            from oarlock.suggest import did_you_mean
+
+            raise UsageError(f"{flag} {name}: the model has no such joint. {did_you_mean(name, joints)}")
+    return [given.get(name, rest) for name, rest in joints.items()]
+
+
+@group.command("check", epilog=example("oarlock model check my.toml", "oarlock model check my.toml --json"))
+@verb
+def check(model: Named, json_output: Json = False) -> None:
+    """Read a model file and explain every mistake in it, or say what is fine."""
+    from oarlock import ModelError, load_model
+
+    try:
+        description = load_model(model).describe()
+    except ModelError as error:
+        mistakes = _mistakes(error)
+        if json_output:
+            print_json({"model": model, "ok": False, "mistakes": mistakes})
+        count = "1 mistake" if len(mistakes) == 1 else f"{len(mistakes)} mistakes"
+        console = page(stderr=True)
+        console.print(f"[bold red]error:[/] {count} in", model, soft_wrap=True)
+        for mistake in mistakes:
+            console.print(f"  {mistake}", markup=False, soft_wrap=True)
+        raise typer.Exit(EXIT_DATA) from None
+    checked = model_sheet.checked(description)
+    if json_output:
+        print_json({"model": model, "ok": True, "mistakes": [], "checked": checked})
+        return
+    say(f"{description['path']}: fine", style="bold")
+    for line in checked:
+        say(line, indent=2)
+
+
+def _mistakes(error: ValueError) -> list[str]:
+    return [line.strip() for line in str(error).splitlines() if line.strip()] or ["(no message)"]
+
+
+@group.command(
+    "copy", epilog=example("oarlock model copy sculler my.toml", "oarlock model copy arm7 my.toml --force")
+)
+@verb
+def copy(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="A shipped model's name.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write, e.g. my.toml.")],
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file if it exists.")] = False,
+    json_output: Json = False,
+) -> None:
+    """Start a model file of your own from a shipped one."""
+    from oarlock.shipped import model_names, model_path
+    from oarlock.suggest import did_you_mean
+
+    if name not in model_names():
+        raise UsageError(f"no shipped model is called '{name}'. {did_you_mean(name, model_names())}")
+    if file.exists() and not force:
+        raise UsageError(f"{file} exists and is left as it is\nAdd --force to overwrite it.")
+    file.write_text(model_path(name).read_text(encoding="utf-8"), encoding="utf-8")
+    if json_output:
+        print_json({"model": name, "written": file})
+        return
+    say(f"Wrote {file}, a copy of {name}.")
+    steps(
+        f"edit {file}                 lengths, sensors and joints are lines in it; no code",
+        f"oarlock model check {file}",
+        f"oarlock track RECORDING --model {file} --out out",
+    )

@@ -1,0 +1,204 @@
+"""A model printed for a person: parameters, joints, frames, sensors, closures, layout."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from oarlock.cli.terminal import heading, number, say, table
+from oarlock.evaluate import presentation
+from oarlock.model_layout import blocks, parts_of, quantities, rows_of
+
+Described = dict[str, Any]
+_SI = {"hinge": "rad", "slide": "m"}
+
+
+def write(model: Described) -> None:
+    """Prints everything but the pose."""
+    say(model["name"], style="bold")
+    for line in (model["description"], model["path"]):
+        if line:
+            say(line, style="dim" if line == model["path"] else "")
+    _parameters(model)
+    _joints(model)
+    _frames(model)
+    _sensors(model)
+    _closures(model)
+    _base_accelerations(model)
+    _layout(model)
+
+
+def write_pose(picture: str, given: Sequence[str]) -> None:
+    """Prints the drawn pose under its heading."""
+    heading("Pose", ", ".join(["at rest", *given]) if given else "at rest")
+    for line in picture.splitlines():
+        say(f"  {line}".rstrip())
+
+
+def checked(model: Described) -> list[str]:
+    """What a model file without mistakes holds, a sentence each."""
+    inputs = sum(joint["input"] for joint in model["joints"])
+    return [
+        f"{len(model['parameters'])} parameters; every expression uses names that exist",
+        f"{len(model['frames']) - 1} frames; every parent exists, no cycle, every joint is known",
+        f"{len(model['joints'])} joints, {inputs} of them inputs; kinds, limits and processes are valid",
+        f"{len(model['sensors'])} sensors; each sits on a frame or joint that exists and has its noise",
+        f"{len(model['closures'])} closures; points and axes are complete",
+        f"state {len(model['state_names'])} rows, measurement {len(model['measurement_names'])} rows",
+    ]
+
+
+def _parameters(model: Described) -> None:
+    heading("Parameters", "change one with --set NAME=VALUE")
+    table(
+        ["name", ">value", "unit", ">std", "what it is"],
+        [
+            (
+                p["name"],
+                number(p["value"], ".4f"),
+                p["unit"] or "",
+                number(p["std"], ".4f", ""),
+                p["label"] or "",
+            )
+            for p in model["parameters"]
+        ],
+    )
+
+
+def _joints(model: Described) -> None:
+    heading("Joints", "limits are soft; density of the process per sqrt(s)")
+    table(
+        ["joint", "kind", ">from", ">to", ">rest", "unit", "moves as", "state"],
+        [_joint_row(joint, model["state_names"]) for joint in model["joints"]],
+    )
+    labelled = [joint for joint in model["joints"] if joint["label"]]
+    if labelled:
+        heading("What each joint is")
+        table(["joint", "what it is"], [(joint["name"], joint["label"]) for joint in labelled])
+
+
+def _joint_row(joint: Described, state_names: Sequence[str]) -> tuple[str, ...]:
+    factor, unit = presentation("rad") if joint["kind"] == "hinge" else (1.0, "m")
+    style = ".0f" if joint["kind"] == "hinge" else ".2f"
+    low, high = joint["limits"] or (None, None)
+    shown = [number(None if v is None else v * factor, style, "") for v in (low, high, joint["rest"])]
+    process = joint["process"]
+    motion = "input" if joint["input"] else f"{process['kind']} {process['density']:g}" if process else ""
+    rows = _joint_states(joint["name"], state_names)
+    return (joint["name"], joint["kind"], *shown, unit, motion, rows)
+
+
+def _joint_states(name: str, state_names: Sequence[str]) -> str:
+    # a sensor may share the joint's name: its biases are other rows
+    return rows_of(name, ["" if "_bias_" in row else row for row in state_names])
+
+
+def _frames(model: Described) -> None:
+    heading("Frames", "a sign shows how a joint enters")
+    worn: dict[str, list[str]] = {}
+    for sensor in model["sensors"]:
+        worn.setdefault(sensor.get("frame") or "", []).append(sensor["name"])
+    table(
+        [">#", "frame", "parent", "moved by", "carries"],
+        [
+            (
+                index,
+                frame["name"],
+                frame["parent"] or "",
+                "" if not frame["joint"] else f"{'-' if frame['sign'] < 0 else '+'} {frame['joint']}",
+                ", ".join(worn.get(frame["name"], [])),
+            )
+            for index, frame in enumerate(model["frames"])
+        ],
+    )
+
+
+def _sensors(model: Described) -> None:
+    heading("Sensors", "noise as standard deviations")
+    table(
+        [
+            "sensor",
+            "kind",
+            "on",
+            ">gyro rad/s",
+            ">accel m/s2",
+            ">mag uT",
+            ">reading",
+            "rows",
+            "biases in state",
+        ],
+        [_sensor_row(sensor, model) for sensor in model["sensors"]],
+    )
+
+
+def _sensor_row(sensor: Described, model: Described) -> tuple[str, ...]:
+    kinds = {joint["name"]: joint["kind"] for joint in model["joints"]}
+    inputs = {joint["name"] for joint in model["joints"] if joint["input"]}
+    unit = "m" if sensor["kind"] == "position" else _SI.get(kinds.get(sensor.get("joint") or "", ""), "")
+    std = sensor.get("std_m") if sensor["kind"] == "position" else sensor.get("std")
+    reading = number(std, "g", "")
+    rows = rows_of(sensor["name"], model["measurement_names"])
+    return (
+        sensor["name"],
+        sensor["kind"],
+        sensor.get("frame") or sensor.get("joint") or "",
+        number(sensor.get("gyro_std_rad_s"), ".5f", ""),
+        number(sensor.get("accel_std_m_s2"), ".5f", ""),
+        number(sensor.get("mag_std_ut"), ".3f", ""),
+        f"{reading} {unit}".strip(),
+        rows or ("input" if sensor.get("joint") in inputs else ""),
+        rows_of(sensor["name"], [row if "_bias_" in row else "" for row in model["state_names"]]),
+    )
+
+
+def _closures(model: Described) -> None:
+    if not model["closures"]:
+        return
+    heading("Closures", "two points, and axes where given, that must agree")
+    factor, unit = presentation("m")
+    table(
+        ["closure", "joins", "with", f">std {unit}", ">std axis", "holds", "rows"],
+        [
+            (
+                c["name"],
+                c["frame_a"],
+                c["frame_b"],
+                number(c["std_m"] * factor, "g"),
+                number(c.get("std_axis"), "g", ""),
+                quantities(parts_of(c["name"], model["measurement_names"])),
+                rows_of(c["name"], model["measurement_names"]),
+            )
+            for c in model["closures"]
+        ],
+    )
+
+
+def _base_accelerations(model: Described) -> None:
+    if not model["base_acceleration"]:
+        return
+    heading("Base accelerations", "estimated, not measured")
+    table(
+        ["name", "axis", ">density", "state", "what it is"],
+        [
+            (
+                b["name"],
+                " ".join(f"{x:g}" for x in b["axis"]),
+                f"{b['density']:g}",
+                rows_of(b["name"], model["state_names"]),
+                b.get("label") or "",
+            )
+            for b in model["base_acceleration"]
+        ],
+    )
+
+
+def _layout(model: Described) -> None:
+    joints = {joint["name"]: "joints" for joint in model["joints"]}
+    sensors = {sensor["name"]: f"{sensor['kind']} sensors" for sensor in model["sensors"]}
+    closures = {closure["name"]: "closures" for closure in model["closures"]}
+    for title, names, kinds in (
+        ("State", model["state_names"], joints),
+        ("Measurement", model["measurement_names"], sensors | closures),
+    ):
+        heading(title, f"{len(names)} rows")
+        table(["rows", ">count", "hold"], [(b.rows, b.count, b.kind) for b in blocks(names, kinds)])

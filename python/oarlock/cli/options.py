@@ -1,0 +1,52 @@
+"""Options that several verbs share, and how their texts are read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from oarlock.cli.terminal import UsageError
+
+ModelName = Annotated[
+    str, typer.Option("--model", "-m", metavar="NAME|FILE", help="A shipped model's name, or a model file.")
+]
+OutFolder = Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else.")]
+Force = Annotated[bool, typer.Option("--force", help="Write into a folder that holds other files.")]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="A model parameter, e.g. l_ua_r=0.31 (SI). Repeatable."),
+]
+
+
+def example(*commands: str) -> str:
+    """The end of a help text: commands as they are typed."""
+    return "\b\nExamples:\n" + "\n".join(f"  {command}" for command in commands)
+
+
+def assignments(texts: Iterable[str] | None, flag: str) -> dict[str, float]:
+    """`["l_ua_r=0.31"]` as `{"l_ua_r": 0.31}`.
+
+    Raises:
+        UsageError: a text is not NAME=NUMBER, or a name comes twice.
+    """
+    found: dict[str, float] = {}
+    for text in texts or ():
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not (name and equals):
+            raise UsageError(f"{flag} {text}: expected NAME=VALUE, for example {flag} l_ua_r=0.31")
+        if name in found:
+            raise UsageError(f"{flag}: {name} is given twice")
+        try:
+            found[name] = float(value)
+        except ValueError:
+            raise UsageError(f"{flag} {text}: '{value}' is not a number (SI units: m, rad)") from None
+    return found
+
+
+def names(text: str) -> tuple[str, ...]:
+    """`"gyro_bias,surge"` as `("gyro_bias", "surge")`; an empty text or `none` as `()`."""
+    return tuple(name for part in text.split(",") if (name := part.strip()) and name != "none")

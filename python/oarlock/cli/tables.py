@@ -1,0 +1,107 @@
+"""Tables that several verbs print of a track and of an evaluation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from oarlock.cli.terminal import heading, number, pairs, say, table
+from oarlock.evaluate import Evaluation, SensorScore, presentation
+from oarlock.evaluate.tracklike import TrackLike
+from oarlock.track_summary import TrackSummary, summarize
+
+# digits behind the point for an error in this unit
+_DIGITS = {"deg": ".3f", "mm": ".2f"}
+
+
+def write_summary(track: TrackLike) -> None:
+    """What was tracked, how fast, what nothing saw, and the health of each sensor."""
+    summary = summarize(track)
+    pairs(
+        [
+            ("model", summary.model),
+            ("samples", f"{summary.samples}, {summary.duration_s:.1f} s at {summary.rate_hz:.0f} Hz"),
+            ("speed", speed(summary)),
+            ("joints", f"{summary.joints_observed} of {summary.joints} observed"),
+            ("smoothed", "yes" if summary.smoothed else "no"),
+        ]
+    )
+    write_notes(summary.notes)
+    write_sensors(summary.sensors)
+
+
+def write_notes(notes: Sequence[str]) -> None:
+    """What was missing or odd, a sentence each."""
+    if notes:
+        heading("Notes")
+    for note in notes:
+        say(f"- {note}", indent=2)
+
+
+def speed(summary: TrackSummary) -> str:
+    """`2345 steps/s`; empty for a track that no filter made."""
+    return "" if summary.steps_per_s is None else f"{summary.steps_per_s:.0f} steps/s"
+
+
+def write_sensors(sensors: Sequence[SensorScore]) -> None:
+    """Sensor health: NIS per measurement and what became of every row."""
+    if not sensors:
+        return
+    heading("Sensors", "NIS per measurement: 1 = noise as stated, larger = disagrees with the model")
+    table(
+        ["sensor", ">NIS", ">rows used", ">rejected", ">missing"],
+        [(s.name, number(s.nis, ".2f"), s.used, s.rejected, s.missing) for s in sensors],
+    )
+
+
+def write_evaluation(evaluation: Evaluation) -> None:
+    """Joints, positions, consistency; every number with its unit."""
+    heading("Joints against truth", f"from {evaluation.start_s:g} s on, {evaluation.samples} samples")
+    table(
+        ["joint", ">RMSE", ">bias", "unit", ">r", ">in 95 % band %", ">NEES", "note"],
+        [
+            (
+                row["joint"],
+                error(row["rmse"], row["unit"]),
+                error(row["bias"], row["unit"], sign="+"),
+                row["unit"],
+                number(row["correlation"], ".4f"),
+                number(row["coverage_percent"], ".1f"),
+                number(row["nees"], ".2f"),
+                row["note"],
+            )
+            for row in evaluation.rows
+        ],
+    )
+    _positions(evaluation)
+    _means(evaluation)
+
+
+def error(value: float, unit: str, sign: str = "") -> str:
+    """An error in deg or mm with the digits that the unit deserves."""
+    return number(value, sign + _DIGITS.get(unit, ".4g"))
+
+
+def _positions(evaluation: Evaluation) -> None:
+    if not evaluation.positions:
+        return
+    factor, unit = presentation("m")
+    heading("Positions against truth", "root axes")
+    table(
+        ["frame", f">RMSE {unit}", f">x {unit}", f">y {unit}", f">z {unit}"],
+        [
+            (p.frame, *(number(value * factor, ".2f") for value in (p.rmse_m, *p.axis_rmse_m)))
+            for p in evaluation.positions
+        ],
+    )
+
+
+def _means(evaluation: Evaluation) -> None:
+    say()
+    pairs(
+        [
+            ("mean RMSE of hinges", f"{number(evaluation.mean_rmse_deg(), '.3f')} deg"),
+            ("worst RMSE", f"{number(evaluation.worst_rmse_deg(), '.3f')} deg"),
+            ("mean coverage", number(evaluation.mean_coverage(), ".1%").replace("%", " %")),
+            ("NEES per state", number(evaluation.states.nees, ".2f") if evaluation.states else ""),
+        ]
+    )

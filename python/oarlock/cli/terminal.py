@@ -1,0 +1,253 @@
+"""How every verb talks: tables, progress, one JSON document, one clean block for an error."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import json
+import math
+import os
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final, NoReturn, ParamSpec, TypeVar
+
+import numpy as np
+import typer
+from rich import box
+from rich.console import Console, RenderableType
+from rich.padding import Padding
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Table
+from rich.text import Text
+
+WIDTH: Final = 100
+EXIT_DATA: Final = 1
+EXIT_USAGE: Final = 2
+EXIT_STOPPED: Final = 130
+EXIT_PIPE: Final = 141
+TRACEBACK_VARIABLE: Final = "OARLOCK_TRACEBACK"
+
+Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
+Told = Callable[[float], None]
+
+
+class UsageError(Exception):
+    """The command line asks for something that it must not or cannot mean."""
+
+
+# --- what is printed ----------------------------------------------------------------------------------
+
+
+def page(stderr: bool = False) -> Console:
+    """A console of at most 100 columns; made anew so that it follows a redirected stream."""
+    console = Console(stderr=stderr, highlight=False, soft_wrap=False)
+    console.width = min(WIDTH, console.width) if console.is_terminal else WIDTH
+    return console
+
+
+def say(text: str = "", style: str = "", indent: int = 0) -> None:
+    """Prints a sentence, its further lines indented like the first; nothing in it is taken for markup."""
+    _print_trimmed(Padding(Text(text, style=style), (0, 0, 0, indent)))
+
+
+def heading(text: str, remark: str = "") -> None:
+    """A blank line, then a bold line with an optional remark behind it."""
+    say()
+    _print_trimmed(Text.assemble((text, "bold"), (f"   {remark}" if remark else "", "dim")))
+
+
+def steps(*lines: str) -> None:
+    """What to type next, one command a line."""
+    heading("Next")
+    for line in lines:
+        say(f"  {line}")
+
+
+def table(columns: Sequence[str], rows: Sequence[Sequence[object]], indent: int = 2) -> None:
+    """Prints rows under a header; a column whose header starts with `>` is aligned right.
+
+    Columns that are empty in every row are left out.
+    """
+    grid = Table(
+        box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False, header_style="dim", padding=(0, 1, 0, 0)
+    )
+    kept = [k for k in range(len(columns)) if any(str(row[k]) for row in rows)]
+    for k in kept:
+        right = columns[k].startswith(">")
+        last = k == kept[-1] and not right
+        grid.add_column(
+            columns[k].removeprefix(">"),
+            justify="right" if right else "left",
+            no_wrap=not last,
+            overflow="fold",
+        )
+    for row in rows:
+        grid.add_row(*(cell if isinstance(cell := row[k], Text) else Text(str(cell)) for k in kept))
+    _print_trimmed(Padding(grid, (0, 0, 0, indent)))
+
+
+def number(value: float | None, style: str, none: str = "-") -> str:
+    """A number in a format such as `.3f`; `none` where there is no number."""
+    return none if value is None or not math.isfinite(value) else format(value, style)
+
+
+def pairs(rows: Sequence[tuple[str, object]]) -> None:
+    """Prints `name  value` lines, aligned; an empty value is left out."""
+    grid = Table.grid(padding=(0, 2))
+    grid.add_column(style="dim", no_wrap=True)
+    grid.add_column(overflow="fold")
+    for name, value in rows:
+        if str(value):
+            grid.add_row(name, Text(str(value)))
+    _print_trimmed(grid)
+
+
+def _print_trimmed(what: RenderableType) -> None:
+    # tables and wrapped lines end in spaces, which a diff or a file need not carry
+    console = page()
+    with console.capture() as capture:
+        console.print(what)
+    console.file.write("".join(f"{line.rstrip()}\n" for line in capture.get().splitlines()))
+    console.file.flush()
+
+
+def print_json(document: object) -> None:
+    """Prints one JSON document on stdout; NaN and infinity become null."""
+    sys.stdout.write(json.dumps(json_ready(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def json_ready(value: object) -> Any:
+    """A value made of dictionaries, lists, texts, finite numbers and None."""
+    if isinstance(value, np.ndarray | np.generic):
+        return json_ready(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): json_ready(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | set | frozenset):
+        return [json_ready(item) for item in value]
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {field.name: json_ready(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    return str(value)
+
+
+# --- progress -----------------------------------------------------------------------------------------
+
+
+@contextmanager
+def progress(text: str) -> Iterator[Told]:
+    """A bar on stderr while a block runs, on a terminal only; the block tells the share done, 0 to 1."""
+    console = page(stderr=True)
+    if not console.is_terminal:
+        yield lambda share: None
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(30), TaskProgressColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task(text, total=None)
+
+        def told(share: float) -> None:
+            bar.update(task, completed=share, total=1.0)
+
+        yield told
+
+
+# --- errors -------------------------------------------------------------------------------------------
+
+
+def verb(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """Wraps a verb: its errors become one block on stderr and an exit status, never a traceback.
+
+    Status 1: the data's fault. 2: usage. 130: stopped by Ctrl-C. With `--json` the error is also the
+    document on stdout.
+    """
+
+    @functools.wraps(function)
+    def run(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
+        as_json = bool(kwargs.get("json_output", False))
+        try:
+            return function(*args, **kwargs)
+        except (typer.Exit, typer.Abort, typer.BadParameter):
+            raise
+        except UsageError as error:
+            fail("usage", str(error), EXIT_USAGE, as_json)
+        except KeyboardInterrupt:
+            fail("stopped", "stopped by Ctrl-C; what was written so far is incomplete", EXIT_STOPPED, as_json)
+        except BrokenPipeError:
+            # whoever read us, `head` say, has enough; without this Python complains once more at its end
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise typer.Exit(EXIT_PIPE) from None
+        except (ValueError, OSError) as error:
+            fail(_kind(error), _sentence(error), EXIT_DATA, as_json)
+        except Exception as error:
+            from oarlock import DivergedError
+
+            if isinstance(error, DivergedError):
+                fail(_kind(error), str(error), EXIT_DATA, as_json)
+            if os.environ.get(TRACEBACK_VARIABLE):
+                traceback.print_exc()
+            fail("fault", _fault(error), EXIT_DATA, as_json)
+
+    return run
+
+
+def fail(kind: str, message: str, status: int, as_json: bool) -> NoReturn:
+    """Prints the error and leaves."""
+    if as_json:
+        print_json({"error": {"kind": kind, "message": message}})
+    first, *rest = message.strip().splitlines() or ["(no message)"]
+    console = page(stderr=True)
+    console.print(Text.assemble(("error: ", "bold red"), first), soft_wrap=True)
+    for line in rest:
+        console.print(Text(f"  {line.strip()}"), soft_wrap=True)
+    raise typer.Exit(status)
+
+
+def _kind(error: Exception) -> str:
+    names = {"ModelError": "model", "DataError": "data", "DivergedError": "diverged"}
+    return names.get(type(error).__name__, "file" if isinstance(error, OSError) else "data")
+
+
+def _sentence(error: Exception) -> str:
+    if isinstance(error, OSError) and error.strerror and error.filename:
+        return f"{error.filename}: {error.strerror.lower()}"
+    return str(error) or type(error).__name__
+
+
+def _fault(error: Exception) -> str:
+    return (
+        f"a fault in oarlock itself: {type(error).__name__}: {error}\n"
+        f"Set {TRACEBACK_VARIABLE}=1 and run again to see where; please report it with that text."
+    )
+
+
+# --- folders ------------------------------------------------------------------------------------------
+
+
+def fresh_folder(folder: Path, own_mark: str | None, force: bool) -> Path:
+    """Makes an output folder, or takes one that an earlier run of the same verb left (it holds `own_mark`).
+
+    Raises:
+        UsageError: it holds other things, and `force` is not set.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"{folder} is a file; --out names a folder")
+    ours = own_mark is not None and (folder / own_mark).exists()
+    if folder.is_dir() and any(folder.iterdir()) and not ours and not force:
+        raise UsageError(f"{folder} exists and holds other files\nChoose another folder, or add --force.")
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def new_folder(folder: Path, force: bool) -> Path:
+    """Makes an output folder that must not hold anything yet.
+
+    Raises:
+        UsageError: it holds something, and `force` is not set.
+    """
+    return fresh_folder(folder, own_mark=None, force=force)

@@ -1,0 +1,114 @@
+"""Do the errors and the innovations agree with the covariances that the filter claims?
+
+Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, "Estimation with Applications to Tracking and Navigation", Wiley
+2001, section 5.4: the normalised estimation error squared (NEES) and the normalised innovation squared (NIS) of a
+consistent filter are chi-square distributed with as many degrees of freedom as states or measurements. Both are
+given here per state and per measurement, so that 1 is what is expected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.stats import chi2
+
+from .errors import wrap
+from .resample import resample
+from .scores import SensorScore, StateScore
+from .tracklike import BeliefsLike, Floats, Interval, TrackLike, beliefs_of, info_of
+
+
+def interval_95(degrees: float) -> tuple[float, float]:
+    """Bounds that hold a chi-square variable over its degrees of freedom 95 % of the time; NaN for none."""
+    if degrees <= 0:
+        return float("nan"), float("nan")
+    return float(chi2.ppf(0.025, degrees)) / degrees, float(chi2.ppf(0.975, degrees)) / degrees
+
+
+def sensor_scores(track: TrackLike, window: Interval) -> tuple[SensorScore, ...]:
+    """NIS per measurement of every sensor and closure: sum of NIS over sum of used rows in the window.
+
+    Source: Bar-Shalom et al. 2001, section 5.4.2.
+    """
+    info = info_of(track)
+    if info is None:
+        return ()
+    kept = window.of(track.time_s)
+    scores = []
+    for k, name in enumerate(info.sensor_names):
+        nis, used = info.nis[kept, k], info.used[kept, k]
+        counted = np.isfinite(nis) & (used > 0)
+        degrees = int(used[counted].sum())
+        scores.append(
+            SensorScore(
+                name=name,
+                nis=float(nis[counted].sum() / degrees) if degrees else float("nan"),
+                interval_95=interval_95(degrees),
+                used=int(used.sum()),
+                rejected=int(info.rejected[kept, k].sum()),
+                missing=int(info.missing[kept, k].sum()),
+            )
+        )
+    return tuple(scores)
+
+
+def state_score(
+    track: TrackLike, truth: TrackLike, window: Interval, joints: Sequence[str]
+) -> StateScore | None:
+    """NEES per state of the given joints' angles, velocities and accelerations, with their full covariance.
+
+    A state enters where truth knows it. Beliefs whose covariance is not positive definite are counted and left
+    out. None: the track keeps no beliefs in the window. Source: Bar-Shalom et al. 2001, section 5.4.2.
+    """
+    beliefs = beliefs_of(track)
+    if beliefs is None:
+        return None
+    error = _state_errors(beliefs, track, truth, joints)
+    total, degrees, count, singular = 0.0, 0, 0, 0
+    for b in np.flatnonzero(window.of(beliefs.time_s)):
+        known = np.flatnonzero(np.isfinite(error[b]))
+        if not len(known):
+            continue
+        nees = _nees(error[b, known], beliefs.covariance[b][np.ix_(known, known)])
+        if np.isnan(nees):
+            singular += 1
+            continue
+        total, degrees, count = total + nees, degrees + len(known), count + 1
+    if not degrees and not singular:
+        return None
+    value = total / degrees if degrees else float("nan")
+    return StateScore(value, interval_95(degrees), count, degrees, singular)
+
+
+def _state_errors(beliefs: BeliefsLike, track: TrackLike, truth: TrackLike, joints: Sequence[str]) -> Floats:
+    """Mean minus truth, (B, n); NaN for states that truth does not know."""
+    sources = {"": truth.q, ".velocity": truth.qd, ".acceleration": truth.qdd}
+    columns = list(beliefs.state_names)
+    error = np.full(beliefs.mean.shape, np.nan)
+    for name in joints:
+        hinge = track[name].unit == "rad"
+        column = list(truth.joint_names).index(name)
+        for suffix, values in sources.items():
+            if name + suffix not in columns:
+                continue
+            k = columns.index(name + suffix)
+            angle = hinge and not suffix
+            true = resample(truth.time_s, values[:, column], beliefs.time_s, circular=angle)
+            error[:, k] = wrap(beliefs.mean[:, k] - true) if angle else beliefs.mean[:, k] - true
+    return error
+
+
+def _nees(error: Floats, covariance: Floats) -> float:
+    """The quadratic form e' P^-1 e; NaN if P is not positive definite. Scaled to unit variance: units differ."""
+    variance = np.diag(covariance)
+    if not np.all(np.isfinite(covariance)) or np.any(variance <= 0):
+        return float("nan")
+    scale = 1 / np.sqrt(variance)
+    unit_error = error * scale
+    try:
+        factor = cho_factor(covariance * np.outer(scale, scale), lower=True)
+    except LinAlgError:
+        return float("nan")
+    return float(unit_error @ cho_solve(factor, unit_error))

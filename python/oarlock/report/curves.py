@@ -1,0 +1,250 @@
+"""One small drawing per joint: its whole course, and a few seconds of its error inside its own band."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+
+from ..evaluate import Evaluation, JointScore, presentation
+from ..evaluate.errors import BAND_95, joint_error
+from ..evaluate.tracklike import Bools, Floats, Interval, TrackLike
+from . import plot
+from .text import MINUS, breakable, number, percent
+
+WIDTH, LEFT, RIGHT = 400.0, 44.0, 8.0
+CURVE_TOP, CURVE_HEIGHT, STRIP_GAP, STRIP_HEIGHT, FOOT = 6.0, 118.0, 40.0, 62.0, 20.0
+DETAIL_S = 3.0
+"""Length of the stretch in which the error is drawn, s."""
+SETTLED_SHARE = 0.05
+"""The scale of a band's width ignores this first share of the time, in which it still shrinks."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One joint in the unit that is drawn (deg, m or mm); (T,) each."""
+
+    name: str
+    unit: str
+    factor: float
+    time_s: Floats
+    value: Floats
+    half_band: Floats
+    error: Floats | None
+    observed: Bools
+
+    @property
+    def seen(self) -> bool:
+        """Whether a sensor observed it at least half of the time."""
+        return bool(np.mean(self.observed) >= 0.5)
+
+
+def curves_section(track: TrackLike, truth: TrackLike | None, evaluation: Evaluation | None) -> str:
+    """The grid of drawings with its legend."""
+    window = detail_window(track, truth)
+    figures = "".join(
+        _figure(i, _curve(track, truth, i), window, _score(evaluation, name))
+        for i, name in enumerate(track.joint_names)
+    )
+    return f'{_legend(truth is not None, window)}<div class="grid-figures tall">{figures}</div>'
+
+
+def detail_window(track: TrackLike, truth: TrackLike | None) -> Interval:
+    """The middle seconds of the track, or of its overlap with the truth."""
+    start, end = float(track.time_s[0]), float(track.time_s[-1])
+    if truth is not None and len(truth.time_s):
+        start, end = max(start, float(truth.time_s[0])), min(end, float(truth.time_s[-1]))
+    middle, half = (start + end) / 2, min(DETAIL_S, end - start) / 2
+    return Interval(middle - half, middle + half)
+
+
+def _curve(track: TrackLike, truth: TrackLike | None, i: int) -> Curve:
+    name = track.joint_names[i]
+    angle = track[name].unit == "rad"
+    value, std = track.q[:, i], track.q_std[:, i]
+    travel = float(np.nanmax(value) - np.nanmin(value)) if np.isfinite(value).any() else 0.0
+    unit, factor = ("deg", 180 / math.pi) if angle else (("m", 1.0) if travel > 0.1 else ("mm", 1e3))
+    error = joint_error(track, truth, name) * factor if truth is not None else None
+    shown = _unwrapped(value) if angle else value
+    return Curve(
+        name, unit, factor, track.time_s, shown * factor, BAND_95 * std * factor, error, track.observed[:, i]
+    )
+
+
+def _unwrapped(angle_rad: Floats) -> Floats:
+    result, good = angle_rad.copy(), np.isfinite(angle_rad)
+    result[good] = np.unwrap(angle_rad[good])
+    return result
+
+
+def _figure(i: int, curve: Curve, window: Interval, score: JointScore | None) -> str:
+    style = "with-truth" if curve.error is not None else "alone"
+    style = style if curve.seen else "unseen"
+    return (
+        f'<figure id="joint-{i}" class="{style}"><figcaption>'
+        f'<span class="name">{breakable(curve.name)}</span> '
+        f'<span class="unit">{curve.unit}</span>{_headline(curve, score)}</figcaption>'
+        f"{_svg(i, curve, window)}</figure>"
+    )
+
+
+def _headline(curve: Curve, score: JointScore | None) -> str:
+    if not curve.seen:
+        return '<span class="fact">not observed</span>'
+    if score is None or not score.observed:
+        return f'<span class="fact">{escape(score.note)}</span>' if score else ""
+    factor, unit = presentation(score.unit)
+    inside = f" · {percent(score.coverage)} in band" if math.isfinite(score.coverage) else ""
+    return f'<span class="fact">RMSE {number(score.rmse * factor)} {unit}{inside}</span>'
+
+
+def _svg(i: int, curve: Curve, window: Interval) -> str:
+    size = (WIDTH, CURVE_TOP + CURVE_HEIGHT + FOOT)
+    content = _course(curve, window)
+    if curve.seen and np.isfinite(curve.value).any():
+        top = CURVE_TOP + CURVE_HEIGHT + STRIP_GAP
+        size = (WIDTH, top + STRIP_HEIGHT + FOOT)
+        scored = _has_error(curve, window)
+        content += _error_strip(curve, window, top) if scored else _band_strip(curve, top)
+    return plot.drawing(f"joint-svg-{i}", size, f"{curve.name} over time", _description(curve), content)
+
+
+def _has_error(curve: Curve, window: Interval) -> bool:
+    if curve.error is None or not curve.seen:
+        return False
+    return bool(np.isfinite(curve.error[window.of(curve.time_s)]).any())
+
+
+def _description(curve: Curve) -> str:
+    finite = curve.value[np.isfinite(curve.value)]
+    if not curve.seen or not len(finite):
+        return "Not observed: no working sensor sees this joint."
+    return (
+        f"Estimate with its 95 % band over time, from {number(float(finite.min()))} to "
+        f"{number(float(finite.max()))} {curve.unit}."
+    )
+
+
+def _course(curve: Curve, window: Interval) -> str:
+    low, high = curve.value - curve.half_band, curve.value + curve.half_band
+    true = None if curve.error is None else curve.value - curve.error
+    shown = [curve.value, *([] if true is None else [true])]
+    panel = _panel(
+        curve, CURVE_TOP, CURVE_HEIGHT, plot.padded(shown, least=0.02 if curve.unit == "m" else 2.0)
+    )
+    if not curve.seen and not np.isfinite(curve.value).any():
+        return plot.span(panel, *panel.x_range, "blank") + _stamp(panel)
+    parts = [
+        plot.span(panel, window.start_s, window.end_s, "detail") if _has_error(curve, window) else "",
+        plot.axes(panel),
+        _unseen_spans(panel, curve),
+        '<g clip-path="url(#plot-clip)">',
+    ]
+    parts += [plot.band(panel, curve.time_s, low, high, "band")]
+    parts.append(plot.line(panel, curve.time_s, curve.value, "estimate"))
+    if true is not None and np.isfinite(true).any():
+        parts.append(plot.line(panel, curve.time_s, true, "truth"))
+    parts.append("</g>")
+    return "".join(parts) + ("" if curve.seen else _stamp(panel))
+
+
+def _stamp(panel: plot.Panel) -> str:
+    x, y = panel.left + panel.width / 2, panel.top + panel.height / 2
+    return plot.label(x, y + 5, "not observed", "stamp", "middle")
+
+
+def _error_strip(curve: Curve, window: Interval, top: float) -> str:
+    """Error of the few seconds in ``window`` over the band that the track claims for it."""
+    assert curve.error is not None
+    factor, unit = _fine(curve)
+    inside = window.of(curve.time_s)
+    time_s, error, half = curve.time_s[inside], curve.error[inside] * factor, curve.half_band[inside] * factor
+    reach = _reach(error, half)
+    panel = plot.Panel(
+        LEFT, top, WIDTH - LEFT - RIGHT, STRIP_HEIGHT, (window.start_s, window.end_s), (-reach, reach)
+    )
+    name = f"estimate {MINUS} truth, {unit}"
+    return "".join(
+        [
+            plot.label(LEFT, top - 7, name, "strip-name"),
+            plot.axes(panel, wanted=(3, 4)),
+            plot.band(panel, time_s, -half, half, "band strong"),
+            plot.level(panel, 0.0, "zero"),
+            plot.line(panel, time_s, error, "error"),
+        ]
+    )
+
+
+def _band_strip(curve: Curve, top: float) -> str:
+    """Half-width of the 95 % band over the whole course, where there is no truth."""
+    factor, unit = _fine(curve)
+    half = curve.half_band * factor
+    if not np.isfinite(half).any():
+        return plot.label(LEFT, top - 7, "no standard deviation", "strip-name")
+    settled = half[curve.time_s >= curve.time_s[0] + SETTLED_SHARE * np.ptp(curve.time_s)]
+    high = 1.25 * float(np.nanmax(settled if np.isfinite(settled).any() else half)) or 1.0
+    panel = _panel(curve, top, STRIP_HEIGHT, (0.0, high))
+    name = plot.label(LEFT, top - 7, f"half-width of the 95 % band, {unit}", "strip-name")
+    curve_line = plot.line(panel, curve.time_s, half, "nis")
+    return f'{name}{plot.axes(panel, wanted=(5, 3))}<g clip-path="url(#strip-clip)">{curve_line}</g>'
+
+
+def _fine(curve: Curve) -> tuple[float, str]:
+    return (1e3, "mm") if curve.unit == "m" else (1.0, curve.unit)
+
+
+def _reach(error: Floats, half: Floats) -> float:
+    """Half the height of the error strip: the band, and the errors unless they dwarf it."""
+    shown = [float(np.nanmax(v)) for v in (np.abs(error), half) if np.isfinite(v).any()]
+    return 1.15 * max(shown, default=1.0) or 1.0
+
+
+def _panel(curve: Curve, top: float, height: float, y_range: tuple[float, float]) -> plot.Panel:
+    return plot.over_time(curve.time_s, (LEFT, top, WIDTH - LEFT - RIGHT, height), y_range)
+
+
+def _unseen_spans(panel: plot.Panel, curve: Curve) -> str:
+    if not curve.seen:
+        return ""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], ~curve.observed, [False]]).astype(np.int8)))
+    pairs = edges.reshape(-1, 2)[:200]
+    return "".join(plot.span(panel, curve.time_s[a], curve.time_s[b - 1], "unseen-span") for a, b in pairs)
+
+
+def _score(evaluation: Evaluation | None, name: str) -> JointScore | None:
+    scores = evaluation.joints if evaluation else ()
+    return next((score for score in scores if score.name == name), None)
+
+
+def clip_definition() -> str:
+    """The clipping rectangles that all joint drawings share: of the course and of the strip below it."""
+    width, strip_top = WIDTH - LEFT - RIGHT, CURVE_TOP + CURVE_HEIGHT + STRIP_GAP
+    course = plot.clip("plot-clip", (LEFT, CURVE_TOP, width, CURVE_HEIGHT))
+    return course + plot.clip("strip-clip", (LEFT, strip_top, width, STRIP_HEIGHT))
+
+
+def _legend(has_truth: bool, window: Interval) -> str:
+    entries = [("estimate", "estimate"), ("band", "95 % band")]
+    if has_truth:
+        entries += [("truth", "truth"), ("error", f"estimate {MINUS} truth")]
+    keys = "".join(
+        f'<li><svg viewBox="0 0 28 12" width="28" height="12" aria-hidden="true">{_key(key)}</svg>{text}</li>'
+        for key, text in entries
+    )
+    style = "with-truth" if has_truth else "alone"
+    below = (
+        f"Below each course: its error from {window.start_s:.1f} to {window.end_s:.1f} s (tinted above), "
+        "enlarged, inside the band that the track claims for it."
+        if has_truth
+        else "Below each course: half the width of its 95 % band, enlarged."
+    )
+    hint = f"{below} Hatched: not observed for that time."
+    return f'<ul class="legend {style}">{keys}</ul><p class="hint">{hint}</p>'
+
+
+def _key(style: str) -> str:
+    if style == "band":
+        return '<rect class="band strong" width="28" height="12"/>'
+    return f'<path class="{style}" d="M0 6H28"/>'

@@ -1,0 +1,110 @@
+"""The page: its parts in the order in which they are read."""
+
+from __future__ import annotations
+
+from html import escape
+from importlib.resources import files
+
+from ..evaluate import Evaluation, SensorScore
+from ..evaluate.consistency import sensor_scores
+from ..evaluate.tracklike import Interval, TrackLike
+from . import curves, health, slow, tables, verdict
+
+POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
+"""What a browser may load for this page: nothing from outside."""
+
+
+def render(
+    track: TrackLike, evaluation: Evaluation | None, truth: TrackLike | None, title: str | None
+) -> str:
+    """The whole page as text."""
+    heading = (
+        title or f"Track of {getattr(track.model, 'name', None) or track.provenance.get('model', 'a model')}"
+    )
+    sensors = evaluation.sensors if evaluation else sensor_scores(track, Interval.after(track.time_s, 0.0))
+    sections = _sections(track, evaluation, truth, sensors)
+    links = "".join(f'<li><a href="#{key}">{escape(name)}</a></li>' for key, name, _ in sections)
+    body = "".join(
+        f'<section id="{key}" aria-labelledby="{key}-h">'
+        f'<h2 id="{key}-h">{escape(name)}</h2>{content}</section>'
+        for key, name, content in sections
+    )
+    page = (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f'<meta name="color-scheme" content="light dark"><title>{escape(heading)}</title>'
+        f"<style>{_style()}</style></head><body>{_definitions()}<header><h1>{escape(heading)}</h1>"
+        f'<div class="lead">{verdict.summary(track, evaluation, sensors)}</div>'
+        f"{verdict.key_figures(track, evaluation, sensors)}"
+        f'<nav aria-label="Contents"><ul>{links}</ul></nav></header>'
+        f"<main>{body}</main></body></html>\n"
+    )
+    return page.replace(" %", "\N{NO-BREAK SPACE}%")
+
+
+def _sections(
+    track: TrackLike, evaluation: Evaluation | None, truth: TrackLike | None, sensors: tuple[SensorScore, ...]
+) -> list[tuple[str, str, str]]:
+    nees = tables.states_sentence(evaluation.states if evaluation else None)
+    sections = [
+        ("notes", "Notes", _notes(track)),
+        ("joints", "Joints", tables.joints_table(track, evaluation) + nees),
+        ("curves", "Curves", curves.curves_section(track, truth, evaluation)),
+    ]
+    if sensors:
+        explanation = (
+            '<p class="hint">NIS per measurement over time, averaged over 0.5 s, on a logarithmic scale. '
+            "The tinted band around 1 holds it 95 % of the time when the model is right."
+            f"{' It is that of the filter, before smoothing.' if track.smoothed else ''}</p>"
+        )
+        content = (
+            health.health_table(sensors) + _bar_legend() + explanation + health.health_section(track, sensors)
+        )
+        sections.append(("health", "Sensor health", content))
+    if evaluation and evaluation.positions:
+        sections.append(("positions", "Positions", tables.positions_table(evaluation.positions)))
+    if track.slow:
+        hint = '<p class="hint">Biases and other quantities that change slowly, each with its 95 % band.</p>'
+        sections.append(("slow", "Slow states", hint + slow.slow_section(track, truth)))
+    provenance = (
+        tables.provenance_list(track.provenance) if track.provenance else "<p>Nothing is recorded.</p>"
+    )
+    sections.append(("provenance", "Provenance", provenance))
+    return sections
+
+
+def _notes(track: TrackLike) -> str:
+    notes = list(track.notes)
+    nominal = [str(name) for name in track.provenance.get("nominal_mounts", ())]
+    if nominal and not any("nominal" in note for note in notes):
+        notes.append(f"Mounts are the model's nominal ones, not calibrated: {', '.join(nominal)}.")
+    seen = verdict.observed_joints(track)
+    silent = [n for n in track.joint_names if n not in seen and not any(n in note for note in notes)]
+    if silent:
+        notes.append(f"Not observed: {', '.join(silent)}.")
+    if not notes:
+        return "<p>Nothing was missing.</p>"
+    return f'<ul class="notes">{"".join(f"<li>{escape(note)}</li>" for note in notes)}</ul>'
+
+
+def _bar_legend() -> str:
+    keys = "".join(
+        f'<li><svg viewBox="0 0 14 10" width="14" height="10" aria-hidden="true">'
+        f'<rect class="{style}" width="14" height="10"/></svg>{style}</li>'
+        for style in ("used", "rejected", "missing")
+    )
+    return f'<ul class="legend">{keys}</ul>'
+
+
+def _definitions() -> str:
+    hatch = (
+        '<svg class="definitions" width="0" height="0" aria-hidden="true">'
+        '<pattern id="hatch" width="6" height="6" patternUnits="userSpaceOnUse" patternTransform="rotate(45)">'
+        '<path class="hatch" d="M0 0V6"/></pattern></svg>'
+    )
+    return hatch + curves.clip_definition() + slow.clip_definition()
+
+
+def _style() -> str:
+    return files(__package__).joinpath("style.css").read_text(encoding="utf-8")

@@ -1,0 +1,95 @@
+"""Small drawings of what changes slowly: biases, base acceleration, the field's azimuth."""
+
+from __future__ import annotations
+
+import math
+from html import escape
+
+import numpy as np
+
+from ..evaluate.errors import BAND_95
+from ..evaluate.tracklike import Floats, SlowLike, TrackLike
+from . import plot
+from .text import breakable, number
+
+WIDTH, HEIGHT, FOOT = 400.0, 84.0, 20.0
+PLACE = (44.0, 6.0, WIDTH - 52.0, HEIGHT)
+SHOWN_UNITS = {
+    "rad": (180 / math.pi, "deg"),
+    "rad/s": (180 / math.pi, "deg/s"),
+    "m/s2": (1.0, "m/s²"),
+    "m/s^2": (1.0, "m/s²"),
+}
+SETTLED_SHARE = 0.05
+"""The vertical range ignores this first share of the time, in which the bands still shrink."""
+
+Lines = list[tuple[str, SlowLike]]
+
+
+def slow_section(track: TrackLike, truth: TrackLike | None) -> str:
+    """One drawing per quantity, its x, y and z together; truth dashed where it has the same name."""
+    groups: dict[str, Lines] = {}
+    for name, series in track.slow.items():
+        group, _, axis = name.rpartition("_")
+        group, axis = (group, axis) if axis in {"x", "y", "z"} else (name, "")
+        groups.setdefault(group, []).append((axis, series))
+    figures = "".join(
+        _figure(k, track.time_s, name, lines, _true_lines(truth, name, lines))
+        for k, (name, lines) in enumerate(groups.items())
+    )
+    return f'<div class="grid-figures">{figures}</div>'
+
+
+def _true_lines(truth: TrackLike | None, group: str, lines: Lines) -> list[tuple[Floats, Floats]]:
+    if truth is None:
+        return []
+    names = [f"{group}_{axis}" if axis else group for axis, _ in lines]
+    return [(truth.time_s, truth.slow[name].value) for name in names if name in truth.slow]
+
+
+def _figure(key: int, time_s: Floats, name: str, lines: Lines, true: list[tuple[Floats, Floats]]) -> str:
+    factor, unit = SHOWN_UNITS.get(lines[0][1].unit, (1.0, lines[0][1].unit))
+    scaled = [(axis, series.value * factor, BAND_95 * series.std * factor) for axis, series in lines]
+    content = _content(time_s, scaled, [(at_s, v * factor) for at_s, v in true])
+    ends = ", ".join(f"{axis or 'value'} {number(_last(v))}" for axis, v, _ in scaled)
+    description = f"Estimate with its 95 % band; at the end {ends} {unit}."
+    size = (WIDTH, PLACE[1] + HEIGHT + FOOT)
+    svg = plot.drawing(f"slow-{key}", size, f"{name} over time", description, content)
+    keys = "".join(_axis_key(axis) for axis, _, _ in scaled if axis)
+    caption = f'<span class="name">{breakable(name)}</span> <span class="unit">{escape(unit)}</span>'
+    style = "with-truth" if true else "alone"
+    return (
+        f'<figure class="{style}"><figcaption>{caption}<span class="fact">{keys}</span></figcaption>'
+        f"{svg}</figure>"
+    )
+
+
+def _content(
+    time_s: Floats, lines: list[tuple[str, Floats, Floats]], true: list[tuple[Floats, Floats]]
+) -> str:
+    late = time_s >= time_s[0] + SETTLED_SHARE * (time_s[-1] - time_s[0])
+    edges = [value[late] + sign * np.nan_to_num(half[late]) for _, value, half in lines for sign in (-1, 1)]
+    panel = plot.over_time(time_s, PLACE, plot.padded(edges))
+    parts = [plot.axes(panel, wanted=(5, 4)), '<g clip-path="url(#slow-clip)">']
+    for axis, value, half in lines:
+        parts.append(plot.band(panel, time_s, value - half, value + half, f"band axis-{axis or 'only'}"))
+    for axis, value, _ in lines:
+        parts.append(plot.line(panel, time_s, value, f"slow axis-{axis or 'only'}"))
+    parts += [plot.line(panel, at_s, value, "truth") for at_s, value in true]
+    return "".join(parts) + "</g>"
+
+
+def _axis_key(axis: str) -> str:
+    swatch = f'<path class="slow axis-{axis}" d="M0 5H22"/>'
+    svg = f'<svg viewBox="0 0 22 10" width="22" height="10" aria-hidden="true">{swatch}</svg>'
+    return f'<span class="axis">{svg}{axis}</span>'
+
+
+def _last(value: Floats) -> float:
+    finite = value[np.isfinite(value)]
+    return float(finite[-1]) if len(finite) else math.nan
+
+
+def clip_definition() -> str:
+    """The clipping rectangle that these drawings share."""
+    return plot.clip("slow-clip", PLACE)

@@ -1,0 +1,149 @@
+"""What the numbers say, in plain words."""
+
+from __future__ import annotations
+
+import math
+from html import escape
+
+import numpy as np
+
+from ..evaluate import Evaluation, SensorScore
+from ..evaluate.tracklike import TrackLike
+from .text import fixed, listing, number, percent, plural
+
+NARROW_COVERAGE, WIDE_COVERAGE = 0.93, 0.995
+"""Share of samples in the 95 % band below which a band is too narrow, above which it is wider than needed."""
+MISLEADING_COVERAGE = 0.8
+"""Share below which a band should not be relied on at all."""
+NIS_TOO_LARGE = 1.25
+"""NIS per measurement above which a sensor scatters clearly more than the filter expects."""
+
+
+def summary(track: TrackLike, evaluation: Evaluation | None, sensors: tuple[SensorScore, ...]) -> str:
+    """Two or three sentences: what was tracked, how well, whether to believe the bands."""
+    sentences = [_what(track), _how_well(evaluation), _verdict(evaluation, sensors)]
+    return "".join(f"<p>{sentence}</p>" for sentence in sentences if sentence)
+
+
+def observed_joints(track: TrackLike) -> list[str]:
+    """Names of the joints that some sensor saw at least half of the time."""
+    return [name for i, name in enumerate(track.joint_names) if np.mean(track.observed[:, i]) >= 0.5]
+
+
+def rate_hz(track: TrackLike) -> float:
+    """Typical number of samples per second; NaN for a single one."""
+    return 1 / float(np.median(np.diff(track.time_s))) if len(track.time_s) > 1 else math.nan
+
+
+def key_figures(track: TrackLike, evaluation: Evaluation | None, sensors: tuple[SensorScore, ...]) -> str:
+    """The few numbers that people look for first."""
+    duration = float(track.time_s[-1] - track.time_s[0])
+    figures = [
+        (
+            "duration",
+            f"{number(duration)} s",
+            f"{len(track.time_s):,} samples at {number(rate_hz(track))} Hz",
+        ),
+        ("joints observed", f"{len(observed_joints(track))} of {len(track.joint_names)}", _unseen(track)),
+    ]
+    if evaluation and evaluation.hinges():
+        worst = max(evaluation.hinges(), key=lambda score: score.rmse)
+        detail = f"worst {number(math.degrees(worst.rmse), 2)}°, {worst.name}"
+        figures.append(("mean angle RMSE", f"{number(evaluation.mean_rmse_deg(), 2)}°", detail))
+        figures.append(("truth in the 95 % band", percent(evaluation.mean_coverage()), "95 % is expected"))
+    if sensors:
+        figures.append(("readings used", percent(_used_share(sensors)), _not_used(sensors)))
+    speed = track.provenance.get("steps_per_s")
+    if isinstance(speed, (int, float)) and math.isfinite(speed):
+        figures.append(
+            ("speed", f"{speed:,.0f}/s", f"steps, {number(speed / rate_hz(track), 2)} times real time")
+        )
+    tiles = "".join(
+        f"<div><dt>{escape(name)}</dt><dd><b>{escape(value)}</b><span>{escape(detail)}</span></dd></div>"
+        for name, value, detail in figures
+    )
+    return f'<dl class="figures">{tiles}</dl>'
+
+
+def _unseen(track: TrackLike) -> str:
+    count = len(track.joint_names) - len(observed_joints(track))
+    return f"{count} not observed" if count else "all of the model"
+
+
+def _what(track: TrackLike) -> str:
+    seen = len(observed_joints(track))
+    name = escape(str(getattr(track.model, "name", "") or track.provenance.get("model", "")))
+    body = f"the model <b>{name}</b>" if name else "the model"
+    duration = float(track.time_s[-1] - track.time_s[0])
+    rate = f" at {number(rate_hz(track))} Hz" if len(track.time_s) > 1 else ""
+    how = (
+        "smoothed over the whole recording"
+        if track.smoothed
+        else "filtered: each estimate uses the past only"
+    )
+    return (
+        f"{plural(len(track.joint_names), 'joint')} of {body} over {number(duration)} s "
+        f"({plural(len(track.time_s), 'sample')}{rate}), {how}. {_seen_words(seen, len(track.joint_names))}"
+    )
+
+
+def _seen_words(seen: int, total: int) -> str:
+    if seen == total:
+        return "All joints were observed."
+    return f"{seen} joints were observed; {total - seen} were not and are not scored."
+
+
+def _how_well(evaluation: Evaluation | None) -> str:
+    if evaluation is None:
+        return "There is no truth to compare with: the bands say what the track claims, not how wrong it is."
+    hinges = evaluation.hinges()
+    if not hinges:
+        return "No observed hinge has a truth to compare with."
+    worst = max(hinges, key=lambda score: score.rmse)
+    return (
+        f"Against truth the angles are wrong by <b>{number(evaluation.mean_rmse_deg(), 2)}°</b> (RMSE, mean "
+        f"over {plural(len(hinges), 'hinge')}, without the first {evaluation.start_s:g} s); the largest is "
+        f"{number(math.degrees(worst.rmse), 2)}° at {escape(worst.name)}."
+    )
+
+
+def _verdict(evaluation: Evaluation | None, sensors: tuple[SensorScore, ...]) -> str:
+    loud = [f"{s.name} ({fixed(s.nis, 1)})" for s in sensors if s.nis > NIS_TOO_LARGE]
+    parts = [_bands(evaluation), _readings(loud) if sensors else ""]
+    text = " ".join(part for part in parts if part)
+    return f"<strong>Can it be believed?</strong> {text}" if text else ""
+
+
+def _bands(evaluation: Evaluation | None) -> str:
+    if evaluation is None or math.isnan(evaluation.mean_coverage()):
+        return ""
+    share = evaluation.mean_coverage()
+    shown = percent(share)
+    if share < MISLEADING_COVERAGE:
+        return f"Not its bands: they hold the truth only {shown} of the time instead of 95 %, far too narrow."
+    if share < NARROW_COVERAGE:
+        return f"Not fully: the 95 % bands hold the truth only {shown} of the time, so they are too narrow."
+    narrow = [s.name for s in evaluation.hinges() if s.coverage < NARROW_COVERAGE]
+    wide = share > WIDE_COVERAGE
+    lead = "Yes, the bands are even wider than needed" if wide else "Yes, the bands are honest"
+    but = f" Too narrow alone: {escape(listing(narrow))}." if narrow else ""
+    return f"{lead}: the 95 % bands hold the truth {shown} of the time.{but}"
+
+
+def _readings(loud: list[str]) -> str:
+    if not loud:
+        return "No sensor scatters more than the filter expects."
+    return (
+        f"More scatter than the filter expects (NIS per measurement above {NIS_TOO_LARGE}) from "
+        f"{escape(listing(loud))}: a mount, a length or a noise figure may be wrong."
+    )
+
+
+def _used_share(sensors: tuple[SensorScore, ...]) -> float:
+    total = sum(s.used + s.rejected + s.missing for s in sensors)
+    return sum(s.used for s in sensors) / total if total else math.nan
+
+
+def _not_used(sensors: tuple[SensorScore, ...]) -> str:
+    rejected, missing = sum(s.rejected for s in sensors), sum(s.missing for s in sensors)
+    return f"{rejected:,} rejected, {missing:,} missing"

@@ -1,0 +1,25 @@
+"""Rowing on top of the engine's public face: plausible sculling, the boat, and the published experiment."""
+
+from __future__ import annotations
+
+from oarlock.rowing.boat import Boat, HullMotion
+from oarlock.rowing.motion import Piece, row_piece, sculling
+from oarlock.rowing.noise import CONDITIONS, TABLE_4_NOISE, ImuNoise, SimulatedCondition
+from oarlock.rowing.stretcher import adjusted_stretcher
+from oarlock.rowing.stroke import StrokeShape
+from oarlock.rowing.timing import StrokeTiming
+
+__all__ = [
+    "CONDITIONS",
+    "TABLE_4_NOISE",
+    "Boat",
+    "HullMotion",
+    "ImuNoise",
+    "Piece",
+    "SimulatedCondition",
+    "StrokeShape",
+    "StrokeTiming",
+    "adjusted_stretcher",
+    "row_piece",
+    "sculling",
+]

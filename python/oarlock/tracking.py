@@ -1,0 +1,90 @@
+"""Tracking and smoothing a recording: the engine's run, turned into a `Track`."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable
+
+from oarlock import _core
+from oarlock._core import Belief, Config, Model
+from oarlock.calibration import Calibration
+from oarlock.errors import DataError
+from oarlock.plausibility import require_plausible
+from oarlock.recording import Recording
+from oarlock.track import Track, track_of_run
+
+Progress = Callable[[float], object]
+
+
+def track(
+    model: Model,
+    recording: Recording,
+    calibration: Calibration | None = None,
+    config: Config | None = None,
+    *,
+    start: Belief | None = None,
+    progress: Progress | None = None,
+) -> Track:
+    """Track a recording: a loop over `Tracker.step`.
+
+    Args:
+        model: the body and its sensors.
+        recording: measured streams; absent streams and NaN are missing data.
+        calibration: lengths and mounts of this wearing; None takes the model's nominal ones, and says so.
+        config: tuning; None is the default.
+        start: go on from this belief (`Track.last_belief`) instead of fitting the first samples.
+        progress: called now and then with the share done, 0 to 1.
+
+    Raises:
+        DataError: streams that do not fit the model, stamps out of order, units that are plainly wrong.
+        DivergedError: the filter lost the track; `time_s` says when.
+    """
+    config = config if config is not None else Config()
+    findings = require_plausible(recording)
+    began = time.perf_counter()
+    run = _core.track(model, recording, calibration, config, start, progress)
+    wall_s = time.perf_counter() - began
+    provenance = {
+        "oarlock": _core.__version__,
+        "model": model.name,
+        "model_sha256": hashlib.sha256(model.text.encode()).hexdigest(),
+        "parameters": model.parameters | dict(calibration.parameters if calibration else {}),
+        "recording_sha256": _hash(recording),
+        "config": config.to_dict(),
+        "nominal_mounts": run.nominal_mounts,
+        "steps": run.steps,
+        "wall_s": wall_s,
+        "steps_per_s": run.steps / wall_s,
+    }
+    return track_of_run(model, run, (*run.notes, *(f"{f.sensor}: {f.message}" for f in findings)), provenance)
+
+
+def smooth(track: Track, *, progress: Progress | None = None) -> Track:
+    """Rauch-Tung-Striebel smoothing (Rauch, Tung and Striebel 1965) over the whole track.
+
+    Each estimate then rests on all samples, those after it included; the last one is unchanged.
+
+    Raises:
+        DataError: the track is smoothed already, or was read from a folder (its samples are not kept there).
+    """
+    if track.run is None:
+        raise DataError(
+            "smooth: this track holds no samples to go back over (it was loaded from files, or is simulated). "
+            "Track the recording again and smooth that, or use `oarlock track --smooth`"
+        )
+    began = time.perf_counter()
+    run = track.run.smooth(progress)
+    provenance = dict(track.provenance) | {"smoothing_wall_s": time.perf_counter() - began}
+    return track_of_run(track.model, run, track.notes, provenance)
+
+
+def _hash(recording: Recording) -> str:
+    digest = hashlib.sha256()
+    for stream in recording.streams:
+        digest.update(stream.name.encode())
+        digest.update(stream.time_s.tobytes())
+        for name, values in stream.values.items():
+            digest.update(name.encode())
+            digest.update(values.tobytes())
+    return digest.hexdigest()

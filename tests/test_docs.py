@@ -1,0 +1,102 @@
+"""The documentation is right: links lead somewhere, examples run, commands work, model files load."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "examples").rglob("*.md")])
+MODEL_PAGE = ROOT / "docs/model-files.md"
+RUN_LIMIT_S = 100
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", page.read_text(encoding="utf-8"), re.M | re.S)
+
+
+def name_of(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+def anchors(page: Path) -> set[str]:
+    titles = re.findall(r"^#+ (.+)$", page.read_text(encoding="utf-8"), re.M)
+    return {re.sub(r"[^\w\- ]", "", title).strip().lower().replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+        if "://" in target:
+            continue
+        path, _, anchor = target.partition("#")
+        file = (page.parent / path).resolve() if path else page
+        assert file.exists(), f"{name_of(page)} links to {target}"
+        assert not anchor or anchor in anchors(file), (
+            f"{name_of(page)}: no title for #{anchor} in {file.name}"
+        )
+
+
+def run(arguments: list[str], folder: Path) -> str:
+    done = subprocess.run(arguments, cwd=folder, capture_output=True, text=True, timeout=RUN_LIMIT_S)
+    assert done.returncode == 0, f"{' '.join(arguments[:6])}\n{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+@pytest.mark.parametrize(
+    "code", blocks(ROOT / "README.md", "python"), ids=lambda code: code.splitlines()[-1][:40]
+)
+def test_readme_example_runs(code, tmp_path):
+    assert run([sys.executable, "-c", code], tmp_path).strip()
+
+
+def test_readme_commands_run(tmp_path):
+    lines = [line for block in blocks(ROOT / "README.md", "console") for line in block.splitlines()]
+    commands = [line.split()[1:] for line in lines if line.startswith("oarlock ")]
+    assert commands
+    for command in commands:
+        run([sys.executable, "-m", "oarlock", *command], tmp_path)
+
+
+def test_model_page_shows_a_whole_model(tmp_path):
+    import oarlock
+
+    file = tmp_path / "two_links.toml"
+    file.write_text(blocks(MODEL_PAGE, "toml")[0], encoding="utf-8")
+    model = oarlock.load_model(file)
+    assert tuple(model.joint_names) == ("first", "second")
+
+
+def test_recipe_adds_a_joint(tmp_path):
+    import oarlock
+    from oarlock.shipped import model_path
+
+    recipe = next(block for block in blocks(MODEL_PAGE, "toml") if "head_rotation" in block)
+    file = tmp_path / "my.toml"
+    file.write_text(model_path("sculler").read_text(encoding="utf-8") + "\n" + recipe, encoding="utf-8")
+    model = oarlock.load_model(file)
+    assert model.joint_names[-1] == "head_rotation"
+    assert "head.mag_z" in model.measurement_names
+
+
+def test_recipe_sets_a_length_that_exists():
+    from oarlock.shipped import model_path
+
+    recipe = next(block for block in blocks(MODEL_PAGE, "toml") if block.startswith("l_ua_r"))
+    (name,) = tomllib.loads(recipe)
+    sculler = tomllib.loads(model_path("sculler").read_text(encoding="utf-8"))
+    assert set(sculler["parameters"][name]) == set(tomllib.loads(recipe)[name])
+
+
+def test_command_table_names_verbs_that_exist(tmp_path):
+    table = (ROOT / "README.md").read_text(encoding="utf-8").split("| verb | does |")[1].split("\n\n")[0]
+    verbs = {
+        words.split()[0]
+        for cell in re.findall(r"^\| (.*?) \|", table, re.M)
+        for words in re.findall("`(.*?)`", cell)[:1]
+    }
+    page = run([sys.executable, "-m", "oarlock", "--help"], tmp_path)
+    assert verbs and all(re.search(rf"\b{verb}\b", page) for verb in verbs), verbs

@@ -1,0 +1,211 @@
+import copy
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from oarlock.array_gate import real_array
+from oarlock.errors import DataError
+from oarlock.recording import ImuStream, Recording, ScalarStream, VectorStream
+
+TIME_S = np.arange(5) / 100.0
+ROWS = np.arange(15.0).reshape(5, 3)
+
+
+def imu(name="back", **fields):
+    return ImuStream(name, TIME_S, **(fields or {"gyro_rad_s": ROWS}))
+
+
+def refused(make):
+    with pytest.raises(DataError) as caught:
+        make()
+    return str(caught.value)
+
+
+# --- the gate ---------------------------------------------------------------------------------------------
+
+
+@given(
+    hnp.arrays(
+        st.sampled_from(["f2", "f4", ">f4", "f8", ">f8", "i1", "u2", "i4", ">i4", "u4"]),
+        st.tuples(st.integers(1, 6), st.just(3)),
+        elements=None,
+    ),
+    st.sampled_from(["C", "F", "reversed", "strided", "transposed", "read-only"]),
+)
+def test_gate_keeps_every_value_in_any_dtype_and_layout(values, layout):
+    with np.errstate(all="ignore"):
+        expected = np.array(values.tolist(), dtype=np.float64)
+    given_array = {
+        "C": lambda: np.ascontiguousarray(values),
+        "F": lambda: np.asfortranarray(values),
+        "reversed": lambda: values[::-1].copy()[::-1],
+        "strided": lambda: np.repeat(values, 2, axis=0)[::2],
+        "transposed": lambda: values.T.copy().T,
+        "read-only": lambda: np.broadcast_to(values, values.shape),
+    }[layout]()
+    result = real_array(given_array, (None, 3), "x")
+    np.testing.assert_array_equal(result, expected)
+    assert result.dtype == np.float64
+    assert result.flags.c_contiguous
+    assert not result.flags.writeable
+
+
+def test_gate_copies():
+    mine = ROWS.copy()
+    stream = imu(gyro_rad_s=mine)
+    mine[:] = 0.0
+    np.testing.assert_array_equal(stream.gyro_rad_s, ROWS)
+    with pytest.raises(ValueError, match="read-only"):
+        stream.gyro_rad_s[0, 0] = 1.0
+
+
+def test_gate_takes_lists_and_exact_long_doubles():
+    assert real_array([[1, 2, 3]], (None, 3), "x").tolist() == [[1.0, 2.0, 3.0]]
+    assert real_array(ROWS.astype(np.longdouble), (5, 3), "x").tolist() == ROWS.tolist()
+
+
+def test_masked_entries_are_missing():
+    masked = np.ma.masked_array(ROWS, mask=ROWS == 4.0)
+    assert np.isnan(imu(gyro_rad_s=masked).gyro_rad_s[1, 1])
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        (ROWS.astype(complex), ["complex128", "real part"]),
+        (ROWS.astype(object), ["object", "NaN instead of None"]),
+        (ROWS.astype(str), ["not real and numeric"]),
+        (ROWS > 3, ["bool"]),
+        (ROWS.astype("M8[s]"), ["datetime64", "seconds as floats"]),
+        ([[1.0, 2.0, 3.0], [1.0, 2.0]], ["rows of equal length"]),
+        (ROWS[:, :2], ["(5, 2)", "(T, 3)"]),
+        (ROWS[:4].T, ["(3, 4)", "(T, 3)", "Transpose"]),
+        (np.float64(1.0), ["()", "(T, 3)"]),
+        (np.full((5, 3), 2**53 + 1), ["9007199254740993", "exactly"]),
+    ],
+)
+def test_gate_names_stream_and_field(values, words):
+    text = refused(lambda: imu(accel_m_s2=values))
+    for word in ['stream "back", accel_m_s2', *words]:
+        assert word in text
+
+
+# --- streams ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("time_s", "words"),
+    [
+        ([0.0, 0.01, 0.03, 0.02, 0.04], ["time_s[3]", "0.02 s", "0.03 s", "sort"]),
+        ([0.0, 0.01, 0.02, 0.02, 0.04], ["time_s[3]", "repeats", "0.02 s", "more digits"]),
+        ([0.0, np.nan, 0.02, 0.03, 0.04], ["time_s[1]", "nan", "finite"]),
+        ([0.0, 0.01, 0.02, 0.03, np.inf], ["time_s[4]", "inf"]),
+        ([], ["no samples"]),
+    ],
+)
+def test_bad_stamps(time_s, words):
+    text = refused(lambda: ImuStream("back", np.array(time_s), gyro_rad_s=ROWS))
+    for word in ['stream "back"', *words]:
+        assert word in text
+
+
+def test_rows_of_other_length_name_both():
+    text = refused(lambda: imu(gyro_rad_s=ROWS, mag_ut=ROWS[:4]))
+    assert 'stream "back", mag_ut' in text
+    assert "4 rows" in text
+    assert "time_s has 5" in text
+
+
+def test_nan_is_missing_and_infinity_is_refused():
+    rows = ROWS.copy()
+    rows[2, 1] = np.nan
+    assert imu(gyro_rad_s=rows).missing_share == pytest.approx(1 / 15)
+    rows[3, 2] = -np.inf
+    text = refused(lambda: imu(gyro_rad_s=rows))
+    assert "gyro_rad_s[3, 2] is -inf at 0.03 s" in text
+
+
+def test_imu_without_quantity():
+    assert "no gyro_rad_s, accel_m_s2 or mag_ut" in refused(lambda: ImuStream("back", TIME_S))
+
+
+def test_stream_name_must_be_text():
+    assert "name" in refused(lambda: imu(name=" "))
+    assert "7" in refused(lambda: imu(name=7))
+
+
+def test_scalar_unit():
+    assert ScalarStream("seat", TIME_S, ROWS[:, 0], unit="m").unit == "m"
+    assert '"deg"' in refused(lambda: ScalarStream("oar", TIME_S, ROWS[:, 0], unit="deg")).replace("'", '"')
+
+
+def test_rate_is_that_of_the_median_step():
+    stream = ScalarStream("seat", [0.0, 0.01, 0.02, 0.5, 0.51], ROWS[:, 0])
+    assert stream.rate_hz == pytest.approx(100.0)
+    assert np.isnan(ScalarStream("seat", [0.0], [1.0]).rate_hz)
+
+
+# --- recordings -------------------------------------------------------------------------------------------
+
+
+def trial():
+    return Recording(
+        [imu(), ScalarStream("seat", TIME_S + 0.02, ROWS[:, 0]), VectorStream("wrist", TIME_S[:1], ROWS[:1])],
+        {"athlete": "A07"},
+    )
+
+
+def test_recording_finds_streams_by_name():
+    recording = trial()
+    assert recording.names == ("back", "seat", "wrist")
+    assert recording["seat"] is recording.sensor("seat") is recording.streams[1]
+    assert "back" in recording and "bow" not in recording
+    assert 'no stream "baak"' in refused(lambda: recording["baak"])
+    assert 'Did you mean "back"?' in refused(lambda: recording["baak"])
+    assert (recording.start_s, recording.end_s) == (0.0, pytest.approx(0.06))
+
+
+def test_recording_needs_streams_of_different_names():
+    assert "empty" in refused(lambda: Recording([]))
+    assert 'two streams have the name "back"' in refused(lambda: Recording([imu(), imu()]))
+    assert "streams[0] is a ndarray" in refused(lambda: Recording([ROWS]))
+
+
+def test_recording_does_not_change():
+    recording = trial()
+    with pytest.raises(AttributeError):
+        recording.streams = ()
+    with pytest.raises(TypeError):
+        recording.meta["athlete"] = "B"
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, lambda r: pickle.loads(pickle.dumps(r))])
+def test_copies_are_equal_and_read_only(again):
+    recording = trial()
+    twin = again(recording)
+    assert repr(twin) == repr(recording)
+    assert twin.meta == recording.meta
+    assert twin["back"].gyro_rad_s.tobytes() == recording["back"].gyro_rad_s.tobytes()
+    assert not twin["back"].gyro_rad_s.flags.writeable
+
+
+def test_slices_share_no_sample_and_lose_none():
+    recording = trial()
+    before, after = recording.slice(end_s=0.03), recording.slice(start_s=0.03)
+    assert before.names == ("back", "seat", "wrist")
+    assert after.names == ("back", "seat")
+    joined = np.concatenate([before["back"].gyro_rad_s, after["back"].gyro_rad_s])
+    np.testing.assert_array_equal(joined, ROWS)
+    assert after.meta == recording.meta
+    assert "0 to 0.06 s" in refused(lambda: recording.slice(1.0, 2.0))
+
+
+def test_repr_tells_what_is_there():
+    text = repr(trial())
+    for word in ["3 streams", "back", "100 Hz", "5 samples", "0.0 % missing", "gyro_rad_s"]:
+        assert word in text
+    assert "one sample" in repr(trial()["wrist"])

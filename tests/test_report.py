@@ -1,0 +1,247 @@
+"""The report is one well-formed, self-contained page that holds every joint and says what is wrong."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from fake_track import FakeInfo, noisy_track, true_track, with_beliefs
+from oarlock.errors import DataError
+from oarlock.report import plot, write_report
+from oarlock.report.health import smoothed_nis
+from oarlock.report.text import fixed, number
+
+LARGEST_BYTES = 3_000_000
+"""A page that is mailed and opened on a telephone."""
+VOID = {"meta", "br", "wbr", "link", "img", "input", "hr"}
+
+NAMES, UNITS = ("seat", "elbow", "theta"), ("m", "rad", "rad")
+TIME_S = np.arange(1001) * 0.01
+
+
+class Page(HTMLParser):
+    """Checks nesting and collects what is needed."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.errors: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.words: list[str] = []
+        self.feed(text)
+        self.close()
+        self.errors += [f"{tag} is never closed" for tag in self.open]
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        if not self.open or self.open.pop() != tag:
+            self.errors.append(f"{tag} closes something else")
+
+    def handle_data(self, data):
+        if not self.open or self.open[-1] != "style":
+            self.words.append(data)
+
+    @property
+    def text(self) -> str:
+        return re.sub(r"\s+", " ", "".join(self.words))
+
+    def all(self, tag: str) -> list[dict[str, str | None]]:
+        return [attributes for name, attributes in self.tags if name == tag]
+
+
+@pytest.fixture
+def truth():
+    return true_track(TIME_S, NAMES, UNITS)
+
+
+@pytest.fixture
+def track(truth):
+    observed = truth.observed.copy()
+    observed[:, 2] = False
+    return replace(noisy_track(truth, 0.01), observed=observed)
+
+
+def page(tmp_path, track, **options) -> Page:
+    return Page(write_report(track, tmp_path / "report.html", **options).read_text(encoding="utf-8"))
+
+
+def test_page_is_well_formed_and_loads_nothing(tmp_path, track, truth):
+    read = page(tmp_path, track, truth=truth)
+    assert read.errors == []
+    links = [value for _, a in read.tags for key, value in a.items() if key in {"src", "href", "xlink:href"}]
+    assert links
+    assert all(value is not None and value.startswith("#") for value in links)
+    assert not {"script", "link", "img", "iframe"} & {tag for tag, _ in read.tags}
+    style = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "@import" not in style
+    assert not re.search(r"url\((?!#)", style)
+
+
+def test_ids_are_unique_and_references_lead_somewhere(tmp_path, track, truth):
+    read = page(tmp_path, track, truth=truth)
+    ids = [a["id"] for _, a in read.tags if "id" in a]
+    assert len(ids) == len(set(ids))
+    wanted = [key for _, a in read.tags for key in (a.get("aria-labelledby") or "").split()]
+    wanted += [a["href"].removeprefix("#") for _, a in read.tags if a.get("href")]
+    assert wanted
+    assert set(wanted) <= set(ids)
+
+
+def test_every_joint_sensor_and_slow_state_is_there(tmp_path, track, truth):
+    text = page(tmp_path, track, truth=truth).text
+    for name in (*NAMES, *track.info.sensor_names, "surge", "back.gyro_bias", "r_shoulder"):
+        assert name in text
+    assert "theta: not observed (no stream)" in text
+    assert "nominal ones, not calibrated: back" in text
+
+
+def test_drawings_and_tables_speak_to_screen_readers(tmp_path, track, truth):
+    read = page(tmp_path, track, truth=truth)
+    drawings = [a for a in read.all("svg") if a.get("aria-hidden") != "true"]
+    assert len(drawings) >= len(NAMES) + len(track.info.sensor_names)
+    assert all(a.get("role") == "img" and a.get("aria-labelledby") for a in drawings)
+    assert len(read.all("desc")) == len(drawings)
+    assert len(read.all("caption")) == len(read.all("table")) == 3
+
+
+def test_without_truth_it_says_so(tmp_path, track):
+    read = page(tmp_path, track)
+    assert "There is no truth to compare with" in read.text
+    assert "RMSE" not in read.text
+    assert "half-width of the 95 % band" in read.text
+    assert not any("truth" in (a.get("class") or "").split() for a in read.all("path"))
+
+
+def test_honest_and_dishonest_bands_get_different_words(tmp_path, truth):
+    honest = page(tmp_path, noisy_track(truth, 0.01), truth=truth).text
+    proud = page(tmp_path, noisy_track(truth, 0.01, claimed=0.003), truth=truth).text
+    shy = page(tmp_path, noisy_track(truth, 0.01, claimed=0.05), truth=truth).text
+    assert "Yes, the bands are honest" in honest
+    assert "Not its bands" in proud
+    assert "even wider than needed" in shy
+
+
+def test_a_sensor_that_scatters_too_much_is_named(tmp_path, track, truth):
+    nis = track.info.nis.copy()
+    nis[:, 0] *= 4
+    read = page(tmp_path, replace(track, info=replace(track.info, nis=nis)), truth=truth)
+    assert re.search(r"More scatter than the filter expects .* from back \((3\.9|4\.0|4\.1)\)", read.text)
+
+
+def test_nees_per_state_is_told_where_beliefs_are_kept(tmp_path, track, truth):
+    covariance = np.diag(np.tile([1e-4, 1e-2, 1.0], 3))
+    kept = with_beliefs(track, truth, covariance, every=50)
+    assert re.search(
+        r"NEES per state, .*: (0\.[89]|1\.[012])\d over \d+ beliefs", page(tmp_path, kept, truth=truth).text
+    )
+    assert "NEES per state" not in page(tmp_path, track, truth=truth).text
+
+
+def test_hostile_names_stay_text(tmp_path, track):
+    notes = ("<script>alert(1)</script>",)
+    renamed = replace(track, joint_names=('"><b>', "a&b", "theta"), notes=notes)
+    read = page(tmp_path, renamed, title="<i>x</i> & y")
+    assert read.errors == []
+    assert not read.all("script")
+    assert "<script>alert(1)</script>" in read.text
+    assert "<i>x</i> & y" in read.text
+
+
+def test_sparse_tracks_are_drawn(tmp_path, track, truth):
+    bare = replace(
+        truth, time_s=TIME_S[:1], q=truth.q[:1], q_std=truth.q_std[:1], observed=truth.observed[:1]
+    )
+    silent = FakeInfo(
+        ("back",), np.full((1001, 1), np.nan), *(np.zeros((1001, 1), dtype=int) for _ in range(3))
+    )
+    empty = replace(track, q=np.full(track.q.shape, np.nan), info=silent, slow={}, provenance={}, notes=())
+    assert page(tmp_path, bare).errors == []
+    assert page(tmp_path, empty).errors == []
+    with pytest.raises(DataError, match="no samples"):
+        write_report(replace(track, time_s=TIME_S[:0]), tmp_path / "none.html")
+
+
+def test_folders_get_a_file_and_missing_parents_are_made(tmp_path, track):
+    assert write_report(track, tmp_path) == tmp_path / "report.html"
+    assert write_report(track, tmp_path / "a" / "b.html").exists()
+
+
+def test_forty_seconds_of_a_whole_body_stay_small(tmp_path):
+    units = ("rad",) * 22
+    truth = true_track(np.arange(5001) / 125, tuple(f"joint_{k}" for k in range(22)), units)
+    path = write_report(noisy_track(truth, 0.01), tmp_path, truth=truth)
+    assert path.stat().st_size < LARGEST_BYTES
+
+
+def test_decimation_keeps_extremes_and_gaps():
+    rng = np.random.default_rng(0)
+    x, y = np.arange(20_000.0), rng.standard_normal(20_000)
+    y[5_000:6_000] = np.nan
+    y[12_345], y[777] = 50.0, -60.0
+    xs, ys = plot.decimate(x, y)
+    assert len(xs) <= 2 * plot.BUCKETS
+    assert np.all(np.diff(xs) > 0)
+    assert (np.nanmax(ys), np.nanmin(ys)) == (50.0, -60.0)
+    assert np.isnan(ys).any()
+
+
+def test_decimated_band_is_never_narrower():
+    x = np.arange(20_000.0)
+    half = np.where(x == 4_321, 9.0, 1.0)
+    xs, low, high = plot.envelope(x, -half, half)
+    assert len(xs) <= plot.BUCKETS
+    assert (low.min(), high.max()) == (-9.0, 9.0)
+    assert np.all(high >= 1.0)
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [(0, 40), (-61.2, 41.7), (1.7e9, 1.7e9 + 3), (-2e-5, 3e-5), (0.99, 1.01)]
+)
+def test_ticks_are_round_inside_and_told_apart(low, high):
+    values = plot.ticks(low, high)
+    labels = plot.tick_labels(values)
+    assert 2 <= len(values) <= 9
+    assert all(low <= v <= high for v in values)
+    assert len(set(labels)) == len(labels)
+    for value, name in zip(values, labels, strict=True):
+        assert float(name.replace("\N{MINUS SIGN}", "-")) == pytest.approx(value, abs=1e-9)
+
+
+def test_smoothed_nis_is_one_for_a_consistent_sensor():
+    time_s = np.arange(0, 10, 0.01)
+    nis, used = np.full(1000, 9.0), np.full(1000, 9.0)
+    nis[400:500], used[400:500] = np.nan, 0
+    smooth, degrees = smoothed_nis(time_s, nis, used)
+    np.testing.assert_allclose(smooth[np.isfinite(smooth)], 1.0, atol=1e-9)
+    assert np.isnan(smooth[400:500]).all()
+    assert 51 * 9 - 9 <= degrees[200] <= 51 * 9
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"),
+        (0.02034, "0.0203"),
+        (12.345, "12.3"),
+        (-0.5, "\N{MINUS SIGN}0.500"),
+        (5001.0, "5,001"),
+        (np.nan, "–"),
+    ],
+)
+def test_numbers_read_well(value, text):
+    assert number(value) == text
+
+
+def test_a_rounded_zero_has_no_sign():
+    assert (fixed(-1e-7, 4), fixed(-0.5, 1)) == ("0.0000", "\N{MINUS SIGN}0.5")
