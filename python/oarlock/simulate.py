@@ -1,4 +1,4 @@
-"""Signals of any model along any motion. Inertial signals come from differentiating poses, never from the filter's model."""
+"""Signals of any model along any motion; inertial ones by differentiating poses, never by the filter's model."""
 
 from __future__ import annotations
 

@@ -139,8 +139,17 @@ class Track:
         if name not in self.joint_names:
             raise KeyError(f"no joint '{name}'. {did_you_mean(name, self.joint_names)}")
         i = self.joint_names.index(name)
-        columns = (self.q, self.qd, self.qdd, self.q_std, self.qd_std, self.qdd_std)
-        return JointSeries(name, self.joint_units[i], *(c[:, i] for c in columns), self.observed[:, i])
+        return JointSeries(
+            name=name,
+            unit=self.joint_units[i],
+            value=self.q[:, i],
+            velocity=self.qd[:, i],
+            acceleration=self.qdd[:, i],
+            std=self.q_std[:, i],
+            velocity_std=self.qd_std[:, i],
+            acceleration_std=self.qdd_std[:, i],
+            observed=self.observed[:, i],
+        )
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -252,13 +261,7 @@ def track_of_run(model: Model, run: Run, notes: tuple[str, ...], provenance: Map
         joint_units=joint_units(model),
         observed=arrays["observed"].astype(bool),
         slow=_slow(arrays, states, model),
-        info=SensorInfo(
-            tuple(run.source_names),
-            arrays["nis"],
-            *(arrays[k].astype(np.int64) for k in ("used", "rejected", "missing")),
-            inertial_nis=arrays["inertial_nis"],
-            inertial_used=arrays["inertial_used"].astype(np.int64),
-        ),
+        info=_info(arrays, run),
         beliefs=_beliefs(run),
         notes=tuple(dict.fromkeys(notes)),
         provenance=MappingProxyType(dict(provenance)),
@@ -270,8 +273,20 @@ def track_of_run(model: Model, run: Run, notes: tuple[str, ...], provenance: Map
 
 
 def joint_units(model: Model) -> tuple[str, ...]:
-    """ "m" for slides, "rad" for the rest."""
+    """Unit of each joint: "m" for slides, "rad" for the rest."""
     return tuple("m" if j["kind"] == "slide" else "rad" for j in model.describe()["joints"])
+
+
+def _info(arrays: Mapping[str, Floats], run: Run) -> SensorInfo:
+    return SensorInfo(
+        sensor_names=tuple(run.source_names),
+        nis=arrays["nis"],
+        used=arrays["used"].astype(np.int64),
+        rejected=arrays["rejected"].astype(np.int64),
+        missing=arrays["missing"].astype(np.int64),
+        inertial_nis=arrays["inertial_nis"],
+        inertial_used=arrays["inertial_used"].astype(np.int64),
+    )
 
 
 def _slow(arrays: Mapping[str, Floats], states: Mapping[str, int], model: Model) -> dict[str, SlowSeries]:

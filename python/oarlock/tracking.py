@@ -57,6 +57,8 @@ def track(
         "wall_s": wall_s,
         "steps_per_s": run.steps / wall_s,
     }
+    if calibration is not None and calibration.parameters:
+        model = Model.from_toml(model.text, model.path, model.parameters | dict(calibration.parameters))
     return track_of_run(model, run, (*run.notes, *(f"{f.sensor}: {f.message}" for f in findings)), provenance)
 
 
@@ -68,7 +70,7 @@ def smooth(track: Track, *, progress: Progress | None = None) -> Track:
     Raises:
         DataError: the track is smoothed already, or was read from a folder (its samples are not kept there).
     """
-    if track.run is None:
+    if track.run is None or track.model is None:
         raise DataError(
             "smooth: this track holds no samples to go back over (it was loaded from files, or is simulated). "
             "Track the recording again and smooth that, or use `oarlock track --smooth`"

@@ -11,6 +11,7 @@ use oarlock::track::loops::readings_from;
 use oarlock::track::parameter_values;
 use oarlock::{Config, Model};
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -181,10 +182,10 @@ impl PyModel {
         )
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (String, String, BTreeMap<String, f64>))> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
         let make = slf.py().import("oarlock")?.getattr("Model")?.getattr("from_toml")?;
         let m = slf.get();
-        Ok((make, (m.text.clone(), m.path.clone(), m.given.clone())))
+        (make, (m.text.clone(), m.path.clone(), m.given.clone())).into_pyobject(slf.py())
     }
 }
 

@@ -121,11 +121,11 @@ impl<'a, S: System> Problem<'a, S> {
         let mut out = Linearised { normal: Square::zeros(n), gradient: vec![0.0; n], cost: 0.0 };
         let mut away = vec![0.0; n];
         self.system.difference(&self.guess.mean, mean, &mut away);
-        for i in 0..n {
-            let weight = 1.0 / (self.guess.std[i] * self.guess.std[i]);
+        for (i, (&away, &std)) in away.iter().zip(&self.guess.std).enumerate() {
+            let weight = 1.0 / (std * std);
             *out.normal.at_mut(i, i) = weight;
-            out.gradient[i] = weight * away[i];
-            out.cost += weight * away[i] * away[i];
+            out.gradient[i] = weight * away;
+            out.cost += weight * away * away;
         }
         for k in 0..self.evidence.len() {
             self.add_sample(k, mean, &mut out);

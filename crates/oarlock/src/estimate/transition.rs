@@ -73,8 +73,8 @@ impl Transition {
     /// A <- F A.
     fn multiply_left(&self, a: &mut Square, old: &mut [Vec<f64>; 3]) {
         for b in self.blocks.iter().filter(|b| !b.stays()) {
-            for r in 0..b.len {
-                old[r].copy_from_slice(a.row(b.index[r]));
+            for (old, &i) in old.iter_mut().zip(&b.index[..b.len]) {
+                old.copy_from_slice(a.row(i));
             }
             for r in 0..b.len {
                 let row = a.row_mut(b.index[r]);

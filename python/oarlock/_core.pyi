@@ -1,0 +1,137 @@
+"""The compiled engine. Arrays are float64; time in s, angles in rad, lengths in m."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from oarlock.calibration import Calibration
+from oarlock.models import Base
+from oarlock.recording import Recording
+
+Floats = NDArray[np.float64]
+
+__version__: str
+
+class ModelError(ValueError): ...
+class DataError(ValueError): ...
+
+class DivergedError(RuntimeError):
+    time_s: float
+
+class Model:
+    name: str
+    description: str
+    text: str
+    path: str
+    parameters: dict[str, float]
+    joint_names: list[str]
+    frame_names: list[str]
+    sensor_names: list[str]
+    closure_names: list[str]
+    measurement_names: list[str]
+    state_names: list[str]
+    @staticmethod
+    def from_toml(text: str, path: str, parameters: Mapping[str, float]) -> Model: ...
+    def describe(self) -> dict[str, Any]: ...
+    def forward_kinematics(self, q: ArrayLike) -> Floats: ...
+    def predict_measurements(
+        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, base: Base | None = None
+    ) -> Floats: ...
+
+class Config:
+    estimate: list[str]
+    closures: bool
+    process_noise: str
+    magnetometer: str
+    filter: str
+    initial_q: list[float] | None
+    alpha: float
+    beta: float
+    kappa: float
+    merge_s: float
+    start_window_s: float
+    gate: bool
+    gate_patience_s: float
+    learning_memory_s: float | None
+    belief_interval_s: float
+    output_rate_hz: float | None
+    def __init__(self, **keys: Any) -> None: ...
+    def to_dict(self) -> dict[str, Any]: ...
+
+class Belief:
+    def __init__(
+        self,
+        time_s: float,
+        mean: ArrayLike,
+        covariance: ArrayLike,
+        drive: ArrayLike,
+        habit: ArrayLike,
+        rejected_since_s: ArrayLike,
+        state_names: list[str],
+    ) -> None: ...
+    time_s: float
+    mean: Floats
+    covariance: Floats
+    drive: Floats
+    habit: Floats
+    rejected_since_s: Floats
+    state_names: list[str]
+
+class Info:
+    time_s: float
+    status: str
+    innovation: Floats
+    nis: float
+    inertial: tuple[float, int]
+    sensors: dict[str, dict[str, float]]
+
+class Sample:
+    __hash__: ClassVar[None]  # type: ignore[assignment]
+    time_s: float
+
+class Tracker:
+    def __init__(
+        self,
+        model: Model,
+        calibration: Calibration | None = None,
+        config: Config | None = None,
+        belief: Belief | None = None,
+    ) -> None: ...
+    belief: Belief | None
+    state_names: list[str]
+    def sample(self, time_s: float, readings: Mapping[str, Any]) -> Sample: ...
+    def samples(self, recording: Recording) -> list[Sample]: ...
+    def step(
+        self, sample: Sample | float, readings: Mapping[str, Any] | None = None
+    ) -> tuple[Belief | None, Info]: ...
+
+class Run:
+    last_belief: Belief | None
+    state_names: list[str]
+    source_names: list[str]
+    notes: list[str]
+    nominal_mounts: list[str]
+    steps: int
+    smoothed: bool
+    def arrays(self) -> dict[str, Floats]: ...
+    def beliefs(self) -> list[tuple[float, Floats, Floats]]: ...
+    def smooth(self, progress: Callable[[float], object] | None) -> Run: ...
+
+def track(
+    model: Model,
+    recording: Recording,
+    calibration: Calibration | None,
+    config: Config,
+    start: Belief | None,
+    progress: Callable[[float], object] | None,
+) -> Run: ...
+def imu_signals(
+    model: Model,
+    calibration: Calibration | None,
+    q: ArrayLike,
+    step_s: float,
+    root_acceleration: ArrayLike,
+    azimuth_rad: float,
+) -> Floats: ...

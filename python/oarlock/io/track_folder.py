@@ -1,0 +1,176 @@
+"""A track as a folder: track.parquet, sensors.parquet, beliefs.parquet, the model's text and run.toml."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+from pyarrow import parquet
+
+from oarlock._core import Model
+from oarlock.errors import DataError
+from oarlock.io.toml import TomlTable, write_toml
+from oarlock.track import Beliefs, SensorInfo, SlowSeries, Track
+
+FORMAT = 1
+_COUNTS = ("used", "rejected", "missing")
+_COLUMNS = {
+    "q": "",
+    "q_std": "std_",
+    "qd": "velocity_",
+    "qd_std": "velocity_std_",
+    "qdd": "acceleration_",
+    "qdd_std": "acceleration_std_",
+}
+_PER = {"q": "", "qd": "_s", "qdd": "_s2"}
+
+
+def write_track(track: Track, folder: str | PathLike[str]) -> None:
+    """Write everything but the samples: estimates, infos, beliefs, model and provenance."""
+    place = Path(folder)
+    place.mkdir(parents=True, exist_ok=True)
+    parquet.write_table(pa.table(track.columns()), place / "track.parquet")
+    if track.info is not None:
+        parquet.write_table(_sensor_table(track.time_s, track.info), place / "sensors.parquet")
+    if track.beliefs is not None:
+        parquet.write_table(_belief_table(track.beliefs), place / "beliefs.parquet")
+    if track.model is not None:
+        (place / "model.toml").write_text(track.model.text, encoding="utf-8")
+    write_toml(place / "run.toml", _description(track))
+
+
+def read_track(folder: str | PathLike[str]) -> Track:
+    """Read what `write_track` wrote.
+
+    Raises:
+        DataError: the folder holds no track, or a file in it is damaged.
+    """
+    place = Path(folder)
+    if not (place / "run.toml").is_file() or not (place / "track.parquet").is_file():
+        raise DataError(
+            f"{place}: no track here (run.toml or track.parquet is missing); write one with `oarlock track`"
+        )
+    top: Mapping[str, Any] = TomlTable.read(place / "run.toml").values
+    table = _read(place / "track.parquet")
+    names, units = tuple(top["joints"]["names"]), tuple(top["joints"]["units"])
+    try:
+        arrays: dict[str, Any] = {
+            field: _stack(table, [_column(n, u, field) for n, u in zip(names, units, strict=True)])
+            for field in _COLUMNS
+        }
+        observed = _stack(table, [f"{n}_observed" for n in names]) > 0.5
+        slow = {
+            name: SlowSeries(_one(table, f"{name} [{unit}]"), _one(table, f"{name} std [{unit}]"), unit)
+            for name, unit in top["slow"].items()
+        }
+        time_s = _one(table, "time_s")
+    except KeyError as missing:
+        raise DataError(f"{place / 'track.parquet'}: column {missing} is missing; the file is damaged") from None
+    return Track(
+        model=_model(place, top["provenance"]),
+        time_s=time_s,
+        joint_names=names,
+        joint_units=units,
+        observed=observed,
+        slow=slow,
+        info=_info(place / "sensors.parquet", tuple(top["sensors"])),
+        beliefs=_beliefs(place / "beliefs.parquet", tuple(top["states"])),
+        notes=tuple(top["notes"]),
+        provenance=top["provenance"],
+        smoothed=bool(top["smoothed"]),
+        **arrays,
+    )
+
+
+def _column(name: str, unit: str, field: str) -> str:
+    """The name that `Track.columns` gives it."""
+    return f"{name}_{_COLUMNS[field]}{unit}{_PER[field.removesuffix('_std')]}"
+
+
+def _description(track: Track) -> dict[str, Any]:
+    return {
+        "format": FORMAT,
+        "smoothed": track.smoothed,
+        "notes": list(track.notes),
+        "sensors": list(track.info.sensor_names) if track.info else [],
+        "states": list(track.beliefs.state_names) if track.beliefs else [],
+        "joints": {"names": list(track.joint_names), "units": list(track.joint_units)},
+        "slow": {name: slow.unit for name, slow in track.slow.items()},
+        "provenance": _without_none(track.provenance),
+    }
+
+
+def _without_none(value: Any) -> Any:
+    """TOML has no null: a key without a value is left out."""
+    if isinstance(value, Mapping):
+        return {k: _without_none(v) for k, v in value.items() if v is not None}
+    return [_without_none(v) for v in value] if isinstance(value, list | tuple) else value
+
+
+def _sensor_table(time_s: NDArray[np.float64], info: SensorInfo) -> pa.Table:
+    columns: dict[str, Any] = {"time_s": time_s}
+    for i, name in enumerate(info.sensor_names):
+        columns[f"{name}.nis"] = info.nis[:, i]
+        columns |= {f"{name}.{kind}": getattr(info, kind)[:, i] for kind in _COUNTS}
+    columns |= {"inertial.nis": info.inertial_nis, "inertial.used": info.inertial_used}
+    return pa.table(columns)
+
+
+def _belief_table(beliefs: Beliefs) -> pa.Table:
+    n = len(beliefs.state_names)
+    mean = pa.FixedSizeListArray.from_arrays(pa.array(beliefs.mean.ravel()), max(n, 1))
+    covariance = pa.FixedSizeListArray.from_arrays(pa.array(beliefs.covariance.ravel()), max(n * n, 1))
+    return pa.table({"time_s": beliefs.time_s, "mean": mean, "covariance": covariance})
+
+
+def _info(file: Path, names: tuple[str, ...]) -> SensorInfo | None:
+    if not names:
+        return None
+    table = _read(file)
+    counts: dict[str, Any] = {
+        kind: _stack(table, [f"{n}.{kind}" for n in names]).astype(np.int64) for kind in _COUNTS
+    }
+    return SensorInfo(
+        sensor_names=names,
+        nis=_stack(table, [f"{n}.nis" for n in names]),
+        inertial_nis=_one(table, "inertial.nis"),
+        inertial_used=_one(table, "inertial.used").astype(np.int64),
+        **counts,
+    )
+
+
+def _beliefs(file: Path, states: tuple[str, ...]) -> Beliefs | None:
+    if not states:
+        return None
+    table, n = _read(file), len(states)
+    mean, covariance = (
+        table[name].combine_chunks().flatten().to_numpy(zero_copy_only=False) for name in ("mean", "covariance")
+    )
+    return Beliefs(_one(table, "time_s"), mean.reshape(-1, n), covariance.reshape(-1, n, n), states)
+
+
+def _model(place: Path, provenance: Mapping[str, Any]) -> Model | None:
+    file = place / "model.toml"
+    if not file.is_file():
+        return None
+    return Model.from_toml(file.read_text(encoding="utf-8"), str(file), dict(provenance.get("parameters", {})))
+
+
+def _read(file: Path) -> pa.Table:
+    try:
+        return parquet.read_table(file)
+    except (OSError, pa.ArrowInvalid) as error:
+        raise DataError(f"{file}: cannot be read ({error}); track the recording again") from None
+
+
+def _one(table: pa.Table, name: str) -> NDArray[np.float64]:
+    return np.array(table[name].to_numpy(), dtype=np.float64)
+
+
+def _stack(table: pa.Table, names: list[str]) -> NDArray[np.float64]:
+    return np.stack([_one(table, name) for name in names], axis=1)
