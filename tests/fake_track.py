@@ -43,6 +43,8 @@ class FakeInfo:
     used: NDArray[np.int64]
     rejected: NDArray[np.int64]
     missing: NDArray[np.int64]
+    inertial_nis: NDArray[np.float64]
+    inertial_used: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -144,7 +146,8 @@ def healthy_info(samples: int, rng: np.random.Generator) -> FakeInfo:
     nis = rng.chisquare(used).astype(float)
     used[1::2, 2], nis[1::2, 2] = 0, np.nan
     missing = np.tile(rows, (samples, 1)) - used
-    return FakeInfo(("back", "seat", "r_grip"), nis, used, np.zeros_like(used), missing)
+    sensors = ("back", "seat", "r_grip")
+    return FakeInfo(sensors, nis, used, np.zeros_like(used), missing, nis[:, 0], used[:, 0])
 
 
 def with_beliefs(

@@ -163,7 +163,11 @@ def test_sparse_tracks_are_drawn(tmp_path, track, truth):
         truth, time_s=TIME_S[:1], q=truth.q[:1], q_std=truth.q_std[:1], observed=truth.observed[:1]
     )
     silent = FakeInfo(
-        ("back",), np.full((1001, 1), np.nan), *(np.zeros((1001, 1), dtype=int) for _ in range(3))
+        ("back",),
+        np.full((1001, 1), np.nan),
+        *(np.zeros((1001, 1), dtype=int) for _ in range(3)),
+        inertial_nis=np.full(1001, np.nan),
+        inertial_used=np.zeros(1001, dtype=int),
     )
     empty = replace(track, q=np.full(track.q.shape, np.nan), info=silent, slow={}, provenance={}, notes=())
     assert page(tmp_path, bare).errors == []

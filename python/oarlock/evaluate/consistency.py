@@ -17,7 +17,7 @@ from scipy.stats import chi2
 from .errors import wrap
 from .resample import resample
 from .scores import SensorScore, StateScore
-from .tracklike import BeliefsLike, Floats, Interval, TrackLike, beliefs_of, info_of
+from .tracklike import BeliefsLike, Bools, Floats, InfoLike, Interval, TrackLike, beliefs_of, info_of
 
 
 def interval_95(degrees: float) -> tuple[float, float]:
@@ -30,7 +30,9 @@ def interval_95(degrees: float) -> tuple[float, float]:
 def sensor_scores(track: TrackLike, window: Interval) -> tuple[SensorScore, ...]:
     """NIS per measurement of every sensor and closure: sum of NIS over sum of used rows in the window.
 
-    Source: Bar-Shalom et al. 2001, section 5.4.2.
+    The last one, `all inertial`, takes all inertial units of a sample as one measurement with their joint covariance:
+    units on one body share the body's uncertainty, so only this one is expected at 1; each alone stays below it where
+    the body's motion is less certain than its sensors. Source: Bar-Shalom et al. 2001, section 5.4.2.
     """
     info = info_of(track)
     if info is None:
@@ -51,7 +53,17 @@ def sensor_scores(track: TrackLike, window: Interval) -> tuple[SensorScore, ...]
                 missing=int(info.missing[kept, k].sum()),
             )
         )
-    return tuple(scores)
+    return (*scores, *_inertial_score(info, kept))
+
+
+def _inertial_score(info: InfoLike, kept: Bools) -> tuple[SensorScore, ...]:
+    nis, used = info.inertial_nis[kept], info.inertial_used[kept]
+    counted = np.isfinite(nis) & (used > 0)
+    degrees = int(used[counted].sum())
+    if not degrees:
+        return ()
+    value = float(nis[counted].sum() / degrees)
+    return (SensorScore("all inertial", value, interval_95(degrees), degrees, 0, 0, joint=True),)
 
 
 def state_score(

@@ -125,7 +125,8 @@ class StateScore:
 class SensorScore:
     """NIS per measurement of one sensor or closure, and its rows; 1 is expected.
 
-    Source: Bar-Shalom et al. 2001, section 5.4.
+    `joint` marks a score over several sensors, whose rows are counted with these. Source: Bar-Shalom et al. 2001,
+    section 5.4.
     """
 
     name: str
@@ -134,6 +135,7 @@ class SensorScore:
     used: int
     rejected: int
     missing: int
+    joint: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-safe."""

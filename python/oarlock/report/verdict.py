@@ -140,8 +140,9 @@ def _readings(loud: list[str]) -> str:
 
 
 def _used_share(sensors: tuple[SensorScore, ...]) -> float:
-    total = sum(s.used + s.rejected + s.missing for s in sensors)
-    return sum(s.used for s in sensors) / total if total else math.nan
+    alone = [s for s in sensors if not s.joint]
+    total = sum(s.used + s.rejected + s.missing for s in alone)
+    return sum(s.used for s in alone) / total if total else math.nan
 
 
 def _not_used(sensors: tuple[SensorScore, ...]) -> str:
