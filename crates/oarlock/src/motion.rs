@@ -96,6 +96,8 @@ fn driving(factor: &[[f64; 3]; 3], settled: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
 
 /// exp(A t) of x''' = -3 p x'' - 3 p^2 x' - p^3 x.
 fn triple_pole(p: f64, t: f64) -> [[f64; 3]; 3] {
+    // Nothing is left by then, and the powers of a longer t would overflow.
+    let t = t.min(500.0 / p);
     let e = (-p * t).exp();
     let (p2, p3, p4, t2) = (p * p, p * p * p, p * p * p * p, t * t);
     let rows = [

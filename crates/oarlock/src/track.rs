@@ -46,6 +46,9 @@ pub enum Status {
 
 /// Longest single prediction, s: after a gap the spring that holds unobserved joints must be able to set in.
 const LONGEST_STEP_S: f64 = 0.1;
+/// In a long gap predictions may be as long as this share of the time already bridged: a variance grows by at most 1.1^5
+/// in one of them, and a stamp from another clock costs hundreds of predictions, not billions.
+const STEP_SHARE: f64 = 0.1;
 /// Readings that feel the body's own motion are odd only far beyond the quantile: a jolt is not a fault.
 const GATE_SLACK: f64 = 10.0;
 /// A field whose norm is off by more than this share is disturbed.
@@ -110,11 +113,23 @@ impl Tracker {
 
     /// Goes on from a belief of an earlier run instead of fitting a start.
     pub fn resume(&mut self, belief: Belief) -> Result<()> {
-        let (n, own) = (belief.mean.len(), self.body.layout.dim());
-        if n != own || belief.drive.len() != self.body.driven().len() || belief.rejected_since_s.len() != self.groups.parts.len() {
+        let (n, own, parts) = (belief.mean.len(), self.body.layout.dim(), self.groups.parts.len());
+        let fits = n == own
+            && belief.covariance.n() == own
+            && belief.drive.len() == self.body.driven().len()
+            && belief.habit.len() == parts
+            && belief.rejected_since_s.len() == parts;
+        if !fits {
             return Err(Error::Data(format!(
                 "belief of {n} states does not fit model '{}' with {own} states: use the same model and config",
                 self.body.model.name
+            )));
+        }
+        let mut numbers = belief.mean.iter().chain(belief.covariance.as_slice()).chain(&belief.drive).chain(&belief.habit);
+        if !belief.time_s.is_finite() || numbers.any(|x| !x.is_finite()) {
+            return Err(Error::Data(format!(
+                "belief at {} s holds numbers that are not finite: start without it, or from an earlier one",
+                belief.time_s
             )));
         }
         self.belief = Some(belief);
@@ -147,6 +162,7 @@ impl Tracker {
         sample: &Sample,
         sink: &mut dyn FnMut(&Sample, &Belief, &Info),
     ) -> Result<Status> {
+        self.check(sample)?;
         let Some(mut belief) = self.belief.take() else {
             return self.gather(sample, sink);
         };
@@ -158,6 +174,35 @@ impl Tracker {
         sink(sample, &belief, &self.info);
         self.belief = Some(belief);
         Ok(Status::Tracking)
+    }
+
+    /// Refuses a sample of another shape, and readings that no sensor can give.
+    fn check(&self, sample: &Sample) -> Result<()> {
+        let (rows, joints) = (self.z.len(), self.moment.inputs.len());
+        if (sample.z.len(), sample.inputs.len()) != (rows, joints) {
+            return Err(Error::Data(format!(
+                "sample at {:.3} s holds {} readings and {} inputs; model '{}' has {rows} and {joints}: \
+                 make it with this tracker's own model",
+                sample.time_s,
+                sample.z.len(),
+                sample.inputs.len(),
+                self.body.model.name
+            )));
+        }
+        if let Some(row) = sample.z.iter().position(|z| z.is_infinite()) {
+            let names = self.body.suite.row_names();
+            return Err(Error::Data(format!(
+                "sample at {:.3} s: {} is infinite; write NaN for a missing value",
+                sample.time_s, names[row]
+            )));
+        }
+        if let Some(joint) = sample.inputs.iter().position(|x| x.is_infinite()) {
+            return Err(Error::Data(format!(
+                "sample at {:.3} s: {} is infinite; write NaN for a missing value",
+                sample.time_s, self.body.model.joints[joint].name
+            )));
+        }
+        Ok(())
     }
 
     /// Works off what still waits for a full start window: the recording is over.
@@ -204,10 +249,13 @@ impl Tracker {
         sample: &Sample,
         on_predicted: &mut dyn FnMut(&Transition, &Belief),
     ) -> Result<()> {
+        let since = belief.time_s;
         loop {
-            let left = sample.time_s - belief.time_s;
-            let last = left <= LONGEST_STEP_S;
-            let to = if last { sample.time_s } else { belief.time_s + LONGEST_STEP_S };
+            let step = LONGEST_STEP_S.max(STEP_SHARE * (belief.time_s - since));
+            let next = belief.time_s + step;
+            // At large stamps a short step may be lost in rounding.
+            let last = sample.time_s - belief.time_s <= step || next <= belief.time_s;
+            let to = if last { sample.time_s } else { next };
             self.filter.predict(&self.body, belief, to, &mut self.transition);
             on_predicted(&self.transition, belief);
             if last {

@@ -1,0 +1,113 @@
+//! A step allocates nothing once the start is found.
+
+#![allow(unsafe_code)] // an allocator that counts cannot be written without
+
+mod support;
+
+use oarlock::config::Config;
+use oarlock::recording::Sample;
+use oarlock::track::{Calibration, Status, Tracker};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use support::chance::Chance;
+use support::record::{punch_holes, times, Scene};
+use support::stroke::Stroke;
+use support::{body, model, SCULLER};
+
+struct Counting;
+
+thread_local! {
+    /// Requests for memory by this thread; other threads belong to the test runner.
+    static REQUESTS: Cell<usize> = const { Cell::new(0) };
+}
+
+fn count() {
+    // Gone while a thread ends.
+    let _ = REQUESTS.try_with(|r| r.set(r.get() + 1));
+}
+
+// SAFETY: hands every request on to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: the caller keeps the contract of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, ptr: *mut u8, layout: Layout) {
+        // SAFETY: the caller keeps the contract of `dealloc`.
+        unsafe { System.dealloc(ptr, layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: the caller keeps the contract of `alloc_zeroed`.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn realloc(&self, ptr: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count();
+        // SAFETY: the caller keeps the contract of `realloc`.
+        unsafe { System.realloc(ptr, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn samples(config: &Config) -> Vec<Sample> {
+    let model = model(SCULLER);
+    let body = body(&model, config);
+    let stroke = Stroke::new(&body, 2.2);
+    let scene = Scene {
+        body: &body,
+        motion: &|t| stroke.at(t),
+        surge: &|_| 0.0,
+        azimuth_rad: 0.5,
+        noise: 1.0,
+    };
+    let mut chance = Chance::new(5);
+    let mut samples = scene.samples(&times(0.0, 0.01, 520), &mut chance);
+    punch_holes(&body, &mut samples[20..], &mut chance);
+    for k in (40..500).step_by(60) {
+        samples[k].z[..6].fill(150.0);
+        samples[k + 20].z[6..9].fill(90.0);
+    }
+    samples[300].z.fill(f64::NAN);
+    samples
+}
+
+#[test]
+fn steps_allocate_nothing() {
+    let config = Config::default();
+    let samples = samples(&config);
+    let mut tracker = Tracker::new(model(SCULLER), &Calibration::default(), &config).unwrap();
+    for sample in &samples[..20] {
+        tracker.step(sample).unwrap();
+    }
+    let (mut used, mut rejected, mut missing) = (0, 0, 0);
+    let mut loops = 0;
+    let before = REQUESTS.get();
+    for sample in &samples[20..] {
+        assert_eq!(tracker.step(sample).unwrap(), Status::Tracking);
+        for source in &tracker.info().sources {
+            used += u32::from(source.used);
+            rejected += u32::from(source.rejected);
+            missing += u32::from(source.missing);
+        }
+        let sources = &tracker.info().sources;
+        loops += usize::from(sources[sources.len() - 1].used);
+    }
+    let requests = REQUESTS.get() - before;
+    println!("500 steps: {used} rows used, {rejected} rejected, {missing} missing, {requests} allocations");
+    assert!(
+        loops > 2_000 && rejected > 30 && missing > 2_000,
+        "{loops} {rejected} {missing}"
+    );
+    assert_eq!(requests, 0);
+    let grown = vec![0_u8; tracker.info().sources.len()];
+    assert!(
+        REQUESTS.get() > before && !grown.is_empty(),
+        "the count itself works"
+    );
+}

@@ -1,0 +1,142 @@
+//! What several tests share: models, seeded noise, a sculler who holds the oars, samples and streams of them.
+#![allow(dead_code)] // each test takes the part that it needs
+
+pub mod chance;
+pub mod chi_square;
+pub mod record;
+pub mod stroke;
+
+use oarlock::body::Body;
+use oarlock::config::{Config, Magnetometer};
+use oarlock::estimate::belief::Belief;
+use oarlock::estimate::dense::Square;
+use oarlock::estimate::System;
+use oarlock::model::Model;
+use std::sync::Arc;
+
+pub const SCULLER: &str = include_str!("../../../../python/oarlock/models/sculler.toml");
+
+/// Two links on crossed hinges, one inertial unit each, biases that are known.
+pub const CHAIN: &str = r#"
+format = 1
+name = "chain"
+description = "two links on crossed hinges"
+[world]
+up = [0, 1, 0]
+forward = [0, 0, 1]
+gravity_m_s2 = 9.80665
+magnetic_norm_ut = 47.0
+magnetic_dip_rad = "60*pi/180"
+magnetic_azimuth_rad = 0.5
+azimuth_fixed = true
+[process]
+hinge = { kind = "jerk", density = 2.0, start_std = [0.05, 0.2, 1.0] }
+[[joint]]
+name = "first"
+kind = "hinge"
+[[joint]]
+name = "second"
+kind = "hinge"
+[[frame]]
+name = "upper"
+parent = "root"
+dh = { a = 0.4, alpha = "pi/2", d = 0.1, theta = 0.3 }
+joint = "first"
+[[frame]]
+name = "lower"
+parent = "upper"
+dh = { a = 0.3, alpha = 0.2, d = 0, theta = -0.4 }
+joint = "second"
+[[sensor]]
+name = "upper"
+kind = "imu"
+frame = "upper"
+gyro_std_rad_s = 0.01
+accel_std_m_s2 = 0.05
+mag_std_ut = 1.0
+mount.offset = [-0.2, 0.03, 0.01]
+[[sensor]]
+name = "lower"
+kind = "imu"
+frame = "lower"
+gyro_std_rad_s = 0.01
+accel_std_m_s2 = 0.05
+mag_std_ut = 1.0
+mount.offset = [-0.1, -0.02, 0.04]
+mount.rpy = [0.4, -0.2, 1.0]
+"#;
+
+pub fn model(text: &str) -> Arc<Model> {
+    Arc::new(Model::from_toml(text, "model.toml").unwrap_or_else(|e| panic!("{e}")))
+}
+
+/// A model at its own parameters and mounts.
+pub fn body(model: &Arc<Model>, config: &Config) -> Body {
+    let parameters = model.default_parameters();
+    let mounts = vec![None; model.sensors.len()];
+    Body::new(model.clone(), &parameters, &mounts, config).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Every reading counts in full: no gate, no learning, no test of the field's norm.
+pub fn plain(estimate: &[&str]) -> Config {
+    Config {
+        estimate: estimate.iter().map(|s| s.to_string()).collect(),
+        gate: false,
+        learning_memory_s: None,
+        magnetometer: Magnetometer::On,
+        ..Config::default()
+    }
+}
+
+pub fn vectors(name: &str) -> serde_json::Value {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/vectors");
+    let text = std::fs::read_to_string(root.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+    serde_json::from_str(&text).expect("valid JSON")
+}
+
+pub fn numbers(value: &serde_json::Value) -> Vec<f64> {
+    let list = value.as_array().expect("a list");
+    list.iter().map(|x| x.as_f64().expect("a number")).collect()
+}
+
+/// A belief with independent states, nothing learnt and nothing rejected.
+pub fn belief(body: &Body, time_s: f64, mean: Vec<f64>, std: &[f64]) -> Belief {
+    let mut covariance = Square::zeros(std.len());
+    for (i, s) in std.iter().enumerate() {
+        *covariance.at_mut(i, i) = s * s;
+    }
+    let parts = body.groups().parts.len();
+    Belief {
+        time_s,
+        mean,
+        covariance,
+        drive: vec![1.0; body.driven().len()],
+        habit: vec![1.0; parts],
+        rejected_since_s: vec![f64::NAN; parts],
+    }
+}
+
+/// Standard deviations to start with: those of the model, walking joints and azimuth at 0.2 rad.
+pub fn start_std(body: &Body) -> Vec<f64> {
+    let mut std = vec![0.2; body.layout.dim()];
+    for (joint, slots) in body.model.joints.iter().zip(&body.layout.joints) {
+        let Some(slots) = slots else { continue };
+        if let Some((rate, accel)) = slots.rates {
+            let start = joint.process.start_std;
+            (std[slots.q], std[rate], std[accel]) = (start[0], start[1], start[2]);
+        }
+    }
+    for slot in body.layout.slow() {
+        std[slot.first..slot.first + slot.len].fill(slot.start_std);
+    }
+    std
+}
+
+/// The larger one, and NaN if either is.
+pub fn worse(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b.is_nan() {
+        f64::NAN
+    } else {
+        a.max(b)
+    }
+}

@@ -1,0 +1,146 @@
+//! Samples of a moving body, streams of samples, and data that goes missing.
+
+use super::chance::Chance;
+use super::stroke::Posture;
+use oarlock::body::Body;
+use oarlock::kinematics::FrameMotion;
+use oarlock::recording::{Sample, Stream};
+use oarlock::rotation::Vec3;
+use oarlock::sensor::Quantity;
+use oarlock::track::loops::readings_from;
+
+/// How a recording is made.
+pub struct Scene<'a> {
+    pub body: &'a Body,
+    pub motion: &'a dyn Fn(f64) -> Posture,
+    /// Along the first base acceleration, m/s2.
+    pub surge: &'a dyn Fn(f64) -> f64,
+    /// Field against the model's start value, rad.
+    pub azimuth_rad: f64,
+    /// Multiplies every standard deviation.
+    pub noise: f64,
+}
+
+impl Scene<'_> {
+    pub fn samples(&self, times: &[f64], chance: &mut Chance) -> Vec<Sample> {
+        times.iter().map(|&t| self.sample(t, chance)).collect()
+    }
+
+    pub fn sample(&self, time_s: f64, chance: &mut Chance) -> Sample {
+        let (model, p) = (&self.body.model, (self.motion)(time_s));
+        let mut force = Vec3(self.body.field.lift);
+        if let Some(base) = model.base_accelerations.first() {
+            force += Vec3(base.axis) * (self.surge)(time_s);
+        }
+        let field = self.body.field.magnetic(self.azimuth_rad);
+        let root = FrameMotion::resting(force);
+        let mut z = readings_from(self.body, root, field, &p.q, &p.qd, &p.qdd);
+        for (z, std) in z.iter_mut().zip(self.body.suite.std()) {
+            *z += self.noise * std * chance.normal();
+        }
+        let loops = self.body.suite.sources.len() - model.closures.len();
+        for source in &self.body.suite.sources[loops..] {
+            z[source.rows.clone()].fill(f64::NAN);
+        }
+        let inputs = model.joints.iter().zip(&p.q).map(|(joint, q)| {
+            let measured = joint.input && !joint.name.ends_with("theta");
+            let noise = self.noise * joint.input_std * chance.normal();
+            if measured {
+                q + noise
+            } else {
+                f64::NAN
+            }
+        });
+        Sample {
+            time_s,
+            z,
+            inputs: inputs.collect(),
+        }
+    }
+
+    /// The state that the samples were made of; biases are zero.
+    pub fn state(&self, time_s: f64) -> Vec<f64> {
+        let (layout, p) = (&self.body.layout, (self.motion)(time_s));
+        let mut x = vec![0.0; layout.dim()];
+        for (j, slots) in layout.joints.iter().enumerate() {
+            let Some(slots) = slots else { continue };
+            x[slots.q] = p.q[j];
+            if let Some((rate, accel)) = slots.rates {
+                (x[rate], x[accel]) = (p.qd[j], p.qdd[j]);
+            }
+        }
+        if let Some(i) = layout.azimuth {
+            x[i] = self.azimuth_rad;
+        }
+        if let Some(Some(base)) = layout.base.first() {
+            x[base.first] = (self.surge)(time_s);
+        }
+        x
+    }
+}
+
+pub fn times(start_s: f64, step_s: f64, count: usize) -> Vec<f64> {
+    (0..count).map(|k| start_s + step_s * k as f64).collect()
+}
+
+/// Single readings go missing now and then, and whole sensors for up to a fifth of a second.
+pub fn punch_holes(body: &Body, samples: &mut [Sample], chance: &mut Chance) {
+    for sample in samples.iter_mut() {
+        for x in sample.z.iter_mut().chain(&mut sample.inputs) {
+            if chance.uniform() < 0.02 {
+                *x = f64::NAN;
+            }
+        }
+    }
+    for source in &body.suite.sources {
+        let mut k = (chance.uniform() * 150.0) as usize;
+        while k + 20 < samples.len() {
+            for sample in &mut samples[k..k + 20] {
+                sample.z[source.rows.clone()].fill(f64::NAN);
+            }
+            k += 40 + (chance.uniform() * 200.0) as usize;
+        }
+    }
+}
+
+/// Samples as streams: one for each sensor and each input joint, without the rows that hold nothing.
+pub fn streams(body: &Body, samples: &[Sample]) -> Vec<Stream> {
+    let model = &body.model;
+    let mut streams = Vec::new();
+    let loops = body.suite.sources.len() - model.closures.len();
+    for source in &body.suite.sources[..loops] {
+        let there = |s: &&Sample| s.z[source.rows.clone()].iter().any(|z| !z.is_nan());
+        let kept: Vec<&Sample> = samples.iter().filter(there).collect();
+        let channels = source
+            .parts
+            .iter()
+            .map(|part| channel(&kept, part.quantity, |s| s.z[part.rows.clone()].to_vec()));
+        let time_s = kept.iter().map(|s| s.time_s).collect();
+        streams.push(Stream {
+            name: source.name.clone(),
+            time_s,
+            channels: channels.collect(),
+        });
+    }
+    for (j, joint) in model.joints.iter().enumerate().filter(|(_, j)| j.input) {
+        let kept: Vec<&Sample> = samples.iter().filter(|s| !s.inputs[j].is_nan()).collect();
+        let time_s: Vec<f64> = kept.iter().map(|s| s.time_s).collect();
+        let channels = vec![channel(&kept, Quantity::Joint, |s| vec![s.inputs[j]])];
+        streams.push(Stream {
+            name: joint.name.clone(),
+            time_s,
+            channels,
+        });
+    }
+    streams.retain(|s| !s.time_s.is_empty());
+    streams
+}
+
+fn channel(
+    samples: &[&Sample],
+    quantity: Quantity,
+    values: impl Fn(&Sample) -> Vec<f64>,
+) -> oarlock::recording::Channel {
+    let values = samples.iter().flat_map(|s| values(s)).collect();
+    oarlock::recording::Channel { quantity, values }
+}

@@ -1,0 +1,263 @@
+//! What a body reads, written as plainly as can be: one number at a time, each frame's motion in its own axes as in eq. 9 of
+//! Ruffaldi, Peppoloni and Filippeschi, with the terms that the print leaves out.
+
+use nalgebra::{DVector, Matrix3, Vector3};
+use oarlock::model::{JointKind, Model, SensorKind, Transform};
+use oarlock::rotation::Mat3;
+use std::collections::HashMap;
+
+/// A frame's motion; vectors in its own axes.
+#[derive(Clone, Copy)]
+pub struct Motion {
+    pub root_from_frame: Matrix3<f64>,
+    /// Origin in root axes, m.
+    pub place: Vector3<f64>,
+    pub spin: Vector3<f64>,
+    pub spin_rate: Vector3<f64>,
+    /// Acceleration of the origin minus gravity, m/s2.
+    pub force: Vector3<f64>,
+}
+
+impl Motion {
+    /// Specific force at `arm` from the origin.
+    fn force_at(&self, arm: Vector3<f64>) -> Vector3<f64> {
+        self.force + self.spin_rate.cross(&arm) + self.spin.cross(&self.spin.cross(&arm))
+    }
+
+    fn moved(self, turn: Matrix3<f64>, arm: Vector3<f64>) -> Motion {
+        let back = turn.transpose();
+        Motion {
+            root_from_frame: self.root_from_frame * turn,
+            place: self.place + self.root_from_frame * arm,
+            spin: back * self.spin,
+            spin_rate: back * self.spin_rate,
+            force: back * self.force_at(arm),
+        }
+    }
+
+    fn hinged(self, q: f64, qd: f64, qdd: f64) -> Motion {
+        let z = Vector3::z();
+        let mut next = self;
+        next.spin = self.spin + z * qd;
+        next.spin_rate = self.spin_rate + z * qdd + self.spin.cross(&z) * qd;
+        let turn = *nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), q).matrix();
+        next.moved(turn, Vector3::zeros())
+    }
+
+    fn slid(self, q: f64, qd: f64, qdd: f64) -> Motion {
+        let z = Vector3::z();
+        let mut next = self;
+        next.force = self.force_at(z * q) + self.spin.cross(&z) * (2.0 * qd) + z * qdd;
+        next.place = self.place + self.root_from_frame * z * q;
+        next
+    }
+}
+
+/// Joint values with their derivatives.
+pub type JointState = [f64; 3];
+
+pub struct Naive<'a> {
+    pub model: &'a Model,
+    pub parameters: Vec<f64>,
+    places: HashMap<String, usize>,
+}
+
+impl<'a> Naive<'a> {
+    /// `names` are those of the states, in their order.
+    pub fn new(model: &'a Model, parameters: Vec<f64>, names: &[String]) -> Self {
+        let places = names.iter().cloned().zip(0..).collect();
+        Naive {
+            model,
+            parameters,
+            places,
+        }
+    }
+
+    pub fn place(&self, name: &str) -> Option<usize> {
+        self.places.get(name).copied()
+    }
+
+    fn value(&self, x: &DVector<f64>, name: &str) -> Option<f64> {
+        self.place(name).map(|i| x[i])
+    }
+
+    pub fn frames(&self, root: Motion, joints: &[JointState]) -> Vec<Motion> {
+        let mut frames = vec![root];
+        for frame in &self.model.frames[1..] {
+            let mut m = self.fixed(frames[frame.parent], &frame.before);
+            if let Some((j, sign)) = frame.joint {
+                let [q, qd, qdd] = joints[j].map(|x| x * sign);
+                m = match self.model.joints[j].kind {
+                    JointKind::Fixed => m,
+                    JointKind::Hinge => m.hinged(q, qd, qdd),
+                    JointKind::Slide => m.slid(q, qd, qdd),
+                };
+            }
+            frames.push(self.fixed(m, &frame.after));
+        }
+        frames
+    }
+
+    fn fixed(&self, m: Motion, transform: &Option<Transform>) -> Motion {
+        let Some(transform) = transform else { return m };
+        let (turn, arm) = transform.evaluate(&self.parameters);
+        m.moved(matrix(&turn), Vector3::from(arm))
+    }
+
+    /// All rows, in the order of the model, for a root that moves as `root` in a field (uT) in root axes.
+    pub fn rows(&self, root: Motion, field: Vector3<f64>, joints: &[JointState]) -> Vec<f64> {
+        let frames = self.frames(root, joints);
+        let mut out = Vec::new();
+        for sensor in &self.model.sensors {
+            match &sensor.kind {
+                SensorKind::Imu {
+                    frame,
+                    mount,
+                    noise,
+                } => {
+                    let arm =
+                        Vector3::from([0, 1, 2].map(|i| mount.offset[i].eval(&self.parameters)));
+                    let (m, back) = (frames[*frame], matrix(&mount.rotation).transpose());
+                    noise
+                        .gyro_std
+                        .inspect(|_| out.extend((back * m.spin).iter()));
+                    noise
+                        .accel_std
+                        .inspect(|_| out.extend((back * m.force_at(arm)).iter()));
+                    let local = m.root_from_frame.transpose() * field;
+                    noise.mag_std.inspect(|_| out.extend((back * local).iter()));
+                }
+                SensorKind::Encoder { joint, .. } if self.model.joints[*joint].input => {}
+                SensorKind::Encoder { joint, .. } => out.push(joints[*joint][0]),
+                SensorKind::Position { .. } => panic!("none in these models"),
+            }
+        }
+        self.loop_rows(&frames, &mut out);
+        out
+    }
+
+    fn loop_rows(&self, frames: &[Motion], out: &mut Vec<f64>) {
+        for closure in &self.model.closures {
+            let end = |side: usize| {
+                let (frame, point) = &closure.sides[side];
+                let point = Vector3::from([0, 1, 2].map(|i| point[i].eval(&self.parameters)));
+                frames[*frame].place + frames[*frame].root_from_frame * point
+            };
+            out.extend((end(0) - end(1)).iter());
+            if let Some(axes) = closure.axes {
+                let axis = |side: usize| {
+                    frames[closure.sides[side].0].root_from_frame * Vector3::from(axes[side])
+                };
+                out.extend((axis(0) - axis(1)).iter());
+            }
+        }
+    }
+
+    /// All rows at state `x`.
+    pub fn measure(&self, x: &DVector<f64>, inputs: &[f64]) -> DVector<f64> {
+        let joints: Vec<JointState> = (self.model.joints.iter().zip(inputs))
+            .map(|(joint, &input)| match self.value(x, &joint.name) {
+                None => [if input.is_nan() { 0.0 } else { input }, 0.0, 0.0],
+                Some(q) => [
+                    q,
+                    self.rate(x, &joint.name, "velocity"),
+                    self.rate(x, &joint.name, "acceleration"),
+                ],
+            })
+            .collect();
+        let world = &self.model.world;
+        let mut force = Vector3::from(world.up) * world.gravity_m_s2;
+        for base in &self.model.base_accelerations {
+            force += Vector3::from(base.axis) * self.value(x, &base.name).unwrap_or(0.0);
+        }
+        let azimuth = self
+            .value(x, "azimuth")
+            .unwrap_or(world.magnetic_azimuth_rad);
+        let mut rows = self.rows(resting(force), self.field(azimuth), &joints);
+        self.add_biases(x, &mut rows);
+        DVector::from_vec(rows)
+    }
+
+    fn rate(&self, x: &DVector<f64>, joint: &str, what: &str) -> f64 {
+        self.value(x, &format!("{joint}.{what}")).unwrap_or(0.0)
+    }
+
+    fn field(&self, azimuth: f64) -> Vector3<f64> {
+        let world = &self.model.world;
+        let (up, forward) = (Vector3::from(world.up), Vector3::from(world.forward));
+        let level = forward * azimuth.cos() + up.cross(&forward) * azimuth.sin();
+        let dip = world.magnetic_dip_rad;
+        (level * dip.cos() - up * dip.sin()) * world.magnetic_norm_ut
+    }
+
+    fn add_biases(&self, x: &DVector<f64>, rows: &mut [f64]) {
+        for (row, name) in rows.iter_mut().zip(self.row_names()) {
+            let bias = name
+                .replace(".gyro_", ".gyro_bias_")
+                .replace(".accel_", ".accel_bias_");
+            if bias != name {
+                *row += self.value(x, &bias).unwrap_or(0.0);
+            }
+        }
+    }
+
+    /// Names of the rows as far as they are inertial or encoders.
+    fn row_names(&self) -> Vec<String> {
+        let mut names = Vec::new();
+        for sensor in &self.model.sensors {
+            match &sensor.kind {
+                SensorKind::Imu { noise, .. } => {
+                    let parts = [
+                        ("gyro", noise.gyro_std),
+                        ("accel", noise.accel_std),
+                        ("mag", noise.mag_std),
+                    ];
+                    for (part, _) in parts.iter().filter(|p| p.1.is_some()) {
+                        names
+                            .extend(["x", "y", "z"].map(|a| format!("{}.{part}_{a}", sensor.name)));
+                    }
+                }
+                SensorKind::Encoder { joint, .. } if self.model.joints[*joint].input => {}
+                _ => names.push(sensor.name.clone()),
+            }
+        }
+        names
+    }
+
+    /// Standard deviation of each row.
+    pub fn std(&self) -> Vec<f64> {
+        let mut std = Vec::new();
+        for sensor in &self.model.sensors {
+            match &sensor.kind {
+                SensorKind::Imu { noise, .. } => {
+                    let parts = [noise.gyro_std, noise.accel_std, noise.mag_std];
+                    std.extend(parts.into_iter().flatten().flat_map(|s| [s; 3]));
+                }
+                SensorKind::Encoder { joint, .. } if self.model.joints[*joint].input => {}
+                SensorKind::Encoder { std: s, .. } => std.push(*s),
+                SensorKind::Position { std: s, .. } => std.extend([*s; 3]),
+            }
+        }
+        for closure in &self.model.closures {
+            std.extend([closure.std_m; 3]);
+            std.extend(closure.axes.iter().flat_map(|_| [closure.std_axis; 3]));
+        }
+        std
+    }
+}
+
+/// A root at rest that feels `force`.
+pub fn resting(force: Vector3<f64>) -> Motion {
+    let zero = Vector3::zeros();
+    Motion {
+        root_from_frame: Matrix3::identity(),
+        place: zero,
+        spin: zero,
+        spin_rate: zero,
+        force,
+    }
+}
+
+fn matrix(m: &Mat3<f64>) -> Matrix3<f64> {
+    Matrix3::from_fn(|i, j| m.0[i][j])
+}
