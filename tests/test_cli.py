@@ -18,6 +18,7 @@ VERBS = (
     ("report",),
     ("import", "apdm"),
     ("import", "csv"),
+    ("calibrate", "chain"),
     ("model", "list"),
     ("model", "show"),
     ("model", "check"),

@@ -3,11 +3,12 @@
 Everything that is meant to be used is named here; `oarlock.rowing` holds what is about rowing.
 """
 
-from oarlock._core import Belief, Config, Info, Sample, Tracker, __version__
-from oarlock._core import Model as Model
+from oarlock._core import Belief, Config, Info, Model, Sample, Tracker, __version__
 from oarlock.calibration import Calibration, load_calibration
 from oarlock.errors import DataError, DivergedError, ModelError
 from oarlock.evaluate import Evaluation, evaluate
+from oarlock.evaluate.orientations import evaluate_orientations
+from oarlock.hinge_chain import calibrate_hinge_chain
 from oarlock.models import Base, load_model
 from oarlock.motion import Motion
 from oarlock.recording import ImuStream, Recording, ScalarStream, VectorStream, load_recording
@@ -35,7 +36,9 @@ __all__ = [
     "Tracker",
     "VectorStream",
     "__version__",
+    "calibrate_hinge_chain",
     "evaluate",
+    "evaluate_orientations",
     "load_calibration",
     "load_model",
     "load_recording",
@@ -48,4 +51,4 @@ __all__ = [
 
 def _config_from_dict(keys: dict[str, object]) -> Config:
     """Unpickles a Config."""
-    return Config(**keys)  # type: ignore[arg-type]
+    return Config(**keys)

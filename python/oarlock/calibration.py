@@ -27,6 +27,9 @@ class Calibration:
         parameters: parameter name -> value, in the parameter's unit (m, rad).
         mounts: sensor name -> (link_from_sensor (3, 3) rotation, offset (3,) in m in the link's axes).
         noted: how the values were found, for the report; free keys.
+        mag_offsets_ut: sensor name -> (3,) constant part of a magnetometer's readings, uT in sensor axes (hard
+            iron). `oarlock.track` subtracts it; the recording keeps what was measured. A live `Tracker` takes
+            readings as they are given.
 
     Raises:
         DataError: A value that is not a finite number, another shape, or a matrix that is no rotation.
@@ -35,26 +38,30 @@ class Calibration:
     parameters: Mapping[str, float] = field(default_factory=dict)
     mounts: Mapping[str, Mount] = field(default_factory=dict)
     noted: Mapping[str, object] = field(default_factory=dict)
+    mag_offsets_ut: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         parameters = {str(k): _finite(v, k) for k, v in dict(self.parameters).items()}
         mounts = {str(k): _mount(v, k) for k, v in dict(self.mounts).items()}
+        offsets = {str(k): _mag_offset(v, k) for k, v in dict(self.mag_offsets_ut).items()}
         object.__setattr__(self, "parameters", MappingProxyType(parameters))
         object.__setattr__(self, "mounts", MappingProxyType(mounts))
         object.__setattr__(self, "noted", MappingProxyType(copy.deepcopy(dict(self.noted))))
+        object.__setattr__(self, "mag_offsets_ut", MappingProxyType(offsets))
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
-        return Calibration, (dict(self.parameters), dict(self.mounts), dict(self.noted))
+        fields = (self.parameters, self.mounts, self.noted, self.mag_offsets_ut)
+        return Calibration, tuple(dict(f) for f in fields)
 
     def save(self, file: str | PathLike[str]) -> None:
         """Write as TOML; `load_calibration` reads it back exactly."""
         from oarlock.io.toml import write_toml
 
         mounts = {n: {"rotation": r.tolist(), "offset_m": o.tolist()} for n, (r, o) in self.mounts.items()}
-        write_toml(
-            Path(file),
-            {"format": 1, "parameters": dict(self.parameters), "mounts": mounts, "noted": dict(self.noted)},
-        )
+        document: dict[str, object] = {"format": 1, "parameters": dict(self.parameters), "mounts": mounts}
+        if self.mag_offsets_ut:
+            document["mag_offsets_ut"] = {n: o.tolist() for n, o in self.mag_offsets_ut.items()}
+        write_toml(Path(file), document | {"noted": dict(self.noted)})
 
 
 def load_calibration(file: str | PathLike[str]) -> Calibration:
@@ -67,15 +74,22 @@ def load_calibration(file: str | PathLike[str]) -> Calibration:
 
     top = TomlTable.read(Path(file))
     top.check_format(1)
-    top.check_keys({"format", "parameters", "mounts", "noted"})
+    top.check_keys({"format", "parameters", "mounts", "mag_offsets_ut", "noted"})
     mounts = {}
     for name in (found := top.table("mounts", default={})).values:
         mount = found.table(name)
         mount.check_keys({"rotation", "offset_m"})
         mounts[name] = (mount.require("rotation"), mount.require("offset_m"))
-    parameters, noted = (top.table(k, default={}).values for k in ("parameters", "noted"))
+    parameters, noted, offsets = (
+        top.table(k, default={}).values for k in ("parameters", "noted", "mag_offsets_ut")
+    )
     # The constructor checks every value.
-    return Calibration(cast(Mapping[str, float], parameters), cast(Mapping[str, Mount], mounts), noted)
+    return Calibration(
+        cast(Mapping[str, float], parameters),
+        cast(Mapping[str, Mount], mounts),
+        noted,
+        cast(Mapping[str, FloatArray], offsets),
+    )
 
 
 def _finite(value: object, name: str) -> float:
@@ -83,6 +97,14 @@ def _finite(value: object, name: str) -> float:
     if not np.isfinite(number):
         raise DataError(f'calibration, parameter "{name}": is {number}; expected a finite number')
     return float(number)
+
+
+def _mag_offset(value: object, name: str) -> FloatArray:
+    where = f'calibration, mag_offsets_ut of "{name}"'
+    offset_ut = real_array(value, (3,), where)  # type: ignore[arg-type]
+    if not np.isfinite(offset_ut).all():
+        raise DataError(f"{where}: is {offset_ut.tolist()}; expected three finite numbers in uT")
+    return offset_ut
 
 
 def _mount(value: object, name: str) -> Mount:

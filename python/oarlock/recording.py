@@ -292,6 +292,15 @@ class Recording:
             )
         return Recording(cut, self.meta)
 
+    def only(self, names: Iterable[str]) -> "Recording":
+        """The streams of these names, in the order of the recording; the others are left out.
+
+        Raises:
+            DataError: There is no stream of one of the names, or no name is given.
+        """
+        kept = {self.sensor(name).name for name in ([names] if isinstance(names, str) else names)}
+        return Recording([s for s in self.streams if s.name in kept], self.meta)
+
     def save(self, folder: str | PathLike[str], file_format: Literal["parquet", "csv"] = "parquet") -> None:
         """Write a recording folder: recording.toml and one file a stream.
 

@@ -169,7 +169,9 @@ class Track:
             DataError: no such frame, or the track has no model.
         """
         if self.model is None:
-            raise DataError("frame_positions: this track was loaded without its model; load the model file again")
+            raise DataError(
+                "frame_positions: this track was loaded without its model; load the model file again"
+            )
         names = self.model.frame_names
         for name in (frame, relative_to):
             if name not in names:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 from oarlock import _core
 from oarlock._core import Belief, Config, Model
 from oarlock.calibration import Calibration
 from oarlock.errors import DataError
 from oarlock.plausibility import require_plausible
-from oarlock.recording import Recording
+from oarlock.recording import ImuStream, Recording
+from oarlock.suggest import did_you_mean
 from oarlock.track import Track, track_of_run
 
 Progress = Callable[[float], object]
@@ -31,19 +33,23 @@ def track(
     Args:
         model: the body and its sensors.
         recording: measured streams; absent streams and NaN are missing data.
-        calibration: lengths and mounts of this wearing; None takes the model's nominal ones, and says so.
+        calibration: lengths, mounts and magnetometer offsets of this wearing; None takes the model's nominal
+            ones, and says so. Offsets are subtracted on the way in; the recording stays as it is.
         config: tuning; None is the default.
         start: go on from this belief (`Track.last_belief`) instead of fitting the first samples.
         progress: called now and then with the share done, 0 to 1.
 
     Raises:
-        DataError: streams that do not fit the model, stamps out of order, units that are plainly wrong.
+        DataError: streams that the model has no sensor for (`Recording.only` leaves them out), stamps out of
+            order, units that are plainly wrong.
         DivergedError: the filter lost the track; `time_s` says when.
     """
     config = config if config is not None else Config()
+    _require_known(model, recording)
     findings = require_plausible(recording)
+    measured, subtracted = _without_mag_offsets(model, recording, calibration)
     began = time.perf_counter()
-    run = _core.track(model, recording, calibration, config, start, progress)
+    run = _core.track(model, measured, calibration, config, start, progress)
     wall_s = time.perf_counter() - began
     provenance = {
         "oarlock": _core.__version__,
@@ -59,7 +65,8 @@ def track(
     }
     if calibration is not None and calibration.parameters:
         model = Model.from_toml(model.text, model.path, model.parameters | dict(calibration.parameters))
-    return track_of_run(model, run, (*run.notes, *(f"{f.sensor}: {f.message}" for f in findings)), provenance)
+    notes = (*run.notes, *subtracted, *(f"{f.sensor}: {f.message}" for f in findings))
+    return track_of_run(model, run, notes, provenance)
 
 
 def smooth(track: Track, *, progress: Progress | None = None) -> Track:
@@ -79,6 +86,46 @@ def smooth(track: Track, *, progress: Progress | None = None) -> Track:
     run = track.run.smooth(progress)
     provenance = dict(track.provenance) | {"smoothing_wall_s": time.perf_counter() - began}
     return track_of_run(track.model, run, track.notes, provenance)
+
+
+def _require_known(model: Model, recording: Recording) -> None:
+    inputs = [j["name"] for j in model.describe()["joints"] if j["input"]]
+    known = [*model.sensor_names, *inputs]
+    unknown = [name for name in recording.names if name not in known]
+    if not unknown:
+        return
+    kept = [name for name in recording.names if name in known]
+    way_out = (
+        f"To leave it out keep the others: recording.only({kept}), or --only {','.join(kept)}"
+        if kept
+        else f"The recording has no stream of this model ({', '.join(recording.names)}): rename them"
+    )
+    raise DataError(
+        f'stream "{unknown[0]}": model "{model.name}" has no sensor or input of that name. '
+        f"{did_you_mean(unknown[0], known)} {way_out}"
+    )
+
+
+def _without_mag_offsets(
+    model: Model, recording: Recording, calibration: Calibration | None
+) -> tuple[Recording, tuple[str, ...]]:
+    """The recording with each magnetometer's constant offset subtracted, and sentences that say so."""
+    offsets = calibration.mag_offsets_ut if calibration is not None else {}
+    for name in offsets:
+        if name not in model.sensor_names:
+            raise DataError(
+                f'calibration, mag_offsets_ut of "{name}": model "{model.name}" has no sensor of that name. '
+                f"{did_you_mean(name, model.sensor_names)}"
+            )
+    notes, streams = [], []
+    for stream in recording.streams:
+        if isinstance(stream, ImuStream) and stream.mag_ut is not None and stream.name in offsets:
+            offset = offsets[stream.name]
+            stream = replace(stream, mag_ut=stream.mag_ut - offset)
+            x, y, z = offset
+            notes.append(f"{stream.name}: magnetometer offset ({x:.1f}, {y:.1f}, {z:.1f}) uT subtracted")
+        streams.append(stream)
+    return (Recording(streams, recording.meta) if notes else recording), tuple(notes)
 
 
 def _hash(recording: Recording) -> str:

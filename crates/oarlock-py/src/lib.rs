@@ -2,6 +2,7 @@
 
 mod array;
 mod belief;
+mod calibrate;
 mod config;
 mod describe;
 mod errors;
@@ -29,5 +30,6 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<tracker::PyTracker>()?;
     m.add_function(wrap_pyfunction!(run::track, m)?)?;
     m.add_function(wrap_pyfunction!(simulate::imu_signals, m)?)?;
+    m.add_function(wrap_pyfunction!(calibrate::find_hinge_chain, m)?)?;
     Ok(())
 }

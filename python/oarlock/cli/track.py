@@ -52,7 +52,7 @@ def add_to(app: typer.Typer) -> None:
         epilog=example(
             "oarlock track trial --model sculler --out out",
             "oarlock track trial --model my.toml --set l_ua_r=0.31 --smooth --csv --out out",
-            "oarlock track rec --model pendulum3 --calibration cal.toml --estimate gyro_bias --out out",
+            "oarlock track rec --model pendulum3 --calibration cal.toml --only upper,middle,lower --out out",
             "oarlock track trial --model sculler --out out --json | jq .steps_per_s",
         ),
     )(track)
@@ -66,6 +66,14 @@ def track(
     settings: Settings = None,
     calibration: Annotated[
         Path | None, typer.Option("--calibration", metavar="FILE", help="Mounts and lengths of this wearing.")
+    ] = None,
+    only: Annotated[
+        str | None,
+        typer.Option(
+            "--only",
+            metavar="NAMES",
+            help="Streams to use, with commas; the recording's others are left out.",
+        ),
     ] = None,
     smooth: Annotated[bool, typer.Option("--smooth", help="Smooth over the whole recording.")] = False,
     estimate: Annotated[
@@ -149,6 +157,8 @@ def track(
         kappa=kappa,
     )
     measured = load_recording(recording)
+    if only is not None:
+        measured = measured.only(names(only))
     wearing = load_calibration(calibration) if calibration is not None else None
     if (out / RECORDING_FILE).exists():
         raise UsageError(f"{out} is a recording; results go into a folder of their own")

@@ -152,6 +152,8 @@ class SensorScore:
 class Evaluation:
     """A track against truth: ``joints`` in model order, frame ``positions``, ``states``, ``sensors``.
 
+    ``reference`` names what it was held against; anything but "truth" has errors of its own.
+
     ``states`` is None without beliefs. ``samples`` is the number of the track's samples after ``start_s``
     (s after its first stamp).
     """
@@ -162,6 +164,7 @@ class Evaluation:
     sensors: tuple[SensorScore, ...]
     start_s: float
     samples: int
+    reference: str = "truth"
 
     def __getitem__(self, joint: str) -> JointScore:
         for score in self.joints:
@@ -215,6 +218,7 @@ class Evaluation:
     def to_dict(self) -> dict[str, Any]:
         """JSON-safe: SI, None where there is no number; the means over all scored hinges in deg."""
         return {
+            "reference": self.reference,
             "start_s": self.start_s,
             "samples": self.samples,
             "mean_rmse_deg": _number(self.mean_rmse_deg()),

@@ -70,7 +70,9 @@ def read_track(folder: str | PathLike[str]) -> Track:
         }
         time_s = _one(table, "time_s")
     except KeyError as missing:
-        raise DataError(f"{place / 'track.parquet'}: column {missing} is missing; the file is damaged") from None
+        raise DataError(
+            f"{place / 'track.parquet'}: column {missing} is missing; the file is damaged"
+        ) from None
     return Track(
         model=_model(place, top["provenance"]),
         time_s=time_s,
@@ -149,7 +151,8 @@ def _beliefs(file: Path, states: tuple[str, ...]) -> Beliefs | None:
         return None
     table, n = _read(file), len(states)
     mean, covariance = (
-        table[name].combine_chunks().flatten().to_numpy(zero_copy_only=False) for name in ("mean", "covariance")
+        table[name].combine_chunks().flatten().to_numpy(zero_copy_only=False)
+        for name in ("mean", "covariance")
     )
     return Beliefs(_one(table, "time_s"), mean.reshape(-1, n), covariance.reshape(-1, n, n), states)
 
@@ -158,7 +161,9 @@ def _model(place: Path, provenance: Mapping[str, Any]) -> Model | None:
     file = place / "model.toml"
     if not file.is_file():
         return None
-    return Model.from_toml(file.read_text(encoding="utf-8"), str(file), dict(provenance.get("parameters", {})))
+    return Model.from_toml(
+        file.read_text(encoding="utf-8"), str(file), dict(provenance.get("parameters", {}))
+    )
 
 
 def _read(file: Path) -> pa.Table:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 
 import numpy as np
@@ -34,6 +34,7 @@ class Curve:
     half_band: Floats
     error: Floats | None
     observed: Bools
+    reference: str = "truth"
 
     @property
     def seen(self) -> bool:
@@ -43,12 +44,13 @@ class Curve:
 
 def curves_section(track: TrackLike, truth: TrackLike | None, evaluation: Evaluation | None) -> str:
     """The grid of drawings with its legend."""
+    reference = "truth" if evaluation is None or evaluation.reference == "truth" else "reference"
     window = detail_window(track, truth)
     figures = "".join(
-        _figure(i, _curve(track, truth, i), window, _score(evaluation, name))
+        _figure(i, replace(_curve(track, truth, i), reference=reference), window, _score(evaluation, name))
         for i, name in enumerate(track.joint_names)
     )
-    return f'{_legend(truth is not None, window)}<div class="grid-figures tall">{figures}</div>'
+    return f'{_legend(reference if truth is not None else None, window)}<div class="grid-figures tall">{figures}</div>'
 
 
 def detail_window(track: TrackLike, truth: TrackLike | None) -> Interval:
@@ -165,7 +167,7 @@ def _error_strip(curve: Curve, window: Interval, top: float) -> str:
     panel = plot.Panel(
         LEFT, top, WIDTH - LEFT - RIGHT, STRIP_HEIGHT, (window.start_s, window.end_s), (-reach, reach)
     )
-    name = f"estimate {MINUS} truth, {unit}"
+    name = f"estimate {MINUS} {curve.reference}, {unit}"
     return "".join(
         [
             plot.label(LEFT, top - 7, name, "strip-name"),
@@ -225,19 +227,19 @@ def clip_definition() -> str:
     return course + plot.clip("strip-clip", (LEFT, strip_top, width, STRIP_HEIGHT))
 
 
-def _legend(has_truth: bool, window: Interval) -> str:
+def _legend(reference: str | None, window: Interval) -> str:
     entries = [("estimate", "estimate"), ("band", "95 % band")]
-    if has_truth:
-        entries += [("truth", "truth"), ("error", f"estimate {MINUS} truth")]
+    if reference is not None:
+        entries += [("truth", reference), ("error", f"estimate {MINUS} {reference}")]
     keys = "".join(
         f'<li><svg viewBox="0 0 28 12" width="28" height="12" aria-hidden="true">{_key(key)}</svg>{text}</li>'
         for key, text in entries
     )
-    style = "with-truth" if has_truth else "alone"
+    style = "with-truth" if reference is not None else "alone"
     below = (
         f"Below each course: its error from {window.start_s:.1f} to {window.end_s:.1f} s (tinted above), "
         "enlarged, inside the band that the track claims for it."
-        if has_truth
+        if reference is not None
         else "Below each course: half the width of its 95 % band, enlarged."
     )
     hint = f"{below} Hatched: not observed for that time."

@@ -55,10 +55,11 @@ def joints_table(track: TrackLike, evaluation: Evaluation | None) -> str:
 def _joints_caption(evaluation: Evaluation | None) -> str:
     if evaluation is None:
         return "Joints in the order of the model: hinges in degrees, slides in millimetres."
+    reference = "truth" if evaluation.reference == "truth" else "reference"
     return (
         f"Joints in the order of the model, scored without the first {evaluation.start_s:g} s: hinges in degrees, "
         "slides in millimetres. Mean std is what the track claims, RMSE what it does. NEES is 1 when both agree. "
-        f"▲ marks a band that holds the truth less than {percent(NARROW_COVERAGE)} of the time, "
+        f"▲ marks a band that holds the {reference} less than {percent(NARROW_COVERAGE)} of the time, "
         f"▽ one that does so more than {percent(WIDE_COVERAGE)}."
     )
 

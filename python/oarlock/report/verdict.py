@@ -50,7 +50,9 @@ def key_figures(track: TrackLike, evaluation: Evaluation | None, sensors: tuple[
         worst = max(evaluation.hinges(), key=lambda score: score.rmse)
         detail = f"worst {number(math.degrees(worst.rmse), 2)}°, {worst.name}"
         figures.append(("mean angle RMSE", f"{number(evaluation.mean_rmse_deg(), 2)}°", detail))
-        figures.append(("truth in the 95 % band", percent(evaluation.mean_coverage()), "95 % is expected"))
+        expected = "95 % is expected" if evaluation.reference == "truth" else evaluation.reference
+        name = "truth" if evaluation.reference == "truth" else "reference"
+        figures.append((f"{name} in the 95 % band", percent(evaluation.mean_coverage()), expected))
     if sensors:
         figures.append(("readings used", percent(_used_share(sensors)), _not_used(sensors)))
     speed = track.provenance.get("steps_per_s")
@@ -100,6 +102,13 @@ def _how_well(evaluation: Evaluation | None) -> str:
     if not hinges:
         return "No observed hinge has a truth to compare with."
     worst = max(hinges, key=lambda score: score.rmse)
+    if evaluation.reference != "truth":
+        return (
+            f"From {escape(evaluation.reference)}, which have errors of their own, the angles differ by "
+            f"<b>{number(evaluation.mean_rmse_deg(), 2)}°</b> (RMSE, mean over {plural(len(hinges), 'hinge')}, "
+            f"without the first {evaluation.start_s:g} s); most at {escape(worst.name)}, by "
+            f"{number(math.degrees(worst.rmse), 2)}°."
+        )
     return (
         f"Against truth the angles are wrong by <b>{number(evaluation.mean_rmse_deg(), 2)}°</b> (RMSE, mean "
         f"over {plural(len(hinges), 'hinge')}, without the first {evaluation.start_s:g} s); the largest is "
@@ -119,6 +128,11 @@ def _bands(evaluation: Evaluation | None) -> str:
         return ""
     share = evaluation.mean_coverage()
     shown = percent(share)
+    if evaluation.reference != "truth":
+        return (
+            f"The 95 % bands hold the reference {shown} of the time. Errors of the reference and of the mounts "
+            "are not in them."
+        )
     if share < MISLEADING_COVERAGE:
         return f"Not its bands: they hold the truth only {shown} of the time instead of 95 %, far too narrow."
     if share < NARROW_COVERAGE:
