@@ -3,7 +3,6 @@
 mod array;
 mod belief;
 mod config;
-mod describe;
 mod errors;
 mod model;
 mod run;

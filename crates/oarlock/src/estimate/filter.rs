@@ -128,7 +128,7 @@ impl<S: System> Filter<S> {
     pub fn new(system: &S, groups: &Groups) -> Self {
         let (part, m) = (system.partition(), system.row_count());
         let n = part.dim();
-        let fan = Fan::new(part, m);
+        let fan = Fan::new(part, system.input_std().len(), m);
         let width = fan.width;
         Filter {
             scratch: system.scratch(),
