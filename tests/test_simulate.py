@@ -256,7 +256,6 @@ def test_what_cannot_be_simulated_is_explained(motion, asked, said):
         oarlock.simulate(sculler(), motion, **asked)
 
 
-@pytest.mark.xfail(reason="names and shapes of noise and biases are not checked", strict=True)
 @pytest.mark.parametrize(
     ("asked", "said"),
     [

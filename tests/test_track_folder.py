@@ -99,9 +99,6 @@ def test_provenance_says_how_it_came_about(recording, tmp_path):
     assert len(track) == pytest.approx(3.0 * 25.0, abs=2)
 
 
-@pytest.mark.xfail(
-    reason="keys that are None are left out of run.toml, so their default comes back", strict=True
-)
 def test_config_of_a_loaded_track_is_the_one_it_was_tracked_with(recording, tmp_path):
     config = oarlock.Config(learning_memory_s=None)
     oarlock.track(sculler(), recording, config=config).save(tmp_path)
@@ -152,7 +149,6 @@ def test_a_missing_file_is_named(track, file, tmp_path):
         oarlock.load_track(tmp_path)
 
 
-@pytest.mark.xfail(raises=KeyError, reason="keys of run.toml are read without a check", strict=True)
 @pytest.mark.parametrize("key", ["joints", "provenance", "states"])
 def test_a_key_that_is_gone_is_named(track, key, tmp_path):
     track.save(tmp_path)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock import _core
+from oarlock.array_gate import real_array
 from oarlock.errors import DataError
 from oarlock.recording import ImuStream, Recording, ScalarStream, Stream, VectorStream
 from oarlock.suggest import did_you_mean
@@ -59,6 +60,7 @@ def simulate(
     Raises:
         DataError: a sensor that the model does not have, or a motion that lacks a joint.
     """
+    _check_settings(model, noise, gyro_bias_rad_s, accel_bias_m_s2)
     time_s = _stamps(motion, rate_hz)
     truth = _truth(model, motion, time_s)
     names = _chosen(model, sensors)
@@ -73,13 +75,30 @@ def simulate(
         sensor = described.get(name)
         if sensor is not None and sensor["kind"] == "imu":
             clean = signals[:, units.index(name)]
-            bias = (_bias(gyro_bias_rad_s, name), _bias(accel_bias_m_s2, name))
+            gyro_bias = _bias(gyro_bias_rad_s, "gyro_bias_rad_s", name)
+            bias = (gyro_bias, _bias(accel_bias_m_s2, "accel_bias_m_s2", name))
             streams.append(_imu_stream(sensor, time_s, clean, bias, noise, random))
         elif sensor is not None and sensor["kind"] == "position":
             streams.append(_position_stream(sensor, truth, noise, random))
         else:
             streams.append(_joint_stream(model, name, sensor, truth, noise, random))
     return truth, Recording(streams)
+
+
+_NOISE_FIELDS = ("gyro_rad_s", "accel_m_s2", "mag_ut", "value")
+
+
+def _check_settings(model: Model, noise: bool | Mapping[str, Mapping[str, float]], *biases: Any) -> None:
+    names = (*model.sensor_names, *model.joint_names)
+    for label, given in (("noise", noise), ("gyro_bias_rad_s", biases[0]), ("accel_bias_m_s2", biases[1])):
+        for name in given if isinstance(given, Mapping) else ():
+            if name not in names:
+                raise DataError(f"simulate, {label}: no sensor '{name}'. {did_you_mean(name, names)}")
+    for name, fields in noise.items() if isinstance(noise, Mapping) else ():
+        for field in fields:
+            if field not in _NOISE_FIELDS:
+                hint = did_you_mean(field, _NOISE_FIELDS)
+                raise DataError(f"simulate, noise of '{name}': no quantity '{field}'. {hint}")
 
 
 def _stamps(motion: Motion, rate_hz: float) -> Floats:
@@ -143,9 +162,12 @@ def _imu_signals(
     return _core.imu_signals(model, calibration, q, STEP_S, base, azimuth_rad)
 
 
-def _bias(given: Mapping[str, Any] | float, name: str) -> Floats:
+def _bias(given: Mapping[str, Any] | float, label: str, name: str) -> Floats:
     value = given.get(name, 0.0) if isinstance(given, Mapping) else given
-    return np.broadcast_to(np.asarray(value, dtype=np.float64), (3,))
+    if np.shape(value) not in ((), (3,)):
+        shape = np.shape(value)
+        raise DataError(f"simulate, {label} of '{name}': shape {shape}; expected one number or three")
+    return np.broadcast_to(real_array(value, np.shape(value), f"simulate, {label} of '{name}'"), (3,))
 
 
 def _std(noise: bool | Mapping[str, Mapping[str, float]], name: str, field: str, own: float) -> float:

@@ -134,6 +134,16 @@ class Track:
             getattr(self, name).flags.writeable = False
         object.__setattr__(self, "slow", MappingProxyType(dict(self.slow)))
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but the engine's run: an unpickled track cannot be smoothed, like one read from files."""
+        plain = {"slow": dict(self.slow), "provenance": dict(self.provenance), "run": None}
+        return self.__dict__ | plain
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, value in state.items():
+            object.__setattr__(self, name, value)
+        self.__post_init__()
+
     def __getitem__(self, name: str) -> JointSeries:
         """The joint of this name."""
         if name not in self.joint_names:

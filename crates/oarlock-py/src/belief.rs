@@ -6,7 +6,7 @@ use oarlock::estimate::belief::Belief;
 use oarlock::estimate::dense::Square;
 use oarlock::estimate::filter::Info;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 
 /// What the filter believes at one instant: time, mean (n,), covariance (n, n) in `state_names` order, SI and rad.
 #[pyclass(frozen, name = "Belief", module = "oarlock")]
@@ -81,6 +81,13 @@ impl PyBelief {
     #[getter]
     fn state_names(&self) -> Vec<String> {
         self.names.clone()
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, b) = (slf.py(), slf.get());
+        let (drive, habit, since) = (b.drive(py), b.habit(py), b.rejected_since_s(py));
+        let parts = (b.belief.time_s, b.mean(py), b.covariance(py)?, drive, habit, since, b.names.clone());
+        Ok((py.get_type::<Self>().into_any(), parts.into_pyobject(py)?))
     }
 
     fn __repr__(&self) -> String {

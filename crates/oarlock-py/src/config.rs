@@ -4,6 +4,20 @@ use crate::errors::{raise, DataError};
 use oarlock::Config;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use serde_json::{Map, Value};
+
+/// A value as JSON text; arrays become lists, and numbers must be finite.
+fn as_json(value: &Bound<'_, PyAny>) -> PyResult<String> {
+    let py = value.py();
+    let options = PyDict::new(py);
+    options.set_item("default", py.import("operator")?.call_method1("methodcaller", ("tolist",))?)?;
+    options.set_item("allow_nan", false)?;
+    py.import("json")?.call_method("dumps", (value,), Some(&options))?.extract()
+}
+
+fn in_python_words(text: &str) -> String {
+    text.replace("a boolean", "True or False").replace("a sequence", "a list").replace("f64", "a number")
+}
 
 /// How to track. Keyword arguments only; every key has a default.
 #[pyclass(frozen, name = "Config", module = "oarlock")]
@@ -15,13 +29,18 @@ impl PyConfig {
     #[new]
     #[pyo3(signature = (**keys))]
     fn new(py: Python<'_>, keys: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-        let empty = PyDict::new(py);
-        let options = PyDict::new(py);
-        options.set_item("default", py.import("operator")?.call_method1("methodcaller", ("tolist",))?)?;
-        let json = py.import("json")?.call_method("dumps", (keys.unwrap_or(&empty),), Some(&options));
-        let json: String = json.map_err(|e| DataError::new_err(format!("config: {e}")))?.extract()?;
+        let mut all = Map::new();
+        for (key, value) in keys.into_iter().flatten() {
+            let wrong = |why: String| DataError::new_err(format!("config: {key} = {value:?}: {why}"));
+            let json = as_json(&value).map_err(|e| wrong(format!("{e}; expected finite numbers, texts or lists of them")))?;
+            let value: Value = serde_json::from_str(&json).map_err(|e| wrong(e.to_string()))?;
+            let one = Map::from_iter([(key.extract::<String>()?, value)]);
+            let alone = serde_json::from_value::<Config>(Value::Object(one.clone()));
+            alone.map_err(|e| wrong(in_python_words(&e.to_string())))?;
+            all.extend(one);
+        }
         let config: Config =
-            serde_json::from_str(&json).map_err(|e| DataError::new_err(format!("config: {e}")))?;
+            serde_json::from_value(Value::Object(all)).map_err(|e| DataError::new_err(format!("config: {e}")))?;
         config.check().map_err(|e| raise(py, e))?;
         Ok(PyConfig(config))
     }

@@ -4,7 +4,6 @@ mod array;
 mod belief;
 mod calibrate;
 mod config;
-mod describe;
 mod errors;
 mod model;
 mod run;

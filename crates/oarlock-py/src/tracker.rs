@@ -100,7 +100,7 @@ impl PyTracker {
             (Ok(sample), None) => self.tracker.step(&sample.get().0),
             (Err(_), Some(readings)) => {
                 let mut filled = self.sample.clone();
-                self.fill(&mut filled, sample.extract()?, readings)?;
+                self.fill(&mut filled, one_number(sample, "step, time_s")?, readings)?;
                 self.sample = filled;
                 self.tracker.step(&self.sample)
             }
@@ -113,7 +113,9 @@ impl PyTracker {
         };
         let time_s = sample.cast::<PySample>().map_or(self.sample.time_s, |s| s.get().0.time_s);
         let sensor_names = self.sensors.clone();
-        let info = PyInfo { info: self.tracker.info().clone(), time_s, status, sensor_names };
+        let tracking = status == "tracking";
+        let info = if tracking { self.tracker.info().clone() } else { self.tracker.blank_info() };
+        let info = PyInfo { info, time_s, status, sensor_names };
         Ok((self.belief(), info))
     }
 
@@ -130,6 +132,14 @@ impl PyTracker {
 
     fn __repr__(&self) -> String {
         format!("Tracker(model='{}', {} states)", self.tracker.body.model.name, self.names.len())
+    }
+}
+
+fn one_number(value: &Bound<'_, PyAny>, name: &str) -> PyResult<f64> {
+    let numbers = reals(value, name)?.values;
+    match numbers[..] {
+        [number] => Ok(number),
+        _ => Err(DataError::new_err(format!("{name}: {} numbers; expected one", numbers.len()))),
     }
 }
 
@@ -154,7 +164,7 @@ impl PyTracker {
     fn put(&self, sample: &mut Sample, name: &str, field: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
         let body = &self.tracker.body;
         if let Some(joint) = input_joint(&body.model, name) {
-            sample.inputs[joint] = value.extract()?;
+            sample.inputs[joint] = one_number(value, &format!("sample, {name}"))?;
             return Ok(());
         }
         let fits = |q: Quantity| match field {
@@ -166,8 +176,11 @@ impl PyTracker {
         let source = body.suite.sources.iter().find(|s| s.name == name);
         let part = source.and_then(|s| s.parts.iter().find(|p| fits(p.quantity)));
         let Some(part) = part else {
-            let known = self.sensors.join(", ");
-            return Err(DataError::new_err(format!("sample: '{name}' has no '{field}' in this model; sensors: {known}")));
+            let inputs = body.model.joints.iter().filter(|j| j.input).map(|j| j.name.as_str());
+            let sensors = body.model.sensors.iter().map(|s| s.name.as_str());
+            let known: Vec<&str> = sensors.chain(inputs).collect();
+            let hint = oarlock::model::suggest::hint(&name, &known);
+            return Err(DataError::new_err(format!("sample: '{name}' has no '{field}' in this model; {hint}")));
         };
         let label = format!("sample, {name}.{field}");
         let values = match part.rows.len() {

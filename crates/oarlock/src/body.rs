@@ -83,6 +83,9 @@ pub struct Body {
     pub field: Field,
     config: Config,
     driven: Vec<usize>,
+    /// Joints that are inputs, and the noise of their readings.
+    input_joints: Vec<usize>,
+    input_std: Vec<f64>,
     /// Per source: where its gyro rows and bias start, where its accel rows and bias start.
     biases: Vec<(usize, usize, usize)>,
 }
@@ -112,9 +115,11 @@ impl Body {
         }
         let joints = layout.joints.iter().flatten().filter_map(|s| s.rates.map(|(_, accel)| accel));
         let driven = joints.chain(layout.base.iter().flatten().map(|b| b.first)).collect();
+        let input_joints: Vec<usize> = (0..model.joints.len()).filter(|&j| model.joints[j].input).collect();
+        let input_std = input_joints.iter().map(|&j| model.joints[j].input_std).collect();
         let tree = Tree::new(&model, parameters);
         let field = Field::new(&model.world);
-        Ok(Body { model, tree, suite, layout, field, config: config.clone(), driven, biases })
+        Ok(Body { model, tree, suite, layout, field, config: config.clone(), driven, input_joints, input_std, biases })
     }
 
     /// An empty moment: nothing measured.
@@ -147,7 +152,7 @@ impl Body {
     }
 
     #[inline(always)]
-    fn unpack(&self, moment: &Moment, state: &[Lane], s: &mut BodyScratch) {
+    fn unpack(&self, moment: &Moment, state: &[Lane], off: &[Lane], s: &mut BodyScratch) {
         for (j, slots) in self.layout.joints.iter().enumerate() {
             let zero = Lane([0.0; LANES]);
             (s.q[j], s.qd[j], s.qdd[j]) = match slots {
@@ -157,6 +162,9 @@ impl Body {
                     Some((rate, accel)) => (state[slots.q], state[rate], state[accel]),
                 },
             };
+        }
+        for (&j, &off) in self.input_joints.iter().zip(off) {
+            s.q[j] += off;
         }
     }
 
@@ -191,6 +199,10 @@ impl System for Body {
         BodyScratch { q: joints.clone(), qd: joints.clone(), qdd: joints, frames }
     }
 
+    fn input_std(&self) -> &[f64] {
+        &self.input_std
+    }
+
     fn driven(&self) -> &[usize] {
         &self.driven
     }
@@ -219,8 +231,8 @@ impl System for Body {
         }
     }
 
-    fn readings(&self, moment: &Moment, s: &mut BodyScratch, state: &[Lane], out: &mut [Lane]) {
-        self.unpack(moment, state, s);
+    fn readings(&self, moment: &Moment, s: &mut BodyScratch, state: &[Lane], off: &[Lane], out: &mut [Lane]) {
+        self.unpack(moment, state, off, s);
         let joints = JointMotion { q: &s.q, qd: &s.qd, qdd: &s.qdd };
         self.tree.motions(self.root(state), joints, &moment.needed, &mut s.frames);
         let azimuth = match self.layout.azimuth {

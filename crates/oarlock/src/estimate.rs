@@ -47,6 +47,8 @@ pub trait System {
     fn partition(&self) -> Partition;
     /// Length of the measurement vector.
     fn row_count(&self) -> usize;
+    /// Standard deviation of each noisy input that the readings depend on besides the state.
+    fn input_std(&self) -> &[f64];
     /// Room to work in.
     fn scratch(&self) -> Self::Scratch;
     /// State at `delta` (tangent space) from `mean`, for every lane.
@@ -68,6 +70,13 @@ pub trait System {
     /// Motion over `dt` seconds; `variance` is the diagonal of the covariance, `drive` the factor on the driving noise of
     /// each driven coordinate (1 where it is absent).
     fn transition(&self, dt: f64, variance: &[f64], drive: &[f64], out: &mut Transition);
-    /// Readings of the rows that are there, at the state of every lane.
-    fn readings(&self, moment: &Self::Moment, scratch: &mut Self::Scratch, state: &[Lane], out: &mut [Lane]);
+    /// Readings of the rows that are there, at the state of every lane, with every input `off` what the moment says.
+    fn readings(
+        &self,
+        moment: &Self::Moment,
+        scratch: &mut Self::Scratch,
+        state: &[Lane],
+        off: &[Lane],
+        out: &mut [Lane],
+    );
 }

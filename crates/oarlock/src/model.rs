@@ -6,7 +6,7 @@ mod locate;
 mod section;
 mod slot;
 pub mod spec;
-pub(crate) mod suggest;
+pub mod suggest;
 pub mod transform;
 
 use crate::rotation::Mat3;

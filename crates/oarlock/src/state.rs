@@ -147,6 +147,7 @@ fn estimates_azimuth(model: &Model, config: &Config) -> bool {
 
 fn check_names(model: &Model, config: &Config) -> Result<()> {
     let own = model.base_accelerations.iter().map(|b| b.name.as_str());
+    let own = own.filter(|name| !DEFAULT_ESTIMATE.contains(name));
     let known: Vec<&str> = DEFAULT_ESTIMATE.into_iter().chain(own).collect();
     match config.estimate.iter().find(|e| !known.contains(&e.as_str())) {
         None => Ok(()),

@@ -146,12 +146,17 @@ impl Tracker {
         &self.info
     }
 
+    /// The report on a sample that was not taken in: nothing was used.
+    pub fn blank_info(&self) -> Info {
+        Info::new(&self.groups, self.z.len())
+    }
+
     /// A sample to fill in.
     pub fn empty_sample(&self) -> Sample {
         Sample::empty(&self.body.model, &self.body.suite)
     }
 
-    /// Takes in one sample.
+    /// Takes in one sample. After an error of divergence the belief is gone, and the next samples make a new start.
     pub fn step(&mut self, sample: &Sample) -> Result<Status> {
         self.step_with(sample, &mut |_, _, _| {})
     }

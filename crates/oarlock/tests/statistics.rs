@@ -54,7 +54,7 @@ impl Nature<'_> {
         moment.needed.fill(true);
         let lanes: Vec<Lane> = self.state.iter().map(|&x| Lane([x; LANES])).collect();
         let mut out = vec![Lane([0.0; LANES]); body.suite.len()];
-        body.readings(&moment, &mut body.scratch(), &lanes, &mut out);
+        body.readings(&moment, &mut body.scratch(), &lanes, &[], &mut out);
         let noisy = out.iter().zip(body.suite.std());
         let z = noisy
             .map(|(h, std)| h.0[0] + std * self.chance.normal())

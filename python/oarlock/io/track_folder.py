@@ -55,7 +55,7 @@ def read_track(folder: str | PathLike[str]) -> Track:
         raise DataError(
             f"{place}: no track here (run.toml or track.parquet is missing); write one with `oarlock track`"
         )
-    top: Mapping[str, Any] = TomlTable.read(place / "run.toml").values
+    top = _read_description(place / "run.toml")
     table = _read(place / "track.parquet")
     names, units = tuple(top["joints"]["names"]), tuple(top["joints"]["units"])
     try:
@@ -83,10 +83,29 @@ def read_track(folder: str | PathLike[str]) -> Track:
         info=_info(place / "sensors.parquet", tuple(top["sensors"])),
         beliefs=_beliefs(place / "beliefs.parquet", tuple(top["states"])),
         notes=tuple(top["notes"]),
-        provenance=top["provenance"],
+        provenance=_with_none_read(top["provenance"]),
         smoothed=bool(top["smoothed"]),
         **arrays,
     )
+
+
+def _read_description(file: Path) -> Mapping[str, Any]:
+    top: Mapping[str, Any] = TomlTable.read(file).values
+    expected = {
+        "joints": dict,
+        "slow": dict,
+        "provenance": dict,
+        "sensors": list,
+        "states": list,
+        "notes": list,
+        "smoothed": bool,
+    }
+    for key, kind in expected.items():
+        if not isinstance(top.get(key), kind):
+            raise DataError(f"{file}: key '{key}' is missing or no {kind.__name__}; track the recording again")
+    if not {"names", "units"} <= set(top["joints"]):
+        raise DataError(f"{file}: [joints] needs the lists 'names' and 'units'; track the recording again")
+    return top
 
 
 def _column(name: str, unit: str, field: str) -> str:
@@ -103,15 +122,26 @@ def _description(track: Track) -> dict[str, Any]:
         "states": list(track.beliefs.state_names) if track.beliefs else [],
         "joints": {"names": list(track.joint_names), "units": list(track.joint_units)},
         "slow": {name: slow.unit for name, slow in track.slow.items()},
-        "provenance": _without_none(track.provenance),
+        "provenance": _with_none_named(track.provenance),
     }
 
 
-def _without_none(value: Any) -> Any:
-    """TOML has no null: a key without a value is left out."""
+_NONE = "none"
+
+
+def _with_none_named(value: Any) -> Any:
+    """TOML has no null: it is written as the word."""
     if isinstance(value, Mapping):
-        return {k: _without_none(v) for k, v in value.items() if v is not None}
-    return [_without_none(v) for v in value] if isinstance(value, list | tuple) else value
+        return {k: _with_none_named(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_with_none_named(v) for v in value]
+    return _NONE if value is None else value
+
+
+def _with_none_read(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {k: _with_none_read(v) for k, v in value.items()}
+    return None if isinstance(value, str) and value == _NONE else value
 
 
 def _sensor_table(time_s: NDArray[np.float64], info: SensorInfo) -> pa.Table:

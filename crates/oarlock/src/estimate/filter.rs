@@ -91,6 +91,9 @@ pub struct Gate {
     pub patience_s: f64,
 }
 
+/// No belief is so wrong that a reading may be a million standard deviations off: that is no reading.
+const ABSURD_NIS: f64 = 1e12;
+
 /// How an update is done.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Manner {
@@ -128,7 +131,7 @@ impl<S: System> Filter<S> {
     pub fn new(system: &S, groups: &Groups) -> Self {
         let (part, m) = (system.partition(), system.row_count());
         let n = part.dim();
-        let fan = Fan::new(part, m);
+        let fan = Fan::new(part, system.input_std().len(), m);
         let width = fan.width;
         Filter {
             scratch: system.scratch(),
@@ -241,9 +244,11 @@ impl<S: System> Filter<S> {
             let since = &mut belief.rejected_since_s[p];
             let patient = since.is_nan() || belief.time_s - *since <= gate.patience_s;
             let nis = gate::nis(&self.fan.g, self.fan.width, &self.y, rows.clone(), &mut self.room);
-            let nis = nis.unwrap_or(f64::INFINITY);
+            // Written so that what is not a number is absurd too.
+            let absurd = !nis.is_some_and(|x| x < ABSURD_NIS);
+            let nis = nis.filter(|_| !absurd).unwrap_or(ABSURD_NIS);
             let habit = &mut belief.habit[p];
-            let odd = gate.on && patient && nis > slack * habit.max(1.0) * gate::threshold(count);
+            let odd = absurd || (gate.on && patient && nis > slack * habit.max(1.0) * gate::threshold(count));
             *habit = manner.learning.habit(*habit, self.since_s, nis / count as f64);
             if barred || odd {
                 self.used[rows.clone()].fill(false);

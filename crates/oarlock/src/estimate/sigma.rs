@@ -26,7 +26,9 @@ impl Spread {
     }
 }
 
-/// Readings around the mean. Row r of `g` is [sqrt(beta - alpha^2) d, E, H with its columns reversed], unscaled by noise.
+/// Readings around the mean. Row r of `g` is [sqrt(beta - alpha^2) d, E, D, H with its columns reversed], unscaled by
+/// noise. D, a column for each noisy input, is what the readings change by when that input is off by its standard
+/// deviation: D D' adds to R.
 #[derive(Debug, Clone)]
 pub struct Fan {
     /// At the mean.
@@ -35,29 +37,35 @@ pub struct Fan {
     pub bend: Vec<f64>,
     /// One row a reading, `width` numbers each.
     pub g: Vec<f64>,
-    /// 1 + curved + n.
+    /// 1 + curved + inputs + n.
     pub width: usize,
+    off: Vec<Lane>,
     delta: Vec<Lane>,
     state: Vec<Lane>,
     out: Vec<Lane>,
 }
 
+/// Where a point lies from the mean.
 #[derive(Clone, Copy)]
-struct Point {
-    column: usize,
-    sign: f64,
+enum Point {
+    Mean,
+    /// Along a column of the factor, with its sign.
+    Along(usize, f64),
+    /// Off by one standard deviation of an input.
+    Input(usize),
 }
 
 impl Fan {
     /// Room for `rows` readings.
-    pub fn new(partition: Partition, rows: usize) -> Self {
+    pub fn new(partition: Partition, inputs: usize, rows: usize) -> Self {
         let n = partition.dim();
-        let width = 1 + partition.curved() + n;
+        let width = 1 + partition.curved() + inputs + n;
         Fan {
             center: vec![0.0; rows],
             bend: vec![0.0; rows],
             g: vec![0.0; rows * width],
             width,
+            off: vec![Lane([0.0; LANES]); inputs],
             delta: vec![Lane([0.0; LANES]); n],
             state: vec![Lane([0.0; LANES]); n],
             out: vec![Lane([0.0; LANES]); rows],
@@ -77,51 +85,67 @@ impl Fan {
         let part = system.partition();
         let (n, curved) = (part.dim(), part.curved());
         let reach = spread.reach(n);
-        let total = 1 + 2 * curved + (n - curved);
+        let total = 1 + curved + n + self.off.len();
         let mut first = 0;
         while first < total {
             let count = LANES.min(total - first);
-            self.place(first..first + count, curved, factor, reach);
+            let points = first..first + count;
+            self.place(points.clone(), part, factor, reach, system.input_std());
             system.retract(mean, &self.delta, &mut self.state);
-            system.readings(moment, scratch, &self.state, &mut self.out);
-            self.gather(first..first + count, curved);
+            system.readings(moment, scratch, &self.state, &self.off, &mut self.out);
+            self.gather(points, part);
             first += count;
         }
         self.combine(curved, n, reach, spread);
     }
 
-    /// Point 0 is the mean; then plus and minus twins of the curved columns; then single points of the linear ones.
-    fn point(index: usize, curved: usize) -> Option<Point> {
-        let k = index.checked_sub(1)?;
-        if k < 2 * curved {
-            let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
-            return Some(Point { column: k / 2, sign });
+    /// The mean; plus and minus twins of the curved columns; single points of the linear ones; the inputs.
+    fn point(index: usize, part: Partition) -> Point {
+        let (n, curved) = (part.dim(), part.curved());
+        match index {
+            0 => Point::Mean,
+            i if i <= 2 * curved => Point::Along((i - 1) / 2, if i % 2 == 1 { 1.0 } else { -1.0 }),
+            i if i <= curved + n => Point::Along(i - 1 - curved, 1.0),
+            i => Point::Input(i - 1 - curved - n),
         }
-        Some(Point { column: k - curved, sign: 1.0 })
     }
 
-    fn place(&mut self, points: std::ops::Range<usize>, curved: usize, factor: &Square, reach: f64) {
+    fn place(
+        &mut self,
+        points: std::ops::Range<usize>,
+        part: Partition,
+        factor: &Square,
+        reach: f64,
+        input_std: &[f64],
+    ) {
         self.delta.fill(Lane([0.0; LANES]));
+        self.off.fill(Lane([0.0; LANES]));
         for (lane, index) in points.enumerate() {
-            let Some(p) = Self::point(index, curved) else { continue };
-            let step = p.sign * reach;
-            let row = &factor.row(p.column)[p.column..];
-            for (d, u) in self.delta[p.column..].iter_mut().zip(row) {
-                d.0[lane] = step * u;
+            match Self::point(index, part) {
+                Point::Mean => {}
+                Point::Input(k) => self.off[k].0[lane] = input_std[k],
+                Point::Along(column, sign) => {
+                    let step = sign * reach;
+                    let row = &factor.row(column)[column..];
+                    for (d, u) in self.delta[column..].iter_mut().zip(row) {
+                        d.0[lane] = step * u;
+                    }
+                }
             }
         }
     }
 
     /// Puts plus (and single) readings where H belongs, minus readings where E belongs.
-    fn gather(&mut self, points: std::ops::Range<usize>, curved: usize) {
+    fn gather(&mut self, points: std::ops::Range<usize>, part: Partition) {
         for (lane, index) in points.enumerate() {
-            let slot = match Self::point(index, curved) {
-                None => {
+            let slot = match Self::point(index, part) {
+                Point::Mean => {
                     self.center.iter_mut().zip(&self.out).for_each(|(c, o)| *c = o.0[lane]);
                     continue;
                 }
-                Some(p) if p.sign < 0.0 => 1 + p.column,
-                Some(p) => self.width - 1 - p.column,
+                Point::Along(column, sign) if sign < 0.0 => 1 + column,
+                Point::Along(column, _) => self.width - 1 - column,
+                Point::Input(k) => 1 + part.curved() + k,
             };
             for (g, o) in self.g.chunks_exact_mut(self.width).zip(&self.out) {
                 g[slot] = o.0[lane];
@@ -142,6 +166,9 @@ impl Fan {
             }
             for i in curved..n {
                 g[self.width - 1 - i] = (g[self.width - 1 - i] - h0) * one;
+            }
+            for i in 1 + curved..self.width - n {
+                g[i] -= h0;
             }
             *bend = sum * one;
             g[0] = outer * *bend;

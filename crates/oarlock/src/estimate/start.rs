@@ -161,6 +161,7 @@ impl<'a, S: System> Problem<'a, S> {
         let (n, m) = (state.len(), self.noise_std.len());
         let zero = Lane([0.0; LANES]);
         let (mut delta, mut lanes, mut out) = (vec![zero; n], vec![zero; n], vec![zero; m]);
+        let off = vec![zero; self.system.input_std().len()];
         let mut h = vec![0.0; m];
         let mut jacobian = vec![0.0; m * n];
         for first in (0..n).step_by(LANES / 2) {
@@ -171,7 +172,7 @@ impl<'a, S: System> Problem<'a, S> {
                 delta[first + i].0[2 * i + 1] = -STEP;
             }
             self.system.retract(state, &delta, &mut lanes);
-            self.system.readings(self.evidence[k].moment, &mut self.scratch, &lanes, &mut out);
+            self.system.readings(self.evidence[k].moment, &mut self.scratch, &lanes, &off, &mut out);
             for (r, o) in out.iter().enumerate() {
                 for i in 0..count {
                     jacobian[r * n + first + i] = (o.0[2 * i] - o.0[2 * i + 1]) / (2.0 * STEP);

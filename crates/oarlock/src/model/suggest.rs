@@ -1,7 +1,7 @@
 //! The valid name nearest to one that is not.
 
 /// A clause for a message: the nearest valid name, or the valid names.
-pub(crate) fn hint(wrong: &str, valid: &[&str]) -> String {
+pub fn hint(wrong: &str, valid: &[&str]) -> String {
     if let Some(name) = nearest(wrong, valid) {
         return format!("did you mean `{name}`?");
     }
@@ -19,7 +19,7 @@ pub(crate) fn hint(wrong: &str, valid: &[&str]) -> String {
 }
 
 /// The valid name that needs the fewest edits, if it is near enough to be meant.
-pub(crate) fn nearest<'a>(wrong: &str, valid: &[&'a str]) -> Option<&'a str> {
+pub fn nearest<'a>(wrong: &str, valid: &[&'a str]) -> Option<&'a str> {
     let wrong = plain(wrong);
     let best = valid
         .iter()

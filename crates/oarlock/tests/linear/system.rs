@@ -92,7 +92,11 @@ impl System for Linear {
         out.blocks.extend([drawn, driven, Block::walk(4, 0.01 * t)]);
     }
 
-    fn readings(&self, _moment: &(), _scratch: &mut (), state: &[Lane], out: &mut [Lane]) {
+    fn input_std(&self) -> &[f64] {
+        &[]
+    }
+
+    fn readings(&self, _: &(), _: &mut (), state: &[Lane], _: &[Lane], out: &mut [Lane]) {
         for (r, out) in out.iter_mut().enumerate() {
             let terms = self.readings[r].iter().zip(state);
             *out = terms.fold(Lane::splat(self.zero[r]), |sum, (&h, &x)| sum + x.scale(h));

@@ -118,7 +118,7 @@ fn measurement_vector_agrees_in_every_lane() {
         moment.needed.fill(true);
         let lanes: Vec<Lane> = x.iter().map(|&x| Lane([x; LANES])).collect();
         let mut out = vec![Lane([0.0; LANES]); body.suite.len()];
-        body.readings(&moment, &mut body.scratch(), &lanes, &mut out);
+        body.readings(&moment, &mut body.scratch(), &lanes, &[], &mut out);
         assert_eq!(wanted.len(), out.len());
         let plain = textbook.measure(&DVector::from_vec(x), &moment.inputs);
         for ((lane, wanted), plain) in out.iter().zip(&wanted).zip(plain.iter()) {

@@ -133,6 +133,10 @@ impl Ukf<'_> {
         }
         let noise: Vec<f64> = rows.iter().map(|&r| std[r] * std[r]).collect();
         let mut inner = DMatrix::from_diagonal(&DVector::from_vec(noise));
+        for change in self.input_changes(inputs) {
+            let change = change.select_rows(&rows);
+            inner.ger(1.0, &change, &change, 1.0);
+        }
         let mut cross = DMatrix::zeros(self.mean.len(), rows.len());
         for (i, (x, y)) in points.iter().zip(&read).enumerate() {
             let (dx, dy, weight) = (x - &self.mean, y - &expected, w.of(w.covariance_0, i));
@@ -145,6 +149,19 @@ impl Ukf<'_> {
         self.mean += &gain * (measured - expected);
         self.covariance -= &gain * inner * gain.transpose();
         self.covariance = (&self.covariance + self.covariance.transpose()) * 0.5;
+    }
+
+    /// What the readings change by when one input is off by its standard deviation.
+    fn input_changes(&self, inputs: &[f64]) -> Vec<DVector<f64>> {
+        let joints = self.body.model.joints.iter().enumerate();
+        let noisy = joints.filter(|(j, joint)| joint.input && !inputs[*j].is_nan());
+        let here = self.body.measure(&self.mean, inputs);
+        let change = |(j, joint): (usize, &oarlock::model::Joint)| {
+            let mut off = inputs.to_vec();
+            off[j] += joint.input_std;
+            self.body.measure(&self.mean, &off) - &here
+        };
+        noisy.map(change).collect()
     }
 
     fn points(&self) -> Vec<DVector<f64>> {

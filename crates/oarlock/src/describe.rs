@@ -1,7 +1,7 @@
-//! A model as plain data, for `Model.describe()`.
+//! A model as plain data: names and numbers that other languages can read.
 
-use oarlock::body::Body;
-use oarlock::model::{Expr, Frame, Joint, JointKind, ProcessKind, Sensor, SensorKind};
+use crate::body::Body;
+use crate::model::{Expr, Frame, Joint, JointKind, ProcessKind, Sensor, SensorKind};
 use serde_json::{json, Value};
 
 /// Everything in the model; numbers in SI and rad at the model's parameter values.
@@ -10,7 +10,7 @@ pub fn describe(body: &Body, path: &str) -> Value {
     let values: Vec<f64> = m.parameters.iter().map(|p| p.default).collect();
     let frame_name = |i: usize| m.frames[i].name.clone();
     let point = |p: &[Expr; 3]| numbers(p, &values);
-    let closure = |c: &oarlock::model::Closure| {
+    let closure = |c: &crate::model::Closure| {
         json!({"name": c.name, "frame_a": frame_name(c.sides[0].0), "frame_b": frame_name(c.sides[1].0),
             "point_a": point(&c.sides[0].1), "point_b": point(&c.sides[1].1),
             "axis_a": c.axes.map(|a| a[0]), "axis_b": c.axes.map(|a| a[1]),
