@@ -135,3 +135,10 @@ def imu_signals(
     root_acceleration: ArrayLike,
     azimuth_rad: float,
 ) -> Floats: ...
+def find_hinge_chain(
+    sensors: list[dict[str, Any]],
+    up_in_world: list[float],
+    gravity_m_s2: float,
+    still_s: tuple[float, float] | None,
+    first_turn_positive: bool,
+) -> dict[str, Any]: ...

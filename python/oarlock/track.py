@@ -172,7 +172,7 @@ class Track:
     def frame_positions(self, frame: str, relative_to: str = "root") -> Floats:
         """Origin of a frame over time, (T, 3) in m, in the axes of frame `relative_to`.
 
-        A joint that no stream ever told (an oar's feathering, say) is taken at 0; where a reading that was needed is
+        A joint that no stream ever told (the turn of a grip, say) is taken at 0; where a reading that was needed is
         missing, the position is NaN.
 
         Raises:

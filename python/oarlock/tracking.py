@@ -5,14 +5,13 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Callable
-from dataclasses import replace
 
 from oarlock import _core
 from oarlock._core import Belief, Config, Model
 from oarlock.calibration import Calibration
 from oarlock.errors import DataError
 from oarlock.plausibility import require_plausible
-from oarlock.recording import ImuStream, Recording
+from oarlock.recording import Recording
 from oarlock.suggest import did_you_mean
 from oarlock.track import Track, track_of_run
 
@@ -34,7 +33,7 @@ def track(
         model: the body and its sensors.
         recording: measured streams; absent streams and NaN are missing data.
         calibration: lengths, mounts and magnetometer offsets of this wearing; None takes the model's nominal
-            ones, and says so. Offsets are subtracted on the way in; the recording stays as it is.
+            ones, and says so.
         config: tuning; None is the default.
         start: go on from this belief (`Track.last_belief`) instead of fitting the first samples.
         progress: called now and then with the share done, 0 to 1.
@@ -47,9 +46,8 @@ def track(
     config = config if config is not None else Config()
     _require_known(model, recording)
     findings = require_plausible(recording)
-    measured, subtracted = _without_mag_offsets(model, recording, calibration)
     began = time.perf_counter()
-    run = _core.track(model, measured, calibration, config, start, progress)
+    run = _core.track(model, recording, calibration, config, start, progress)
     wall_s = time.perf_counter() - began
     provenance = {
         "oarlock": _core.__version__,
@@ -65,7 +63,11 @@ def track(
     }
     if calibration is not None and calibration.parameters:
         model = Model.from_toml(model.text, model.path, model.parameters | dict(calibration.parameters))
-    notes = (*run.notes, *subtracted, *(f"{f.sensor}: {f.message}" for f in findings))
+    notes = (
+        *run.notes,
+        *_subtracted(recording, calibration),
+        *(f"{f.sensor}: {f.message}" for f in findings),
+    )
     return track_of_run(model, run, notes, provenance)
 
 
@@ -106,26 +108,10 @@ def _require_known(model: Model, recording: Recording) -> None:
     )
 
 
-def _without_mag_offsets(
-    model: Model, recording: Recording, calibration: Calibration | None
-) -> tuple[Recording, tuple[str, ...]]:
-    """The recording with each magnetometer's constant offset subtracted, and sentences that say so."""
+def _subtracted(recording: Recording, calibration: Calibration | None) -> tuple[str, ...]:
     offsets = calibration.mag_offsets_ut if calibration is not None else {}
-    for name in offsets:
-        if name not in model.sensor_names:
-            raise DataError(
-                f'calibration, mag_offsets_ut of "{name}": model "{model.name}" has no sensor of that name. '
-                f"{did_you_mean(name, model.sensor_names)}"
-            )
-    notes, streams = [], []
-    for stream in recording.streams:
-        if isinstance(stream, ImuStream) and stream.mag_ut is not None and stream.name in offsets:
-            offset = offsets[stream.name]
-            stream = replace(stream, mag_ut=stream.mag_ut - offset)
-            x, y, z = offset
-            notes.append(f"{stream.name}: magnetometer offset ({x:.1f}, {y:.1f}, {z:.1f}) uT subtracted")
-        streams.append(stream)
-    return (Recording(streams, recording.meta) if notes else recording), tuple(notes)
+    names = [name for name in offsets if name in recording]
+    return (f"magnetometer offsets of {', '.join(names)} were subtracted",) if names else ()
 
 
 def _hash(recording: Recording) -> str:

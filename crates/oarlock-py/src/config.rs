@@ -32,7 +32,8 @@ impl PyConfig {
         let mut all = Map::new();
         for (key, value) in keys.into_iter().flatten() {
             let wrong = |why: String| DataError::new_err(format!("config: {key} = {value:?}: {why}"));
-            let json = as_json(&value).map_err(|e| wrong(format!("{e}; expected finite numbers, texts or lists of them")))?;
+            let json =
+                as_json(&value).map_err(|e| wrong(format!("{e}; expected finite numbers, texts or lists of them")))?;
             let value: Value = serde_json::from_str(&json).map_err(|e| wrong(e.to_string()))?;
             let one = Map::from_iter([(key.extract::<String>()?, value)]);
             let alone = serde_json::from_value::<Config>(Value::Object(one.clone()));

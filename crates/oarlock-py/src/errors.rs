@@ -6,7 +6,12 @@ use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 
 create_exception!(oarlock, ModelError, PyValueError, "The model file is wrong; the text says where and what to do.");
-create_exception!(oarlock, DataError, PyValueError, "The data or arguments are wrong; the text says where and what to do.");
+create_exception!(
+    oarlock,
+    DataError,
+    PyValueError,
+    "The data or arguments are wrong; the text says where and what to do."
+);
 create_exception!(oarlock, DivergedError, PyRuntimeError, "The filter lost the track; `time_s` says when.");
 
 /// The one map from engine errors to exceptions.

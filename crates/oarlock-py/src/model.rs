@@ -104,11 +104,7 @@ impl PyModel {
     }
 
     /// Poses of all frames: q (..., n_joints), rad or m -> (..., n_frames, 4, 4), world_from_frame.
-    fn forward_kinematics<'py>(
-        &self,
-        py: Python<'py>,
-        q: &Bound<'py, PyAny>,
-    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    fn forward_kinematics<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let joints = self.model.joints.len();
         let (q, rows) = items(q, "q", &[joints])?;
         let tree = &self.body.tree;
@@ -214,8 +210,11 @@ impl Bases {
 
 impl PyModel {
     fn root(&self, bases: Option<&Bases>, row: usize) -> (FrameMotion<f64>, Vec3<f64>) {
-        let (lift, field) = (Vec3(self.body.field.lift), self.body.field.magnetic(self.model.world.magnetic_azimuth_rad));
-        let Some(b) = bases else { return (FrameMotion::resting(lift), field) };
+        let (lift, field) =
+            (Vec3(self.body.field.lift), self.body.field.magnetic(self.model.world.magnetic_azimuth_rad));
+        let Some(b) = bases else {
+            return (FrameMotion::resting(lift), field);
+        };
         let row = if b.count == 1 { 0 } else { row };
         let r = &b.rotation[9 * row..9 * row + 9];
         let world_from_root = Mat3([0, 3, 6].map(|i| [r[i], r[i + 1], r[i + 2]]));

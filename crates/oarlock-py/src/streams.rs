@@ -21,7 +21,9 @@ fn stream(object: &Bound<'_, PyAny>) -> PyResult<Stream> {
     let time_s = reals(&object.getattr("time_s")?, &format!("stream '{name}', time_s"))?.values;
     let mut channels = Vec::new();
     for (field, quantity, width) in CHANNELS {
-        let Some(value) = object.getattr_opt(field)?.filter(|v| !v.is_none()) else { continue };
+        let Some(value) = object.getattr_opt(field)?.filter(|v| !v.is_none()) else {
+            continue;
+        };
         let (array, _) = items(&value, &format!("stream '{name}', {field}"), &[width])?;
         channels.push(Channel { quantity, values: array.values });
     }
@@ -47,6 +49,11 @@ pub fn calibration(object: Option<&Bound<'_, PyAny>>) -> PyResult<Calibration> {
         let (o, _) = items(&offset, &format!("mount '{name}', offset_m"), &[3])?;
         let rotation = matrix(&r.values).ok_or_else(|| DataError::new_err(format!("mount '{name}': one matrix")))?;
         out.mounts.insert(name, (rotation, [o.values[0], o.values[1], o.values[2]]));
+    }
+    for pair in object.getattr("mag_offsets_ut")?.call_method0("items")?.try_iter()? {
+        let (name, offset): (String, Bound<'_, PyAny>) = pair?.extract()?;
+        let (o, _) = items(&offset, &format!("mag_offsets_ut '{name}'"), &[3])?;
+        out.mag_offsets.insert(name, [o.values[0], o.values[1], o.values[2]]);
     }
     Ok(out)
 }

@@ -55,8 +55,7 @@ impl PyTracker {
     ) -> PyResult<Self> {
         let config = config.map(|c| c.get().0.clone()).unwrap_or_default();
         let calibration = calibration(calibration_)?;
-        let mut tracker =
-            Tracker::new(model.get().model.clone(), &calibration, &config).map_err(|e| raise(py, e))?;
+        let mut tracker = Tracker::new(model.get().model.clone(), &calibration, &config).map_err(|e| raise(py, e))?;
         if let Some(belief) = belief {
             tracker.resume(belief.get().belief.clone()).map_err(|e| raise(py, e))?;
         }

@@ -92,12 +92,7 @@ pub struct Body {
 
 impl Body {
     /// Puts a model together with parameter values and mounts (per sensor; `None` is the model's own).
-    pub fn new(
-        model: Arc<Model>,
-        parameters: &[f64],
-        mounts: &[Option<MountValue>],
-        config: &Config,
-    ) -> Result<Self> {
+    pub fn new(model: Arc<Model>, parameters: &[f64], mounts: &[Option<MountValue>], config: &Config) -> Result<Self> {
         let layout = Layout::new(&model, config)?;
         let suite = Suite::new(&model, parameters, mounts);
         let mut biases = Vec::new();

@@ -41,8 +41,12 @@ fn joint(j: &Joint) -> Value {
         JointKind::Slide => "slide",
     };
     let process = match j.process.kind {
-        ProcessKind::Jerk => json!({"kind": "jerk", "density": j.process.density, "start_std": j.process.start_std}),
-        ProcessKind::Walk => json!({"kind": "walk", "density": j.process.density, "start_std": [j.process.start_std[0]]}),
+        ProcessKind::Jerk => {
+            json!({"kind": "jerk", "density": j.process.density, "start_std": j.process.start_std})
+        }
+        ProcessKind::Walk => {
+            json!({"kind": "walk", "density": j.process.density, "start_std": [j.process.start_std[0]]})
+        }
     };
     let process = if j.input || j.kind == JointKind::Fixed { Value::Null } else { process };
     json!({"name": j.name, "kind": kind, "label": j.label, "limits": j.limits, "rest": j.rest, "input": j.input,

@@ -73,8 +73,7 @@ fn held_jerk(index: [usize; 3], joint: &Joint, density2: f64, dt: f64) -> Block 
     let pole = (3.0 * density2 / (16.0 * s2)).powf(0.2);
     let factor = triple_pole(pole, dt);
     let (l2, l4) = (pole * pole, pole.powi(4));
-    let settled =
-        [[s2, 0.0, -s2 * l2 / 3.0], [0.0, s2 * l2 / 3.0, 0.0], [-s2 * l2 / 3.0, 0.0, s2 * l4]];
+    let settled = [[s2, 0.0, -s2 * l2 / 3.0], [0.0, s2 * l2 / 3.0, 0.0], [-s2 * l2 / 3.0, 0.0, s2 * l4]];
     let offset = [0, 1, 2].map(|r| joint.rest * (f64::from(r == 0) - factor[r as usize][0]));
     Block { index, len: 3, factor, offset, noise: driving(&factor, &settled) }
 }
@@ -142,8 +141,7 @@ mod tests {
         let (density2, s2, dt) = (125.0_f64, 0.25_f64, 1e-3);
         let pole = (3.0 * density2 / (16.0 * s2)).powf(0.2);
         let (l2, l4) = (pole * pole, pole.powi(4));
-        let settled =
-            [[s2, 0.0, -s2 * l2 / 3.0], [0.0, s2 * l2 / 3.0, 0.0], [-s2 * l2 / 3.0, 0.0, s2 * l4]];
+        let settled = [[s2, 0.0, -s2 * l2 / 3.0], [0.0, s2 * l2 / 3.0, 0.0], [-s2 * l2 / 3.0, 0.0, s2 * l4]];
         let noise = driving(&triple_pole(pole, dt), &settled);
         assert!((noise[2][2] / (density2 * dt) - 1.0).abs() < 0.02, "{}", noise[2][2] / (density2 * dt));
     }

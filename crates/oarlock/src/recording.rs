@@ -124,7 +124,9 @@ impl Recording {
     /// Reads the next sample, all rows within `merge_s` of the earliest; false at the end. Allocates nothing.
     pub fn next(&self, cursor: &mut Cursor, sample: &mut Sample) -> bool {
         let heads = self.streams.iter().zip(&cursor.0).filter_map(|(s, &at)| s.time_s.get(at));
-        let Some(time_s) = heads.copied().reduce(f64::min) else { return false };
+        let Some(time_s) = heads.copied().reduce(f64::min) else {
+            return false;
+        };
         sample.clear();
         sample.time_s = time_s;
         for ((stream, targets), at) in self.streams.iter().zip(&self.targets).zip(&mut cursor.0) {

@@ -62,11 +62,7 @@ impl<T: Real> Vec3<T> {
     #[inline(always)]
     pub fn cross(self, o: Self) -> Self {
         let (a, b) = (self.0, o.0);
-        Vec3([
-            a[1] * b[2] - a[2] * b[1],
-            a[2] * b[0] - a[0] * b[2],
-            a[0] * b[1] - a[1] * b[0],
-        ])
+        Vec3([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
     }
 }
 
@@ -108,9 +104,7 @@ impl<T: Real> Mat3<T> {
     #[inline(always)]
     pub fn times_f64(&self, o: &Mat3<f64>) -> Self {
         let o = &o.0;
-        Mat3(self.0.map(|r| {
-            [0, 1, 2].map(|j| r[0].scale(o[0][j]) + r[1].scale(o[1][j]) + r[2].scale(o[2][j]))
-        }))
+        Mat3(self.0.map(|r| [0, 1, 2].map(|j| r[0].scale(o[0][j]) + r[1].scale(o[1][j]) + r[2].scale(o[2][j]))))
     }
 
     /// Times a rotation about z, given its sine and cosine.

@@ -130,7 +130,13 @@ impl Suite {
             source.rows.end += suffixes.len();
             source.parts.push(Part { rows: start..source.rows.end, quantity });
             source.std.extend(std);
-            let named = |s: &&str| if s.is_empty() { name.to_string() } else { format!("{name}.{s}") };
+            let named = |s: &&str| {
+                if s.is_empty() {
+                    name.to_string()
+                } else {
+                    format!("{name}.{s}")
+                }
+            };
             source.row_names.extend(suffixes.iter().map(named));
         }
         self.sources.push(source);

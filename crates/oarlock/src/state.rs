@@ -97,7 +97,9 @@ impl Layout {
     fn place_slow(&mut self, model: &Model, config: &Config) {
         let wants = |name: &str| config.estimate.iter().any(|e| e == name);
         for (i, sensor) in model.sensors.iter().enumerate() {
-            let SensorKind::Imu { noise, .. } = &sensor.kind else { continue };
+            let SensorKind::Imu { noise, .. } = &sensor.kind else {
+                continue;
+            };
             if wants("gyro_bias") && noise.gyro_std.is_some() {
                 self.gyro_bias[i] = Some(self.push_bias(&sensor.name, "gyro_bias", noise));
             }
@@ -141,7 +143,8 @@ impl Layout {
 }
 
 fn estimates_azimuth(model: &Model, config: &Config) -> bool {
-    let has_mag = |s: &crate::model::Sensor| matches!(&s.kind, SensorKind::Imu { noise, .. } if noise.mag_std.is_some());
+    let has_mag =
+        |s: &crate::model::Sensor| matches!(&s.kind, SensorKind::Imu { noise, .. } if noise.mag_std.is_some());
     !model.world.azimuth_fixed && config.magnetometer != Magnetometer::Off && model.sensors.iter().any(has_mag)
 }
 

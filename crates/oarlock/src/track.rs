@@ -31,6 +31,8 @@ pub struct Calibration {
     pub parameters: BTreeMap<String, f64>,
     /// Per inertial unit: link from sensor, and its origin in the link, m.
     pub mounts: BTreeMap<String, MountValue>,
+    /// Per inertial unit: constant part of its magnetometer's readings, uT in sensor axes.
+    pub mag_offsets: BTreeMap<String, [f64; 3]>,
 }
 
 /// What became of a sample.
@@ -65,6 +67,8 @@ pub struct Tracker {
     quantities: Vec<Quantity>,
     loops: Vec<Loop>,
     std: Vec<f64>,
+    /// What is subtracted from each row before use.
+    offset: Vec<f64>,
     moment: Moment,
     z: Vec<f64>,
     barred: Vec<bool>,
@@ -96,6 +100,7 @@ impl Tracker {
             loops: loops::loops(&body, &depends),
             quantities: body.quantities(),
             std: body.suite.std(),
+            offset: row_offsets(&body, &calibration.mag_offsets)?,
             moment: body.moment(),
             z: vec![f64::NAN; rows],
             barred: vec![false; groups.parts.len()],
@@ -125,7 +130,8 @@ impl Tracker {
                 self.body.model.name
             )));
         }
-        let mut numbers = belief.mean.iter().chain(belief.covariance.as_slice()).chain(&belief.drive).chain(&belief.habit);
+        let mut numbers =
+            belief.mean.iter().chain(belief.covariance.as_slice()).chain(&belief.drive).chain(&belief.habit);
         if !belief.time_s.is_finite() || numbers.any(|x| !x.is_finite()) {
             return Err(Error::Data(format!(
                 "belief at {} s holds numbers that are not finite: start without it, or from an earlier one",
@@ -162,11 +168,7 @@ impl Tracker {
     }
 
     /// Takes in one sample; `sink` sees every sample that was worked off, with the belief and the report behind it.
-    pub fn step_with(
-        &mut self,
-        sample: &Sample,
-        sink: &mut dyn FnMut(&Sample, &Belief, &Info),
-    ) -> Result<Status> {
+    pub fn step_with(&mut self, sample: &Sample, sink: &mut dyn FnMut(&Sample, &Belief, &Info)) -> Result<Status> {
         self.check(sample)?;
         let Some(mut belief) = self.belief.take() else {
             return self.gather(sample, sink);
@@ -271,20 +273,16 @@ impl Tracker {
 
     fn update(&mut self, belief: &mut Belief, sample: &Sample) -> Result<()> {
         self.prepare(sample);
-        let sighting = Sighting {
-            z: &self.z,
-            std: &self.std,
-            barred: &self.barred,
-            strict: &self.strict,
-            groups: &self.groups,
-        };
+        let sighting =
+            Sighting { z: &self.z, std: &self.std, barred: &self.barred, strict: &self.strict, groups: &self.groups };
         let done = self.filter.update(&self.body, &self.moment, belief, sighting, self.manner, &mut self.info);
         done.map_err(|lost| diverged(lost, belief.time_s))
     }
 
     /// Fills in inputs and loops, and bars disturbed magnetometers.
     fn prepare(&mut self, sample: &Sample) {
-        self.z.copy_from_slice(&sample.z);
+        let readings = sample.z.iter().zip(&self.offset);
+        self.z.iter_mut().zip(readings).for_each(|(z, (reading, offset))| *z = reading - offset);
         for l in &self.loops {
             let rows = self.body.suite.sources[l.source].rows.clone();
             let speaks = self.config.closures && l.speaks(sample);
@@ -360,6 +358,28 @@ pub fn parameter_values(model: &Model, given: &BTreeMap<String, f64>) -> Result<
         values[i] = value;
     }
     Ok(values)
+}
+
+fn row_offsets(body: &Body, given: &BTreeMap<String, [f64; 3]>) -> Result<Vec<f64>> {
+    let mut offsets = vec![0.0; body.suite.len()];
+    for (name, offset) in given {
+        let source = body.suite.sources.iter().find(|s| s.name == *name);
+        let part = source.and_then(|s| s.parts.iter().find(|p| p.quantity == Quantity::Mag));
+        let Some(part) = part else {
+            let with_mag = body.suite.sources.iter().filter(|s| s.parts.iter().any(|p| p.quantity == Quantity::Mag));
+            let known: Vec<&str> = with_mag.map(|s| s.name.as_str()).collect();
+            return Err(Error::Data(format!(
+                "magnetometer offset '{name}': model '{}' has no magnetometer of that name; {}",
+                body.model.name,
+                hint(name, &known)
+            )));
+        };
+        if offset.iter().any(|x| !x.is_finite()) {
+            return Err(Error::Data(format!("magnetometer offset '{name}': {offset:?} uT must be finite")));
+        }
+        offsets[part.rows.clone()].copy_from_slice(offset);
+    }
+    Ok(offsets)
 }
 
 /// Mounts per sensor of the model; `None` is the model's own.

@@ -59,13 +59,7 @@ fn samples(config: &Config) -> Vec<Sample> {
     let model = model(SCULLER);
     let body = body(&model, config);
     let stroke = Stroke::new(&body, 2.2);
-    let scene = Scene {
-        body: &body,
-        motion: &|t| stroke.at(t),
-        surge: &|_| 0.0,
-        azimuth_rad: 0.5,
-        noise: 1.0,
-    };
+    let scene = Scene { body: &body, motion: &|t| stroke.at(t), surge: &|_| 0.0, azimuth_rad: 0.5, noise: 1.0 };
     let mut chance = Chance::new(5);
     let mut samples = scene.samples(&times(0.0, 0.01, 520), &mut chance);
     punch_holes(&body, &mut samples[20..], &mut chance);
@@ -100,14 +94,8 @@ fn steps_allocate_nothing() {
     }
     let requests = REQUESTS.get() - before;
     println!("500 steps: {used} rows used, {rejected} rejected, {missing} missing, {requests} allocations");
-    assert!(
-        loops > 2_000 && rejected > 30 && missing > 2_000,
-        "{loops} {rejected} {missing}"
-    );
+    assert!(loops > 2_000 && rejected > 30 && missing > 2_000, "{loops} {rejected} {missing}");
     assert_eq!(requests, 0);
     let grown = vec![0_u8; tracker.info().sources.len()];
-    assert!(
-        REQUESTS.get() > before && !grown.is_empty(),
-        "the count itself works"
-    );
+    assert!(REQUESTS.get() > before && !grown.is_empty(), "the count itself works");
 }

@@ -41,25 +41,12 @@ fn case() -> Case {
     // A jolt that the gate refuses, and a magnet.
     samples[100].z[..3].fill(80.0);
     samples[150].z[6..9].fill(70.0);
-    Case {
-        model,
-        body,
-        config,
-        samples,
-    }
+    Case { model, body, config, samples }
 }
 
 fn whole(case: &Case, streams: Vec<Stream>, start: Option<Belief>) -> Run {
     let nominal = Calibration::default();
-    track(
-        case.model.clone(),
-        streams,
-        &nominal,
-        &case.config,
-        start,
-        &mut |_| true,
-    )
-    .unwrap()
+    track(case.model.clone(), streams, &nominal, &case.config, start, &mut |_| true).unwrap()
 }
 
 fn std_of(belief: &Belief) -> impl Iterator<Item = f64> + '_ {
@@ -74,8 +61,7 @@ fn bits(x: &[f64]) -> Vec<u64> {
 fn live_is_whole_bit_for_bit() {
     let case = case();
     let run = whole(&case, streams(&case.body, &case.samples), None);
-    let mut tracker =
-        Tracker::new(case.model.clone(), &Calibration::default(), &case.config).unwrap();
+    let mut tracker = Tracker::new(case.model.clone(), &Calibration::default(), &case.config).unwrap();
     let (mut times, mut mean, mut std) = (Vec::new(), Vec::new(), Vec::new());
     let mut nis = Vec::new();
     for sample in &case.samples {
@@ -85,26 +71,15 @@ fn live_is_whole_bit_for_bit() {
             std.extend(std_of(b));
             nis.extend(i.sources.iter().map(|s| s.nis));
         };
-        assert_ne!(
-            tracker.step_with(sample, &mut keep).unwrap(),
-            Status::OutOfOrder
-        );
+        assert_ne!(tracker.step_with(sample, &mut keep).unwrap(), Status::OutOfOrder);
     }
     assert_eq!(run.series.time_s, times);
     assert_eq!(bits(&run.series.mean), bits(&mean));
     assert_eq!(bits(&run.series.std), bits(&std));
     let kept: Vec<f64> = run.series.sources.iter().map(|s| s.nis).collect();
     assert_eq!(bits(&kept), bits(&nis));
-    let rejected: u32 = run
-        .series
-        .sources
-        .iter()
-        .map(|s| u32::from(s.rejected))
-        .sum();
-    assert!(
-        rejected >= 6,
-        "the faults were meant to be refused: {rejected}"
-    );
+    let rejected: u32 = run.series.sources.iter().map(|s| u32::from(s.rejected)).sum();
+    assert!(rejected >= 6, "the faults were meant to be refused: {rejected}");
 }
 
 #[test]
@@ -115,11 +90,7 @@ fn cut_is_uncut_bit_for_bit() {
     for cut in [101, 170] {
         let first = whole(&case, streams(&case.body, &case.samples[..cut]), None);
         let belief = first.last_belief().unwrap().clone();
-        let second = whole(
-            &case,
-            streams(&case.body, &case.samples[cut..]),
-            Some(belief),
-        );
+        let second = whole(&case, streams(&case.body, &case.samples[cut..]), Some(belief));
         let both = |f: fn(&Run) -> &Vec<f64>| bits(&[f(&first).as_slice(), f(&second)].concat());
         assert_eq!(bits(&uncut.series.mean), both(|r| &r.series.mean));
         assert_eq!(bits(&uncut.series.std), both(|r| &r.series.std));
@@ -156,58 +127,32 @@ fn smoothing_does_not_depend_on_the_beliefs_kept() {
         case.config.belief_interval_s = interval;
         let (_, again) = smoothed(&case);
         assert!(again.beliefs().count() > 5);
-        assert_eq!(
-            bits(&once.series.mean),
-            bits(&again.series.mean),
-            "every {interval} s"
-        );
-        assert_eq!(
-            bits(&once.series.std),
-            bits(&again.series.std),
-            "every {interval} s"
-        );
+        assert_eq!(bits(&once.series.mean), bits(&again.series.mean), "every {interval} s");
+        assert_eq!(bits(&once.series.std), bits(&again.series.std), "every {interval} s");
     }
     let n = case.body.layout.dim();
     let rows = once.series.time_s.len();
     assert_eq!(rows, 300);
     let end = |run: &Run| bits(&run.series.mean[(rows - 1) * n..]);
-    assert_eq!(
-        end(&once),
-        end(&filtered),
-        "the last is unchanged by smoothing"
-    );
+    assert_eq!(end(&once), end(&filtered), "the last is unchanged by smoothing");
     let narrower = |r: usize| {
         let row = r * n..(r + 1) * n;
-        let pairs = once.series.std[row.clone()]
-            .iter()
-            .zip(&filtered.series.std[row]);
+        let pairs = once.series.std[row.clone()].iter().zip(&filtered.series.std[row]);
         pairs.filter(|(s, f)| *s <= &(*f * (1.0 + 1e-9))).count()
     };
-    assert!(
-        (0..rows).all(|r| narrower(r) == n),
-        "smoothing never widens a band"
-    );
+    assert!((0..rows).all(|r| narrower(r) == n), "smoothing never widens a band");
 }
 
 #[test]
 fn fewer_rows_are_the_same_rows() {
     let mut case = case();
-    let all = whole(&case, streams(&case.body, &case.samples), None)
-        .smooth(&mut |_| true)
-        .unwrap();
+    let all = whole(&case, streams(&case.body, &case.samples), None).smooth(&mut |_| true).unwrap();
     case.config.output_rate_hz = Some(20.0);
-    let some = whole(&case, streams(&case.body, &case.samples), None)
-        .smooth(&mut |_| true)
-        .unwrap();
+    let some = whole(&case, streams(&case.body, &case.samples), None).smooth(&mut |_| true).unwrap();
     let n = case.body.layout.dim();
     assert!((55..=61).contains(&some.series.time_s.len()));
     for (k, t) in some.series.time_s.iter().enumerate() {
-        let at = all
-            .series
-            .time_s
-            .iter()
-            .position(|x| x == t)
-            .expect("a sample's time");
+        let at = all.series.time_s.iter().position(|x| x == t).expect("a sample's time");
         let row = |run: &Run, k: usize| bits(&run.series.mean[k * n..(k + 1) * n]);
         assert_eq!(row(&some, k), row(&all, at));
     }

@@ -21,13 +21,7 @@ const ACCELERATION: f64 = 1e-8;
 /// 0, the smallest angles that matter, and round the circle.
 fn angles() -> Vec<f64> {
     let small = (0..=6).map(|k| 1e-9 * 10_f64.powi(k));
-    let wide = [
-        0.1,
-        1.0,
-        std::f64::consts::FRAC_PI_2,
-        3.0,
-        std::f64::consts::PI,
-    ];
+    let wide = [0.1, 1.0, std::f64::consts::FRAC_PI_2, 3.0, std::f64::consts::PI];
     let up: Vec<f64> = small.chain(wide).collect();
     let down = up.iter().map(|a| -a);
     std::iter::once(0.0).chain(up.clone()).chain(down).collect()
@@ -45,24 +39,15 @@ fn rotations_are_a_group() {
         for a in angles() {
             let r = turn(a);
             let (defect, determinant) = r.rotation_defect();
-            assert!(
-                defect <= ROUNDING && (determinant - 1.0).abs() <= ROUNDING,
-                "{axis} {a}"
-            );
-            assert!(
-                gap(&r.transposed(), &turn(-a)) == 0.0,
-                "{axis} {a}: inverse"
-            );
+            assert!(defect <= ROUNDING && (determinant - 1.0).abs() <= ROUNDING, "{axis} {a}");
+            assert!(gap(&r.transposed(), &turn(-a)) == 0.0, "{axis} {a}: inverse");
             let mut unit = [0.0; 3];
             unit[axis] = 1.0;
             assert_eq!(r.apply_f64(unit).0, unit, "{axis} {a}: its own axis");
             for b in angles() {
                 let sum = gap(&r.times(&turn(b)), &turn(a + b));
                 // The sum of two angles is rounded before its sine is taken.
-                assert!(
-                    sum <= 2.0 * ROUNDING + 1e-16 * (a + b).abs(),
-                    "{axis} {a} {b}: {sum:e}"
-                );
+                assert!(sum <= 2.0 * ROUNDING + 1e-16 * (a + b).abs(), "{axis} {a} {b}: {sum:e}");
             }
         }
     }
@@ -78,19 +63,10 @@ fn lanes_turn_as_single_numbers_do() {
         let turned = Mat3::<Lane>::splat(&first).turned_about_z(sin, cos);
         for (i, &a) in chunk.iter().enumerate() {
             let one = Mat3(turned.0.map(|row| row.map(|x| x.0[i])));
-            assert!(
-                gap(&one, &first.times(&Mat3::about_z(a))) <= ROUNDING,
-                "{a}"
-            );
+            assert!(gap(&one, &first.times(&Mat3::about_z(a))) <= ROUNDING, "{a}");
             let back = one.apply_transposed(one.apply_f64([0.2, -0.5, 0.8]));
             let wanted = [0.2, -0.5, 0.8];
-            assert!(
-                back.0
-                    .iter()
-                    .zip(wanted)
-                    .all(|(x, y)| (x - y).abs() <= ROUNDING),
-                "{a}"
-            );
+            assert!(back.0.iter().zip(wanted).all(|(x, y)| (x - y).abs() <= ROUNDING), "{a}");
         }
     }
 }
@@ -104,9 +80,7 @@ struct Throw {
 
 impl Throw {
     fn at(&self, t: f64) -> Vec<f64> {
-        (0..self.q.len())
-            .map(|j| self.q[j] + t * self.qd[j] + 0.5 * t * t * self.qdd[j])
-            .collect()
+        (0..self.q.len()).map(|j| self.q[j] + t * self.qd[j] + 0.5 * t * t * self.qdd[j]).collect()
     }
 }
 
@@ -116,11 +90,7 @@ fn throws(joints: usize) -> Vec<Throw> {
     let mut throws = Vec::new();
     let moves = |q: Vec<f64>, chance: &mut Chance| {
         let (qd, qdd) = (chance.normals(q.len()), chance.normals(q.len()));
-        Throw {
-            q,
-            qd: qd.iter().map(|x| 2.0 * x).collect(),
-            qdd: qdd.iter().map(|x| 8.0 * x).collect(),
-        }
+        Throw { q, qd: qd.iter().map(|x| 2.0 * x).collect(), qdd: qdd.iter().map(|x| 8.0 * x).collect() }
     };
     for angle in angles() {
         throws.push(moves(vec![angle; joints], &mut chance));
@@ -136,8 +106,7 @@ fn frames(body: &Body, q: &[f64], qd: &[f64], qdd: &[f64]) -> Vec<FrameMotion<f6
     let root = FrameMotion::resting(Vec3(body.field.lift));
     let mut frames = vec![root; body.tree.len()];
     let all = vec![true; frames.len()];
-    body.tree
-        .motions(root, JointMotion { q, qd, qdd }, &all, &mut frames);
+    body.tree.motions(root, JointMotion { q, qd, qdd }, &all, &mut frames);
     frames
 }
 
@@ -159,27 +128,16 @@ fn derivatives(f: impl Fn(f64) -> [f64; 3], step: f64) -> [[f64; 3]; 2] {
 }
 
 fn off(found: [f64; 3], wanted: [f64; 3]) -> f64 {
-    found
-        .iter()
-        .zip(wanted)
-        .fold(0.0, |worst, (f, w)| worse(worst, (f - w).abs()))
+    found.iter().zip(wanted).fold(0.0, |worst, (f, w)| worse(worst, (f - w).abs()))
 }
 
 /// Every frame's angular velocity, its derivative and the acceleration of its origin are the derivatives of its pose.
 #[test]
 fn twists_are_derivatives_of_poses() {
     // A slide on a link that turns feels what the sculler's seat on its still root does not.
-    let slide = CHAIN.replacen(
-        "[[frame]]",
-        "[[joint]]\nname = \"rail\"\nkind = \"slide\"\n[[frame]]",
-        1,
-    );
+    let slide = CHAIN.replacen("[[frame]]", "[[joint]]\nname = \"rail\"\nkind = \"slide\"\n[[frame]]", 1);
     let frame = "[[frame]]\nname = \"sled\"\nparent = \"lower\"\ndh = { a = 0.1, alpha = 0.7, d = 0.2, theta = 0.5 }\n";
-    let slide = slide.replacen(
-        "[[sensor]]",
-        &format!("{frame}joint = \"rail\"\n[[sensor]]"),
-        1,
-    );
+    let slide = slide.replacen("[[sensor]]", &format!("{frame}joint = \"rail\"\n[[sensor]]"), 1);
     for text in [SCULLER, &slide] {
         assert_twists(text);
     }
@@ -260,18 +218,12 @@ fn simulator_and_filter_agree_on_signals() {
     let spots: Vec<Spot> = sensors.as_array().unwrap().iter().map(spot).collect();
     let field = body.field.magnetic(0.4);
     let push = [0.3, -0.2, 2.0];
-    let around = Around {
-        lift: body.field.lift,
-        magnetic_field: field.0,
-        root_acceleration: push,
-    };
+    let around = Around { lift: body.field.lift, magnetic_field: field.0, root_acceleration: push };
     let root = FrameMotion::resting(Vec3(body.field.lift) + Vec3(push));
     let (step, middle) = (2e-3, (STENCIL / 2) as f64);
     let mut worst = 0.0;
     for throw in throws(22) {
-        let q: Vec<Vec<f64>> = (0..STENCIL)
-            .map(|k| throw.at((k as f64 - middle) * step))
-            .collect();
+        let q: Vec<Vec<f64>> = (0..STENCIL).map(|k| throw.at((k as f64 - middle) * step)).collect();
         let q: [&[f64]; STENCIL] = std::array::from_fn(|k| q[k].as_slice());
         let simulated = signals(&body.tree, &q, step, &around, &spots);
         let predicted = readings_from(&body, root, field, &throw.q, &throw.qd, &throw.qdd);

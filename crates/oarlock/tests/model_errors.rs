@@ -72,21 +72,12 @@ fn mistakes(text: &str) -> Vec<String> {
 
 /// Changes one place of the body; expects these words so many lines below `from`, alone unless `others` may follow.
 fn refused(from: &str, to: &str, below: isize, wanted: &str, others: bool) {
-    assert_eq!(
-        BODY.matches(from).count(),
-        1,
-        "`{from}` stands once in the body"
-    );
-    let above = BODY[..BODY.find(from).expect("found")]
-        .matches('\n')
-        .count();
+    assert_eq!(BODY.matches(from).count(), 1, "`{from}` stands once in the body");
+    let above = BODY[..BODY.find(from).expect("found")].matches('\n').count();
     let place = format!("body.toml:{}: ", 1 + below + above as isize);
     let found = mistakes(&BODY.replace(from, to));
     assert!(
-        found
-            .iter()
-            .any(|m| m.starts_with(&place) && m.contains(wanted))
-            && (others || found.len() == 1),
+        found.iter().any(|m| m.starts_with(&place) && m.contains(wanted)) && (others || found.len() == 1),
         "expected `{place}... {wanted}`, found:\n{}",
         found.join("\n")
     );
@@ -95,32 +86,18 @@ fn refused(from: &str, to: &str, below: isize, wanted: &str, others: bool) {
 #[test]
 fn the_body_has_no_mistake() {
     let model = Model::from_toml(BODY, "body.toml").unwrap_or_else(|e| panic!("{e}"));
-    assert_eq!(
-        (model.joints.len(), model.frames.len(), model.sensors.len()),
-        (2, 3, 2)
-    );
+    assert_eq!((model.joints.len(), model.frames.len(), model.sensors.len()), (2, 3, 2));
     assert_eq!(model.frames[2].joint, Some((1, -1.0)));
-    assert_eq!(
-        model.joints[1].limits,
-        [-std::f64::consts::PI, std::f64::consts::PI]
-    );
+    assert_eq!(model.joints[1].limits, [-std::f64::consts::PI, std::f64::consts::PI]);
 }
 
 #[test]
 fn all_mistakes_are_told_in_the_order_of_the_file() {
-    let text = BODY
-        .replace("rest = 0.1", "rest = 9")
-        .replace("l_fa/2", "l_f/2")
-        .replace("0.002", "-1");
+    let text = BODY.replace("rest = 0.1", "rest = 9").replace("l_fa/2", "l_f/2").replace("0.002", "-1");
     let found = mistakes(&text);
-    let lines: Vec<&str> = found
-        .iter()
-        .map(|m| m.split(':').nth(1).expect("a line"))
-        .collect();
+    let lines: Vec<&str> = found.iter().map(|m| m.split(':').nth(1).expect("a line")).collect();
     assert_eq!(lines, ["17", "41", "53"], "{found:#?}");
-    let Err(Error::Model(joined)) = Model::from_toml(&text, "body.toml") else {
-        panic!("a model error")
-    };
+    let Err(Error::Model(joined)) = Model::from_toml(&text, "body.toml") else { panic!("a model error") };
     assert_eq!(joined, found.join("\n"));
 }
 
@@ -177,11 +154,7 @@ mod the_world {
     fn a_magnetometer_needs_a_field() {
         let found = mistakes(&BODY.replace("magnetic_dip_rad = \"60*pi/180\"\n", ""));
         assert_eq!(found.len(), 1);
-        assert!(
-            found[0].starts_with("body.toml:33: sensor `wrist` has a magnetometer"),
-            "{}",
-            found[0]
-        );
+        assert!(found[0].starts_with("body.toml:33: sensor `wrist` has a magnetometer"), "{}", found[0]);
     }
 }
 
@@ -283,16 +256,9 @@ mod a_sensor {
 
     #[test]
     fn an_encoder_on_a_fixed_joint_reads_nothing() {
-        let found = mistakes(&BODY.replace(
-            "name = \"elbow\"\nkind = \"hinge\"",
-            "name = \"elbow\"\nkind = \"fixed\"",
-        ));
+        let found = mistakes(&BODY.replace("name = \"elbow\"\nkind = \"hinge\"", "name = \"elbow\"\nkind = \"fixed\""));
         assert_eq!(found.len(), 1);
-        assert!(
-            found[0].contains("sensor `hinge`: joint `elbow` is fixed"),
-            "{}",
-            found[0]
-        );
+        assert!(found[0].contains("sensor `hinge`: joint `elbow` is fixed"), "{}", found[0]);
     }
 }
 
@@ -327,16 +293,12 @@ mod a_base_acceleration {
 fn a_loop_needs_a_joint_between_its_sides() {
     let plate = "[[frame]]\nname = \"plate\"\nparent = \"upperarm\"\ntransform = {}\n";
     let text = BODY
-        .replace(
-            "[[frame]]\nname = \"forearm\"",
-            &format!("{plate}[[frame]]\nname = \"forearm\""),
-        )
+        .replace("[[frame]]\nname = \"forearm\"", &format!("{plate}[[frame]]\nname = \"forearm\""))
         .replace("frame_a = \"forearm\"", "frame_a = \"plate\"")
         .replace("frame_b = \"root\"", "frame_b = \"upperarm\"");
     let found = mistakes(&text);
     assert!(
-        found.len() == 1
-            && found[0].contains("closure `grip`: no joint moves `plate` against `upperarm`"),
+        found.len() == 1 && found[0].contains("closure `grip`: no joint moves `plate` against `upperarm`"),
         "{found:#?}"
     );
 }

@@ -15,8 +15,7 @@ fn read(path: &str) -> String {
 
 fn model(name: &str) -> Model {
     let file = format!("{name}.toml");
-    Model::from_toml(&read(&format!("python/oarlock/models/{file}")), &file)
-        .unwrap_or_else(|e| panic!("{e}"))
+    Model::from_toml(&read(&format!("python/oarlock/models/{file}")), &file).unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn vectors(name: &str) -> Value {
@@ -24,12 +23,7 @@ fn vectors(name: &str) -> Value {
 }
 
 fn numbers(value: &Value) -> Vec<f64> {
-    value
-        .as_array()
-        .expect("a list")
-        .iter()
-        .map(|x| x.as_f64().expect("a number"))
-        .collect()
+    value.as_array().expect("a list").iter().map(|x| x.as_f64().expect("a number")).collect()
 }
 
 /// The parameter vector with the lengths and pins of a vector file.
@@ -40,19 +34,14 @@ fn parameters(model: &Model, params: &Value) -> Vec<f64> {
         "l_b" => params["l_b"].as_f64().expect("l_b"),
         _ => {
             let (stem, side) = name.split_at(name.len() - 1);
-            params[format!("{stem}{}", side.to_uppercase())]
-                .as_f64()
-                .expect(name)
+            params[format!("{stem}{}", side.to_uppercase())].as_f64().expect(name)
         }
     };
     model.parameters.iter().map(|p| of(&p.name)).collect()
 }
 
 fn axis(pin: &str) -> usize {
-    ["x", "y", "z"]
-        .iter()
-        .position(|a| pin.ends_with(a))
-        .expect("a pin's coordinate")
+    ["x", "y", "z"].iter().position(|a| pin.ends_with(a)).expect("a pin's coordinate")
 }
 
 /// Poses of all frames in root axes, written as plainly as can be.
@@ -109,11 +98,7 @@ fn assert_agrees(name: &str, file: &str) {
         let poses = forward(&model, &parameters, &numbers(q));
         for (i, pose) in poses.iter().enumerate().skip(1) {
             let off = difference(pose, &vectors["T_frames_1_to_25"][k][i - 1]);
-            assert!(
-                off < AGREES,
-                "posture {k}, frame {i} `{}`: off by {off:e}",
-                model.frames[i].name
-            );
+            assert!(off < AGREES, "posture {k}, frame {i} `{}`: off by {off:e}", model.frames[i].name);
         }
     }
 }
@@ -144,26 +129,15 @@ fn mounts_are_those_of_the_imu_vectors() {
     let wanted = vectors["sensors"].as_array().expect("sensors");
     let parameters = parameters(&model, &vectors["params"]);
     for (sensor, wanted) in model.sensors.iter().zip(wanted) {
-        let SensorKind::Imu { frame, mount, .. } = &sensor.kind else {
-            panic!("{}: no imu", sensor.name)
-        };
-        assert_eq!(
-            *frame as u64,
-            wanted["frame"].as_u64().expect("frame"),
-            "{}",
-            sensor.name
-        );
+        let SensorKind::Imu { frame, mount, .. } = &sensor.kind else { panic!("{}: no imu", sensor.name) };
+        assert_eq!(*frame as u64, wanted["frame"].as_u64().expect("frame"), "{}", sensor.name);
         for i in 0..3 {
             let row = numbers(&wanted["R_link_from_sensor"][i]);
             let offset = numbers(&wanted["offset_in_link"])[i];
             for (found, wanted) in mount.rotation.0[i].iter().zip(&row) {
                 assert!((found - wanted).abs() < AGREES, "{}", sensor.name);
             }
-            assert!(
-                (mount.offset[i].eval(&parameters) - offset).abs() < AGREES,
-                "{}",
-                sensor.name
-            );
+            assert!((mount.offset[i].eval(&parameters) - offset).abs() < AGREES, "{}", sensor.name);
         }
     }
 }
@@ -180,11 +154,7 @@ fn arm7_is_the_scullers_right_arm() {
     for (i, j) in [(1, 2), (4, 5), (6, 7), (8, 9)] {
         for k in 0..3 {
             let (found, wanted) = (short[i].1[k], long[j].1[k] - long[2].1[k]);
-            assert!(
-                (found - wanted).abs() < AGREES,
-                "{}: {found} {wanted}",
-                arm.frames[i].name
-            );
+            assert!((found - wanted).abs() < AGREES, "{}: {found} {wanted}", arm.frames[i].name);
         }
     }
 }
@@ -213,28 +183,9 @@ fn sculler_keeps_its_public_names() {
     }
     let joints: Vec<&str> = model.joints.iter().map(|j| j.name.as_str()).collect();
     assert_eq!(joints[..3], ["seat", "trunk", "r_shoulder_abduction"]);
-    assert_eq!(
-        joints[16..],
-        [
-            "r_oar_phi",
-            "r_oar_alpha",
-            "r_oar_theta",
-            "l_oar_phi",
-            "l_oar_alpha",
-            "l_oar_theta"
-        ]
-    );
-    assert!(model.joints[16..]
-        .iter()
-        .all(|j| j.input && j.input_std == 0.001));
-    assert_eq!(
-        model
-            .closures
-            .iter()
-            .map(|c| c.name.as_str())
-            .collect::<Vec<_>>(),
-        ["r_grip", "l_grip"]
-    );
+    assert_eq!(joints[16..], ["r_oar_phi", "r_oar_alpha", "r_oar_theta", "l_oar_phi", "l_oar_alpha", "l_oar_theta"]);
+    assert!(model.joints[16..].iter().all(|j| j.input && j.input_std == 0.001));
+    assert_eq!(model.closures.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(), ["r_grip", "l_grip"]);
     assert_eq!(model.base_accelerations[0].name, "surge");
 }
 

@@ -27,8 +27,7 @@ fn tracker(model: &Arc<Model>, config: &Config) -> Tracker {
 fn is_sound(belief: &Belief) -> bool {
     let n = belief.mean.len();
     let variances = (0..n).map(|i| belief.covariance.at(i, i));
-    belief.mean.iter().all(|x| x.is_finite())
-        && variances.into_iter().all(|v| v > 0.0 && v.is_finite())
+    belief.mean.iter().all(|x| x.is_finite()) && variances.into_iter().all(|v| v > 0.0 && v.is_finite())
 }
 
 /// Numbers as they come from broken cables and wrong units.
@@ -129,10 +128,7 @@ fn samples_and_beliefs_of_another_model_are_refused() {
     let (chain, config) = (model(CHAIN), Config::default());
     let mut chained = tracker(&chain, &config);
     let foreign = tracker(&model(SCULLER), &config).empty_sample();
-    let sample = Sample {
-        time_s: 1.0,
-        ..foreign
-    };
+    let sample = Sample { time_s: 1.0, ..foreign };
     assert!(matches!(chained.step(&sample), Err(Error::Data(_))));
     let body = body(&chain, &config);
     let n = body.layout.dim();
@@ -162,32 +158,16 @@ impl Way {
         let model = model(text);
         let body = body(&model, &config);
         let stroke = Stroke::new(&body, 2.2);
-        Way {
-            model,
-            body,
-            config,
-            stroke,
-        }
+        Way { model, body, config, stroke }
     }
 
     fn samples(&self, times: &[f64], noise: f64) -> Vec<Sample> {
         let motion = |t| self.stroke.at(t);
-        self.scene(&motion, noise)
-            .samples(times, &mut Chance::new(3))
+        self.scene(&motion, noise).samples(times, &mut Chance::new(3))
     }
 
-    fn scene<'a>(
-        &'a self,
-        motion: &'a dyn Fn(f64) -> support::stroke::Posture,
-        noise: f64,
-    ) -> Scene<'a> {
-        Scene {
-            body: &self.body,
-            motion,
-            surge: &|_| 0.0,
-            azimuth_rad: 0.5,
-            noise,
-        }
+    fn scene<'a>(&'a self, motion: &'a dyn Fn(f64) -> support::stroke::Posture, noise: f64) -> Scene<'a> {
+        Scene { body: &self.body, motion, surge: &|_| 0.0, azimuth_rad: 0.5, noise }
     }
 
     /// A tracker that starts at the truth at 0 s.
@@ -195,9 +175,7 @@ impl Way {
         let motion = |t| self.stroke.at(t);
         let mean = self.scene(&motion, 1.0).state(0.0);
         let mut tracker = tracker(&self.model, &self.config);
-        tracker
-            .resume(belief(&self.body, 0.0, mean, &start_std(&self.body)))
-            .unwrap();
+        tracker.resume(belief(&self.body, 0.0, mean, &start_std(&self.body))).unwrap();
         tracker
     }
 
@@ -218,15 +196,9 @@ fn a_late_sample_changes_nothing() {
         for late in [&samples[k / 2], sample] {
             assert_eq!(other.step(late).unwrap(), Status::OutOfOrder);
         }
-        let timeless = Sample {
-            time_s: f64::NAN,
-            ..sample.clone()
-        };
+        let timeless = Sample { time_s: f64::NAN, ..sample.clone() };
         assert_eq!(other.step(&timeless).unwrap(), Status::OutOfOrder);
-        assert_eq!(
-            format!("{:?}", one.belief()),
-            format!("{:?}", other.belief())
-        );
+        assert_eq!(format!("{:?}", one.belief()), format!("{:?}", other.belief()));
         assert_eq!(format!("{:?}", one.info()), format!("{:?}", other.info()));
     }
 }
@@ -239,20 +211,13 @@ fn an_hour_without_data_is_survived() {
     let mut before = way.samples(&times(0.01, 0.01, 200), 1.0);
     // 3,599.2 s are 1,636 strokes.
     let after = way.samples(&times(3_601.2, 0.01, 300), 1.0);
-    before.push(Sample {
-        time_s: 3_600.0,
-        ..tracker.empty_sample()
-    });
+    before.push(Sample { time_s: 3_600.0, ..tracker.empty_sample() });
     for sample in &before {
         assert_eq!(tracker.step(sample).unwrap(), Status::Tracking);
     }
     for (j, joint) in way.model.joints[..16].iter().enumerate() {
         let share = way.std(tracker.belief().unwrap(), j) / prior_std(joint);
-        assert!(
-            (0.75..1.01).contains(&share),
-            "{}: {share} of its prior",
-            joint.name
-        );
+        assert!((0.75..1.01).contains(&share), "{}: {share} of its prior", joint.name);
     }
     for sample in &after {
         assert_eq!(tracker.step(sample).unwrap(), Status::Tracking);
@@ -261,12 +226,7 @@ fn an_hour_without_data_is_survived() {
     let (end, now) = (after.last().unwrap().time_s, tracker.belief().unwrap());
     let truth = way.stroke.at(end).q;
     let miss = |j: usize| (now.mean[way.body.layout.joints[j].unwrap().q] - truth[j]).abs();
-    assert!(
-        miss(0) < 0.02 && miss(1) < 0.02,
-        "seat {} m, trunk {} rad",
-        miss(0),
-        miss(1)
-    );
+    assert!(miss(0) < 0.02 && miss(1) < 0.02, "seat {} m, trunk {} rad", miss(0), miss(1));
 }
 
 #[test]
@@ -275,15 +235,9 @@ fn a_stamp_from_another_clock_does_not_hang() {
         let way = Way::new(SCULLER, Config::default());
         let mut tracker = way.tracker();
         let mut samples = way.samples(&times(0.01, 0.01, 20), 1.0);
-        samples.push(Sample {
-            time_s,
-            ..samples[19].clone()
-        });
+        samples.push(Sample { time_s, ..samples[19].clone() });
         let last = samples.iter().map(|s| tracker.step(s)).last().unwrap();
-        assert!(
-            matches!(last, Ok(Status::Tracking) | Err(Error::Diverged { .. })),
-            "{last:?}"
-        );
+        assert!(matches!(last, Ok(Status::Tracking) | Err(Error::Diverged { .. })), "{last:?}");
     }
 }
 
@@ -295,13 +249,7 @@ fn noise_free_loops_do_not_break_the_covariance() {
         .replace("std_axis = 0.005", "std_axis = 1e-6")
         .replace("std = 0.001  # m", "std = 1e-6");
     assert_eq!(text.matches("1e-6").count(), 5);
-    let way = Way::new(
-        &text,
-        Config {
-            gate: false,
-            ..Config::default()
-        },
-    );
+    let way = Way::new(&text, Config { gate: false, ..Config::default() });
     let mut tracker = way.tracker();
     let (steps, mut chance) = (20_000, Chance::new(9));
     let motion = |t| way.stroke.at(t);
@@ -311,12 +259,7 @@ fn noise_free_loops_do_not_break_the_covariance() {
         let mut sample = scene.sample(time_s, &mut chance);
         // The oars' angles without noise, else the loops contradict each other.
         let truth = way.stroke.at(time_s).q;
-        sample
-            .inputs
-            .iter_mut()
-            .zip(&truth)
-            .filter(|(x, _)| !x.is_nan())
-            .for_each(|(x, q)| *x = *q);
+        sample.inputs.iter_mut().zip(&truth).filter(|(x, _)| !x.is_nan()).for_each(|(x, q)| *x = *q);
         assert_eq!(tracker.step(&sample).unwrap(), Status::Tracking);
     }
     let now = tracker.belief().unwrap();
@@ -339,19 +282,14 @@ const HARM: f64 = 0.05;
 fn armless() -> Arc<Model> {
     let mut model = (*model(SCULLER)).clone();
     model.joints[2..16].iter_mut().for_each(|j| j.input = true);
-    model
-        .sensors
-        .retain(|s| ["back", "seat"].contains(&s.name.as_str()));
+    model.sensors.retain(|s| ["back", "seat"].contains(&s.name.as_str()));
     model.closures.clear();
     Arc::new(model)
 }
 
 /// The trunk's angle and its standard deviation, rad.
 fn trunk(tracker: &Tracker) -> (f64, f64) {
-    let (at, now) = (
-        tracker.body.layout.joints[1].unwrap().q,
-        tracker.belief().unwrap(),
-    );
+    let (at, now) = (tracker.body.layout.joints[1].unwrap().q, tracker.belief().unwrap());
     (now.mean[at], now.covariance.at(at, at).sqrt())
 }
 
@@ -363,22 +301,9 @@ fn unobserved_joints_stay_bounded_and_harmless() {
     let motion = |t| way.stroke.at(t);
     let (scene, mut chance) = (way.scene(&motion, 1.0), Chance::new(4));
     let mut bare = tracker(&armless(), &way.config);
-    let start = Scene {
-        body: &bare.body,
-        ..way.scene(&motion, 1.0)
-    }
-    .state(0.0);
-    bare.resume(belief(&bare.body, 0.0, start, &start_std(&bare.body)))
-        .unwrap();
-    let seat = way
-        .body
-        .suite
-        .sources
-        .iter()
-        .find(|s| s.name == "seat")
-        .unwrap()
-        .rows
-        .start;
+    let start = Scene { body: &bare.body, ..way.scene(&motion, 1.0) }.state(0.0);
+    bare.resume(belief(&bare.body, 0.0, start, &start_std(&bare.body))).unwrap();
+    let seat = way.body.suite.sources.iter().find(|s| s.name == "seat").unwrap().rows.start;
     let (mut narrow, mut early, mut late, mut harm) = (0.0, 0.0, 0.0, 0.0_f64);
     for k in 1..=12_000 {
         let mut sample = scene.sample(0.05 * k as f64, &mut chance);
@@ -391,20 +316,10 @@ fn unobserved_joints_stay_bounded_and_harmless() {
         sample.inputs.fill(f64::NAN);
         assert_eq!(alone.step(&sample).unwrap(), Status::Tracking);
         let z = [&sample.z[..9], &sample.z[seat..=seat]].concat();
-        bare.step(&Sample {
-            z,
-            ..sample.clone()
-        })
-        .unwrap();
+        bare.step(&Sample { z, ..sample.clone() }).unwrap();
         let ((angle, band), (bare_angle, bare_band)) = (trunk(&alone), trunk(&bare));
         if k > 200 {
-            harm = worse(
-                harm,
-                worse(
-                    (angle - bare_angle).abs() / band,
-                    (band / bare_band - 1.0).abs(),
-                ),
-            );
+            harm = worse(harm, worse((angle - bare_angle).abs() / band, (band / bare_band - 1.0).abs()));
         }
         if (201..=600).contains(&k) {
             narrow += trunk(&all).1 / 400.0;
@@ -416,24 +331,14 @@ fn unobserved_joints_stay_bounded_and_harmless() {
     assert!(is_sound(now));
     for (j, joint) in way.model.joints[..16].iter().enumerate().skip(2) {
         let share = way.std(now, j) / prior_std(joint);
-        assert!(
-            (0.75..1.01).contains(&share),
-            "{}: {share} of its prior",
-            joint.name
-        );
+        assert!((0.75..1.01).contains(&share), "{}: {share} of its prior", joint.name);
     }
     println!("trunk: {narrow:.5} rad with everything, {early:.5} with back and seat, {late:.5} after ten minutes");
     println!("trunk with and without unseen arms: {harm:.1e} bands apart");
-    assert!(
-        early < TRUNK_ALONE * narrow && late < TRUNK_ALONE * narrow,
-        "{narrow} {early} {late}"
-    );
+    assert!(early < TRUNK_ALONE * narrow && late < TRUNK_ALONE * narrow, "{narrow} {early} {late}");
     assert!(harm < HARM, "{harm:e}");
     let miss = (trunk(&alone).0 - way.stroke.at(now.time_s).q[1]).abs();
-    assert!(
-        miss < 5.0 * late,
-        "trunk off by {miss} rad at a std of {late}"
-    );
+    assert!(miss < 5.0 * late, "trunk off by {miss} rad at a std of {late}");
 }
 
 #[test]
@@ -442,17 +347,10 @@ fn a_plain_tracker_needs_no_gate_to_refuse_infinity() {
     let mut tracker = way.tracker();
     let mut samples = way.samples(&times(0.01, 0.01, 10), 1.0);
     samples[5].z[4] = f64::INFINITY;
-    let before: Vec<Status> = samples[..5]
-        .iter()
-        .map(|s| tracker.step(s).unwrap())
-        .collect();
+    let before: Vec<Status> = samples[..5].iter().map(|s| tracker.step(s).unwrap()).collect();
     assert!(before.iter().all(|&s| s == Status::Tracking));
     let belief = format!("{:?}", tracker.belief());
     assert!(matches!(tracker.step(&samples[5]), Err(Error::Data(_))));
-    assert_eq!(
-        belief,
-        format!("{:?}", tracker.belief()),
-        "a refusal loses nothing"
-    );
+    assert_eq!(belief, format!("{:?}", tracker.belief()), "a refusal loses nothing");
     assert_eq!(tracker.step(&samples[6]).unwrap(), Status::Tracking);
 }

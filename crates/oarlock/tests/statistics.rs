@@ -36,8 +36,7 @@ impl Nature<'_> {
         let n = self.state.len();
         let mut transition = Transition::default();
         let ones = vec![1.0; self.body.driven().len()];
-        self.body
-            .transition(dt, &vec![0.0; n], &ones, &mut transition);
+        self.body.transition(dt, &vec![0.0; n], &ones, &mut transition);
         transition.apply_to_mean(&mut self.state);
         for b in &transition.blocks {
             let noise = DMatrix::from_fn(b.len, b.len, |r, c| b.noise[r][c]);
@@ -56,14 +55,8 @@ impl Nature<'_> {
         let mut out = vec![Lane([0.0; LANES]); body.suite.len()];
         body.readings(&moment, &mut body.scratch(), &lanes, &[], &mut out);
         let noisy = out.iter().zip(body.suite.std());
-        let z = noisy
-            .map(|(h, std)| h.0[0] + std * self.chance.normal())
-            .collect();
-        Sample {
-            time_s,
-            z,
-            inputs: vec![f64::NAN; body.model.joints.len()],
-        }
+        let z = noisy.map(|(h, std)| h.0[0] + std * self.chance.normal()).collect();
+        Sample { time_s, z, inputs: vec![f64::NAN; body.model.joints.len()] }
     }
 }
 
@@ -91,23 +84,12 @@ fn simulate(config: &Config) -> Sums {
     let model = model(CHAIN);
     let body = body(&model, config);
     let (n, std) = (body.layout.dim(), start_std(&body));
-    let mut sums = Sums {
-        nees: 0.0,
-        states: 0,
-        nis: 0.0,
-        one_sensor: 0.0,
-        readings: 0,
-        drive: Vec::new(),
-    };
+    let mut sums = Sums { nees: 0.0, states: 0, nis: 0.0, one_sensor: 0.0, readings: 0, drive: Vec::new() };
     for run in 0..RUNS {
         let mut chance = Chance::new(1_000 + run as u64);
         let mean = vec![0.0; n];
         let state = std.iter().map(|s| s * chance.normal()).collect();
-        let mut nature = Nature {
-            body: &body,
-            state,
-            chance,
-        };
+        let mut nature = Nature { body: &body, state, chance };
         let mut tracker = Tracker::new(model.clone(), &Calibration::default(), config).unwrap();
         tracker.resume(belief(&body, 0.0, mean, &std)).unwrap();
         for k in 1..=STEPS {
@@ -115,12 +97,7 @@ fn simulate(config: &Config) -> Sums {
             tracker.step(&nature.read(k as f64 * STEP_S)).unwrap();
             sums.nis += tracker.info().nis;
             sums.one_sensor += tracker.info().sources[1].nis;
-            sums.readings += tracker
-                .info()
-                .sources
-                .iter()
-                .map(|s| usize::from(s.used))
-                .sum::<usize>();
+            sums.readings += tracker.info().sources.iter().map(|s| usize::from(s.used)).sum::<usize>();
         }
         let now = tracker.belief().unwrap();
         sums.nees += nees(now, &nature.state);
@@ -133,16 +110,8 @@ fn simulate(config: &Config) -> Sums {
 fn assert_inside(what: &str, sum: f64, degrees: usize) {
     let (low, high) = interval_999(degrees);
     let one = degrees as f64;
-    println!(
-        "{what}: {:.4} each, bounds {:.4} to {:.4}",
-        sum / one,
-        low / one,
-        high / one
-    );
-    assert!(
-        low < sum && sum < high,
-        "{what}: {sum} of {degrees} outside {low} to {high}"
-    );
+    println!("{what}: {:.4} each, bounds {:.4} to {:.4}", sum / one, low / one, high / one);
+    assert!(low < sum && sum < high, "{what}: {sum} of {degrees} outside {low} to {high}");
 }
 
 #[test]
@@ -151,11 +120,7 @@ fn errors_and_innovations_are_as_large_as_said() {
     assert_eq!(sums.readings, RUNS * STEPS * 18);
     assert_inside("NEES", sums.nees, sums.states);
     assert_inside("NIS", sums.nis, sums.readings);
-    assert_inside(
-        "NIS of the second sensor",
-        sums.one_sensor,
-        sums.readings / 2,
-    );
+    assert_inside("NIS of the second sensor", sums.one_sensor, sums.readings / 2);
 }
 
 /// Learning replaces a noise that is right by an estimate of it. An estimate that scatters can only cost: the errors grow a
@@ -164,16 +129,9 @@ const COST_OF_LEARNING: f64 = 0.1;
 
 #[test]
 fn learning_what_is_right_already_costs_little() {
-    let config = Config {
-        learning_memory_s: Some(3.0),
-        gate: true,
-        ..plain(&["gyro_bias", "accel_bias"])
-    };
+    let config = Config { learning_memory_s: Some(3.0), gate: true, ..plain(&["gyro_bias", "accel_bias"]) };
     let sums = simulate(&config);
-    let (nees, nis) = (
-        sums.nees / sums.states as f64,
-        sums.nis / sums.readings as f64,
-    );
+    let (nees, nis) = (sums.nees / sums.states as f64, sums.nis / sums.readings as f64);
     let logs: Vec<f64> = sums.drive.iter().map(|d| d.ln()).collect();
     let mean = logs.iter().sum::<f64>() / logs.len() as f64;
     let scatter = (logs.iter().map(|l| (l - mean).powi(2)).sum::<f64>() / logs.len() as f64).sqrt();

@@ -102,7 +102,9 @@ def _read_description(file: Path) -> Mapping[str, Any]:
     }
     for key, kind in expected.items():
         if not isinstance(top.get(key), kind):
-            raise DataError(f"{file}: key '{key}' is missing or no {kind.__name__}; track the recording again")
+            raise DataError(
+                f"{file}: key '{key}' is missing or no {kind.__name__}; track the recording again"
+            )
     if not {"names", "units"} <= set(top["joints"]):
         raise DataError(f"{file}: [joints] needs the lists 'names' and 'units'; track the recording again")
     return top

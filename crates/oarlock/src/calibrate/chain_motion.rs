@@ -37,18 +37,13 @@ impl ChainMotion {
         }
         let (time_s, step_s) = grid(sensors)?;
         let still_s = mounts[0].still_s;
-        let swings = time_s
-            .iter()
-            .map(|&t| sensors.iter().any(|s| in_swing(s, still_s, t)))
-            .collect();
+        let swings = time_s.iter().map(|&t| sensors.iter().any(|s| in_swing(s, still_s, t))).collect();
         let half_window = (smooth_s / step_s).round().max(1.0) as usize;
         let mut chain = Self {
             time_s,
             swings,
             links: Vec::new(),
-            planar: sensors
-                .windows(2)
-                .all(|s| common_direction(&s[0], &s[1]).is_some()),
+            planar: sensors.windows(2).all(|s| common_direction(&s[0], &s[1]).is_some()),
             half_window,
             step_s,
         };
@@ -60,12 +55,7 @@ impl ChainMotion {
     }
 
     /// A sensor's column in link axes on the grid, smoothed like the motion.
-    pub fn smoothed(
-        &self,
-        sensor: &ChainSensor,
-        column: &[[f64; 3]],
-        mount: &FoundMount,
-    ) -> Result<Vec<Vector3<f64>>> {
+    pub fn smoothed(&self, sensor: &ChainSensor, column: &[[f64; 3]], mount: &FoundMount) -> Result<Vec<Vector3<f64>>> {
         Ok(self.smooth(&self.on_grid(sensor, column, mount, Vector3::zeros())?))
     }
 
@@ -74,27 +64,14 @@ impl ChainMotion {
         let mut rates = self.on_grid(sensor, sensor.gyro_rad_s, mount, bias)?;
         let rest = matrix(&sensor.world_from_link);
         if self.planar {
-            let axis = rest
-                .tr_mul(&Vector3::from(sensor.hinge_axis_in_world))
-                .normalize();
+            let axis = rest.tr_mul(&Vector3::from(sensor.hinge_axis_in_world)).normalize();
             rates.iter_mut().for_each(|w| *w = axis * axis.dot(w));
         }
-        let squares: Vec<Matrix3<f64>> = rates
-            .iter()
-            .map(|w| w.cross_matrix() * w.cross_matrix())
-            .collect();
+        let squares: Vec<Matrix3<f64>> = rates.iter().map(|w| w.cross_matrix() * w.cross_matrix()).collect();
         let accelerations = self.slope(&rates);
-        let swirl = self
-            .smooth(&squares)
-            .iter()
-            .zip(&accelerations)
-            .map(|(c, a)| c + a.cross_matrix())
-            .collect();
+        let swirl = self.smooth(&squares).iter().zip(&accelerations).map(|(c, a)| c + a.cross_matrix()).collect();
         let world_from_link = self.oriented(&rates, rest, mount.still_s);
-        Ok(LinkMotion {
-            world_from_link,
-            swirl,
-        })
+        Ok(LinkMotion { world_from_link, swirl })
     }
 
     fn on_grid(
@@ -105,39 +82,18 @@ impl ChainMotion {
         bias: Vector3<f64>,
     ) -> Result<Vec<Vector3<f64>>> {
         let link_from_sensor = matrix(&mount.link_from_sensor);
-        let rows = sensor
-            .time_s
-            .iter()
-            .zip(column)
-            .filter(|(_, v)| v.iter().all(|x| x.is_finite()));
+        let rows = sensor.time_s.iter().zip(column).filter(|(_, v)| v.iter().all(|x| x.is_finite()));
         let known: Vec<(f64, Vector3<f64>)> = rows.map(|(&t, v)| (t, Vector3::from(*v))).collect();
         if known.len() < 2 {
-            return Err(Error::Data(format!(
-                "sensor `{}`: fewer than 2 complete rows",
-                sensor.name
-            )));
+            return Err(Error::Data(format!("sensor `{}`: fewer than 2 complete rows", sensor.name)));
         }
-        Ok(self
-            .time_s
-            .iter()
-            .map(|&t| link_from_sensor * (interpolated(&known, t) - bias))
-            .collect())
+        Ok(self.time_s.iter().map(|&t| link_from_sensor * (interpolated(&known, t) - bias)).collect())
     }
 
-    fn oriented(
-        &self,
-        rates: &[Vector3<f64>],
-        rest: Matrix3<f64>,
-        still_s: (f64, f64),
-    ) -> Vec<Matrix3<f64>> {
-        let start = self
-            .time_s
-            .partition_point(|&t| t < 0.5 * (still_s.0 + still_s.1))
-            .min(rates.len() - 1);
+    fn oriented(&self, rates: &[Vector3<f64>], rest: Matrix3<f64>, still_s: (f64, f64)) -> Vec<Matrix3<f64>> {
+        let start = self.time_s.partition_point(|&t| t < 0.5 * (still_s.0 + still_s.1)).min(rates.len() - 1);
         let mut poses = vec![rest; rates.len()];
-        let turn = |k: usize, sign: f64| {
-            Rotation3::new((rates[k] + rates[k + 1]) * (0.5 * sign * self.step_s))
-        };
+        let turn = |k: usize, sign: f64| Rotation3::new((rates[k] + rates[k + 1]) * (0.5 * sign * self.step_s));
         for k in start..rates.len() - 1 {
             poses[k + 1] = poses[k] * turn(k, 1.0).matrix();
         }
@@ -154,9 +110,7 @@ impl ChainMotion {
     {
         let h = self.half_window as f64;
         let scale = 3.0 / ((2.0 * h - 1.0) * (2.0 * h + 1.0) * (2.0 * h + 3.0));
-        self.weighted(values, |j| {
-            scale * (3.0 * h * h + 3.0 * h - 1.0 - 5.0 * j * j)
-        })
+        self.weighted(values, |j| scale * (3.0 * h * h + 3.0 * h - 1.0 - 5.0 * j * j))
     }
 
     /// Slope of that parabola.
@@ -172,9 +126,7 @@ impl ChainMotion {
     {
         let (h, last) = (self.half_window as isize, values.len() as isize - 1);
         let at = |k: isize, j: isize| values[(k + j).clamp(0, last) as usize] * weight(j as f64);
-        (0..=last)
-            .map(|k| (-h + 1..=h).fold(at(k, -h), |sum, j| sum + at(k, j)))
-            .collect()
+        (0..=last).map(|k| (-h + 1..=h).fold(at(k, -h), |sum, j| sum + at(k, j))).collect()
     }
 
     /// Whether the window around a grid point lies inside the recording.
@@ -185,14 +137,8 @@ impl ChainMotion {
 
 /// The span that all sensors cover, at the first one's median step.
 fn grid(sensors: &[ChainSensor]) -> Result<(Vec<f64>, f64)> {
-    let start = sensors
-        .iter()
-        .map(|s| s.time_s.first().copied().unwrap_or(f64::NAN))
-        .fold(f64::NEG_INFINITY, f64::max);
-    let end = sensors
-        .iter()
-        .map(|s| s.time_s.last().copied().unwrap_or(f64::NAN))
-        .fold(f64::INFINITY, f64::min);
+    let start = sensors.iter().map(|s| s.time_s.first().copied().unwrap_or(f64::NAN)).fold(f64::NEG_INFINITY, f64::max);
+    let end = sensors.iter().map(|s| s.time_s.last().copied().unwrap_or(f64::NAN)).fold(f64::INFINITY, f64::min);
     let mut steps: Vec<f64> = sensors[0].time_s.windows(2).map(|w| w[1] - w[0]).collect();
     steps.sort_by(f64::total_cmp);
     let step_s = steps.get(steps.len() / 2).copied().unwrap_or(f64::NAN);
@@ -206,18 +152,11 @@ fn grid(sensors: &[ChainSensor]) -> Result<(Vec<f64>, f64)> {
             end - start
         )));
     }
-    Ok((
-        (0..=count as usize)
-            .map(|k| start + k as f64 * step_s)
-            .collect(),
-        step_s,
-    ))
+    Ok(((0..=count as usize).map(|k| start + k as f64 * step_s).collect(), step_s))
 }
 
 fn interpolated(known: &[(f64, Vector3<f64>)], t: f64) -> Vector3<f64> {
-    let after = known
-        .partition_point(|row| row.0 < t)
-        .clamp(1, known.len() - 1);
+    let after = known.partition_point(|row| row.0 < t).clamp(1, known.len() - 1);
     let ((t0, v0), (t1, v1)) = (known[after - 1], known[after]);
     v0 + (v1 - v0) * ((t - t0) / (t1 - t0)).clamp(0.0, 1.0)
 }

@@ -124,11 +124,7 @@ pub struct FoundMount {
 /// [`Error::Data`] with the sensor's name and the figures: columns of different length, no common still stretch, specific
 /// force at rest that is not in m/s2, no swing, a swing about more than one axis, neighbours whose turning is unrelated,
 /// a vertical hinge, a posture that contradicts gravity and hinge axis.
-pub fn mounts(
-    sensors: &[ChainSensor],
-    up_in_world: [f64; 3],
-    options: &ChainOptions,
-) -> Result<Vec<FoundMount>> {
+pub fn mounts(sensors: &[ChainSensor], up_in_world: [f64; 3], options: &ChainOptions) -> Result<Vec<FoundMount>> {
     let up = Vector3::from(up_in_world).normalize();
     if !up.norm().is_normal() {
         return Err(Error::Data(format!("up {up_in_world:?} has no direction")));
@@ -146,9 +142,7 @@ pub fn mounts(
     }
     let correlations = choose_signs(sensors, &mut turns, up, options)?;
     let found = sensors.iter().zip(&turns).zip(correlations);
-    found
-        .map(|((sensor, turning), correlation)| turning.mount(sensor, up, correlation, options))
-        .collect()
+    found.map(|((sensor, turning), correlation)| turning.mount(sensor, up, correlation, options)).collect()
 }
 
 /// The longest stretch in which all sensors of the chain are still, (start, end) in s.
@@ -188,11 +182,7 @@ fn check_sensor(sensor: &ChainSensor) -> Result<()> {
             sensor.name, sensor.hinge_axis_in_world
         )));
     }
-    let (t, g, a) = (
-        sensor.time_s.len(),
-        sensor.gyro_rad_s.len(),
-        sensor.accel_m_s2.len(),
-    );
+    let (t, g, a) = (sensor.time_s.len(), sensor.gyro_rad_s.len(), sensor.accel_m_s2.len());
     if t != g || t != a {
         return Err(Error::Data(format!(
             "sensor `{}`: {t} time stamps, {g} rows of the gyroscope and {a} of the accelerometer; they must be equal",
@@ -221,15 +211,10 @@ impl Turning {
         options: &ChainOptions,
     ) -> Result<FoundMount> {
         let axis_in_world = Vector3::from(sensor.hinge_axis_in_world).normalize();
-        let (stated, seen) = (
-            axis_in_world.angle(&up_in_world),
-            self.spin.axis.angle(&self.up),
-        );
+        let (stated, seen) = (axis_in_world.angle(&up_in_world), self.spin.axis.angle(&self.up));
         check_posture(sensor.name, stated, seen, options)?;
         let axis_std = self.spin.std_rad.hypot(options.misalignment_std_rad);
-        let up_std = options
-            .posture_std_rad
-            .hypot(options.accel_bias_std_m_s2 / self.accel_norm);
+        let up_std = options.posture_std_rad.hypot(options.accel_bias_std_m_s2 / self.accel_norm);
         let disagreement = seen - stated;
         let axis_moved = disagreement * axis_std.powi(2) / (axis_std.powi(2) + up_std.powi(2));
         let world = triad(axis_in_world, up_in_world, 0.0);

@@ -28,14 +28,8 @@ impl LeastSquares {
     /// For unknowns that are zero with `prior_std` before any row is seen.
     pub fn new(prior_std: DVector<f64>, blocks: usize) -> Self {
         let n = prior_std.len();
-        let empty = Block {
-            matrix: DMatrix::zeros(n, n),
-            vector: DVector::zeros(n),
-        };
-        Self {
-            blocks: vec![empty; blocks.max(2)],
-            prior_std,
-        }
+        let empty = Block { matrix: DMatrix::zeros(n, n), vector: DVector::zeros(n) };
+        Self { blocks: vec![empty; blocks.max(2)], prior_std }
     }
 
     /// Adds rows `a x = y + noise` with noise of standard deviation `std`, in part `block`.
@@ -58,10 +52,7 @@ impl LeastSquares {
         }
         let count = self.blocks.len() as f64;
         let jackknife = spread.map(|s| (s * (count - 1.0) / count).sqrt());
-        Ok(Estimate {
-            std: formal.zip_map(&jackknife, f64::max),
-            value,
-        })
+        Ok(Estimate { std: formal.zip_map(&jackknife, f64::max), value })
     }
 
     fn solve_without(&self, left_out: Option<usize>) -> Result<(DVector<f64>, DVector<f64>)> {
@@ -74,10 +65,7 @@ impl LeastSquares {
             }
         }
         let factor = matrix.cholesky().ok_or_else(|| {
-            Error::Data(
-                "the calibration's equations have no solution: look for values that are not finite"
-                    .into(),
-            )
+            Error::Data("the calibration's equations have no solution: look for values that are not finite".into())
         })?;
         let formal = factor.inverse().diagonal().map(f64::sqrt);
         Ok((factor.solve(&vector), formal))

@@ -27,12 +27,7 @@ pub struct LeverOptions {
 impl Default for LeverOptions {
     /// Links of arm's length; a drift of up to 6 deg, which is 1 m/s2.
     fn default() -> Self {
-        Self {
-            gravity_m_s2: 9.80665,
-            prior_std_m: 0.3,
-            constant_std_m_s2: 1.0,
-            smooth_s: 0.03,
-        }
+        Self { gravity_m_s2: 9.80665, prior_std_m: 0.3, constant_std_m_s2: 1.0, smooth_s: 0.03 }
     }
 }
 
@@ -74,22 +69,13 @@ pub fn lever_arms(
     for (sensor, mount) in sensors.iter().zip(mounts) {
         forces.push(motion.smoothed(sensor, sensor.accel_m_s2, mount)?);
     }
-    let rows: Vec<usize> = (0..motion.time_s.len())
-        .filter(|&k| motion.swings[k] && motion.is_inner(k))
-        .collect();
-    let fit = Fit {
-        motion,
-        forces,
-        gravity,
-        rows,
-    };
+    let rows: Vec<usize> = (0..motion.time_s.len()).filter(|&k| motion.swings[k] && motion.is_inner(k)).collect();
+    let fit = Fit { motion, forces, gravity, rows };
     // The noise of each sensor is what the fit before left.
     let mut noise = vec![0.1; sensors.len()];
     for _ in 0..2 {
         let value = fit.solve(&noise, options)?.solve()?.value;
-        noise = (0..sensors.len())
-            .map(|i| fit.residual(i, &value).max(1e-6))
-            .collect();
+        noise = (0..sensors.len()).map(|i| fit.residual(i, &value).max(1e-6)).collect();
     }
     let estimate = fit.solve(&noise, options)?.solve()?;
     Ok((0..sensors.len())
@@ -137,19 +123,12 @@ impl Fit {
     fn solve(&self, noise: &[f64], options: &LeverOptions) -> Result<LeastSquares> {
         let mut prior = DVector::from_element(self.unknowns(), options.prior_std_m);
         for i in 0..self.forces.len() {
-            prior
-                .rows_mut(self.constant(i), 3)
-                .fill(options.constant_std_m_s2);
+            prior.rows_mut(self.constant(i), 3).fill(options.constant_std_m_s2);
         }
         let mut squares = LeastSquares::new(prior, BLOCKS);
         for (n, &k) in self.rows.iter().enumerate() {
             for (i, &std) in noise.iter().enumerate() {
-                squares.add(
-                    n * BLOCKS / self.rows.len(),
-                    &self.design(i, k),
-                    &self.measured(i, k),
-                    std,
-                );
+                squares.add(n * BLOCKS / self.rows.len(), &self.design(i, k), &self.measured(i, k), std);
             }
         }
         Ok(squares)
@@ -163,14 +142,11 @@ impl Fit {
     fn design(&self, i: usize, k: usize) -> DMatrix<f64> {
         let mut a = DMatrix::zeros(3, self.unknowns());
         let own = &self.motion.links[i];
-        a.fixed_view_mut::<3, 3>(0, self.offset(i))
-            .copy_from(&own.swirl[k]);
-        a.fixed_view_mut::<3, 3>(0, self.constant(i))
-            .fill_with_identity();
+        a.fixed_view_mut::<3, 3>(0, self.offset(i)).copy_from(&own.swirl[k]);
+        a.fixed_view_mut::<3, 3>(0, self.constant(i)).fill_with_identity();
         for (j, link) in self.motion.links[..i].iter().enumerate() {
             let carried = own.world_from_link[k].tr_mul(&link.world_from_link[k]) * link.swirl[k];
-            a.fixed_view_mut::<3, 3>(0, self.to_next(j))
-                .copy_from(&carried);
+            a.fixed_view_mut::<3, 3>(0, self.to_next(j)).copy_from(&carried);
         }
         a
     }

@@ -22,10 +22,7 @@ pub struct MagneticOptions {
 impl Default for MagneticOptions {
     /// Offsets as left by a sensor's own calibration near steel; fields of the Earth's size.
     fn default() -> Self {
-        Self {
-            offset_std_ut: 15.0,
-            field_std_ut: 60.0,
-        }
+        Self { offset_std_ut: 15.0, field_std_ut: 60.0 }
     }
 }
 
@@ -76,26 +73,14 @@ pub fn magnetic_field(
     for ((sensor, column), mount) in sensors.iter().zip(mag_ut).zip(mounts) {
         readings.push(motion.smoothed(sensor, column, mount)?);
     }
-    let rows = (0..motion.time_s.len())
-        .filter(|&k| motion.swings[k])
-        .collect();
-    let fit = Fit {
-        motion,
-        readings,
-        rows,
-    };
+    let rows = (0..motion.time_s.len()).filter(|&k| motion.swings[k]).collect();
+    let fit = Fit { motion, readings, rows };
     let with = fit.solve(options.offset_std_ut, options)?;
     // Not zero, for which there is no information matrix.
     let without = fit.solve(1e-6, options)?;
-    let offsets = (0..sensors.len())
-        .map(|i| fit.offset(i, &with, &without, sensors, mounts))
-        .collect();
+    let offsets = (0..sensors.len()).map(|i| fit.offset(i, &with, &without, sensors, mounts)).collect();
     let three = |v: &DVector<f64>| [v[0], v[1], v[2]];
-    Ok(FoundField {
-        field_in_world_ut: three(&with.0),
-        field_std_ut: three(&with.1),
-        offsets,
-    })
+    Ok(FoundField { field_in_world_ut: three(&with.0), field_std_ut: three(&with.1), offsets })
 }
 
 struct Fit {
@@ -114,9 +99,7 @@ impl Fit {
         let mut noise = 1.0;
         for _ in 0..2 {
             let value = self.equations(&prior, noise).solve()?.value;
-            let squares: f64 = (0..self.readings.len())
-                .map(|i| self.residual(i, &value).powi(2))
-                .sum();
+            let squares: f64 = (0..self.readings.len()).map(|i| self.residual(i, &value).powi(2)).sum();
             noise = (squares / self.readings.len() as f64).sqrt().max(1e-3);
         }
         let estimate = self.equations(&prior, noise).solve()?;
@@ -128,12 +111,7 @@ impl Fit {
         for (n, &k) in self.rows.iter().enumerate() {
             for (i, column) in self.readings.iter().enumerate() {
                 let y = DVector::from_column_slice(column[k].as_slice());
-                squares.add(
-                    n * BLOCKS / self.rows.len(),
-                    &self.design(i, k, prior.len()),
-                    &y,
-                    noise,
-                );
+                squares.add(n * BLOCKS / self.rows.len(), &self.design(i, k, prior.len()), &y, noise);
             }
         }
         squares
@@ -141,8 +119,7 @@ impl Fit {
 
     fn design(&self, i: usize, k: usize, unknowns: usize) -> DMatrix<f64> {
         let mut a = DMatrix::zeros(3, unknowns);
-        a.fixed_view_mut::<3, 3>(0, 0)
-            .copy_from(&self.motion.links[i].world_from_link[k].transpose());
+        a.fixed_view_mut::<3, 3>(0, 0).copy_from(&self.motion.links[i].world_from_link[k].transpose());
         a.fixed_view_mut::<3, 3>(0, 3 + 3 * i).fill_with_identity();
         a
     }
@@ -165,12 +142,8 @@ impl Fit {
     ) -> FoundOffset {
         let sensor_from_link = matrix(&mounts[i].link_from_sensor).transpose();
         let in_link = Vector3::from_iterator(with.0.rows(3 + 3 * i, 3).iter().copied());
-        let variance = Matrix3::from_diagonal(&Vector3::from_iterator(
-            with.1.rows(3 + 3 * i, 3).iter().map(|s| s * s),
-        ));
-        let std = (sensor_from_link * variance * sensor_from_link.transpose())
-            .diagonal()
-            .map(f64::sqrt);
+        let variance = Matrix3::from_diagonal(&Vector3::from_iterator(with.1.rows(3 + 3 * i, 3).iter().map(|s| s * s)));
+        let std = (sensor_from_link * variance * sensor_from_link.transpose()).diagonal().map(f64::sqrt);
         FoundOffset {
             name: sensors[i].name.to_owned(),
             offset_ut: (sensor_from_link * in_link).into(),
@@ -183,11 +156,7 @@ impl Fit {
 
 fn check_columns(sensors: &[ChainSensor], mag_ut: &[&[[f64; 3]]]) -> Result<()> {
     if sensors.len() != mag_ut.len() {
-        return Err(Error::Data(format!(
-            "{} sensors and {} magnetometers",
-            sensors.len(),
-            mag_ut.len()
-        )));
+        return Err(Error::Data(format!("{} sensors and {} magnetometers", sensors.len(), mag_ut.len())));
     }
     for (sensor, column) in sensors.iter().zip(mag_ut) {
         if column.len() != sensor.time_s.len() {

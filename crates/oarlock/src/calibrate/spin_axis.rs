@@ -25,26 +25,15 @@ pub(crate) fn spin_axis(rates: &[Vector3<f64>]) -> SpinAxis {
     let total: Matrix3<f64> = blocks.iter().sum();
     if !(total.trace().is_finite() && total.trace() > 0.0) {
         // The eigenvalue iteration would not end on an infinite matrix.
-        return SpinAxis {
-            axis: Vector3::z(),
-            off_axis_share: 1.0,
-            std_rad: f64::INFINITY,
-        };
+        return SpinAxis { axis: Vector3::z(), off_axis_share: 1.0, std_rad: f64::INFINITY };
     }
     let (axis, largest) = principal(total);
-    let axes: Vec<Vector3<f64>> = blocks
-        .iter()
-        .map(|block| aligned(principal(total - block).0, axis))
-        .collect();
+    let axes: Vec<Vector3<f64>> = blocks.iter().map(|block| aligned(principal(total - block).0, axis)).collect();
     let centre: Vector3<f64> = axes.iter().sum::<Vector3<f64>>() / axes.len() as f64;
     let spread: f64 = axes.iter().map(|a| (a - centre).norm_squared()).sum();
     let count = axes.len() as f64;
     let off_axis_share = (1.0 - largest / total.trace()).max(0.0);
-    SpinAxis {
-        axis,
-        off_axis_share,
-        std_rad: (spread / 2.0 * (count - 1.0) / count).sqrt(),
-    }
+    SpinAxis { axis, off_axis_share, std_rad: (spread / 2.0 * (count - 1.0) / count).sqrt() }
 }
 
 fn second_moment(rates: &[Vector3<f64>]) -> Matrix3<f64> {

@@ -19,12 +19,7 @@ pub struct StillLimits {
 impl Default for StillLimits {
     /// Ten times the noise of consumer MEMS sensors at 100 Hz, well below any movement by hand.
     fn default() -> Self {
-        Self {
-            window_s: 0.25,
-            gyro_scatter_rad_s: 0.02,
-            accel_scatter_m_s2: 0.15,
-            least_s: 0.5,
-        }
+        Self { window_s: 0.25, gyro_scatter_rad_s: 0.02, accel_scatter_m_s2: 0.15, least_s: 0.5 }
     }
 }
 
@@ -43,10 +38,7 @@ pub fn still_stretches(
     let time_s = &time_s[..rows];
     let mut stretches: Vec<(f64, f64)> = Vec::new();
     for window in windows(time_s, limits.window_s) {
-        let (gyro, accel) = (
-            scatter(&gyro_rad_s[window.clone()]),
-            scatter(&accel_m_s2[window.clone()]),
-        );
+        let (gyro, accel) = (scatter(&gyro_rad_s[window.clone()]), scatter(&accel_m_s2[window.clone()]));
         let calm = gyro <= limits.gyro_scatter_rad_s && accel <= limits.accel_scatter_m_s2;
         if !calm {
             continue;
@@ -79,44 +71,25 @@ pub fn find_still(
 /// The longest stretch of at least `least_s`.
 pub(crate) fn longest(stretches: &[(f64, f64)], least_s: f64) -> Option<(f64, f64)> {
     let length = |s: &(f64, f64)| s.1 - s.0;
-    stretches
-        .iter()
-        .copied()
-        .filter(|s| length(s) >= least_s)
-        .max_by(|a, b| length(a).total_cmp(&length(b)))
+    stretches.iter().copied().filter(|s| length(s) >= least_s).max_by(|a, b| length(a).total_cmp(&length(b)))
 }
 
 /// The times that lie in a stretch of `a` and in one of `b`.
 pub(crate) fn intersection(a: &[(f64, f64)], b: &[(f64, f64)]) -> Vec<(f64, f64)> {
-    let pairs = a
-        .iter()
-        .flat_map(|x| b.iter().map(move |y| (x.0.max(y.0), x.1.min(y.1))));
+    let pairs = a.iter().flat_map(|x| b.iter().map(move |y| (x.0.max(y.0), x.1.min(y.1))));
     pairs.filter(|(start, end)| end > start).collect()
 }
 
-fn no_still_text(
-    name: &str,
-    time_s: &[f64],
-    gyro: &[[f64; 3]],
-    accel: &[[f64; 3]],
-    limits: &StillLimits,
-) -> String {
+fn no_still_text(name: &str, time_s: &[f64], gyro: &[[f64; 3]], accel: &[[f64; 3]], limits: &StillLimits) -> String {
     let rows = time_s.len().min(gyro.len()).min(accel.len());
     let calmest = windows(&time_s[..rows], limits.window_s)
-        .map(|w| {
-            (
-                scatter(&gyro[w.clone()]),
-                scatter(&accel[w.clone()]),
-                time_s[w.start],
-            )
-        })
+        .map(|w| (scatter(&gyro[w.clone()]), scatter(&accel[w.clone()]), time_s[w.start]))
         .filter(|(g, a, _)| g.is_finite() && a.is_finite())
         .min_by(|x, y| x.0.total_cmp(&y.0));
     let found = match calmest {
-        Some((g, a, at)) => format!(
-            "the calmest {} s, from {at:.2} s, scatter by {g:.3} rad/s and {a:.2} m/s2",
-            limits.window_s
-        ),
+        Some((g, a, at)) => {
+            format!("the calmest {} s, from {at:.2} s, scatter by {g:.3} rad/s and {a:.2} m/s2", limits.window_s)
+        }
         None => format!("no window of {} s without gaps", limits.window_s),
     };
     format!(
@@ -158,8 +131,5 @@ pub(crate) fn scatter(values: &[[f64; 3]]) -> f64 {
 
 /// The mean of the vectors.
 pub(crate) fn mean(values: &[[f64; 3]]) -> Vector3<f64> {
-    values
-        .iter()
-        .fold(Vector3::zeros(), |sum, v| sum + Vector3::from(*v))
-        / values.len() as f64
+    values.iter().fold(Vector3::zeros(), |sum, v| sum + Vector3::from(*v)) / values.len() as f64
 }

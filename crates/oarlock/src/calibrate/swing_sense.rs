@@ -20,10 +20,7 @@ pub(crate) fn choose_signs(
             let sense = common_direction(&sensors[k - 1], sensor)?;
             Some(correlation(previous, here) * sense)
         });
-        let reversed = match (
-            reversed_by_gravity(sensor, here, up_in_world, options),
-            related,
-        ) {
+        let reversed = match (reversed_by_gravity(sensor, here, up_in_world, options), related) {
             (Some(reversed), _) => reversed,
             (None, Some(related)) => {
                 check_related(sensors[k - 1].name, sensor.name, related)?;
@@ -50,19 +47,14 @@ fn reversed_by_gravity(
     up_in_world: Vector3<f64>,
     options: &ChainOptions,
 ) -> Option<bool> {
-    let stated = Vector3::from(sensor.hinge_axis_in_world)
-        .normalize()
-        .dot(&up_in_world);
+    let stated = Vector3::from(sensor.hinge_axis_in_world).normalize().dot(&up_in_world);
     let slanted = stated.abs() > options.most_disagreement_rad.sin();
     slanted.then(|| stated * here.spin.axis.dot(&here.up) < 0.0)
 }
 
 /// 1 or -1 for two hinges that are parallel within 5 deg, in the same or the opposite sense.
 pub(crate) fn common_direction(a: &ChainSensor, b: &ChainSensor) -> Option<f64> {
-    let (a, b) = (
-        Vector3::from(a.hinge_axis_in_world),
-        Vector3::from(b.hinge_axis_in_world),
-    );
+    let (a, b) = (Vector3::from(a.hinge_axis_in_world), Vector3::from(b.hinge_axis_in_world));
     let cosine = a.normalize().dot(&b.normalize());
     (cosine.abs() > 5.0_f64.to_radians().cos()).then(|| cosine.signum())
 }
@@ -76,8 +68,7 @@ fn correlation(a: &Turning, b: &Turning) -> f64 {
             continue;
         }
         let (t0, t1) = (a.time_s[after - 1], a.time_s[after]);
-        let x = a.rate_rad_s[after - 1]
-            + (a.rate_rad_s[after] - a.rate_rad_s[after - 1]) * (t - t0) / (t1 - t0);
+        let x = a.rate_rad_s[after - 1] + (a.rate_rad_s[after] - a.rate_rad_s[after - 1]) * (t - t0) / (t1 - t0);
         ab += x * y;
         aa += x * x;
         bb += y * y;

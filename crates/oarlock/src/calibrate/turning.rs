@@ -41,11 +41,7 @@ impl Turning {
             up: force.normalize(),
             accel_norm: force.norm(),
             noise: (scatter(&gyro), scatter(&accel)),
-            spin: SpinAxis {
-                axis: Vector3::z(),
-                off_axis_share: 0.0,
-                std_rad: 0.0,
-            },
+            spin: SpinAxis { axis: Vector3::z(), off_axis_share: 0.0, std_rad: 0.0 },
             still_s,
             time_s: Vec::new(),
             rate_rad_s: Vec::new(),
@@ -72,10 +68,7 @@ impl Turning {
 
     pub fn reverse(&mut self) {
         self.spin.axis = -self.spin.axis;
-        self.rate_rad_s
-            .iter_mut()
-            .chain(&mut self.angle_rad)
-            .for_each(|x| *x = -*x);
+        self.rate_rad_s.iter_mut().chain(&mut self.angle_rad).for_each(|x| *x = -*x);
     }
 
     /// Whether the link turns by `clear_rad` in the axis' sense before it does so in the other.
@@ -85,9 +78,7 @@ impl Turning {
     }
 
     pub fn range(&self) -> (f64, f64) {
-        self.angle_rad
-            .iter()
-            .fold((0.0, 0.0), |(lo, hi), &a| (a.min(lo), a.max(hi)))
+        self.angle_rad.iter().fold((0.0, 0.0), |(lo, hi), &a| (a.min(lo), a.max(hi)))
     }
 }
 
@@ -118,11 +109,8 @@ fn check_force(name: &str, norm_m_s2: f64) -> Result<()> {
     if (9.0..=10.6).contains(&norm_m_s2) {
         return Ok(());
     }
-    let guess = if (0.9..=1.1).contains(&norm_m_s2) {
-        " It looks as if it were in g: multiply by 9.80665."
-    } else {
-        ""
-    };
+    let guess =
+        if (0.9..=1.1).contains(&norm_m_s2) { " It looks as if it were in g: multiply by 9.80665." } else { "" };
     Err(Error::Data(format!(
         "sensor `{name}`: specific force at rest is {norm_m_s2:.4} m/s2, expected 9.0 to 10.6 m/s2.{guess} Check the \
          unit of the accelerometer and the still stretch"

@@ -54,7 +54,12 @@ impl Info {
     /// Room for `groups`.
     pub fn new(groups: &Groups, rows: usize) -> Self {
         let none = SourceInfo { nis: f64::NAN, used: 0, rejected: 0, missing: 0 };
-        Info { innovation: vec![f64::NAN; rows], nis: f64::NAN, inertial: (f64::NAN, 0), sources: vec![none; groups.sources.len()] }
+        Info {
+            innovation: vec![f64::NAN; rows],
+            nis: f64::NAN,
+            inertial: (f64::NAN, 0),
+            sources: vec![none; groups.sources.len()],
+        }
     }
 }
 
@@ -315,7 +320,11 @@ impl<S: System> Filter<S> {
         }
         belief.covariance.mirror_upper();
         let finite = belief.mean.iter().all(|x| x.is_finite());
-        if finite { Ok(()) } else { Err(Lost { what: "the estimate is not a number".into() }) }
+        if finite {
+            Ok(())
+        } else {
+            Err(Lost { what: "the estimate is not a number".into() })
+        }
     }
 
     /// X = V22'^-1 (rows of U reversed), by forward substitution.

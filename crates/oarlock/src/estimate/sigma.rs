@@ -167,9 +167,7 @@ impl Fan {
             for i in curved..n {
                 g[self.width - 1 - i] = (g[self.width - 1 - i] - h0) * one;
             }
-            for i in 1 + curved..self.width - n {
-                g[i] -= h0;
-            }
+            g[1 + curved..self.width - n].iter_mut().for_each(|x| *x -= h0);
             *bend = sum * one;
             g[0] = outer * *bend;
         }

@@ -63,12 +63,7 @@ struct Linearised {
 
 impl<'a, S: System> Problem<'a, S> {
     /// `noise_std` is that of each row, `guess` a prior.
-    pub fn new(
-        system: &'a S,
-        evidence: &'a [Evidence<'a, S::Moment>],
-        noise_std: &'a [f64],
-        guess: &'a Guess,
-    ) -> Self {
+    pub fn new(system: &'a S, evidence: &'a [Evidence<'a, S::Moment>], noise_std: &'a [f64], guess: &'a Guess) -> Self {
         let variance: Vec<f64> = vec![0.0; guess.std.len()];
         let transitions = evidence.iter().map(|e| {
             let mut t = Transition::default();
@@ -86,7 +81,9 @@ impl<'a, S: System> Problem<'a, S> {
         let mut here = self.linearise(&mean);
         let mut damping = 1e-3;
         for _ in 0..MAX_ITERATIONS {
-            let Some(step) = damped_step(&here, damping) else { break };
+            let Some(step) = damped_step(&here, damping) else {
+                break;
+            };
             let mut trial = mean.clone();
             self.system.shift(&mut trial, &step);
             let there = self.linearise(&trial);

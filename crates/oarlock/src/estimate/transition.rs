@@ -20,13 +20,8 @@ pub struct Block {
 impl Block {
     /// One coordinate that stays where it is and gathers `variance`.
     pub fn walk(index: usize, variance: f64) -> Self {
-        let mut block = Block {
-            index: [index; 3],
-            len: 1,
-            factor: [[0.0; 3]; 3],
-            offset: [0.0; 3],
-            noise: [[0.0; 3]; 3],
-        };
+        let mut block =
+            Block { index: [index; 3], len: 1, factor: [[0.0; 3]; 3], offset: [0.0; 3], noise: [[0.0; 3]; 3] };
         block.factor[0][0] = 1.0;
         block.noise[0][0] = variance;
         block

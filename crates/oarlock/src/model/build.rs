@@ -34,24 +34,12 @@ struct Names<'a> {
 impl Names<'_> {
     /// Index of a joint.
     fn joint(&self, who: &str, key: &str, name: &Named) -> Option<usize> {
-        self.find(
-            who,
-            key,
-            name,
-            ("joint", &self.joints),
-            ("frame", &self.frames),
-        )
+        self.find(who, key, name, ("joint", &self.joints), ("frame", &self.frames))
     }
 
     /// Index of a frame in file order, root being 0.
     fn frame(&self, who: &str, key: &str, name: &Named) -> Option<usize> {
-        self.find(
-            who,
-            key,
-            name,
-            ("frame", &self.frames),
-            ("joint", &self.joints),
-        )
+        self.find(who, key, name, ("frame", &self.frames), ("joint", &self.joints))
     }
 
     fn find(
@@ -69,10 +57,7 @@ impl Names<'_> {
                 false => String::new(),
             };
             let hint = suggest::hint(&name.text, valid);
-            self.mistakes.add(
-                name.at,
-                format!("{who}: {key}: no {kind} `{}`{confused}; {hint}", name.text),
-            );
+            self.mistakes.add(name.at, format!("{who}: {key}: no {kind} `{}`{confused}; {hint}", name.text));
         }
         found
     }
@@ -82,42 +67,23 @@ fn build(spec: Spec, mistakes: &Mistakes) -> Model {
     check::names(&spec, mistakes);
     let names = Names {
         joints: spec.joints.iter().map(|j| j.name.text.as_str()).collect(),
-        frames: std::iter::once("root")
-            .chain(spec.frames.iter().map(|f| f.name.text.as_str()))
-            .collect(),
+        frames: std::iter::once("root").chain(spec.frames.iter().map(|f| f.name.text.as_str())).collect(),
         mistakes,
     };
     let parents: Vec<Option<usize>> = spec.frames.iter().map(|f| parent(f, &names)).collect();
     let order = order::parents_first(&spec.frames, &parents, mistakes);
     let place = order::places(&order, spec.frames.len());
-    let frames = order
-        .iter()
-        .map(|i| frame(&spec.frames, &parents, *i, &place, &names))
-        .collect();
+    let frames = order.iter().map(|i| frame(&spec.frames, &parents, *i, &place, &names)).collect();
     let mut model = Model {
         name: spec.name.clone(),
         description: spec.description.clone(),
         world: spec.world.clone(),
         parameters: spec.parameters.iter().map(|(_, p)| p.clone()).collect(),
         joints: spec.joints.iter().map(|j| j.joint.clone()).collect(),
-        frames: std::iter::once(root())
-            .chain::<Vec<Frame>>(frames)
-            .collect(),
-        sensors: spec
-            .sensors
-            .iter()
-            .filter_map(|s| sensor(s, &place, &names))
-            .collect(),
-        closures: spec
-            .closures
-            .iter()
-            .filter_map(|c| closure(c, &place, &names))
-            .collect(),
-        base_accelerations: spec
-            .base_accelerations
-            .iter()
-            .map(|(_, b)| b.clone())
-            .collect(),
+        frames: std::iter::once(root()).chain::<Vec<Frame>>(frames).collect(),
+        sensors: spec.sensors.iter().filter_map(|s| sensor(s, &place, &names)).collect(),
+        closures: spec.closures.iter().filter_map(|c| closure(c, &place, &names)).collect(),
+        base_accelerations: spec.base_accelerations.iter().map(|(_, b)| b.clone()).collect(),
     };
     check::whole(&spec, &model, mistakes);
     take_input_std(&spec.joints, &mut model);
@@ -125,36 +91,17 @@ fn build(spec: Spec, mistakes: &Mistakes) -> Model {
 }
 
 fn root() -> Frame {
-    Frame {
-        name: "root".to_string(),
-        parent: 0,
-        before: None,
-        joint: None,
-        after: None,
-    }
+    Frame { name: "root".to_string(), parent: 0, before: None, joint: None, after: None }
 }
 
 fn parent(frame: &FrameSpec, names: &Names) -> Option<usize> {
-    names.frame(
-        &format!("frame `{}`", frame.name.text),
-        "parent",
-        frame.parent.as_ref()?,
-    )
+    names.frame(&format!("frame `{}`", frame.name.text), "parent", frame.parent.as_ref()?)
 }
 
-fn frame(
-    specs: &[FrameSpec],
-    parents: &[Option<usize>],
-    i: usize,
-    place: &[usize],
-    names: &Names,
-) -> Frame {
+fn frame(specs: &[FrameSpec], parents: &[Option<usize>], i: usize, place: &[usize], names: &Names) -> Frame {
     let spec = &specs[i];
     let who = format!("frame `{}`", spec.name.text);
-    let joint = spec
-        .joint
-        .as_ref()
-        .and_then(|name| names.joint(&who, "joint", name));
+    let joint = spec.joint.as_ref().and_then(|name| names.joint(&who, "joint", name));
     let (before, after) = match &spec.shape {
         Shape::Row(row) => (None, Some(row.clone())),
         Shape::Fixed(rotation, translation, axis) => {
@@ -163,14 +110,8 @@ fn frame(
                 Some(turn) => super::RotationExpr::Turned(Box::new(rotation.clone()), turn),
                 None => rotation.clone(),
             };
-            let before = Transform::Fixed {
-                rotation,
-                translation: translation.clone(),
-            };
-            (
-                Some(before),
-                turn.map(|turn| Transform::turn(turn.transposed())),
-            )
+            let before = Transform::Fixed { rotation, translation: translation.clone() };
+            (Some(before), turn.map(|turn| Transform::turn(turn.transposed())))
         }
     };
     Frame {
@@ -188,47 +129,25 @@ fn sensor(spec: &SensorSpec, place: &[usize], names: &Names) -> Option<Sensor> {
     let frame = |name: &Option<Named>| Some(place[names.frame(&who, "frame", name.as_ref()?)?]);
     let kind = match &spec.what {
         What::Nothing => return None,
-        What::Imu {
-            frame: on,
-            mount,
-            noise,
-        } => SensorKind::Imu {
-            frame: frame(on)?,
-            mount: mount.clone(),
-            noise: *noise,
-        },
-        What::Encoder { joint, std } => SensorKind::Encoder {
-            joint: names.joint(&who, "joint", joint.as_ref()?)?,
-            std: *std,
-        },
-        What::Position {
-            frame: on,
-            point,
-            std,
-        } => SensorKind::Position {
-            frame: frame(on)?,
-            point: point.clone(),
-            std: *std,
-        },
+        What::Imu { frame: on, mount, noise } => {
+            SensorKind::Imu { frame: frame(on)?, mount: mount.clone(), noise: *noise }
+        }
+        What::Encoder { joint, std } => {
+            SensorKind::Encoder { joint: names.joint(&who, "joint", joint.as_ref()?)?, std: *std }
+        }
+        What::Position { frame: on, point, std } => {
+            SensorKind::Position { frame: frame(on)?, point: point.clone(), std: *std }
+        }
     };
-    Some(Sensor {
-        name: spec.name.text.clone(),
-        kind,
-    })
+    Some(Sensor { name: spec.name.text.clone(), kind })
 }
 
 fn closure(spec: &ClosureSpec, place: &[usize], names: &Names) -> Option<Closure> {
     let who = format!("closure `{}`", spec.name.text);
     let side = |key, (name, point): &(Option<Named>, [super::Expr; 3])| {
-        Some((
-            place[names.frame(&who, key, name.as_ref()?)?],
-            point.clone(),
-        ))
+        Some((place[names.frame(&who, key, name.as_ref()?)?], point.clone()))
     };
-    let sides = (
-        side("frame_a", &spec.sides[0]),
-        side("frame_b", &spec.sides[1]),
-    );
+    let sides = (side("frame_a", &spec.sides[0]), side("frame_b", &spec.sides[1]));
     Some(Closure {
         name: spec.name.text.clone(),
         sides: [sides.0?, sides.1?],
@@ -240,9 +159,7 @@ fn closure(spec: &ClosureSpec, place: &[usize], names: &Names) -> Option<Closure
 
 /// An input joint that gives no std of its own is as noisy as its encoder.
 fn take_input_std(specs: &[JointSpec], model: &mut Model) {
-    let Model {
-        joints, sensors, ..
-    } = model;
+    let Model { joints, sensors, .. } = model;
     for sensor in sensors.iter() {
         if let SensorKind::Encoder { joint, std } = sensor.kind {
             let own: Option<(f64, usize)> = specs[joint].std;

@@ -39,13 +39,7 @@ impl Expr {
     /// A text with the column (from one), what was found and what to write instead.
     pub fn parse<S: AsRef<str>>(text: &str, names: &[S]) -> Result<Self, String> {
         let names = names.iter().map(AsRef::as_ref).collect();
-        let mut parser = Parser {
-            rest: text,
-            column: 1,
-            names,
-            program: Vec::new(),
-            open: 0,
-        };
+        let mut parser = Parser { rest: text, column: 1, names, program: Vec::new(), open: 0 };
         parser.sum()?;
         parser.end()?;
         Ok(match parser.program[..] {
@@ -123,11 +117,7 @@ impl<'a> Parser<'a> {
         self.chain(Self::signed, &[('*', Op::Multiply), ('/', Op::Divide)])
     }
 
-    fn chain(
-        &mut self,
-        part: fn(&mut Self) -> Result<(), String>,
-        ops: &[(char, Op)],
-    ) -> Result<(), String> {
+    fn chain(&mut self, part: fn(&mut Self) -> Result<(), String>, ops: &[(char, Op)]) -> Result<(), String> {
         part(self)?;
         loop {
             let next = self.peek();
@@ -165,12 +155,8 @@ impl<'a> Parser<'a> {
             Some('(') => self.group(),
             Some(c) if c.is_ascii_digit() || c == '.' => self.number(),
             Some(c) if c.is_alphabetic() || c == '_' => self.name(),
-            Some(c) => Err(self.at(&format!(
-                "found `{c}`, expected a number, a parameter or `(`"
-            ))),
-            None => {
-                Err(self.at("the expression ends early, expected a number, a parameter or `(`"))
-            }
+            Some(c) => Err(self.at(&format!("found `{c}`, expected a number, a parameter or `(`"))),
+            None => Err(self.at("the expression ends early, expected a number, a parameter or `(`")),
         }
     }
 
@@ -201,11 +187,9 @@ impl<'a> Parser<'a> {
         match self.peek() {
             Some(',') => Err(self.at("found `,`; decimals are written with a point")),
             Some('°') => Err(self.at("angles are in rad; write degrees as `90*pi/180`")),
-            Some(c) if c.is_alphabetic() || c == '_' || c == '(' => Err(self.at(&format!(
-                "`{text}` is followed by `{}`; {}",
-                self.word(),
-                unit_hint(self.word())
-            ))),
+            Some(c) if c.is_alphabetic() || c == '_' || c == '(' => {
+                Err(self.at(&format!("`{text}` is followed by `{}`; {}", self.word(), unit_hint(self.word()))))
+            }
             _ => self.push(Op::Constant(value)),
         }
     }
@@ -216,17 +200,12 @@ impl<'a> Parser<'a> {
             _ if word == "pi" => Op::Constant(std::f64::consts::PI),
             Some(index) => Op::Parameter(index),
             None if self.rest[word.len()..].trim_start().starts_with('(') => {
-                return Err(self.at(&format!(
-                    "`{word}(`: there are no functions, only + - * / and parentheses"
-                )));
+                return Err(self.at(&format!("`{word}(`: there are no functions, only + - * / and parentheses")));
             }
             None => {
                 let mut valid = self.names.clone();
                 valid.push("pi");
-                return Err(self.at(&format!(
-                    "unknown name `{word}`; {}",
-                    suggest::hint(word, &valid)
-                )));
+                return Err(self.at(&format!("unknown name `{word}`; {}", suggest::hint(word, &valid))));
             }
         };
         self.take(word.len());
@@ -240,9 +219,7 @@ impl<'a> Parser<'a> {
             Some('^') => Err(self.at("powers are not supported; write `a*a`")),
             Some(',') => Err(self.at("found `,`; decimals are written with a point")),
             Some('°') => Err(self.at("angles are in rad; write degrees as `90*pi/180`")),
-            Some(c) => Err(self.at(&format!(
-                "found `{c}`, expected an operator (+ - * /) or the end"
-            ))),
+            Some(c) => Err(self.at(&format!("found `{c}`, expected an operator (+ - * /) or the end"))),
         }
     }
 
@@ -288,24 +265,13 @@ impl<'a> Parser<'a> {
 }
 
 fn number_length(bytes: &[u8]) -> usize {
-    let digits = |from: usize| {
-        bytes[from..]
-            .iter()
-            .take_while(|b| b.is_ascii_digit() || **b == b'.')
-            .count()
-    };
+    let digits = |from: usize| bytes[from..].iter().take_while(|b| b.is_ascii_digit() || **b == b'.').count();
     let mantissa = digits(0);
     let signed = mantissa + 1 + usize::from(matches!(bytes.get(mantissa + 1), Some(b'+' | b'-')));
-    let exponent = matches!(bytes.get(mantissa), Some(b'e' | b'E'))
-        && bytes.get(signed).is_some_and(|b| b.is_ascii_digit());
+    let exponent =
+        matches!(bytes.get(mantissa), Some(b'e' | b'E')) && bytes.get(signed).is_some_and(|b| b.is_ascii_digit());
     match exponent {
-        true => {
-            signed
-                + bytes[signed..]
-                    .iter()
-                    .take_while(|b| b.is_ascii_digit())
-                    .count()
-        }
+        true => signed + bytes[signed..].iter().take_while(|b| b.is_ascii_digit()).count(),
         false => mantissa,
     }
 }

@@ -11,11 +11,7 @@ pub(super) struct Mistakes<'a> {
 
 impl<'a> Mistakes<'a> {
     pub(super) fn of(file: &'a str, text: &'a str) -> Self {
-        Mistakes {
-            file,
-            text,
-            found: RefCell::new(Vec::new()),
-        }
+        Mistakes { file, text, found: RefCell::new(Vec::new()) }
     }
 
     /// Adds one at a byte offset of the text.
@@ -36,10 +32,8 @@ impl<'a> Mistakes<'a> {
     pub(super) fn finish(self) -> Vec<String> {
         let mut found = self.found.take();
         found.sort_by_key(|(at, _)| *at);
-        let mut lines: Vec<String> = found
-            .iter()
-            .map(|(at, text)| format!("{}:{}: {text}", self.file, self.line(*at)))
-            .collect();
+        let mut lines: Vec<String> =
+            found.iter().map(|(at, text)| format!("{}:{}: {text}", self.file, self.line(*at))).collect();
         lines.dedup();
         lines
     }

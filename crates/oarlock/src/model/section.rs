@@ -21,32 +21,17 @@ pub(super) type Known = &'static [&'static str];
 impl<'a> Section<'a> {
     /// The file as a whole.
     pub(super) fn whole(reader: &'a Reader<'a>, table: &'a DeTable<'a>, known: Known) -> Self {
-        Section {
-            reader,
-            path: String::new(),
-            at: 0,
-            table,
-            known,
-        }
+        Section { reader, path: String::new(), at: 0, table, known }
     }
 
     /// A value that must be a table, whatever its keys.
     pub(super) fn of_any(slot: Slot<'a>) -> Option<Self> {
         let Some(table) = slot.value.get_ref().as_table() else {
-            slot.mistake(format!(
-                "expected one [{}] table (single brackets)",
-                slot.path
-            ));
+            slot.mistake(format!("expected one [{}] table (single brackets)", slot.path));
             return None;
         };
         let at = slot.value.span().start;
-        Some(Section {
-            reader: slot.reader,
-            path: slot.path,
-            at,
-            table,
-            known: &[],
-        })
+        Some(Section { reader: slot.reader, path: slot.path, at, table, known: &[] })
     }
 
     /// A value that must be a table with none but these keys.
@@ -56,13 +41,7 @@ impl<'a> Section<'a> {
             return None;
         };
         let at = slot.value.span().start;
-        let section = Section {
-            reader: slot.reader,
-            path: slot.path,
-            at,
-            table,
-            known,
-        };
+        let section = Section { reader: slot.reader, path: slot.path, at, table, known };
         section.refuse_unknown();
         Some(section)
     }
@@ -70,53 +49,31 @@ impl<'a> Section<'a> {
     /// Says which keys are not known here.
     pub(super) fn refuse_unknown(&self) {
         for (name, at) in self.unknown() {
-            self.mistake(
-                at,
-                format!("unknown key `{name}`; {}", suggest::hint(name, self.known)),
-            );
+            self.mistake(at, format!("unknown key `{name}`; {}", suggest::hint(name, self.known)));
         }
     }
 
     fn unknown(&self) -> impl Iterator<Item = (&'a str, usize)> + '_ {
-        let keys = self
-            .table
-            .keys()
-            .map(|key| -> (&'a str, usize) { (key.get_ref(), key.span().start) });
+        let keys = self.table.keys().map(|key| -> (&'a str, usize) { (key.get_ref(), key.span().start) });
         keys.filter(|(name, _)| !self.known.contains(name))
     }
 
     pub(super) fn mistake(&self, at: usize, text: impl AsRef<str>) {
-        let path = if self.path.is_empty() {
-            String::new()
-        } else {
-            format!("{}: ", self.path)
-        };
-        self.reader
-            .mistakes
-            .add(at, format!("{path}{}", text.as_ref()));
+        let path = if self.path.is_empty() { String::new() } else { format!("{}: ", self.path) };
+        self.reader.mistakes.add(at, format!("{path}{}", text.as_ref()));
     }
 
     pub(super) fn get(&self, key: &str) -> Option<Slot<'a>> {
         let value = self.table.get(key)?;
-        Some(Slot {
-            reader: self.reader,
-            path: self.path_of(key),
-            value,
-        })
+        Some(Slot { reader: self.reader, path: self.path_of(key), value })
     }
 
     /// A key that has to be there.
     pub(super) fn need(&self, key: &str, example: &str) -> Option<Slot<'a>> {
         let slot = self.get(key);
-        let misspelt = || {
-            self.unknown()
-                .any(|(name, _)| suggest::nearest(name, self.known) == Some(key))
-        };
+        let misspelt = || self.unknown().any(|(name, _)| suggest::nearest(name, self.known) == Some(key));
         if slot.is_none() && !misspelt() {
-            self.mistake(
-                self.at,
-                format!("key `{key}` is missing, such as {key} = {example}"),
-            );
+            self.mistake(self.at, format!("key `{key}` is missing, such as {key} = {example}"));
         }
         slot
     }
@@ -130,10 +87,7 @@ impl<'a> Section<'a> {
     }
 
     pub(super) fn text_or_empty(&self, key: &str) -> String {
-        self.get(key)
-            .and_then(|slot| slot.text())
-            .unwrap_or("")
-            .to_string()
+        self.get(key).and_then(|slot| slot.text()).unwrap_or("").to_string()
     }
 
     pub(super) fn flag(&self, key: &str) -> bool {
@@ -143,10 +97,7 @@ impl<'a> Section<'a> {
     /// A name of something that is defined elsewhere in the file.
     pub(super) fn reference(&self, key: &str) -> Option<Named> {
         let slot = self.get(key)?;
-        slot.text().map(|text| Named {
-            text: text.to_string(),
-            at: slot.at(),
-        })
+        slot.text().map(|text| Named { text: text.to_string(), at: slot.at() })
     }
 
     pub(super) fn need_reference(&self, key: &str, example: &str) -> Option<Named> {
@@ -156,9 +107,7 @@ impl<'a> Section<'a> {
 
     /// The place of a key's value, or of the table.
     pub(super) fn at_key(&self, key: &str) -> usize {
-        self.table
-            .get(key)
-            .map_or(self.at, |value| value.span().start)
+        self.table.get(key).map_or(self.at, |value| value.span().start)
     }
 
     pub(super) fn has(&self, key: &str) -> bool {
@@ -171,18 +120,8 @@ impl<'a> Section<'a> {
         entries.sort_by_key(|(key, _)| key.span().start);
         let entry = |(key, value): (&'a Spanned<_>, &'a Spanned<DeValue<'a>>)| {
             let name: &std::borrow::Cow<str> = key.get_ref();
-            let named = Named {
-                text: name.to_string(),
-                at: key.span().start,
-            };
-            (
-                named,
-                Slot {
-                    reader: self.reader,
-                    path: self.path_of(name),
-                    value,
-                },
-            )
+            let named = Named { text: name.to_string(), at: key.span().start };
+            (named, Slot { reader: self.reader, path: self.path_of(name), value })
         };
         entries.into_iter().map(entry).collect()
     }
@@ -193,21 +132,12 @@ impl<'a> Section<'a> {
             return Vec::new();
         };
         let Some(list) = slot.value.get_ref().as_array() else {
-            slot.mistake(format!(
-                "expected one [[{key}]] (double brackets) for each {key}"
-            ));
+            slot.mistake(format!("expected one [[{key}]] (double brackets) for each {key}"));
             return Vec::new();
         };
         let one = |(i, value): (usize, &'a Spanned<DeValue<'a>>)| {
             let path = called(key, i, value.get_ref());
-            Section::of(
-                Slot {
-                    reader: self.reader,
-                    path,
-                    value,
-                },
-                known,
-            )
+            Section::of(Slot { reader: self.reader, path, value }, known)
         };
         list.iter().enumerate().filter_map(one).collect()
     }
@@ -221,9 +151,5 @@ fn called(key: &str, index: usize, value: &DeValue) -> String {
 }
 
 fn quoted(names: &[&str]) -> String {
-    names
-        .iter()
-        .map(|n| format!("`{n}`"))
-        .collect::<Vec<_>>()
-        .join(", ")
+    names.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ")
 }

@@ -43,16 +43,11 @@ impl<'a> Slot<'a> {
     }
 
     pub(super) fn mistake(&self, text: impl AsRef<str>) {
-        self.reader
-            .mistakes
-            .add(self.at(), format!("{}: {}", self.path, text.as_ref()));
+        self.reader.mistakes.add(self.at(), format!("{}: {}", self.path, text.as_ref()));
     }
 
     pub(super) fn expected(&self, wanted: &str) {
-        self.mistake(format!(
-            "expected {wanted}, found {}",
-            describe(self.value.get_ref())
-        ));
+        self.mistake(format!("expected {wanted}, found {}", describe(self.value.get_ref())));
     }
 
     pub(super) fn text(&self) -> Option<&'a str> {
@@ -75,19 +70,14 @@ impl<'a> Slot<'a> {
     pub(super) fn name(&self) -> Option<Named> {
         let text = self.text()?;
         let mut letters = text.chars();
-        let starts = letters
-            .next()
-            .is_some_and(|c| c.is_alphabetic() || c == '_');
+        let starts = letters.next().is_some_and(|c| c.is_alphabetic() || c == '_');
         if !starts || !letters.all(|c| c.is_alphanumeric() || c == '_') {
             self.mistake(format!(
                 "`{text}` is no name: expected letters, digits and `_`, a letter first (try `{}`)",
                 as_name(text)
             ));
         }
-        Some(Named {
-            text: text.to_string(),
-            at: self.at(),
-        })
+        Some(Named { text: text.to_string(), at: self.at() })
     }
 
     /// One of a few words.
@@ -96,11 +86,7 @@ impl<'a> Slot<'a> {
         let found = wanted.iter().find(|(word, _)| *word == text);
         if found.is_none() {
             let words: Vec<&str> = wanted.iter().map(|(word, _)| *word).collect();
-            self.mistake(format!(
-                "unknown {} `{text}`; {}",
-                last_key(&self.path),
-                suggest::hint(text, &words)
-            ));
+            self.mistake(format!("unknown {} `{text}`; {}", last_key(&self.path), suggest::hint(text, &words)));
         }
         found.map(|(_, value)| *value)
     }
@@ -126,15 +112,11 @@ impl<'a> Slot<'a> {
     }
 
     fn check_finite(&self, expr: &Expr) -> bool {
-        let known = expr
-            .parameters()
-            .all(|i| self.reader.defaults[i].is_finite());
+        let known = expr.parameters().all(|i| self.reader.defaults[i].is_finite());
         let value = expr.eval(&self.reader.defaults);
         if known && !value.is_finite() {
             let shown = describe(self.value.get_ref());
-            self.mistake(format!(
-                "{shown} is {value} at the default parameters; expected a finite number"
-            ));
+            self.mistake(format!("{shown} is {value} at the default parameters; expected a finite number"));
         }
         !known || value.is_finite()
     }
@@ -146,11 +128,7 @@ impl<'a> Slot<'a> {
 
     /// An angle, rad.
     pub(super) fn angle(&self) -> Option<Expr> {
-        self.bounded(
-            TAU + UNIT_TOLERANCE,
-            "rad",
-            "more than a full turn: write degrees as \"90*pi/180\"",
-        )
+        self.bounded(TAU + UNIT_TOLERANCE, "rad", "more than a full turn: write degrees as \"90*pi/180\"")
     }
 
     fn bounded(&self, bound: f64, unit: &str, hint: &str) -> Option<Expr> {
@@ -169,9 +147,7 @@ impl<'a> Slot<'a> {
         let parameter = expr.parameters().next();
         if let Some(index) = parameter {
             let name = &self.reader.parameters[index];
-            self.mistake(format!(
-                "`{name}` is a parameter; this key takes plain numbers only"
-            ));
+            self.mistake(format!("`{name}` is a parameter; this key takes plain numbers only"));
             return None;
         }
         Some(expr.eval(&[]))
@@ -197,29 +173,17 @@ impl<'a> Slot<'a> {
 
     /// The `n` members of a list.
     pub(super) fn list(&self, n: usize, wanted: &str) -> Option<Vec<Slot<'a>>> {
-        let list = self
-            .value
-            .get_ref()
-            .as_array()
-            .filter(|list| list.len() == n);
+        let list = self.value.get_ref().as_array().filter(|list| list.len() == n);
         let Some(list) = list else {
             self.expected(wanted);
             return None;
         };
-        let member = |(i, value)| Slot {
-            reader: self.reader,
-            path: format!("{}[{}]", self.path, i + 1),
-            value,
-        };
+        let member = |(i, value)| Slot { reader: self.reader, path: format!("{}[{}]", self.path, i + 1), value };
         Some(list.iter().enumerate().map(member).collect())
     }
 
     /// Three of the same; `None` after a mistake in any.
-    pub(super) fn three<T>(
-        &self,
-        wanted: &str,
-        read: fn(&Slot<'a>) -> Option<T>,
-    ) -> Option<[T; 3]> {
+    pub(super) fn three<T>(&self, wanted: &str, read: fn(&Slot<'a>) -> Option<T>) -> Option<[T; 3]> {
         let found: Vec<Option<T>> = self.list(3, wanted)?.iter().map(read).collect();
         let found: Option<Vec<T>> = found.into_iter().collect();
         found?.try_into().ok()
@@ -232,11 +196,7 @@ impl<'a> Slot<'a> {
     /// Three rows of three.
     pub(super) fn matrix(&self) -> Option<[[Expr; 3]; 3]> {
         let wanted = "three rows of three numbers [[.., .., ..], [.., .., ..], [.., .., ..]]";
-        let rows: Vec<_> = self
-            .list(3, wanted)?
-            .iter()
-            .map(|row| row.three("three numbers", Slot::expr))
-            .collect();
+        let rows: Vec<_> = self.list(3, wanted)?.iter().map(|row| row.three("three numbers", Slot::expr)).collect();
         let rows: Option<Vec<[Expr; 3]>> = rows.into_iter().collect();
         rows?.try_into().ok()
     }
@@ -250,9 +210,7 @@ impl<'a> Slot<'a> {
                 "no rotation: {numbers}; expected 0 and 1. Give at least seven digits, or use rpy = [roll, pitch, yaw]"
             ));
         } else if det < 0.0 {
-            self.mistake(format!(
-                "mirrors: {numbers}; expected determinant 1. Turn the sign of one column"
-            ));
+            self.mistake(format!("mirrors: {numbers}; expected determinant 1. Turn the sign of one column"));
         }
     }
 
@@ -270,9 +228,7 @@ impl<'a> Slot<'a> {
         let unit = v.map(|x| x / norm);
         if (norm - 1.0).abs() > UNIT_TOLERANCE {
             let [x, y, z] = unit;
-            self.mistake(format!(
-                "length {norm:.6}, expected a unit vector: [{x:.9}, {y:.9}, {z:.9}]"
-            ));
+            self.mistake(format!("length {norm:.6}, expected a unit vector: [{x:.9}, {y:.9}, {z:.9}]"));
         }
         Some(if norm == 1.0 { v } else { unit })
     }
@@ -302,11 +258,7 @@ fn integer(text: &str, radix: u32) -> Option<f64> {
 }
 
 fn as_name(text: &str) -> String {
-    let plain: String = text
-        .trim()
-        .chars()
-        .map(|c| if c.is_alphanumeric() { c } else { '_' })
-        .collect();
+    let plain: String = text.trim().chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
     match plain.chars().next() {
         Some(c) if c.is_alphabetic() || c == '_' => plain,
         _ => format!("n{plain}"),

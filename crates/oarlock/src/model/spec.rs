@@ -54,38 +54,21 @@ pub(super) fn read_spec(text: &str, mistakes: &Mistakes) -> Option<Spec> {
     let (table, faults) = DeTable::parse_recoverable(text);
     for fault in &faults {
         let at = fault.span().map_or(0, |span| span.start);
-        mistakes.add(
-            at,
-            format!(
-                "not valid TOML: {}{}",
-                fault.message(),
-                syntax_hint(text, at)
-            ),
-        );
+        mistakes.add(at, format!("not valid TOML: {}{}", fault.message(), syntax_hint(text, at)));
     }
     if !faults.is_empty() {
         return None;
     }
-    let empty = Reader {
-        mistakes,
-        parameters: Vec::new(),
-        defaults: Vec::new(),
-    };
+    let empty = Reader { mistakes, parameters: Vec::new(), defaults: Vec::new() };
     let whole = Section::whole(&empty, table.get_ref(), &KEYS);
     whole.refuse_unknown();
     let parameters = read_parameters(&whole);
     let reader = Reader {
         mistakes,
-        parameters: parameters
-            .iter()
-            .map(|(name, _)| name.text.clone())
-            .collect(),
+        parameters: parameters.iter().map(|(name, _)| name.text.clone()).collect(),
         defaults: parameters.iter().map(|(_, p)| p.default).collect(),
     };
-    Some(read_whole(
-        &Section::whole(&reader, table.get_ref(), &KEYS),
-        parameters,
-    ))
+    Some(read_whole(&Section::whole(&reader, table.get_ref(), &KEYS), parameters))
 }
 
 fn read_whole(whole: &Section, parameters: Vec<(Named, Parameter)>) -> Spec {
@@ -93,34 +76,15 @@ fn read_whole(whole: &Section, parameters: Vec<(Named, Parameter)>) -> Spec {
     let (world, has_field) = world::read(whole);
     let defaults = joint::read_defaults(whole);
     Spec {
-        name: whole
-            .need("name", "\"sculler\"")
-            .and_then(|s| s.name())
-            .map_or(String::new(), |n| n.text),
+        name: whole.need("name", "\"sculler\"").and_then(|s| s.name()).map_or(String::new(), |n| n.text),
         description: whole.text_or_empty("description"),
         world,
         has_field,
         parameters,
-        joints: whole
-            .tables("joint", &joint::KEYS)
-            .iter()
-            .map(|s| joint::read(s, &defaults))
-            .collect(),
-        frames: whole
-            .tables("frame", &frame::KEYS)
-            .iter()
-            .map(frame::read)
-            .collect(),
-        sensors: whole
-            .tables("sensor", &sensor::KEYS)
-            .iter()
-            .map(sensor::read)
-            .collect(),
-        closures: whole
-            .tables("closure", &sensor::CLOSURE_KEYS)
-            .iter()
-            .map(sensor::read_closure)
-            .collect(),
+        joints: whole.tables("joint", &joint::KEYS).iter().map(|s| joint::read(s, &defaults)).collect(),
+        frames: whole.tables("frame", &frame::KEYS).iter().map(frame::read).collect(),
+        sensors: whole.tables("sensor", &sensor::KEYS).iter().map(sensor::read).collect(),
+        closures: whole.tables("closure", &sensor::CLOSURE_KEYS).iter().map(sensor::read_closure).collect(),
         base_accelerations: whole
             .tables("base_acceleration", &world::BASE_ACCELERATION_KEYS)
             .iter()
@@ -134,9 +98,7 @@ fn check_format(whole: &Section) {
         return;
     };
     if let Some(found) = slot.number().filter(|f| *f != FORMAT) {
-        slot.mistake(format!(
-            "{found} is not known; this version of oarlock reads format = {FORMAT}"
-        ));
+        slot.mistake(format!("{found} is not known; this version of oarlock reads format = {FORMAT}"));
     }
 }
 
@@ -150,9 +112,7 @@ fn syntax_hint(text: &str, at: usize) -> &'static str {
     let (next, second) = (after.next(), after.next());
     let digit = |c: Option<char>| c.is_some_and(|c| c.is_ascii_digit());
     match (before, next) {
-        (_, Some(',')) if digit(before) && digit(second) => {
-            ". Decimals are written with a point: 0.52"
-        }
+        (_, Some(',')) if digit(before) && digit(second) => ". Decimals are written with a point: 0.52",
         (Some('=' | ',' | '['), Some(c)) if c.is_alphanumeric() || "-+(".contains(c) => {
             ". Texts, names and expressions stand in quotes: \"l_b/2\""
         }
@@ -163,10 +123,7 @@ fn syntax_hint(text: &str, at: usize) -> &'static str {
 /// The name of a table of `[[...]]`; empty after a mistake.
 fn named(section: &Section, example: &str) -> Named {
     let name = section.need("name", example).and_then(|slot| slot.name());
-    name.unwrap_or(Named {
-        text: String::new(),
-        at: section.at,
-    })
+    name.unwrap_or(Named { text: String::new(), at: section.at })
 }
 
 const PARAMETER_KEYS: [&str; 4] = ["default", "unit", "std", "label"];
@@ -178,23 +135,14 @@ fn read_parameters(whole: &Section) -> Vec<(Named, Parameter)> {
     let Some(section) = Section::of_any(slot) else {
         return Vec::new();
     };
-    section
-        .entries()
-        .into_iter()
-        .map(|(name, slot)| read_parameter(name, slot))
-        .collect()
+    section.entries().into_iter().map(|(name, slot)| read_parameter(name, slot)).collect()
 }
 
 fn read_parameter(name: Named, mut slot: Slot) -> (Named, Parameter) {
     slot.path = format!("parameter `{}`", name.text);
     check_parameter_name(&name, &slot);
-    let mut parameter = Parameter {
-        name: name.text.clone(),
-        label: String::new(),
-        unit: String::new(),
-        default: f64::NAN,
-        std: None,
-    };
+    let mut parameter =
+        Parameter { name: name.text.clone(), label: String::new(), unit: String::new(), default: f64::NAN, std: None };
     if slot.value.get_ref().as_table().is_none() {
         parameter.default = slot.number().unwrap_or(f64::NAN);
         return (name, parameter);
@@ -204,18 +152,13 @@ fn read_parameter(name: Named, mut slot: Slot) -> (Named, Parameter) {
     };
     parameter.label = section.text_or_empty("label");
     if let Some(unit) = section.get("unit") {
-        parameter.unit = unit
-            .choice(&[("m", "m"), ("rad", "rad"), ("", "")])
-            .unwrap_or("")
-            .to_string();
+        parameter.unit = unit.choice(&[("m", "m"), ("rad", "rad"), ("", "")]).unwrap_or("").to_string();
     }
-    let value = section
-        .need("default", "0.52")
-        .and_then(|s| match parameter.unit.as_str() {
-            "m" => s.length(),
-            "rad" => s.angle(),
-            _ => s.expr(),
-        });
+    let value = section.need("default", "0.52").and_then(|s| match parameter.unit.as_str() {
+        "m" => s.length(),
+        "rad" => s.angle(),
+        _ => s.expr(),
+    });
     parameter.default = value.map_or(f64::NAN, |e| e.eval(&[]));
     parameter.std = section.get("std").and_then(|s| s.positive(&parameter.unit));
     (name, parameter)
@@ -223,9 +166,7 @@ fn read_parameter(name: Named, mut slot: Slot) -> (Named, Parameter) {
 
 fn check_parameter_name(name: &Named, slot: &Slot) {
     let ascii = |c: char| c.is_alphanumeric() || c == '_';
-    let starts = name
-        .text
-        .starts_with(|c: char| c.is_alphabetic() || c == '_');
+    let starts = name.text.starts_with(|c: char| c.is_alphabetic() || c == '_');
     if name.text == "pi" {
         slot.mistake("`pi` is the number 3.14159...; expected another name");
     } else if !starts || !name.text.chars().all(ascii) {

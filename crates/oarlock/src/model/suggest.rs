@@ -21,26 +21,16 @@ pub fn hint(wrong: &str, valid: &[&str]) -> String {
 /// The valid name that needs the fewest edits, if it is near enough to be meant.
 pub fn nearest<'a>(wrong: &str, valid: &[&'a str]) -> Option<&'a str> {
     let wrong = plain(wrong);
-    let best = valid
-        .iter()
-        .map(|name| (edits(&wrong, &plain(name)), *name))
-        .min_by_key(|(d, _)| *d);
+    let best = valid.iter().map(|name| (edits(&wrong, &plain(name)), *name)).min_by_key(|(d, _)| *d);
     match best {
         Some((distance, name)) if distance <= (wrong.chars().count() / 3).max(1) => Some(name),
-        _ => valid
-            .iter()
-            .copied()
-            .find(|name| contains_part(name, &wrong)),
+        _ => valid.iter().copied().find(|name| contains_part(name, &wrong)),
     }
 }
 
 /// Case, spaces and hyphens are the commonest slips and cost nothing.
 fn plain(name: &str) -> String {
-    name.chars()
-        .take(64)
-        .map(|c| if c == ' ' || c == '-' { '_' } else { c })
-        .flat_map(char::to_lowercase)
-        .collect()
+    name.chars().take(64).map(|c| if c == ' ' || c == '-' { '_' } else { c }).flat_map(char::to_lowercase).collect()
 }
 
 fn contains_part(name: &str, wrong: &str) -> bool {

@@ -44,30 +44,20 @@ pub enum RotationExpr {
 impl Transform {
     /// No motion.
     pub fn identity() -> Self {
-        Transform::Fixed {
-            rotation: RotationExpr::Identity,
-            translation: [0.0; 3].map(Expr::constant),
-        }
+        Transform::Fixed { rotation: RotationExpr::Identity, translation: [0.0; 3].map(Expr::constant) }
     }
 
     /// A rotation alone.
     pub fn turn(rotation: Mat3<f64>) -> Self {
-        Transform::Fixed {
-            rotation: RotationExpr::Numeric(rotation),
-            translation: [0.0; 3].map(Expr::constant),
-        }
+        Transform::Fixed { rotation: RotationExpr::Numeric(rotation), translation: [0.0; 3].map(Expr::constant) }
     }
 
     /// Parent-from-child rotation and the child's origin in the parent (m) at these parameters.
     pub fn evaluate(&self, parameters: &[f64]) -> (Mat3<f64>, [f64; 3]) {
         match self {
-            Transform::Fixed {
-                rotation,
-                translation,
-            } => (
-                rotation.evaluate(parameters),
-                evaluate_three(translation, parameters),
-            ),
+            Transform::Fixed { rotation, translation } => {
+                (rotation.evaluate(parameters), evaluate_three(translation, parameters))
+            }
             Transform::Dh { a, alpha, d, theta } => {
                 let [a, alpha, d, theta] = [a, alpha, d, theta].map(|e| e.eval(parameters));
                 let (s, c) = theta.sin_cos();
@@ -83,14 +73,10 @@ impl RotationExpr {
     pub fn evaluate(&self, parameters: &[f64]) -> Mat3<f64> {
         match self {
             RotationExpr::Identity => Mat3::identity(),
-            RotationExpr::Matrix(rows) => {
-                Mat3([0, 1, 2].map(|i| evaluate_three(&rows[i], parameters)))
-            }
+            RotationExpr::Matrix(rows) => Mat3([0, 1, 2].map(|i| evaluate_three(&rows[i], parameters))),
             RotationExpr::Rpy(angles) => {
                 let [roll, pitch, yaw] = evaluate_three(angles, parameters);
-                Mat3::about_z(yaw)
-                    .times(&Mat3::about_y(pitch))
-                    .times(&Mat3::about_x(roll))
+                Mat3::about_z(yaw).times(&Mat3::about_y(pitch)).times(&Mat3::about_x(roll))
             }
             RotationExpr::Numeric(m) => *m,
             RotationExpr::Turned(first, then) => first.evaluate(parameters).times(then),
@@ -110,11 +96,7 @@ pub(super) fn z_onto(axis: [f64; 3]) -> Mat3<f64> {
         return Mat3([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]);
     }
     let k = 1.0 / (1.0 + z);
-    Mat3([
-        [1.0 - k * x * x, -k * x * y, x],
-        [-k * x * y, 1.0 - k * y * y, y],
-        [-x, -y, z],
-    ])
+    Mat3([[1.0 - k * x * x, -k * x * y, x], [-k * x * y, 1.0 - k * y * y, y], [-x, -y, z]])
 }
 
 #[cfg(test)]
@@ -126,19 +108,10 @@ mod tests {
 
     #[test]
     fn z_is_turned_onto_any_axis() {
-        for axis in [
-            [0.0, 0.0, 1.0],
-            [0.0, 0.0, -1.0],
-            [1.0, 0.0, 0.0],
-            [0.0, -1.0, 0.0],
-            [0.48, -0.6, -0.64],
-        ] {
+        for axis in [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.48, -0.6, -0.64]] {
             let turn = z_onto(axis);
             let (defect, det) = turn.rotation_defect();
-            assert!(
-                defect < ROUNDING && (det - 1.0).abs() < ROUNDING,
-                "{axis:?}: {defect}, {det}"
-            );
+            assert!(defect < ROUNDING && (det - 1.0).abs() < ROUNDING, "{axis:?}: {defect}, {det}");
             for (found, wanted) in turn.column(2).0.iter().zip(axis) {
                 assert!((found - wanted).abs() < ROUNDING, "{axis:?}");
             }

@@ -27,12 +27,9 @@ impl Tracker {
     /// The belief at the first of the `window`'s samples, before its update.
     pub(super) fn fit_start(&mut self, window: &[Sample]) -> Result<Belief> {
         let stride = window.len().div_ceil(MOST_SAMPLES);
-        let seen: Vec<(f64, Moment, Vec<f64>)> =
-            window.iter().step_by(stride).map(|s| self.as_evidence(s)).collect();
-        let evidence: Vec<Evidence<Moment>> = seen
-            .iter()
-            .map(|(time_s, moment, z)| Evidence { after_s: time_s - window[0].time_s, moment, z })
-            .collect();
+        let seen: Vec<(f64, Moment, Vec<f64>)> = window.iter().step_by(stride).map(|s| self.as_evidence(s)).collect();
+        let evidence: Vec<Evidence<Moment>> =
+            seen.iter().map(|(time_s, moment, z)| Evidence { after_s: time_s - window[0].time_s, moment, z }).collect();
         let readings = seen.iter().flat_map(|s| &s.2).filter(|z| !z.is_nan()).count();
         let mut best: Option<Fit> = None;
         for guess in self.guesses()? {

@@ -100,7 +100,8 @@ fn joints_above(body: &Body, mut frame: usize) -> Vec<usize> {
 }
 
 fn encoder_rows(body: &Body, joints: &[usize]) -> Vec<usize> {
-    let reads = |s: &&crate::model::Sensor| matches!(&s.kind, SensorKind::Encoder { joint, .. } if joints.contains(joint));
+    let reads =
+        |s: &&crate::model::Sensor| matches!(&s.kind, SensorKind::Encoder { joint, .. } if joints.contains(joint));
     let row = |s: &crate::model::Sensor| {
         let source = body.suite.sources.iter().find(|x| x.name == s.name)?;
         Some(source.rows.start)

@@ -75,9 +75,8 @@ fn rejections(run: &Run) -> Vec<String> {
     let count = body.suite.sources.len();
     let describe = |(s, source): (usize, &crate::sensor::Source)| {
         let infos = run.series.sources.iter().skip(s).step_by(count);
-        let (rejected, there) = infos.fold((0u64, 0u64), |(r, t), i| {
-            (r + u64::from(i.rejected), t + u64::from(i.rejected) + u64::from(i.used))
-        });
+        let (rejected, there) = infos
+            .fold((0u64, 0u64), |(r, t), i| (r + u64::from(i.rejected), t + u64::from(i.rejected) + u64::from(i.used)));
         let share = rejected as f64 / there.max(1) as f64;
         (share > REJECTED_SHARE).then(|| {
             format!(
@@ -96,8 +95,7 @@ fn unobserved(run: &Run) -> Vec<String> {
     let body = &run.tracker().body;
     let depends = dependence(body);
     let sources = body.suite.sources.len();
-    let ever_used =
-        |s: usize| run.series.sources.iter().skip(s).step_by(sources).any(|i| i.used > 0);
+    let ever_used = |s: usize| run.series.sources.iter().skip(s).step_by(sources).any(|i| i.used > 0);
     let used: Vec<bool> = (0..sources).map(ever_used).collect();
     let joints = body.model.joints.len();
     let rows = run.series.time_s.len();

@@ -37,11 +37,7 @@ fn pendulum(white: &mut White, bias_std: f64) -> Vec<Hinge> {
     let hanging = Rotation3::from_axis_angle(&Vector3::z_axis(), -std::f64::consts::FRAC_PI_2);
     let angles: [fn(f64) -> f64; 3] = [swing_1, swing_2, swing_3];
     let hinge = |(k, angle): (usize, fn(f64) -> f64)| Hinge {
-        parent_from_link: if k == 0 {
-            hanging
-        } else {
-            Rotation3::identity()
-        },
+        parent_from_link: if k == 0 { hanging } else { Rotation3::identity() },
         axis: Vector3::z(),
         angle,
         to_next: Vector3::new(0.5, 0.01, 0.02),
@@ -89,11 +85,7 @@ fn error(mount: &FoundMount, hinge: &Hinge) -> Vector3<f64> {
 #[test]
 fn errors_of_mounts_agree_with_their_standard_deviations() {
     const BIAS_M_S2: f64 = 0.03;
-    let noise = Noise {
-        gyro: 0.002,
-        accel: 0.02,
-        mag: 0.3,
-    };
+    let noise = Noise { gyro: 0.002, accel: 0.02, mag: 0.3 };
     let options = ChainOptions {
         posture_std_rad: 0.0,
         accel_bias_std_m_s2: BIAS_M_S2,
@@ -117,17 +109,9 @@ fn errors_of_mounts_agree_with_their_standard_deviations() {
         }
     }
     // 99.9 % bounds of chi-square with 36 degrees of freedom, divided by 36.
-    assert!(
-        (0.45..1.89).contains(&(about_hinge / count)),
-        "{}",
-        about_hinge / count
-    );
+    assert!((0.45..1.89).contains(&(about_hinge / count)), "{}", about_hinge / count);
     // A jackknife over eight blocks knows its own standard deviation to 25 %.
-    assert!(
-        (0.3..3.0).contains(&(about_up / count)),
-        "{}",
-        about_up / count
-    );
+    assert!((0.3..3.0).contains(&(about_up / count)), "{}", about_up / count);
 }
 
 #[test]
@@ -135,10 +119,7 @@ fn bent_rest_and_reversed_neighbour_are_exact_without_noise() {
     let level = Rotation3::from_axis_angle(&Vector3::z_axis(), 0.3);
     // Slanted, gravity tells the sense; the first link may then turn the other way first.
     let slanted = Rotation3::from_euler_angles(0.4, -0.2, 0.3);
-    for (base, first) in [
-        (level, swing_1 as fn(f64) -> f64),
-        (slanted, |t| -swing_1(t)),
-    ] {
+    for (base, first) in [(level, swing_1 as fn(f64) -> f64), (slanted, |t| -swing_1(t))] {
         let mut chain = pendulum(&mut White::new(3), 0.0);
         chain[0].parent_from_link = base;
         chain[0].angle = first;
@@ -146,14 +127,8 @@ fn bent_rest_and_reversed_neighbour_are_exact_without_noise() {
         chain[1].angle = |t| 0.3 - swing_2(t);
         chain[2].parent_from_link = Rotation3::from_axis_angle(&Vector3::z_axis(), -0.5);
         let data = all_readings(&chain, Noise::default(), 3);
-        for (mount, hinge) in found(&sensors(&chain, &data), &ChainOptions::default())
-            .iter()
-            .zip(&chain)
-        {
-            assert!(
-                error(mount, hinge).norm() < DIFFERENTIATION_RAD,
-                "{mount:?}"
-            );
+        for (mount, hinge) in found(&sensors(&chain, &data), &ChainOptions::default()).iter().zip(&chain) {
+            assert!(error(mount, hinge).norm() < DIFFERENTIATION_RAD, "{mount:?}");
             assert!(mount.disagreement_rad.abs() < DIFFERENTIATION_RAD);
         }
     }
@@ -163,16 +138,10 @@ fn bent_rest_and_reversed_neighbour_are_exact_without_noise() {
 fn first_turn_decides_the_sense() {
     let chain = pendulum(&mut White::new(5), 0.0);
     let data = all_readings(&chain, Noise::default(), 5);
-    let options = ChainOptions {
-        first_turn_positive: false,
-        ..ChainOptions::default()
-    };
+    let options = ChainOptions { first_turn_positive: false, ..ChainOptions::default() };
     let half_turn = Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
     for (mount, hinge) in found(&sensors(&chain, &data), &options).iter().zip(&chain) {
-        let mirrored = Hinge {
-            link_from_sensor: half_turn * hinge.link_from_sensor,
-            ..hinge.clone()
-        };
+        let mirrored = Hinge { link_from_sensor: half_turn * hinge.link_from_sensor, ..hinge.clone() };
         let error = error(mount, &mirrored);
         assert!(error.norm() < DIFFERENTIATION_RAD, "{error:?} {mount:?}");
     }
@@ -189,10 +158,7 @@ fn hinges_that_are_not_parallel_swing_one_at_a_time() {
     let mut sensors = sensors(&chain, &data);
     sensors[0].swing_s = Some((2.0, 5.0));
     sensors[1].swing_s = Some((5.1, 8.0));
-    let options = ChainOptions {
-        still_s: Some((0.1, 1.9)),
-        ..ChainOptions::default()
-    };
+    let options = ChainOptions { still_s: Some((0.1, 1.9)), ..ChainOptions::default() };
     let mounts = found(&sensors, &options);
     for (mount, hinge) in mounts.iter().zip(&chain) {
         let error = error(mount, hinge);
@@ -201,17 +167,9 @@ fn hinges_that_are_not_parallel_swing_one_at_a_time() {
     let levers = lever_arms(&sensors, &mounts, UP.into(), &LeverOptions::default()).expect("good");
     let off = Vector3::from(levers[1].offset_m) - chain[1].sensor;
     let axis = chain[1].axis.normalize();
-    assert!(
-        (off - axis * axis.dot(&off)).norm() < 0.005,
-        "{off:?} {:?}",
-        levers[1]
-    );
+    assert!((off - axis * axis.dot(&off)).norm() < 0.005, "{off:?} {:?}", levers[1]);
     // A hinge may be placed anywhere along its axis; the bands have to say so.
-    assert!(
-        Vector3::from(levers[1].offset_std_m).norm() > 0.1,
-        "{:?}",
-        levers[1]
-    );
+    assert!(Vector3::from(levers[1].offset_std_m).norm() > 0.1, "{:?}", levers[1]);
 }
 
 #[test]
@@ -220,12 +178,8 @@ fn disagreement_is_shared_by_the_variances() {
     let chain = pendulum(&mut White::new(1), 0.0);
     let mut data = all_readings(&chain, Noise::default(), 1);
     let sensor_from_link = chain[0].link_from_sensor.inverse();
-    let tilt =
-        sensor_from_link * Rotation3::new(Vector3::y() * TILT_RAD) * chain[0].link_from_sensor;
-    data[0]
-        .accel
-        .iter_mut()
-        .for_each(|a| *a = (tilt * Vector3::from(*a)).into());
+    let tilt = sensor_from_link * Rotation3::new(Vector3::y() * TILT_RAD) * chain[0].link_from_sensor;
+    data[0].accel.iter_mut().for_each(|a| *a = (tilt * Vector3::from(*a)).into());
     let options = ChainOptions {
         posture_std_rad: 0.02,
         accel_bias_std_m_s2: 0.0,
@@ -237,23 +191,13 @@ fn disagreement_is_shared_by_the_variances() {
     // 0.01^2 / (0.01^2 + 0.02^2) of it falls on the hinge axis.
     assert!((mount.axis_moved_rad - 0.2 * mount.disagreement_rad).abs() < DIFFERENTIATION_RAD);
     let turned = error(mount, &chain[0]);
-    assert!(
-        (turned.y.abs() - 0.2 * TILT_RAD).abs() < DIFFERENTIATION_RAD,
-        "{turned:?}"
-    );
-    assert!(
-        turned.x.abs().max(turned.z.abs()) < DIFFERENTIATION_RAD,
-        "{turned:?}"
-    );
+    assert!((turned.y.abs() - 0.2 * TILT_RAD).abs() < DIFFERENTIATION_RAD, "{turned:?}");
+    assert!(turned.x.abs().max(turned.z.abs()) < DIFFERENTIATION_RAD, "{turned:?}");
 }
 
 #[test]
 fn lever_arms_and_link_lengths_are_found_within_their_bands() {
-    let noise = Noise {
-        gyro: 0.002,
-        accel: 0.02,
-        mag: 0.3,
-    };
+    let noise = Noise { gyro: 0.002, accel: 0.02, mag: 0.3 };
     for seed in 0..4 {
         let chain = pendulum(&mut White::new(seed), 0.03);
         let data = all_readings(&chain, noise, seed);
@@ -263,26 +207,15 @@ fn lever_arms_and_link_lengths_are_found_within_their_bands() {
         let levers = lever_arms(&sensors, &mounts, UP.into(), &options).expect("good data");
         for (lever, hinge) in levers.iter().zip(&chain) {
             let mut checks = vec![(lever.offset_m, lever.offset_std_m, hinge.sensor)];
-            checks.extend(
-                lever
-                    .to_next_hinge_m
-                    .map(|(value, std)| (value, std, hinge.to_next)),
-            );
+            checks.extend(lever.to_next_hinge_m.map(|(value, std)| (value, std, hinge.to_next)));
             for (value, std, truth) in checks {
                 for axis in 0..2 {
                     let off = (value[axis] - truth[axis]).abs();
                     // 5 mm: what smoothing and the mount's error of some mrad leave.
-                    assert!(
-                        off < 4.0 * std[axis] + 0.005,
-                        "seed {seed} {lever:?}: {off}"
-                    );
+                    assert!(off < 4.0 * std[axis] + 0.005, "seed {seed} {lever:?}: {off}");
                     assert!(std[axis] < 0.01, "seed {seed} {lever:?}");
                 }
-                assert_eq!(
-                    (value[2], std[2]),
-                    (0.0, options.prior_std_m),
-                    "along the hinges"
-                );
+                assert_eq!((value[2], std[2]), (0.0, options.prior_std_m), "along the hinges");
             }
             // White noise after a parabola over nine samples is a quarter of it and more.
             assert!(lever.residual_m_s2 < 2.0 * noise.accel, "{lever:?}");
@@ -293,18 +226,13 @@ fn lever_arms_and_link_lengths_are_found_within_their_bands() {
 
 #[test]
 fn magnetometer_offsets_and_field_are_found() {
-    let noise = Noise {
-        gyro: 0.002,
-        accel: 0.02,
-        mag: 0.3,
-    };
+    let noise = Noise { gyro: 0.002, accel: 0.02, mag: 0.3 };
     let chain = pendulum(&mut White::new(11), 0.01);
     let data = all_readings(&chain, noise, 11);
     let sensors = sensors(&chain, &data);
     let mounts = found(&sensors, &ChainOptions::default());
     let columns: Vec<&[[f64; 3]]> = data.iter().map(|r| r.mag.as_slice()).collect();
-    let field = magnetic_field(&sensors, &columns, &mounts, &MagneticOptions::default())
-        .expect("good data");
+    let field = magnetic_field(&sensors, &columns, &mounts, &MagneticOptions::default()).expect("good data");
     for axis in 0..3 {
         let off = (field.field_in_world_ut[axis] - FIELD_UT[axis]).abs();
         // 0.3 uT: what a mount's error of 5 mrad does to a field of 50 uT.
@@ -313,36 +241,22 @@ fn magnetometer_offsets_and_field_are_found() {
     for (offset, hinge) in field.offsets.iter().zip(&chain) {
         for axis in 0..3 {
             let off = (offset.offset_ut[axis] - hinge.mag_offset[axis]).abs();
-            assert!(
-                off < 4.0 * offset.offset_std_ut[axis] + 0.3,
-                "{offset:?} {:?}",
-                hinge.mag_offset
-            );
+            assert!(off < 4.0 * offset.offset_std_ut[axis] + 0.3, "{offset:?} {:?}", hinge.mag_offset);
         }
         assert!(offset.residual_ut < 1.5 * noise.mag, "{offset:?}");
-        assert!(
-            offset.residual_without_ut > 2.0 * offset.residual_ut,
-            "{offset:?}"
-        );
+        assert!(offset.residual_without_ut > 2.0 * offset.residual_ut, "{offset:?}");
     }
 }
 
 #[test]
 fn still_stretch_ends_at_the_swing_and_at_gaps() {
     let chain = pendulum(&mut White::new(2), 0.0);
-    let noise = Noise {
-        gyro: 0.002,
-        accel: 0.02,
-        mag: 0.0,
-    };
+    let noise = Noise { gyro: 0.002, accel: 0.02, mag: 0.0 };
     let mut data = all_readings(&chain, noise, 2).remove(0);
     let limits = StillLimits::default();
     let whole = find_still("upper", &data.time_s, &data.gyro, &data.accel, &limits).expect("still");
     // The onset is smooth: the first 0.3 s of the swing are slower than the limit.
-    assert!(
-        whole.0 < 0.01 && (1.9..2.35).contains(&whole.1),
-        "{whole:?}"
-    );
+    assert!(whole.0 < 0.01 && (1.9..2.35).contains(&whole.1), "{whole:?}");
     data.gyro[64] = [f64::NAN; 3];
     let cut = find_still("upper", &data.time_s, &data.gyro, &data.accel, &limits).expect("still");
     assert!(cut.0 > data.time_s[64] && cut.1 == whole.1, "{cut:?}");

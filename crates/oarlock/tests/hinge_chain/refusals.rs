@@ -7,22 +7,14 @@ use oarlock::calibrate::lever_arms::{lever_arms, LeverOptions};
 use oarlock::calibrate::magnetic::{magnetic_field, MagneticOptions};
 use oarlock::Error;
 
-const NOISE: Noise = Noise {
-    gyro: 0.002,
-    accel: 0.02,
-    mag: 0.3,
-};
+const NOISE: Noise = Noise { gyro: 0.002, accel: 0.02, mag: 0.3 };
 
 /// The text with which a chain is refused after `spoil`.
 fn refusal(spoil: impl FnOnce(&mut Vec<Readings>, &mut Vec<super::Hinge>)) -> String {
     let mut chain = pendulum(&mut White::new(4), 0.0);
     let mut data = all_readings(&chain, NOISE, 4);
     spoil(&mut data, &mut chain);
-    text_of(mounts(
-        &sensors(&chain, &data),
-        UP.into(),
-        &ChainOptions::default(),
-    ))
+    text_of(mounts(&sensors(&chain, &data), UP.into(), &ChainOptions::default()))
 }
 
 fn text_of<T: std::fmt::Debug>(result: oarlock::Result<T>) -> String {
@@ -45,15 +37,7 @@ fn no_still_stretch() {
             row[0] += 0.5 * (k as f64).sin();
         }
     });
-    assert_says(
-        &text,
-        &[
-            "`middle`",
-            "no still stretch of 0.5 s",
-            "rad/s",
-            "Hold the body still",
-        ],
-    );
+    assert_says(&text, &["`middle`", "no still stretch of 0.5 s", "rad/s", "Hold the body still"]);
 }
 
 #[test]
@@ -77,10 +61,7 @@ fn no_swing() {
             *row = rest[k % rest.len()];
         }
     });
-    assert_says(
-        &text,
-        &["`lower`", "turns by", "deg only", "at least 11.5 deg"],
-    );
+    assert_says(&text, &["`lower`", "turns by", "deg only", "at least 11.5 deg"]);
 }
 
 #[test]
@@ -92,34 +73,15 @@ fn turning_about_two_axes() {
             row.iter_mut().zip(&extra).for_each(|(x, e)| *x += e);
         }
     });
-    assert_says(
-        &text,
-        &[
-            "`middle`",
-            "% of the gyroscope's energy",
-            "off one axis",
-            "5.0 %",
-        ],
-    );
+    assert_says(&text, &["`middle`", "% of the gyroscope's energy", "off one axis", "5.0 %"]);
 }
 
 #[test]
 fn accelerometer_in_g() {
     let text = refusal(|data, _| {
-        data[0]
-            .accel
-            .iter_mut()
-            .flatten()
-            .for_each(|x| *x /= GRAVITY);
+        data[0].accel.iter_mut().flatten().for_each(|x| *x /= GRAVITY);
     });
-    assert_says(
-        &text,
-        &[
-            "`upper`",
-            "m/s2, expected 9.0 to 10.6",
-            "in g: multiply by 9.80665",
-        ],
-    );
+    assert_says(&text, &["`upper`", "m/s2, expected 9.0 to 10.6", "in g: multiply by 9.80665"]);
 }
 
 #[test]
@@ -131,15 +93,7 @@ fn neighbours_unrelated() {
             *row = (axis * rate).into();
         }
     });
-    assert_says(
-        &text,
-        &[
-            "`middle` and `lower`",
-            "correlates by",
-            "at least 0.3",
-            "swing as one",
-        ],
-    );
+    assert_says(&text, &["`middle` and `lower`", "correlates by", "at least 0.3", "swing as one"]);
 }
 
 #[test]
@@ -148,38 +102,20 @@ fn vertical_hinge_and_contradicting_posture() {
     let data = all_readings(&chain, NOISE, 4);
     let options = ChainOptions::default();
     let with_axis = |axis: [f64; 3]| {
-        let stated: Vec<ChainSensor> = sensors(&chain, &data)
-            .into_iter()
-            .map(|s| ChainSensor {
-                hinge_axis_in_world: axis,
-                ..s
-            })
-            .collect();
+        let stated: Vec<ChainSensor> =
+            sensors(&chain, &data).into_iter().map(|s| ChainSensor { hinge_axis_in_world: axis, ..s }).collect();
         text_of(mounts(&stated, UP.into(), &options))
     };
-    assert_says(
-        &with_axis([0.0, 2.0, 0.1]),
-        &["`upper`", "from vertical by the model"],
-    );
+    assert_says(&with_axis([0.0, 2.0, 0.1]), &["`upper`", "from vertical by the model"]);
     let slanted = with_axis([0.0, 1.0, 1.0]);
-    assert_says(
-        &slanted,
-        &[
-            "enclose 90.",
-            "by the sensor and 45.0 deg by the model",
-            "posture",
-        ],
-    );
+    assert_says(&slanted, &["enclose 90.", "by the sensor and 45.0 deg by the model", "posture"]);
     assert_says(&with_axis([0.0; 3]), &["`upper`", "no direction"]);
 }
 
 #[test]
 fn columns_and_clocks() {
     let short = refusal(|data, _| data[2].accel.truncate(1000));
-    assert_says(
-        &short,
-        &["`lower`", "1024 time stamps", "1000 of the accelerometer"],
-    );
+    assert_says(&short, &["`lower`", "1024 time stamps", "1000 of the accelerometer"]);
     let back = refusal(|data, _| data[0].time_s[500] = 1.0);
     assert_says(&back, &["`upper`", "does not increase", "to 1 s (row 500)"]);
     let gaps = refusal(|data, _| data[0].gyro.iter_mut().for_each(|row| row[1] = f64::NAN));

@@ -63,12 +63,7 @@ pub fn readings(
 ) -> Readings {
     let hinge = &chain[index];
     let mut white = White::new(seed * 97 + index as u64);
-    let mut out = Readings {
-        time_s: time_s.to_vec(),
-        gyro: vec![],
-        accel: vec![],
-        mag: vec![],
-    };
+    let mut out = Readings { time_s: time_s.to_vec(), gyro: vec![], accel: vec![], mag: vec![] };
     for &t in time_s {
         let (turn, rate, acceleration) = derivatives(chain, index, t);
         let sensor_from_world = (turn * hinge.link_from_sensor).inverse();
@@ -83,11 +78,7 @@ pub fn readings(
 }
 
 /// Rotation, angular velocity in link axes, the sensor's acceleration in world axes.
-fn derivatives(
-    chain: &[Hinge],
-    index: usize,
-    t: f64,
-) -> (Rotation3<f64>, Vector3<f64>, Vector3<f64>) {
+fn derivatives(chain: &[Hinge], index: usize, t: f64) -> (Rotation3<f64>, Vector3<f64>, Vector3<f64>) {
     // Truncation and rounding both stay below 1e-6 rad/s and m/s2.
     const STEP: f64 = 3e-4;
     let [before, here, after] = [-STEP, 0.0, STEP].map(|d| pose(chain, index, t + d));

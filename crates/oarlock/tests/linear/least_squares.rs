@@ -29,13 +29,7 @@ struct Equations {
 
 impl Equations {
     /// Adds `design x[first..] = wanted` with noise of this covariance.
-    fn add(
-        &mut self,
-        first: usize,
-        design: DMatrix<f64>,
-        wanted: DVector<f64>,
-        noise: DMatrix<f64>,
-    ) {
+    fn add(&mut self, first: usize, design: DMatrix<f64>, wanted: DVector<f64>, noise: DMatrix<f64>) {
         let root = noise.cholesky().expect("positive").unpack();
         let whiten = "a triangle with a positive diagonal";
         let design = root.solve_lower_triangular(&design).expect(whiten);
@@ -54,29 +48,17 @@ impl Equations {
         }
         let qr = all.qr();
         let (right, triangle) = (qr.q().transpose() * right, qr.r());
-        let mean = triangle
-            .solve_upper_triangular(&right)
-            .expect("every state is known");
+        let mean = triangle.solve_upper_triangular(&right).expect("every state is known");
         let one = DMatrix::identity(n, n);
-        let inverse = triangle
-            .solve_upper_triangular(&one)
-            .expect("every state is known");
-        Whole {
-            mean,
-            covariance: &inverse * inverse.transpose(),
-        }
+        let inverse = triangle.solve_upper_triangular(&one).expect("every state is known");
+        Whole { mean, covariance: &inverse * inverse.transpose() }
     }
 }
 
 pub fn solve(system: &Linear, samples: &[Sample]) -> Whole {
     let mut equations = Equations::default();
     let (prior, one) = (start(), DMatrix::identity(STATES, STATES));
-    equations.add(
-        0,
-        one.clone(),
-        DVector::from_vec(prior.mean),
-        matrix(&prior.covariance),
-    );
+    equations.add(0, one.clone(), DVector::from_vec(prior.mean), matrix(&prior.covariance));
     for (k, pair) in samples.windows(2).enumerate() {
         let (f, offset, q) = dense(system, pair[1].time_s - pair[0].time_s);
         let mut design = DMatrix::zeros(STATES, 2 * STATES);

@@ -22,19 +22,9 @@ use system::{dense, matrix, start, Linear, ROWS, STATES};
 const SAME_SIGMA: f64 = 1e-10;
 
 const OPEN: Manner = Manner {
-    spread: Spread {
-        alpha: 0.3,
-        beta: 2.0,
-        kappa: 0.0,
-    },
-    gate: Gate {
-        on: false,
-        slack: 1.0,
-        patience_s: 1.0,
-    },
-    learning: Learning {
-        memory_s: f64::INFINITY,
-    },
+    spread: Spread { alpha: 0.3, beta: 2.0, kappa: 0.0 },
+    gate: Gate { on: false, slack: 1.0, patience_s: 1.0 },
+    learning: Learning { memory_s: f64::INFINITY },
 };
 
 /// One instant of a made-up recording.
@@ -69,26 +59,14 @@ struct Way {
 }
 
 fn filtered(system: &Linear, samples: &[Sample]) -> Way {
-    let groups = Groups {
-        parts: vec![0..2, 2..ROWS],
-        sources: vec![0..2, 2..ROWS],
-        inertial: vec![0, 1],
-    };
+    let groups = Groups { parts: vec![0..2, 2..ROWS], sources: vec![0..2, 2..ROWS], inertial: vec![0, 1] };
     let mut filter = Filter::new(system, &groups);
     let mut info = Info::new(&groups, ROWS);
     let mut belief = start();
     let mut update = |filter: &mut Filter<Linear>, belief: &mut Belief, z: &[f64]| {
         let (std, no) = (system.noise_std, [false; 2]);
-        let sighting = Sighting {
-            z,
-            std: &std,
-            barred: &no,
-            strict: &no,
-            groups: &groups,
-        };
-        filter
-            .update(system, &(), belief, sighting, OPEN, &mut info)
-            .unwrap();
+        let sighting = Sighting { z, std: &std, barred: &no, strict: &no, groups: &groups };
+        filter.update(system, &(), belief, sighting, OPEN, &mut info).unwrap();
     };
     update(&mut filter, &mut belief, &samples[0].z);
     let first = belief.clone();
@@ -125,8 +103,7 @@ impl Kalman {
         let gain = &self.covariance * h.transpose() * inner.try_inverse().expect("positive");
         self.mean += &gain * v;
         let keep = DMatrix::identity(STATES, STATES) - &gain * h;
-        self.covariance =
-            &keep * &self.covariance * keep.transpose() + &gain * r * gain.transpose();
+        self.covariance = &keep * &self.covariance * keep.transpose() + &gain * r * gain.transpose();
     }
 }
 
@@ -148,10 +125,7 @@ fn filter_is_kalmans() {
     let (system, samples) = (Linear::new(), samples(500, 1));
     let way = filtered(&system, &samples);
     let prior = start();
-    let mut kalman = Kalman {
-        mean: DVector::from_row_slice(&prior.mean),
-        covariance: matrix(&prior.covariance),
-    };
+    let mut kalman = Kalman { mean: DVector::from_row_slice(&prior.mean), covariance: matrix(&prior.covariance) };
     kalman.update(&system, &samples[0].z);
     let mut worst = apart(&way.first, &kalman.mean, &kalman.covariance);
     for (pair, (_, _, belief)) in samples.windows(2).zip(&way.steps) {
@@ -174,15 +148,9 @@ fn smoother_is_least_squares_over_all_samples() {
     let mut smoother = Smoother::new(STATES);
     for k in (0..way.steps.len()).rev() {
         let (transition, predicted, _) = &way.steps[k];
-        let mut belief = if k == 0 {
-            way.first.clone()
-        } else {
-            way.steps[k - 1].2.clone()
-        };
+        let mut belief = if k == 0 { way.first.clone() } else { way.steps[k - 1].2.clone() };
         let next = smoothed.last().unwrap();
-        smoother
-            .back(&system, &mut belief, transition, predicted, next)
-            .unwrap();
+        smoother.back(&system, &mut belief, transition, predicted, next).unwrap();
         smoothed.push(belief);
     }
     smoothed.reverse();

@@ -36,11 +36,7 @@ impl Linear {
     }
 
     /// Rows that are there: H, innovation, R.
-    pub fn seen(
-        &self,
-        z: &[f64],
-        mean: &DVector<f64>,
-    ) -> (DMatrix<f64>, DVector<f64>, DMatrix<f64>) {
+    pub fn seen(&self, z: &[f64], mean: &DVector<f64>) -> (DMatrix<f64>, DVector<f64>, DMatrix<f64>) {
         let rows: Vec<usize> = (0..ROWS).filter(|&r| !z[r].is_nan()).collect();
         let h = DMatrix::from_fn(rows.len(), STATES, |r, c| self.readings[rows[r]][c]);
         let v = DVector::from_fn(rows.len(), |r, _| z[rows[r]] - self.zero[rows[r]]) - &h * mean;
@@ -54,11 +50,7 @@ impl System for Linear {
     type Scratch = ();
 
     fn partition(&self) -> Partition {
-        Partition {
-            pose: 2,
-            rate: 1,
-            linear: 2,
-        }
+        Partition { pose: 2, rate: 1, linear: 2 }
     }
 
     fn row_count(&self) -> usize {

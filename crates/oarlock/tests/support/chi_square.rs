@@ -6,14 +6,8 @@ const BOTH_TAILS_999: f64 = 3.290_527;
 
 /// The interval that holds 99.9 % of a chi-square variable, both tails cut alike.
 pub fn interval_999(degrees: usize) -> (f64, f64) {
-    assert!(
-        degrees >= 30,
-        "the cube root is too coarse below 30 degrees"
-    );
-    (
-        quantile(degrees, -BOTH_TAILS_999),
-        quantile(degrees, BOTH_TAILS_999),
-    )
+    assert!(degrees >= 30, "the cube root is too coarse below 30 degrees");
+    (quantile(degrees, -BOTH_TAILS_999), quantile(degrees, BOTH_TAILS_999))
 }
 
 fn quantile(degrees: usize, z: f64) -> f64 {

@@ -51,11 +51,7 @@ impl Scene<'_> {
                 f64::NAN
             }
         });
-        Sample {
-            time_s,
-            z,
-            inputs: inputs.collect(),
-        }
+        Sample { time_s, z, inputs: inputs.collect() }
     }
 
     /// The state that the samples were made of; biases are zero.
@@ -111,26 +107,16 @@ pub fn streams(body: &Body, samples: &[Sample]) -> Vec<Stream> {
     for source in &body.suite.sources[..loops] {
         let there = |s: &&Sample| s.z[source.rows.clone()].iter().any(|z| !z.is_nan());
         let kept: Vec<&Sample> = samples.iter().filter(there).collect();
-        let channels = source
-            .parts
-            .iter()
-            .map(|part| channel(&kept, part.quantity, |s| s.z[part.rows.clone()].to_vec()));
+        let channels =
+            source.parts.iter().map(|part| channel(&kept, part.quantity, |s| s.z[part.rows.clone()].to_vec()));
         let time_s = kept.iter().map(|s| s.time_s).collect();
-        streams.push(Stream {
-            name: source.name.clone(),
-            time_s,
-            channels: channels.collect(),
-        });
+        streams.push(Stream { name: source.name.clone(), time_s, channels: channels.collect() });
     }
     for (j, joint) in model.joints.iter().enumerate().filter(|(_, j)| j.input) {
         let kept: Vec<&Sample> = samples.iter().filter(|s| !s.inputs[j].is_nan()).collect();
         let time_s: Vec<f64> = kept.iter().map(|s| s.time_s).collect();
         let channels = vec![channel(&kept, Quantity::Joint, |s| vec![s.inputs[j]])];
-        streams.push(Stream {
-            name: joint.name.clone(),
-            time_s,
-            channels,
-        });
+        streams.push(Stream { name: joint.name.clone(), time_s, channels });
     }
     streams.retain(|s| !s.time_s.is_empty());
     streams

@@ -41,11 +41,7 @@ impl Stroke {
             knots.push(q.clone());
         }
         let bends = bends(&knots);
-        Stroke {
-            knots,
-            bends,
-            period_s,
-        }
+        Stroke { knots, bends, period_s }
     }
 
     pub fn at(&self, time_s: f64) -> Posture {

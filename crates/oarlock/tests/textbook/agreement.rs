@@ -39,19 +39,8 @@ impl Worst {
 /// Rows as the textbook sees them: a loop reads zero where its oar's angles are there.
 fn with_loops(sample: &Sample, body: &oarlock::body::Body, config: &Config) -> Vec<f64> {
     let mut z = sample.z.clone();
-    let joint = |name: String| {
-        body.model
-            .joints
-            .iter()
-            .position(|j| j.name == name)
-            .unwrap()
-    };
-    for source in body
-        .suite
-        .sources
-        .iter()
-        .filter(|s| s.name.ends_with("_grip"))
-    {
+    let joint = |name: String| body.model.joints.iter().position(|j| j.name == name).unwrap();
+    for source in body.suite.sources.iter().filter(|s| s.name.ends_with("_grip")) {
         let side = source.name[..1].to_string();
         let angles = ["phi", "alpha"].map(|a| sample.inputs[joint(format!("{side}_oar_{a}"))]);
         if config.closures && angles.iter().all(|a| !a.is_nan()) {
@@ -96,19 +85,14 @@ fn run_both(config: &Config, steps: usize, seed: u64) -> Worst {
     let std = start_std(&body);
     let away = chance.normals(std.len());
     let truth = scene.state(0.0);
-    let mean = (0..std.len())
-        .map(|i| truth[i] + 0.5 * std[i] * away[i])
-        .collect();
+    let mean = (0..std.len()).map(|i| truth[i] + 0.5 * std[i] * away[i]).collect();
     let start = belief(&body, 0.0, mean, &std);
     let mut tracker = Tracker::new(model.clone(), &Calibration::default(), config).unwrap();
     tracker.resume(start.clone()).unwrap();
     let mut textbook = textbook_from(&start, &body, config);
     let noise = textbook.body.std();
     assert_eq!(noise, body.suite.std());
-    let mut worst = Worst {
-        mean: 0.0,
-        covariance: 0.0,
-    };
+    let mut worst = Worst { mean: 0.0, covariance: 0.0 };
     let mut before = 0.0;
     for sample in &samples {
         textbook.predict(sample.time_s - before);
@@ -119,9 +103,7 @@ fn run_both(config: &Config, steps: usize, seed: u64) -> Worst {
         assert_no_spring(&body, ours);
         worst.see(ours, &textbook);
     }
-    let error: f64 = (0..2)
-        .map(|i| (textbook.mean[i] - scene.state(before)[i]).abs())
-        .sum();
+    let error: f64 = (0..2).map(|i| (textbook.mean[i] - scene.state(before)[i]).abs()).sum();
     assert!(error < 0.05, "the oracle itself went astray: {error}");
     worst
 }
@@ -130,29 +112,14 @@ fn run_both(config: &Config, steps: usize, seed: u64) -> Worst {
 fn assert_no_spring(body: &oarlock::body::Body, belief: &Belief) {
     for (joint, slots) in body.model.joints.iter().zip(&body.layout.joints) {
         let Some(slots) = slots else { continue };
-        assert!(
-            is_observed(joint, belief.covariance.at(slots.q, slots.q)),
-            "{}",
-            joint.name
-        );
+        assert!(is_observed(joint, belief.covariance.at(slots.q, slots.q)), "{}", joint.name);
     }
 }
 
 fn assert_same(what: &str, worst: &Worst) {
-    println!(
-        "{what}: mean {:.2e} sigma, covariance {:.2e} sigma sigma",
-        worst.mean, worst.covariance
-    );
-    assert!(
-        worst.mean <= SAME_FILTER_SIGMA,
-        "{what}: mean {:e}",
-        worst.mean
-    );
-    assert!(
-        worst.covariance <= SAME_FILTER_SIGMA,
-        "{what}: covariance {:e}",
-        worst.covariance
-    );
+    println!("{what}: mean {:.2e} sigma, covariance {:.2e} sigma sigma", worst.mean, worst.covariance);
+    assert!(worst.mean <= SAME_FILTER_SIGMA, "{what}: mean {:e}", worst.mean);
+    assert!(worst.covariance <= SAME_FILTER_SIGMA, "{what}: covariance {:e}", worst.covariance);
 }
 
 #[test]
@@ -169,22 +136,14 @@ fn with_biases_and_surge() {
 
 #[test]
 fn without_closures() {
-    let config = Config {
-        closures: false,
-        ..plain(&["surge"])
-    };
+    let config = Config { closures: false, ..plain(&["surge"]) };
     let worst = run_both(&config, 30, 3);
     assert_same("42 states, open loops", &worst);
 }
 
 #[test]
 fn with_another_spread() {
-    let config = Config {
-        alpha: 0.7,
-        beta: 1.1,
-        kappa: 2.0,
-        ..plain(&[])
-    };
+    let config = Config { alpha: 0.7, beta: 1.1, kappa: 2.0, ..plain(&[]) };
     let worst = run_both(&config, 200, 4);
     assert_same("alpha 0.7, beta 1.1, kappa 2", &worst);
 }

@@ -66,11 +66,7 @@ impl<'a> Naive<'a> {
     /// `names` are those of the states, in their order.
     pub fn new(model: &'a Model, parameters: Vec<f64>, names: &[String]) -> Self {
         let places = names.iter().cloned().zip(0..).collect();
-        Naive {
-            model,
-            parameters,
-            places,
-        }
+        Naive { model, parameters, places }
     }
 
     pub fn place(&self, name: &str) -> Option<usize> {
@@ -110,20 +106,11 @@ impl<'a> Naive<'a> {
         let mut out = Vec::new();
         for sensor in &self.model.sensors {
             match &sensor.kind {
-                SensorKind::Imu {
-                    frame,
-                    mount,
-                    noise,
-                } => {
-                    let arm =
-                        Vector3::from([0, 1, 2].map(|i| mount.offset[i].eval(&self.parameters)));
+                SensorKind::Imu { frame, mount, noise } => {
+                    let arm = Vector3::from([0, 1, 2].map(|i| mount.offset[i].eval(&self.parameters)));
                     let (m, back) = (frames[*frame], matrix(&mount.rotation).transpose());
-                    noise
-                        .gyro_std
-                        .inspect(|_| out.extend((back * m.spin).iter()));
-                    noise
-                        .accel_std
-                        .inspect(|_| out.extend((back * m.force_at(arm)).iter()));
+                    noise.gyro_std.inspect(|_| out.extend((back * m.spin).iter()));
+                    noise.accel_std.inspect(|_| out.extend((back * m.force_at(arm)).iter()));
                     let local = m.root_from_frame.transpose() * field;
                     noise.mag_std.inspect(|_| out.extend((back * local).iter()));
                 }
@@ -145,9 +132,7 @@ impl<'a> Naive<'a> {
             };
             out.extend((end(0) - end(1)).iter());
             if let Some(axes) = closure.axes {
-                let axis = |side: usize| {
-                    frames[closure.sides[side].0].root_from_frame * Vector3::from(axes[side])
-                };
+                let axis = |side: usize| frames[closure.sides[side].0].root_from_frame * Vector3::from(axes[side]);
                 out.extend((axis(0) - axis(1)).iter());
             }
         }
@@ -158,11 +143,7 @@ impl<'a> Naive<'a> {
         let joints: Vec<JointState> = (self.model.joints.iter().zip(inputs))
             .map(|(joint, &input)| match self.value(x, &joint.name) {
                 None => [if input.is_nan() { 0.0 } else { input }, 0.0, 0.0],
-                Some(q) => [
-                    q,
-                    self.rate(x, &joint.name, "velocity"),
-                    self.rate(x, &joint.name, "acceleration"),
-                ],
+                Some(q) => [q, self.rate(x, &joint.name, "velocity"), self.rate(x, &joint.name, "acceleration")],
             })
             .collect();
         let world = &self.model.world;
@@ -170,9 +151,7 @@ impl<'a> Naive<'a> {
         for base in &self.model.base_accelerations {
             force += Vector3::from(base.axis) * self.value(x, &base.name).unwrap_or(0.0);
         }
-        let azimuth = self
-            .value(x, "azimuth")
-            .unwrap_or(world.magnetic_azimuth_rad);
+        let azimuth = self.value(x, "azimuth").unwrap_or(world.magnetic_azimuth_rad);
         let mut rows = self.rows(resting(force), self.field(azimuth), &joints);
         self.add_biases(x, &mut rows);
         DVector::from_vec(rows)
@@ -192,9 +171,7 @@ impl<'a> Naive<'a> {
 
     fn add_biases(&self, x: &DVector<f64>, rows: &mut [f64]) {
         for (row, name) in rows.iter_mut().zip(self.row_names()) {
-            let bias = name
-                .replace(".gyro_", ".gyro_bias_")
-                .replace(".accel_", ".accel_bias_");
+            let bias = name.replace(".gyro_", ".gyro_bias_").replace(".accel_", ".accel_bias_");
             if bias != name {
                 *row += self.value(x, &bias).unwrap_or(0.0);
             }
@@ -207,14 +184,9 @@ impl<'a> Naive<'a> {
         for sensor in &self.model.sensors {
             match &sensor.kind {
                 SensorKind::Imu { noise, .. } => {
-                    let parts = [
-                        ("gyro", noise.gyro_std),
-                        ("accel", noise.accel_std),
-                        ("mag", noise.mag_std),
-                    ];
+                    let parts = [("gyro", noise.gyro_std), ("accel", noise.accel_std), ("mag", noise.mag_std)];
                     for (part, _) in parts.iter().filter(|p| p.1.is_some()) {
-                        names
-                            .extend(["x", "y", "z"].map(|a| format!("{}.{part}_{a}", sensor.name)));
+                        names.extend(["x", "y", "z"].map(|a| format!("{}.{part}_{a}", sensor.name)));
                     }
                 }
                 SensorKind::Encoder { joint, .. } if self.model.joints[*joint].input => {}
@@ -249,13 +221,7 @@ impl<'a> Naive<'a> {
 /// A root at rest that feels `force`.
 pub fn resting(force: Vector3<f64>) -> Motion {
     let zero = Vector3::zeros();
-    Motion {
-        root_from_frame: Matrix3::identity(),
-        place: zero,
-        spin: zero,
-        spin_rate: zero,
-        force,
-    }
+    Motion { root_from_frame: Matrix3::identity(), place: zero, spin: zero, spin_rate: zero, force }
 }
 
 fn matrix(m: &Mat3<f64>) -> Matrix3<f64> {

@@ -26,25 +26,14 @@ const ROUNDING: f64 = 1e-15;
 
 #[test]
 fn weights_are_the_textbooks() {
-    for case in vectors("filter_blocks.json")["unscented_weights"]
-        .as_array()
-        .unwrap()
-    {
+    for case in vectors("filter_blocks.json")["unscented_weights"].as_array().unwrap() {
         let of = |key: &str| case[key].as_f64().unwrap();
         let w = Weights::new(of("n") as usize, of("alpha"), of("beta"), of("kappa"));
-        let pairs = [
-            (w.lambda, of("lam")),
-            (w.mean_0, of("Wm0")),
-            (w.covariance_0, of("Wc0")),
-            (w.others, of("Wi")),
-        ];
+        let pairs = [(w.lambda, of("lam")), (w.mean_0, of("Wm0")), (w.covariance_0, of("Wc0")), (w.others, of("Wi"))];
         // n + lambda loses as many digits as 1 / alpha^2 has.
         let tolerance = 4.0 * ROUNDING * of("n") / of("alpha").powi(2);
         for (found, wanted) in pairs {
-            assert!(
-                (found - wanted).abs() <= tolerance * wanted.abs().max(1.0),
-                "{found} {wanted}"
-            );
+            assert!((found - wanted).abs() <= tolerance * wanted.abs().max(1.0), "{found} {wanted}");
         }
     }
 }
@@ -56,24 +45,14 @@ fn driving_noise_is_as_listed() {
     let model = model(SCULLER);
     let mut joint = model.joints[1].clone();
     joint.process.density = 1.0 / dt.sqrt();
-    let slots = JointSlots {
-        q: 0,
-        rates: Some((1, 2)),
-    };
-    let now = Now {
-        dt,
-        variance: 0.0,
-        drive: 1.0,
-    };
+    let slots = JointSlots { q: 0, rates: Some((1, 2)) };
+    let now = Now { dt, variance: 0.0, drive: 1.0 };
     for (kind, name) in [(ProcessNoise::Paper, "paper"), (ProcessNoise::Jerk, "wnj")] {
         let block = joint_block(&joint, slots, now, kind);
         for r in 0..3 {
             let wanted = numbers(&blocks["Q_block_unit_sigma"][name][r]);
             for (found, wanted) in block.noise[r].iter().zip(wanted) {
-                assert!(
-                    (found / wanted - 1.0).abs() <= 2.0 * ROUNDING,
-                    "{name}: {found} {wanted}"
-                );
+                assert!((found / wanted - 1.0).abs() <= 2.0 * ROUNDING, "{name}: {found} {wanted}");
             }
         }
     }
@@ -97,10 +76,7 @@ fn state(body: &Body, x: &[f64]) -> Vec<f64> {
 
 fn inputs(body: &Body, encoders: &[f64]) -> Vec<f64> {
     let mut inputs = vec![0.0; body.model.joints.len()];
-    [16, 17, 19, 20]
-        .into_iter()
-        .zip(encoders)
-        .for_each(|(j, &x)| inputs[j] = x);
+    [16, 17, 19, 20].into_iter().zip(encoders).for_each(|(j, &x)| inputs[j] = x);
     inputs
 }
 
@@ -122,9 +98,7 @@ fn measurement_vector_agrees_in_every_lane() {
         assert_eq!(wanted.len(), out.len());
         let plain = textbook.measure(&DVector::from_vec(x), &moment.inputs);
         for ((lane, wanted), plain) in out.iter().zip(&wanted).zip(plain.iter()) {
-            lane.0
-                .iter()
-                .for_each(|found| ours = worse(ours, (found - wanted).abs()));
+            lane.0.iter().for_each(|found| ours = worse(ours, (found - wanted).abs()));
             plainly = worse(plainly, (plain - wanted).abs());
         }
     }
@@ -147,27 +121,12 @@ fn with_sensors(sensors: &Value) -> Model {
     let sensor = |s: &Value| {
         let rotation = [0, 1, 2].map(|i| three(&s["R_link_from_sensor"][i]));
         let offset = three(&s["offset_in_link"]).map(Expr::constant);
-        let mount = Mount {
-            rotation: Mat3(rotation),
-            offset,
-        };
+        let mount = Mount { rotation: Mat3(rotation), offset };
         let frame = s["frame"].as_u64().expect("a frame") as usize;
         let name = s["name"].as_str().expect("a name").to_string();
-        Sensor {
-            name,
-            kind: SensorKind::Imu {
-                frame,
-                mount,
-                noise,
-            },
-        }
+        Sensor { name, kind: SensorKind::Imu { frame, mount, noise } }
     };
-    model.sensors = sensors
-        .as_array()
-        .expect("sensors")
-        .iter()
-        .map(sensor)
-        .collect();
+    model.sensors = sensors.as_array().expect("sensors").iter().map(sensor).collect();
     model
 }
 
@@ -184,8 +143,7 @@ fn inertial_signals_agree_on_still_and_moving_roots() {
     let vector = |value: &Value| Vector3::from(three(value));
     let (mut ours, mut plainly) = (0.0_f64, 0.0_f64);
     for k in 0..10 {
-        let world_from_root =
-            Matrix3::from_fn(|i, j| numbers(&v["base_R_world_from_root"][k][i])[j]);
+        let world_from_root = Matrix3::from_fn(|i, j| numbers(&v["base_R_world_from_root"][k][i])[j]);
         let into_root = |x: &Value| world_from_root.transpose() * vector(x);
         let field = into_root(&v["mag_world_uT"]);
         let force = vector(&v["base_acc"][k]) - into_root(&v["gravity_world"]);
@@ -199,11 +157,7 @@ fn inertial_signals_agree_on_still_and_moving_roots() {
         };
         let found = readings_from(&body, root, lanes(field), &q, &qd, &qdd);
         let joints: Vec<[f64; 3]> = (0..q.len()).map(|j| [q[j], qd[j], qdd[j]]).collect();
-        let root = Motion {
-            spin,
-            spin_rate,
-            ..super::body::resting(force)
-        };
+        let root = Motion { spin, spin_rate, ..super::body::resting(force) };
         let plain = textbook.rows(root, field, &joints);
         for s in 0..11 {
             for (i, wanted) in numbers(&v["out_gyro_acc_mag"][k][s]).iter().enumerate() {
@@ -221,12 +175,7 @@ fn loops_have_the_listed_gaps() {
     let (model, v) = (model(SCULLER), vectors("closure.json"));
     let body = body(&model, &plain(&[]));
     let mut worst: f64 = 0.0;
-    for (q, wanted) in v["q"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .zip(v["residual_rp_rz_lp_lz"].as_array().unwrap())
-    {
+    for (q, wanted) in v["q"].as_array().unwrap().iter().zip(v["residual_rp_rz_lp_lz"].as_array().unwrap()) {
         let (q, still) = (numbers(q), [0.0; 22]);
         let found = readings(&body, &q, &still, &still);
         for (found, wanted) in found[46..].iter().zip(numbers(wanted)) {

@@ -18,12 +18,7 @@ impl Weights {
         let n = n as f64;
         let lambda = alpha * alpha * (n + kappa) - n;
         let mean_0 = lambda / (n + lambda);
-        Weights {
-            lambda,
-            mean_0,
-            covariance_0: mean_0 + 1.0 - alpha * alpha + beta,
-            others: 0.5 / (n + lambda),
-        }
+        Weights { lambda, mean_0, covariance_0: mean_0 + 1.0 - alpha * alpha + beta, others: 0.5 / (n + lambda) }
     }
 
     fn of(&self, first: f64, i: usize) -> f64 {
@@ -66,18 +61,8 @@ impl Ukf<'_> {
                 continue;
             };
             for axis in ["x", "y", "z"] {
-                self.walk(
-                    &format!("{}.gyro_bias_{axis}", sensor.name),
-                    noise.gyro_bias_walk,
-                    dt,
-                    &mut q,
-                );
-                self.walk(
-                    &format!("{}.accel_bias_{axis}", sensor.name),
-                    noise.accel_bias_walk,
-                    dt,
-                    &mut q,
-                );
+                self.walk(&format!("{}.gyro_bias_{axis}", sensor.name), noise.gyro_bias_walk, dt, &mut q);
+                self.walk(&format!("{}.accel_bias_{axis}", sensor.name), noise.accel_bias_walk, dt, &mut q);
             }
         }
         self.mean = &f * &self.mean;
@@ -91,15 +76,7 @@ impl Ukf<'_> {
     }
 
     /// Constant acceleration; `power` is what white jerk adds to the variance of the acceleration.
-    fn drive(
-        &self,
-        name: &str,
-        i: usize,
-        t: f64,
-        power: f64,
-        f: &mut DMatrix<f64>,
-        q: &mut DMatrix<f64>,
-    ) {
+    fn drive(&self, name: &str, i: usize, t: f64, power: f64, f: &mut DMatrix<f64>, q: &mut DMatrix<f64>) {
         let place = |what: &str| self.body.place(&format!("{name}.{what}")).expect("a rate");
         let at = [i, place("velocity"), place("acceleration")];
         (f[(at[0], at[1])], f[(at[0], at[2])], f[(at[1], at[2])]) = (t, t * t / 2.0, t);
@@ -122,10 +99,7 @@ impl Ukf<'_> {
             return;
         }
         let points = self.points();
-        let read: Vec<DVector<f64>> = points
-            .iter()
-            .map(|x| self.body.measure(x, inputs).select_rows(&rows))
-            .collect();
+        let read: Vec<DVector<f64>> = points.iter().map(|x| self.body.measure(x, inputs).select_rows(&rows)).collect();
         let w = self.weights;
         let mut expected = DVector::zeros(rows.len());
         for (i, y) in read.iter().enumerate() {
@@ -167,13 +141,7 @@ impl Ukf<'_> {
     fn points(&self) -> Vec<DVector<f64>> {
         let n = self.mean.len();
         let scale = (n as f64 + self.weights.lambda).sqrt();
-        let factor = self
-            .covariance
-            .clone()
-            .cholesky()
-            .expect("positive")
-            .unpack()
-            * scale;
+        let factor = self.covariance.clone().cholesky().expect("positive").unpack() * scale;
         let mut points = vec![self.mean.clone()];
         for i in 0..n {
             points.push(&self.mean + factor.column(i));

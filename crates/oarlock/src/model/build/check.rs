@@ -10,50 +10,28 @@ const SAME_DIRECTION: f64 = 0.9999;
 
 /// Names that stand twice or that would name two states.
 pub(super) fn names(spec: &Spec, mistakes: &Mistakes) {
-    let of = |kind: &'static str, names: Vec<&Named>| {
-        names
-            .into_iter()
-            .map(|n| (kind, n.clone()))
-            .collect::<Vec<_>>()
-    };
+    let of = |kind: &'static str, names: Vec<&Named>| names.into_iter().map(|n| (kind, n.clone())).collect::<Vec<_>>();
     let joints = of("joint", spec.joints.iter().map(|j| &j.name).collect());
     let frames = of("frame", spec.frames.iter().map(|f| &f.name).collect());
     let mut readings = of("sensor", spec.sensors.iter().map(|s| &s.name).collect());
-    readings.extend(of(
-        "closure",
-        spec.closures.iter().map(|c| &c.name).collect(),
-    ));
+    readings.extend(of("closure", spec.closures.iter().map(|c| &c.name).collect()));
     let mut states = joints;
-    states.extend(of(
-        "base_acceleration",
-        spec.base_accelerations
-            .iter()
-            .map(|(name, _)| name)
-            .collect(),
-    ));
+    states.extend(of("base_acceleration", spec.base_accelerations.iter().map(|(name, _)| name).collect()));
     for names in [&states, &frames, &readings] {
         refuse_twice(names, mistakes);
     }
     for (kind, name) in states.iter().filter(|(_, name)| name.text == "azimuth") {
-        let text = format!(
-            "{kind} `azimuth`: the name of the magnetic field's direction; expected another"
-        );
+        let text = format!("{kind} `azimuth`: the name of the magnetic field's direction; expected another");
         mistakes.add(name.at, text);
     }
 }
 
 fn refuse_twice(names: &[(&str, Named)], mistakes: &Mistakes) {
-    for (i, (kind, name)) in names
-        .iter()
-        .enumerate()
-        .filter(|(_, (_, name))| !name.text.is_empty())
-    {
+    for (i, (kind, name)) in names.iter().enumerate().filter(|(_, (_, name))| !name.text.is_empty()) {
         if let Some((other, first)) = names[..i].iter().find(|(_, other)| other.text == name.text) {
             let line = mistakes.line(first.at);
-            let text = format!(
-                "{kind} `{}`: the name is taken by the {other} of line {line}; give it another",
-                name.text
-            );
+            let text =
+                format!("{kind} `{}`: the name is taken by the {other} of line {line}; give it another", name.text);
             mistakes.add(name.at, text);
         }
     }
@@ -62,10 +40,7 @@ fn refuse_twice(names: &[(&str, Named)], mistakes: &Mistakes) {
 /// Parts that do not fit each other.
 pub(super) fn whole(spec: &Spec, model: &Model, mistakes: &Mistakes) {
     if spec.frames.is_empty() {
-        mistakes.add(
-            0,
-            "the file has no [[frame]]; a body needs at least one, with parent = \"root\"",
-        );
+        mistakes.add(0, "the file has no [[frame]]; a body needs at least one, with parent = \"root\"");
     }
     unused_joints(spec, mistakes);
     joint_readings(spec, model, mistakes);
@@ -76,11 +51,7 @@ pub(super) fn whole(spec: &Spec, model: &Model, mistakes: &Mistakes) {
 
 fn unused_joints(spec: &Spec, mistakes: &Mistakes) {
     for joint in spec.joints.iter().filter(|j| !j.name.text.is_empty()) {
-        let used = spec
-            .frames
-            .iter()
-            .filter_map(|f| f.joint.as_ref())
-            .any(|j| j.text == joint.name.text);
+        let used = spec.frames.iter().filter_map(|f| f.joint.as_ref()).any(|j| j.text == joint.name.text);
         if !used {
             let name = &joint.name.text;
             let text = format!("joint `{name}` moves no frame; write joint = \"{name}\" in a [[frame]] or remove it");
@@ -92,10 +63,7 @@ fn unused_joints(spec: &Spec, mistakes: &Mistakes) {
 fn joint_readings(spec: &Spec, model: &Model, mistakes: &Mistakes) {
     let mut read = vec![false; model.joints.len()];
     for sensor in &spec.sensors {
-        let What::Encoder {
-            joint: Some(name), ..
-        } = &sensor.what
-        else {
+        let What::Encoder { joint: Some(name), .. } = &sensor.what else {
             continue;
         };
         let Some(index) = model.joints.iter().position(|j| j.name == name.text) else {
@@ -107,31 +75,22 @@ fn joint_readings(spec: &Spec, model: &Model, mistakes: &Mistakes) {
                 "sensor `{}`: joint `{}` is fixed, an encoder has nothing to read",
                 sensor.name.text, name.text
             );
-            mistakes.add(
-                name.at,
-                format!("{text}; make it a hinge or slide, or remove the sensor"),
-            );
+            mistakes.add(name.at, format!("{text}; make it a hinge or slide, or remove the sensor"));
         }
     }
     for (spec, read) in spec.joints.iter().zip(read) {
         let Some((_, at)) = spec.std.filter(|_| !spec.joint.input && !read) else {
             continue;
         };
-        let text =
-            "`std` is the noise of a reading, but nothing reads this joint; add a [[sensor]] with \
+        let text = "`std` is the noise of a reading, but nothing reads this joint; add a [[sensor]] with \
                     kind = \"encoder\", or input = true";
         mistakes.add(at, format!("joint `{}`: {text}", spec.name.text));
     }
 }
 
 fn magnetic_field(spec: &Spec, mistakes: &Mistakes) {
-    let magnetometer =
-        |what: &What| matches!(what, What::Imu { noise, .. } if noise.mag_std.is_some());
-    if let Some(sensor) = spec
-        .sensors
-        .iter()
-        .find(|s| magnetometer(&s.what) && !spec.has_field)
-    {
+    let magnetometer = |what: &What| matches!(what, What::Imu { noise, .. } if noise.mag_std.is_some());
+    if let Some(sensor) = spec.sensors.iter().find(|s| magnetometer(&s.what) && !spec.has_field) {
         let text = format!(
             "sensor `{}` has a magnetometer (mag_std_ut), but [world] lacks magnetic_norm_ut (such as 47.0) or \
              magnetic_dip_rad (such as \"60*pi/180\")",
@@ -149,10 +108,7 @@ fn loops(spec: &Spec, model: &Model, mistakes: &Mistakes) {
         let [(a, _), (b, _)] = closure.sides;
         if a == b {
             let frame = &model.frames[a].name;
-            let text = format!(
-                "closure `{}`: both sides are on frame `{frame}`; expected two frames",
-                closure.name
-            );
+            let text = format!("closure `{}`: both sides are on frame `{frame}`; expected two frames", closure.name);
             mistakes.add(named.name.at, text);
         } else if mistakes.is_empty() && !moves(model, closure) {
             let text = format!(
@@ -171,10 +127,7 @@ fn moves(model: &Model, closure: &Closure) -> bool {
     while a != b {
         let later = if a > b { &mut a } else { &mut b };
         let frame = &model.frames[*later];
-        if frame
-            .joint
-            .is_some_and(|(j, _)| model.joints[j].kind != JointKind::Fixed)
-        {
+        if frame.joint.is_some_and(|(j, _)| model.joints[j].kind != JointKind::Fixed) {
             return true;
         }
         *later = frame.parent;
@@ -185,26 +138,10 @@ fn moves(model: &Model, closure: &Closure) -> bool {
 fn same_base_accelerations(spec: &Spec, mistakes: &Mistakes) {
     let all = &spec.base_accelerations;
     for (i, (name, one)) in all.iter().enumerate() {
-        let along = |other: &[f64; 3]| {
-            one.axis
-                .iter()
-                .zip(other)
-                .map(|(a, b)| a * b)
-                .sum::<f64>()
-                .abs()
-        };
-        if let Some((_, other)) = all[..i]
-            .iter()
-            .find(|(_, other)| along(&other.axis) > SAME_DIRECTION)
-        {
-            let text = format!(
-                "acts along the same line as `{}`; only one can be told",
-                other.name
-            );
-            mistakes.add(
-                name.at,
-                format!("base_acceleration `{}`: {text}", name.text),
-            );
+        let along = |other: &[f64; 3]| one.axis.iter().zip(other).map(|(a, b)| a * b).sum::<f64>().abs();
+        if let Some((_, other)) = all[..i].iter().find(|(_, other)| along(&other.axis) > SAME_DIRECTION) {
+            let text = format!("acts along the same line as `{}`; only one can be told", other.name);
+            mistakes.add(name.at, format!("base_acceleration `{}`: {text}", name.text));
         }
     }
 }

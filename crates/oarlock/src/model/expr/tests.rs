@@ -6,9 +6,7 @@ const NAMES: [&str; 3] = ["l_ua_r", "inboard", "swivel"];
 const VALUES: [f64; 3] = [0.315, 0.88, 0.04];
 
 fn value(text: &str) -> f64 {
-    Expr::parse(text, &NAMES)
-        .unwrap_or_else(|e| panic!("{text}: {e}"))
-        .eval(&VALUES)
+    Expr::parse(text, &NAMES).unwrap_or_else(|e| panic!("{text}: {e}")).eval(&VALUES)
 }
 
 fn mistake(text: &str) -> String {
@@ -31,54 +29,27 @@ fn values() {
 
 #[test]
 fn a_text_without_parameters_is_a_constant() {
-    assert_eq!(
-        Expr::parse("60*pi/180", &NAMES),
-        Ok(Expr::constant(60.0 * PI / 180.0))
-    );
+    assert_eq!(Expr::parse("60*pi/180", &NAMES), Ok(Expr::constant(60.0 * PI / 180.0)));
     let both = Expr::parse("swivel*inboard", &NAMES).expect("valid");
     assert_eq!(both.parameters().collect::<Vec<_>>(), [2, 1]);
 }
 
 #[test]
 fn a_missing_parameter_is_not_a_number() {
-    assert!(Expr::parse("swivel", &NAMES)
-        .expect("valid")
-        .eval(&VALUES[..2])
-        .is_nan());
+    assert!(Expr::parse("swivel", &NAMES).expect("valid").eval(&VALUES[..2]).is_nan());
 }
 
 #[test]
 fn messages_name_column_and_way_out() {
     let cases = [
-        (
-            "1 + l_ua",
-            "column 5: unknown name `l_ua`; did you mean `l_ua_r`?",
-        ),
-        (
-            "inbord*2",
-            "column 1: unknown name `inbord`; did you mean `inboard`?",
-        ),
-        (
-            "knee",
-            "column 1: unknown name `knee`; valid: `l_ua_r`, `inboard`, `swivel`, `pi`",
-        ),
-        (
-            "0,52",
-            "column 2: found `,`; decimals are written with a point",
-        ),
-        (
-            "90 deg",
-            "column 4: `90` is followed by `deg`; angles are in rad",
-        ),
+        ("1 + l_ua", "column 5: unknown name `l_ua`; did you mean `l_ua_r`?"),
+        ("inbord*2", "column 1: unknown name `inbord`; did you mean `inboard`?"),
+        ("knee", "column 1: unknown name `knee`; valid: `l_ua_r`, `inboard`, `swivel`, `pi`"),
+        ("0,52", "column 2: found `,`; decimals are written with a point"),
+        ("90 deg", "column 4: `90` is followed by `deg`; angles are in rad"),
         ("90°", "column 3: angles are in rad"),
-        (
-            "0.5m",
-            "column 4: `0.5` is followed by `m`; units are not written",
-        ),
-        (
-            "2pi",
-            "column 2: `2` is followed by `pi`; a product needs `*`",
-        ),
+        ("0.5m", "column 4: `0.5` is followed by `m`; units are not written"),
+        ("2pi", "column 2: `2` is followed by `pi`; a product needs `*`"),
         ("2**3", "column 3: powers are not supported"),
         ("2^3", "column 2: powers are not supported"),
         ("sin(1)", "column 1: `sin(`: there are no functions"),
@@ -102,10 +73,7 @@ fn deep_nesting_is_refused_and_long_sums_are_not() {
     assert!(mistake(&"(".repeat(10_000)).contains("nested"));
     assert!(mistake(&"1-(".repeat(10_000)).contains("nested"));
     assert_eq!(value(&format!("{}1", "-".repeat(10_000))), 1.0);
-    assert_eq!(
-        value(&format!("swivel{}", " + swivel".repeat(9_999))).round(),
-        400.0
-    );
+    assert_eq!(value(&format!("swivel{}", " + swivel".repeat(9_999))).round(), 400.0);
 }
 
 /// A random expression as text with full parentheses, and its value by plain arithmetic.

@@ -5,8 +5,7 @@ use crate::model::section::Section;
 use crate::model::slot::{Named, Slot};
 use crate::model::transform::{RotationExpr, Transform};
 
-pub(in crate::model) const KEYS: [&str; 7] =
-    ["name", "parent", "dh", "transform", "joint", "sign", "axis"];
+pub(in crate::model) const KEYS: [&str; 7] = ["name", "parent", "dh", "transform", "joint", "sign", "axis"];
 const DH_KEYS: [&str; 4] = ["a", "alpha", "d", "theta"];
 const TRANSFORM_KEYS: [&str; 3] = ["rotation", "rpy", "translation"];
 
@@ -30,28 +29,19 @@ pub(in crate::model) enum Shape {
 pub(super) fn read(section: &Section) -> FrameSpec {
     let name = super::named(section, "\"r_elbow\"");
     if name.text == "root" {
-        section.mistake(
-            name.at,
-            "`root` is always there and is not written; expected another name",
-        );
+        section.mistake(name.at, "`root` is always there and is not written; expected another name");
     }
     let joint = section.reference("joint");
     if joint.is_none() {
         for key in ["sign", "axis"].iter().filter(|key| section.has(key)) {
-            section.mistake(
-                section.at_key(key),
-                format!("`{key}` without `joint`; name the joint or remove it"),
-            );
+            section.mistake(section.at_key(key), format!("`{key}` without `joint`; name the joint or remove it"));
         }
     }
     FrameSpec {
         name,
         parent: section.need_reference("parent", "\"root\""),
         joint,
-        sign: section
-            .get("sign")
-            .and_then(|slot| read_sign(&slot))
-            .unwrap_or(1.0),
+        sign: section.get("sign").and_then(|slot| read_sign(&slot)).unwrap_or(1.0),
         shape: read_shape(section),
     }
 }
@@ -68,17 +58,12 @@ fn read_shape(section: &Section) -> Shape {
     let nothing = Shape::Row(Transform::identity());
     match (section.get("dh"), section.get("transform")) {
         (Some(_), Some(_)) => {
-            section.mistake(
-                section.at_key("transform"),
-                "has both `dh` and `transform`; expected one of them",
-            );
+            section.mistake(section.at_key("transform"), "has both `dh` and `transform`; expected one of them");
             nothing
         }
         (None, None) => {
-            section.mistake(
-                section.at,
-                "expected dh = { a, alpha, d, theta } or transform = { rotation, translation }",
-            );
+            section
+                .mistake(section.at, "expected dh = { a, alpha, d, theta } or transform = { rotation, translation }");
             nothing
         }
         (Some(row), None) => {
@@ -90,11 +75,7 @@ fn read_shape(section: &Section) -> Shape {
         }
         (None, Some(slot)) => {
             let (rotation, translation) = read_transform(slot);
-            Shape::Fixed(
-                rotation,
-                translation,
-                section.get("axis").and_then(|slot| slot.axis()),
-            )
+            Shape::Fixed(rotation, translation, section.get("axis").and_then(|slot| slot.axis()))
         }
     }
 }
@@ -104,12 +85,7 @@ fn read_row(slot: Slot) -> Option<Transform> {
     let length = |key| section.need(key, "0").and_then(|slot| slot.length());
     let angle = |key| section.need(key, "0").and_then(|slot| slot.angle());
     let (a, alpha, d, theta) = (length("a"), angle("alpha"), length("d"), angle("theta"));
-    Some(Transform::Dh {
-        a: a?,
-        alpha: alpha?,
-        d: d?,
-        theta: theta?,
-    })
+    Some(Transform::Dh { a: a?, alpha: alpha?, d: d?, theta: theta? })
 }
 
 fn read_transform(slot: Slot) -> (RotationExpr, [Expr; 3]) {
@@ -117,10 +93,7 @@ fn read_transform(slot: Slot) -> (RotationExpr, [Expr; 3]) {
     let Some(section) = Section::of(slot, &TRANSFORM_KEYS) else {
         return (RotationExpr::Identity, zero);
     };
-    let translation = section
-        .get("translation")
-        .and_then(|slot| slot.point())
-        .unwrap_or(zero);
+    let translation = section.get("translation").and_then(|slot| slot.point()).unwrap_or(zero);
     (read_rotation(&section), translation)
 }
 
@@ -128,20 +101,15 @@ fn read_transform(slot: Slot) -> (RotationExpr, [Expr; 3]) {
 pub(super) fn read_rotation(section: &Section) -> RotationExpr {
     match (section.get("rotation"), section.get("rpy")) {
         (Some(_), Some(_)) => {
-            section.mistake(
-                section.at_key("rpy"),
-                "has both `rotation` and `rpy`; expected one of them",
-            );
+            section.mistake(section.at_key("rpy"), "has both `rotation` and `rpy`; expected one of them");
             RotationExpr::Identity
         }
         (None, None) => RotationExpr::Identity,
         (Some(slot), None) => read_matrix(&slot).unwrap_or(RotationExpr::Identity),
-        (None, Some(slot)) => {
-            match slot.three("three angles [roll, pitch, yaw] in rad", Slot::angle) {
-                Some(angles) => RotationExpr::Rpy(angles),
-                None => RotationExpr::Identity,
-            }
-        }
+        (None, Some(slot)) => match slot.three("three angles [roll, pitch, yaw] in rad", Slot::angle) {
+            Some(angles) => RotationExpr::Rpy(angles),
+            None => RotationExpr::Identity,
+        },
     }
 }
 

@@ -5,9 +5,7 @@ use crate::model::slot::{Named, Slot};
 use crate::model::{Joint, JointKind, Process, ProcessKind};
 use std::f64::consts::{PI, TAU};
 
-pub(in crate::model) const KEYS: [&str; 8] = [
-    "name", "label", "kind", "limits", "rest", "process", "input", "std",
-];
+pub(in crate::model) const KEYS: [&str; 8] = ["name", "label", "kind", "limits", "rest", "process", "input", "std"];
 const PROCESS_KEYS: [&str; 3] = ["kind", "density", "start_std"];
 
 /// A turn and a half either way: farther limits are degrees.
@@ -30,19 +28,9 @@ pub(super) struct Defaults {
 }
 
 pub(super) fn read_defaults(whole: &Section) -> Defaults {
-    let jerk = |start_std| Process {
-        kind: ProcessKind::Jerk,
-        density: 11.2,
-        start_std,
-    };
-    let mut defaults = Defaults {
-        hinge: jerk([0.2, 0.5, 5.0]),
-        slide: jerk([0.02, 0.3, 3.0]),
-    };
-    let Some(section) = whole
-        .get("process")
-        .and_then(|slot| Section::of(slot, &["hinge", "slide"]))
-    else {
+    let jerk = |start_std| Process { kind: ProcessKind::Jerk, density: 11.2, start_std };
+    let mut defaults = Defaults { hinge: jerk([0.2, 0.5, 5.0]), slide: jerk([0.02, 0.3, 3.0]) };
+    let Some(section) = whole.get("process").and_then(|slot| Section::of(slot, &["hinge", "slide"])) else {
         return defaults;
     };
     if let Some(slot) = section.get("hinge") {
@@ -78,14 +66,8 @@ fn read_process(slot: Slot, default: &Process, unit: &str) -> Process {
     if let Some(density) = of_kind("density", "0.2").and_then(|s| s.positive(&per_root)) {
         process.density = density;
     }
-    let example = if process.kind == ProcessKind::Jerk {
-        "[0.2, 0.5, 5.0]"
-    } else {
-        "[0.5]"
-    };
-    if let Some(start_std) =
-        of_kind("start_std", example).and_then(|s| read_start_std(&s, process.kind, unit))
-    {
+    let example = if process.kind == ProcessKind::Jerk { "[0.2, 0.5, 5.0]" } else { "[0.5]" };
+    if let Some(start_std) = of_kind("start_std", example).and_then(|s| read_start_std(&s, process.kind, unit)) {
         process.start_std = start_std;
     }
     process
@@ -102,50 +84,35 @@ fn read_process_kind(slot: &Slot) -> Option<ProcessKind> {
 fn read_start_std(slot: &Slot, kind: ProcessKind, unit: &str) -> Option<[f64; 3]> {
     let positive = |slot: &Slot| slot.positive("");
     match kind {
-        ProcessKind::Walk if slot.value.get_ref().as_array().is_none() => {
-            Some([slot.positive(unit)?, 0.0, 0.0])
-        }
+        ProcessKind::Walk if slot.value.get_ref().as_array().is_none() => Some([slot.positive(unit)?, 0.0, 0.0]),
         ProcessKind::Walk => {
             let list = slot.list(1, &format!("one number for a walk: [{unit}]"))?;
             Some([positive(&list[0])?, 0.0, 0.0])
         }
-        ProcessKind::Jerk => slot.three(
-            &format!("three numbers [{unit}, {unit}/s, {unit}/s2]"),
-            |s| s.positive(""),
-        ),
+        ProcessKind::Jerk => slot.three(&format!("three numbers [{unit}, {unit}/s, {unit}/s2]"), |s| s.positive("")),
     }
 }
 
 pub(super) fn read(section: &Section, defaults: &Defaults) -> JointSpec {
     let name = super::named(section, "\"trunk\"");
-    let kind = section
-        .need("kind", "\"hinge\"")
-        .and_then(|slot| read_kind(&slot))
-        .unwrap_or(JointKind::Hinge);
+    let kind = section.need("kind", "\"hinge\"").and_then(|slot| read_kind(&slot)).unwrap_or(JointKind::Hinge);
     let (default, unit) = match kind {
         JointKind::Slide => (&defaults.slide, "m"),
         JointKind::Hinge | JointKind::Fixed => (&defaults.hinge, "rad"),
     };
-    let limits = section
-        .get("limits")
-        .and_then(|slot| read_limits(&slot, kind))
-        .unwrap_or(match kind {
-            JointKind::Fixed => [0.0, 0.0],
-            JointKind::Hinge => [-PI, PI],
-            JointKind::Slide => [-1.0, 1.0],
-        });
-    let std = section
-        .get("std")
-        .and_then(|s| Some((s.positive(unit)?, s.at())));
+    let limits = section.get("limits").and_then(|slot| read_limits(&slot, kind)).unwrap_or(match kind {
+        JointKind::Fixed => [0.0, 0.0],
+        JointKind::Hinge => [-PI, PI],
+        JointKind::Slide => [-1.0, 1.0],
+    });
+    let std = section.get("std").and_then(|s| Some((s.positive(unit)?, s.at())));
     let joint = Joint {
         name: name.text.clone(),
         label: section.text_or_empty("label"),
         kind,
         limits,
         rest: read_rest(section, limits, unit),
-        process: section
-            .get("process")
-            .map_or(*default, |slot| read_process(slot, default, unit)),
+        process: section.get("process").map_or(*default, |slot| read_process(slot, default, unit)),
         input: section.flag("input"),
         input_std: std.map_or(INPUT_STD, |(std, _)| std),
     };
@@ -154,18 +121,11 @@ pub(super) fn read(section: &Section, defaults: &Defaults) -> JointSpec {
 }
 
 fn read_kind(slot: &Slot) -> Option<JointKind> {
-    let known = [
-        ("fixed", JointKind::Fixed),
-        ("hinge", JointKind::Hinge),
-        ("slide", JointKind::Slide),
-    ];
+    let known = [("fixed", JointKind::Fixed), ("hinge", JointKind::Hinge), ("slide", JointKind::Slide)];
     let meant = match slot.text()? {
         "ball" | "free" => {
             let way_out = "use hinges and slides in a row, each with a frame of its own";
-            slot.mistake(format!(
-                "`{}` is not yet supported; {way_out}",
-                slot.text()?
-            ));
+            slot.mistake(format!("`{}` is not yet supported; {way_out}", slot.text()?));
             return None;
         }
         "revolute" | "rotation" | "rotational" | "pin" | "angle" => "hinge",
@@ -173,32 +133,21 @@ fn read_kind(slot: &Slot) -> Option<JointKind> {
         "weld" | "rigid" | "none" => "fixed",
         _ => return slot.choice(&known),
     };
-    slot.mistake(format!(
-        "unknown kind `{}`; did you mean `{meant}`?",
-        slot.text()?
-    ));
+    slot.mistake(format!("unknown kind `{}`; did you mean `{meant}`?", slot.text()?));
     None
 }
 
 fn read_limits(slot: &Slot, kind: JointKind) -> Option<[f64; 2]> {
-    let ends: Vec<_> = slot
-        .list(2, "two numbers [lowest, highest]")?
-        .iter()
-        .map(Slot::number)
-        .collect();
+    let ends: Vec<_> = slot.list(2, "two numbers [lowest, highest]")?.iter().map(Slot::number).collect();
     let [Some(low), Some(high)] = ends[..] else {
         return None;
     };
     if low >= high {
-        slot.mistake(format!(
-            "lowest {low:.4} is not below highest {high:.4}; expected [lowest, highest]"
-        ));
+        slot.mistake(format!("lowest {low:.4} is not below highest {high:.4}; expected [lowest, highest]"));
         return None;
     }
     if kind == JointKind::Hinge && low.abs().max(high.abs()) > HINGE_BOUND_RAD {
-        slot.mistake(format!(
-            "[{low:.4}, {high:.4}] rad is many turns; write degrees as \"90*pi/180\""
-        ));
+        slot.mistake(format!("[{low:.4}, {high:.4}] rad is many turns; write degrees as \"90*pi/180\""));
     }
     Some([low, high])
 }
@@ -211,9 +160,7 @@ fn read_rest(section: &Section, [low, high]: [f64; 2], unit: &str) -> f64 {
     };
     let rest = slot.number().unwrap_or(middle);
     if !inside(rest) && !section.path.is_empty() {
-        slot.mistake(format!(
-            "{rest} {unit} is outside the limits [{low:.4}, {high:.4}] {unit}"
-        ));
+        slot.mistake(format!("{rest} {unit} is outside the limits [{low:.4}, {high:.4}] {unit}"));
     }
     rest
 }
@@ -226,14 +173,8 @@ fn check_sense(section: &Section, joint: &Joint) {
         }
     };
     if joint.kind == JointKind::Fixed {
-        contradicts(
-            &["limits", "rest", "process", "std", "input"],
-            "a fixed joint does not move",
-        );
+        contradicts(&["limits", "rest", "process", "std", "input"], "a fixed joint does not move");
     } else if joint.input {
-        contradicts(
-            &["process"],
-            "an input joint follows its stream and has no motion of its own",
-        );
+        contradicts(&["process"], "an input joint follows its stream and has no motion of its own");
     }
 }

@@ -24,9 +24,8 @@ pub(in crate::model) const KEYS: [&str; 15] = [
     "point",
     "std_m",
 ];
-pub(in crate::model) const CLOSURE_KEYS: [&str; 9] = [
-    "name", "frame_a", "point_a", "frame_b", "point_b", "axis_a", "axis_b", "std_m", "std_axis",
-];
+pub(in crate::model) const CLOSURE_KEYS: [&str; 9] =
+    ["name", "frame_a", "point_a", "frame_b", "point_b", "axis_a", "axis_b", "std_m", "std_axis"];
 
 /// A sensor whose frame or joint is still a name.
 pub(in crate::model) struct SensorSpec {
@@ -36,20 +35,9 @@ pub(in crate::model) struct SensorSpec {
 
 /// What it reads; `Nothing` stands for a kind that is not known.
 pub(in crate::model) enum What {
-    Imu {
-        frame: Option<Named>,
-        mount: Mount,
-        noise: ImuNoise,
-    },
-    Encoder {
-        joint: Option<Named>,
-        std: f64,
-    },
-    Position {
-        frame: Option<Named>,
-        point: [Expr; 3],
-        std: f64,
-    },
+    Imu { frame: Option<Named>, mount: Mount, noise: ImuNoise },
+    Encoder { joint: Option<Named>, std: f64 },
+    Position { frame: Option<Named>, point: [Expr; 3], std: f64 },
     Nothing,
 }
 
@@ -86,10 +74,7 @@ enum Kind {
 
 pub(super) fn read(section: &Section) -> SensorSpec {
     let name = super::named(section, "\"back\"");
-    let what = match section
-        .need("kind", "\"imu\"")
-        .and_then(|slot| read_kind(&slot))
-    {
+    let what = match section.need("kind", "\"imu\"").and_then(|slot| read_kind(&slot)) {
         None => What::Nothing,
         Some(Kind::Imu) => {
             refuse_others(section, "imu", &IMU_KEYS);
@@ -119,55 +104,30 @@ fn read_kind(slot: &Slot) -> Option<Kind> {
         slot.mistake("`orientation` is not yet supported; use an imu, or encoders for the angles");
         return None;
     }
-    slot.choice(&[
-        ("imu", Kind::Imu),
-        ("encoder", Kind::Encoder),
-        ("position", Kind::Position),
-    ])
+    slot.choice(&[("imu", Kind::Imu), ("encoder", Kind::Encoder), ("position", Kind::Position)])
 }
 
 /// Keys that exist, but for sensors of another kind.
 fn refuse_others(section: &Section, kind: &str, own: &[&str]) {
     for key in KEYS.iter().filter(|key| section.has(key)) {
         if !["name", "kind"].contains(key) && !own.contains(key) {
-            let text = format!(
-                "`{key}` is no key of an {kind}; it takes {}",
-                own.join(", ")
-            );
-            section.mistake(
-                section.at_key(key),
-                text.replace("an position", "a position"),
-            );
+            let text = format!("`{key}` is no key of an {kind}; it takes {}", own.join(", "));
+            section.mistake(section.at_key(key), text.replace("an position", "a position"));
         }
     }
 }
 
 fn need_positive(section: &Section, key: &str, example: &str, unit: &str) -> f64 {
-    section
-        .need(key, example)
-        .and_then(|slot| slot.positive(unit))
-        .unwrap_or(1.0)
+    section.need(key, example).and_then(|slot| slot.positive(unit)).unwrap_or(1.0)
 }
 
 fn read_point(section: &Section, key: &str) -> [Expr; 3] {
-    section
-        .get(key)
-        .and_then(|slot| slot.point())
-        .unwrap_or([0.0; 3].map(Expr::constant))
+    section.get(key).and_then(|slot| slot.point()).unwrap_or([0.0; 3].map(Expr::constant))
 }
 
 fn read_imu(section: &Section) -> What {
-    let std = |key, unit| {
-        section
-            .get(key)
-            .map(|slot: Slot| slot.positive(unit).unwrap_or(1.0))
-    };
-    let walk = |key, default| {
-        section
-            .get(key)
-            .and_then(|slot| slot.not_negative(""))
-            .unwrap_or(default)
-    };
+    let std = |key, unit| section.get(key).map(|slot: Slot| slot.positive(unit).unwrap_or(1.0));
+    let walk = |key, default| section.get(key).and_then(|slot| slot.not_negative("")).unwrap_or(default);
     let noise = ImuNoise {
         gyro_std: std("gyro_std_rad_s", "rad/s"),
         accel_std: std("accel_std_m_s2", "m/s2"),
@@ -178,11 +138,7 @@ fn read_imu(section: &Section) -> What {
         accel_bias_walk: walk("accel_bias_walk", 1.1e-4),
     };
     check_quantities(section, &noise);
-    What::Imu {
-        frame: section.need_reference("frame", "\"r_elbow\""),
-        mount: read_mount(section),
-        noise,
-    }
+    What::Imu { frame: section.need_reference("frame", "\"r_elbow\""), mount: read_mount(section), noise }
 }
 
 fn check_quantities(section: &Section, noise: &ImuNoise) {
@@ -191,91 +147,48 @@ fn check_quantities(section: &Section, noise: &ImuNoise) {
         section.mistake(section.at, format!("measures nothing; {wanted}"));
         return;
     }
-    let gyro = (
-        "gyro_std_rad_s",
-        ["gyro_bias_start_std_rad_s", "gyro_bias_walk"],
-        noise.gyro_std,
-    );
-    let accel = (
-        "accel_std_m_s2",
-        ["accel_bias_start_std_m_s2", "accel_bias_walk"],
-        noise.accel_std,
-    );
+    let gyro = ("gyro_std_rad_s", ["gyro_bias_start_std_rad_s", "gyro_bias_walk"], noise.gyro_std);
+    let accel = ("accel_std_m_s2", ["accel_bias_start_std_m_s2", "accel_bias_walk"], noise.accel_std);
     for (own, biases, std) in [gyro, accel] {
-        for key in biases
-            .iter()
-            .filter(|key| std.is_none() && section.has(key))
-        {
-            let text = format!(
-                "`{key}` without `{own}`: that quantity is not measured; add it or remove this key"
-            );
+        for key in biases.iter().filter(|key| std.is_none() && section.has(key)) {
+            let text = format!("`{key}` without `{own}`: that quantity is not measured; add it or remove this key");
             section.mistake(section.at_key(key), text);
         }
     }
 }
 
 fn read_mount(section: &Section) -> Mount {
-    let nothing = Mount {
-        rotation: Mat3::identity(),
-        offset: [0.0; 3].map(Expr::constant),
-    };
-    let Some(mount) = section
-        .get("mount")
-        .and_then(|slot| Section::of(slot, &["rotation", "rpy", "offset"]))
-    else {
+    let nothing = Mount { rotation: Mat3::identity(), offset: [0.0; 3].map(Expr::constant) };
+    let Some(mount) = section.get("mount").and_then(|slot| Section::of(slot, &["rotation", "rpy", "offset"])) else {
         return nothing;
     };
     let rotation = read_rotation(&mount).evaluate(&[]);
     if rotation.0.iter().flatten().any(|x| x.is_nan()) {
         let key = if mount.has("rpy") { "rpy" } else { "rotation" };
-        mount.mistake(
-            mount.at_key(key),
-            "a mount's rotation takes plain numbers only, no parameters",
-        );
+        mount.mistake(mount.at_key(key), "a mount's rotation takes plain numbers only, no parameters");
     }
-    Mount {
-        rotation,
-        offset: read_point(&mount, "offset"),
-    }
+    Mount { rotation, offset: read_point(&mount, "offset") }
 }
 
 pub(super) fn read_closure(section: &Section) -> ClosureSpec {
-    let side = |frame, point| {
-        (
-            section.need_reference(frame, "\"r_hand\""),
-            read_point(section, point),
-        )
-    };
+    let side = |frame, point| (section.need_reference(frame, "\"r_hand\""), read_point(section, point));
     let axes = match (section.get("axis_a"), section.get("axis_b")) {
         (Some(a), Some(b)) => a.axis().zip(b.axis()).map(|(a, b)| [a, b]),
         (None, None) => None,
         (Some(_), None) => {
-            section.mistake(
-                section.at_key("axis_a"),
-                "`axis_a` without `axis_b`; give both or neither",
-            );
+            section.mistake(section.at_key("axis_a"), "`axis_a` without `axis_b`; give both or neither");
             None
         }
         (None, Some(_)) => {
-            section.mistake(
-                section.at_key("axis_b"),
-                "`axis_b` without `axis_a`; give both or neither",
-            );
+            section.mistake(section.at_key("axis_b"), "`axis_b` without `axis_a`; give both or neither");
             None
         }
     };
     let has_axes = section.has("axis_a") || section.has("axis_b");
     if section.has("std_axis") && !has_axes {
-        section.mistake(
-            section.at_key("std_axis"),
-            "`std_axis` without `axis_a` and `axis_b`; add them or remove it",
-        );
+        section.mistake(section.at_key("std_axis"), "`std_axis` without `axis_a` and `axis_b`; add them or remove it");
     }
-    let std_axis = if has_axes {
-        need_positive(section, "std_axis", "0.005", "")
-    } else {
-        1.0
-    };
+    let std_axis = if has_axes { need_positive(section, "std_axis", "0.005", "") } else { 1.0 };
     ClosureSpec {
         name: super::named(section, "\"r_grip\""),
         sides: [side("frame_a", "point_a"), side("frame_b", "point_b")],

@@ -15,14 +15,13 @@ const KEYS: [&str; 8] = [
     "azimuth_fixed",
     "azimuth_walk",
 ];
-pub(in crate::model) const BASE_ACCELERATION_KEYS: [&str; 5] =
-    ["name", "label", "axis", "density", "start_std"];
+pub(in crate::model) const BASE_ACCELERATION_KEYS: [&str; 5] = ["name", "label", "axis", "density", "start_std"];
 
 /// Standard gravity, exact by definition.
 const GRAVITY_M_S2: f64 = 9.80665;
 /// On Earth the field is 22 to 67 uT; indoors steel may halve or double it.
 const MAGNETIC_NORM_UT: std::ops::RangeInclusive<f64> = 5.0..=200.0;
-/// How fast a boat may turn unnoticed, rad per sqrt(s).
+/// How fast the root may turn unnoticed, rad per sqrt(s).
 const AZIMUTH_WALK: f64 = 0.002;
 /// Cosine between up and forward that passes as a right angle.
 const RIGHT_ANGLE_TOLERANCE: f64 = 1e-6;
@@ -39,10 +38,7 @@ pub(super) fn read(whole: &Section) -> (World, bool) {
         azimuth_walk: AZIMUTH_WALK,
     };
     let Some(slot) = whole.get("world") else {
-        whole.mistake(
-            0,
-            "table [world] is missing, such as [world] up = [0, 1, 0] forward = [0, 0, 1]",
-        );
+        whole.mistake(0, "table [world] is missing, such as [world] up = [0, 1, 0] forward = [0, 0, 1]");
         return (world, true);
     };
     let Some(section) = Section::of(slot, &KEYS) else {
@@ -63,9 +59,7 @@ fn read_directions(section: &Section, world: &mut World) {
     let cosine: f64 = up.iter().zip(forward).map(|(a, b)| a * b).sum();
     if cosine.abs() > RIGHT_ANGLE_TOLERANCE {
         let angle = cosine.clamp(-1.0, 1.0).acos().to_degrees();
-        let text = format!(
-            "forward is {angle:.3} deg from up; expected a horizontal direction, 90 deg from up"
-        );
+        let text = format!("forward is {angle:.3} deg from up; expected a horizontal direction, 90 deg from up");
         section.mistake(section.at_key("forward"), text);
     }
     (world.up, world.forward) = (up, forward);
@@ -79,9 +73,7 @@ fn read_gravity(section: &Section, world: &mut World) {
         return;
     };
     if (0.9..1.1).contains(&gravity) {
-        slot.mistake(format!(
-            "{gravity} m/s2 looks like multiples of g; expected m/s2, such as 9.80665"
-        ));
+        slot.mistake(format!("{gravity} m/s2 looks like multiples of g; expected m/s2, such as 9.80665"));
     }
     world.gravity_m_s2 = gravity;
 }
@@ -114,19 +106,11 @@ fn read_field(section: &Section, world: &mut World) -> bool {
 
 pub(super) fn read_base_acceleration(section: &Section) -> (Named, BaseAcceleration) {
     let name = super::named(section, "\"surge\"");
-    let read = |key, example, unit| {
-        section
-            .need(key, example)
-            .and_then(|s| s.positive(unit))
-            .unwrap_or(1.0)
-    };
+    let read = |key, example, unit| section.need(key, example).and_then(|s| s.positive(unit)).unwrap_or(1.0);
     let acceleration = BaseAcceleration {
         name: name.text.clone(),
         label: section.text_or_empty("label"),
-        axis: section
-            .need("axis", "[0, 0, 1]")
-            .and_then(|s| s.axis())
-            .unwrap_or([0.0, 0.0, 1.0]),
+        axis: section.need("axis", "[0, 0, 1]").and_then(|s| s.axis()).unwrap_or([0.0, 0.0, 1.0]),
         density: read("density", "3.35", "m/s2 per sqrt(s)"),
         start_std: read("start_std", "3.0", "m/s2"),
     };
