@@ -158,7 +158,7 @@ def test_magnetometer_offsets_are_found_and_subtracted(model):
         replace(s, mag_ut=s.mag_ut - calibration.mag_offsets_ut.get(s.name, np.zeros(3))) for s in disturbed
     ]
     assert track.q.tobytes() == oarlock.track(model, Recording(corrected), by_hand).q.tobytes()
-    assert any(note.startswith("upper: magnetometer offset") for note in track.notes)
+    assert any("magnetometer offsets of upper" in note for note in track.notes)
 
 
 def test_an_undisturbed_magnetometer_keeps_its_readings(model):

@@ -1,6 +1,6 @@
 """Oarlock tracks articulated bodies from wearable and mounted sensors, and says how sure it is.
 
-Everything that is meant to be used is named here; `oarlock.rowing` holds what is about rowing.
+Everything that is meant to be used is named here; `oarlock.rowing` adds one field of use.
 """
 
 from oarlock._core import Belief, Config, Info, Model, Sample, Tracker, __version__

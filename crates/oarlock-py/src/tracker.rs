@@ -178,7 +178,7 @@ impl PyTracker {
             let inputs = body.model.joints.iter().filter(|j| j.input).map(|j| j.name.as_str());
             let sensors = body.model.sensors.iter().map(|s| s.name.as_str());
             let known: Vec<&str> = sensors.chain(inputs).collect();
-            let hint = oarlock::model::suggest::hint(&name, &known);
+            let hint = oarlock::model::suggest::hint(name, &known);
             return Err(DataError::new_err(format!("sample: '{name}' has no '{field}' in this model; {hint}")));
         };
         let label = format!("sample, {name}.{field}");

@@ -1,6 +1,19 @@
 //! Time of one step of the filter on the sculler, with and without biases, and of the kinematics under it.
 
+// The macros of the benchmark make public functions.
+#![allow(missing_docs)]
+
+// The baseline: the plain filter of the tests, written from the textbook.
+#[allow(dead_code)]
+#[path = "../tests/textbook/body.rs"]
+mod body;
+#[allow(dead_code)]
+#[path = "../tests/textbook/ukf.rs"]
+mod ukf;
+
+use body::Naive;
 use criterion::{criterion_group, criterion_main, BatchSize, Criterion};
+use nalgebra::{DMatrix, DVector};
 use oarlock::kinematics::{FrameMotion, JointMotion, Tree};
 use oarlock::lane::{Lane, Real};
 use oarlock::recording::Sample;
@@ -10,6 +23,8 @@ use oarlock::track::{Calibration, Tracker};
 use oarlock::{Config, Model};
 use std::hint::black_box;
 use std::sync::Arc;
+use std::time::Instant;
+use ukf::{Ukf, Weights};
 
 const SCULLER: &str = include_str!("../../../python/oarlock/models/sculler.toml");
 const RATE_HZ: f64 = 125.0;
@@ -62,6 +77,59 @@ fn steps(c: &mut Criterion) {
     }
 }
 
+/// The textbook filter from the belief of `tracker`.
+fn textbook<'a>(tracker: &'a Tracker, config: &Config) -> Ukf<'a> {
+    let (body, belief) = (&tracker.body, tracker.belief().expect("it runs"));
+    let n = belief.mean.len();
+    Ukf {
+        body: Naive::new(&body.model, body.model.default_parameters(), &body.layout.names),
+        mean: DVector::from_row_slice(&belief.mean),
+        covariance: DMatrix::from_row_slice(n, n, belief.covariance.as_slice()),
+        weights: Weights::new(n, config.alpha, config.beta, config.kappa),
+    }
+}
+
+/// Rows of the closures read zero.
+fn with_loops(tracker: &Tracker, sample: &Sample) -> Vec<f64> {
+    sample.z.iter().map(|z| if z.is_nan() { 0.0 } else { *z }).take(tracker.body.suite.len()).collect()
+}
+
+fn microseconds(mut run: impl FnMut()) -> f64 {
+    let begun = Instant::now();
+    run();
+    1e6 * begun.elapsed().as_secs_f64()
+}
+
+/// Median times of a step of both filters, taken in turn so that both meet the same machine, and their ratio.
+fn ratio(config: &Config) {
+    let (tracker, next) = running(config);
+    let (std, z) = (tracker.body.suite.std(), with_loops(&tracker, &next));
+    let (mut ours, mut theirs) = (Vec::new(), Vec::new());
+    for _ in 0..201 {
+        let mut fast = tracker.clone();
+        ours.push(microseconds(|| {
+            fast.step(black_box(&next)).expect("these readings fit the model");
+        }));
+        let mut plain = textbook(&tracker, config);
+        theirs.push(microseconds(|| {
+            plain.predict(1.0 / RATE_HZ);
+            plain.update(black_box(&z), &std, &next.inputs);
+        }));
+    }
+    let median = |v: &mut Vec<f64>| {
+        v.sort_by(f64::total_cmp);
+        v[v.len() / 2]
+    };
+    let (ours, theirs) = (median(&mut ours), median(&mut theirs));
+    let n = tracker.body.layout.dim();
+    println!("{n} states: step {ours:.0} us, textbook {theirs:.0} us, ratio {:.1}", theirs / ours);
+}
+
+fn ratios(_: &mut Criterion) {
+    ratio(&Config::default());
+    ratio(&Config { estimate: Vec::new(), ..Config::default() });
+}
+
 fn kinematics(c: &mut Criterion) {
     let model = model();
     let tree = Tree::new(&model, &model.default_parameters());
@@ -76,5 +144,5 @@ fn kinematics(c: &mut Criterion) {
     });
 }
 
-criterion_group!(benches, steps, kinematics);
+criterion_group!(benches, ratios, steps, kinematics);
 criterion_main!(benches);
