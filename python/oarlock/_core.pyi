@@ -68,6 +68,7 @@ class Belief:
         covariance: ArrayLike,
         drive: ArrayLike,
         habit: ArrayLike,
+        seen_s: ArrayLike,
         rejected_since_s: ArrayLike,
         state_names: list[str],
     ) -> None: ...
@@ -76,6 +77,7 @@ class Belief:
     covariance: Floats
     drive: Floats
     habit: Floats
+    seen_s: Floats
     rejected_since_s: Floats
     state_names: list[str]
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock import _core
+from oarlock._core import Model
 from oarlock.array_gate import real_array
 from oarlock.errors import DataError
 from oarlock.recording import ImuStream, Recording, ScalarStream, Stream, VectorStream
@@ -16,7 +17,6 @@ from oarlock.suggest import did_you_mean
 from oarlock.track import Track, joint_units
 
 if TYPE_CHECKING:
-    from oarlock._core import Model
     from oarlock.calibration import Calibration
     from oarlock.motion import Motion
 
@@ -61,6 +61,8 @@ def simulate(
         DataError: a sensor that the model does not have, or a motion that lacks a joint.
     """
     _check_settings(model, noise, gyro_bias_rad_s, accel_bias_m_s2)
+    if calibration is not None and calibration.parameters:
+        model = Model.from_toml(model.text, model.path, model.parameters | dict(calibration.parameters))
     time_s = _stamps(motion, rate_hz)
     truth = _truth(model, motion, time_s)
     names = _chosen(model, sensors)
@@ -136,7 +138,12 @@ def _truth(model: Model, motion: Motion, time_s: Floats) -> Track:
         qd_std=unknown.copy(),
         qdd_std=unknown.copy(),
         observed=np.ones(q.shape, dtype=bool),
-        provenance={"oarlock": _core.__version__, "model": model.name, "simulated": True},
+        provenance={
+            "oarlock": _core.__version__,
+            "model": model.name,
+            "parameters": model.parameters,
+            "simulated": True,
+        },
     )
 
 

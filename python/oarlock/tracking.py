@@ -9,7 +9,7 @@ from collections.abc import Callable
 from oarlock import _core
 from oarlock._core import Belief, Config, Model
 from oarlock.calibration import Calibration
-from oarlock.errors import DataError
+from oarlock.errors import DataError, DivergedError
 from oarlock.plausibility import require_plausible
 from oarlock.recording import Recording
 from oarlock.suggest import did_you_mean
@@ -44,10 +44,17 @@ def track(
         DivergedError: the filter lost the track; `time_s` says when.
     """
     config = config if config is not None else Config()
+    _require_recording(recording)
     _require_known(model, recording)
+    _require_one_clock(recording)
     findings = require_plausible(recording)
     began = time.perf_counter()
-    run = _core.track(model, recording, calibration, config, start, progress)
+    try:
+        run = _core.track(model, recording, calibration, config, start, progress)
+    except DivergedError as error:
+        for finding in findings:
+            error.add_note(f"{finding.sensor}: {finding.message}")
+        raise
     wall_s = time.perf_counter() - began
     provenance = {
         "oarlock": _core.__version__,
@@ -90,6 +97,14 @@ def smooth(track: Track, *, progress: Progress | None = None) -> Track:
     return track_of_run(track.model, run, track.notes, provenance)
 
 
+def _require_recording(given: object) -> None:
+    if not isinstance(given, Recording):
+        kind = type(given).__name__
+        raise DataError(
+            f"track: expected a Recording, got {kind}; oarlock.load_recording reads one from a folder"
+        )
+
+
 def _require_known(model: Model, recording: Recording) -> None:
     inputs = [j["name"] for j in model.describe()["joints"] if j["input"]]
     known = [*model.sensor_names, *inputs]
@@ -106,6 +121,19 @@ def _require_known(model: Model, recording: Recording) -> None:
         f'stream "{unknown[0]}": model "{model.name}" has no sensor or input of that name. '
         f"{did_you_mean(unknown[0], known)} {way_out}"
     )
+
+
+def _require_one_clock(recording: Recording) -> None:
+    spans = [(s.name, s.time_s[0], s.time_s[-1]) for s in recording.streams if len(s)]
+    for name, first, last in spans:
+        others = [other for other in spans if other[0] != name]
+        if others and all(first > end or last < begin for _, begin, end in others):
+            other = others[0]
+            raise DataError(
+                f'stream "{name}" lasts from {first:.3f} to {last:.3f} s, where no other stream is '
+                f'("{other[0]}": {other[1]:.3f} to {other[2]:.3f} s): their clocks or units of time differ. '
+                "Bring all streams to one clock, or leave this one out with recording.only(...)"
+            )
 
 
 def _subtracted(recording: Recording, calibration: Calibration | None) -> tuple[str, ...]:

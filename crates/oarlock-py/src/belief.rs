@@ -23,6 +23,8 @@ pub fn matrix<'py>(py: Python<'py>, m: &Square) -> PyResult<Bound<'py, PyArray2<
 
 #[pymethods]
 impl PyBelief {
+    // One argument for each field, as Python's pickling wants it.
+    #[allow(clippy::too_many_arguments)]
     #[new]
     fn new(
         time_s: f64,
@@ -30,18 +32,20 @@ impl PyBelief {
         covariance: &Bound<'_, PyAny>,
         drive: &Bound<'_, PyAny>,
         habit: &Bound<'_, PyAny>,
+        seen_s: &Bound<'_, PyAny>,
         rejected_since_s: &Bound<'_, PyAny>,
         state_names: Vec<String>,
     ) -> PyResult<Self> {
         let n = state_names.len();
         let (mean, _) = items(mean, "mean", &[n])?;
         let (covariance, _) = items(covariance, "covariance", &[n, n])?;
+        let seen_s = crate::array::reals(seen_s, "seen_s")?.values;
         let rejected_since_s = crate::array::reals(rejected_since_s, "rejected_since_s")?.values;
         let drive = crate::array::reals(drive, "drive")?.values;
         let habit = crate::array::reals(habit, "habit")?.values;
         let covariance = Square::from_rows(n, covariance.values)
             .ok_or_else(|| crate::errors::DataError::new_err("covariance: expected one (n, n) matrix"))?;
-        let belief = Belief { time_s, mean: mean.values, covariance, drive, habit, rejected_since_s };
+        let belief = Belief { time_s, mean: mean.values, covariance, drive, habit, seen_s, rejected_since_s };
         Ok(PyBelief { belief, names: state_names })
     }
 
@@ -72,6 +76,12 @@ impl PyBelief {
         PyArray1::from_slice(py, &self.belief.habit)
     }
 
+    /// Per sensor and closure: when it last said anything, s.
+    #[getter]
+    fn seen_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.belief.seen_s)
+    }
+
     /// Per part of the measurement: since when it has been rejected without a break, s; NaN if it is not.
     #[getter]
     fn rejected_since_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
@@ -85,8 +95,8 @@ impl PyBelief {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, b) = (slf.py(), slf.get());
-        let (drive, habit, since) = (b.drive(py), b.habit(py), b.rejected_since_s(py));
-        let parts = (b.belief.time_s, b.mean(py), b.covariance(py)?, drive, habit, since, b.names.clone());
+        let (drive, habit, seen, since) = (b.drive(py), b.habit(py), b.seen_s(py), b.rejected_since_s(py));
+        let parts = (b.belief.time_s, b.mean(py), b.covariance(py)?, drive, habit, seen, since, b.names.clone());
         Ok((py.get_type::<Self>().into_any(), parts.into_pyobject(py)?))
     }
 

@@ -1,6 +1,6 @@
 //! A model as a system that a filter can estimate: state in, readings out, for eight sigma points at a time.
 
-use crate::config::{Config, Magnetometer};
+use crate::config::Config;
 use crate::error::Result;
 use crate::estimate::filter::Groups;
 use crate::estimate::transition::{Block, Transition};
@@ -86,7 +86,7 @@ pub struct Body {
     /// Joints that are inputs, and the noise of their readings.
     input_joints: Vec<usize>,
     input_std: Vec<f64>,
-    /// Per source: where its gyro rows and bias start, where its accel rows and bias start.
+    /// Source, first row and first state of every bias.
     biases: Vec<(usize, usize, usize)>,
 }
 
@@ -139,11 +139,6 @@ impl Body {
     /// Quantity of every part, in the order of `groups().parts`.
     pub fn quantities(&self) -> Vec<Quantity> {
         self.suite.sources.iter().flat_map(|s| s.parts.iter().map(|p| p.quantity)).collect()
-    }
-
-    /// Whether magnetometers count.
-    pub fn uses_magnetometer(&self) -> bool {
-        self.config.magnetometer != Magnetometer::Off
     }
 
     #[inline(always)]

@@ -63,11 +63,12 @@ pub struct Config {
     pub gate: bool,
     /// A reading rejected for longer than this is believed again, s.
     pub gate_patience_s: f64,
-    /// Driving noise of joints and base is learnt from the updates, with this memory, s; none keeps the model's.
+    /// Memory, s, with which driving noise of joints and base and the usual size of innovations are learnt; none keeps
+    /// the model's.
     pub learning_memory_s: Option<f64>,
     /// How often the full belief is kept, s.
     pub belief_interval_s: f64,
-    /// Keep every sample (none), or one at least every 1/rate s.
+    /// Keep every sample (none), or the first one of each 1/rate s.
     pub output_rate_hz: Option<f64>,
 }
 
@@ -103,7 +104,7 @@ impl Config {
         let positive = [
             ("merge_s", self.merge_s, "s, for example 0.0005"),
             ("start_window_s", self.start_window_s, "s, for example 0.1"),
-            ("gate_patience_s", self.gate_patience_s, "s, for example 0.2"),
+            ("gate_patience_s", self.gate_patience_s, "s, for example 0.05"),
             ("learning_memory_s", self.learning_memory_s.unwrap_or(1.0), "s, for example 3, or none"),
             ("belief_interval_s", self.belief_interval_s, "s, for example 1"),
             ("output_rate_hz", self.output_rate_hz.unwrap_or(1.0), "Hz, or none for every sample"),

@@ -74,12 +74,6 @@ impl<T: Real> Mat3<T> {
         Mat3([[i, o, o], [o, i, o], [o, o, i]])
     }
 
-    /// The same matrix in every lane.
-    #[inline(always)]
-    pub fn splat(m: &Mat3<f64>) -> Self {
-        Mat3(m.0.map(|row| row.map(T::splat)))
-    }
-
     /// Matrix times vector.
     #[inline(always)]
     pub fn apply(&self, v: Vec3<T>) -> Vec3<T> {

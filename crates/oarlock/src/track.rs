@@ -3,6 +3,7 @@
 pub mod begin;
 pub mod loops;
 pub mod notes;
+pub mod regain;
 pub mod run;
 
 use crate::body::{Body, Moment};
@@ -66,6 +67,8 @@ pub struct Tracker {
     groups: Groups,
     quantities: Vec<Quantity>,
     loops: Vec<Loop>,
+    /// Per source and joint: whether the source feels the joint.
+    depends: Vec<Vec<bool>>,
     std: Vec<f64>,
     /// What is subtracted from each row before use.
     offset: Vec<f64>,
@@ -98,6 +101,7 @@ impl Tracker {
         Ok(Tracker {
             filter: Filter::new(&body, &groups),
             loops: loops::loops(&body, &depends),
+            depends,
             quantities: body.quantities(),
             std: body.suite.std(),
             offset: row_offsets(&body, &calibration.mag_offsets)?,
@@ -123,6 +127,7 @@ impl Tracker {
             && belief.covariance.n() == own
             && belief.drive.len() == self.body.driven().len()
             && belief.habit.len() == parts
+            && belief.seen_s.len() == self.groups.sources.len()
             && belief.rejected_since_s.len() == parts;
         if !fits {
             return Err(Error::Data(format!(
@@ -237,6 +242,7 @@ impl Tracker {
     fn begin(&mut self, sink: &mut dyn FnMut(&Sample, &Belief, &Info)) -> Result<()> {
         let waiting = std::mem::take(&mut self.waiting);
         let mut belief = self.fit_start(&waiting)?;
+        self.filter.await_sample();
         for (i, sample) in waiting.iter().enumerate() {
             if i == 0 {
                 self.update(&mut belief, sample)?;
@@ -257,6 +263,7 @@ impl Tracker {
         on_predicted: &mut dyn FnMut(&Transition, &Belief),
     ) -> Result<()> {
         let since = belief.time_s;
+        self.filter.await_sample();
         loop {
             let step = LONGEST_STEP_S.max(STEP_SHARE * (belief.time_s - since));
             let next = belief.time_s + step;
@@ -273,6 +280,11 @@ impl Tracker {
 
     fn update(&mut self, belief: &mut Belief, sample: &Sample) -> Result<()> {
         self.prepare(sample);
+        if self.must_regain(belief) && self.regain(belief) {
+            return Ok(());
+        }
+        self.hush_loops(belief);
+        self.mark_seen(belief);
         let sighting =
             Sighting { z: &self.z, std: &self.std, barred: &self.barred, strict: &self.strict, groups: &self.groups };
         let done = self.filter.update(&self.body, &self.moment, belief, sighting, self.manner, &mut self.info);
@@ -288,6 +300,7 @@ impl Tracker {
             let speaks = self.config.closures && l.speaks(sample);
             self.z[rows].fill(if speaks { 0.0 } else { f64::NAN });
         }
+        self.silence_what_needs_missing_inputs(sample);
         self.judge_magnetometers();
         for (input, &value) in self.moment.inputs.iter_mut().zip(&sample.inputs) {
             *input = if value.is_nan() { 0.0 } else { value };
@@ -300,6 +313,17 @@ impl Tracker {
             }
         }
         self.body.tree.mark_ancestors(&mut self.moment.needed);
+    }
+
+    /// A reading that depends on an input says nothing while that input is not there.
+    fn silence_what_needs_missing_inputs(&mut self, sample: &Sample) {
+        let joints = &self.body.model.joints;
+        for (source, depends) in self.body.suite.sources.iter().zip(&self.depends) {
+            let mut needed = (0..joints.len()).filter(|&j| joints[j].input && depends[j]);
+            if needed.any(|j| sample.inputs[j].is_nan()) {
+                self.z[source.rows.clone()].fill(f64::NAN);
+            }
+        }
     }
 
     fn judge_magnetometers(&mut self) {

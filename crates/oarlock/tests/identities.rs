@@ -60,7 +60,7 @@ fn lanes_turn_as_single_numbers_do() {
         let mut lane = Lane([0.0; LANES]);
         chunk.iter().enumerate().for_each(|(i, a)| lane.0[i] = *a);
         let (sin, cos) = lane.sin_cos();
-        let turned = Mat3::<Lane>::splat(&first).turned_about_z(sin, cos);
+        let turned = Mat3(first.0.map(|row| row.map(Lane::splat))).turned_about_z(sin, cos);
         for (i, &a) in chunk.iter().enumerate() {
             let one = Mat3(turned.0.map(|row| row.map(|x| x.0[i])));
             assert!(gap(&one, &first.times(&Mat3::about_z(a))) <= ROUNDING, "{a}");

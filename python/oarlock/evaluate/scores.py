@@ -215,6 +215,14 @@ class Evaluation:
         ]
         return [header, *(_text_row(row) for row in self.rows)]
 
+    def __str__(self) -> str:
+        """The table, aligned."""
+        rows = self.table()
+        widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+        return "\n".join(
+            "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows
+        )
+
     def to_dict(self) -> dict[str, Any]:
         """JSON-safe: SI, None where there is no number; the means over all scored hinges in deg."""
         return {

@@ -31,7 +31,7 @@ _PER = {"q": "", "qd": "_s", "qdd": "_s2"}
 
 
 def write_track(track: Track, folder: str | PathLike[str]) -> None:
-    """Write everything but the samples: estimates, infos, beliefs, model and provenance."""
+    """Write estimates, infos, beliefs, model and provenance; not the samples, nor what a run needs to go on."""
     place = Path(folder)
     place.mkdir(parents=True, exist_ok=True)
     parquet.write_table(pa.table(track.columns()), place / "track.parquet")
@@ -39,6 +39,7 @@ def write_track(track: Track, folder: str | PathLike[str]) -> None:
         parquet.write_table(_sensor_table(track.time_s, track.info), place / "sensors.parquet")
     if track.beliefs is not None:
         parquet.write_table(_belief_table(track.beliefs), place / "beliefs.parquet")
+    (place / "model.toml").unlink(missing_ok=True)
     if track.model is not None:
         (place / "model.toml").write_text(track.model.text, encoding="utf-8")
     write_toml(place / "run.toml", _description(track))

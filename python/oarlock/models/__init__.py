@@ -49,13 +49,15 @@ def load_model(name: str | PathLike[str], parameters: Mapping[str, float] | None
         ModelError: there is no such model, or its file is wrong; every mistake is listed with file and line.
         DataError: a parameter that the model does not have.
     """
-    path = model_path(str(name)) if str(name) in model_names() else Path(name)
+    shipped = model_names()
+    path = model_path(str(name)) if str(name) in shipped else Path(name)
     try:
         text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        shipped = model_names()
+    except UnicodeDecodeError as error:
+        raise ModelError(f"{path}: is not UTF-8 text (byte {error.start}); save it as UTF-8") from None
+    except OSError as error:
         raise ModelError(
-            f"{name}: no shipped model has this name and no model file can be read there ({error})."
-            f"{did_you_mean(str(name), shipped)} Shipped: {', '.join(shipped)}"
+            f"{name}: no shipped model has this name, and no file can be read there ({error.strerror}). "
+            f"{did_you_mean(str(name), shipped)}"
         ) from None
     return Model.from_toml(text, str(path), dict(parameters or {}))

@@ -15,6 +15,8 @@ pub struct Belief {
     pub drive: Vec<f64>,
     /// Per part of the measurement vector: usual size of its innovations, as a factor on what is expected (variance).
     pub habit: Vec<f64>,
+    /// Per source: when it last said anything, NaN if it never did.
+    pub seen_s: Vec<f64>,
     /// Per part of the measurement vector: since when it has been rejected without a break, NaN if it is not.
     pub rejected_since_s: Vec<f64>,
 }

@@ -124,6 +124,20 @@ pub fn cholesky(a: &mut Square) -> Result<(), NotPositive> {
     Ok(())
 }
 
+/// Puts U with U'U = `covariance` into `factor`. Rounding can leave a constant's pivot a hair below zero; then the diagonal
+/// is raised by a relative 1e-12, far below any sensor's say.
+pub fn factor_of_covariance(covariance: &Square, factor: &mut Square) -> Result<(), NotPositive> {
+    factor.copy_from(covariance);
+    if cholesky(factor).is_ok() {
+        return Ok(());
+    }
+    factor.copy_from(covariance);
+    for i in 0..covariance.n {
+        *factor.at_mut(i, i) *= 1.0 + 1e-12;
+    }
+    cholesky(factor)
+}
+
 /// U with U'U = 1 + G'G, where row r of G is `g[r * n..]`; Gram product and factor in one pass.
 pub fn cholesky_of_gram(g: &[f64], used: &[bool], u: &mut Square) -> Result<(), NotPositive> {
     let n = u.n;

@@ -5,7 +5,7 @@
 //! x+ = x + X' b2, P+ = X'X. P+ cannot lose its symmetry or its sign.
 
 use super::belief::Belief;
-use super::dense::{accumulate, cholesky, cholesky_of_gram, solve_transposed, Square};
+use super::dense::{accumulate, cholesky_of_gram, factor_of_covariance, solve_transposed, Square};
 use super::gate::{self, Room};
 use super::learn::{Correction, Learning};
 use super::sigma::{Fan, Spread};
@@ -157,6 +157,12 @@ impl<S: System> Filter<S> {
         }
     }
 
+    /// Forgets what earlier predictions added: a new sample is awaited.
+    pub fn await_sample(&mut self) {
+        self.fresh.fill(0.0);
+        self.since_s = 0.0;
+    }
+
     /// Moves the belief on to `to_s`; `transition` tells how it moved.
     pub fn predict(&mut self, system: &S, belief: &mut Belief, to_s: f64, transition: &mut Transition) {
         belief.covariance.diagonal(&mut self.variance);
@@ -166,9 +172,9 @@ impl<S: System> Filter<S> {
         transition.apply_to_covariance(&mut belief.covariance, &mut self.rows);
         belief.time_s = to_s;
         for b in &transition.blocks {
-            (0..b.len).for_each(|i| self.fresh[b.index[i]] = b.noise[i][i]);
+            (0..b.len).for_each(|i| self.fresh[b.index[i]] += b.noise[i][i]);
         }
-        self.since_s = dt;
+        self.since_s += dt;
     }
 
     /// Takes in the readings of one instant.
@@ -205,20 +211,10 @@ impl<S: System> Filter<S> {
             let c = Correction { shift: self.shift[i], before: self.before[i], after, fresh: self.fresh[i] };
             *drive = learning.drive(*drive, self.since_s, c);
         }
-        self.since_s = 0.0;
     }
 
     fn factorise(&mut self, covariance: &Square) -> Result<(), Lost> {
-        self.factor.copy_from(covariance);
-        if cholesky(&mut self.factor).is_ok() {
-            return Ok(());
-        }
-        // Rounding can leave a constant's pivot a hair below zero; a relative 1e-12 is far below any sensor's say.
-        self.factor.copy_from(covariance);
-        for i in 0..covariance.n() {
-            *self.factor.at_mut(i, i) *= 1.0 + 1e-12;
-        }
-        cholesky(&mut self.factor).map_err(|e| Lost {
+        factor_of_covariance(covariance, &mut self.factor).map_err(|e| Lost {
             what: format!("the covariance lost its sign (state {}, pivot {:.2e})", e.row, e.pivot),
         })
     }
@@ -247,14 +243,18 @@ impl<S: System> Filter<S> {
             let barred = sighting.barred[p];
             let slack = if sighting.strict[p] { 1.0 } else { gate.slack };
             let since = &mut belief.rejected_since_s[p];
-            let patient = since.is_nan() || belief.time_s - *since <= gate.patience_s;
+            // At low rates patience spans a few samples at least.
+            let patience_s = gate.patience_s.max(3.0 * self.since_s);
+            let patient = since.is_nan() || belief.time_s - *since <= patience_s;
             let nis = gate::nis(&self.fan.g, self.fan.width, &self.y, rows.clone(), &mut self.room);
             // Written so that what is not a number is absurd too.
             let absurd = !nis.is_some_and(|x| x < ABSURD_NIS);
             let nis = nis.filter(|_| !absurd).unwrap_or(ABSURD_NIS);
             let habit = &mut belief.habit[p];
             let odd = absurd || (gate.on && patient && nis > slack * habit.max(1.0) * gate::threshold(count));
-            *habit = manner.learning.habit(*habit, self.since_s, nis / count as f64);
+            if !barred {
+                *habit = manner.learning.habit(*habit, self.since_s, nis / count as f64);
+            }
             if barred || odd {
                 self.used[rows.clone()].fill(false);
                 self.y[rows.clone()].fill(0.0);

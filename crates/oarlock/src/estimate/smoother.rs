@@ -1,7 +1,7 @@
 //! Rauch-Tung-Striebel smoother (Rauch, Tung and Striebel 1965), one step back at a time.
 
 use super::belief::Belief;
-use super::dense::{accumulate, cholesky, Square};
+use super::dense::{accumulate, factor_of_covariance, Square};
 use super::filter::Lost;
 use super::transition::Transition;
 use super::System;
@@ -51,8 +51,7 @@ impl Smoother {
     /// Rows of `gain` are those of K', K = P F' Pp^-1.
     fn solve_gain(&mut self, filtered: &Belief, transition: &Transition, predicted: &Belief) -> Result<(), Lost> {
         let n = self.factor.n();
-        self.factor.copy_from(&predicted.covariance);
-        cholesky(&mut self.factor).map_err(|e| Lost {
+        factor_of_covariance(&predicted.covariance, &mut self.factor).map_err(|e| Lost {
             what: format!("smoothing met a covariance without sign (state {}, pivot {:.2e})", e.row, e.pivot),
         })?;
         self.product.copy_from(&filtered.covariance);

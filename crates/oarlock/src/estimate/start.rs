@@ -24,8 +24,24 @@ pub struct Evidence<'a, M> {
 pub struct Guess {
     /// State.
     pub mean: Vec<f64>,
-    /// Of each state.
-    pub std: Vec<f64>,
+    /// Inverse of its covariance.
+    pub information: Square,
+}
+
+impl Guess {
+    /// States that know nothing of each other.
+    pub fn apart(mean: Vec<f64>, std: &[f64]) -> Self {
+        let mut information = Square::zeros(std.len());
+        for (i, s) in std.iter().enumerate() {
+            *information.at_mut(i, i) = 1.0 / (s * s);
+        }
+        Guess { mean, information }
+    }
+
+    /// A belief's mean and covariance; `None` if that is not positive definite.
+    pub fn of(mean: &[f64], covariance: &Square) -> Option<Self> {
+        Some(Guess { mean: mean.to_vec(), information: inverse(covariance)? })
+    }
 }
 
 /// What came out.
@@ -33,8 +49,8 @@ pub struct Guess {
 pub struct Fit {
     /// State at the sought instant.
     pub mean: Vec<f64>,
-    /// Standard deviation of each state after the fit.
-    pub std: Vec<f64>,
+    /// After the fit, linearised there.
+    pub covariance: Square,
     /// Sum of squared residuals in standard deviations, the guess's included.
     pub cost: f64,
 }
@@ -64,7 +80,7 @@ struct Linearised {
 impl<'a, S: System> Problem<'a, S> {
     /// `noise_std` is that of each row, `guess` a prior.
     pub fn new(system: &'a S, evidence: &'a [Evidence<'a, S::Moment>], noise_std: &'a [f64], guess: &'a Guess) -> Self {
-        let variance: Vec<f64> = vec![0.0; guess.std.len()];
+        let variance: Vec<f64> = vec![0.0; guess.mean.len()];
         let transitions = evidence.iter().map(|e| {
             let mut t = Transition::default();
             system.transition(e.after_s, &variance, &[], &mut t);
@@ -76,7 +92,6 @@ impl<'a, S: System> Problem<'a, S> {
 
     /// The best state from `first`; `None` if the readings are not numbers there.
     pub fn fit(&mut self, first: &[f64]) -> Option<Fit> {
-        let n = first.len();
         let mut mean = first.to_vec();
         let mut here = self.linearise(&mean);
         let mut damping = 1e-3;
@@ -101,16 +116,8 @@ impl<'a, S: System> Problem<'a, S> {
                 }
             }
         }
-        let mut factor = here.normal;
-        cholesky(&mut factor).ok()?;
-        let std = (0..n).map(|i| {
-            let mut e = vec![0.0; n];
-            e[i] = 1.0;
-            solve_transposed(&factor, 0, &mut e);
-            e.iter().map(|x| x * x).sum::<f64>().sqrt()
-        });
-        let std = std.collect();
-        here.cost.is_finite().then_some(Fit { mean, std, cost: here.cost })
+        let covariance = inverse(&here.normal)?;
+        here.cost.is_finite().then_some(Fit { mean, covariance, cost: here.cost })
     }
 
     fn linearise(&mut self, mean: &[f64]) -> Linearised {
@@ -118,11 +125,10 @@ impl<'a, S: System> Problem<'a, S> {
         let mut out = Linearised { normal: Square::zeros(n), gradient: vec![0.0; n], cost: 0.0 };
         let mut away = vec![0.0; n];
         self.system.difference(&self.guess.mean, mean, &mut away);
-        for (i, (&away, &std)) in away.iter().zip(&self.guess.std).enumerate() {
-            let weight = 1.0 / (std * std);
-            *out.normal.at_mut(i, i) = weight;
-            out.gradient[i] = weight * away;
-            out.cost += weight * away * away;
+        out.normal.copy_from(&self.guess.information);
+        for (i, &distance) in away.iter().enumerate() {
+            out.gradient[i] = self.guess.information.row(i).iter().zip(&away).map(|(p, a)| p * a).sum();
+            out.cost += out.gradient[i] * distance;
         }
         for k in 0..self.evidence.len() {
             self.add_sample(k, mean, &mut out);
@@ -191,4 +197,19 @@ fn damped_step(at: &Linearised, damping: f64) -> Option<Vec<f64>> {
     solve_transposed(&a, 0, &mut step);
     solve(&a, 0, &mut step);
     Some(step)
+}
+
+/// Inverse of a positive definite matrix.
+fn inverse(a: &Square) -> Option<Square> {
+    let n = a.n();
+    let (mut factor, mut out) = (a.clone(), Square::zeros(n));
+    cholesky(&mut factor).ok()?;
+    for i in 0..n {
+        let column = out.row_mut(i);
+        column[i] = 1.0;
+        solve_transposed(&factor, 0, column);
+        solve(&factor, 0, column);
+    }
+    out.mirror_upper();
+    Some(out)
 }

@@ -7,7 +7,7 @@ use crate::estimate::belief::Belief;
 use crate::estimate::dense::Square;
 use crate::estimate::start::{Evidence, Fit, Guess, Problem};
 use crate::estimate::System;
-use crate::model::{Joint, JointKind};
+use crate::model::{Joint, JointKind, Sensor, SensorKind};
 use crate::motion::prior_std;
 use crate::recording::Sample;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -87,16 +87,17 @@ impl Tracker {
     fn belief_from(&self, mut fit: Fit, time_s: f64) -> Belief {
         let layout = &self.body.layout;
         let mut std = start_std(&self.body, 1.0);
+        let fitted = |i: usize| fit.covariance.at(i, i).max(0.0).sqrt();
         for (joint, slots) in self.joints() {
             // What the first samples do not tell is known from the limits alone.
-            std[slots.q] = std[slots.q].max(fit.std[slots.q].min(prior_std(joint)));
-            if joint.kind == JointKind::Hinge {
+            std[slots.q] = std[slots.q].max(fitted(slots.q).min(prior_std(joint)));
+            if joint.kind == JointKind::Hinge && !self.is_encoded(&joint.name) {
                 let middle = 0.5 * (joint.limits[0] + joint.limits[1]);
                 fit.mean[slots.q] = middle + wrapped(fit.mean[slots.q] - middle);
             }
         }
         if let Some(i) = layout.azimuth {
-            std[i] = AZIMUTH_START_STD.max(fit.std[i].min(AZIMUTH_STD));
+            std[i] = AZIMUTH_START_STD.max(fitted(i).min(AZIMUTH_STD));
             fit.mean[i] = wrapped(fit.mean[i]);
         }
         let mut covariance = Square::zeros(std.len());
@@ -106,7 +107,16 @@ impl Tracker {
         let rejected_since_s = vec![f64::NAN; self.groups.parts.len()];
         let habit = vec![1.0; self.groups.parts.len()];
         let drive = vec![1.0; self.body.driven().len()];
-        Belief { time_s, mean: fit.mean, covariance, drive, habit, rejected_since_s }
+        let seen_s = vec![time_s; self.groups.sources.len()];
+        Belief { time_s, mean: fit.mean, covariance, drive, habit, seen_s, rejected_since_s }
+    }
+
+    /// Whether an encoder tells whole turns of a joint.
+    fn is_encoded(&self, joint: &str) -> bool {
+        let model = &self.body.model;
+        let reads =
+            |s: &Sensor| matches!(s.kind, SensorKind::Encoder { joint: j, .. } if model.joints[j].name == joint);
+        model.sensors.iter().any(reads)
     }
 
     /// Joints that are states, with their places.
@@ -134,7 +144,7 @@ fn guess(body: &Body, posture: &[f64], azimuth: f64) -> Guess {
         mean[i] = azimuth;
         std[i] = AZIMUTH_STD;
     }
-    Guess { mean, std }
+    Guess::apart(mean, &std)
 }
 
 /// Standard deviations at the start, those of the rates `widened`.

@@ -60,7 +60,11 @@ fn silent_loops(run: &Run) -> Vec<String> {
     let spoke = |s: usize| (0..rows).filter(|r| run.series.sources[r * sources + s].used > 0).count();
     let describe = |(i, c): (usize, &crate::model::Closure)| {
         let missing = rows - spoke(first + i);
-        let whole = if !run.config().closures { "switched off" } else { "no sample held the readings it needs" };
+        let whole = if !run.config().closures {
+            "switched off"
+        } else {
+            "no sample held all the readings it needs; if their stamps differ by more than merge_s, raise merge_s"
+        };
         match missing {
             0 => None,
             m if m == rows => Some(format!("closure {}: never used ({whole})", c.name)),
@@ -102,7 +106,9 @@ fn unobserved(run: &Run) -> Vec<String> {
     let mut notes = Vec::new();
     for (j, joint) in body.model.joints.iter().enumerate().filter(|(_, j)| j.kind != JointKind::Fixed) {
         let seen = (0..rows).filter(|r| run.series.observed[r * joints + j] == 1).count();
-        if 2 * seen >= rows && rows > 0 {
+        // An input is there at its own stamps only.
+        let enough = if joint.input { seen > 0 } else { 2 * seen >= rows };
+        if enough && rows > 0 {
             continue;
         }
         let felt = (0..sources).any(|s| used[s] && depends[s][j]);

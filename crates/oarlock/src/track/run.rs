@@ -103,7 +103,8 @@ impl Run {
             return Err(Error::Data("the recording holds no row: nothing to track".into()));
         };
         let mut tracker = self.tracker.clone();
-        let mut keeper = Keeper { run: self, cursors: VecDeque::new(), kept_s: f64::NEG_INFINITY };
+        let kept_s = tracker.belief().map_or(f64::NEG_INFINITY, |b| b.time_s);
+        let mut keeper = Keeper { run: self, cursors: VecDeque::new(), kept_s };
         let (mut cursor, mut sample) = (recording.start(), tracker.empty_sample());
         let mut count = 0;
         while recording.next(&mut cursor, &mut sample) {
@@ -214,8 +215,9 @@ impl Keeper<'_> {
         let cursor = self.cursors.pop_front().expect("one for each sample");
         let run = &mut *self.run;
         run.steps += 1;
-        let gap = run.config.output_rate_hz.map_or(0.0, |rate| 1.0 / rate - 1e-9);
-        let is_row = belief.time_s - self.kept_s >= gap;
+        // By the stamp alone, so that a run cut in two keeps the same rows; a hair late still counts as on time.
+        let slot = |time_s: f64| run.config.output_rate_hz.map_or(f64::NAN, |rate| (time_s * rate + 1e-6).floor());
+        let is_row = slot(belief.time_s) != slot(self.kept_s);
         let row = run.series.time_s.len();
         let due = run.checkpoints.last().is_none_or(|c| {
             // A whole number of intervals up to rounding counts as reached.

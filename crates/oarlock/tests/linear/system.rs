@@ -130,6 +130,7 @@ pub fn start() -> Belief {
         covariance,
         drive: vec![1.0],
         habit: vec![1.0; 2],
+        seen_s: Vec::new(),
         rejected_since_s: vec![f64::NAN; 2],
     }
 }

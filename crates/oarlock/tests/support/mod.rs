@@ -112,6 +112,7 @@ pub fn belief(body: &Body, time_s: f64, mean: Vec<f64>, std: &[f64]) -> Belief {
         covariance,
         drive: vec![1.0; body.driven().len()],
         habit: vec![1.0; parts],
+        seen_s: vec![time_s; body.suite.sources.len()],
         rejected_since_s: vec![f64::NAN; parts],
     }
 }

@@ -1,0 +1,114 @@
+//! Finding the posture again when sensors come back after a silence.
+//!
+//! Meanwhile joints may have moved so far that sigma points spread over half a turn, and an update from there can settle
+//! in a wrong posture with great confidence. The first readings after a silence are therefore fitted by
+//! Levenberg-Marquardt with the belief as prior, from its mean, the rest posture and the middle of all limits, and the
+//! belief takes the best fit and its linearised covariance.
+
+use super::Tracker;
+use crate::estimate::belief::Belief;
+use crate::estimate::filter::SourceInfo;
+use crate::estimate::start::{Evidence, Fit, Guess, Problem};
+use crate::model::Joint;
+
+/// A source that says nothing for longer than this was silent, s.
+const SILENCE_S: f64 = 0.2;
+/// A joint less certain than this (rad or m) when a source comes back is looked for anew.
+const UNCERTAIN_STD: f64 = 0.1;
+
+impl Tracker {
+    /// Whether a source speaks again that feels a joint which has become uncertain meanwhile.
+    pub(super) fn must_regain(&self, belief: &Belief) -> bool {
+        let returned =
+            |s: &usize| self.moment.active[*s] && !self.is_loop(*s) && belief.time_s - belief.seen_s[*s] > SILENCE_S;
+        let feels_uncertain = |s: usize| {
+            let mut felt = (0..self.depends[s].len()).filter(|&j| self.depends[s][j]);
+            felt.any(|j| self.is_uncertain(belief, j))
+        };
+        (0..self.moment.active.len()).filter(returned).any(feels_uncertain)
+    }
+
+    /// Only joints with rates can run away.
+    fn is_uncertain(&self, belief: &Belief, joint: usize) -> bool {
+        let slots = self.body.layout.joints[joint].filter(|s| s.rates.is_some());
+        slots.is_some_and(|s| belief.covariance.at(s.q, s.q) > UNCERTAIN_STD * UNCERTAIN_STD)
+    }
+
+    /// Silences the loops that would have to find more joints than they have equations: their ends then meet in many
+    /// postures, and linearised at one of them a loop would claim to know it.
+    pub(super) fn hush_loops(&mut self, belief: &Belief) {
+        for l in 0..self.loops.len() {
+            let source = self.loops[l].source;
+            let rows = self.body.suite.sources[source].rows.clone();
+            // Two directions in space differ by two angles, told by three numbers.
+            let equations = if rows.len() > 3 { rows.len() - 1 } else { rows.len() };
+            let joints = 0..self.body.layout.joints.len();
+            let alone = joints.filter(|&j| self.depends[source][j] && self.is_left_alone(belief, j)).count();
+            if alone > equations {
+                self.moment.active[source] = false;
+                self.z[rows].fill(f64::NAN);
+            }
+        }
+    }
+
+    fn is_loop(&self, source: usize) -> bool {
+        self.loops.iter().any(|l| l.source == source)
+    }
+
+    /// Whether a joint that is a state is felt by loops only.
+    fn is_left_alone(&self, belief: &Belief, joint: usize) -> bool {
+        let feels = |s: &usize| self.depends[*s][joint] && belief.time_s - belief.seen_s[*s] <= SILENCE_S;
+        let felt = (0..self.depends.len()).filter(feels).any(|s| !self.is_loop(s));
+        self.body.layout.joints[joint].is_some() && !felt
+    }
+
+    /// Remembers who spoke.
+    pub(super) fn mark_seen(&self, belief: &mut Belief) {
+        for (seen, _) in belief.seen_s.iter_mut().zip(&self.moment.active).filter(|(_, &active)| active) {
+            *seen = belief.time_s;
+        }
+    }
+
+    /// Fits this sample; false if that leads nowhere, and the belief is as it was.
+    pub(super) fn regain(&mut self, belief: &mut Belief) -> bool {
+        let mut z = self.z.clone();
+        for (rows, _) in self.groups.parts.iter().zip(&self.barred).filter(|(_, &barred)| barred) {
+            z[rows.clone()].fill(f64::NAN);
+        }
+        let Some(fit) = self.best_fit(belief, &z) else { return false };
+        belief.mean = fit.mean;
+        belief.covariance = fit.covariance;
+        self.mark_seen(belief);
+        self.report_fit(&z);
+        true
+    }
+
+    fn best_fit(&self, belief: &Belief, z: &[f64]) -> Option<Fit> {
+        let guess = Guess::of(&belief.mean, &belief.covariance)?;
+        let evidence = [Evidence { after_s: 0.0, moment: &self.moment, z }];
+        let posture = |value: fn(&Joint) -> f64| {
+            let mut mean = belief.mean.clone();
+            self.joints().for_each(|(joint, slots)| mean[slots.q] = value(joint));
+            mean
+        };
+        let rest = posture(|joint| joint.rest);
+        let middle = posture(|joint| 0.5 * (joint.limits[0] + joint.limits[1]));
+        let fits = [&belief.mean, &rest, &middle];
+        let fits = fits.into_iter().filter_map(|first| {
+            let fit = Problem::new(&self.body, &evidence, &self.std, &guess).fit(first)?;
+            fit.mean.iter().all(|x| x.is_finite()).then_some(fit)
+        });
+        fits.min_by(|a, b| a.cost.total_cmp(&b.cost))
+    }
+
+    /// The fit used all rows that were there, and has no innovation to speak of.
+    fn report_fit(&mut self, z: &[f64]) {
+        self.info = self.blank_info();
+        for (source, rows) in self.info.sources.iter_mut().zip(&self.groups.sources) {
+            let used = z[rows.clone()].iter().filter(|z| !z.is_nan()).count();
+            let there = self.z[rows.clone()].iter().filter(|z| !z.is_nan()).count();
+            let (used, there, all) = (used as u8, there as u8, rows.len() as u8);
+            *source = SourceInfo { nis: f64::NAN, used, rejected: there - used, missing: all - there };
+        }
+    }
+}
