@@ -14,7 +14,7 @@ from oarlock.array_gate import real_array
 from oarlock.errors import DataError
 from oarlock.recording import ImuStream, Recording, ScalarStream, Stream, VectorStream
 from oarlock.suggest import did_you_mean
-from oarlock.track import Track, joint_units
+from oarlock.track import Track, track_without_filter
 
 if TYPE_CHECKING:
     from oarlock.calibration import Calibration
@@ -125,26 +125,13 @@ def _arranged(model: Model, motion: Motion, values: Floats) -> Floats:
 
 def _truth(model: Model, motion: Motion, time_s: Floats) -> Track:
     q, qd, qdd = (_arranged(model, motion, x) for x in motion.derivatives(time_s))
-    unknown = np.full_like(q, np.nan)
-    return Track(
-        model=model,
-        time_s=time_s.copy(),
-        joint_names=tuple(model.joint_names),
-        joint_units=joint_units(model),
-        q=q,
-        qd=qd,
-        qdd=qdd,
-        q_std=unknown,
-        qd_std=unknown.copy(),
-        qdd_std=unknown.copy(),
-        observed=np.ones(q.shape, dtype=bool),
-        provenance={
-            "oarlock": _core.__version__,
-            "model": model.name,
-            "parameters": model.parameters,
-            "simulated": True,
-        },
-    )
+    provenance = {
+        "oarlock": _core.__version__,
+        "model": model.name,
+        "parameters": model.parameters,
+        "simulated": True,
+    }
+    return track_without_filter(model, time_s, q, qd, qdd, provenance=provenance)
 
 
 def _chosen(model: Model, sensors: Iterable[str] | None) -> list[str]:

@@ -249,6 +249,33 @@ def load_track(folder: str | PathLike[str]) -> Track:
     return read_track(folder)
 
 
+def track_without_filter(
+    model: Model,
+    time_s: Floats,
+    q: Floats,
+    qd: Floats | None = None,
+    qdd: Floats | None = None,
+    *,
+    provenance: Mapping[str, Any],
+) -> Track:
+    """A Track that no filter made, (T, n_joints) each: a simulated truth or a reference. Its deviations are NaN."""
+    unknown = np.full(q.shape, np.nan)
+    return Track(
+        model=model,
+        time_s=time_s.copy(),
+        joint_names=tuple(model.joint_names),
+        joint_units=joint_units(model),
+        q=q,
+        qd=unknown if qd is None else qd,
+        qdd=unknown if qdd is None else qdd,
+        q_std=unknown,
+        qd_std=unknown,
+        qdd_std=unknown,
+        observed=np.isfinite(q),
+        provenance=provenance,
+    )
+
+
 def track_of_run(model: Model, run: Run, notes: tuple[str, ...], provenance: Mapping[str, Any]) -> Track:
     """A Track from what the engine returned."""
     arrays = run.arrays()

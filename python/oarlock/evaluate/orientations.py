@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from ..array_gate import real_array
 from ..chain_geometry import HingeLink, hinge_links, posture
 from ..errors import DataError
-from ..track import Track, joint_units
+from ..track import Track, track_without_filter
 from .consistency import sensor_scores
 from .errors import joint_scores
 from .scores import Evaluation
@@ -152,7 +152,8 @@ def angles_from_orientations(
         if i:
             parent, child = (_bare(units[k][0], calibration.mounts[links[k].sensor][0]) for k in (i - 1, i))
             plain[link.joint] = _off_plain(parent.inv() * child, links[i - 1], link, good)
-    return OrientationReference(_as_track(model, time_s, q), off, plain)
+    provenance = {"model": model.name, "reference": "orientations"}
+    return OrientationReference(track_without_filter(model, time_s, q, provenance=provenance), off, plain)
 
 
 def _shared_stamps(recording: Recording, names: Sequence[str]) -> Floats:
@@ -254,24 +255,6 @@ def _note(reference: OrientationReference, joint: str, kept: Bools) -> str:
 
 def _rms_deg(angle_rad: Floats) -> float:
     return float(np.degrees(np.sqrt(np.nanmean(angle_rad**2))))
-
-
-def _as_track(model: Model, time_s: Floats, q: Floats) -> Track:
-    unknown = np.full(q.shape, np.nan)
-    return Track(
-        model=model,
-        time_s=time_s.copy(),
-        joint_names=tuple(model.joint_names),
-        joint_units=joint_units(model),
-        q=q,
-        qd=unknown,
-        qdd=unknown,
-        q_std=unknown,
-        qd_std=unknown,
-        qdd_std=unknown,
-        observed=np.isfinite(q),
-        provenance={"model": model.name, "reference": "orientations"},
-    )
 
 
 def _list(names: Iterable[str]) -> str:

@@ -60,18 +60,14 @@ pub fn readings_from(
 pub struct Loop {
     /// Index of its source.
     pub source: usize,
-    /// Input joints it needs in the sample, all of them.
-    pub inputs: Vec<usize>,
     /// Rows of encoders on its second side, of which the sample must hold one; empty: every sample will do.
     pub encoders: Vec<usize>,
 }
 
 impl Loop {
-    /// Whether the sample holds what the loop needs.
+    /// Whether the sample holds what the loop needs, missing inputs apart: these silence any source.
     pub fn speaks(&self, sample: &Sample) -> bool {
-        let inputs = self.inputs.iter().all(|&j| !sample.inputs[j].is_nan());
-        let encoders = self.encoders.is_empty() || self.encoders.iter().any(|&r| !sample.z[r].is_nan());
-        inputs && encoders
+        self.encoders.is_empty() || self.encoders.iter().any(|&r| !sample.z[r].is_nan())
     }
 }
 
@@ -81,11 +77,10 @@ pub fn loops(body: &Body, depends: &[Vec<bool>]) -> Vec<Loop> {
     let first = body.suite.sources.len() - model.closures.len();
     let describe = |(i, closure): (usize, &crate::model::Closure)| {
         let source = first + i;
-        let felt = |j: &usize| depends[source][*j];
-        let inputs: Vec<usize> = (0..model.joints.len()).filter(|&j| model.joints[j].input).filter(felt).collect();
+        let needs_input = (0..model.joints.len()).any(|j| model.joints[j].input && depends[source][j]);
         let far_side = joints_above(body, closure.sides[1].0);
-        let encoders = if inputs.is_empty() { encoder_rows(body, &far_side) } else { Vec::new() };
-        Loop { source, inputs, encoders }
+        let encoders = if needs_input { Vec::new() } else { encoder_rows(body, &far_side) };
+        Loop { source, encoders }
     };
     model.closures.iter().enumerate().map(describe).collect()
 }
