@@ -76,6 +76,10 @@ class FakeTrack:
     notes: tuple[str, ...] = ()
     smoothed: bool = False
 
+    @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        return self.joint_names
+
     def __getitem__(self, name: str) -> FakeSeries:
         return FakeSeries(self.units[self.joint_names.index(name)])
 

@@ -27,6 +27,7 @@ class Model:
     path: str
     parameters: dict[str, float]
     joint_names: list[str]
+    coordinate_names: list[str]
     frame_names: list[str]
     sensor_names: list[str]
     closure_names: list[str]

@@ -44,7 +44,7 @@ class HingeLink:
 
 
 def hinge_links(model: Model, sensors: Sequence[str], q: FloatArray) -> tuple[HingeLink, ...]:
-    """The links of a chain from base to tip, one sensor each, at joint values q (n_joints,).
+    """The links of a chain from base to tip, one sensor each, at values of the coordinates q (n_coordinates,).
 
     Raises:
         DataError: the sensors are no chain: two on one link, a hinge without a sensor between them, a joint that is
@@ -65,12 +65,12 @@ def hinge_links(model: Model, sensors: Sequence[str], q: FloatArray) -> tuple[Hi
 
 
 def posture(model: Model, rest_q: Mapping[str, float] | ArrayLike | None) -> FloatArray:
-    """Joint values (n_joints,) in rad or m from a mapping by joint (the others are 0), an array, or None (all 0).
+    """Values of the coordinates (n_coordinates,), rad or m: a mapping by name (others 0), an array, or None (all 0).
 
     Raises:
         DataError: another shape, no finite number, or a joint that the model does not have.
     """
-    names = list(model.joint_names)
+    names = list(model.coordinate_names)
     if not isinstance(rest_q, Mapping):
         given: ArrayLike = np.zeros(len(names)) if rest_q is None else rest_q
     else:
@@ -132,7 +132,7 @@ def _check_chain(
 
 
 def _link(model: Model, sensor: str, frame: str, joint: str, q: FloatArray) -> HingeLink:
-    at, k = model.frame_names.index(frame), model.joint_names.index(joint)
+    at, k = model.frame_names.index(frame), model.coordinate_names.index(joint)
     # Finite turns give axis and centre without the error of a difference.
     turns = np.tile(q, (3, 1))
     turns[1:, k] += (0.5 * np.pi, np.pi)

@@ -264,7 +264,7 @@ def _noted(
     noted: dict[str, Any] = {
         "how": "a still stretch and a swing of a chain of hinges",
         "still_s": list(found["mounts"][0]["still_s"]),
-        "rest_q": {name: float(value) for name, value in zip(model.joint_names, q, strict=True)},
+        "rest_q": {name: float(value) for name, value in zip(model.coordinate_names, q, strict=True)},
     }
     if field is not None:
         noted["field"] = {key: list(field[key]) for key in ("field_in_world_ut", "field_std_ut")}

@@ -1,6 +1,6 @@
 """Which rows of the state and of the measurement belong to what, as a person reads it.
 
-A row's name is `owner.part` or `owner`: `trunk.velocity`, `back.gyro_x`, `seat`.
+A row's name is `owner.part` or `owner`: `trunk.velocity`, `shoulder.rx.velocity`, `back.gyro_x`, `seat`.
 """
 
 from __future__ import annotations
@@ -60,7 +60,8 @@ def _kind(row_name: str, kinds: dict[str, str]) -> str:
     kind = kinds.get(owner)
     if kind is None:
         return quantity.replace("_", " ") or owner
-    return f"{part} of {kind}" if part in ("velocity", "acceleration") else kind
+    rate = part.rpartition(".")[2]
+    return f"{rate} of {kind}" if rate in ("velocity", "acceleration") else kind
 
 
 def _split(row_name: str) -> tuple[str, str]:

@@ -44,7 +44,7 @@ def simulate(
 
     Args:
         model: gives frames, mounts and the sensors' noise.
-        motion: joint values over time and the root's acceleration.
+        motion: joint values over time and the root's acceleration; the truth of a ball joint holds body rates.
         sensors: names of the sensors (and input joints) to simulate; None is all of them.
         seed: of the noise; the same seed gives the same recording.
         rate_hz: of all sensors.
@@ -116,10 +116,10 @@ def _stamps(motion: Motion, rate_hz: float) -> Floats:
 
 
 def _arranged(model: Model, motion: Motion, values: Floats) -> Floats:
-    missing = [j for j in model.joint_names if j not in motion.joint_names]
+    missing = [c for c in model.coordinate_names if c not in motion.coordinate_names]
     if missing:
         raise DataError(f"simulate: the motion has no values for {', '.join(missing)}")
-    order = [motion.joint_names.index(j) for j in model.joint_names]
+    order = [motion.coordinate_names.index(c) for c in model.coordinate_names]
     return np.asarray(values[..., order])
 
 

@@ -11,8 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock.angle_sequence import DEFAULT_SEQUENCE
+from oarlock.coordinates import angle_sequences, coordinate_units, joint_columns, joint_units
 from oarlock.errors import DataError
+from oarlock.joint_series import BallSeries, FreeSeries, JointSeries
+from oarlock.rotation import continuous_quat, quat_from_matrix
 from oarlock.suggest import did_you_mean
+from oarlock.track_columns import columns_of
+from oarlock.track_records import Beliefs, SensorInfo, SlowSeries
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,73 +30,6 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
-class JointSeries:
-    """One joint over time, (T,) each: rad for hinges, m for slides, per s and per s2; NaN where there is none."""
-
-    name: str
-    unit: str
-    value: Floats
-    velocity: Floats
-    acceleration: Floats
-    std: Floats
-    velocity_std: Floats
-    acceleration_std: Floats
-    observed: Bools
-
-    def __getattr__(self, name: str) -> Floats:
-        """`angle_rad`, `velocity_rad_s`, `std_rad` of a hinge; `position_m`, `velocity_m_s`, `std_m` of a slide."""
-        unit = self.__dict__.get("unit", "")
-        names = {
-            ("angle_rad" if unit == "rad" else "position_m"): "value",
-            f"std_{unit}": "std",
-            f"velocity_{unit}_s": "velocity",
-            f"velocity_std_{unit}_s": "velocity_std",
-            f"acceleration_{unit}_s2": "acceleration",
-            f"acceleration_std_{unit}_s2": "acceleration_std",
-        }
-        if name not in names:
-            kind = "hinge" if unit == "rad" else "slide"
-            raise AttributeError(f"a {kind} has no '{name}'; it has {', '.join(names)}, observed")
-        values: Floats = self.__dict__[names[name]]
-        return values
-
-
-@dataclass(frozen=True)
-class SlowSeries:
-    """A bias, an acceleration of the base or the field's azimuth over time, (T,) each."""
-
-    value: Floats
-    std: Floats
-    unit: str
-
-
-@dataclass(frozen=True)
-class SensorInfo:
-    """What each update did with each sensor and closure: (T, S) each. NIS is NaN where nothing was used.
-
-    `inertial_nis` (T,) is that of all inertial readings of a sample together, `inertial_used` (T,) their number.
-    """
-
-    sensor_names: tuple[str, ...]
-    nis: Floats
-    used: NDArray[np.int64]
-    rejected: NDArray[np.int64]
-    missing: NDArray[np.int64]
-    inertial_nis: Floats
-    inertial_used: NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class Beliefs:
-    """Full beliefs every few seconds: (B,) s, (B, n), (B, n, n); states in SI and rad."""
-
-    time_s: Floats
-    mean: Floats
-    covariance: Floats
-    state_names: tuple[str, ...]
-
-
 @dataclass(frozen=True, eq=False)
 class Track:
     """Estimates over `time_s` (T,). Never changes; `oarlock.smooth` gives another one.
@@ -98,9 +37,15 @@ class Track:
     Args:
         model: what was tracked; None if its file could not be found again after loading.
         time_s: (T,) s.
-        joint_names: order of the columns of `q` and its kin, (T, n_joints), rad or m.
-        joint_units: "rad" or "m" each.
-        observed: (T, n_joints) whether the sensors pin the joint down.
+        joint_names: the model's joints, in its order.
+        joint_units: "rad" of hinges and balls, "m" of slides, "m, rad" of free joints.
+        q: (T, n_coordinates), rad or m; of a ball joint the rotation vector of parent-from-child.
+        qd: rates, per s; of a ball joint the angular velocity in the child's axes. `qdd` per s2.
+        q_std: standard deviations; of a ball joint those of the error e in the child's axes, R_true = R Exp(e).
+        observed: (T, n_coordinates) whether the sensors pin the coordinate down.
+        coordinate_names: order of the columns of `q` and its kin; left out, they are the joints: hinges and slides.
+        coordinate_units: "rad" or "m" each.
+        angle_sequences: named angles of each ball and free joint, such as "YXY".
         slow: slow states by name.
         info: what became of the measurements; None for a simulated truth.
         beliefs: full beliefs every few seconds; None for a simulated truth.
@@ -120,6 +65,9 @@ class Track:
     qd_std: Floats
     qdd_std: Floats
     observed: Bools
+    coordinate_names: tuple[str, ...] = ()
+    coordinate_units: tuple[str, ...] = ()
+    angle_sequences: Mapping[str, str] = field(default_factory=dict)
     slow: Mapping[str, SlowSeries] = field(default_factory=dict)
     info: SensorInfo | None = None
     beliefs: Beliefs | None = None
@@ -132,34 +80,72 @@ class Track:
     def __post_init__(self) -> None:
         for name in ("time_s", "q", "qd", "qdd", "q_std", "qd_std", "qdd_std", "observed"):
             getattr(self, name).flags.writeable = False
-        object.__setattr__(self, "slow", MappingProxyType(dict(self.slow)))
+        if not self.coordinate_names:
+            object.__setattr__(self, "coordinate_names", tuple(self.joint_names))
+            object.__setattr__(self, "coordinate_units", tuple(self.joint_units))
+        for name in ("slow", "angle_sequences"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but the engine's run: an unpickled track cannot be smoothed, like one read from files."""
-        plain = {"slow": dict(self.slow), "provenance": dict(self.provenance), "run": None}
-        return self.__dict__ | plain
+        plain = {name: dict(getattr(self, name)) for name in ("slow", "angle_sequences", "provenance")}
+        return self.__dict__ | plain | {"run": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         for name, value in state.items():
             object.__setattr__(self, name, value)
         self.__post_init__()
 
-    def __getitem__(self, name: str) -> JointSeries:
-        """The joint of this name."""
+    def __getitem__(self, name: str) -> Any:
+        """The joint of this name: `JointSeries` of a hinge or slide, `BallSeries`, `FreeSeries`."""
         if name not in self.joint_names:
             raise KeyError(f"no joint '{name}'. {did_you_mean(name, self.joint_names)}")
-        i = self.joint_names.index(name)
+        columns = list(joint_columns(self.coordinate_names)[name])
+        if len(columns) == 1:
+            return self._scalar(name, columns[0])
+        return self._ball(name, columns) if len(columns) == 3 else self._free(name, columns)
+
+    def _scalar(self, name: str, column: int) -> JointSeries:
         return JointSeries(
             name=name,
-            unit=self.joint_units[i],
-            value=self.q[:, i],
-            velocity=self.qd[:, i],
-            acceleration=self.qdd[:, i],
-            std=self.q_std[:, i],
-            velocity_std=self.qd_std[:, i],
-            acceleration_std=self.qdd_std[:, i],
-            observed=self.observed[:, i],
+            unit=self.coordinate_units[column],
+            value=self.q[:, column],
+            velocity=self.qd[:, column],
+            acceleration=self.qdd[:, column],
+            std=self.q_std[:, column],
+            velocity_std=self.qd_std[:, column],
+            acceleration_std=self.qdd_std[:, column],
+            observed=self.observed[:, column],
         )
+
+    def _ball(self, name: str, columns: list[int]) -> BallSeries:
+        return BallSeries(**self._rotation(name, columns))
+
+    def _free(self, name: str, columns: list[int]) -> FreeSeries:
+        place, turn = columns[:3], columns[3:]
+        return FreeSeries(
+            **self._rotation(name, turn),
+            position_m=self.q[:, place],
+            velocity_m_s=self.qd[:, place],
+            acceleration_m_s2=self.qdd[:, place],
+            std_m=self.q_std[:, place],
+            velocity_std_m_s=self.qd_std[:, place],
+            acceleration_std_m_s2=self.qdd_std[:, place],
+            position_observed=np.asarray(self.observed[:, place].all(axis=1)),
+        )
+
+    def _rotation(self, name: str, columns: list[int]) -> dict[str, Any]:
+        return {
+            "name": name,
+            "angle_sequence": self.angle_sequences.get(name, DEFAULT_SEQUENCE),
+            "rotvec_rad": self.q[:, columns],
+            "velocity_rad_s": self.qd[:, columns],
+            "acceleration_rad_s2": self.qdd[:, columns],
+            "std_rad": self.q_std[:, columns],
+            "velocity_std_rad_s": self.qd_std[:, columns],
+            "acceleration_std_rad_s2": self.qdd_std[:, columns],
+            "observed": self.observed[:, columns].all(axis=1),
+        }
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -178,35 +164,42 @@ class Track:
         Raises:
             DataError: no such frame, or the track has no model.
         """
+        away, reference = self._frame_poses("frame_positions", frame, relative_to)
+        moved: Floats = np.einsum("tji,tj->ti", reference[:, :3, :3], away[:, :3, 3] - reference[:, :3, 3])
+        return moved
+
+    def frame_quat_wxyz(self, frame: str, relative_to: str = "root") -> Floats:
+        """Orientation of a frame over time, (T, 4): the rotation `relative_to`-from-`frame`, signs continuous.
+
+        Joints without a reading are treated as in `frame_positions`.
+
+        Raises:
+            DataError: no such frame, or the track has no model.
+        """
+        own, reference = self._frame_poses("frame_quat_wxyz", frame, relative_to)
+        turned = np.einsum("tji,tjk->tik", reference[:, :3, :3], own[:, :3, :3])
+        return continuous_quat(quat_from_matrix(turned))
+
+    def _frame_poses(self, asked: str, frame: str, relative_to: str) -> tuple[Floats, Floats]:
+        """Poses (T, 4, 4) in root axes of two frames."""
         if self.model is None:
-            raise DataError(
-                "frame_positions: this track was loaded without its model; load the model file again"
-            )
+            raise DataError(f"{asked}: this track was loaded without its model; load the model file again")
         names = self.model.frame_names
         for name in (frame, relative_to):
             if name not in names:
-                raise DataError(f"frame_positions: no frame '{name}'. {did_you_mean(name, names)}")
+                raise DataError(f"{asked}: no frame '{name}'. {did_you_mean(name, names)}")
         q = np.where(np.isnan(self.q).all(axis=0), 0.0, self.q)
         poses = self.model.forward_kinematics(q)
-        away = poses[:, names.index(frame), :3, 3]
-        reference = poses[:, names.index(relative_to)]
-        moved: Floats = np.einsum("tji,tj->ti", reference[:, :3, :3], away - reference[:, :3, 3])
-        return moved
+        return poses[:, names.index(frame)], poses[:, names.index(relative_to)]
 
     def columns(self) -> dict[str, Floats]:
-        """Every array under a plain column name with its unit, (T,) each, `time_s` first."""
-        found: dict[str, Floats] = {"time_s": self.time_s}
-        for name in self.joint_names:
-            s = self[name]
-            u = s.unit
-            found |= {f"{name}_{u}": s.value, f"{name}_std_{u}": s.std}
-            found |= {f"{name}_velocity_{u}_s": s.velocity, f"{name}_velocity_std_{u}_s": s.velocity_std}
-            found |= {f"{name}_acceleration_{u}_s2": s.acceleration}
-            found |= {f"{name}_acceleration_std_{u}_s2": s.acceleration_std}
-            found[f"{name}_observed"] = s.observed.astype(np.float64)
-        for name, slow in self.slow.items():
-            found |= {f"{name} [{slow.unit}]": slow.value, f"{name} std [{slow.unit}]": slow.std}
-        return found
+        """Every array under a plain column name with its unit, (T,) each, `time_s` first.
+
+        A ball joint has its rotation vector, rates and deviations by coordinate (`shoulder.rx_rad`,
+        `shoulder.rx_velocity_rad_s`), the quaternion (`shoulder_quat_w`), its named angles with their sequence
+        (`shoulder_YXY_y1_rad`, `shoulder_YXY_y1_std_rad`) and where these are near singular.
+        """
+        return columns_of(self)
 
     def to_dataframe(self) -> pd.DataFrame:
         """All columns as a pandas DataFrame (needs the extra `oarlock[dataframe]`)."""
@@ -258,13 +251,16 @@ def track_without_filter(
     *,
     provenance: Mapping[str, Any],
 ) -> Track:
-    """A Track that no filter made, (T, n_joints) each: a simulated truth or a reference. Its deviations are NaN."""
+    """A Track that no filter made, (T, n_coordinates) each: a simulated truth or a reference; deviations are NaN."""
     unknown = np.full(q.shape, np.nan)
     return Track(
         model=model,
         time_s=time_s.copy(),
         joint_names=tuple(model.joint_names),
         joint_units=joint_units(model),
+        coordinate_names=tuple(model.coordinate_names),
+        coordinate_units=coordinate_units(model),
+        angle_sequences=angle_sequences(model),
         q=q,
         qd=unknown if qd is None else qd,
         qdd=unknown if qdd is None else qdd,
@@ -285,19 +281,23 @@ def track_of_run(model: Model, run: Run, notes: tuple[str, ...], provenance: Map
     for suffix, kind in (("", "q"), (".velocity", "qd"), (".acceleration", "qdd")):
         for source, label in (("mean", kind), ("std", f"{kind}_std")):
             values = arrays["inputs"].copy() if label == "q" else np.full(shape, np.nan)
-            for j, name in enumerate(model.joint_names):
+            for j, name in enumerate(model.coordinate_names):
                 if name + suffix in states:
                     values[:, j] = arrays[source][:, states[name + suffix]]
             columns[label] = values
     joints = model.describe()["joints"]
-    for j, joint in enumerate(joints):
+    for joint in joints:
         if joint["input"]:
+            j = model.coordinate_names.index(joint["name"])
             columns["q_std"][:, j] = np.where(np.isnan(columns["q"][:, j]), np.nan, joint["std"])
     return Track(
         model=model,
         time_s=arrays["time_s"],
         joint_names=tuple(model.joint_names),
         joint_units=joint_units(model),
+        coordinate_names=tuple(model.coordinate_names),
+        coordinate_units=coordinate_units(model),
+        angle_sequences=angle_sequences(model),
         observed=arrays["observed"].astype(bool),
         slow=_slow(arrays, states, model),
         info=_info(arrays, run),
@@ -309,11 +309,6 @@ def track_of_run(model: Model, run: Run, notes: tuple[str, ...], provenance: Map
         run=run,
         **columns,
     )
-
-
-def joint_units(model: Model) -> tuple[str, ...]:
-    """Unit of each joint: "m" for slides, "rad" for the rest."""
-    return tuple("m" if j["kind"] == "slide" else "rad" for j in model.describe()["joints"])
 
 
 def _info(arrays: Mapping[str, Floats], run: Run) -> SensorInfo:
@@ -329,10 +324,10 @@ def _info(arrays: Mapping[str, Floats], run: Run) -> SensorInfo:
 
 
 def _slow(arrays: Mapping[str, Floats], states: Mapping[str, int], model: Model) -> dict[str, SlowSeries]:
-    joints = set(model.joint_names)
+    moving = {name + rate for name in model.coordinate_names for rate in ("", ".velocity", ".acceleration")}
     found = {}
     for name, i in states.items():
-        if name.split(".")[0] in joints and name.rpartition(".")[2] in (name, "velocity", "acceleration"):
+        if name in moving:
             continue
         unit = "rad" if name == "azimuth" else "rad/s" if ".gyro_bias" in name else "m/s2"
         found[name] = SlowSeries(arrays["mean"][:, i], arrays["std"][:, i], unit)

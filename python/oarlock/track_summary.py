@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from oarlock.coordinates import joint_columns
 from oarlock.evaluate import SensorScore
 from oarlock.evaluate.consistency import sensor_scores
 from oarlock.evaluate.tracklike import Interval, TrackLike
@@ -15,7 +15,10 @@ from oarlock.evaluate.tracklike import Interval, TrackLike
 
 @dataclass(frozen=True)
 class TrackSummary:
-    """What a page says first about a track; `steps_per_s` is None for a track that no filter made."""
+    """What a page says first about a track; `steps_per_s` is None for a track that no filter made.
+
+    A joint is observed if at some time all of its coordinates were.
+    """
 
     model: str
     samples: int
@@ -34,7 +37,9 @@ def summarize(track: TrackLike) -> TrackSummary:
     """The summary of a track; simulated truth, which no sensor made, has no sensors in it."""
     samples = len(track.time_s)
     duration_s = float(track.time_s[-1] - track.time_s[0]) if samples else 0.0
-    seen: NDArray[np.bool_] = np.any(np.asarray(track.observed, dtype=bool), axis=0, keepdims=True)[0]
+    observed = np.asarray(track.observed, dtype=bool)
+    columns = joint_columns(track.coordinate_names)
+    seen = [bool(observed[:, list(columns[name])].all(axis=1).any()) for name in track.joint_names]
     steps_per_s = track.provenance.get("steps_per_s")
     whole = Interval(-math.inf, math.inf)
     return TrackSummary(
@@ -45,7 +50,7 @@ def summarize(track: TrackLike) -> TrackSummary:
         steps_per_s=None if steps_per_s is None else float(steps_per_s),
         smoothed=bool(track.smoothed),
         joints=len(track.joint_names),
-        joints_observed=int(seen.sum()),
+        joints_observed=sum(seen),
         not_observed=tuple(name for name, ok in zip(track.joint_names, seen, strict=True) if not ok),
         notes=tuple(track.notes),
         sensors=sensor_scores(track, whole) if track.info is not None else (),

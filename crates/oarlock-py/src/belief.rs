@@ -2,7 +2,7 @@
 
 use crate::array::items;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
-use oarlock::estimate::belief::Belief;
+use oarlock::estimate::belief::{Belief, MEMORY};
 use oarlock::estimate::dense::Square;
 use oarlock::estimate::filter::Info;
 use pyo3::prelude::*;
@@ -35,6 +35,9 @@ impl PyBelief {
         seen_s: &Bound<'_, PyAny>,
         rejected_since_s: &Bound<'_, PyAny>,
         state_names: Vec<String>,
+        memory: Vec<[f64; MEMORY]>,
+        hypothesis: (u64, f64),
+        rivals: Vec<PyRef<'_, PyBelief>>,
     ) -> PyResult<Self> {
         let n = state_names.len();
         let (mean, _) = items(mean, "mean", &[n])?;
@@ -45,7 +48,9 @@ impl PyBelief {
         let habit = crate::array::reals(habit, "habit")?.values;
         let covariance = Square::from_rows(n, covariance.values)
             .ok_or_else(|| crate::errors::DataError::new_err("covariance: expected one (n, n) matrix"))?;
-        let belief = Belief { time_s, mean: mean.values, covariance, drive, habit, seen_s, rejected_since_s };
+        let rivals = rivals.iter().map(|r| r.belief.clone()).collect();
+        let ((line, score), mean) = (hypothesis, mean.values);
+        let belief = Belief { time_s, mean, covariance, drive, habit, seen_s, rejected_since_s, memory, line, score, rivals };
         Ok(PyBelief { belief, names: state_names })
     }
 
@@ -93,10 +98,31 @@ impl PyBelief {
         self.names.clone()
     }
 
+    /// Per sensor and closure: smoothed readings by which rest is told.
+    #[getter]
+    fn memory(&self) -> Vec<[f64; MEMORY]> {
+        self.belief.memory.clone()
+    }
+
+    /// Which hypothesis this is, and the logarithm of its likelihood against the others'.
+    #[getter]
+    fn hypothesis(&self) -> (u64, f64) {
+        (self.belief.line, self.belief.score)
+    }
+
+    /// Other hypotheses that are still alive, each a Belief.
+    #[getter]
+    fn rivals(&self) -> Vec<PyBelief> {
+        let alone = |b: &Belief| PyBelief { belief: b.clone(), names: self.names.clone() };
+        self.belief.rivals.iter().map(alone).collect()
+    }
+
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, b) = (slf.py(), slf.get());
         let (drive, habit, seen, since) = (b.drive(py), b.habit(py), b.seen_s(py), b.rejected_since_s(py));
-        let parts = (b.belief.time_s, b.mean(py), b.covariance(py)?, drive, habit, seen, since, b.names.clone());
+        let (hypothesis, rivals) = (b.hypothesis(), b.rivals());
+        let (mean, covariance, names) = (b.mean(py), b.covariance(py)?, b.names.clone());
+        let parts = (b.belief.time_s, mean, covariance, drive, habit, seen, since, names, b.memory(), hypothesis, rivals);
         Ok((py.get_type::<Self>().into_any(), parts.into_pyobject(py)?))
     }
 

@@ -71,6 +71,12 @@ impl PyModel {
         self.model.joints.iter().map(|j| j.name.clone()).collect()
     }
 
+    /// Joints' coordinates, the columns of q: a joint's own name, or `shoulder.rx` of a rotation vector, `pelvis.x` of a place.
+    #[getter]
+    fn coordinate_names(&self) -> Vec<String> {
+        self.model.coordinate_names()
+    }
+
     #[getter]
     fn frame_names(&self) -> Vec<String> {
         self.model.frames.iter().map(|f| f.name.clone()).collect()
@@ -103,19 +109,19 @@ impl PyModel {
         py.import("json")?.call_method1("loads", (json,))
     }
 
-    /// Poses of all frames: q (..., n_joints), rad or m -> (..., n_frames, 4, 4), world_from_frame.
+    /// Poses of all frames: q (..., n_coordinates), rad or m -> (..., n_frames, 4, 4), world_from_frame.
     fn forward_kinematics<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        let joints = self.model.joints.len();
-        let (q, rows) = items(q, "q", &[joints])?;
+        let width = self.model.coordinate_count();
+        let (q, rows) = items(q, "q", &[width])?;
         let tree = &self.body.tree;
         let out = py.detach(|| {
-            let still = vec![0.0; joints];
+            let still = vec![0.0; width];
             let root = FrameMotion::resting(Vec3([0.0; 3]));
             let (mut frames, all) = (vec![root; tree.len()], vec![true; tree.len()]);
             let mut out = Vec::with_capacity(rows * tree.len() * 16);
             for row in 0..rows {
-                let q = &q.values[row * joints..(row + 1) * joints];
-                tree.motions(root, JointMotion { q, qd: &still, qdd: &still }, &all, &mut frames);
+                let q = &q.values[row * width..(row + 1) * width];
+                tree.motions(root, JointMotion { q, qd: &still, qdd: &still, anchors: &[] }, &all, &mut frames);
                 for f in &frames {
                     for (r, p) in f.rotation.0.iter().zip(f.position.0) {
                         out.extend([r[0], r[1], r[2], p]);
@@ -130,7 +136,8 @@ impl PyModel {
         PyArray1::from_vec(py, out).reshape(IxDyn(&shape))
     }
 
-    /// Predicted readings, (..., n_measurements) in the order of `measurement_names`, for q, qd, qdd (..., n_joints).
+    /// Predicted readings, (..., n_measurements) in the order of `measurement_names`, for q, qd, qdd
+    /// (..., n_coordinates).
     ///
     /// `base` moves the root: an object with `rotation` (..., 3, 3), world from root, and `angular_velocity_rad_s`,
     /// `angular_acceleration_rad_s2`, `acceleration_m_s2` (..., 3) in root axes; None is a root at rest. `acceleration`
@@ -144,8 +151,8 @@ impl PyModel {
         qdd: &Bound<'py, PyAny>,
         base: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        let joints = self.model.joints.len();
-        let [q, qd, qdd] = [(q, "q"), (qd, "qd"), (qdd, "qdd")].map(|(a, n)| items(a, n, &[joints]));
+        let width = self.model.coordinate_count();
+        let [q, qd, qdd] = [(q, "q"), (qd, "qd"), (qdd, "qdd")].map(|(a, n)| items(a, n, &[width]));
         let ((q, rows), (qd, _), (qdd, _)) = (q?, qd?, qdd?);
         if qd.shape != q.shape || qdd.shape != q.shape {
             return Err(DataError::new_err(format!(
@@ -156,7 +163,7 @@ impl PyModel {
         let bases = base.map(|b| Bases::read(b, rows)).transpose()?;
         let mut out = Vec::with_capacity(rows * self.body.suite.len());
         for row in 0..rows {
-            let at = |a: &'_ [f64]| a[row * joints..(row + 1) * joints].to_vec();
+            let at = |a: &'_ [f64]| a[row * width..(row + 1) * width].to_vec();
             let (root, field) = self.root(bases.as_ref(), row);
             let (q, qd, qdd) = (at(&q.values), at(&qd.values), at(&qdd.values));
             out.extend(readings_from(&self.body, root, field, &q, &qd, &qdd));

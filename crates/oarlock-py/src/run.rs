@@ -66,7 +66,7 @@ impl PyRun {
         detached(py, progress, |p| self.0.smooth(p)).map(PyRun)
     }
 
-    /// Arrays by name: time_s (T,), mean and std (T, n), inputs (T, joints), observed (T, joints), and per source
+    /// Arrays by name: time_s (T,), mean and std (T, n), inputs and observed (T, coordinates), and per source
     /// nis, used, rejected, missing (T, S).
     fn arrays<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let s = &self.0.series;
@@ -79,8 +79,8 @@ impl PyRun {
         out.set_item("mean", wide(&s.mean)?)?;
         out.set_item("std", wide(&s.std)?)?;
         out.set_item("inputs", wide(&s.inputs)?)?;
-        let joints = body.model.joints.len();
-        out.set_item("observed", PyArray1::from_slice(py, &s.observed).reshape([rows, joints])?)?;
+        let width = body.axes.len();
+        out.set_item("observed", PyArray1::from_slice(py, &s.observed).reshape([rows, width])?)?;
         out.set_item("nis", pick(|i| i.nis)?)?;
         out.set_item("used", pick(|i| f64::from(i.used))?)?;
         out.set_item("rejected", pick(|i| f64::from(i.rejected))?)?;

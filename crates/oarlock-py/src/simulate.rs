@@ -13,7 +13,7 @@ use oarlock::track::{mount_values, parameter_values};
 use pyo3::prelude::*;
 
 /// gyro, accel, mag of every inertial unit, (T, units, 9), from joint values at nine instants around each stamp,
-/// (T, 9, joints), `step_s` apart, and the root's acceleration (T, 3).
+/// (T, 9, coordinates), `step_s` apart, and the root's acceleration (T, 3).
 #[pyfunction]
 pub fn imu_signals<'py>(
     py: Python<'py>,
@@ -27,8 +27,8 @@ pub fn imu_signals<'py>(
     let (model, given) = (model.get().model.clone(), calibration(calibration_)?);
     let parameters = parameter_values(&model, &given.parameters).map_err(|e| raise(py, e))?;
     let mounts = mount_values(&model, &given.mounts).map_err(|e| raise(py, e))?;
-    let joints = model.joints.len();
-    let (q, rows) = items(q, "q", &[STENCIL, joints])?;
+    let width = model.coordinate_count();
+    let (q, rows) = items(q, "q", &[STENCIL, width])?;
     let (acceleration, accelerations) = items(root_acceleration, "root_acceleration", &[3])?;
     if rows != accelerations {
         return Err(DataError::new_err(format!("q has {rows} rows, root_acceleration {accelerations}")));
@@ -42,12 +42,12 @@ pub fn imu_signals<'py>(
         _ => None,
     };
     let spots: Vec<Spot> = model.sensors.iter().zip(&mounts).filter_map(spot).collect();
-    let (tree, field) = (Tree::new(&model, &parameters), Field::new(&model.world));
+    let (tree, field) = (Tree::new(&model, &parameters), Field::new(&model.world, &parameters));
     let magnetic_field = field.magnetic(azimuth_rad).0;
     let out: Vec<f64> = py.detach(|| {
         let row = |t: usize| {
             let at: [&[f64]; STENCIL] =
-                std::array::from_fn(|k| &q.values[(t * STENCIL + k) * joints..(t * STENCIL + k + 1) * joints]);
+                std::array::from_fn(|k| &q.values[(t * STENCIL + k) * width..(t * STENCIL + k + 1) * width]);
             let a = &acceleration.values[3 * t..3 * t + 3];
             let around = Around { lift: field.lift, magnetic_field, root_acceleration: [a[0], a[1], a[2]] };
             signals(&tree, &at, step_s, &around, &spots)

@@ -163,7 +163,7 @@ impl PyTracker {
     fn put(&self, sample: &mut Sample, name: &str, field: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
         let body = &self.tracker.body;
         if let Some(joint) = input_joint(&body.model, name) {
-            sample.inputs[joint] = one_number(value, &format!("sample, {name}"))?;
+            sample.inputs[body.model.joints[joint].first] = one_number(value, &format!("sample, {name}"))?;
             return Ok(());
         }
         let fits = |q: Quantity| match field {

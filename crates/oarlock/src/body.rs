@@ -4,15 +4,16 @@ use crate::config::Config;
 use crate::error::Result;
 use crate::estimate::filter::Groups;
 use crate::estimate::transition::{Block, Transition};
-use crate::estimate::{Partition, System};
+use crate::estimate::{Partition, Points, System};
 use crate::kinematics::{FrameMotion, JointMotion, Tree};
 use crate::lane::{Lane, Real, LANES};
-use crate::model::{Model, World};
-use crate::motion::{joint_block, Now};
-use crate::rotation::Vec3;
+use crate::model::{Axis, JointKind, Model, Transform, World};
+use crate::motion::{fading, joint_block, push_turn, Now};
+use crate::rotation::turn::{minus, plus, right_jacobian, Turn};
+use crate::rotation::{Mat3, Vec3};
 use crate::sensor::imu::MountValue;
 use crate::sensor::{Quantity, Suite, Surroundings};
-use crate::state::{Layout, SlowSlot};
+use crate::state::{Layout, SlowSlot, Slots};
 use std::sync::Arc;
 
 /// Gravity and field in root axes.
@@ -20,6 +21,10 @@ use std::sync::Arc;
 pub struct Field {
     /// Opposite to gravity, m/s2: what a resting accelerometer feels.
     pub lift: [f64; 3],
+    /// Of the magnetic field, uT.
+    pub norm_ut: f64,
+    /// Of the magnetic field below the horizon, rad.
+    pub dip_rad: f64,
     /// Horizontal part of the magnetic field at azimuth 0 and at a right angle to it, and its vertical part, uT.
     north: [f64; 3],
     side: [f64; 3],
@@ -27,12 +32,15 @@ pub struct Field {
 }
 
 impl Field {
-    /// Of a root that stands as the model's world says.
-    pub fn new(world: &World) -> Self {
+    /// Of a root that stands as the model's world says at these parameters.
+    pub fn new(world: &World, parameters: &[f64]) -> Self {
         let (up, forward) = (Vec3(world.up), Vec3(world.forward));
-        let horizontal = world.magnetic_norm_ut * world.magnetic_dip_rad.cos();
-        let vertical = -world.magnetic_norm_ut * world.magnetic_dip_rad.sin();
+        let (norm_ut, dip_rad) = (world.magnetic_norm_ut.eval(parameters), world.magnetic_dip_rad.eval(parameters));
+        let horizontal = norm_ut * dip_rad.cos();
+        let vertical = -norm_ut * dip_rad.sin();
         Field {
+            norm_ut,
+            dip_rad,
             lift: (up * world.gravity_m_s2).0,
             north: (forward * horizontal).0,
             side: (up.cross(forward) * horizontal).0,
@@ -51,7 +59,7 @@ impl Field {
 /// Inputs and rows of one sample.
 #[derive(Debug, Clone)]
 pub struct Moment {
-    /// Per joint; only those of input joints count, rad or m.
+    /// Per coordinate; only those of input joints count, rad or m.
     pub inputs: Vec<f64>,
     /// Sources that have a row in this sample.
     pub active: Vec<bool>,
@@ -65,6 +73,7 @@ pub struct BodyScratch {
     q: Vec<Lane>,
     qd: Vec<Lane>,
     qdd: Vec<Lane>,
+    anchors: Vec<Mat3<f64>>,
     frames: Vec<FrameMotion<Lane>>,
 }
 
@@ -81,10 +90,16 @@ pub struct Body {
     pub layout: Layout,
     /// Surroundings.
     pub field: Field,
+    /// Values of the model's parameters.
+    pub parameters: Vec<f64>,
     config: Config,
     driven: Vec<usize>,
-    /// Joints that are inputs, and the noise of their readings.
-    input_joints: Vec<usize>,
+    /// Per state: whether it belongs to a rotation vector.
+    turned: Vec<bool>,
+    /// How every coordinate moves by itself.
+    pub axes: Vec<Axis>,
+    /// Coordinates that are inputs, and the noise of their readings.
+    input_coordinates: Vec<usize>,
     input_std: Vec<f64>,
     /// Source, first row and first state of every bias.
     biases: Vec<(usize, usize, usize)>,
@@ -108,19 +123,70 @@ impl Body {
                 }
             }
         }
-        let joints = layout.joints.iter().flatten().filter_map(|s| s.rates.map(|(_, accel)| accel));
+        let joints = layout.coordinates.iter().flatten().filter_map(|s| s.rates.map(|(_, accel)| accel));
         let driven = joints.chain(layout.base.iter().flatten().map(|b| b.first)).collect();
-        let input_joints: Vec<usize> = (0..model.joints.len()).filter(|&j| model.joints[j].input).collect();
-        let input_std = input_joints.iter().map(|&j| model.joints[j].input_std).collect();
+        let inputs = || model.joints.iter().filter(|j| j.input);
+        let (input_coordinates, input_std) = inputs().map(|j| (j.first, j.input_std)).unzip();
         let tree = Tree::new(&model, parameters);
-        let field = Field::new(&model.world);
-        Ok(Body { model, tree, suite, layout, field, config: config.clone(), driven, input_joints, input_std, biases })
+        let field = Field::new(&model.world, parameters);
+        let mut turned = vec![false; layout.dim()];
+        layout.turns.iter().for_each(|(_, slots)| turned[slots.q..slots.q + 3].fill(true));
+        Ok(Body {
+            turned,
+            axes: model.axes(),
+            model,
+            tree,
+            suite,
+            layout,
+            field,
+            parameters: parameters.to_vec(),
+            config: config.clone(),
+            driven,
+            input_coordinates,
+            input_std,
+            biases,
+        })
+    }
+
+    /// Coordinates that are states, with their own motion and their places.
+    pub fn moving(&self) -> impl Iterator<Item = (usize, &Axis, Slots)> {
+        let both = self.axes.iter().zip(&self.layout.coordinates).enumerate();
+        both.filter_map(|(c, (axis, slots))| Some((c, axis, (*slots)?)))
+    }
+
+    /// Rotation vectors of joints that turn the whole body, and root from joint: nothing else moves between them and the root.
+    pub fn floating(&self) -> Vec<(usize, Mat3<f64>)> {
+        let frames = &self.model.frames;
+        let mut still: Vec<Option<Mat3<f64>>> = vec![None; frames.len()];
+        still[0] = Some(Mat3::identity());
+        let mut found = Vec::new();
+        let turned = |by: &Option<Transform>| by.as_ref().map_or(Mat3::identity(), |t| t.evaluate(&self.parameters).0);
+        for (i, frame) in frames.iter().enumerate().skip(1) {
+            let Some(parent) = still[frame.parent] else { continue };
+            let here = parent.times(&turned(&frame.before));
+            match frame.joint {
+                None => still[i] = Some(here.times(&turned(&frame.after))),
+                Some((j, _)) => found.extend(self.model.joints[j].turn().map(|c| (c, here))),
+            }
+        }
+        found
+    }
+
+    /// Whether a coordinate is a place of a free joint.
+    pub fn is_place(&self, coordinate: usize) -> bool {
+        let free = |j: &crate::model::Joint| j.kind == JointKind::Free && (j.first..j.first + 3).contains(&coordinate);
+        self.model.joints.iter().any(free)
+    }
+
+    /// Whether a state belongs to a rotation vector.
+    pub fn is_turned(&self, state: usize) -> bool {
+        self.turned[state]
     }
 
     /// An empty moment: nothing measured.
     pub fn moment(&self) -> Moment {
         Moment {
-            inputs: vec![0.0; self.model.joints.len()],
+            inputs: vec![0.0; self.model.coordinate_count()],
             active: vec![false; self.suite.sources.len()],
             needed: vec![false; self.tree.len()],
         }
@@ -132,7 +198,7 @@ impl Body {
         Groups {
             parts: sources.iter().flat_map(|s| s.parts.iter().map(|p| p.rows.clone())).collect(),
             sources: sources.iter().map(|s| s.rows.clone()).collect(),
-            inertial: sources.iter().filter(|s| s.is_inertial()).flat_map(|s| s.rows.clone()).collect(),
+            inertial: sources.iter().flat_map(|s| &s.parts).filter(|p| p.quantity.is_inertial()).flat_map(|p| p.rows.clone()).collect(),
         }
     }
 
@@ -142,31 +208,76 @@ impl Body {
     }
 
     #[inline(always)]
-    fn unpack(&self, moment: &Moment, state: &[Lane], off: &[Lane], s: &mut BodyScratch) {
-        for (j, slots) in self.layout.joints.iter().enumerate() {
-            let zero = Lane([0.0; LANES]);
-            (s.q[j], s.qd[j], s.qdd[j]) = match slots {
-                None => (Lane::splat(moment.inputs[j]), zero, zero),
-                Some(slots) => match slots.rates {
-                    None => (state[slots.q], zero, zero),
-                    Some((rate, accel)) => (state[slots.q], state[rate], state[accel]),
-                },
+    fn unpack(&self, moment: &Moment, at: Points, s: &mut BodyScratch) {
+        let zero = Lane([0.0; LANES]);
+        for (c, slots) in self.layout.coordinates.iter().enumerate() {
+            (s.q[c], s.qd[c], s.qdd[c]) = match slots {
+                None => (Lane::splat(moment.inputs[c]), zero, zero),
+                Some(Slots { q, rates: None }) => (at.at(*q), zero, zero),
+                Some(Slots { q, rates: Some((rate, accel)) }) => (at.at(*q), at.at(*rate), at.at(*accel)),
             };
         }
-        for (&j, &off) in self.input_joints.iter().zip(off) {
-            s.q[j] += off;
+        // Points of a rotation lie around its mean, in the tangent space there.
+        for ((c, slots), anchor) in self.layout.turns.iter().zip(&mut s.anchors) {
+            s.q[*c..c + 3].copy_from_slice(&at.delta[slots.q..slots.q + 3]);
+            *anchor = Turn::exp(three(at.mean, slots.q)).matrix();
+        }
+        for (&c, &off) in self.input_coordinates.iter().zip(at.off) {
+            s.q[c] += off;
         }
     }
 
-    fn root(&self, state: &[Lane]) -> FrameMotion<Lane> {
+    /// Motion of every frame at a state.
+    pub fn motions_at(&self, mean: &[f64], moment: &Moment) -> Vec<FrameMotion<f64>> {
+        let width = self.axes.len();
+        let (mut q, mut qd, mut qdd) = (moment.inputs.clone(), vec![0.0; width], vec![0.0; width]);
+        for (c, _, slots) in self.moving() {
+            q[c] = mean[slots.q];
+            if let Some((rate, accel)) = slots.rates {
+                (qd[c], qdd[c]) = (mean[rate], mean[accel]);
+            }
+        }
+        let mut proper = Vec3(self.field.lift);
+        for (base, slot) in self.model.base_accelerations.iter().zip(&self.layout.base) {
+            if let Some(slot) = slot {
+                proper += Vec3(base.axis) * mean[slot.first];
+            }
+        }
+        let root = FrameMotion::resting(proper);
+        let mut frames = vec![root; self.tree.len()];
+        let joints = JointMotion { q: &q, qd: &qd, qdd: &qdd, anchors: &[] };
+        self.tree.motions(root, joints, &vec![true; self.tree.len()], &mut frames);
+        frames
+    }
+
+    fn root(&self, at: Points) -> FrameMotion<Lane> {
         let mut proper = Vec3::splat(self.field.lift);
         for (base, slot) in self.model.base_accelerations.iter().zip(&self.layout.base) {
             if let Some(SlowSlot { first, .. }) = slot {
-                proper += Vec3::splat(base.axis) * state[*first];
+                proper += Vec3::splat(base.axis) * at.at(*first);
             }
         }
         FrameMotion::resting(proper)
     }
+
+    fn push_turns(&self, dt: f64, mean: &[f64], variance: &[f64], drives: &[f64], out: &mut Transition) {
+        for (c, slots) in &self.layout.turns {
+            let spread = variance[slots.q..slots.q + 3].iter().sum();
+            let now = [0, 1, 2].map(|i| Now { dt, variance: spread, drive: self.drive_of(c + i, drives) });
+            push_turn(&self.axes[*c..c + 3], *slots, mean, now, self.config.process_noise, out);
+        }
+    }
+
+    /// Of a coordinate with rates; the driven ones are numbered in order.
+    fn drive_of(&self, coordinate: usize, drives: &[f64]) -> f64 {
+        let rank = self.layout.coordinates[coordinate].and_then(|s| s.rates).map(|(rate, _)| rate - self.layout.partition.pose);
+        rank.and_then(|r| drives.get(r)).copied().unwrap_or(1.0)
+    }
+}
+
+/// Three numbers of a state.
+pub fn three(v: &[f64], first: usize) -> [f64; 3] {
+    [v[first], v[first + 1], v[first + 2]]
 }
 
 impl System for Body {
@@ -183,10 +294,11 @@ impl System for Body {
 
     fn scratch(&self) -> BodyScratch {
         let zero = Lane([0.0; LANES]);
-        let joints = vec![zero; self.model.joints.len()];
+        let joints = vec![zero; self.model.coordinate_count()];
+        let anchors = vec![Mat3::identity(); self.layout.turns.len()];
         let frame = FrameMotion::resting(Vec3::zero());
         let frames = vec![frame; self.tree.len()];
-        BodyScratch { q: joints.clone(), qd: joints.clone(), qdd: joints, frames }
+        BodyScratch { q: joints.clone(), qd: joints.clone(), qdd: joints, anchors, frames }
     }
 
     fn input_std(&self) -> &[f64] {
@@ -197,23 +309,48 @@ impl System for Body {
         &self.driven
     }
 
-    fn transition(&self, dt: f64, variance: &[f64], drive: &[f64], out: &mut Transition) {
-        out.blocks.clear();
-        let mut drive = drive.iter().copied();
-        let mut next_drive = || drive.next().unwrap_or(1.0);
-        for (joint, slots) in self.model.joints.iter().zip(&self.layout.joints) {
-            if let Some(slots) = slots {
-                let drive = if slots.rates.is_some() { next_drive() } else { 1.0 };
-                let now = Now { dt, variance: variance[slots.q], drive };
-                out.blocks.push(joint_block(joint, *slots, now, self.config.process_noise));
+    fn shift(&self, mean: &mut [f64], delta: &[f64]) {
+        for (i, m) in mean.iter_mut().enumerate() {
+            if !self.turned[i] {
+                *m += delta[i];
             }
         }
+        for (_, slots) in &self.layout.turns {
+            let moved = plus(three(mean, slots.q), three(delta, slots.q));
+            mean[slots.q..slots.q + 3].copy_from_slice(&moved);
+        }
+    }
+
+    fn difference(&self, to: &[f64], from: &[f64], out: &mut [f64]) {
+        out.iter_mut().zip(to.iter().zip(from)).for_each(|(o, (t, f))| *o = t - f);
+        for (_, slots) in &self.layout.turns {
+            out[slots.q..slots.q + 3].copy_from_slice(&minus(three(to, slots.q), three(from, slots.q)));
+        }
+    }
+
+    fn carry(&self, delta: &[f64], out: &mut Vec<Block>) {
+        for (_, slots) in &self.layout.turns {
+            let q = slots.q;
+            out.push(Block::linear([q, q + 1, q + 2], right_jacobian(three(delta, q)).0));
+        }
+    }
+
+    fn transition(&self, dt: f64, mean: &[f64], variance: &[f64], drives: &[f64], out: &mut Transition) {
+        out.clear();
+        for (c, (axis, slots)) in self.axes.iter().zip(&self.layout.coordinates).enumerate() {
+            let Some(slots) = slots.filter(|s| !self.turned[s.q]) else { continue };
+            let now = Now { dt, variance: variance[slots.q], drive: self.drive_of(c, drives) };
+            out.blocks.push(joint_block(axis, slots, now, self.config.process_noise));
+        }
+        self.push_turns(dt, mean, variance, drives, out);
         if let Some(azimuth) = self.layout.azimuth {
             let walk = self.model.world.azimuth_walk;
             out.blocks.push(Block::walk(azimuth, walk * walk * dt));
         }
-        for slot in self.layout.base.iter().flatten() {
-            out.blocks.push(Block::walk(slot.first, slot.walk * slot.walk * dt * next_drive()));
+        let first = self.layout.partition.rate;
+        for (i, slot) in self.layout.base.iter().flatten().enumerate() {
+            let drive = drives.get(first + i).copied().unwrap_or(1.0);
+            out.blocks.push(fading(slot, dt, drive));
         }
         for slot in self.layout.biases() {
             let variance = slot.walk * slot.walk * dt;
@@ -221,19 +358,19 @@ impl System for Body {
         }
     }
 
-    fn readings(&self, moment: &Moment, s: &mut BodyScratch, state: &[Lane], off: &[Lane], out: &mut [Lane]) {
-        self.unpack(moment, state, off, s);
-        let joints = JointMotion { q: &s.q, qd: &s.qd, qdd: &s.qdd };
-        self.tree.motions(self.root(state), joints, &moment.needed, &mut s.frames);
+    fn readings(&self, moment: &Moment, s: &mut BodyScratch, at: Points, out: &mut [Lane]) {
+        self.unpack(moment, at, s);
+        let joints = JointMotion { q: &s.q, qd: &s.qd, qdd: &s.qdd, anchors: &s.anchors };
+        self.tree.motions(self.root(at), joints, &moment.needed, &mut s.frames);
         let azimuth = match self.layout.azimuth {
-            Some(i) => state[i],
+            Some(i) => at.at(i),
             None => Lane::splat(self.model.world.magnetic_azimuth_rad),
         };
         let around = Surroundings { magnetic_field: self.field.magnetic(azimuth) };
         self.suite.predict(&s.frames, &s.q, &around, &moment.active, out);
         for &(source, row, bias) in &self.biases {
             if moment.active[source] {
-                (0..3).for_each(|i| out[row + i] += state[bias + i]);
+                (0..3).for_each(|i| out[row + i] += at.at(bias + i));
             }
         }
     }

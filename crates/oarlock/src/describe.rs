@@ -1,7 +1,7 @@
 //! A model as plain data: names and numbers that other languages can read.
 
 use crate::body::Body;
-use crate::model::{Expr, Frame, Joint, JointKind, ProcessKind, Sensor, SensorKind};
+use crate::model::{Expr, Frame, Joint, JointKind, Process, ProcessKind, Sensor, SensorKind};
 use serde_json::{json, Value};
 
 /// Everything in the model; numbers in SI and rad at the model's parameter values.
@@ -20,7 +20,7 @@ pub fn describe(body: &Body, path: &str) -> Value {
     json!({
         "name": m.name, "description": m.description, "path": path,
         "world": {"up": w.up, "forward": w.forward, "gravity_m_s2": w.gravity_m_s2,
-            "magnetic_norm_ut": w.magnetic_norm_ut, "magnetic_dip_rad": w.magnetic_dip_rad,
+            "magnetic_norm_ut": w.magnetic_norm_ut.eval(&values), "magnetic_dip_rad": w.magnetic_dip_rad.eval(&values),
             "magnetic_azimuth_rad": w.magnetic_azimuth_rad, "azimuth_fixed": w.azimuth_fixed},
         "parameters": m.parameters.iter().map(|p| json!({"name": p.name, "value": p.default, "unit": p.unit,
             "std": p.std, "label": p.label})).collect::<Vec<_>>(),
@@ -29,7 +29,8 @@ pub fn describe(body: &Body, path: &str) -> Value {
         "sensors": m.sensors.iter().map(|s| sensor(s, body, &values)).collect::<Vec<_>>(),
         "closures": m.closures.iter().map(closure).collect::<Vec<_>>(),
         "base_acceleration": m.base_accelerations.iter().map(|b| json!({"name": b.name, "label": b.label,
-            "axis": b.axis, "density": b.density, "start_std": b.start_std})).collect::<Vec<_>>(),
+            "axis": b.axis, "density": b.density, "start_std": b.start_std,
+            "time_s": finite(b.time_s), "always": b.always})).collect::<Vec<_>>(),
         "state_names": body.layout.names, "measurement_names": body.suite.row_names(),
     })
 }
@@ -39,18 +40,33 @@ fn joint(j: &Joint) -> Value {
         JointKind::Fixed => "fixed",
         JointKind::Hinge => "hinge",
         JointKind::Slide => "slide",
+        JointKind::Ball => "ball",
+        JointKind::Free => "free",
     };
-    let process = match j.process.kind {
-        ProcessKind::Jerk => {
-            json!({"kind": "jerk", "density": j.process.density, "start_std": j.process.start_std})
+    let moves = !j.input && j.kind != JointKind::Fixed;
+    let rest = if j.kind.width() == 1 { json!(j.rest[0]) } else { json!(j.rest) };
+    let mut out = json!({"name": j.name, "kind": kind, "label": j.label, "coordinates": j.coordinate_names(),
+        "limits": j.limits, "rest": rest, "input": j.input, "std": j.input.then_some(j.input_std),
+        "process": moves.then(|| process(&j.process)), "angles": j.kind.turns_freely().then_some(&j.angles)});
+    if let Some(t) = &j.translation {
+        out["translation"] = process(&t.process);
+        out["translation"]["limits"] = json!(t.limits);
+    }
+    out
+}
+
+fn process(p: &Process) -> Value {
+    match p.kind {
+        ProcessKind::Jerk => json!({"kind": "jerk", "density": p.density, "start_std": p.start_std}),
+        ProcessKind::Walk => json!({"kind": "walk", "density": p.density, "start_std": [p.start_std[0]]}),
+        ProcessKind::Singer => {
+            json!({"kind": "singer", "density": p.density, "start_std": p.start_std, "time_s": p.time_s})
         }
-        ProcessKind::Walk => {
-            json!({"kind": "walk", "density": j.process.density, "start_std": [j.process.start_std[0]]})
-        }
-    };
-    let process = if j.input || j.kind == JointKind::Fixed { Value::Null } else { process };
-    json!({"name": j.name, "kind": kind, "label": j.label, "limits": j.limits, "rest": j.rest, "input": j.input,
-        "std": j.input.then_some(j.input_std), "process": process})
+    }
+}
+
+fn finite(x: f64) -> Option<f64> {
+    x.is_finite().then_some(x)
 }
 
 fn frame(index: usize, f: &Frame, body: &Body) -> Value {
@@ -66,6 +82,7 @@ fn sensor(s: &Sensor, body: &Body, values: &[f64]) -> Value {
         SensorKind::Imu { frame, mount, noise } => json!({
             "name": s.name, "kind": "imu", "frame": m.frames[*frame].name, "joint": null, "std": null, "std_m": null,
             "gyro_std_rad_s": noise.gyro_std, "accel_std_m_s2": noise.accel_std, "mag_std_ut": noise.mag_std,
+            "rest_std_rad_s": noise.rest_std,
             "mount": {"rotation": mount.rotation.0, "offset": numbers(&mount.offset, values)}}),
         SensorKind::Encoder { joint, std } => json!({
             "name": s.name, "kind": "encoder", "frame": null, "joint": m.joints[*joint].name, "std": std, "std_m": null}),

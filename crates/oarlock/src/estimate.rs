@@ -11,7 +11,7 @@ pub mod start;
 pub mod transition;
 
 use crate::lane::Lane;
-use transition::Transition;
+use transition::{Block, Transition};
 
 /// How the state is ordered: what is linear where decides which sigma points need a twin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,6 +36,26 @@ impl Partition {
     }
 }
 
+/// Eight states side by side, around one mean.
+#[derive(Debug, Clone, Copy)]
+pub struct Points<'a> {
+    /// In the middle.
+    pub mean: &'a [f64],
+    /// From there, in the tangent space.
+    pub delta: &'a [Lane],
+    /// How far every input is off what the moment says.
+    pub off: &'a [Lane],
+}
+
+impl Points<'_> {
+    /// A coordinate that simply adds.
+    #[inline(always)]
+    pub fn at(&self, i: usize) -> Lane {
+        let mean = self.mean[i];
+        Lane(self.delta[i].0.map(|x| x + mean))
+    }
+}
+
 /// What is estimated: how it moves by itself and what is read from it.
 pub trait System {
     /// What the readings of one instant depend on besides the state: inputs, and which rows are there.
@@ -51,12 +71,6 @@ pub trait System {
     fn input_std(&self) -> &[f64];
     /// Room to work in.
     fn scratch(&self) -> Self::Scratch;
-    /// State at `delta` (tangent space) from `mean`, for every lane.
-    fn retract(&self, mean: &[f64], delta: &[Lane], state: &mut [Lane]) {
-        for ((s, &m), &d) in state.iter_mut().zip(mean).zip(delta) {
-            *s = Lane(d.0.map(|x| x + m));
-        }
-    }
     /// Moves the mean by `delta` (tangent space).
     fn shift(&self, mean: &mut [f64], delta: &[f64]) {
         mean.iter_mut().zip(delta).for_each(|(m, d)| *m += d);
@@ -65,18 +79,13 @@ pub trait System {
     fn difference(&self, to: &[f64], from: &[f64], out: &mut [f64]) {
         out.iter_mut().zip(to.iter().zip(from)).for_each(|(o, (t, f))| *o = t - f);
     }
+    /// How the tangent space turns when the mean moves by `delta`: pushes the blocks that carry a covariance along.
+    fn carry(&self, _delta: &[f64], _out: &mut Vec<Block>) {}
     /// Coordinates whose own driving noise the filter may learn: the ones that it enters first.
     fn driven(&self) -> &[usize];
-    /// Motion over `dt` seconds; `variance` is the diagonal of the covariance, `drive` the factor on the driving noise of
+    /// Motion of `mean` over `dt` seconds; `variance` is the diagonal of the covariance, `drive` the factor on the driving noise of
     /// each driven coordinate (1 where it is absent).
-    fn transition(&self, dt: f64, variance: &[f64], drive: &[f64], out: &mut Transition);
-    /// Readings of the rows that are there, at the state of every lane, with every input `off` what the moment says.
-    fn readings(
-        &self,
-        moment: &Self::Moment,
-        scratch: &mut Self::Scratch,
-        state: &[Lane],
-        off: &[Lane],
-        out: &mut [Lane],
-    );
+    fn transition(&self, dt: f64, mean: &[f64], variance: &[f64], drive: &[f64], out: &mut Transition);
+    /// Readings of the rows that are there, for every lane.
+    fn readings(&self, moment: &Self::Moment, scratch: &mut Self::Scratch, at: Points, out: &mut [Lane]);
 }

@@ -15,11 +15,20 @@ struct Fixed {
     translation: [f64; 3],
 }
 
+/// What moves a link: its joint's first coordinate, sign and kind, and the joint's number among those that turn freely.
+#[derive(Debug, Clone, Copy)]
+struct Moved {
+    first: usize,
+    sign: f64,
+    kind: JointKind,
+    turn: usize,
+}
+
 #[derive(Debug, Clone)]
 struct Link {
     parent: usize,
     before: Option<Fixed>,
-    joint: Option<(usize, f64, JointKind)>,
+    joint: Option<Moved>,
     after: Option<Fixed>,
 }
 
@@ -73,6 +82,34 @@ impl<T: Real> FrameMotion<T> {
     }
 
     #[inline(always)]
+    fn moved(&mut self, joint: &Moved, joints: &JointMotion<T>) {
+        let Moved { first, sign, kind, turn } = *joint;
+        let scaled = || [joints.q, joints.qd, joints.qdd].map(|v| v[first].scale(sign));
+        let vectors = |at: usize| [joints.q, joints.qd, joints.qdd].map(|v| three(v, at));
+        match kind {
+            JointKind::Hinge => {
+                let [q, qd, qdd] = scaled();
+                self.turned(q, qd, qdd);
+            }
+            JointKind::Slide => {
+                let [q, qd, qdd] = scaled();
+                self.slid(q, qd, qdd);
+            }
+            JointKind::Fixed => {}
+            JointKind::Ball => {
+                let [r, w, wd] = vectors(first);
+                self.balled(joints.anchors.get(turn), r, w, wd);
+            }
+            JointKind::Free => {
+                let [p, v, a] = vectors(first);
+                self.placed(p, v, a);
+                let [r, w, wd] = vectors(first + 3);
+                self.balled(joints.anchors.get(turn), r, w, wd);
+            }
+        }
+    }
+
+    #[inline(always)]
     fn turned(&mut self, q: T, qd: T, qdd: T) {
         let z = self.rotation.column(2);
         let (sin, cos) = q.sin_cos();
@@ -80,6 +117,28 @@ impl<T: Real> FrameMotion<T> {
         let spin = z * qd;
         self.angular_acceleration += z * qdd + self.angular_velocity.cross(spin);
         self.angular_velocity += spin;
+    }
+
+    /// By `anchor` and then `r`; `w` and `wd` are the child's rate and its derivative in the child's axes.
+    #[inline(always)]
+    fn balled(&mut self, anchor: Option<&Mat3<f64>>, r: Vec3<T>, w: Vec3<T>, wd: Vec3<T>) {
+        let turn = Mat3::about(r);
+        self.rotation = match anchor {
+            Some(anchor) => self.rotation.times_f64(anchor).then(&turn),
+            None => self.rotation.then(&turn),
+        };
+        let spin = self.rotation.apply(w);
+        self.angular_acceleration += self.rotation.apply(wd) + self.angular_velocity.cross(spin);
+        self.angular_velocity += spin;
+    }
+
+    /// To a place in its own axes, with its velocity and acceleration there.
+    #[inline(always)]
+    fn placed(&mut self, p: Vec3<T>, v: Vec3<T>, a: Vec3<T>) {
+        let (arm, v, a) = (self.rotation.apply(p), self.rotation.apply(v), self.rotation.apply(a));
+        let coriolis = self.angular_velocity.cross(v + v);
+        self.proper_acceleration = self.proper_acceleration_at(arm) + coriolis + a;
+        self.position += arm;
     }
 
     #[inline(always)]
@@ -92,7 +151,8 @@ impl<T: Real> FrameMotion<T> {
     }
 }
 
-/// Joint values of one instant: angles (rad) or positions (m) and their derivatives.
+/// Joint coordinates of one instant: angles (rad), positions (m), rotation vectors (rad), and their rates. The rates of a
+/// rotation vector are the child's angular velocity against its parent in the child's axes, and that one's derivative.
 #[derive(Debug, Clone, Copy)]
 pub struct JointMotion<'a, T> {
     /// rad or m.
@@ -101,6 +161,13 @@ pub struct JointMotion<'a, T> {
     pub qd: &'a [T],
     /// Per s2.
     pub qdd: &'a [T],
+    /// Per joint that turns freely: the rotation from which its rotation vector counts; none at all: from no rotation.
+    pub anchors: &'a [Mat3<f64>],
+}
+
+#[inline(always)]
+fn three<T: Copy>(v: &[T], first: usize) -> Vec3<T> {
+    Vec3([v[first], v[first + 1], v[first + 2]])
 }
 
 impl Tree {
@@ -112,10 +179,14 @@ impl Tree {
                 Fixed { rotation, translation }
             })
         };
+        let moved = |(j, sign): (usize, f64)| {
+            let turn = model.joints[..j].iter().filter(|j| j.kind.turns_freely()).count();
+            Moved { first: model.joints[j].first, sign, kind: model.joints[j].kind, turn }
+        };
         let links = model.frames.iter().map(|f| Link {
             parent: f.parent,
             before: fixed(&f.before),
-            joint: f.joint.map(|(j, sign)| (j, sign, model.joints[j].kind)),
+            joint: f.joint.map(moved),
             after: fixed(&f.after),
         });
         Tree { links: links.collect() }
@@ -157,14 +228,8 @@ impl Tree {
             if let Some(before) = &link.before {
                 frame.carried(before);
             }
-            if let Some((j, sign, kind)) = link.joint {
-                let (q, qd, qdd) = (joints.q[j], joints.qd[j], joints.qdd[j]);
-                let (q, qd, qdd) = (q.scale(sign), qd.scale(sign), qdd.scale(sign));
-                match kind {
-                    JointKind::Hinge => frame.turned(q, qd, qdd),
-                    JointKind::Slide => frame.slid(q, qd, qdd),
-                    JointKind::Fixed => {}
-                }
+            if let Some(joint) = &link.joint {
+                frame.moved(joint, &joints);
             }
             if let Some(after) = &link.after {
                 frame.carried(after);

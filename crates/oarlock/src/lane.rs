@@ -12,6 +12,8 @@ pub trait Real:
     fn scale(self, s: f64) -> Self;
     /// Sine and cosine.
     fn sin_cos(self) -> (Self, Self);
+    /// Of a squared angle t^2: sin t / t and (1 - cos t) / t^2.
+    fn rodrigues(self) -> (Self, Self);
 }
 
 impl Real for f64 {
@@ -26,6 +28,19 @@ impl Real for f64 {
     #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
         f64::sin_cos(self)
+    }
+    #[inline(always)]
+    fn rodrigues(self) -> (Self, Self) {
+        if self < 1e-4 {
+            let t2 = self;
+            return (
+                1.0 - t2 / 6.0 * (1.0 - t2 / 20.0 * (1.0 - t2 / 42.0)),
+                0.5 - t2 / 24.0 * (1.0 - t2 / 30.0 * (1.0 - t2 / 56.0)),
+            );
+        }
+        let angle = self.sqrt();
+        let (sin, cos) = (0.5 * angle).sin_cos();
+        (2.0 * sin * cos / angle, 2.0 * sin * sin / self)
     }
 }
 
@@ -88,5 +103,12 @@ impl Real for Lane {
             (s.0[i], c.0[i]) = self.0[i].sin_cos();
         }
         (s, c)
+    }    #[inline(always)]
+    fn rodrigues(self) -> (Self, Self) {
+        let (mut a, mut b) = (self, self);
+        for i in 0..LANES {
+            (a.0[i], b.0[i]) = self.0[i].rodrigues();
+        }
+        (a, b)
     }
 }

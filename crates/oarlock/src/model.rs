@@ -23,6 +23,26 @@ pub enum JointKind {
     Hinge,
     /// A translation, m.
     Slide,
+    /// Any rotation: a rotation vector, rad.
+    Ball,
+    /// Any motion: a place, m, and a rotation vector, rad.
+    Free,
+}
+
+impl JointKind {
+    /// How many coordinates it has.
+    pub fn width(self) -> usize {
+        match self {
+            JointKind::Fixed | JointKind::Hinge | JointKind::Slide => 1,
+            JointKind::Ball => 3,
+            JointKind::Free => 6,
+        }
+    }
+
+    /// Whether it turns freely, its last three coordinates being a rotation vector.
+    pub fn turns_freely(self) -> bool {
+        matches!(self, JointKind::Ball | JointKind::Free)
+    }
 }
 
 /// How a joint moves by itself.
@@ -32,6 +52,8 @@ pub enum ProcessKind {
     Jerk,
     /// Random walk: state q alone.
     Walk,
+    /// Acceleration that decays while white jerk drives it (Singer 1970): states q, qd, qdd.
+    Singer,
 }
 
 /// A joint's own motion and its spread at the start.
@@ -43,6 +65,17 @@ pub struct Process {
     pub density: f64,
     /// Of q, qd, qdd at the start (only the first for a walk).
     pub start_std: [f64; 3],
+    /// In which the acceleration decays, s; infinite but for `Singer`.
+    pub time_s: f64,
+}
+
+/// How the place of a free joint moves by itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Translation {
+    /// Its own motion.
+    pub process: Process,
+    /// Soft range of every coordinate about its rest, m.
+    pub limits: [f64; 2],
 }
 
 /// A joint: a named degree of freedom that one or more frames share.
@@ -52,18 +85,73 @@ pub struct Joint {
     pub name: String,
     /// For people.
     pub label: String,
-    /// Hinge, slide or fixed.
+    /// What it lets move.
     pub kind: JointKind,
-    /// Soft range, rad or m: two standard deviations either side of its middle.
+    /// Index of its first coordinate.
+    pub first: usize,
+    /// Soft range, rad or m: two standard deviations either side of its middle; of a ball, about each axis from `rest`.
     pub limits: [f64; 2],
-    /// Where it is held while nothing observes it, rad or m.
-    pub rest: f64,
-    /// Its own motion.
+    /// Where it is held while nothing observes it, rad or m, by coordinate.
+    pub rest: Vec<f64>,
+    /// Its own motion; of a free joint, that of its rotation.
     pub process: Process,
+    /// The rest of a free joint's own motion.
+    pub translation: Option<Translation>,
+    /// Intrinsic sequence of axes by which people read a free rotation: `YXY`.
+    pub angles: String,
     /// Its value comes from a stream and is no state.
     pub input: bool,
     /// Standard deviation of an input's reading, rad or m.
     pub input_std: f64,
+}
+
+/// How one coordinate of a joint moves by itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Axis {
+    /// Its own motion.
+    pub process: Process,
+    /// Soft range: two standard deviations either side of its middle.
+    pub limits: [f64; 2],
+    /// Where it is held while nothing observes it.
+    pub rest: f64,
+}
+
+impl Axis {
+    /// Standard deviation of its prior.
+    pub fn prior_std(&self) -> f64 {
+        (self.limits[1] - self.limits[0]) / 4.0
+    }
+}
+
+impl Joint {
+    /// How its coordinates move by themselves.
+    fn axes(&self) -> Vec<Axis> {
+        let axis = |(i, &rest): (usize, &f64)| match &self.translation {
+            Some(t) if i < 3 => Axis { process: t.process, limits: t.limits.map(|x| x + rest), rest },
+            _ => Axis { process: self.process, limits: self.limits, rest },
+        };
+        self.rest.iter().enumerate().map(axis).collect()
+    }
+
+    /// Indices of its coordinates.
+    pub fn coordinates(&self) -> std::ops::Range<usize> {
+        self.first..self.first + self.kind.width()
+    }
+
+    /// Index of the first coordinate of its rotation vector, if it turns freely.
+    pub fn turn(&self) -> Option<usize> {
+        self.kind.turns_freely().then(|| self.first + self.kind.width() - 3)
+    }
+
+    /// Name of each coordinate.
+    pub fn coordinate_names(&self) -> Vec<String> {
+        let suffixes: &[&str] = match self.kind {
+            JointKind::Fixed | JointKind::Hinge | JointKind::Slide => return vec![self.name.clone()],
+            JointKind::Ball => &["rx", "ry", "rz"],
+            JointKind::Free => &["x", "y", "z", "rx", "ry", "rz"],
+        };
+        suffixes.iter().map(|s| format!("{}.{s}", self.name)).collect()
+    }
 }
 
 /// A frame: parent, then `before`, then the joint's motion about z, then `after`.
@@ -99,6 +187,8 @@ pub struct ImuNoise {
     pub accel_std: Option<f64>,
     /// uT.
     pub mag_std: Option<f64>,
+    /// rad/s: how much it may turn while it seems to rest; `None`: rest tells nothing.
+    pub rest_std: Option<f64>,
     /// rad/s at the start.
     pub gyro_bias_start_std: f64,
     /// rad/s per sqrt(s).
@@ -176,6 +266,10 @@ pub struct BaseAcceleration {
     pub density: f64,
     /// m/s2.
     pub start_std: f64,
+    /// In which it decays, s; infinite: it walks.
+    pub time_s: f64,
+    /// It is estimated whether `Config.estimate` names it or not.
+    pub always: bool,
 }
 
 /// Gravity and the magnetic field.
@@ -188,9 +282,9 @@ pub struct World {
     /// m/s2.
     pub gravity_m_s2: f64,
     /// uT.
-    pub magnetic_norm_ut: f64,
+    pub magnetic_norm_ut: Expr,
     /// Below the horizon, rad.
-    pub magnetic_dip_rad: f64,
+    pub magnetic_dip_rad: Expr,
     /// From `forward` about `up`, rad.
     pub magnetic_azimuth_rad: f64,
     /// The azimuth is known.
@@ -244,6 +338,21 @@ impl Model {
     /// [`crate::Error::Model`] with every mistake on a line of its own, each with file, line, key and what was expected.
     pub fn from_toml(text: &str, file: &str) -> crate::Result<Model> {
         read_model(text, file).map_err(|mistakes| crate::Error::Model(mistakes.join("\n")))
+    }
+
+    /// How many coordinates all joints have together.
+    pub fn coordinate_count(&self) -> usize {
+        self.joints.iter().map(|j| j.kind.width()).sum()
+    }
+
+    /// How every coordinate moves by itself.
+    pub fn axes(&self) -> Vec<Axis> {
+        self.joints.iter().flat_map(Joint::axes).collect()
+    }
+
+    /// Name of every coordinate: that of the joint, or `shoulder.rx`, `pelvis.x`.
+    pub fn coordinate_names(&self) -> Vec<String> {
+        self.joints.iter().flat_map(Joint::coordinate_names).collect()
     }
 
     /// Every parameter's default, in the order of [`Model::parameters`].

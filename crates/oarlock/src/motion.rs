@@ -1,56 +1,139 @@
-//! How states move by themselves: white jerk, random walks, and the spring that holds what nothing observes.
+//! How states move by themselves: white jerk, decaying accelerations, random walks, and the spring that holds what
+//! nothing observes.
 
 use crate::config::ProcessNoise;
-use crate::estimate::transition::Block;
-use crate::model::{Joint, ProcessKind};
-use crate::state::JointSlots;
+use crate::estimate::transition::{Block, Transition, Turning};
+use crate::model::{Axis, ProcessKind};
+use crate::rotation::turn::{left_jacobian_inverse, minus, plus, right_jacobian, right_jacobian_inverse};
+use crate::state::{SlowSlot, Slots};
 
 /// Above this share of its prior's standard deviation a joint counts as not observed and is held by its prior.
 pub const HELD_SHARE: f64 = 0.8;
 
-/// Standard deviation of a joint's prior: its soft limits are two of them either side.
-pub fn prior_std(joint: &Joint) -> f64 {
-    (joint.limits[1] - joint.limits[0]) / 4.0
+/// Whether a coordinate whose value has this variance counts as observed; of a rotation vector, the sum of all three.
+pub fn is_observed(axis: &Axis, variance: f64) -> bool {
+    variance.sqrt() < HELD_SHARE * axis.prior_std()
 }
 
-/// Whether a joint whose value has this variance counts as observed.
-pub fn is_observed(joint: &Joint, variance: f64) -> bool {
-    variance.sqrt() < HELD_SHARE * prior_std(joint)
-}
-
-/// A joint's present, and how far to look ahead.
+/// A coordinate's present, and how far to look ahead.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Now {
     /// s.
     pub dt: f64,
-    /// Of its value.
+    /// Of its value; of a rotation vector, the sum of all three.
     pub variance: f64,
     /// Factor on the variance of its driving noise.
     pub drive: f64,
 }
 
-/// Motion of one joint. While it is held, the model's own driving noise counts, not the learnt one.
-pub fn joint_block(joint: &Joint, slots: JointSlots, now: Now, noise: ProcessNoise) -> Block {
+/// Motion of one coordinate. While it is held, the model's own driving noise counts, not the learnt one.
+pub fn joint_block(axis: &Axis, slots: Slots, now: Now, noise: ProcessNoise) -> Block {
     let dt = now.dt;
-    let held = !is_observed(joint, now.variance);
-    let density2 = joint.process.density * joint.process.density * if held { 1.0 } else { now.drive };
-    match (joint.process.kind, slots.rates) {
-        (ProcessKind::Jerk, Some((rate, accel))) => {
-            let index = [slots.q, rate, accel];
-            if held {
-                return held_jerk(index, joint, density2, dt);
-            }
-            let noise = match noise {
-                ProcessNoise::Jerk => white_jerk(dt),
-                ProcessNoise::Paper => printed(dt),
-            };
-            let factor = [[1.0, dt, 0.5 * dt * dt], [0.0, 1.0, dt], [0.0, 0.0, 1.0]];
-            let noise = noise.map(|row| row.map(|x| x * density2 * dt));
-            Block { index, len: 3, factor, offset: [0.0; 3], noise }
-        }
-        _ if held => held_walk(slots.q, joint, density2, dt),
-        _ => Block::walk(slots.q, density2 * dt),
+    let held = !is_observed(axis, now.variance);
+    let density2 = axis.process.density * axis.process.density * if held { 1.0 } else { now.drive };
+    let Some((rate, accel)) = slots.rates else {
+        return if held { held_walk(slots.q, axis, density2, dt) } else { Block::walk(slots.q, density2 * dt) };
+    };
+    let index = [slots.q, rate, accel];
+    if held {
+        return held_jerk(index, axis, density2, dt);
     }
+    let mut block = Block { index, len: 3, factor: coasting(dt), offset: [0.0; 3], noise: [[0.0; 3]; 3] };
+    block.noise = match (axis.process.kind, noise) {
+        (ProcessKind::Singer, _) => {
+            let tau = axis.process.time_s;
+            block.factor = decaying(tau, dt);
+            decaying_noise(tau, dt).map(|row| row.map(|x| x * density2))
+        }
+        (_, ProcessNoise::Jerk) => white_jerk(dt).map(|row| row.map(|x| x * density2 * dt)),
+        (_, ProcessNoise::Paper) => printed(dt).map(|row| row.map(|x| x * density2 * dt)),
+    };
+    block
+}
+
+/// Motion of a rotation vector: the three coordinates move side by side in a chart, and the chart's derivatives lead into
+/// it and out again. The chart stands at the rotation itself, R Exp(phi) with phi the turning meanwhile, so that the error goes
+/// to Jr(phi) (Jl(phi)^-1 e + d phi); while the joint is held, at its rest.
+pub fn push_turn(axes: &[Axis], slots: Slots, mean: &[f64], now: [Now; 3], noise: ProcessNoise, out: &mut Transition) {
+    let index = [slots.q, slots.q + 1, slots.q + 2];
+    let block = |i: usize| {
+        let own = Slots { q: slots.q + i, rates: slots.rates.map(|(rate, accel)| (rate + i, accel + i)) };
+        // The chart counts from the rest.
+        joint_block(&Axis { rest: 0.0, ..axes[i] }, own, now[i], noise)
+    };
+    let blocks = [0, 1, 2].map(block);
+    let r = index.map(|i| mean[i]);
+    let rest = [axes[0].rest, axes[1].rest, axes[2].rest];
+    let held = !is_observed(&axes[0], now[0].variance);
+    let (anchor, chart) = if held { (rest, minus(r, rest)) } else { (r, [0.0; 3]) };
+    let moved = [0, 1, 2].map(|k| {
+        let b = &blocks[k];
+        let rates = slots.rates.map_or([0.0; 2], |(rate, accel)| [mean[rate + k], mean[accel + k]]);
+        b.factor[0][0] * chart[k] + b.factor[0][1] * rates[0] + b.factor[0][2] * rates[1]
+    });
+    let before = if held { right_jacobian_inverse(chart) } else { left_jacobian_inverse(moved) };
+    let turning = Turning {
+        chart,
+        value: plus(anchor, moved),
+        before: Block::linear(index, before.0),
+        after: Block::linear(index, right_jacobian(moved).0),
+    };
+    out.turnings.push(turning);
+    out.blocks.extend(blocks);
+}
+
+/// A slow state that decays or walks.
+pub fn fading(slot: &SlowSlot, dt: f64, drive: f64) -> Block {
+    let density2 = slot.walk * slot.walk * drive;
+    if slot.time_s.is_infinite() {
+        return Block::walk(slot.first, density2 * dt);
+    }
+    let keep = (-dt / slot.time_s).exp();
+    let mut block = Block::walk(slot.first, density2 * slot.time_s / 2.0 * (1.0 - keep * keep));
+    block.factor[0][0] = keep;
+    block
+}
+
+/// Constant acceleration.
+fn coasting(t: f64) -> [[f64; 3]; 3] {
+    [[1.0, t, 0.5 * t * t], [0.0, 1.0, t], [0.0, 0.0, 1.0]]
+}
+
+/// What a push of the acceleration has become `t` later, when accelerations decay within `tau` (Singer 1970).
+fn response(tau: f64, t: f64) -> [f64; 3] {
+    let x = t / tau;
+    if x < 1e-3 {
+        // The closed form loses its digits here.
+        return [t * t * (0.5 - x / 6.0 + x * x / 24.0), t * (1.0 - x / 2.0 + x * x / 6.0), (-x).exp()];
+    }
+    let lost = -(-x).exp_m1();
+    [tau * tau * (x - lost), tau * lost, 1.0 - lost]
+}
+
+fn decaying(tau: f64, t: f64) -> [[f64; 3]; 3] {
+    let [p, v, a] = response(tau, t);
+    [[1.0, t, p], [0.0, 1.0, v], [0.0, 0.0, a]]
+}
+
+/// Abscissae and weights of Gauss and Legendre on [0, 1].
+const GAUSS: [(f64, f64); 5] = [
+    (0.046_910_077_030_668, 0.118_463_442_528_094_5),
+    (0.230_765_344_947_158_5, 0.239_314_335_249_683_2),
+    (0.5, 0.284_444_444_444_444_4),
+    (0.769_234_655_052_841_5, 0.239_314_335_249_683_2),
+    (0.953_089_922_969_332, 0.118_463_442_528_094_5),
+];
+
+/// Covariance of unit white jerk over `t`, gathered by Gauss' rule: a sum of squares, where the closed form cancels.
+fn decaying_noise(tau: f64, t: f64) -> [[f64; 3]; 3] {
+    let mut sum = [[0.0; 3]; 3];
+    for (x, weight) in GAUSS {
+        let g = response(tau, x * t);
+        for (row, a) in sum.iter_mut().zip(g) {
+            row.iter_mut().zip(g).for_each(|(s, b)| *s += weight * t * a * b);
+        }
+    }
+    sum
 }
 
 /// White-noise jerk (Bar-Shalom, Li and Kirubarajan 2001, section 6.2.3), scaled so that a unit is the rms increment of
@@ -68,13 +151,13 @@ fn printed(t: f64) -> [[f64; 3]; 3] {
 
 /// The same white jerk against a critically damped spring (triple pole) that leaves the joint, in the long run, within
 /// its prior: mean `rest`, standard deviation `prior_std`. Exact over any dt.
-fn held_jerk(index: [usize; 3], joint: &Joint, density2: f64, dt: f64) -> Block {
-    let s2 = prior_std(joint) * prior_std(joint);
+fn held_jerk(index: [usize; 3], axis: &Axis, density2: f64, dt: f64) -> Block {
+    let s2 = axis.prior_std() * axis.prior_std();
     let pole = (3.0 * density2 / (16.0 * s2)).powf(0.2);
     let factor = triple_pole(pole, dt);
     let (l2, l4) = (pole * pole, pole.powi(4));
     let settled = [[s2, 0.0, -s2 * l2 / 3.0], [0.0, s2 * l2 / 3.0, 0.0], [-s2 * l2 / 3.0, 0.0, s2 * l4]];
-    let offset = [0, 1, 2].map(|r| joint.rest * (f64::from(r == 0) - factor[r as usize][0]));
+    let offset = [0, 1, 2].map(|r| axis.rest * (f64::from(r == 0) - factor[r as usize][0]));
     Block { index, len: 3, factor, offset, noise: driving(&factor, &settled) }
 }
 
@@ -108,12 +191,12 @@ fn triple_pole(p: f64, t: f64) -> [[f64; 3]; 3] {
 }
 
 /// A walk that is drawn back to `rest` just so fast that it stays within the prior.
-fn held_walk(index: usize, joint: &Joint, density2: f64, dt: f64) -> Block {
-    let s2 = prior_std(joint) * prior_std(joint);
+fn held_walk(index: usize, axis: &Axis, density2: f64, dt: f64) -> Block {
+    let s2 = axis.prior_std() * axis.prior_std();
     let keep = (-dt * density2 / (2.0 * s2)).exp();
     let mut block = Block::walk(index, s2 * (1.0 - keep * keep));
     block.factor[0][0] = keep;
-    block.offset[0] = joint.rest * (1.0 - keep);
+    block.offset[0] = axis.rest * (1.0 - keep);
     block
 }
 
@@ -144,5 +227,40 @@ mod tests {
         let settled = [[s2, 0.0, -s2 * l2 / 3.0], [0.0, s2 * l2 / 3.0, 0.0], [-s2 * l2 / 3.0, 0.0, s2 * l4]];
         let noise = driving(&triple_pole(pole, dt), &settled);
         assert!((noise[2][2] / (density2 * dt) - 1.0).abs() < 0.02, "{}", noise[2][2] / (density2 * dt));
+    }
+
+    #[test]
+    fn decaying_noise_is_singers() {
+        // The closed form of Singer (1970), far enough from zero for it to keep its digits.
+        for (tau, t) in [(0.3, 0.3), (0.1, 0.15)] {
+            let (a, x): (f64, f64) = (1.0 / tau, t / tau);
+            let (e, e2) = ((-x).exp(), (-2.0 * x).exp());
+            let closed = [
+                (1.0 - e2 + 2.0 * x + 2.0 * x.powi(3) / 3.0 - 2.0 * x * x - 4.0 * x * e) / (2.0 * a.powi(5)),
+                (e2 + 1.0 - 2.0 * e + 2.0 * x * e - 2.0 * x + x * x) / (2.0 * a.powi(4)),
+                (1.0 - e2 - 2.0 * x * e) / (2.0 * a.powi(3)),
+                (4.0 * e - 3.0 - e2 + 2.0 * x) / (2.0 * a.powi(3)),
+                (e2 + 1.0 - 2.0 * e) / (2.0 * a * a),
+                (1.0 - e2) / (2.0 * a),
+            ];
+            let q = decaying_noise(tau, t);
+            let found = [q[0][0], q[0][1], q[0][2], q[1][1], q[1][2], q[2][2]];
+            for (f, c) in found.iter().zip(closed) {
+                // Gauss' rule of five points is exact to the ninth power.
+                assert!((f / c - 1.0).abs() < 1e-7, "{f} {c}");
+            }
+        }
+    }
+
+    #[test]
+    fn without_end_to_its_time_an_acceleration_stays() {
+        let (long, coast) = (decaying(1e9, 0.02), coasting(0.02));
+        let (noise, white) = (decaying_noise(1e9, 0.02), white_jerk(0.02));
+        for r in 0..3 {
+            for c in 0..3 {
+                assert!((long[r][c] - coast[r][c]).abs() < 1e-9);
+                assert!((noise[r][c] / (white[r][c] * 0.02) - 1.0).abs() < 1e-8, "{r} {c}");
+            }
+        }
     }
 }

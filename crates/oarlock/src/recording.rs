@@ -32,14 +32,14 @@ pub struct Sample {
     pub time_s: f64,
     /// In the order of the measurement vector; NaN is missing. Closures' rows are filled in by the tracker.
     pub z: Vec<f64>,
-    /// Per joint of the model: readings of input joints, NaN where missing.
+    /// Per coordinate of the model: readings of input joints, NaN where missing.
     pub inputs: Vec<f64>,
 }
 
 impl Sample {
     /// A sample that holds nothing.
     pub fn empty(model: &Model, suite: &Suite) -> Self {
-        Sample { time_s: f64::NAN, z: vec![f64::NAN; suite.len()], inputs: vec![f64::NAN; model.joints.len()] }
+        Sample { time_s: f64::NAN, z: vec![f64::NAN; suite.len()], inputs: vec![f64::NAN; model.coordinate_count()] }
     }
 
     /// Forgets all readings.
@@ -85,7 +85,7 @@ impl Recording {
 
     fn targets_of(&mut self, model: &Model, suite: &Suite, stream: &Stream) -> Result<Vec<Target>> {
         if let Some(joint) = input_joint(model, &stream.name) {
-            return Ok(vec![Target::Input(joint); stream.channels.len()]);
+            return Ok(vec![Target::Input(model.joints[joint].first); stream.channels.len()]);
         }
         let Some(source) = suite.sources.iter().find(|s| s.name == stream.name) else {
             return Err(unknown_stream(model, &stream.name));
@@ -140,7 +140,7 @@ impl Recording {
                 match *target {
                     Target::Row(usize::MAX) => {}
                     Target::Row(row) => sample.z[row..row + width].copy_from_slice(values),
-                    Target::Input(joint) => sample.inputs[joint] = values[0],
+                    Target::Input(coordinate) => sample.inputs[coordinate] = values[0],
                 }
             }
             *at += 1;

@@ -1,5 +1,7 @@
 //! Rotations and three-vectors over one or many lanes, and SO(3) in doubles.
 
+pub mod turn;
+
 use crate::lane::Real;
 use std::ops::{Add, AddAssign, Mul, Sub};
 
@@ -99,6 +101,30 @@ impl<T: Real> Mat3<T> {
     pub fn times_f64(&self, o: &Mat3<f64>) -> Self {
         let o = &o.0;
         Mat3(self.0.map(|r| [0, 1, 2].map(|j| r[0].scale(o[0][j]) + r[1].scale(o[1][j]) + r[2].scale(o[2][j]))))
+    }
+
+    /// Matrix product.
+    #[inline(always)]
+    pub fn then(&self, o: &Self) -> Self {
+        let o = &o.0;
+        Mat3(self.0.map(|r| [0, 1, 2].map(|j| r[0] * o[0][j] + r[1] * o[1][j] + r[2] * o[2][j])))
+    }
+
+    /// Rotation about `r` by its length, rad (Rodrigues).
+    #[inline(always)]
+    pub fn about(r: Vec3<T>) -> Self {
+        let [x, y, z] = r.0;
+        let (xx, yy, zz) = (x * x, y * y, z * z);
+        let (a, b) = (xx + yy + zz).rodrigues();
+        let one = T::splat(1.0);
+        let (bx, by) = (b * x, b * y);
+        let (xy, xz, yz) = (bx * y, bx * z, by * z);
+        let (ax, ay, az) = (a * x, a * y, a * z);
+        Mat3([
+            [one - b * (yy + zz), xy - az, xz + ay],
+            [xy + az, one - b * (xx + zz), yz - ax],
+            [xz - ay, yz + ax, one - b * (xx + yy)],
+        ])
     }
 
     /// Times a rotation about z, given its sine and cosine.

@@ -35,6 +35,15 @@ pub enum Quantity {
     Position,
     /// A loop's gap (m) and difference of axes.
     Closure,
+    /// Angular velocity, rad/s, known to be zero while the unit rests.
+    Rest,
+}
+
+impl Quantity {
+    /// Whether an inertial unit measures it.
+    pub fn is_inertial(self) -> bool {
+        matches!(self, Quantity::Gyro | Quantity::Accel | Quantity::Mag)
+    }
 }
 
 /// A sensor or a closure: its rows in the measurement vector.
@@ -55,7 +64,7 @@ pub struct Source {
 impl Source {
     /// Whether it is an inertial unit.
     pub fn is_inertial(&self) -> bool {
-        self.parts.iter().any(|p| matches!(p.quantity, Quantity::Gyro | Quantity::Accel | Quantity::Mag))
+        self.parts.iter().any(|p| p.quantity.is_inertial())
     }
 }
 
@@ -94,7 +103,8 @@ impl Suite {
                     suite.push(&sensor.name, Reader::Imu(imu::Imu::new(&sensor.kind, parameters, mount)))
                 }
                 SensorKind::Encoder { joint, std } if !model.joints[*joint].input => {
-                    suite.push(&sensor.name, Reader::Encoder(encoder::Encoder { joint: *joint, std: *std }))
+                    let reader = encoder::Encoder { coordinate: model.joints[*joint].first, std: *std };
+                    suite.push(&sensor.name, Reader::Encoder(reader))
                 }
                 SensorKind::Encoder { .. } => {}
                 SensorKind::Position { frame, point, std } => {
@@ -189,7 +199,7 @@ impl Suite {
             let out = &mut out[source.rows.clone()];
             match reader {
                 Reader::Imu(s) => s.predict(&frames[s.frame], surroundings, out),
-                Reader::Encoder(s) => out[0] = q[s.joint],
+                Reader::Encoder(s) => out[0] = q[s.coordinate],
                 Reader::Position(s) => s.predict(&frames[s.frame], out),
                 Reader::Closure(s) => s.predict(frames, out),
             }

@@ -3,11 +3,11 @@
 use crate::config::{Config, Magnetometer, DEFAULT_ESTIMATE};
 use crate::error::{Error, Result};
 use crate::estimate::Partition;
-use crate::model::{ImuNoise, JointKind, Model, ProcessKind, SensorKind};
+use crate::model::{ImuNoise, Joint, JointKind, Model, ProcessKind, SensorKind};
 
-/// Where a joint's value, rate and acceleration stand.
+/// Where a coordinate's value, rate and acceleration stand. The three of a rotation vector stand next to each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct JointSlots {
+pub struct Slots {
     /// Value.
     pub q: usize,
     /// Rate and acceleration, unless the joint walks.
@@ -25,13 +25,17 @@ pub struct SlowSlot {
     pub start_std: f64,
     /// Per sqrt(s).
     pub walk: f64,
+    /// In which it decays, s; infinite: it walks.
+    pub time_s: f64,
 }
 
 /// Order of the state vector.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layout {
-    /// Per joint of the model; `None` for inputs and fixed joints.
-    pub joints: Vec<Option<JointSlots>>,
+    /// Per coordinate of the model's joints; `None` for inputs and fixed joints.
+    pub coordinates: Vec<Option<Slots>>,
+    /// Index and slot of the first coordinate of every rotation vector.
+    pub turns: Vec<(usize, Slots)>,
     /// Azimuth of the magnetic field.
     pub azimuth: Option<usize>,
     /// Per sensor of the model.
@@ -51,7 +55,8 @@ impl Layout {
     pub fn new(model: &Model, config: &Config) -> Result<Self> {
         check_names(model, config)?;
         let mut layout = Layout {
-            joints: vec![None; model.joints.len()],
+            coordinates: vec![None; model.coordinate_count()],
+            turns: Vec::new(),
             azimuth: None,
             gyro_bias: vec![None; model.sensors.len()],
             accel_bias: vec![None; model.sensors.len()],
@@ -71,27 +76,34 @@ impl Layout {
     }
 
     fn place_joints(&mut self, model: &Model, with_azimuth: bool) {
-        let moving = |j: &&crate::model::Joint| !j.input && j.kind != JointKind::Fixed;
-        for (i, joint) in model.joints.iter().enumerate().filter(|(_, j)| moving(j)) {
-            let q = self.push(joint.name.clone());
-            self.joints[i] = Some(JointSlots { q, rates: None });
+        let moving = |j: &&Joint| !j.input && j.kind != JointKind::Fixed;
+        let names = model.coordinate_names();
+        for c in model.joints.iter().filter(moving).flat_map(Joint::coordinates) {
+            let q = self.push(names[c].clone());
+            self.coordinates[c] = Some(Slots { q, rates: None });
         }
         if with_azimuth {
             self.azimuth = Some(self.push("azimuth".into()));
         }
         self.partition.pose = self.names.len();
-        let jerky: Vec<usize> = (0..model.joints.len())
-            .filter(|&i| self.joints[i].is_some() && model.joints[i].process.kind == ProcessKind::Jerk)
+        let with_rates: Vec<usize> = model
+            .axes()
+            .iter()
+            .enumerate()
+            .filter(|(c, axis)| self.coordinates[*c].is_some() && axis.process.kind != ProcessKind::Walk)
+            .map(|(c, _)| c)
             .collect();
-        for (rank, &i) in jerky.iter().enumerate() {
-            let slots = self.joints[i].as_mut().expect("filtered above");
+        for (rank, &c) in with_rates.iter().enumerate() {
+            let slots = self.coordinates[c].as_mut().expect("filtered above");
             let rate = self.partition.pose + rank;
-            slots.rates = Some((rate, rate + jerky.len()));
+            slots.rates = Some((rate, rate + with_rates.len()));
         }
         for what in ["velocity", "acceleration"] {
-            self.names.extend(jerky.iter().map(|&i| format!("{}.{what}", model.joints[i].name)));
+            self.names.extend(with_rates.iter().map(|&c| format!("{}.{what}", names[c])));
         }
-        self.partition.rate = jerky.len();
+        self.partition.rate = with_rates.len();
+        let turns = model.joints.iter().filter_map(Joint::turn);
+        self.turns = turns.filter_map(|c| Some((c, self.coordinates[c]?))).collect();
     }
 
     fn place_slow(&mut self, model: &Model, config: &Config) {
@@ -108,9 +120,10 @@ impl Layout {
             }
         }
         for (i, base) in model.base_accelerations.iter().enumerate() {
-            if wants(&base.name) {
+            if base.always || wants(&base.name) {
                 let first = self.push(base.name.clone());
-                self.base[i] = Some(SlowSlot { first, len: 1, start_std: base.start_std, walk: base.density });
+                let slot = SlowSlot { first, len: 1, start_std: base.start_std, walk: base.density, time_s: base.time_s };
+                self.base[i] = Some(slot);
             }
         }
     }
@@ -123,7 +136,7 @@ impl Layout {
         } else {
             (noise.accel_bias_start_std, noise.accel_bias_walk)
         };
-        SlowSlot { first, len: 3, start_std, walk }
+        SlowSlot { first, len: 3, start_std, walk, time_s: f64::INFINITY }
     }
 
     /// Biases of gyroscopes and accelerometers.

@@ -1,9 +1,11 @@
 //! From samples to beliefs: start, step, and the whole recording.
 
+pub mod bank;
 pub mod begin;
 pub mod loops;
 pub mod notes;
 pub mod regain;
+pub mod rest;
 pub mod run;
 
 use crate::body::{Body, Moment};
@@ -77,6 +79,8 @@ pub struct Tracker {
     barred: Vec<bool>,
     strict: Vec<bool>,
     manner: Manner,
+    /// Off while several hypotheses compete: who is surprised more often must not excuse it by stronger driving noise.
+    learns: bool,
     transition: Transition,
     info: Info,
     belief: Option<Belief>,
@@ -110,6 +114,7 @@ impl Tracker {
             barred: vec![false; groups.parts.len()],
             strict: body.quantities().iter().map(|&q| q == Quantity::Mag).collect(),
             manner: manner(config),
+            learns: true,
             transition: Transition::default(),
             info: Info::new(&groups, rows),
             belief: None,
@@ -128,6 +133,7 @@ impl Tracker {
             && belief.drive.len() == self.body.driven().len()
             && belief.habit.len() == parts
             && belief.seen_s.len() == self.groups.sources.len()
+            && belief.memory.len() == self.groups.sources.len()
             && belief.rejected_since_s.len() == parts;
         if !fits {
             return Err(Error::Data(format!(
@@ -182,7 +188,7 @@ impl Tracker {
             self.belief = Some(belief);
             return Ok(Status::OutOfOrder);
         }
-        self.advance(&mut belief, sample, &mut |_, _| {})?;
+        self.advance_all(&mut belief, sample)?;
         sink(sample, &belief, &self.info);
         self.belief = Some(belief);
         Ok(Status::Tracking)
@@ -211,7 +217,7 @@ impl Tracker {
         if let Some(joint) = sample.inputs.iter().position(|x| x.is_infinite()) {
             return Err(Error::Data(format!(
                 "sample at {:.3} s: {} is infinite; write NaN for a missing value",
-                sample.time_s, self.body.model.joints[joint].name
+                sample.time_s, self.body.model.coordinate_names()[joint]
             )));
         }
         Ok(())
@@ -245,9 +251,11 @@ impl Tracker {
         self.filter.await_sample();
         for (i, sample) in waiting.iter().enumerate() {
             if i == 0 {
-                self.update(&mut belief, sample)?;
+                self.prepare(sample);
+                self.open_bank(&mut belief);
+                self.update_all(&mut belief, sample)?;
             } else {
-                self.advance(&mut belief, sample, &mut |_, _| {})?;
+                self.advance_all(&mut belief, sample)?;
             }
             sink(sample, &belief, &self.info);
         }
@@ -280,6 +288,7 @@ impl Tracker {
 
     fn update(&mut self, belief: &mut Belief, sample: &Sample) -> Result<()> {
         self.prepare(sample);
+        self.notice_rest(belief);
         if self.must_regain(belief) && self.regain(belief) {
             return Ok(());
         }
@@ -287,7 +296,9 @@ impl Tracker {
         self.mark_seen(belief);
         let sighting =
             Sighting { z: &self.z, std: &self.std, barred: &self.barred, strict: &self.strict, groups: &self.groups };
-        let done = self.filter.update(&self.body, &self.moment, belief, sighting, self.manner, &mut self.info);
+        let learning = if self.learns { self.manner.learning } else { Learning { memory_s: f64::INFINITY } };
+        let manner = Manner { learning, ..self.manner };
+        let done = self.filter.update(&self.body, &self.moment, belief, sighting, manner, &mut self.info);
         done.map_err(|lost| diverged(lost, belief.time_s))
     }
 
@@ -320,14 +331,20 @@ impl Tracker {
         let joints = &self.body.model.joints;
         for (source, depends) in self.body.suite.sources.iter().zip(&self.depends) {
             let mut needed = (0..joints.len()).filter(|&j| joints[j].input && depends[j]);
-            if needed.any(|j| sample.inputs[j].is_nan()) {
+            if needed.any(|j| sample.inputs[joints[j].first].is_nan()) {
                 self.z[source.rows.clone()].fill(f64::NAN);
             }
         }
     }
 
+    /// Rows of magnetometers.
+    fn magnetic_rows(&self) -> impl Iterator<Item = usize> + '_ {
+        let parts = self.groups.parts.iter().zip(&self.quantities);
+        parts.filter(|(_, &q)| q == Quantity::Mag).flat_map(|(rows, _)| rows.clone())
+    }
+
     fn judge_magnetometers(&mut self) {
-        let norm = self.body.model.world.magnetic_norm_ut;
+        let norm = self.body.field.norm_ut;
         for (p, rows) in self.groups.parts.iter().enumerate() {
             self.barred[p] = false;
             if self.quantities[p] != Quantity::Mag {

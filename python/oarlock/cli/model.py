@@ -57,6 +57,7 @@ def _short(description: dict[str, Any]) -> dict[str, Any]:
         "name": description["name"],
         "description": description["description"],
         "joints": [joint["name"] for joint in description["joints"]],
+        "coordinates": [name for joint in description["joints"] for name in joint["coordinates"]],
         "sensors": [sensor["name"] for sensor in description["sensors"]],
     }
 
@@ -81,7 +82,7 @@ def show(
         typer.Option(
             "--at",
             metavar="JOINT=VALUE",
-            help="Joint value of the pose (rad or m); else at rest. Repeatable.",
+            help="Value of a joint, or of a ball's coordinate such as hip.rx (rad or m); else at rest. Repeatable.",
         ),
     ] = None,
     settings: Settings = None,
@@ -107,18 +108,26 @@ def show(
 
 
 def posture(description: dict[str, Any], given: dict[str, float], flag: str) -> list[float]:
-    """Joint values (n_joints): those given, the others at rest.
+    """Values of the coordinates (n_coordinates): those given, the others at rest.
 
     Raises:
-        UsageError: a name is no joint of the model.
+        UsageError: a name is no coordinate of the model.
     """
-    joints = {joint["name"]: joint["rest"] for joint in description["joints"]}
+    resting: dict[str, float] = {}
+    for joint in description["joints"]:
+        own, rest = joint["coordinates"], joint["rest"]
+        resting |= dict(zip(own, rest if len(own) > 1 else [rest], strict=True))
+    several = {joint["name"]: joint["coordinates"] for joint in description["joints"]}
     for name in given:
-        if name not in joints:
+        if name not in resting and name in several:
+            raise UsageError(
+                f"{flag} {name}: this joint has several coordinates: {', '.join(several[name])}."
+            )
+        if name not in resting:
             from oarlock.suggest import did_you_mean
 
-            raise UsageError(f"{flag} {name}: the model has no such joint. {did_you_mean(name, joints)}")
-    return [given.get(name, rest) for name, rest in joints.items()]
+            raise UsageError(f"{flag} {name}: the model has no such joint. {did_you_mean(name, resting)}")
+    return [given.get(name, rest) for name, rest in resting.items()]
 
 
 @group.command("check", epilog=example("oarlock model check my.toml", "oarlock model check my.toml --json"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from oarlock.angle_sequence import angle_labels
 from oarlock.cli.terminal import heading, number, say, table
 from oarlock.evaluate import presentation
 from oarlock.model_layout import blocks, parts_of, quantities, rows_of
@@ -41,14 +42,22 @@ def checked(model: Described) -> list[str]:
     return [
         f"{len(model['parameters'])} parameters; every expression uses names that exist",
         f"{len(model['frames']) - 1} frames; every parent exists, no cycle, every joint is known",
-        f"{len(model['joints'])} joints, {inputs} of them inputs; kinds, limits and processes are valid",
+        f"{len(model['joints'])} joints, {inputs} of them inputs{_counted(model)}; kinds, limits, processes are valid",
         f"{len(model['sensors'])} sensors; each sits on a frame or joint that exists and has its noise",
         f"{len(model['closures'])} closures; points and axes are complete",
         f"state {len(model['state_names'])} rows, measurement {len(model['measurement_names'])} rows",
     ]
 
 
+def _counted(model: Described) -> str:
+    """How many coordinates there are, if there are more than joints."""
+    count = sum(len(joint["coordinates"]) for joint in model["joints"])
+    return f", {count} coordinates" if count > len(model["joints"]) else ""
+
+
 def _parameters(model: Described) -> None:
+    if not model["parameters"]:
+        return
     heading("Parameters", "change one with --set NAME=VALUE")
     table(
         ["name", ">value", "unit", ">std", "what it is"],
@@ -71,6 +80,7 @@ def _joints(model: Described) -> None:
         ["joint", "kind", ">from", ">to", ">rest", "unit", "moves as", "state"],
         [_joint_row(joint, model["state_names"]) for joint in model["joints"]],
     )
+    _coordinates(model)
     labelled = [joint for joint in model["joints"] if joint["label"]]
     if labelled:
         heading("What each joint is")
@@ -78,14 +88,50 @@ def _joints(model: Described) -> None:
 
 
 def _joint_row(joint: Described, state_names: Sequence[str]) -> tuple[str, ...]:
-    factor, unit = presentation("rad") if joint["kind"] == "hinge" else (1.0, "m")
-    style = ".0f" if joint["kind"] == "hinge" else ".2f"
     low, high = joint["limits"] or (None, None)
-    shown = [number(None if v is None else v * factor, style, "") for v in (low, high, joint["rest"])]
+    shown = [_in_unit(value, joint["kind"]) for value in (low, high, joint["rest"])]
     process = joint["process"]
     motion = "input" if joint["input"] else f"{process['kind']} {process['density']:g}" if process else ""
     rows = _joint_states(joint["name"], state_names)
+    unit = {"slide": "m", "fixed": "m", "free": "m, deg"}.get(joint["kind"], presentation("rad")[1])
     return (joint["name"], joint["kind"], *shown, unit, motion, rows)
+
+
+def _in_unit(value: float | Sequence[float] | None, kind: str) -> str:
+    """A limit or rest posture; a free joint's has the position before the rotation vector."""
+    if value is None:
+        return ""
+    numbers = [value] if isinstance(value, int | float) else list(value)
+    lengths = len(numbers) if kind in ("slide", "fixed") else 3 if len(numbers) == 6 else 0
+    factor = presentation("rad")[0]
+    return " ".join(
+        [number(v, ".2f") for v in numbers[:lengths]] + [number(v * factor, ".0f") for v in numbers[lengths:]]
+    )
+
+
+def _coordinates(model: Described) -> None:
+    several = [joint for joint in model["joints"] if len(joint["coordinates"]) > 1]
+    if not several:
+        return
+    heading("Joints with several coordinates", "rx, ry, rz: rotation vector of parent-from-child, rad")
+    table(
+        ["joint", "coordinates", "named angles", "turns about"],
+        [
+            (
+                joint["name"],
+                ", ".join(_short(joint)),
+                joint["angles"],
+                ", ".join(angle_labels(joint["angles"])),
+            )
+            for joint in several
+        ],
+    )
+
+
+def _short(joint: Described) -> list[str]:
+    """The first coordinate in full, of the others what differs."""
+    first, *others = joint["coordinates"]
+    return [first, *(name.removeprefix(joint["name"]) for name in others)]
 
 
 def _joint_states(name: str, state_names: Sequence[str]) -> str:

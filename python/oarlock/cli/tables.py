@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from oarlock.cli.terminal import heading, number, pairs, say, table
 from oarlock.evaluate import Evaluation, SensorScore, presentation
@@ -56,8 +57,19 @@ def write_sensors(sensors: Sequence[SensorScore]) -> None:
 def write_evaluation(evaluation: Evaluation) -> None:
     """Joints, positions, consistency; every number with its unit."""
     heading("Joints against truth", f"from {evaluation.start_s:g} s on, {evaluation.samples} samples")
+    _scores("joint", evaluation.rows)
+    if evaluation.part_rows:
+        heading(
+            "Ball and free joints in detail", "errors about the child's axes; named angles away from poles"
+        )
+        _scores("component or angle", evaluation.part_rows)
+    _positions(evaluation)
+    _means(evaluation)
+
+
+def _scores(what: str, rows: Sequence[Mapping[str, Any]]) -> None:
     table(
-        ["joint", ">RMSE", ">bias", "unit", ">r", ">in 95 % band %", ">NEES", "note"],
+        [what, ">RMSE", ">bias", "unit", ">r", ">in 95 % band %", ">NEES", "note"],
         [
             (
                 row["joint"],
@@ -69,11 +81,9 @@ def write_evaluation(evaluation: Evaluation) -> None:
                 number(row["nees"], ".2f"),
                 row["note"],
             )
-            for row in evaluation.rows
+            for row in rows
         ],
     )
-    _positions(evaluation)
-    _means(evaluation)
 
 
 def error(value: float, unit: str, sign: str = "") -> str:
@@ -97,9 +107,10 @@ def _positions(evaluation: Evaluation) -> None:
 
 def _means(evaluation: Evaluation) -> None:
     say()
+    turning = "joints that turn" if any(score.parts for score in evaluation.turning()) else "hinges"
     pairs(
         [
-            ("mean RMSE of hinges", f"{number(evaluation.mean_rmse_deg(), '.3f')} deg"),
+            (f"mean RMSE of {turning}", f"{number(evaluation.mean_rmse_deg(), '.3f')} deg"),
             ("worst RMSE", f"{number(evaluation.worst_rmse_deg(), '.3f')} deg"),
             ("mean coverage", number(evaluation.mean_coverage(), ".1%").replace("%", " %")),
             ("NEES per state", number(evaluation.states.nees, ".2f") if evaluation.states else ""),

@@ -101,7 +101,8 @@ def track(
         typer.Option(
             "--initial-q",
             metavar="JOINT=VALUE",
-            help="Posture that the fit of the start begins with (rad or m); else at rest. Repeatable.",
+            help="Posture that the fit of the start begins with (rad or m; a ball's coordinate is hip.rx); "
+            "else at rest. Repeatable.",
         ),
     ] = None,
     gate: Annotated[bool, typer.Option("--gate/--no-gate", help="Reject improbable readings.")] = _DEFAULT[

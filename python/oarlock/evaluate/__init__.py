@@ -12,18 +12,24 @@ import numpy as np
 
 from ..errors import DataError
 from .consistency import sensor_scores, state_score
-from .errors import joint_scores, landmark_frames, position_scores
+from .errors import landmark_frames, position_scores
+from .frames import evaluate_frame_orientations
+from .joints import joint_scores
+from .orientation_scores import OrientationEvaluation, OrientationScore
 from .scores import Evaluation, JointScore, PositionScore, SensorScore, StateScore, presentation
 from .tracklike import Interval, TrackLike
 
 __all__ = [
     "Evaluation",
     "JointScore",
+    "OrientationEvaluation",
+    "OrientationScore",
     "PositionScore",
     "SensorScore",
     "StateScore",
     "TrackLike",
     "evaluate",
+    "evaluate_frame_orientations",
     "presentation",
 ]
 
@@ -42,10 +48,10 @@ def evaluate(
             hand; if there are none, the ends of the tree.
 
     Returns:
-        Evaluation: per joint RMSE, bias, correlation, coverage of the 95 % band and NEES; RMSE and correlation
-        of frame positions; NEES per state over the track's beliefs; NIS per measurement of each sensor. NEES and
-        NIS as in Bar-Shalom, Li, Kirubarajan (2001), "Estimation with Applications to Tracking and Navigation",
-        section 5.4.
+        Evaluation: per joint RMSE, bias, correlation, coverage of the 95 % band and NEES, of ball and free joints
+        also per component and named angle (see `JointScore`); RMSE and correlation of frame positions; NEES per
+        state over the track's beliefs; NIS per measurement of each sensor. NEES and NIS as in Bar-Shalom, Li,
+        Kirubarajan (2001), "Estimation with Applications to Tracking and Navigation", section 5.4.
 
     Raises:
         DataError: no sample of the track lies after ``start_s`` or inside the time span of the truth.

@@ -14,8 +14,9 @@ import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.stats import chi2
 
-from .errors import wrap
-from .resample import resample
+from ..coordinates import Kind, parts
+from ..rotation import quat_from_rotvec, rotvec_between, wrap
+from .resample import resample, resample_rotation
 from .scores import SensorScore, StateScore
 from .tracklike import BeliefsLike, Bools, Floats, InfoLike, Interval, TrackLike, beliefs_of, info_of
 
@@ -71,8 +72,10 @@ def state_score(
 ) -> StateScore | None:
     """NEES per state of the given joints' angles, velocities and accelerations, with their full covariance.
 
-    A state enters where truth knows it. Beliefs whose covariance is not positive definite are counted and left
-    out. None: the track keeps no beliefs in the window. Source: Bar-Shalom et al. 2001, section 5.4.2.
+    ``joints`` are named as their scores are (`pelvis.rotation`). The error of a rotation is the turn from truth to
+    mean in the child's axes, those of its covariance; rates in the child's axes are subtracted. A state enters where
+    truth knows it. Beliefs whose covariance is not positive definite are counted and left out. None: the track keeps
+    no beliefs in the window. Source: Bar-Shalom et al. 2001, section 5.4.2.
     """
     beliefs = beliefs_of(track)
     if beliefs is None:
@@ -96,20 +99,32 @@ def state_score(
 
 def _state_errors(beliefs: BeliefsLike, track: TrackLike, truth: TrackLike, joints: Sequence[str]) -> Floats:
     """Mean minus truth, (B, n); NaN for states that truth does not know."""
-    sources = {"": truth.q, ".velocity": truth.qd, ".acceleration": truth.qdd}
-    columns = list(beliefs.state_names)
     error = np.full(beliefs.mean.shape, np.nan)
-    for name in joints:
-        hinge = track[name].unit == "rad"
-        column = list(truth.joint_names).index(name)
-        for suffix, values in sources.items():
-            if name + suffix not in columns:
-                continue
-            k = columns.index(name + suffix)
-            angle = hinge and not suffix
-            true = resample(truth.time_s, values[:, column], beliefs.time_s, circular=angle)
-            error[:, k] = wrap(beliefs.mean[:, k] - true) if angle else beliefs.mean[:, k] - true
+    states = list(beliefs.state_names)
+    known = {part.name: part for part in parts(truth.coordinate_names)}
+    for part in parts(track.coordinate_names):
+        other = known.get(part.name)
+        if part.name not in joints or other is None or other.kind != part.kind:
+            continue
+        turns = track[part.joint].unit != "m" and part.kind != "position"
+        for suffix, values in (("", truth.q), (".velocity", truth.qd), (".acceleration", truth.qdd)):
+            names = [f"{track.coordinate_names[column]}{suffix}" for column in part.columns]
+            if set(names) <= set(states):
+                rows = [states.index(name) for name in names]
+                true = (truth.time_s, values[:, list(other.columns)])
+                kind = part.kind if not suffix and turns else "position"
+                error[:, rows] = _minus(beliefs.mean[:, rows], beliefs.time_s, *true, kind)
     return error
+
+
+def _minus(mean: Floats, at_s: Floats, time_s: Floats, true: Floats, kind: Kind) -> Floats:
+    """Mean (B, k) minus truth (T, k); a scalar is taken as an angle, what lies on no circle as a position."""
+    if kind == "rotation":
+        expected = resample_rotation(time_s, quat_from_rotvec(true), at_s)
+        return -rotvec_between(quat_from_rotvec(mean), expected)
+    circular = kind == "scalar"
+    error = mean - np.stack([resample(time_s, column, at_s, circular=circular) for column in true.T], axis=1)
+    return wrap(error) if circular else error
 
 
 def _nees(error: Floats, covariance: Floats) -> float:

@@ -1,4 +1,4 @@
-"""Errors of joints and of frame positions, and their summaries."""
+"""Errors of joints, scores of frame positions, and the statistics of both."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .resample import resample
+from ..coordinates import Part, parts
+from ..rotation import quat_from_rotvec, rotvec_between, wrap
+from .resample import resample, resample_rotation
 from .scores import JointScore, PositionScore
 from .tracklike import Floats, Interval, TrackLike
 
@@ -21,56 +23,55 @@ CONSTANT = 1e-9
 """A signal that moves less than this (rad or m) is constant: its correlation has no meaning."""
 
 
-def wrap(angle_rad: Floats) -> Floats:
-    """The same angle in (-pi, pi], rad."""
-    wrapped: Floats = np.pi - np.mod(np.pi - angle_rad, 2 * np.pi)
-    return wrapped
+def true_values(track: TrackLike, truth: TrackLike, part: Part) -> Floats:
+    """Truth at the track's stamps, (T, 1), a position (T, 3) or quat_wxyz (T, 4); NaN where there is none."""
+    other = next((p for p in parts(truth.coordinate_names) if p.name == part.name), None)
+    if other is None or other.kind != part.kind:
+        return np.full((len(track.time_s), 4 if part.kind == "rotation" else len(part.columns)), np.nan)
+    values = truth.q[:, list(other.columns)]
+    if part.kind == "rotation":
+        return resample_rotation(truth.time_s, quat_from_rotvec(values), track.time_s)
+    hinge = part.kind == "scalar" and track[part.joint].unit == "rad"
+    columns = [resample(truth.time_s, column, track.time_s, circular=hinge) for column in values.T]
+    return np.stack(columns, axis=1)
 
 
-def joint_error(track: TrackLike, truth: TrackLike, name: str) -> Floats:
-    """Estimate minus truth at the track's stamps, (T,), rad in (-pi, pi] or m; NaN where either is missing."""
-    if name not in truth.joint_names:
-        return np.full(len(track.time_s), np.nan)
-    hinge = track[name].unit == "rad"
-    true = resample(
-        truth.time_s, truth.q[:, list(truth.joint_names).index(name)], track.time_s, circular=hinge
-    )
-    error: Floats = track.q[:, list(track.joint_names).index(name)] - true
-    return wrap(error) if hinge else error
+def part_error(track: TrackLike, truth: TrackLike, part: Part) -> Floats:
+    """Estimate minus truth at the track's stamps, rad or m; NaN where either is missing.
+
+    (T, 1) of a hinge, rad in (-pi, pi], and of a slide; (T, 3) of a position, in its axes; of a rotation -e (T, 3) with
+    e = Log(R_est' R_true), in the child's axes, as `Track.q_std` means it.
+    """
+    value, true = track.q[:, list(part.columns)], true_values(track, truth, part)
+    if part.kind == "rotation":
+        return -rotvec_between(quat_from_rotvec(value), true)
+    error = value - true
+    return wrap(error) if part.kind == "scalar" and track[part.joint].unit == "rad" else error
 
 
-def joint_scores(track: TrackLike, truth: TrackLike, window: Interval) -> tuple[JointScore, ...]:
-    """One score per joint of the track, in its order; joints without observation or truth say so."""
-    kept = window.of(track.time_s)
-    return tuple(_joint_score(track, truth, i, name, kept) for i, name in enumerate(track.joint_names))
+def seen(track: TrackLike, part: Part, kept: NDArray[np.bool_]) -> bool:
+    """Whether the sensors pin the part down at least half of the time, of the samples (T,) that are kept."""
+    return bool(np.mean(track.observed[kept][:, list(part.columns)].all(axis=1)) >= 0.5)
 
 
-def _joint_score(
-    track: TrackLike, truth: TrackLike, i: int, name: str, kept: NDArray[np.bool_]
+def scalar_score(
+    name: str, unit: str, error: Floats, std: Floats, correlated: float, note: str = ""
 ) -> JointScore:
-    unit = track[name].unit
-    if np.mean(track.observed[kept, i]) < 0.5:
-        return JointScore.unscored(name, unit, "not observed")
-    error, value, std = joint_error(track, truth, name)[kept], track.q[kept, i], track.q_std[kept, i]
-    good = np.isfinite(error)
-    if not good.any():
-        return JointScore.unscored(name, unit, "no truth")
-    error, value, std = error[good], value[good], std[good]
+    """The score of errors (N,), N > 0, with the standard deviations (N,) that were claimed for them."""
     banded = np.isfinite(std) & (std > 0)
     ratio = error[banded] / std[banded]
-    smooth = np.unwrap(value) if unit == "rad" else value
     return JointScore(
         name=name,
         unit=unit,
         observed=True,
-        note="",
+        note=note,
         samples=len(error),
         rmse=rms(error),
         bias=float(np.mean(error)),
-        correlation=correlation(smooth, smooth - error),
-        coverage=_mean(np.abs(ratio) <= BAND_95),
-        nees=_mean(ratio**2),
-        mean_std=_mean(std[banded]),
+        correlation=correlated,
+        coverage=mean_of(np.abs(ratio) <= BAND_95),
+        nees=mean_of(ratio**2),
+        mean_std=mean_of(std[banded]),
     )
 
 
@@ -131,5 +132,6 @@ def correlation(a: Floats, b: Floats) -> float:
     return float(np.corrcoef(a, b)[0, 1])
 
 
-def _mean(values: NDArray[np.float64] | NDArray[np.bool_]) -> float:
+def mean_of(values: NDArray[np.float64] | NDArray[np.bool_]) -> float:
+    """Mean; NaN of nothing."""
     return float(np.mean(values)) if len(values) else float("nan")

@@ -21,7 +21,7 @@ from ..chain_geometry import HingeLink, hinge_links, posture
 from ..errors import DataError
 from ..track import Track, track_without_filter
 from .consistency import sensor_scores
-from .errors import joint_scores
+from .joints import joint_scores
 from .scores import Evaluation
 from .tracklike import Bools, Floats, Interval
 
@@ -140,14 +140,14 @@ def angles_from_orientations(
         _world_from_link(link, *unit, calibration.mounts[link.sensor][0], still)
         for link, unit in zip(links, units, strict=True)
     ]
-    q = np.full((len(time_s), len(model.joint_names)), np.nan)
+    q = np.full((len(time_s), len(model.coordinate_names)), np.nan)
     off, plain = {}, {}
     good = np.ones(len(time_s), dtype=bool)
     for i, link in enumerate(links):
         good = good & units[i][1]
         before = turned[i - 1] if i else Rotation.identity(len(time_s))
         twist, off[link.joint] = _twist(before.inv() * turned[i], link, still, good)
-        column = list(model.joint_names).index(link.joint)
+        column = list(model.coordinate_names).index(link.joint)
         q[:, column] = rest_q[column] + twist
         if i:
             parent, child = (_bare(units[k][0], calibration.mounts[links[k].sensor][0]) for k in (i - 1, i))

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from ..errors import DataError
+from ..rotation import continuous_quat
 from .tracklike import STAMP_TOLERANCE_S, Bools, Floats
 
 
@@ -31,6 +32,16 @@ def resample(time_s: Floats, value: Floats, at_s: Floats, circular: bool = False
     nearest, same = _coincident(time_s, at_s)
     result[same] = value[nearest[same]]
     return result
+
+
+def resample_rotation(time_s: Floats, quat_wxyz: Floats, at_s: Floats) -> Floats:
+    """Rotations (T, 4) at other stamps (N,), (N, 4).
+
+    Each component of the quaternion, its sign continuous, is resampled like a value; the result is made unit.
+    """
+    quat = continuous_quat(quat_wxyz)
+    found = np.stack([resample(time_s, quat[:, k], at_s) for k in range(4)], axis=1)
+    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
 
 
 def _fill(result: Floats, time_s: Floats, value: Floats, at_s: Floats, circular: bool) -> None:

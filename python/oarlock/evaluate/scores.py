@@ -24,6 +24,13 @@ class JointScore:
     ``coverage`` is the share of samples with |error| <= 1.96 std; ``nees`` is the mean of (error / std)^2, 1 for
     a consistent filter (Bar-Shalom et al. 2001, section 5.4); ``correlation`` is NaN where either signal is
     constant. Not scored (``observed`` False): all numbers are NaN and ``note`` says why.
+
+    A ball joint, and position and rotation of a free joint (`pelvis.position`, `pelvis.rotation`), have an error of
+    three components: of a rotation -e with e = Log(R_est' R_true), in the child's axes. Then ``rmse`` is that of its
+    length, of a rotation the angle between estimate and truth; ``bias`` is the length of its mean, ``mean_std`` that
+    of the standard deviations; ``coverage`` and ``nees`` are means over the three. ``correlation`` takes the three
+    components as one signal, less its mean: the position, or the rotation vector against the truth's mean posture,
+    which no pole disturbs. ``parts`` holds a score of each component, and of each named angle.
     """
 
     name: str
@@ -37,6 +44,7 @@ class JointScore:
     coverage: float
     nees: float
     mean_std: float
+    parts: tuple[JointScore, ...] = ()
 
     @classmethod
     def unscored(cls, name: str, unit: str, note: str) -> JointScore:
@@ -61,18 +69,20 @@ class JointScore:
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-safe, SI, unit in the key; None where there is no number."""
+        """JSON-safe, SI, unit in the key; None where there is no number; parts by name, if there are any."""
+        parts = {"parts": {part.name: part.to_dict() for part in self.parts}} if self.parts else {}
         return {
             "unit": self.unit,
             "observed": self.observed,
             "note": self.row["note"],
             "samples": self.samples,
-            f"rmse_{self.unit}": _number(self.rmse),
-            f"bias_{self.unit}": _number(self.bias),
-            f"mean_std_{self.unit}": _number(self.mean_std),
-            "correlation": _number(self.correlation),
-            "coverage_95": _number(self.coverage),
-            "nees": _number(self.nees),
+            f"rmse_{self.unit}": json_number(self.rmse),
+            f"bias_{self.unit}": json_number(self.bias),
+            f"mean_std_{self.unit}": json_number(self.mean_std),
+            "correlation": json_number(self.correlation),
+            "coverage_95": json_number(self.coverage),
+            "nees": json_number(self.nees),
+            **parts,
         }
 
 
@@ -90,9 +100,9 @@ class PositionScore:
         """JSON-safe, SI."""
         return {
             "samples": self.samples,
-            "rmse_m": _number(self.rmse_m),
-            "axis_rmse_m": [_number(v) for v in self.axis_rmse_m],
-            "axis_correlation": [_number(v) for v in self.axis_correlation],
+            "rmse_m": json_number(self.rmse_m),
+            "axis_rmse_m": [json_number(v) for v in self.axis_rmse_m],
+            "axis_correlation": [json_number(v) for v in self.axis_correlation],
         }
 
 
@@ -113,8 +123,8 @@ class StateScore:
     def to_dict(self) -> dict[str, Any]:
         """JSON-safe."""
         return {
-            "nees_per_state": _number(self.nees),
-            "interval_95": [_number(v) for v in self.interval_95],
+            "nees_per_state": json_number(self.nees),
+            "interval_95": [json_number(v) for v in self.interval_95],
             "beliefs": self.beliefs,
             "degrees": self.degrees,
             "singular": self.singular,
@@ -140,8 +150,8 @@ class SensorScore:
     def to_dict(self) -> dict[str, Any]:
         """JSON-safe."""
         return {
-            "nis_per_measurement": _number(self.nis),
-            "interval_95": [_number(v) for v in self.interval_95],
+            "nis_per_measurement": json_number(self.nis),
+            "interval_95": [json_number(v) for v in self.interval_95],
             "used": self.used,
             "rejected": self.rejected,
             "missing": self.missing,
@@ -151,6 +161,8 @@ class SensorScore:
 @dataclass(frozen=True)
 class Evaluation:
     """A track against truth: ``joints`` in model order, frame ``positions``, ``states``, ``sensors``.
+
+    A free joint stands among ``joints`` twice: `pelvis.position` and `pelvis.rotation`.
 
     ``reference`` names what it was held against; anything but "truth" has errors of its own.
 
@@ -176,32 +188,47 @@ class Evaluation:
 
     @property
     def rows(self) -> tuple[dict[str, Any], ...]:
-        """One row per joint in deg or mm, coverage in percent."""
+        """One row per joint in deg or mm, coverage in percent; position and rotation of a free joint have one each."""
         return tuple(score.row for score in self.joints)
 
-    def hinges(self, names: Sequence[str] | None = None) -> tuple[JointScore, ...]:
-        """The hinges among ``names``, scored or not; default all scored ones."""
+    @property
+    def part_rows(self) -> tuple[dict[str, Any], ...]:
+        """As ``rows``, one per component and per named angle of ball and free joints."""
+        return tuple(part.row for score in self.joints for part in score.parts)
+
+    def turning(self, names: Sequence[str] | None = None) -> tuple[JointScore, ...]:
+        """The joints among ``names`` that turn, scored or not: hinges, balls, rotations of free joints.
+
+        Default all scored ones.
+        """
         chosen = self.joints if names is None else tuple(self[name] for name in names)
         return tuple(
             score for score in chosen if score.unit == "rad" and (score.observed or names is not None)
         )
 
+    def hinges(self, names: Sequence[str] | None = None) -> tuple[JointScore, ...]:
+        """The hinges among ``names``, scored or not; default all scored ones."""
+        return tuple(score for score in self.turning(names) if not score.parts)
+
     def mean_rmse_deg(self, names: Sequence[str] | None = None) -> float:
-        """Mean over hinges of their RMSE, deg; default all scored ones. NaN if one of ``names`` is not scored."""
-        return _mean_of([math.degrees(score.rmse) for score in self.hinges(names)])
+        """Mean over all joints that turn of their RMSE, deg, a ball's being that of its whole angle.
+
+        Default all scored ones. NaN if one of ``names`` is not scored.
+        """
+        return _mean_of([math.degrees(score.rmse) for score in self.turning(names)])
 
     def worst_rmse_deg(self, names: Sequence[str] | None = None) -> float:
-        """Largest RMSE among hinges, deg; as ``mean_rmse_deg``."""
-        errors = [math.degrees(score.rmse) for score in self.hinges(names)]
+        """Largest RMSE among the joints that turn, deg; as ``mean_rmse_deg``."""
+        errors = [math.degrees(score.rmse) for score in self.turning(names)]
         return float(np.max(errors)) if errors else NAN
 
     def mean_coverage(self, names: Sequence[str] | None = None) -> float:
-        """Mean over hinges of the share of samples inside the 95 % band; those without a band are left out."""
-        shares = [score.coverage for score in self.hinges(names)]
+        """Mean over the joints that turn of the share inside the 95 % band; those without a band are left out."""
+        shares = [score.coverage for score in self.turning(names)]
         return _mean_of([share for share in shares if not math.isnan(share)])
 
-    def table(self) -> list[list[str]]:
-        """The joints as text, first row the header; deg and mm."""
+    def table(self, parts: bool = False) -> list[list[str]]:
+        """The joints as text, first row the header; deg and mm. ``parts``: components and named angles instead."""
         header = [
             "joint",
             "unit",
@@ -213,30 +240,35 @@ class Evaluation:
             "mean std",
             "note",
         ]
-        return [header, *(_text_row(row) for row in self.rows)]
+        return [header, *(_text_row(row) for row in (self.part_rows if parts else self.rows))]
 
     def __str__(self) -> str:
-        """The table, aligned."""
-        rows = self.table()
-        widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-        return "\n".join(
-            "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows
-        )
+        """The tables, aligned."""
+        joints, components = aligned(self.table()), aligned(self.table(parts=True))
+        return f"{joints}\n\n{components}" if self.part_rows else joints
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-safe: SI, None where there is no number; the means over all scored hinges in deg."""
+        """JSON-safe: SI, None where there is no number; the means over all scored joints that turn, in deg."""
         return {
             "reference": self.reference,
             "start_s": self.start_s,
             "samples": self.samples,
-            "mean_rmse_deg": _number(self.mean_rmse_deg()),
-            "worst_rmse_deg": _number(self.worst_rmse_deg()),
-            "mean_coverage_95": _number(self.mean_coverage()),
+            "mean_rmse_deg": json_number(self.mean_rmse_deg()),
+            "worst_rmse_deg": json_number(self.worst_rmse_deg()),
+            "mean_coverage_95": json_number(self.mean_coverage()),
             "joints": {score.name: score.to_dict() for score in self.joints},
             "positions": {score.frame: score.to_dict() for score in self.positions},
             "states": self.states.to_dict() if self.states else None,
             "sensors": {score.name: score.to_dict() for score in self.sensors},
         }
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> str:
+    """Rows of cells as lines whose columns stand below each other."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return "\n".join(
+        "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows
+    )
 
 
 def _text_row(row: dict[str, Any]) -> list[str]:
@@ -256,5 +288,6 @@ def _mean_of(values: Sequence[float]) -> float:
     return float(np.mean(values)) if values else NAN
 
 
-def _number(value: float) -> float | None:
+def json_number(value: float) -> float | None:
+    """None where there is no number: JSON has no NaN."""
     return float(value) if math.isfinite(value) else None

@@ -16,13 +16,6 @@ STAMP_TOLERANCE_S = 1e-9
 """Stamps closer than this are the same instant."""
 
 
-class SeriesLike(Protocol):
-    """One joint over time, rad or m."""
-
-    @property
-    def unit(self) -> str: ...
-
-
 class SlowLike(Protocol):
     """One slow state over time, (T,) each, in its own unit."""
 
@@ -67,7 +60,7 @@ class BeliefsLike(Protocol):
 
 
 class TrackLike(Protocol):
-    """A track, estimated or true: (T,) stamps in s, (T, n_joints) in rad or m and their derivatives in s."""
+    """A track, estimated or true: (T,) stamps in s, (T, n_coordinates) in rad or m and their rates per s."""
 
     @property
     def model(self) -> Any: ...
@@ -75,6 +68,8 @@ class TrackLike(Protocol):
     def time_s(self) -> Floats: ...
     @property
     def joint_names(self) -> Sequence[str]: ...
+    @property
+    def coordinate_names(self) -> Sequence[str]: ...
     @property
     def q(self) -> Floats: ...
     @property
@@ -98,7 +93,7 @@ class TrackLike(Protocol):
     @property
     def smoothed(self) -> bool: ...
 
-    def __getitem__(self, name: str, /) -> SeriesLike: ...
+    def __getitem__(self, name: str, /) -> Any: ...
 
     def frame_positions(self, frame: str, /) -> Floats: ...
 

@@ -15,19 +15,12 @@ from pyarrow import parquet
 from oarlock._core import Model
 from oarlock.errors import DataError
 from oarlock.io.toml import TomlTable, write_toml
-from oarlock.track import Beliefs, SensorInfo, SlowSeries, Track
+from oarlock.track import Track
+from oarlock.track_columns import FIELDS, column_name, observed_name
+from oarlock.track_records import Beliefs, SensorInfo, SlowSeries
 
 FORMAT = 1
 _COUNTS = ("used", "rejected", "missing")
-_COLUMNS = {
-    "q": "",
-    "q_std": "std_",
-    "qd": "velocity_",
-    "qd_std": "velocity_std_",
-    "qdd": "acceleration_",
-    "qdd_std": "acceleration_std_",
-}
-_PER = {"q": "", "qd": "_s", "qdd": "_s2"}
 
 
 def write_track(track: Track, folder: str | PathLike[str]) -> None:
@@ -58,13 +51,15 @@ def read_track(folder: str | PathLike[str]) -> Track:
         )
     top = _read_description(place / "run.toml")
     table = _read(place / "track.parquet")
-    names, units = tuple(top["joints"]["names"]), tuple(top["joints"]["units"])
+    # tracks of hinges and slides alone were once written without coordinates: theirs are the joints
+    coordinates = top.get("coordinates", top["joints"])
+    names, units = tuple(coordinates["names"]), tuple(coordinates["units"])
     try:
         arrays: dict[str, Any] = {
-            field: _stack(table, [_column(n, u, field) for n, u in zip(names, units, strict=True)])
-            for field in _COLUMNS
+            field: _stack(table, [column_name(n, u, field) for n, u in zip(names, units, strict=True)])
+            for field in FIELDS
         }
-        observed = _stack(table, [f"{n}_observed" for n in names]) > 0.5
+        observed = _stack(table, [observed_name(n) for n in names]) > 0.5
         slow = {
             name: SlowSeries(_one(table, f"{name} [{unit}]"), _one(table, f"{name} std [{unit}]"), unit)
             for name, unit in top["slow"].items()
@@ -77,8 +72,11 @@ def read_track(folder: str | PathLike[str]) -> Track:
     return Track(
         model=_model(place, top["provenance"]),
         time_s=time_s,
-        joint_names=names,
-        joint_units=units,
+        joint_names=tuple(top["joints"]["names"]),
+        joint_units=tuple(top["joints"]["units"]),
+        coordinate_names=names,
+        coordinate_units=units,
+        angle_sequences=dict(top.get("angle_sequences", {})),
         observed=observed,
         slow=slow,
         info=_info(place / "sensors.parquet", tuple(top["sensors"])),
@@ -106,14 +104,13 @@ def _read_description(file: Path) -> Mapping[str, Any]:
             raise DataError(
                 f"{file}: key '{key}' is missing or no {kind.__name__}; track the recording again"
             )
-    if not {"names", "units"} <= set(top["joints"]):
-        raise DataError(f"{file}: [joints] needs the lists 'names' and 'units'; track the recording again")
+    for table in ("joints", "coordinates"):
+        given = top.get(table, top["joints"])
+        if not isinstance(given, Mapping) or not {"names", "units"} <= set(given):
+            raise DataError(
+                f"{file}: [{table}] needs the lists 'names' and 'units'; track the recording again"
+            )
     return top
-
-
-def _column(name: str, unit: str, field: str) -> str:
-    """The name that `Track.columns` gives it."""
-    return f"{name}_{_COLUMNS[field]}{unit}{_PER[field.removesuffix('_std')]}"
 
 
 def _description(track: Track) -> dict[str, Any]:
@@ -124,6 +121,8 @@ def _description(track: Track) -> dict[str, Any]:
         "sensors": list(track.info.sensor_names) if track.info else [],
         "states": list(track.beliefs.state_names) if track.beliefs else [],
         "joints": {"names": list(track.joint_names), "units": list(track.joint_units)},
+        "coordinates": {"names": list(track.coordinate_names), "units": list(track.coordinate_units)},
+        "angle_sequences": dict(track.angle_sequences),
         "slow": {name: slow.unit for name, slow in track.slow.items()},
         "provenance": _with_none_named(track.provenance),
     }

@@ -99,7 +99,7 @@ def skeleton(model: Model, q: ArrayLike) -> Skeleton:
 
     Args:
         model: the model.
-        q: joint values (n_joints,), rad or m.
+        q: values of the coordinates (n_coordinates,), rad or m.
 
     Raises:
         ValueError: q has the wrong shape.
@@ -109,8 +109,14 @@ def skeleton(model: Model, q: ArrayLike) -> Skeleton:
     poses = np.asarray(model.forward_kinematics(np.asarray(q, dtype=np.float64)), dtype=np.float64)
     place = {frame["name"]: pose for frame, pose in zip(frames, poses, strict=True)}
     moving = _moving(frames)
+    kinds = {joint["name"]: joint["kind"] for joint in description["joints"]}
+    links = [
+        link
+        for frame in frames
+        for link in _links(frame, place, frame["name"] in moving, kinds.get(frame["joint"], "fixed"))
+    ]
     return Skeleton(
-        links=tuple(link for frame in frames for link in _links(frame, place, frame["name"] in moving)),
+        links=tuple(links),
         spots=_spots(frames, place, {sensor.get("frame") for sensor in description["sensors"]}),
         gaps=tuple(_gap(closure, place) for closure in description["closures"]),
         up=_unit(description["world"]["up"]),
@@ -126,14 +132,15 @@ def _moving(frames: Sequence[Mapping[str, Any]]) -> set[str]:
     return moving
 
 
-def _links(frame: Mapping[str, Any], place: Mapping[str, Vector], moves: bool) -> list[Link]:
-    if frame["parent"] is None:
+def _links(frame: Mapping[str, Any], place: Mapping[str, Vector], moves: bool, kind: str) -> list[Link]:
+    # nothing joins a free body to its parent
+    if frame["parent"] is None or kind == "free":
         return []
     parent, child = place[frame["parent"]], place[frame["name"]]
     start, end = parent[:3, 3], child[:3, 3]
     # a Denavit-Hartenberg row goes along x, then along the joint's z: a spine, then a collar bone
     corner = end - float((end - start) @ parent[:3, 2]) * parent[:3, 2]
-    ends = (start, corner, end) if frame["joint"] is not None else (start, end)
+    ends = (start, corner, end) if kind in ("hinge", "slide") else (start, end)
     return [Link(a, b, moves) for a, b in pairwise(ends) if float(np.linalg.norm(b - a)) > SAME_POINT_M]
 
 

@@ -1,15 +1,18 @@
-"""One small drawing per joint: its whole course, and a few seconds of its error inside its own band."""
+"""One small drawing per joint, three of a ball: its whole course, and a few seconds of its error inside its band."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from html import escape
 
 import numpy as np
 
+from ..coordinates import Part, parts
 from ..evaluate import Evaluation, JointScore, presentation
-from ..evaluate.errors import BAND_95, joint_error
+from ..evaluate.angles import angle_error, named_angles
+from ..evaluate.errors import BAND_95, part_error
+from ..evaluate.joints import part_unit
 from ..evaluate.tracklike import Bools, Floats, Interval, TrackLike
 from . import plot
 from .text import MINUS, breakable, number, percent
@@ -24,7 +27,7 @@ SETTLED_SHARE = 0.05
 
 @dataclass(frozen=True)
 class Curve:
-    """One joint in the unit that is drawn (deg, m or mm); (T,) each."""
+    """A hinge, a slide, an axis of a position or a named angle in the unit that is drawn (deg, m or mm); (T,) each."""
 
     name: str
     unit: str
@@ -34,6 +37,7 @@ class Curve:
     half_band: Floats
     error: Floats | None
     observed: Bools
+    near_singular: Bools = field(default_factory=lambda: np.zeros(0, dtype=bool))
     reference: str = "truth"
 
     @property
@@ -46,11 +50,14 @@ def curves_section(track: TrackLike, truth: TrackLike | None, evaluation: Evalua
     """The grid of drawings with its legend."""
     reference = "truth" if evaluation is None or evaluation.reference == "truth" else "reference"
     window = detail_window(track, truth)
+    drawn = [curve for part in parts(track.coordinate_names) for curve in _curves(track, truth, part)]
     figures = "".join(
-        _figure(i, replace(_curve(track, truth, i), reference=reference), window, _score(evaluation, name))
-        for i, name in enumerate(track.joint_names)
+        _figure(i, replace(curve, reference=reference), window, _score(evaluation, curve.name))
+        for i, curve in enumerate(drawn)
     )
-    return f'{_legend(reference if truth is not None else None, window)}<div class="grid-figures tall">{figures}</div>'
+    near = _singular_hint() if any(curve.near_singular.any() for curve in drawn) else ""
+    shown = reference if truth is not None else None
+    return f'{_legend(shown, window)}{near}<div class="grid-figures tall">{figures}</div>'
 
 
 def detail_window(track: TrackLike, truth: TrackLike | None) -> Interval:
@@ -62,17 +69,51 @@ def detail_window(track: TrackLike, truth: TrackLike | None) -> Interval:
     return Interval(middle - half, middle + half)
 
 
-def _curve(track: TrackLike, truth: TrackLike | None, i: int) -> Curve:
-    name = track.joint_names[i]
-    angle = track[name].unit == "rad"
-    value, std = track.q[:, i], track.q_std[:, i]
+def _curves(track: TrackLike, truth: TrackLike | None, part: Part) -> list[Curve]:
+    """One of a hinge or slide, three of a position; of a rotation its named angles, without bands near a pole."""
+    columns = list(part.columns)
+    observed: Bools = np.asarray(track.observed[:, columns].all(axis=1))
+    if part.kind == "rotation":
+        angles = named_angles(track, part)
+        near = angles.near_singular
+        names, value = angles.names, angles.value
+        std = np.where(near[:, None], np.nan, angles.std)
+        error = None if truth is None else angle_error(track, truth, part)
+    else:
+        near = np.zeros(len(track.time_s), dtype=bool)
+        names = tuple(track.coordinate_names[column] for column in columns)
+        value, std = track.q[:, columns], track.q_std[:, columns]
+        error = None if truth is None else part_error(track, truth, part)
+    unit = part_unit(track, part)
+    return [
+        _curve(
+            track,
+            name,
+            unit,
+            (value[:, k], std[:, k], None if error is None else error[:, k]),
+            observed,
+            near,
+        )
+        for k, name in enumerate(names)
+    ]
+
+
+def _curve(
+    track: TrackLike,
+    name: str,
+    si_unit: str,
+    series: tuple[Floats, Floats, Floats | None],
+    observed: Bools,
+    near_singular: Bools,
+) -> Curve:
+    value, std, error = series
+    angle = si_unit == "rad"
     travel = float(np.nanmax(value) - np.nanmin(value)) if np.isfinite(value).any() else 0.0
     unit, factor = ("deg", 180 / math.pi) if angle else (("m", 1.0) if travel > 0.1 else ("mm", 1e3))
-    error = joint_error(track, truth, name) * factor if truth is not None else None
     shown = _unwrapped(value) if angle else value
-    return Curve(
-        name, unit, factor, track.time_s, shown * factor, BAND_95 * std * factor, error, track.observed[:, i]
-    )
+    half = BAND_95 * std * factor
+    scaled = None if error is None else error * factor
+    return Curve(name, unit, factor, track.time_s, shown * factor, half, scaled, observed, near_singular)
 
 
 def _unwrapped(angle_rad: Floats) -> Floats:
@@ -141,7 +182,8 @@ def _course(curve: Curve, window: Interval) -> str:
     parts = [
         plot.span(panel, window.start_s, window.end_s, "detail") if _has_error(curve, window) else "",
         plot.axes(panel),
-        _unseen_spans(panel, curve),
+        _spans(panel, curve.time_s, curve.near_singular, "singular-span"),
+        _spans(panel, curve.time_s, ~curve.observed, "unseen-span") if curve.seen else "",
         '<g clip-path="url(#plot-clip)">',
     ]
     parts += [plot.band(panel, curve.time_s, low, high, "band")]
@@ -207,17 +249,24 @@ def _panel(curve: Curve, top: float, height: float, y_range: tuple[float, float]
     return plot.over_time(curve.time_s, (LEFT, top, WIDTH - LEFT - RIGHT, height), y_range)
 
 
-def _unseen_spans(panel: plot.Panel, curve: Curve) -> str:
-    if not curve.seen:
-        return ""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], ~curve.observed, [False]]).astype(np.int8)))
+def _spans(panel: plot.Panel, time_s: Floats, marked: Bools, style: str) -> str:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(np.int8)))
     pairs = edges.reshape(-1, 2)[:200]
-    return "".join(plot.span(panel, curve.time_s[a], curve.time_s[b - 1], "unseen-span") for a, b in pairs)
+    return "".join(plot.span(panel, time_s[a], time_s[b - 1], style) for a, b in pairs)
+
+
+def _singular_hint() -> str:
+    return (
+        '<p class="hint">Tinted grey: the middle angle of a ball or free joint is within 15 deg of a pole. Its first '
+        "and last angle mean little there, only their sum or difference does; bands and errors are left out, and the "
+        "orientation itself is as good as elsewhere.</p>"
+    )
 
 
 def _score(evaluation: Evaluation | None, name: str) -> JointScore | None:
     scores = evaluation.joints if evaluation else ()
-    return next((score for score in scores if score.name == name), None)
+    shown = [part for score in scores for part in (score, *score.parts)]
+    return next((score for score in shown if score.name == name), None)
 
 
 def clip_definition() -> str:

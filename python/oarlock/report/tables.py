@@ -4,23 +4,33 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from html import escape
 from typing import Any
 
 import numpy as np
 
+from ..coordinates import Part, parts
 from ..evaluate import Evaluation, JointScore, PositionScore, StateScore, presentation
-from ..evaluate.tracklike import Floats, TrackLike
+from ..evaluate.angles import named_angles
+from ..evaluate.errors import seen
+from ..evaluate.joints import part_unit
+from ..evaluate.tracklike import Bools, Floats, TrackLike
+from ..rotation import mean_quat, quat_from_rotvec, rotvec_between
 from .text import DASH, breakable, decimals, fixed, number, percent, plural
 from .verdict import NARROW_COVERAGE, WIDE_COVERAGE
 
 
 def table(
-    key: str, caption: str, head: Sequence[str], rows: Sequence[Sequence[str]], muted: Sequence[int] = ()
+    key: str,
+    caption: str,
+    head: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    styles: Mapping[int, str] | None = None,
 ) -> str:
-    """A table whose first column is a row header; cells are markup already. ``muted`` rows are greyed."""
+    """A table whose first column is a row header; cells are markup already. ``styles`` are classes of rows."""
     header = "".join(f'<th scope="col">{escape(name)}</th>' for name in head)
-    body = "".join(_row(cells, i in muted) for i, cells in enumerate(rows))
+    body = "".join(_row(cells, (styles or {}).get(i, "")) for i, cells in enumerate(rows))
     return (
         f'<div class="scroll" tabindex="0" role="region" aria-labelledby="{key}-caption">'
         f'<table id="{key}-table"><caption id="{key}-caption"><span>{escape(caption)}</span></caption>'
@@ -29,48 +39,115 @@ def table(
     )
 
 
-def _row(cells: Sequence[str], muted: bool) -> str:
+def _row(cells: Sequence[str], style: str) -> str:
     first, *others = cells
-    style = ' class="muted"' if muted else ""
-    return f'<tr{style}><th scope="row">{first}</th>{"".join(f"<td>{cell}</td>" for cell in others)}</tr>'
+    marked = f' class="{style}"' if style else ""
+    return f'<tr{marked}><th scope="row">{first}</th>{"".join(f"<td>{cell}</td>" for cell in others)}</tr>'
 
 
 def joints_table(track: TrackLike, evaluation: Evaluation | None) -> str:
-    """Per joint: range of motion and band; with truth also error, correlation, coverage and NEES."""
-    scores = {score.name: score for score in evaluation.joints} if evaluation else {}
+    """Per joint: range of motion and band; with truth also error, correlation, coverage and NEES.
+
+    Below a ball joint, a position and the rotation of a free joint stand their components and named angles.
+    """
+    scores = (
+        {score.name: score for joint in evaluation.joints for score in (joint, *joint.parts)}
+        if evaluation
+        else {}
+    )
     after_s = evaluation.start_s if evaluation else 0.0
     kept = track.time_s >= track.time_s[0] + after_s
-    rows, muted = [], []
-    for i, name in enumerate(track.joint_names):
-        seen = bool(np.mean(track.observed[kept, i]) >= 0.5) if kept.any() else False
-        if not seen:
-            muted.append(i)
-        rows.append(_joint_row(track, i, kept, scores.get(name), seen))
+    rows: list[list[str]] = []
+    styles: dict[int, str] = {}
+    several = False
+    for part in parts(track.coordinate_names):
+        observed = kept.any() and seen(track, part, kept)
+        if not observed:
+            styles[len(rows)] = "muted"
+        whole, *components = _shown(track, part, kept)
+        rows.append(_joint_row(whole, scores.get(part.name), observed))
+        for shown in components if observed else ():
+            several, styles[len(rows)] = True, "part"
+            rows.append(_joint_row(shown, scores.get(shown.name), observed))
     head = ["joint", "unit", "range of motion", "mean std"]
     if evaluation:
         head += ["RMSE", "mean error", "correlation", "in 95 % band", "NEES"]
-    return table("joints", _joints_caption(evaluation), head, _aligned(rows, len(head)), muted)
+    return table("joints", _joints_caption(evaluation, several), head, _aligned(rows, len(head)), styles)
 
 
-def _joints_caption(evaluation: Evaluation | None) -> str:
+_SEVERAL = (
+    " A ball joint, and the rotation of a free joint, has the angle of its whole error; below it stand the errors "
+    "about the child's axes (rx, ry, rz) and those of its named angles, away from their poles."
+)
+
+
+def _joints_caption(evaluation: Evaluation | None, several: bool) -> str:
     if evaluation is None:
-        return "Joints in the order of the model: hinges in degrees, slides in millimetres."
+        plain = "Joints in the order of the model: angles in degrees, lengths in millimetres."
+        return plain + (" Below a ball joint stand its components and its named angles." if several else "")
     reference = "truth" if evaluation.reference == "truth" else "reference"
     return (
         f"Joints in the order of the model, scored without the first {evaluation.start_s:g} s: hinges in degrees, "
         "slides in millimetres. Mean std is what the track claims, RMSE what it does. NEES is 1 when both agree. "
         f"▲ marks a band that holds the {reference} less than {percent(NARROW_COVERAGE)} of the time, "
-        f"▽ one that does so more than {percent(WIDE_COVERAGE)}."
+        f"▽ one that does so more than {percent(WIDE_COVERAGE)}." + (_SEVERAL if several else "")
     )
 
 
-def _joint_row(track: TrackLike, i: int, kept: Floats, score: JointScore | None, seen: bool) -> list[str]:
-    name = track.joint_names[i]
-    factor, unit = presentation(track[name].unit)
-    if not seen:
-        return [breakable(name), unit, "not observed"]
-    value, std = track.q[kept, i] * factor, track.q_std[kept, i] * factor
-    cells = [breakable(name), unit, _extent(value), number(_nanmean(std))]
+@dataclass(frozen=True)
+class _Shown:
+    """A row: its range as text (in the unit that is shown) and its mean standard deviation, rad or m."""
+
+    name: str
+    unit: str
+    extent: str
+    mean_std: float
+
+
+def _shown(track: TrackLike, part: Part, kept: Bools) -> list[_Shown]:
+    """The rows of a part: itself, then its components and named angles."""
+    columns, unit = list(part.columns), part_unit(track, part)
+    value, std = track.q[kept][:, columns], track.q_std[kept][:, columns]
+    names = [track.coordinate_names[column] for column in columns]
+    single = [
+        _Shown(name, unit, _extent(value[:, k], unit), _nanmean(std[:, k])) for k, name in enumerate(names)
+    ]
+    if part.kind == "scalar":
+        return single
+    claimed = _nanmean(np.linalg.norm(std, axis=1))
+    if part.kind == "position":
+        return [_Shown(part.name, unit, DASH, claimed), *single]
+    angles = named_angles(track, part)
+    named = [
+        _Shown(
+            name,
+            unit,
+            _extent(angles.value[kept, k], unit),
+            _nanmean(angles.std[kept & ~angles.near_singular, k]),
+        )
+        for k, name in enumerate(angles.names)
+    ]
+    return [
+        _Shown(part.name, unit, _reach(value), claimed),
+        *(replace(s, extent=DASH) for s in single),
+        *named,
+    ]
+
+
+def _reach(rotvec_rad: Floats) -> str:
+    """How far rotations (N, 3) go from their mean."""
+    quat = quat_from_rotvec(rotvec_rad[np.isfinite(rotvec_rad).all(axis=1)])
+    if not len(quat):
+        return DASH
+    away = np.linalg.norm(rotvec_between(mean_quat(quat), quat), axis=1)
+    return f"within {fixed(math.degrees(float(away.max())), 1)} of its mean"
+
+
+def _joint_row(shown: _Shown, score: JointScore | None, observed: bool) -> list[str]:
+    factor, unit = presentation(shown.unit)
+    if not observed:
+        return [breakable(shown.name), unit, "not observed"]
+    cells = [breakable(shown.name), unit, shown.extent, number(shown.mean_std * factor)]
     if score is None:
         return cells
     if not score.observed:
@@ -92,7 +169,8 @@ def _coverage(share: float) -> str:
     return percent(share)
 
 
-def _extent(value: Floats) -> str:
+def _extent(si_value: Floats, si_unit: str) -> str:
+    value = si_value * presentation(si_unit)[0]
     finite = value[np.isfinite(value)]
     return f"{fixed(float(finite.min()), 1)} to {fixed(float(finite.max()), 1)}" if len(finite) else DASH
 

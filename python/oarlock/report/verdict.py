@@ -7,6 +7,7 @@ from html import escape
 
 import numpy as np
 
+from ..coordinates import joint_columns
 from ..evaluate import Evaluation, SensorScore
 from ..evaluate.tracklike import TrackLike
 from .text import fixed, listing, number, percent, plural
@@ -26,8 +27,10 @@ def summary(track: TrackLike, evaluation: Evaluation | None, sensors: tuple[Sens
 
 
 def observed_joints(track: TrackLike) -> list[str]:
-    """Names of the joints that some sensor saw at least half of the time."""
-    return [name for i, name in enumerate(track.joint_names) if np.mean(track.observed[:, i]) >= 0.5]
+    """Names of the joints that the sensors pinned down, in all their coordinates, at least half of the time."""
+    columns = joint_columns(track.coordinate_names)
+    seen = {name: track.observed[:, list(own)].all(axis=1) for name, own in columns.items()}
+    return [name for name in track.joint_names if np.mean(seen[name]) >= 0.5]
 
 
 def rate_hz(track: TrackLike) -> float:
@@ -46,8 +49,8 @@ def key_figures(track: TrackLike, evaluation: Evaluation | None, sensors: tuple[
         ),
         ("joints observed", f"{len(observed_joints(track))} of {len(track.joint_names)}", _unseen(track)),
     ]
-    if evaluation and evaluation.hinges():
-        worst = max(evaluation.hinges(), key=lambda score: score.rmse)
+    if evaluation and evaluation.turning():
+        worst = max(evaluation.turning(), key=lambda score: score.rmse)
         detail = f"worst {number(math.degrees(worst.rmse), 2)}°, {worst.name}"
         figures.append(("mean angle RMSE", f"{number(evaluation.mean_rmse_deg(), 2)}°", detail))
         expected = "95 % is expected" if evaluation.reference == "truth" else evaluation.reference
@@ -98,20 +101,21 @@ def _seen_words(seen: int, total: int) -> str:
 def _how_well(evaluation: Evaluation | None) -> str:
     if evaluation is None:
         return "There is no truth to compare with: the bands say what the track claims, not how wrong it is."
-    hinges = evaluation.hinges()
-    if not hinges:
-        return "No observed hinge has a truth to compare with."
-    worst = max(hinges, key=lambda score: score.rmse)
+    turning = evaluation.turning()
+    if not turning:
+        return "No observed joint that turns has a truth to compare with."
+    worst = max(turning, key=lambda score: score.rmse)
+    noun = "joint" if any(score.parts for score in turning) else "hinge"
     if evaluation.reference != "truth":
         return (
             f"From {escape(evaluation.reference)}, which have errors of their own, the angles differ by "
-            f"<b>{number(evaluation.mean_rmse_deg(), 2)}°</b> (RMSE, mean over {plural(len(hinges), 'hinge')}, "
+            f"<b>{number(evaluation.mean_rmse_deg(), 2)}°</b> (RMSE, mean over {plural(len(turning), noun)}, "
             f"without the first {evaluation.start_s:g} s); most at {escape(worst.name)}, by "
             f"{number(math.degrees(worst.rmse), 2)}°."
         )
     return (
         f"Against truth the angles are wrong by <b>{number(evaluation.mean_rmse_deg(), 2)}°</b> (RMSE, mean "
-        f"over {plural(len(hinges), 'hinge')}, without the first {evaluation.start_s:g} s); the largest is "
+        f"over {plural(len(turning), noun)}, without the first {evaluation.start_s:g} s); the largest is "
         f"{number(math.degrees(worst.rmse), 2)}° at {escape(worst.name)}."
     )
 
@@ -137,7 +141,7 @@ def _bands(evaluation: Evaluation | None) -> str:
         return f"Not its bands: they hold the truth only {shown} of the time instead of 95 %, far too narrow."
     if share < NARROW_COVERAGE:
         return f"Not fully: the 95 % bands hold the truth only {shown} of the time, so they are too narrow."
-    narrow = [s.name for s in evaluation.hinges() if s.coverage < NARROW_COVERAGE]
+    narrow = [s.name for s in evaluation.turning() if s.coverage < NARROW_COVERAGE]
     wide = share > WIDE_COVERAGE
     lead = "Yes, the bands are even wider than needed" if wide else "Yes, the bands are honest"
     but = f" Too narrow alone: {escape(listing(narrow))}." if narrow else ""

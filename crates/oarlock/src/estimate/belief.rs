@@ -1,6 +1,7 @@
 //! What the filter believes at one instant.
 
 use super::dense::Square;
+use super::System;
 
 /// Time, mean and covariance: the one thing that a step replaces.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,4 +20,57 @@ pub struct Belief {
     pub seen_s: Vec<f64>,
     /// Per part of the measurement vector: since when it has been rejected without a break, NaN if it is not.
     pub rejected_since_s: Vec<f64>,
+    /// Per source: what is remembered of its latest readings to tell whether it rests; `estimate` only keeps it.
+    pub memory: Vec<[f64; MEMORY]>,
+    /// Which hypothesis this is: 1, and behind each parting of ways its parent's number times `BRANCHES` plus its own.
+    pub line: u64,
+    /// Logarithm of its likelihood, against that of the others.
+    pub score: f64,
+    /// Other hypotheses that are still alive, none of them with rivals of its own.
+    pub rivals: Vec<Belief>,
+}
+
+/// Numbers remembered of a source.
+pub const MEMORY: usize = 8;
+/// Most hypotheses into which one parts.
+pub const BRANCHES: u64 = 12;
+
+impl Belief {
+    /// Whether the hypothesis `line` is this one or came from it.
+    pub fn leads_to(&self, mut line: u64) -> bool {
+        while line > self.line {
+            line /= BRANCHES;
+        }
+        line == self.line
+    }
+
+    /// The one of this and its rivals that leads to `line`, alone; this one if none does.
+    pub fn alone(&self, line: u64) -> Belief {
+        let on_the_way = std::iter::once(self).chain(&self.rivals).find(|b| b.leads_to(line));
+        let chosen = on_the_way.unwrap_or(self);
+        Belief { rivals: Vec::new(), ..chosen.clone() }
+    }
+
+    /// Standard deviations into `std`; while there are rivals, those of all together about this one's mean.
+    pub fn spread<S: System>(&self, system: &S, std: &mut [f64]) {
+        self.covariance.diagonal(std);
+        if !self.rivals.is_empty() {
+            self.mix(system, std);
+        }
+        std.iter_mut().for_each(|x| *x = x.max(0.0).sqrt());
+    }
+
+    fn mix<S: System>(&self, system: &S, variance: &mut [f64]) {
+        let weight = |b: &Belief| (b.score - self.score).min(0.0).exp();
+        let total = 1.0 + self.rivals.iter().map(weight).sum::<f64>();
+        let mut away = vec![0.0; variance.len()];
+        variance.iter_mut().for_each(|v| *v /= total);
+        for rival in &self.rivals {
+            system.difference(&rival.mean, &self.mean, &mut away);
+            let share = weight(rival) / total;
+            for (i, (v, d)) in variance.iter_mut().zip(&away).enumerate() {
+                *v += share * (rival.covariance.at(i, i) + d * d);
+            }
+        }
+    }
 }

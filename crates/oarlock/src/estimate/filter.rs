@@ -9,7 +9,7 @@ use super::dense::{accumulate, cholesky_of_gram, factor_of_covariance, solve_tra
 use super::gate::{self, Room};
 use super::learn::{Correction, Learning};
 use super::sigma::{Fan, Spread};
-use super::transition::Transition;
+use super::transition::{carry, Block, Transition};
 use super::System;
 use std::ops::Range;
 
@@ -48,6 +48,8 @@ pub struct Info {
     pub inertial: (f64, usize),
     /// In the order of the sources.
     pub sources: Vec<SourceInfo>,
+    /// How well the readings fit, as the logarithm of a likelihood; what was rejected counts as just tolerable.
+    pub evidence: f64,
 }
 
 impl Info {
@@ -59,6 +61,7 @@ impl Info {
             nis: f64::NAN,
             inertial: (f64::NAN, 0),
             sources: vec![none; groups.sources.len()],
+            evidence: 0.0,
         }
     }
 }
@@ -129,6 +132,10 @@ pub struct Filter<S: System> {
     before: Vec<f64>,
     fresh: Vec<f64>,
     since_s: f64,
+    carried: Vec<Block>,
+    /// Of what the last update rejected.
+    rejected_nis: f64,
+    rejected_rows: usize,
 }
 
 impl<S: System> Filter<S> {
@@ -154,6 +161,9 @@ impl<S: System> Filter<S> {
             before: vec![0.0; n],
             fresh: vec![0.0; n],
             since_s: 0.0,
+            carried: Vec::with_capacity(n),
+            rejected_nis: 0.0,
+            rejected_rows: 0,
         }
     }
 
@@ -167,7 +177,7 @@ impl<S: System> Filter<S> {
     pub fn predict(&mut self, system: &S, belief: &mut Belief, to_s: f64, transition: &mut Transition) {
         belief.covariance.diagonal(&mut self.variance);
         let dt = to_s - belief.time_s;
-        system.transition(dt, &self.variance, &belief.drive, transition);
+        system.transition(dt, &belief.mean, &self.variance, &belief.drive, transition);
         transition.apply_to_mean(&mut belief.mean);
         transition.apply_to_covariance(&mut belief.covariance, &mut self.rows);
         belief.time_s = to_s;
@@ -235,6 +245,7 @@ impl<S: System> Filter<S> {
     fn judge(&mut self, sighting: Sighting, manner: Manner, belief: &mut Belief) {
         let gate = manner.gate;
         let groups = sighting.groups;
+        (self.rejected_nis, self.rejected_rows) = (0.0, 0);
         for (p, rows) in groups.parts.iter().enumerate() {
             let count = self.used[rows.clone()].iter().filter(|&&u| u).count();
             if count == 0 {
@@ -254,6 +265,10 @@ impl<S: System> Filter<S> {
             let odd = absurd || (gate.on && patient && nis > slack * habit.max(1.0) * gate::threshold(count));
             if !barred {
                 *habit = manner.learning.habit(*habit, self.since_s, nis / count as f64);
+            }
+            if odd && !barred {
+                self.rejected_nis += nis.min(slack * gate::threshold(count));
+                self.rejected_rows += count;
             }
             if barred || odd {
                 self.used[rows.clone()].fill(false);
@@ -306,6 +321,8 @@ impl<S: System> Filter<S> {
         accumulate(&mut self.b, self.y.iter().copied().zip(self.fan.g.chunks_exact(width)));
         solve_transposed(&self.gram, 0, &mut self.b);
         info.nis = squared(&self.y) - squared(&self.b);
+        let rows = self.used.iter().filter(|&&used| used).count() + self.rejected_rows;
+        info.evidence = evidence(info.nis + self.rejected_nis, rows);
         self.solve_for_x(n, width - n);
         self.shift.fill(0.0);
         let b2 = &self.b[width - n..];
@@ -319,6 +336,9 @@ impl<S: System> Filter<S> {
             accumulate(row, (n - 1 - i..n).map(|k| (x.at(k, i), &x.row(k)[i..])));
         }
         belief.covariance.mirror_upper();
+        self.carried.clear();
+        system.carry(&self.shift, &mut self.carried);
+        self.carried.iter().for_each(|block| carry(block, &mut belief.covariance, &mut self.rows));
         let finite = belief.mean.iter().all(|x| x.is_finite());
         if finite {
             Ok(())
@@ -341,6 +361,16 @@ impl<S: System> Filter<S> {
             row[start..].iter_mut().for_each(|x| *x *= scale);
         }
     }
+}
+
+/// So many samples in a row say the same: what a model gets wrong lasts.
+const SAMPLES_ALIKE: f64 = 4.0;
+
+/// Of a Student distribution with as many degrees of freedom as rows, so that a jolt decides nothing. Its determinant is
+/// left out: while a body rests it would favour whatever posture predicts least motion.
+fn evidence(nis: f64, rows: usize) -> f64 {
+    let rows = rows.max(1) as f64;
+    -0.5 * rows * (nis / rows).ln_1p() / SAMPLES_ALIKE
 }
 
 fn squared(v: &[f64]) -> f64 {

@@ -15,7 +15,7 @@ pub struct Learning {
 /// standard deviations) twice in ten thousand.
 const LARGEST_RATIO: f64 = 14.0;
 /// Range of the factor on the variance.
-const RANGE: (f64, f64) = (1e-4, 1e4);
+const RANGE: (f64, f64) = (0.1, 1e4);
 
 /// What one update did to one driven coordinate.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -5,7 +5,7 @@
 //! textbook transform (Wan and van der Merwe 2000) rearranged, equal to it while beta >= alpha^2.
 
 use super::dense::Square;
-use super::{Partition, System};
+use super::{Partition, Points, System};
 use crate::lane::{Lane, LANES};
 
 /// Spread of the sigma points.
@@ -41,7 +41,6 @@ pub struct Fan {
     pub width: usize,
     off: Vec<Lane>,
     delta: Vec<Lane>,
-    state: Vec<Lane>,
     out: Vec<Lane>,
 }
 
@@ -67,7 +66,6 @@ impl Fan {
             width,
             off: vec![Lane([0.0; LANES]); inputs],
             delta: vec![Lane([0.0; LANES]); n],
-            state: vec![Lane([0.0; LANES]); n],
             out: vec![Lane([0.0; LANES]); rows],
         }
     }
@@ -91,8 +89,8 @@ impl Fan {
             let count = LANES.min(total - first);
             let points = first..first + count;
             self.place(points.clone(), part, factor, reach, system.input_std());
-            system.retract(mean, &self.delta, &mut self.state);
-            system.readings(moment, scratch, &self.state, &self.off, &mut self.out);
+            let at = Points { mean, delta: &self.delta, off: &self.off };
+            system.readings(moment, scratch, at, &mut self.out);
             self.gather(points, part);
             first += count;
         }

@@ -3,7 +3,7 @@
 use super::belief::Belief;
 use super::dense::{accumulate, factor_of_covariance, Square};
 use super::filter::Lost;
-use super::transition::Transition;
+use super::transition::{carry, Block, Transition};
 use super::System;
 
 /// Workspace of a smoother.
@@ -14,6 +14,8 @@ pub struct Smoother {
     product: Square,
     step: Vec<f64>,
     shift: Vec<f64>,
+    carried: Vec<Block>,
+    rows: [Vec<f64>; 3],
 }
 
 impl Smoother {
@@ -25,6 +27,8 @@ impl Smoother {
             product: Square::zeros(n),
             step: vec![0.0; n],
             shift: vec![0.0; n],
+            carried: Vec::new(),
+            rows: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
         }
     }
 
@@ -43,8 +47,11 @@ impl Smoother {
         let n = self.factor.n();
         self.shift.fill(0.0);
         accumulate(&mut self.shift, (0..n).map(|j| (self.step[j], self.gain.row(j))));
+        self.move_covariance(system, filtered, predicted, next);
         system.shift(&mut filtered.mean, &self.shift);
-        self.move_covariance(filtered, predicted, next);
+        self.carried.clear();
+        system.carry(&self.shift, &mut self.carried);
+        self.carried.iter().for_each(|block| carry(block, &mut filtered.covariance, &mut self.rows));
         Ok(())
     }
 
@@ -76,11 +83,16 @@ impl Smoother {
         Ok(())
     }
 
-    /// P + K (Pn - Pp) K'.
-    fn move_covariance(&mut self, filtered: &mut Belief, predicted: &Belief, next: &Belief) {
+    /// P + K (Pn - Pp) K', with Pn seen from the predicted mean.
+    fn move_covariance<S: System>(&mut self, system: &S, filtered: &mut Belief, predicted: &Belief, next: &Belief) {
         let n = self.factor.n();
+        self.factor.copy_from(&next.covariance);
+        self.carried.clear();
+        self.step.iter_mut().for_each(|x| *x = -*x);
+        system.carry(&self.step, &mut self.carried);
+        self.carried.iter().for_each(|block| carry(block, &mut self.factor, &mut self.rows));
         for i in 0..n {
-            let (pn, pp) = (next.covariance.row(i), predicted.covariance.row(i));
+            let (pn, pp) = (self.factor.row(i), predicted.covariance.row(i));
             let row = self.product.row_mut(i);
             row.fill(0.0);
             accumulate(row, (0..n).map(|j| (pn[j] - pp[j], self.gain.row(j))));

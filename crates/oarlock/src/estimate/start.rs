@@ -5,7 +5,7 @@
 
 use super::dense::{accumulate, cholesky, solve, solve_transposed, Square};
 use super::transition::Transition;
-use super::System;
+use super::{Points, System};
 use crate::lane::{Lane, LANES};
 
 /// One sample of the start window.
@@ -67,7 +67,7 @@ pub struct Problem<'a, S: System> {
     evidence: &'a [Evidence<'a, S::Moment>],
     noise_std: &'a [f64],
     guess: &'a Guess,
-    transitions: Vec<Transition>,
+    transition: Transition,
     scratch: S::Scratch,
 }
 
@@ -80,14 +80,7 @@ struct Linearised {
 impl<'a, S: System> Problem<'a, S> {
     /// `noise_std` is that of each row, `guess` a prior.
     pub fn new(system: &'a S, evidence: &'a [Evidence<'a, S::Moment>], noise_std: &'a [f64], guess: &'a Guess) -> Self {
-        let variance: Vec<f64> = vec![0.0; guess.mean.len()];
-        let transitions = evidence.iter().map(|e| {
-            let mut t = Transition::default();
-            system.transition(e.after_s, &variance, &[], &mut t);
-            t
-        });
-        let transitions = transitions.collect();
-        Problem { system, evidence, noise_std, guess, transitions, scratch: system.scratch() }
+        Problem { system, evidence, noise_std, guess, transition: Transition::default(), scratch: system.scratch() }
     }
 
     /// The best state from `first`; `None` if the readings are not numbers there.
@@ -139,16 +132,17 @@ impl<'a, S: System> Problem<'a, S> {
 
     fn add_sample(&mut self, k: usize, mean: &[f64], out: &mut Linearised) {
         let n = mean.len();
-        let mut at = mean.to_vec();
-        self.transitions[k].apply_to_mean(&mut at);
+        let (mut at, certain) = (mean.to_vec(), vec![0.0; n]);
+        self.system.transition(self.evidence[k].after_s, mean, &certain, &[], &mut self.transition);
+        self.transition.apply_to_mean(&mut at);
         let (h, mut jacobian) = self.derivative(k, &at);
         for (r, row) in jacobian.chunks_exact_mut(n).enumerate() {
             let residual = self.evidence[k].z[r] - h[r];
             if residual.is_nan() {
                 continue;
             }
-            let noise = self.noise_std[r] * self.noise_std[r] + self.transitions[k].noise_along(row);
-            self.transitions[k].apply_transposed(row);
+            let noise = self.noise_std[r] * self.noise_std[r] + self.transition.noise_along(row);
+            self.transition.apply_transposed(row);
             let weight = 1.0 / noise;
             out.cost += weight * residual * residual;
             accumulate(&mut out.gradient, std::iter::once((weight * residual, &*row)));
@@ -163,7 +157,7 @@ impl<'a, S: System> Problem<'a, S> {
     fn derivative(&mut self, k: usize, state: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let (n, m) = (state.len(), self.noise_std.len());
         let zero = Lane([0.0; LANES]);
-        let (mut delta, mut lanes, mut out) = (vec![zero; n], vec![zero; n], vec![zero; m]);
+        let (mut delta, mut out) = (vec![zero; n], vec![zero; m]);
         let off = vec![zero; self.system.input_std().len()];
         let mut h = vec![0.0; m];
         let mut jacobian = vec![0.0; m * n];
@@ -174,8 +168,8 @@ impl<'a, S: System> Problem<'a, S> {
                 delta[first + i].0[2 * i] = STEP;
                 delta[first + i].0[2 * i + 1] = -STEP;
             }
-            self.system.retract(state, &delta, &mut lanes);
-            self.system.readings(self.evidence[k].moment, &mut self.scratch, &lanes, &off, &mut out);
+            let at = Points { mean: state, delta: &delta, off: &off };
+            self.system.readings(self.evidence[k].moment, &mut self.scratch, at, &mut out);
             for (r, o) in out.iter().enumerate() {
                 for i in 0..count {
                     jacobian[r * n + first + i] = (o.0[2 * i] - o.0[2 * i + 1]) / (2.0 * STEP);

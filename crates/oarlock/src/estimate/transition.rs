@@ -27,9 +27,27 @@ impl Block {
         block
     }
 
+    /// Three coordinates that go through a matrix and gather nothing.
+    pub fn linear(index: [usize; 3], factor: [[f64; 3]; 3]) -> Self {
+        Block { index, len: 3, factor, offset: [0.0; 3], noise: [[0.0; 3]; 3] }
+    }
+
     fn stays(&self) -> bool {
         self.len == 1 && self.factor[0][0] == 1.0
     }
+}
+
+/// A rotation vector on its way: its coordinates go into a chart, move there by their blocks, and come out again.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Turning {
+    /// Coordinates of the mean in the chart, before it moves.
+    pub chart: [f64; 3],
+    /// The mean's rotation vector behind the move.
+    pub value: [f64; 3],
+    /// Derivative of the way into the chart.
+    pub before: Block,
+    /// Derivative of the way out.
+    pub after: Block,
 }
 
 /// Motion of the whole state; every coordinate is in exactly one block.
@@ -37,11 +55,65 @@ impl Block {
 pub struct Transition {
     /// The blocks.
     pub blocks: Vec<Block>,
+    /// The rotation vectors among the coordinates.
+    pub turnings: Vec<Turning>,
+}
+
+/// P <- B P B' for one block without noise.
+pub fn carry(block: &Block, p: &mut Square, row: &mut [Vec<f64>; 3]) {
+    multiply_rows(std::slice::from_ref(block).iter(), p, row);
+    for i in 0..p.n() {
+        multiply(std::slice::from_ref(block).iter(), p.row_mut(i));
+    }
+    p.mirror_upper();
+}
+
+/// A <- F A.
+fn multiply_rows<'a>(blocks: impl Iterator<Item = &'a Block>, a: &mut Square, old: &mut [Vec<f64>; 3]) {
+    for b in blocks.filter(|b| !b.stays()) {
+        for (old, &i) in old.iter_mut().zip(&b.index[..b.len]) {
+            old.copy_from_slice(a.row(i));
+        }
+        for r in 0..b.len {
+            let row = a.row_mut(b.index[r]);
+            row.fill(0.0);
+            accumulate(row, (0..b.len).map(|c| (b.factor[r][c], old[c].as_slice())));
+        }
+    }
+}
+
+/// x <- F x, without offsets.
+fn multiply<'a>(blocks: impl Iterator<Item = &'a Block>, x: &mut [f64]) {
+    for b in blocks.filter(|b| !b.stays()) {
+        let old = b.index.map(|i| x[i]);
+        for r in 0..b.len {
+            x[b.index[r]] = (0..b.len).map(|c| b.factor[r][c] * old[c]).sum();
+        }
+    }
+}
+
+/// x <- F' x.
+fn multiply_transposed<'a>(blocks: impl Iterator<Item = &'a Block>, x: &mut [f64]) {
+    for b in blocks.filter(|b| !b.stays()) {
+        let old = b.index.map(|i| x[i]);
+        for c in 0..b.len {
+            x[b.index[c]] = (0..b.len).map(|r| b.factor[r][c] * old[r]).sum();
+        }
+    }
 }
 
 impl Transition {
-    /// Moves a mean.
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.blocks.clear();
+        self.turnings.clear();
+    }
+
+    /// Moves the mean that this motion was made for.
     pub fn apply_to_mean(&self, mean: &mut [f64]) {
+        for t in &self.turnings {
+            t.before.index.iter().zip(t.chart).for_each(|(&i, c)| mean[i] = c);
+        }
         for b in &self.blocks {
             let old = b.index.map(|i| mean[i]);
             for r in 0..b.len {
@@ -49,12 +121,25 @@ impl Transition {
                 mean[b.index[r]] = moved + b.offset[r];
             }
         }
+        for t in &self.turnings {
+            t.after.index.iter().zip(t.value).for_each(|(&i, v)| mean[i] = v);
+        }
+    }
+
+    fn before(&self) -> impl Iterator<Item = &Block> {
+        self.turnings.iter().map(|t| &t.before)
+    }
+
+    fn after(&self) -> impl Iterator<Item = &Block> {
+        self.turnings.iter().map(|t| &t.after)
     }
 
     /// P <- F P F' + Q, exactly symmetric.
     pub fn apply_to_covariance(&self, p: &mut Square, row: &mut [Vec<f64>; 3]) {
-        self.multiply_left(p, row);
-        self.multiply_right_transposed(p);
+        multiply_rows(self.before().chain(&self.blocks), p, row);
+        for i in 0..p.n() {
+            multiply(self.before().chain(&self.blocks), p.row_mut(i));
+        }
         for b in &self.blocks {
             for r in 0..b.len {
                 for c in 0..b.len {
@@ -62,55 +147,37 @@ impl Transition {
                 }
             }
         }
-        p.mirror_upper();
-    }
-
-    /// A <- F A.
-    fn multiply_left(&self, a: &mut Square, old: &mut [Vec<f64>; 3]) {
-        for b in self.blocks.iter().filter(|b| !b.stays()) {
-            for (old, &i) in old.iter_mut().zip(&b.index[..b.len]) {
-                old.copy_from_slice(a.row(i));
-            }
-            for r in 0..b.len {
-                let row = a.row_mut(b.index[r]);
-                row.fill(0.0);
-                accumulate(row, (0..b.len).map(|c| (b.factor[r][c], old[c].as_slice())));
+        if !self.turnings.is_empty() {
+            multiply_rows(self.after(), p, row);
+            for i in 0..p.n() {
+                multiply(self.after(), p.row_mut(i));
             }
         }
+        p.mirror_upper();
     }
 
     /// A <- A F'.
     pub fn multiply_right_transposed(&self, a: &mut Square) {
         for i in 0..a.n() {
-            self.apply_without_offset(a.row_mut(i));
+            multiply(self.before().chain(&self.blocks).chain(self.after()), a.row_mut(i));
         }
     }
 
     /// x <- F' x.
     pub fn apply_transposed(&self, x: &mut [f64]) {
-        for b in self.blocks.iter().filter(|b| !b.stays()) {
-            let old = b.index.map(|i| x[i]);
-            for c in 0..b.len {
-                x[b.index[c]] = (0..b.len).map(|r| b.factor[r][c] * old[r]).sum();
-            }
-        }
+        multiply_transposed(self.after(), x);
+        multiply_transposed(self.blocks.iter(), x);
+        multiply_transposed(self.before(), x);
     }
 
     /// v' Q v.
     pub fn noise_along(&self, v: &[f64]) -> f64 {
+        let mut v = v.to_vec();
+        multiply_transposed(self.after(), &mut v);
         let block = |b: &Block| -> f64 {
             let pair = |r: usize, c: usize| v[b.index[r]] * b.noise[r][c] * v[b.index[c]];
             (0..b.len).map(|r| (0..b.len).map(|c| pair(r, c)).sum::<f64>()).sum()
         };
         self.blocks.iter().map(block).sum()
-    }
-
-    fn apply_without_offset(&self, x: &mut [f64]) {
-        for b in self.blocks.iter().filter(|b| !b.stays()) {
-            let old = b.index.map(|i| x[i]);
-            for r in 0..b.len {
-                x[b.index[r]] = (0..b.len).map(|c| b.factor[r][c] * old[c]).sum();
-            }
-        }
     }
 }

@@ -79,7 +79,7 @@ fn build(spec: Spec, mistakes: &Mistakes) -> Model {
         description: spec.description.clone(),
         world: spec.world.clone(),
         parameters: spec.parameters.iter().map(|(_, p)| p.clone()).collect(),
-        joints: spec.joints.iter().map(|j| j.joint.clone()).collect(),
+        joints: numbered(spec.joints.iter().map(|j| j.joint.clone()).collect()),
         frames: std::iter::once(root()).chain::<Vec<Frame>>(frames).collect(),
         sensors: spec.sensors.iter().filter_map(|s| sensor(s, &place, &names)).collect(),
         closures: spec.closures.iter().filter_map(|c| closure(c, &place, &names)).collect(),
@@ -88,6 +88,16 @@ fn build(spec: Spec, mistakes: &Mistakes) -> Model {
     check::whole(&spec, &model, mistakes);
     take_input_std(&spec.joints, &mut model);
     model
+}
+
+/// Joints with the places of their coordinates.
+fn numbered(mut joints: Vec<Joint>) -> Vec<Joint> {
+    let mut first = 0;
+    for joint in &mut joints {
+        joint.first = first;
+        first += joint.kind.width();
+    }
+    joints
 }
 
 fn root() -> Frame {

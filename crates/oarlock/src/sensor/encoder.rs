@@ -5,8 +5,8 @@ use super::{Quantity, RowGroups};
 /// Reads one joint.
 #[derive(Debug, Clone)]
 pub struct Encoder {
-    /// Index of the joint.
-    pub joint: usize,
+    /// Index of the joint's coordinate.
+    pub coordinate: usize,
     /// rad or m.
     pub std: f64,
 }

@@ -29,12 +29,13 @@ impl Imu {
         Imu { frame: *frame, mount: mount.unwrap_or_else(own), noise: *noise }
     }
 
-    /// Rows in the order gyro, accel, mag of what the unit has.
+    /// Rows in the order gyro, accel, mag, rest of what the unit has.
     pub fn rows(&self) -> RowGroups {
-        let groups: [(Quantity, &'static [&'static str], Option<f64>); 3] = [
+        let groups: [(Quantity, &'static [&'static str], Option<f64>); 4] = [
             (Quantity::Gyro, &["gyro_x", "gyro_y", "gyro_z"], self.noise.gyro_std),
             (Quantity::Accel, &["accel_x", "accel_y", "accel_z"], self.noise.accel_std),
             (Quantity::Mag, &["mag_x", "mag_y", "mag_z"], self.noise.mag_std),
+            (Quantity::Rest, &["rest_x", "rest_y", "rest_z"], self.noise.rest_std),
         ];
         groups.into_iter().filter_map(|(q, names, std)| Some((q, names, vec![std?; 3]))).collect()
     }
@@ -56,6 +57,9 @@ impl Imu {
         }
         if self.noise.mag_std.is_some() {
             put(around.magnetic_field);
+        }
+        if self.noise.rest_std.is_some() {
+            put(frame.angular_velocity);
         }
     }
 }

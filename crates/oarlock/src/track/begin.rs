@@ -1,15 +1,17 @@
 //! The start: a fit of the first samples from several guesses, and how far to trust it.
 
 use super::Tracker;
-use crate::body::{Body, Moment};
+use crate::body::{three, Body, Moment};
 use crate::error::{Error, Result};
-use crate::estimate::belief::Belief;
+use crate::estimate::belief::{Belief, MEMORY};
 use crate::estimate::dense::Square;
 use crate::estimate::start::{Evidence, Fit, Guess, Problem};
 use crate::estimate::System;
-use crate::model::{Joint, JointKind, Sensor, SensorKind};
-use crate::motion::prior_std;
+use crate::model::{JointKind, SensorKind};
 use crate::recording::Sample;
+use crate::rotation::turn::{plus, Turn};
+use crate::rotation::Vec3;
+use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Samples of the window that the fit uses, spread evenly.
@@ -20,6 +22,8 @@ const WIDENED: f64 = 4.0;
 const AZIMUTH_STD: f64 = 1.0;
 /// Least standard deviation of the azimuth that the filter starts from, rad.
 const AZIMUTH_START_STD: f64 = 0.2;
+/// Without a compass the heading at the start is zero by definition; so little that no update divides by nothing, rad.
+const GAUGE_STD: f64 = 1e-3;
 /// A cost per reading below which other guesses need not be tried.
 const GOOD_COST: f64 = 2.0;
 
@@ -47,7 +51,8 @@ impl Tracker {
             let text = format!("no start found at {t:.3} s: the first readings are not numbers for this model");
             Error::Diverged { time_s: t, text }
         })?;
-        Ok(self.belief_from(fit, window[0].time_s))
+        let compass = seen.iter().any(|(_, _, z)| self.magnetic_rows().any(|r| !z[r].is_nan()));
+        Ok(self.belief_from(fit, window[0].time_s, compass))
     }
 
     fn as_evidence(&mut self, sample: &Sample) -> (f64, Moment, Vec<f64>) {
@@ -59,38 +64,38 @@ impl Tracker {
         (sample.time_s, self.moment.clone(), z)
     }
 
-    /// Rest posture (or the one asked for) and the zero posture, each with the field from four sides.
+    /// Rest posture (or the one asked for) and the zero posture, each with the field, or the body, from four sides.
     fn guesses(&self) -> Result<Vec<Guess>> {
         let body = &self.body;
-        let joints = &body.model.joints;
-        let rest: Vec<f64> = joints.iter().map(|j| j.rest).collect();
+        let rest: Vec<f64> = body.axes.iter().map(|axis| axis.rest).collect();
+        let count = rest.len();
         let postures = match &self.config.initial_q {
-            Some(q) if q.len() == joints.len() && q.iter().all(|x| x.is_finite()) => vec![q.clone()],
+            Some(q) if q.len() == count && q.iter().all(|x| x.is_finite()) => vec![q.clone()],
             Some(q) => {
                 return Err(Error::Data(format!(
-                    "config: initial_q holds {} numbers; expected {} finite ones, a value (rad or m) per joint of '{}'",
+                    "config: initial_q holds {} numbers; expected {count} finite ones, a value (rad or m) per coordinate of '{}'",
                     q.len(),
-                    joints.len(),
                     body.model.name
                 )))
             }
             None if rest.iter().all(|&q| q == 0.0) => vec![rest],
-            None => vec![rest, vec![0.0; joints.len()]],
+            None => vec![rest, vec![0.0; count]],
         };
-        let sides = if body.layout.azimuth.is_some() { 4 } else { 1 };
-        let guess = |posture: &Vec<f64>, side: usize| {
-            guess(body, posture, body.model.world.magnetic_azimuth_rad + side as f64 * FRAC_PI_2)
-        };
+        let turns_whole = !body.floating().is_empty();
+        let sides = if body.layout.azimuth.is_some() || turns_whole { 4 } else { 1 };
+        let guess = |posture: &Vec<f64>, side: usize| guess(body, posture, side as f64 * FRAC_PI_2);
         Ok(postures.iter().flat_map(|p| (0..sides).map(move |side| guess(p, side))).collect())
     }
 
-    fn belief_from(&self, mut fit: Fit, time_s: f64) -> Belief {
+    fn belief_from(&self, mut fit: Fit, time_s: f64, compass: bool) -> Belief {
         let layout = &self.body.layout;
         let mut std = start_std(&self.body, 1.0);
         let fitted = |i: usize| fit.covariance.at(i, i).max(0.0).sqrt();
-        for (joint, slots) in self.joints() {
+        let hinges = self.body.model.joints.iter().filter(|j| j.kind.width() == 1);
+        for (joint, slots) in hinges.filter_map(|j| Some((j, layout.coordinates[j.first]?))) {
             // What the first samples do not tell is known from the limits alone.
-            std[slots.q] = std[slots.q].max(fitted(slots.q).min(prior_std(joint)));
+            let axis = &self.body.axes[joint.first];
+            std[slots.q] = std[slots.q].max(fitted(slots.q).min(axis.prior_std()));
             if joint.kind == JointKind::Hinge && !self.is_encoded(&joint.name) {
                 let middle = 0.5 * (joint.limits[0] + joint.limits[1]);
                 fit.mean[slots.q] = middle + wrapped(fit.mean[slots.q] - middle);
@@ -104,25 +109,52 @@ impl Tracker {
         for (i, s) in std.iter().enumerate() {
             *covariance.at_mut(i, i) = s * s;
         }
-        let rejected_since_s = vec![f64::NAN; self.groups.parts.len()];
-        let habit = vec![1.0; self.groups.parts.len()];
-        let drive = vec![1.0; self.body.driven().len()];
-        let seen_s = vec![time_s; self.groups.sources.len()];
-        Belief { time_s, mean: fit.mean, covariance, drive, habit, seen_s, rejected_since_s }
+        self.place_turns(&fit, compass, &mut covariance);
+        let parts = self.groups.parts.len();
+        Belief {
+            time_s,
+            mean: fit.mean,
+            covariance,
+            drive: vec![1.0; self.body.driven().len()],
+            habit: vec![1.0; parts],
+            seen_s: vec![time_s; self.groups.sources.len()],
+            rejected_since_s: vec![f64::NAN; parts],
+            memory: vec![[f64::NAN; MEMORY]; self.groups.sources.len()],
+            line: 1,
+            score: 0.0,
+            rivals: Vec::new(),
+        }
+    }
+
+    /// Rotations: each direction as far as the fit knows it, between the start's own deviation and the prior's.
+    fn place_turns(&self, fit: &Fit, compass: bool, covariance: &mut Square) {
+        let floating = self.body.floating();
+        for (c, slots) in &self.body.layout.turns {
+            let axis = &self.body.axes[*c];
+            let block = Matrix3::from_fn(|i, j| fit.covariance.at(slots.q + i, slots.q + j));
+            let mut eigen = SymmetricEigen::new(block);
+            let (least, most) = (axis.process.start_std[0], axis.prior_std());
+            eigen.eigenvalues.apply(|v| *v = v.clamp(least.min(most).powi(2), most * most));
+            let mut block = eigen.recompose();
+            if let Some((_, outer)) = floating.iter().find(|(f, _)| f == c).filter(|_| !compass) {
+                let up = outer.then(&Turn::exp(three(&fit.mean, slots.q)).matrix()).apply_transposed(Vec3(self.body.model.world.up));
+                let up = Vector3::from(up.0);
+                let level = Matrix3::identity() - up * up.transpose();
+                block = level * block * level + up * up.transpose() * (GAUGE_STD * GAUGE_STD);
+            }
+            for i in 0..3 {
+                for j in 0..3 {
+                    *covariance.at_mut(slots.q + i, slots.q + j) = block[(i, j)];
+                }
+            }
+        }
     }
 
     /// Whether an encoder tells whole turns of a joint.
     fn is_encoded(&self, joint: &str) -> bool {
         let model = &self.body.model;
-        let reads =
-            |s: &Sensor| matches!(s.kind, SensorKind::Encoder { joint: j, .. } if model.joints[j].name == joint);
+        let reads = |s: &crate::model::Sensor| matches!(s.kind, SensorKind::Encoder { joint: j, .. } if model.joints[j].name == joint);
         model.sensors.iter().any(reads)
-    }
-
-    /// Joints that are states, with their places.
-    pub(super) fn joints(&self) -> impl Iterator<Item = (&Joint, crate::state::JointSlots)> {
-        let both = self.body.model.joints.iter().zip(&self.body.layout.joints);
-        both.filter_map(|(joint, slots)| Some((joint, (*slots)?)))
     }
 }
 
@@ -131,17 +163,24 @@ fn wrapped(angle: f64) -> f64 {
     (angle + PI).rem_euclid(2.0 * PI) - PI
 }
 
-fn guess(body: &Body, posture: &[f64], azimuth: f64) -> Guess {
+/// A posture before anything is measured, with the field and floating bodies turned by `side` rad about the vertical.
+fn guess(body: &Body, posture: &[f64], side: f64) -> Guess {
     let mut mean = vec![0.0; body.layout.dim()];
     let mut std = start_std(body, WIDENED);
-    for ((joint, slots), &q) in body.model.joints.iter().zip(&body.layout.joints).zip(posture) {
-        if let Some(slots) = slots {
-            mean[slots.q] = q;
-            std[slots.q] = 2.0 * prior_std(joint);
+    for (c, axis, slots) in body.moving() {
+        mean[slots.q] = posture[c];
+        let known = axis.process.start_std[0];
+        std[slots.q] = if body.is_place(c) { known } else { 2.0 * axis.prior_std() };
+    }
+    for (c, outer) in body.floating() {
+        if let Some(slots) = body.layout.coordinates[c] {
+            let up = outer.apply_transposed(Vec3(body.model.world.up)).0;
+            let turned = plus(up.map(|x| x * side), three(&mean, slots.q));
+            mean[slots.q..slots.q + 3].copy_from_slice(&turned);
         }
     }
     if let Some(i) = body.layout.azimuth {
-        mean[i] = azimuth;
+        mean[i] = body.model.world.magnetic_azimuth_rad + side;
         std[i] = AZIMUTH_STD;
     }
     Guess::apart(mean, &std)
@@ -150,12 +189,11 @@ fn guess(body: &Body, posture: &[f64], azimuth: f64) -> Guess {
 /// Standard deviations at the start, those of the rates `widened`.
 fn start_std(body: &Body, widened: f64) -> Vec<f64> {
     let mut std = vec![AZIMUTH_START_STD; body.layout.dim()];
-    for (joint, slots) in body.model.joints.iter().zip(&body.layout.joints) {
-        let Some(slots) = slots else { continue };
-        std[slots.q] = joint.process.start_std[0];
+    for (_, axis, slots) in body.moving() {
+        std[slots.q] = axis.process.start_std[0];
         if let Some((rate, accel)) = slots.rates {
-            std[rate] = widened * joint.process.start_std[1];
-            std[accel] = widened * joint.process.start_std[2];
+            std[rate] = widened * axis.process.start_std[1];
+            std[accel] = widened * axis.process.start_std[2];
         }
     }
     for slot in body.layout.slow() {

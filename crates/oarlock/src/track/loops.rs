@@ -9,14 +9,14 @@ use crate::sensor::Surroundings;
 
 /// Per source and joint: whether moving the joint changes the source's readings.
 pub fn dependence(body: &Body) -> Vec<Vec<bool>> {
-    let joints = body.model.joints.len();
+    let (joints, coordinates) = (body.model.joints.len(), body.model.coordinate_count());
     let at = |bumped: Option<usize>| {
         let value = |j: usize, scale: f64, phase: f64| scale * (phase + 1.7 * j as f64).sin();
-        let mut q: Vec<f64> = (0..joints).map(|j| value(j, 0.7, 0.3)).collect();
-        let qd: Vec<f64> = (0..joints).map(|j| value(j, 1.3, 1.1)).collect();
-        let qdd: Vec<f64> = (0..joints).map(|j| value(j, 2.1, 2.3)).collect();
+        let mut q: Vec<f64> = (0..coordinates).map(|c| value(c, 0.7, 0.3)).collect();
+        let qd: Vec<f64> = (0..coordinates).map(|c| value(c, 1.3, 1.1)).collect();
+        let qdd: Vec<f64> = (0..coordinates).map(|c| value(c, 2.1, 2.3)).collect();
         if let Some(j) = bumped {
-            q[j] += 0.1;
+            body.model.joints[j].coordinates().for_each(|c| q[c] += 0.1);
         }
         readings(body, &q, &qd, &qdd)
     };
@@ -48,7 +48,7 @@ pub fn readings_from(
     qdd: &[f64],
 ) -> Vec<f64> {
     let mut frames = vec![root; body.tree.len()];
-    body.tree.motions(root, JointMotion { q, qd, qdd }, &vec![true; body.tree.len()], &mut frames);
+    body.tree.motions(root, JointMotion { q, qd, qdd, anchors: &[] }, &vec![true; body.tree.len()], &mut frames);
     let mut out = vec![0.0; body.suite.len()];
     let all = vec![true; body.suite.sources.len()];
     body.suite.predict(&frames, q, &Surroundings { magnetic_field: field }, &all, &mut out);

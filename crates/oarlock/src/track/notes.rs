@@ -88,7 +88,7 @@ fn rejections(run: &Run) -> Vec<String> {
                  magnetometer, the field's norm in the model ({} uT)",
                 source.name,
                 100.0 * share,
-                body.model.world.magnetic_norm_ut
+                body.field.norm_ut
             )
         })
     };
@@ -101,11 +101,11 @@ fn unobserved(run: &Run) -> Vec<String> {
     let sources = body.suite.sources.len();
     let ever_used = |s: usize| run.series.sources.iter().skip(s).step_by(sources).any(|i| i.used > 0);
     let used: Vec<bool> = (0..sources).map(ever_used).collect();
-    let joints = body.model.joints.len();
+    let coordinates = body.model.coordinate_count();
     let rows = run.series.time_s.len();
     let mut notes = Vec::new();
     for (j, joint) in body.model.joints.iter().enumerate().filter(|(_, j)| j.kind != JointKind::Fixed) {
-        let seen = (0..rows).filter(|r| run.series.observed[r * joints + j] == 1).count();
+        let seen = (0..rows).filter(|r| joint.coordinates().all(|c| run.series.observed[r * coordinates + c] == 1)).count();
         // An input is there at its own stamps only.
         let enough = if joint.input { seen > 0 } else { 2 * seen >= rows };
         if enough && rows > 0 {

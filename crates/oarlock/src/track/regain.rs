@@ -9,7 +9,7 @@ use super::Tracker;
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::SourceInfo;
 use crate::estimate::start::{Evidence, Fit, Guess, Problem};
-use crate::model::Joint;
+use crate::model::Axis;
 
 /// A source that says nothing for longer than this was silent, s.
 const SILENCE_S: f64 = 0.2;
@@ -30,8 +30,11 @@ impl Tracker {
 
     /// Only joints with rates can run away.
     fn is_uncertain(&self, belief: &Belief, joint: usize) -> bool {
-        let slots = self.body.layout.joints[joint].filter(|s| s.rates.is_some());
-        slots.is_some_and(|s| belief.covariance.at(s.q, s.q) > UNCERTAIN_STD * UNCERTAIN_STD)
+        let joint = &self.body.model.joints[joint];
+        // Where a free joint is, no sensor has to tell.
+        let coordinates = joint.turn().unwrap_or(joint.first)..joint.coordinates().end;
+        let slots = self.body.layout.coordinates[coordinates].iter().flatten().filter(|s| s.rates.is_some());
+        slots.into_iter().any(|s| belief.covariance.at(s.q, s.q) > UNCERTAIN_STD * UNCERTAIN_STD)
     }
 
     /// Silences the loops that would have to find more joints than they have equations: their ends then meet in many
@@ -42,8 +45,9 @@ impl Tracker {
             let rows = self.body.suite.sources[source].rows.clone();
             // Two directions in space differ by two angles, told by three numbers.
             let equations = if rows.len() > 3 { rows.len() - 1 } else { rows.len() };
-            let joints = 0..self.body.layout.joints.len();
-            let alone = joints.filter(|&j| self.depends[source][j] && self.is_left_alone(belief, j)).count();
+            let joints = 0..self.body.model.joints.len();
+            let alone = joints.filter(|&j| self.depends[source][j] && self.is_left_alone(belief, j));
+            let alone: usize = alone.map(|j| self.body.model.joints[j].kind.width()).sum();
             if alone > equations {
                 self.moment.active[source] = false;
                 self.z[rows].fill(f64::NAN);
@@ -59,7 +63,7 @@ impl Tracker {
     fn is_left_alone(&self, belief: &Belief, joint: usize) -> bool {
         let feels = |s: &usize| self.depends[*s][joint] && belief.time_s - belief.seen_s[*s] <= SILENCE_S;
         let felt = (0..self.depends.len()).filter(feels).any(|s| !self.is_loop(s));
-        self.body.layout.joints[joint].is_some() && !felt
+        self.body.layout.coordinates[self.body.model.joints[joint].first].is_some() && !felt
     }
 
     /// Remembers who spoke.
@@ -86,13 +90,13 @@ impl Tracker {
     fn best_fit(&self, belief: &Belief, z: &[f64]) -> Option<Fit> {
         let guess = Guess::of(&belief.mean, &belief.covariance)?;
         let evidence = [Evidence { after_s: 0.0, moment: &self.moment, z }];
-        let posture = |value: fn(&Joint) -> f64| {
+        let posture = |value: fn(&Axis) -> f64| {
             let mut mean = belief.mean.clone();
-            self.joints().for_each(|(joint, slots)| mean[slots.q] = value(joint));
+            self.body.moving().for_each(|(_, axis, slots)| mean[slots.q] = value(axis));
             mean
         };
-        let rest = posture(|joint| joint.rest);
-        let middle = posture(|joint| 0.5 * (joint.limits[0] + joint.limits[1]));
+        let rest = posture(|axis| axis.rest);
+        let middle = posture(|axis| 0.5 * (axis.limits[0] + axis.limits[1]));
         let fits = [&belief.mean, &rest, &middle];
         let fits = fits.into_iter().filter_map(|first| {
             let fit = Problem::new(&self.body, &evidence, &self.std, &guess).fit(first)?;

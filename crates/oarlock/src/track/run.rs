@@ -35,9 +35,9 @@ pub struct Series {
     pub mean: Vec<f64>,
     /// Standard deviation of the state, rows laid end to end.
     pub std: Vec<f64>,
-    /// Readings of the model's joints that are inputs, rows of all joints; NaN elsewhere and where missing.
+    /// Readings of the model's joints that are inputs, rows of all coordinates; NaN elsewhere and where missing.
     pub inputs: Vec<f64>,
-    /// Per row and joint: 1 where the joint is observed.
+    /// Per row and coordinate: 1 where it is observed.
     pub observed: Vec<u8>,
     /// Per row and source.
     pub sources: Vec<SourceInfo>,
@@ -61,6 +61,8 @@ pub struct Run {
     /// Samples refused because they came late.
     pub refused: usize,
     checkpoints: Vec<Checkpoint>,
+    /// When the belief parted into several hypotheses, and when one was left.
+    partings_s: Vec<(f64, f64)>,
     last: Option<Belief>,
 }
 
@@ -89,6 +91,7 @@ pub fn track(
         steps: 0,
         refused: 0,
         checkpoints: Vec::new(),
+        partings_s: Vec::new(),
         last: None,
         tracker,
     };
@@ -154,12 +157,13 @@ impl Run {
         let mut tracker = self.tracker.clone();
         let mut smoother = Smoother::new(tracker.body.layout.dim());
         let mut next = match &self.last {
-            Some(belief) => belief.clone(),
+            Some(belief) => belief.alone(belief.line),
             None => return Err(Error::Data("nothing was tracked: nothing to smooth".into())),
         };
+        let line = next.line;
         for (k, checkpoint) in self.checkpoints.iter().enumerate().rev() {
             let stop = self.checkpoints.get(k + 1).map(|c| &c.cursor);
-            let stretch = Stretch::refilter(self, &mut tracker, checkpoint, stop)?;
+            let stretch = Stretch::refilter(self, &mut tracker, (checkpoint, stop), line)?;
             for node in stretch.nodes.into_iter().rev() {
                 let mut belief = node.filtered;
                 let done = smoother.back(&tracker.body, &mut belief, &node.transition, &node.predicted, &next);
@@ -179,15 +183,18 @@ impl Run {
     }
 
     fn write(&mut self, row: usize, belief: &Belief) {
-        let (n, joints) = (belief.mean.len(), self.tracker.body.model.joints.len());
+        let n = belief.mean.len();
+        let body = &self.tracker.body;
         self.series.mean[row * n..(row + 1) * n].copy_from_slice(&belief.mean);
-        belief.covariance.diagonal(&mut self.series.std[row * n..(row + 1) * n]);
-        self.series.std[row * n..(row + 1) * n].iter_mut().for_each(|x| *x = x.max(0.0).sqrt());
-        for (j, slots) in self.tracker.body.layout.joints.iter().enumerate() {
-            let Some(slots) = slots else { continue };
-            let variance = belief.covariance.at(slots.q, slots.q);
-            let seen = is_observed(&self.tracker.body.model.joints[j], variance);
-            self.series.observed[row * joints + j] = u8::from(seen);
+        let std = &mut self.series.std[row * n..(row + 1) * n];
+        belief.spread(body, std);
+        let first = row * body.axes.len();
+        for (c, axis, slots) in body.moving() {
+            self.series.observed[first + c] = u8::from(is_observed(axis, std[slots.q] * std[slots.q]));
+        }
+        for (c, slots) in &body.layout.turns {
+            let variance = std[slots.q..slots.q + 3].iter().map(|s| s * s).sum();
+            self.series.observed[first + c..first + c + 3].fill(u8::from(is_observed(&body.axes[*c], variance)));
         }
     }
 
@@ -215,6 +222,7 @@ impl Keeper<'_> {
         let cursor = self.cursors.pop_front().expect("one for each sample");
         let run = &mut *self.run;
         run.steps += 1;
+        run.note_partings(belief);
         // By the stamp alone, so that a run cut in two keeps the same rows; a hair late still counts as on time.
         let slot = |time_s: f64| run.config.output_rate_hz.map_or(f64::NAN, |rate| (time_s * rate + 1e-6).floor());
         let is_row = slot(belief.time_s) != slot(self.kept_s);
@@ -235,16 +243,26 @@ impl Keeper<'_> {
 }
 
 impl Run {
+    fn note_partings(&mut self, belief: &Belief) {
+        let several = !belief.rivals.is_empty();
+        match self.partings_s.last_mut().filter(|(_, to)| to.is_infinite()) {
+            Some((_, to)) if !several => *to = belief.time_s,
+            None if several => self.partings_s.push((belief.time_s, f64::INFINITY)),
+            _ => {}
+        }
+    }
+
     fn grow(&mut self, sample: &Sample, info: &Info) {
         let model = &self.tracker.body.model;
         let (n, s) = (self.tracker.body.layout.dim(), &mut self.series);
         s.time_s.push(sample.time_s);
         s.mean.resize(s.mean.len() + n, 0.0);
         s.std.resize(s.std.len() + n, 0.0);
-        let inputs = model.joints.iter().zip(&sample.inputs);
-        s.inputs.extend(inputs.map(|(j, &x)| if j.input { x } else { f64::NAN }));
-        let seen = model.joints.iter().zip(&sample.inputs);
-        s.observed.extend(seen.map(|(j, x)| u8::from(j.input && !x.is_nan())));
+        // Only input joints have one; elsewhere it is NaN.
+        let mut inputs = sample.inputs.iter().enumerate();
+        let is_input = |c: usize| model.joints.iter().any(|j| j.input && j.first == c);
+        s.observed.extend(inputs.clone().map(|(c, x)| u8::from(is_input(c) && !x.is_nan())));
+        s.inputs.extend(inputs.by_ref().map(|(c, &x)| if is_input(c) { x } else { f64::NAN }));
         s.sources.extend_from_slice(&info.sources);
         s.inertial.push(info.inertial);
     }
@@ -265,9 +283,15 @@ struct Stretch {
 }
 
 impl Stretch {
-    fn refilter(run: &Run, tracker: &mut Tracker, from: &Checkpoint, stop: Option<&Cursor>) -> Result<Self> {
+    /// Follows the hypothesis that leads to `line`.
+    fn refilter(
+        run: &Run,
+        tracker: &mut Tracker,
+        (from, stop): (&Checkpoint, Option<&Cursor>),
+        line: u64,
+    ) -> Result<Self> {
         let (mut cursor, mut sample) = (from.cursor.clone(), tracker.empty_sample());
-        let mut belief = from.belief.clone();
+        let mut belief = from.belief.alone(line);
         let mut here = belief.clone();
         let mut row = from.is_row.then_some(from.row);
         let mut next_row = from.row + usize::from(from.is_row);
@@ -276,11 +300,16 @@ impl Stretch {
             if sample.time_s <= belief.time_s {
                 continue;
             }
+            tracker.learns = !run.partings_s.iter().any(|p| p.0 < sample.time_s && sample.time_s <= p.1);
             tracker.advance(&mut belief, &sample, &mut |transition, predicted| {
                 let filtered = std::mem::replace(&mut here, predicted.clone());
                 let (transition, predicted) = (transition.clone(), predicted.clone());
                 nodes.push(Node { filtered, row: row.take(), transition, predicted });
             })?;
+            if run.partings_s.iter().any(|p| p.0 == sample.time_s) {
+                tracker.open_bank(&mut belief);
+                belief = belief.alone(line);
+            }
             here = belief.clone();
             if run.series.time_s.get(next_row) == Some(&sample.time_s) {
                 row = Some(next_row);

@@ -43,6 +43,7 @@ pub(super) fn whole(spec: &Spec, model: &Model, mistakes: &Mistakes) {
         mistakes.add(0, "the file has no [[frame]]; a body needs at least one, with parent = \"root\"");
     }
     unused_joints(spec, mistakes);
+    signs_and_axes(spec, model, mistakes);
     joint_readings(spec, model, mistakes);
     magnetic_field(spec, mistakes);
     loops(spec, model, mistakes);
@@ -60,6 +61,23 @@ fn unused_joints(spec: &Spec, mistakes: &Mistakes) {
     }
 }
 
+/// A ball has neither a sign nor an axis.
+fn signs_and_axes(spec: &Spec, model: &Model, mistakes: &Mistakes) {
+    for frame in &spec.frames {
+        let Some(named) = &frame.joint else { continue };
+        let Some(joint) = model.joints.iter().find(|j| j.name == named.text && j.kind.turns_freely()) else {
+            continue;
+        };
+        if frame.sign != 1.0 || frame.has_axis {
+            let text = format!(
+                "frame `{}`: joint `{}` turns in all directions: remove `sign` and `axis`",
+                frame.name.text, joint.name
+            );
+            mistakes.add(named.at, text);
+        }
+    }
+}
+
 fn joint_readings(spec: &Spec, model: &Model, mistakes: &Mistakes) {
     let mut read = vec![false; model.joints.len()];
     for sensor in &spec.sensors {
@@ -70,6 +88,13 @@ fn joint_readings(spec: &Spec, model: &Model, mistakes: &Mistakes) {
             continue;
         };
         read[index] = true;
+        if model.joints[index].kind.turns_freely() {
+            let text = format!(
+                "sensor `{}`: joint `{}` turns in all directions, an encoder reads one; make it a hinge or slide",
+                sensor.name.text, name.text
+            );
+            mistakes.add(name.at, text);
+        }
         if model.joints[index].kind == JointKind::Fixed {
             let text = format!(
                 "sensor `{}`: joint `{}` is fixed, an encoder has nothing to read",

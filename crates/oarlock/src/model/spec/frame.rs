@@ -15,6 +15,7 @@ pub(in crate::model) struct FrameSpec {
     pub(in crate::model) parent: Option<Named>,
     pub(in crate::model) joint: Option<Named>,
     pub(in crate::model) sign: f64,
+    pub(in crate::model) has_axis: bool,
     pub(in crate::model) shape: Shape,
 }
 
@@ -42,6 +43,7 @@ pub(super) fn read(section: &Section) -> FrameSpec {
         parent: section.need_reference("parent", "\"root\""),
         joint,
         sign: section.get("sign").and_then(|slot| read_sign(&slot)).unwrap_or(1.0),
+        has_axis: section.has("axis"),
         shape: read_shape(section),
     }
 }

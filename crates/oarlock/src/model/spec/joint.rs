@@ -2,11 +2,13 @@
 
 use crate::model::section::Section;
 use crate::model::slot::{Named, Slot};
-use crate::model::{Joint, JointKind, Process, ProcessKind};
+use crate::model::{Joint, JointKind, Process, ProcessKind, Translation};
 use std::f64::consts::{PI, TAU};
 
-pub(in crate::model) const KEYS: [&str; 8] = ["name", "label", "kind", "limits", "rest", "process", "input", "std"];
-const PROCESS_KEYS: [&str; 3] = ["kind", "density", "start_std"];
+pub(in crate::model) const KEYS: [&str; 10] =
+    ["name", "label", "kind", "limits", "rest", "process", "input", "std", "angles", "translation"];
+const PROCESS_KEYS: [&str; 4] = ["kind", "density", "start_std", "time_s"];
+const TRANSLATION_KEYS: [&str; 5] = ["kind", "density", "start_std", "time_s", "limits"];
 
 /// A turn and a half either way: farther limits are degrees.
 const HINGE_BOUND_RAD: f64 = 1.5 * TAU;
@@ -25,28 +27,40 @@ pub(in crate::model) struct JointSpec {
 pub(super) struct Defaults {
     hinge: Process,
     slide: Process,
+    ball: Process,
+    place: Process,
 }
 
 pub(super) fn read_defaults(whole: &Section) -> Defaults {
-    let jerk = |start_std| Process { kind: ProcessKind::Jerk, density: 11.2, start_std };
-    let mut defaults = Defaults { hinge: jerk([0.2, 0.5, 5.0]), slide: jerk([0.02, 0.3, 3.0]) };
-    let Some(section) = whole.get("process").and_then(|slot| Section::of(slot, &["hinge", "slide"])) else {
+    let jerk = |density, start_std| Process { kind: ProcessKind::Jerk, density, start_std, time_s: f64::INFINITY };
+    let place = Process { kind: ProcessKind::Singer, density: 50.0, start_std: [0.1, 1.0, 3.0], time_s: 0.3 };
+    let mut defaults = Defaults {
+        hinge: jerk(11.2, [0.2, 0.5, 5.0]),
+        slide: jerk(11.2, [0.02, 0.3, 3.0]),
+        ball: jerk(40.0, [0.3, 1.0, 10.0]),
+        place,
+    };
+    let Some(section) = whole.get("process").and_then(|slot| Section::of(slot, &["hinge", "slide", "ball"])) else {
         return defaults;
     };
-    if let Some(slot) = section.get("hinge") {
-        defaults.hinge = read_process(slot, &defaults.hinge, "rad");
-    }
-    if let Some(slot) = section.get("slide") {
-        defaults.slide = read_process(slot, &defaults.slide, "m");
+    let kinds = [("hinge", &mut defaults.hinge, "rad"), ("slide", &mut defaults.slide, "m")];
+    for (key, process, unit) in kinds.into_iter().chain([("ball", &mut defaults.ball, "rad")]) {
+        if let Some(slot) = section.get(key) {
+            *process = read_process(slot, process, unit);
+        }
     }
     defaults
 }
 
-/// Keys that are left out keep the default's value as long as the kind is the same.
 fn read_process(slot: Slot, default: &Process, unit: &str) -> Process {
-    let Some(section) = Section::of(slot, &PROCESS_KEYS) else {
-        return *default;
-    };
+    match Section::of(slot, &PROCESS_KEYS) {
+        Some(section) => read_process_of(&section, default, unit),
+        None => *default,
+    }
+}
+
+/// Keys that are left out keep the default's value as long as the kind is the same.
+fn read_process_of(section: &Section, default: &Process, unit: &str) -> Process {
     let mut process = *default;
     if let Some(kind) = section.get("kind").and_then(|s| read_process_kind(&s)) {
         process.kind = kind;
@@ -60,25 +74,30 @@ fn read_process(slot: Slot, default: &Process, unit: &str) -> Process {
         }
     };
     let per_root = match process.kind {
-        ProcessKind::Jerk => format!("{unit}/s2 per sqrt(s)"),
+        ProcessKind::Jerk | ProcessKind::Singer => format!("{unit}/s2 per sqrt(s)"),
         ProcessKind::Walk => format!("{unit} per sqrt(s)"),
     };
     if let Some(density) = of_kind("density", "0.2").and_then(|s| s.positive(&per_root)) {
         process.density = density;
     }
-    let example = if process.kind == ProcessKind::Jerk { "[0.2, 0.5, 5.0]" } else { "[0.5]" };
+    let example = if process.kind == ProcessKind::Walk { "[0.5]" } else { "[0.2, 0.5, 5.0]" };
     if let Some(start_std) = of_kind("start_std", example).and_then(|s| read_start_std(&s, process.kind, unit)) {
         process.start_std = start_std;
     }
+    process.time_s = match (process.kind, section.get("time_s")) {
+        (ProcessKind::Singer, _) => of_kind("time_s", "0.3").and_then(|s| s.positive("s")).unwrap_or(process.time_s),
+        (_, None) => f64::INFINITY,
+        (_, Some(slot)) => {
+            slot.mistake("only a `singer` motion decays; remove it, or write kind = \"singer\"");
+            f64::INFINITY
+        }
+    };
     process
 }
 
 fn read_process_kind(slot: &Slot) -> Option<ProcessKind> {
-    if slot.value.get_ref().as_str() == Some("singer") {
-        slot.mistake("`singer` is not yet supported; use \"jerk\" or \"walk\"");
-        return None;
-    }
-    slot.choice(&[("jerk", ProcessKind::Jerk), ("walk", ProcessKind::Walk)])
+    let singer = ("singer", ProcessKind::Singer);
+    slot.choice(&[("jerk", ProcessKind::Jerk), ("walk", ProcessKind::Walk), singer])
 }
 
 fn read_start_std(slot: &Slot, kind: ProcessKind, unit: &str) -> Option<[f64; 3]> {
@@ -89,7 +108,7 @@ fn read_start_std(slot: &Slot, kind: ProcessKind, unit: &str) -> Option<[f64; 3]
             let list = slot.list(1, &format!("one number for a walk: [{unit}]"))?;
             Some([positive(&list[0])?, 0.0, 0.0])
         }
-        ProcessKind::Jerk => slot.three(&format!("three numbers [{unit}, {unit}/s, {unit}/s2]"), |s| s.positive("")),
+        _ => slot.three(&format!("three numbers [{unit}, {unit}/s, {unit}/s2]"), |s| s.positive("")),
     }
 }
 
@@ -99,20 +118,25 @@ pub(super) fn read(section: &Section, defaults: &Defaults) -> JointSpec {
     let (default, unit) = match kind {
         JointKind::Slide => (&defaults.slide, "m"),
         JointKind::Hinge | JointKind::Fixed => (&defaults.hinge, "rad"),
+        JointKind::Ball | JointKind::Free => (&defaults.ball, "rad"),
     };
     let limits = section.get("limits").and_then(|slot| read_limits(&slot, kind)).unwrap_or(match kind {
         JointKind::Fixed => [0.0, 0.0],
-        JointKind::Hinge => [-PI, PI],
         JointKind::Slide => [-1.0, 1.0],
+        _ => [-PI, PI],
     });
     let std = section.get("std").and_then(|s| Some((s.positive(unit)?, s.at())));
+    let angles = section.get("angles").and_then(|slot| read_angles(&slot)).unwrap_or("ZXY".into());
     let joint = Joint {
         name: name.text.clone(),
         label: section.text_or_empty("label"),
         kind,
+        first: 0,
         limits,
-        rest: read_rest(section, limits, unit),
+        rest: read_rest(section, kind, limits, unit),
         process: section.get("process").map_or(*default, |slot| read_process(slot, default, unit)),
+        translation: (kind == JointKind::Free).then(|| read_translation(section, defaults)),
+        angles,
         input: section.flag("input"),
         input_std: std.map_or(INPUT_STD, |(std, _)| std),
     };
@@ -120,21 +144,45 @@ pub(super) fn read(section: &Section, defaults: &Defaults) -> JointSpec {
     JointSpec { name, joint, std }
 }
 
+fn read_translation(whole: &Section, defaults: &Defaults) -> Translation {
+    let default = Translation { process: defaults.place, limits: [-0.5, 0.5] };
+    let Some(section) = whole.get("translation").and_then(|slot| Section::of(slot, &TRANSLATION_KEYS)) else {
+        return default;
+    };
+    let limits = section.get("limits").and_then(|slot| read_limits(&slot, JointKind::Slide));
+    Translation { process: read_process_of(&section, &default.process, "m"), limits: limits.unwrap_or(default.limits) }
+}
+
 fn read_kind(slot: &Slot) -> Option<JointKind> {
-    let known = [("fixed", JointKind::Fixed), ("hinge", JointKind::Hinge), ("slide", JointKind::Slide)];
+    let known = [
+        ("fixed", JointKind::Fixed),
+        ("hinge", JointKind::Hinge),
+        ("slide", JointKind::Slide),
+        ("ball", JointKind::Ball),
+        ("free", JointKind::Free),
+    ];
     let meant = match slot.text()? {
-        "ball" | "free" => {
-            let way_out = "use hinges and slides in a row, each with a frame of its own";
-            slot.mistake(format!("`{}` is not yet supported; {way_out}", slot.text()?));
-            return None;
-        }
         "revolute" | "rotation" | "rotational" | "pin" | "angle" => "hinge",
         "prismatic" | "slider" | "translation" | "linear" => "slide",
         "weld" | "rigid" | "none" => "fixed",
+        "spherical" | "gimbal" | "sphere" => "ball",
+        "floating" | "freeflyer" | "6dof" => "free",
         _ => return slot.choice(&known),
     };
     slot.mistake(format!("unknown kind `{}`; did you mean `{meant}`?", slot.text()?));
     None
+}
+
+/// Three axes of which no two neighbours are the same.
+fn read_angles(slot: &Slot) -> Option<String> {
+    let text = slot.text()?;
+    let letters: Vec<char> = text.chars().collect();
+    let known = letters.len() == 3 && letters.iter().all(|c| "XYZ".contains(*c));
+    if !known || letters[0] == letters[1] || letters[1] == letters[2] {
+        slot.expected("three axes in a row, no neighbours equal: \"YXY\", \"XZY\" or \"ZXY\"");
+        return None;
+    }
+    Some(text.to_string())
 }
 
 fn read_limits(slot: &Slot, kind: JointKind) -> Option<[f64; 2]> {
@@ -146,23 +194,35 @@ fn read_limits(slot: &Slot, kind: JointKind) -> Option<[f64; 2]> {
         slot.mistake(format!("lowest {low:.4} is not below highest {high:.4}; expected [lowest, highest]"));
         return None;
     }
-    if kind == JointKind::Hinge && low.abs().max(high.abs()) > HINGE_BOUND_RAD {
+    if kind != JointKind::Slide && low.abs().max(high.abs()) > HINGE_BOUND_RAD {
         slot.mistake(format!("[{low:.4}, {high:.4}] rad is many turns; write degrees as \"90*pi/180\""));
+    }
+    if kind.turns_freely() && low + high != 0.0 {
+        slot.mistake(format!("[{low:.4}, {high:.4}] rad; a ball's limits count from its rest alike: expected [-a, a]"));
     }
     Some([low, high])
 }
 
-fn read_rest(section: &Section, [low, high]: [f64; 2], unit: &str) -> f64 {
+fn read_rest(section: &Section, kind: JointKind, [low, high]: [f64; 2], unit: &str) -> Vec<f64> {
     let inside = |x: f64| low <= x && x <= high;
     let middle = if inside(0.0) { 0.0 } else { 0.5 * (low + high) };
     let Some(slot) = section.get("rest") else {
-        return middle;
+        return vec![middle; kind.width()];
     };
+    if kind.width() > 1 {
+        let wanted = match kind {
+            JointKind::Ball => "a rotation vector [rx, ry, rz] in rad",
+            _ => "a place in m and a rotation vector in rad: [x, y, z, rx, ry, rz]",
+        };
+        let numbers = slot.list(kind.width(), wanted).unwrap_or_default();
+        let numbers: Option<Vec<f64>> = numbers.iter().map(Slot::number).collect();
+        return numbers.filter(|n| n.len() == kind.width()).unwrap_or(vec![0.0; kind.width()]);
+    }
     let rest = slot.number().unwrap_or(middle);
     if !inside(rest) && !section.path.is_empty() {
         slot.mistake(format!("{rest} {unit} is outside the limits [{low:.4}, {high:.4}] {unit}"));
     }
-    rest
+    vec![rest]
 }
 
 /// Keys that contradict each other.
@@ -174,7 +234,17 @@ fn check_sense(section: &Section, joint: &Joint) {
     };
     if joint.kind == JointKind::Fixed {
         contradicts(&["limits", "rest", "process", "std", "input"], "a fixed joint does not move");
+    } else if joint.kind.turns_freely() {
+        contradicts(&["input", "std"], "no encoder reads a rotation in all directions");
+        if joint.process.kind == ProcessKind::Walk {
+            section.mistake(section.at_key("process"), "a ball does not walk; expected kind = \"jerk\" or \"singer\"");
+        }
     } else if joint.input {
         contradicts(&["process"], "an input joint follows its stream and has no motion of its own");
+    }    if !joint.kind.turns_freely() {
+        contradicts(&["angles"], "only a ball or a free joint is read in a sequence of angles");
+    }
+    if joint.kind != JointKind::Free {
+        contradicts(&["translation"], "only a free joint moves freely in space");
     }
 }

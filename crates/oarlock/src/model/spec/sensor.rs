@@ -7,7 +7,7 @@ use crate::model::slot::{Named, Slot};
 use crate::model::{ImuNoise, Mount};
 use crate::rotation::Mat3;
 
-pub(in crate::model) const KEYS: [&str; 15] = [
+pub(in crate::model) const KEYS: [&str; 16] = [
     "name",
     "kind",
     "frame",
@@ -15,6 +15,7 @@ pub(in crate::model) const KEYS: [&str; 15] = [
     "gyro_std_rad_s",
     "accel_std_m_s2",
     "mag_std_ut",
+    "rest_std_rad_s",
     "gyro_bias_start_std_rad_s",
     "gyro_bias_walk",
     "accel_bias_start_std_m_s2",
@@ -51,12 +52,13 @@ pub(in crate::model) struct ClosureSpec {
 }
 
 /// The keys of each kind, beside `name` and `kind`.
-const IMU_KEYS: [&str; 9] = [
+const IMU_KEYS: [&str; 10] = [
     "frame",
     "mount",
     "gyro_std_rad_s",
     "accel_std_m_s2",
     "mag_std_ut",
+    "rest_std_rad_s",
     "gyro_bias_start_std_rad_s",
     "gyro_bias_walk",
     "accel_bias_start_std_m_s2",
@@ -132,6 +134,7 @@ fn read_imu(section: &Section) -> What {
         gyro_std: std("gyro_std_rad_s", "rad/s"),
         accel_std: std("accel_std_m_s2", "m/s2"),
         mag_std: std("mag_std_ut", "uT"),
+        rest_std: std("rest_std_rad_s", "rad/s"),
         gyro_bias_start_std: std("gyro_bias_start_std_rad_s", "rad/s").unwrap_or(0.02),
         gyro_bias_walk: walk("gyro_bias_walk", 1.1e-5),
         accel_bias_start_std: std("accel_bias_start_std_m_s2", "m/s2").unwrap_or(0.05),

@@ -2,7 +2,7 @@
 
 use crate::model::section::Section;
 use crate::model::slot::Named;
-use crate::model::{BaseAcceleration, World};
+use crate::model::{BaseAcceleration, Expr, World};
 use std::f64::consts::FRAC_PI_2;
 
 const KEYS: [&str; 8] = [
@@ -15,7 +15,8 @@ const KEYS: [&str; 8] = [
     "azimuth_fixed",
     "azimuth_walk",
 ];
-pub(in crate::model) const BASE_ACCELERATION_KEYS: [&str; 5] = ["name", "label", "axis", "density", "start_std"];
+pub(in crate::model) const BASE_ACCELERATION_KEYS: [&str; 7] =
+    ["name", "label", "axis", "density", "start_std", "time_s", "always"];
 
 /// Standard gravity, exact by definition.
 const GRAVITY_M_S2: f64 = 9.80665;
@@ -31,8 +32,8 @@ pub(super) fn read(whole: &Section) -> (World, bool) {
         up: [0.0, 1.0, 0.0],
         forward: [0.0, 0.0, 1.0],
         gravity_m_s2: GRAVITY_M_S2,
-        magnetic_norm_ut: 1.0,
-        magnetic_dip_rad: 0.0,
+        magnetic_norm_ut: Expr::constant(1.0),
+        magnetic_dip_rad: Expr::constant(0.0),
         magnetic_azimuth_rad: 0.0,
         azimuth_fixed: false,
         azimuth_walk: AZIMUTH_WALK,
@@ -80,19 +81,19 @@ fn read_gravity(section: &Section, world: &mut World) {
 
 /// True if norm and dip are given.
 fn read_field(section: &Section, world: &mut World) -> bool {
-    if let Some(slot) = section.get("magnetic_norm_ut") {
-        world.magnetic_norm_ut = slot.positive("uT").unwrap_or(1.0);
-        if !MAGNETIC_NORM_UT.contains(&world.magnetic_norm_ut) {
-            let hint = "the Earth's field is 22 to 67 uT (1 gauss = 100 uT)";
-            slot.mistake(format!("{} uT; {hint}", world.magnetic_norm_ut));
+    if let Some((slot, norm)) = section.get("magnetic_norm_ut").and_then(|s| s.expr().map(|e| (s, e))) {
+        let value = norm.eval(&slot.reader.defaults);
+        if !MAGNETIC_NORM_UT.contains(&value) {
+            slot.mistake(format!("{value} uT; the Earth's field is 22 to 67 uT (1 gauss = 100 uT)"));
         }
+        world.magnetic_norm_ut = norm;
     }
-    if let Some(slot) = section.get("magnetic_dip_rad") {
-        world.magnetic_dip_rad = slot.number().unwrap_or(0.0);
-        if world.magnetic_dip_rad.abs() > FRAC_PI_2 {
-            let hint = "expected -pi/2 to pi/2 rad; write degrees as \"60*pi/180\"";
-            slot.mistake(format!("{} rad; {hint}", world.magnetic_dip_rad));
+    if let Some((slot, dip)) = section.get("magnetic_dip_rad").and_then(|s| s.expr().map(|e| (s, e))) {
+        let value = dip.eval(&slot.reader.defaults);
+        if value.abs() > FRAC_PI_2 {
+            slot.mistake(format!("{value} rad; expected -pi/2 to pi/2 rad; write degrees as \"60*pi/180\""));
         }
+        world.magnetic_dip_rad = dip;
     }
     if let Some(slot) = section.get("magnetic_azimuth_rad") {
         world.magnetic_azimuth_rad = slot.angle().and_then(|_| slot.number()).unwrap_or(0.0);
@@ -113,6 +114,8 @@ pub(super) fn read_base_acceleration(section: &Section) -> (Named, BaseAccelerat
         axis: section.need("axis", "[0, 0, 1]").and_then(|s| s.axis()).unwrap_or([0.0, 0.0, 1.0]),
         density: read("density", "3.35", "m/s2 per sqrt(s)"),
         start_std: read("start_std", "3.0", "m/s2"),
+        time_s: section.get("time_s").and_then(|s| s.positive("s")).unwrap_or(f64::INFINITY),
+        always: section.flag("always"),
     };
     (name, acceleration)
 }

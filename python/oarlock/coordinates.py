@@ -1,0 +1,98 @@
+"""Which coordinates belong to which joint: `trunk`; `shoulder.rx`, `.ry`, `.rz`; `pelvis.x` to `pelvis.rz`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from oarlock.errors import DataError
+
+if TYPE_CHECKING:
+    from oarlock._core import Model
+
+POSITION = ("x", "y", "z")
+ROTATION = ("rx", "ry", "rz")
+
+Kind = Literal["scalar", "rotation", "position"]
+
+
+@dataclass(frozen=True)
+class Part:
+    """What of a joint is one thing: a hinge's or slide's value, a rotation, a position.
+
+    Args:
+        name: the joint's, or of a free joint `pelvis.position` and `pelvis.rotation`.
+        joint: the joint's name.
+        kind: what the columns hold: one value, a rotation vector or a position.
+        columns: of the joint's coordinates, one or three.
+        labels: short name of each column within the part: "" of a scalar, else x, y, z or rx, ry, rz.
+    """
+
+    name: str
+    joint: str
+    kind: Kind
+    columns: tuple[int, ...]
+    labels: tuple[str, ...] = ("",)
+
+
+def joint_columns(coordinate_names: Sequence[str]) -> dict[str, tuple[int, ...]]:
+    """Columns of each joint, one, three (ball) or six (free), joints in the order of their first column.
+
+    Raises:
+        DataError: some coordinates of a ball or free joint are missing.
+    """
+    found: dict[str, dict[str, int]] = {}
+    for column, name in enumerate(coordinate_names):
+        joint, label = _split(name)
+        found.setdefault(joint, {})[label] = column
+    return {joint: _in_order(joint, columns) for joint, columns in found.items()}
+
+
+def parts(coordinate_names: Sequence[str]) -> tuple[Part, ...]:
+    """The parts of all joints: one of a hinge, a slide and a ball, position and rotation of a free joint."""
+    found: list[Part] = []
+    for joint, columns in joint_columns(coordinate_names).items():
+        if len(columns) == 1:
+            found.append(Part(joint, joint, "scalar", columns))
+        elif len(columns) == 3:
+            found.append(Part(joint, joint, "rotation", columns, ROTATION))
+        else:
+            found.append(Part(f"{joint}.position", joint, "position", columns[:3], POSITION))
+            found.append(Part(f"{joint}.rotation", joint, "rotation", columns[3:], ROTATION))
+    return tuple(found)
+
+
+def coordinate_units(model: Model) -> tuple[str, ...]:
+    """Unit of each coordinate: "m" of slides and of free joints' x, y, z, "rad" of the rest."""
+    slides = {joint["name"] for joint in model.describe()["joints"] if joint["kind"] == "slide"}
+    in_m = [name in slides or _split(name)[1] in POSITION for name in model.coordinate_names]
+    return tuple("m" if length else "rad" for length in in_m)
+
+
+def joint_units(model: Model) -> tuple[str, ...]:
+    """Unit of each joint: "m" for slides, "m, rad" for free joints, "rad" for the rest."""
+    special = {"slide": "m", "free": "m, rad"}
+    return tuple(special.get(joint["kind"], "rad") for joint in model.describe()["joints"])
+
+
+def angle_sequences(model: Model) -> Mapping[str, str]:
+    """The model's angle sequence of each ball and free joint."""
+    joints: Iterable[Mapping[str, str | None]] = model.describe()["joints"]
+    return {str(joint["name"]): sequence for joint in joints if (sequence := joint["angles"]) is not None}
+
+
+def _split(name: str) -> tuple[str, str]:
+    joint, _, label = name.rpartition(".")
+    return (joint, label) if joint and label in POSITION + ROTATION else (name, "")
+
+
+def _in_order(joint: str, columns: Mapping[str, int]) -> tuple[int, ...]:
+    for wanted in (("",), ROTATION, POSITION + ROTATION):
+        if set(columns) == set(wanted):
+            return tuple(columns[label] for label in wanted)
+    have = ", ".join(f"{joint}.{label}" if label else joint for label in columns)
+    raise DataError(
+        f'joint "{joint}": there are {have}; a ball joint has {joint}.rx, .ry and .rz, a free joint '
+        f"{joint}.x, .y and .z besides. Give all of them, once each."
+    )
