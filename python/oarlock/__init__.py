@@ -8,9 +8,13 @@ from oarlock.calibration import Calibration, load_calibration
 from oarlock.errors import DataError, DivergedError, ModelError
 from oarlock.evaluate import Evaluation, evaluate
 from oarlock.evaluate.orientations import evaluate_orientations
+from oarlock.hinge_axes import calibrate_hinge_axes
 from oarlock.hinge_chain import calibrate_hinge_chain
+from oarlock.joint_centers import calibrate_joint_centers
+from oarlock.local_field import calibrate_field
 from oarlock.models import Base, load_model
 from oarlock.motion import Motion
+from oarlock.pose_mounts import calibrate_pose
 from oarlock.recording import ImuStream, Recording, ScalarStream, VectorStream, load_recording
 from oarlock.simulate import simulate
 from oarlock.track import Track, load_track
@@ -36,7 +40,11 @@ __all__ = [
     "Tracker",
     "VectorStream",
     "__version__",
+    "calibrate_field",
+    "calibrate_hinge_axes",
     "calibrate_hinge_chain",
+    "calibrate_joint_centers",
+    "calibrate_pose",
     "evaluate",
     "evaluate_orientations",
     "load_calibration",

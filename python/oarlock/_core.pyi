@@ -145,3 +145,21 @@ def find_hinge_chain(
     still_s: tuple[float, float] | None,
     first_turn_positive: bool,
 ) -> dict[str, Any]: ...
+def find_joint_center(
+    first: dict[str, Any],
+    second: dict[str, Any],
+    expected: list[list[float]],
+    window_s: float,
+    prior_std_m: float,
+) -> dict[str, Any]: ...
+def find_hinge_axis(first: dict[str, Any], second: dict[str, Any], window_s: float) -> dict[str, Any]: ...
+def align_mount(
+    nominal: list[list[float]], sights: list[tuple[list[float], list[float], float]]
+) -> dict[str, Any]: ...
+def find_pose_mounts(
+    sensors: list[dict[str, Any]],
+    up_in_world: list[float],
+    still_s: tuple[float, float] | None,
+    posture_std_rad: float,
+) -> list[dict[str, Any]]: ...
+def find_local_field(sensors: list[dict[str, Any]]) -> dict[str, Any]: ...

@@ -58,7 +58,7 @@ def hinge_links(model: Model, sensors: Sequence[str], q: FloatArray) -> tuple[Hi
                 f'hinge chain: the model "{model.name}" has no inertial unit "{name}". '
                 f"{did_you_mean(name, frame_of)}"
             )
-    paths = {name: _joints_above(described, frame_of[name]) for name in sensors}
+    paths = {name: joints_above(described, frame_of[name]) for name in sensors}
     ordered = sorted(sensors, key=lambda name: len(paths[name]))
     _check_chain(described, ordered, paths)
     return tuple(_link(model, name, frame_of[name], paths[name][-1], q) for name in ordered)
@@ -86,7 +86,7 @@ def posture(model: Model, rest_q: Mapping[str, float] | ArrayLike | None) -> Flo
     return q
 
 
-def _joints_above(described: Mapping[str, Any], frame: str) -> list[str]:
+def joints_above(described: Mapping[str, Any], frame: str) -> list[str]:
     """The joints that move a frame, from the root to it; a joint that moves several frames comes as often."""
     frames = {f["name"]: f for f in described["frames"]}
     fixed = {j["name"] for j in described["joints"] if j["kind"] == "fixed"}

@@ -17,6 +17,7 @@ from oarlock.array_gate import FloatArray, real_array
 from oarlock.calibration import Calibration
 from oarlock.chain_geometry import HingeLink, hinge_links, posture
 from oarlock.errors import DataError
+from oarlock.inertial_units import chosen_units, readings
 from oarlock.plausibility import require_plausible
 from oarlock.recording import ImuStream, Recording
 from oarlock.suggest import did_you_mean
@@ -59,7 +60,7 @@ def calibrate_hinge_chain(
         sensors: the chain's sensors; None takes all inertial units of the model that were recorded.
         still_s: the still stretch (start, end); None takes the longest that all sensors share.
         swing_s: when the chain swings, (start, end) for all or by sensor; None is all but the still stretch.
-        rest_q: posture of the still stretch, by joint or (n_joints,), rad; None is q = 0.
+        rest_q: posture of the still stretch, by coordinate or (n_coordinates,), rad; None is q = 0.
         first_turn_positive: the first clear turn of the first hinge is positive. Gravity does not show the sign.
 
     Returns:
@@ -72,7 +73,7 @@ def calibrate_hinge_chain(
         DataError: no chain of hinges, a stream without gyroscope or accelerometer, no still stretch, no swing or
             one about several axes, a vertical hinge, a posture that gravity contradicts; with sensor and figures.
     """
-    names = _chosen(model, recording, sensors)
+    names = chosen_units(model, recording, sensors, "hinge chain")
     _check_spans(still_s, swing_s, names)
     require_plausible(recording.only(names))
     q = posture(model, rest_q)
@@ -104,27 +105,6 @@ def calibrate_hinge_chain(
     left_out = [name for name in recording.names if name not in mounts]
     noted = _noted(found, links, q, model) | {"kept_nominal": kept, "left_out": left_out}
     return Calibration(lengths, mounts, noted, offsets)
-
-
-def _chosen(model: Model, recording: Recording, sensors: Iterable[str] | None) -> list[str]:
-    units = [s["name"] for s in model.describe()["sensors"] if s["kind"] == "imu"]
-    if sensors is None:
-        names = [n for n in units if n in recording]
-    else:
-        names = [sensors] if isinstance(sensors, str) else list(sensors)
-    if not names:
-        raise DataError(
-            f'hinge chain: none of the inertial units of "{model.name}" ({", ".join(units)}) was recorded; '
-            f"the recording has {', '.join(recording.names)}. Rename the streams."
-        )
-    for name in names:
-        stream = recording[name]
-        if not isinstance(stream, ImuStream) or stream.gyro_rad_s is None or stream.accel_m_s2 is None:
-            raise DataError(
-                f'hinge chain: stream "{name}" has {", ".join(stream.values)}; the search needs gyro_rad_s and '
-                "accel_m_s2. Name the sensors to use."
-            )
-    return names
 
 
 def _check_spans(still_s: object, swing_s: object, names: Sequence[str]) -> None:
@@ -159,15 +139,9 @@ def _swing_of(swing_s: Span | Mapping[str, Span] | None, name: str) -> Span | No
 
 
 def _entry(link: HingeLink, stream: object, swing_s: Span | None) -> dict[str, Any]:
-    assert isinstance(stream, ImuStream)
-    return {
-        "name": link.sensor,
+    return readings(stream) | {
         "world_from_link": link.world_from_link.tolist(),
         "hinge_axis_in_world": link.axis_in_world.tolist(),
-        "time_s": stream.time_s,
-        "gyro_rad_s": stream.gyro_rad_s,
-        "accel_m_s2": stream.accel_m_s2,
-        "mag_ut": None if stream.mag_ut is None or np.isnan(stream.mag_ut).all() else stream.mag_ut,
         "swing_s": swing_s,
     }
 

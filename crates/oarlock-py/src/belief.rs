@@ -35,6 +35,7 @@ impl PyBelief {
         seen_s: &Bound<'_, PyAny>,
         rejected_since_s: &Bound<'_, PyAny>,
         state_names: Vec<String>,
+        inflation: (f64, f64),
         memory: Vec<[f64; MEMORY]>,
         hypothesis: (u64, f64),
         rivals: Vec<PyRef<'_, PyBelief>>,
@@ -50,7 +51,21 @@ impl PyBelief {
             .ok_or_else(|| crate::errors::DataError::new_err("covariance: expected one (n, n) matrix"))?;
         let rivals = rivals.iter().map(|r| r.belief.clone()).collect();
         let ((line, score), mean) = (hypothesis, mean.values);
-        let belief = Belief { time_s, mean, covariance, drive, habit, seen_s, rejected_since_s, memory, line, score, rivals };
+        let belief = Belief {
+            time_s,
+            mean,
+            covariance,
+            drive,
+            habit,
+            inflation: inflation.0,
+            surprise: inflation.1,
+            seen_s,
+            rejected_since_s,
+            memory,
+            line,
+            score,
+            rivals,
+        };
         Ok(PyBelief { belief, names: state_names })
     }
 
@@ -98,6 +113,13 @@ impl PyBelief {
         self.names.clone()
     }
 
+    /// How much larger the noise of inertial units is than the model says, and the usual size of their innovations together
+    /// as a factor on what is expected (variances), as learnt.
+    #[getter]
+    fn inflation(&self) -> (f64, f64) {
+        (self.belief.inflation, self.belief.surprise)
+    }
+
     /// Per sensor and closure: smoothed readings by which rest is told.
     #[getter]
     fn memory(&self) -> Vec<[f64; MEMORY]> {
@@ -122,7 +144,20 @@ impl PyBelief {
         let (drive, habit, seen, since) = (b.drive(py), b.habit(py), b.seen_s(py), b.rejected_since_s(py));
         let (hypothesis, rivals) = (b.hypothesis(), b.rivals());
         let (mean, covariance, names) = (b.mean(py), b.covariance(py)?, b.names.clone());
-        let parts = (b.belief.time_s, mean, covariance, drive, habit, seen, since, names, b.memory(), hypothesis, rivals);
+        let parts = (
+            b.belief.time_s,
+            mean,
+            covariance,
+            drive,
+            habit,
+            seen,
+            since,
+            names,
+            b.inflation(),
+            b.memory(),
+            hypothesis,
+            rivals,
+        );
         Ok((py.get_type::<Self>().into_any(), parts.into_pyobject(py)?))
     }
 

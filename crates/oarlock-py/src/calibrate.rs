@@ -1,34 +1,101 @@
-//! What a still stretch and a swing tell about the sensors of a hinge chain.
+//! What a recording tells about one wearing: mounts, lever arms, joints, magnetic field.
 
 use crate::array::{items, reals};
-use crate::errors::raise;
+use crate::errors::{raise, DataError};
+use oarlock::calibrate::aligned::{aligned_mount, Sight};
+use oarlock::calibrate::hinge_axes::{hinge_axis, AxisOptions};
 use oarlock::calibrate::hinge_chain::{mounts, ChainOptions, ChainSensor, FoundMount};
-use oarlock::calibrate::lever_arms::{lever_arms, FoundLever, LeverOptions};
-use oarlock::calibrate::magnetic::{magnetic_field, FoundField, FoundOffset, MagneticOptions};
+use oarlock::calibrate::joint_centers::{joint_center, CenterOptions};
+use oarlock::calibrate::lever_arms::{lever_arms, LeverOptions};
+use oarlock::calibrate::local_field::{local_field, FieldOptions, MagneticUnit};
+use oarlock::calibrate::magnetic::{magnetic_field, FoundField, MagneticOptions};
+use oarlock::calibrate::pose_mounts::{pose_mounts, PoseOptions, PosedUnit};
+use oarlock::calibrate::signals::Signals;
 use oarlock::rotation::Mat3;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use serde_json::json;
 
 type Rows = Vec<[f64; 3]>;
-type Entry<'py> = PyResult<Bound<'py, PyDict>>;
+type Told<'py> = PyResult<Bound<'py, PyAny>>;
 
-/// One sensor's columns, owned, so that the search runs without the interpreter's lock.
-struct Link {
+/// One unit's columns, owned, so that a search runs without the interpreter's lock.
+struct Unit {
     name: String,
-    world_from_link: Mat3<f64>,
-    hinge_axis_in_world: [f64; 3],
     time_s: Vec<f64>,
     gyro_rad_s: Rows,
     accel_m_s2: Rows,
     mag_ut: Option<Rows>,
+}
+
+/// A unit with what a hinge chain knows of it.
+struct Link {
+    unit: Unit,
+    world_from_link: Mat3<f64>,
+    hinge_axis_in_world: [f64; 3],
     swing_s: Option<(f64, f64)>,
+}
+
+impl Unit {
+    /// From a mapping of name, time_s (T,), gyro_rad_s, accel_m_s2 and mag_ut (T, 3); mag_ut may be None.
+    fn read(entry: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let name: String = entry.get_item("name")?.extract()?;
+        let label = |key: &str| format!("sensor '{name}', {key}");
+        let rows = |key: &str| -> PyResult<Rows> {
+            let (array, _) = items(&entry.get_item(key)?, &label(key), &[3])?;
+            Ok(array.values.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect())
+        };
+        Ok(Unit {
+            time_s: reals(&entry.get_item("time_s")?, &label("time_s"))?.values,
+            gyro_rad_s: rows("gyro_rad_s")?,
+            accel_m_s2: rows("accel_m_s2")?,
+            mag_ut: if entry.get_item("mag_ut")?.is_none() { None } else { Some(rows("mag_ut")?) },
+            name,
+        })
+    }
+
+    fn signals(&self) -> Signals<'_> {
+        Signals { name: &self.name, time_s: &self.time_s, gyro_rad_s: &self.gyro_rad_s, accel_m_s2: &self.accel_m_s2 }
+    }
+}
+
+impl Link {
+    fn read(entry: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Ok(Link {
+            unit: Unit::read(entry)?,
+            world_from_link: Mat3(entry.get_item("world_from_link")?.extract()?),
+            hinge_axis_in_world: entry.get_item("hinge_axis_in_world")?.extract()?,
+            swing_s: entry.get_item("swing_s")?.extract()?,
+        })
+    }
+
+    fn borrow(&self) -> ChainSensor<'_> {
+        ChainSensor {
+            name: &self.unit.name,
+            world_from_link: self.world_from_link,
+            hinge_axis_in_world: self.hinge_axis_in_world,
+            time_s: &self.unit.time_s,
+            gyro_rad_s: &self.unit.gyro_rad_s,
+            accel_m_s2: &self.unit.accel_m_s2,
+            swing_s: self.swing_s,
+        }
+    }
+}
+
+/// The engine's findings as Python reads them: mappings by field name, lists; NaN as None.
+fn told<'py>(py: Python<'py>, json: serde_json::Result<String>) -> Told<'py> {
+    let json = json.map_err(|e| DataError::new_err(e.to_string()))?;
+    py.import("json")?.call_method1("loads", (json,))
+}
+
+fn units(entries: &[Bound<'_, PyAny>]) -> PyResult<Vec<Unit>> {
+    entries.iter().map(Unit::read).collect()
 }
 
 /// Mounts, lever arms and magnetic field of a chain of hinges.
 ///
-/// `sensors`, base to tip, are mappings of name, world_from_link (3, 3) and hinge_axis_in_world (3,) (both lists, in the
-/// posture of the still stretch), time_s (T,), gyro_rad_s, accel_m_s2 and mag_ut (T, 3) (mag_ut may be None), swing_s (start, end) or
-/// None. Returns a dictionary of `mounts` and `lever_arms`, one entry a sensor, and `field`, None without magnetometers.
+/// `sensors`, base to tip, are units that also have world_from_link (3, 3) and hinge_axis_in_world (3,) (both lists, in the
+/// posture of the still stretch), and swing_s (start, end) or None. Returns a dictionary of `mounts` and `lever_arms`, one
+/// entry a sensor, and `field`, None without magnetometers.
 #[pyfunction]
 pub fn find_hinge_chain<'py>(
     py: Python<'py>,
@@ -37,7 +104,7 @@ pub fn find_hinge_chain<'py>(
     gravity_m_s2: f64,
     still_s: Option<(f64, f64)>,
     first_turn_positive: bool,
-) -> Entry<'py> {
+) -> Told<'py> {
     let links = sensors.iter().map(Link::read).collect::<PyResult<Vec<_>>>()?;
     let options = ChainOptions { still_s, first_turn_positive, ..ChainOptions::default() };
     let levers = LeverOptions { gravity_m_s2, ..LeverOptions::default() };
@@ -50,18 +117,83 @@ pub fn find_hinge_chain<'py>(
             Ok((found, arms, field))
         })
         .map_err(|e| raise(py, e))?;
-    let out = PyDict::new(py);
-    out.set_item("mounts", list(py, mounts.iter().map(|m| mount_entry(py, m)))?)?;
-    out.set_item("lever_arms", list(py, arms.iter().map(|a| lever_entry(py, a)))?)?;
-    out.set_item("field", field.map(|f| field_entry(py, &f)).transpose()?)?;
-    Ok(out)
+    told(py, serde_json::to_string(&json!({ "mounts": mounts, "lever_arms": arms, "field": field })))
+}
+
+/// The joint between the bodies of two units; `expected` is joint to unit in each one's sensor axes, m.
+#[pyfunction]
+pub fn find_joint_center<'py>(
+    py: Python<'py>,
+    first: Bound<'py, PyAny>,
+    second: Bound<'py, PyAny>,
+    expected: [[f64; 3]; 2],
+    window_s: f64,
+    prior_std_m: f64,
+) -> Told<'py> {
+    let (first, second) = (Unit::read(&first)?, Unit::read(&second)?);
+    let options = CenterOptions { window_s, prior_std_m, ..CenterOptions::default() };
+    let found = py.detach(|| joint_center([&first.signals(), &second.signals()], expected, &options));
+    told(py, serde_json::to_string(&found.map_err(|e| raise(py, e))?))
+}
+
+/// The axis of the hinge between the bodies of two units, in each one's sensor axes.
+#[pyfunction]
+pub fn find_hinge_axis<'py>(
+    py: Python<'py>,
+    first: Bound<'py, PyAny>,
+    second: Bound<'py, PyAny>,
+    window_s: f64,
+) -> Told<'py> {
+    let (one, two) = (Unit::read(&first)?, Unit::read(&second)?);
+    let options = AxisOptions { window_s, ..AxisOptions::default() };
+    let found = py.detach(|| hinge_axis([&one.signals(), &two.signals()], &options)).map_err(|e| raise(py, e))?;
+    told(py, serde_json::to_string(&found))
+}
+
+/// The rotation nearest to `nominal` that agrees best with sights: (in_sensor, in_link, std_rad) each.
+#[pyfunction]
+pub fn align_mount<'py>(py: Python<'py>, nominal: [[f64; 3]; 3], sights: Vec<([f64; 3], [f64; 3], f64)>) -> Told<'py> {
+    let sight = |&(in_sensor, in_link, std_rad): &([f64; 3], [f64; 3], f64)| Sight { in_sensor, in_link, std_rad };
+    let turned = aligned_mount(&Mat3(nominal), &sights.iter().map(sight).collect::<Vec<_>>());
+    told(py, serde_json::to_string(&turned))
+}
+
+/// Mounts of units that rest in a known posture: each also has link_from_sensor and world_from_link (3, 3), lists.
+#[pyfunction]
+pub fn find_pose_mounts<'py>(
+    py: Python<'py>,
+    sensors: Vec<Bound<'py, PyAny>>,
+    up_in_world: [f64; 3],
+    still_s: Option<(f64, f64)>,
+    posture_std_rad: f64,
+) -> Told<'py> {
+    let owned = units(&sensors)?;
+    let rotation = |at: usize, key: &str| PyResult::Ok(Mat3(sensors[at].get_item(key)?.extract()?));
+    let posed = |(at, unit)| -> PyResult<PosedUnit> {
+        let (link_from_sensor, world_from_link) = (rotation(at, "link_from_sensor")?, rotation(at, "world_from_link")?);
+        Ok(PosedUnit { signals: Unit::signals(unit), link_from_sensor, world_from_link })
+    };
+    let posed = owned.iter().enumerate().map(posed).collect::<PyResult<Vec<_>>>()?;
+    let options = PoseOptions { still_s, posture_std_rad, ..PoseOptions::default() };
+    let found = py.detach(|| pose_mounts(&posed, up_in_world, &options)).map_err(|e| raise(py, e))?;
+    told(py, serde_json::to_string(&found))
+}
+
+/// Strength and dip of the magnetic field about units that all have a magnetometer.
+#[pyfunction]
+pub fn find_local_field<'py>(py: Python<'py>, sensors: Vec<Bound<'py, PyAny>>) -> Told<'py> {
+    let owned = units(&sensors)?;
+    let magnetic: Vec<MagneticUnit> =
+        owned.iter().filter_map(|unit| Some((unit.signals(), unit.mag_ut.as_deref()?))).collect();
+    let found = py.detach(|| local_field(&magnetic, &FieldOptions::default())).map_err(|e| raise(py, e))?;
+    told(py, serde_json::to_string(&found))
 }
 
 /// Of those sensors that have a magnetometer.
 fn field_of(links: &[Link], chain: &[ChainSensor], found: &[FoundMount]) -> oarlock::Result<Option<FoundField>> {
     let (mut sensors, mut columns, mut mounts) = (Vec::new(), Vec::new(), Vec::new());
     for ((link, sensor), mount) in links.iter().zip(chain).zip(found) {
-        if let Some(mag_ut) = &link.mag_ut {
+        if let Some(mag_ut) = &link.unit.mag_ut {
             sensors.push(*sensor);
             columns.push(mag_ut.as_slice());
             mounts.push(mount.clone());
@@ -71,84 +203,4 @@ fn field_of(links: &[Link], chain: &[ChainSensor], found: &[FoundMount]) -> oarl
         return Ok(None);
     }
     magnetic_field(&sensors, &columns, &mounts, &MagneticOptions::default()).map(Some)
-}
-
-impl Link {
-    fn read(entry: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let name: String = entry.get_item("name")?.extract()?;
-        let label = |key: &str| format!("sensor '{name}', {key}");
-        let rows = |key: &str| -> PyResult<Rows> {
-            let (array, _) = items(&entry.get_item(key)?, &label(key), &[3])?;
-            Ok(array.values.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect())
-        };
-        Ok(Link {
-            world_from_link: Mat3(entry.get_item("world_from_link")?.extract()?),
-            hinge_axis_in_world: entry.get_item("hinge_axis_in_world")?.extract()?,
-            time_s: reals(&entry.get_item("time_s")?, &label("time_s"))?.values,
-            gyro_rad_s: rows("gyro_rad_s")?,
-            accel_m_s2: rows("accel_m_s2")?,
-            mag_ut: if entry.get_item("mag_ut")?.is_none() { None } else { Some(rows("mag_ut")?) },
-            swing_s: entry.get_item("swing_s")?.extract()?,
-            name,
-        })
-    }
-
-    fn borrow(&self) -> ChainSensor<'_> {
-        ChainSensor {
-            name: &self.name,
-            world_from_link: self.world_from_link,
-            hinge_axis_in_world: self.hinge_axis_in_world,
-            time_s: &self.time_s,
-            gyro_rad_s: &self.gyro_rad_s,
-            accel_m_s2: &self.accel_m_s2,
-            swing_s: self.swing_s,
-        }
-    }
-}
-
-fn list<'py>(py: Python<'py>, entries: impl Iterator<Item = Entry<'py>>) -> PyResult<Bound<'py, PyList>> {
-    PyList::new(py, entries.collect::<PyResult<Vec<_>>>()?)
-}
-
-macro_rules! entry {
-    ($py:expr, $from:expr, $($field:ident),+) => {{
-        let entry = PyDict::new($py);
-        $(entry.set_item(stringify!($field), $from.$field.clone())?;)+
-        entry
-    }};
-}
-
-fn mount_entry<'py>(py: Python<'py>, m: &FoundMount) -> Entry<'py> {
-    let out = entry!(
-        py,
-        m,
-        name,
-        std_about_hinge_rad,
-        std_about_up_rad,
-        std_about_third_rad,
-        disagreement_rad,
-        axis_moved_rad,
-        axis_in_sensor,
-        off_axis_share,
-        neighbour_correlation,
-        swing_range_rad,
-        gyro_bias_rad_s,
-        gyro_noise_rad_s,
-        accel_noise_m_s2,
-        accel_norm_m_s2,
-        still_s
-    );
-    out.set_item("link_from_sensor", m.link_from_sensor.0)?;
-    Ok(out)
-}
-
-fn lever_entry<'py>(py: Python<'py>, a: &FoundLever) -> Entry<'py> {
-    Ok(entry!(py, a, name, offset_m, offset_std_m, to_next_hinge_m, residual_m_s2, constant_m_s2))
-}
-
-fn field_entry<'py>(py: Python<'py>, f: &FoundField) -> Entry<'py> {
-    let out = entry!(py, f, field_in_world_ut, field_std_ut);
-    let offset = |o: &FoundOffset| Ok(entry!(py, o, name, offset_ut, offset_std_ut, residual_ut, residual_without_ut));
-    out.set_item("offsets", list(py, f.offsets.iter().map(offset))?)?;
-    Ok(out)
 }

@@ -121,7 +121,12 @@ impl PyModel {
             let mut out = Vec::with_capacity(rows * tree.len() * 16);
             for row in 0..rows {
                 let q = &q.values[row * width..(row + 1) * width];
-                tree.motions(root, JointMotion { q, qd: &still, qdd: &still, anchors: &[] }, &all, &mut frames);
+                tree.motions(
+                    root,
+                    JointMotion { q, qd: &still, qdd: &still, lengths: &[], anchors: &[] },
+                    &all,
+                    &mut frames,
+                );
                 for f in &frames {
                     for (r, p) in f.rotation.0.iter().zip(f.position.0) {
                         out.extend([r[0], r[1], r[2], p]);

@@ -7,6 +7,8 @@
 #[allow(dead_code)]
 #[path = "../tests/textbook/body.rs"]
 mod body;
+#[path = "../tests/support/so3.rs"]
+mod so3;
 #[allow(dead_code)]
 #[path = "../tests/textbook/ukf.rs"]
 mod ukf;
@@ -38,7 +40,7 @@ fn sample(tracker: &Tracker, index: usize) -> Sample {
     let model = &tracker.body.model;
     let time_s = index as f64 / RATE_HZ;
     let sway = |j: usize| 0.05 * (2.0 * time_s + j as f64).sin();
-    let q: Vec<f64> = model.joints.iter().enumerate().map(|(j, joint)| joint.rest + sway(j)).collect();
+    let q: Vec<f64> = model.joints.iter().enumerate().map(|(j, joint)| joint.rest[0] + sway(j)).collect();
     let still = vec![0.0; q.len()];
     let mut sample = tracker.empty_sample();
     sample.time_s = time_s;
@@ -138,7 +140,7 @@ fn kinematics(c: &mut Criterion) {
     let (mut frames, all) = (vec![root; tree.len()], vec![true; tree.len()]);
     c.bench_function("kinematics of 26 frames, 8 sigma points", |b| {
         b.iter(|| {
-            let joints = JointMotion { q: black_box(&lanes), qd: &lanes, qdd: &lanes };
+            let joints = JointMotion { q: black_box(&lanes), qd: &lanes, qdd: &lanes, lengths: &[], anchors: &[] };
             tree.motions(root, joints, &all, &mut frames);
         })
     });

@@ -12,8 +12,8 @@ use crate::motion::{fading, joint_block, push_turn, Now};
 use crate::rotation::turn::{minus, plus, right_jacobian, Turn};
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::imu::MountValue;
-use crate::sensor::{Quantity, Suite, Surroundings};
-use crate::state::{Layout, SlowSlot, Slots};
+use crate::sensor::{Quantity, Suite, Surroundings, Wearing, Worn};
+use crate::state::{Layout, Slots, SlowSlot};
 use std::sync::Arc;
 
 /// Gravity and field in root axes.
@@ -74,6 +74,8 @@ pub struct BodyScratch {
     qd: Vec<Lane>,
     qdd: Vec<Lane>,
     anchors: Vec<Mat3<f64>>,
+    lengths: Vec<Lane>,
+    mounts: Vec<Vec3<Lane>>,
     frames: Vec<FrameMotion<Lane>>,
 }
 
@@ -109,7 +111,10 @@ impl Body {
     /// Puts a model together with parameter values and mounts (per sensor; `None` is the model's own).
     pub fn new(model: Arc<Model>, parameters: &[f64], mounts: &[Option<MountValue>], config: &Config) -> Result<Self> {
         let layout = Layout::new(&model, config)?;
-        let suite = Suite::new(&model, parameters, mounts);
+        let (estimated, worn): (Vec<usize>, Vec<usize>) =
+            (layout.lengths.iter().map(|l| l.0).collect(), layout.mounts.iter().map(|m| m.0).collect());
+        let wearing = Wearing { parameters, estimated: &estimated, mounts: &worn };
+        let suite = Suite::worn(&model, &wearing, mounts);
         let mut biases = Vec::new();
         for (i, sensor) in model.sensors.iter().enumerate() {
             let Some((s, source)) = suite.sources.iter().enumerate().find(|(_, s)| s.name == sensor.name) else {
@@ -127,7 +132,7 @@ impl Body {
         let driven = joints.chain(layout.base.iter().flatten().map(|b| b.first)).collect();
         let inputs = || model.joints.iter().filter(|j| j.input);
         let (input_coordinates, input_std) = inputs().map(|j| (j.first, j.input_std)).unzip();
-        let tree = Tree::new(&model, parameters);
+        let tree = Tree::with_lengths(&model, parameters, &estimated);
         let field = Field::new(&model.world, parameters);
         let mut turned = vec![false; layout.dim()];
         layout.turns.iter().for_each(|(_, slots)| turned[slots.q..slots.q + 3].fill(true));
@@ -172,6 +177,11 @@ impl Body {
         found
     }
 
+    /// Nominal values of the lengths that are estimated, m.
+    pub fn lengths(&self) -> Vec<f64> {
+        self.layout.lengths.iter().map(|(i, _)| self.parameters[*i]).collect()
+    }
+
     /// Whether a coordinate is a place of a free joint.
     pub fn is_place(&self, coordinate: usize) -> bool {
         let free = |j: &crate::model::Joint| j.kind == JointKind::Free && (j.first..j.first + 3).contains(&coordinate);
@@ -198,7 +208,12 @@ impl Body {
         Groups {
             parts: sources.iter().flat_map(|s| s.parts.iter().map(|p| p.rows.clone())).collect(),
             sources: sources.iter().map(|s| s.rows.clone()).collect(),
-            inertial: sources.iter().flat_map(|s| &s.parts).filter(|p| p.quantity.is_inertial()).flat_map(|p| p.rows.clone()).collect(),
+            inertial: sources
+                .iter()
+                .flat_map(|s| &s.parts)
+                .filter(|p| p.quantity.is_inertial())
+                .flat_map(|p| p.rows.clone())
+                .collect(),
         }
     }
 
@@ -222,6 +237,10 @@ impl Body {
             s.q[*c..c + 3].copy_from_slice(&at.delta[slots.q..slots.q + 3]);
             *anchor = Turn::exp(three(at.mean, slots.q)).matrix();
         }
+        self.layout.lengths.iter().zip(&mut s.lengths).for_each(|((_, state), length)| *length = at.at(*state));
+        for ((_, first), mount) in self.layout.mounts.iter().zip(&mut s.mounts) {
+            *mount = Vec3([0, 1, 2].map(|i| at.at(first + i)));
+        }
         for (&c, &off) in self.input_coordinates.iter().zip(at.off) {
             s.q[c] += off;
         }
@@ -237,6 +256,7 @@ impl Body {
                 (qd[c], qdd[c]) = (mean[rate], mean[accel]);
             }
         }
+        let lengths: Vec<f64> = self.layout.lengths.iter().map(|(_, state)| mean[*state]).collect();
         let mut proper = Vec3(self.field.lift);
         for (base, slot) in self.model.base_accelerations.iter().zip(&self.layout.base) {
             if let Some(slot) = slot {
@@ -245,7 +265,7 @@ impl Body {
         }
         let root = FrameMotion::resting(proper);
         let mut frames = vec![root; self.tree.len()];
-        let joints = JointMotion { q: &q, qd: &qd, qdd: &qdd, anchors: &[] };
+        let joints = JointMotion { q: &q, qd: &qd, qdd: &qdd, lengths: &lengths, anchors: &[] };
         self.tree.motions(root, joints, &vec![true; self.tree.len()], &mut frames);
         frames
     }
@@ -270,7 +290,9 @@ impl Body {
 
     /// Of a coordinate with rates; the driven ones are numbered in order.
     fn drive_of(&self, coordinate: usize, drives: &[f64]) -> f64 {
-        let rank = self.layout.coordinates[coordinate].and_then(|s| s.rates).map(|(rate, _)| rate - self.layout.partition.pose);
+        let rank = self.layout.coordinates[coordinate]
+            .and_then(|s| s.rates)
+            .map(|(rate, _)| rate - self.layout.partition.pose);
         rank.and_then(|r| drives.get(r)).copied().unwrap_or(1.0)
     }
 }
@@ -298,7 +320,8 @@ impl System for Body {
         let anchors = vec![Mat3::identity(); self.layout.turns.len()];
         let frame = FrameMotion::resting(Vec3::zero());
         let frames = vec![frame; self.tree.len()];
-        BodyScratch { q: joints.clone(), qd: joints.clone(), qdd: joints, anchors, frames }
+        let (lengths, mounts) = (vec![zero; self.layout.lengths.len()], vec![Vec3::zero(); self.layout.mounts.len()]);
+        BodyScratch { q: joints.clone(), qd: joints.clone(), qdd: joints, anchors, lengths, mounts, frames }
     }
 
     fn input_std(&self) -> &[f64] {
@@ -347,6 +370,10 @@ impl System for Body {
             let walk = self.model.world.azimuth_walk;
             out.blocks.push(Block::walk(azimuth, walk * walk * dt));
         }
+        let constant = self.layout.lengths.iter().map(|l| l.1..l.1 + 1);
+        for state in constant.chain(self.layout.mounts.iter().map(|m| m.1..m.1 + 3)).flatten() {
+            out.blocks.push(Block::walk(state, 0.0));
+        }
         let first = self.layout.partition.rate;
         for (i, slot) in self.layout.base.iter().flatten().enumerate() {
             let drive = drives.get(first + i).copied().unwrap_or(1.0);
@@ -360,14 +387,15 @@ impl System for Body {
 
     fn readings(&self, moment: &Moment, s: &mut BodyScratch, at: Points, out: &mut [Lane]) {
         self.unpack(moment, at, s);
-        let joints = JointMotion { q: &s.q, qd: &s.qd, qdd: &s.qdd, anchors: &s.anchors };
+        let joints = JointMotion { q: &s.q, qd: &s.qd, qdd: &s.qdd, lengths: &s.lengths, anchors: &s.anchors };
         self.tree.motions(self.root(at), joints, &moment.needed, &mut s.frames);
         let azimuth = match self.layout.azimuth {
             Some(i) => at.at(i),
             None => Lane::splat(self.model.world.magnetic_azimuth_rad),
         };
         let around = Surroundings { magnetic_field: self.field.magnetic(azimuth) };
-        self.suite.predict(&s.frames, &s.q, &around, &moment.active, out);
+        let worn = Worn { lengths: &s.lengths, mounts: &s.mounts };
+        self.suite.predict(&s.frames, &s.q, &around, worn, &moment.active, out);
         for &(source, row, bias) in &self.biases {
             if moment.active[source] {
                 (0..3).for_each(|i| out[row + i] += at.at(bias + i));

@@ -5,14 +5,14 @@
 //! the prismatic and Coriolis terms that the printed equation leaves out, and gravity entering once, at the root.
 
 use crate::lane::Real;
-use crate::model::{JointKind, Model, Transform};
+use crate::model::{JointKind, Model, Point, Transform};
 use crate::rotation::{Mat3, Vec3};
 
 /// A fixed transform with numbers in place of expressions.
 #[derive(Debug, Clone)]
 struct Fixed {
     rotation: Mat3<f64>,
-    translation: [f64; 3],
+    translation: Point,
 }
 
 /// What moves a link: its joint's first coordinate, sign and kind, and the joint's number among those that turn freely.
@@ -74,8 +74,8 @@ impl<T: Real> FrameMotion<T> {
     }
 
     #[inline(always)]
-    fn carried(&mut self, fixed: &Fixed) {
-        let arm = self.rotation.apply_f64(fixed.translation);
+    fn carried(&mut self, fixed: &Fixed, lengths: &[T]) {
+        let arm = fixed.translation.turned(&self.rotation, lengths);
         self.proper_acceleration = self.proper_acceleration_at(arm);
         self.position += arm;
         self.rotation = self.rotation.times_f64(&fixed.rotation);
@@ -161,6 +161,8 @@ pub struct JointMotion<'a, T> {
     pub qd: &'a [T],
     /// Per s2.
     pub qdd: &'a [T],
+    /// Values of the parameters that are estimated.
+    pub lengths: &'a [T],
     /// Per joint that turns freely: the rotation from which its rotation vector counts; none at all: from no rotation.
     pub anchors: &'a [Mat3<f64>],
 }
@@ -173,10 +175,15 @@ fn three<T: Copy>(v: &[T], first: usize) -> Vec3<T> {
 impl Tree {
     /// The model's tree at `parameters` (in the order of `model.parameters`).
     pub fn new(model: &Model, parameters: &[f64]) -> Self {
+        Self::with_lengths(model, parameters, &[])
+    }
+
+    /// The same; the parameters of index `estimated` come with every motion.
+    pub fn with_lengths(model: &Model, parameters: &[f64], estimated: &[usize]) -> Self {
         let fixed = |t: &Option<Transform>| {
-            t.as_ref().map(|t| {
-                let (rotation, translation) = t.evaluate(parameters);
-                Fixed { rotation, translation }
+            t.as_ref().map(|t| Fixed {
+                rotation: t.evaluate(parameters).0,
+                translation: Point::reached_by(t, parameters, estimated),
             })
         };
         let moved = |(j, sign): (usize, f64)| {
@@ -226,13 +233,13 @@ impl Tree {
             }
             let mut frame = frames[link.parent];
             if let Some(before) = &link.before {
-                frame.carried(before);
+                frame.carried(before, joints.lengths);
             }
             if let Some(joint) = &link.joint {
                 frame.moved(joint, &joints);
             }
             if let Some(after) = &link.after {
-                frame.carried(after);
+                frame.carried(after, joints.lengths);
             }
             frames[i] = frame;
         }

@@ -103,7 +103,8 @@ impl Real for Lane {
             (s.0[i], c.0[i]) = self.0[i].sin_cos();
         }
         (s, c)
-    }    #[inline(always)]
+    }
+    #[inline(always)]
     fn rodrigues(self) -> (Self, Self) {
         let (mut a, mut b) = (self, self);
         for i in 0..LANES {

@@ -3,6 +3,7 @@
 pub mod build;
 pub mod expr;
 mod locate;
+pub mod point;
 mod section;
 mod slot;
 pub mod spec;
@@ -12,6 +13,7 @@ pub mod transform;
 use crate::rotation::Mat3;
 pub use build::read_model;
 pub use expr::Expr;
+pub use point::Point;
 pub use transform::{RotationExpr, Transform};
 
 /// What a joint lets move.
@@ -78,6 +80,13 @@ pub struct Translation {
     pub limits: [f64; 2],
 }
 
+impl Parameter {
+    /// Whether it is a length of which is said how well it is known.
+    pub fn can_be_estimated(&self) -> bool {
+        self.unit == "m" && self.std.is_some()
+    }
+}
+
 /// A joint: a named degree of freedom that one or more frames share.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Joint {
@@ -114,6 +123,10 @@ pub struct Axis {
     pub limits: [f64; 2],
     /// Where it is held while nothing observes it.
     pub rest: f64,
+    /// It is a place that no sensor has to tell; how strongly it is driven is learnt all the same.
+    pub place: bool,
+    /// It belongs to a rotation vector, whose limits count from its rest.
+    pub turns: bool,
 }
 
 impl Axis {
@@ -126,9 +139,12 @@ impl Axis {
 impl Joint {
     /// How its coordinates move by themselves.
     fn axes(&self) -> Vec<Axis> {
+        let turns = self.kind.turns_freely();
         let axis = |(i, &rest): (usize, &f64)| match &self.translation {
-            Some(t) if i < 3 => Axis { process: t.process, limits: t.limits.map(|x| x + rest), rest },
-            _ => Axis { process: self.process, limits: self.limits, rest },
+            Some(t) if i < 3 => {
+                Axis { process: t.process, limits: t.limits.map(|x| x + rest), rest, place: true, turns: false }
+            }
+            _ => Axis { process: self.process, limits: self.limits, rest, place: false, turns },
         };
         self.rest.iter().enumerate().map(axis).collect()
     }
@@ -174,6 +190,8 @@ pub struct Frame {
 pub struct Mount {
     /// Link from sensor.
     pub rotation: Mat3<f64>,
+    /// How far it may be off about each axis, rad, where it is estimated.
+    pub std_rad: f64,
     /// Sensor's origin in the link's frame, m.
     pub offset: [Expr; 3],
 }

@@ -5,7 +5,7 @@ use crate::config::ProcessNoise;
 use crate::estimate::transition::{Block, Transition, Turning};
 use crate::model::{Axis, ProcessKind};
 use crate::rotation::turn::{left_jacobian_inverse, minus, plus, right_jacobian, right_jacobian_inverse};
-use crate::state::{SlowSlot, Slots};
+use crate::state::{Slots, SlowSlot};
 
 /// Above this share of its prior's standard deviation a joint counts as not observed and is held by its prior.
 pub const HELD_SHARE: f64 = 0.8;
@@ -26,11 +26,12 @@ pub struct Now {
     pub drive: f64,
 }
 
-/// Motion of one coordinate. While it is held, the model's own driving noise counts, not the learnt one.
+/// Motion of one coordinate. While it is held, the model's own driving noise counts, not the learnt one; but for places,
+/// which are always held and whose accelerations every accelerometer feels.
 pub fn joint_block(axis: &Axis, slots: Slots, now: Now, noise: ProcessNoise) -> Block {
     let dt = now.dt;
     let held = !is_observed(axis, now.variance);
-    let density2 = axis.process.density * axis.process.density * if held { 1.0 } else { now.drive };
+    let density2 = axis.process.density * axis.process.density * if held && !axis.place { 1.0 } else { now.drive };
     let Some((rate, accel)) = slots.rates else {
         return if held { held_walk(slots.q, axis, density2, dt) } else { Block::walk(slots.q, density2 * dt) };
     };

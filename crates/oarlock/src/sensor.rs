@@ -7,7 +7,7 @@ pub mod position;
 
 use crate::kinematics::FrameMotion;
 use crate::lane::Real;
-use crate::model::{Model, SensorKind};
+use crate::model::{Model, Point, SensorKind};
 use crate::rotation::Vec3;
 use std::ops::Range;
 
@@ -92,15 +92,41 @@ pub struct Surroundings<T> {
     pub magnetic_field: Vec3<T>,
 }
 
+/// What is estimated of how the sensors are worn.
+#[derive(Debug, Clone, Copy)]
+pub struct Worn<'a, T> {
+    /// Values of the parameters that are estimated.
+    pub lengths: &'a [T],
+    /// Rotation vectors by which the estimated mounts are off, rad in sensor axes.
+    pub mounts: &'a [Vec3<T>],
+}
+
+/// Parameters, and what of the wearing is estimated.
+#[derive(Debug, Clone, Copy)]
+pub struct Wearing<'a> {
+    /// Values of all parameters.
+    pub parameters: &'a [f64],
+    /// Indices of those that are estimated.
+    pub estimated: &'a [usize],
+    /// Indices of the sensors whose mount is estimated.
+    pub mounts: &'a [usize],
+}
+
 impl Suite {
     /// Lays out the measurement vector. `mounts` are (link from sensor, offset in the link, m) per sensor, for those
     /// that differ from the model's own. Encoders of input joints read nothing here: their values are inputs.
     pub fn new(model: &Model, parameters: &[f64], mounts: &[Option<imu::MountValue>]) -> Self {
+        Self::worn(model, &Wearing { parameters, estimated: &[], mounts: &[] }, mounts)
+    }
+
+    /// The same, with something of the wearing estimated.
+    pub fn worn(model: &Model, worn: &Wearing, mounts: &[Option<imu::MountValue>]) -> Self {
         let mut suite = Suite { sources: Vec::new(), readers: Vec::new() };
-        for (sensor, mount) in model.sensors.iter().zip(mounts) {
+        for (i, (sensor, mount)) in model.sensors.iter().zip(mounts).enumerate() {
             match &sensor.kind {
                 SensorKind::Imu { .. } => {
-                    suite.push(&sensor.name, Reader::Imu(imu::Imu::new(&sensor.kind, parameters, mount)))
+                    let number = worn.mounts.iter().position(|&s| s == i);
+                    suite.push(&sensor.name, Reader::Imu(imu::Imu::new(&sensor.kind, worn, mount, number)))
                 }
                 SensorKind::Encoder { joint, std } if !model.joints[*joint].input => {
                     let reader = encoder::Encoder { coordinate: model.joints[*joint].first, std: *std };
@@ -108,14 +134,14 @@ impl Suite {
                 }
                 SensorKind::Encoder { .. } => {}
                 SensorKind::Position { frame, point, std } => {
-                    let point = [0, 1, 2].map(|i| point[i].eval(parameters));
+                    let point = Point::of(point, worn.parameters, worn.estimated);
                     let reader = position::Position { frame: *frame, point, std: *std };
                     suite.push(&sensor.name, Reader::Position(reader));
                 }
             }
         }
         for c in &model.closures {
-            suite.push(&c.name, Reader::Closure(closure::Loop::new(c, parameters)));
+            suite.push(&c.name, Reader::Closure(closure::Loop::new(c, worn)));
         }
         suite
     }
@@ -189,6 +215,7 @@ impl Suite {
         frames: &[FrameMotion<T>],
         q: &[T],
         surroundings: &Surroundings<T>,
+        worn: Worn<T>,
         active: &[bool],
         out: &mut [T],
     ) {
@@ -198,10 +225,10 @@ impl Suite {
             }
             let out = &mut out[source.rows.clone()];
             match reader {
-                Reader::Imu(s) => s.predict(&frames[s.frame], surroundings, out),
+                Reader::Imu(s) => s.predict(&frames[s.frame], surroundings, worn, out),
                 Reader::Encoder(s) => out[0] = q[s.coordinate],
-                Reader::Position(s) => s.predict(&frames[s.frame], out),
-                Reader::Closure(s) => s.predict(frames, out),
+                Reader::Position(s) => s.predict(&frames[s.frame], worn, out),
+                Reader::Closure(s) => s.predict(frames, worn, out),
             }
         }
     }

@@ -52,7 +52,12 @@ fn poses(tree: &Tree, q: &[f64], spots: &[Spot]) -> Vec<(Mat3<f64>, Vec3<f64>)> 
     let still = vec![0.0; q.len()];
     let root = FrameMotion::resting(Vec3([0.0; 3]));
     let mut frames = vec![root; tree.len()];
-    tree.motions(root, JointMotion { q, qd: &still, qdd: &still, anchors: &[] }, &vec![true; tree.len()], &mut frames);
+    tree.motions(
+        root,
+        JointMotion { q, qd: &still, qdd: &still, lengths: &[], anchors: &[] },
+        &vec![true; tree.len()],
+        &mut frames,
+    );
     let spot = |s: &Spot| {
         let f = &frames[s.frame];
         (f.rotation.times(&s.rotation), f.position + f.rotation.apply_f64(s.offset))

@@ -36,6 +36,10 @@ pub struct Layout {
     pub coordinates: Vec<Option<Slots>>,
     /// Index and slot of the first coordinate of every rotation vector.
     pub turns: Vec<(usize, Slots)>,
+    /// Parameter and state of every length that is estimated.
+    pub lengths: Vec<(usize, usize)>,
+    /// Sensor and first state of every mount that is estimated.
+    pub mounts: Vec<(usize, usize)>,
     /// Azimuth of the magnetic field.
     pub azimuth: Option<usize>,
     /// Per sensor of the model.
@@ -57,6 +61,8 @@ impl Layout {
         let mut layout = Layout {
             coordinates: vec![None; model.coordinate_count()],
             turns: Vec::new(),
+            lengths: Vec::new(),
+            mounts: Vec::new(),
             azimuth: None,
             gyro_bias: vec![None; model.sensors.len()],
             accel_bias: vec![None; model.sensors.len()],
@@ -64,7 +70,8 @@ impl Layout {
             names: Vec::new(),
             partition: Partition { pose: 0, rate: 0, linear: 0 },
         };
-        layout.place_joints(model, estimates_azimuth(model, config));
+        layout.place_poses(model, config);
+        layout.place_rates(model);
         layout.place_slow(model, config);
         layout.partition.linear = layout.names.len() - layout.partition.curved();
         Ok(layout)
@@ -75,17 +82,34 @@ impl Layout {
         self.names.len() - 1
     }
 
-    fn place_joints(&mut self, model: &Model, with_azimuth: bool) {
+    /// Whatever moves a frame or turns a reading.
+    fn place_poses(&mut self, model: &Model, config: &Config) {
         let moving = |j: &&Joint| !j.input && j.kind != JointKind::Fixed;
         let names = model.coordinate_names();
         for c in model.joints.iter().filter(moving).flat_map(Joint::coordinates) {
             let q = self.push(names[c].clone());
             self.coordinates[c] = Some(Slots { q, rates: None });
         }
-        if with_azimuth {
+        if estimates_azimuth(model, config) {
             self.azimuth = Some(self.push("azimuth".into()));
         }
+        let wants = |name: &str| config.estimate.iter().any(|e| e == name);
+        for (i, parameter) in model.parameters.iter().enumerate().filter(|(_, p)| p.can_be_estimated()) {
+            if wants(LENGTHS) || wants(&parameter.name) {
+                let state = self.push(format!("parameters.{}", parameter.name));
+                self.lengths.push((i, state));
+            }
+        }
+        let units = |s: &&crate::model::Sensor| matches!(s.kind, SensorKind::Imu { .. });
+        for (i, sensor) in model.sensors.iter().enumerate().filter(|(_, s)| units(s) && wants(MOUNTS)) {
+            self.mounts.push((i, self.names.len()));
+            self.names.extend(["x", "y", "z"].map(|a| format!("{}.mount_r{a}", sensor.name)));
+        }
         self.partition.pose = self.names.len();
+    }
+
+    fn place_rates(&mut self, model: &Model) {
+        let names = model.coordinate_names();
         let with_rates: Vec<usize> = model
             .axes()
             .iter()
@@ -122,7 +146,8 @@ impl Layout {
         for (i, base) in model.base_accelerations.iter().enumerate() {
             if base.always || wants(&base.name) {
                 let first = self.push(base.name.clone());
-                let slot = SlowSlot { first, len: 1, start_std: base.start_std, walk: base.density, time_s: base.time_s };
+                let slot =
+                    SlowSlot { first, len: 1, start_std: base.start_std, walk: base.density, time_s: base.time_s };
                 self.base[i] = Some(slot);
             }
         }
@@ -155,6 +180,11 @@ impl Layout {
     }
 }
 
+/// Of `Config.estimate`: all lengths that have a standard deviation.
+pub const LENGTHS: &str = "lengths";
+/// Of `Config.estimate`: how the inertial units are turned on their links.
+pub const MOUNTS: &str = "mounts";
+
 fn estimates_azimuth(model: &Model, config: &Config) -> bool {
     let has_mag =
         |s: &crate::model::Sensor| matches!(&s.kind, SensorKind::Imu { noise, .. } if noise.mag_std.is_some());
@@ -163,6 +193,8 @@ fn estimates_azimuth(model: &Model, config: &Config) -> bool {
 
 fn check_names(model: &Model, config: &Config) -> Result<()> {
     let own = model.base_accelerations.iter().map(|b| b.name.as_str());
+    let lengths = model.parameters.iter().filter(|p| p.can_be_estimated()).map(|p| p.name.as_str());
+    let own = own.chain([LENGTHS, MOUNTS]).chain(lengths);
     let own = own.filter(|name| !DEFAULT_ESTIMATE.contains(name));
     let known: Vec<&str> = DEFAULT_ESTIMATE.into_iter().chain(own).collect();
     match config.estimate.iter().find(|e| !known.contains(&e.as_str())) {

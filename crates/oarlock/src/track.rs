@@ -127,6 +127,15 @@ impl Tracker {
 
     /// Goes on from a belief of an earlier run instead of fitting a start.
     pub fn resume(&mut self, belief: Belief) -> Result<()> {
+        for one in std::iter::once(&belief).chain(&belief.rivals) {
+            self.check_belief(one)?;
+        }
+        self.belief = Some(belief);
+        Ok(())
+    }
+
+    /// Refuses a belief of another shape, and numbers that are none.
+    fn check_belief(&self, belief: &Belief) -> Result<()> {
         let (n, own, parts) = (belief.mean.len(), self.body.layout.dim(), self.groups.parts.len());
         let fits = n == own
             && belief.covariance.n() == own
@@ -141,15 +150,14 @@ impl Tracker {
                 self.body.model.name
             )));
         }
-        let mut numbers =
-            belief.mean.iter().chain(belief.covariance.as_slice()).chain(&belief.drive).chain(&belief.habit);
-        if !belief.time_s.is_finite() || numbers.any(|x| !x.is_finite()) {
+        let scalars = [belief.time_s, belief.inflation, belief.surprise, belief.score];
+        let lists = [&belief.mean, belief.covariance.as_slice(), &belief.drive, &belief.habit, &scalars];
+        if !lists.into_iter().flatten().all(|x| x.is_finite()) {
             return Err(Error::Data(format!(
                 "belief at {} s holds numbers that are not finite: start without it, or from an earlier one",
                 belief.time_s
             )));
         }
-        self.belief = Some(belief);
         Ok(())
     }
 
@@ -217,7 +225,8 @@ impl Tracker {
         if let Some(joint) = sample.inputs.iter().position(|x| x.is_infinite()) {
             return Err(Error::Data(format!(
                 "sample at {:.3} s: {} is infinite; write NaN for a missing value",
-                sample.time_s, self.body.model.coordinate_names()[joint]
+                sample.time_s,
+                self.body.model.coordinate_names()[joint]
             )));
         }
         Ok(())

@@ -12,6 +12,8 @@ use std::cell::Cell;
 use support::chance::Chance;
 use support::record::{punch_holes, times, Scene};
 use support::stroke::Stroke;
+use support::tree::TREE;
+use support::wave::Wave;
 use support::{body, model, SCULLER};
 
 struct Counting;
@@ -98,4 +100,37 @@ fn steps_allocate_nothing() {
     assert_eq!(requests, 0);
     let grown = vec![0_u8; tracker.info().sources.len()];
     assert!(REQUESTS.get() > before && !grown.is_empty(), "the count itself works");
+}
+
+/// Balls and free joints, with a compass: one hypothesis from the beginning. While several compete, a step does allocate: beliefs
+/// are copied, ranked and given up.
+#[test]
+fn steps_with_balls_allocate_nothing() {
+    let config = Config::default();
+    let model = model(TREE);
+    let body = body(&model, &config);
+    let mut chance = Chance::new(6);
+    let wave = Wave::random(&model, 0.5, 0.8, &mut chance);
+    let motion = |t: f64| wave.at(t);
+    let scene = Scene { body: &body, motion: &motion, surge: &|_| 0.0, azimuth_rad: 0.3, noise: 1.0 };
+    let mut samples = scene.samples(&times(0.0, 0.01, 320), &mut chance);
+    // Single readings only: behind a silence the posture is fitted anew, which allocates.
+    for sample in &mut samples[20..] {
+        for x in sample.z.iter_mut().filter(|_| chance.uniform() < 0.05) {
+            *x = f64::NAN;
+        }
+    }
+    samples[100].z[..6].fill(150.0);
+    let mut tracker = Tracker::new(model, &Calibration::default(), &config).unwrap();
+    for sample in &samples[..20] {
+        tracker.step(sample).unwrap();
+    }
+    let before = REQUESTS.get();
+    for sample in &samples[20..] {
+        assert_eq!(tracker.step(sample).unwrap(), Status::Tracking);
+    }
+    let requests = REQUESTS.get() - before;
+    assert!(tracker.belief().unwrap().rivals.is_empty());
+    println!("300 steps with balls: {requests} allocations");
+    assert_eq!(requests, 0);
 }

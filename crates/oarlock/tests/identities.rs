@@ -106,7 +106,7 @@ fn frames(body: &Body, q: &[f64], qd: &[f64], qdd: &[f64]) -> Vec<FrameMotion<f6
     let root = FrameMotion::resting(Vec3(body.field.lift));
     let mut frames = vec![root; body.tree.len()];
     let all = vec![true; frames.len()];
-    body.tree.motions(root, JointMotion { q, qd, qdd }, &all, &mut frames);
+    body.tree.motions(root, JointMotion { q, qd, qdd, lengths: &[], anchors: &[] }, &all, &mut frames);
     frames
 }
 

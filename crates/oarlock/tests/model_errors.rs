@@ -184,8 +184,10 @@ mod a_joint {
         no_kind: "name = \"elbow\"\nkind = \"hinge\"" => "name = \"elbow\"", -1, "joint `elbow`: key `kind` is missing, such as kind = \"hinge\"";
         unknown_kind: "name = \"elbow\"\nkind = \"hinge\"" => "name = \"elbow\"\nkind = \"hnge\"", 1, "joint `elbow`: kind: unknown kind `hnge`; did you mean `hinge`?";
         other_word: "name = \"elbow\"\nkind = \"hinge\"" => "name = \"elbow\"\nkind = \"revolute\"", 1, "did you mean `hinge`?";
-        ball: "name = \"elbow\"\nkind = \"hinge\"" => "name = \"elbow\"\nkind = \"ball\"", 1, "`ball` is not yet supported; use hinges";
-        free: "name = \"elbow\"\nkind = \"hinge\"" => "name = \"elbow\"\nkind = \"free\"", 1, "`free` is not yet supported";
+        spherical: "name = \"elbow\"\nkind = \"hinge\"" => "name = \"elbow\"\nkind = \"spherical\"", 1, "unknown kind `spherical`; did you mean `ball`?";
+        floating: "name = \"elbow\"\nkind = \"hinge\"" => "name = \"elbow\"\nkind = \"floating\"", 1, "unknown kind `floating`; did you mean `free`?";
+        angles_of_a_hinge: "rest = 0.1" => "angles = \"YXY\"", 0, "joint `shoulder`: `angles`: only a ball or a free joint is read in a sequence of angles; remove it";
+        translation_of_a_hinge: "rest = 0.1" => "translation = { density = 1 }", 0, "joint `shoulder`: `translation`: only a free joint moves freely in space; remove it";
         limits_turned_round: "[\"-60*pi/180\", \"120*pi/180\"]" => "[1, -1]", 0, "limits: lowest 1.0000 is not below highest -1.0000";
         limits_in_degrees: "[\"-60*pi/180\", \"120*pi/180\"]" => "[-60, 120]", 0, "many turns; write degrees as \"90*pi/180\"";
         one_limit: "[\"-60*pi/180\", \"120*pi/180\"]" => "[1]", 0, "expected two numbers [lowest, highest], found a list of 1";
@@ -196,12 +198,126 @@ mod a_joint {
         fixed_with_limits: "name = \"shoulder\"\nkind = \"hinge\"\nlimits = [\"-60*pi/180\", \"120*pi/180\"]\nrest = 0.1" => "name = \"shoulder\"\nkind = \"fixed\"\nrest = 0", 2, "joint `shoulder`: `rest`: a fixed joint does not move; remove it";
         std_of_nothing: "rest = 0.1" => "std = 0.1", 0, "`std` is the noise of a reading, but nothing reads this joint";
         input_with_process: "rest = 0.1" => "input = true\nprocess = { density = 1 }", 1, "an input joint follows its stream";
-        singer: "rest = 0.1" => "process = { kind = \"singer\" }", 0, "`singer` is not yet supported";
+        singer_without_time: "rest = 0.1" => "process = { kind = \"singer\", density = 1, start_std = [1, 2, 3] }", 0, "process: key `time_s` is missing, such as time_s = 0.3";
+        time_without_singer: "rest = 0.1" => "process = { time_s = 0.3 }", 0, "process.time_s: only a `singer` motion decays; remove it, or write kind = \"singer\"";
+        time_of_nothing: "rest = 0.1" => "process = { kind = \"singer\", density = 1, start_std = [1, 2, 3], time_s = 0 }", 0, "process.time_s: 0 s; expected more than 0 s";
+        rest_of_three: "rest = 0.1" => "rest = [0, 0, 0.1]", 0, "joint `shoulder`: rest: expected";
         walk_with_three: "rest = 0.1" => "process = { kind = \"walk\", density = 1, start_std = [1, 2, 3] }", 0, "process.start_std: expected one number for a walk: [rad], found a list of 3";
         walk_without_density: "rest = 0.1" => "process = { kind = \"walk\", start_std = [1] }", 0, "key `density` is missing";
         jerk_with_one: "rest = 0.1" => "process = { start_std = [1] }", 0, "expected three numbers [rad, rad/s, rad/s2], found a list of 1";
         no_density: "density = 11.2" => "density = 0", 0, "process: hinge.density: 0 rad/s2 per sqrt(s); expected more than 0";
         process_of_a_stranger: "hinge = { kind" => "hnge = { kind", 0, "process: unknown key `hnge`; did you mean `hinge`?";
+    }
+}
+
+/// The body with a ball at its shoulder, free in space if `kind` says so.
+fn balled(kind: &str, keys: &str) -> String {
+    let shoulder = "kind = \"hinge\"\nlimits = [\"-60*pi/180\", \"120*pi/180\"]\nrest = 0.1\n";
+    assert!(BODY.contains(shoulder));
+    BODY.replace(shoulder, &format!("kind = \"{kind}\"\n{keys}\n"))
+}
+
+/// Expects one mistake, in the line of the ball's own keys unless `line` says otherwise.
+fn refused_ball(kind: &str, keys: &str, line: usize, wanted: &str) {
+    let found = mistakes(&balled(kind, keys));
+    let place = format!("body.toml:{line}: ");
+    assert!(
+        found.len() == 1 && found[0].starts_with(&place) && found[0].contains(wanted),
+        "expected `{place}... {wanted}`, found:\n{}",
+        found.join("\n")
+    );
+}
+
+mod a_ball {
+    use super::*;
+
+    #[test]
+    fn and_a_free_joint_are_read() {
+        let keys = "angles = \"YXY\"\nlimits = [-1, 1]\nrest = [0.1, 0.2, 0.3]";
+        let model = Model::from_toml(&balled("ball", keys), "body.toml").unwrap_or_else(|e| panic!("{e}"));
+        let ball = &model.joints[0];
+        assert_eq!((ball.angles.as_str(), ball.limits, ball.first), ("YXY", [-1.0, 1.0], 0));
+        assert_eq!(ball.rest, [0.1, 0.2, 0.3]);
+        assert_eq!(model.coordinate_names(), ["shoulder.rx", "shoulder.ry", "shoulder.rz", "elbow"]);
+        assert_eq!(model.joints[1].first, 3);
+        let keys = "translation = { density = 7, limits = [-2, 2] }\nrest = [1, 2, 3, 0.1, 0.2, 0.3]";
+        let model = Model::from_toml(&balled("free", keys), "body.toml").unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(model.coordinate_names()[..4], ["shoulder.x", "shoulder.y", "shoulder.z", "shoulder.rx"]);
+        let axes = model.axes();
+        assert_eq!((axes[1].process.density, axes[1].limits, axes[1].rest), (7.0, [0.0, 4.0], 2.0));
+        assert_eq!((axes[4].limits, axes[4].rest), ([-std::f64::consts::PI, std::f64::consts::PI], 0.2));
+        assert_eq!(model.joints[0].angles, "ZXY");
+    }
+
+    #[test]
+    fn with_bad_angles_is_refused() {
+        let wanted = "joint `shoulder`: angles: expected three axes in a row, no neighbours equal";
+        for angles in ["YYX", "YXX", "YX", "YXYX", "yxy", "ABC", ""] {
+            refused_ball("ball", &format!("angles = \"{angles}\""), 16, wanted);
+        }
+    }
+
+    #[test]
+    fn with_lopsided_limits_is_refused() {
+        let wanted = "limits: [-1.0000, 1.5000] rad; a ball's limits count from its rest alike: expected [-a, a]";
+        refused_ball("ball", "limits = [-1, 1.5]", 16, wanted);
+        refused_ball("free", "limits = [-1, 1.5]", 16, wanted);
+    }
+
+    #[test]
+    fn with_a_rest_of_another_size_is_refused() {
+        refused_ball("ball", "rest = 0.1", 16, "rest: expected a rotation vector [rx, ry, rz] in rad");
+        refused_ball("ball", "rest = [0.1, 0.2]", 16, "rest: expected a rotation vector [rx, ry, rz] in rad");
+        refused_ball("free", "rest = [1, 2, 3]", 16, "rest: expected a place in m and a rotation vector in rad");
+    }
+
+    #[test]
+    fn that_is_an_input_is_refused() {
+        refused_ball(
+            "ball",
+            "input = true",
+            16,
+            "joint `shoulder`: `input`: no encoder reads a rotation in all directions",
+        );
+    }
+
+    #[test]
+    fn that_walks_is_refused() {
+        let walk = "process = { kind = \"walk\", density = 1, start_std = [1] }";
+        refused_ball("ball", walk, 16, "a ball does not walk; expected kind = \"jerk\" or \"singer\"");
+    }
+
+    #[test]
+    fn that_only_turns_has_no_translation() {
+        refused_ball(
+            "ball",
+            "translation = { density = 1 }",
+            16,
+            "`translation`: only a free joint moves freely in space",
+        );
+    }
+
+    #[test]
+    fn has_neither_sign_nor_axis() {
+        let text = BODY.replace("name = \"elbow\"\nkind = \"hinge\"", "name = \"elbow\"\nkind = \"ball\"");
+        let text =
+            text.replace("[[sensor]]\nname = \"hinge\"\nkind = \"encoder\"\njoint = \"elbow\"\nstd = 0.001\n", "");
+        let wanted = "frame `forearm`: joint `elbow` turns in all directions: remove `sign` and `axis`";
+        for other in ["sign = -1\n", "axis = \"y\"\n"] {
+            let found = mistakes(&text.replace(other, ""));
+            assert!(found.len() == 1 && found[0].contains(wanted), "{found:#?}");
+        }
+        let plain = text.replace("sign = -1\n", "").replace("axis = \"y\"\n", "");
+        assert!(read_model(&plain, "body.toml").is_ok());
+    }
+
+    #[test]
+    fn has_no_encoder() {
+        let text = BODY.replace("name = \"elbow\"\nkind = \"hinge\"", "name = \"elbow\"\nkind = \"ball\"");
+        let found = mistakes(&text.replace("sign = -1\naxis = \"y\"\n", ""));
+        let wanted =
+            "sensor `hinge`: joint `elbow` turns in all directions, an encoder reads one; make it a hinge or slide";
+        assert!(found.len() == 1 && found[0].contains(wanted), "{found:#?}");
     }
 }
 

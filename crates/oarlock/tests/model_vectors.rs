@@ -68,6 +68,7 @@ fn moved(kind: JointKind, q: f64) -> (Mat3<f64>, [f64; 3]) {
         JointKind::Fixed => (Mat3::identity(), [0.0; 3]),
         JointKind::Hinge => (Mat3::about_z(q), [0.0; 3]),
         JointKind::Slide => (Mat3::identity(), [0.0, 0.0, q]),
+        JointKind::Ball | JointKind::Free => panic!("none in these models"),
     }
 }
 

@@ -7,65 +7,17 @@
 
 mod support;
 
-use nalgebra::{DMatrix, DVector};
-use oarlock::body::Body;
 use oarlock::config::Config;
-use oarlock::estimate::belief::Belief;
-use oarlock::estimate::transition::Transition;
-use oarlock::estimate::System;
-use oarlock::lane::{Lane, LANES};
-use oarlock::recording::Sample;
 use oarlock::track::{Calibration, Tracker};
 use support::chance::Chance;
 use support::chi_square::interval_999;
+use support::nature::{nees, Nature};
+use support::tree::narrow;
 use support::{belief, body, model, plain, start_std, CHAIN};
 
 const RUNS: usize = 100;
 const STEPS: usize = 150;
 const STEP_S: f64 = 0.01;
-
-/// Lives the life that the model describes.
-struct Nature<'a> {
-    body: &'a Body,
-    state: Vec<f64>,
-    chance: Chance,
-}
-
-impl Nature<'_> {
-    fn live(&mut self, dt: f64) {
-        let n = self.state.len();
-        let mut transition = Transition::default();
-        let ones = vec![1.0; self.body.driven().len()];
-        self.body.transition(dt, &vec![0.0; n], &ones, &mut transition);
-        transition.apply_to_mean(&mut self.state);
-        for b in &transition.blocks {
-            let noise = DMatrix::from_fn(b.len, b.len, |r, c| b.noise[r][c]);
-            let root = noise.cholesky().expect("positive").unpack();
-            let kick = root * DVector::from_vec(self.chance.normals(b.len));
-            (0..b.len).for_each(|r| self.state[b.index[r]] += kick[r]);
-        }
-    }
-
-    fn read(&mut self, time_s: f64) -> Sample {
-        let body = self.body;
-        let mut moment = body.moment();
-        moment.active.fill(true);
-        moment.needed.fill(true);
-        let lanes: Vec<Lane> = self.state.iter().map(|&x| Lane([x; LANES])).collect();
-        let mut out = vec![Lane([0.0; LANES]); body.suite.len()];
-        body.readings(&moment, &mut body.scratch(), &lanes, &[], &mut out);
-        let noisy = out.iter().zip(body.suite.std());
-        let z = noisy.map(|(h, std)| h.0[0] + std * self.chance.normal()).collect();
-        Sample { time_s, z, inputs: vec![f64::NAN; body.model.joints.len()] }
-    }
-}
-
-fn nees(belief: &Belief, truth: &[f64]) -> f64 {
-    let n = truth.len();
-    let p = DMatrix::from_row_slice(n, n, belief.covariance.as_slice());
-    let error = DVector::from_fn(n, |i, _| belief.mean[i] - truth[i]);
-    error.dot(&p.cholesky().expect("positive").solve(&error))
-}
 
 /// Sums over all runs.
 struct Sums {
@@ -80,16 +32,14 @@ struct Sums {
     drive: Vec<f64>,
 }
 
-fn simulate(config: &Config) -> Sums {
-    let model = model(CHAIN);
+fn simulate(text: &str, config: &Config) -> Sums {
+    let model = model(text);
     let body = body(&model, config);
     let (n, std) = (body.layout.dim(), start_std(&body));
     let mut sums = Sums { nees: 0.0, states: 0, nis: 0.0, one_sensor: 0.0, readings: 0, drive: Vec::new() };
     for run in 0..RUNS {
-        let mut chance = Chance::new(1_000 + run as u64);
         let mean = vec![0.0; n];
-        let state = std.iter().map(|s| s * chance.normal()).collect();
-        let mut nature = Nature { body: &body, state, chance };
+        let mut nature = Nature::about(&body, &mean, &std, Chance::new(1_000 + run as u64));
         let mut tracker = Tracker::new(model.clone(), &Calibration::default(), config).unwrap();
         tracker.resume(belief(&body, 0.0, mean, &std)).unwrap();
         for k in 1..=STEPS {
@@ -100,7 +50,7 @@ fn simulate(config: &Config) -> Sums {
             sums.readings += tracker.info().sources.iter().map(|s| usize::from(s.used)).sum::<usize>();
         }
         let now = tracker.belief().unwrap();
-        sums.nees += nees(now, &nature.state);
+        sums.nees += nees(&body, now, &nature.state);
         sums.states += n;
         sums.drive.extend_from_slice(&now.drive);
     }
@@ -116,11 +66,21 @@ fn assert_inside(what: &str, sum: f64, degrees: usize) {
 
 #[test]
 fn errors_and_innovations_are_as_large_as_said() {
-    let sums = simulate(&plain(&["gyro_bias", "accel_bias"]));
+    let sums = simulate(CHAIN, &plain(&["gyro_bias", "accel_bias"]));
     assert_eq!(sums.readings, RUNS * STEPS * 18);
     assert_inside("NEES", sums.nees, sums.states);
     assert_inside("NIS", sums.nis, sums.readings);
     assert_inside("NIS of the second sensor", sums.one_sensor, sums.readings / 2);
+}
+
+/// A free root whose place is measured, a ball, a hinge and a slide, base accelerations that decay and that walk.
+#[test]
+fn on_a_manifold_they_are_as_large_as_said_too() {
+    let sums = simulate(&narrow(), &plain(&["gyro_bias", "accel_bias", "surge", "heave"]));
+    assert_eq!(sums.readings, RUNS * STEPS * 31);
+    assert_inside("NEES of all kinds of joints", sums.nees, sums.states);
+    assert_inside("NIS of all kinds of joints", sums.nis, sums.readings);
+    assert_inside("NIS of the second sensor of them", sums.one_sensor, RUNS * STEPS * 9);
 }
 
 /// Learning replaces a noise that is right by an estimate of it. An estimate that scatters can only cost: the errors grow a
@@ -130,7 +90,7 @@ const COST_OF_LEARNING: f64 = 0.1;
 #[test]
 fn learning_what_is_right_already_costs_little() {
     let config = Config { learning_memory_s: Some(3.0), gate: true, ..plain(&["gyro_bias", "accel_bias"]) };
-    let sums = simulate(&config);
+    let sums = simulate(CHAIN, &config);
     let (nees, nis) = (sums.nees / sums.states as f64, sums.nis / sums.readings as f64);
     let logs: Vec<f64> = sums.drive.iter().map(|d| d.ln()).collect();
     let mean = logs.iter().sum::<f64>() / logs.len() as f64;

@@ -52,6 +52,85 @@ def csv(
     _write(read_csv(mapping), mapping, out, force, json_output)
 
 
+@group.command("dfjimu", epilog=example("oarlock import dfjimu data_3D_01.mat --out rec"))
+@verb
+def dfjimu(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording of the software dfjimu, .mat.")],
+    out: OutFolder,
+    force: Force = False,
+    json_output: Json = False,
+) -> None:
+    """Import a dfjimu recording: two inertial units on two bodies that a ball joint connects."""
+    from oarlock.io.dfjimu import read_dfjimu
+
+    _write(read_dfjimu(file), file, out, force, json_output)
+
+
+@group.command("diodem", epilog=example("oarlock import diodem trial1 --mounted foam --out rec"))
+@verb
+def diodem(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="A trial: the folder with imu_rigid.csv.")],
+    out: OutFolder,
+    mounted: Annotated[str, typer.Option(help="Which units: rigid (screwed on) or foam.")] = "rigid",
+    mag_unit_ut: Annotated[
+        float | None,
+        typer.Option(help="One unit of the magnetometers in uT; without it they are left out."),
+    ] = None,
+    force: Force = False,
+    json_output: Json = False,
+) -> None:
+    """Import a DIODEM trial: five inertial units on a chain of five links."""
+    from oarlock.io.diodem import read_diodem
+
+    recording = read_diodem(folder, mounted, mag_unit_ut)  # type: ignore[arg-type]
+    _write(recording, folder, out, force, json_output)
+
+
+@group.command("openaxes", epilog=example("oarlock import openaxes openaxes_ur5 --run circle-100 --out rec"))
+@verb
+def openaxes(
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="The data: the folder with synced_imu in it.")
+    ],
+    run: Annotated[str, typer.Option(help="Name of the run, such as circle-100.")],
+    out: OutFolder,
+    force: Force = False,
+    json_output: Json = False,
+) -> None:
+    """Import an OpenAXES run: two inertial units on the links of a robot."""
+    from oarlock.io.openaxes import read_openaxes
+
+    _write(read_openaxes(folder, run), folder, out, force, json_output)
+
+
+@group.command("broad", epilog=example("oarlock import broad 01_undisturbed_slow_rotation_A.mat --out rec"))
+@verb
+def broad(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A trial of the BROAD data set, .mat.")],
+    out: OutFolder,
+    force: Force = False,
+    json_output: Json = False,
+) -> None:
+    """Import a BROAD trial: one inertial unit with magnetometer."""
+    from oarlock.io.broad import read_broad
+
+    _write(read_broad(file), file, out, force, json_output)
+
+
+@group.command("qmt", epilog=example("oarlock import qmt full_body_example_data.mat --out rec"))
+@verb
+def qmt(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The full-body example of qmt, .mat.")],
+    out: OutFolder,
+    force: Force = False,
+    json_output: Json = False,
+) -> None:
+    """Import the full-body example of qmt: an inertial unit on each of sixteen segments."""
+    from oarlock.io.qmt import read_qmt
+
+    _write(read_qmt(file), file, out, force, json_output)
+
+
 def _write(recording: Recording, source: Path, out: Path, force: bool, json_output: bool) -> None:
     new_folder(out, force)
     recording.save(out)

@@ -1,5 +1,6 @@
 //! How the links of a chain move in a recording, by the gyroscopes alone, on one clock.
 
+use super::clock::{common_clock, interpolated};
 use super::hinge_chain::{in_swing, matrix, ChainSensor, FoundMount};
 use super::swing_sense::common_direction;
 use crate::{Error, Result};
@@ -35,7 +36,8 @@ impl ChainMotion {
                 mounts.len()
             )));
         }
-        let (time_s, step_s) = grid(sensors)?;
+        let clocks: Vec<&[f64]> = sensors.iter().map(|s| s.time_s).collect();
+        let (time_s, step_s) = common_clock(&clocks)?;
         let still_s = mounts[0].still_s;
         let swings = time_s.iter().map(|&t| sensors.iter().any(|s| in_swing(s, still_s, t))).collect();
         let half_window = (smooth_s / step_s).round().max(1.0) as usize;
@@ -133,30 +135,4 @@ impl ChainMotion {
     pub fn is_inner(&self, k: usize) -> bool {
         k >= self.half_window && k + self.half_window < self.time_s.len()
     }
-}
-
-/// The span that all sensors cover, at the first one's median step.
-fn grid(sensors: &[ChainSensor]) -> Result<(Vec<f64>, f64)> {
-    let start = sensors.iter().map(|s| s.time_s.first().copied().unwrap_or(f64::NAN)).fold(f64::NEG_INFINITY, f64::max);
-    let end = sensors.iter().map(|s| s.time_s.last().copied().unwrap_or(f64::NAN)).fold(f64::INFINITY, f64::min);
-    let mut steps: Vec<f64> = sensors[0].time_s.windows(2).map(|w| w[1] - w[0]).collect();
-    steps.sort_by(f64::total_cmp);
-    let step_s = steps.get(steps.len() / 2).copied().unwrap_or(f64::NAN);
-    let count = ((end - start) / step_s + 1e-6).floor();
-    // A clock of very uneven steps would ask for a grid that no memory holds.
-    let most = 10.0 * sensors[0].time_s.len() as f64;
-    if !(16.0..=most).contains(&count) {
-        return Err(Error::Data(format!(
-            "the chain's sensors share {:.3} s, from {start:.3} to {end:.3} s, at steps of {step_s} s: at least 16 even \
-             steps are needed. Check that the sensors are on one clock",
-            end - start
-        )));
-    }
-    Ok(((0..=count as usize).map(|k| start + k as f64 * step_s).collect(), step_s))
-}
-
-fn interpolated(known: &[(f64, Vector3<f64>)], t: f64) -> Vector3<f64> {
-    let after = known.partition_point(|row| row.0 < t).clamp(1, known.len() - 1);
-    let ((t0, v0), (t1, v1)) = (known[after - 1], known[after]);
-    v0 + (v1 - v0) * ((t - t0) / (t1 - t0)).clamp(0.0, 1.0)
 }

@@ -7,12 +7,15 @@
 //! A sensor has to turn about one axis that is fixed in the world during its swing. Parallel hinges may all swing at
 //! once; of hinges that are not parallel only one may move at a time, and each sensor names its own `swing_s`.
 
-use super::still::{find_still, intersection, longest, still_stretches, StillLimits};
+use super::aligned::rows;
+use super::signals::Signals;
+use super::still::{common_still, StillLimits};
 use super::swing_sense::choose_signs;
 use super::turning::Turning;
 use crate::rotation::Mat3;
 use crate::{Error, Result};
 use nalgebra::{Matrix3, Vector3};
+use serde::Serialize;
 
 /// One sensor of the chain with its readings. A chain is listed from its base to its tip, one sensor a link.
 #[derive(Debug, Clone, Copy)]
@@ -31,6 +34,13 @@ pub struct ChainSensor<'a> {
     pub accel_m_s2: &'a [[f64; 3]],
     /// When this sensor swings about its hinge alone, (start, end) in s; `None`: whenever the chain is not still.
     pub swing_s: Option<(f64, f64)>,
+}
+
+impl<'a> ChainSensor<'a> {
+    /// What it read.
+    pub(crate) fn signals(&self) -> Signals<'a> {
+        Signals { name: self.name, time_s: self.time_s, gyro_rad_s: self.gyro_rad_s, accel_m_s2: self.accel_m_s2 }
+    }
 }
 
 /// What the user knows about the recording and the sensors.
@@ -74,11 +84,12 @@ impl Default for ChainOptions {
 }
 
 /// A mount and what speaks for it.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FoundMount {
     /// The sensor.
     pub name: String,
     /// Takes sensor axes to link axes.
+    #[serde(serialize_with = "rows")]
     pub link_from_sensor: Mat3<f64>,
     /// Standard deviation of a turn about the hinge axis, rad: the joint angle's zero.
     pub std_about_hinge_rad: f64,
@@ -134,7 +145,7 @@ pub fn mounts(sensors: &[ChainSensor], up_in_world: [f64; 3], options: &ChainOpt
     }
     let still_s = match options.still_s {
         Some(named) => named,
-        None => common_still(sensors, &options.still_limits)?,
+        None => common_still(&sensors.iter().map(ChainSensor::signals).collect::<Vec<_>>(), &options.still_limits)?,
     };
     let mut turns = Vec::with_capacity(sensors.len());
     for sensor in sensors {
@@ -143,27 +154,6 @@ pub fn mounts(sensors: &[ChainSensor], up_in_world: [f64; 3], options: &ChainOpt
     let correlations = choose_signs(sensors, &mut turns, up, options)?;
     let found = sensors.iter().zip(&turns).zip(correlations);
     found.map(|((sensor, turning), correlation)| turning.mount(sensor, up, correlation, options)).collect()
-}
-
-/// The longest stretch in which all sensors of the chain are still, (start, end) in s.
-///
-/// # Errors
-/// [`Error::Data`] when there is none.
-pub fn common_still(sensors: &[ChainSensor], limits: &StillLimits) -> Result<(f64, f64)> {
-    let mut common = vec![(f64::NEG_INFINITY, f64::INFINITY)];
-    for s in sensors {
-        find_still(s.name, s.time_s, s.gyro_rad_s, s.accel_m_s2, limits)?;
-        let own = still_stretches(s.time_s, s.gyro_rad_s, s.accel_m_s2, limits);
-        common = intersection(&common, &own);
-    }
-    longest(&common, limits.least_s).ok_or_else(|| {
-        let names: Vec<&str> = sensors.iter().map(|s| s.name).collect();
-        Error::Data(format!(
-            "sensors {}: each is still for {} s, but never all at once. Hold the whole chain still, or name the stretch",
-            names.join(", "),
-            limits.least_s
-        ))
-    })
 }
 
 /// Whether a row of the sensor belongs to its swing.
@@ -182,24 +172,7 @@ fn check_sensor(sensor: &ChainSensor) -> Result<()> {
             sensor.name, sensor.hinge_axis_in_world
         )));
     }
-    let (t, g, a) = (sensor.time_s.len(), sensor.gyro_rad_s.len(), sensor.accel_m_s2.len());
-    if t != g || t != a {
-        return Err(Error::Data(format!(
-            "sensor `{}`: {t} time stamps, {g} rows of the gyroscope and {a} of the accelerometer; they must be equal",
-            sensor.name
-        )));
-    }
-    let increases = |w: &[f64]| w[1] > w[0];
-    match sensor.time_s.windows(2).position(|w| !increases(w)) {
-        Some(k) => Err(Error::Data(format!(
-            "sensor `{}`: time does not increase from {} s to {} s (row {})",
-            sensor.name,
-            sensor.time_s[k],
-            sensor.time_s[k + 1],
-            k + 1
-        ))),
-        None => Ok(()),
-    }
+    sensor.signals().check()
 }
 
 impl Turning {
@@ -211,14 +184,14 @@ impl Turning {
         options: &ChainOptions,
     ) -> Result<FoundMount> {
         let axis_in_world = Vector3::from(sensor.hinge_axis_in_world).normalize();
-        let (stated, seen) = (axis_in_world.angle(&up_in_world), self.spin.axis.angle(&self.up));
+        let (stated, seen) = (axis_in_world.angle(&up_in_world), self.spin.axis.angle(&self.rest.up));
         check_posture(sensor.name, stated, seen, options)?;
         let axis_std = self.spin.std_rad.hypot(options.misalignment_std_rad);
-        let up_std = options.posture_std_rad.hypot(options.accel_bias_std_m_s2 / self.accel_norm);
+        let up_std = options.posture_std_rad.hypot(options.accel_bias_std_m_s2 / self.rest.accel_norm);
         let disagreement = seen - stated;
         let axis_moved = disagreement * axis_std.powi(2) / (axis_std.powi(2) + up_std.powi(2));
         let world = triad(axis_in_world, up_in_world, 0.0);
-        let own = triad(self.spin.axis, self.up, axis_moved);
+        let own = triad(self.spin.axis, self.rest.up, axis_moved);
         let link_from_world = matrix(&sensor.world_from_link).transpose();
         Ok(FoundMount {
             name: sensor.name.to_owned(),
@@ -229,15 +202,15 @@ impl Turning {
             disagreement_rad: disagreement,
             axis_moved_rad: axis_moved,
             axis_in_sensor: self.spin.axis.into(),
-            up_in_sensor: self.up.into(),
+            up_in_sensor: self.rest.up.into(),
             off_axis_share: self.spin.off_axis_share,
             neighbour_correlation,
             swing_range_rad: self.range(),
-            gyro_bias_rad_s: self.bias.into(),
-            gyro_noise_rad_s: self.noise.0,
-            accel_noise_m_s2: self.noise.1,
-            accel_norm_m_s2: self.accel_norm,
-            still_s: self.still_s,
+            gyro_bias_rad_s: self.rest.bias.into(),
+            gyro_noise_rad_s: self.rest.noise.0,
+            accel_noise_m_s2: self.rest.noise.1,
+            accel_norm_m_s2: self.rest.accel_norm,
+            still_s: self.rest.still_s,
         })
     }
 }

@@ -1,13 +1,15 @@
 //! Linear least squares with a prior, kept block by block so that its uncertainty can be taken from the data.
 
 use crate::{Error, Result};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 /// Normal equations of some stretch of time: information matrix, information vector.
 #[derive(Debug, Clone)]
 struct Block {
     matrix: DMatrix<f64>,
     vector: DVector<f64>,
+    /// Part of the matrix that is the noise of the rows themselves.
+    noise: DMatrix<f64>,
 }
 
 /// Collects weighted rows into `blocks` consecutive parts of the recording.
@@ -17,18 +19,20 @@ pub(crate) struct LeastSquares {
     prior_std: DVector<f64>,
 }
 
-/// The estimate and the standard deviation of each unknown.
+/// The estimate, the standard deviation of each unknown, and their covariance.
 #[derive(Debug, Clone)]
 pub(crate) struct Estimate {
     pub value: DVector<f64>,
     pub std: DVector<f64>,
+    pub covariance: DMatrix<f64>,
 }
 
 impl LeastSquares {
     /// For unknowns that are zero with `prior_std` before any row is seen.
     pub fn new(prior_std: DVector<f64>, blocks: usize) -> Self {
         let n = prior_std.len();
-        let empty = Block { matrix: DMatrix::zeros(n, n), vector: DVector::zeros(n) };
+        let zero = DMatrix::zeros(n, n);
+        let empty = Block { matrix: zero.clone(), vector: DVector::zeros(n), noise: zero };
         Self { blocks: vec![empty; blocks.max(2)], prior_std }
     }
 
@@ -41,8 +45,14 @@ impl LeastSquares {
         block.vector.gemv_tr(weight, a, y, 1.0);
     }
 
+    /// Tells that the rows of part `block` carry noise themselves: the information that this alone seems to give.
+    pub fn add_noise(&mut self, block: usize, information: &DMatrix<f64>) {
+        self.blocks[block].noise += information;
+    }
+
     /// Solves. The standard deviation is the larger one of the formal figure (white noise, prior) and of the
-    /// delete-one-block jackknife, which also sees errors that are correlated in time.
+    /// delete-one-block jackknife, which also sees errors that are correlated in time. The covariance has the formal
+    /// one's correlations.
     pub fn solve(&self) -> Result<Estimate> {
         let (value, formal) = self.solve_without(None)?;
         let mut spread = DVector::zeros(value.len());
@@ -52,22 +62,57 @@ impl LeastSquares {
         }
         let count = self.blocks.len() as f64;
         let jackknife = spread.map(|s| (s * (count - 1.0) / count).sqrt());
-        Ok(Estimate { std: formal.zip_map(&jackknife, f64::max), value })
+        let formal_std = formal.diagonal().map(f64::sqrt);
+        let std = formal_std.zip_map(&jackknife, f64::max);
+        let larger = DMatrix::from_diagonal(&std.component_div(&formal_std));
+        Ok(Estimate { value, std, covariance: &larger * formal * &larger })
     }
 
-    fn solve_without(&self, left_out: Option<usize>) -> Result<(DVector<f64>, DVector<f64>)> {
-        let mut matrix = DMatrix::from_diagonal(&self.prior_std.map(|s| 1.0 / (s * s)));
-        let mut vector = DVector::zeros(self.prior_std.len());
+    /// The estimate alone.
+    pub fn value(&self) -> Result<DVector<f64>> {
+        Ok(self.solve_without(None)?.0)
+    }
+
+    fn solve_without(&self, left_out: Option<usize>) -> Result<(DVector<f64>, DMatrix<f64>)> {
+        let n = self.prior_std.len();
+        let mut sum = Block { matrix: DMatrix::zeros(n, n), vector: DVector::zeros(n), noise: DMatrix::zeros(n, n) };
         for (index, block) in self.blocks.iter().enumerate() {
             if Some(index) != left_out {
-                matrix += &block.matrix;
-                vector += &block.vector;
+                sum.matrix += &block.matrix;
+                sum.vector += &block.vector;
+                sum.noise += &block.noise;
             }
         }
-        let factor = matrix.cholesky().ok_or_else(|| {
+        if sum.noise.iter().any(|&x| x != 0.0) {
+            self.without_noise(&mut sum);
+        }
+        let prior = DMatrix::from_diagonal(&self.prior_std.map(|s| 1.0 / (s * s)));
+        let factor = (sum.matrix + prior).cholesky().ok_or_else(|| {
             Error::Data("the calibration's equations have no solution: look for values that are not finite".into())
         })?;
-        let formal = factor.inverse().diagonal().map(f64::sqrt);
-        Ok((factor.solve(&vector), formal))
+        Ok((factor.solve(&sum.vector), factor.inverse()))
+    }
+
+    /// Leaves a direction in which noise makes most of what seems told to the prior altogether. The others keep the
+    /// noise: were it taken off, one that is thought too large would blow the estimate up.
+    fn without_noise(&self, sum: &mut Block) {
+        const MOST: f64 = 0.8;
+        let scale = DMatrix::from_diagonal(&self.prior_std);
+        let seen = &scale * &sum.matrix * &scale;
+        if !seen.iter().all(|x| x.is_finite()) {
+            // Left for the factor to refuse: the eigenvalue iteration would not end.
+            return;
+        }
+        let eigen = SymmetricEigen::new(&seen - &scale * &sum.noise * &scale);
+        let mut kept = DMatrix::zeros(seen.nrows(), seen.nrows());
+        for (k, &told) in eigen.eigenvalues.iter().enumerate() {
+            let direction = eigen.eigenvectors.column(k);
+            if told > (1.0 - MOST) * (direction.transpose() * &seen * direction)[0] {
+                kept += direction * direction.transpose();
+            }
+        }
+        let back = DMatrix::from_diagonal(&self.prior_std.map(|s| 1.0 / s));
+        sum.matrix = &back * &kept * seen * &kept * &back;
+        sum.vector = &back * kept * scale * &sum.vector;
     }
 }

@@ -10,6 +10,7 @@ use super::hinge_chain::{ChainSensor, FoundMount};
 use super::least_squares::LeastSquares;
 use crate::Result;
 use nalgebra::{DMatrix, DVector, Vector3};
+use serde::Serialize;
 
 /// Tuning of the fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,7 +35,7 @@ impl Default for LeverOptions {
 /// What was found for one sensor and its link. A coordinate whose standard deviation is near the prior's was not
 /// observed. The one along the link's own hinge never is, since a hinge may be placed anywhere along its axis; in a chain
 /// of parallel hinges it stays zero.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FoundLever {
     /// The sensor.
     pub name: String,

@@ -9,6 +9,7 @@ use super::hinge_chain::{matrix, ChainSensor, FoundMount};
 use super::least_squares::LeastSquares;
 use crate::{Error, Result};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use serde::Serialize;
 
 /// Tuning of the fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,7 +28,7 @@ impl Default for MagneticOptions {
 }
 
 /// The common field and the sensors' offsets.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FoundField {
     /// Field in world (root) axes, uT.
     pub field_in_world_ut: [f64; 3],
@@ -38,7 +39,7 @@ pub struct FoundField {
 }
 
 /// A magnetometer's constant offset: to be subtracted from its readings.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FoundOffset {
     /// The sensor.
     pub name: String,

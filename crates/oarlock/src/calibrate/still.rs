@@ -1,5 +1,6 @@
 //! Where a recording stands still.
 
+use super::signals::Signals;
 use crate::{Error, Result};
 use nalgebra::Vector3;
 
@@ -66,6 +67,27 @@ pub fn find_still(
     let stretches = still_stretches(time_s, gyro_rad_s, accel_m_s2, limits);
     longest(&stretches, limits.least_s)
         .ok_or_else(|| Error::Data(no_still_text(name, time_s, gyro_rad_s, accel_m_s2, limits)))
+}
+
+/// The longest stretch in which all sensors are still, (start, end) in s.
+///
+/// # Errors
+/// [`Error::Data`] when there is none.
+pub fn common_still(sensors: &[Signals], limits: &StillLimits) -> Result<(f64, f64)> {
+    let mut common = vec![(f64::NEG_INFINITY, f64::INFINITY)];
+    for s in sensors {
+        find_still(s.name, s.time_s, s.gyro_rad_s, s.accel_m_s2, limits)?;
+        let own = still_stretches(s.time_s, s.gyro_rad_s, s.accel_m_s2, limits);
+        common = intersection(&common, &own);
+    }
+    longest(&common, limits.least_s).ok_or_else(|| {
+        let names: Vec<&str> = sensors.iter().map(|s| s.name).collect();
+        Error::Data(format!(
+            "sensors {}: each is still for {} s, but never all at once. Hold the whole body still, or name the stretch",
+            names.join(", "),
+            limits.least_s
+        ))
+    })
 }
 
 /// The longest stretch of at least `least_s`.

@@ -49,7 +49,7 @@ fn reversed_by_gravity(
 ) -> Option<bool> {
     let stated = Vector3::from(sensor.hinge_axis_in_world).normalize().dot(&up_in_world);
     let slanted = stated.abs() > options.most_disagreement_rad.sin();
-    slanted.then(|| stated * here.spin.axis.dot(&here.up) < 0.0)
+    slanted.then(|| stated * here.spin.axis.dot(&here.rest.up) < 0.0)
 }
 
 /// 1 or -1 for two hinges that are parallel within 5 deg, in the same or the opposite sense.

@@ -1,19 +1,15 @@
 //! One sensor's rest and swing: bias, up, axis, angle.
 
 use super::hinge_chain::{in_swing, ChainOptions, ChainSensor};
+use super::rest::Rest;
 use super::spin_axis::{spin_axis, SpinAxis};
-use super::still::{mean, scatter};
 use crate::{Error, Result};
 use nalgebra::Vector3;
 
 /// A sensor's rest and its turning.
 pub(crate) struct Turning {
-    pub bias: Vector3<f64>,
-    pub up: Vector3<f64>,
-    pub accel_norm: f64,
-    pub noise: (f64, f64),
+    pub rest: Rest,
     pub spin: SpinAxis,
-    pub still_s: (f64, f64),
     /// Time, rate about the axis and angle about it, during the swing.
     pub time_s: Vec<f64>,
     pub rate_rad_s: Vec<f64>,
@@ -22,27 +18,9 @@ pub(crate) struct Turning {
 
 impl Turning {
     pub fn of(sensor: &ChainSensor, still_s: (f64, f64), options: &ChainOptions) -> Result<Self> {
-        let name = sensor.name;
-        let rows = rows_within(sensor, still_s);
-        if rows.len() < 4 {
-            return Err(Error::Data(format!(
-                "sensor `{name}`: {} complete rows in the still stretch {:.2} to {:.2} s, at least 4 are needed",
-                rows.len(),
-                still_s.0,
-                still_s.1
-            )));
-        }
-        let gyro: Vec<[f64; 3]> = rows.iter().map(|&k| sensor.gyro_rad_s[k]).collect();
-        let accel: Vec<[f64; 3]> = rows.iter().map(|&k| sensor.accel_m_s2[k]).collect();
-        let (bias, force) = (mean(&gyro), mean(&accel));
-        check_force(name, force.norm())?;
         let mut turning = Self {
-            bias,
-            up: force.normalize(),
-            accel_norm: force.norm(),
-            noise: (scatter(&gyro), scatter(&accel)),
+            rest: Rest::of(&sensor.signals(), still_s)?,
             spin: SpinAxis { axis: Vector3::z(), off_axis_share: 0.0, std_rad: 0.0 },
-            still_s,
             time_s: Vec::new(),
             rate_rad_s: Vec::new(),
             angle_rad: Vec::new(),
@@ -54,15 +32,15 @@ impl Turning {
     fn swing(&mut self, sensor: &ChainSensor, options: &ChainOptions) -> Result<()> {
         let mut rates = Vec::new();
         for (&t, row) in sensor.time_s.iter().zip(sensor.gyro_rad_s) {
-            let rate = Vector3::from(*row) - self.bias;
-            if in_swing(sensor, self.still_s, t) && rate.iter().all(|x| x.is_finite()) {
+            let rate = Vector3::from(*row) - self.rest.bias;
+            if in_swing(sensor, self.rest.still_s, t) && rate.iter().all(|x| x.is_finite()) {
                 self.time_s.push(t);
                 rates.push(rate);
             }
         }
         self.spin = spin_axis(&rates);
         self.rate_rad_s = rates.iter().map(|w| w.dot(&self.spin.axis)).collect();
-        self.angle_rad = integrated(&self.time_s, &self.rate_rad_s, self.still_s);
+        self.angle_rad = integrated(&self.time_s, &self.rate_rad_s, self.rest.still_s);
         check_swing(sensor.name, self, options)
     }
 
@@ -93,28 +71,6 @@ fn integrated(time_s: &[f64], rate: &[f64], still_s: (f64, f64)) -> Vec<f64> {
         angles.push(angle);
     }
     angles
-}
-
-fn rows_within(sensor: &ChainSensor, span_s: (f64, f64)) -> Vec<usize> {
-    let complete = |k: &usize| {
-        let t = sensor.time_s[*k];
-        let mut values = sensor.gyro_rad_s[*k].iter().chain(&sensor.accel_m_s2[*k]);
-        (span_s.0..=span_s.1).contains(&t) && values.all(|x| x.is_finite())
-    };
-    (0..sensor.time_s.len()).filter(complete).collect()
-}
-
-fn check_force(name: &str, norm_m_s2: f64) -> Result<()> {
-    // Gravity lies between 9.76 and 9.84 m/s2 on Earth; a worn accelerometer may be off by some percent.
-    if (9.0..=10.6).contains(&norm_m_s2) {
-        return Ok(());
-    }
-    let guess =
-        if (0.9..=1.1).contains(&norm_m_s2) { " It looks as if it were in g: multiply by 9.80665." } else { "" };
-    Err(Error::Data(format!(
-        "sensor `{name}`: specific force at rest is {norm_m_s2:.4} m/s2, expected 9.0 to 10.6 m/s2.{guess} Check the \
-         unit of the accelerometer and the still stretch"
-    )))
 }
 
 fn check_swing(name: &str, turning: &Turning, options: &ChainOptions) -> Result<()> {

@@ -16,6 +16,10 @@ pub struct Belief {
     pub drive: Vec<f64>,
     /// Per part of the measurement vector: usual size of its innovations, as a factor on what is expected (variance).
     pub habit: Vec<f64>,
+    /// How much larger the noise of inertial units is than the model says (variance).
+    pub inflation: f64,
+    /// Usual size of the innovations of all inertial units together, as a factor on what is expected (variance).
+    pub surprise: f64,
     /// Per source: when it last said anything, NaN if it never did.
     pub seen_s: Vec<f64>,
     /// Per part of the measurement vector: since when it has been rejected without a break, NaN if it is not.

@@ -124,6 +124,7 @@ pub struct Filter<S: System> {
     y: Vec<f64>,
     b: Vec<f64>,
     used: Vec<bool>,
+    weight: Vec<f64>,
     shift: Vec<f64>,
     variance: Vec<f64>,
     rows: [Vec<f64>; 3],
@@ -154,6 +155,7 @@ impl<S: System> Filter<S> {
             y: vec![0.0; m],
             b: vec![0.0; width],
             used: vec![false; m],
+            weight: vec![0.0; m],
             shift: vec![0.0; n],
             variance: vec![0.0; n],
             rows: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
@@ -203,9 +205,10 @@ impl<S: System> Filter<S> {
         }
         self.factorise(&belief.covariance)?;
         self.fan.spread(system, moment, &mut self.scratch, &belief.mean, &self.factor, manner.spread);
-        self.whiten(sighting, info);
+        self.whiten(sighting, belief.inflation, info);
         self.judge(sighting, manner, belief);
         self.report(sighting, info);
+        self.learn_noise(belief, manner.learning, info.inertial);
         belief.covariance.diagonal(&mut self.before);
         self.combine(system, belief, info)?;
         self.learn(system, belief, manner.learning);
@@ -223,19 +226,34 @@ impl<S: System> Filter<S> {
         }
     }
 
+    /// From the innovations of all inertial units together: what units say of each other shows in no single one.
+    fn learn_noise(&self, belief: &mut Belief, learning: Learning, (nis, used): (f64, usize)) {
+        if used == 0 || !nis.is_finite() {
+            return;
+        }
+        let ratio = nis / used as f64;
+        belief.inflation = learning.inflation(belief.inflation, belief.surprise, self.since_s, ratio);
+        belief.surprise = learning.habit(belief.surprise, self.since_s, ratio);
+    }
+
     fn factorise(&mut self, covariance: &Square) -> Result<(), Lost> {
         factor_of_covariance(covariance, &mut self.factor).map_err(|e| Lost {
             what: format!("the covariance lost its sign (state {}, pivot {:.2e})", e.row, e.pivot),
         })
     }
 
-    fn whiten(&mut self, sighting: Sighting, info: &mut Info) {
+    fn whiten(&mut self, sighting: Sighting, inflation: f64, info: &mut Info) {
         let width = self.fan.width;
+        self.weight.iter_mut().zip(sighting.std).for_each(|(w, std)| *w = 1.0 / std);
+        if inflation > 1.0 {
+            let factor = 1.0 / inflation.sqrt();
+            sighting.groups.inertial.iter().for_each(|&r| self.weight[r] *= factor);
+        }
         for (r, g) in self.fan.g.chunks_exact_mut(width).enumerate() {
             let v = sighting.z[r] - self.fan.center[r] - self.fan.bend[r];
             info.innovation[r] = v;
             self.used[r] = !v.is_nan();
-            let weight = 1.0 / sighting.std[r];
+            let weight = self.weight[r];
             self.y[r] = if self.used[r] { v * weight } else { 0.0 };
             let weight = if self.used[r] { weight } else { 0.0 };
             g.iter_mut().for_each(|x| *x = if weight == 0.0 { 0.0 } else { *x * weight });
@@ -306,6 +324,7 @@ impl<S: System> Filter<S> {
         info.innovation.fill(f64::NAN);
         info.nis = f64::NAN;
         info.inertial = (f64::NAN, 0);
+        info.evidence = 0.0;
         for (source, rows) in info.sources.iter_mut().zip(&sighting.groups.sources) {
             *source = SourceInfo { nis: f64::NAN, used: 0, rejected: 0, missing: rows.len() as u8 };
         }
@@ -368,7 +387,7 @@ const SAMPLES_ALIKE: f64 = 4.0;
 
 /// Of a Student distribution with as many degrees of freedom as rows, so that a jolt decides nothing. Its determinant is
 /// left out: while a body rests it would favour whatever posture predicts least motion.
-fn evidence(nis: f64, rows: usize) -> f64 {
+pub fn evidence(nis: f64, rows: usize) -> f64 {
     let rows = rows.max(1) as f64;
     -0.5 * rows * (nis / rows).ln_1p() / SAMPLES_ALIKE
 }

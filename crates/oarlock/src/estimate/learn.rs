@@ -14,6 +14,8 @@ pub struct Learning {
 /// A single surprise counts as at most this many times the expected one: a jolt is no habit. A Gaussian exceeds it (3.7
 /// standard deviations) twice in ten thousand.
 const LARGEST_RATIO: f64 = 14.0;
+/// Squared innovations this many times as large as expected, on average, are no chance.
+const OUT_OF_PROPORTION: f64 = 3.0;
 /// Range of the factor on the variance.
 const RANGE: (f64, f64) = (0.1, 1e4);
 
@@ -46,6 +48,15 @@ impl Learning {
     pub fn habit(&self, habit: f64, dt: f64, ratio: f64) -> f64 {
         let ratio = ratio.min(LARGEST_RATIO * habit.max(1.0));
         habit + self.rate(dt) * (ratio - habit)
+    }
+
+    /// How much larger noise is than the model says, behind one more innovation. It sets in only where innovations are
+    /// usually out of all proportion, and never says that a sensor is better than the model says.
+    pub fn inflation(&self, inflation: f64, usual: f64, dt: f64, ratio: f64) -> f64 {
+        if inflation == 1.0 && usual < OUT_OF_PROPORTION {
+            return 1.0;
+        }
+        (inflation * (self.rate(dt) * (ratio.min(LARGEST_RATIO) - 1.0)).exp()).clamp(1.0, RANGE.1)
     }
 
     fn rate(&self, dt: f64) -> f64 {

@@ -20,7 +20,8 @@ impl Turn {
     pub fn exp(r: [f64; 3]) -> Self {
         let angle = norm(r);
         let half = 0.5 * angle;
-        let s = if angle < SMALL { 0.5 - angle * angle / 48.0 * (1.0 - angle * angle / 80.0) } else { half.sin() / angle };
+        let s =
+            if angle < SMALL { 0.5 - angle * angle / 48.0 * (1.0 - angle * angle / 80.0) } else { half.sin() / angle };
         Turn([half.cos(), s * r[0], s * r[1], s * r[2]])
     }
 
@@ -173,7 +174,11 @@ mod tests {
     fn exponential_is_rodrigues() {
         for r in sweep() {
             let angle = norm(r);
-            let (a, b) = if angle == 0.0 { (1.0, 0.5) } else { (angle.sin() / angle, 2.0 * (0.5 * angle).sin().powi(2) / angle.powi(2)) };
+            let (a, b) = if angle == 0.0 {
+                (1.0, 0.5)
+            } else {
+                (angle.sin() / angle, 2.0 * (0.5 * angle).sin().powi(2) / angle.powi(2))
+            };
             let direct = series(r, a, b);
             assert!(far(&direct, &Turn::exp(r).matrix()) < ROUNDING, "{r:?}");
         }

@@ -1,14 +1,14 @@
 //! Closed loop as a virtual sensor that always reads zero: two points agree, and two axes (eqs. 15 to 18).
 
-use super::{Quantity, RowGroups};
+use super::{Quantity, RowGroups, Wearing, Worn};
 use crate::kinematics::FrameMotion;
 use crate::lane::Real;
-use crate::model::Closure;
+use crate::model::{Closure, Point};
 
 /// A loop at one set of parameters.
 #[derive(Debug, Clone)]
 pub struct Loop {
-    sides: [(usize, [f64; 3]); 2],
+    sides: [(usize, Point); 2],
     axes: Option<[[f64; 3]; 2]>,
     std_m: f64,
     std_axis: f64,
@@ -16,8 +16,8 @@ pub struct Loop {
 
 impl Loop {
     /// From the model's description.
-    pub fn new(closure: &Closure, parameters: &[f64]) -> Self {
-        let side = |s: &(usize, [crate::model::Expr; 3])| (s.0, [0, 1, 2].map(|i| s.1[i].eval(parameters)));
+    pub fn new(closure: &Closure, worn: &Wearing) -> Self {
+        let side = |s: &(usize, [crate::model::Expr; 3])| (s.0, Point::of(&s.1, worn.parameters, worn.estimated));
         Loop {
             sides: [side(&closure.sides[0]), side(&closure.sides[1])],
             axes: closure.axes,
@@ -45,10 +45,10 @@ impl Loop {
 
     /// First side minus second side, in root axes.
     #[inline(always)]
-    pub fn predict<T: Real>(&self, frames: &[FrameMotion<T>], out: &mut [T]) {
+    pub fn predict<T: Real>(&self, frames: &[FrameMotion<T>], worn: Worn<T>, out: &mut [T]) {
         let [a, b] = self.frames().map(|f| &frames[f]);
-        let end = |f: &FrameMotion<T>, p| f.position + f.rotation.apply_f64(p);
-        let gap = end(a, self.sides[0].1) - end(b, self.sides[1].1);
+        let end = |f: &FrameMotion<T>, p: &Point| f.position + p.turned(&f.rotation, worn.lengths);
+        let gap = end(a, &self.sides[0].1) - end(b, &self.sides[1].1);
         out[..3].copy_from_slice(&gap.0);
         if let Some([za, zb]) = self.axes {
             let turn = a.rotation.apply_f64(za) - b.rotation.apply_f64(zb);

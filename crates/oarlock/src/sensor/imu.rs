@@ -1,10 +1,10 @@
 //! Inertial unit: angular velocity, specific force and magnetic field in its own axes (eq. 8, with the offset of the
 //! unit from its link's origin and gravity felt once).
 
-use super::{Quantity, RowGroups, Surroundings};
+use super::{Quantity, RowGroups, Surroundings, Wearing, Worn};
 use crate::kinematics::FrameMotion;
 use crate::lane::Real;
-use crate::model::{ImuNoise, SensorKind};
+use crate::model::{ImuNoise, Point, SensorKind};
 use crate::rotation::Mat3;
 
 /// Link from sensor, and the sensor's origin in the link's frame (m).
@@ -15,18 +15,22 @@ pub type MountValue = (Mat3<f64>, [f64; 3]);
 pub struct Imu {
     /// Index of its frame.
     pub frame: usize,
-    mount: MountValue,
+    rotation: Mat3<f64>,
+    offset: Point,
     noise: ImuNoise,
+    /// Number among the units whose mount is estimated.
+    mount: Option<usize>,
 }
 
 impl Imu {
     /// From the model's description, unless `mount` says better.
-    pub fn new(kind: &SensorKind, parameters: &[f64], mount: &Option<MountValue>) -> Self {
+    pub fn new(kind: &SensorKind, worn: &Wearing, given: &Option<MountValue>, mount: Option<usize>) -> Self {
         let SensorKind::Imu { frame, mount: nominal, noise } = kind else {
             unreachable!("called for inertial units only")
         };
-        let own = || (nominal.rotation, [0, 1, 2].map(|i| nominal.offset[i].eval(parameters)));
-        Imu { frame: *frame, mount: mount.unwrap_or_else(own), noise: *noise }
+        let own = || (nominal.rotation, Point::of(&nominal.offset, worn.parameters, worn.estimated));
+        let (rotation, offset) = given.map_or_else(own, |(rotation, offset)| (rotation, Point::fixed(offset)));
+        Imu { frame: *frame, rotation, offset, noise: *noise, mount }
     }
 
     /// Rows in the order gyro, accel, mag, rest of what the unit has.
@@ -42,8 +46,11 @@ impl Imu {
 
     /// Readings in sensor axes.
     #[inline(always)]
-    pub fn predict<T: Real>(&self, frame: &FrameMotion<T>, around: &Surroundings<T>, out: &mut [T]) {
-        let root_from_sensor = frame.rotation.times_f64(&self.mount.0);
+    pub fn predict<T: Real>(&self, frame: &FrameMotion<T>, around: &Surroundings<T>, worn: Worn<T>, out: &mut [T]) {
+        let mut root_from_sensor = frame.rotation.times_f64(&self.rotation);
+        if let Some(turn) = self.mount.and_then(|i| worn.mounts.get(i)) {
+            root_from_sensor = root_from_sensor.then(&Mat3::about(*turn));
+        }
         let mut at = 0;
         let mut put = |v: crate::rotation::Vec3<T>| {
             out[at..at + 3].copy_from_slice(&root_from_sensor.apply_transposed(v).0);
@@ -53,7 +60,7 @@ impl Imu {
             put(frame.angular_velocity);
         }
         if self.noise.accel_std.is_some() {
-            put(frame.proper_acceleration_at(frame.rotation.apply_f64(self.mount.1)));
+            put(frame.proper_acceleration_at(self.offset.turned(&frame.rotation, worn.lengths)));
         }
         if self.noise.mag_std.is_some() {
             put(around.magnetic_field);

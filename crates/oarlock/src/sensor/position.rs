@@ -1,8 +1,9 @@
 //! Position sensor: reads a point of a frame in root axes.
 
-use super::{Quantity, RowGroups};
+use super::{Quantity, RowGroups, Worn};
 use crate::kinematics::FrameMotion;
 use crate::lane::Real;
+use crate::model::Point;
 
 /// Reads one point.
 #[derive(Debug, Clone)]
@@ -10,7 +11,7 @@ pub struct Position {
     /// Index of the frame.
     pub frame: usize,
     /// In the frame, m.
-    pub point: [f64; 3],
+    pub point: Point,
     /// m.
     pub std: f64,
 }
@@ -23,8 +24,8 @@ impl Position {
 
     /// The point in root axes, m.
     #[inline(always)]
-    pub fn predict<T: Real>(&self, frame: &FrameMotion<T>, out: &mut [T]) {
-        let point = frame.position + frame.rotation.apply_f64(self.point);
+    pub fn predict<T: Real>(&self, frame: &FrameMotion<T>, worn: Worn<T>, out: &mut [T]) {
+        let point = frame.position + self.point.turned(&frame.rotation, worn.lengths);
         out.copy_from_slice(&point.0);
     }
 }

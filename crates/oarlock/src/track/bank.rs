@@ -8,6 +8,7 @@
 use super::Tracker;
 use crate::body::three;
 use crate::estimate::belief::{Belief, BRANCHES};
+use crate::estimate::filter::{Info, Lost};
 use crate::estimate::transition::{carry, Block};
 use crate::estimate::System;
 use crate::kinematics::FrameMotion;
@@ -52,38 +53,44 @@ impl Tracker {
     }
 
     fn compete(&mut self, belief: &mut Belief, go: &mut dyn FnMut(&mut Self, &mut Belief) -> Result<()>) -> Result<()> {
-        let mut rivals = std::mem::take(&mut belief.rivals);
-        rivals.retain_mut(|rival| {
-            let alive = go(self, rival).is_ok();
-            rival.score += self.info.evidence;
-            alive && rival.score.is_finite()
-        });
-        match go(self, belief) {
-            Ok(()) => {
-                belief.score += self.info.evidence;
-                rivals.push(belief.clone());
+        let rivals = std::mem::take(&mut belief.rivals);
+        let mut alive = Vec::new();
+        let mut failed = None;
+        for mut one in std::iter::once(belief.clone()).chain(rivals) {
+            match go(self, &mut one) {
+                Ok(()) => {
+                    one.score += self.info.evidence;
+                    alive.push((one, self.info.clone()));
+                }
+                Err(e) => failed = Some(e),
             }
-            Err(e) if rivals.is_empty() => return Err(e),
-            Err(_) => {}
         }
-        *belief = self.settle(rivals);
+        alive.retain(|(one, _)| one.score.is_finite());
+        match (self.settle(alive), failed) {
+            (Some(leader), _) => *belief = leader,
+            (None, Some(e)) => return Err(e),
+            (None, None) => return Err(super::diverged(Lost { what: "no hypothesis fits".into() }, belief.time_s)),
+        }
         Ok(())
     }
 
-    /// The likeliest leads; hopeless ones and those that have become another are given up.
-    fn settle(&self, mut all: Vec<Belief>) -> Belief {
-        all.sort_by(|a, b| b.score.total_cmp(&a.score));
-        let best = all[0].score;
-        let mut kept: Vec<Belief> = Vec::new();
-        for mut one in all {
+    /// The likeliest leads, and its report is the report; hopeless ones and those that have become another are given up.
+    fn settle(&mut self, mut all: Vec<(Belief, Info)>) -> Option<Belief> {
+        all.sort_by(|(a, _), (b, _)| b.score.total_cmp(&a.score));
+        let mut all = all.into_iter();
+        let (mut leader, info) = all.next()?;
+        self.info = info;
+        let best = std::mem::take(&mut leader.score);
+        let mut rivals: Vec<Belief> = Vec::new();
+        for (mut one, _) in all {
             one.score -= best;
-            if one.score > -HOPELESS && !kept.iter().any(|other| self.agree(&one, other)) {
-                kept.push(one);
+            let distinct = std::iter::once(&leader).chain(&rivals).all(|other| !self.agree(&one, other));
+            if one.score > -HOPELESS && distinct {
+                rivals.push(one);
             }
         }
-        let mut leader = kept.remove(0);
-        leader.rivals = kept;
-        leader
+        leader.rivals = rivals;
+        Some(leader)
     }
 
     fn agree(&self, a: &Belief, b: &Belief) -> bool {
@@ -121,7 +128,11 @@ impl Tracker {
         let turned = root_from_joint.times(&Turn::exp(three(&belief.mean, slots.q)).matrix());
         let up = turned.apply_transposed(Vec3(self.body.model.world.up)).0;
         let cosine: f64 = up.iter().zip(direction).map(|(a, b)| a * b).sum();
-        if cosine.abs() > UPRIGHT { up } else { direction }
+        if cosine.abs() > UPRIGHT {
+            up
+        } else {
+            direction
+        }
     }
 
     /// Whether an inertial unit speaks whose readings the joint turns. A floating body's own heading is nobody's business.
@@ -162,7 +173,9 @@ impl Tracker {
     /// Motion of the frame that carries a joint, and root from joint.
     fn carrier(&self, mean: &[f64], coordinate: usize) -> Option<(FrameMotion<f64>, Mat3<f64>)> {
         let model = &self.body.model;
-        let moves = |f: &&crate::model::Frame| f.joint.is_some_and(|(j, _)| model.joints[j].coordinates().contains(&coordinate));
+        let moves = |f: &&crate::model::Frame| {
+            f.joint.is_some_and(|(j, _)| model.joints[j].coordinates().contains(&coordinate))
+        };
         let frame = model.frames.iter().find(moves)?;
         let carrier = self.body.motions_at(mean, &self.moment)[frame.parent];
         let before = frame.before.as_ref().map_or(Mat3::identity(), |t| t.evaluate(&self.body.parameters).0);
@@ -170,7 +183,8 @@ impl Tracker {
     }
 
     fn fan_out(&self, belief: &mut Belief, coordinate: usize, direction: [f64; 3]) {
-        let (Some(slots), Some(line)) = (self.body.layout.coordinates[coordinate], belief.line.checked_mul(BRANCHES)) else {
+        let (Some(slots), Some(line)) = (self.body.layout.coordinates[coordinate], belief.line.checked_mul(BRANCHES))
+        else {
             return;
         };
         let (n, q) = (belief.mean.len(), slots.q);

@@ -117,6 +117,8 @@ impl Tracker {
             covariance,
             drive: vec![1.0; self.body.driven().len()],
             habit: vec![1.0; parts],
+            inflation: 1.0,
+            surprise: 1.0,
             seen_s: vec![time_s; self.groups.sources.len()],
             rejected_since_s: vec![f64::NAN; parts],
             memory: vec![[f64::NAN; MEMORY]; self.groups.sources.len()],
@@ -137,7 +139,9 @@ impl Tracker {
             eigen.eigenvalues.apply(|v| *v = v.clamp(least.min(most).powi(2), most * most));
             let mut block = eigen.recompose();
             if let Some((_, outer)) = floating.iter().find(|(f, _)| f == c).filter(|_| !compass) {
-                let up = outer.then(&Turn::exp(three(&fit.mean, slots.q)).matrix()).apply_transposed(Vec3(self.body.model.world.up));
+                let up = outer
+                    .then(&Turn::exp(three(&fit.mean, slots.q)).matrix())
+                    .apply_transposed(Vec3(self.body.model.world.up));
                 let up = Vector3::from(up.0);
                 let level = Matrix3::identity() - up * up.transpose();
                 block = level * block * level + up * up.transpose() * (GAUGE_STD * GAUGE_STD);
@@ -179,6 +183,9 @@ fn guess(body: &Body, posture: &[f64], side: f64) -> Guess {
             mean[slots.q..slots.q + 3].copy_from_slice(&turned);
         }
     }
+    for ((_, state), length) in body.layout.lengths.iter().zip(body.lengths()) {
+        mean[*state] = length;
+    }
     if let Some(i) = body.layout.azimuth {
         mean[i] = body.model.world.magnetic_azimuth_rad + side;
         std[i] = AZIMUTH_STD;
@@ -194,6 +201,14 @@ fn start_std(body: &Body, widened: f64) -> Vec<f64> {
         if let Some((rate, accel)) = slots.rates {
             std[rate] = widened * axis.process.start_std[1];
             std[accel] = widened * axis.process.start_std[2];
+        }
+    }
+    for (i, state) in &body.layout.lengths {
+        std[*state] = body.model.parameters[*i].std.unwrap_or(0.0);
+    }
+    for (i, first) in &body.layout.mounts {
+        if let SensorKind::Imu { mount, .. } = &body.model.sensors[*i].kind {
+            std[*first..first + 3].fill(mount.std_rad);
         }
     }
     for slot in body.layout.slow() {

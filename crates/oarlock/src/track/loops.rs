@@ -5,7 +5,7 @@ use crate::kinematics::{FrameMotion, JointMotion};
 use crate::model::SensorKind;
 use crate::recording::Sample;
 use crate::rotation::Vec3;
-use crate::sensor::Surroundings;
+use crate::sensor::{Surroundings, Worn};
 
 /// Per source and joint: whether moving the joint changes the source's readings.
 pub fn dependence(body: &Body) -> Vec<Vec<bool>> {
@@ -48,10 +48,16 @@ pub fn readings_from(
     qdd: &[f64],
 ) -> Vec<f64> {
     let mut frames = vec![root; body.tree.len()];
-    body.tree.motions(root, JointMotion { q, qd, qdd, anchors: &[] }, &vec![true; body.tree.len()], &mut frames);
+    body.tree.motions(
+        root,
+        JointMotion { q, qd, qdd, lengths: &body.lengths(), anchors: &[] },
+        &vec![true; body.tree.len()],
+        &mut frames,
+    );
     let mut out = vec![0.0; body.suite.len()];
     let all = vec![true; body.suite.sources.len()];
-    body.suite.predict(&frames, q, &Surroundings { magnetic_field: field }, &all, &mut out);
+    let worn = Worn { lengths: &body.lengths(), mounts: &[] };
+    body.suite.predict(&frames, q, &Surroundings { magnetic_field: field }, worn, &all, &mut out);
     out
 }
 

@@ -105,7 +105,8 @@ fn unobserved(run: &Run) -> Vec<String> {
     let rows = run.series.time_s.len();
     let mut notes = Vec::new();
     for (j, joint) in body.model.joints.iter().enumerate().filter(|(_, j)| j.kind != JointKind::Fixed) {
-        let seen = (0..rows).filter(|r| joint.coordinates().all(|c| run.series.observed[r * coordinates + c] == 1)).count();
+        let seen =
+            (0..rows).filter(|r| joint.coordinates().all(|c| run.series.observed[r * coordinates + c] == 1)).count();
         // An input is there at its own stamps only.
         let enough = if joint.input { seen > 0 } else { 2 * seen >= rows };
         if enough && rows > 0 {

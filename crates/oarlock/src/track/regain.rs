@@ -7,7 +7,7 @@
 
 use super::Tracker;
 use crate::estimate::belief::Belief;
-use crate::estimate::filter::SourceInfo;
+use crate::estimate::filter::{evidence, SourceInfo};
 use crate::estimate::start::{Evidence, Fit, Guess, Problem};
 use crate::model::Axis;
 
@@ -83,7 +83,7 @@ impl Tracker {
         belief.mean = fit.mean;
         belief.covariance = fit.covariance;
         self.mark_seen(belief);
-        self.report_fit(&z);
+        self.report_fit(&z, fit.cost);
         true
     }
 
@@ -96,7 +96,7 @@ impl Tracker {
             mean
         };
         let rest = posture(|axis| axis.rest);
-        let middle = posture(|axis| 0.5 * (axis.limits[0] + axis.limits[1]));
+        let middle = posture(|axis| if axis.turns { axis.rest } else { 0.5 * (axis.limits[0] + axis.limits[1]) });
         let fits = [&belief.mean, &rest, &middle];
         let fits = fits.into_iter().filter_map(|first| {
             let fit = Problem::new(&self.body, &evidence, &self.std, &guess).fit(first)?;
@@ -106,8 +106,9 @@ impl Tracker {
     }
 
     /// The fit used all rows that were there, and has no innovation to speak of.
-    fn report_fit(&mut self, z: &[f64]) {
+    fn report_fit(&mut self, z: &[f64], cost: f64) {
         self.info = self.blank_info();
+        self.info.evidence = evidence(cost, z.iter().filter(|z| !z.is_nan()).count());
         for (source, rows) in self.info.sources.iter_mut().zip(&self.groups.sources) {
             let used = z[rows.clone()].iter().filter(|z| !z.is_nan()).count();
             let there = self.z[rows.clone()].iter().filter(|z| !z.is_nan()).count();

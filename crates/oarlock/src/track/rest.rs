@@ -29,7 +29,8 @@ impl Tracker {
         for s in 0..self.body.suite.sources.len() {
             let source = &self.body.suite.sources[s];
             let rows = |q: Quantity| source.parts.iter().find(|p| p.quantity == q).map(|p| p.rows.clone());
-            let (Some(rest), Some(gyro), Some(accel)) = (rows(Quantity::Rest), rows(Quantity::Gyro), rows(Quantity::Accel))
+            let (Some(rest), Some(gyro), Some(accel)) =
+                (rows(Quantity::Rest), rows(Quantity::Gyro), rows(Quantity::Accel))
             else {
                 continue;
             };

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use oarlock::estimate::belief::Belief;
 use oarlock::estimate::dense::Square;
 use oarlock::estimate::transition::{Block, Transition};
-use oarlock::estimate::{Partition, System};
+use oarlock::estimate::{Partition, Points, System};
 use oarlock::lane::{Lane, Real};
 
 pub const STATES: usize = 5;
@@ -63,7 +63,7 @@ impl System for Linear {
         &[3]
     }
 
-    fn transition(&self, t: f64, _variance: &[f64], _drive: &[f64], out: &mut Transition) {
+    fn transition(&self, t: f64, _mean: &[f64], _variance: &[f64], _drive: &[f64], out: &mut Transition) {
         let keep = (-t).exp();
         let mut drawn = Block::walk(1, WALK2 * (1.0 - keep * keep));
         drawn.factor[0][0] = keep;
@@ -80,7 +80,7 @@ impl System for Linear {
             offset: [0.0; 3],
             noise: noise.map(|row| row.map(|x| x * DENSITY2)),
         };
-        out.blocks.clear();
+        out.clear();
         out.blocks.extend([drawn, driven, Block::walk(4, 0.01 * t)]);
     }
 
@@ -88,10 +88,10 @@ impl System for Linear {
         &[]
     }
 
-    fn readings(&self, _: &(), _: &mut (), state: &[Lane], _: &[Lane], out: &mut [Lane]) {
+    fn readings(&self, _: &(), _: &mut (), at: Points, out: &mut [Lane]) {
         for (r, out) in out.iter_mut().enumerate() {
-            let terms = self.readings[r].iter().zip(state);
-            *out = terms.fold(Lane::splat(self.zero[r]), |sum, (&h, &x)| sum + x.scale(h));
+            let terms = self.readings[r].iter().enumerate();
+            *out = terms.fold(Lane::splat(self.zero[r]), |sum, (i, &h)| sum + at.at(i).scale(h));
         }
     }
 }
@@ -99,7 +99,7 @@ impl System for Linear {
 /// F, offset and Q over `dt`.
 pub fn dense(system: &Linear, dt: f64) -> (DMatrix<f64>, DVector<f64>, DMatrix<f64>) {
     let mut transition = Transition::default();
-    system.transition(dt, &[0.0; STATES], &[1.0], &mut transition);
+    system.transition(dt, &[0.0; STATES], &[0.0; STATES], &[1.0], &mut transition);
     let mut f = DMatrix::zeros(STATES, STATES);
     let (mut offset, mut q) = (DVector::zeros(STATES), f.clone());
     for b in &transition.blocks {
@@ -130,8 +130,14 @@ pub fn start() -> Belief {
         covariance,
         drive: vec![1.0],
         habit: vec![1.0; 2],
+        inflation: 1.0,
+        surprise: 1.0,
         seen_s: Vec::new(),
         rejected_since_s: vec![f64::NAN; 2],
+        memory: Vec::new(),
+        line: 1,
+        score: 0.0,
+        rivals: Vec::new(),
     }
 }
 

@@ -3,12 +3,16 @@
 
 pub mod chance;
 pub mod chi_square;
+pub mod nature;
 pub mod record;
+pub mod so3;
 pub mod stroke;
+pub mod tree;
+pub mod wave;
 
 use oarlock::body::Body;
 use oarlock::config::{Config, Magnetometer};
-use oarlock::estimate::belief::Belief;
+use oarlock::estimate::belief::{Belief, MEMORY};
 use oarlock::estimate::dense::Square;
 use oarlock::estimate::System;
 use oarlock::model::Model;
@@ -112,18 +116,23 @@ pub fn belief(body: &Body, time_s: f64, mean: Vec<f64>, std: &[f64]) -> Belief {
         covariance,
         drive: vec![1.0; body.driven().len()],
         habit: vec![1.0; parts],
+        inflation: 1.0,
+        surprise: 1.0,
         seen_s: vec![time_s; body.suite.sources.len()],
         rejected_since_s: vec![f64::NAN; parts],
+        memory: vec![[f64::NAN; MEMORY]; body.suite.sources.len()],
+        line: 1,
+        score: 0.0,
+        rivals: Vec::new(),
     }
 }
 
 /// Standard deviations to start with: those of the model, walking joints and azimuth at 0.2 rad.
 pub fn start_std(body: &Body) -> Vec<f64> {
     let mut std = vec![0.2; body.layout.dim()];
-    for (joint, slots) in body.model.joints.iter().zip(&body.layout.joints) {
-        let Some(slots) = slots else { continue };
+    for (_, axis, slots) in body.moving() {
         if let Some((rate, accel)) = slots.rates {
-            let start = joint.process.start_std;
+            let start = axis.process.start_std;
             (std[slots.q], std[rate], std[accel]) = (start[0], start[1], start[2]);
         }
     }

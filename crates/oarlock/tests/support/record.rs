@@ -1,6 +1,7 @@
 //! Samples of a moving body, streams of samples, and data that goes missing.
 
 use super::chance::Chance;
+use super::so3;
 use super::stroke::Posture;
 use oarlock::body::Body;
 use oarlock::kinematics::FrameMotion;
@@ -42,28 +43,31 @@ impl Scene<'_> {
         for source in &self.body.suite.sources[loops..] {
             z[source.rows.clone()].fill(f64::NAN);
         }
-        let inputs = model.joints.iter().zip(&p.q).map(|(joint, q)| {
+        let mut inputs = vec![f64::NAN; p.q.len()];
+        for joint in &model.joints {
             let measured = joint.input && !joint.name.ends_with("theta");
             let noise = self.noise * joint.input_std * chance.normal();
             if measured {
-                q + noise
-            } else {
-                f64::NAN
+                inputs[joint.first] = p.q[joint.first] + noise;
             }
-        });
-        Sample { time_s, z, inputs: inputs.collect() }
+        }
+        Sample { time_s, z, inputs }
     }
 
     /// The state that the samples were made of; biases are zero.
     pub fn state(&self, time_s: f64) -> Vec<f64> {
         let (layout, p) = (&self.body.layout, (self.motion)(time_s));
         let mut x = vec![0.0; layout.dim()];
-        for (j, slots) in layout.joints.iter().enumerate() {
+        for (j, slots) in layout.coordinates.iter().enumerate() {
             let Some(slots) = slots else { continue };
             x[slots.q] = p.q[j];
             if let Some((rate, accel)) = slots.rates {
                 (x[rate], x[accel]) = (p.qd[j], p.qdd[j]);
             }
+        }
+        for (first, slots) in &layout.turns {
+            let shortest = so3::log(&so3::exp(so3::three(&p.q, *first)));
+            x[slots.q..slots.q + 3].copy_from_slice(shortest.as_slice());
         }
         if let Some(i) = layout.azimuth {
             x[i] = self.azimuth_rad;
@@ -112,10 +116,10 @@ pub fn streams(body: &Body, samples: &[Sample]) -> Vec<Stream> {
         let time_s = kept.iter().map(|s| s.time_s).collect();
         streams.push(Stream { name: source.name.clone(), time_s, channels: channels.collect() });
     }
-    for (j, joint) in model.joints.iter().enumerate().filter(|(_, j)| j.input) {
-        let kept: Vec<&Sample> = samples.iter().filter(|s| !s.inputs[j].is_nan()).collect();
+    for joint in model.joints.iter().filter(|j| j.input) {
+        let kept: Vec<&Sample> = samples.iter().filter(|s| !s.inputs[joint.first].is_nan()).collect();
         let time_s: Vec<f64> = kept.iter().map(|s| s.time_s).collect();
-        let channels = vec![channel(&kept, Quantity::Joint, |s| vec![s.inputs[j]])];
+        let channels = vec![channel(&kept, Quantity::Joint, |s| vec![s.inputs[joint.first]])];
         streams.push(Stream { name: joint.name.clone(), time_s, channels });
     }
     streams.retain(|s| !s.time_s.is_empty());

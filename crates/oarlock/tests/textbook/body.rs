@@ -1,6 +1,7 @@
 //! What a body reads, written as plainly as can be: one number at a time, each frame's motion in its own axes as in eq. 9 of
 //! Ruffaldi, Peppoloni and Filippeschi, with the terms that the print leaves out.
 
+use super::so3;
 use nalgebra::{DVector, Matrix3, Vector3};
 use oarlock::model::{JointKind, Model, SensorKind, Transform};
 use oarlock::rotation::Mat3;
@@ -46,27 +47,47 @@ impl Motion {
 
     fn slid(self, q: f64, qd: f64, qdd: f64) -> Motion {
         let z = Vector3::z();
+        self.placed([z * q, z * qd, z * qdd])
+    }
+
+    /// To a place, with its velocity and acceleration, in the frame's own axes.
+    fn placed(self, [q, qd, qdd]: [Vector3<f64>; 3]) -> Motion {
         let mut next = self;
-        next.force = self.force_at(z * q) + self.spin.cross(&z) * (2.0 * qd) + z * qdd;
-        next.place = self.place + self.root_from_frame * z * q;
+        next.force = self.force_at(q) + self.spin.cross(&qd) * 2.0 + qdd;
+        next.place = self.place + self.root_from_frame * q;
+        next
+    }
+
+    /// By a rotation vector; `w` and `wd` are the child's rate against the parent in the child's axes, and its derivative.
+    fn balled(self, [r, w, wd]: [Vector3<f64>; 3]) -> Motion {
+        let mut next = self.moved(so3::exp(r), Vector3::zeros());
+        next.spin_rate += wd + next.spin.cross(&w);
+        next.spin += w;
         next
     }
 }
 
-/// Joint values with their derivatives.
+/// A coordinate with its derivatives, those of a rotation vector being the body's rates.
 pub type JointState = [f64; 3];
 
 pub struct Naive<'a> {
     pub model: &'a Model,
     pub parameters: Vec<f64>,
+    /// Names of the coordinates.
+    pub coordinates: Vec<String>,
+    /// First state of every rotation vector.
+    pub turns: Vec<usize>,
     places: HashMap<String, usize>,
 }
 
 impl<'a> Naive<'a> {
     /// `names` are those of the states, in their order.
     pub fn new(model: &'a Model, parameters: Vec<f64>, names: &[String]) -> Self {
-        let places = names.iter().cloned().zip(0..).collect();
-        Naive { model, parameters, places }
+        let places: HashMap<String, usize> = names.iter().cloned().zip(0..).collect();
+        let coordinates = model.coordinate_names();
+        let turns = model.joints.iter().filter_map(|joint| joint.turn());
+        let turns = turns.filter_map(|c| places.get(&coordinates[c]).copied()).collect();
+        Naive { model, parameters, coordinates, turns, places }
     }
 
     pub fn place(&self, name: &str) -> Option<usize> {
@@ -82,11 +103,14 @@ impl<'a> Naive<'a> {
         for frame in &self.model.frames[1..] {
             let mut m = self.fixed(frames[frame.parent], &frame.before);
             if let Some((j, sign)) = frame.joint {
-                let [q, qd, qdd] = joints[j].map(|x| x * sign);
+                let first = self.model.joints[j].first;
+                let [q, qd, qdd] = joints[first].map(|x| x * sign);
                 m = match self.model.joints[j].kind {
                     JointKind::Fixed => m,
                     JointKind::Hinge => m.hinged(q, qd, qdd),
                     JointKind::Slide => m.slid(q, qd, qdd),
+                    JointKind::Ball => m.balled(vectors(joints, first)),
+                    JointKind::Free => m.placed(vectors(joints, first)).balled(vectors(joints, first + 3)),
                 };
             }
             frames.push(self.fixed(m, &frame.after));
@@ -115,8 +139,11 @@ impl<'a> Naive<'a> {
                     noise.mag_std.inspect(|_| out.extend((back * local).iter()));
                 }
                 SensorKind::Encoder { joint, .. } if self.model.joints[*joint].input => {}
-                SensorKind::Encoder { joint, .. } => out.push(joints[*joint][0]),
-                SensorKind::Position { .. } => panic!("none in these models"),
+                SensorKind::Encoder { joint, .. } => out.push(joints[self.model.joints[*joint].first][0]),
+                SensorKind::Position { frame, point, .. } => {
+                    let point = Vector3::from([0, 1, 2].map(|i| point[i].eval(&self.parameters)));
+                    out.extend((frames[*frame].place + frames[*frame].root_from_frame * point).iter());
+                }
             }
         }
         self.loop_rows(&frames, &mut out);
@@ -140,10 +167,10 @@ impl<'a> Naive<'a> {
 
     /// All rows at state `x`.
     pub fn measure(&self, x: &DVector<f64>, inputs: &[f64]) -> DVector<f64> {
-        let joints: Vec<JointState> = (self.model.joints.iter().zip(inputs))
-            .map(|(joint, &input)| match self.value(x, &joint.name) {
+        let joints: Vec<JointState> = (self.coordinates.iter().zip(inputs))
+            .map(|(name, &input)| match self.value(x, name) {
                 None => [if input.is_nan() { 0.0 } else { input }, 0.0, 0.0],
-                Some(q) => [q, self.rate(x, &joint.name, "velocity"), self.rate(x, &joint.name, "acceleration")],
+                Some(q) => [q, self.rate(x, name, "velocity"), self.rate(x, name, "acceleration")],
             })
             .collect();
         let world = &self.model.world;
@@ -165,8 +192,9 @@ impl<'a> Naive<'a> {
         let world = &self.model.world;
         let (up, forward) = (Vector3::from(world.up), Vector3::from(world.forward));
         let level = forward * azimuth.cos() + up.cross(&forward) * azimuth.sin();
-        let dip = world.magnetic_dip_rad;
-        (level * dip.cos() - up * dip.sin()) * world.magnetic_norm_ut
+        let (norm, dip) = (&world.magnetic_norm_ut, &world.magnetic_dip_rad);
+        let (norm, dip) = (norm.eval(&self.parameters), dip.eval(&self.parameters));
+        (level * dip.cos() - up * dip.sin()) * norm
     }
 
     fn add_biases(&self, x: &DVector<f64>, rows: &mut [f64]) {
@@ -178,7 +206,7 @@ impl<'a> Naive<'a> {
         }
     }
 
-    /// Names of the rows as far as they are inertial or encoders.
+    /// Names of the rows, those of loops apart.
     fn row_names(&self) -> Vec<String> {
         let mut names = Vec::new();
         for sensor in &self.model.sensors {
@@ -190,7 +218,8 @@ impl<'a> Naive<'a> {
                     }
                 }
                 SensorKind::Encoder { joint, .. } if self.model.joints[*joint].input => {}
-                _ => names.push(sensor.name.clone()),
+                SensorKind::Encoder { .. } => names.push(sensor.name.clone()),
+                SensorKind::Position { .. } => names.extend(["x", "y", "z"].map(|a| format!("{}.{a}", sensor.name))),
             }
         }
         names
@@ -222,6 +251,11 @@ impl<'a> Naive<'a> {
 pub fn resting(force: Vector3<f64>) -> Motion {
     let zero = Vector3::zeros();
     Motion { root_from_frame: Matrix3::identity(), place: zero, spin: zero, spin_rate: zero, force }
+}
+
+/// Three coordinates in a row, with their rates.
+fn vectors(joints: &[JointState], first: usize) -> [Vector3<f64>; 3] {
+    [0, 1, 2].map(|d| Vector3::from([0, 1, 2].map(|i| joints[first + i][d])))
 }
 
 fn matrix(m: &Mat3<f64>) -> Matrix3<f64> {

@@ -6,4 +6,7 @@ mod support;
 mod agreement;
 mod body;
 mod reference;
+mod tree;
 mod ukf;
+
+use support::so3;

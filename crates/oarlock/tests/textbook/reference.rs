@@ -6,13 +6,13 @@ use super::ukf::Weights;
 use nalgebra::{DVector, Matrix3, Vector3};
 use oarlock::body::Body;
 use oarlock::config::ProcessNoise;
-use oarlock::estimate::System;
+use oarlock::estimate::{Points, System};
 use oarlock::kinematics::FrameMotion;
 use oarlock::lane::{Lane, LANES};
 use oarlock::model::{Expr, ImuNoise, Model, Mount, Sensor, SensorKind};
 use oarlock::motion::{joint_block, Now};
 use oarlock::rotation::{Mat3, Vec3};
-use oarlock::state::JointSlots;
+use oarlock::state::Slots;
 use oarlock::track::loops::{readings, readings_from};
 use serde_json::Value;
 use std::sync::Arc;
@@ -43,12 +43,12 @@ fn driving_noise_is_as_listed() {
     let blocks = vectors("filter_blocks.json");
     let dt = blocks["dt"].as_f64().unwrap();
     let model = model(SCULLER);
-    let mut joint = model.joints[1].clone();
-    joint.process.density = 1.0 / dt.sqrt();
-    let slots = JointSlots { q: 0, rates: Some((1, 2)) };
+    let mut axis = model.axes()[1];
+    axis.process.density = 1.0 / dt.sqrt();
+    let slots = Slots { q: 0, rates: Some((1, 2)) };
     let now = Now { dt, variance: 0.0, drive: 1.0 };
     for (kind, name) in [(ProcessNoise::Paper, "paper"), (ProcessNoise::Jerk, "wnj")] {
-        let block = joint_block(&joint, slots, now, kind);
+        let block = joint_block(&axis, slots, now, kind);
         for r in 0..3 {
             let wanted = numbers(&blocks["Q_block_unit_sigma"][name][r]);
             for (found, wanted) in block.noise[r].iter().zip(wanted) {
@@ -60,7 +60,7 @@ fn driving_noise_is_as_listed() {
 
 /// A state of the vectors in the engine's order.
 fn state(body: &Body, x: &[f64]) -> Vec<f64> {
-    let at = |j: usize| body.layout.joints[j].expect("a state");
+    let at = |j: usize| body.layout.coordinates[j].expect("a state");
     let mut state = vec![0.0; body.layout.dim()];
     let driven = [0, 1, 2, 3, 4, 5, 6, 9, 10, 11, 12, 13];
     for (k, j) in driven.into_iter().enumerate() {
@@ -75,7 +75,7 @@ fn state(body: &Body, x: &[f64]) -> Vec<f64> {
 }
 
 fn inputs(body: &Body, encoders: &[f64]) -> Vec<f64> {
-    let mut inputs = vec![0.0; body.model.joints.len()];
+    let mut inputs = vec![0.0; body.model.coordinate_count()];
     [16, 17, 19, 20].into_iter().zip(encoders).for_each(|(j, &x)| inputs[j] = x);
     inputs
 }
@@ -92,9 +92,10 @@ fn measurement_vector_agrees_in_every_lane() {
         moment.inputs = inputs(&body, &numbers(&blocks["enc_phiR_alphaR_phiL_alphaL"][k]));
         moment.active.fill(true);
         moment.needed.fill(true);
-        let lanes: Vec<Lane> = x.iter().map(|&x| Lane([x; LANES])).collect();
+        let zero = vec![Lane([0.0; LANES]); x.len()];
         let mut out = vec![Lane([0.0; LANES]); body.suite.len()];
-        body.readings(&moment, &mut body.scratch(), &lanes, &[], &mut out);
+        let at = Points { mean: &x, delta: &zero, off: &[] };
+        body.readings(&moment, &mut body.scratch(), at, &mut out);
         assert_eq!(wanted.len(), out.len());
         let plain = textbook.measure(&DVector::from_vec(x), &moment.inputs);
         for ((lane, wanted), plain) in out.iter().zip(&wanted).zip(plain.iter()) {
@@ -113,6 +114,7 @@ fn with_sensors(sensors: &Value) -> Model {
         gyro_std: Some(1.0),
         accel_std: Some(1.0),
         mag_std: Some(1.0),
+        rest_std: None,
         gyro_bias_start_std: 0.02,
         gyro_bias_walk: 1.1e-5,
         accel_bias_start_std: 0.05,
@@ -121,7 +123,7 @@ fn with_sensors(sensors: &Value) -> Model {
     let sensor = |s: &Value| {
         let rotation = [0, 1, 2].map(|i| three(&s["R_link_from_sensor"][i]));
         let offset = three(&s["offset_in_link"]).map(Expr::constant);
-        let mount = Mount { rotation: Mat3(rotation), offset };
+        let mount = Mount { rotation: Mat3(rotation), std_rad: 0.1, offset };
         let frame = s["frame"].as_u64().expect("a frame") as usize;
         let name = s["name"].as_str().expect("a name").to_string();
         Sensor { name, kind: SensorKind::Imu { frame, mount, noise } }

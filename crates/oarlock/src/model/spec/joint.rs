@@ -241,7 +241,8 @@ fn check_sense(section: &Section, joint: &Joint) {
         }
     } else if joint.input {
         contradicts(&["process"], "an input joint follows its stream and has no motion of its own");
-    }    if !joint.kind.turns_freely() {
+    }
+    if !joint.kind.turns_freely() {
         contradicts(&["angles"], "only a ball or a free joint is read in a sequence of angles");
     }
     if joint.kind != JointKind::Free {

@@ -51,6 +51,9 @@ pub(in crate::model) struct ClosureSpec {
     pub(in crate::model) std_axis: f64,
 }
 
+/// A unit that was put on by eye, rad.
+const MOUNT_STD_RAD: f64 = 0.1;
+
 /// The keys of each kind, beside `name` and `kind`.
 const IMU_KEYS: [&str; 10] = [
     "frame",
@@ -161,8 +164,10 @@ fn check_quantities(section: &Section, noise: &ImuNoise) {
 }
 
 fn read_mount(section: &Section) -> Mount {
-    let nothing = Mount { rotation: Mat3::identity(), offset: [0.0; 3].map(Expr::constant) };
-    let Some(mount) = section.get("mount").and_then(|slot| Section::of(slot, &["rotation", "rpy", "offset"])) else {
+    let nothing = Mount { rotation: Mat3::identity(), std_rad: MOUNT_STD_RAD, offset: [0.0; 3].map(Expr::constant) };
+    let Some(mount) =
+        section.get("mount").and_then(|slot| Section::of(slot, &["rotation", "rpy", "offset", "std_rad"]))
+    else {
         return nothing;
     };
     let rotation = read_rotation(&mount).evaluate(&[]);
@@ -170,7 +175,8 @@ fn read_mount(section: &Section) -> Mount {
         let key = if mount.has("rpy") { "rpy" } else { "rotation" };
         mount.mistake(mount.at_key(key), "a mount's rotation takes plain numbers only, no parameters");
     }
-    Mount { rotation, offset: read_point(&mount, "offset") }
+    let std_rad = mount.get("std_rad").and_then(|s| s.positive("rad")).unwrap_or(MOUNT_STD_RAD);
+    Mount { rotation, std_rad, offset: read_point(&mount, "offset") }
 }
 
 pub(super) fn read_closure(section: &Section) -> ClosureSpec {

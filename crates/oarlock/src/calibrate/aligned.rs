@@ -1,0 +1,69 @@
+//! A mount turned as little as directions that are seen from both sides demand.
+
+use crate::rotation::Mat3;
+use nalgebra::{Matrix3, Matrix4, Quaternion, Rotation3, SymmetricEigen, UnitQuaternion, Vector3};
+use serde::{Serialize, Serializer};
+
+/// One direction in both axes, unit vectors, and how well it is known, rad.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sight {
+    /// In sensor axes.
+    pub in_sensor: [f64; 3],
+    /// In link axes.
+    pub in_link: [f64; 3],
+    /// Standard deviation of their agreement, rad.
+    pub std_rad: f64,
+}
+
+/// A turned mount.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TurnedMount {
+    /// Takes sensor axes to link axes.
+    #[serde(serialize_with = "rows")]
+    pub link_from_sensor: Mat3<f64>,
+    /// By how much it was turned from the nominal one, rad.
+    pub turned_rad: f64,
+    /// What is left between each sight's directions, rad.
+    pub left_rad: Vec<f64>,
+}
+
+/// The rotation nearest to `nominal` among those that agree best with the sights, weighed by their standard deviations.
+///
+/// With one sight the nominal mount is turned by the least angle that makes it agree; about the sight itself it keeps the
+/// nominal heading. Source: G. Wahba (1965), "A least squares estimate of satellite attitude", by Davenport's eigenvector.
+pub fn aligned_mount(nominal: &Mat3<f64>, sights: &[Sight]) -> TurnedMount {
+    let nominal = Matrix3::from_fn(|i, j| nominal.0[i][j]);
+    let strongest = sights.iter().map(|s| s.std_rad.powi(-2)).fold(f64::NAN, f64::max);
+    // Far below any sight, far above rounding: decides only what no sight tells.
+    let mut profile = nominal * if strongest.is_nan() { 1.0 } else { 1e-7 * strongest };
+    for sight in sights {
+        let (own, link) = (Vector3::from(sight.in_sensor), Vector3::from(sight.in_link));
+        profile += link * own.transpose() * sight.std_rad.powi(-2);
+    }
+    let turned = *best_rotation(&profile).to_rotation_matrix().matrix();
+    let left = |s: &Sight| (turned * Vector3::from(s.in_sensor)).angle(&Vector3::from(s.in_link));
+    TurnedMount {
+        link_from_sensor: Mat3([0, 1, 2].map(|i| [0, 1, 2].map(|j| turned[(i, j)]))),
+        turned_rad: Rotation3::from_matrix_unchecked(turned * nominal.transpose()).angle(),
+        left_rad: sights.iter().map(left).collect(),
+    }
+}
+
+/// The rotation R for which the trace of R' `profile` is largest.
+fn best_rotation(profile: &Matrix3<f64>) -> UnitQuaternion<f64> {
+    let p = profile;
+    let across = Vector3::new(p.m32 - p.m23, p.m13 - p.m31, p.m21 - p.m12);
+    let mut gain = Matrix4::zeros();
+    gain[(0, 0)] = p.trace();
+    gain.fixed_view_mut::<1, 3>(0, 1).copy_from(&across.transpose());
+    gain.fixed_view_mut::<3, 1>(1, 0).copy_from(&across);
+    gain.fixed_view_mut::<3, 3>(1, 1).copy_from(&(p + p.transpose() - Matrix3::identity() * p.trace()));
+    let eigen = SymmetricEigen::new(gain);
+    let best = eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned();
+    UnitQuaternion::from_quaternion(Quaternion::new(best[0], best[1], best[2], best[3]))
+}
+
+/// A matrix as three rows of three.
+pub(crate) fn rows<S: Serializer>(matrix: &Mat3<f64>, to: S) -> Result<S::Ok, S::Error> {
+    matrix.0.serialize(to)
+}

@@ -1,0 +1,242 @@
+//! Where the joint between two bodies lies, in the axes of one inertial unit on each, from motion alone.
+//!
+//! Both units see the joint's own specific force, each in its own axes: `|f1 - K1 r1| = |f2 - K2 r2|`, with `r` from the joint to
+//! the unit and `K` of the body's turning. How the units are turned, on their bodies and against each other, plays no part.
+//!
+//! Source: T. Seel, T. Schauer and J. Raisch (2012), "Joint axis and position estimation from inertial measurement data by
+//! exploiting kinematic constraints"; F. Olsson and K. Halvorsen (2017), "Experimental evaluation of joint position
+//! estimation using inertial sensors", for a robust loss. Here the constraint is averaged over [`windows`](super::windows).
+
+use super::robust_fit::{fit, Fit, Problem, Scatter};
+use super::signals::Signals;
+use super::windows::{PairedWindows, Window};
+use crate::{Error, Result};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, RowVector3, SymmetricEigen, Vector3};
+use serde::Serialize;
+use std::ops::Range;
+
+/// Tuning of the fit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CenterOptions {
+    /// Over which force and turning are averaged, s: longer ones see less of soft mounting, and less of a quick motion.
+    pub window_s: f64,
+    /// How well each coordinate is known before any motion is seen, m.
+    pub prior_std_m: f64,
+    /// Constant errors of the accelerometers, m/s2.
+    pub accel_bias_std_m_s2: f64,
+    /// How far the scales of the two accelerometers are apart, relative.
+    pub accel_scale_std: f64,
+    /// What the fit leaves (soft tissue, play) stays alike for so long, s.
+    pub correlation_s: f64,
+    /// A direction that is known less well counts as loose, m.
+    pub loose_std_m: f64,
+}
+
+impl Default for CenterOptions {
+    /// For units worn on the limbs of a person.
+    fn default() -> Self {
+        Self {
+            window_s: 0.2,
+            prior_std_m: 0.3,
+            accel_bias_std_m_s2: 0.2,
+            accel_scale_std: 0.02,
+            correlation_s: 1.0,
+            loose_std_m: 0.05,
+        }
+    }
+}
+
+/// A joint's place and what speaks for it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FoundCenter {
+    /// From the joint to the first unit, in its sensor axes, m.
+    pub first_m: [f64; 3],
+    /// From the joint to the second unit, in its sensor axes, m.
+    pub second_m: [f64; 3],
+    /// Standard deviations of the two, m.
+    pub first_std_m: [f64; 3],
+    /// See `first_std_m`.
+    pub second_std_m: [f64; 3],
+    /// Covariance of both vectors together, m2, row by row.
+    pub covariance_m2: [[f64; 6]; 6],
+    /// Directions in which the motion left the place open, the loosest first. A hinge's place along its axis always is.
+    pub loose: Vec<LooseDirection>,
+    /// What the fit leaves of the specific force's norm, robust standard deviation, m/s2.
+    pub residual_m_s2: f64,
+    /// Constant errors of both accelerometers, m/s2; known as far as the two disagree.
+    pub accel_bias_m_s2: [[f64; 3]; 2],
+    /// Root mean square of each unit's angular velocity, rad/s.
+    pub turning_rad_s: [f64; 2],
+    /// Time that the windows cover, s.
+    pub used_s: f64,
+}
+
+/// The joint may be moved along these two directions at once and hardly a reading changes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct LooseDirection {
+    /// In the first unit's axes. Both together have length 1.
+    pub first: [f64; 3],
+    /// In the second unit's axes.
+    pub second: [f64; 3],
+    /// Standard deviation, m.
+    pub std_m: f64,
+}
+
+/// Finds the joint between two bodies. `expected` is where it is thought to be: joint to unit, in each unit's sensor axes, m.
+/// A direction that the motion does not tell keeps that value.
+///
+/// # Errors
+/// [`Error::Data`] for malformed columns, an expectation that is not finite, or no common stretch of time without gaps.
+pub fn joint_center(units: [&Signals; 2], expected: [[f64; 3]; 2], options: &CenterOptions) -> Result<FoundCenter> {
+    if !expected.iter().flatten().all(|x| x.is_finite()) {
+        return Err(Error::Data(format!(
+            "sensors `{}` and `{}`: the joint is expected at {expected:?} m, which is not finite",
+            units[0].name, units[1].name
+        )));
+    }
+    let windows = PairedWindows::new(units, options.window_s)?;
+    let rows_per_error = windows.within(options.correlation_s);
+    let problem = Center {
+        pairs: &windows.pairs,
+        expected: expected.map(Vector3::from),
+        swirl_noise: windows.swirl_noise,
+        options,
+    };
+    let found = fit(&problem, &starts(options.prior_std_m), &Scatter { least: 1e-4, rows_per_error })?;
+    Ok(problem.told(&found, &windows))
+}
+
+/// At the expectation, and about it along each axis, alike and unlike for the two units.
+fn starts(prior_std_m: f64) -> Vec<DVector<f64>> {
+    let mut starts = vec![DVector::zeros(UNKNOWNS)];
+    for axis in 0..3 {
+        for (first, second) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
+            let mut start = DVector::zeros(UNKNOWNS);
+            start[FIRST + axis] = 0.7 * first * prior_std_m;
+            start[SECOND + axis] = 0.7 * second * prior_std_m;
+            starts.push(start);
+        }
+    }
+    starts
+}
+
+const FIRST: usize = 0;
+const SECOND: usize = 3;
+const FIRST_BIAS: usize = 6;
+const SECOND_BIAS: usize = 9;
+const SCALE: usize = 12;
+const UNKNOWNS: usize = 13;
+
+struct Center<'a> {
+    pairs: &'a [[Window; 2]],
+    expected: [Vector3<f64>; 2],
+    /// Standard deviation of each entry of the windows' swirl, 1/s2.
+    swirl_noise: [f64; 2],
+    options: &'a CenterOptions,
+}
+
+impl Center<'_> {
+    /// The joint's specific force as each unit sees it.
+    fn forces(&self, pair: &[Window; 2], at: &DVector<f64>) -> [Vector3<f64>; 2] {
+        let three = |first: usize| Vector3::from(at.fixed_rows::<3>(first));
+        let [one, two] = pair;
+        let r = [self.expected[0] + three(FIRST), self.expected[1] + three(SECOND)];
+        [
+            one.force - three(FIRST_BIAS) - one.swirl * r[0],
+            two.force * (1.0 + at[SCALE]) - three(SECOND_BIAS) - two.swirl * r[1],
+        ]
+    }
+
+    fn told(&self, found: &Fit<DVector<f64>>, windows: &PairedWindows) -> FoundCenter {
+        let (value, std) = (&found.estimate.value, &found.estimate.std);
+        let three = |v: &DVector<f64>, first: usize| [v[first], v[first + 1], v[first + 2]];
+        let place = |first: usize, expected: Vector3<f64>| (expected + Vector3::from(three(value, first))).into();
+        let covariance = found.estimate.covariance.fixed_view::<6, 6>(0, 0).into_owned();
+        let turning = |i: usize| {
+            let sum: f64 = self.pairs.iter().map(|pair| pair[i].rate.norm_squared()).sum();
+            (sum / self.pairs.len() as f64).sqrt()
+        };
+        FoundCenter {
+            first_m: place(FIRST, self.expected[0]),
+            second_m: place(SECOND, self.expected[1]),
+            first_std_m: three(std, FIRST),
+            second_std_m: three(std, SECOND),
+            covariance_m2: std::array::from_fn(|i| std::array::from_fn(|j| covariance[(i, j)])),
+            loose: loose_directions(covariance, self.options.loose_std_m),
+            residual_m_s2: found.spread,
+            accel_bias_m_s2: [three(value, FIRST_BIAS), three(value, SECOND_BIAS)],
+            turning_rad_s: [turning(0), turning(1)],
+            used_s: windows.pairs.len() as f64 * windows.spacing_s,
+        }
+    }
+}
+
+impl Problem for Center<'_> {
+    type State = DVector<f64>;
+
+    fn errors(&self, at: &DVector<f64>) -> DVector<f64> {
+        let error = |pair: &[Window; 2]| {
+            let [one, two] = self.forces(pair, at);
+            one.norm() - two.norm()
+        };
+        DVector::from_iterator(self.pairs.len(), self.pairs.iter().map(error))
+    }
+
+    fn slopes(&self, at: &DVector<f64>) -> DMatrix<f64> {
+        let mut slopes = DMatrix::zeros(self.pairs.len(), UNKNOWNS);
+        for (row, pair) in self.pairs.iter().enumerate() {
+            let [one, two] = self.forces(pair, at).map(|f| f.try_normalize(1e-9).unwrap_or_default().transpose());
+            let mut set = |first: usize, slope: RowVector3<f64>| {
+                slopes.fixed_view_mut::<1, 3>(row, first).copy_from(&slope);
+            };
+            set(FIRST, -one * pair[0].swirl);
+            set(SECOND, two * pair[1].swirl);
+            set(FIRST_BIAS, -one);
+            set(SECOND_BIAS, two);
+            slopes[(row, SCALE)] = -(two * pair[1].force)[0];
+        }
+        slopes
+    }
+
+    fn plus(&self, at: &DVector<f64>, step: &DVector<f64>) -> DVector<f64> {
+        at + step
+    }
+
+    /// A gyroscope's noise takes every lever `r` for one that turns: `n x r`, seen along the joint's force.
+    fn slope_noise(&self, at: &DVector<f64>, rows: Range<usize>, weights: &DVector<f64>) -> Option<DMatrix<f64>> {
+        let mut information = DMatrix::zeros(UNKNOWNS, UNKNOWNS);
+        for (unit, first) in [FIRST, SECOND].into_iter().enumerate() {
+            let across = |row: usize| {
+                let f = self.forces(&self.pairs[row], at)[unit].try_normalize(1e-9).unwrap_or_default();
+                (Matrix3::identity() - f * f.transpose()) * weights[row]
+            };
+            let sum: Matrix3<f64> = rows.clone().map(across).sum();
+            information.fixed_view_mut::<3, 3>(first, first).copy_from(&(sum * self.swirl_noise[unit].powi(2)));
+        }
+        Some(information)
+    }
+
+    fn departure(&self, at: &DVector<f64>) -> (DVector<f64>, DVector<f64>) {
+        let mut std = DVector::from_element(UNKNOWNS, self.options.prior_std_m);
+        std.rows_mut(FIRST_BIAS, 6).fill(self.options.accel_bias_std_m_s2);
+        std[SCALE] = self.options.accel_scale_std;
+        (at.clone(), std)
+    }
+}
+
+fn loose_directions(covariance: Matrix6<f64>, loose_std_m: f64) -> Vec<LooseDirection> {
+    let eigen = SymmetricEigen::new(covariance);
+    let mut loose: Vec<LooseDirection> = (0..6)
+        .map(|k| {
+            let v = eigen.eigenvectors.column(k);
+            LooseDirection {
+                first: [v[0], v[1], v[2]],
+                second: [v[3], v[4], v[5]],
+                std_m: eigen.eigenvalues[k].max(0.0).sqrt(),
+            }
+        })
+        .filter(|direction| direction.std_m > loose_std_m)
+        .collect();
+    loose.sort_by(|a, b| b.std_m.total_cmp(&a.std_m));
+    loose
+}

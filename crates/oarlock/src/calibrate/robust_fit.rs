@@ -1,0 +1,188 @@
+//! Nonlinear least squares that outliers cannot bend: Gauss and Newton's steps under Cauchy's loss, from several starts.
+
+use super::least_squares::{Estimate, LeastSquares};
+use crate::Result;
+use nalgebra::{DMatrix, DVector};
+use std::ops::Range;
+
+/// What is fitted.
+pub(crate) trait Problem {
+    /// Where the unknowns live.
+    type State: Clone;
+    /// One error for every row, in units of the reading.
+    fn errors(&self, at: &Self::State) -> DVector<f64>;
+    /// Their slopes, a row an error, a column an unknown.
+    fn slopes(&self, at: &Self::State) -> DMatrix<f64>;
+    fn plus(&self, at: &Self::State, step: &DVector<f64>) -> Self::State;
+    /// How far the unknowns are from what is expected before any row is seen, and the standard deviation of that.
+    fn departure(&self, at: &Self::State) -> (DVector<f64>, DVector<f64>);
+    /// What the noise of the slopes of some rows seems to tell: the covariance of each row's slopes times its weight,
+    /// summed. `None`: the slopes carry no noise that matters.
+    fn slope_noise(&self, _: &Self::State, _rows: Range<usize>, _weights: &DVector<f64>) -> Option<DMatrix<f64>> {
+        None
+    }
+}
+
+/// How the errors scatter.
+pub(crate) struct Scatter {
+    /// Below any sensor's noise: what a fit to made-up readings without noise is weighed with.
+    pub least: f64,
+    /// So many rows in a row share their error and count as one.
+    pub rows_per_error: f64,
+}
+
+pub(crate) struct Fit<S> {
+    pub state: S,
+    /// Of the departure from what was expected.
+    pub estimate: Estimate,
+    /// Robust standard deviation of the errors.
+    pub spread: f64,
+}
+
+const BLOCKS: usize = 8;
+const MOST_STEPS: usize = 60;
+/// Of a fit that is nearly linear by then.
+const LAST_STEPS: usize = 6;
+
+/// Finds the best fit that any of the starts leads to.
+pub(crate) fn fit<P: Problem>(problem: &P, starts: &[P::State], scatter: &Scatter) -> Result<Fit<P::State>> {
+    let mut found = Vec::with_capacity(starts.len());
+    for start in starts {
+        let spread = robust_spread(&problem.errors(start)).max(scatter.least);
+        found.push(Descent { problem, scatter, spread, loss: Loss::Square }.from(start)?);
+    }
+    let smallest = |states: &[P::State]| {
+        let spreads = states.iter().map(|s| robust_spread(&problem.errors(s)));
+        spreads.fold(f64::INFINITY, f64::min).max(scatter.least)
+    };
+    for _ in 0..3 {
+        let descent = Descent { problem, scatter, spread: smallest(&found), loss: Loss::Cauchy };
+        for state in &mut found {
+            *state = descent.from(state)?;
+        }
+        found.sort_by(|a, b| descent.cost(a).total_cmp(&descent.cost(b)));
+        found.truncate(1);
+    }
+    let mut state = found.remove(0);
+    let spread = smallest(std::slice::from_ref(&state));
+    let descent = Descent { problem, scatter, spread, loss: Loss::Cauchy };
+    for _ in 0..LAST_STEPS {
+        state = problem.plus(&state, &(descent.without_noise(&state).value()? - problem.departure(&state).0));
+    }
+    let estimate = descent.without_noise(&state).solve()?;
+    Ok(Fit { state, estimate, spread })
+}
+
+/// Standard deviation of normal errors with the same median of absolute values.
+pub(crate) fn robust_spread(errors: &DVector<f64>) -> f64 {
+    1.4826 * median(errors.iter().map(|e| e.abs()).collect())
+}
+
+/// NaN for no values.
+pub(crate) fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let (half, n) = (values.len() / 2, values.len());
+    match n {
+        0 => f64::NAN,
+        _ if n % 2 == 0 => 0.5 * (values[half - 1] + values[half]),
+        _ => values[half],
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Loss {
+    Square,
+    Cauchy,
+}
+
+impl Loss {
+    /// Cauchy's width that keeps 95 % of the efficiency where errors are normal.
+    const WIDTH: f64 = 2.385;
+
+    fn of(self, z: f64) -> f64 {
+        match self {
+            Loss::Square => 0.5 * z * z,
+            Loss::Cauchy => 0.5 * Self::WIDTH.powi(2) * (z / Self::WIDTH).powi(2).ln_1p(),
+        }
+    }
+
+    fn weight(self, z: f64) -> f64 {
+        match self {
+            Loss::Square => 1.0,
+            Loss::Cauchy => 1.0 / (1.0 + (z / Self::WIDTH).powi(2)),
+        }
+    }
+}
+
+struct Descent<'a, P: Problem> {
+    problem: &'a P,
+    scatter: &'a Scatter,
+    spread: f64,
+    loss: Loss,
+}
+
+impl<P: Problem> Descent<'_, P> {
+    fn from(&self, start: &P::State) -> Result<P::State> {
+        let (mut state, mut cost) = (start.clone(), self.cost(start));
+        for _ in 0..MOST_STEPS {
+            let wanted = self.equations(&state).value()? - self.problem.departure(&state).0;
+            let tried = (0..12).map(|halvings| self.problem.plus(&state, &(&wanted * 0.5_f64.powi(halvings))));
+            let better = tried.map(|s| (self.cost(&s), s)).find(|(c, _)| *c < cost);
+            let Some((lower, moved)) = better else { break };
+            let settled = cost - lower < 1e-10 * cost;
+            (state, cost) = (moved, lower);
+            if settled {
+                break;
+            }
+        }
+        Ok(state)
+    }
+
+    fn cost(&self, state: &P::State) -> f64 {
+        let rows: f64 = self.problem.errors(state).iter().map(|e| self.loss.of(e / self.spread)).sum();
+        let (departure, std) = self.problem.departure(state);
+        rows / self.scatter.rows_per_error + 0.5 * departure.component_div(&std).norm_squared()
+    }
+
+    /// The equations of the departure, linear about a state.
+    fn equations(&self, state: &P::State) -> LeastSquares {
+        let (departure, prior_std) = self.problem.departure(state);
+        let errors = self.problem.errors(state);
+        let mut slopes = self.problem.slopes(state);
+        let mut wanted = &slopes * departure - &errors;
+        for (row, weight) in self.weights(&errors).iter().enumerate() {
+            slopes.row_mut(row).scale_mut(weight.sqrt());
+            wanted[row] *= weight.sqrt();
+        }
+        let mut equations = LeastSquares::new(prior_std, BLOCKS);
+        for block in 0..BLOCKS {
+            let rows = part(errors.len(), block);
+            let slopes = slopes.rows(rows.start, rows.len()).into_owned();
+            equations.add(block, &slopes, &wanted.rows(rows.start, rows.len()).into_owned(), 1.0);
+        }
+        equations
+    }
+
+    /// The same without directions that only the slopes' own noise tells.
+    fn without_noise(&self, state: &P::State) -> LeastSquares {
+        let mut equations = self.equations(state);
+        let weights = self.weights(&self.problem.errors(state));
+        for block in 0..BLOCKS {
+            if let Some(information) = self.problem.slope_noise(state, part(weights.len(), block), &weights) {
+                equations.add_noise(block, &information);
+            }
+        }
+        equations
+    }
+
+    /// Inverse variances of the rows.
+    fn weights(&self, errors: &DVector<f64>) -> DVector<f64> {
+        let plain = 1.0 / (self.spread.powi(2) * self.scatter.rows_per_error);
+        errors.map(|e| plain * self.loss.weight(e / self.spread))
+    }
+}
+
+/// The rows of one of the consecutive parts.
+fn part(rows: usize, block: usize) -> Range<usize> {
+    block * rows / BLOCKS..(block + 1) * rows / BLOCKS
+}

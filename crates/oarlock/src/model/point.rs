@@ -1,0 +1,62 @@
+//! A point of a link whose coordinates follow from parameters, some of which may be estimated.
+
+use super::expr::Expr;
+use super::transform::{evaluate_three, Transform};
+use crate::lane::Real;
+use crate::rotation::{Mat3, Vec3};
+
+/// `fixed` plus a slope times the value of each estimated parameter that it depends on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Point {
+    fixed: [f64; 3],
+    /// Number of the estimated parameter, m per unit of it.
+    slopes: Vec<(usize, [f64; 3])>,
+}
+
+/// Step of the derivative, in units of the parameter; exact for expressions that are linear, as lengths are.
+const STEP: f64 = 1e-3;
+
+impl Point {
+    /// That no parameter moves.
+    pub fn fixed(fixed: [f64; 3]) -> Self {
+        Point { fixed, slopes: Vec::new() }
+    }
+
+    /// Of expressions at `parameters`, of which those of index `estimated` may change.
+    pub fn of(point: &[Expr; 3], parameters: &[f64], estimated: &[usize]) -> Self {
+        Self::made(|p| evaluate_three(point, p), parameters, estimated)
+    }
+
+    /// Where a transform leads.
+    pub fn reached_by(transform: &Transform, parameters: &[f64], estimated: &[usize]) -> Self {
+        Self::made(|p| transform.evaluate(p).1, parameters, estimated)
+    }
+
+    fn made(at: impl Fn(&[f64]) -> [f64; 3], parameters: &[f64], estimated: &[usize]) -> Self {
+        let mut point = Point::fixed(at(parameters));
+        for (number, &i) in estimated.iter().enumerate() {
+            let moved = |by: f64| {
+                let mut p = parameters.to_vec();
+                p[i] += by;
+                at(&p)
+            };
+            let (up, down) = (moved(STEP), moved(-STEP));
+            let slope = [0, 1, 2].map(|k| (up[k] - down[k]) / (2.0 * STEP));
+            if slope.iter().any(|s| s.abs() > 1e-9) {
+                (0..3).for_each(|k| point.fixed[k] -= slope[k] * parameters[i]);
+                point.slopes.push((number, slope));
+            }
+        }
+        point
+    }
+
+    /// In the axes that `rotation` leads to, at these values of the estimated parameters.
+    #[inline(always)]
+    pub fn turned<T: Real>(&self, rotation: &Mat3<T>, lengths: &[T]) -> Vec3<T> {
+        let mut arm = rotation.apply_f64(self.fixed);
+        for (number, slope) in &self.slopes {
+            arm += rotation.apply_f64(*slope) * lengths[*number];
+        }
+        arm
+    }
+}

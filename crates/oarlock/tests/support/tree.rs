@@ -1,0 +1,112 @@
+//! A small body with every kind of joint.
+
+/// The same body, its start so well known that readings are nearly straight there: from 0.05 rad the curvature that no sigma
+/// point sees adds 3 % to NEES, and an eighth to that of the first smoothed state.
+pub fn narrow() -> String {
+    let wide = ["[0.05, 0.2, 1.0]", "[0.1, 0.2, 1.0]", "[0.02, 0.2, 1.0]"];
+    wide.iter().fold(TREE.to_string(), |text, wide| text.replace(wide, "[0.02, 0.05, 0.25]"))
+}
+
+/// A pelvis that is free, a thigh on a ball, a shank on a hinge, a sled on a slide; one inertial unit each, a position on the
+/// pelvis and an encoder at the knee, which alone could not tell its own bias.
+pub const TREE: &str = r#"
+format = 1
+name = "tree"
+description = "every kind of joint"
+[world]
+up = [0, 0, 1]
+forward = [1, 0, 0]
+magnetic_norm_ut = 47.0
+magnetic_dip_rad = "60*pi/180"
+magnetic_azimuth_rad = 0.3
+azimuth_fixed = true
+[process]
+hinge = { kind = "jerk", density = 2.0, start_std = [0.05, 0.2, 1.0] }
+slide = { kind = "jerk", density = 1.0, start_std = [0.02, 0.2, 1.0] }
+ball = { kind = "jerk", density = 2.0, start_std = [0.05, 0.2, 1.0] }
+[[joint]]
+name = "pelvis"
+kind = "free"
+process = { kind = "singer", density = 4.0, start_std = [0.05, 0.2, 1.0], time_s = 0.5 }
+translation = { kind = "singer", density = 3.0, start_std = [0.1, 0.2, 1.0], time_s = 0.3 }
+[[joint]]
+name = "hip"
+kind = "ball"
+angles = "YXY"
+[[joint]]
+name = "knee"
+kind = "hinge"
+[[joint]]
+name = "rail"
+kind = "slide"
+[[frame]]
+name = "pelvis"
+parent = "root"
+transform = { translation = [0.1, 0, 0.2], rpy = [0.2, -0.3, 0.5] }
+joint = "pelvis"
+[[frame]]
+name = "thigh"
+parent = "pelvis"
+transform = { translation = [0.1, -0.2, 0.3], rpy = [1.0, 0.4, -0.6] }
+joint = "hip"
+[[frame]]
+name = "shank"
+parent = "thigh"
+transform = { translation = [0, 0.1, -0.4] }
+joint = "knee"
+axis = "y"
+[[frame]]
+name = "sled"
+parent = "shank"
+transform = { translation = [0, 0, -0.3], rpy = [0, 0.5, 0] }
+joint = "rail"
+axis = "x"
+sign = -1
+[[sensor]]
+name = "pelvis"
+kind = "imu"
+frame = "pelvis"
+gyro_std_rad_s = 0.01
+accel_std_m_s2 = 0.05
+mag_std_ut = 1.0
+mount.offset = [0.05, 0.02, -0.1]
+[[sensor]]
+name = "thigh"
+kind = "imu"
+frame = "thigh"
+gyro_std_rad_s = 0.01
+accel_std_m_s2 = 0.05
+mag_std_ut = 1.0
+mount.offset = [0.03, 0, -0.2]
+mount.rpy = [0.4, -0.2, 1.0]
+[[sensor]]
+name = "sled"
+kind = "imu"
+frame = "sled"
+gyro_std_rad_s = 0.01
+accel_std_m_s2 = 0.05
+mag_std_ut = 1.0
+mount.rpy = [0, 1.0, 0.3]
+[[sensor]]
+name = "place"
+kind = "position"
+frame = "pelvis"
+point = [0.02, 0.1, 0.05]
+std_m = 0.01
+[[sensor]]
+name = "angle"
+kind = "encoder"
+joint = "knee"
+std = 0.01
+[[base_acceleration]]
+name = "surge"
+axis = [1, 0, 0]
+density = 1.0
+start_std = 0.5
+time_s = 0.7
+[[base_acceleration]]
+name = "heave"
+axis = [0, 0, 1]
+density = 0.5
+start_std = 0.5
+"#;

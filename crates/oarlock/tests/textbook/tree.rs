@@ -1,0 +1,104 @@
+//! The same agreement on a body with balls and free joints.
+
+use super::agreement::{assert_no_spring, assert_same, textbook_from, Worst};
+use super::support::chance::Chance;
+use super::support::record::{punch_holes, times, Scene};
+use super::support::tree::TREE;
+use super::support::wave::Wave;
+use super::support::{belief, body, model, plain, start_std};
+use nalgebra::DVector;
+use oarlock::config::Config;
+use oarlock::track::{Calibration, Status, Tracker};
+
+const ALL: [&str; 4] = ["gyro_bias", "accel_bias", "surge", "heave"];
+
+/// Both filters side by side at 100 Hz; how far apart they ever were.
+fn run_both(text: &str, config: &Config, steps: usize, seed: u64) -> Worst {
+    let model = model(text);
+    let body = body(&model, config);
+    let mut chance = Chance::new(seed);
+    let wave = Wave::random(&model, 0.8, 0.8, &mut chance);
+    let surge = |t: f64| if config.estimate.is_empty() { 0.0 } else { (2.9 * t).sin() };
+    let motion = |t: f64| wave.at(t);
+    let scene = Scene { body: &body, motion: &motion, surge: &surge, azimuth_rad: 0.3, noise: 1.0 };
+    let mut samples = scene.samples(&times(0.01, 0.01, steps), &mut chance);
+    punch_holes(&body, &mut samples, &mut chance);
+    let std = start_std(&body);
+    let away: Vec<f64> = std.iter().map(|s| 0.5 * s * chance.normal()).collect();
+    let at_truth = belief(&body, 0.0, scene.state(0.0), &std);
+    let mean = textbook_from(&at_truth, &body, config).at(&DVector::from_vec(away));
+    let start = belief(&body, 0.0, mean.as_slice().to_vec(), &std);
+    let mut tracker = Tracker::new(model.clone(), &Calibration::default(), config).unwrap();
+    tracker.resume(start.clone()).unwrap();
+    let mut textbook = textbook_from(&start, &body, config);
+    let noise = textbook.body.std();
+    assert_eq!(noise, body.suite.std());
+    let mut worst = Worst { mean: 0.0, covariance: 0.0 };
+    let mut before = 0.0;
+    for sample in &samples {
+        textbook.predict(sample.time_s - before);
+        before = sample.time_s;
+        textbook.update(&sample.z, &noise, &sample.inputs);
+        assert_eq!(tracker.step(sample).unwrap(), Status::Tracking);
+        let ours = tracker.belief().unwrap();
+        assert_no_spring(&body, ours);
+        worst.see(ours, &textbook);
+    }
+    let truth = DVector::from_vec(scene.state(before));
+    let error = textbook.away(&truth).rows(0, body.layout.partition.pose).amax();
+    assert!(error < 0.1, "the oracle itself went astray: {error}");
+    worst
+}
+
+#[test]
+fn every_kind_of_joint_over_500_steps() {
+    assert_same("tree", &run_both(TREE, &plain(&[]), 500, 1));
+}
+
+#[test]
+fn with_biases_and_base_accelerations() {
+    assert_same("tree, all states", &run_both(TREE, &plain(&ALL), 400, 2));
+}
+
+#[test]
+fn with_an_azimuth_and_another_spread() {
+    let text = TREE.replace("azimuth_fixed = true", "azimuth_fixed = false");
+    let config = Config { alpha: 0.7, beta: 1.1, kappa: 2.0, ..plain(&["surge"]) };
+    assert_same("tree, alpha 0.7, beta 1.1, kappa 2", &run_both(&text, &config, 300, 3));
+}
+
+/// Rotation vectors cross half a turn, where the shortest one jumps to the other side.
+#[test]
+fn across_half_a_turn() {
+    let text = TREE
+        .replace("rpy = [0.2, -0.3, 0.5] }", "rpy = [0.2, -0.3, 0.5] }\n")
+        .replace("density = 4.0", "density = 8.0");
+    let model = model(&text);
+    let (config, mut chance) = (plain(&[]), Chance::new(8));
+    let body = body(&model, &config);
+    let mut wave = Wave::random(&model, 0.4, 0.5, &mut chance);
+    for first in [3, 6] {
+        wave.coordinates[first].0 = 2.9;
+        wave.coordinates[first].1.push([0.5, 0.4, 0.0]);
+    }
+    let motion = |t: f64| wave.at(t);
+    let scene = Scene { body: &body, motion: &motion, surge: &|_| 0.0, azimuth_rad: 0.3, noise: 1.0 };
+    let samples = scene.samples(&times(0.01, 0.01, 300), &mut chance);
+    let start = belief(&body, 0.0, scene.state(0.0), &start_std(&body));
+    let mut tracker = Tracker::new(model.clone(), &Calibration::default(), &config).unwrap();
+    tracker.resume(start.clone()).unwrap();
+    let mut textbook = textbook_from(&start, &body, &config);
+    let (noise, mut worst) = (textbook.body.std(), Worst { mean: 0.0, covariance: 0.0 });
+    let (mut before, mut jumps) = (start, 0);
+    for sample in &samples {
+        textbook.predict(sample.time_s - before.time_s);
+        textbook.update(&sample.z, &noise, &sample.inputs);
+        tracker.step(sample).unwrap();
+        let now = tracker.belief().unwrap();
+        worst.see(now, &textbook);
+        jumps += [3, 6].iter().filter(|&&q| (now.mean[q] - before.mean[q]).abs() > 3.0).count();
+        before = now.clone();
+    }
+    assert!(jumps > 1, "half a turn was meant to be crossed: {jumps}");
+    assert_same("tree, across half a turn", &worst);
+}

@@ -1,0 +1,307 @@
+"""`oarlock calibrate joints | axes | pose | field`: any tree of bodies, one step at a time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from oarlock.cli.options import Json, ModelName, Settings, assignments, example, names
+from oarlock.cli.terminal import UsageError, heading, number, print_json, say, steps, table, verb
+
+if TYPE_CHECKING:
+    from oarlock import Calibration, Model, Recording
+
+RecordingFolder = Annotated[Path, typer.Argument(metavar="RECORDING", help="A recording folder.")]
+OutFile = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Calibration file to write.")]
+Start = Annotated[
+    Path | None,
+    typer.Option("--calibration", metavar="FILE", help="What is known already; its mounts are the start."),
+]
+Sensors = Annotated[
+    str | None,
+    typer.Option("--sensors", metavar="NAMES", help="Units to use, with commas; else all recorded."),
+]
+Replace = Annotated[bool, typer.Option("--force", help="Replace a file that exists.")]
+Window = Annotated[float, typer.Option("--window", metavar="S", help="Readings are averaged over it, s.")]
+
+Search = Callable[["Model", "Recording", dict[str, Any]], "Calibration"]
+
+
+def add_to(group: typer.Typer) -> None:
+    """Registers the verbs."""
+    group.command("pose", epilog=example("oarlock calibrate pose rec --model my.toml --out cal.toml"))(pose)
+    group.command(
+        "axes",
+        epilog=example("oarlock calibrate axes rec --model my.toml --calibration cal.toml --out cal2.toml"),
+    )(axes)
+    group.command(
+        "joints", epilog=example("oarlock calibrate joints rec --model my.toml --window 0.3 --out cal.toml")
+    )(joints)
+    group.command("field", epilog=example("oarlock calibrate field rec --model my.toml --out cal.toml"))(
+        field
+    )
+
+
+@verb
+def joints(
+    recording: RecordingFolder,
+    model: ModelName,
+    out: OutFile,
+    settings: Settings = None,
+    calibration: Start = None,
+    sensors: Sensors = None,
+    window: Window = 0.2,
+    force: Replace = False,
+    json_output: Json = False,
+) -> None:
+    """Find where joints lie from motion: offsets of the units, lengths between joints."""
+    import oarlock
+
+    def search(body: Model, measured: Recording, known: dict[str, Any]) -> Calibration:
+        return oarlock.calibrate_joint_centers(body, measured, window_s=window, **known)
+
+    found = _run(search, recording, model, out, settings, calibration, sensors, force, json_output)
+    if not json_output:
+        write_joints(found)
+        _next(recording, model, out)
+
+
+@verb
+def axes(
+    recording: RecordingFolder,
+    model: ModelName,
+    out: OutFile,
+    settings: Settings = None,
+    calibration: Start = None,
+    sensors: Sensors = None,
+    window: Window = 0.1,
+    force: Replace = False,
+    json_output: Json = False,
+) -> None:
+    """Turn mounts so that hinges lie where the motion shows them."""
+    import oarlock
+
+    def search(body: Model, measured: Recording, known: dict[str, Any]) -> Calibration:
+        return oarlock.calibrate_hinge_axes(body, measured, window_s=window, **known)
+
+    found = _run(search, recording, model, out, settings, calibration, sensors, force, json_output)
+    if not json_output:
+        write_axes(found)
+        _next(recording, model, out)
+
+
+@verb
+def pose(
+    recording: RecordingFolder,
+    model: ModelName,
+    out: OutFile,
+    settings: Settings = None,
+    calibration: Start = None,
+    sensors: Sensors = None,
+    still: Annotated[
+        tuple[float, float] | None,
+        typer.Option("--still", metavar="START END", help="The still stretch, s; else the longest one."),
+    ] = None,
+    rest: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--rest", metavar="JOINT=VALUE", help="Posture, rad; else the model's rest. Repeatable."
+        ),
+    ] = None,
+    force: Replace = False,
+    json_output: Json = False,
+) -> None:
+    """Turn mounts so that a still posture agrees with gravity."""
+    import oarlock
+
+    def search(body: Model, measured: Recording, known: dict[str, Any]) -> Calibration:
+        start_s, end_s = still or (None, None)
+        return oarlock.calibrate_pose(body, measured, assignments(rest, "--rest"), start_s, end_s, **known)
+
+    found = _run(search, recording, model, out, settings, calibration, sensors, force, json_output)
+    if not json_output:
+        write_pose(found)
+        _next(recording, model, out)
+
+
+@verb
+def field(
+    recording: RecordingFolder,
+    model: ModelName,
+    out: OutFile,
+    settings: Settings = None,
+    calibration: Start = None,
+    sensors: Sensors = None,
+    force: Replace = False,
+    json_output: Json = False,
+) -> None:
+    """Find strength and dip of the magnetic field, for a model that has them as parameters."""
+    import oarlock
+
+    def search(body: Model, measured: Recording, known: dict[str, Any]) -> Calibration:
+        return oarlock.calibrate_field(body, measured, **known)
+
+    found = _run(search, recording, model, out, settings, calibration, sensors, force, json_output)
+    if not json_output:
+        write_field(found)
+        _next(recording, model, out)
+
+
+def _run(
+    search: Search,
+    recording: Path,
+    model: str,
+    out: Path,
+    settings: list[str] | None,
+    calibration: Path | None,
+    sensors: str | None,
+    force: bool,
+    json_output: bool,
+) -> Calibration:
+    """What all four share: read, search, write the file, say so."""
+    import oarlock
+
+    body = oarlock.load_model(model, parameters=assignments(settings, "--set"))
+    if out.exists() and not force:
+        raise UsageError(f"{out} exists\nChoose another file, or add --force.")
+    known = {
+        "sensors": None if sensors is None else names(sensors),
+        "calibration": None if calibration is None else oarlock.load_calibration(calibration),
+    }
+    found = search(body, oarlock.load_recording(recording), known)
+    found.save(out)
+    if json_output:
+        print_json({"calibration": out, "parameters": found.parameters, "noted": found.noted})
+    else:
+        say(f"Wrote {out}", style="bold")
+    return found
+
+
+def _next(recording: Path, model: str, out: Path) -> None:
+    steps(f"oarlock track {recording} --model {model} --calibration {out} --out {recording}-track")
+
+
+# --- what is printed ----------------------------------------------------------------------------------
+
+
+def write_joints(calibration: Calibration) -> None:
+    """Prints where every joint lies, how well that is known, and the lengths."""
+    noted: dict[str, Any] = dict(calibration.noted)
+    heading("Joints", "from the joint to each unit, in the unit's own axes")
+    table(
+        ["joint", "unit", ">mm", ">std mm", ">left of accel m/s2", ">missed mm"],
+        [row for name, found in noted["joint"].items() for row in _levers(name, found)],
+    )
+    for name, found in noted["joint"].items():
+        if found["loose"]:
+            say(f"{name}: {len(found['loose'])} of 6 directions known to no better than 5 cm", indent=2)
+    for parameter, std in noted["parameter_std_m"].items():
+        say(f"{parameter} = {calibration.parameters[parameter]:.3f} +- {std:.3f} m", indent=2)
+    _remarks(noted, ("without_center", "no centre"), ("kept_nominal", "kept as the model has it"))
+
+
+def write_axes(calibration: Calibration) -> None:
+    """Prints how well every hinge's axis is known, and how far the mounts were turned."""
+    noted: dict[str, Any] = dict(calibration.noted)
+    heading("Hinges")
+    table(
+        ["hinge", "units", ">std deg", ">left rad/s", ">turning rad/s", "ends"],
+        [
+            (
+                name,
+                f"{found['parent']}, {found['child']}",
+                _degrees(found["std_rad"]),
+                number(found["residual_rad_s"], ".3f"),
+                number(found["hinge_rad_s"], ".2f"),
+                "contradict the mounts" if found["ends_contradict"] else "",
+            )
+            for name, found in noted["joint"].items()
+        ],
+    )
+    heading("Mounts")
+    table(
+        ["sensor", ">turned deg", ">left deg"],
+        [(n, _degrees([f["turned_rad"]]), _degrees(f["left_rad"])) for n, f in noted["sensor"].items()],
+    )
+    _remarks(noted, ("kept_nominal", "not told by the motion"))
+
+
+def write_pose(calibration: Calibration) -> None:
+    """Prints how far the mounts were turned and what the units showed at rest."""
+    noted: dict[str, Any] = dict(calibration.noted)
+    start, end = noted["still_s"]
+    heading("Mounts", f"still from {start:.2f} to {end:.2f} s; the heading stays nominal")
+    table(
+        ["sensor", ">turned deg", ">std deg", ">gyroscope's bias deg/s", ">gravity m/s2"],
+        [
+            (
+                name,
+                _degrees([found["turned_rad"]]),
+                _degrees([found["std_rad"]]),
+                ", ".join(f"{math.degrees(x):+.2f}" for x in found["gyro_bias_rad_s"]),
+                number(found["accel_norm_m_s2"], ".3f"),
+            )
+            for name, found in noted["sensor"].items()
+        ],
+    )
+    _remarks(noted)
+
+
+def write_field(calibration: Calibration) -> None:
+    """Prints the field, each unit's own, and which parameters take it."""
+    noted: dict[str, Any] = dict(calibration.noted)
+    found = noted["field"]
+    heading("Magnetic field", f"{100.0 * found['departing_share']:.0f} % of the time off it")
+    rows = [("all", found), *noted["sensor"].items()]
+    table(
+        ["sensor", ">uT", ">dip deg", ">directions", ">off %"],
+        [
+            (
+                name,
+                number(unit.get("norm_ut"), ".1f"),
+                _degrees([unit["dip_rad"]]) if "dip_rad" in unit else "-",
+                unit["directions"],
+                number(100.0 * unit["departing_share"], ".0f"),
+            )
+            for name, unit in rows
+        ],
+    )
+    taken = ", ".join(noted["parameters_of_the_model"])
+    say(f"taken by {taken}" if taken else "The model has no parameters for them.", indent=2)
+    _remarks(noted)
+
+
+def _remarks(noted: dict[str, Any], *more: tuple[str, str]) -> None:
+    for key, title in (*more, ("left_out", "not used")):
+        if noted[key]:
+            say(f"{title}: {'; '.join(noted[key])}", style="dim", indent=2)
+
+
+def _levers(name: str, found: dict[str, Any]) -> list[tuple[str, ...]]:
+    """A row for each unit of a joint; the joint's own figures stand in the first."""
+    own = (number(found["residual_m_s2"], ".3f"), number(1e3 * max(found["left_m"]), ".0f"))
+    units = [(found["parent"], "first"), (found["child"], "second")]
+    # A unit that stands for the resting root has no place of its own.
+    placed = [(unit, key) for unit, key in units if not unit.startswith("(")]
+    return [
+        (
+            name if k == 0 else "",
+            unit,
+            _millimetres(found[f"{key}_m"]),
+            _millimetres(found[f"{key}_std_m"]),
+            *(own if k == 0 else ("", "")),
+        )
+        for k, (unit, key) in enumerate(placed)
+    ]
+
+
+def _millimetres(values_m: list[float]) -> str:
+    return ", ".join(f"{1e3 * value:.0f}" for value in values_m)
+
+
+def _degrees(angles_rad: list[float]) -> str:
+    return ", ".join(f"{math.degrees(angle):.1f}" for angle in angles_rad)

@@ -1,0 +1,105 @@
+"""Two units beside a ball joint, against optical orientations: relative orientation without magnetometer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from oarlock import Recording
+from oarlock.io.dfjimu import BODIES, read_dfjimu, read_dfjimu_reference
+from oarlock.io.reference import Reference
+
+from . import others, ours
+from .estimate import Estimate, Outcome, attempt
+from .limits import limits, punctual
+from .results import Collected, Plot, SetResult
+from .rotations import Floats
+from .scores import heading_zeroed, later, relative_error_rad, rmse_deg, turn_between_rad
+from .stretches import worst_of, worst_plot
+
+FOLDER = "dfjimu"
+TRIALS = ("1D_01", "2D_01", "3D_01", "3D_05")
+SCORED_AFTER_S = 10.0
+STRETCH_S = 10.0
+
+AUTHORS_LAG_S = -0.02
+"""The authors' script (tests/evaluate_package.py) compares a row of the reference with the estimate's next row."""
+
+TITLE = "Two units beside a ball joint (dfjimu)"
+TEXT = (
+    "Two bodies joined by a ball joint, an inertial unit without magnetometer on each, 50 Hz; optical "
+    "clusters on the units are the reference. Scored: the angle between estimated and optical relative "
+    "orientation, root mean square over the samples after 10 s. The relative heading of the two units is "
+    "not measured by anything but the joint itself."
+)
+PLAIN, AUTHORS, REMOVED = "as the files stand", "reference one row later", "limits and delays removed"
+HEADED = tuple(f"{name}, heading given" for name in others.VQF_WITHOUT_MAG)
+HOW = {
+    PLAIN: "",
+    AUTHORS: "As the authors of the recordings score their own software: the reference is early by one row.",
+    REMOVED: "Lag of the reference, turns of its clusters and each software's own delay are found from gyroscopes.",
+}
+LIMITS_TEXT = (
+    "How late the optical stamps are (negative: early), and how far each cluster is turned against its unit."
+)
+
+
+def run(data_folder: Path) -> SetResult:
+    """Score all trials that are there."""
+    files = {t: data_folder / FOLDER / f"data_{t}.mat" for t in TRIALS}
+    there = {t: f for t, f in files.items() if f.is_file()}
+    if not there:
+        return SetResult(FOLDER, TITLE, TEXT, absent=f"no data_*.mat in {FOLDER}/")
+    scored, known = {name: Collected() for name in HOW}, Collected()
+    plots = [_trial(trial, file, scored, known) for trial, file in there.items()]
+    tables = [
+        collected.table(f"Relative orientation, RMSE after 10 s, {name}", mean=True, text=HOW[name])
+        for name, collected in scored.items()
+    ]
+    tables.append(known.table("Limits of the reference", unit="", text=LIMITS_TEXT))
+    absent = tuple(f"Trial {t} is absent." for t in TRIALS if t not in there)
+    return SetResult(FOLDER, TITLE, TEXT, tuple(tables), worst_of(plots), absent)
+
+
+def _trial(
+    trial: str, file: Path, scored: dict[str, Collected], known: Collected
+) -> tuple[float, Plot | None]:
+    """Fills the tables; gives the worst stretch."""
+    recording, plain = read_dfjimu(file), read_dfjimu_reference(file)
+    found = limits(recording, plain)
+    known.put(trial, found.figures)
+    references = {PLAIN: plain, AUTHORS: later(plain, AUTHORS_LAG_S), REMOVED: found.removed_from(plain)}
+    kept = plain.time_s > SCORED_AFTER_S
+    errors: dict[str, tuple[Estimate, Floats]] = {}
+    for outcome in _outcomes(recording, references[REMOVED]):
+        for name, reference in references.items():
+            if not isinstance(outcome, Estimate):
+                scored[name].add(outcome, {})
+                continue
+            compared = punctual(recording, outcome) if name == REMOVED else outcome
+            error = relative_error_rad(compared, reference, BODIES)
+            scored[name].add(outcome, {trial: rmse_deg(error, kept)})
+            errors[outcome.name] = outcome, np.degrees(error)  # those of the last reference stay
+    angle = np.degrees(turn_between_rad(references[REMOVED], BODIES))
+    what = f"trial {trial}, {REMOVED}"
+    truth = [("angle between the bodies, deg", angle)]
+    return worst_plot(f"dfjimu-{trial}", what, errors, references[REMOVED].time_s, kept, STRETCH_S, truth)
+
+
+def _outcomes(recording: Recording, reference: Reference) -> list[Outcome]:
+    joint = cast(dict[str, list[float]], recording.meta["joint_in_sensor_m"])
+    return [
+        *attempt(ours.NAMES, lambda: ours.track_dfjimu(recording)),
+        *attempt(others.DFJIMU_NAMES, lambda: others.dfjimu(recording, joint)),
+        *attempt(HEADED, lambda: _headed(recording, reference)),
+    ]
+
+
+def _headed(recording: Recording, reference: Reference) -> Iterator[Estimate]:
+    """VQF knows no relative heading: it is given the right one at the moment where scoring begins."""
+    for estimate in others.vqf(recording, others.VQF_WITHOUT_MAG):
+        given = heading_zeroed(estimate, reference, SCORED_AFTER_S)
+        yield Estimate(f"{estimate.name}, heading given", given.time_s, given.quats, given.online, given.note)

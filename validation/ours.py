@@ -1,0 +1,96 @@
+"""Everything that Oarlock is asked to do here: one function a data set, with the shipped model of its name.
+
+Each gives the live track and the smoothed one, with the bodies named as in the reference. The models' root has z
+up. Where a model or a mode is not there, a function raises `NotRunError`, and the tables show the reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+
+import oarlock
+from oarlock import Calibration, Config, Recording, Track
+from oarlock.io.broad import BODY
+from oarlock.io.dfjimu import BODIES
+from oarlock.io.diodem import SEGMENTS
+from oarlock.io.openaxes import LINKS
+
+from .estimate import Estimate, NotRunError
+
+NAMES = ("Oarlock", "Oarlock, smoothed")
+ARM = ("upper_arm", "forearm")
+
+
+def track_dfjimu(recording: Recording) -> Iterator[Estimate]:
+    """Root attitude and a ball joint: the bodies' frames lie in the joint and have the axes of their units."""
+    joint = cast(Mapping[str, list[float]], recording.meta["joint_in_sensor_m"])
+    mounts = {body: (np.eye(3), -np.array(joint[body])) for body in BODIES}
+    return _tracked("dfjimu", recording, BODIES, Calibration(mounts=mounts))
+
+
+def track_diodem(recording: Recording) -> Iterator[Estimate]:
+    """Free root, ball joint, three hinges; the frames are the segments, the units' axes nominally theirs."""
+    return _tracked("diodem_arm", recording, SEGMENTS)
+
+
+def track_openaxes(recording: Recording) -> Iterator[Estimate]:
+    """Two neighbouring links of the robot; the model holds how the units sit on them."""
+    return _tracked("openaxes_ur5", recording, LINKS)
+
+
+def track_broad(recording: Recording) -> Iterator[Estimate]:
+    """A single free body."""
+    return _tracked("broad", recording, (BODY,))
+
+
+def track_qmt(recording: Recording, segments: Iterable[str]) -> Iterator[Estimate]:
+    """The whole person; these segments are scored, in the axes of their units."""
+    return _tracked("qmt_full_body", recording, segments)
+
+
+def track_arm(model_file: str, label: str, recording: Recording) -> Iterator[tuple[Estimate, Track]]:
+    """The simulated arm of `singular` with one of its model files; the tracks hold the joint angles."""
+    for estimate, track in _both(model_file, recording, ARM):
+        yield replace(estimate, name=estimate.name.replace("Oarlock", f"Oarlock {label}")), track
+
+
+def _tracked(
+    name: str, recording: Recording, frames: Iterable[str], calibration: Calibration | None = None
+) -> Iterator[Estimate]:
+    return (estimate for estimate, _ in _both(name, recording, frames, calibration))
+
+
+def _both(
+    name: str,
+    recording: Recording,
+    frames: Iterable[str],
+    calibration: Calibration | None = None,
+    config: Config | None = None,
+) -> Iterator[tuple[Estimate, Track]]:
+    """Track with a shipped model, or a model file, then smooth."""
+    try:
+        model = oarlock.load_model(name)
+    except oarlock.ModelError as error:
+        raise NotRunError(f"no model: {str(error).splitlines()[0]}") from error
+    # Streams that the model has no sensor for are left out.
+    known = [stream for stream in recording.names if stream in model.sensor_names]
+    if not known:
+        raise NotRunError(f'model "{name}" has none of the sensors {", ".join(recording.names)}')
+    try:
+        live = oarlock.track(model, recording.only(known), calibration, config)
+        both = live, oarlock.smooth(live)
+    except oarlock.DivergedError as error:
+        raise NotRunError(f"lost the track: {error}") from error
+    names = tuple(frames)
+    return ((_estimate(n, t, names, online=t is live), t) for n, t in zip(NAMES, both, strict=True))
+
+
+def _estimate(label: str, track: Track, frames: Iterable[str], *, online: bool) -> Estimate:
+    if not hasattr(track, "frame_quat_wxyz"):
+        raise NotRunError("this version of Oarlock gives no orientations of frames")
+    quats = {frame: np.asarray(track.frame_quat_wxyz(frame, relative_to="root")) for frame in frames}
+    return Estimate(label, np.asarray(track.time_s), quats, online)
