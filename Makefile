@@ -19,10 +19,10 @@ export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 
 RUST_SOURCES := Cargo.toml Cargo.lock $(wildcard crates/*/Cargo.toml) $(shell find crates/*/src -name '*.rs')
 
-.PHONY: help demo test bench lint format docs lock clean
+.PHONY: help demo test bench lint format docs validation lock clean
 
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 demo: $(VENV)/.package ## build, then track a simulated sculler and a real pendulum
 	$(BIN)/oarlock demo --out out/demo
@@ -49,6 +49,9 @@ format: $(VENV)/.dev ## let ruff and rustfmt lay out the code
 docs: $(VENV)/.package $(VENV)/.dev ## check the links of the documentation and run its commands and examples
 	$(BIN)/python -m pytest tests/test_docs.py
 
+validation: $(VENV)/.package $(VENV)/.validation ## track public recordings with Oarlock and with other software, and compare
+	$(BIN)/python -m validation --out out/validation
+
 # `make lock UPGRADE=--upgrade` moves every pin to its newest version.
 COMPILE := CUSTOM_COMPILE_COMMAND="make lock" $(VENV)/lock/bin/pip-compile --quiet --strip-extras --allow-unsafe \
 	--no-emit-index-url --no-emit-find-links --no-emit-trusted-host --annotation-style=line $(UPGRADE)
@@ -58,6 +61,7 @@ lock: $(VENV)/.created ## compute the pinned versions in requirements/ again
 	$(COMPILE) --extra test --extra lint --extra dataframe --extra xarray \
 		--output-file requirements/dev.txt pyproject.toml requirements/build.in
 	$(COMPILE) --constraint requirements/dev.txt --output-file requirements/run.txt pyproject.toml requirements/build.in
+	$(COMPILE) --constraint requirements/dev.txt --output-file requirements/validation.txt requirements/validation.in
 
 clean: ## remove everything that was built or installed
 	rm -rf $(VENV) target dist out .pytest_cache .mypy_cache .ruff_cache .hypothesis python/oarlock/*.so
@@ -77,6 +81,10 @@ $(VENV)/.run: requirements/run.txt | $(VENV)/.created
 	@touch $@
 
 $(VENV)/.dev: requirements/dev.txt | $(VENV)/.run
+	$(PIP_INSTALL) --requirement $<
+	@touch $@
+
+$(VENV)/.validation: requirements/validation.txt | $(VENV)/.run
 	$(PIP_INSTALL) --requirement $<
 	@touch $@
 

@@ -70,6 +70,38 @@ def test_model_page_shows_a_whole_model(tmp_path):
     assert tuple(model.joint_names) == ("first", "second")
 
 
+def free_body() -> str:
+    return next(block for block in blocks(MODEL_PAGE, "toml") if 'name = "trunk_and_arm"' in block)
+
+
+def test_recipe_of_a_ball_on_a_free_body(tmp_path):
+    import oarlock
+
+    file = tmp_path / "free.toml"
+    file.write_text(free_body(), encoding="utf-8")
+    model = oarlock.load_model(file)
+    turns, places = ("rx", "ry", "rz"), ("x", "y", "z")
+    trunk = [f"trunk.{label}" for label in places + turns]
+    assert model.coordinate_names == [*trunk, *(f"r_shoulder.{label}" for label in turns)]
+    assert [joint["angles"] for joint in model.describe()["joints"]] == ["ZXY", "YXY"]
+
+
+def test_recipe_of_a_ball_with_pushes_in_place_of_a_free_body(tmp_path):
+    import oarlock
+
+    pushes = next(block for block in blocks(MODEL_PAGE, "toml") if block.startswith("[[base_acceleration]]"))
+    ball = re.sub(
+        r"^translation = .*\n", "", free_body().replace('kind = "free"', 'kind = "ball"'), flags=re.M
+    )
+    states = {}
+    for name, text in (("free", free_body()), ("ball", ball + "\n" + pushes)):
+        file = tmp_path / f"{name}.toml"
+        file.write_text(text, encoding="utf-8")
+        states[name] = oarlock.load_model(file).state_names
+    assert {"push_x", "push_y", "push_z"} <= set(states["ball"])
+    assert len(states["free"]) - len(states["ball"]) == 6, "the page says six states less"
+
+
 def test_recipe_adds_a_joint(tmp_path):
     import oarlock
     from oarlock.shipped import model_path

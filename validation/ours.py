@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import cast
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 import oarlock
 from oarlock import Calibration, Config, Recording, Track
@@ -24,17 +25,21 @@ from .estimate import Estimate, NotRunError
 NAMES = ("Oarlock", "Oarlock, smoothed")
 ARM = ("upper_arm", "forearm")
 
+WITH_LENGTHS = Config(estimate=("gyro_bias", "accel_bias", "lengths"))
+"""Lever arms are known to a centimetre, or not at all: they are states with the model file's standard deviations."""
+
 
 def track_dfjimu(recording: Recording) -> Iterator[Estimate]:
     """Root attitude and a ball joint: the bodies' frames lie in the joint and have the axes of their units."""
     joint = cast(Mapping[str, list[float]], recording.meta["joint_in_sensor_m"])
-    mounts = {body: (np.eye(3), -np.array(joint[body])) for body in BODIES}
-    return _tracked("dfjimu", recording, BODIES, Calibration(mounts=mounts))
+    sensors = zip(("r1", "r2"), BODIES, strict=True)
+    levers = {f"{r}_{a}": -x for r, body in sensors for a, x in zip("xyz", joint[body], strict=True)}
+    return _tracked("dfjimu", recording, BODIES, Calibration(parameters=levers), WITH_LENGTHS)
 
 
 def track_diodem(recording: Recording) -> Iterator[Estimate]:
     """Free root, ball joint, three hinges; the frames are the segments, the units' axes nominally theirs."""
-    return _tracked("diodem_arm", recording, SEGMENTS)
+    return _tracked("diodem_arm", recording, SEGMENTS, config=WITH_LENGTHS)
 
 
 def track_openaxes(recording: Recording) -> Iterator[Estimate]:
@@ -48,8 +53,11 @@ def track_broad(recording: Recording) -> Iterator[Estimate]:
 
 
 def track_qmt(recording: Recording, segments: Iterable[str]) -> Iterator[Estimate]:
-    """The whole person; these segments are scored, in the axes of their units."""
-    return _tracked("qmt_full_body", recording, segments)
+    """The upper body of the person; these segments are scored, in the axes of their units."""
+    for estimate, track in _both("qmt_full_body", recording, segments):
+        sensors = {sensor["name"]: sensor for sensor in track.model.describe()["sensors"]}
+        mounts = {s: Rotation.from_matrix(sensors[s]["mount"]["rotation"]) for s in estimate.quats}
+        yield estimate.turned(mounts)
 
 
 def track_arm(model_file: str, label: str, recording: Recording) -> Iterator[tuple[Estimate, Track]]:
@@ -59,9 +67,13 @@ def track_arm(model_file: str, label: str, recording: Recording) -> Iterator[tup
 
 
 def _tracked(
-    name: str, recording: Recording, frames: Iterable[str], calibration: Calibration | None = None
+    name: str,
+    recording: Recording,
+    frames: Iterable[str],
+    calibration: Calibration | None = None,
+    config: Config | None = None,
 ) -> Iterator[Estimate]:
-    return (estimate for estimate, _ in _both(name, recording, frames, calibration))
+    return (estimate for estimate, _ in _both(name, recording, frames, calibration, config))
 
 
 def _both(

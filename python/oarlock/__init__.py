@@ -7,6 +7,7 @@ from oarlock._core import Belief, Config, Info, Model, Sample, Tracker, __versio
 from oarlock.calibration import Calibration, load_calibration
 from oarlock.errors import DataError, DivergedError, ModelError
 from oarlock.evaluate import Evaluation, evaluate
+from oarlock.evaluate.frames import evaluate_frame_orientations
 from oarlock.evaluate.orientations import evaluate_orientations
 from oarlock.hinge_axes import calibrate_hinge_axes
 from oarlock.hinge_chain import calibrate_hinge_chain
@@ -46,6 +47,7 @@ __all__ = [
     "calibrate_joint_centers",
     "calibrate_pose",
     "evaluate",
+    "evaluate_frame_orientations",
     "evaluate_orientations",
     "load_calibration",
     "load_model",

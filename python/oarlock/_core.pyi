@@ -1,6 +1,6 @@
 """The compiled engine. Arrays are float64; time in s, angles in rad, lengths in m."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -72,6 +72,10 @@ class Belief:
         seen_s: ArrayLike,
         rejected_since_s: ArrayLike,
         state_names: list[str],
+        inflation: tuple[float, float],
+        memory: Sequence[Sequence[float]],
+        hypothesis: tuple[int, float],
+        rivals: Sequence[Belief],
     ) -> None: ...
     time_s: float
     mean: Floats
@@ -81,6 +85,10 @@ class Belief:
     seen_s: Floats
     rejected_since_s: Floats
     state_names: list[str]
+    inflation: tuple[float, float]
+    memory: list[list[float]]
+    hypothesis: tuple[int, float]
+    rivals: list[Belief]
 
 class Info:
     time_s: float

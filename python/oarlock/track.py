@@ -329,9 +329,16 @@ def _slow(arrays: Mapping[str, Floats], states: Mapping[str, int], model: Model)
     for name, i in states.items():
         if name in moving:
             continue
-        unit = "rad" if name == "azimuth" else "rad/s" if ".gyro_bias" in name else "m/s2"
-        found[name] = SlowSeries(arrays["mean"][:, i], arrays["std"][:, i], unit)
+        found[name] = SlowSeries(arrays["mean"][:, i], arrays["std"][:, i], _slow_unit(name))
     return found
+
+
+def _slow_unit(name: str) -> str:
+    if name == "azimuth" or ".mount_r" in name:
+        return "rad"
+    if name.startswith("parameters."):
+        return "m"
+    return "rad/s" if ".gyro_bias" in name else "m/s2"
 
 
 def _beliefs(run: Run) -> Beliefs:
