@@ -7,7 +7,7 @@ use crate::estimate::transition::{Block, Transition};
 use crate::estimate::{Partition, Points, System};
 use crate::kinematics::{FrameMotion, JointMotion, Tree};
 use crate::lane::{Lane, Real, LANES};
-use crate::model::{Axis, JointKind, Model, Transform, World};
+use crate::model::{Axis, Model, Transform, World};
 use crate::motion::{fading, joint_block, push_turn, Now};
 use crate::rotation::turn::{minus, plus, right_jacobian, Turn};
 use crate::rotation::{Mat3, Vec3};
@@ -98,6 +98,8 @@ pub struct Body {
     driven: Vec<usize>,
     /// Per state: whether it belongs to a rotation vector.
     turned: Vec<bool>,
+    /// Rotation vectors of joints that turn the whole body, and root from joint: nothing else moves between them and the root.
+    pub floating: Vec<(usize, Mat3<f64>)>,
     /// How every coordinate moves by itself.
     pub axes: Vec<Axis>,
     /// Coordinates that are inputs, and the noise of their readings.
@@ -138,6 +140,7 @@ impl Body {
         layout.turns.iter().for_each(|(_, slots)| turned[slots.q..slots.q + 3].fill(true));
         Ok(Body {
             turned,
+            floating: floating(&model, parameters),
             axes: model.axes(),
             model,
             tree,
@@ -159,38 +162,9 @@ impl Body {
         both.filter_map(|(c, (axis, slots))| Some((c, axis, (*slots)?)))
     }
 
-    /// Rotation vectors of joints that turn the whole body, and root from joint: nothing else moves between them and the root.
-    pub fn floating(&self) -> Vec<(usize, Mat3<f64>)> {
-        let frames = &self.model.frames;
-        let mut still: Vec<Option<Mat3<f64>>> = vec![None; frames.len()];
-        still[0] = Some(Mat3::identity());
-        let mut found = Vec::new();
-        let turned = |by: &Option<Transform>| by.as_ref().map_or(Mat3::identity(), |t| t.evaluate(&self.parameters).0);
-        for (i, frame) in frames.iter().enumerate().skip(1) {
-            let Some(parent) = still[frame.parent] else { continue };
-            let here = parent.times(&turned(&frame.before));
-            match frame.joint {
-                None => still[i] = Some(here.times(&turned(&frame.after))),
-                Some((j, _)) => found.extend(self.model.joints[j].turn().map(|c| (c, here))),
-            }
-        }
-        found
-    }
-
     /// Nominal values of the lengths that are estimated, m.
     pub fn lengths(&self) -> Vec<f64> {
         self.layout.lengths.iter().map(|(i, _)| self.parameters[*i]).collect()
-    }
-
-    /// Whether a coordinate is a place of a free joint.
-    pub fn is_place(&self, coordinate: usize) -> bool {
-        let free = |j: &crate::model::Joint| j.kind == JointKind::Free && (j.first..j.first + 3).contains(&coordinate);
-        self.model.joints.iter().any(free)
-    }
-
-    /// Whether a state belongs to a rotation vector.
-    pub fn is_turned(&self, state: usize) -> bool {
-        self.turned[state]
     }
 
     /// An empty moment: nothing measured.
@@ -257,24 +231,20 @@ impl Body {
             }
         }
         let lengths: Vec<f64> = self.layout.lengths.iter().map(|(_, state)| mean[*state]).collect();
-        let mut proper = Vec3(self.field.lift);
-        for (base, slot) in self.model.base_accelerations.iter().zip(&self.layout.base) {
-            if let Some(slot) = slot {
-                proper += Vec3(base.axis) * mean[slot.first];
-            }
-        }
-        let root = FrameMotion::resting(proper);
+        let root = self.root(|i| mean[i]);
         let mut frames = vec![root; self.tree.len()];
         let joints = JointMotion { q: &q, qd: &qd, qdd: &qdd, lengths: &lengths, anchors: &[] };
         self.tree.motions(root, joints, &vec![true; self.tree.len()], &mut frames);
         frames
     }
 
-    fn root(&self, at: Points) -> FrameMotion<Lane> {
+    /// The root as it feels gravity and the base accelerations, whose values `state` gives.
+    #[inline(always)]
+    fn root<T: Real>(&self, state: impl Fn(usize) -> T) -> FrameMotion<T> {
         let mut proper = Vec3::splat(self.field.lift);
         for (base, slot) in self.model.base_accelerations.iter().zip(&self.layout.base) {
             if let Some(SlowSlot { first, .. }) = slot {
-                proper += Vec3::splat(base.axis) * at.at(*first);
+                proper += Vec3::splat(base.axis) * state(*first);
             }
         }
         FrameMotion::resting(proper)
@@ -295,6 +265,23 @@ impl Body {
             .map(|(rate, _)| rate - self.layout.partition.pose);
         rank.and_then(|r| drives.get(r)).copied().unwrap_or(1.0)
     }
+}
+
+/// See [`Body::floating`].
+fn floating(model: &Model, parameters: &[f64]) -> Vec<(usize, Mat3<f64>)> {
+    let mut still: Vec<Option<Mat3<f64>>> = vec![None; model.frames.len()];
+    still[0] = Some(Mat3::identity());
+    let mut found = Vec::new();
+    let turned = |by: &Option<Transform>| by.as_ref().map_or(Mat3::identity(), |t| t.evaluate(parameters).0);
+    for (i, frame) in model.frames.iter().enumerate().skip(1) {
+        let Some(parent) = still[frame.parent] else { continue };
+        let here = parent.times(&turned(&frame.before));
+        match frame.joint {
+            None => still[i] = Some(here.times(&turned(&frame.after))),
+            Some((j, _)) => found.extend(model.joints[j].turn().map(|c| (c, here))),
+        }
+    }
+    found
 }
 
 /// Three numbers of a state.
@@ -388,7 +375,7 @@ impl System for Body {
     fn readings(&self, moment: &Moment, s: &mut BodyScratch, at: Points, out: &mut [Lane]) {
         self.unpack(moment, at, s);
         let joints = JointMotion { q: &s.q, qd: &s.qd, qdd: &s.qdd, lengths: &s.lengths, anchors: &s.anchors };
-        self.tree.motions(self.root(at), joints, &moment.needed, &mut s.frames);
+        self.tree.motions(self.root(|i| at.at(i)), joints, &moment.needed, &mut s.frames);
         let azimuth = match self.layout.azimuth {
             Some(i) => at.at(i),
             None => Lane::splat(self.model.world.magnetic_azimuth_rad),

@@ -20,8 +20,6 @@ use crate::Result;
 use nalgebra::{Matrix3, SymmetricEigen};
 use std::f64::consts::TAU;
 
-/// Hypotheses in a full turn.
-const HEADINGS: u64 = BRANCHES;
 /// A direction less certain than this opens a bank, rad: a filter finds its way from closer.
 const UNCERTAIN_STD: f64 = 0.6;
 /// A hypothesis e^-10 times as likely as the best is given up.
@@ -97,8 +95,7 @@ impl Tracker {
         let mut away = vec![0.0; a.mean.len()];
         self.body.difference(&a.mean, &b.mean, &mut away);
         // Which way the whole body has turned is nobody's business.
-        let floating = self.body.floating();
-        let mut inner = self.body.layout.turns.iter().filter(|(c, _)| floating.iter().all(|(f, _)| f != c));
+        let mut inner = self.body.layout.turns.iter().filter(|(c, _)| !self.floats(*c));
         inner.all(|(_, slots)| norm(three(&away, slots.q)) < SAME)
     }
 
@@ -138,12 +135,16 @@ impl Tracker {
     /// Whether an inertial unit speaks whose readings the joint turns. A floating body's own heading is nobody's business.
     fn is_felt(&self, coordinate: usize) -> bool {
         let joint = self.body.model.joints.iter().position(|j| j.coordinates().contains(&coordinate));
-        let floats = self.body.floating().iter().any(|(c, _)| *c == coordinate);
         let sources = self.body.suite.sources.iter().zip(&self.moment.active).zip(&self.depends);
         let felt = joint.is_some_and(|j| {
             sources.into_iter().any(|((source, &active), depends)| active && source.is_inertial() && depends[j])
         });
-        felt && !floats
+        felt && !self.floats(coordinate)
+    }
+
+    /// Whether a rotation vector turns the whole body.
+    fn floats(&self, coordinate: usize) -> bool {
+        self.body.floating.iter().any(|(c, _)| *c == coordinate)
     }
 
     /// Turns a joint, and its rates so that the body behind it goes on turning as it did.
@@ -192,7 +193,7 @@ impl Tracker {
         let outer = |i: usize, j: usize| direction[i] * direction[j];
         let across = [0, 1, 2].map(|i| [0, 1, 2].map(|j| f64::from(i == j) - outer(i, j)));
         carry(&Block::linear([q, q + 1, q + 2], across), &mut belief.covariance, &mut rows);
-        let step = TAU / HEADINGS as f64;
+        let step = TAU / BRANCHES as f64;
         for i in 0..3 {
             for j in 0..3 {
                 *belief.covariance.at_mut(q + i, q + j) += outer(i, j) * step * step / 4.0;
@@ -212,7 +213,7 @@ impl Tracker {
         }
         belief.score = 0.0;
         belief.line = line;
-        let rivals = (1..HEADINGS).map(|k| {
+        let rivals = (1..BRANCHES).map(|k| {
             let mut rival = belief.clone();
             self.turn_joint(&mut rival.mean, coordinate, direction.map(|x| x * step * k as f64));
             rival.line = line + k;

@@ -81,7 +81,7 @@ impl Tracker {
             None if rest.iter().all(|&q| q == 0.0) => vec![rest],
             None => vec![rest, vec![0.0; count]],
         };
-        let turns_whole = !body.floating().is_empty();
+        let turns_whole = !body.floating.is_empty();
         let sides = if body.layout.azimuth.is_some() || turns_whole { 4 } else { 1 };
         let guess = |posture: &Vec<f64>, side: usize| guess(body, posture, side as f64 * FRAC_PI_2);
         Ok(postures.iter().flat_map(|p| (0..sides).map(move |side| guess(p, side))).collect())
@@ -130,7 +130,6 @@ impl Tracker {
 
     /// Rotations: each direction as far as the fit knows it, between the start's own deviation and the prior's.
     fn place_turns(&self, fit: &Fit, compass: bool, covariance: &mut Square) {
-        let floating = self.body.floating();
         for (c, slots) in &self.body.layout.turns {
             let axis = &self.body.axes[*c];
             let block = Matrix3::from_fn(|i, j| fit.covariance.at(slots.q + i, slots.q + j));
@@ -138,7 +137,7 @@ impl Tracker {
             let (least, most) = (axis.process.start_std[0], axis.prior_std());
             eigen.eigenvalues.apply(|v| *v = v.clamp(least.min(most).powi(2), most * most));
             let mut block = eigen.recompose();
-            if let Some((_, outer)) = floating.iter().find(|(f, _)| f == c).filter(|_| !compass) {
+            if let Some((_, outer)) = self.body.floating.iter().find(|(f, _)| f == c).filter(|_| !compass) {
                 let up = outer
                     .then(&Turn::exp(three(&fit.mean, slots.q)).matrix())
                     .apply_transposed(Vec3(self.body.model.world.up));
@@ -174,9 +173,9 @@ fn guess(body: &Body, posture: &[f64], side: f64) -> Guess {
     for (c, axis, slots) in body.moving() {
         mean[slots.q] = posture[c];
         let known = axis.process.start_std[0];
-        std[slots.q] = if body.is_place(c) { known } else { 2.0 * axis.prior_std() };
+        std[slots.q] = if axis.place { known } else { 2.0 * axis.prior_std() };
     }
-    for (c, outer) in body.floating() {
+    for &(c, outer) in &body.floating {
         if let Some(slots) = body.layout.coordinates[c] {
             let up = outer.apply_transposed(Vec3(body.model.world.up)).0;
             let turned = plus(up.map(|x| x * side), three(&mean, slots.q));
