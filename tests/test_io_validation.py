@@ -45,6 +45,7 @@ def test_dfjimu(tmp_path):
     assert recording.names == ("body1", "body2")
     second = recording["body2"]
     assert second.rate_hz == pytest.approx(50.0)
+    assert second.time_s[:2].tolist() == pytest.approx([-0.01, 0.01])  # middles of the intervals
     assert second.accel_m_s2[3].tolist() == [3.06, 3.07, 3.08]
     assert second.gyro_rad_s[3].tolist() == [3.09, 3.1, 3.11]
     assert second.mag_ut is None
@@ -53,6 +54,7 @@ def test_dfjimu(tmp_path):
     assert reference.bodies == ("body1", "body2")
     assert reference.quat_wxyz["body2"][0].tolist() == pytest.approx(TURNED)
     assert reference.scored.all() and reference.scored.shape == (ROWS,)
+    assert reference.time_s[:2].tolist() == pytest.approx([0.0, 0.02])
 
 
 def test_the_joint_of_dfjimu_is_saved_with_the_recording(tmp_path):
@@ -121,6 +123,7 @@ def test_broad(tmp_path):
     file = broad_file(tmp_path)
     stream = read_broad(file)["imu"]
     assert stream.rate_hz == pytest.approx(285.714, abs=1e-3)
+    assert stream.time_s[:2].tolist() == pytest.approx([-0.00175, 0.00175])  # middles of the intervals
     assert stream.mag_ut[4].tolist() == pytest.approx([24.0, 24.01, 24.02])
     reference = read_broad_reference(file)
     assert reference.scored.tolist() == [False, False, True, True, True, False]

@@ -84,10 +84,11 @@ def _trial(
 
 
 def _outcomes(recording: Recording) -> list[Outcome]:
+    rows = others.at_rows(recording)
     return [
         *attempt(ours.NAMES, lambda: ours.track_broad(recording)),
-        *attempt(others.VQF_NAMES, lambda: others.vqf(recording)),
-        *attempt(others.IMUFUSION_NAMES, lambda: others.imufusion(recording)),
+        *attempt(others.VQF_NAMES, lambda: others.vqf(rows)),
+        *attempt(others.IMUFUSION_NAMES, lambda: others.imufusion(rows)),
     ]
 
 

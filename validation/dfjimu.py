@@ -91,10 +91,11 @@ def _trial(
 
 def _outcomes(recording: Recording, reference: Reference) -> list[Outcome]:
     joint = cast(dict[str, list[float]], recording.meta["joint_in_sensor_m"])
+    rows = others.at_rows(recording)
     return [
         *attempt(ours.NAMES, lambda: ours.track_dfjimu(recording)),
-        *attempt(others.DFJIMU_NAMES, lambda: others.dfjimu(recording, joint)),
-        *attempt(HEADED, lambda: _headed(recording, reference)),
+        *attempt(others.DFJIMU_NAMES, lambda: others.dfjimu(rows, joint)),
+        *attempt(HEADED, lambda: _headed(rows, reference)),
     ]
 
 

@@ -53,6 +53,24 @@ def versions() -> dict[str, str]:
     return found
 
 
+def at_rows(recording: Recording) -> Recording:
+    """The readings stamped with their rows' times: half a step later, where each interval ends.
+
+    Software that turns by a reading for a whole step arrives there; its users set its rows beside those of the file.
+    """
+    streams = [
+        ImuStream(
+            s.name,
+            s.time_s + 0.5 / s.rate_hz,
+            gyro_rad_s=s.gyro_rad_s,
+            accel_m_s2=s.accel_m_s2,
+            mag_ut=s.mag_ut,
+        )
+        for s in _units(recording)
+    ]
+    return Recording(streams, recording.meta)
+
+
 def vqf(recording: Recording, names: Sequence[str] = VQF_NAMES) -> Iterator[Estimate]:
     """VQF (Laidig and Seel 2023), each unit by itself, causal and offline."""
     from vqf import VQF, offlineVQF

@@ -4,16 +4,19 @@ Format: one structure ``data`` with ``rate`` (Hz), ``sensorData`` (N, 12), ``ref
 and ``r_21`` (m), as the evaluation script of the software reads it (github.com/daniel-om-weber/dfjimu). The method
 that the recordings were made for: Weygers and Kok, "Drift-free inertial sensor-based joint kinematics for long-term
 arbitrary movements", IEEE Sensors Journal 20(14), 2020.
+
+A reading is taken as the mean over the interval that ends at its row. The gyroscopes against the turns of the
+reference say so: they are late by 14 to 19 ms, of which this explains 10 ms; the software's own script moves the
+reference by a whole row.
 """
 
 from os import PathLike
 from pathlib import Path
 
-import numpy as np
-
 from oarlock.errors import DataError
 from oarlock.io.mat import matrix, read_mat, same_length, sampling_rate, structure
 from oarlock.io.reference import Reference
+from oarlock.io.stamps import interval_middles_s, row_times_s
 from oarlock.recording import ImuStream, Recording
 
 BODIES = ("body1", "body2")
@@ -30,9 +33,10 @@ def read_dfjimu(path: str | PathLike[str]) -> Recording:
         path: the .mat file.
 
     Returns:
-        The streams ``body1`` and ``body2`` (gyro and accel, no magnetometer), from 0 s. ``meta["joint_in_sensor_m"]``
-        holds for each the joint's centre in the axes of the sensor, m, as the file states it. (Its authors call minus
-        that, the place of the sensor as seen from the joint, the lever arm.)
+        The streams ``body1`` and ``body2`` (gyro and accel, no magnetometer), each reading stamped with the middle of
+        its interval: the first row's stamp is half a step before 0 s, where the reference begins.
+        ``meta["joint_in_sensor_m"]`` holds for each the joint's centre in the axes of the sensor, m, as the file
+        states it. (Its authors call minus that, the place of the sensor as seen from the joint, the lever arm.)
 
     Raises:
         DataError: Not such a file; a part of it is missing or has another shape.
@@ -41,7 +45,7 @@ def read_dfjimu(path: str | PathLike[str]) -> Recording:
     data = structure(read_mat(file), "data", file)
     rate_hz = sampling_rate(data, "data.rate", file)
     readings = matrix(data, "data.sensorData", 12, file)
-    time_s = np.arange(len(readings)) / rate_hz
+    time_s = interval_middles_s(len(readings), rate_hz)
     streams = [
         ImuStream(body, time_s, gyro_rad_s=readings[:, gyro], accel_m_s2=readings[:, accel])
         for body, (accel, gyro) in _SENSOR_COLUMNS.items()
@@ -71,6 +75,6 @@ def read_dfjimu_reference(path: str | PathLike[str]) -> Reference:
     same_length(reference, matrix(data, "data.sensorData", 12, file), ("data.ref", "data.sensorData"), file)
     quats = {body: reference[:, columns] for body, columns in _REFERENCE_COLUMNS.items()}
     try:
-        return Reference("optical", np.arange(len(reference)) / rate_hz, quats)
+        return Reference("optical", row_times_s(len(reference), rate_hz), quats)
     except DataError as error:
         raise DataError(f"{file}: {error}") from error
