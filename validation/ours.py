@@ -52,12 +52,19 @@ def track_broad(recording: Recording) -> Iterator[Estimate]:
     return _tracked("broad", recording, (BODY,))
 
 
-def track_qmt(recording: Recording, segments: Iterable[str]) -> Iterator[Estimate]:
-    """The upper body of the person; these segments are scored, in the axes of their units."""
-    for estimate, track in _both("qmt_full_body", recording, segments):
-        sensors = {sensor["name"]: sensor for sensor in track.model.describe()["sensors"]}
-        mounts = {s: Rotation.from_matrix(sensors[s]["mount"]["rotation"]) for s in estimate.quats}
-        yield estimate.turned(mounts)
+def track_qmt(
+    recording: Recording, segments: Iterable[str], still_s: tuple[float, float]
+) -> Iterator[Estimate]:
+    """The upper body of the person; these segments are scored, in the axes of their units.
+
+    The mounts come from `still_s`, in which the person stands in the model's rest posture.
+    """
+    name = "qmt_full_body"
+    model = oarlock.load_model(name)
+    calibration = oarlock.calibrate_pose(model, _known(recording, model), None, *still_s)
+    mounts = {s: Rotation.from_matrix(rotation) for s, (rotation, _) in calibration.mounts.items()}
+    for estimate, _ in _both(name, recording, segments, calibration):
+        yield estimate.turned({s: mounts[s] for s in estimate.quats})
 
 
 def track_arm(model_file: str, label: str, recording: Recording) -> Iterator[tuple[Estimate, Track]]:
@@ -88,17 +95,21 @@ def _both(
         model = oarlock.load_model(name)
     except oarlock.ModelError as error:
         raise NotRunError(f"no model: {str(error).splitlines()[0]}") from error
-    # Streams that the model has no sensor for are left out.
-    known = [stream for stream in recording.names if stream in model.sensor_names]
-    if not known:
-        raise NotRunError(f'model "{name}" has none of the sensors {", ".join(recording.names)}')
     try:
-        live = oarlock.track(model, recording.only(known), calibration, config)
+        live = oarlock.track(model, _known(recording, model), calibration, config)
         both = live, oarlock.smooth(live)
     except oarlock.DivergedError as error:
         raise NotRunError(f"lost the track: {error}") from error
     names = tuple(frames)
     return ((_estimate(n, t, names, online=t is live), t) for n, t in zip(NAMES, both, strict=True))
+
+
+def _known(recording: Recording, model: oarlock.Model) -> Recording:
+    """The streams that the model has a sensor for."""
+    known = [stream for stream in recording.names if stream in model.sensor_names]
+    if not known:
+        raise NotRunError(f'model "{model.name}" has none of the sensors {", ".join(recording.names)}')
+    return recording.only(known)
 
 
 def _estimate(label: str, track: Track, frames: Iterable[str], *, online: bool) -> Estimate:

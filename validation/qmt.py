@@ -27,7 +27,8 @@ TEXT = (
     "Units on all segments of a person, accelerometer and gyroscope, 100 Hz, 100 s. There is no "
     "reference. While the person stands still the accelerometer tells the vertical: scored are how far "
     "the estimated vertical is from it (root mean square over the rests, in the axes of each trunk unit), "
-    "and how far the difference drifts from the first to the last second of the longest rest."
+    "and how far the difference drifts from the first to the last second of the longest rest. Oarlock's mounts come "
+    "from the first rest, in which the person stands with arms hanging."
 )
 
 Rest = tuple[float, float]
@@ -45,7 +46,7 @@ def run(data_folder: Path) -> SetResult:
     longest = max(found, key=lambda r: r[1] - r[0])
     offsets, drifts = Collected(), Collected()
     differences: dict[str, dict[str, Floats]] = {segment: {} for segment in TRUNK}
-    for outcome in _outcomes(recording):
+    for outcome in _outcomes(recording, found[0]):
         vectors = _differences(outcome, recording)
         offsets.add(outcome, {s: _rms_deg(v, recording, found) for s, v in vectors.items()})
         drifts.add(outcome, {s: _drift_deg(v, recording, longest) for s, v in vectors.items()})
@@ -76,10 +77,10 @@ def _readings(recording: Recording, segment: str) -> tuple[Floats, Floats]:
     return np.array(stream.gyro_rad_s), np.array(stream.accel_m_s2)
 
 
-def _outcomes(recording: Recording) -> list[Outcome]:
+def _outcomes(recording: Recording, first: Rest) -> list[Outcome]:
     trunk = recording.only(TRUNK)
     return [
-        *attempt(ours.NAMES, lambda: ours.track_qmt(recording, TRUNK)),
+        *attempt(ours.NAMES, lambda: ours.track_qmt(recording, TRUNK, first)),
         *attempt(others.VQF_WITHOUT_MAG, lambda: others.vqf(trunk, others.VQF_WITHOUT_MAG)),
         *attempt(others.IMUFUSION_WITHOUT_MAG, lambda: others.imufusion(trunk, others.IMUFUSION_WITHOUT_MAG)),
     ]

@@ -39,11 +39,12 @@ pub struct PoseOptions {
 }
 
 impl Default for PoseOptions {
-    /// For a person who was shown the posture, and consumer MEMS sensors.
+    /// For a person who was shown the posture, and consumer MEMS sensors. Whoever stands still sways: arms turn back and forth by
+    /// some hundredths of a rad/s, which averages out; the standard deviation counts what is left.
     fn default() -> Self {
         Self {
             still_s: None,
-            still_limits: StillLimits::default(),
+            still_limits: StillLimits { gyro_scatter_rad_s: 0.1, accel_scatter_m_s2: 0.4, ..StillLimits::default() },
             least_still_share: 0.5,
             posture_std_rad: 3.0_f64.to_radians(),
             accel_bias_std_m_s2: 0.1,
