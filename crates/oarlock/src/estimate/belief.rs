@@ -26,7 +26,7 @@ pub struct Belief {
     pub rejected_since_s: Vec<f64>,
     /// Per source: what is remembered of its latest readings to tell whether it rests; `estimate` only keeps it.
     pub memory: Vec<[f64; MEMORY]>,
-    /// Which hypothesis this is: 1, and behind each parting of ways its parent's number times `BRANCHES` plus its own.
+    /// Its number among the hypotheses into which the belief last parted.
     pub line: u64,
     /// Logarithm of its likelihood, against that of the others.
     pub score: f64,
@@ -40,19 +40,10 @@ pub const MEMORY: usize = 8;
 pub const BRANCHES: u64 = 12;
 
 impl Belief {
-    /// Whether the hypothesis `line` is this one or came from it.
-    pub fn leads_to(&self, mut line: u64) -> bool {
-        while line > self.line {
-            line /= BRANCHES;
-        }
-        line == self.line
-    }
-
-    /// The one of this and its rivals that leads to `line`, alone; this one if none does.
+    /// The hypothesis `line` alone; this one if there is none of that number.
     pub fn alone(&self, line: u64) -> Belief {
-        let on_the_way = std::iter::once(self).chain(&self.rivals).find(|b| b.leads_to(line));
-        let chosen = on_the_way.unwrap_or(self);
-        Belief { rivals: Vec::new(), ..chosen.clone() }
+        let chosen = std::iter::once(self).chain(&self.rivals).find(|b| b.line == line);
+        Belief { rivals: Vec::new(), ..chosen.unwrap_or(self).clone() }
     }
 
     /// Standard deviations into `std`; while there are rivals, those of all together about this one's mean.

@@ -184,10 +184,7 @@ impl Tracker {
     }
 
     fn fan_out(&self, belief: &mut Belief, coordinate: usize, direction: [f64; 3]) {
-        let (Some(slots), Some(line)) = (self.body.layout.coordinates[coordinate], belief.line.checked_mul(BRANCHES))
-        else {
-            return;
-        };
+        let Some(slots) = self.body.layout.coordinates[coordinate] else { return };
         let (n, q) = (belief.mean.len(), slots.q);
         let mut rows = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
         let outer = |i: usize, j: usize| direction[i] * direction[j];
@@ -212,11 +209,11 @@ impl Tracker {
             }
         }
         belief.score = 0.0;
-        belief.line = line;
+        belief.line = 0;
         let rivals = (1..BRANCHES).map(|k| {
             let mut rival = belief.clone();
             self.turn_joint(&mut rival.mean, coordinate, direction.map(|x| x * step * k as f64));
-            rival.line = line + k;
+            rival.line = k;
             rival
         });
         belief.rivals = rivals.collect();

@@ -122,7 +122,7 @@ impl Tracker {
             seen_s: vec![time_s; self.groups.sources.len()],
             rejected_since_s: vec![f64::NAN; parts],
             memory: vec![[f64::NAN; MEMORY]; self.groups.sources.len()],
-            line: 1,
+            line: 0,
             score: 0.0,
             rivals: Vec::new(),
         }

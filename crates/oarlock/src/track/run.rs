@@ -26,6 +26,17 @@ struct Checkpoint {
     is_row: bool,
 }
 
+/// A time of several hypotheses.
+#[derive(Debug, Clone, Copy)]
+struct Parting {
+    /// When the belief parted.
+    from_s: f64,
+    /// When one hypothesis was left; infinite until then.
+    to_s: f64,
+    /// The one that led last.
+    winner: u64,
+}
+
 /// Estimates over time.
 #[derive(Debug, Clone, Default)]
 pub struct Series {
@@ -61,8 +72,7 @@ pub struct Run {
     /// Samples refused because they came late.
     pub refused: usize,
     checkpoints: Vec<Checkpoint>,
-    /// When the belief parted into several hypotheses, and when one was left.
-    partings_s: Vec<(f64, f64)>,
+    partings: Vec<Parting>,
     last: Option<Belief>,
 }
 
@@ -91,7 +101,7 @@ pub fn track(
         steps: 0,
         refused: 0,
         checkpoints: Vec::new(),
-        partings_s: Vec::new(),
+        partings: Vec::new(),
         last: None,
         tracker,
     };
@@ -160,10 +170,9 @@ impl Run {
             Some(belief) => belief.alone(belief.line),
             None => return Err(Error::Data("nothing was tracked: nothing to smooth".into())),
         };
-        let line = next.line;
         for (k, checkpoint) in self.checkpoints.iter().enumerate().rev() {
             let stop = self.checkpoints.get(k + 1).map(|c| &c.cursor);
-            let stretch = Stretch::refilter(self, &mut tracker, (checkpoint, stop), line)?;
+            let stretch = Stretch::refilter(self, &mut tracker, checkpoint, stop)?;
             for node in stretch.nodes.into_iter().rev() {
                 let mut belief = node.filtered;
                 let done = smoother.back(&tracker.body, &mut belief, &node.transition, &node.predicted, &next);
@@ -244,12 +253,23 @@ impl Keeper<'_> {
 
 impl Run {
     fn note_partings(&mut self, belief: &Belief) {
-        let several = !belief.rivals.is_empty();
-        match self.partings_s.last_mut().filter(|(_, to)| to.is_infinite()) {
-            Some((_, to)) if !several => *to = belief.time_s,
-            None if several => self.partings_s.push((belief.time_s, f64::INFINITY)),
-            _ => {}
+        let (time_s, several) = (belief.time_s, !belief.rivals.is_empty());
+        match self.partings.last_mut().filter(|p| p.to_s.is_infinite()) {
+            Some(now) => {
+                now.winner = belief.line;
+                now.to_s = if several { f64::INFINITY } else { time_s };
+            }
+            None if several => {
+                self.partings.push(Parting { from_s: time_s, to_s: f64::INFINITY, winner: belief.line });
+            }
+            None => {}
         }
+    }
+
+    /// The hypothesis of a belief that proved right, alone.
+    fn proven(&self, belief: &Belief) -> Belief {
+        let parting = self.partings.iter().rfind(|p| p.from_s <= belief.time_s);
+        belief.alone(parting.map_or(belief.line, |p| p.winner))
     }
 
     fn grow(&mut self, sample: &Sample, info: &Info) {
@@ -283,15 +303,10 @@ struct Stretch {
 }
 
 impl Stretch {
-    /// Follows the hypothesis that leads to `line`.
-    fn refilter(
-        run: &Run,
-        tracker: &mut Tracker,
-        (from, stop): (&Checkpoint, Option<&Cursor>),
-        line: u64,
-    ) -> Result<Self> {
+    /// Follows the hypothesis that won.
+    fn refilter(run: &Run, tracker: &mut Tracker, from: &Checkpoint, stop: Option<&Cursor>) -> Result<Self> {
         let (mut cursor, mut sample) = (from.cursor.clone(), tracker.empty_sample());
-        let mut belief = from.belief.alone(line);
+        let mut belief = run.proven(&from.belief);
         let mut here = belief.clone();
         let mut row = from.is_row.then_some(from.row);
         let mut next_row = from.row + usize::from(from.is_row);
@@ -300,15 +315,15 @@ impl Stretch {
             if sample.time_s <= belief.time_s {
                 continue;
             }
-            tracker.learns = !run.partings_s.iter().any(|p| p.0 < sample.time_s && sample.time_s <= p.1);
+            tracker.learns = !run.partings.iter().any(|p| p.from_s < sample.time_s && sample.time_s <= p.to_s);
             tracker.advance(&mut belief, &sample, &mut |transition, predicted| {
                 let filtered = std::mem::replace(&mut here, predicted.clone());
                 let (transition, predicted) = (transition.clone(), predicted.clone());
                 nodes.push(Node { filtered, row: row.take(), transition, predicted });
             })?;
-            if run.partings_s.iter().any(|p| p.0 == sample.time_s) {
+            if run.partings.iter().any(|p| p.from_s == sample.time_s) {
                 tracker.open_bank(&mut belief);
-                belief = belief.alone(line);
+                belief = run.proven(&belief);
             }
             here = belief.clone();
             if run.series.time_s.get(next_row) == Some(&sample.time_s) {

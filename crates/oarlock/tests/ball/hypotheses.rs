@@ -270,3 +270,35 @@ fn smoothing_follows_the_winner() {
         }
     }
 }
+
+/// Seconds of readings, then as many without, again and again; more often than any count of partings was ever bounded.
+const ROUND_S: f64 = 3.0;
+const ROUNDS: usize = 24;
+
+/// Behind every silence the heading is unknown, hypotheses compete, and one wins; smoothing follows each winner.
+#[test]
+fn hypotheses_open_again_and_again() {
+    let pair = Pair::new(1.0, 1);
+    let samples: Vec<Sample> = pair.samples(2.0 * ROUND_S * ROUNDS as f64);
+    let speaks = |s: &&Sample| (s.time_s / ROUND_S).floor() as usize % 2 == 0;
+    let samples: Vec<Sample> = samples.iter().filter(speaks).cloned().collect();
+    let (mut tracker, mut openings, mut several) = (pair.tracker(), 0, false);
+    for sample in &samples {
+        let mut see = |_: &Sample, b: &Belief, _: &oarlock::estimate::filter::Info| {
+            openings += usize::from(!several && !b.rivals.is_empty());
+            several = !b.rivals.is_empty();
+        };
+        tracker.step_with(sample, &mut see).unwrap();
+    }
+    assert!(openings >= ROUNDS, "a bank for each silence was meant to open: {openings}");
+    let filtered = pair.run(&samples, None);
+    let smooth = filtered.smooth(&mut |_| true).unwrap();
+    let n = pair.body.layout.dim();
+    let error = |run: &Run, r: usize| pair.error(&run.series.mean[r * n..(r + 1) * n], run.series.time_s[r]).norm();
+    let each = samples.len() / ROUNDS;
+    let ends: Vec<f64> = (1..=ROUNDS).map(|k| error(&filtered, k * each - 1)).collect();
+    let starts: Vec<f64> = (0..ROUNDS).map(|k| error(&smooth, k * each)).collect();
+    println!("{openings} openings; filtered before each silence {ends:.3?}; smoothed behind each {starts:.3?}");
+    let found = |errors: &[f64]| errors.iter().filter(|e| **e < FOUND_RAD).count();
+    assert!(found(&ends) == ROUNDS && found(&starts) == ROUNDS, "{ends:?} {starts:?}");
+}

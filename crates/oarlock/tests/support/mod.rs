@@ -121,7 +121,7 @@ pub fn belief(body: &Body, time_s: f64, mean: Vec<f64>, std: &[f64]) -> Belief {
         seen_s: vec![time_s; body.suite.sources.len()],
         rejected_since_s: vec![f64::NAN; parts],
         memory: vec![[f64::NAN; MEMORY]; body.suite.sources.len()],
-        line: 1,
+        line: 0,
         score: 0.0,
         rivals: Vec::new(),
     }
