@@ -14,6 +14,7 @@ use crate::rotation::Mat3;
 pub use build::read_model;
 pub use expr::Expr;
 pub use point::Point;
+use std::f64::consts::{PI, TAU};
 pub use transform::{RotationExpr, Transform};
 
 /// What a joint lets move.
@@ -133,6 +134,12 @@ impl Axis {
     /// Standard deviation of its prior.
     pub fn prior_std(&self) -> f64 {
         (self.limits[1] - self.limits[0]) / 4.0
+    }
+
+    /// The same angle, less than half a turn from the middle of its soft range.
+    pub fn nearest(&self, angle: f64) -> f64 {
+        let middle = 0.5 * (self.limits[0] + self.limits[1]);
+        middle + (angle - middle + PI).rem_euclid(TAU) - PI
     }
 }
 

@@ -3,6 +3,7 @@
 pub mod bank;
 pub mod begin;
 pub mod loops;
+pub mod lost;
 pub mod notes;
 pub mod regain;
 pub mod rest;
@@ -81,6 +82,8 @@ pub struct Tracker {
     manner: Manner,
     /// Off while several hypotheses compete: who is surprised more often must not excuse it by stronger driving noise.
     learns: bool,
+    /// The belief was given up just before this sample's update.
+    lost: bool,
     transition: Transition,
     info: Info,
     belief: Option<Belief>,
@@ -115,6 +118,7 @@ impl Tracker {
             strict: body.quantities().iter().map(|&q| q == Quantity::Mag).collect(),
             manner: manner(config),
             learns: true,
+            lost: false,
             transition: Transition::default(),
             info: Info::new(&groups, rows),
             belief: None,
@@ -288,19 +292,32 @@ impl Tracker {
             let last = sample.time_s - belief.time_s <= step || next <= belief.time_s;
             let to = if last { sample.time_s } else { next };
             self.filter.predict(&self.body, belief, to, &mut self.transition);
+            if last {
+                self.prepare(sample);
+                self.lost = self.is_lost(belief);
+                if self.lost {
+                    self.give_up(belief);
+                }
+            }
             on_predicted(&self.transition, belief);
             if last {
-                return self.update(belief, sample);
+                return self.update(belief);
             }
         }
     }
 
-    fn update(&mut self, belief: &mut Belief, sample: &Sample) -> Result<()> {
-        self.prepare(sample);
+    /// Takes in the prepared sample.
+    fn update(&mut self, belief: &mut Belief) -> Result<()> {
+        let lost = std::mem::take(&mut self.lost);
         self.notice_rest(belief);
-        if self.must_regain(belief) && self.regain(belief) {
+        if (lost || self.must_regain(belief)) && self.regain(belief) {
+            self.info.lost = lost;
+            if lost {
+                self.doubt(belief);
+            }
             return Ok(());
         }
+        self.info.lost = lost;
         self.hush_loops(belief);
         self.mark_seen(belief);
         let sighting =

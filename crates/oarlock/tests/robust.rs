@@ -17,6 +17,7 @@ use std::sync::Arc;
 use support::chance::Chance;
 use support::record::{times, Scene};
 use support::stroke::Stroke;
+use support::wave::Wave;
 use support::{belief, body, model, plain, start_std, worse, CHAIN, SCULLER};
 
 fn tracker(model: &Arc<Model>, config: &Config) -> Tracker {
@@ -352,4 +353,38 @@ fn a_plain_tracker_needs_no_gate_to_refuse_infinity() {
     assert!(matches!(tracker.step(&samples[5]), Err(Error::Data(_))));
     assert_eq!(belief, format!("{:?}", tracker.belief()), "a refusal loses nothing");
     assert_eq!(tracker.step(&samples[6]).unwrap(), Status::Tracking);
+}
+
+/// Gyroscopes and accelerometers are refused until patience ends; then the posture is sought anew, not bent by a thousand
+/// standard deviations at each update.
+#[test]
+fn a_belief_that_its_sensors_contradict_is_given_up() {
+    let (chain, config) = (model(CHAIN), Config::default());
+    let body = body(&chain, &config);
+    let wave = Wave::random(&chain, 0.8, 0.8, &mut Chance::new(6));
+    let motion = |t| wave.at(t);
+    let scene = Scene { body: &body, motion: &motion, surge: &|_| 0.0, azimuth_rad: 0.5, noise: 1.0 };
+    let mut mean = scene.state(0.0);
+    let joints = [0, 1].map(|j| body.layout.coordinates[j].unwrap());
+    for slots in joints {
+        mean[slots.q] += 1.0;
+        mean[slots.rates.unwrap().0] += 5.0;
+    }
+    let mut tracker = tracker(&chain, &config);
+    tracker.resume(belief(&body, 0.0, mean, &vec![1e-4; body.layout.dim()])).unwrap();
+    let (mut lost_s, mut worst) = (Vec::new(), 0.0_f64);
+    for sample in &scene.samples(&times(0.01, 0.01, 200), &mut Chance::new(3)) {
+        tracker.step(sample).unwrap();
+        lost_s.extend(tracker.info().lost.then_some(sample.time_s));
+        let (now, truth) = (tracker.belief().unwrap(), wave.at(sample.time_s));
+        assert!(is_sound(now));
+        for (j, slots) in joints.iter().enumerate() {
+            let error = (now.mean[slots.q] - truth.q[j]).abs();
+            let std = now.covariance.at(slots.q, slots.q).sqrt();
+            worst = if lost_s.is_empty() { 0.0 } else { worse(worst, error / std) };
+        }
+    }
+    println!("given up at {lost_s:?} s, at worst {worst:.1} sigma from then on");
+    assert!(lost_s.len() == 1 && lost_s[0] < 0.1, "{lost_s:?}");
+    assert!(worst < 5.0, "{worst}");
 }

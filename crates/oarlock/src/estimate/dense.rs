@@ -148,6 +148,10 @@ pub fn cholesky_of_gram(g: &[f64], used: &[bool], u: &mut Square) -> Result<(), 
         let rows = g.chunks_exact(n).zip(used).filter(|(_, &on)| on).map(|(r, _)| r);
         accumulate(&mut row[i..], rows.map(|r| (r[i], &r[i..])));
         accumulate(&mut row[i..], (0..i).map(|k| (-above[k * n + i], &above[k * n + i..(k + 1) * n])));
+        // No pivot of 1 + G'G is smaller than 1, but rounding beside huge entries may leave less. NaN stays.
+        if row[i] < 1.0 {
+            row[i] = 1.0;
+        }
         finish_row(row, i)?;
     }
     Ok(())

@@ -50,6 +50,8 @@ pub struct Info {
     pub sources: Vec<SourceInfo>,
     /// How well the readings fit, as the logarithm of a likelihood; what was rejected counts as just tolerable.
     pub evidence: f64,
+    /// The belief was given up before, because its sensors contradicted it.
+    pub lost: bool,
 }
 
 impl Info {
@@ -62,6 +64,7 @@ impl Info {
             inertial: (f64::NAN, 0),
             sources: vec![none; groups.sources.len()],
             evidence: 0.0,
+            lost: false,
         }
     }
 }
@@ -272,8 +275,7 @@ impl<S: System> Filter<S> {
             let barred = sighting.barred[p];
             let slack = if sighting.strict[p] { 1.0 } else { gate.slack };
             let since = &mut belief.rejected_since_s[p];
-            // At low rates patience spans a few samples at least.
-            let patience_s = gate.patience_s.max(3.0 * self.since_s);
+            let patience_s = self.patience_s(gate);
             let patient = since.is_nan() || belief.time_s - *since <= patience_s;
             let nis = gate::nis(&self.fan.g, self.fan.width, &self.y, rows.clone(), &mut self.room);
             // Written so that what is not a number is absurd too.
@@ -298,6 +300,11 @@ impl<S: System> Filter<S> {
                 _ => f64::NAN,
             };
         }
+    }
+
+    /// How long a part may be rejected before it is believed; at low rates a few samples at least.
+    pub fn patience_s(&self, gate: Gate) -> f64 {
+        gate.patience_s.max(3.0 * self.since_s)
     }
 
     fn report(&mut self, sighting: Sighting, info: &mut Info) {

@@ -5,6 +5,7 @@
 //! find it. So the unknown direction is cut into twelve, each with a filter of its own, and the likeliest one is reported, with
 //! the spread of all that are still alive.
 
+use super::lost::forget;
 use super::Tracker;
 use crate::body::three;
 use crate::estimate::belief::{Belief, BRANCHES};
@@ -45,9 +46,13 @@ impl Tracker {
     pub(super) fn update_all(&mut self, belief: &mut Belief, sample: &Sample) -> Result<()> {
         self.learns = belief.rivals.is_empty();
         if belief.rivals.is_empty() {
-            return self.update(belief, sample);
+            self.prepare(sample);
+            return self.update(belief);
         }
-        self.compete(belief, &mut |tracker, one| tracker.update(one, sample))
+        self.compete(belief, &mut |tracker, one| {
+            tracker.prepare(sample);
+            tracker.update(one)
+        })
     }
 
     fn compete(&mut self, belief: &mut Belief, go: &mut dyn FnMut(&mut Self, &mut Belief) -> Result<()>) -> Result<()> {
@@ -201,11 +206,7 @@ impl Tracker {
         for i in 0..3 {
             let Some((rate, accel)) = slots.rates else { break };
             for (state, std) in [(rate + i, axis.process.start_std[1]), (accel + i, axis.process.start_std[2])] {
-                (0..n).for_each(|k| {
-                    *belief.covariance.at_mut(state, k) = 0.0;
-                    *belief.covariance.at_mut(k, state) = 0.0;
-                });
-                *belief.covariance.at_mut(state, state) = std * std;
+                forget(&mut belief.covariance, state, std);
             }
         }
         belief.score = 0.0;

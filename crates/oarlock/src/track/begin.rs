@@ -17,7 +17,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 /// Samples of the window that the fit uses, spread evenly.
 const MOST_SAMPLES: usize = 8;
 /// The fit's prior is this much wider than what the filter starts from.
-const WIDENED: f64 = 4.0;
+pub(super) const WIDENED: f64 = 4.0;
 /// Standard deviation of the azimuth before anything is known, rad; a quarter turn lies between the guesses.
 const AZIMUTH_STD: f64 = 1.0;
 /// Least standard deviation of the azimuth that the filter starts from, rad.
@@ -97,8 +97,7 @@ impl Tracker {
             let axis = &self.body.axes[joint.first];
             std[slots.q] = std[slots.q].max(fitted(slots.q).min(axis.prior_std()));
             if joint.kind == JointKind::Hinge && !self.is_encoded(&joint.name) {
-                let middle = 0.5 * (joint.limits[0] + joint.limits[1]);
-                fit.mean[slots.q] = middle + wrapped(fit.mean[slots.q] - middle);
+                fit.mean[slots.q] = axis.nearest(fit.mean[slots.q]);
             }
         }
         if let Some(i) = layout.azimuth {
@@ -154,7 +153,7 @@ impl Tracker {
     }
 
     /// Whether an encoder tells whole turns of a joint.
-    fn is_encoded(&self, joint: &str) -> bool {
+    pub(super) fn is_encoded(&self, joint: &str) -> bool {
         let model = &self.body.model;
         let reads = |s: &crate::model::Sensor| matches!(s.kind, SensorKind::Encoder { joint: j, .. } if model.joints[j].name == joint);
         model.sensors.iter().any(reads)
@@ -193,7 +192,7 @@ fn guess(body: &Body, posture: &[f64], side: f64) -> Guess {
 }
 
 /// Standard deviations at the start, those of the rates `widened`.
-fn start_std(body: &Body, widened: f64) -> Vec<f64> {
+pub(super) fn start_std(body: &Body, widened: f64) -> Vec<f64> {
     let mut std = vec![AZIMUTH_START_STD; body.layout.dim()];
     for (_, axis, slots) in body.moving() {
         std[slots.q] = axis.process.start_std[0];

@@ -16,6 +16,7 @@ pub fn notes(run: &Run) -> Vec<String> {
     notes.extend(silent_loops(run));
     notes.extend(rejections(run));
     notes.extend(unobserved(run));
+    notes.extend(losses(run));
     if run.refused > 0 {
         notes.push(format!("{} samples were not later than the belief and were refused", run.refused));
     }
@@ -93,6 +94,16 @@ fn rejections(run: &Run) -> Vec<String> {
         })
     };
     body.suite.sources.iter().enumerate().filter_map(describe).collect()
+}
+
+fn losses(run: &Run) -> Option<String> {
+    let first = run.losses_s.first()?;
+    let times = run.losses_s.len();
+    let when = if times == 1 { format!("at {first:.3} s") } else { format!("{times} times, first at {first:.3} s") };
+    Some(format!(
+        "the track was lost {when}: most sensors contradicted it, and the posture was sought anew; check mounts and lengths, and \
+         whether joints pass poses in which hinges in a row have no free direction (a ball has none)"
+    ))
 }
 
 fn unobserved(run: &Run) -> Vec<String> {

@@ -73,6 +73,8 @@ pub struct Run {
     pub refused: usize,
     checkpoints: Vec<Checkpoint>,
     partings: Vec<Parting>,
+    /// When the belief was given up, because its sensors contradicted it, s.
+    pub losses_s: Vec<f64>,
     last: Option<Belief>,
 }
 
@@ -102,6 +104,7 @@ pub fn track(
         refused: 0,
         checkpoints: Vec::new(),
         partings: Vec::new(),
+        losses_s: Vec::new(),
         last: None,
         tracker,
     };
@@ -232,6 +235,7 @@ impl Keeper<'_> {
         let run = &mut *self.run;
         run.steps += 1;
         run.note_partings(belief);
+        run.losses_s.extend(info.lost.then_some(belief.time_s));
         // By the stamp alone, so that a run cut in two keeps the same rows; a hair late still counts as on time.
         let slot = |time_s: f64| run.config.output_rate_hz.map_or(f64::NAN, |rate| (time_s * rate + 1e-6).floor());
         let is_row = slot(belief.time_s) != slot(self.kept_s);
