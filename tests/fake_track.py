@@ -45,6 +45,7 @@ class FakeInfo:
     missing: NDArray[np.int64]
     inertial_nis: NDArray[np.float64]
     inertial_used: NDArray[np.int64]
+    field: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -151,7 +152,8 @@ def healthy_info(samples: int, rng: np.random.Generator) -> FakeInfo:
     used[1::2, 2], nis[1::2, 2] = 0, np.nan
     missing = np.tile(rows, (samples, 1)) - used
     sensors = ("back", "seat", "r_grip")
-    return FakeInfo(sensors, nis, used, np.zeros_like(used), missing, nis[:, 0], used[:, 0])
+    none = np.zeros_like(used)
+    return FakeInfo(sensors, nis, used, none, missing, nis[:, 0], used[:, 0], none)
 
 
 def with_beliefs(

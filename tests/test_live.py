@@ -9,6 +9,7 @@ import pytest
 
 import oarlock
 from exact_recording import UNITS, load_excerpt, lossy, sculler
+from oarlock.track_records import FIELD
 
 SPAN_S = 3.0
 CUT_S = 1.304  # a stamp of the recording
@@ -46,7 +47,7 @@ def assert_same_rows(one: oarlock.Track, other: oarlock.Track, rows: Any = slice
         assert np.array_equal(getattr(one, name)[rows], getattr(other, name), equal_nan=name != "observed"), (
             name
         )
-    for name in ("nis", "used", "rejected", "missing", "inertial_nis", "inertial_used"):
+    for name in ("nis", "used", "rejected", "missing", "inertial_nis", "inertial_used", "field"):
         ours, theirs = getattr(one.info, name)[rows], getattr(other.info, name)
         assert np.array_equal(ours, theirs, equal_nan=ours.dtype.kind == "f"), name
     for name, slow in one.slow.items():
@@ -83,6 +84,7 @@ def assert_step_is_row(step: tuple[Any, Any], whole: oarlock.Track, row: int) ->
         found = info.sensors[name]
         assert np.array_equal(found["nis"], whole.info.nis[row, column], equal_nan=True)
         assert all(found[k] == getattr(whole.info, k)[row, column] for k in ("used", "rejected", "missing"))
+        assert found["field"] == FIELD[whole.info.field[row, column]]
     assert info.inertial == (whole.info.inertial_nis[row], whole.info.inertial_used[row])
 
 
@@ -113,7 +115,8 @@ def test_absent_keys_are_missing_readings(recording):
     back = recording["back"]
     gyro = [*back.gyro_rad_s[40, :2], np.nan]
     _, info = tracker.step(back.time_s[40], {"back": {"gyro_rad_s": gyro}})
-    assert info.sensors["back"] | {"nis": 0} == {"nis": 0, "used": 2, "rejected": 0, "missing": 7}
+    expected = {"nis": 0, "used": 2, "rejected": 0, "missing": 7, "field": "missing"}
+    assert info.sensors["back"] | {"nis": 0} == expected
     assert info.sensors["r_forearm"]["missing"] == 9
     assert info.sensors["r_grip"]["used"] == 0
     assert np.isnan(info.innovation[2:]).all()

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+from validation import singular
 
 import oarlock
 from oarlock import Recording
-from validation import singular
 
 # With this seed three hinges without a compass pass their pole so closely that they cannot follow.
 SEED = 2

@@ -9,7 +9,7 @@ import oarlock
 from exact_recording import load_excerpt, sculler
 
 ARRAYS = ("time_s", "q", "qd", "qdd", "q_std", "qd_std", "qdd_std", "observed")
-INFOS = ("nis", "used", "rejected", "missing", "inertial_nis", "inertial_used")
+INFOS = ("nis", "used", "rejected", "missing", "inertial_nis", "inertial_used", "field")
 
 
 @pytest.fixture(scope="module")

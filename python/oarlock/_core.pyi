@@ -96,7 +96,8 @@ class Info:
     innovation: Floats
     nis: float
     inertial: tuple[float, int]
-    sensors: dict[str, dict[str, float]]
+    sensors: dict[str, dict[str, Any]]
+    lost: bool
 
 class Sample:
     __hash__: ClassVar[None]  # type: ignore[assignment]

@@ -320,6 +320,7 @@ def _info(arrays: Mapping[str, Floats], run: Run) -> SensorInfo:
         missing=arrays["missing"].astype(np.int64),
         inertial_nis=arrays["inertial_nis"],
         inertial_used=arrays["inertial_used"].astype(np.int64),
+        field=arrays["field"].astype(np.int64),
     )
 
 

@@ -7,7 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock.errors import DataError
+from oarlock.suggest import did_you_mean
+
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+FIELD = ("missing", "undisturbed", "norm", "dip", "innovation")
+"""What a magnetometer's reading was: not there, the undisturbed field, or disturbed, by the first test it failed."""
+DISTURBED = FIELD[2:]
 
 
 @dataclass(frozen=True)
@@ -24,6 +32,7 @@ class SensorInfo:
     """What each update did with each sensor and closure: (T, S) each. NIS is NaN where nothing was used.
 
     `inertial_nis` (T,) is that of all inertial readings of a sample together, `inertial_used` (T,) their number.
+    `field` says what a magnetometer's reading was, as an index into `FIELD`.
     """
 
     sensor_names: tuple[str, ...]
@@ -33,6 +42,19 @@ class SensorInfo:
     missing: NDArray[np.int64]
     inertial_nis: Floats
     inertial_used: NDArray[np.int64]
+    field: NDArray[np.int64]
+
+    def disturbed(self, test: str | None = None) -> Bools:
+        """Which magnetometer samples were not used, (T, S): those that failed `norm`, `dip` or `innovation`, or any.
+
+        Raises:
+            DataError: no such test.
+        """
+        if test is None:
+            return np.asarray(self.field >= FIELD.index(DISTURBED[0]))
+        if test not in DISTURBED:
+            raise DataError(f"disturbed: no test '{test}'. {did_you_mean(test, DISTURBED)}")
+        return np.asarray(self.field == FIELD.index(test))
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use oarlock::estimate::belief::{Belief, MEMORY};
 use oarlock::estimate::dense::Square;
 use oarlock::estimate::filter::Info;
+use oarlock::track::magnetic::Field;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -173,6 +174,7 @@ pub struct PyInfo {
     pub time_s: f64,
     pub status: &'static str,
     pub sensor_names: Vec<String>,
+    pub fields: Vec<Field>,
 }
 
 #[pymethods]
@@ -195,6 +197,12 @@ impl PyInfo {
         PyArray1::from_slice(py, &self.info.innovation)
     }
 
+    /// Whether the belief was given up before this update, because most of its sensors contradicted it.
+    #[getter]
+    fn lost(&self) -> bool {
+        self.info.lost
+    }
+
     /// Normalised innovation squared of all used rows.
     #[getter]
     fn nis(&self) -> f64 {
@@ -207,16 +215,18 @@ impl PyInfo {
         self.info.inertial
     }
 
-    /// By sensor and closure: nis, used, rejected, missing (rows).
+    /// By sensor and closure: nis, used, rejected, missing (rows), and what the magnetometer's reading was (`field`): missing,
+    /// undisturbed, or the test it failed: norm, dip, innovation.
     #[getter]
     fn sensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
-        for (name, s) in self.sensor_names.iter().zip(&self.info.sources) {
+        for ((name, s), field) in self.sensor_names.iter().zip(&self.info.sources).zip(&self.fields) {
             let one = PyDict::new(py);
             one.set_item("nis", s.nis)?;
             one.set_item("used", s.used)?;
             one.set_item("rejected", s.rejected)?;
             one.set_item("missing", s.missing)?;
+            one.set_item("field", field.name())?;
             all.set_item(name, one)?;
         }
         Ok(all)

@@ -67,7 +67,7 @@ impl PyRun {
     }
 
     /// Arrays by name: time_s (T,), mean and std (T, n), inputs and observed (T, coordinates), and per source
-    /// nis, used, rejected, missing (T, S).
+    /// nis, used, rejected, missing, field (T, S).
     fn arrays<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let s = &self.0.series;
         let body = &self.0.tracker().body;
@@ -85,6 +85,7 @@ impl PyRun {
         out.set_item("used", pick(|i| f64::from(i.used))?)?;
         out.set_item("rejected", pick(|i| f64::from(i.rejected))?)?;
         out.set_item("missing", pick(|i| f64::from(i.missing))?)?;
+        out.set_item("field", wide(&s.fields.iter().map(|&f| f as u8 as f64).collect::<Vec<_>>())?)?;
         let inertial: (Vec<f64>, Vec<f64>) = s.inertial.iter().map(|&(nis, n)| (nis, n as f64)).unzip();
         out.set_item("inertial_nis", PyArray1::from_vec(py, inertial.0))?;
         out.set_item("inertial_used", PyArray1::from_vec(py, inertial.1))?;

@@ -114,7 +114,8 @@ impl PyTracker {
         let sensor_names = self.sensors.clone();
         let tracking = status == "tracking";
         let info = if tracking { self.tracker.info().clone() } else { self.tracker.blank_info() };
-        let info = PyInfo { info, time_s, status, sensor_names };
+        let fields = self.tracker.fields(&info).collect();
+        let info = PyInfo { info, time_s, status, sensor_names, fields };
         Ok((self.belief(), info))
     }
 

@@ -79,6 +79,19 @@ pub struct BodyScratch {
     frames: Vec<FrameMotion<Lane>>,
 }
 
+/// Room for the motion of all frames at one state.
+#[derive(Debug, Clone)]
+pub struct Posture {
+    q: Vec<f64>,
+    qd: Vec<f64>,
+    qdd: Vec<f64>,
+    lengths: Vec<f64>,
+    /// Rotation vectors by which the estimated mounts are off.
+    pub mounts: Vec<Vec3<f64>>,
+    /// Of the frames that a moment needs.
+    pub frames: Vec<FrameMotion<f64>>,
+}
+
 /// A model, its numbers and its state layout.
 #[derive(Debug, Clone)]
 pub struct Body {
@@ -222,20 +235,37 @@ impl Body {
 
     /// Motion of every frame at a state.
     pub fn motions_at(&self, mean: &[f64], moment: &Moment) -> Vec<FrameMotion<f64>> {
-        let width = self.axes.len();
-        let (mut q, mut qd, mut qdd) = (moment.inputs.clone(), vec![0.0; width], vec![0.0; width]);
+        let mut posture = self.posture();
+        self.pose(mean, &Moment { needed: vec![true; self.tree.len()], ..moment.clone() }, &mut posture);
+        posture.frames
+    }
+
+    /// Room for [`Body::pose`].
+    pub fn posture(&self) -> Posture {
+        let coordinates = vec![0.0; self.axes.len()];
+        Posture {
+            q: coordinates.clone(),
+            qd: coordinates.clone(),
+            qdd: coordinates,
+            lengths: vec![0.0; self.layout.lengths.len()],
+            mounts: vec![Vec3::zero(); self.layout.mounts.len()],
+            frames: vec![FrameMotion::resting(Vec3::zero()); self.tree.len()],
+        }
+    }
+
+    /// Motion at a state of the frames that the moment needs. Allocates nothing.
+    pub fn pose(&self, mean: &[f64], moment: &Moment, room: &mut Posture) {
+        room.q.copy_from_slice(&moment.inputs);
         for (c, _, slots) in self.moving() {
-            q[c] = mean[slots.q];
+            room.q[c] = mean[slots.q];
             if let Some((rate, accel)) = slots.rates {
-                (qd[c], qdd[c]) = (mean[rate], mean[accel]);
+                (room.qd[c], room.qdd[c]) = (mean[rate], mean[accel]);
             }
         }
-        let lengths: Vec<f64> = self.layout.lengths.iter().map(|(_, state)| mean[*state]).collect();
-        let root = self.root(|i| mean[i]);
-        let mut frames = vec![root; self.tree.len()];
-        let joints = JointMotion { q: &q, qd: &qd, qdd: &qdd, lengths: &lengths, anchors: &[] };
-        self.tree.motions(root, joints, &vec![true; self.tree.len()], &mut frames);
-        frames
+        room.lengths.iter_mut().zip(&self.layout.lengths).for_each(|(length, (_, state))| *length = mean[*state]);
+        room.mounts.iter_mut().zip(&self.layout.mounts).for_each(|(m, (_, first))| *m = Vec3(three(mean, *first)));
+        let joints = JointMotion { q: &room.q, qd: &room.qd, qdd: &room.qdd, lengths: &room.lengths, anchors: &[] };
+        self.tree.motions(self.root(|i| mean[i]), joints, &moment.needed, &mut room.frames);
     }
 
     /// The root as it feels gravity and the base accelerations, whose values `state` gives.

@@ -19,9 +19,9 @@ pub enum ProcessNoise {
 pub enum Magnetometer {
     /// Not used.
     Off,
-    /// Used unless the field's norm or the innovation is odd.
+    /// Used unless the field's norm, its dip or the innovation is odd.
     Gated,
-    /// Used whatever its norm.
+    /// Used whatever norm and dip are, and tested like a sensor that feels motion.
     On,
 }
 

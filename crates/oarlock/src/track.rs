@@ -4,16 +4,17 @@ pub mod bank;
 pub mod begin;
 pub mod loops;
 pub mod lost;
+pub mod magnetic;
 pub mod notes;
 pub mod regain;
 pub mod rest;
 pub mod run;
 
-use crate::body::{Body, Moment};
+use crate::body::{Body, Moment, Posture};
 use crate::config::{Config, Magnetometer};
 use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
-use crate::estimate::filter::{Filter, Gate, Groups, Info, Lost, Manner, Sighting};
+use crate::estimate::filter::{Filter, Gate, Groups, Info, Lost, Manner, Sighting, Slant};
 use crate::estimate::learn::Learning;
 use crate::estimate::sigma::Spread;
 use crate::estimate::transition::Transition;
@@ -57,8 +58,6 @@ const LONGEST_STEP_S: f64 = 0.1;
 const STEP_SHARE: f64 = 0.1;
 /// Readings that feel the body's own motion are odd only far beyond the quantile: a jolt is not a fault.
 const GATE_SLACK: f64 = 10.0;
-/// A field whose norm is off by more than this share is disturbed.
-const FIELD_TOLERANCE: f64 = 0.15;
 
 /// A belief and its workspace.
 #[derive(Debug, Clone)]
@@ -79,6 +78,9 @@ pub struct Tracker {
     z: Vec<f64>,
     barred: Vec<bool>,
     strict: Vec<bool>,
+    slants: Vec<Option<Slant>>,
+    /// Room for the belief's mean.
+    posture: Posture,
     manner: Manner,
     /// Off while several hypotheses compete: who is surprised more often must not excuse it by stronger driving noise.
     learns: bool,
@@ -115,7 +117,9 @@ impl Tracker {
             moment: body.moment(),
             z: vec![f64::NAN; rows],
             barred: vec![false; groups.parts.len()],
-            strict: body.quantities().iter().map(|&q| q == Quantity::Mag).collect(),
+            strict: strict(&body, config),
+            slants: vec![None; groups.parts.len()],
+            posture: body.posture(),
             manner: manner(config),
             learns: true,
             lost: false,
@@ -320,8 +324,15 @@ impl Tracker {
         self.info.lost = lost;
         self.hush_loops(belief);
         self.mark_seen(belief);
-        let sighting =
-            Sighting { z: &self.z, std: &self.std, barred: &self.barred, strict: &self.strict, groups: &self.groups };
+        self.measure_dips(belief);
+        let sighting = Sighting {
+            z: &self.z,
+            std: &self.std,
+            barred: &self.barred,
+            strict: &self.strict,
+            slants: &self.slants,
+            groups: &self.groups,
+        };
         let learning = if self.learns { self.manner.learning } else { Learning { memory_s: f64::INFINITY } };
         let manner = Manner { learning, ..self.manner };
         let done = self.filter.update(&self.body, &self.moment, belief, sighting, manner, &mut self.info);
@@ -338,7 +349,7 @@ impl Tracker {
             self.z[rows].fill(if speaks { 0.0 } else { f64::NAN });
         }
         self.silence_what_needs_missing_inputs(sample);
-        self.judge_magnetometers();
+        self.judge_norms();
         for (input, &value) in self.moment.inputs.iter_mut().zip(&sample.inputs) {
             *input = if value.is_nan() { 0.0 } else { value };
         }
@@ -362,38 +373,23 @@ impl Tracker {
             }
         }
     }
+}
 
-    /// Rows of magnetometers.
-    fn magnetic_rows(&self) -> impl Iterator<Item = usize> + '_ {
-        let parts = self.groups.parts.iter().zip(&self.quantities);
-        parts.filter(|(_, &q)| q == Quantity::Mag).flat_map(|(rows, _)| rows.clone())
-    }
-
-    fn judge_magnetometers(&mut self) {
-        let norm = self.body.field.norm_ut;
-        for (p, rows) in self.groups.parts.iter().enumerate() {
-            self.barred[p] = false;
-            if self.quantities[p] != Quantity::Mag {
-                continue;
-            }
-            let z = &mut self.z[rows.clone()];
-            match self.config.magnetometer {
-                Magnetometer::On => {}
-                Magnetometer::Off => z.fill(f64::NAN),
-                Magnetometer::Gated => {
-                    let measured = z.iter().map(|x| x * x).sum::<f64>().sqrt();
-                    let tolerance = (FIELD_TOLERANCE * norm).max(5.0 * self.std[rows.start]);
-                    self.barred[p] = (measured - norm).abs() > tolerance;
-                }
-            }
-        }
-    }
+/// Parts that are no judge of motion: magnetometers, unless they are to be used whatever they read.
+fn strict(body: &Body, config: &Config) -> Vec<bool> {
+    let gated = config.magnetometer == Magnetometer::Gated;
+    body.quantities().iter().map(|&q| gated && q == Quantity::Mag).collect()
 }
 
 fn manner(c: &Config) -> Manner {
     Manner {
         spread: Spread { alpha: c.alpha, beta: c.beta, kappa: c.kappa },
-        gate: Gate { on: c.gate, slack: GATE_SLACK, patience_s: c.gate_patience_s },
+        gate: Gate {
+            on: c.gate,
+            slack: GATE_SLACK,
+            patience_s: c.gate_patience_s,
+            strict_patience_s: magnetic::PATIENCE_S.max(c.gate_patience_s),
+        },
         learning: Learning { memory_s: c.learning_memory_s.unwrap_or(f64::INFINITY) },
     }
 }

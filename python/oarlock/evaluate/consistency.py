@@ -9,13 +9,16 @@ given here per state and per measurement, so that 1 is what is expected.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.stats import chi2
 
 from ..coordinates import Kind, parts
 from ..rotation import quat_from_rotvec, rotvec_between, wrap
+from ..track_records import DISTURBED, FIELD
 from .resample import resample, resample_rotation
 from .scores import SensorScore, StateScore
 from .tracklike import BeliefsLike, Bools, Floats, InfoLike, Interval, TrackLike, beliefs_of, info_of
@@ -52,9 +55,16 @@ def sensor_scores(track: TrackLike, window: Interval) -> tuple[SensorScore, ...]
                 used=int(used.sum()),
                 rejected=int(info.rejected[kept, k].sum()),
                 missing=int(info.missing[kept, k].sum()),
+                disturbed=_disturbed(info.field[kept, k]),
             )
         )
     return (*scores, *_inertial_score(info, kept))
+
+
+def _disturbed(field: NDArray[Any]) -> dict[str, float]:
+    there = np.count_nonzero(field != FIELD.index("missing"))
+    failed = {test: np.count_nonzero(field == FIELD.index(test)) for test in DISTURBED}
+    return {test: count / there for test, count in failed.items() if count}
 
 
 def _inertial_score(info: InfoLike, kept: Bools) -> tuple[SensorScore, ...]:

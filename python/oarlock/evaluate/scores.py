@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -135,8 +135,9 @@ class StateScore:
 class SensorScore:
     """NIS per measurement of one sensor or closure, and its rows; 1 is expected.
 
-    `joint` marks a score over several sensors, whose rows are counted with these. Source: Bar-Shalom et al. 2001,
-    section 5.4.
+    `joint` marks a score over several sensors, whose rows are counted with these. `disturbed` is the share of a
+    magnetometer's samples that failed each test (`norm`, `dip`, `innovation`), where any did. Source: Bar-Shalom et
+    al. 2001, section 5.4.
     """
 
     name: str
@@ -146,6 +147,7 @@ class SensorScore:
     rejected: int
     missing: int
     joint: bool = False
+    disturbed: Mapping[str, float] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-safe."""
@@ -155,6 +157,7 @@ class SensorScore:
             "used": self.used,
             "rejected": self.rejected,
             "missing": self.missing,
+            "disturbed": dict(self.disturbed),
         }
 
 

@@ -17,7 +17,7 @@ from oarlock.errors import DataError
 from oarlock.io.toml import TomlTable, write_toml
 from oarlock.track import Track
 from oarlock.track_columns import FIELDS, column_name, observed_name
-from oarlock.track_records import Beliefs, SensorInfo, SlowSeries
+from oarlock.track_records import FIELD, Beliefs, SensorInfo, SlowSeries
 
 FORMAT = 1
 _COUNTS = ("used", "rejected", "missing")
@@ -151,6 +151,7 @@ def _sensor_table(time_s: NDArray[np.float64], info: SensorInfo) -> pa.Table:
     for i, name in enumerate(info.sensor_names):
         columns[f"{name}.nis"] = info.nis[:, i]
         columns |= {f"{name}.{kind}": getattr(info, kind)[:, i] for kind in _COUNTS}
+        columns[f"{name}.field"] = pa.array(np.array(FIELD)[info.field[:, i]]).dictionary_encode()
     columns |= {"inertial.nis": info.inertial_nis, "inertial.used": info.inertial_used}
     return pa.table(columns)
 
@@ -174,8 +175,15 @@ def _info(file: Path, names: tuple[str, ...]) -> SensorInfo | None:
         nis=_stack(table, [f"{n}.nis" for n in names]),
         inertial_nis=_one(table, "inertial.nis"),
         inertial_used=_one(table, "inertial.used").astype(np.int64),
+        field=np.stack([_field(table, f"{n}.field") for n in names], axis=1),
         **counts,
     )
+
+
+def _field(table: pa.Table, name: str) -> NDArray[np.int64]:
+    # tracks were once written without it
+    words = table[name].to_pylist() if name in table.column_names else [FIELD[0]] * len(table)
+    return np.array([FIELD.index(word) for word in words], dtype=np.int64)
 
 
 def _beliefs(file: Path, states: tuple[str, ...]) -> Beliefs | None:

@@ -20,12 +20,15 @@ SMOOTHING_S = 0.5
 
 def health_table(scores: tuple[SensorScore, ...]) -> str:
     """NIS per measurement and rows used, rejected and missing of each sensor and closure."""
-    rows = [[_name(s), fixed(s.nis, 2), *_counts(s), _bar(s)] for s in scores]
+    rows = [[_name(s), fixed(s.nis, 2), *_counts(s), _disturbed(s), _bar(s)] for s in scores]
     caption = (
         "Rows (single channels) of each sensor and closure. NIS per measurement is 1 when readings scatter as "
-        "much as the filter expects; above 1 they scatter more, below 1 less."
+        "much as the filter expects; above 1 they scatter more, below 1 less. Disturbed: share of a magnetometer's "
+        "samples that were not used, by the first test they failed: the field's norm, its dip, the innovation."
     )
-    return table("sensors", caption, ["sensor", "NIS", "used", "rejected", "missing", "share"], rows)
+    return table(
+        "sensors", caption, ["sensor", "NIS", "used", "rejected", "missing", "disturbed", "share"], rows
+    )
 
 
 def _name(score: SensorScore) -> str:
@@ -34,6 +37,10 @@ def _name(score: SensorScore) -> str:
 
 def _counts(score: SensorScore) -> list[str]:
     return [f"{n:,}" if n else "0" for n in (score.used, score.rejected, score.missing)]
+
+
+def _disturbed(score: SensorScore) -> str:
+    return ", ".join(f"{test} {100 * share:.1f} %" for test, share in score.disturbed.items()) or DASH
 
 
 def _bar(score: SensorScore) -> str:

@@ -37,6 +37,21 @@ pub struct SourceInfo {
     pub missing: u8,
 }
 
+/// What became of a part of the measurement.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// Not there.
+    Missing,
+    /// Used.
+    Believed,
+    /// Not to be believed whatever the belief.
+    Barred,
+    /// Too far off in the direction of its slant.
+    Slanted,
+    /// Too large an innovation.
+    Odd,
+}
+
 /// The report of one update.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Info {
@@ -48,6 +63,8 @@ pub struct Info {
     pub inertial: (f64, usize),
     /// In the order of the sources.
     pub sources: Vec<SourceInfo>,
+    /// In the order of the parts.
+    pub parts: Vec<Verdict>,
     /// How well the readings fit, as the logarithm of a likelihood; what was rejected counts as just tolerable.
     pub evidence: f64,
     /// The belief was given up before, because its sensors contradicted it.
@@ -63,6 +80,7 @@ impl Info {
             nis: f64::NAN,
             inertial: (f64::NAN, 0),
             sources: vec![none; groups.sources.len()],
+            parts: vec![Verdict::Missing; groups.parts.len()],
             evidence: 0.0,
             lost: false,
         }
@@ -76,6 +94,19 @@ pub struct Lost {
     pub what: String,
 }
 
+/// A direction in which a part is tested by itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Slant {
+    /// Unit vector over the part's three rows, which have the same noise.
+    pub along: [f64; 3],
+    /// How far off the part is in this direction.
+    pub off: f64,
+    /// How far it may be off.
+    pub tolerance: f64,
+    /// ... or so many standard deviations of belief and noise, where these are more.
+    pub sigmas: f64,
+}
+
 /// What an update is told.
 #[derive(Debug, Clone, Copy)]
 pub struct Sighting<'a> {
@@ -85,8 +116,10 @@ pub struct Sighting<'a> {
     pub std: &'a [f64],
     /// Parts that are not to be believed whatever the innovation says.
     pub barred: &'a [bool],
-    /// Parts that pass at the bare quantile or not at all.
+    /// Parts that pass at the bare quantile or not at all, and whose oddities are no habit.
     pub strict: &'a [bool],
+    /// Of parts that are tested in one direction by itself.
+    pub slants: &'a [Option<Slant>],
     /// Rows that belong together.
     pub groups: &'a Groups,
 }
@@ -100,6 +133,8 @@ pub struct Gate {
     pub slack: f64,
     /// A part rejected for longer than this is believed again, s: the belief may be wrong, not the sensor.
     pub patience_s: f64,
+    /// The same of a strict part, which is believed from then on until it fits.
+    pub strict_patience_s: f64,
 }
 
 /// No belief is so wrong that a reading may be a million standard deviations off: that is no reading.
@@ -209,7 +244,7 @@ impl<S: System> Filter<S> {
         self.factorise(&belief.covariance)?;
         self.fan.spread(system, moment, &mut self.scratch, &belief.mean, &self.factor, manner.spread);
         self.whiten(sighting, belief.inflation, info);
-        self.judge(sighting, manner, belief);
+        self.judge(sighting, manner, belief, info);
         self.report(sighting, info);
         self.learn_noise(belief, manner.learning, info.inertial);
         belief.covariance.diagonal(&mut self.before);
@@ -263,27 +298,30 @@ impl<S: System> Filter<S> {
         }
     }
 
-    fn judge(&mut self, sighting: Sighting, manner: Manner, belief: &mut Belief) {
+    fn judge(&mut self, sighting: Sighting, manner: Manner, belief: &mut Belief, info: &mut Info) {
         let gate = manner.gate;
         let groups = sighting.groups;
         (self.rejected_nis, self.rejected_rows) = (0.0, 0);
         for (p, rows) in groups.parts.iter().enumerate() {
             let count = self.used[rows.clone()].iter().filter(|&&u| u).count();
+            info.parts[p] = Verdict::Missing;
             if count == 0 {
                 continue;
             }
-            let barred = sighting.barred[p];
-            let slack = if sighting.strict[p] { 1.0 } else { gate.slack };
+            let slanted = sighting.slants[p].is_some_and(|s| self.is_slanted(rows.start, s));
+            let (barred, strict) = (sighting.barred[p] || slanted, sighting.strict[p]);
+            let slack = if strict { 1.0 } else { gate.slack };
             let since = &mut belief.rejected_since_s[p];
-            let patience_s = self.patience_s(gate);
+            let patience_s = if strict { gate.strict_patience_s } else { self.patience_s(gate) };
             let patient = since.is_nan() || belief.time_s - *since <= patience_s;
             let nis = gate::nis(&self.fan.g, self.fan.width, &self.y, rows.clone(), &mut self.room);
             // Written so that what is not a number is absurd too.
             let absurd = !nis.is_some_and(|x| x < ABSURD_NIS);
             let nis = nis.filter(|_| !absurd).unwrap_or(ABSURD_NIS);
             let habit = &mut belief.habit[p];
-            let odd = absurd || (gate.on && patient && nis > slack * habit.max(1.0) * gate::threshold(count));
-            if !barred {
+            let beyond = gate.on && nis > slack * habit.max(1.0) * gate::threshold(count);
+            let odd = absurd || (beyond && patient);
+            if !barred && !(strict && odd) {
                 *habit = manner.learning.habit(*habit, self.since_s, nis / count as f64);
             }
             if odd && !barred {
@@ -294,12 +332,28 @@ impl<S: System> Filter<S> {
                 self.used[rows.clone()].fill(false);
                 self.y[rows.clone()].fill(0.0);
             }
-            *since = match (odd, since.is_nan()) {
+            info.parts[p] = match (sighting.barred[p], slanted, odd) {
+                (true, ..) => Verdict::Barred,
+                (_, true, _) => Verdict::Slanted,
+                (.., true) => Verdict::Odd,
+                _ => Verdict::Believed,
+            };
+            let doubted = if strict { (absurd || beyond) && !barred } else { odd };
+            *since = match (doubted, since.is_nan()) {
                 (true, true) => belief.time_s,
                 (true, false) => *since,
                 _ => f64::NAN,
             };
         }
+    }
+
+    /// Whether a part whose rows begin at `first` is farther off in its direction than tolerance, belief and noise allow.
+    fn is_slanted(&self, first: usize, slant: Slant) -> bool {
+        let rows = [0, 1, 2].map(|i| &self.fan.g[(first + i) * self.fan.width..][..self.fan.width]);
+        let along = |k: usize| (0..3).map(|i| slant.along[i] * rows[i][k]).sum::<f64>();
+        let spread = (1.0 + (0..self.fan.width).map(|k| along(k) * along(k)).sum::<f64>()).sqrt();
+        let scale = self.weight[first];
+        (slant.off * scale).abs() > (slant.tolerance * scale).max(slant.sigmas * spread)
     }
 
     /// How long a part may be rejected before it is believed; at low rates a few samples at least.
@@ -332,6 +386,7 @@ impl<S: System> Filter<S> {
         info.nis = f64::NAN;
         info.inertial = (f64::NAN, 0);
         info.evidence = 0.0;
+        info.parts.fill(Verdict::Missing);
         for (source, rows) in info.sources.iter_mut().zip(&sighting.groups.sources) {
             *source = SourceInfo { nis: f64::NAN, used: 0, rejected: 0, missing: rows.len() as u8 };
         }

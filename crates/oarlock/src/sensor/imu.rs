@@ -5,7 +5,7 @@ use super::{Quantity, RowGroups, Surroundings, Wearing, Worn};
 use crate::kinematics::FrameMotion;
 use crate::lane::Real;
 use crate::model::{ImuNoise, Point, SensorKind};
-use crate::rotation::Mat3;
+use crate::rotation::{Mat3, Vec3};
 
 /// Link from sensor, and the sensor's origin in the link's frame (m).
 pub type MountValue = (Mat3<f64>, [f64; 3]);
@@ -44,15 +44,22 @@ impl Imu {
         groups.into_iter().filter_map(|(q, names, std)| Some((q, names, vec![std?; 3]))).collect()
     }
 
+    /// The unit's axes; `mounts` are the rotation vectors of the mounts that are estimated.
+    #[inline(always)]
+    pub fn root_from_sensor<T: Real>(&self, frame: &FrameMotion<T>, mounts: &[Vec3<T>]) -> Mat3<T> {
+        let nominal = frame.rotation.times_f64(&self.rotation);
+        match self.mount.and_then(|i| mounts.get(i)) {
+            Some(turn) => nominal.then(&Mat3::about(*turn)),
+            None => nominal,
+        }
+    }
+
     /// Readings in sensor axes.
     #[inline(always)]
     pub fn predict<T: Real>(&self, frame: &FrameMotion<T>, around: &Surroundings<T>, worn: Worn<T>, out: &mut [T]) {
-        let mut root_from_sensor = frame.rotation.times_f64(&self.rotation);
-        if let Some(turn) = self.mount.and_then(|i| worn.mounts.get(i)) {
-            root_from_sensor = root_from_sensor.then(&Mat3::about(*turn));
-        }
+        let root_from_sensor = self.root_from_sensor(frame, worn.mounts);
         let mut at = 0;
-        let mut put = |v: crate::rotation::Vec3<T>| {
+        let mut put = |v: Vec3<T>| {
             out[at..at + 3].copy_from_slice(&root_from_sensor.apply_transposed(v).0);
             at += 3;
         };

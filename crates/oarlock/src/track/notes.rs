@@ -1,6 +1,7 @@
 //! Plain sentences on what a run could not use or see.
 
 use super::loops::dependence;
+use super::magnetic::{Field, FIELD};
 use super::run::Run;
 use crate::model::{JointKind, Model};
 use crate::recording::input_joint;
@@ -15,6 +16,7 @@ pub fn notes(run: &Run) -> Vec<String> {
     notes.extend(absent_streams(run));
     notes.extend(silent_loops(run));
     notes.extend(rejections(run));
+    notes.extend(disturbances(run));
     notes.extend(unobserved(run));
     notes.extend(losses(run));
     if run.refused > 0 {
@@ -86,10 +88,46 @@ fn rejections(run: &Run) -> Vec<String> {
         (share > REJECTED_SHARE).then(|| {
             format!(
                 "{}: {:.0} % of its readings did not fit and were rejected; check its mount, its units and, for a \
-                 magnetometer, the field's norm in the model ({} uT)",
+                 magnetometer, the field's norm and dip in the model ({} uT, {:.0} deg)",
                 source.name,
                 100.0 * share,
-                body.field.norm_ut
+                body.field.norm_ut,
+                body.field.dip_rad.to_degrees()
+            )
+        })
+    };
+    body.suite.sources.iter().enumerate().filter_map(describe).collect()
+}
+
+/// A row stands for the time since its sensor's last one, but not for a gap.
+const LONGEST_SAMPLE_S: f64 = 1.0;
+
+/// How long each magnetometer was disturbed, and by which test.
+fn disturbances(run: &Run) -> Vec<String> {
+    let body = &run.tracker().body;
+    let count = body.suite.sources.len();
+    let describe = |(s, source): (usize, &crate::sensor::Source)| {
+        let fields = run.series.fields.iter().skip(s).step_by(count);
+        let rows = run.series.time_s.iter().zip(fields).filter(|(_, &field)| field != Field::Missing);
+        let (mut seconds, mut whole_s, mut last_s) = ([0.0; FIELD.len()], 0.0, f64::NAN);
+        for (&time_s, &field) in rows {
+            let lasted_s = if last_s.is_nan() { 0.0 } else { (time_s - last_s).min(LONGEST_SAMPLE_S) };
+            seconds[field as usize] += lasted_s;
+            whole_s += lasted_s;
+            last_s = time_s;
+        }
+        let tests = [Field::Norm, Field::Dip, Field::Innovation].map(|f| (f.name(), seconds[f as usize]));
+        let disturbed_s: f64 = tests.iter().map(|t| t.1).sum();
+        let named = tests.iter().filter(|t| t.1 > 0.0).map(|(name, s)| format!("{name} {s:.1} s"));
+        let named: Vec<String> = named.collect();
+        (disturbed_s > 0.0).then(|| {
+            format!(
+                "{}: magnetic field disturbed for {disturbed_s:.1} of {whole_s:.1} s ({}) and not used meanwhile; expected are {} uT, \
+                 {:.0} deg below the horizon",
+                source.name,
+                named.join(", "),
+                body.field.norm_ut,
+                body.field.dip_rad.to_degrees()
             )
         })
     };

@@ -7,7 +7,7 @@
 
 use super::Tracker;
 use crate::estimate::belief::Belief;
-use crate::estimate::filter::{evidence, SourceInfo};
+use crate::estimate::filter::{evidence, SourceInfo, Verdict};
 use crate::estimate::start::{Evidence, Fit, Guess, Problem};
 use crate::model::Axis;
 
@@ -114,6 +114,14 @@ impl Tracker {
             let there = self.z[rows.clone()].iter().filter(|z| !z.is_nan()).count();
             let (used, there, all) = (used as u8, there as u8, rows.len() as u8);
             *source = SourceInfo { nis: f64::NAN, used, rejected: there - used, missing: all - there };
+        }
+        for ((part, rows), &barred) in self.info.parts.iter_mut().zip(&self.groups.parts).zip(&self.barred) {
+            let there = self.z[rows.clone()].iter().any(|z| !z.is_nan());
+            *part = match (there, barred) {
+                (false, _) => Verdict::Missing,
+                (true, true) => Verdict::Barred,
+                (true, false) => Verdict::Believed,
+            };
         }
     }
 }

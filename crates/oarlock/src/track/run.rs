@@ -1,5 +1,6 @@
 //! A whole recording: a loop over `Tracker::step`, and the smoother that goes back over it.
 
+use super::magnetic::Field;
 use super::{Calibration, Status, Tracker};
 use crate::config::Config;
 use crate::error::{Error, Result};
@@ -52,6 +53,8 @@ pub struct Series {
     pub observed: Vec<u8>,
     /// Per row and source.
     pub sources: Vec<SourceInfo>,
+    /// Per row and source, what its magnetometer's reading was.
+    pub fields: Vec<Field>,
     /// Per row: normalised innovation squared of all inertial readings together, and their number.
     pub inertial: Vec<(f64, usize)>,
 }
@@ -288,6 +291,7 @@ impl Run {
         s.observed.extend(inputs.clone().map(|(c, x)| u8::from(is_input(c) && !x.is_nan())));
         s.inputs.extend(inputs.by_ref().map(|(c, &x)| if is_input(c) { x } else { f64::NAN }));
         s.sources.extend_from_slice(&info.sources);
+        s.fields.extend(self.tracker.fields(info));
         s.inertial.push(info.inertial);
     }
 }

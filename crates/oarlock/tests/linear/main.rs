@@ -23,7 +23,7 @@ const SAME_SIGMA: f64 = 1e-10;
 
 const OPEN: Manner = Manner {
     spread: Spread { alpha: 0.3, beta: 2.0, kappa: 0.0 },
-    gate: Gate { on: false, slack: 1.0, patience_s: 1.0 },
+    gate: Gate { on: false, slack: 1.0, patience_s: 1.0, strict_patience_s: 1.0 },
     learning: Learning { memory_s: f64::INFINITY },
 };
 
@@ -64,8 +64,8 @@ fn filtered(system: &Linear, samples: &[Sample]) -> Way {
     let mut info = Info::new(&groups, ROWS);
     let mut belief = start();
     let mut update = |filter: &mut Filter<Linear>, belief: &mut Belief, z: &[f64]| {
-        let (std, no) = (system.noise_std, [false; 2]);
-        let sighting = Sighting { z, std: &std, barred: &no, strict: &no, groups: &groups };
+        let (std, no, level) = (system.noise_std, [false; 2], [None; 2]);
+        let sighting = Sighting { z, std: &std, barred: &no, strict: &no, slants: &level, groups: &groups };
         filter.update(system, &(), belief, sighting, OPEN, &mut info).unwrap();
     };
     update(&mut filter, &mut belief, &samples[0].z);
