@@ -68,6 +68,8 @@ pub struct Process {
     pub density: f64,
     /// Of q, qd, qdd at the start (only the first for a walk).
     pub start_std: [f64; 3],
+    /// A rotation's own joint says how far its first value may lie from rest; else the limits do.
+    pub start_known: bool,
     /// In which the acceleration decays, s; infinite but for `Singer`.
     pub time_s: f64,
 }
@@ -134,6 +136,12 @@ impl Axis {
     /// Standard deviation of its prior.
     pub fn prior_std(&self) -> f64 {
         (self.limits[1] - self.limits[0]) / 4.0
+    }
+
+    /// Standard deviation of the first value from rest, before anything is measured.
+    pub fn start_spread(&self) -> f64 {
+        let known = if self.process.start_known { self.process.start_std[0] } else { f64::INFINITY };
+        known.min(self.prior_std())
     }
 
     /// The same angle, less than half a turn from the middle of its soft range.

@@ -93,9 +93,9 @@ impl Tracker {
         let fitted = |i: usize| fit.covariance.at(i, i).max(0.0).sqrt();
         let hinges = self.body.model.joints.iter().filter(|j| j.kind.width() == 1);
         for (joint, slots) in hinges.filter_map(|j| Some((j, layout.coordinates[j.first]?))) {
-            // What the first samples do not tell is known from the limits alone.
+            // What the first samples do not tell is known from the joint's own start or its limits alone.
             let axis = &self.body.axes[joint.first];
-            std[slots.q] = std[slots.q].max(fitted(slots.q).min(axis.prior_std()));
+            std[slots.q] = std[slots.q].max(fitted(slots.q).min(axis.start_spread()));
             if joint.kind == JointKind::Hinge && !self.is_encoded(&joint.name) {
                 fit.mean[slots.q] = axis.nearest(fit.mean[slots.q]);
             }
@@ -127,13 +127,14 @@ impl Tracker {
         }
     }
 
-    /// Rotations: each direction as far as the fit knows it, between the start's own deviation and the prior's.
+    /// Rotations: each direction as far as the fit knows it, between the start's own deviation and the prior's. Where the joint itself
+    /// says how far it starts from rest, that is both.
     fn place_turns(&self, fit: &Fit, compass: bool, covariance: &mut Square) {
         for (c, slots) in &self.body.layout.turns {
             let axis = &self.body.axes[*c];
             let block = Matrix3::from_fn(|i, j| fit.covariance.at(slots.q + i, slots.q + j));
             let mut eigen = SymmetricEigen::new(block);
-            let (least, most) = (axis.process.start_std[0], axis.prior_std());
+            let (least, most) = (axis.process.start_std[0], axis.start_spread());
             eigen.eigenvalues.apply(|v| *v = v.clamp(least.min(most).powi(2), most * most));
             let mut block = eigen.recompose();
             if let Some((_, outer)) = self.body.floating.iter().find(|(f, _)| f == c).filter(|_| !compass) {
@@ -171,8 +172,8 @@ fn guess(body: &Body, posture: &[f64], side: f64) -> Guess {
     let mut std = start_std(body, WIDENED);
     for (c, axis, slots) in body.moving() {
         mean[slots.q] = posture[c];
-        let known = axis.process.start_std[0];
-        std[slots.q] = if axis.place { known } else { 2.0 * axis.prior_std() };
+        let known = axis.place || axis.process.start_known;
+        std[slots.q] = if known { axis.process.start_std[0] } else { 2.0 * axis.prior_std() };
     }
     for &(c, outer) in &body.floating {
         if let Some(slots) = body.layout.coordinates[c] {

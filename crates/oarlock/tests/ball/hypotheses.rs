@@ -302,3 +302,26 @@ fn hypotheses_open_again_and_again() {
     let found = |errors: &[f64]| errors.iter().filter(|e| **e < FOUND_RAD).count();
     assert!(found(&ends) == ROUNDS && found(&starts) == ROUNDS, "{ends:?} {starts:?}");
 }
+
+/// Who says of a joint how far it may start from rest leaves nothing to try: no hypotheses, and no more doubt than said.
+#[test]
+fn a_start_that_is_known_opens_no_bank() {
+    let known = "name = \"shoulder\"\nkind = \"ball\"\nprocess = { start_std = [0.2, 1.0, 10.0] }";
+    let pair = Pair::new(0.1, 1);
+    let samples = pair.samples(1.0);
+    let told = model(&PAIR.replace("name = \"shoulder\"\nkind = \"ball\"", known));
+    for (model, most) in [(pair.model.clone(), 12), (told, 1)] {
+        let mut tracker = Tracker::new(model, &Calibration::default(), &pair.config).unwrap();
+        let mut seen = Vec::new();
+        for sample in &samples {
+            let mut see = |_: &Sample, b: &Belief, _: &oarlock::estimate::filter::Info| {
+                seen.push((b.rivals.len() + 1, spread(&pair.body, b)[3..6].iter().map(|s| s * s).sum::<f64>().sqrt()));
+            };
+            tracker.step_with(sample, &mut see).unwrap();
+        }
+        let rivals = seen.iter().map(|s| s.0).max().unwrap();
+        assert!(if most == 1 { rivals == 1 } else { rivals > 6 }, "{rivals}");
+        // Three directions, each as uncertain as said at most.
+        assert!(most > 1 || seen[0].1 <= 0.2 * 3_f64.sqrt(), "{}", seen[0].1);
+    }
+}

@@ -32,8 +32,20 @@ pub(super) struct Defaults {
 }
 
 pub(super) fn read_defaults(whole: &Section) -> Defaults {
-    let jerk = |density, start_std| Process { kind: ProcessKind::Jerk, density, start_std, time_s: f64::INFINITY };
-    let place = Process { kind: ProcessKind::Singer, density: 50.0, start_std: [0.1, 1.0, 3.0], time_s: 0.3 };
+    let jerk = |density, start_std| Process {
+        kind: ProcessKind::Jerk,
+        density,
+        start_std,
+        start_known: false,
+        time_s: f64::INFINITY,
+    };
+    let place = Process {
+        kind: ProcessKind::Singer,
+        density: 50.0,
+        start_std: [0.1, 1.0, 3.0],
+        start_known: true,
+        time_s: 0.3,
+    };
     let mut defaults = Defaults {
         hinge: jerk(11.2, [0.2, 0.5, 5.0]),
         slide: jerk(11.2, [0.02, 0.3, 3.0]),
@@ -46,7 +58,8 @@ pub(super) fn read_defaults(whole: &Section) -> Defaults {
     let kinds = [("hinge", &mut defaults.hinge, "rad"), ("slide", &mut defaults.slide, "m")];
     for (key, process, unit) in kinds.into_iter().chain([("ball", &mut defaults.ball, "rad")]) {
         if let Some(slot) = section.get(key) {
-            *process = read_process(slot, process, unit);
+            // What holds for all joints of a kind is no word on where one of them begins.
+            *process = Process { start_known: false, ..read_process(slot, process, unit) };
         }
     }
     defaults
@@ -83,6 +96,7 @@ fn read_process_of(section: &Section, default: &Process, unit: &str) -> Process 
     let example = if process.kind == ProcessKind::Walk { "[0.5]" } else { "[0.2, 0.5, 5.0]" };
     if let Some(start_std) = of_kind("start_std", example).and_then(|s| read_start_std(&s, process.kind, unit)) {
         process.start_std = start_std;
+        process.start_known = true;
     }
     process.time_s = match (process.kind, section.get("time_s")) {
         (ProcessKind::Singer, _) => of_kind("time_s", "0.3").and_then(|s| s.positive("s")).unwrap_or(process.time_s),
@@ -125,6 +139,8 @@ pub(super) fn read(section: &Section, defaults: &Defaults) -> JointSpec {
         JointKind::Slide => [-1.0, 1.0],
         _ => [-PI, PI],
     });
+    let mut process = section.get("process").map_or(*default, |slot| read_process(slot, default, unit));
+    process.start_known &= kind.turns_freely();
     let std = section.get("std").and_then(|s| Some((s.positive(unit)?, s.at())));
     let angles = section.get("angles").and_then(|slot| read_angles(&slot)).unwrap_or("ZXY".into());
     let joint = Joint {
@@ -134,7 +150,7 @@ pub(super) fn read(section: &Section, defaults: &Defaults) -> JointSpec {
         first: 0,
         limits,
         rest: read_rest(section, kind, limits, unit),
-        process: section.get("process").map_or(*default, |slot| read_process(slot, default, unit)),
+        process,
         translation: (kind == JointKind::Free).then(|| read_translation(section, defaults)),
         angles,
         input: section.flag("input"),
