@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -14,6 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 import oarlock
+from local_data import local_folder
 from oarlock.track import joint_units
 
 Floats = NDArray[np.float64]
@@ -62,22 +62,10 @@ def oars_as_states(folder: Path) -> oarlock.Model:
     return oarlock.load_model(file)
 
 
-def recordings_folder() -> Path:
-    """Where the long recordings lie; skips the test where they do not."""
-    data = os.environ.get("OARLOCK_DATA", "")
-    folder = Path(data, "recordings")
-    if not data or not folder.is_dir():
-        pytest.skip(
-            "NOT RUN: the 40 s recordings are absent. Set OARLOCK_DATA to the folder that holds recordings/"
-            f" (it is {data!r})"
-        )
-    return folder
-
-
 @cache
 def load_exact(condition: str) -> Exact:
     """A whole recording, 40 s, by its condition: "S-NB", "B-NB", "S-B" or "B-B"."""
-    return read_exact(recordings_folder() / f"exact_{condition}_0.npz", condition)
+    return read_exact(local_folder("recordings") / f"exact_{condition}_0.npz", condition)
 
 
 @cache

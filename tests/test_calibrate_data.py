@@ -1,13 +1,11 @@
 """Joints, hinge axes and fields of real recordings against what cameras and encoders say of them."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import oarlock
+from local_data import local_folder
 from oarlock.io.broad import read_broad, read_broad_reference
 from oarlock.io.dfjimu import read_dfjimu
 from oarlock.io.diodem import read_diodem, read_diodem_reference
@@ -66,16 +64,6 @@ mag_std_ut = 1.0
 SQUARE = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
 
 
-def folder(name):
-    root = os.environ.get("OARLOCK_DATA")
-    if not root:
-        pytest.skip(f"NOT RUN: OARLOCK_DATA is not set, so nothing is found in {name}")
-    found = Path(root) / "data" / name
-    if not found.is_dir():
-        pytest.skip(f"NOT RUN: OARLOCK_DATA holds no data/{name}")
-    return found
-
-
 def chain(file, *links, rotation=SQUARE):
     """A model of bodies on one another: (name, kind or hinge axis) each, lengths as parameters."""
     text, parent = WORLD, "root"
@@ -105,7 +93,7 @@ def chain(file, *links, rotation=SQUARE):
 
 def test_trials_of_one_rig_agree_about_its_ball_joint():
     model, levers = oarlock.load_model("dfjimu"), {}
-    for file in sorted(folder("dfjimu").glob("*.mat")):
+    for file in sorted(local_folder("data/dfjimu").glob("*.mat")):
         recording = read_dfjimu(file)
         found = oarlock.calibrate_joint_centers(model, recording)
         levers[file.stem] = np.concatenate([found.mounts[b][1] for b in ("body1", "body2")])
@@ -149,7 +137,7 @@ def optical_centers(reference, parent, child):
 @pytest.fixture(scope="module")
 def diodem(tmp_path_factory):
     links = [("seg1", "ball"), ("seg2", "ball"), ("seg3", "x"), ("seg4", "y"), ("seg5", "z")]
-    trial = folder("diodem_arm") / "trial1"
+    trial = local_folder("data/diodem_arm") / "trial1"
     return chain(tmp_path_factory.mktemp("diodem"), *links), trial, read_diodem_reference(trial)
 
 
@@ -191,7 +179,7 @@ def test_lengths_of_a_chain_are_those_that_the_cameras_see(diodem, mounted, wind
 
 
 def test_a_robots_wrist_is_one_hinge_and_its_slow_runs_tell_only_half_of_it(tmp_path):
-    data = folder("openaxes_ur5")
+    data = local_folder("data/openaxes_ur5")
     model = chain(tmp_path, ("radius", "ball"), ("carpus", "x"), rotation=LINK_FROM_SENSOR)
     for run in openaxes_runs(data):
         recording = read_openaxes(data, run)
@@ -213,7 +201,7 @@ def test_a_robots_wrist_is_one_hinge_and_its_slow_runs_tell_only_half_of_it(tmp_
 
 def test_norm_and_dip_are_those_that_the_cameras_turn_to_the_world(tmp_path):
     fields = {}
-    for file in sorted(folder("broad").glob("*undisturbed*.mat")):
+    for file in sorted(local_folder("data/broad").glob("*undisturbed*.mat")):
         recording, reference = read_broad(file), read_broad_reference(file)
         (name,), (body,) = recording.names, reference.quat_wxyz
         model = chain(tmp_path, (name, "ball"))

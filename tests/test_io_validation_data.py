@@ -1,12 +1,10 @@
 """The importers on the real data sets: shapes, rates, and that readings and references belong together."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from local_data import local_folder
 from oarlock.io.broad import read_broad, read_broad_reference
 from oarlock.io.dfjimu import read_dfjimu, read_dfjimu_reference
 from oarlock.io.diodem import SEGMENTS, read_diodem, read_diodem_reference
@@ -20,16 +18,6 @@ pytestmark = pytest.mark.data
 UP_BOUND_M_S2 = 0.4
 # These accelerometers read 9.4 to 9.5 m/s2 at rest: their offsets are of that size.
 UNCALIBRATED_BOUND_M_S2 = 0.6
-
-
-def folder(name):
-    root = os.environ.get("OARLOCK_DATA")
-    if not root:
-        pytest.skip(f"NOT RUN: OARLOCK_DATA is not set, so {name} is not read")
-    found = Path(root) / "data" / name
-    if not found.is_dir():
-        pytest.skip(f"NOT RUN: OARLOCK_DATA holds no data/{name}")
-    return found
 
 
 def mean_pull(stream, reference, body, mount=None):
@@ -56,7 +44,7 @@ def disagreement_at_joint(recording, reference, sign):
     ("trial", "samples"), [("1D_01", 3007), ("2D_01", 3069), ("3D_01", 3214), ("3D_05", 10590)]
 )
 def test_dfjimu(trial, samples):
-    file = folder("dfjimu") / f"data_{trial}.mat"
+    file = local_folder("data/dfjimu") / f"data_{trial}.mat"
     recording, reference = read_dfjimu(file), read_dfjimu_reference(file)
     for body in ("body1", "body2"):
         assert len(recording[body]) == samples and recording[body].rate_hz == pytest.approx(50.0)
@@ -71,7 +59,7 @@ def test_dfjimu(trial, samples):
 
 
 def test_diodem():
-    trial = folder("diodem_arm") / "trial1"
+    trial = local_folder("data/diodem_arm") / "trial1"
     reference = read_diodem_reference(trial)
     assert reference.rate_hz == pytest.approx(30.0) and len(reference.time_s) == 1988
     assert np.count_nonzero(~reference.there("seg2")) == 220 and reference.there("seg4").all()
@@ -84,7 +72,7 @@ def test_diodem():
 
 
 def test_openaxes():
-    data = folder("openaxes_ur5")
+    data = local_folder("data/openaxes_ur5")
     assert openaxes_runs(data) == ("circle-100", "circle-250", "triangle-150", "triangle-250")
     mount = Rotation.from_matrix(LINK_FROM_SENSOR)
     for run in openaxes_runs(data):
@@ -96,7 +84,7 @@ def test_openaxes():
 
 
 def test_broad():
-    files = sorted(folder("broad").glob("[0-9]*.mat"))
+    files = sorted(local_folder("data/broad").glob("[0-9]*.mat"))
     assert files
     for file in files:
         recording, reference = read_broad(file), read_broad_reference(file)
@@ -109,7 +97,7 @@ def test_broad():
 
 
 def test_qmt():
-    recording = read_qmt(folder("qmt_full_body") / "full_body_example_data.mat")
+    recording = read_qmt(local_folder("data/qmt_full_body") / "full_body_example_data.mat")
     assert len(recording) == 16 and {"hip", "lower_back", "head", "forearm_right"} <= set(recording.names)
     assert all(s.rate_hz == pytest.approx(100.0) and len(s) == 10_000 and s.mag_ut is None for s in recording)
     assert recording.start_s == pytest.approx(40.0)

@@ -62,7 +62,35 @@ pub fn textbook_from<'a>(start: &Belief, body: &'a oarlock::body::Body, config: 
     }
 }
 
-/// Both filters side by side over `steps` samples at 100 Hz; how far apart they ever were.
+/// Both filters from the same start over the samples: how far apart they ever were, and the textbook's at the end. `see` is shown
+/// our belief behind every sample.
+pub fn side_by_side<'a>(
+    body: &'a oarlock::body::Body,
+    config: &Config,
+    start: &Belief,
+    samples: &[Sample],
+    see: &mut dyn FnMut(&Belief),
+) -> (Worst, Ukf<'a>) {
+    let mut tracker = Tracker::new(body.model.clone(), &Calibration::default(), config).unwrap();
+    tracker.resume(start.clone()).unwrap();
+    let mut textbook = textbook_from(start, body, config);
+    let noise = textbook.body.std();
+    assert_eq!(noise, body.suite.std());
+    let (mut worst, mut before_s) = (Worst { mean: 0.0, covariance: 0.0 }, start.time_s);
+    for sample in samples {
+        textbook.predict(sample.time_s - before_s);
+        before_s = sample.time_s;
+        textbook.update(&with_loops(sample, body, config), &noise, &sample.inputs);
+        assert_eq!(tracker.step(sample).unwrap(), Status::Tracking);
+        let ours = tracker.belief().unwrap();
+        assert_no_spring(body, ours);
+        worst.see(ours, &textbook);
+        see(ours);
+    }
+    (worst, textbook)
+}
+
+/// Both filters on a sculler over `steps` samples at 100 Hz.
 fn run_both(config: &Config, steps: usize, seed: u64) -> Worst {
     let model = model(SCULLER);
     let body = body(&model, config);
@@ -88,23 +116,9 @@ fn run_both(config: &Config, steps: usize, seed: u64) -> Worst {
     let truth = scene.state(0.0);
     let mean = (0..std.len()).map(|i| truth[i] + 0.5 * std[i] * away[i]).collect();
     let start = belief(&body, 0.0, mean, &std);
-    let mut tracker = Tracker::new(model.clone(), &Calibration::default(), config).unwrap();
-    tracker.resume(start.clone()).unwrap();
-    let mut textbook = textbook_from(&start, &body, config);
-    let noise = textbook.body.std();
-    assert_eq!(noise, body.suite.std());
-    let mut worst = Worst { mean: 0.0, covariance: 0.0 };
-    let mut before = 0.0;
-    for sample in &samples {
-        textbook.predict(sample.time_s - before);
-        before = sample.time_s;
-        textbook.update(&with_loops(sample, &body, config), &noise, &sample.inputs);
-        assert_eq!(tracker.step(sample).unwrap(), Status::Tracking);
-        let ours = tracker.belief().unwrap();
-        assert_no_spring(&body, ours);
-        worst.see(ours, &textbook);
-    }
-    let error: f64 = (0..2).map(|i| (textbook.mean[i] - scene.state(before)[i]).abs()).sum();
+    let (worst, textbook) = side_by_side(&body, config, &start, &samples, &mut |_| {});
+    let truth = scene.state(samples[steps - 1].time_s);
+    let error: f64 = (0..2).map(|i| (textbook.mean[i] - truth[i]).abs()).sum();
     assert!(error < 0.05, "the oracle itself went astray: {error}");
     worst
 }

@@ -1,6 +1,6 @@
 //! The same agreement on a body with balls and free joints.
 
-use super::agreement::{assert_no_spring, assert_same, textbook_from, Worst};
+use super::agreement::{assert_same, side_by_side, textbook_from, Worst};
 use super::support::chance::Chance;
 use super::support::record::{punch_holes, times, Scene};
 use super::support::tree::TREE;
@@ -8,11 +8,10 @@ use super::support::wave::Wave;
 use super::support::{belief, body, model, plain, start_std};
 use nalgebra::DVector;
 use oarlock::config::Config;
-use oarlock::track::{Calibration, Status, Tracker};
 
 const ALL: [&str; 4] = ["gyro_bias", "accel_bias", "surge", "heave"];
 
-/// Both filters side by side at 100 Hz; how far apart they ever were.
+/// Both filters over `steps` samples at 100 Hz.
 fn run_both(text: &str, config: &Config, steps: usize, seed: u64) -> Worst {
     let model = model(text);
     let body = body(&model, config);
@@ -28,23 +27,8 @@ fn run_both(text: &str, config: &Config, steps: usize, seed: u64) -> Worst {
     let at_truth = belief(&body, 0.0, scene.state(0.0), &std);
     let mean = textbook_from(&at_truth, &body, config).at(&DVector::from_vec(away));
     let start = belief(&body, 0.0, mean.as_slice().to_vec(), &std);
-    let mut tracker = Tracker::new(model.clone(), &Calibration::default(), config).unwrap();
-    tracker.resume(start.clone()).unwrap();
-    let mut textbook = textbook_from(&start, &body, config);
-    let noise = textbook.body.std();
-    assert_eq!(noise, body.suite.std());
-    let mut worst = Worst { mean: 0.0, covariance: 0.0 };
-    let mut before = 0.0;
-    for sample in &samples {
-        textbook.predict(sample.time_s - before);
-        before = sample.time_s;
-        textbook.update(&sample.z, &noise, &sample.inputs);
-        assert_eq!(tracker.step(sample).unwrap(), Status::Tracking);
-        let ours = tracker.belief().unwrap();
-        assert_no_spring(&body, ours);
-        worst.see(ours, &textbook);
-    }
-    let truth = DVector::from_vec(scene.state(before));
+    let (worst, textbook) = side_by_side(&body, config, &start, &samples, &mut |_| {});
+    let truth = DVector::from_vec(scene.state(samples[steps - 1].time_s));
     let error = textbook.away(&truth).rows(0, body.layout.partition.pose).amax();
     assert!(error < 0.1, "the oracle itself went astray: {error}");
     worst
@@ -85,20 +69,11 @@ fn across_half_a_turn() {
     let scene = Scene { body: &body, motion: &motion, surge: &|_| 0.0, azimuth_rad: 0.3, noise: 1.0 };
     let samples = scene.samples(&times(0.01, 0.01, 300), &mut chance);
     let start = belief(&body, 0.0, scene.state(0.0), &start_std(&body));
-    let mut tracker = Tracker::new(model.clone(), &Calibration::default(), &config).unwrap();
-    tracker.resume(start.clone()).unwrap();
-    let mut textbook = textbook_from(&start, &body, &config);
-    let (noise, mut worst) = (textbook.body.std(), Worst { mean: 0.0, covariance: 0.0 });
-    let (mut before, mut jumps) = (start, 0);
-    for sample in &samples {
-        textbook.predict(sample.time_s - before.time_s);
-        textbook.update(&sample.z, &noise, &sample.inputs);
-        tracker.step(sample).unwrap();
-        let now = tracker.belief().unwrap();
-        worst.see(now, &textbook);
-        jumps += [3, 6].iter().filter(|&&q| (now.mean[q] - before.mean[q]).abs() > 3.0).count();
-        before = now.clone();
-    }
+    let (mut before, mut jumps) = (start.mean.clone(), 0);
+    let (worst, _) = side_by_side(&body, &config, &start, &samples, &mut |now| {
+        jumps += [3, 6].iter().filter(|&&q| (now.mean[q] - before[q]).abs() > 3.0).count();
+        before.copy_from_slice(&now.mean);
+    });
     assert!(jumps > 1, "half a turn was meant to be crossed: {jumps}");
     assert_same("tree, across half a turn", &worst);
 }
