@@ -132,7 +132,7 @@ fn every_disturbance_is_named_and_does_no_harm() {
     {
         let samples = head.samples(iron, 18.0);
         let (gated, on) = (head.run(&samples, Magnetometer::Gated), head.run(&samples, Magnetometer::On));
-        let within = |t: f64| t >= DISTURBED_S[0] && t < DISTURBED_S[1];
+        let within = |t: f64| (DISTURBED_S[0]..DISTURBED_S[1]).contains(&t);
         let named = gated.iter().filter(|r| within(r.0) && r.1 == name).count();
         let all = gated.iter().filter(|r| within(r.0)).count();
         let elsewhere = gated.iter().filter(|r| !within(r.0) && r.1 != Field::Undisturbed).count();

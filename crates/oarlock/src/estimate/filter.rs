@@ -321,7 +321,7 @@ impl<S: System> Filter<S> {
             let habit = &mut belief.habit[p];
             let beyond = gate.on && nis > slack * habit.max(1.0) * gate::threshold(count);
             let odd = absurd || (beyond && patient);
-            if !barred && !(strict && odd) {
+            if !(barred || strict && odd) {
                 *habit = manner.learning.habit(*habit, self.since_s, nis / count as f64);
             }
             if odd && !barred {

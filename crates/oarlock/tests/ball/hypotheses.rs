@@ -280,7 +280,7 @@ const ROUNDS: usize = 24;
 fn hypotheses_open_again_and_again() {
     let pair = Pair::new(1.0, 1);
     let samples: Vec<Sample> = pair.samples(2.0 * ROUND_S * ROUNDS as f64);
-    let speaks = |s: &&Sample| (s.time_s / ROUND_S).floor() as usize % 2 == 0;
+    let speaks = |s: &&Sample| ((s.time_s / ROUND_S).floor() as usize).is_multiple_of(2);
     let samples: Vec<Sample> = samples.iter().filter(speaks).cloned().collect();
     let (mut tracker, mut openings, mut several) = (pair.tracker(), 0, false);
     for sample in &samples {
