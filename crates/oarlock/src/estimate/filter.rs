@@ -103,7 +103,7 @@ pub struct Slant {
     pub off: f64,
     /// How far it may be off.
     pub tolerance: f64,
-    /// ... or so many standard deviations of belief and noise, where these are more.
+    /// ... or so many standard deviations of the belief, where these are more.
     pub sigmas: f64,
 }
 
@@ -347,11 +347,11 @@ impl<S: System> Filter<S> {
         }
     }
 
-    /// Whether a part whose rows begin at `first` is farther off in its direction than tolerance, belief and noise allow.
+    /// Whether a part whose rows begin at `first` is farther off in its direction than tolerance and belief allow.
     fn is_slanted(&self, first: usize, slant: Slant) -> bool {
         let rows = [0, 1, 2].map(|i| &self.fan.g[(first + i) * self.fan.width..][..self.fan.width]);
         let along = |k: usize| (0..3).map(|i| slant.along[i] * rows[i][k]).sum::<f64>();
-        let spread = (1.0 + (0..self.fan.width).map(|k| along(k) * along(k)).sum::<f64>()).sqrt();
+        let spread = (0..self.fan.width).map(|k| along(k) * along(k)).sum::<f64>().sqrt();
         let scale = self.weight[first];
         (slant.off * scale).abs() > (slant.tolerance * scale).max(slant.sigmas * spread)
     }

@@ -2,7 +2,8 @@
 //!
 //! Norm and dip are the field's alone, whatever the heading: iron nearby changes them, and what has changed them may have turned
 //! the field too. The dip is the angle of the measured field below the horizon that the belief sees from the sensor. Tests of both
-//! are those of VQF (Laidig and Seel 2023, section 3.5). What passes them is held against the belief in full. A disturbance lasts
+//! are those of VQF (Laidig and Seel 2023, section 3.5). The noise of the model file plays no part in them: it may be large to say how
+//! little a field is to be trusted. What passes them is held against the belief in full. A disturbance lasts
 //! while a body walks past it; so the belief is trusted longer than against other sensors, and what is rejected is no habit.
 
 use super::Tracker;
@@ -16,8 +17,8 @@ use crate::sensor::Quantity;
 const NORM_TOLERANCE: f64 = 0.15;
 /// A field whose dip is off by more than this is disturbed, rad (10 deg): it is as far off as by the tolerance of the norm.
 const DIP_TOLERANCE_RAD: f64 = 0.175;
-/// Noise of so many standard deviations is no disturbance.
-const NOISE_SIGMAS: f64 = 5.0;
+/// ... or by so many standard deviations of the belief's horizon.
+const HORIZON_SIGMAS: f64 = 5.0;
 /// An innovation that is odd for longer is believed: the belief's heading is wrong, s. A gyroscope whose bias is known to 0.002 rad/s
 /// keeps a heading within a degree meanwhile.
 pub(super) const PATIENCE_S: f64 = 10.0;
@@ -83,8 +84,7 @@ impl Tracker {
                 Magnetometer::Off => z.fill(f64::NAN),
                 Magnetometer::Gated => {
                     let measured = z.iter().map(|x| x * x).sum::<f64>().sqrt();
-                    let tolerance = (NORM_TOLERANCE * norm).max(NOISE_SIGMAS * self.std[rows.start]);
-                    self.barred[p] = (measured - norm).abs() > tolerance;
+                    self.barred[p] = (measured - norm).abs() > NORM_TOLERANCE * norm;
                 }
             }
         }
@@ -124,7 +124,7 @@ fn slant(measured: Vec3<f64>, up: Vec3<f64>, norm_ut: f64, dip_rad: f64) -> Opti
     // Where the field moves when it dips further.
     let along = level * -dip_rad.sin() + up * -dip_rad.cos();
     let off = norm_ut * (down.clamp(-1.0, 1.0).asin() - dip_rad);
-    Some(Slant { along: along.0, off, tolerance: norm_ut * DIP_TOLERANCE_RAD, sigmas: NOISE_SIGMAS })
+    Some(Slant { along: along.0, off, tolerance: norm_ut * DIP_TOLERANCE_RAD, sigmas: HORIZON_SIGMAS })
 }
 
 #[cfg(test)]
