@@ -64,7 +64,57 @@ impl<T: Real> Vec3<T> {
     #[inline(always)]
     pub fn cross(self, o: Self) -> Self {
         let (a, b) = (self.0, o.0);
-        Vec3([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+        let minor = |i: usize, j: usize| a[i].madd(b[j], -(a[j] * b[i]));
+        Vec3([minor(1, 2), minor(2, 0), minor(0, 1)])
+    }
+}
+
+#[inline(always)]
+fn dot<T: Real>(a: [T; 3], b: [T; 3]) -> T {
+    a[0].madd(b[0], a[1].madd(b[1], a[2] * b[2]))
+}
+
+#[inline(always)]
+fn dot_f64<T: Real>(a: [T; 3], b: [f64; 3]) -> T {
+    a[0].madd_f64(b[0], a[1].madd_f64(b[1], a[2].scale(b[2])))
+}
+
+impl<T: Real> Vec3<T> {
+    /// Sum with a multiple of another vector.
+    #[inline(always)]
+    pub fn plus(self, o: Self, times: T) -> Self {
+        let (a, b) = (self.0, o.0);
+        Vec3([b[0].madd(times, a[0]), b[1].madd(times, a[1]), b[2].madd(times, a[2])])
+    }
+
+    /// Sum with a multiple of another vector.
+    #[inline(always)]
+    pub fn plus_f64(self, o: Self, times: f64) -> Self {
+        let (a, b) = (self.0, o.0);
+        Vec3([b[0].madd_f64(times, a[0]), b[1].madd_f64(times, a[1]), b[2].madd_f64(times, a[2])])
+    }
+
+    /// Sum with a multiple of a vector that is equal in every lane.
+    #[inline(always)]
+    pub fn plus_equal(self, o: Vec3<f64>, times: T) -> Self {
+        let (a, b) = (self.0, o.0);
+        Vec3([times.madd_f64(b[0], a[0]), times.madd_f64(b[1], a[1]), times.madd_f64(b[2], a[2])])
+    }
+
+    /// Cross product with a vector that is equal in every lane.
+    #[inline(always)]
+    pub fn cross_equal(self, o: Vec3<f64>) -> Self {
+        let (a, b) = (self.0, o.0);
+        let minor = |i: usize, j: usize| a[i].madd_f64(b[j], -a[j].scale(b[i]));
+        Vec3([minor(1, 2), minor(2, 0), minor(0, 1)])
+    }
+}
+
+impl Vec3<f64> {
+    /// The same in every lane.
+    #[inline(always)]
+    pub fn everywhere<T: Real>(self) -> Vec3<T> {
+        Vec3::splat(self.0)
     }
 }
 
@@ -79,35 +129,44 @@ impl<T: Real> Mat3<T> {
     /// Matrix times vector.
     #[inline(always)]
     pub fn apply(&self, v: Vec3<T>) -> Vec3<T> {
-        let v = v.0;
-        Vec3(self.0.map(|r| r[0] * v[0] + r[1] * v[1] + r[2] * v[2]))
+        let row = |i: usize| dot(self.0[i], v.0);
+        Vec3([row(0), row(1), row(2)])
     }
 
     /// Matrix times a vector that is equal in every lane.
     #[inline(always)]
     pub fn apply_f64(&self, v: [f64; 3]) -> Vec3<T> {
-        Vec3(self.0.map(|r| r[0].scale(v[0]) + r[1].scale(v[1]) + r[2].scale(v[2])))
+        let row = |i: usize| dot_f64(self.0[i], v);
+        Vec3([row(0), row(1), row(2)])
     }
 
     /// Transpose times vector.
     #[inline(always)]
     pub fn apply_transposed(&self, v: Vec3<T>) -> Vec3<T> {
-        let (m, v) = (&self.0, v.0);
-        Vec3([0, 1, 2].map(|j| m[0][j] * v[0] + m[1][j] * v[1] + m[2][j] * v[2]))
+        let row = |j: usize| dot(self.column(j).0, v.0);
+        Vec3([row(0), row(1), row(2)])
     }
 
     /// Matrix product with a matrix that is equal in every lane.
     #[inline(always)]
     pub fn times_f64(&self, o: &Mat3<f64>) -> Self {
-        let o = &o.0;
-        Mat3(self.0.map(|r| [0, 1, 2].map(|j| r[0].scale(o[0][j]) + r[1].scale(o[1][j]) + r[2].scale(o[2][j]))))
+        let columns = [o.column(0).0, o.column(1).0, o.column(2).0];
+        let row = |i: usize| {
+            let r = self.0[i];
+            [dot_f64(r, columns[0]), dot_f64(r, columns[1]), dot_f64(r, columns[2])]
+        };
+        Mat3([row(0), row(1), row(2)])
     }
 
     /// Matrix product.
     #[inline(always)]
     pub fn then(&self, o: &Self) -> Self {
-        let o = &o.0;
-        Mat3(self.0.map(|r| [0, 1, 2].map(|j| r[0] * o[0][j] + r[1] * o[1][j] + r[2] * o[2][j])))
+        let columns = [o.column(0).0, o.column(1).0, o.column(2).0];
+        let row = |i: usize| {
+            let r = self.0[i];
+            [dot(r, columns[0]), dot(r, columns[1]), dot(r, columns[2])]
+        };
+        Mat3([row(0), row(1), row(2)])
     }
 
     /// Rotation about `r` by its length, rad (Rodrigues).
@@ -130,7 +189,11 @@ impl<T: Real> Mat3<T> {
     /// Times a rotation about z, given its sine and cosine.
     #[inline(always)]
     pub fn turned_about_z(&self, sin: T, cos: T) -> Self {
-        Mat3(self.0.map(|r| [r[0] * cos + r[1] * sin, r[1] * cos - r[0] * sin, r[2]]))
+        let row = |i: usize| {
+            let [x, y, z] = self.0[i];
+            [x.madd(cos, y * sin), y.madd(cos, -(x * sin)), z]
+        };
+        Mat3([row(0), row(1), row(2)])
     }
 
     /// Column `j`.
@@ -141,6 +204,27 @@ impl<T: Real> Mat3<T> {
 }
 
 impl Mat3<f64> {
+    /// The same in every lane.
+    #[inline(always)]
+    pub fn everywhere<T: Real>(&self) -> Mat3<T> {
+        let row = |i: usize| Vec3::splat(self.0[i]).0;
+        Mat3([row(0), row(1), row(2)])
+    }
+
+    /// Transpose times a vector in lanes.
+    #[inline(always)]
+    pub fn transposed_apply<T: Real>(&self, v: Vec3<T>) -> Vec3<T> {
+        let row = |j: usize| dot_f64(v.0, self.column(j).0);
+        Vec3([row(0), row(1), row(2)])
+    }
+
+    /// Times a vector in lanes.
+    #[inline(always)]
+    pub fn apply_lanes<T: Real>(&self, v: Vec3<T>) -> Vec3<T> {
+        let row = |i: usize| dot_f64(v.0, self.0[i]);
+        Vec3([row(0), row(1), row(2)])
+    }
+
     /// Matrix product.
     pub fn times(&self, o: &Self) -> Self {
         self.times_f64(o)

@@ -326,13 +326,16 @@ impl Tracker {
             *input = if value.is_nan() { 0.0 } else { value };
         }
         self.moment.needed.fill(false);
+        self.moment.moving.fill(false);
         for (i, source) in self.body.suite.sources.iter().enumerate() {
             self.moment.active[i] = self.z[source.rows.clone()].iter().any(|z| !z.is_nan());
             if self.moment.active[i] {
                 self.body.suite.mark_frames(i, &mut self.moment.needed);
+                self.body.suite.mark_moving(i, &mut self.moment.moving);
             }
         }
         self.body.tree.mark_ancestors(&mut self.moment.needed);
+        self.body.tree.mark_ancestors(&mut self.moment.moving);
     }
 
     /// A reading that depends on an input says nothing while that input is not there.

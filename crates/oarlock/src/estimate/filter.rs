@@ -1,16 +1,17 @@
 //! One filter: predict exactly, update with every reading of a sample at once. Allocates nothing after it is made.
 //!
-//! The update is the unscented one (estimate/sigma.rs) in information form: with G and y divided by the noise,
-//! 1 + G'G = V'V, b = V'^-1 G'y, and for the part of V and b that belongs to H: X = V22'^-1 (rows of U reversed),
-//! x+ = x + X' b2, P+ = X'X. P+ cannot lose its symmetry or its sign.
+//! The update is the unscented one (estimate/sigma.rs) in information form (estimate/solve.rs).
 
 use super::belief::Belief;
-use super::dense::{accumulate, cholesky_of_gram, factor_of_covariance, solve_transposed, Square};
+use super::dense::{NotPositive, Square};
 use super::gate::{self, Room};
 use super::learn::{Correction, Learning};
-use super::sigma::{Fan, Spread};
+use super::sigma::{Fan, Look, Spread};
+use super::solve::{Solver, Verdict};
+use super::tiles::{factor, padded, Panel, Sweep, VECTOR};
 use super::transition::{carry, Block, Transition};
 use super::System;
+use crate::lane::arch::{Arch, Kernel};
 use std::ops::Range;
 
 /// Which rows belong together.
@@ -116,18 +117,26 @@ pub struct Manner {
 /// Workspace of a filter.
 #[derive(Debug, Clone)]
 pub struct Filter<S: System> {
+    arch: Arch,
     scratch: S::Scratch,
     fan: Fan,
-    factor: Square,
-    gram: Square,
-    x: Square,
+    solver: Solver,
+    /// U with U'U = P.
+    root: Panel,
+    /// Starts of its columns.
+    starts: Vec<usize>,
+    /// All rows in the order in which they are worked off, inertial units first, and of these, how many there are.
+    order: Vec<usize>,
+    inertial: Vec<bool>,
+    /// Those of them that are there.
+    rows: Vec<usize>,
+    inertial_rows: usize,
     y: Vec<f64>,
-    b: Vec<f64>,
     used: Vec<bool>,
     weight: Vec<f64>,
     shift: Vec<f64>,
     variance: Vec<f64>,
-    rows: [Vec<f64>; 3],
+    buffer: [Vec<f64>; 3],
     room: Room,
     /// Variance of each state before the update, and what the last prediction added to it.
     before: Vec<f64>,
@@ -142,24 +151,30 @@ pub struct Filter<S: System> {
 impl<S: System> Filter<S> {
     /// Room for `system`.
     pub fn new(system: &S, groups: &Groups) -> Self {
-        let (part, m) = (system.partition(), system.row_count());
-        let n = part.dim();
-        let fan = Fan::new(part, system.input_std().len(), m);
-        let width = fan.width;
+        let (n, m) = (system.partition().dim(), system.row_count());
+        let fan = Fan::new(system);
+        let mut inertial = vec![false; m];
+        groups.inertial.iter().for_each(|&r| inertial[r] = true);
+        let mut order: Vec<usize> = (0..m).collect();
+        order.sort_by_key(|&r| (!inertial[r], system.depth(r)));
         Filter {
+            arch: Arch::best(),
             scratch: system.scratch(),
+            solver: Solver::new(m, fan.evens, n, &groups.sources),
             fan,
-            factor: Square::zeros(n),
-            gram: Square::zeros(width),
-            x: Square::zeros(n),
+            root: Panel::zeros(n, padded(n)),
+            starts: vec![0; padded(n) / VECTOR],
+            order,
+            inertial,
+            rows: Vec::with_capacity(m),
+            inertial_rows: 0,
             y: vec![0.0; m],
-            b: vec![0.0; width],
             used: vec![false; m],
             weight: vec![0.0; m],
             shift: vec![0.0; n],
             variance: vec![0.0; n],
-            rows: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
-            room: Room::new(groups.inertial.len()),
+            buffer: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
+            room: Room::new(),
             before: vec![0.0; n],
             fresh: vec![0.0; n],
             since_s: 0.0,
@@ -167,6 +182,12 @@ impl<S: System> Filter<S> {
             rejected_nis: 0.0,
             rejected_rows: 0,
         }
+    }
+
+    /// Uses these instructions instead of the best ones; to compare.
+    #[doc(hidden)]
+    pub fn use_arch(&mut self, arch: Arch) {
+        self.arch = arch;
     }
 
     /// Forgets what earlier predictions added: a new sample is awaited.
@@ -181,7 +202,7 @@ impl<S: System> Filter<S> {
         let dt = to_s - belief.time_s;
         system.transition(dt, &belief.mean, &self.variance, &belief.drive, transition);
         transition.apply_to_mean(&mut belief.mean);
-        transition.apply_to_covariance(&mut belief.covariance, &mut self.rows);
+        transition.apply_to_covariance(&mut belief.covariance, &mut self.buffer);
         belief.time_s = to_s;
         for b in &transition.blocks {
             (0..b.len).for_each(|i| self.fresh[b.index[i]] += b.noise[i][i]);
@@ -203,16 +224,40 @@ impl<S: System> Filter<S> {
             self.report_missing(sighting, info);
             return Ok(());
         }
-        self.factorise(&belief.covariance)?;
-        self.fan.spread(system, moment, &mut self.scratch, &belief.mean, &self.factor, manner.spread);
-        self.whiten(sighting, belief.inflation, info);
+        self.list_rows(sighting.z);
+        let look = Look { system, moment, mean: &belief.mean, rows: &self.rows, spread: manner.spread };
+        let view = View {
+            look,
+            scratch: &mut self.scratch,
+            fan: &mut self.fan,
+            covariance: &belief.covariance,
+            root: &mut self.root,
+            starts: &self.starts,
+        };
+        self.arch.run(view)?;
+        self.innovate(sighting, belief.inflation, info);
+        self.arch.run(Weighing {
+            solver: &mut self.solver,
+            fan: &self.fan,
+            rows: &self.rows,
+            inertial: self.inertial_rows,
+            weight: &self.weight,
+            y: &self.y,
+        });
         self.judge(sighting, manner, belief);
         self.report(sighting, info);
-        self.learn_noise(belief, manner.learning, info.inertial);
         belief.covariance.diagonal(&mut self.before);
-        self.combine(system, belief, info)?;
+        self.combine(system, belief, sighting, info)?;
+        self.learn_noise(belief, manner.learning, info.inertial);
         self.learn(system, belief, manner.learning);
         Ok(())
+    }
+
+    /// Rows that are there.
+    fn list_rows(&mut self, z: &[f64]) {
+        self.rows.clear();
+        self.rows.extend(self.order.iter().copied().filter(|&r| !z[r].is_nan()));
+        self.inertial_rows = self.rows.iter().take_while(|&&r| self.inertial[r]).count();
     }
 
     fn learn(&mut self, system: &S, belief: &mut Belief, learning: Learning) {
@@ -236,27 +281,20 @@ impl<S: System> Filter<S> {
         belief.surprise = learning.habit(belief.surprise, self.since_s, ratio);
     }
 
-    fn factorise(&mut self, covariance: &Square) -> Result<(), Lost> {
-        factor_of_covariance(covariance, &mut self.factor).map_err(|e| Lost {
-            what: format!("the covariance lost its sign (state {}, pivot {:.2e})", e.row, e.pivot),
-        })
-    }
-
-    fn whiten(&mut self, sighting: Sighting, inflation: f64, info: &mut Info) {
-        let width = self.fan.width;
+    fn innovate(&mut self, sighting: Sighting, inflation: f64, info: &mut Info) {
         self.weight.iter_mut().zip(sighting.std).for_each(|(w, std)| *w = 1.0 / std);
         if inflation > 1.0 {
             let factor = 1.0 / inflation.sqrt();
             sighting.groups.inertial.iter().for_each(|&r| self.weight[r] *= factor);
         }
-        for (r, g) in self.fan.g.chunks_exact_mut(width).enumerate() {
+        info.innovation.fill(f64::NAN);
+        self.used.fill(false);
+        self.y.fill(0.0);
+        for &r in &self.rows {
             let v = sighting.z[r] - self.fan.center[r] - self.fan.bend[r];
             info.innovation[r] = v;
-            self.used[r] = !v.is_nan();
-            let weight = self.weight[r];
-            self.y[r] = if self.used[r] { v * weight } else { 0.0 };
-            let weight = if self.used[r] { weight } else { 0.0 };
-            g.iter_mut().for_each(|x| *x = if weight == 0.0 { 0.0 } else { *x * weight });
+            self.y[r] = v * self.weight[r];
+            self.used[r] = true;
         }
     }
 
@@ -264,7 +302,11 @@ impl<S: System> Filter<S> {
         let gate = manner.gate;
         let groups = sighting.groups;
         (self.rejected_nis, self.rejected_rows) = (0.0, 0);
+        let mut source = 0;
         for (p, rows) in groups.parts.iter().enumerate() {
+            while groups.sources[source].end <= rows.start {
+                source += 1;
+            }
             let count = self.used[rows.clone()].iter().filter(|&&u| u).count();
             if count == 0 {
                 continue;
@@ -275,7 +317,8 @@ impl<S: System> Filter<S> {
             // At low rates patience spans a few samples at least.
             let patience_s = gate.patience_s.max(3.0 * self.since_s);
             let patient = since.is_nan() || belief.time_s - *since <= patience_s;
-            let nis = gate::nis(&self.fan.g, self.fan.width, &self.y, rows.clone(), &mut self.room);
+            let first = rows.start - groups.sources[source].start;
+            let nis = self.nis(source, first, rows.clone());
             // Written so that what is not a number is absurd too.
             let absurd = !nis.is_some_and(|x| x < ABSURD_NIS);
             let nis = nis.filter(|_| !absurd).unwrap_or(ABSURD_NIS);
@@ -290,7 +333,7 @@ impl<S: System> Filter<S> {
             }
             if barred || odd {
                 self.used[rows.clone()].fill(false);
-                self.y[rows.clone()].fill(0.0);
+                rows.clone().for_each(|r| self.solver.reject(r));
             }
             *since = match (odd, since.is_nan()) {
                 (true, true) => belief.time_s,
@@ -300,24 +343,20 @@ impl<S: System> Filter<S> {
         }
     }
 
+    /// Of the used ones among some rows of a source, of which they begin with number `first`.
+    fn nis(&mut self, source: usize, first: usize, rows: Range<usize>) -> Option<f64> {
+        let (y, used) = (&self.y[rows.clone()], &self.used[rows]);
+        gate::nis(self.solver.block(source), first, y, used, &mut self.room)
+    }
+
     fn report(&mut self, sighting: Sighting, info: &mut Info) {
-        let width = self.fan.width;
-        for (g, _) in self.fan.g.chunks_exact_mut(width).zip(&self.used).filter(|(_, &used)| !used) {
-            g.fill(0.0);
-        }
-        for (source, rows) in info.sources.iter_mut().zip(&sighting.groups.sources) {
+        for (s, rows) in sighting.groups.sources.iter().enumerate() {
             let there = rows.clone().filter(|&r| !info.innovation[r].is_nan()).count();
             let used = rows.clone().filter(|&r| self.used[r]).count();
-            source.used = used as u8;
-            source.rejected = (there - used) as u8;
-            source.missing = (rows.len() - there) as u8;
-            let nis = gate::nis(&self.fan.g, width, &self.y, rows.clone(), &mut self.room);
-            source.nis = if used == 0 { f64::NAN } else { nis.unwrap_or(f64::NAN) };
+            let nis = self.nis(s, 0, rows.clone()).filter(|_| used > 0).unwrap_or(f64::NAN);
+            let (missing, rejected) = (rows.len() - there, there - used);
+            info.sources[s] = SourceInfo { nis, used: used as u8, rejected: rejected as u8, missing: missing as u8 };
         }
-        let rows = sighting.groups.inertial.iter().copied();
-        let used = rows.clone().filter(|&r| self.used[r]).count();
-        let nis = gate::nis(&self.fan.g, width, &self.y, rows, &mut self.room);
-        info.inertial = (if used == 0 { f64::NAN } else { nis.unwrap_or(f64::NAN) }, used);
     }
 
     fn report_missing(&mut self, sighting: Sighting, info: &mut Info) {
@@ -330,34 +369,27 @@ impl<S: System> Filter<S> {
         }
     }
 
-    fn combine(&mut self, system: &S, belief: &mut Belief, info: &mut Info) -> Result<(), Lost> {
-        let (n, width) = (self.factor.n(), self.fan.width);
-        let broken = |e: super::dense::NotPositive| Lost {
+    fn combine(
+        &mut self,
+        system: &S,
+        belief: &mut Belief,
+        sighting: Sighting,
+        info: &mut Info,
+    ) -> Result<(), Lost> {
+        let (shift, covariance) = (&mut self.shift, &mut belief.covariance);
+        let solving = Solving { solver: &mut self.solver, root: &self.root, shift, covariance };
+        let verdict = self.arch.run(solving).map_err(|e| Lost {
             what: format!("the update broke (row {}, pivot {:.2e})", e.row, e.pivot),
-        };
-        cholesky_of_gram(&self.fan.g, &self.used, &mut self.gram).map_err(broken)?;
-        self.b.fill(0.0);
-        accumulate(&mut self.b, self.y.iter().copied().zip(self.fan.g.chunks_exact(width)));
-        solve_transposed(&self.gram, 0, &mut self.b);
-        info.nis = squared(&self.y) - squared(&self.b);
+        })?;
+        let inertial = sighting.groups.inertial.iter().filter(|&&r| self.used[r]).count();
+        info.inertial = (if inertial == 0 { f64::NAN } else { verdict.inertial }, inertial);
+        info.nis = verdict.nis;
         let rows = self.used.iter().filter(|&&used| used).count() + self.rejected_rows;
         info.evidence = evidence(info.nis + self.rejected_nis, rows);
-        self.solve_for_x(n, width - n);
-        self.shift.fill(0.0);
-        let b2 = &self.b[width - n..];
-        accumulate(&mut self.shift, b2.iter().copied().zip(self.x.as_slice().chunks_exact(n)));
         system.shift(&mut belief.mean, &self.shift);
-        for i in 0..n {
-            let row = &mut belief.covariance.row_mut(i)[i..];
-            row.fill(0.0);
-            let x = &self.x;
-            // Row k of X starts at column n - 1 - k.
-            accumulate(row, (n - 1 - i..n).map(|k| (x.at(k, i), &x.row(k)[i..])));
-        }
-        belief.covariance.mirror_upper();
         self.carried.clear();
         system.carry(&self.shift, &mut self.carried);
-        self.carried.iter().for_each(|block| carry(block, &mut belief.covariance, &mut self.rows));
+        self.carried.iter().for_each(|block| carry(block, &mut belief.covariance, &mut self.buffer));
         let finite = belief.mean.iter().all(|x| x.is_finite());
         if finite {
             Ok(())
@@ -365,20 +397,76 @@ impl<S: System> Filter<S> {
             Err(Lost { what: "the estimate is not a number".into() })
         }
     }
+}
 
-    /// X = V22'^-1 (rows of U reversed), by forward substitution.
-    fn solve_for_x(&mut self, n: usize, offset: usize) {
-        for k in 0..n {
-            let start = n - 1 - k;
-            let (above, row) = self.x.above_and_row(k);
-            row[..start].fill(0.0);
-            row[start..].copy_from_slice(&self.factor.row(start)[start..]);
-            let gram = &self.gram;
-            let terms = (0..k).map(|i| (-gram.at(offset + i, offset + k), &above[i * n + start..(i + 1) * n]));
-            accumulate(&mut row[start..], terms);
-            let scale = 1.0 / gram.at(offset + k, offset + k);
-            row[start..].iter_mut().for_each(|x| *x *= scale);
+/// Factors the covariance and looks around the mean.
+struct View<'a, S: System> {
+    look: Look<'a, S>,
+    scratch: &'a mut S::Scratch,
+    fan: &'a mut Fan,
+    covariance: &'a Square,
+    root: &'a mut Panel,
+    starts: &'a [usize],
+}
+
+impl<S: System> Kernel for View<'_, S> {
+    type Output = Result<(), Lost>;
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) -> Self::Output {
+        let n = self.covariance.n();
+        let sweep = Sweep { n, width: padded(n), starts: self.starts };
+        self.root.copy_upper(self.covariance);
+        if factor::<FUSED>(self.root, sweep).is_err() {
+            // Rounding can leave a constant's pivot a hair below zero; a relative 1e-12 is far below any sensor's say.
+            self.root.copy_upper(self.covariance);
+            for i in 0..n {
+                self.root.row_mut(i)[i] *= 1.0 + 1e-12;
+            }
+            factor::<FUSED>(self.root, sweep).map_err(|e: NotPositive| Lost {
+                what: format!("the covariance lost its sign (state {}, pivot {:.2e})", e.row, e.pivot),
+            })?;
         }
+        self.fan.spread::<FUSED, S>(self.look, self.scratch, self.root);
+        Ok(())
+    }
+}
+
+/// Divides by the noise.
+struct Weighing<'a> {
+    solver: &'a mut Solver,
+    fan: &'a Fan,
+    rows: &'a [usize],
+    inertial: usize,
+    weight: &'a [f64],
+    y: &'a [f64],
+}
+
+impl Kernel for Weighing<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        self.solver.weigh::<FUSED>(self.fan, self.rows, self.inertial, self.weight, self.y);
+    }
+}
+
+/// Combines belief and readings.
+struct Solving<'a> {
+    solver: &'a mut Solver,
+    root: &'a Panel,
+    shift: &'a mut [f64],
+    covariance: &'a mut Square,
+}
+
+impl Kernel for Solving<'_> {
+    type Output = Result<Verdict, NotPositive>;
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) -> Self::Output {
+        let verdict = self.solver.solve::<FUSED>(self.root)?;
+        self.solver.posterior::<FUSED>(self.shift, self.covariance);
+        Ok(verdict)
     }
 }
 
@@ -390,8 +478,4 @@ const SAMPLES_ALIKE: f64 = 4.0;
 pub fn evidence(nis: f64, rows: usize) -> f64 {
     let rows = rows.max(1) as f64;
     -0.5 * rows * (nis / rows).ln_1p() / SAMPLES_ALIKE
-}
-
-fn squared(v: &[f64]) -> f64 {
-    v.iter().map(|x| x * x).sum()
 }

@@ -1,11 +1,12 @@
 //! Inertial unit: angular velocity, specific force and magnetic field in its own axes (eq. 8, with the offset of the
 //! unit from its link's origin and gravity felt once).
 
+use super::near::Stand;
 use super::{Quantity, RowGroups, Surroundings, Wearing, Worn};
 use crate::kinematics::FrameMotion;
 use crate::lane::Real;
 use crate::model::{ImuNoise, Point, SensorKind};
-use crate::rotation::Mat3;
+use crate::rotation::{Mat3, Vec3};
 
 /// Link from sensor, and the sensor's origin in the link's frame (m).
 pub type MountValue = (Mat3<f64>, [f64; 3]);
@@ -16,10 +17,10 @@ pub struct Imu {
     /// Index of its frame.
     pub frame: usize,
     rotation: Mat3<f64>,
-    offset: Point,
+    pub(super) offset: Point,
     noise: ImuNoise,
     /// Number among the units whose mount is estimated.
-    mount: Option<usize>,
+    pub(super) mount: Option<usize>,
 }
 
 impl Imu {
@@ -47,12 +48,9 @@ impl Imu {
     /// Readings in sensor axes.
     #[inline(always)]
     pub fn predict<T: Real>(&self, frame: &FrameMotion<T>, around: &Surroundings<T>, worn: Worn<T>, out: &mut [T]) {
-        let mut root_from_sensor = frame.rotation.times_f64(&self.rotation);
-        if let Some(turn) = self.mount.and_then(|i| worn.mounts.get(i)) {
-            root_from_sensor = root_from_sensor.then(&Mat3::about(*turn));
-        }
+        let root_from_sensor = self.root_from_sensor(frame, worn);
         let mut at = 0;
-        let mut put = |v: crate::rotation::Vec3<T>| {
+        let mut put = |v: Vec3<T>| {
             out[at..at + 3].copy_from_slice(&root_from_sensor.apply_transposed(v).0);
             at += 3;
         };
@@ -67,6 +65,54 @@ impl Imu {
         }
         if self.noise.rest_std.is_some() {
             put(frame.angular_velocity);
+        }
+    }
+
+    #[inline(always)]
+    fn root_from_sensor<T: Real>(&self, frame: &FrameMotion<T>, worn: Worn<T>) -> Mat3<T> {
+        let nominal = frame.rotation.times_f64(&self.rotation);
+        match self.mount.and_then(|i| worn.mounts.get(i)) {
+            Some(turn) => nominal.then(&Mat3::about(*turn)),
+            None => nominal,
+        }
+    }
+
+    /// How it stands on a link that moves so.
+    #[inline(always)]
+    pub fn stand(&self, frame: &FrameMotion<f64>, worn: Worn<f64>) -> Stand {
+        Stand {
+            rotation: self.root_from_sensor(frame, worn),
+            arm: self.offset.turned(&frame.rotation, worn.lengths),
+        }
+    }
+
+    /// Readings of a unit that stands so, as far as its link's motion or the field is given.
+    #[inline(always)]
+    pub fn predict_kept<T: Real>(
+        &self,
+        motion: Option<&FrameMotion<T>>,
+        field: Option<Vec3<T>>,
+        stand: &Stand,
+        out: &mut [T],
+    ) {
+        let mut at = 0;
+        let mut put = |v: Option<Vec3<T>>| {
+            if let Some(v) = v {
+                out[at..at + 3].copy_from_slice(&stand.rotation.transposed_apply(v).0);
+            }
+            at += 3;
+        };
+        if self.noise.gyro_std.is_some() {
+            put(motion.map(|m| m.angular_velocity));
+        }
+        if self.noise.accel_std.is_some() {
+            put(motion.map(|m| m.proper_acceleration_led(stand.arm)));
+        }
+        if self.noise.mag_std.is_some() {
+            put(field);
+        }
+        if self.noise.rest_std.is_some() {
+            put(motion.map(|m| m.angular_velocity));
         }
     }
 }
