@@ -236,8 +236,7 @@ impl Tree {
     /// The same; the parameters of index `estimated` come with every motion.
     pub fn with_lengths(model: &Model, parameters: &[f64], estimated: &[usize]) -> Self {
         let fixed = |t: &Option<Transform>| {
-            t.as_ref()
-                .map(|t| Fixed::new(t.evaluate(parameters).0, Point::reached_by(t, parameters, estimated)))
+            t.as_ref().map(|t| Fixed::new(t.evaluate(parameters).0, Point::reached_by(t, parameters, estimated)))
         };
         let moved = |(j, sign): (usize, f64)| {
             let turn = model.joints[..j].iter().filter(|j| j.kind.turns_freely()).count();

@@ -62,10 +62,7 @@ const SMALL: f64 = 1e-4;
 /// Of a small squared angle: sin t / t and (1 - cos t) / t^2.
 #[inline(always)]
 fn series(t2: f64) -> (f64, f64) {
-    (
-        1.0 - t2 / 6.0 * (1.0 - t2 / 20.0 * (1.0 - t2 / 42.0)),
-        0.5 - t2 / 24.0 * (1.0 - t2 / 30.0 * (1.0 - t2 / 56.0)),
-    )
+    (1.0 - t2 / 6.0 * (1.0 - t2 / 20.0 * (1.0 - t2 / 42.0)), 0.5 - t2 / 24.0 * (1.0 - t2 / 30.0 * (1.0 - t2 / 56.0)))
 }
 
 /// How many sigma points run side by side.

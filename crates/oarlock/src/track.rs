@@ -17,6 +17,7 @@ use crate::estimate::learn::Learning;
 use crate::estimate::sigma::Spread;
 use crate::estimate::transition::Transition;
 use crate::estimate::System;
+use crate::lane::arch::Arch;
 use crate::model::suggest::hint;
 use crate::model::{Model, SensorKind};
 use crate::recording::Sample;
@@ -159,6 +160,12 @@ impl Tracker {
             )));
         }
         Ok(())
+    }
+
+    /// Uses these instructions instead of the machine's best; to compare.
+    #[doc(hidden)]
+    pub fn use_arch(&mut self, arch: Arch) {
+        self.filter.use_arch(arch);
     }
 
     /// What is believed now; `None` until the start window is full.

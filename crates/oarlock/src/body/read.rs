@@ -148,13 +148,8 @@ impl Body {
         self.anchor(at.mean, &mut s.anchors);
         let room = &mut s.plain;
         self.unpack_lanes(moment, at, room);
-        let joints = JointMotion {
-            q: &room.q,
-            qd: &room.qd,
-            qdd: &room.qdd,
-            lengths: &room.lengths,
-            anchors: &s.anchors,
-        };
+        let joints =
+            JointMotion { q: &room.q, qd: &room.qd, qdd: &room.qdd, lengths: &room.lengths, anchors: &s.anchors };
         self.tree.motions(self.root(|i| at.at(i)), joints, &moment.needed, &mut room.frames);
         let around = Surroundings { magnetic_field: self.field.magnetic(self.azimuth(|i| at.at(i))) };
         self.suite.predict(&room.frames, &room.q, &around, room.worn(), &moment.active, out);
@@ -198,13 +193,8 @@ impl Body {
         let room = of_kind::<FUSED>(&mut s.plain, &mut s.fused);
         self.unpack_lanes(moment, at, room);
         let apart = Apart { from: vary.from, inputs: vary.inputs, motion: vary.from < self.layout.dim() };
-        let joints = JointMotion {
-            q: &room.q,
-            qd: &room.qd,
-            qdd: &room.qdd,
-            lengths: &room.lengths,
-            anchors: &s.anchors,
-        };
+        let joints =
+            JointMotion { q: &room.q, qd: &room.qd, qdd: &room.qdd, lengths: &room.lengths, anchors: &s.anchors };
         let wanted = Wanted { needed: &moment.needed, moving: &moment.moving };
         let root = self.root(|i| at.at(i).cast::<FUSED>());
         let reaches = (apart, self.frame_reaches.as_slice());
@@ -229,4 +219,3 @@ impl Body {
         }
     }
 }
-

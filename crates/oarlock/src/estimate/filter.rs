@@ -3,15 +3,15 @@
 //! The update is the unscented one (estimate/sigma.rs) in information form (estimate/solve.rs).
 
 use super::belief::Belief;
-use super::dense::{NotPositive, Square};
+use super::dense::Square;
 use super::gate::{self, Room};
 use super::learn::{Correction, Learning};
 use super::sigma::{Fan, Look, Spread};
-use super::solve::{Solver, Verdict};
+use super::solve::{Solver, Weighted};
 use super::tiles::{factor, padded, Panel, Sweep, VECTOR};
 use super::transition::{carry, Block, Transition};
 use super::System;
-use crate::lane::arch::{Arch, Kernel};
+use crate::lane::arch::Arch;
 use std::ops::Range;
 
 /// Which rows belong together.
@@ -225,25 +225,13 @@ impl<S: System> Filter<S> {
             return Ok(());
         }
         self.list_rows(sighting.z);
+        self.factorise(&belief.covariance)?;
         let look = Look { system, moment, mean: &belief.mean, rows: &self.rows, spread: manner.spread };
-        let view = View {
-            look,
-            scratch: &mut self.scratch,
-            fan: &mut self.fan,
-            covariance: &belief.covariance,
-            root: &mut self.root,
-            starts: &self.starts,
-        };
-        self.arch.run(view)?;
+        self.fan.spread(self.arch, look, &mut self.scratch, &self.root);
         self.innovate(sighting, belief.inflation, info);
-        self.arch.run(Weighing {
-            solver: &mut self.solver,
-            fan: &self.fan,
-            rows: &self.rows,
-            inertial: self.inertial_rows,
-            weight: &self.weight,
-            y: &self.y,
-        });
+        let (rows, inertial) = (&self.rows, self.inertial_rows);
+        let readings = Weighted { rows, inertial, weight: &self.weight, y: &self.y };
+        self.solver.weigh(self.arch, &self.fan, readings);
         self.judge(sighting, manner, belief);
         self.report(sighting, info);
         belief.covariance.diagonal(&mut self.before);
@@ -251,6 +239,21 @@ impl<S: System> Filter<S> {
         self.learn_noise(belief, manner.learning, info.inertial);
         self.learn(system, belief, manner.learning);
         Ok(())
+    }
+
+    fn factorise(&mut self, covariance: &Square) -> Result<(), Lost> {
+        let n = covariance.n();
+        let sweep = Sweep { n, width: padded(n), starts: &self.starts };
+        self.root.copy_upper(covariance);
+        if factor(self.arch, &mut self.root, sweep).is_ok() {
+            return Ok(());
+        }
+        // Rounding can leave a constant's pivot a hair below zero; a relative 1e-12 is far below any sensor's say.
+        self.root.copy_upper(covariance);
+        (0..n).for_each(|i| self.root.row_mut(i)[i] *= 1.0 + 1e-12);
+        factor(self.arch, &mut self.root, sweep).map_err(|e| Lost {
+            what: format!("the covariance lost its sign (state {}, pivot {:.2e})", e.row, e.pivot),
+        })
     }
 
     /// Rows that are there.
@@ -369,18 +372,12 @@ impl<S: System> Filter<S> {
         }
     }
 
-    fn combine(
-        &mut self,
-        system: &S,
-        belief: &mut Belief,
-        sighting: Sighting,
-        info: &mut Info,
-    ) -> Result<(), Lost> {
-        let (shift, covariance) = (&mut self.shift, &mut belief.covariance);
-        let solving = Solving { solver: &mut self.solver, root: &self.root, shift, covariance };
-        let verdict = self.arch.run(solving).map_err(|e| Lost {
-            what: format!("the update broke (row {}, pivot {:.2e})", e.row, e.pivot),
-        })?;
+    fn combine(&mut self, system: &S, belief: &mut Belief, sighting: Sighting, info: &mut Info) -> Result<(), Lost> {
+        let verdict = self
+            .solver
+            .solve(self.arch, &self.root)
+            .map_err(|e| Lost { what: format!("the update broke (row {}, pivot {:.2e})", e.row, e.pivot) })?;
+        self.solver.posterior(self.arch, &mut self.shift, &mut belief.covariance);
         let inertial = sighting.groups.inertial.iter().filter(|&&r| self.used[r]).count();
         info.inertial = (if inertial == 0 { f64::NAN } else { verdict.inertial }, inertial);
         info.nis = verdict.nis;
@@ -396,77 +393,6 @@ impl<S: System> Filter<S> {
         } else {
             Err(Lost { what: "the estimate is not a number".into() })
         }
-    }
-}
-
-/// Factors the covariance and looks around the mean.
-struct View<'a, S: System> {
-    look: Look<'a, S>,
-    scratch: &'a mut S::Scratch,
-    fan: &'a mut Fan,
-    covariance: &'a Square,
-    root: &'a mut Panel,
-    starts: &'a [usize],
-}
-
-impl<S: System> Kernel for View<'_, S> {
-    type Output = Result<(), Lost>;
-
-    #[inline(always)]
-    fn run<const FUSED: bool>(self) -> Self::Output {
-        let n = self.covariance.n();
-        let sweep = Sweep { n, width: padded(n), starts: self.starts };
-        self.root.copy_upper(self.covariance);
-        if factor::<FUSED>(self.root, sweep).is_err() {
-            // Rounding can leave a constant's pivot a hair below zero; a relative 1e-12 is far below any sensor's say.
-            self.root.copy_upper(self.covariance);
-            for i in 0..n {
-                self.root.row_mut(i)[i] *= 1.0 + 1e-12;
-            }
-            factor::<FUSED>(self.root, sweep).map_err(|e: NotPositive| Lost {
-                what: format!("the covariance lost its sign (state {}, pivot {:.2e})", e.row, e.pivot),
-            })?;
-        }
-        self.fan.spread::<FUSED, S>(self.look, self.scratch, self.root);
-        Ok(())
-    }
-}
-
-/// Divides by the noise.
-struct Weighing<'a> {
-    solver: &'a mut Solver,
-    fan: &'a Fan,
-    rows: &'a [usize],
-    inertial: usize,
-    weight: &'a [f64],
-    y: &'a [f64],
-}
-
-impl Kernel for Weighing<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<const FUSED: bool>(self) {
-        self.solver.weigh::<FUSED>(self.fan, self.rows, self.inertial, self.weight, self.y);
-    }
-}
-
-/// Combines belief and readings.
-struct Solving<'a> {
-    solver: &'a mut Solver,
-    root: &'a Panel,
-    shift: &'a mut [f64],
-    covariance: &'a mut Square,
-}
-
-impl Kernel for Solving<'_> {
-    type Output = Result<Verdict, NotPositive>;
-
-    #[inline(always)]
-    fn run<const FUSED: bool>(self) -> Self::Output {
-        let verdict = self.solver.solve::<FUSED>(self.root)?;
-        self.solver.posterior::<FUSED>(self.shift, self.covariance);
-        Ok(verdict)
     }
 }
 

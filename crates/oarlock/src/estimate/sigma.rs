@@ -6,6 +6,7 @@
 
 use super::tiles::{padded, Panel};
 use super::{Depth, Partition, Points, System, Vary};
+use crate::lane::arch::{Arch, Kernel};
 use crate::lane::{Lane, LANES};
 
 /// Spread of the sigma points.
@@ -71,45 +72,34 @@ impl Fan {
     }
 
     /// Spreads the points along the rows of `factor` and takes the readings of `rows`. Allocates nothing.
-    #[inline(always)]
-    pub fn spread<const FUSED: bool, S: System>(&mut self, look: Look<S>, scratch: &mut S::Scratch, factor: &Panel) {
+    pub fn spread<S: System>(&mut self, arch: Arch, look: Look<S>, scratch: &mut S::Scratch, factor: &Panel) {
         let (n, reach) = (self.part.dim(), look.spread.reach(self.part.dim()));
-        self.look_at_mean::<FUSED, S>(look, scratch);
-        let (pose, curved) = (self.part.pose, self.part.curved());
+        let (pose, curved, inputs) = (self.part.pose, self.part.curved(), self.off.len());
+        self.delta.fill(Lane([0.0; LANES]));
+        self.off.fill(Lane([0.0; LANES]));
+        let mut batch =
+            |points: Batch| arch.run(Reading { fan: &mut *self, look, scratch: &mut *scratch, factor, reach, points });
+        batch(Batch::Mean);
         for block in [0..pose, pose..curved] {
             for first in block.clone().step_by(PAIRS) {
-                let count = PAIRS.min(block.end - first);
-                self.place_pairs(factor, first, count, reach);
-                self.read::<FUSED, S>(look, scratch, Vary { from: first, inputs: false });
-                self.gather_pairs(look.rows, first, count, 0.5 / reach);
+                batch(Batch::Pairs(first, PAIRS.min(block.end - first)));
             }
         }
         for first in (curved..n).step_by(LANES) {
-            let count = LANES.min(n - first);
-            self.place_singles(factor, first, count, reach);
-            self.read::<FUSED, S>(look, scratch, Vary { from: first, inputs: false });
-            self.gather_singles(look.rows, first, count, 1.0 / reach);
+            batch(Batch::Singles(first, LANES.min(n - first)));
         }
-        self.look_at_inputs::<FUSED, S>(look, scratch);
+        for first in (0..inputs).step_by(LANES) {
+            batch(Batch::Inputs(first, LANES.min(inputs - first)));
+        }
         self.bend_mean(look.rows, reach, look.spread);
     }
 
     #[inline(always)]
-    fn look_at_mean<const FUSED: bool, S: System>(&mut self, look: Look<S>, scratch: &mut S::Scratch) {
-        self.delta.fill(Lane([0.0; LANES]));
-        self.off.fill(Lane([0.0; LANES]));
-        let at = Points { mean: look.mean, delta: &self.delta, off: &self.off };
-        look.system.settle::<FUSED>(look.moment, scratch, at, &mut self.out);
-        for &r in look.rows {
+    fn gather_mean(&mut self, rows: &[usize]) {
+        for &r in rows {
             self.center[r] = self.out[r].0[0];
             self.bend[r] = 0.0;
         }
-    }
-
-    #[inline(always)]
-    fn read<const FUSED: bool, S: System>(&mut self, look: Look<S>, scratch: &mut S::Scratch, vary: Vary) {
-        let at = Points { mean: look.mean, delta: &self.delta, off: &self.off };
-        look.system.readings_near::<FUSED>(look.moment, scratch, at, vary, &mut self.out);
     }
 
     /// Lane j and its twin lie along column `first + count - 1 - j`: columns are kept in reverse.
@@ -183,34 +173,87 @@ impl Fan {
     }
 
     #[inline(always)]
-    fn look_at_inputs<const FUSED: bool, S: System>(&mut self, look: Look<S>, scratch: &mut S::Scratch) {
-        let (from, at) = (self.part.dim(), self.part.curved() + 1);
+    fn place_inputs(&mut self, std: &[f64], first: usize, count: usize) {
         self.delta.fill(Lane([0.0; LANES]));
-        for first in (0..self.off.len()).step_by(LANES) {
-            let count = LANES.min(self.off.len() - first);
-            self.off.fill(Lane([0.0; LANES]));
-            for j in 0..count {
-                self.off[first + j].0[j] = look.system.input_std()[first + j];
-            }
-            self.read::<FUSED, S>(look, scratch, Vary { from, inputs: true });
-            for &r in look.rows {
-                let mut column = self.out[r].0;
-                for x in &mut column {
-                    *x -= self.center[r];
-                }
-                put(&mut self.even.row_mut(r)[at + first..], &column, count);
-            }
-        }
         self.off.fill(Lane([0.0; LANES]));
+        for j in 0..count {
+            self.off[first + j].0[j] = std[first + j];
+        }
     }
 
     #[inline(always)]
+    fn gather_inputs(&mut self, rows: &[usize], first: usize, count: usize) {
+        let at = self.part.curved() + 1 + first;
+        for &r in rows {
+            let mut column = self.out[r].0;
+            for x in &mut column {
+                *x -= self.center[r];
+            }
+            put(&mut self.even.row_mut(r)[at..], &column, count);
+        }
+    }
+
     fn bend_mean(&mut self, rows: &[usize], reach: f64, spread: Spread) {
         let outer = (spread.beta - spread.alpha * spread.alpha).max(0.0).sqrt();
         let at = self.part.curved();
         for &r in rows {
             self.bend[r] /= reach;
             self.even.row_mut(r)[at] = outer * self.bend[r];
+        }
+    }
+}
+
+/// Points that are read together: which columns, from one on, and how many.
+#[derive(Debug, Clone, Copy)]
+enum Batch {
+    Mean,
+    Pairs(usize, usize),
+    Singles(usize, usize),
+    Inputs(usize, usize),
+}
+
+struct Reading<'a, S: System> {
+    fan: &'a mut Fan,
+    look: Look<'a, S>,
+    scratch: &'a mut S::Scratch,
+    factor: &'a Panel,
+    reach: f64,
+    points: Batch,
+}
+
+impl<S: System> Kernel for Reading<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let (fan, look, reach) = (self.fan, self.look, self.reach);
+        let from = match self.points {
+            Batch::Mean => {
+                let at = Points { mean: look.mean, delta: &fan.delta, off: &fan.off };
+                look.system.settle::<FUSED>(look.moment, self.scratch, at, &mut fan.out);
+                return fan.gather_mean(look.rows);
+            }
+            Batch::Pairs(first, count) => {
+                fan.place_pairs(self.factor, first, count, reach);
+                first
+            }
+            Batch::Singles(first, count) => {
+                fan.place_singles(self.factor, first, count, reach);
+                first
+            }
+            Batch::Inputs(first, count) => {
+                fan.place_inputs(look.system.input_std(), first, count);
+                fan.part.dim()
+            }
+        };
+        let at = Points { mean: look.mean, delta: &fan.delta, off: &fan.off };
+        let vary = Vary { from, inputs: matches!(self.points, Batch::Inputs(..)) };
+        look.system.readings_near::<FUSED>(look.moment, self.scratch, at, vary, &mut fan.out);
+        match self.points {
+            Batch::Mean => {}
+            Batch::Pairs(first, count) => fan.gather_pairs(look.rows, first, count, 0.5 / reach),
+            Batch::Singles(first, count) => fan.gather_singles(look.rows, first, count, 1.0 / reach),
+            Batch::Inputs(first, count) => fan.gather_inputs(look.rows, first, count),
         }
     }
 }

@@ -8,7 +8,7 @@
 use super::dense::{NotPositive, Square};
 use super::sigma::Fan;
 use super::tiles::{factor, find_starts, gram, padded, Panel, Rows, Sweep, VECTOR};
-use crate::lane::arch::madd;
+use crate::lane::arch::{madd, Arch, Kernel};
 use std::ops::Range;
 
 /// Not among the rows in use.
@@ -78,17 +78,21 @@ impl Solver {
         self.states_at() + padded(self.states)
     }
 
-    /// Takes in the readings `rows`, of which the first `inertial` are inertial units'; `weight` is one over each row's noise, `y` the
-    /// weighted innovation.
+    /// Takes in readings.
+    pub fn weigh(&mut self, arch: Arch, fan: &Fan, readings: Weighted) {
+        arch.run(Dividing { solver: self, fan, readings });
+        let m = self.used;
+        find_starts(&self.even, fan.evens, 0..padded(m), &mut self.starts);
+        let g = Rows { panel: &self.even, rows: 0..fan.evens, column: 0, starts: &self.starts };
+        gram(arch, &mut self.noise, [m, padded(m)], g, true);
+        for i in 0..m {
+            self.noise.row_mut(i)[i] += 1.0;
+        }
+        arch.run(Blocks { solver: self });
+    }
+
     #[inline(always)]
-    pub fn weigh<const FUSED: bool>(
-        &mut self,
-        fan: &Fan,
-        rows: &[usize],
-        inertial: usize,
-        weight: &[f64],
-        y: &[f64],
-    ) {
+    fn divide(&mut self, fan: &Fan, Weighted { rows, inertial, weight, y }: Weighted) {
         (self.used, self.inertial) = (rows.len(), inertial);
         self.slots.fill(NOWHERE);
         let (h_at, y_at) = (self.states_at(), self.reading_at());
@@ -101,14 +105,6 @@ impl Solver {
             row[y_at] = y[r];
         }
         self.turn_even(fan, rows, weight);
-        let m = self.used;
-        find_starts(&self.even, fan.evens, 0..padded(m), &mut self.starts);
-        let g = Rows { panel: &self.even, rows: 0..fan.evens, column: 0, starts: &self.starts };
-        gram::<FUSED, true>(&mut self.noise, m, padded(m), g);
-        for i in 0..m {
-            self.noise.row_mut(i)[i] += 1.0;
-        }
-        self.fill_blocks::<FUSED>();
     }
 
     /// E' from rows of E, four at a time.
@@ -165,8 +161,7 @@ impl Solver {
     }
 
     /// Factors everything; `root` is the covariance's factor, upper triangular.
-    #[inline(always)]
-    pub fn solve<const FUSED: bool>(&mut self, root: &Panel) -> Result<Verdict, NotPositive> {
+    pub fn solve(&mut self, arch: Arch, root: &Panel) -> Result<Verdict, NotPositive> {
         let (h_at, y_at) = (self.states_at(), self.reading_at());
         let (n, m) = (self.states, self.used);
         let (n_pad, width) = (padded(n), y_at + VECTOR);
@@ -175,21 +170,22 @@ impl Solver {
             *start = if v * VECTOR < m { 0 } else { NOWHERE };
         }
         find_starts(&self.noise, m, h_at..width, right);
-        factor::<FUSED>(&mut self.noise, Sweep { n: m, width, starts: &self.starts })?;
-        let all = Rows { panel: &self.noise, rows: 0..self.inertial, column: h_at, starts: &self.starts[h_at / VECTOR..] };
-        gram::<FUSED, true>(&mut self.gain, n, n_pad + VECTOR, all.clone());
+        factor(arch, &mut self.noise, Sweep { n: m, width, starts: &self.starts })?;
+        let all =
+            Rows { panel: &self.noise, rows: 0..self.inertial, column: h_at, starts: &self.starts[h_at / VECTOR..] };
+        gram(arch, &mut self.gain, [n, n_pad + VECTOR], all.clone(), true);
         (0..n).for_each(|i| self.gain.row_mut(i)[i] += 1.0);
         let mut inertial = None;
         if 0 < self.inertial && self.inertial < m {
             self.spare.copy_rows(&self.gain, n);
-            factor::<FUSED>(&mut self.spare, Sweep { n, width: n_pad + VECTOR, starts: &self.zeros })?;
+            factor(arch, &mut self.spare, Sweep { n, width: n_pad + VECTOR, starts: &self.zeros })?;
             inertial = Some(squares(&self.noise, 0..self.inertial, y_at) - squares(&self.spare, 0..n, n_pad));
         }
-        gram::<FUSED, false>(&mut self.gain, n, n_pad + VECTOR, Rows { rows: self.inertial..m, ..all });
+        gram(arch, &mut self.gain, [n, n_pad + VECTOR], Rows { rows: self.inertial..m, ..all }, false);
         self.reverse(root);
         self.starts[..n_pad / VECTOR + 1].fill(0);
         self.starts[n_pad / VECTOR + 1..][..n_pad / VECTOR].copy_from_slice(&self.reversed);
-        factor::<FUSED>(&mut self.gain, Sweep { n, width: 2 * n_pad + VECTOR, starts: &self.starts })?;
+        factor(arch, &mut self.gain, Sweep { n, width: 2 * n_pad + VECTOR, starts: &self.starts })?;
         let nis = squares(&self.noise, 0..m, y_at) - squares(&self.gain, 0..n, n_pad);
         Ok(Verdict { nis, inertial: inertial.unwrap_or(nis) })
     }
@@ -204,12 +200,11 @@ impl Solver {
     }
 
     /// X' b into `shift`, X'X into `covariance`.
-    #[inline(always)]
-    pub fn posterior<const FUSED: bool>(&mut self, shift: &mut [f64], covariance: &mut Square) {
+    pub fn posterior(&mut self, arch: Arch, shift: &mut [f64], covariance: &mut Square) {
         let (n, n_pad) = (self.states, padded(self.states));
         let at = n_pad + VECTOR;
         let x = Rows { panel: &self.gain, rows: 0..n, column: at, starts: &self.reversed };
-        gram::<FUSED, true>(&mut self.spare, n, n_pad, x);
+        gram(arch, &mut self.spare, [n, n_pad], x, true);
         for i in 0..n {
             covariance.row_mut(i)[i..].copy_from_slice(&self.spare.row(i)[i..n]);
         }
@@ -219,9 +214,50 @@ impl Solver {
             let b = self.gain.at(k, n_pad);
             let first = n - 1 - k;
             for (s, x) in shift[first..].iter_mut().zip(&self.gain.row(k)[at + first..at + n]) {
-                *s = madd::<FUSED>(b, *x, *s);
+                *s += b * x;
             }
         }
+    }
+}
+
+/// Readings that an update takes in.
+#[derive(Debug, Clone, Copy)]
+pub struct Weighted<'a> {
+    /// Which, those of inertial units first.
+    pub rows: &'a [usize],
+    /// How many are of inertial units.
+    pub inertial: usize,
+    /// One over each reading's noise.
+    pub weight: &'a [f64],
+    /// Innovations times that.
+    pub y: &'a [f64],
+}
+
+struct Dividing<'a> {
+    solver: &'a mut Solver,
+    fan: &'a Fan,
+    readings: Weighted<'a>,
+}
+
+impl Kernel for Dividing<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        self.solver.divide(self.fan, self.readings);
+    }
+}
+
+struct Blocks<'a> {
+    solver: &'a mut Solver,
+}
+
+impl Kernel for Blocks<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        self.solver.fill_blocks::<FUSED>();
     }
 }
 

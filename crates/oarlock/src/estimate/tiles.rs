@@ -4,7 +4,7 @@
 //! Cholesky's factor and a forward substitution are one sweep. Tiles that are known to be zero are left out.
 
 use super::dense::{NotPositive, Square};
-use crate::lane::arch::madd;
+use crate::lane::arch::{madd, Arch, Kernel};
 use std::ops::Range;
 
 /// Numbers in a vector.
@@ -231,17 +231,31 @@ impl Sweep<'_> {
 }
 
 /// [A | B] becomes [U | U'^-1 B].
-#[inline(always)]
-pub fn factor<const FUSED: bool>(a: &mut Panel, sweep: Sweep) -> Result<(), NotPositive> {
-    let whole = sweep.n / VECTOR * VECTOR;
-    for first in (0..whole).step_by(VECTOR) {
-        factor_rows::<FUSED, 4>(a, first, sweep)?;
-    }
-    match sweep.n - whole {
-        3 => factor_rows::<FUSED, 3>(a, whole, sweep),
-        2 => factor_rows::<FUSED, 2>(a, whole, sweep),
-        1 => factor_rows::<FUSED, 1>(a, whole, sweep),
-        _ => Ok(()),
+pub fn factor(arch: Arch, a: &mut Panel, sweep: Sweep) -> Result<(), NotPositive> {
+    arch.run(Factoring { a, sweep })
+}
+
+struct Factoring<'a> {
+    a: &'a mut Panel,
+    sweep: Sweep<'a>,
+}
+
+impl Kernel for Factoring<'_> {
+    type Output = Result<(), NotPositive>;
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) -> Self::Output {
+        let (a, sweep) = (self.a, self.sweep);
+        let whole = sweep.n / VECTOR * VECTOR;
+        for first in (0..whole).step_by(VECTOR) {
+            factor_rows::<FUSED, 4>(a, first, sweep)?;
+        }
+        match sweep.n - whole {
+            3 => factor_rows::<FUSED, 3>(a, whole, sweep),
+            2 => factor_rows::<FUSED, 2>(a, whole, sweep),
+            1 => factor_rows::<FUSED, 1>(a, whole, sweep),
+            _ => Ok(()),
+        }
     }
 }
 
@@ -325,38 +339,50 @@ impl Rows<'_> {
     }
 }
 
-/// `out += G'G`, upper triangle, for the first `n` columns of G as rows and `width` columns; `out` begins from zero if `FRESH`.
-#[inline(always)]
-pub fn gram<const FUSED: bool, const FRESH: bool>(out: &mut Panel, n: usize, width: usize, g: Rows) {
-    let whole = n / VECTOR * VECTOR;
-    for first in (0..whole).step_by(VECTOR) {
-        gram_rows::<FUSED, FRESH, 4>(out, first, width, &g);
-    }
-    match n - whole {
-        3 => gram_rows::<FUSED, FRESH, 3>(out, whole, width, &g),
-        2 => gram_rows::<FUSED, FRESH, 2>(out, whole, width, &g),
-        1 => gram_rows::<FUSED, FRESH, 1>(out, whole, width, &g),
-        _ => {}
+/// `out += G'G`, upper triangle, for the first `n` columns of G as rows and `width` columns; from zero if `fresh`.
+pub fn gram(arch: Arch, out: &mut Panel, [n, width]: [usize; 2], g: Rows, fresh: bool) {
+    arch.run(Multiplying { out, n, width, g, fresh });
+}
+
+struct Multiplying<'a> {
+    out: &'a mut Panel,
+    n: usize,
+    width: usize,
+    g: Rows<'a>,
+    fresh: bool,
+}
+
+impl Kernel for Multiplying<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(mut self) {
+        let whole = self.n / VECTOR * VECTOR;
+        for first in (0..whole).step_by(VECTOR) {
+            self.rows::<FUSED, 4>(first);
+        }
+        match self.n - whole {
+            3 => self.rows::<FUSED, 3>(whole),
+            2 => self.rows::<FUSED, 2>(whole),
+            1 => self.rows::<FUSED, 1>(whole),
+            _ => {}
+        }
     }
 }
 
-#[inline(always)]
-fn gram_rows<const FUSED: bool, const FRESH: bool, const R: usize>(
-    out: &mut Panel,
-    first: usize,
-    width: usize,
-    g: &Rows,
-) {
-    let (stride, own) = (out.stride, g.start(first, 1));
-    let rows = &mut out.data[first * stride..];
-    over_columns!(first..width, |j, V| {
-        let start = g.start(j, V).max(own);
-        let mut tile: Tile<R, V> =
-            if FRESH { [[[0.0; VECTOR]; V]; R] } else { load(rows, stride, j) };
-        let side = |column: usize| Columns::of(&g.panel.data, g.panel.stride, start, g.column + column);
-        multiply::<FUSED, false, R, V>(&mut tile, side(first), side(j), g.rows.end - start);
-        store(&tile, rows, stride, j);
-    });
+impl Multiplying<'_> {
+    #[inline(always)]
+    fn rows<const FUSED: bool, const R: usize>(&mut self, first: usize) {
+        let (g, stride, own) = (&self.g, self.out.stride, self.g.start(first, 1));
+        let rows = &mut self.out.data[first * stride..];
+        over_columns!(first..self.width, |j, V| {
+            let start = g.start(j, V).max(own);
+            let mut tile: Tile<R, V> = if self.fresh { [[[0.0; VECTOR]; V]; R] } else { load(rows, stride, j) };
+            let side = |column: usize| Columns::of(&g.panel.data, g.panel.stride, start, g.column + column);
+            multiply::<FUSED, false, R, V>(&mut tile, side(first), side(j), g.rows.end - start);
+            store(&tile, rows, stride, j);
+        });
+    }
 }
 
 /// For each vector of columns of some rows: the first row that holds something.
@@ -371,36 +397,23 @@ pub fn find_starts(panel: &Panel, rows: usize, columns: Range<usize>, starts: &m
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lane::arch::{Arch, Kernel};
 
-    struct Both<'a> {
-        g: &'a Panel,
-        rows: usize,
-        n: usize,
-        right: usize,
-    }
-
-    impl Kernel for Both<'_> {
-        type Output = (Panel, Panel);
-
-        /// [1 + G'G | B], and its factor.
-        #[inline(always)]
-        fn run<const FUSED: bool>(self) -> (Panel, Panel) {
-            let (n, width) = (self.n, padded(self.n) + padded(self.right));
-            let mut starts = vec![0; width / VECTOR];
-            find_starts(self.g, self.rows, 0..padded(n), &mut starts);
-            let mut a = Panel::zeros(n, width);
-            (0..n).for_each(|i| a.row_mut(i)[i] = 1.0);
-            let g = Rows { panel: self.g, rows: 0..self.rows, column: 0, starts: &starts };
-            gram::<FUSED, false>(&mut a, n, padded(n), g);
-            for i in 0..n {
-                (0..self.right).for_each(|j| a.row_mut(i)[padded(n) + j] = ((i * 7 + j * 3) % 11) as f64 - 5.0);
-            }
-            let mut u = a.clone();
-            starts.fill(0);
-            factor::<FUSED>(&mut u, Sweep { n, width, starts: &starts }).expect("positive");
-            (a, u)
+    /// [1 + G'G | B], and its factor.
+    fn both(arch: Arch, g: &Panel, n: usize, right: usize) -> (Panel, Panel) {
+        let (rows, width) = (2 * n, padded(n) + padded(right));
+        let mut starts = vec![0; width / VECTOR];
+        find_starts(g, rows, 0..padded(n), &mut starts);
+        let mut a = Panel::zeros(n, width);
+        (0..n).for_each(|i| a.row_mut(i)[i] = 1.0);
+        let rows = Rows { panel: g, rows: 0..rows, column: 0, starts: &starts };
+        gram(arch, &mut a, [n, padded(n)], rows, false);
+        for i in 0..n {
+            (0..right).for_each(|j| a.row_mut(i)[padded(n) + j] = ((i * 7 + j * 3) % 11) as f64 - 5.0);
         }
+        let mut u = a.clone();
+        starts.fill(0);
+        factor(arch, &mut u, Sweep { n, width, starts: &starts }).expect("positive");
+        (a, u)
     }
 
     fn sample(rows: usize, n: usize) -> Panel {
@@ -421,7 +434,7 @@ mod tests {
         for (n, right) in (1..30).map(|n| (n, 1 + n * 2 / 3)) {
             let (g, base) = (sample(2 * n, n), padded(n));
             for arch in [Arch::PORTABLE, Arch::best()] {
-                let (a, u) = arch.run(Both { g: &g, rows: 2 * n, n, right });
+                let (a, u) = both(arch, &g, n, right);
                 for i in 0..n {
                     for j in i..n {
                         let direct: f64 = (0..2 * n).map(|r| g.at(r, i) * g.at(r, j)).sum();
@@ -441,6 +454,6 @@ mod tests {
         let mut a = Panel::zeros(6, 8);
         (0..6).for_each(|i| a.row_mut(i)[i] = if i == 5 { f64::NAN } else { 2.0 });
         let sweep = Sweep { n: 6, width: 8, starts: &[0, 0] };
-        assert_eq!(factor::<false>(&mut a, sweep).unwrap_err().row, 5);
+        assert_eq!(factor(Arch::PORTABLE, &mut a, sweep).unwrap_err().row, 5);
     }
 }

@@ -239,16 +239,14 @@ impl<T: Real> FrameMotion<T> {
             JointKind::Hinge => {
                 let (z, w) = (stance.axes.column(2), self.angular_velocity);
                 let (qd, qdd) = (joints.qd[first].scale(sign), joints.qdd[first].scale(sign));
-                self.angular_acceleration =
-                    (self.angular_acceleration + w.cross_equal(z) * qd).plus_equal(z, qdd);
+                self.angular_acceleration = (self.angular_acceleration + w.cross_equal(z) * qd).plus_equal(z, qdd);
                 self.angular_velocity = w.plus_equal(z, qd);
             }
             JointKind::Slide => {
                 let (z, w) = (stance.axes.column(2), self.angular_velocity);
                 let (qd, qdd) = (joints.qd[first].scale(2.0 * sign), joints.qdd[first].scale(sign));
                 let coriolis = w.cross_equal(z) * qd;
-                self.proper_acceleration =
-                    (self.proper_acceleration_led(stance.arms[1]) + coriolis).plus_equal(z, qdd);
+                self.proper_acceleration = (self.proper_acceleration_led(stance.arms[1]) + coriolis).plus_equal(z, qdd);
             }
             JointKind::Fixed => {}
             JointKind::Ball => self.spun(joints, first, &stance.turned),

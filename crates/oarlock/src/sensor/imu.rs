@@ -80,10 +80,7 @@ impl Imu {
     /// How it stands on a link that moves so.
     #[inline(always)]
     pub fn stand(&self, frame: &FrameMotion<f64>, worn: Worn<f64>) -> Stand {
-        Stand {
-            rotation: self.root_from_sensor(frame, worn),
-            arm: self.offset.turned(&frame.rotation, worn.lengths),
-        }
+        Stand { rotation: self.root_from_sensor(frame, worn), arm: self.offset.turned(&frame.rotation, worn.lengths) }
     }
 
     /// Readings of a unit that stands so, as far as its link's motion or the field is given.

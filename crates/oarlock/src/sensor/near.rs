@@ -59,7 +59,12 @@ impl<T: Real> Around<'_, T> {
 
 impl Suite {
     /// Of which states and inputs each source's posture depends, given those of the frames and of lengths and mounts.
-    pub fn reaches(&self, frames: &[Reach], length: impl Fn(usize) -> usize, mount: impl Fn(usize) -> usize) -> Vec<Reach> {
+    pub fn reaches(
+        &self,
+        frames: &[Reach],
+        length: impl Fn(usize) -> usize,
+        mount: impl Fn(usize) -> usize,
+    ) -> Vec<Reach> {
         let points = |mut reach: Reach, point: &crate::model::Point| {
             point.moved_by().for_each(|l| reach.last = reach.last.max(length(l) + 1));
             reach
