@@ -52,11 +52,13 @@ impl Fixed {
         match self.swap {
             Swap::Nothing => *m,
             Swap::Axes(axes) => {
-                let row = |i: usize| {
-                    let entry = |(j, sign): (usize, f64)| m.0[i][j].scale(sign);
-                    [entry(axes[0]), entry(axes[1]), entry(axes[2])]
-                };
-                Mat3([row(0), row(1), row(2)])
+                let mut out = *m;
+                for (to, row) in out.0.iter_mut().zip(&m.0) {
+                    for (to, (from, sign)) in to.iter_mut().zip(axes) {
+                        *to = row[from].scale(sign);
+                    }
+                }
+                out
             }
             Swap::Anything => m.times_f64(&self.rotation),
         }
@@ -149,19 +151,18 @@ impl<T: Real> FrameMotion<T> {
                 self.rotation = self.rotation.turned_about_z(sin, cos);
             }
             JointKind::Slide => {
-                let [q, qd, qdd] = [joints.q, joints.qd, joints.qdd].map(|v| v[first].scale(sign));
-                self.slid(q, qd, qdd);
+                let (q, qd) = (joints.q[first].scale(sign), joints.qd[first].scale(sign));
+                self.slid(q, qd, joints.qdd[first].scale(sign));
             }
             JointKind::Fixed => {}
             JointKind::Ball => {
-                let [r, w, wd] = [joints.q, joints.qd, joints.qdd].map(|v| three(v, first));
-                self.balled(joints.anchors.get(turn), r, w, wd);
+                let (r, w) = (three(joints.q, first), three(joints.qd, first));
+                self.balled(joints.anchors.get(turn), r, w, three(joints.qdd, first));
             }
             JointKind::Free => {
-                let [p, v, a] = [joints.q, joints.qd, joints.qdd].map(|v| three(v, first));
-                self.placed(p, v, a);
-                let [r, w, wd] = [joints.q, joints.qd, joints.qdd].map(|v| three(v, first + 3));
-                self.balled(joints.anchors.get(turn), r, w, wd);
+                self.placed(three(joints.q, first), three(joints.qd, first), three(joints.qdd, first));
+                let (r, w) = (three(joints.q, first + 3), three(joints.qd, first + 3));
+                self.balled(joints.anchors.get(turn), r, w, three(joints.qdd, first + 3));
             }
         }
     }

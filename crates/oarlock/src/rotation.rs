@@ -64,8 +64,7 @@ impl<T: Real> Vec3<T> {
     #[inline(always)]
     pub fn cross(self, o: Self) -> Self {
         let (a, b) = (self.0, o.0);
-        let minor = |i: usize, j: usize| a[i].madd(b[j], -(a[j] * b[i]));
-        Vec3([minor(1, 2), minor(2, 0), minor(0, 1)])
+        Vec3([a[1].madd(b[2], -(a[2] * b[1])), a[2].madd(b[0], -(a[0] * b[2])), a[0].madd(b[1], -(a[1] * b[0]))])
     }
 }
 
@@ -105,8 +104,11 @@ impl<T: Real> Vec3<T> {
     #[inline(always)]
     pub fn cross_equal(self, o: Vec3<f64>) -> Self {
         let (a, b) = (self.0, o.0);
-        let minor = |i: usize, j: usize| a[i].madd_f64(b[j], -a[j].scale(b[i]));
-        Vec3([minor(1, 2), minor(2, 0), minor(0, 1)])
+        Vec3([
+            a[1].madd_f64(b[2], -a[2].scale(b[1])),
+            a[2].madd_f64(b[0], -a[0].scale(b[2])),
+            a[0].madd_f64(b[1], -a[1].scale(b[0])),
+        ])
     }
 }
 
@@ -129,44 +131,43 @@ impl<T: Real> Mat3<T> {
     /// Matrix times vector.
     #[inline(always)]
     pub fn apply(&self, v: Vec3<T>) -> Vec3<T> {
-        let row = |i: usize| dot(self.0[i], v.0);
-        Vec3([row(0), row(1), row(2)])
+        Vec3([dot(self.0[0], v.0), dot(self.0[1], v.0), dot(self.0[2], v.0)])
     }
 
     /// Matrix times a vector that is equal in every lane.
     #[inline(always)]
     pub fn apply_f64(&self, v: [f64; 3]) -> Vec3<T> {
-        let row = |i: usize| dot_f64(self.0[i], v);
-        Vec3([row(0), row(1), row(2)])
+        Vec3([dot_f64(self.0[0], v), dot_f64(self.0[1], v), dot_f64(self.0[2], v)])
     }
 
     /// Transpose times vector.
     #[inline(always)]
     pub fn apply_transposed(&self, v: Vec3<T>) -> Vec3<T> {
-        let row = |j: usize| dot(self.column(j).0, v.0);
-        Vec3([row(0), row(1), row(2)])
+        Vec3([dot(self.column(0).0, v.0), dot(self.column(1).0, v.0), dot(self.column(2).0, v.0)])
     }
 
     /// Matrix product with a matrix that is equal in every lane.
     #[inline(always)]
     pub fn times_f64(&self, o: &Mat3<f64>) -> Self {
         let columns = [o.column(0).0, o.column(1).0, o.column(2).0];
-        let row = |i: usize| {
-            let r = self.0[i];
-            [dot_f64(r, columns[0]), dot_f64(r, columns[1]), dot_f64(r, columns[2])]
-        };
-        Mat3([row(0), row(1), row(2)])
+        let mut out = self.0;
+        for to in &mut out {
+            let r = *to;
+            *to = [dot_f64(r, columns[0]), dot_f64(r, columns[1]), dot_f64(r, columns[2])];
+        }
+        Mat3(out)
     }
 
     /// Matrix product.
     #[inline(always)]
     pub fn then(&self, o: &Self) -> Self {
         let columns = [o.column(0).0, o.column(1).0, o.column(2).0];
-        let row = |i: usize| {
-            let r = self.0[i];
-            [dot(r, columns[0]), dot(r, columns[1]), dot(r, columns[2])]
-        };
-        Mat3([row(0), row(1), row(2)])
+        let mut out = self.0;
+        for to in &mut out {
+            let r = *to;
+            *to = [dot(r, columns[0]), dot(r, columns[1]), dot(r, columns[2])];
+        }
+        Mat3(out)
     }
 
     /// Rotation about `r` by its length, rad (Rodrigues).
@@ -189,11 +190,12 @@ impl<T: Real> Mat3<T> {
     /// Times a rotation about z, given its sine and cosine.
     #[inline(always)]
     pub fn turned_about_z(&self, sin: T, cos: T) -> Self {
-        let row = |i: usize| {
-            let [x, y, z] = self.0[i];
-            [x.madd(cos, y * sin), y.madd(cos, -(x * sin)), z]
-        };
-        Mat3([row(0), row(1), row(2)])
+        let mut out = self.0;
+        for to in &mut out {
+            let [x, y, z] = *to;
+            *to = [x.madd(cos, y * sin), y.madd(cos, -(x * sin)), z];
+        }
+        Mat3(out)
     }
 
     /// Column `j`.
@@ -207,22 +209,19 @@ impl Mat3<f64> {
     /// The same in every lane.
     #[inline(always)]
     pub fn everywhere<T: Real>(&self) -> Mat3<T> {
-        let row = |i: usize| Vec3::splat(self.0[i]).0;
-        Mat3([row(0), row(1), row(2)])
+        Mat3([Vec3::splat(self.0[0]).0, Vec3::splat(self.0[1]).0, Vec3::splat(self.0[2]).0])
     }
 
     /// Transpose times a vector in lanes.
     #[inline(always)]
     pub fn transposed_apply<T: Real>(&self, v: Vec3<T>) -> Vec3<T> {
-        let row = |j: usize| dot_f64(v.0, self.column(j).0);
-        Vec3([row(0), row(1), row(2)])
+        Vec3([dot_f64(v.0, self.column(0).0), dot_f64(v.0, self.column(1).0), dot_f64(v.0, self.column(2).0)])
     }
 
     /// Times a vector in lanes.
     #[inline(always)]
     pub fn apply_lanes<T: Real>(&self, v: Vec3<T>) -> Vec3<T> {
-        let row = |i: usize| dot_f64(v.0, self.0[i]);
-        Vec3([row(0), row(1), row(2)])
+        Vec3([dot_f64(v.0, self.0[0]), dot_f64(v.0, self.0[1]), dot_f64(v.0, self.0[2])])
     }
 
     /// Matrix product.

@@ -28,7 +28,7 @@ impl Panel {
     /// All zero; `width` is a multiple of a vector's length.
     pub fn zeros(rows: usize, width: usize) -> Self {
         let stride = padded(width);
-        Panel { stride, data: vec![0.0; (rows + 1) * stride + 3 * VECTOR] }
+        Panel { stride, data: vec![0.0; (rows + 1) * stride + 2 * VECTOR] }
     }
 
     /// Row `i`.
@@ -131,16 +131,12 @@ fn store<const R: usize, const V: usize>(tile: &Tile<R, V>, data: &mut [f64], st
     }
 }
 
-/// Runs `$go::<R, V>` over tiles: `$columns` in steps of three vectors, and what is left.
+/// Runs `$body` over tiles: `$columns` in steps of two vectors, and what is left. Four rows of two vectors are what a core keeps in
+/// flight; of three, the compiler puts some sums out of the registers.
 macro_rules! over_columns {
     ($columns:expr, |$j:ident, $v:ident| $body:block) => {{
         let (mut $j, end) = ($columns.start, $columns.end);
-        while $j + 3 * VECTOR <= end {
-            const $v: usize = 3;
-            $body
-            $j += 3 * VECTOR;
-        }
-        if $j + 2 * VECTOR <= end {
+        while $j + 2 * VECTOR <= end {
             const $v: usize = 2;
             $body
             $j += 2 * VECTOR;

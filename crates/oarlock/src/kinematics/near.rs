@@ -137,23 +137,29 @@ impl Tree {
                 continue;
             }
             let (known, stance) = (differs[link.parent], &stances[link.parent].frame);
-            let mut frame = frames[link.parent];
+            let (above, below) = frames.split_at_mut(i);
+            let (parent, frame) = (&above[link.parent], &mut below[0]);
             if moving && !known.motion {
                 frame.angular_velocity = stance.angular_velocity.everywhere();
                 frame.angular_acceleration = stance.angular_acceleration.everywhere();
                 frame.proper_acceleration = stance.proper_acceleration.everywhere();
+            } else if moving {
+                frame.angular_velocity = parent.angular_velocity;
+                frame.angular_acceleration = parent.angular_acceleration;
+                frame.proper_acceleration = parent.proper_acceleration;
             }
-            if pose {
-                if !known.pose {
-                    frame.rotation = stance.rotation.everywhere();
-                    frame.position = stance.position.everywhere();
-                }
-                let shared = reach.own <= apart.from && !(apart.inputs && reach.own_input);
-                link.posed(&mut frame, &joints, motion, shared.then_some(stances[i].sin_cos));
+            if !pose {
+                link.kept(frame, &joints, &stances[i]);
+                continue;
+            }
+            if known.pose {
+                (frame.rotation, frame.position) = (parent.rotation, parent.position);
             } else {
-                link.kept(&mut frame, &joints, &stances[i]);
+                frame.rotation = stance.rotation.everywhere();
+                frame.position = stance.position.everywhere();
             }
-            frames[i] = frame;
+            let shared = reach.own <= apart.from && !(apart.inputs && reach.own_input);
+            link.posed(frame, &joints, motion, shared.then_some(stances[i].sin_cos));
         }
     }
 }

@@ -50,21 +50,18 @@ impl Imu {
     pub fn predict<T: Real>(&self, frame: &FrameMotion<T>, around: &Surroundings<T>, worn: Worn<T>, out: &mut [T]) {
         let root_from_sensor = self.root_from_sensor(frame, worn);
         let mut at = 0;
-        let mut put = |v: Vec3<T>| {
-            out[at..at + 3].copy_from_slice(&root_from_sensor.apply_transposed(v).0);
-            at += 3;
-        };
         if self.noise.gyro_std.is_some() {
-            put(frame.angular_velocity);
+            put(&root_from_sensor, frame.angular_velocity, out, &mut at);
         }
         if self.noise.accel_std.is_some() {
-            put(frame.proper_acceleration_at(self.offset.turned(&frame.rotation, worn.lengths)));
+            let arm = self.offset.turned(&frame.rotation, worn.lengths);
+            put(&root_from_sensor, frame.proper_acceleration_at(arm), out, &mut at);
         }
         if self.noise.mag_std.is_some() {
-            put(around.magnetic_field);
+            put(&root_from_sensor, around.magnetic_field, out, &mut at);
         }
         if self.noise.rest_std.is_some() {
-            put(frame.angular_velocity);
+            put(&root_from_sensor, frame.angular_velocity, out, &mut at);
         }
     }
 
@@ -92,24 +89,36 @@ impl Imu {
         stand: &Stand,
         out: &mut [T],
     ) {
-        let mut at = 0;
-        let mut put = |v: Option<Vec3<T>>| {
-            if let Some(v) = v {
-                out[at..at + 3].copy_from_slice(&stand.rotation.transposed_apply(v).0);
+        let (mut at, axes) = (0, &stand.rotation);
+        for (there, quantity) in [
+            (self.noise.gyro_std.is_some(), Quantity::Gyro),
+            (self.noise.accel_std.is_some(), Quantity::Accel),
+            (self.noise.mag_std.is_some(), Quantity::Mag),
+            (self.noise.rest_std.is_some(), Quantity::Rest),
+        ] {
+            if !there {
+                continue;
+            }
+            match (quantity, motion, field) {
+                (Quantity::Mag, _, Some(field)) => put_kept(axes, field, &mut out[at..]),
+                (Quantity::Accel, Some(m), _) => put_kept(axes, m.proper_acceleration_led(stand.arm), &mut out[at..]),
+                (Quantity::Gyro | Quantity::Rest, Some(m), _) => put_kept(axes, m.angular_velocity, &mut out[at..]),
+                _ => {}
             }
             at += 3;
-        };
-        if self.noise.gyro_std.is_some() {
-            put(motion.map(|m| m.angular_velocity));
-        }
-        if self.noise.accel_std.is_some() {
-            put(motion.map(|m| m.proper_acceleration_led(stand.arm)));
-        }
-        if self.noise.mag_std.is_some() {
-            put(field);
-        }
-        if self.noise.rest_std.is_some() {
-            put(motion.map(|m| m.angular_velocity));
         }
     }
+}
+
+/// A vector in the axes of a sensor.
+#[inline(always)]
+fn put<T: Real>(root_from_sensor: &Mat3<T>, v: Vec3<T>, out: &mut [T], at: &mut usize) {
+    out[*at..*at + 3].copy_from_slice(&root_from_sensor.apply_transposed(v).0);
+    *at += 3;
+}
+
+/// A vector in the axes of a sensor that stands the same for all.
+#[inline(always)]
+fn put_kept<T: Real>(root_from_sensor: &Mat3<f64>, v: Vec3<T>, out: &mut [T]) {
+    out[..3].copy_from_slice(&root_from_sensor.transposed_apply(v).0);
 }
