@@ -1,12 +1,15 @@
 //! How long a live step takes at worst: samples come one after the other, each is worked off at once.
 
 use super::bodies::{cases, running, sample, NEXT};
-use super::{microseconds, quantile};
+use super::{is_filtered, microseconds, quantile};
 use criterion::Criterion;
 
 const STEPS: usize = 20_000;
 
 pub fn of_live_steps(_: &mut Criterion) {
+    if is_filtered() {
+        return;
+    }
     println!("time of a live step, us, over {STEPS} steps");
     println!("{:32} {:>4} {:>8} {:>8} {:>8}", "body", "n", "median", "p99", "p99.9");
     for case in cases().iter().filter(|c| c.name.starts_with("sculler")) {

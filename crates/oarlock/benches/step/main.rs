@@ -21,6 +21,11 @@ mod ukf;
 use criterion::{criterion_group, criterion_main, Criterion};
 use std::time::{Duration, Instant};
 
+/// Whether only some benchmarks are asked for, by name: then the tables are left out.
+fn is_filtered() -> bool {
+    std::env::args().skip(1).any(|a| !a.starts_with('-'))
+}
+
 /// Time that something takes, us.
 fn microseconds(run: impl FnOnce()) -> f64 {
     let begun = Instant::now();

@@ -3,7 +3,7 @@
 use super::bodies::{cases, running, sample, Case, NEXT, RATE_HZ};
 use super::body::Naive;
 use super::ukf::{Ukf, Weights};
-use super::{microseconds, quantile};
+use super::{is_filtered, microseconds, quantile};
 use criterion::Criterion;
 use nalgebra::{DMatrix, DVector};
 use oarlock::lane::arch::Arch;
@@ -12,6 +12,9 @@ use oarlock::track::Tracker;
 use std::hint::black_box;
 
 pub fn of_steps(_: &mut Criterion) {
+    if is_filtered() {
+        return;
+    }
     println!("median time of a step, us");
     println!(
         "{:32} {:>4} {:>4} {:>8} {:>10} {:>10} {:>7}",

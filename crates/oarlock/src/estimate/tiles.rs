@@ -15,7 +15,7 @@ pub fn padded(n: usize) -> usize {
     n.div_ceil(VECTOR) * VECTOR
 }
 
-/// A row-major matrix with room behind its last row, so that a walk down a column may look at whole rows.
+/// A row-major matrix.
 #[derive(Debug, Clone)]
 pub struct Panel {
     stride: usize,
@@ -28,7 +28,7 @@ impl Panel {
     /// All zero; `width` is a multiple of a vector's length.
     pub fn zeros(rows: usize, width: usize) -> Self {
         let stride = padded(width);
-        Panel { stride, data: vec![0.0; (rows + 1) * stride + 2 * VECTOR] }
+        Panel { stride, data: vec![0.0; rows * stride] }
     }
 
     /// Row `i`.
@@ -76,7 +76,8 @@ struct Columns<'a> {
 impl<'a> Columns<'a> {
     #[inline(always)]
     fn of(data: &'a [f64], stride: usize, row: usize, column: usize) -> Self {
-        Columns { data: &data[row * stride + column..], stride }
+        // Of no rows at all, nothing.
+        Columns { data: data.get(row * stride + column..).unwrap_or(&[]), stride }
     }
 }
 
@@ -89,10 +90,12 @@ fn multiply<const FUSED: bool, const TAKE: bool, const R: usize, const V: usize>
     count: usize,
 ) {
     let mut sum = *tile;
-    let rows = left.data.chunks_exact(left.stride).zip(right.data.chunks_exact(right.stride));
-    for (a, b) in rows.take(count) {
-        let a = &a[..R];
-        let b = &b[..V * VECTOR];
+    // Walked by hand: iterators over chunks begin with a division each.
+    let (mut at_left, mut at_right) = (0, 0);
+    for _ in 0..count {
+        let a = &left.data[at_left..][..R];
+        let b = &right.data[at_right..][..V * VECTOR];
+        (at_left, at_right) = (at_left + left.stride, at_right + right.stride);
         for r in 0..R {
             let factor = if TAKE { -a[r] } else { a[r] };
             for v in 0..V {
@@ -263,7 +266,6 @@ fn factor_rows<const FUSED: bool, const R: usize>(
 ) -> Result<(), NotPositive> {
     let stride = a.stride;
     let (above, rows) = a.data.split_at_mut(first * stride);
-    // What lies behind the rows above, for walks that look at whole rows, is not there: they end one row earlier.
     let corner = {
         let mut tile: Tile<R, 1> = load(rows, stride, first);
         take::<FUSED, R, 1>(&mut tile, above, stride, [first, first], 0..first);
@@ -294,20 +296,9 @@ fn take<const FUSED: bool, const R: usize, const V: usize>(
     [left, right]: [usize; 2],
     range: Range<usize>,
 ) {
-    if range.is_empty() {
-        return;
-    }
-    // The last row has nothing behind it and goes alone.
-    let (whole, last) = (range.len() - 1, range.end - 1);
-    let side = |row: usize, column: usize| Columns::of(above, stride, row, column);
-    multiply::<FUSED, true, R, V>(tile, side(range.start, left), side(range.start, right), whole);
-    let (a, b) = (&above[last * stride + left..][..R], &above[last * stride + right..][..V * VECTOR]);
-    for r in 0..R {
-        for v in 0..V {
-            for k in 0..VECTOR {
-                tile[r][v][k] = madd::<FUSED>(-a[r], b[v * VECTOR + k], tile[r][v][k]);
-            }
-        }
+    if !range.is_empty() {
+        let side = |column: usize| Columns::of(above, stride, range.start, column);
+        multiply::<FUSED, true, R, V>(tile, side(left), side(right), range.len());
     }
 }
 
