@@ -4,7 +4,7 @@
 
 use super::belief::Belief;
 use super::dense::Square;
-use super::gate::{self, Room};
+use super::gate;
 use super::learn::{Correction, Learning};
 use super::sigma::{Fan, Look, Spread};
 use super::solve::{Solver, Weighted};
@@ -137,7 +137,6 @@ pub struct Filter<S: System> {
     shift: Vec<f64>,
     variance: Vec<f64>,
     buffer: [Vec<f64>; 3],
-    room: Room,
     /// Variance of each state before the update, and what the last prediction added to it.
     before: Vec<f64>,
     fresh: Vec<f64>,
@@ -174,7 +173,6 @@ impl<S: System> Filter<S> {
             shift: vec![0.0; n],
             variance: vec![0.0; n],
             buffer: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
-            room: Room::new(),
             before: vec![0.0; n],
             fresh: vec![0.0; n],
             since_s: 0.0,
@@ -347,9 +345,9 @@ impl<S: System> Filter<S> {
     }
 
     /// Of the used ones among some rows of a source, of which they begin with number `first`.
-    fn nis(&mut self, source: usize, first: usize, rows: Range<usize>) -> Option<f64> {
+    fn nis(&self, source: usize, first: usize, rows: Range<usize>) -> Option<f64> {
         let (y, used) = (&self.y[rows.clone()], &self.used[rows]);
-        gate::nis(self.solver.block(source), first, y, used, &mut self.room)
+        gate::nis(self.solver.block(source), first, y, used)
     }
 
     fn report(&mut self, sighting: Sighting, info: &mut Info) {

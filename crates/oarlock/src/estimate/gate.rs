@@ -1,50 +1,34 @@
 //! Which readings are believed: innovation tests, part by part.
 
-use super::dense::{cholesky, solve_transposed, Square};
-
-/// Room for the innovation covariance of up to so many rows.
-#[derive(Debug, Clone)]
-pub struct Room {
-    /// One matrix for each number of rows.
-    squares: Vec<Square>,
-    w: Vec<f64>,
-}
-
-impl Room {
-    /// For groups of up to `MAX_ROWS` rows.
-    pub fn new() -> Self {
-        Room { squares: (0..=MAX_ROWS).map(Square::zeros).collect(), w: vec![0.0; MAX_ROWS] }
-    }
-}
-
-impl Default for Room {
-    fn default() -> Self {
-        Self::new()
-    }
-}
+use super::dense::Square;
 
 /// Normalised innovation squared y' S^-1 y of those rows of S and y, from `first` on, that are `used`; S is read in its upper triangle.
 ///
-/// `None` if the matrix is not positive definite (a reading is not a number), or if there is no room for it.
-pub fn nis(s: &Square, first: usize, y: &[f64], used: &[bool], room: &mut Room) -> Option<f64> {
-    let mut picked = [0; MAX_ROWS];
-    let mut count = 0;
+/// `None` if the matrix is not positive definite (a reading is not a number), or if there are too many rows.
+pub fn nis(s: &Square, first: usize, y: &[f64], used: &[bool]) -> Option<f64> {
+    let (mut picked, mut count) = ([0; MAX_ROWS], 0);
+    let (mut lower, mut inverse, mut w) = ([[0.0; MAX_ROWS]; MAX_ROWS], [0.0; MAX_ROWS], [0.0; MAX_ROWS]);
+    let mut sum = 0.0;
     for i in (0..y.len()).filter(|&i| used[i]) {
         *picked.get_mut(count)? = i;
+        let (above, below) = lower.split_at_mut(count);
+        let (row, mut left, mut pivot) = (&mut below[0], y[i], s.at(first + i, first + i));
+        for (j, other) in above.iter().enumerate() {
+            let inner: f64 = (0..j).map(|k| row[k] * other[k]).sum();
+            row[j] = (s.at(first + picked[j], first + i) - inner) * inverse[j];
+            left -= row[j] * w[j];
+            pivot -= row[j] * row[j];
+        }
+        // Written so that NaN fails too.
+        if !(pivot > 0.0 && pivot.is_finite()) {
+            return None;
+        }
+        inverse[count] = 1.0 / pivot.sqrt();
+        w[count] = left * inverse[count];
+        sum += w[count] * w[count];
         count += 1;
     }
-    let picked = &picked[..count];
-    let square = &mut room.squares[count];
-    let w = &mut room.w[..count];
-    for (i, &a) in picked.iter().enumerate() {
-        w[i] = y[a];
-        for (j, &b) in picked.iter().enumerate().skip(i) {
-            *square.at_mut(i, j) = s.at(first + a, first + b);
-        }
-    }
-    cholesky(square).ok()?;
-    solve_transposed(square, 0, w);
-    Some(w.iter().map(|x| x * x).sum())
+    Some(sum)
 }
 
 /// Most rows that a source may have.

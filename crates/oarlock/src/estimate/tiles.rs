@@ -66,18 +66,20 @@ impl Panel {
     }
 }
 
-/// Rows from `first` on of some columns of a panel.
+/// Some columns of a panel in vectors, from a row on.
 #[derive(Clone, Copy)]
 struct Columns<'a> {
-    data: &'a [f64],
+    data: &'a [[f64; VECTOR]],
     stride: usize,
 }
 
 impl<'a> Columns<'a> {
+    /// `column` is a multiple of a vector's length.
     #[inline(always)]
     fn of(data: &'a [f64], stride: usize, row: usize, column: usize) -> Self {
         // Of no rows at all, nothing.
-        Columns { data: data.get(row * stride + column..).unwrap_or(&[]), stride }
+        let data = data.get(row * stride + column..).unwrap_or(&[]);
+        Columns { data: data.as_chunks().0, stride: stride / VECTOR }
     }
 }
 
@@ -90,17 +92,16 @@ fn multiply<const FUSED: bool, const TAKE: bool, const R: usize, const V: usize>
     count: usize,
 ) {
     let mut sum = *tile;
-    // Walked by hand: iterators over chunks begin with a division each.
     let (mut at_left, mut at_right) = (0, 0);
     for _ in 0..count {
-        let a = &left.data[at_left..][..R];
-        let b = &right.data[at_right..][..V * VECTOR];
+        let a = left.data[at_left];
+        let b: &[[f64; VECTOR]; V] = right.data[at_right..].first_chunk().expect("columns lie within their row");
         (at_left, at_right) = (at_left + left.stride, at_right + right.stride);
         for r in 0..R {
             let factor = if TAKE { -a[r] } else { a[r] };
             for v in 0..V {
                 for k in 0..VECTOR {
-                    sum[r][v][k] = madd::<FUSED>(factor, b[v * VECTOR + k], sum[r][v][k]);
+                    sum[r][v][k] = madd::<FUSED>(factor, b[v][k], sum[r][v][k]);
                 }
             }
         }

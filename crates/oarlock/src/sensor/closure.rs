@@ -54,10 +54,10 @@ impl Loop {
     pub fn predict_between<T: Real>(&self, [a, b]: [FrameMotion<T>; 2], worn: Worn<T>, out: &mut [T]) {
         let end = |f: &FrameMotion<T>, p: &Point| f.position + p.turned(&f.rotation, worn.lengths);
         let gap = end(&a, &self.sides[0].1) - end(&b, &self.sides[1].1);
-        out[..3].copy_from_slice(&gap.0);
+        [out[0], out[1], out[2]] = gap.0;
         if let Some([za, zb]) = self.axes {
             let turn = a.rotation.apply_f64(za) - b.rotation.apply_f64(zb);
-            out[3..6].copy_from_slice(&turn.0);
+            [out[3], out[4], out[5]] = turn.0;
         }
     }
 }

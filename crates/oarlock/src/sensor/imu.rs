@@ -113,12 +113,12 @@ impl Imu {
 /// A vector in the axes of a sensor.
 #[inline(always)]
 fn put<T: Real>(root_from_sensor: &Mat3<T>, v: Vec3<T>, out: &mut [T], at: &mut usize) {
-    out[*at..*at + 3].copy_from_slice(&root_from_sensor.apply_transposed(v).0);
+    [out[*at], out[*at + 1], out[*at + 2]] = root_from_sensor.apply_transposed(v).0;
     *at += 3;
 }
 
 /// A vector in the axes of a sensor that stands the same for all.
 #[inline(always)]
 fn put_kept<T: Real>(root_from_sensor: &Mat3<f64>, v: Vec3<T>, out: &mut [T]) {
-    out[..3].copy_from_slice(&root_from_sensor.transposed_apply(v).0);
+    [out[0], out[1], out[2]] = root_from_sensor.transposed_apply(v).0;
 }

@@ -72,7 +72,6 @@ pub type JointState = [f64; 3];
 
 pub struct Naive<'a> {
     pub model: &'a Model,
-    pub parameters: Vec<f64>,
     /// Names of the coordinates.
     pub coordinates: Vec<String>,
     /// First state of every rotation vector.
@@ -127,7 +126,6 @@ impl<'a> Naive<'a> {
             arms: model.sensors.iter().map(arm).collect(),
             ends: model.closures.iter().map(|c| [0, 1].map(|i| point(&c.sides[i].1))).collect(),
             field: [&model.world.magnetic_norm_ut, &model.world.magnetic_dip_rad].map(|e| e.eval(&parameters)),
-            parameters,
             coordinates,
             places,
         }
