@@ -3,6 +3,7 @@
 pub mod closure;
 pub mod encoder;
 pub mod imu;
+pub mod near;
 pub mod position;
 
 use crate::kinematics::FrameMotion;
@@ -214,6 +215,13 @@ impl Suite {
         match &self.readers[i] {
             Reader::Imu(s) => Some(s.root_from_sensor(&frames[s.frame], mounts)),
             _ => None,
+        }
+    }
+
+    /// Marks the frames whose velocities or accelerations source `i` reads.
+    pub fn mark_moving(&self, i: usize, moving: &mut [bool]) {
+        if let Reader::Imu(s) = &self.readers[i] {
+            moving[s.frame] = true;
         }
     }
 

@@ -1,16 +1,17 @@
 //! One filter: predict exactly, update with every reading of a sample at once. Allocates nothing after it is made.
 //!
-//! The update is the unscented one (estimate/sigma.rs) in information form: with G and y divided by the noise,
-//! 1 + G'G = V'V, b = V'^-1 G'y, and for the part of V and b that belongs to H: X = V22'^-1 (rows of U reversed),
-//! x+ = x + X' b2, P+ = X'X. P+ cannot lose its symmetry or its sign.
+//! The update is the unscented one (estimate/sigma.rs) in information form (estimate/solve.rs).
 
 use super::belief::Belief;
-use super::dense::{accumulate, cholesky_of_gram, factor_of_covariance, solve_transposed, Square};
-use super::gate::{self, Room};
+use super::dense::Square;
+use super::gate;
 use super::learn::{Correction, Learning};
-use super::sigma::{Fan, Spread};
+use super::sigma::{Fan, Look, Spread};
+use super::solve::{Solver, Weighted};
+use super::tiles::{factor, padded, Panel, Sweep, VECTOR};
 use super::transition::{carry, Block, Transition};
 use super::System;
+use crate::lane::arch::Arch;
 use std::ops::Range;
 
 /// Which rows belong together.
@@ -154,19 +155,26 @@ pub struct Manner {
 /// Workspace of a filter.
 #[derive(Debug, Clone)]
 pub struct Filter<S: System> {
+    arch: Arch,
     scratch: S::Scratch,
     fan: Fan,
-    factor: Square,
-    gram: Square,
-    x: Square,
+    solver: Solver,
+    /// U with U'U = P.
+    root: Panel,
+    /// Starts of its columns.
+    starts: Vec<usize>,
+    /// All rows in the order in which they are worked off, inertial units first, and of these, how many there are.
+    order: Vec<usize>,
+    inertial: Vec<bool>,
+    /// Those of them that are there.
+    rows: Vec<usize>,
+    inertial_rows: usize,
     y: Vec<f64>,
-    b: Vec<f64>,
     used: Vec<bool>,
     weight: Vec<f64>,
     shift: Vec<f64>,
     variance: Vec<f64>,
-    rows: [Vec<f64>; 3],
-    room: Room,
+    buffer: [Vec<f64>; 3],
     /// Variance of each state before the update, and what the last prediction added to it.
     before: Vec<f64>,
     fresh: Vec<f64>,
@@ -180,24 +188,29 @@ pub struct Filter<S: System> {
 impl<S: System> Filter<S> {
     /// Room for `system`.
     pub fn new(system: &S, groups: &Groups) -> Self {
-        let (part, m) = (system.partition(), system.row_count());
-        let n = part.dim();
-        let fan = Fan::new(part, system.input_std().len(), m);
-        let width = fan.width;
+        let (n, m) = (system.partition().dim(), system.row_count());
+        let fan = Fan::new(system);
+        let mut inertial = vec![false; m];
+        groups.inertial.iter().for_each(|&r| inertial[r] = true);
+        let mut order: Vec<usize> = (0..m).collect();
+        order.sort_by_key(|&r| (!inertial[r], system.depth(r)));
         Filter {
+            arch: Arch::best(),
             scratch: system.scratch(),
+            solver: Solver::new(m, fan.evens, n, &groups.sources),
             fan,
-            factor: Square::zeros(n),
-            gram: Square::zeros(width),
-            x: Square::zeros(n),
+            root: Panel::zeros(n, padded(n)),
+            starts: vec![0; padded(n) / VECTOR],
+            order,
+            inertial,
+            rows: Vec::with_capacity(m),
+            inertial_rows: 0,
             y: vec![0.0; m],
-            b: vec![0.0; width],
             used: vec![false; m],
             weight: vec![0.0; m],
             shift: vec![0.0; n],
             variance: vec![0.0; n],
-            rows: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
-            room: Room::new(groups.inertial.len()),
+            buffer: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
             before: vec![0.0; n],
             fresh: vec![0.0; n],
             since_s: 0.0,
@@ -205,6 +218,12 @@ impl<S: System> Filter<S> {
             rejected_nis: 0.0,
             rejected_rows: 0,
         }
+    }
+
+    /// Uses these instructions instead of the best ones; to compare.
+    #[doc(hidden)]
+    pub fn use_arch(&mut self, arch: Arch) {
+        self.arch = arch;
     }
 
     /// Forgets what earlier predictions added: a new sample is awaited.
@@ -219,7 +238,7 @@ impl<S: System> Filter<S> {
         let dt = to_s - belief.time_s;
         system.transition(dt, &belief.mean, &self.variance, &belief.drive, transition);
         transition.apply_to_mean(&mut belief.mean);
-        transition.apply_to_covariance(&mut belief.covariance, &mut self.rows);
+        transition.apply_to_covariance(&mut belief.covariance, &mut self.buffer);
         belief.time_s = to_s;
         for b in &transition.blocks {
             (0..b.len).for_each(|i| self.fresh[b.index[i]] += b.noise[i][i]);
@@ -241,16 +260,43 @@ impl<S: System> Filter<S> {
             self.report_missing(sighting, info);
             return Ok(());
         }
+        self.list_rows(sighting.z);
         self.factorise(&belief.covariance)?;
-        self.fan.spread(system, moment, &mut self.scratch, &belief.mean, &self.factor, manner.spread);
-        self.whiten(sighting, belief.inflation, info);
+        let look = Look { system, moment, mean: &belief.mean, rows: &self.rows, spread: manner.spread };
+        self.fan.spread(self.arch, look, &mut self.scratch, &self.root);
+        self.innovate(sighting, belief.inflation, info);
+        let (rows, inertial) = (&self.rows, self.inertial_rows);
+        let readings = Weighted { rows, inertial, weight: &self.weight, y: &self.y };
+        self.solver.weigh(self.arch, &self.fan, readings);
         self.judge(sighting, manner, belief, info);
         self.report(sighting, info);
-        self.learn_noise(belief, manner.learning, info.inertial);
         belief.covariance.diagonal(&mut self.before);
-        self.combine(system, belief, info)?;
+        self.combine(system, belief, sighting, info)?;
+        self.learn_noise(belief, manner.learning, info.inertial);
         self.learn(system, belief, manner.learning);
         Ok(())
+    }
+
+    fn factorise(&mut self, covariance: &Square) -> Result<(), Lost> {
+        let n = covariance.n();
+        let sweep = Sweep { n, width: padded(n), starts: &self.starts };
+        self.root.copy_upper(covariance);
+        if factor(self.arch, &mut self.root, sweep).is_ok() {
+            return Ok(());
+        }
+        // Rounding can leave a constant's pivot a hair below zero; a relative 1e-12 is far below any sensor's say.
+        self.root.copy_upper(covariance);
+        (0..n).for_each(|i| self.root.row_mut(i)[i] *= 1.0 + 1e-12);
+        factor(self.arch, &mut self.root, sweep).map_err(|e| Lost {
+            what: format!("the covariance lost its sign (state {}, pivot {:.2e})", e.row, e.pivot),
+        })
+    }
+
+    /// Rows that are there.
+    fn list_rows(&mut self, z: &[f64]) {
+        self.rows.clear();
+        self.rows.extend(self.order.iter().copied().filter(|&r| !z[r].is_nan()));
+        self.inertial_rows = self.rows.iter().take_while(|&&r| self.inertial[r]).count();
     }
 
     fn learn(&mut self, system: &S, belief: &mut Belief, learning: Learning) {
@@ -274,27 +320,20 @@ impl<S: System> Filter<S> {
         belief.surprise = learning.habit(belief.surprise, self.since_s, ratio);
     }
 
-    fn factorise(&mut self, covariance: &Square) -> Result<(), Lost> {
-        factor_of_covariance(covariance, &mut self.factor).map_err(|e| Lost {
-            what: format!("the covariance lost its sign (state {}, pivot {:.2e})", e.row, e.pivot),
-        })
-    }
-
-    fn whiten(&mut self, sighting: Sighting, inflation: f64, info: &mut Info) {
-        let width = self.fan.width;
+    fn innovate(&mut self, sighting: Sighting, inflation: f64, info: &mut Info) {
         self.weight.iter_mut().zip(sighting.std).for_each(|(w, std)| *w = 1.0 / std);
         if inflation > 1.0 {
             let factor = 1.0 / inflation.sqrt();
             sighting.groups.inertial.iter().for_each(|&r| self.weight[r] *= factor);
         }
-        for (r, g) in self.fan.g.chunks_exact_mut(width).enumerate() {
+        info.innovation.fill(f64::NAN);
+        self.used.fill(false);
+        self.y.fill(0.0);
+        for &r in &self.rows {
             let v = sighting.z[r] - self.fan.center[r] - self.fan.bend[r];
             info.innovation[r] = v;
-            self.used[r] = !v.is_nan();
-            let weight = self.weight[r];
-            self.y[r] = if self.used[r] { v * weight } else { 0.0 };
-            let weight = if self.used[r] { weight } else { 0.0 };
-            g.iter_mut().for_each(|x| *x = if weight == 0.0 { 0.0 } else { *x * weight });
+            self.y[r] = v * self.weight[r];
+            self.used[r] = true;
         }
     }
 
@@ -302,19 +341,25 @@ impl<S: System> Filter<S> {
         let gate = manner.gate;
         let groups = sighting.groups;
         (self.rejected_nis, self.rejected_rows) = (0.0, 0);
+        let mut source = 0;
         for (p, rows) in groups.parts.iter().enumerate() {
+            while groups.sources[source].end <= rows.start {
+                source += 1;
+            }
             let count = self.used[rows.clone()].iter().filter(|&&u| u).count();
             info.parts[p] = Verdict::Missing;
             if count == 0 {
                 continue;
             }
-            let slanted = sighting.slants[p].is_some_and(|s| self.is_slanted(rows.start, s));
+            let first = rows.start - groups.sources[source].start;
+            let weight = self.weight[rows.start];
+            let slanted = sighting.slants[p].is_some_and(|s| self.is_slanted(source, first, weight, s));
             let (barred, strict) = (sighting.barred[p] || slanted, sighting.strict[p]);
             let slack = if strict { 1.0 } else { gate.slack };
             let since = &mut belief.rejected_since_s[p];
             let patience_s = if strict { gate.strict_patience_s } else { self.patience_s(gate) };
             let patient = since.is_nan() || belief.time_s - *since <= patience_s;
-            let nis = gate::nis(&self.fan.g, self.fan.width, &self.y, rows.clone(), &mut self.room);
+            let nis = self.nis(source, first, rows.clone());
             // Written so that what is not a number is absurd too.
             let absurd = !nis.is_some_and(|x| x < ABSURD_NIS);
             let nis = nis.filter(|_| !absurd).unwrap_or(ABSURD_NIS);
@@ -330,7 +375,7 @@ impl<S: System> Filter<S> {
             }
             if barred || odd {
                 self.used[rows.clone()].fill(false);
-                self.y[rows.clone()].fill(0.0);
+                rows.clone().for_each(|r| self.solver.reject(r));
             }
             info.parts[p] = match (sighting.barred[p], slanted, odd) {
                 (true, ..) => Verdict::Barred,
@@ -347,13 +392,15 @@ impl<S: System> Filter<S> {
         }
     }
 
-    /// Whether a part whose rows begin at `first` is farther off in its direction than tolerance and belief allow.
-    fn is_slanted(&self, first: usize, slant: Slant) -> bool {
-        let rows = [0, 1, 2].map(|i| &self.fan.g[(first + i) * self.fan.width..][..self.fan.width]);
-        let along = |k: usize| (0..3).map(|i| slant.along[i] * rows[i][k]).sum::<f64>();
-        let spread = (0..self.fan.width).map(|k| along(k) * along(k)).sum::<f64>().sqrt();
-        let scale = self.weight[first];
-        (slant.off * scale).abs() > (slant.tolerance * scale).max(slant.sigmas * spread)
+    /// Whether a part whose rows of their source begin at `first` is farther off in its direction than tolerance and belief allow.
+    fn is_slanted(&self, source: usize, first: usize, weight: f64, slant: Slant) -> bool {
+        let block = self.solver.block(source);
+        let along = slant.along;
+        let term = |i: usize, j: usize| along[i] * along[j] * block.at(first + i.min(j), first + i.max(j));
+        let all: f64 = (0..3).map(|i| (0..3).map(|j| term(i, j)).sum::<f64>()).sum();
+        // The block counts the noise too, which is 1.
+        let spread = (all - 1.0).max(0.0).sqrt();
+        (slant.off * weight).abs() > (slant.tolerance * weight).max(slant.sigmas * spread)
     }
 
     /// How long a part may be rejected before it is believed; at low rates a few samples at least.
@@ -361,24 +408,20 @@ impl<S: System> Filter<S> {
         gate.patience_s.max(3.0 * self.since_s)
     }
 
+    /// Of the used ones among some rows of a source, of which they begin with number `first`.
+    fn nis(&self, source: usize, first: usize, rows: Range<usize>) -> Option<f64> {
+        let (y, used) = (&self.y[rows.clone()], &self.used[rows]);
+        gate::nis(self.solver.block(source), first, y, used)
+    }
+
     fn report(&mut self, sighting: Sighting, info: &mut Info) {
-        let width = self.fan.width;
-        for (g, _) in self.fan.g.chunks_exact_mut(width).zip(&self.used).filter(|(_, &used)| !used) {
-            g.fill(0.0);
-        }
-        for (source, rows) in info.sources.iter_mut().zip(&sighting.groups.sources) {
+        for (s, rows) in sighting.groups.sources.iter().enumerate() {
             let there = rows.clone().filter(|&r| !info.innovation[r].is_nan()).count();
             let used = rows.clone().filter(|&r| self.used[r]).count();
-            source.used = used as u8;
-            source.rejected = (there - used) as u8;
-            source.missing = (rows.len() - there) as u8;
-            let nis = gate::nis(&self.fan.g, width, &self.y, rows.clone(), &mut self.room);
-            source.nis = if used == 0 { f64::NAN } else { nis.unwrap_or(f64::NAN) };
+            let nis = self.nis(s, 0, rows.clone()).filter(|_| used > 0).unwrap_or(f64::NAN);
+            let (missing, rejected) = (rows.len() - there, there - used);
+            info.sources[s] = SourceInfo { nis, used: used as u8, rejected: rejected as u8, missing: missing as u8 };
         }
-        let rows = sighting.groups.inertial.iter().copied();
-        let used = rows.clone().filter(|&r| self.used[r]).count();
-        let nis = gate::nis(&self.fan.g, width, &self.y, rows, &mut self.room);
-        info.inertial = (if used == 0 { f64::NAN } else { nis.unwrap_or(f64::NAN) }, used);
     }
 
     fn report_missing(&mut self, sighting: Sighting, info: &mut Info) {
@@ -392,54 +435,26 @@ impl<S: System> Filter<S> {
         }
     }
 
-    fn combine(&mut self, system: &S, belief: &mut Belief, info: &mut Info) -> Result<(), Lost> {
-        let (n, width) = (self.factor.n(), self.fan.width);
-        let broken = |e: super::dense::NotPositive| Lost {
-            what: format!("the update broke (row {}, pivot {:.2e})", e.row, e.pivot),
-        };
-        cholesky_of_gram(&self.fan.g, &self.used, &mut self.gram).map_err(broken)?;
-        self.b.fill(0.0);
-        accumulate(&mut self.b, self.y.iter().copied().zip(self.fan.g.chunks_exact(width)));
-        solve_transposed(&self.gram, 0, &mut self.b);
-        info.nis = squared(&self.y) - squared(&self.b);
+    fn combine(&mut self, system: &S, belief: &mut Belief, sighting: Sighting, info: &mut Info) -> Result<(), Lost> {
+        let verdict = self
+            .solver
+            .solve(self.arch, &self.root)
+            .map_err(|e| Lost { what: format!("the update broke (row {}, pivot {:.2e})", e.row, e.pivot) })?;
+        self.solver.posterior(self.arch, &mut self.shift, &mut belief.covariance);
+        let inertial = sighting.groups.inertial.iter().filter(|&&r| self.used[r]).count();
+        info.inertial = (if inertial == 0 { f64::NAN } else { verdict.inertial }, inertial);
+        info.nis = verdict.nis;
         let rows = self.used.iter().filter(|&&used| used).count() + self.rejected_rows;
         info.evidence = evidence(info.nis + self.rejected_nis, rows);
-        self.solve_for_x(n, width - n);
-        self.shift.fill(0.0);
-        let b2 = &self.b[width - n..];
-        accumulate(&mut self.shift, b2.iter().copied().zip(self.x.as_slice().chunks_exact(n)));
         system.shift(&mut belief.mean, &self.shift);
-        for i in 0..n {
-            let row = &mut belief.covariance.row_mut(i)[i..];
-            row.fill(0.0);
-            let x = &self.x;
-            // Row k of X starts at column n - 1 - k.
-            accumulate(row, (n - 1 - i..n).map(|k| (x.at(k, i), &x.row(k)[i..])));
-        }
-        belief.covariance.mirror_upper();
         self.carried.clear();
         system.carry(&self.shift, &mut self.carried);
-        self.carried.iter().for_each(|block| carry(block, &mut belief.covariance, &mut self.rows));
+        self.carried.iter().for_each(|block| carry(block, &mut belief.covariance, &mut self.buffer));
         let finite = belief.mean.iter().all(|x| x.is_finite());
         if finite {
             Ok(())
         } else {
             Err(Lost { what: "the estimate is not a number".into() })
-        }
-    }
-
-    /// X = V22'^-1 (rows of U reversed), by forward substitution.
-    fn solve_for_x(&mut self, n: usize, offset: usize) {
-        for k in 0..n {
-            let start = n - 1 - k;
-            let (above, row) = self.x.above_and_row(k);
-            row[..start].fill(0.0);
-            row[start..].copy_from_slice(&self.factor.row(start)[start..]);
-            let gram = &self.gram;
-            let terms = (0..k).map(|i| (-gram.at(offset + i, offset + k), &above[i * n + start..(i + 1) * n]));
-            accumulate(&mut row[start..], terms);
-            let scale = 1.0 / gram.at(offset + k, offset + k);
-            row[start..].iter_mut().for_each(|x| *x *= scale);
         }
     }
 }
@@ -452,8 +467,4 @@ const SAMPLES_ALIKE: f64 = 4.0;
 pub fn evidence(nis: f64, rows: usize) -> f64 {
     let rows = rows.max(1) as f64;
     -0.5 * rows * (nis / rows).ln_1p() / SAMPLES_ALIKE
-}
-
-fn squared(v: &[f64]) -> f64 {
-    v.iter().map(|x| x * x).sum()
 }

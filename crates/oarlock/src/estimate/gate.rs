@@ -1,57 +1,34 @@
 //! Which readings are believed: innovation tests, part by part.
 
-use super::dense::{cholesky, solve_transposed, Square};
+use super::dense::Square;
 
-/// Room for the innovation covariance of up to so many rows.
-#[derive(Debug, Clone)]
-pub struct Room {
-    /// One matrix for each number of rows.
-    squares: Vec<Square>,
-    w: Vec<f64>,
-}
-
-impl Room {
-    /// For groups of up to `MAX_ROWS` rows, and for one of `rows`.
-    pub fn new(rows: usize) -> Self {
-        let sizes = (0..=MAX_ROWS).chain((rows > MAX_ROWS).then_some(rows));
-        Room { squares: sizes.map(Square::zeros).collect(), w: vec![0.0; rows.max(MAX_ROWS)] }
-    }
-}
-
-/// Normalised innovation squared of some rows: y' (1 + G G')^-1 y, with G and y already divided by the noise.
+/// Normalised innovation squared y' S^-1 y of those rows of S and y, from `first` on, that are `used`; S is read in its upper triangle.
 ///
-/// `None` if the matrix is not positive definite (a reading is not a number), or if there is no room for it.
-pub fn nis<R>(g: &[f64], width: usize, y: &[f64], rows: R, room: &mut Room) -> Option<f64>
-where
-    R: ExactSizeIterator<Item = usize> + Clone,
-{
-    let count = rows.len();
-    let s = room.squares.iter_mut().find(|s| s.n() == count)?;
-    let row = |r: usize| &g[r * width..(r + 1) * width];
-    for (i, a) in rows.clone().enumerate() {
-        for (j, b) in rows.clone().enumerate().skip(i) {
-            *s.at_mut(i, j) = dot(row(a), row(b)) + if i == j { 1.0 } else { 0.0 };
+/// `None` if the matrix is not positive definite (a reading is not a number), or if there are too many rows.
+pub fn nis(s: &Square, first: usize, y: &[f64], used: &[bool]) -> Option<f64> {
+    let (mut picked, mut count) = ([0; MAX_ROWS], 0);
+    let (mut lower, mut inverse, mut w) = ([[0.0; MAX_ROWS]; MAX_ROWS], [0.0; MAX_ROWS], [0.0; MAX_ROWS]);
+    let mut sum = 0.0;
+    for i in (0..y.len()).filter(|&i| used[i]) {
+        *picked.get_mut(count)? = i;
+        let (above, below) = lower.split_at_mut(count);
+        let (row, mut left, mut pivot) = (&mut below[0], y[i], s.at(first + i, first + i));
+        for (j, other) in above.iter().enumerate() {
+            let inner: f64 = (0..j).map(|k| row[k] * other[k]).sum();
+            row[j] = (s.at(first + picked[j], first + i) - inner) * inverse[j];
+            left -= row[j] * w[j];
+            pivot -= row[j] * row[j];
         }
-    }
-    cholesky(s).ok()?;
-    let w = &mut room.w[..count];
-    w.iter_mut().zip(rows).for_each(|(w, r)| *w = y[r]);
-    solve_transposed(s, 0, w);
-    Some(w.iter().map(|x| x * x).sum())
-}
-
-/// Partial sums side by side, which plain loops turn into vector code.
-#[inline(always)]
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 8];
-    for (x, y) in a.chunks_exact(8).zip(b.chunks_exact(8)) {
-        for k in 0..8 {
-            sums[k] += x[k] * y[k];
+        // Written so that NaN fails too.
+        if !(pivot > 0.0 && pivot.is_finite()) {
+            return None;
         }
+        inverse[count] = 1.0 / pivot.sqrt();
+        w[count] = left * inverse[count];
+        sum += w[count] * w[count];
+        count += 1;
     }
-    let rest = a.len() - a.len() % 8;
-    let tail: f64 = a[rest..].iter().zip(&b[rest..]).map(|(x, y)| x * y).sum();
-    sums.iter().sum::<f64>() + tail
+    Some(sum)
 }
 
 /// Most rows that a source may have.

@@ -8,7 +8,7 @@ use crate::model::{Closure, Point};
 /// A loop at one set of parameters.
 #[derive(Debug, Clone)]
 pub struct Loop {
-    sides: [(usize, Point); 2],
+    pub(super) sides: [(usize, Point); 2],
     axes: Option<[[f64; 3]; 2]>,
     std_m: f64,
     std_axis: f64,
@@ -46,13 +46,18 @@ impl Loop {
     /// First side minus second side, in root axes.
     #[inline(always)]
     pub fn predict<T: Real>(&self, frames: &[FrameMotion<T>], worn: Worn<T>, out: &mut [T]) {
-        let [a, b] = self.frames().map(|f| &frames[f]);
+        self.predict_between(self.frames().map(|f| frames[f]), worn, out);
+    }
+
+    /// The same for the frames on either side.
+    #[inline(always)]
+    pub fn predict_between<T: Real>(&self, [a, b]: [FrameMotion<T>; 2], worn: Worn<T>, out: &mut [T]) {
         let end = |f: &FrameMotion<T>, p: &Point| f.position + p.turned(&f.rotation, worn.lengths);
-        let gap = end(a, &self.sides[0].1) - end(b, &self.sides[1].1);
-        out[..3].copy_from_slice(&gap.0);
+        let gap = end(&a, &self.sides[0].1) - end(&b, &self.sides[1].1);
+        [out[0], out[1], out[2]] = gap.0;
         if let Some([za, zb]) = self.axes {
             let turn = a.rotation.apply_f64(za) - b.rotation.apply_f64(zb);
-            out[3..6].copy_from_slice(&turn.0);
+            [out[3], out[4], out[5]] = turn.0;
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Inertial unit: angular velocity, specific force and magnetic field in its own axes (eq. 8, with the offset of the
 //! unit from its link's origin and gravity felt once).
 
+use super::near::Stand;
 use super::{Quantity, RowGroups, Surroundings, Wearing, Worn};
 use crate::kinematics::FrameMotion;
 use crate::lane::Real;
@@ -16,10 +17,10 @@ pub struct Imu {
     /// Index of its frame.
     pub frame: usize,
     rotation: Mat3<f64>,
-    offset: Point,
+    pub(super) offset: Point,
     noise: ImuNoise,
     /// Number among the units whose mount is estimated.
-    mount: Option<usize>,
+    pub(super) mount: Option<usize>,
 }
 
 impl Imu {
@@ -59,21 +60,66 @@ impl Imu {
     pub fn predict<T: Real>(&self, frame: &FrameMotion<T>, around: &Surroundings<T>, worn: Worn<T>, out: &mut [T]) {
         let root_from_sensor = self.root_from_sensor(frame, worn.mounts);
         let mut at = 0;
-        let mut put = |v: Vec3<T>| {
-            out[at..at + 3].copy_from_slice(&root_from_sensor.apply_transposed(v).0);
-            at += 3;
-        };
         if self.noise.gyro_std.is_some() {
-            put(frame.angular_velocity);
+            put(&root_from_sensor, frame.angular_velocity, out, &mut at);
         }
         if self.noise.accel_std.is_some() {
-            put(frame.proper_acceleration_at(self.offset.turned(&frame.rotation, worn.lengths)));
+            let arm = self.offset.turned(&frame.rotation, worn.lengths);
+            put(&root_from_sensor, frame.proper_acceleration_at(arm), out, &mut at);
         }
         if self.noise.mag_std.is_some() {
-            put(around.magnetic_field);
+            put(&root_from_sensor, around.magnetic_field, out, &mut at);
         }
         if self.noise.rest_std.is_some() {
-            put(frame.angular_velocity);
+            put(&root_from_sensor, frame.angular_velocity, out, &mut at);
         }
     }
+
+    /// How it stands on a link that moves so.
+    #[inline(always)]
+    pub fn stand(&self, frame: &FrameMotion<f64>, worn: Worn<f64>) -> Stand {
+        Stand { rotation: self.root_from_sensor(frame, worn.mounts), arm: self.offset.turned(&frame.rotation, worn.lengths) }
+    }
+
+    /// Readings of a unit that stands so, as far as its link's motion or the field is given.
+    #[inline(always)]
+    pub fn predict_kept<T: Real>(
+        &self,
+        motion: Option<&FrameMotion<T>>,
+        field: Option<Vec3<T>>,
+        stand: &Stand,
+        out: &mut [T],
+    ) {
+        let (mut at, axes) = (0, &stand.rotation);
+        for (there, quantity) in [
+            (self.noise.gyro_std.is_some(), Quantity::Gyro),
+            (self.noise.accel_std.is_some(), Quantity::Accel),
+            (self.noise.mag_std.is_some(), Quantity::Mag),
+            (self.noise.rest_std.is_some(), Quantity::Rest),
+        ] {
+            if !there {
+                continue;
+            }
+            match (quantity, motion, field) {
+                (Quantity::Mag, _, Some(field)) => put_kept(axes, field, &mut out[at..]),
+                (Quantity::Accel, Some(m), _) => put_kept(axes, m.proper_acceleration_led(stand.arm), &mut out[at..]),
+                (Quantity::Gyro | Quantity::Rest, Some(m), _) => put_kept(axes, m.angular_velocity, &mut out[at..]),
+                _ => {}
+            }
+            at += 3;
+        }
+    }
+}
+
+/// A vector in the axes of a sensor.
+#[inline(always)]
+fn put<T: Real>(root_from_sensor: &Mat3<T>, v: Vec3<T>, out: &mut [T], at: &mut usize) {
+    [out[*at], out[*at + 1], out[*at + 2]] = root_from_sensor.apply_transposed(v).0;
+    *at += 3;
+}
+
+/// A vector in the axes of a sensor that stands the same for all.
+#[inline(always)]
+fn put_kept<T: Real>(root_from_sensor: &Mat3<f64>, v: Vec3<T>, out: &mut [T]) {
+    [out[0], out[1], out[2]] = root_from_sensor.transposed_apply(v).0;
 }

@@ -26,6 +26,6 @@ impl Position {
     #[inline(always)]
     pub fn predict<T: Real>(&self, frame: &FrameMotion<T>, worn: Worn<T>, out: &mut [T]) {
         let point = frame.position + self.point.turned(&frame.rotation, worn.lengths);
-        out.copy_from_slice(&point.0);
+        [out[0], out[1], out[2]] = point.0;
     }
 }
