@@ -125,17 +125,17 @@ pub trait System {
     ) {
         self.readings(moment, scratch, at, out);
     }
-    /// The same for points that share with the mean, last settled at, all but what they `_vary` in. Rows that do not depend on that are
-    /// left as they are.
+    /// The same for points that share with the mean, last settled at, all but what they `vary` in.
     #[inline(always)]
     fn readings_near<const FUSED: bool>(
         &self,
         moment: &Self::Moment,
         scratch: &mut Self::Scratch,
         at: Points,
-        _vary: Vary,
+        vary: Vary,
         out: &mut [Lane],
     ) {
+        let _ = vary;
         self.readings(moment, scratch, at, out);
     }
 }

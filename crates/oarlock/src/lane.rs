@@ -1,4 +1,5 @@
 //! One number or eight side by side: the kinematics run on either.
+#![allow(clippy::needless_range_loop)] // several arrays go in step
 
 pub mod arch;
 mod trig;

@@ -176,7 +176,7 @@ impl Body {
         for (out, x) in out.iter_mut().zip(&room.out) {
             *out = Lane::splat(*x);
         }
-        // Points come without their biases here, which are added to all alike.
+        // What is remembered comes without biases, which are added to all points alike.
         self.add_biases(moment, |i| Lane::splat(mean[i]), out);
     }
 

@@ -138,25 +138,6 @@ pub fn factor_of_covariance(covariance: &Square, factor: &mut Square) -> Result<
     cholesky(factor)
 }
 
-/// U with U'U = 1 + G'G, where row r of G is `g[r * n..]`; Gram product and factor in one pass.
-pub fn cholesky_of_gram(g: &[f64], used: &[bool], u: &mut Square) -> Result<(), NotPositive> {
-    let n = u.n;
-    for i in 0..n {
-        let (above, row) = u.above_and_row(i);
-        row[i..].fill(0.0);
-        row[i] = 1.0;
-        let rows = g.chunks_exact(n).zip(used).filter(|(_, &on)| on).map(|(r, _)| r);
-        accumulate(&mut row[i..], rows.map(|r| (r[i], &r[i..])));
-        accumulate(&mut row[i..], (0..i).map(|k| (-above[k * n + i], &above[k * n + i..(k + 1) * n])));
-        // No pivot of 1 + G'G is smaller than 1, but rounding beside huge entries may leave less. NaN stays.
-        if row[i] < 1.0 {
-            row[i] = 1.0;
-        }
-        finish_row(row, i)?;
-    }
-    Ok(())
-}
-
 #[inline(always)]
 fn finish_row(row: &mut [f64], i: usize) -> Result<(), NotPositive> {
     let pivot = row[i];

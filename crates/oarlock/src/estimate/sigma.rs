@@ -3,6 +3,7 @@
 //! With P = U'U, g = alpha sqrt(n + kappa) and h+- = h(x +- g u_i): H_i = (h+ - h-) / 2g, E_i = (h+ + h- - 2 h0) / 2g and
 //! d = sum E_i / g. Then the innovation is z - h0 - d and Pzz = H H' + E E' + (beta - alpha^2) d d' + R, Pxz = U' H': the
 //! textbook transform (Wan and van der Merwe 2000) rearranged, equal to it while beta >= alpha^2.
+#![allow(clippy::needless_range_loop)] // several arrays go in step
 
 use super::tiles::{padded, Panel};
 use super::{Depth, Partition, Points, System, Vary};

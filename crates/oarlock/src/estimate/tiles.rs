@@ -2,6 +2,7 @@
 //!
 //! A panel is a row-major matrix whose rows are padded to vectors of four. `factor` turns [A | B] into [U | U'^-1 B] with A = U'U:
 //! Cholesky's factor and a forward substitution are one sweep. Tiles that are known to be zero are left out.
+#![allow(clippy::needless_range_loop)] // several arrays go in step
 
 use super::dense::{NotPositive, Square};
 use crate::lane::arch::{madd, Arch, Kernel};

@@ -70,6 +70,9 @@ impl Motion {
 /// A coordinate with its derivatives, those of a rotation vector being the body's rates.
 pub type JointState = [f64; 3];
 
+/// A turn and an arm.
+type Step = (Matrix3<f64>, Vector3<f64>);
+
 pub struct Naive<'a> {
     pub model: &'a Model,
     /// Names of the coordinates.
@@ -84,7 +87,7 @@ pub struct Naive<'a> {
     /// Rows and the states that add to them.
     biases: Vec<(usize, usize)>,
     /// Before and behind every joint.
-    transforms: Vec<[Option<(Matrix3<f64>, Vector3<f64>)>; 2]>,
+    transforms: Vec<[Option<Step>; 2]>,
     /// Of every sensor, and of either side of every loop.
     arms: Vec<Vector3<f64>>,
     ends: Vec<[Vector3<f64>; 2]>,
@@ -243,7 +246,7 @@ impl<'a> Naive<'a> {
     }
 }
 
-fn fixed(m: Motion, transform: &Option<(Matrix3<f64>, Vector3<f64>)>) -> Motion {
+fn fixed(m: Motion, transform: &Option<Step>) -> Motion {
     transform.map_or(m, |(turn, arm)| m.moved(turn, arm))
 }
 
