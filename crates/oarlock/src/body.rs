@@ -1,5 +1,7 @@
 //! A model as a system that a filter can estimate: state in, readings out, for eight sigma points at a time.
 
+mod linear;
+
 use crate::config::Config;
 use crate::error::Result;
 use crate::estimate::filter::Groups;
@@ -14,6 +16,7 @@ use crate::rotation::{Mat3, Vec3};
 use crate::sensor::imu::MountValue;
 use crate::sensor::{Quantity, Suite, Surroundings, Wearing, Worn};
 use crate::state::{Layout, Slots, SlowSlot};
+use linear::LinearScratch;
 use std::sync::Arc;
 
 /// Gravity and field in root axes.
@@ -54,6 +57,12 @@ impl Field {
         let (sin, cos) = azimuth.sin_cos();
         Vec3::splat(self.vertical) + Vec3::splat(self.north) * cos + Vec3::splat(self.side) * sin
     }
+
+    /// Its derivative, uT/rad.
+    fn magnetic_slope(&self, azimuth: f64) -> Vec3<f64> {
+        let (sin, cos) = azimuth.sin_cos();
+        Vec3(self.side) * cos - Vec3(self.north) * sin
+    }
 }
 
 /// Inputs and rows of one sample.
@@ -77,6 +86,7 @@ pub struct BodyScratch {
     lengths: Vec<Lane>,
     mounts: Vec<Vec3<Lane>>,
     frames: Vec<FrameMotion<Lane>>,
+    linear: LinearScratch,
 }
 
 /// A model, its numbers and its state layout.
@@ -308,7 +318,8 @@ impl System for Body {
         let frame = FrameMotion::resting(Vec3::zero());
         let frames = vec![frame; self.tree.len()];
         let (lengths, mounts) = (vec![zero; self.layout.lengths.len()], vec![Vec3::zero(); self.layout.mounts.len()]);
-        BodyScratch { q: joints.clone(), qd: joints.clone(), qdd: joints, anchors, lengths, mounts, frames }
+        let linear = self.linear_scratch();
+        BodyScratch { q: joints.clone(), qd: joints.clone(), qdd: joints, anchors, lengths, mounts, frames, linear }
     }
 
     fn input_std(&self) -> &[f64] {
@@ -388,5 +399,9 @@ impl System for Body {
                 (0..3).for_each(|i| out[row + i] += at.at(bias + i));
             }
         }
+    }
+
+    fn linearise(&self, moment: &Moment, s: &mut BodyScratch, mean: &[f64], center: &mut [f64], jacobian: &mut [f64]) {
+        self.readings_and_slopes(moment, &mut s.linear, mean, center, jacobian);
     }
 }

@@ -4,6 +4,8 @@
 //! about or along z, and another fixed transform; the recursion is eq. 9 of Ruffaldi, Peppoloni and Filippeschi with
 //! the prismatic and Coriolis terms that the printed equation leaves out, and gravity entering once, at the root.
 
+pub mod slopes;
+
 use crate::lane::Real;
 use crate::model::{JointKind, Model, Point, Transform};
 use crate::rotation::{Mat3, Vec3};

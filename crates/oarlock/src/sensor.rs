@@ -4,6 +4,7 @@ pub mod closure;
 pub mod encoder;
 pub mod imu;
 pub mod position;
+pub mod slopes;
 
 use crate::kinematics::FrameMotion;
 use crate::lane::Real;

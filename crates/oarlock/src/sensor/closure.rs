@@ -8,8 +8,8 @@ use crate::model::{Closure, Point};
 /// A loop at one set of parameters.
 #[derive(Debug, Clone)]
 pub struct Loop {
-    sides: [(usize, Point); 2],
-    axes: Option<[[f64; 3]; 2]>,
+    pub(super) sides: [(usize, Point); 2],
+    pub(super) axes: Option<[[f64; 3]; 2]>,
     std_m: f64,
     std_axis: f64,
 }

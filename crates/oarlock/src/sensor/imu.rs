@@ -16,10 +16,10 @@ pub struct Imu {
     /// Index of its frame.
     pub frame: usize,
     rotation: Mat3<f64>,
-    offset: Point,
-    noise: ImuNoise,
+    pub(super) offset: Point,
+    pub(super) noise: ImuNoise,
     /// Number among the units whose mount is estimated.
-    mount: Option<usize>,
+    pub(super) mount: Option<usize>,
 }
 
 impl Imu {
@@ -44,13 +44,20 @@ impl Imu {
         groups.into_iter().filter_map(|(q, names, std)| Some((q, names, vec![std?; 3]))).collect()
     }
 
+    /// Root from sensor.
+    #[inline(always)]
+    pub(super) fn turned<T: Real>(&self, frame: &FrameMotion<T>, worn: Worn<T>) -> Mat3<T> {
+        let root_from_sensor = frame.rotation.times_f64(&self.rotation);
+        match self.mount.and_then(|i| worn.mounts.get(i)) {
+            Some(turn) => root_from_sensor.then(&Mat3::about(*turn)),
+            None => root_from_sensor,
+        }
+    }
+
     /// Readings in sensor axes.
     #[inline(always)]
     pub fn predict<T: Real>(&self, frame: &FrameMotion<T>, around: &Surroundings<T>, worn: Worn<T>, out: &mut [T]) {
-        let mut root_from_sensor = frame.rotation.times_f64(&self.rotation);
-        if let Some(turn) = self.mount.and_then(|i| worn.mounts.get(i)) {
-            root_from_sensor = root_from_sensor.then(&Mat3::about(*turn));
-        }
+        let root_from_sensor = self.turned(frame, worn);
         let mut at = 0;
         let mut put = |v: crate::rotation::Vec3<T>| {
             out[at..at + 3].copy_from_slice(&root_from_sensor.apply_transposed(v).0);
