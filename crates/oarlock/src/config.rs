@@ -29,8 +29,16 @@ pub enum Magnetometer {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FilterKind {
-    /// Unscented, exact in its linear part.
+    /// Unscented: readings at sigma points, right to second order.
     Ukf,
+    /// Extended: readings linearised at the mean by their exact Jacobian. About twice as fast, and as good as `ukf` while the
+    /// readings are straight over the spread of the belief: at sampling rates of motion capture, once the start is found. Where
+    /// they are not (a start or a gap that leaves 0.2 rad and more open; closures far tighter than what their joints are known to)
+    /// it takes curvature for information, ends up too sure, and may settle beside the truth.
+    Ekf,
+    /// Iterated extended: linearised again where the update leads, up to three times. Finds the likeliest state where `ekf`
+    /// stops beside it; its covariance is that of a straight line all the same.
+    Iekf,
 }
 
 /// How to track.
@@ -45,11 +53,11 @@ pub struct Config {
     pub process_noise: ProcessNoise,
     /// Trust in magnetometers.
     pub magnetometer: Magnetometer,
-    /// Which filter.
+    /// Which filter; see [`FilterKind`] for where they differ.
     pub filter: FilterKind,
     /// Start posture by joint, rad or m, instead of the rest posture; the first samples are fitted from there.
     pub initial_q: Option<Vec<f64>>,
-    /// Spread of the sigma points, (0, 1].
+    /// Spread of the sigma points of `ukf`, (0, 1].
     pub alpha: f64,
     /// Weight of the second-order part, at least alpha^2.
     pub beta: f64,

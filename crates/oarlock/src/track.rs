@@ -9,7 +9,7 @@ pub mod rest;
 pub mod run;
 
 use crate::body::{Body, Moment};
-use crate::config::{Config, Magnetometer};
+use crate::config::{Config, FilterKind, Magnetometer};
 use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::{Filter, Gate, Groups, Info, Lost, Manner, Sighting};
@@ -59,6 +59,9 @@ const GATE_SLACK: f64 = 10.0;
 /// A field whose norm is off by more than this share is disturbed.
 const FIELD_TOLERANCE: f64 = 0.15;
 
+/// How often `iekf` linearises the readings of a sample, at most: between samples the third time seldom moves the state.
+const ITERATIONS: usize = 3;
+
 /// A belief and its workspace.
 #[derive(Debug, Clone)]
 pub struct Tracker {
@@ -103,7 +106,7 @@ impl Tracker {
         let (groups, depends) = (body.groups(), loops::dependence(&body));
         let rows = body.suite.len();
         Ok(Tracker {
-            filter: Filter::new(&body, &groups),
+            filter: filter(&body, &groups, config.filter),
             loops: loops::loops(&body, &depends),
             depends,
             quantities: body.quantities(),
@@ -370,6 +373,14 @@ impl Tracker {
                 }
             }
         }
+    }
+}
+
+fn filter(body: &Body, groups: &Groups, kind: FilterKind) -> Filter<Body> {
+    match kind {
+        FilterKind::Ukf => Filter::new(body, groups),
+        FilterKind::Ekf => Filter::extended(body, groups, 1),
+        FilterKind::Iekf => Filter::extended(body, groups, ITERATIONS),
     }
 }
 

@@ -4,6 +4,9 @@
 //! 1 + G'G = V'V, b = V'^-1 G'y, and for the part of V and b that belongs to H: X = V22'^-1 (rows of U reversed),
 //! x+ = x + X' b2, P+ = X'X. P+ cannot lose its symmetry or its sign.
 
+mod search;
+mod tangent;
+
 use super::belief::Belief;
 use super::dense::{accumulate, cholesky_of_gram, factor_of_covariance, solve_transposed, Square};
 use super::gate::{self, Room};
@@ -11,7 +14,9 @@ use super::learn::{Correction, Learning};
 use super::sigma::{Fan, Spread};
 use super::transition::{carry, Block, Transition};
 use super::System;
+use search::Search;
 use std::ops::Range;
+use tangent::Tangent;
 
 /// Which rows belong together.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -118,6 +123,8 @@ pub struct Manner {
 pub struct Filter<S: System> {
     scratch: S::Scratch,
     fan: Fan,
+    /// Of a filter that linearises; without it, sigma points are spread.
+    linear: Option<(Tangent, Search)>,
     factor: Square,
     gram: Square,
     x: Square,
@@ -140,15 +147,28 @@ pub struct Filter<S: System> {
 }
 
 impl<S: System> Filter<S> {
-    /// Room for `system`.
+    /// Room for an unscented filter of `system`.
     pub fn new(system: &S, groups: &Groups) -> Self {
-        let (part, m) = (system.partition(), system.row_count());
-        let n = part.dim();
-        let fan = Fan::new(part, system.input_std().len(), m);
-        let width = fan.width;
+        let fan = Fan::new(system.partition(), system.input_std().len(), system.row_count());
+        Self::with(system, groups, fan, None)
+    }
+
+    /// Room for an extended filter, which linearises the readings up to `rounds` times an update; from two on, it is the
+    /// iterated one.
+    pub fn extended(system: &S, groups: &Groups, rounds: usize) -> Self {
+        let (n, m) = (system.partition().dim(), system.row_count());
+        let tangent = Tangent::new(n, system.input_std().len(), m);
+        let fan = tangent.fan(m);
+        let search = Search::new(rounds, n, fan.width);
+        Self::with(system, groups, fan, Some((tangent, search)))
+    }
+
+    fn with(system: &S, groups: &Groups, fan: Fan, linear: Option<(Tangent, Search)>) -> Self {
+        let (n, m, width) = (system.partition().dim(), system.row_count(), fan.width);
         Filter {
             scratch: system.scratch(),
             fan,
+            linear,
             factor: Square::zeros(n),
             gram: Square::zeros(width),
             x: Square::zeros(n),
@@ -204,13 +224,22 @@ impl<S: System> Filter<S> {
             return Ok(());
         }
         self.factorise(&belief.covariance)?;
-        self.fan.spread(system, moment, &mut self.scratch, &belief.mean, &self.factor, manner.spread);
+        match &mut self.linear {
+            None => self.fan.spread(system, moment, &mut self.scratch, &belief.mean, &self.factor, manner.spread),
+            Some((tangent, _)) => {
+                tangent.prepare(&self.factor);
+                tangent.spread(&mut self.fan, system, (moment, &mut self.scratch), (&belief.mean, &[]), sighting.z);
+            }
+        }
         self.whiten(sighting, belief.inflation, info);
         self.judge(sighting, manner, belief);
         self.report(sighting, info);
         self.learn_noise(belief, manner.learning, info.inertial);
         belief.covariance.diagonal(&mut self.before);
-        self.combine(system, belief, info)?;
+        self.solve()?;
+        self.report_fit(info);
+        self.iterate(system, moment, &belief.mean, sighting)?;
+        self.combine(system, belief)?;
         self.learn(system, belief, manner.learning);
         Ok(())
     }
@@ -330,8 +359,9 @@ impl<S: System> Filter<S> {
         }
     }
 
-    fn combine(&mut self, system: &S, belief: &mut Belief, info: &mut Info) -> Result<(), Lost> {
-        let (n, width) = (self.factor.n(), self.fan.width);
+    /// V and b.
+    fn solve(&mut self) -> Result<(), Lost> {
+        let width = self.fan.width;
         let broken = |e: super::dense::NotPositive| Lost {
             what: format!("the update broke (row {}, pivot {:.2e})", e.row, e.pivot),
         };
@@ -339,9 +369,17 @@ impl<S: System> Filter<S> {
         self.b.fill(0.0);
         accumulate(&mut self.b, self.y.iter().copied().zip(self.fan.g.chunks_exact(width)));
         solve_transposed(&self.gram, 0, &mut self.b);
+        Ok(())
+    }
+
+    fn report_fit(&self, info: &mut Info) {
         info.nis = squared(&self.y) - squared(&self.b);
         let rows = self.used.iter().filter(|&&used| used).count() + self.rejected_rows;
         info.evidence = evidence(info.nis + self.rejected_nis, rows);
+    }
+
+    fn combine(&mut self, system: &S, belief: &mut Belief) -> Result<(), Lost> {
+        let (n, width) = (self.factor.n(), self.fan.width);
         self.solve_for_x(n, width - n);
         self.shift.fill(0.0);
         let b2 = &self.b[width - n..];
