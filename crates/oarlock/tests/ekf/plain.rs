@@ -46,7 +46,7 @@ pub fn update(filter: &mut Ukf, z: &[f64], std: &[f64], inputs: &[f64], rounds: 
     let measured = DVector::from_vec(rows.iter().map(|&r| z[r]).collect());
     let noise = DMatrix::from_diagonal(&DVector::from_vec(rows.iter().map(|&r| std[r] * std[r]).collect()));
     let mut place = DVector::zeros(all);
-    let mut covariance = prior.clone();
+    let (mut covariance, mut cost, mut kept) = (prior.clone(), f64::INFINITY, None);
     let mut round = 0;
     while round < rounds {
         round += 1;
@@ -54,12 +54,22 @@ pub fn update(filter: &mut Ukf, z: &[f64], std: &[f64], inputs: &[f64], rounds: 
         // What an input was off by is not known while the readings are predicted.
         at.rows_mut(n, noisy.len()).fill(0.0);
         let (h, jacobian) = linearised(&read, &at);
+        let left = &measured - &h - jacobian.columns(n, noisy.len()) * place.rows(n, noisy.len());
+        let there = place.clone().dot(&prior.clone().cholesky().expect("positive").solve(&place))
+            + left.dot(&noise.clone().cholesky().expect("positive").solve(&left));
+        if let Some((next, before)) = kept.take().filter(|_| there >= cost) {
+            // Uphill: the round before stands.
+            (place, covariance) = (next, before);
+            break;
+        }
+        cost = there;
         let inner = &jacobian * &prior * jacobian.transpose() + &noise;
         let gain = inner.cholesky().expect("positive").solve(&(&jacobian * &prior)).transpose();
         let next = &gain * (&measured - h + &jacobian * at);
         let keep = DMatrix::identity(all, all) - &gain * jacobian;
         covariance = &keep * &prior * keep.transpose() + &gain * &noise * gain.transpose();
         let step = &next - &place;
+        kept = Some((next.clone(), covariance.clone()));
         place = next;
         let length = covariance.clone().cholesky().expect("positive").solve(&step).dot(&step);
         if length.sqrt() < 0.01 {
