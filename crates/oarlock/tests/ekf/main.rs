@@ -12,5 +12,6 @@ mod agreement;
 mod jacobian;
 mod mixed;
 mod plain;
+mod tracking;
 
 use support::so3;
