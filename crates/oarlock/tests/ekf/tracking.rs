@@ -98,7 +98,7 @@ fn errors_are_as_large_as_said_where_readings_are_nearly_straight() {
 
 /// Half a radian of ignorance: the first readings are far from straight over it.
 #[test]
-fn where_readings_are_bent_the_extended_filter_is_too_sure() {
+fn where_readings_are_bent_only_the_iterated_filter_is_as_good_as_it_says() {
     let wide = |body: &Body| {
         let mut std = start_std(body);
         std[..body.layout.partition.pose].fill(0.5);
@@ -106,7 +106,46 @@ fn where_readings_are_bent_the_extended_filter_is_too_sure() {
     };
     let nees: Vec<f64> = ALL.map(|filter| nees_of(CHAIN, &Config { filter, ..plain(&[]) }, &wide, 1).0).to_vec();
     println!("first update from 0.5 rad, NEES: ukf {:.2}, ekf {:.2}, iekf {:.2}", nees[0], nees[1], nees[2]);
-    assert!(nees[1] > 2.0 * nees[0] && nees[1] > 2.0 * nees[2], "{nees:?}");
+    // A first guess half a radian off is why the start is fitted and not filtered.
+    assert!(nees[0] > 10.0 && nees[1] > nees[0] && nees[2] < 3.0, "{nees:?}");
+}
+
+/// The largest error of a pose on six seconds of strokes whose loops and oars' encoders are as exact as `std`, m and rad.
+fn worst_with_loops(filter: FilterKind, std: f64) -> f64 {
+    let tight = |key: &str, value: &str| (format!("{key} = {value}"), format!("{key} = {std}"));
+    let replaced = [tight("std_m", "0.002"), tight("std_axis", "0.005")];
+    let text = replaced.iter().fold(SCULLER.to_string(), |text, (from, to)| text.replace(from, to));
+    let mut model = (*model(&text)).clone();
+    model.joints.iter_mut().for_each(|j| j.input_std = std);
+    let config = Config { filter, estimate: Vec::new(), ..Config::default() };
+    let body = body(&model.into(), &config);
+    let stroke = Stroke::new(&body, 2.2);
+    let scene = Scene { body: &body, motion: &|t| stroke.at(t), surge: &|_| 0.0, azimuth_rad: 0.5, noise: 1.0 };
+    let mut tracker = Tracker::new(body.model.clone(), &Calibration::default(), &config).unwrap();
+    let mut worst = 0.0;
+    for sample in &scene.samples(&times(0.0, 0.01, 600), &mut Chance::new(12)) {
+        tracker.step(sample).unwrap();
+        let Some(now) = tracker.belief() else { continue };
+        let mut away = vec![0.0; now.mean.len()];
+        body.difference(&now.mean, &scene.state(sample.time_s), &mut away);
+        worst = away[..body.layout.partition.pose].iter().fold(worst, |w, x| worse(w, x.abs()));
+    }
+    worst
+}
+
+/// A loop's direction turns while the belief moves; taken as known to a tenth of a millimetre where it was a sample ago, it
+/// holds the joints where they were. Sigma points see the bend.
+#[test]
+fn loops_that_are_far_too_exact_lead_extended_filters_astray() {
+    for (std, holds) in [(1e-3, true), (3e-4, true), (1e-4, false)] {
+        let worst = ALL.map(|filter| worst_with_loops(filter, std));
+        println!("loops of {std} m, worst error: ukf {:.4}, ekf {:.4}, iekf {:.4}", worst[0], worst[1], worst[2]);
+        // A few standard deviations of a hand's angles at the start, which are the largest.
+        assert!(worst[0] < 0.03);
+        for extended in &worst[1..] {
+            assert_eq!(*extended < 0.03, holds, "{std}: {extended}");
+        }
+    }
 }
 
 /// One update of a wide prior on a body with balls; the linearised fit has the same minimum.
