@@ -4,7 +4,7 @@
 #[allow(dead_code)]
 #[path = "../tests/textbook/body.rs"]
 mod body;
-#[allow(dead_code, missing_docs)]
+#[allow(missing_docs)]
 #[path = "../tests/support/mod.rs"]
 mod support;
 #[allow(dead_code)]
