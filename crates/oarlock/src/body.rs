@@ -1,22 +1,24 @@
 //! A model as a system that a filter can estimate: state in, readings out, for eight sigma points at a time.
 
 mod linear;
+pub mod read;
 
 use crate::config::Config;
 use crate::error::Result;
 use crate::estimate::filter::Groups;
 use crate::estimate::transition::{Block, Transition};
-use crate::estimate::{Partition, Points, System};
+use crate::estimate::{Depth, Partition, Points, System, Vary};
+use crate::kinematics::near::Reach;
 use crate::kinematics::{FrameMotion, JointMotion, Tree};
-use crate::lane::{Lane, Real, LANES};
+use crate::lane::{Lane, Real};
 use crate::model::{Axis, Model, Transform, World};
 use crate::motion::{fading, joint_block, push_turn, Now};
-use crate::rotation::turn::{minus, plus, right_jacobian, Turn};
+use crate::rotation::turn::{minus, plus, right_jacobian};
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::imu::MountValue;
-use crate::sensor::{Quantity, Suite, Surroundings, Wearing, Worn};
+use crate::sensor::{Quantity, Suite, Wearing};
 use crate::state::{Layout, Slots, SlowSlot};
-use linear::LinearScratch;
+use read::BodyScratch;
 use std::sync::Arc;
 
 /// Gravity and field in root axes.
@@ -74,19 +76,8 @@ pub struct Moment {
     pub active: Vec<bool>,
     /// Frames that these sources need.
     pub needed: Vec<bool>,
-}
-
-/// Room for one batch of sigma points.
-#[derive(Debug, Clone)]
-pub struct BodyScratch {
-    q: Vec<Lane>,
-    qd: Vec<Lane>,
-    qdd: Vec<Lane>,
-    anchors: Vec<Mat3<f64>>,
-    lengths: Vec<Lane>,
-    mounts: Vec<Vec3<Lane>>,
-    frames: Vec<FrameMotion<Lane>>,
-    linear: LinearScratch,
+    /// Those of them whose velocities and accelerations they need.
+    pub moving: Vec<bool>,
 }
 
 /// A model, its numbers and its state layout.
@@ -117,6 +108,9 @@ pub struct Body {
     input_std: Vec<f64>,
     /// Source, first row and first state of every bias.
     biases: Vec<(usize, usize, usize)>,
+    /// On what the pose of each frame and of each source depends.
+    frame_reaches: Vec<Reach>,
+    source_reaches: Vec<Reach>,
 }
 
 impl Body {
@@ -146,6 +140,11 @@ impl Body {
         let (input_coordinates, input_std) = inputs().map(|j| (j.first, j.input_std)).unzip();
         let tree = Tree::with_lengths(&model, parameters, &estimated);
         let field = Field::new(&model.world, parameters);
+        let length = |number: usize| layout.lengths[number].1;
+        let state = |c: usize| layout.coordinates[c].map(|s| s.q);
+        let is_input = |c: usize| model.joints.iter().any(|j| j.input && j.coordinates().contains(&c));
+        let frame_reaches = tree.reaches(state, length, is_input);
+        let source_reaches = suite.reaches(&frame_reaches, length, |number| layout.mounts[number].1);
         let mut turned = vec![false; layout.dim()];
         layout.turns.iter().for_each(|(_, slots)| turned[slots.q..slots.q + 3].fill(true));
         Ok(Body {
@@ -163,6 +162,8 @@ impl Body {
             input_coordinates,
             input_std,
             biases,
+            frame_reaches,
+            source_reaches,
         })
     }
 
@@ -183,6 +184,7 @@ impl Body {
             inputs: vec![0.0; self.model.coordinate_count()],
             active: vec![false; self.suite.sources.len()],
             needed: vec![false; self.tree.len()],
+            moving: vec![false; self.tree.len()],
         }
     }
 
@@ -204,30 +206,6 @@ impl Body {
     /// Quantity of every part, in the order of `groups().parts`.
     pub fn quantities(&self) -> Vec<Quantity> {
         self.suite.sources.iter().flat_map(|s| s.parts.iter().map(|p| p.quantity)).collect()
-    }
-
-    #[inline(always)]
-    fn unpack(&self, moment: &Moment, at: Points, s: &mut BodyScratch) {
-        let zero = Lane([0.0; LANES]);
-        for (c, slots) in self.layout.coordinates.iter().enumerate() {
-            (s.q[c], s.qd[c], s.qdd[c]) = match slots {
-                None => (Lane::splat(moment.inputs[c]), zero, zero),
-                Some(Slots { q, rates: None }) => (at.at(*q), zero, zero),
-                Some(Slots { q, rates: Some((rate, accel)) }) => (at.at(*q), at.at(*rate), at.at(*accel)),
-            };
-        }
-        // Points of a rotation lie around its mean, in the tangent space there.
-        for ((c, slots), anchor) in self.layout.turns.iter().zip(&mut s.anchors) {
-            s.q[*c..c + 3].copy_from_slice(&at.delta[slots.q..slots.q + 3]);
-            *anchor = Turn::exp(three(at.mean, slots.q)).matrix();
-        }
-        self.layout.lengths.iter().zip(&mut s.lengths).for_each(|((_, state), length)| *length = at.at(*state));
-        for ((_, first), mount) in self.layout.mounts.iter().zip(&mut s.mounts) {
-            *mount = Vec3([0, 1, 2].map(|i| at.at(first + i)));
-        }
-        for (&c, &off) in self.input_coordinates.iter().zip(at.off) {
-            s.q[c] += off;
-        }
     }
 
     /// Motion of every frame at a state.
@@ -312,14 +290,16 @@ impl System for Body {
     }
 
     fn scratch(&self) -> BodyScratch {
-        let zero = Lane([0.0; LANES]);
-        let joints = vec![zero; self.model.coordinate_count()];
-        let anchors = vec![Mat3::identity(); self.layout.turns.len()];
-        let frame = FrameMotion::resting(Vec3::zero());
-        let frames = vec![frame; self.tree.len()];
-        let (lengths, mounts) = (vec![zero; self.layout.lengths.len()], vec![Vec3::zero(); self.layout.mounts.len()]);
-        let linear = self.linear_scratch();
-        BodyScratch { q: joints.clone(), qd: joints.clone(), qdd: joints, anchors, lengths, mounts, frames, linear }
+        BodyScratch::new(self)
+    }
+
+    fn depth(&self, row: usize) -> Depth {
+        let parts = self.suite.sources.iter().flat_map(|s| &s.parts);
+        match parts.into_iter().find(|p| p.rows.contains(&row)).map(|p| p.quantity) {
+            Some(Quantity::Accel) => Depth::Full,
+            Some(Quantity::Gyro | Quantity::Rest) => Depth::Affine,
+            _ => Depth::Pose,
+        }
     }
 
     fn input_std(&self) -> &[f64] {
@@ -383,22 +363,25 @@ impl System for Body {
         }
     }
 
-    fn readings(&self, moment: &Moment, s: &mut BodyScratch, at: Points, out: &mut [Lane]) {
-        self.unpack(moment, at, s);
-        let joints = JointMotion { q: &s.q, qd: &s.qd, qdd: &s.qdd, lengths: &s.lengths, anchors: &s.anchors };
-        self.tree.motions(self.root(|i| at.at(i)), joints, &moment.needed, &mut s.frames);
-        let azimuth = match self.layout.azimuth {
-            Some(i) => at.at(i),
-            None => Lane::splat(self.model.world.magnetic_azimuth_rad),
-        };
-        let around = Surroundings { magnetic_field: self.field.magnetic(azimuth) };
-        let worn = Worn { lengths: &s.lengths, mounts: &s.mounts };
-        self.suite.predict(&s.frames, &s.q, &around, worn, &moment.active, out);
-        for &(source, row, bias) in &self.biases {
-            if moment.active[source] {
-                (0..3).for_each(|i| out[row + i] += at.at(bias + i));
-            }
-        }
+    fn readings(&self, moment: &Moment, scratch: &mut BodyScratch, at: Points, out: &mut [Lane]) {
+        self.read_all(moment, scratch, at, out);
+    }
+
+    #[inline(always)]
+    fn settle<const FUSED: bool>(&self, moment: &Moment, scratch: &mut BodyScratch, at: Points, out: &mut [Lane]) {
+        self.settle_at(moment, scratch, at.mean, out);
+    }
+
+    #[inline(always)]
+    fn readings_near<const FUSED: bool>(
+        &self,
+        moment: &Moment,
+        scratch: &mut BodyScratch,
+        at: Points,
+        vary: Vary,
+        out: &mut [Lane],
+    ) {
+        self.read_near::<FUSED>(moment, scratch, at, vary, out);
     }
 
     fn linearise(&self, moment: &Moment, s: &mut BodyScratch, mean: &[f64], center: &mut [f64], jacobian: &mut [f64]) {

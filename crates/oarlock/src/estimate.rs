@@ -7,7 +7,9 @@ pub mod gate;
 pub mod learn;
 pub mod sigma;
 pub mod smoother;
+pub mod solve;
 pub mod start;
+pub mod tiles;
 pub mod transition;
 
 use crate::lane::Lane;
@@ -56,6 +58,26 @@ impl Points<'_> {
     }
 }
 
+/// Of which states a reading is which function.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Depth {
+    /// Of poses alone.
+    Pose,
+    /// Affine in rates and in the linear block, at fixed poses.
+    Affine,
+    /// Of everything.
+    Full,
+}
+
+/// In what some points may differ from the mean.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Vary {
+    /// In states from this one on.
+    pub from: usize,
+    /// In inputs.
+    pub inputs: bool,
+}
+
 /// What is estimated: how it moves by itself and what is read from it.
 pub trait System {
     /// What the readings of one instant depend on besides the state: inputs, and which rows are there.
@@ -98,4 +120,32 @@ pub trait System {
         center: &mut [f64],
         jacobian: &mut [f64],
     );
+    /// What row `row` depends on.
+    fn depth(&self, _row: usize) -> Depth {
+        Depth::Full
+    }
+    /// The same at the mean itself, in the first lane; what is found out on the way may be kept for points that share it.
+    #[inline(always)]
+    fn settle<const FUSED: bool>(
+        &self,
+        moment: &Self::Moment,
+        scratch: &mut Self::Scratch,
+        at: Points,
+        out: &mut [Lane],
+    ) {
+        self.readings(moment, scratch, at, out);
+    }
+    /// The same for points that share with the mean, last settled at, all but what they `_vary` in. Rows that do not depend on that are
+    /// left as they are.
+    #[inline(always)]
+    fn readings_near<const FUSED: bool>(
+        &self,
+        moment: &Self::Moment,
+        scratch: &mut Self::Scratch,
+        at: Points,
+        _vary: Vary,
+        out: &mut [Lane],
+    ) {
+        self.readings(moment, scratch, at, out);
+    }
 }

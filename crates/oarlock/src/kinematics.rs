@@ -4,6 +4,7 @@
 //! about or along z, and another fixed transform; the recursion is eq. 9 of Ruffaldi, Peppoloni and Filippeschi with
 //! the prismatic and Coriolis terms that the printed equation leaves out, and gravity entering once, at the root.
 
+pub mod near;
 pub mod slopes;
 
 use crate::lane::Real;
@@ -14,7 +15,55 @@ use crate::rotation::{Mat3, Vec3};
 #[derive(Debug, Clone)]
 struct Fixed {
     rotation: Mat3<f64>,
+    swap: Swap,
     translation: Point,
+}
+
+/// What a fixed rotation does to axes, if that is simple.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Swap {
+    Nothing,
+    /// Each new axis is an old one, or its opposite.
+    Axes([(usize, f64); 3]),
+    Anything,
+}
+
+/// Entries as close as this to 0, 1 or -1 are meant to be that: cos(pi/2) is 6e-17 in doubles.
+const MEANT: f64 = 1e-15;
+
+impl Fixed {
+    fn new(rotation: Mat3<f64>, translation: Point) -> Self {
+        let meant = |x: f64| if (x - x.round()).abs() < MEANT { x.round() } else { x };
+        let rotation = Mat3(rotation.0.map(|row| row.map(meant)));
+        let axis = |j: usize| {
+            let column = rotation.column(j).0;
+            let i = column.iter().position(|x| x.abs() == 1.0)?;
+            (0..3).all(|k| k == i || column[k] == 0.0).then_some((i, column[i]))
+        };
+        let swap = match [axis(0), axis(1), axis(2)] {
+            _ if rotation == Mat3::identity() => Swap::Nothing,
+            [Some(x), Some(y), Some(z)] => Swap::Axes([x, y, z]),
+            _ => Swap::Anything,
+        };
+        Fixed { rotation, swap, translation }
+    }
+
+    #[inline(always)]
+    fn turn<T: Real>(&self, m: &Mat3<T>) -> Mat3<T> {
+        match self.swap {
+            Swap::Nothing => *m,
+            Swap::Axes(axes) => {
+                let mut out = *m;
+                for (to, row) in out.0.iter_mut().zip(&m.0) {
+                    for (to, (from, sign)) in to.iter_mut().zip(axes) {
+                        *to = row[from].scale(sign);
+                    }
+                }
+                out
+            }
+            Swap::Anything => m.times_f64(&self.rotation),
+        }
+    }
 }
 
 /// What moves a link: its joint's first coordinate, sign and kind, and the joint's number among those that turn freely.
@@ -76,48 +125,54 @@ impl<T: Real> FrameMotion<T> {
     }
 
     #[inline(always)]
-    fn carried(&mut self, fixed: &Fixed, lengths: &[T]) {
-        let arm = fixed.translation.turned(&self.rotation, lengths);
-        self.proper_acceleration = self.proper_acceleration_at(arm);
-        self.position += arm;
-        self.rotation = self.rotation.times_f64(&fixed.rotation);
+    fn carried(&mut self, fixed: &Fixed, lengths: &[T], motion: bool) {
+        if !fixed.translation.is_origin() {
+            let arm = fixed.translation.turned(&self.rotation, lengths);
+            if motion {
+                self.proper_acceleration = self.proper_acceleration_at(arm);
+            }
+            self.position += arm;
+        }
+        self.rotation = fixed.turn(&self.rotation);
     }
 
+    /// `sin_cos` is that of a hinge's angle where it is known.
     #[inline(always)]
-    fn moved(&mut self, joint: &Moved, joints: &JointMotion<T>) {
+    fn moved(&mut self, joint: &Moved, joints: &JointMotion<T>, motion: bool, sin_cos: Option<(f64, f64)>) {
         let Moved { first, sign, kind, turn } = *joint;
-        let scaled = || [joints.q, joints.qd, joints.qdd].map(|v| v[first].scale(sign));
-        let vectors = |at: usize| [joints.q, joints.qd, joints.qdd].map(|v| three(v, at));
         match kind {
             JointKind::Hinge => {
-                let [q, qd, qdd] = scaled();
-                self.turned(q, qd, qdd);
+                let (sin, cos) = match sin_cos {
+                    Some((sin, cos)) => (T::splat(sin), T::splat(cos)),
+                    None => joints.q[first].scale(sign).sin_cos(),
+                };
+                if motion {
+                    self.spun_about_z(joints.qd[first].scale(sign), joints.qdd[first].scale(sign));
+                }
+                self.rotation = self.rotation.turned_about_z(sin, cos);
             }
             JointKind::Slide => {
-                let [q, qd, qdd] = scaled();
-                self.slid(q, qd, qdd);
+                let (q, qd) = (joints.q[first].scale(sign), joints.qd[first].scale(sign));
+                self.slid(q, qd, joints.qdd[first].scale(sign));
             }
             JointKind::Fixed => {}
             JointKind::Ball => {
-                let [r, w, wd] = vectors(first);
-                self.balled(joints.anchors.get(turn), r, w, wd);
+                let (r, w) = (three(joints.q, first), three(joints.qd, first));
+                self.balled(joints.anchors.get(turn), r, w, three(joints.qdd, first));
             }
             JointKind::Free => {
-                let [p, v, a] = vectors(first);
-                self.placed(p, v, a);
-                let [r, w, wd] = vectors(first + 3);
-                self.balled(joints.anchors.get(turn), r, w, wd);
+                self.placed(three(joints.q, first), three(joints.qd, first), three(joints.qdd, first));
+                let (r, w) = (three(joints.q, first + 3), three(joints.qd, first + 3));
+                self.balled(joints.anchors.get(turn), r, w, three(joints.qdd, first + 3));
             }
         }
     }
 
     #[inline(always)]
-    fn turned(&mut self, q: T, qd: T, qdd: T) {
+    fn spun_about_z(&mut self, qd: T, qdd: T) {
         let z = self.rotation.column(2);
-        let (sin, cos) = q.sin_cos();
-        self.rotation = self.rotation.turned_about_z(sin, cos);
         let spin = z * qd;
-        self.angular_acceleration += z * qdd + self.angular_velocity.cross(spin);
+        self.angular_acceleration = (self.angular_acceleration + self.angular_velocity.cross(spin)).plus(z, qdd);
         self.angular_velocity += spin;
     }
 
@@ -183,10 +238,7 @@ impl Tree {
     /// The same; the parameters of index `estimated` come with every motion.
     pub fn with_lengths(model: &Model, parameters: &[f64], estimated: &[usize]) -> Self {
         let fixed = |t: &Option<Transform>| {
-            t.as_ref().map(|t| Fixed {
-                rotation: t.evaluate(parameters).0,
-                translation: Point::reached_by(t, parameters, estimated),
-            })
+            t.as_ref().map(|t| Fixed::new(t.evaluate(parameters).0, Point::reached_by(t, parameters, estimated)))
         };
         let moved = |(j, sign): (usize, f64)| {
             let turn = model.joints[..j].iter().filter(|j| j.kind.turns_freely()).count();
@@ -234,15 +286,7 @@ impl Tree {
                 continue;
             }
             let mut frame = frames[link.parent];
-            if let Some(before) = &link.before {
-                frame.carried(before, joints.lengths);
-            }
-            if let Some(joint) = &link.joint {
-                frame.moved(joint, &joints);
-            }
-            if let Some(after) = &link.after {
-                frame.carried(after, joints.lengths);
-            }
+            link.posed(&mut frame, &joints, true, None);
             frames[i] = frame;
         }
     }

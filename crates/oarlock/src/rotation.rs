@@ -64,7 +64,59 @@ impl<T: Real> Vec3<T> {
     #[inline(always)]
     pub fn cross(self, o: Self) -> Self {
         let (a, b) = (self.0, o.0);
-        Vec3([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+        Vec3([a[1].madd(b[2], -(a[2] * b[1])), a[2].madd(b[0], -(a[0] * b[2])), a[0].madd(b[1], -(a[1] * b[0]))])
+    }
+}
+
+#[inline(always)]
+fn dot<T: Real>(a: [T; 3], b: [T; 3]) -> T {
+    a[0].madd(b[0], a[1].madd(b[1], a[2] * b[2]))
+}
+
+#[inline(always)]
+fn dot_f64<T: Real>(a: [T; 3], b: [f64; 3]) -> T {
+    a[0].madd_f64(b[0], a[1].madd_f64(b[1], a[2].scale(b[2])))
+}
+
+impl<T: Real> Vec3<T> {
+    /// Sum with a multiple of another vector.
+    #[inline(always)]
+    pub fn plus(self, o: Self, times: T) -> Self {
+        let (a, b) = (self.0, o.0);
+        Vec3([b[0].madd(times, a[0]), b[1].madd(times, a[1]), b[2].madd(times, a[2])])
+    }
+
+    /// Sum with a multiple of another vector.
+    #[inline(always)]
+    pub fn plus_f64(self, o: Self, times: f64) -> Self {
+        let (a, b) = (self.0, o.0);
+        Vec3([b[0].madd_f64(times, a[0]), b[1].madd_f64(times, a[1]), b[2].madd_f64(times, a[2])])
+    }
+
+    /// Sum with a multiple of a vector that is equal in every lane.
+    #[inline(always)]
+    pub fn plus_equal(self, o: Vec3<f64>, times: T) -> Self {
+        let (a, b) = (self.0, o.0);
+        Vec3([times.madd_f64(b[0], a[0]), times.madd_f64(b[1], a[1]), times.madd_f64(b[2], a[2])])
+    }
+
+    /// Cross product with a vector that is equal in every lane.
+    #[inline(always)]
+    pub fn cross_equal(self, o: Vec3<f64>) -> Self {
+        let (a, b) = (self.0, o.0);
+        Vec3([
+            a[1].madd_f64(b[2], -a[2].scale(b[1])),
+            a[2].madd_f64(b[0], -a[0].scale(b[2])),
+            a[0].madd_f64(b[1], -a[1].scale(b[0])),
+        ])
+    }
+}
+
+impl Vec3<f64> {
+    /// The same in every lane.
+    #[inline(always)]
+    pub fn everywhere<T: Real>(self) -> Vec3<T> {
+        Vec3::splat(self.0)
     }
 }
 
@@ -79,35 +131,43 @@ impl<T: Real> Mat3<T> {
     /// Matrix times vector.
     #[inline(always)]
     pub fn apply(&self, v: Vec3<T>) -> Vec3<T> {
-        let v = v.0;
-        Vec3(self.0.map(|r| r[0] * v[0] + r[1] * v[1] + r[2] * v[2]))
+        Vec3([dot(self.0[0], v.0), dot(self.0[1], v.0), dot(self.0[2], v.0)])
     }
 
     /// Matrix times a vector that is equal in every lane.
     #[inline(always)]
     pub fn apply_f64(&self, v: [f64; 3]) -> Vec3<T> {
-        Vec3(self.0.map(|r| r[0].scale(v[0]) + r[1].scale(v[1]) + r[2].scale(v[2])))
+        Vec3([dot_f64(self.0[0], v), dot_f64(self.0[1], v), dot_f64(self.0[2], v)])
     }
 
     /// Transpose times vector.
     #[inline(always)]
     pub fn apply_transposed(&self, v: Vec3<T>) -> Vec3<T> {
-        let (m, v) = (&self.0, v.0);
-        Vec3([0, 1, 2].map(|j| m[0][j] * v[0] + m[1][j] * v[1] + m[2][j] * v[2]))
+        Vec3([dot(self.column(0).0, v.0), dot(self.column(1).0, v.0), dot(self.column(2).0, v.0)])
     }
 
     /// Matrix product with a matrix that is equal in every lane.
     #[inline(always)]
     pub fn times_f64(&self, o: &Mat3<f64>) -> Self {
-        let o = &o.0;
-        Mat3(self.0.map(|r| [0, 1, 2].map(|j| r[0].scale(o[0][j]) + r[1].scale(o[1][j]) + r[2].scale(o[2][j]))))
+        let columns = [o.column(0).0, o.column(1).0, o.column(2).0];
+        let mut out = self.0;
+        for to in &mut out {
+            let r = *to;
+            *to = [dot_f64(r, columns[0]), dot_f64(r, columns[1]), dot_f64(r, columns[2])];
+        }
+        Mat3(out)
     }
 
     /// Matrix product.
     #[inline(always)]
     pub fn then(&self, o: &Self) -> Self {
-        let o = &o.0;
-        Mat3(self.0.map(|r| [0, 1, 2].map(|j| r[0] * o[0][j] + r[1] * o[1][j] + r[2] * o[2][j])))
+        let columns = [o.column(0).0, o.column(1).0, o.column(2).0];
+        let mut out = self.0;
+        for to in &mut out {
+            let r = *to;
+            *to = [dot(r, columns[0]), dot(r, columns[1]), dot(r, columns[2])];
+        }
+        Mat3(out)
     }
 
     /// Rotation about `r` by its length, rad (Rodrigues).
@@ -130,7 +190,12 @@ impl<T: Real> Mat3<T> {
     /// Times a rotation about z, given its sine and cosine.
     #[inline(always)]
     pub fn turned_about_z(&self, sin: T, cos: T) -> Self {
-        Mat3(self.0.map(|r| [r[0] * cos + r[1] * sin, r[1] * cos - r[0] * sin, r[2]]))
+        let mut out = self.0;
+        for to in &mut out {
+            let [x, y, z] = *to;
+            *to = [x.madd(cos, y * sin), y.madd(cos, -(x * sin)), z];
+        }
+        Mat3(out)
     }
 
     /// Column `j`.
@@ -141,6 +206,24 @@ impl<T: Real> Mat3<T> {
 }
 
 impl Mat3<f64> {
+    /// The same in every lane.
+    #[inline(always)]
+    pub fn everywhere<T: Real>(&self) -> Mat3<T> {
+        Mat3([Vec3::splat(self.0[0]).0, Vec3::splat(self.0[1]).0, Vec3::splat(self.0[2]).0])
+    }
+
+    /// Transpose times a vector in lanes.
+    #[inline(always)]
+    pub fn transposed_apply<T: Real>(&self, v: Vec3<T>) -> Vec3<T> {
+        Vec3([dot_f64(v.0, self.column(0).0), dot_f64(v.0, self.column(1).0), dot_f64(v.0, self.column(2).0)])
+    }
+
+    /// Times a vector in lanes.
+    #[inline(always)]
+    pub fn apply_lanes<T: Real>(&self, v: Vec3<T>) -> Vec3<T> {
+        Vec3([dot_f64(v.0, self.0[0]), dot_f64(v.0, self.0[1]), dot_f64(v.0, self.0[2])])
+    }
+
     /// Matrix product.
     pub fn times(&self, o: &Self) -> Self {
         self.times_f64(o)

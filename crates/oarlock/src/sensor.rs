@@ -3,6 +3,7 @@
 pub mod closure;
 pub mod encoder;
 pub mod imu;
+pub mod near;
 pub mod position;
 pub mod slopes;
 
@@ -207,6 +208,13 @@ impl Suite {
             Reader::Encoder(_) => {}
             Reader::Position(s) => needed[s.frame] = true,
             Reader::Closure(s) => s.frames().into_iter().for_each(|f| needed[f] = true),
+        }
+    }
+
+    /// Marks the frames whose velocities or accelerations source `i` reads.
+    pub fn mark_moving(&self, i: usize, moving: &mut [bool]) {
+        if let Reader::Imu(s) = &self.readers[i] {
+            moving[s.frame] = true;
         }
     }
 

@@ -17,6 +17,7 @@ use crate::estimate::learn::Learning;
 use crate::estimate::sigma::Spread;
 use crate::estimate::transition::Transition;
 use crate::estimate::System;
+use crate::lane::arch::Arch;
 use crate::model::suggest::hint;
 use crate::model::{Model, SensorKind};
 use crate::recording::Sample;
@@ -162,6 +163,12 @@ impl Tracker {
             )));
         }
         Ok(())
+    }
+
+    /// Uses these instructions instead of the machine's best; to compare.
+    #[doc(hidden)]
+    pub fn use_arch(&mut self, arch: Arch) {
+        self.filter.use_arch(arch);
     }
 
     /// What is believed now; `None` until the start window is full.
@@ -329,13 +336,16 @@ impl Tracker {
             *input = if value.is_nan() { 0.0 } else { value };
         }
         self.moment.needed.fill(false);
+        self.moment.moving.fill(false);
         for (i, source) in self.body.suite.sources.iter().enumerate() {
             self.moment.active[i] = self.z[source.rows.clone()].iter().any(|z| !z.is_nan());
             if self.moment.active[i] {
                 self.body.suite.mark_frames(i, &mut self.moment.needed);
+                self.body.suite.mark_moving(i, &mut self.moment.moving);
             }
         }
         self.body.tree.mark_ancestors(&mut self.moment.needed);
+        self.body.tree.mark_ancestors(&mut self.moment.moving);
     }
 
     /// A reading that depends on an input says nothing while that input is not there.

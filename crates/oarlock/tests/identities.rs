@@ -57,7 +57,7 @@ fn rotations_are_a_group() {
 fn lanes_turn_as_single_numbers_do() {
     let first = Mat3::about_x(0.3).times(&Mat3::about_y(-1.1));
     for chunk in angles().chunks(LANES) {
-        let mut lane = Lane([0.0; LANES]);
+        let mut lane: Lane = Lane([0.0; LANES]);
         chunk.iter().enumerate().for_each(|(i, a)| lane.0[i] = *a);
         let (sin, cos) = lane.sin_cos();
         let turned = Mat3(first.0.map(|row| row.map(Lane::splat))).turned_about_z(sin, cos);

@@ -1,22 +1,23 @@
 //! One filter: predict exactly, update with every reading of a sample at once. Allocates nothing after it is made.
 //!
-//! The update is the unscented one (estimate/sigma.rs) in information form: with G and y divided by the noise,
-//! 1 + G'G = V'V, b = V'^-1 G'y, and for the part of V and b that belongs to H: X = V22'^-1 (rows of U reversed),
-//! x+ = x + X' b2, P+ = X'X. P+ cannot lose its symmetry or its sign.
+//! The update is the unscented one (estimate/sigma.rs) in information form (estimate/solve.rs).
 
 mod search;
 mod tangent;
 
 use super::belief::Belief;
-use super::dense::{accumulate, cholesky_of_gram, factor_of_covariance, solve_transposed, Square};
+use super::dense::{NotPositive, Square};
 use super::gate::{self, Room};
 use super::learn::{Correction, Learning};
-use super::sigma::{Fan, Spread};
+use super::sigma::{Fan, Look, Spread};
+use super::solve::{Solver, Weighted};
+use super::tiles::{factor, padded, Panel, Sweep, VECTOR};
 use super::transition::{carry, Block, Transition};
 use super::System;
+use crate::lane::arch::Arch;
 use search::Search;
 use std::ops::Range;
-use tangent::Tangent;
+use tangent::{At, Tangent};
 
 /// Which rows belong together.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -121,20 +122,28 @@ pub struct Manner {
 /// Workspace of a filter.
 #[derive(Debug, Clone)]
 pub struct Filter<S: System> {
+    arch: Arch,
     scratch: S::Scratch,
     fan: Fan,
     /// Of a filter that linearises; without it, sigma points are spread.
     linear: Option<(Tangent, Search)>,
-    factor: Square,
-    gram: Square,
-    x: Square,
+    solver: Solver,
+    /// U with U'U = P.
+    root: Panel,
+    /// Starts of its columns.
+    starts: Vec<usize>,
+    /// All rows in the order in which they are worked off, inertial units first, and of these, how many there are.
+    order: Vec<usize>,
+    inertial: Vec<bool>,
+    /// Those of them that are there.
+    rows: Vec<usize>,
+    inertial_rows: usize,
     y: Vec<f64>,
-    b: Vec<f64>,
     used: Vec<bool>,
     weight: Vec<f64>,
     shift: Vec<f64>,
     variance: Vec<f64>,
-    rows: [Vec<f64>; 3],
+    buffer: [Vec<f64>; 3],
     room: Room,
     /// Variance of each state before the update, and what the last prediction added to it.
     before: Vec<f64>,
@@ -149,37 +158,42 @@ pub struct Filter<S: System> {
 impl<S: System> Filter<S> {
     /// Room for an unscented filter of `system`.
     pub fn new(system: &S, groups: &Groups) -> Self {
-        let fan = Fan::new(system.partition(), system.input_std().len(), system.row_count());
-        Self::with(system, groups, fan, None)
+        Self::with(system, groups, Fan::new(system), None)
     }
 
     /// Room for an extended filter, which linearises the readings up to `rounds` times an update; from two on, it is the
     /// iterated one.
     pub fn extended(system: &S, groups: &Groups, rounds: usize) -> Self {
         let (n, m) = (system.partition().dim(), system.row_count());
-        let tangent = Tangent::new(n, system.input_std().len(), m);
-        let fan = tangent.fan(m);
-        let search = Search::new(rounds, n, fan.width);
-        Self::with(system, groups, fan, Some((tangent, search)))
+        let linear = (Tangent::new(n, system.input_std().len(), m), Search::new(rounds, n));
+        Self::with(system, groups, Fan::straight(system), Some(linear))
     }
 
     fn with(system: &S, groups: &Groups, fan: Fan, linear: Option<(Tangent, Search)>) -> Self {
-        let (n, m, width) = (system.partition().dim(), system.row_count(), fan.width);
+        let (n, m) = (system.partition().dim(), system.row_count());
+        let mut inertial = vec![false; m];
+        groups.inertial.iter().for_each(|&r| inertial[r] = true);
+        let mut order: Vec<usize> = (0..m).collect();
+        order.sort_by_key(|&r| (!inertial[r], system.depth(r)));
         Filter {
+            arch: Arch::best(),
             scratch: system.scratch(),
-            fan,
             linear,
-            factor: Square::zeros(n),
-            gram: Square::zeros(width),
-            x: Square::zeros(n),
+            solver: Solver::new(m, fan.evens, n, &groups.sources),
+            fan,
+            root: Panel::zeros(n, padded(n)),
+            starts: vec![0; padded(n) / VECTOR],
+            order,
+            inertial,
+            rows: Vec::with_capacity(m),
+            inertial_rows: 0,
             y: vec![0.0; m],
-            b: vec![0.0; width],
             used: vec![false; m],
             weight: vec![0.0; m],
             shift: vec![0.0; n],
             variance: vec![0.0; n],
-            rows: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
-            room: Room::new(groups.inertial.len()),
+            buffer: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
+            room: Room::new(),
             before: vec![0.0; n],
             fresh: vec![0.0; n],
             since_s: 0.0,
@@ -187,6 +201,12 @@ impl<S: System> Filter<S> {
             rejected_nis: 0.0,
             rejected_rows: 0,
         }
+    }
+
+    /// Uses these instructions instead of the best ones; to compare.
+    #[doc(hidden)]
+    pub fn use_arch(&mut self, arch: Arch) {
+        self.arch = arch;
     }
 
     /// Forgets what earlier predictions added: a new sample is awaited.
@@ -201,7 +221,7 @@ impl<S: System> Filter<S> {
         let dt = to_s - belief.time_s;
         system.transition(dt, &belief.mean, &self.variance, &belief.drive, transition);
         transition.apply_to_mean(&mut belief.mean);
-        transition.apply_to_covariance(&mut belief.covariance, &mut self.rows);
+        transition.apply_to_covariance(&mut belief.covariance, &mut self.buffer);
         belief.time_s = to_s;
         for b in &transition.blocks {
             (0..b.len).for_each(|i| self.fresh[b.index[i]] += b.noise[i][i]);
@@ -223,25 +243,54 @@ impl<S: System> Filter<S> {
             self.report_missing(sighting, info);
             return Ok(());
         }
+        self.list_rows(sighting.z);
         self.factorise(&belief.covariance)?;
         match &mut self.linear {
-            None => self.fan.spread(system, moment, &mut self.scratch, &belief.mean, &self.factor, manner.spread),
+            None => {
+                let look = Look { system, moment, mean: &belief.mean, rows: &self.rows, spread: manner.spread };
+                self.fan.spread(self.arch, look, &mut self.scratch, &self.root);
+            }
             Some((tangent, _)) => {
-                tangent.prepare(&self.factor);
-                tangent.spread(&mut self.fan, system, (moment, &mut self.scratch), (&belief.mean, &[]), sighting.z);
+                tangent.prepare(&self.root);
+                let at = At { mean: &belief.mean, carried: &[], rows: &self.rows };
+                tangent.spread(self.arch, &mut self.fan, (system, moment), &mut self.scratch, at);
             }
         }
-        self.whiten(sighting, belief.inflation, info);
+        self.innovate(sighting, belief.inflation, info);
+        let (rows, inertial) = (&self.rows, self.inertial_rows);
+        let readings = Weighted { rows, inertial, weight: &self.weight, y: &self.y };
+        self.solver.weigh(self.arch, &self.fan, readings);
         self.judge(sighting, manner, belief);
         self.report(sighting, info);
-        self.learn_noise(belief, manner.learning, info.inertial);
         belief.covariance.diagonal(&mut self.before);
-        self.solve()?;
-        self.report_fit(info);
-        self.iterate(system, moment, &belief.mean, sighting)?;
+        self.solve(sighting, info)?;
+        self.iterate(system, moment, &belief.mean, sighting.z)?;
         self.combine(system, belief)?;
+        self.learn_noise(belief, manner.learning, info.inertial);
         self.learn(system, belief, manner.learning);
         Ok(())
+    }
+
+    fn factorise(&mut self, covariance: &Square) -> Result<(), Lost> {
+        let n = covariance.n();
+        let sweep = Sweep { n, width: padded(n), starts: &self.starts };
+        self.root.copy_upper(covariance);
+        if factor(self.arch, &mut self.root, sweep).is_ok() {
+            return Ok(());
+        }
+        // Rounding can leave a constant's pivot a hair below zero; a relative 1e-12 is far below any sensor's say.
+        self.root.copy_upper(covariance);
+        (0..n).for_each(|i| self.root.row_mut(i)[i] *= 1.0 + 1e-12);
+        factor(self.arch, &mut self.root, sweep).map_err(|e| Lost {
+            what: format!("the covariance lost its sign (state {}, pivot {:.2e})", e.row, e.pivot),
+        })
+    }
+
+    /// Rows that are there.
+    fn list_rows(&mut self, z: &[f64]) {
+        self.rows.clear();
+        self.rows.extend(self.order.iter().copied().filter(|&r| !z[r].is_nan()));
+        self.inertial_rows = self.rows.iter().take_while(|&&r| self.inertial[r]).count();
     }
 
     fn learn(&mut self, system: &S, belief: &mut Belief, learning: Learning) {
@@ -265,27 +314,20 @@ impl<S: System> Filter<S> {
         belief.surprise = learning.habit(belief.surprise, self.since_s, ratio);
     }
 
-    fn factorise(&mut self, covariance: &Square) -> Result<(), Lost> {
-        factor_of_covariance(covariance, &mut self.factor).map_err(|e| Lost {
-            what: format!("the covariance lost its sign (state {}, pivot {:.2e})", e.row, e.pivot),
-        })
-    }
-
-    fn whiten(&mut self, sighting: Sighting, inflation: f64, info: &mut Info) {
-        let width = self.fan.width;
+    fn innovate(&mut self, sighting: Sighting, inflation: f64, info: &mut Info) {
         self.weight.iter_mut().zip(sighting.std).for_each(|(w, std)| *w = 1.0 / std);
         if inflation > 1.0 {
             let factor = 1.0 / inflation.sqrt();
             sighting.groups.inertial.iter().for_each(|&r| self.weight[r] *= factor);
         }
-        for (r, g) in self.fan.g.chunks_exact_mut(width).enumerate() {
+        info.innovation.fill(f64::NAN);
+        self.used.fill(false);
+        self.y.fill(0.0);
+        for &r in &self.rows {
             let v = sighting.z[r] - self.fan.center[r] - self.fan.bend[r];
             info.innovation[r] = v;
-            self.used[r] = !v.is_nan();
-            let weight = self.weight[r];
-            self.y[r] = if self.used[r] { v * weight } else { 0.0 };
-            let weight = if self.used[r] { weight } else { 0.0 };
-            g.iter_mut().for_each(|x| *x = if weight == 0.0 { 0.0 } else { *x * weight });
+            self.y[r] = v * self.weight[r];
+            self.used[r] = true;
         }
     }
 
@@ -293,7 +335,11 @@ impl<S: System> Filter<S> {
         let gate = manner.gate;
         let groups = sighting.groups;
         (self.rejected_nis, self.rejected_rows) = (0.0, 0);
+        let mut source = 0;
         for (p, rows) in groups.parts.iter().enumerate() {
+            while groups.sources[source].end <= rows.start {
+                source += 1;
+            }
             let count = self.used[rows.clone()].iter().filter(|&&u| u).count();
             if count == 0 {
                 continue;
@@ -304,7 +350,8 @@ impl<S: System> Filter<S> {
             // At low rates patience spans a few samples at least.
             let patience_s = gate.patience_s.max(3.0 * self.since_s);
             let patient = since.is_nan() || belief.time_s - *since <= patience_s;
-            let nis = gate::nis(&self.fan.g, self.fan.width, &self.y, rows.clone(), &mut self.room);
+            let first = rows.start - groups.sources[source].start;
+            let nis = self.nis(source, first, rows.clone());
             // Written so that what is not a number is absurd too.
             let absurd = !nis.is_some_and(|x| x < ABSURD_NIS);
             let nis = nis.filter(|_| !absurd).unwrap_or(ABSURD_NIS);
@@ -319,7 +366,7 @@ impl<S: System> Filter<S> {
             }
             if barred || odd {
                 self.used[rows.clone()].fill(false);
-                self.y[rows.clone()].fill(0.0);
+                rows.clone().for_each(|r| self.solver.reject(r));
             }
             *since = match (odd, since.is_nan()) {
                 (true, true) => belief.time_s,
@@ -329,24 +376,20 @@ impl<S: System> Filter<S> {
         }
     }
 
+    /// Of the used ones among some rows of a source, of which they begin with number `first`.
+    fn nis(&mut self, source: usize, first: usize, rows: Range<usize>) -> Option<f64> {
+        let (y, used) = (&self.y[rows.clone()], &self.used[rows]);
+        gate::nis(self.solver.block(source), first, y, used, &mut self.room)
+    }
+
     fn report(&mut self, sighting: Sighting, info: &mut Info) {
-        let width = self.fan.width;
-        for (g, _) in self.fan.g.chunks_exact_mut(width).zip(&self.used).filter(|(_, &used)| !used) {
-            g.fill(0.0);
-        }
-        for (source, rows) in info.sources.iter_mut().zip(&sighting.groups.sources) {
+        for (s, rows) in sighting.groups.sources.iter().enumerate() {
             let there = rows.clone().filter(|&r| !info.innovation[r].is_nan()).count();
             let used = rows.clone().filter(|&r| self.used[r]).count();
-            source.used = used as u8;
-            source.rejected = (there - used) as u8;
-            source.missing = (rows.len() - there) as u8;
-            let nis = gate::nis(&self.fan.g, width, &self.y, rows.clone(), &mut self.room);
-            source.nis = if used == 0 { f64::NAN } else { nis.unwrap_or(f64::NAN) };
+            let nis = self.nis(s, 0, rows.clone()).filter(|_| used > 0).unwrap_or(f64::NAN);
+            let (missing, rejected) = (rows.len() - there, there - used);
+            info.sources[s] = SourceInfo { nis, used: used as u8, rejected: rejected as u8, missing: missing as u8 };
         }
-        let rows = sighting.groups.inertial.iter().copied();
-        let used = rows.clone().filter(|&r| self.used[r]).count();
-        let nis = gate::nis(&self.fan.g, width, &self.y, rows, &mut self.room);
-        info.inertial = (if used == 0 { f64::NAN } else { nis.unwrap_or(f64::NAN) }, used);
     }
 
     fn report_missing(&mut self, sighting: Sighting, info: &mut Info) {
@@ -359,43 +402,22 @@ impl<S: System> Filter<S> {
         }
     }
 
-    /// V and b.
-    fn solve(&mut self) -> Result<(), Lost> {
-        let width = self.fan.width;
-        let broken = |e: super::dense::NotPositive| Lost {
-            what: format!("the update broke (row {}, pivot {:.2e})", e.row, e.pivot),
-        };
-        cholesky_of_gram(&self.fan.g, &self.used, &mut self.gram).map_err(broken)?;
-        self.b.fill(0.0);
-        accumulate(&mut self.b, self.y.iter().copied().zip(self.fan.g.chunks_exact(width)));
-        solve_transposed(&self.gram, 0, &mut self.b);
+    fn solve(&mut self, sighting: Sighting, info: &mut Info) -> Result<(), Lost> {
+        let verdict = self.solver.solve(self.arch, &self.root).map_err(broken)?;
+        let inertial = sighting.groups.inertial.iter().filter(|&&r| self.used[r]).count();
+        info.inertial = (if inertial == 0 { f64::NAN } else { verdict.inertial }, inertial);
+        info.nis = verdict.nis;
+        let rows = self.used.iter().filter(|&&used| used).count() + self.rejected_rows;
+        info.evidence = evidence(info.nis + self.rejected_nis, rows);
         Ok(())
     }
 
-    fn report_fit(&self, info: &mut Info) {
-        info.nis = squared(&self.y) - squared(&self.b);
-        let rows = self.used.iter().filter(|&&used| used).count() + self.rejected_rows;
-        info.evidence = evidence(info.nis + self.rejected_nis, rows);
-    }
-
     fn combine(&mut self, system: &S, belief: &mut Belief) -> Result<(), Lost> {
-        let (n, width) = (self.factor.n(), self.fan.width);
-        self.solve_for_x(n, width - n);
-        self.shift.fill(0.0);
-        let b2 = &self.b[width - n..];
-        accumulate(&mut self.shift, b2.iter().copied().zip(self.x.as_slice().chunks_exact(n)));
+        self.solver.posterior(self.arch, &mut self.shift, &mut belief.covariance);
         system.shift(&mut belief.mean, &self.shift);
-        for i in 0..n {
-            let row = &mut belief.covariance.row_mut(i)[i..];
-            row.fill(0.0);
-            let x = &self.x;
-            // Row k of X starts at column n - 1 - k.
-            accumulate(row, (n - 1 - i..n).map(|k| (x.at(k, i), &x.row(k)[i..])));
-        }
-        belief.covariance.mirror_upper();
         self.carried.clear();
         system.carry(&self.shift, &mut self.carried);
-        self.carried.iter().for_each(|block| carry(block, &mut belief.covariance, &mut self.rows));
+        self.carried.iter().for_each(|block| carry(block, &mut belief.covariance, &mut self.buffer));
         let finite = belief.mean.iter().all(|x| x.is_finite());
         if finite {
             Ok(())
@@ -403,21 +425,10 @@ impl<S: System> Filter<S> {
             Err(Lost { what: "the estimate is not a number".into() })
         }
     }
+}
 
-    /// X = V22'^-1 (rows of U reversed), by forward substitution.
-    fn solve_for_x(&mut self, n: usize, offset: usize) {
-        for k in 0..n {
-            let start = n - 1 - k;
-            let (above, row) = self.x.above_and_row(k);
-            row[..start].fill(0.0);
-            row[start..].copy_from_slice(&self.factor.row(start)[start..]);
-            let gram = &self.gram;
-            let terms = (0..k).map(|i| (-gram.at(offset + i, offset + k), &above[i * n + start..(i + 1) * n]));
-            accumulate(&mut row[start..], terms);
-            let scale = 1.0 / gram.at(offset + k, offset + k);
-            row[start..].iter_mut().for_each(|x| *x *= scale);
-        }
-    }
+fn broken(e: NotPositive) -> Lost {
+    Lost { what: format!("the update broke (row {}, pivot {:.2e})", e.row, e.pivot) }
 }
 
 /// So many samples in a row say the same: what a model gets wrong lasts.
@@ -428,8 +439,4 @@ const SAMPLES_ALIKE: f64 = 4.0;
 pub fn evidence(nis: f64, rows: usize) -> f64 {
     let rows = rows.max(1) as f64;
     -0.5 * rows * (nis / rows).ln_1p() / SAMPLES_ALIKE
-}
-
-fn squared(v: &[f64]) -> f64 {
-    v.iter().map(|x| x * x).sum()
 }

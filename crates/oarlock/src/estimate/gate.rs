@@ -11,47 +11,40 @@ pub struct Room {
 }
 
 impl Room {
-    /// For groups of up to `MAX_ROWS` rows, and for one of `rows`.
-    pub fn new(rows: usize) -> Self {
-        let sizes = (0..=MAX_ROWS).chain((rows > MAX_ROWS).then_some(rows));
-        Room { squares: sizes.map(Square::zeros).collect(), w: vec![0.0; rows.max(MAX_ROWS)] }
+    /// For groups of up to `MAX_ROWS` rows.
+    pub fn new() -> Self {
+        Room { squares: (0..=MAX_ROWS).map(Square::zeros).collect(), w: vec![0.0; MAX_ROWS] }
     }
 }
 
-/// Normalised innovation squared of some rows: y' (1 + G G')^-1 y, with G and y already divided by the noise.
+impl Default for Room {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Normalised innovation squared y' S^-1 y of those rows of S and y, from `first` on, that are `used`; S is read in its upper triangle.
 ///
 /// `None` if the matrix is not positive definite (a reading is not a number), or if there is no room for it.
-pub fn nis<R>(g: &[f64], width: usize, y: &[f64], rows: R, room: &mut Room) -> Option<f64>
-where
-    R: ExactSizeIterator<Item = usize> + Clone,
-{
-    let count = rows.len();
-    let s = room.squares.iter_mut().find(|s| s.n() == count)?;
-    let row = |r: usize| &g[r * width..(r + 1) * width];
-    for (i, a) in rows.clone().enumerate() {
-        for (j, b) in rows.clone().enumerate().skip(i) {
-            *s.at_mut(i, j) = dot(row(a), row(b)) + if i == j { 1.0 } else { 0.0 };
-        }
+pub fn nis(s: &Square, first: usize, y: &[f64], used: &[bool], room: &mut Room) -> Option<f64> {
+    let mut picked = [0; MAX_ROWS];
+    let mut count = 0;
+    for i in (0..y.len()).filter(|&i| used[i]) {
+        *picked.get_mut(count)? = i;
+        count += 1;
     }
-    cholesky(s).ok()?;
+    let picked = &picked[..count];
+    let square = &mut room.squares[count];
     let w = &mut room.w[..count];
-    w.iter_mut().zip(rows).for_each(|(w, r)| *w = y[r]);
-    solve_transposed(s, 0, w);
-    Some(w.iter().map(|x| x * x).sum())
-}
-
-/// Partial sums side by side, which plain loops turn into vector code.
-#[inline(always)]
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 8];
-    for (x, y) in a.chunks_exact(8).zip(b.chunks_exact(8)) {
-        for k in 0..8 {
-            sums[k] += x[k] * y[k];
+    for (i, &a) in picked.iter().enumerate() {
+        w[i] = y[a];
+        for (j, &b) in picked.iter().enumerate().skip(i) {
+            *square.at_mut(i, j) = s.at(first + a, first + b);
         }
     }
-    let rest = a.len() - a.len() % 8;
-    let tail: f64 = a[rest..].iter().zip(&b[rest..]).map(|(x, y)| x * y).sum();
-    sums.iter().sum::<f64>() + tail
+    cholesky(square).ok()?;
+    solve_transposed(square, 0, w);
+    Some(w.iter().map(|x| x * x).sum())
 }
 
 /// Most rows that a source may have.

@@ -4,8 +4,9 @@
 //! d = sum E_i / g. Then the innovation is z - h0 - d and Pzz = H H' + E E' + (beta - alpha^2) d d' + R, Pxz = U' H': the
 //! textbook transform (Wan and van der Merwe 2000) rearranged, equal to it while beta >= alpha^2.
 
-use super::dense::Square;
-use super::{Partition, Points, System};
+use super::tiles::{padded, Panel};
+use super::{Depth, Partition, Points, System, Vary};
+use crate::lane::arch::{Arch, Kernel};
 use crate::lane::{Lane, LANES};
 
 /// Spread of the sigma points.
@@ -26,148 +27,272 @@ impl Spread {
     }
 }
 
-/// Readings around the mean. Row r of `g` is [sqrt(beta - alpha^2) d, E, D, H with its columns reversed], unscaled by
-/// noise. D, a column for each noisy input, is what the readings change by when that input is off by its standard
-/// deviation: D D' adds to R.
+/// Twins side by side: plus in the lower half of the lanes, minus in the upper.
+const PAIRS: usize = LANES / 2;
+
+/// Readings around the mean, not yet divided by noise. Whoever fills `center`, `bend`, `odd` and `even` has said all that an
+/// update asks for.
 #[derive(Debug, Clone)]
 pub struct Fan {
     /// At the mean.
     pub center: Vec<f64>,
     /// d: what curvature adds to the mean reading.
     pub bend: Vec<f64>,
-    /// One row a reading, `width` numbers each.
-    pub g: Vec<f64>,
-    /// 1 + curved + inputs + n.
-    pub width: usize,
+    /// One row a reading: H with its columns reversed.
+    pub odd: Panel,
+    /// One row a reading: E of the rates and of the poses, sqrt(beta - alpha^2) d, and D. D has a column for each noisy input,
+    /// which is what the readings change by when that input is off by its standard deviation: D D' adds to R.
+    pub even: Panel,
+    /// Columns of `even`.
+    pub evens: usize,
+    part: Partition,
+    depth: Vec<Depth>,
     off: Vec<Lane>,
     delta: Vec<Lane>,
     out: Vec<Lane>,
 }
 
-/// Where a point lies from the mean.
-#[derive(Clone, Copy)]
-enum Point {
-    Mean,
-    /// Along a column of the factor, with its sign.
-    Along(usize, f64),
-    /// Off by one standard deviation of an input.
-    Input(usize),
-}
-
 impl Fan {
-    /// Room for `rows` readings.
-    pub fn new(partition: Partition, inputs: usize, rows: usize) -> Self {
-        let n = partition.dim();
-        let width = 1 + partition.curved() + inputs + n;
+    /// Room for the readings of `system`.
+    pub fn new<S: System>(system: &S) -> Self {
+        let (part, inputs, rows) = (system.partition(), system.input_std().len(), system.row_count());
+        let (n, evens) = (part.dim(), part.curved() + 1 + inputs);
         Fan {
             center: vec![0.0; rows],
             bend: vec![0.0; rows],
-            g: vec![0.0; rows * width],
-            width,
+            odd: Panel::zeros(rows, padded(n)),
+            even: Panel::zeros(rows, padded(evens)),
+            evens,
+            part,
+            depth: (0..rows).map(|r| system.depth(r)).collect(),
             off: vec![Lane([0.0; LANES]); inputs],
             delta: vec![Lane([0.0; LANES]); n],
             out: vec![Lane([0.0; LANES]); rows],
         }
     }
 
-    /// Spreads the points along the rows of `factor` and reads them all. Allocates nothing.
-    pub fn spread<S: System>(
-        &mut self,
-        system: &S,
-        moment: &S::Moment,
-        scratch: &mut S::Scratch,
-        mean: &[f64],
-        factor: &Square,
-        spread: Spread,
-    ) {
-        let part = system.partition();
-        let (n, curved) = (part.dim(), part.curved());
-        let reach = spread.reach(n);
-        let total = 1 + curved + n + self.off.len();
-        let mut first = 0;
-        while first < total {
-            let count = LANES.min(total - first);
-            let points = first..first + count;
-            self.place(points.clone(), part, factor, reach, system.input_std());
-            let at = Points { mean, delta: &self.delta, off: &self.off };
-            system.readings(moment, scratch, at, &mut self.out);
-            self.gather(points, part);
-            first += count;
-        }
-        self.combine(curved, n, reach, spread);
+    /// The same where all readings are straight: `odd` and the columns of the inputs alone.
+    pub fn straight<S: System>(system: &S) -> Self {
+        let (inputs, rows) = (system.input_std().len().max(1), system.row_count());
+        Fan { even: Panel::zeros(rows, padded(inputs)), evens: inputs, ..Fan::new(system) }
     }
 
-    /// The mean; plus and minus twins of the curved columns; single points of the linear ones; the inputs.
-    fn point(index: usize, part: Partition) -> Point {
-        let (n, curved) = (part.dim(), part.curved());
-        match index {
-            0 => Point::Mean,
-            i if i <= 2 * curved => Point::Along((i - 1) / 2, if i % 2 == 1 { 1.0 } else { -1.0 }),
-            i if i <= curved + n => Point::Along(i - 1 - curved, 1.0),
-            i => Point::Input(i - 1 - curved - n),
-        }
-    }
-
-    fn place(
-        &mut self,
-        points: std::ops::Range<usize>,
-        part: Partition,
-        factor: &Square,
-        reach: f64,
-        input_std: &[f64],
-    ) {
+    /// Spreads the points along the rows of `factor` and takes the readings of `rows`. Allocates nothing.
+    pub fn spread<S: System>(&mut self, arch: Arch, look: Look<S>, scratch: &mut S::Scratch, factor: &Panel) {
+        let (n, reach) = (self.part.dim(), look.spread.reach(self.part.dim()));
+        let (pose, curved, inputs) = (self.part.pose, self.part.curved(), self.off.len());
         self.delta.fill(Lane([0.0; LANES]));
         self.off.fill(Lane([0.0; LANES]));
-        for (lane, index) in points.enumerate() {
-            match Self::point(index, part) {
-                Point::Mean => {}
-                Point::Input(k) => self.off[k].0[lane] = input_std[k],
-                Point::Along(column, sign) => {
-                    let step = sign * reach;
-                    let row = &factor.row(column)[column..];
-                    for (d, u) in self.delta[column..].iter_mut().zip(row) {
-                        d.0[lane] = step * u;
-                    }
-                }
+        let mut batch =
+            |points: Batch| arch.run(Reading { fan: &mut *self, look, scratch: &mut *scratch, factor, reach, points });
+        batch(Batch::Mean);
+        for block in [0..pose, pose..curved] {
+            for first in block.clone().step_by(PAIRS) {
+                batch(Batch::Pairs(first, PAIRS.min(block.end - first)));
+            }
+        }
+        for first in (curved..n).step_by(LANES) {
+            batch(Batch::Singles(first, LANES.min(n - first)));
+        }
+        for first in (0..inputs).step_by(LANES) {
+            batch(Batch::Inputs(first, LANES.min(inputs - first)));
+        }
+        self.bend_mean(look.rows, reach, look.spread);
+    }
+
+    #[inline(always)]
+    fn gather_mean(&mut self, rows: &[usize]) {
+        for &r in rows {
+            self.center[r] = self.out[r].0[0];
+            self.bend[r] = 0.0;
+        }
+    }
+
+    /// Lane j and its twin lie along column `first + count - 1 - j`: columns are kept in reverse.
+    #[inline(always)]
+    fn place_pairs(&mut self, factor: &Panel, first: usize, count: usize, reach: f64) {
+        self.delta[..first].fill(Lane([0.0; LANES]));
+        let rows: [&[f64]; PAIRS] = std::array::from_fn(|j| factor.row(first + (count - 1).saturating_sub(j)));
+        let steps: [f64; PAIRS] = std::array::from_fn(|j| if j < count { reach } else { 0.0 });
+        for (i, delta) in self.delta.iter_mut().enumerate().skip(first) {
+            for j in 0..PAIRS {
+                let step = steps[j] * rows[j][i];
+                delta.0[j] = step;
+                delta.0[PAIRS + j] = -step;
             }
         }
     }
 
-    /// Puts plus (and single) readings where H belongs, minus readings where E belongs.
-    fn gather(&mut self, points: std::ops::Range<usize>, part: Partition) {
-        for (lane, index) in points.enumerate() {
-            let slot = match Self::point(index, part) {
-                Point::Mean => {
-                    self.center.iter_mut().zip(&self.out).for_each(|(c, o)| *c = o.0[lane]);
-                    continue;
-                }
-                Point::Along(column, sign) if sign < 0.0 => 1 + column,
-                Point::Along(column, _) => self.width - 1 - column,
-                Point::Input(k) => 1 + part.curved() + k,
-            };
-            for (g, o) in self.g.chunks_exact_mut(self.width).zip(&self.out) {
-                g[slot] = o.0[lane];
+    #[inline(always)]
+    fn place_singles(&mut self, factor: &Panel, first: usize, count: usize, reach: f64) {
+        self.delta[..first].fill(Lane([0.0; LANES]));
+        let rows: [&[f64]; LANES] = std::array::from_fn(|j| factor.row(first + (count - 1).saturating_sub(j)));
+        let steps: [f64; LANES] = std::array::from_fn(|j| if j < count { reach } else { 0.0 });
+        for (i, delta) in self.delta.iter_mut().enumerate().skip(first) {
+            for j in 0..LANES {
+                delta.0[j] = steps[j] * rows[j][i];
             }
         }
     }
 
-    fn combine(&mut self, curved: usize, n: usize, reach: f64, spread: Spread) {
-        let (half, one) = (0.5 / reach, 1.0 / reach);
+    #[inline(always)]
+    fn gather_pairs(&mut self, rows: &[usize], first: usize, count: usize, half: f64) {
+        let rates = first >= self.part.pose;
+        let (odd_at, curved) = (self.part.dim() - first - count, self.part.curved());
+        // E of the rates stands before E of the poses.
+        let even_at = curved - first - count;
+        for &r in rows {
+            if rates && self.depth[r] == Depth::Pose {
+                continue;
+            }
+            let (out, h0) = (&self.out[r].0, self.center[r]);
+            let (mut odd, mut even) = ([0.0; PAIRS], [0.0; PAIRS]);
+            for j in 0..PAIRS {
+                let (plus, minus) = (out[j] - h0, out[PAIRS + j] - h0);
+                odd[j] = (plus - minus) * half;
+                even[j] = (plus + minus) * half;
+            }
+            put(&mut self.odd.row_mut(r)[odd_at..], &odd, count);
+            if rates && self.depth[r] == Depth::Affine {
+                continue;
+            }
+            put(&mut self.even.row_mut(r)[even_at..], &even, count);
+            for e in &even[..count] {
+                self.bend[r] += e;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn gather_singles(&mut self, rows: &[usize], first: usize, count: usize, one: f64) {
+        let at = self.part.dim() - first - count;
+        for &r in rows {
+            if self.depth[r] == Depth::Pose {
+                continue;
+            }
+            let mut odd = self.out[r].0;
+            for x in &mut odd {
+                *x = (*x - self.center[r]) * one;
+            }
+            put(&mut self.odd.row_mut(r)[at..], &odd, count);
+        }
+    }
+
+    #[inline(always)]
+    fn place_inputs(&mut self, std: &[f64], first: usize, count: usize) {
+        self.delta.fill(Lane([0.0; LANES]));
+        self.off.fill(Lane([0.0; LANES]));
+        for j in 0..count {
+            self.off[first + j].0[j] = std[first + j];
+        }
+    }
+
+    #[inline(always)]
+    fn gather_inputs(&mut self, rows: &[usize], first: usize, count: usize) {
+        let at = self.part.curved() + 1 + first;
+        for &r in rows {
+            let mut column = self.out[r].0;
+            for x in &mut column {
+                *x -= self.center[r];
+            }
+            put(&mut self.even.row_mut(r)[at..], &column, count);
+        }
+    }
+
+    fn bend_mean(&mut self, rows: &[usize], reach: f64, spread: Spread) {
         let outer = (spread.beta - spread.alpha * spread.alpha).max(0.0).sqrt();
-        for ((g, &h0), bend) in self.g.chunks_exact_mut(self.width).zip(&self.center).zip(&mut self.bend) {
-            let mut sum = 0.0;
-            for i in 0..curved {
-                let (plus, minus) = (g[self.width - 1 - i], g[1 + i]);
-                g[self.width - 1 - i] = (plus - minus) * half;
-                g[1 + i] = ((plus - h0) + (minus - h0)) * half;
-                sum += g[1 + i];
-            }
-            for i in curved..n {
-                g[self.width - 1 - i] = (g[self.width - 1 - i] - h0) * one;
-            }
-            g[1 + curved..self.width - n].iter_mut().for_each(|x| *x -= h0);
-            *bend = sum * one;
-            g[0] = outer * *bend;
+        let at = self.part.curved();
+        for &r in rows {
+            self.bend[r] /= reach;
+            self.even.row_mut(r)[at] = outer * self.bend[r];
         }
     }
 }
+
+/// Points that are read together: which columns, from one on, and how many.
+#[derive(Debug, Clone, Copy)]
+enum Batch {
+    Mean,
+    Pairs(usize, usize),
+    Singles(usize, usize),
+    Inputs(usize, usize),
+}
+
+struct Reading<'a, S: System> {
+    fan: &'a mut Fan,
+    look: Look<'a, S>,
+    scratch: &'a mut S::Scratch,
+    factor: &'a Panel,
+    reach: f64,
+    points: Batch,
+}
+
+impl<S: System> Kernel for Reading<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let (fan, look, reach) = (self.fan, self.look, self.reach);
+        let from = match self.points {
+            Batch::Mean => {
+                let at = Points { mean: look.mean, delta: &fan.delta, off: &fan.off };
+                look.system.settle::<FUSED>(look.moment, self.scratch, at, &mut fan.out);
+                return fan.gather_mean(look.rows);
+            }
+            Batch::Pairs(first, count) => {
+                fan.place_pairs(self.factor, first, count, reach);
+                first
+            }
+            Batch::Singles(first, count) => {
+                fan.place_singles(self.factor, first, count, reach);
+                first
+            }
+            Batch::Inputs(first, count) => {
+                fan.place_inputs(look.system.input_std(), first, count);
+                fan.part.dim()
+            }
+        };
+        let at = Points { mean: look.mean, delta: &fan.delta, off: &fan.off };
+        let vary = Vary { from, inputs: matches!(self.points, Batch::Inputs(..)) };
+        look.system.readings_near::<FUSED>(look.moment, self.scratch, at, vary, &mut fan.out);
+        match self.points {
+            Batch::Mean => {}
+            Batch::Pairs(first, count) => fan.gather_pairs(look.rows, first, count, 0.5 / reach),
+            Batch::Singles(first, count) => fan.gather_singles(look.rows, first, count, 1.0 / reach),
+            Batch::Inputs(first, count) => fan.gather_inputs(look.rows, first, count),
+        }
+    }
+}
+
+/// The first `count` of a few numbers; all at once where that is all of them.
+#[inline(always)]
+fn put<const N: usize>(out: &mut [f64], values: &[f64; N], count: usize) {
+    if count == N {
+        out[..N].copy_from_slice(values);
+    } else {
+        out[..count].copy_from_slice(&values[..count]);
+    }
+}
+
+/// What is looked at, and how.
+#[derive(Debug)]
+pub struct Look<'a, S: System> {
+    /// That reads.
+    pub system: &'a S,
+    /// Its inputs, and which readings are there.
+    pub moment: &'a S::Moment,
+    /// In the middle.
+    pub mean: &'a [f64],
+    /// Readings that are asked for.
+    pub rows: &'a [usize],
+    /// How far around.
+    pub spread: Spread,
+}
+
+impl<S: System> Clone for Look<'_, S> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<S: System> Copy for Look<'_, S> {}

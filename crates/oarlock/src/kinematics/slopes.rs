@@ -154,7 +154,7 @@ impl Walk<'_> {
         stretched(&fixed.translation, &here, &columns.lengths, |column, shift, push| {
             self.push(column, Kind::Shift, [ZERO, shift, ZERO, ZERO, push]);
         });
-        self.motion.carried(fixed, joints.lengths);
+        self.motion.carried(fixed, joints.lengths, true);
         self.velocity += here.angular_velocity.cross(self.motion.position - here.position);
     }
 
@@ -164,11 +164,11 @@ impl Walk<'_> {
         match joint.kind {
             JointKind::Fixed => {}
             JointKind::Hinge => {
-                self.motion.moved(joint, joints);
+                self.motion.moved(joint, joints, true, None);
                 self.turn(first, z, &here);
             }
             JointKind::Slide => {
-                self.motion.moved(joint, joints);
+                self.motion.moved(joint, joints, true, None);
                 self.slide(first, z, &here);
                 self.travel(z * joints.qd[first], &here);
             }

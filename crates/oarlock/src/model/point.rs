@@ -58,10 +58,24 @@ impl Point {
     /// In the axes that `rotation` leads to, at these values of the estimated parameters.
     #[inline(always)]
     pub fn turned<T: Real>(&self, rotation: &Mat3<T>, lengths: &[T]) -> Vec3<T> {
-        let mut arm = rotation.apply_f64(self.fixed);
+        let mut arm = Vec3::zero();
+        for (i, x) in self.fixed.iter().enumerate().filter(|(_, x)| **x != 0.0) {
+            arm = arm.plus_f64(rotation.column(i), *x);
+        }
         for (number, slope) in &self.slopes {
-            arm += rotation.apply_f64(*slope) * lengths[*number];
+            arm = arm.plus(rotation.apply_f64(*slope), lengths[*number]);
         }
         arm
+    }
+
+    /// Whether it stays at the origin.
+    #[inline(always)]
+    pub fn is_origin(&self) -> bool {
+        self.slopes.is_empty() && self.fixed == [0.0; 3]
+    }
+
+    /// Numbers of the estimated parameters that move it.
+    pub fn moved_by(&self) -> impl Iterator<Item = usize> + '_ {
+        self.slopes.iter().map(|(number, _)| *number)
     }
 }

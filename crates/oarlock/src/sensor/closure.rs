@@ -46,9 +46,14 @@ impl Loop {
     /// First side minus second side, in root axes.
     #[inline(always)]
     pub fn predict<T: Real>(&self, frames: &[FrameMotion<T>], worn: Worn<T>, out: &mut [T]) {
-        let [a, b] = self.frames().map(|f| &frames[f]);
+        self.predict_between(self.frames().map(|f| frames[f]), worn, out);
+    }
+
+    /// The same for the frames on either side.
+    #[inline(always)]
+    pub fn predict_between<T: Real>(&self, [a, b]: [FrameMotion<T>; 2], worn: Worn<T>, out: &mut [T]) {
         let end = |f: &FrameMotion<T>, p: &Point| f.position + p.turned(&f.rotation, worn.lengths);
-        let gap = end(a, &self.sides[0].1) - end(b, &self.sides[1].1);
+        let gap = end(&a, &self.sides[0].1) - end(&b, &self.sides[1].1);
         out[..3].copy_from_slice(&gap.0);
         if let Some([za, zb]) = self.axes {
             let turn = a.rotation.apply_f64(za) - b.rotation.apply_f64(zb);

@@ -1,11 +1,12 @@
 //! Inertial unit: angular velocity, specific force and magnetic field in its own axes (eq. 8, with the offset of the
 //! unit from its link's origin and gravity felt once).
 
+use super::near::Stand;
 use super::{Quantity, RowGroups, Surroundings, Wearing, Worn};
 use crate::kinematics::FrameMotion;
 use crate::lane::Real;
 use crate::model::{ImuNoise, Point, SensorKind};
-use crate::rotation::Mat3;
+use crate::rotation::{Mat3, Vec3};
 
 /// Link from sensor, and the sensor's origin in the link's frame (m).
 pub type MountValue = (Mat3<f64>, [f64; 3]);
@@ -44,36 +45,80 @@ impl Imu {
         groups.into_iter().filter_map(|(q, names, std)| Some((q, names, vec![std?; 3]))).collect()
     }
 
-    /// Root from sensor.
-    #[inline(always)]
-    pub(super) fn turned<T: Real>(&self, frame: &FrameMotion<T>, worn: Worn<T>) -> Mat3<T> {
-        let root_from_sensor = frame.rotation.times_f64(&self.rotation);
-        match self.mount.and_then(|i| worn.mounts.get(i)) {
-            Some(turn) => root_from_sensor.then(&Mat3::about(*turn)),
-            None => root_from_sensor,
-        }
-    }
-
     /// Readings in sensor axes.
     #[inline(always)]
     pub fn predict<T: Real>(&self, frame: &FrameMotion<T>, around: &Surroundings<T>, worn: Worn<T>, out: &mut [T]) {
-        let root_from_sensor = self.turned(frame, worn);
+        let root_from_sensor = self.root_from_sensor(frame, worn);
         let mut at = 0;
-        let mut put = |v: crate::rotation::Vec3<T>| {
-            out[at..at + 3].copy_from_slice(&root_from_sensor.apply_transposed(v).0);
-            at += 3;
-        };
         if self.noise.gyro_std.is_some() {
-            put(frame.angular_velocity);
+            put(&root_from_sensor, frame.angular_velocity, out, &mut at);
         }
         if self.noise.accel_std.is_some() {
-            put(frame.proper_acceleration_at(self.offset.turned(&frame.rotation, worn.lengths)));
+            let arm = self.offset.turned(&frame.rotation, worn.lengths);
+            put(&root_from_sensor, frame.proper_acceleration_at(arm), out, &mut at);
         }
         if self.noise.mag_std.is_some() {
-            put(around.magnetic_field);
+            put(&root_from_sensor, around.magnetic_field, out, &mut at);
         }
         if self.noise.rest_std.is_some() {
-            put(frame.angular_velocity);
+            put(&root_from_sensor, frame.angular_velocity, out, &mut at);
         }
     }
+
+    #[inline(always)]
+    pub(super) fn root_from_sensor<T: Real>(&self, frame: &FrameMotion<T>, worn: Worn<T>) -> Mat3<T> {
+        let nominal = frame.rotation.times_f64(&self.rotation);
+        match self.mount.and_then(|i| worn.mounts.get(i)) {
+            Some(turn) => nominal.then(&Mat3::about(*turn)),
+            None => nominal,
+        }
+    }
+
+    /// How it stands on a link that moves so.
+    #[inline(always)]
+    pub fn stand(&self, frame: &FrameMotion<f64>, worn: Worn<f64>) -> Stand {
+        Stand { rotation: self.root_from_sensor(frame, worn), arm: self.offset.turned(&frame.rotation, worn.lengths) }
+    }
+
+    /// Readings of a unit that stands so, as far as its link's motion or the field is given.
+    #[inline(always)]
+    pub fn predict_kept<T: Real>(
+        &self,
+        motion: Option<&FrameMotion<T>>,
+        field: Option<Vec3<T>>,
+        stand: &Stand,
+        out: &mut [T],
+    ) {
+        let (mut at, axes) = (0, &stand.rotation);
+        for (there, quantity) in [
+            (self.noise.gyro_std.is_some(), Quantity::Gyro),
+            (self.noise.accel_std.is_some(), Quantity::Accel),
+            (self.noise.mag_std.is_some(), Quantity::Mag),
+            (self.noise.rest_std.is_some(), Quantity::Rest),
+        ] {
+            if !there {
+                continue;
+            }
+            match (quantity, motion, field) {
+                (Quantity::Mag, _, Some(field)) => put_kept(axes, field, &mut out[at..]),
+                (Quantity::Accel, Some(m), _) => put_kept(axes, m.proper_acceleration_led(stand.arm), &mut out[at..]),
+                (Quantity::Gyro | Quantity::Rest, Some(m), _) => put_kept(axes, m.angular_velocity, &mut out[at..]),
+                _ => {}
+            }
+            at += 3;
+        }
+    }
+}
+
+/// A vector in the axes of a sensor.
+#[inline(always)]
+fn put<T: Real>(root_from_sensor: &Mat3<T>, v: Vec3<T>, out: &mut [T], at: &mut usize) {
+    out[*at..*at + 3].copy_from_slice(&root_from_sensor.apply_transposed(v).0);
+    *at += 3;
+}
+
+/// A vector in the axes of a sensor that stands the same for all.
+#[inline(always)]
+fn put_kept<T: Real>(root_from_sensor: &Mat3<f64>, v: Vec3<T>, out: &mut [T]) {
+    out[..3].copy_from_slice(&root_from_sensor.transposed_apply(v).0);
 }

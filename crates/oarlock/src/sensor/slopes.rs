@@ -85,7 +85,7 @@ impl Suite {
 impl Imu {
     fn slopes(&self, at: Moving, rows: &mut Rows) {
         let (motion, field) = (&at.frames[self.frame], at.magnetic_field);
-        let root_from_sensor = self.turned(motion, at.worn);
+        let root_from_sensor = self.root_from_sensor(motion, at.worn);
         let seen = |v: Vec3<f64>| root_from_sensor.apply_transposed(v);
         let parts = [self.noise.gyro_std, self.noise.accel_std, self.noise.mag_std, self.noise.rest_std];
         let mut first = 0;

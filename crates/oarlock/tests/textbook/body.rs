@@ -3,7 +3,7 @@
 
 use super::so3;
 use nalgebra::{DVector, Matrix3, Vector3};
-use oarlock::model::{JointKind, Model, SensorKind, Transform};
+use oarlock::model::{Expr, JointKind, Model, Sensor, SensorKind, Transform};
 use oarlock::rotation::Mat3;
 use std::collections::HashMap;
 
@@ -78,6 +78,18 @@ pub struct Naive<'a> {
     /// First state of every rotation vector.
     pub turns: Vec<usize>,
     places: HashMap<String, usize>,
+    /// Of every coordinate: its state, and those of velocity and acceleration.
+    states: Vec<[Option<usize>; 3]>,
+    azimuth: Option<usize>,
+    bases: Vec<Option<usize>>,
+    /// Rows and the states that add to them.
+    biases: Vec<(usize, usize)>,
+    /// Before and behind every joint.
+    transforms: Vec<[Option<(Matrix3<f64>, Vector3<f64>)>; 2]>,
+    /// Of every sensor, and of either side of every loop.
+    arms: Vec<Vector3<f64>>,
+    ends: Vec<[Vector3<f64>; 2]>,
+    field: [f64; 2],
 }
 
 impl<'a> Naive<'a> {
@@ -87,21 +99,48 @@ impl<'a> Naive<'a> {
         let coordinates = model.coordinate_names();
         let turns = model.joints.iter().filter_map(|joint| joint.turn());
         let turns = turns.filter_map(|c| places.get(&coordinates[c]).copied()).collect();
-        Naive { model, parameters, coordinates, turns, places }
+        let place = |name: &str| places.get(name).copied();
+        let rate = |name: &str, what: &str| place(&format!("{name}.{what}"));
+        let states = |c: &String| [place(c), rate(c, "velocity"), rate(c, "acceleration")];
+        let biases = row_names(model).into_iter().enumerate().filter_map(|(row, name)| {
+            let bias = name.replace(".gyro_", ".gyro_bias_").replace(".accel_", ".accel_bias_");
+            place(&bias).filter(|_| bias != name).map(|state| (row, state))
+        });
+        let fixed = |t: &Option<Transform>| {
+            let (turn, arm) = t.as_ref()?.evaluate(&parameters);
+            Some((matrix(&turn), Vector3::from(arm)))
+        };
+        let point = |e: &[Expr; 3]| Vector3::from([0, 1, 2].map(|i| e[i].eval(&parameters)));
+        let arm = |s: &Sensor| match &s.kind {
+            SensorKind::Imu { mount, .. } => point(&mount.offset),
+            SensorKind::Encoder { .. } => Vector3::zeros(),
+            SensorKind::Position { point: at, .. } => point(at),
+        };
+        Naive {
+            model,
+            turns,
+            states: coordinates.iter().map(states).collect(),
+            azimuth: place("azimuth"),
+            bases: model.base_accelerations.iter().map(|b| place(&b.name)).collect(),
+            biases: biases.collect(),
+            transforms: model.frames.iter().map(|f| [fixed(&f.before), fixed(&f.after)]).collect(),
+            arms: model.sensors.iter().map(arm).collect(),
+            ends: model.closures.iter().map(|c| [0, 1].map(|i| point(&c.sides[i].1))).collect(),
+            field: [&model.world.magnetic_norm_ut, &model.world.magnetic_dip_rad].map(|e| e.eval(&parameters)),
+            parameters,
+            coordinates,
+            places,
+        }
     }
 
     pub fn place(&self, name: &str) -> Option<usize> {
         self.places.get(name).copied()
     }
 
-    fn value(&self, x: &DVector<f64>, name: &str) -> Option<f64> {
-        self.place(name).map(|i| x[i])
-    }
-
     pub fn frames(&self, root: Motion, joints: &[JointState]) -> Vec<Motion> {
         let mut frames = vec![root];
-        for frame in &self.model.frames[1..] {
-            let mut m = self.fixed(frames[frame.parent], &frame.before);
+        for (frame, [before, after]) in self.model.frames.iter().zip(&self.transforms).skip(1) {
+            let mut m = fixed(frames[frame.parent], before);
             if let Some((j, sign)) = frame.joint {
                 let first = self.model.joints[j].first;
                 let [q, qd, qdd] = joints[first].map(|x| x * sign);
@@ -113,36 +152,28 @@ impl<'a> Naive<'a> {
                     JointKind::Free => m.placed(vectors(joints, first)).balled(vectors(joints, first + 3)),
                 };
             }
-            frames.push(self.fixed(m, &frame.after));
+            frames.push(fixed(m, after));
         }
         frames
-    }
-
-    fn fixed(&self, m: Motion, transform: &Option<Transform>) -> Motion {
-        let Some(transform) = transform else { return m };
-        let (turn, arm) = transform.evaluate(&self.parameters);
-        m.moved(matrix(&turn), Vector3::from(arm))
     }
 
     /// All rows, in the order of the model, for a root that moves as `root` in a field (uT) in root axes.
     pub fn rows(&self, root: Motion, field: Vector3<f64>, joints: &[JointState]) -> Vec<f64> {
         let frames = self.frames(root, joints);
         let mut out = Vec::new();
-        for sensor in &self.model.sensors {
+        for (sensor, arm) in self.model.sensors.iter().zip(&self.arms) {
             match &sensor.kind {
                 SensorKind::Imu { frame, mount, noise } => {
-                    let arm = Vector3::from([0, 1, 2].map(|i| mount.offset[i].eval(&self.parameters)));
                     let (m, back) = (frames[*frame], matrix(&mount.rotation).transpose());
                     noise.gyro_std.inspect(|_| out.extend((back * m.spin).iter()));
-                    noise.accel_std.inspect(|_| out.extend((back * m.force_at(arm)).iter()));
+                    noise.accel_std.inspect(|_| out.extend((back * m.force_at(*arm)).iter()));
                     let local = m.root_from_frame.transpose() * field;
                     noise.mag_std.inspect(|_| out.extend((back * local).iter()));
                 }
                 SensorKind::Encoder { joint, .. } if self.model.joints[*joint].input => {}
                 SensorKind::Encoder { joint, .. } => out.push(joints[self.model.joints[*joint].first][0]),
-                SensorKind::Position { frame, point, .. } => {
-                    let point = Vector3::from([0, 1, 2].map(|i| point[i].eval(&self.parameters)));
-                    out.extend((frames[*frame].place + frames[*frame].root_from_frame * point).iter());
+                SensorKind::Position { frame, .. } => {
+                    out.extend((frames[*frame].place + frames[*frame].root_from_frame * arm).iter());
                 }
             }
         }
@@ -151,11 +182,10 @@ impl<'a> Naive<'a> {
     }
 
     fn loop_rows(&self, frames: &[Motion], out: &mut Vec<f64>) {
-        for closure in &self.model.closures {
+        for (closure, ends) in self.model.closures.iter().zip(&self.ends) {
             let end = |side: usize| {
-                let (frame, point) = &closure.sides[side];
-                let point = Vector3::from([0, 1, 2].map(|i| point[i].eval(&self.parameters)));
-                frames[*frame].place + frames[*frame].root_from_frame * point
+                let frame = &frames[closure.sides[side].0];
+                frame.place + frame.root_from_frame * ends[side]
             };
             out.extend((end(0) - end(1)).iter());
             if let Some(axes) = closure.axes {
@@ -167,62 +197,30 @@ impl<'a> Naive<'a> {
 
     /// All rows at state `x`.
     pub fn measure(&self, x: &DVector<f64>, inputs: &[f64]) -> DVector<f64> {
-        let joints: Vec<JointState> = (self.coordinates.iter().zip(inputs))
-            .map(|(name, &input)| match self.value(x, name) {
-                None => [if input.is_nan() { 0.0 } else { input }, 0.0, 0.0],
-                Some(q) => [q, self.rate(x, name, "velocity"), self.rate(x, name, "acceleration")],
-            })
-            .collect();
+        let joint = |(states, &input): (&[Option<usize>; 3], &f64)| match states[0] {
+            None => [if input.is_nan() { 0.0 } else { input }, 0.0, 0.0],
+            Some(_) => states.map(|s| s.map_or(0.0, |s| x[s])),
+        };
+        let joints: Vec<JointState> = self.states.iter().zip(inputs).map(joint).collect();
         let world = &self.model.world;
         let mut force = Vector3::from(world.up) * world.gravity_m_s2;
-        for base in &self.model.base_accelerations {
-            force += Vector3::from(base.axis) * self.value(x, &base.name).unwrap_or(0.0);
+        for (base, state) in self.model.base_accelerations.iter().zip(&self.bases) {
+            force += Vector3::from(base.axis) * state.map_or(0.0, |s| x[s]);
         }
-        let azimuth = self.value(x, "azimuth").unwrap_or(world.magnetic_azimuth_rad);
+        let azimuth = self.azimuth.map_or(world.magnetic_azimuth_rad, |s| x[s]);
         let mut rows = self.rows(resting(force), self.field(azimuth), &joints);
-        self.add_biases(x, &mut rows);
+        for (row, state) in &self.biases {
+            rows[*row] += x[*state];
+        }
         DVector::from_vec(rows)
-    }
-
-    fn rate(&self, x: &DVector<f64>, joint: &str, what: &str) -> f64 {
-        self.value(x, &format!("{joint}.{what}")).unwrap_or(0.0)
     }
 
     fn field(&self, azimuth: f64) -> Vector3<f64> {
         let world = &self.model.world;
         let (up, forward) = (Vector3::from(world.up), Vector3::from(world.forward));
         let level = forward * azimuth.cos() + up.cross(&forward) * azimuth.sin();
-        let (norm, dip) = (&world.magnetic_norm_ut, &world.magnetic_dip_rad);
-        let (norm, dip) = (norm.eval(&self.parameters), dip.eval(&self.parameters));
+        let [norm, dip] = self.field;
         (level * dip.cos() - up * dip.sin()) * norm
-    }
-
-    fn add_biases(&self, x: &DVector<f64>, rows: &mut [f64]) {
-        for (row, name) in rows.iter_mut().zip(self.row_names()) {
-            let bias = name.replace(".gyro_", ".gyro_bias_").replace(".accel_", ".accel_bias_");
-            if bias != name {
-                *row += self.value(x, &bias).unwrap_or(0.0);
-            }
-        }
-    }
-
-    /// Names of the rows, those of loops apart.
-    fn row_names(&self) -> Vec<String> {
-        let mut names = Vec::new();
-        for sensor in &self.model.sensors {
-            match &sensor.kind {
-                SensorKind::Imu { noise, .. } => {
-                    let parts = [("gyro", noise.gyro_std), ("accel", noise.accel_std), ("mag", noise.mag_std)];
-                    for (part, _) in parts.iter().filter(|p| p.1.is_some()) {
-                        names.extend(["x", "y", "z"].map(|a| format!("{}.{part}_{a}", sensor.name)));
-                    }
-                }
-                SensorKind::Encoder { joint, .. } if self.model.joints[*joint].input => {}
-                SensorKind::Encoder { .. } => names.push(sensor.name.clone()),
-                SensorKind::Position { .. } => names.extend(["x", "y", "z"].map(|a| format!("{}.{a}", sensor.name))),
-            }
-        }
-        names
     }
 
     /// Standard deviation of each row.
@@ -245,6 +243,29 @@ impl<'a> Naive<'a> {
         }
         std
     }
+}
+
+fn fixed(m: Motion, transform: &Option<(Matrix3<f64>, Vector3<f64>)>) -> Motion {
+    transform.map_or(m, |(turn, arm)| m.moved(turn, arm))
+}
+
+/// Names of the rows, those of loops apart.
+fn row_names(model: &Model) -> Vec<String> {
+    let mut names = Vec::new();
+    for sensor in &model.sensors {
+        match &sensor.kind {
+            SensorKind::Imu { noise, .. } => {
+                let parts = [("gyro", noise.gyro_std), ("accel", noise.accel_std), ("mag", noise.mag_std)];
+                for (part, _) in parts.iter().filter(|p| p.1.is_some()) {
+                    names.extend(["x", "y", "z"].map(|a| format!("{}.{part}_{a}", sensor.name)));
+                }
+            }
+            SensorKind::Encoder { joint, .. } if model.joints[*joint].input => {}
+            SensorKind::Encoder { .. } => names.push(sensor.name.clone()),
+            SensorKind::Position { .. } => names.extend(["x", "y", "z"].map(|a| format!("{}.{a}", sensor.name))),
+        }
+    }
+    names
 }
 
 /// A root at rest that feels `force`.

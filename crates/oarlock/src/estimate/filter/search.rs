@@ -5,9 +5,10 @@
 //! seen from there by the Jacobian of the move (`System::carry`). Gates and reports are those of the first round. Where a round
 //! leads uphill, as Gauss-Newton may, the one before it stands; the first of all is the extended filter's update.
 
-use super::tangent::Tangent;
-use super::{squared, Filter, Lost, Sighting};
-use crate::estimate::dense::{accumulate, solve, Square};
+use super::tangent::{At, Tangent};
+use super::{broken, Filter, Lost};
+use crate::estimate::dense::accumulate;
+use crate::estimate::solve::{Solver, Weighted};
 use crate::estimate::System;
 
 /// A round that moves the state by less than this, in standard deviations behind the update, is the last.
@@ -17,46 +18,36 @@ const SETTLED_SIGMA: f64 = 0.01;
 #[derive(Debug, Clone)]
 pub struct Search {
     /// How often the readings are linearised, at most.
-    pub rounds: usize,
+    rounds: usize,
     mean: Vec<f64>,
-    /// Where the mean lies from the prior's, along the columns of the fan, and how far the last round took it.
+    /// Where the mean lies from the prior's, along the rows of the factor in reverse, and how far the last round took it.
     place: Vec<f64>,
     step: Vec<f64>,
     before: Vec<f64>,
 }
 
 impl Search {
-    /// For `n` states and fans of `width` columns.
-    pub fn new(rounds: usize, n: usize, width: usize) -> Self {
-        Search { rounds, mean: vec![0.0; n], place: vec![0.0; width], step: vec![0.0; width], before: vec![0.0; width] }
+    /// For `n` states.
+    pub fn new(rounds: usize, n: usize) -> Self {
+        let zero = vec![0.0; n];
+        Search { rounds, mean: zero.clone(), place: zero.clone(), step: zero.clone(), before: zero }
     }
 
-    /// Moves on to where the update in `gram` and `b` leads; how far that is in standard deviations behind it.
-    fn follow(&mut self, gram: &Square, b: &[f64]) -> f64 {
+    /// Moves on to where the update leads; how far that is in standard deviations behind it.
+    fn follow(&mut self, solver: &Solver) -> f64 {
         self.before.copy_from_slice(&self.place);
-        self.step.copy_from_slice(b);
-        solve(gram, 0, &mut self.step);
-        for (place, step) in self.place.iter_mut().zip(&mut self.step) {
-            let to = *step;
-            *step -= *place;
-            *place = to;
-        }
-        let along = |i: usize| -> f64 { gram.row(i)[i..].iter().zip(&self.step[i..]).map(|(v, s)| v * s).sum() };
-        (0..self.step.len()).map(|i| along(i).powi(2)).sum::<f64>().sqrt()
+        solver.place(&mut self.place);
+        let both = self.place.iter().zip(&self.before);
+        self.step.iter_mut().zip(both).for_each(|(step, (to, from))| *step = to - from);
+        solver.length(&self.step)
     }
 }
 
 impl<S: System> Filter<S> {
     /// Linearises again where the last round leads, until that moves no more. The first round's update stands ready.
-    pub(super) fn iterate(
-        &mut self,
-        system: &S,
-        moment: &S::Moment,
-        prior: &[f64],
-        sighting: Sighting,
-    ) -> Result<(), Lost> {
+    pub(super) fn iterate(&mut self, system: &S, moment: &S::Moment, prior: &[f64], z: &[f64]) -> Result<(), Lost> {
         let Some((mut tangent, mut search)) = self.linear.take() else { return Ok(()) };
-        let done = self.rounds(&mut tangent, &mut search, (system, moment), prior, sighting);
+        let done = self.rounds(&mut tangent, &mut search, (system, moment), prior, z);
         self.linear = Some((tangent, search));
         done
     }
@@ -65,80 +56,67 @@ impl<S: System> Filter<S> {
         &mut self,
         tangent: &mut Tangent,
         search: &mut Search,
-        (system, moment): (&S, &S::Moment),
+        of: (&S, &S::Moment),
         prior: &[f64],
-        sighting: Sighting,
+        z: &[f64],
     ) -> Result<(), Lost> {
+        if search.rounds < 2 {
+            return Ok(());
+        }
         search.place.fill(0.0);
-        let mut cost = self.cost(&search.place);
+        let mut cost = self.solver.cost(&search.place);
         for _ in 1..search.rounds {
-            if search.follow(&self.gram, &self.b) < SETTLED_SIGMA {
+            if search.follow(&self.solver) < SETTLED_SIGMA {
                 break;
             }
-            self.linearise_at(tangent, search, (system, moment), prior, sighting.z);
-            let there = self.cost(&search.place);
+            self.update_at(tangent, search, of, prior, z)?;
+            let there = self.solver.cost(&search.place);
             // Written so that what is not a number is uphill too.
             let downhill = there < cost;
             if !downhill {
                 search.place.copy_from_slice(&search.before);
-                self.linearise_at(tangent, search, (system, moment), prior, sighting.z);
-            }
-            self.solve()?;
-            if !downhill {
-                break;
+                return self.update_at(tangent, search, of, prior, z);
             }
             cost = there;
         }
         Ok(())
     }
 
-    /// Readings and slopes at the search's place.
-    fn linearise_at(
+    /// The prior's update with readings and slopes at the search's place.
+    fn update_at(
         &mut self,
         tangent: &mut Tangent,
         search: &mut Search,
-        (system, moment): (&S, &S::Moment),
+        of: (&S, &S::Moment),
         prior: &[f64],
         z: &[f64],
-    ) {
-        self.move_along(system, &search.place);
+    ) -> Result<(), Lost> {
+        self.move_along(of.0, &search.place);
         search.mean.copy_from_slice(prior);
-        system.shift(&mut search.mean, &self.shift);
-        let at = (search.mean.as_slice(), self.carried.as_slice());
-        tangent.spread(&mut self.fan, system, (moment, &mut self.scratch), at, z);
-        self.whiten_again(z, &search.place);
-    }
-
-    /// What is minimised, at the place where the readings are linearised.
-    fn cost(&self, place: &[f64]) -> f64 {
-        let rows = self.y.iter().zip(self.fan.g.chunks_exact(self.fan.width));
-        let left = |(y, g): (&f64, &[f64])| y - g.iter().zip(place).map(|(g, p)| g * p).sum::<f64>();
-        squared(place) + rows.map(left).map(|x| x * x).sum::<f64>()
+        of.0.shift(&mut search.mean, &self.shift);
+        let at = At { mean: &search.mean, carried: &self.carried, rows: &self.rows };
+        tangent.spread(self.arch, &mut self.fan, of, &mut self.scratch, at);
+        for &r in &self.rows {
+            let moved: f64 = self.fan.odd.row(r).iter().zip(&search.place).map(|(h, p)| h * p).sum();
+            self.y[r] = self.weight[r] * (z[r] - self.fan.center[r] + moved);
+        }
+        let (rows, inertial) = (&self.rows, self.inertial_rows);
+        let readings = Weighted { rows, inertial, weight: &self.weight, y: &self.y };
+        self.solver.weigh(self.arch, &self.fan, readings);
+        // What was not believed at first is not believed now.
+        self.rows.iter().filter(|&&r| !self.used[r]).for_each(|&r| self.solver.reject(r));
+        self.solver.solve(self.arch, &self.root).map_err(broken)?;
+        Ok(())
     }
 
     /// The way to `place` in the prior's tangent space, and how that space turns on it.
     fn move_along(&mut self, system: &S, place: &[f64]) {
+        let n = place.len();
         self.shift.fill(0.0);
-        // The last column of a fan belongs to the first row of the factor.
-        for (i, &along) in place.iter().rev().enumerate().take(self.factor.n()) {
-            accumulate(&mut self.shift[i..], std::iter::once((along, &self.factor.row(i)[i..])));
+        for (i, &along) in place.iter().rev().enumerate() {
+            accumulate(&mut self.shift[i..], std::iter::once((along, &self.root.row(i)[i..n])));
         }
         self.carried.clear();
         system.carry(&self.shift, &mut self.carried);
-    }
-
-    /// Like the first time, for the same rows, with the innovation against the prior.
-    fn whiten_again(&mut self, z: &[f64], place: &[f64]) {
-        let (width, n) = (self.fan.width, self.factor.n());
-        for (r, g) in self.fan.g.chunks_exact_mut(width).enumerate() {
-            if !self.used[r] {
-                g.fill(0.0);
-                continue;
-            }
-            let weight = self.weight[r];
-            g.iter_mut().for_each(|x| *x *= weight);
-            let moved: f64 = g[width - n..].iter().zip(&place[width - n..]).map(|(g, p)| g * p).sum();
-            self.y[r] = weight * (z[r] - self.fan.center[r]) + moved;
-        }
     }
 }

@@ -1,0 +1,311 @@
+//! The algebra of an update: from a fan and innovations to the new covariance, in information form.
+//!
+//! With everything divided by the noise, S = 1 + EE' (E holds whatever adds to R) is factored in the space of readings, S = U'U,
+//! together with H and y: W = U'^-1 H, w = U'^-1 y. Then 1 + W'W = V'V in the space of states, b = V'^-1 W'w, and with H's columns
+//! reversed X = V'^-1 (rows of the covariance's factor reversed): x+ = x + X' b, P+ = X'X, NIS = w'w - b'b. P+ cannot lose its
+//! symmetry or its sign. Readings of inertial units stand first, so that sums over them give their joint NIS on the way.
+
+use super::dense::{NotPositive, Square};
+use super::sigma::Fan;
+use super::tiles::{factor, find_starts, gram, padded, Panel, Rows, Sweep, VECTOR};
+use crate::lane::arch::{madd, Arch, Kernel};
+use std::ops::Range;
+
+/// Not among the rows in use.
+const NOWHERE: usize = usize::MAX;
+
+/// Room for the algebra.
+#[derive(Debug, Clone)]
+pub struct Solver {
+    states: usize,
+    /// Place of each reading among those in use.
+    slots: Vec<usize>,
+    used: usize,
+    inertial: usize,
+    /// E', one row a column.
+    even: Panel,
+    /// [S | H | y].
+    noise: Panel,
+    /// [1 + W'W | W'w | rows of the factor reversed].
+    gain: Panel,
+    spare: Panel,
+    starts: Vec<usize>,
+    /// Of the rows of the factor, reversed, and of the one column that stands for itself.
+    reversed: Vec<usize>,
+    zeros: Vec<usize>,
+    /// Per source, the covariance of its innovations over that of its noise.
+    blocks: Vec<Square>,
+    sources: Vec<Range<usize>>,
+}
+
+/// What the readings said.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Verdict {
+    /// Normalised innovation squared of all rows.
+    pub nis: f64,
+    /// Of the inertial ones.
+    pub inertial: f64,
+}
+
+impl Solver {
+    /// Room for readings, columns of E and states; `sources` are rows whose covariance is wanted.
+    pub fn new(rows: usize, evens: usize, states: usize, sources: &[Range<usize>]) -> Self {
+        let (m, n) = (padded(rows), padded(states));
+        let first = |v: usize| states.saturating_sub(VECTOR * (v + 1));
+        Solver {
+            states,
+            slots: vec![NOWHERE; rows],
+            used: 0,
+            inertial: 0,
+            even: Panel::zeros(evens, m),
+            noise: Panel::zeros(rows, m + n + VECTOR),
+            gain: Panel::zeros(states, n + VECTOR + n),
+            spare: Panel::zeros(states, n + VECTOR + n),
+            starts: vec![0; (m.max(n) + n) / VECTOR + 1],
+            reversed: (0..n / VECTOR).map(first).collect(),
+            zeros: vec![0; n / VECTOR + 1],
+            blocks: sources.iter().map(|s| Square::zeros(s.len())).collect(),
+            sources: sources.to_vec(),
+        }
+    }
+
+    fn states_at(&self) -> usize {
+        padded(self.slots.len())
+    }
+
+    /// Column of y.
+    fn reading_at(&self) -> usize {
+        self.states_at() + padded(self.states)
+    }
+
+    /// Takes in readings.
+    pub fn weigh(&mut self, arch: Arch, fan: &Fan, readings: Weighted) {
+        arch.run(Dividing { solver: self, fan, readings });
+        let m = self.used;
+        find_starts(&self.even, fan.evens, 0..padded(m), &mut self.starts);
+        let g = Rows { panel: &self.even, rows: 0..fan.evens, column: 0, starts: &self.starts };
+        gram(arch, &mut self.noise, [m, padded(m)], g, true);
+        for i in 0..m {
+            self.noise.row_mut(i)[i] += 1.0;
+        }
+        arch.run(Blocks { solver: self });
+    }
+
+    #[inline(always)]
+    fn divide(&mut self, fan: &Fan, Weighted { rows, inertial, weight, y }: Weighted) {
+        (self.used, self.inertial) = (rows.len(), inertial);
+        self.slots.fill(NOWHERE);
+        let (h_at, y_at) = (self.states_at(), self.reading_at());
+        for (slot, &r) in rows.iter().enumerate() {
+            self.slots[r] = slot;
+            let row = self.noise.row_mut(slot);
+            for (x, h) in row[h_at..y_at].iter_mut().zip(fan.odd.row(r)) {
+                *x = weight[r] * h;
+            }
+            row[y_at] = y[r];
+        }
+        self.turn_even(fan, rows, weight);
+    }
+
+    /// E' from rows of E, four at a time.
+    #[inline(always)]
+    fn turn_even(&mut self, fan: &Fan, rows: &[usize], weight: &[f64]) {
+        for (v, four) in rows.chunks(VECTOR).enumerate() {
+            let last = four[four.len() - 1];
+            let from: [usize; VECTOR] = std::array::from_fn(|k| four.get(k).copied().unwrap_or(last));
+            let scale: [f64; VECTOR] = std::array::from_fn(|k| if k < four.len() { weight[from[k]] } else { 0.0 });
+            let [a, b, c, d] = from.map(|r| &fan.even.row(r)[..fan.evens]);
+            for i in 0..fan.evens {
+                let out = &mut self.even.row_mut(i)[v * VECTOR..][..VECTOR];
+                out.copy_from_slice(&[a[i] * scale[0], b[i] * scale[1], c[i] * scale[2], d[i] * scale[3]]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn fill_blocks<const FUSED: bool>(&mut self) {
+        let (h_at, y_at) = (self.states_at(), self.reading_at());
+        for (block, rows) in self.blocks.iter_mut().zip(&self.sources) {
+            for (i, r) in rows.clone().enumerate() {
+                let a = self.slots[r];
+                if a == NOWHERE {
+                    continue;
+                }
+                let row = &self.noise.row(a)[h_at..y_at];
+                for (j, s) in rows.clone().enumerate().skip(i) {
+                    let b = self.slots[s];
+                    if b == NOWHERE {
+                        continue;
+                    }
+                    let own = self.noise.at(a.min(b), a.max(b));
+                    *block.at_mut(i, j) = own + dot::<FUSED>(row, &self.noise.row(b)[h_at..y_at]);
+                }
+            }
+        }
+    }
+
+    /// Covariance of the innovations of source `s`, divided by the noise; of its missing rows it says nothing.
+    pub fn block(&self, s: usize) -> &Square {
+        &self.blocks[s]
+    }
+
+    /// A reading that is not to be believed: it then says nothing.
+    pub fn reject(&mut self, row: usize) {
+        let slot = self.slots[row];
+        if slot == NOWHERE {
+            return;
+        }
+        (0..slot).for_each(|i| self.noise.row_mut(i)[slot] = 0.0);
+        self.noise.row_mut(slot)[slot..].fill(0.0);
+        self.noise.row_mut(slot)[slot] = 1.0;
+    }
+
+    /// Factors everything; `root` is the covariance's factor, upper triangular.
+    pub fn solve(&mut self, arch: Arch, root: &Panel) -> Result<Verdict, NotPositive> {
+        let (h_at, y_at) = (self.states_at(), self.reading_at());
+        let (n, m) = (self.states, self.used);
+        let (n_pad, width) = (padded(n), y_at + VECTOR);
+        let (symmetric, right) = self.starts.split_at_mut(h_at / VECTOR);
+        for (v, start) in symmetric.iter_mut().enumerate() {
+            *start = if v * VECTOR < m { 0 } else { NOWHERE };
+        }
+        find_starts(&self.noise, m, h_at..width, right);
+        factor(arch, &mut self.noise, Sweep { n: m, width, starts: &self.starts })?;
+        let all =
+            Rows { panel: &self.noise, rows: 0..self.inertial, column: h_at, starts: &self.starts[h_at / VECTOR..] };
+        gram(arch, &mut self.gain, [n, n_pad + VECTOR], all.clone(), true);
+        (0..n).for_each(|i| self.gain.row_mut(i)[i] += 1.0);
+        let mut inertial = None;
+        if 0 < self.inertial && self.inertial < m {
+            self.spare.copy_rows(&self.gain, n);
+            factor(arch, &mut self.spare, Sweep { n, width: n_pad + VECTOR, starts: &self.zeros })?;
+            inertial = Some(squares(&self.noise, 0..self.inertial, y_at) - squares(&self.spare, 0..n, n_pad));
+        }
+        gram(arch, &mut self.gain, [n, n_pad + VECTOR], Rows { rows: self.inertial..m, ..all }, false);
+        self.reverse(root);
+        self.starts[..n_pad / VECTOR + 1].fill(0);
+        self.starts[n_pad / VECTOR + 1..][..n_pad / VECTOR].copy_from_slice(&self.reversed);
+        factor(arch, &mut self.gain, Sweep { n, width: 2 * n_pad + VECTOR, starts: &self.starts })?;
+        let nis = squares(&self.noise, 0..m, y_at) - squares(&self.gain, 0..n, n_pad);
+        Ok(Verdict { nis, inertial: inertial.unwrap_or(nis) })
+    }
+
+    /// Rows of the factor in reverse, behind all else.
+    #[inline(always)]
+    fn reverse(&mut self, root: &Panel) {
+        let (n, at) = (self.states, padded(self.states) + VECTOR);
+        for k in 0..n {
+            self.gain.row_mut(k)[at..].copy_from_slice(root.row(n - 1 - k));
+        }
+    }
+
+    /// Behind `solve`: where the update leads, in units of the factor's rows, last row first.
+    pub fn place(&self, out: &mut [f64]) {
+        let (n, at) = (self.states, padded(self.states));
+        for i in (0..n).rev() {
+            let row = self.gain.row(i);
+            let known: f64 = row[i + 1..n].iter().zip(&out[i + 1..]).map(|(v, x)| v * x).sum();
+            out[i] = (row[at] - known) / row[i];
+        }
+    }
+
+    /// Behind `solve`: how long such a step is in standard deviations behind the update.
+    pub fn length(&self, step: &[f64]) -> f64 {
+        let n = self.states;
+        let along = |i: usize| -> f64 { self.gain.row(i)[i..n].iter().zip(&step[i..]).map(|(v, s)| v * s).sum() };
+        (0..n).map(|i| along(i).powi(2)).sum::<f64>().sqrt()
+    }
+
+    /// Behind `solve`: the squares that the update minimises, at such a place.
+    pub fn cost(&self, place: &[f64]) -> f64 {
+        let (h_at, y_at) = (self.states_at(), self.reading_at());
+        let left = |slot: usize| {
+            let row = self.noise.row(slot);
+            row[y_at] - row[h_at..].iter().zip(place).map(|(h, p)| h * p).sum::<f64>()
+        };
+        place.iter().map(|p| p * p).sum::<f64>() + (0..self.used).map(|slot| left(slot).powi(2)).sum::<f64>()
+    }
+
+    /// X' b into `shift`, X'X into `covariance`.
+    pub fn posterior(&mut self, arch: Arch, shift: &mut [f64], covariance: &mut Square) {
+        let (n, n_pad) = (self.states, padded(self.states));
+        let at = n_pad + VECTOR;
+        let x = Rows { panel: &self.gain, rows: 0..n, column: at, starts: &self.reversed };
+        gram(arch, &mut self.spare, [n, n_pad], x, true);
+        for i in 0..n {
+            covariance.row_mut(i)[i..].copy_from_slice(&self.spare.row(i)[i..n]);
+        }
+        covariance.mirror_upper();
+        shift.fill(0.0);
+        for k in 0..n {
+            let b = self.gain.at(k, n_pad);
+            let first = n - 1 - k;
+            for (s, x) in shift[first..].iter_mut().zip(&self.gain.row(k)[at + first..at + n]) {
+                *s += b * x;
+            }
+        }
+    }
+}
+
+/// Readings that an update takes in.
+#[derive(Debug, Clone, Copy)]
+pub struct Weighted<'a> {
+    /// Which, those of inertial units first.
+    pub rows: &'a [usize],
+    /// How many are of inertial units.
+    pub inertial: usize,
+    /// One over each reading's noise.
+    pub weight: &'a [f64],
+    /// Innovations times that.
+    pub y: &'a [f64],
+}
+
+struct Dividing<'a> {
+    solver: &'a mut Solver,
+    fan: &'a Fan,
+    readings: Weighted<'a>,
+}
+
+impl Kernel for Dividing<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        self.solver.divide(self.fan, self.readings);
+    }
+}
+
+struct Blocks<'a> {
+    solver: &'a mut Solver,
+}
+
+impl Kernel for Blocks<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        self.solver.fill_blocks::<FUSED>();
+    }
+}
+
+/// Sum of squares down a column.
+#[inline(always)]
+fn squares(panel: &Panel, rows: Range<usize>, column: usize) -> f64 {
+    let mut sum = 0.0;
+    for r in rows {
+        sum += panel.at(r, column) * panel.at(r, column);
+    }
+    sum
+}
+
+/// Partial sums side by side; the length is a multiple of a vector's.
+#[inline(always)]
+fn dot<const FUSED: bool>(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; VECTOR];
+    for (x, y) in a.chunks_exact(VECTOR).zip(b.chunks_exact(VECTOR)) {
+        for k in 0..VECTOR {
+            sums[k] = madd::<FUSED>(x[k], y[k], sums[k]);
+        }
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3])
+}
