@@ -28,25 +28,19 @@ use support::stroke::Stroke;
 use ukf::{Ukf, Weights};
 
 const RATE_HZ: f64 = 125.0;
-/// Steps of every filter, taken in turn so that all meet the same machine.
-const STEPS: usize = 401;
+/// Steps of every filter, and how many of them in a row.
+const STEPS: usize = 1_000;
+const STRETCH: usize = 25;
 
-/// Trackers of all filters that have found their start, and the sample of a stroke that comes next.
-fn running(model: &Arc<Model>, configs: &[Config]) -> (Vec<Tracker>, Sample) {
-    let body = support::body(model, &configs[0]);
+/// Samples until the start is found and forgotten.
+const WARM: usize = 250;
+
+/// Samples of a stroke.
+fn samples(model: &Arc<Model>, config: &Config) -> Vec<Sample> {
+    let body = support::body(model, config);
     let stroke = Stroke::new(&body, 2.2);
     let scene = Scene { body: &body, motion: &|t| stroke.at(t), surge: &|_| 0.0, azimuth_rad: 0.3, noise: 1.0 };
-    let mut samples = scene.samples(&times(0.0, 1.0 / RATE_HZ, 250), &mut Chance::new(1));
-    let next = samples.pop().expect("made above");
-    let run = |config: &Config| {
-        let mut tracker =
-            Tracker::new(model.clone(), &Calibration::default(), config).expect("the shipped model tracks");
-        samples.iter().for_each(|s| {
-            tracker.step(s).expect("these readings fit the model");
-        });
-        tracker
-    };
-    (configs.iter().map(run).collect(), next)
+    scene.samples(&times(0.0, 1.0 / RATE_HZ, WARM + STEPS), &mut Chance::new(1))
 }
 
 fn microseconds(run: impl FnOnce()) -> f64 {
@@ -93,17 +87,22 @@ fn compare(model: &Arc<Model>, estimate: &[&str]) {
     let estimate: Vec<String> = estimate.iter().map(|e| e.to_string()).collect();
     let kinds = [FilterKind::Ukf, FilterKind::Ekf, FilterKind::Iekf];
     let configs = kinds.map(|filter| Config { filter, estimate: estimate.clone(), ..Config::default() });
-    let (trackers, next) = running(model, &configs);
+    let samples = samples(model, &configs[0]);
+    let made = configs.iter().map(|c| Tracker::new(model.clone(), &Calibration::default(), c));
+    let mut trackers: Vec<Tracker> = made.map(|t| t.expect("the shipped model tracks")).collect();
     let mut spent = vec![Vec::new(); 5];
-    for _ in 0..STEPS {
-        for (tracker, times) in trackers.iter().zip(&mut spent) {
-            let mut tracker = tracker.clone();
-            times.push(microseconds(|| {
-                tracker.step(black_box(&next)).expect("these readings fit the model");
-            }));
+    let step = |tracker: &mut Tracker, sample: &Sample| {
+        tracker.step(black_box(sample)).expect("these readings fit the model");
+    };
+    let (start, rest) = samples.split_at(WARM);
+    trackers.iter_mut().for_each(|t| start.iter().for_each(|s| step(t, s)));
+    // In turn, so that all meet the same machine, and a few steps in a row, as in use.
+    for stretch in rest.chunks_exact(STRETCH) {
+        spent[3].extend(stretch.iter().map(|next| textbook_step(&trackers[0], next, &configs[0])));
+        spent[4].extend(stretch.iter().map(|next| linearisation(&trackers[0], next)));
+        for (tracker, spent) in trackers.iter_mut().zip(&mut spent) {
+            spent.extend(stretch.iter().map(|next| microseconds(|| step(tracker, next))));
         }
-        spent[3].push(textbook_step(&trackers[0], &next, &configs[0]));
-        spent[4].push(linearisation(&trackers[0], &next));
     }
     let [ukf, ekf, iekf, textbook, jacobian] = [0, 1, 2, 3, 4].map(|i| median(&mut spent[i]));
     let body = &trackers[0].body;
