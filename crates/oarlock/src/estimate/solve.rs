@@ -166,9 +166,9 @@ impl Solver {
         let (n, m) = (self.states, self.used);
         let (n_pad, width) = (padded(n), y_at + VECTOR);
         let (symmetric, right) = self.starts.split_at_mut(h_at / VECTOR);
-        for (v, start) in symmetric.iter_mut().enumerate() {
-            *start = if v * VECTOR < m { 0 } else { NOWHERE };
-        }
+        symmetric.fill(NOWHERE);
+        // Readings whose noise knows nothing of each other's stay apart.
+        find_starts(&self.noise, m, 0..padded(m), symmetric);
         find_starts(&self.noise, m, h_at..width, right);
         factor(arch, &mut self.noise, Sweep { n: m, width, starts: &self.starts })?;
         let all =
