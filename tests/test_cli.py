@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -175,6 +176,16 @@ def test_track_json_is_one_document(trial: Path, tmp_path: Path) -> None:
     assert "r_oar_theta" in document["not_observed"]
 
 
+def test_track_takes_a_filter_and_writes_it_down(trial: Path, tmp_path: Path) -> None:
+    tracked = run(
+        "track", trial / "trial", "--model", "sculler", "--out", tmp_path / "out", "--filter", "ekf"
+    )
+    assert tracked.exit_code == 0, tracked.output
+    assert (
+        tomllib.loads((tmp_path / "out" / "run.toml").read_text())["provenance"]["config"]["filter"] == "ekf"
+    )
+
+
 def test_track_does_not_write_into_a_recording(trial: Path) -> None:
     refused = run("track", trial / "trial", "--model", "sculler", "--out", trial / "trial", "--force")
     assert refused.exit_code == 2
@@ -211,6 +222,7 @@ def test_report_is_written_where_it_is_asked_for(trial: Path, tmp_path: Path) ->
         (2, ("track", "nowhere", "--model", "sculler", "--out", "unused", "--set", "l_ua_r")),
         (2, ("track", "nowhere", "--model", "sculler", "--out", "unused", "--set", "l_ua_r=long")),
         (2, ("track", "nowhere", "--model", "sculler", "--out", "unused", "--process-noise", "pink")),
+        (2, ("track", "nowhere", "--model", "sculler", "--out", "unused", "--filter", "kalman")),
         (2, ("simulate", "--out", "unused", "--condition", "Q-Q")),
         (2, ("simulate", "--out", "unused", "--rate-spm", "fast")),
         (2, ("model", "copy", "scular", "unused.toml")),

@@ -1,5 +1,6 @@
 //! A model as a system that a filter can estimate: state in, readings out, for eight sigma points at a time.
 
+mod linear;
 pub mod read;
 
 use crate::config::Config;
@@ -57,6 +58,12 @@ impl Field {
     pub fn magnetic<T: Real>(&self, azimuth: T) -> Vec3<T> {
         let (sin, cos) = azimuth.sin_cos();
         Vec3::splat(self.vertical) + Vec3::splat(self.north) * cos + Vec3::splat(self.side) * sin
+    }
+
+    /// Its derivative, uT/rad.
+    fn magnetic_slope(&self, azimuth: f64) -> Vec3<f64> {
+        let (sin, cos) = azimuth.sin_cos();
+        Vec3(self.side) * cos - Vec3(self.north) * sin
     }
 }
 
@@ -405,5 +412,9 @@ impl System for Body {
         out: &mut [Lane],
     ) {
         self.read_near::<FUSED>(moment, scratch, at, vary, out);
+    }
+
+    fn linearise(&self, moment: &Moment, s: &mut BodyScratch, mean: &[f64], center: &mut [f64], jacobian: &mut [f64]) {
+        self.readings_and_slopes(moment, &mut s.linear, mean, center, jacobian);
     }
 }

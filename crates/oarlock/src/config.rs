@@ -29,8 +29,17 @@ pub enum Magnetometer {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FilterKind {
-    /// Unscented, exact in its linear part.
+    /// Unscented: readings at sigma points, right to second order.
     Ukf,
+    /// Extended: readings linearised at the mean by their exact Jacobian. Two to three times as fast as `ukf`, and as good to a few
+    /// per cent while readings are straight over the spread of the belief, as they are at 100 Hz with loops of some millimetres. It
+    /// takes curvature for information. From 0.5 rad of ignorance its first update is off by more than it says, 1.6 times as far as
+    /// that of `ukf`; with loops of 0.1 mm it goes astray where `ukf` does not.
+    Ekf,
+    /// Iterated extended: linearised again where the update leads, up to three times, and never uphill. Finds the likeliest state
+    /// where the others stop beside it, so that a wide first update is as good as it says. Between samples it is no better than
+    /// `ekf`, and loops that are too exact lead it astray as well.
+    Iekf,
 }
 
 /// How to track.
@@ -45,11 +54,11 @@ pub struct Config {
     pub process_noise: ProcessNoise,
     /// Trust in magnetometers.
     pub magnetometer: Magnetometer,
-    /// Which filter.
+    /// Which filter; see [`FilterKind`] for where they differ.
     pub filter: FilterKind,
     /// Start posture by joint, rad or m, instead of the rest posture; the first samples are fitted from there.
     pub initial_q: Option<Vec<f64>>,
-    /// Spread of the sigma points, (0, 1].
+    /// Spread of the sigma points of `ukf`, (0, 1].
     pub alpha: f64,
     /// Weight of the second-order part, at least alpha^2.
     pub beta: f64,

@@ -110,6 +110,16 @@ pub trait System {
     fn transition(&self, dt: f64, mean: &[f64], variance: &[f64], drive: &[f64], out: &mut Transition);
     /// Readings of the rows that are there, for every lane.
     fn readings(&self, moment: &Self::Moment, scratch: &mut Self::Scratch, at: Points, out: &mut [Lane]);
+    /// Readings of the rows that are there, at the mean alone, and their derivative: a row of numbers for each reading, one for
+    /// every coordinate of the tangent space at the mean and one for each noisy input, for a change of its standard deviation.
+    fn linearise(
+        &self,
+        moment: &Self::Moment,
+        scratch: &mut Self::Scratch,
+        mean: &[f64],
+        center: &mut [f64],
+        jacobian: &mut [f64],
+    );
     /// What row `row` depends on.
     fn depth(&self, _row: usize) -> Depth {
         Depth::Full

@@ -5,6 +5,7 @@
 //! the prismatic and Coriolis terms that the printed equation leaves out, and gravity entering once, at the root.
 
 pub mod near;
+pub mod slopes;
 
 use crate::lane::Real;
 use crate::model::{JointKind, Model, Point, Transform};

@@ -5,6 +5,7 @@ pub mod encoder;
 pub mod imu;
 pub mod near;
 pub mod position;
+pub mod slopes;
 
 use crate::kinematics::FrameMotion;
 use crate::lane::Real;

@@ -11,7 +11,7 @@ pub mod rest;
 pub mod run;
 
 use crate::body::{Body, Moment, Posture};
-use crate::config::{Config, Magnetometer};
+use crate::config::{Config, FilterKind, Magnetometer};
 use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::{Filter, Gate, Groups, Info, Lost, Manner, Sighting, Slant};
@@ -59,6 +59,9 @@ const LONGEST_STEP_S: f64 = 0.1;
 const STEP_SHARE: f64 = 0.1;
 /// Readings that feel the body's own motion are odd only far beyond the quantile: a jolt is not a fault.
 const GATE_SLACK: f64 = 10.0;
+
+/// How often `iekf` linearises the readings of a sample, at most: between samples the third time seldom moves the state.
+const ITERATIONS: usize = 3;
 
 /// A belief and its workspace.
 #[derive(Debug, Clone)]
@@ -109,7 +112,7 @@ impl Tracker {
         let (groups, depends) = (body.groups(), loops::dependence(&body));
         let rows = body.suite.len();
         Ok(Tracker {
-            filter: Filter::new(&body, &groups),
+            filter: filter(&body, &groups, config.filter),
             loops: loops::loops(&body, &depends),
             depends,
             quantities: body.quantities(),
@@ -389,6 +392,14 @@ impl Tracker {
 fn strict(body: &Body, config: &Config) -> Vec<bool> {
     let gated = config.magnetometer == Magnetometer::Gated;
     body.quantities().iter().map(|&q| gated && q == Quantity::Mag).collect()
+}
+
+fn filter(body: &Body, groups: &Groups, kind: FilterKind) -> Filter<Body> {
+    match kind {
+        FilterKind::Ukf => Filter::new(body, groups),
+        FilterKind::Ekf => Filter::extended(body, groups, 1),
+        FilterKind::Iekf => Filter::extended(body, groups, ITERATIONS),
+    }
 }
 
 fn manner(c: &Config) -> Manner {

@@ -4,7 +4,7 @@
 
 mod support;
 
-use oarlock::config::Config;
+use oarlock::config::{Config, FilterKind};
 use oarlock::recording::Sample;
 use oarlock::track::{Calibration, Status, Tracker};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -73,9 +73,15 @@ fn samples(config: &Config) -> Vec<Sample> {
     samples
 }
 
+const FILTERS: [FilterKind; 3] = [FilterKind::Ukf, FilterKind::Ekf, FilterKind::Iekf];
+
 #[test]
 fn steps_allocate_nothing() {
-    let config = Config::default();
+    FILTERS.into_iter().for_each(assert_steps_allocate_nothing);
+}
+
+fn assert_steps_allocate_nothing(filter: FilterKind) {
+    let config = Config { filter, ..Config::default() };
     let samples = samples(&config);
     let mut tracker = Tracker::new(model(SCULLER), &Calibration::default(), &config).unwrap();
     for sample in &samples[..20] {
@@ -106,7 +112,11 @@ fn steps_allocate_nothing() {
 /// are copied, ranked and given up.
 #[test]
 fn steps_with_balls_allocate_nothing() {
-    let config = Config::default();
+    FILTERS.into_iter().for_each(assert_steps_with_balls_allocate_nothing);
+}
+
+fn assert_steps_with_balls_allocate_nothing(filter: FilterKind) {
+    let config = Config { filter, ..Config::default() };
     let model = model(TREE);
     let body = body(&model, &config);
     let mut chance = Chance::new(6);

@@ -3,7 +3,7 @@
 mod support;
 
 use oarlock::body::Body;
-use oarlock::config::Config;
+use oarlock::config::{Config, FilterKind};
 use oarlock::estimate::belief::Belief;
 use oarlock::estimate::dense::Square;
 use oarlock::model::Model;
@@ -43,6 +43,10 @@ fn odd() -> impl Strategy<Value = f64> {
     ]
 }
 
+fn any_filter() -> impl Strategy<Value = FilterKind> {
+    prop_oneof![Just(FilterKind::Ukf), Just(FilterKind::Ekf), Just(FilterKind::Iekf)]
+}
+
 /// Mostly a next stamp, at times one from another clock.
 fn odd_time() -> impl Strategy<Value = f64> {
     prop_oneof![6 => 0.0..0.3_f64, 1 => Just(0.0), 1 => Just(-0.5), 1 => 0.0..1e5_f64, 1 => odd()]
@@ -77,9 +81,9 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn absurd_samples_are_answered(samples in odd_samples(18, 2), gate in any::<bool>()) {
+    fn absurd_samples_are_answered(samples in odd_samples(18, 2), gate in any::<bool>(), filter in any_filter()) {
         let model = model(CHAIN);
-        let config = Config { gate, ..Config::default() };
+        let config = Config { gate, filter, ..Config::default() };
         step_through(&mut tracker(&model, &config), &samples);
         let mut resumed = tracker(&model, &config);
         let body = body(&model, &config);

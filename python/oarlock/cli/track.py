@@ -40,6 +40,15 @@ class Magnetometer(StrEnum):
     off = "off"
 
 
+class Filter(StrEnum):
+    """Which filter tracks."""
+
+    ukf = "ukf"
+    ekf = "ekf"
+    iekf = "iekf"
+
+
+_FILTER = Filter(_DEFAULT["filter"])
 _PROCESS_NOISE = ProcessNoise(_DEFAULT["process_noise"])
 _MAGNETOMETER = Magnetometer(_DEFAULT["magnetometer"])
 
@@ -93,9 +102,10 @@ def track(
     magnetometer: Annotated[
         Magnetometer, typer.Option("--magnetometer", help="Gate disturbed readings, use all, or none.")
     ] = _MAGNETOMETER,
-    filter_name: Annotated[str, typer.Option("--filter", metavar="NAME", help="The filter.")] = _DEFAULT[
-        "filter"
-    ],
+    filter_name: Annotated[
+        Filter,
+        typer.Option("--filter", help="Sigma points; or linearised once, or until it settles: faster."),
+    ] = _FILTER,
     initial_q: Annotated[
         list[str] | None,
         typer.Option(
@@ -145,7 +155,7 @@ def track(
         closures=closures,
         process_noise=process_noise.value,
         magnetometer=magnetometer.value,
-        filter=filter_name,
+        filter=filter_name.value,
         initial_q=posture(body.describe(), start, "--initial-q") if start else None,
         gate=gate,
         gate_patience_s=gate_patience_s,

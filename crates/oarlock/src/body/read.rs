@@ -1,5 +1,6 @@
 //! What a body's sensors read at sigma points, eight at a time.
 
+use super::linear::LinearScratch;
 use super::{three, Body, Moment};
 use crate::estimate::{Points, Vary};
 use crate::kinematics::near::{Apart, Differs, Stance, Wanted};
@@ -78,6 +79,7 @@ pub struct BodyScratch {
     differs: Vec<Differs>,
     stands: Vec<Stand>,
     mean_field: Vec3<f64>,
+    pub(super) linear: LinearScratch,
 }
 
 impl BodyScratch {
@@ -92,6 +94,7 @@ impl BodyScratch {
             differs: vec![Differs::default(); body.tree.len()],
             stands: vec![Stand::ANY; body.suite.sources.len()],
             mean_field: Vec3::zero(),
+            linear: body.linear_scratch(),
         }
     }
 }

@@ -2,8 +2,11 @@
 //!
 //! The update is the unscented one (estimate/sigma.rs) in information form (estimate/solve.rs).
 
+mod search;
+mod tangent;
+
 use super::belief::Belief;
-use super::dense::Square;
+use super::dense::{NotPositive, Square};
 use super::gate;
 use super::learn::{Correction, Learning};
 use super::sigma::{Fan, Look, Spread};
@@ -12,7 +15,9 @@ use super::tiles::{factor, padded, Panel, Sweep, VECTOR};
 use super::transition::{carry, Block, Transition};
 use super::System;
 use crate::lane::arch::Arch;
+use search::Search;
 use std::ops::Range;
+use tangent::{At, Tangent};
 
 /// Which rows belong together.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -158,6 +163,8 @@ pub struct Filter<S: System> {
     arch: Arch,
     scratch: S::Scratch,
     fan: Fan,
+    /// Of a filter that linearises; without it, sigma points are spread.
+    linear: Option<(Tangent, Search)>,
     solver: Solver,
     /// U with U'U = P.
     root: Panel,
@@ -186,10 +193,21 @@ pub struct Filter<S: System> {
 }
 
 impl<S: System> Filter<S> {
-    /// Room for `system`.
+    /// Room for an unscented filter of `system`.
     pub fn new(system: &S, groups: &Groups) -> Self {
+        Self::with(system, groups, Fan::new(system), None)
+    }
+
+    /// Room for an extended filter, which linearises the readings up to `rounds` times an update; from two on, it is the
+    /// iterated one.
+    pub fn extended(system: &S, groups: &Groups, rounds: usize) -> Self {
         let (n, m) = (system.partition().dim(), system.row_count());
-        let fan = Fan::new(system);
+        let linear = (Tangent::new(n, system.input_std().len(), m), Search::new(rounds, n));
+        Self::with(system, groups, Fan::straight(system), Some(linear))
+    }
+
+    fn with(system: &S, groups: &Groups, fan: Fan, linear: Option<(Tangent, Search)>) -> Self {
+        let (n, m) = (system.partition().dim(), system.row_count());
         let mut inertial = vec![false; m];
         groups.inertial.iter().for_each(|&r| inertial[r] = true);
         let mut order: Vec<usize> = (0..m).collect();
@@ -197,6 +215,7 @@ impl<S: System> Filter<S> {
         Filter {
             arch: Arch::best(),
             scratch: system.scratch(),
+            linear,
             solver: Solver::new(m, fan.evens, n, &groups.sources),
             fan,
             root: Panel::zeros(n, padded(n)),
@@ -262,8 +281,17 @@ impl<S: System> Filter<S> {
         }
         self.list_rows(sighting.z);
         self.factorise(&belief.covariance)?;
-        let look = Look { system, moment, mean: &belief.mean, rows: &self.rows, spread: manner.spread };
-        self.fan.spread(self.arch, look, &mut self.scratch, &self.root);
+        match &mut self.linear {
+            None => {
+                let look = Look { system, moment, mean: &belief.mean, rows: &self.rows, spread: manner.spread };
+                self.fan.spread(self.arch, look, &mut self.scratch, &self.root);
+            }
+            Some((tangent, _)) => {
+                tangent.prepare(&self.root);
+                let at = At { mean: &belief.mean, carried: &[], rows: &self.rows };
+                tangent.spread(self.arch, &mut self.fan, (system, moment), &mut self.scratch, at);
+            }
+        }
         self.innovate(sighting, belief.inflation, info);
         let (rows, inertial) = (&self.rows, self.inertial_rows);
         let readings = Weighted { rows, inertial, weight: &self.weight, y: &self.y };
@@ -271,7 +299,9 @@ impl<S: System> Filter<S> {
         self.judge(sighting, manner, belief, info);
         self.report(sighting, info);
         belief.covariance.diagonal(&mut self.before);
-        self.combine(system, belief, sighting, info)?;
+        self.solve(sighting, info)?;
+        self.iterate(system, moment, &belief.mean, sighting.z)?;
+        self.combine(system, belief)?;
         self.learn_noise(belief, manner.learning, info.inertial);
         self.learn(system, belief, manner.learning);
         Ok(())
@@ -435,17 +465,18 @@ impl<S: System> Filter<S> {
         }
     }
 
-    fn combine(&mut self, system: &S, belief: &mut Belief, sighting: Sighting, info: &mut Info) -> Result<(), Lost> {
-        let verdict = self
-            .solver
-            .solve(self.arch, &self.root)
-            .map_err(|e| Lost { what: format!("the update broke (row {}, pivot {:.2e})", e.row, e.pivot) })?;
-        self.solver.posterior(self.arch, &mut self.shift, &mut belief.covariance);
+    fn solve(&mut self, sighting: Sighting, info: &mut Info) -> Result<(), Lost> {
+        let verdict = self.solver.solve(self.arch, &self.root).map_err(broken)?;
         let inertial = sighting.groups.inertial.iter().filter(|&&r| self.used[r]).count();
         info.inertial = (if inertial == 0 { f64::NAN } else { verdict.inertial }, inertial);
         info.nis = verdict.nis;
         let rows = self.used.iter().filter(|&&used| used).count() + self.rejected_rows;
         info.evidence = evidence(info.nis + self.rejected_nis, rows);
+        Ok(())
+    }
+
+    fn combine(&mut self, system: &S, belief: &mut Belief) -> Result<(), Lost> {
+        self.solver.posterior(self.arch, &mut self.shift, &mut belief.covariance);
         system.shift(&mut belief.mean, &self.shift);
         self.carried.clear();
         system.carry(&self.shift, &mut self.carried);
@@ -457,6 +488,10 @@ impl<S: System> Filter<S> {
             Err(Lost { what: "the estimate is not a number".into() })
         }
     }
+}
+
+fn broken(e: NotPositive) -> Lost {
+    Lost { what: format!("the update broke (row {}, pivot {:.2e})", e.row, e.pivot) }
 }
 
 /// So many samples in a row say the same: what a model gets wrong lasts.

@@ -72,6 +72,12 @@ impl Fan {
         }
     }
 
+    /// The same where all readings are straight: `odd` and the columns of the inputs alone.
+    pub fn straight<S: System>(system: &S) -> Self {
+        let (inputs, rows) = (system.input_std().len().max(1), system.row_count());
+        Fan { even: Panel::zeros(rows, padded(inputs)), evens: inputs, ..Fan::new(system) }
+    }
+
     /// Spreads the points along the rows of `factor` and takes the readings of `rows`. Allocates nothing.
     pub fn spread<S: System>(&mut self, arch: Arch, look: Look<S>, scratch: &mut S::Scratch, factor: &Panel) {
         let (n, reach) = (self.part.dim(), look.spread.reach(self.part.dim()));

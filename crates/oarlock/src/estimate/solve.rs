@@ -166,9 +166,9 @@ impl Solver {
         let (n, m) = (self.states, self.used);
         let (n_pad, width) = (padded(n), y_at + VECTOR);
         let (symmetric, right) = self.starts.split_at_mut(h_at / VECTOR);
-        for (v, start) in symmetric.iter_mut().enumerate() {
-            *start = if v * VECTOR < m { 0 } else { NOWHERE };
-        }
+        symmetric.fill(NOWHERE);
+        // Readings whose noise knows nothing of each other's stay apart.
+        find_starts(&self.noise, m, 0..padded(m), symmetric);
         find_starts(&self.noise, m, h_at..width, right);
         factor(arch, &mut self.noise, Sweep { n: m, width, starts: &self.starts })?;
         let all =
@@ -197,6 +197,33 @@ impl Solver {
         for k in 0..n {
             self.gain.row_mut(k)[at..].copy_from_slice(root.row(n - 1 - k));
         }
+    }
+
+    /// Behind `solve`: where the update leads, in units of the factor's rows, last row first.
+    pub fn place(&self, out: &mut [f64]) {
+        let (n, at) = (self.states, padded(self.states));
+        for i in (0..n).rev() {
+            let row = self.gain.row(i);
+            let known: f64 = row[i + 1..n].iter().zip(&out[i + 1..]).map(|(v, x)| v * x).sum();
+            out[i] = (row[at] - known) / row[i];
+        }
+    }
+
+    /// Behind `solve`: how long such a step is in standard deviations behind the update.
+    pub fn length(&self, step: &[f64]) -> f64 {
+        let n = self.states;
+        let along = |i: usize| -> f64 { self.gain.row(i)[i..n].iter().zip(&step[i..]).map(|(v, s)| v * s).sum() };
+        (0..n).map(|i| along(i).powi(2)).sum::<f64>().sqrt()
+    }
+
+    /// Behind `solve`: the squares that the update minimises, at such a place.
+    pub fn cost(&self, place: &[f64]) -> f64 {
+        let (h_at, y_at) = (self.states_at(), self.reading_at());
+        let left = |slot: usize| {
+            let row = self.noise.row(slot);
+            row[y_at] - row[h_at..].iter().zip(place).map(|(h, p)| h * p).sum::<f64>()
+        };
+        place.iter().map(|p| p * p).sum::<f64>() + (0..self.used).map(|slot| left(slot).powi(2)).sum::<f64>()
     }
 
     /// X' b into `shift`, X'X into `covariance`.

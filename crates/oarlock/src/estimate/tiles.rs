@@ -268,9 +268,11 @@ fn factor_rows<const FUSED: bool, const R: usize>(
 ) -> Result<(), NotPositive> {
     let stride = a.stride;
     let (above, rows) = a.data.split_at_mut(first * stride);
+    // Rows above that hold nothing in these columns take nothing away.
+    let own = sweep.start(first, 1).min(first);
     let corner = {
         let mut tile: Tile<R, 1> = load(rows, stride, first);
-        take::<FUSED, R, 1>(&mut tile, above, stride, [first, first], 0..first);
+        take::<FUSED, R, 1>(&mut tile, above, stride, [first, first], own..first);
         let corner = corner(&tile, first)?;
         for (r, row) in corner.u.iter().enumerate() {
             rows[r * stride + first..][..R].copy_from_slice(row);
@@ -281,7 +283,7 @@ fn factor_rows<const FUSED: bool, const R: usize>(
         let start = sweep.start(j, V);
         if start < first + R {
             let mut tile: Tile<R, V> = load(rows, stride, j);
-            take::<FUSED, R, V>(&mut tile, above, stride, [first, j], start.min(first)..first);
+            take::<FUSED, R, V>(&mut tile, above, stride, [first, j], start.max(own).min(first)..first);
             finish::<FUSED, R, V>(&mut tile, &corner);
             store(&tile, rows, stride, j);
         }

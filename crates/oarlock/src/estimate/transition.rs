@@ -93,7 +93,7 @@ fn multiply<'a>(blocks: impl Iterator<Item = &'a Block>, x: &mut [f64]) {
 }
 
 /// x <- F' x.
-fn multiply_transposed<'a>(blocks: impl Iterator<Item = &'a Block>, x: &mut [f64]) {
+pub(super) fn multiply_transposed<'a>(blocks: impl Iterator<Item = &'a Block>, x: &mut [f64]) {
     for b in blocks.filter(|b| !b.stays()) {
         let old = b.index.map(|i| x[i]);
         for c in 0..b.len {

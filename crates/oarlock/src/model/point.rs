@@ -50,6 +50,11 @@ impl Point {
         point
     }
 
+    /// Number of each estimated parameter that moves the point, and how far (m per unit of it).
+    pub fn slopes(&self) -> &[(usize, [f64; 3])] {
+        &self.slopes
+    }
+
     /// In the axes that `rotation` leads to, at these values of the estimated parameters.
     #[inline(always)]
     pub fn turned<T: Real>(&self, rotation: &Mat3<T>, lengths: &[T]) -> Vec3<T> {

@@ -9,7 +9,7 @@ use crate::model::{Closure, Point};
 #[derive(Debug, Clone)]
 pub struct Loop {
     pub(super) sides: [(usize, Point); 2],
-    axes: Option<[[f64; 3]; 2]>,
+    pub(super) axes: Option<[[f64; 3]; 2]>,
     std_m: f64,
     std_axis: f64,
 }

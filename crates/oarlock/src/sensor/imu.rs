@@ -18,7 +18,7 @@ pub struct Imu {
     pub frame: usize,
     rotation: Mat3<f64>,
     pub(super) offset: Point,
-    noise: ImuNoise,
+    pub(super) noise: ImuNoise,
     /// Number among the units whose mount is estimated.
     pub(super) mount: Option<usize>,
 }
@@ -78,7 +78,10 @@ impl Imu {
     /// How it stands on a link that moves so.
     #[inline(always)]
     pub fn stand(&self, frame: &FrameMotion<f64>, worn: Worn<f64>) -> Stand {
-        Stand { rotation: self.root_from_sensor(frame, worn.mounts), arm: self.offset.turned(&frame.rotation, worn.lengths) }
+        Stand {
+            rotation: self.root_from_sensor(frame, worn.mounts),
+            arm: self.offset.turned(&frame.rotation, worn.lengths),
+        }
     }
 
     /// Readings of a unit that stands so, as far as its link's motion or the field is given.

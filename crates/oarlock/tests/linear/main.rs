@@ -52,6 +52,8 @@ fn samples(count: usize, seed: u64) -> Vec<Sample> {
     (0..count).map(one).collect()
 }
 
+type Make = fn(&Linear, &Groups) -> Filter<Linear>;
+
 /// The filter's way over the samples: per step the transition, the prediction and what came of it.
 struct Way {
     first: Belief,
@@ -59,8 +61,12 @@ struct Way {
 }
 
 fn filtered(system: &Linear, samples: &[Sample]) -> Way {
+    filtered_by(Filter::new, system, samples)
+}
+
+fn filtered_by(make: Make, system: &Linear, samples: &[Sample]) -> Way {
     let groups = Groups { parts: vec![0..2, 2..ROWS], sources: vec![0..2, 2..ROWS], inertial: vec![0, 1] };
-    let mut filter = Filter::new(system, &groups);
+    let mut filter = make(system, &groups);
     let mut info = Info::new(&groups, ROWS);
     let mut belief = start();
     let mut update = |filter: &mut Filter<Linear>, belief: &mut Belief, z: &[f64]| {
@@ -121,9 +127,15 @@ fn apart(ours: &Belief, mean: &DVector<f64>, covariance: &DMatrix<f64>) -> f64 {
 }
 
 #[test]
-fn filter_is_kalmans() {
+fn every_filter_is_kalmans() {
+    assert_is_kalmans("unscented", Filter::new);
+    assert_is_kalmans("extended", |system, groups| Filter::extended(system, groups, 1));
+    assert_is_kalmans("iterated", |system, groups| Filter::extended(system, groups, 3));
+}
+
+fn assert_is_kalmans(what: &str, make: Make) {
     let (system, samples) = (Linear::new(), samples(500, 1));
-    let way = filtered(&system, &samples);
+    let way = filtered_by(make, &system, &samples);
     let prior = start();
     let mut kalman = Kalman { mean: DVector::from_row_slice(&prior.mean), covariance: matrix(&prior.covariance) };
     kalman.update(&system, &samples[0].z);
@@ -133,7 +145,7 @@ fn filter_is_kalmans() {
         kalman.update(&system, &pair[1].z);
         worst = worse(worst, apart(belief, &kalman.mean, &kalman.covariance));
     }
-    println!("filter against Kalman, 500 samples: {worst:.1e} sigma");
+    println!("{what} filter against Kalman, 500 samples: {worst:.1e} sigma");
     assert!(worst < SAME_SIGMA, "{worst:e}");
 }
 

@@ -88,6 +88,14 @@ impl System for Linear {
         &[]
     }
 
+    fn linearise(&self, _: &(), _: &mut (), mean: &[f64], center: &mut [f64], jacobian: &mut [f64]) {
+        for (r, center) in center.iter_mut().enumerate() {
+            let terms = self.readings[r].iter().zip(mean);
+            *center = self.zero[r] + terms.map(|(h, x)| h * x).sum::<f64>();
+            jacobian[r * STATES..(r + 1) * STATES].copy_from_slice(&self.readings[r]);
+        }
+    }
+
     fn readings(&self, _: &(), _: &mut (), at: Points, out: &mut [Lane]) {
         for (r, out) in out.iter_mut().enumerate() {
             let terms = self.readings[r].iter().enumerate();

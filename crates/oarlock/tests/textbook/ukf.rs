@@ -123,7 +123,7 @@ impl Ukf<'_> {
     }
 
     /// Moves the mean; the covariance is seen from there.
-    fn shift(&mut self, delta: &DVector<f64>) {
+    pub fn shift(&mut self, delta: &DVector<f64>) {
         let n = self.mean.len();
         let mut seen = DMatrix::identity(n, n);
         for &first in &self.body.turns {

@@ -1,0 +1,295 @@
+//! How the motion of every frame answers to the joints and lengths in front of it, exactly and in one pass.
+//!
+//! Whatever lies behind a joint moves with it as one rigid piece, so a small change of a coordinate is five vectors that
+//! hold for all of it, written at the root's origin: the derivatives of a spatial acceleration (Featherstone 2008, chapter 2;
+//! Carpentier and Mansard 2018), here of the accelerations that an accelerometer feels. With the joint at o, an axis e, and
+//! the carrier's spin w, its derivative wd, its velocity v and proper acceleration a at o, the change of
+//!
+//! - an angle turns all by e and leaves the carrier's motion: spin = -e x w, spun = -e x wd + w x spin;
+//! - a rate adds spin = e, spun = (w + w') x e, w' being the child's spin;
+//! - an acceleration adds spun = e;
+//!
+//! and push = -e x a (of an angle) - spun x o - 2 spin x v. A slide pushes by wd x e + w x (w x e), 2 w x e and e.
+
+use super::{Fixed, FrameMotion, JointMotion, Link, Moved, Tree};
+use crate::model::{JointKind, Point};
+use crate::rotation::Vec3;
+use std::ops::Range;
+
+/// Which of the vectors of a slope are not zero.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Of an angle: all of them.
+    Turn,
+    /// Of its rate: all but `turn` and `shift`.
+    Rate,
+    /// Of its acceleration: `spun` and `push`.
+    Accel,
+    /// Of a place or a length: `shift` and `push`.
+    Shift,
+    /// Of a place's rate or acceleration: `push`.
+    Push,
+}
+
+/// What a unit of one number adds to the motion of all that lies behind it, in root axes.
+#[derive(Debug, Clone, Copy)]
+pub struct Slope {
+    /// Column of the Jacobian.
+    pub column: usize,
+    /// Which vectors count.
+    pub kind: Kind,
+    /// Small rotation about the root's origin.
+    pub turn: Vec3<f64>,
+    /// Small move of what lies at the root's origin.
+    pub shift: Vec3<f64>,
+    /// Angular velocity, seen by who turns along.
+    pub spin: Vec3<f64>,
+    /// Angular acceleration, as it acts on accelerations.
+    pub spun: Vec3<f64>,
+    /// Proper acceleration at the root's origin.
+    pub push: Vec3<f64>,
+}
+
+impl Slope {
+    /// Of the proper acceleration at a place that has a velocity (m, m/s), seen by who turns along.
+    #[inline(always)]
+    pub fn acceleration(&self, place: Vec3<f64>, velocity: Vec3<f64>) -> Vec3<f64> {
+        match self.kind {
+            Kind::Turn | Kind::Rate => self.push + self.spun.cross(place) + self.spin.cross(velocity + velocity),
+            Kind::Accel => self.push + self.spun.cross(place),
+            Kind::Shift | Kind::Push => self.push,
+        }
+    }
+
+    /// Of a place, m.
+    #[inline(always)]
+    pub fn place(&self, place: Vec3<f64>) -> Vec3<f64> {
+        match self.kind {
+            Kind::Turn => self.shift + self.turn.cross(place),
+            _ => self.shift,
+        }
+    }
+}
+
+/// Where the numbers that move a body stand in a Jacobian, and by what the column is multiplied.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Columns {
+    /// Per coordinate: its value, rate and acceleration.
+    pub coordinates: Vec<[Option<(usize, f64)>; 3]>,
+    /// Per estimated length.
+    pub lengths: Vec<usize>,
+}
+
+/// All slopes of a tree, and the velocity of every frame's origin.
+#[derive(Debug, Clone)]
+pub struct Slopes {
+    columns: Columns,
+    slopes: Vec<Slope>,
+    /// Of the frame's own link.
+    own: Vec<Range<usize>>,
+    parents: Vec<usize>,
+    /// m/s in root axes.
+    pub velocity: Vec<Vec3<f64>>,
+}
+
+impl Slopes {
+    /// Slopes of a frame's motion: its own and those of its ancestors.
+    #[inline(always)]
+    pub fn felt_by(&self, mut frame: usize, mut see: impl FnMut(&Slope)) {
+        while frame != 0 {
+            self.slopes[self.own[frame].clone()].iter().for_each(&mut see);
+            frame = self.parents[frame];
+        }
+    }
+}
+
+/// How a point moves with the lengths that it depends on, seen from a frame that moves so: column, shift and push.
+#[inline(always)]
+pub fn stretched(
+    point: &Point,
+    motion: &FrameMotion<f64>,
+    columns: &[usize],
+    mut see: impl FnMut(usize, Vec3<f64>, Vec3<f64>),
+) {
+    for (number, slope) in point.slopes() {
+        let shift = motion.rotation.apply_f64(*slope);
+        see(columns[*number], shift, motion.rigid_acceleration(shift));
+    }
+}
+
+impl FrameMotion<f64> {
+    /// Of a point `arm` away, against the origin.
+    #[inline(always)]
+    fn rigid_acceleration(&self, arm: Vec3<f64>) -> Vec3<f64> {
+        let w = self.angular_velocity;
+        self.angular_acceleration.cross(arm) + w.cross(w.cross(arm))
+    }
+}
+
+fn three(v: &[f64], first: usize) -> Vec3<f64> {
+    Vec3([v[first], v[first + 1], v[first + 2]])
+}
+
+/// A frame on its way down the tree.
+struct Walk<'a> {
+    columns: &'a Columns,
+    slopes: &'a mut [Slope],
+    next: usize,
+    motion: FrameMotion<f64>,
+    velocity: Vec3<f64>,
+}
+
+const ZERO: Vec3<f64> = Vec3([0.0; 3]);
+
+impl Walk<'_> {
+    fn push(&mut self, column: usize, kind: Kind, vectors: [Vec3<f64>; 5]) {
+        let [turn, shift, spin, spun, push] = vectors;
+        self.slopes[self.next] = Slope { column, kind, turn, shift, spin, spun, push };
+        self.next += 1;
+    }
+
+    fn carried(&mut self, fixed: &Fixed, joints: &JointMotion<f64>) {
+        let columns = self.columns;
+        let here = self.motion;
+        stretched(&fixed.translation, &here, &columns.lengths, |column, shift, push| {
+            self.push(column, Kind::Shift, [ZERO, shift, ZERO, ZERO, push]);
+        });
+        self.motion.carried(fixed, joints.lengths, true);
+        self.velocity += here.angular_velocity.cross(self.motion.position - here.position);
+    }
+
+    fn moved(&mut self, joint: &Moved, joints: &JointMotion<f64>) {
+        let (first, here) = (joint.first, self.motion);
+        let z = here.rotation.column(2) * joint.sign;
+        match joint.kind {
+            JointKind::Fixed => {}
+            JointKind::Hinge => {
+                self.motion.moved(joint, joints, true, None);
+                self.turn(first, z, &here);
+            }
+            JointKind::Slide => {
+                self.motion.moved(joint, joints, true, None);
+                self.slide(first, z, &here);
+                self.travel(z * joints.qd[first], &here);
+            }
+            JointKind::Ball => self.ball(first, joint.turn, joints),
+            JointKind::Free => {
+                let [p, v, a] = [joints.q, joints.qd, joints.qdd].map(|x| three(x, first));
+                self.motion.placed(p, v, a);
+                (0..3).for_each(|k| self.slide(first + k, here.rotation.column(k), &here));
+                self.travel(here.rotation.apply(v), &here);
+                self.ball(first + 3, joint.turn, joints);
+            }
+        }
+    }
+
+    fn ball(&mut self, first: usize, number: usize, joints: &JointMotion<f64>) {
+        let here = self.motion;
+        let [r, w, wd] = [joints.q, joints.qd, joints.qdd].map(|x| three(x, first));
+        self.motion.balled(joints.anchors.get(number), r, w, wd);
+        let turned = self.motion.rotation;
+        (0..3).for_each(|k| self.turn(first + k, turned.column(k), &here));
+    }
+
+    /// The origin has moved from `here`, and moves on by `rate` in the carrier.
+    fn travel(&mut self, rate: Vec3<f64>, here: &FrameMotion<f64>) {
+        self.velocity += rate + here.angular_velocity.cross(self.motion.position - here.position);
+    }
+
+    /// A coordinate that turns about `axis`, carried by `here`.
+    fn turn(&mut self, coordinate: usize, axis: Vec3<f64>, here: &FrameMotion<f64>) {
+        let [value, rate, accel] = self.columns.coordinates[coordinate];
+        let (origin, velocity, w) = (here.position, self.velocity, here.angular_velocity);
+        let push = |spin: Vec3<f64>, spun: Vec3<f64>| origin.cross(spun) + velocity.cross(spin + spin);
+        if let Some((column, scale)) = value {
+            let e = axis * scale;
+            let spin = w.cross(e);
+            let spun = here.angular_acceleration.cross(e) + w.cross(spin);
+            let push = push(spin, spun) + here.proper_acceleration.cross(e);
+            self.push(column, Kind::Turn, [e, origin.cross(e), spin, spun, push]);
+        }
+        if let Some((column, scale)) = rate {
+            let e = axis * scale;
+            let spun = (w + self.motion.angular_velocity).cross(e);
+            self.push(column, Kind::Rate, [ZERO, ZERO, e, spun, push(e, spun)]);
+        }
+        if let Some((column, scale)) = accel {
+            let e = axis * scale;
+            self.push(column, Kind::Accel, [ZERO, ZERO, ZERO, e, origin.cross(e)]);
+        }
+    }
+
+    /// A coordinate that slides along `axis`, carried by `here`.
+    fn slide(&mut self, coordinate: usize, axis: Vec3<f64>, here: &FrameMotion<f64>) {
+        let [value, rate, accel] = self.columns.coordinates[coordinate];
+        if let Some((column, scale)) = value {
+            let e = axis * scale;
+            self.push(column, Kind::Shift, [ZERO, e, ZERO, ZERO, here.rigid_acceleration(e)]);
+        }
+        if let Some((column, scale)) = rate {
+            let e = axis * scale;
+            self.push(column, Kind::Push, [ZERO, ZERO, ZERO, ZERO, here.angular_velocity.cross(e + e)]);
+        }
+        if let Some((column, scale)) = accel {
+            self.push(column, Kind::Push, [ZERO, ZERO, ZERO, ZERO, axis * scale]);
+        }
+    }
+}
+
+impl Link {
+    /// How many slopes the link has of its own.
+    fn slope_count(&self, columns: &Columns) -> usize {
+        let there = |c: usize| columns.coordinates[c].iter().flatten().count();
+        let joint = self.joint.map_or(0, |j| (j.first..j.first + j.kind.width()).map(there).sum());
+        let fixed = [&self.before, &self.after].into_iter().flatten().map(|f| f.translation.slopes().len());
+        joint + fixed.sum::<usize>()
+    }
+}
+
+impl Tree {
+    /// Room for the slopes of this tree.
+    pub fn slopes(&self, columns: Columns) -> Slopes {
+        let mut own = Vec::with_capacity(self.len());
+        let mut total = 0;
+        for link in &self.links {
+            let count = link.slope_count(&columns);
+            own.push(total..total + count);
+            total += count;
+        }
+        let none = Slope { column: 0, kind: Kind::Push, turn: ZERO, shift: ZERO, spin: ZERO, spun: ZERO, push: ZERO };
+        Slopes {
+            columns,
+            slopes: vec![none; total],
+            own,
+            parents: self.links.iter().map(|l| l.parent).collect(),
+            velocity: vec![ZERO; self.len()],
+        }
+    }
+
+    /// Like `motions`, with the slopes of every frame that is `needed`; the root's origin does not move. Allocates nothing.
+    pub fn motions_with_slopes(
+        &self,
+        root: FrameMotion<f64>,
+        joints: JointMotion<f64>,
+        needed: &[bool],
+        frames: &mut [FrameMotion<f64>],
+        slopes: &mut Slopes,
+    ) {
+        frames[0] = root;
+        let Slopes { columns, slopes, own, velocity, .. } = slopes;
+        for (i, link) in self.links.iter().enumerate().skip(1).filter(|(i, _)| needed[*i]) {
+            let (motion, rate, next) = (frames[link.parent], velocity[link.parent], own[i].start);
+            let mut walk = Walk { columns, slopes, next, motion, velocity: rate };
+            if let Some(before) = &link.before {
+                walk.carried(before, &joints);
+            }
+            if let Some(joint) = &link.joint {
+                walk.moved(joint, &joints);
+            }
+            if let Some(after) = &link.after {
+                walk.carried(after, &joints);
+            }
+            (frames[i], velocity[i]) = (walk.motion, walk.velocity);
+        }
+    }
+}

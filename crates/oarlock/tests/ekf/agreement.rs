@@ -1,0 +1,117 @@
+//! The extended filters of the product equal the plain ones, step for step.
+
+use super::body::Naive;
+use super::plain::update;
+use super::support::chance::Chance;
+use super::support::record::{punch_holes, times, Scene};
+use super::support::stroke::{Posture, Stroke};
+use super::support::tree::TREE;
+use super::support::wave::Wave;
+use super::support::{belief, body, model, plain, start_std, worse, SCULLER};
+use super::ukf::{Ukf, Weights};
+use nalgebra::{DMatrix, DVector};
+use oarlock::body::Body;
+use oarlock::config::{Config, FilterKind};
+use oarlock::track::{Calibration, Status, Tracker};
+
+/// As for the unscented filter: rounding, at condition numbers that take eight of sixteen digits. The plain one's Jacobian is good
+/// to twelve.
+const SAME_FILTER_SIGMA: f64 = 1e-8;
+
+/// Readings with the loops closed where both angles of the oar are there.
+fn with_loops(z: &[f64], body: &Body, inputs: &[f64]) -> Vec<f64> {
+    let mut z = z.to_vec();
+    let joint = |name: String| body.model.joints.iter().position(|j| j.name == name).unwrap();
+    for source in body.suite.sources.iter().filter(|s| s.name.ends_with("_grip")) {
+        let side = source.name[..1].to_string();
+        if ["phi", "alpha"].iter().all(|a| !inputs[joint(format!("{side}_oar_{a}"))].is_nan()) {
+            z[source.rows.clone()].fill(0.0);
+        }
+    }
+    z
+}
+
+/// Both filters side by side at 100 Hz: how far apart they ever were, mean and covariance, and how many rounds they took.
+fn run_both(
+    body: &Body,
+    motion: &dyn Fn(f64) -> Posture,
+    config: &Config,
+    steps: usize,
+    seed: u64,
+) -> (f64, f64, usize) {
+    let surge = |t: f64| if config.estimate.is_empty() { 0.0 } else { (2.9 * t).sin() };
+    let scene = Scene { body, motion, surge: &surge, azimuth_rad: 0.3, noise: 1.0 };
+    let mut chance = Chance::new(seed);
+    let mut samples = scene.samples(&times(0.01, 0.01, steps), &mut chance);
+    punch_holes(body, &mut samples, &mut chance);
+    let std = start_std(body);
+    let n = std.len();
+    let mut plain = Ukf {
+        body: Naive::new(&body.model, body.model.default_parameters(), &body.layout.names),
+        mean: DVector::from_vec(scene.state(0.0)),
+        covariance: DMatrix::from_diagonal(&DVector::from_vec(std.iter().map(|s| s * s).collect())),
+        weights: Weights::new(n, 1.0, 2.0, 0.0),
+    };
+    plain.mean = plain.at(&DVector::from_vec(std.iter().map(|s| 0.5 * s * chance.normal()).collect()));
+    let mut tracker = Tracker::new(body.model.clone(), &Calibration::default(), config).unwrap();
+    tracker.resume(belief(body, 0.0, plain.mean.as_slice().to_vec(), &std)).unwrap();
+    let (noise, most) = (plain.body.std(), if config.filter == FilterKind::Ekf { 1 } else { 3 });
+    let (mut means, mut covariances, mut rounds, mut before) = (0.0, 0.0, 0, 0.0);
+    for sample in &samples {
+        plain.predict(sample.time_s - before);
+        before = sample.time_s;
+        let z = with_loops(&sample.z, body, &sample.inputs);
+        rounds += update(&mut plain, &z, &noise, &sample.inputs, most);
+        assert_eq!(tracker.step(sample).unwrap(), Status::Tracking);
+        let ours = tracker.belief().unwrap();
+        let away = plain.away(&DVector::from_row_slice(&ours.mean));
+        let sigma = plain.covariance.diagonal().map(f64::sqrt);
+        for i in 0..n {
+            means = worse(means, away[i].abs() / sigma[i]);
+            for j in 0..n {
+                let gap = (ours.covariance.at(i, j) - plain.covariance[(i, j)]).abs();
+                covariances = worse(covariances, gap / (sigma[i] * sigma[j]));
+            }
+        }
+    }
+    (means, covariances, rounds)
+}
+
+fn assert_same(what: &str, (means, covariances, rounds): (f64, f64, usize)) {
+    println!("{what}: mean {means:.2e} sigma, covariance {covariances:.2e} sigma sigma, {rounds} rounds");
+    assert!(means < SAME_FILTER_SIGMA, "{what}: mean {means:e}");
+    assert!(covariances < SAME_FILTER_SIGMA, "{what}: covariance {covariances:e}");
+}
+
+#[test]
+fn on_a_sculler() {
+    for (filter, estimate, steps) in [
+        (FilterKind::Ekf, &[][..], 120),
+        (FilterKind::Ekf, &["gyro_bias", "accel_bias", "surge"], 30),
+        (FilterKind::Iekf, &[], 40),
+    ] {
+        let config = Config { filter, ..plain(estimate) };
+        let body = body(&model(SCULLER), &config);
+        let stroke = Stroke::new(&body, 2.2);
+        let apart = run_both(&body, &|t| stroke.at(t), &config, steps, 1);
+        assert_same(&format!("sculler, {filter:?}, {} states", body.layout.dim()), apart);
+    }
+}
+
+#[test]
+fn on_balls_and_free_joints() {
+    let all = ["gyro_bias", "accel_bias", "surge", "heave"];
+    for (filter, estimate, steps) in
+        [(FilterKind::Ekf, &[][..], 150), (FilterKind::Ekf, &all, 60), (FilterKind::Iekf, &[], 100)]
+    {
+        let text = TREE.replace("azimuth_fixed = true", "azimuth_fixed = false");
+        let config = Config { filter, ..plain(estimate) };
+        let body = body(&model(&text), &config);
+        let wave = Wave::random(&body.model, 0.8, 0.8, &mut Chance::new(2));
+        let apart = run_both(&body, &|t| wave.at(t), &config, steps, 3);
+        assert_same(&format!("tree, {filter:?}, {} states", body.layout.dim()), apart);
+        if filter == FilterKind::Iekf {
+            assert!(apart.2 > 2 * steps - 20, "nothing was iterated: {}", apart.2);
+        }
+    }
+}
