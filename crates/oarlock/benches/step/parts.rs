@@ -10,7 +10,7 @@ use std::hint::black_box;
 
 /// Whole steps.
 pub fn steps(c: &mut Criterion) {
-    timed(c, "step", |tracker, k| sample(tracker, k));
+    timed(c, "step", sample);
 }
 
 /// Steps that predict over next to no time: almost all of it is the update.
