@@ -104,7 +104,7 @@ def track(
     ] = _MAGNETOMETER,
     filter_name: Annotated[
         Filter,
-        typer.Option("--filter", help="Sigma points; or linearised once, or until it settles: faster."),
+        typer.Option("--filter", help="Sigma points; or linearised once (faster), or until it settles."),
     ] = _FILTER,
     initial_q: Annotated[
         list[str] | None,
