@@ -1,0 +1,106 @@
+//! Which readings an update believes, and what it reports of each source.
+
+use super::{Filter, Gate, Info, Manner, Sighting, Slant, SourceInfo, Verdict, ABSURD_NIS};
+use crate::estimate::belief::Belief;
+use crate::estimate::{gate, System};
+use std::ops::Range;
+
+impl<S: System> Filter<S> {
+    pub(super) fn judge(&mut self, sighting: Sighting, manner: Manner, belief: &mut Belief, info: &mut Info) {
+        let gate = manner.gate;
+        let groups = sighting.groups;
+        (self.rejected_nis, self.rejected_rows) = (0.0, 0);
+        let mut source = 0;
+        for (p, rows) in groups.parts.iter().enumerate() {
+            while groups.sources[source].end <= rows.start {
+                source += 1;
+            }
+            let count = self.used[rows.clone()].iter().filter(|&&u| u).count();
+            info.parts[p] = Verdict::Missing;
+            if count == 0 {
+                continue;
+            }
+            let first = rows.start - groups.sources[source].start;
+            let weight = self.weight[rows.start];
+            let slanted = sighting.slants[p].is_some_and(|s| self.is_slanted(source, first, weight, s));
+            let (barred, strict) = (sighting.barred[p] || slanted, sighting.strict[p]);
+            let slack = if strict { 1.0 } else { gate.slack };
+            let since = &mut belief.rejected_since_s[p];
+            let patience_s = if strict { gate.strict_patience_s } else { self.patience_s(gate) };
+            let patient = since.is_nan() || belief.time_s - *since <= patience_s;
+            let nis = self.nis(source, first, rows.clone());
+            // Written so that what is not a number is absurd too.
+            let absurd = !nis.is_some_and(|x| x < ABSURD_NIS);
+            let nis = nis.filter(|_| !absurd).unwrap_or(ABSURD_NIS);
+            let habit = &mut belief.habit[p];
+            let beyond = gate.on && nis > slack * habit.max(1.0) * gate::threshold(count);
+            let odd = absurd || (beyond && patient);
+            if !(barred || strict && odd) {
+                *habit = manner.learning.habit(*habit, self.since_s, nis / count as f64);
+            }
+            if odd && !barred {
+                self.rejected_nis += nis.min(slack * gate::threshold(count));
+                self.rejected_rows += count;
+            }
+            if barred || odd {
+                self.used[rows.clone()].fill(false);
+                rows.clone().for_each(|r| self.solver.reject(r));
+            }
+            info.parts[p] = match (sighting.barred[p], slanted, odd) {
+                (true, ..) => Verdict::Barred,
+                (_, true, _) => Verdict::Slanted,
+                (.., true) => Verdict::Odd,
+                _ => Verdict::Believed,
+            };
+            let doubted = if strict { (absurd || beyond) && !barred } else { odd };
+            *since = match (doubted, since.is_nan()) {
+                (true, true) => belief.time_s,
+                (true, false) => *since,
+                _ => f64::NAN,
+            };
+        }
+    }
+
+    /// Whether a part whose rows of their source begin at `first` is farther off in its direction than tolerance and belief allow.
+    fn is_slanted(&self, source: usize, first: usize, weight: f64, slant: Slant) -> bool {
+        let block = self.solver.block(source);
+        let along = slant.along;
+        let term = |i: usize, j: usize| along[i] * along[j] * block.at(first + i.min(j), first + i.max(j));
+        let all: f64 = (0..3).map(|i| (0..3).map(|j| term(i, j)).sum::<f64>()).sum();
+        // The block counts the noise too, which is 1.
+        let spread = (all - 1.0).max(0.0).sqrt();
+        (slant.off * weight).abs() > (slant.tolerance * weight).max(slant.sigmas * spread)
+    }
+
+    /// How long a part may be rejected before it is believed; at low rates a few samples at least.
+    pub fn patience_s(&self, gate: Gate) -> f64 {
+        gate.patience_s.max(3.0 * self.since_s)
+    }
+
+    /// Of the used ones among some rows of a source, of which they begin with number `first`.
+    fn nis(&self, source: usize, first: usize, rows: Range<usize>) -> Option<f64> {
+        let (y, used) = (&self.y[rows.clone()], &self.used[rows]);
+        gate::nis(self.solver.block(source), first, y, used)
+    }
+
+    pub(super) fn report(&mut self, sighting: Sighting, info: &mut Info) {
+        for (s, rows) in sighting.groups.sources.iter().enumerate() {
+            let there = rows.clone().filter(|&r| !info.innovation[r].is_nan()).count();
+            let used = rows.clone().filter(|&r| self.used[r]).count();
+            let nis = self.nis(s, 0, rows.clone()).filter(|_| used > 0).unwrap_or(f64::NAN);
+            let (missing, rejected) = (rows.len() - there, there - used);
+            info.sources[s] = SourceInfo { nis, used: used as u8, rejected: rejected as u8, missing: missing as u8 };
+        }
+    }
+
+    pub(super) fn report_missing(&mut self, sighting: Sighting, info: &mut Info) {
+        info.innovation.fill(f64::NAN);
+        info.nis = f64::NAN;
+        info.inertial = (f64::NAN, 0);
+        info.evidence = 0.0;
+        info.parts.fill(Verdict::Missing);
+        for (source, rows) in info.sources.iter_mut().zip(&sighting.groups.sources) {
+            *source = SourceInfo { nis: f64::NAN, used: 0, rejected: 0, missing: rows.len() as u8 };
+        }
+    }
+}
