@@ -5,6 +5,7 @@ pub mod begin;
 pub mod loops;
 pub mod lost;
 pub mod magnetic;
+pub mod many;
 pub mod notes;
 pub mod regain;
 pub mod rest;

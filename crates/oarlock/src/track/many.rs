@@ -1,0 +1,148 @@
+//! Several recordings side by side, each tracked as if it were alone.
+
+use super::notes::notes;
+use super::run::{track, Progress, Run};
+use super::Calibration;
+use crate::config::Config;
+use crate::error::{Error, Result};
+use crate::model::Model;
+use crate::recording::Stream;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{channel, Receiver, RecvTimeoutError};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// A recording to be tracked, and how.
+#[derive(Debug, Clone)]
+pub struct Job {
+    /// The body.
+    pub model: Arc<Model>,
+    /// What was measured.
+    pub streams: Vec<Stream>,
+    /// Of this wearing.
+    pub calibration: Calibration,
+    /// Of this run.
+    pub config: Config,
+    /// Whether to go back over the track; only the smoothed one is kept.
+    pub smooth: bool,
+}
+
+/// A recording that was tracked to its end.
+#[derive(Debug, Clone)]
+pub struct Done {
+    /// The track, smoothed if that was asked for.
+    pub run: Run,
+    /// What was missing or odd while it was filtered.
+    pub notes: Vec<String>,
+    /// Time that filtering took, s.
+    pub wall_s: f64,
+    /// Time that smoothing took, s.
+    pub smoothing_wall_s: Option<f64>,
+}
+
+/// How often the caller hears of progress and may stop the work.
+const TELL_EVERY: Duration = Duration::from_millis(50);
+
+/// Tracks every job on its own; results stand in the order of the jobs, and a job that fails has its error there while
+/// the others go on. No result depends on the number of threads, all cores if `None`.
+///
+/// `progress` is told by the calling thread; if it returns false all work ends in `Error::Stopped`.
+pub fn track_many(jobs: Vec<Job>, threads: Option<usize>, progress: Progress) -> Result<Vec<Result<Done>>> {
+    if jobs.is_empty() {
+        return Ok(Vec::new());
+    }
+    let pool = pool(threads, jobs.len())?;
+    let watch = Watch::over(jobs.len());
+    let mut results: Vec<Result<Done>> = jobs.iter().map(|_| Err(Error::Stopped)).collect();
+    let (sender, receiver) = channel();
+    pool.in_place_scope_fifo(|scope| {
+        for (index, job) in jobs.into_iter().enumerate() {
+            let (sender, watch) = (sender.clone(), &watch);
+            scope.spawn_fifo(move |_| {
+                let result = job.run(&mut |share| watch.go_on(index, share));
+                // It fails only if the one who waits is gone, and then nobody wants it.
+                let _ = sender.send((index, result));
+            });
+        }
+        drop(sender);
+        watch.collect(&receiver, &mut results, progress);
+    });
+    if watch.stop.into_inner() {
+        return Err(Error::Stopped);
+    }
+    Ok(results)
+}
+
+fn pool(threads: Option<usize>, jobs: usize) -> Result<ThreadPool> {
+    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = threads.unwrap_or_else(cores);
+    if threads == 0 {
+        return Err(Error::Data("threads = 0: nothing can run; give 1 or more, or none for all cores".into()));
+    }
+    let threads = threads.min(jobs);
+    let pool = ThreadPoolBuilder::new().num_threads(threads).build();
+    pool.map_err(|e| Error::Data(format!("{threads} threads could not be started ({e}): give fewer")))
+}
+
+impl Job {
+    fn run(self, progress: Progress) -> Result<Done> {
+        // Whoever waits in line when the work is stopped does not begin.
+        if !progress(0.0) {
+            return Err(Error::Stopped);
+        }
+        let part = if self.smooth { 0.5 } else { 1.0 };
+        let begun = Instant::now();
+        let run = track(self.model, self.streams, &self.calibration, &self.config, None, &mut |s| progress(part * s))?;
+        let wall_s = begun.elapsed().as_secs_f64();
+        let notes = notes(&run);
+        if !self.smooth {
+            return Ok(Done { run, notes, wall_s, smoothing_wall_s: None });
+        }
+        let begun = Instant::now();
+        let run = run.smooth(&mut |s| progress(part * (1.0 + s)))?;
+        Ok(Done { run, notes, wall_s, smoothing_wall_s: Some(begun.elapsed().as_secs_f64()) })
+    }
+}
+
+/// What the workers and the one who waits for them tell each other.
+struct Watch {
+    /// Bits of the share done, per job.
+    shares: Vec<AtomicU64>,
+    stop: AtomicBool,
+}
+
+impl Watch {
+    fn over(jobs: usize) -> Self {
+        let shares = (0..jobs).map(|_| AtomicU64::new(0.0_f64.to_bits())).collect();
+        Watch { shares, stop: AtomicBool::new(false) }
+    }
+
+    /// A worker tells how far it is, and hears whether to go on.
+    fn go_on(&self, index: usize, share: f64) -> bool {
+        self.shares[index].store(share.to_bits(), Ordering::Relaxed);
+        !self.stop.load(Ordering::Relaxed)
+    }
+
+    fn share(&self) -> f64 {
+        let done = |s: &AtomicU64| f64::from_bits(s.load(Ordering::Relaxed));
+        self.shares.iter().map(done).sum::<f64>() / self.shares.len() as f64
+    }
+
+    /// Takes the results as they come, until every worker has sent its own.
+    fn collect(&self, receiver: &Receiver<(usize, Result<Done>)>, results: &mut [Result<Done>], progress: Progress) {
+        loop {
+            match receiver.recv_timeout(TELL_EVERY) {
+                Ok((index, result)) => {
+                    results[index] = result;
+                    self.shares[index].store(1.0_f64.to_bits(), Ordering::Relaxed);
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return,
+            }
+            if !self.stop.load(Ordering::Relaxed) && !progress(self.share()) {
+                self.stop.store(true, Ordering::Relaxed);
+            }
+        }
+    }
+}
