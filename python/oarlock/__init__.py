@@ -15,6 +15,7 @@ from oarlock.joint_centers import calibrate_joint_centers
 from oarlock.local_field import calibrate_field
 from oarlock.models import Base, load_model
 from oarlock.motion import Motion
+from oarlock.parallel_tracking import track_many
 from oarlock.pose_mounts import calibrate_pose
 from oarlock.recording import ImuStream, Recording, ScalarStream, VectorStream, load_recording
 from oarlock.simulate import simulate
@@ -56,6 +57,7 @@ __all__ = [
     "simulate",
     "smooth",
     "track",
+    "track_many",
 ]
 
 

@@ -139,6 +139,13 @@ def track(
     start: Belief | None,
     progress: Callable[[float], object] | None,
 ) -> Run: ...
+def track_many(
+    model: Model,
+    jobs: Sequence[tuple[Recording, Calibration | None, Config]],
+    smooth: bool,
+    threads: int | None,
+    progress: Callable[[float], object] | None,
+) -> list[tuple[Run, list[str], float, float | None] | ModelError | DataError | DivergedError]: ...
 def imu_signals(
     model: Model,
     calibration: Calibration | None,

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from oarlock import _core
-from oarlock._core import Belief, Config, Model
+from oarlock._core import Belief, Config, Model, Run
 from oarlock.calibration import Calibration
 from oarlock.errors import DataError, DivergedError
-from oarlock.plausibility import require_plausible
+from oarlock.plausibility import Finding, require_plausible
 from oarlock.recording import Recording
 from oarlock.suggest import did_you_mean
 from oarlock.track import Track, track_of_run
@@ -44,18 +44,47 @@ def track(
         DivergedError: the filter lost the track; `time_s` says when.
     """
     config = config if config is not None else Config()
-    _require_recording(recording)
-    _require_known(model, recording)
-    _require_one_clock(recording)
-    findings = require_plausible(recording)
+    findings = admit(model, recording)
     began = time.perf_counter()
     try:
         run = _core.track(model, recording, calibration, config, start, progress)
     except DivergedError as error:
-        for finding in findings:
-            error.add_note(f"{finding.sensor}: {finding.message}")
+        add_findings(error, findings)
         raise
     wall_s = time.perf_counter() - began
+    return finished(model, recording, calibration, config, run, run.notes, findings, wall_s)
+
+
+def admit(model: Model, recording: Recording) -> list[Finding]:
+    """What is odd about a recording that the model can track.
+
+    Raises:
+        DataError: as `track`.
+    """
+    _require_recording(recording)
+    _require_known(model, recording)
+    _require_one_clock(recording)
+    return require_plausible(recording)
+
+
+def add_findings(error: DivergedError, findings: Iterable[Finding]) -> None:
+    """Notes on an error what was odd about the recording from the beginning."""
+    for finding in findings:
+        error.add_note(f"{finding.sensor}: {finding.message}")
+
+
+def finished(
+    model: Model,
+    recording: Recording,
+    calibration: Calibration | None,
+    config: Config,
+    run: Run,
+    run_notes: Iterable[str],
+    findings: Iterable[Finding],
+    wall_s: float,
+    smoothing_wall_s: float | None = None,
+) -> Track:
+    """The track of a run, with notes and provenance; `run_notes` are those of the filtered run."""
     provenance = {
         "oarlock": _core.__version__,
         "model": model.name,
@@ -68,10 +97,12 @@ def track(
         "wall_s": wall_s,
         "steps_per_s": run.steps / wall_s,
     }
+    if smoothing_wall_s is not None:
+        provenance["smoothing_wall_s"] = smoothing_wall_s
     if calibration is not None and calibration.parameters:
         model = Model.from_toml(model.text, model.path, model.parameters | dict(calibration.parameters))
     notes = (
-        *run.notes,
+        *run_notes,
         *_subtracted(recording, calibration),
         *(f"{f.sensor}: {f.message}" for f in findings),
     )

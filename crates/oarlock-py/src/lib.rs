@@ -28,6 +28,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<tracker::PySample>()?;
     m.add_class::<tracker::PyTracker>()?;
     m.add_function(wrap_pyfunction!(run::track, m)?)?;
+    m.add_function(wrap_pyfunction!(run::track_many, m)?)?;
     m.add_function(wrap_pyfunction!(simulate::imu_signals, m)?)?;
     m.add_function(wrap_pyfunction!(calibrate::find_hinge_chain, m)?)?;
     m.add_function(wrap_pyfunction!(calibrate::find_joint_center, m)?)?;

@@ -7,6 +7,7 @@ use crate::model::PyModel;
 use crate::streams::{calibration, streams};
 use numpy::{PyArray1, PyArrayMethods};
 use oarlock::estimate::filter::SourceInfo;
+use oarlock::track::many::{track_many as engine_track_many, Job};
 use oarlock::track::notes::{at_nominal_mounts, notes};
 use oarlock::track::run::{track as engine_track, Run};
 use pyo3::prelude::*;
@@ -57,6 +58,37 @@ pub fn track(
     let start = start.map(|b| b.get().belief.clone());
     let run = detached(py, progress, move |p| engine_track(model, streams, &calibration, &config, start, p))?;
     Ok(PyRun(run))
+}
+
+/// A recording with its calibration and configuration.
+type Wearing<'py> = (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>, Bound<'py, PyConfig>);
+
+/// Tracks several recordings side by side, each given as (recording, calibration, config); see `oarlock.track_many`.
+/// Of each the exception that it ended in, or (run, notes, wall_s, smoothing_wall_s).
+#[pyfunction]
+pub fn track_many<'py>(
+    py: Python<'py>,
+    model: &Bound<'py, PyModel>,
+    jobs: Vec<Wearing<'py>>,
+    smooth: bool,
+    threads: Option<usize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyList>> {
+    let job = |(recording, calibration_, config): &Wearing<'py>| {
+        let (streams, calibration) = (streams(recording)?, calibration(calibration_.as_ref())?);
+        let (model, config) = (model.get().model.clone(), config.get().0.clone());
+        PyResult::Ok(Job { model, streams, calibration, config, smooth })
+    };
+    let jobs = jobs.iter().map(job).collect::<PyResult<Vec<Job>>>()?;
+    let results = detached(py, progress, move |p| engine_track_many(jobs, threads, p))?;
+    let out = PyList::empty(py);
+    for result in results {
+        match result {
+            Ok(done) => out.append((PyRun(done.run), done.notes, done.wall_s, done.smoothing_wall_s))?,
+            Err(e) => out.append(raise(py, e).into_value(py))?,
+        }
+    }
+    Ok(out)
 }
 
 #[pymethods]

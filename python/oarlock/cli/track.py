@@ -63,13 +63,20 @@ def add_to(app: typer.Typer) -> None:
             "oarlock track trial --model my.toml --set l_ua_r=0.31 --smooth --csv --out out",
             "oarlock track rec --model pendulum3 --calibration cal.toml --only upper,middle,lower --out out",
             "oarlock track trial --model sculler --out out --json | jq .steps_per_s",
+            "oarlock track monday tuesday friday --model sculler --threads 2 --out season",
         ),
     )(track)
 
 
 @verb
 def track(
-    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="A recording folder.")],
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RECORDING...",
+            help="A recording folder; or several, tracked side by side, each into FOLDER/its name.",
+        ),
+    ],
     model: ModelName,
     out: OutFolder,
     settings: Settings = None,
@@ -140,6 +147,10 @@ def track(
         float, typer.Option(metavar="X", help="Second-order weight, at least alpha^2.")
     ] = _DEFAULT["beta"],
     kappa: Annotated[float, typer.Option(metavar="X", help="Scaling, usually 0.")] = _DEFAULT["kappa"],
+    threads: Annotated[
+        int | None,
+        typer.Option("--threads", metavar="N", min=1, help="Recordings tracked at a time; else all cores."),
+    ] = None,
     csv: Annotated[bool, typer.Option("--csv", help="Also write the tables as CSV.")] = False,
     force: Force = False,
     json_output: Json = False,
@@ -167,9 +178,30 @@ def track(
         beta=beta,
         kappa=kappa,
     )
-    measured = load_recording(recording)
-    if only is not None:
-        measured = measured.only(names(only))
+
+    def load(folder: Path) -> Recording:
+        measured = load_recording(folder)
+        return measured if only is None else measured.only(names(only))
+
+    if len(recordings) > 1:
+        from oarlock.cli.track_several import folders_for, track_several
+
+        wearing = load_calibration(calibration) if calibration is not None else None
+        folders = folders_for(recordings, out, force)
+        track_several(
+            body,
+            load,
+            folders,
+            wearing,
+            config,
+            smooth=smooth,
+            threads=threads,
+            csv=csv,
+            json_output=json_output,
+        )
+        return
+    recording = recordings[0]
+    measured = load(recording)
     wearing = load_calibration(calibration) if calibration is not None else None
     if (out / RECORDING_FILE).exists():
         raise UsageError(f"{out} is a recording; results go into a folder of their own")

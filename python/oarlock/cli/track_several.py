@@ -1,0 +1,156 @@
+"""`oarlock track` with several recordings: side by side, one folder of results each."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+import typer
+from rich.text import Text
+
+from oarlock.cli.tables import speed
+from oarlock.cli.terminal import (
+    EXIT_DATA,
+    Told,
+    UsageError,
+    fresh_folder,
+    number,
+    page,
+    print_json,
+    progress,
+    say,
+    steps,
+    table,
+)
+from oarlock.cli.track import RECORDING_FILE, RUN_FILE, document, write_folder
+
+if TYPE_CHECKING:
+    from oarlock import Calibration, Config, Model, Recording, Track
+    from oarlock.parallel_tracking import Failure, Job
+
+
+def folders_for(recordings: Sequence[Path], out: Path, force: bool) -> dict[Path, Path]:
+    """A folder inside `out` for each recording, named after it.
+
+    Raises:
+        UsageError: two recordings have one name, or a folder holds other things.
+    """
+    if out.exists() and not out.is_dir():
+        raise UsageError(f"{out} is a file; --out names a folder")
+    taken: dict[str, Path] = {}
+    for recording in recordings:
+        folder = recording.resolve()
+        name = folder.parent.name if folder.name == RECORDING_FILE else folder.name
+        if name in taken:
+            raise UsageError(
+                f"{taken[name]} and {recording} would both write {out / name}\n"
+                "Rename a folder, or track them one at a time, each with an --out of its own."
+            )
+        if (out / name / RECORDING_FILE).exists():
+            raise UsageError(f"{out / name} is a recording; results go into a folder of their own")
+        taken[name] = recording
+    return {path: fresh_folder(out / name, RUN_FILE, force) for name, path in taken.items()}
+
+
+def track_several(
+    body: Model,
+    load: Callable[[Path], Recording],
+    folders: Mapping[Path, Path],
+    wearing: Calibration | None,
+    config: Config,
+    *,
+    smooth: bool,
+    threads: int | None,
+    csv: bool,
+    json_output: bool,
+) -> None:
+    """Tracks and writes each; leaves with status 1 if a recording failed, once the others are written."""
+    rows: list[tuple[object, ...]] = []
+    documents: dict[str, object] = {}
+    failed: list[str] = []
+    with progress("tracking") as told:
+        for path, result in _results(body, load, list(folders), wearing, config, smooth, threads, told):
+            out = folders[path]
+            if isinstance(result, Exception):
+                failed.append(str(result))
+                documents[out.name] = {"error": str(result)}
+                if not any(out.iterdir()):
+                    out.rmdir()
+                continue
+            write_folder(result, out, csv)
+            documents[out.name] = document(result, out)
+            rows.append(_row(out, result))
+    if json_output:
+        print_json({"recordings": documents})
+    elif rows:
+        _write(rows, out.parent)
+    if failed:
+        _leave(failed, len(folders))
+
+
+def _results(
+    body: Model,
+    load: Callable[[Path], Recording],
+    paths: list[Path],
+    wearing: Calibration | None,
+    config: Config,
+    smooth: bool,
+    threads: int | None,
+    told: Told,
+) -> Iterator[tuple[Path, Track | Failure]]:
+    """As many at a time as there are threads, so that no more is in memory than is worked on."""
+    from oarlock.parallel_tracking import outcomes
+
+    width = threads or os.cpu_count() or 1
+    for first in range(0, len(paths), width):
+        batch = paths[first : first + width]
+        jobs, broken = _loaded(load, batch, wearing, config)
+
+        def share(done: float, first: int = first, count: int = len(batch)) -> None:
+            told((first + done * count) / len(paths))
+
+        tracked = outcomes(body, jobs, smooth=smooth, threads=threads, stop_on_refusal=False, progress=share)
+        found = broken | dict(zip(jobs, tracked, strict=True))
+        yield from ((path, found[str(path)]) for path in batch)
+
+
+def _loaded(
+    load: Callable[[Path], Recording], paths: list[Path], wearing: Calibration | None, config: Config
+) -> tuple[dict[str, Job], dict[str, Track | Failure]]:
+    from oarlock import DataError
+
+    jobs: dict[str, Job] = {}
+    broken: dict[str, Track | Failure] = {}
+    for path in paths:
+        try:
+            jobs[str(path)] = load(path), wearing, config
+        except DataError as error:
+            broken[str(path)] = DataError(f"{path}: {error}")
+    return jobs, broken
+
+
+def _row(out: Path, result: Track) -> tuple[object, ...]:
+    from oarlock.track_summary import summarize
+
+    summary = summarize(result)
+    return out.name, summary.samples, number(summary.duration_s, ".1f"), speed(summary), len(summary.notes)
+
+
+def _write(rows: list[tuple[object, ...]], out: Path) -> None:
+    say("Tracked side by side", style="bold")
+    table(["recording", ">samples", ">s", "speed", ">notes"], rows)
+    files = "track, sensors and beliefs (.parquet), model.toml, run.toml, report.html"
+    say(f"\nWrote a folder for each into {out}: {files}")
+    steps(f"open {out / str(rows[0][0]) / 'report.html'}")
+
+
+def _leave(failed: list[str], count: int) -> NoReturn:
+    console = page(stderr=True)
+    failures = f"{len(failed)} of {count} recordings failed; the others are written"
+    console.print(Text.assemble(("error: ", "bold red"), failures), soft_wrap=True)
+    for text in failed:
+        for line in text.splitlines():
+            console.print(Text(f"  {line.strip()}"), soft_wrap=True)
+    raise typer.Exit(EXIT_DATA)
