@@ -1,6 +1,7 @@
 //! A model as a system that a filter can estimate: state in, readings out, for eight sigma points at a time.
 
 mod linear;
+pub mod posture;
 pub mod read;
 
 use crate::config::Config;
@@ -18,6 +19,7 @@ use crate::rotation::{Mat3, Vec3};
 use crate::sensor::imu::MountValue;
 use crate::sensor::{Quantity, Suite, Wearing};
 use crate::state::{Layout, Slots, SlowSlot};
+use posture::Posture;
 use read::BodyScratch;
 use std::sync::Arc;
 
@@ -78,19 +80,6 @@ pub struct Moment {
     pub needed: Vec<bool>,
     /// Those of them whose velocities and accelerations they need.
     pub moving: Vec<bool>,
-}
-
-/// Room for the motion of all frames at one state.
-#[derive(Debug, Clone)]
-pub struct Posture {
-    q: Vec<f64>,
-    qd: Vec<f64>,
-    qdd: Vec<f64>,
-    lengths: Vec<f64>,
-    /// Rotation vectors by which the estimated mounts are off.
-    pub mounts: Vec<Vec3<f64>>,
-    /// Of the frames that a moment needs.
-    pub frames: Vec<FrameMotion<f64>>,
 }
 
 /// A model, its numbers and its state layout.
@@ -223,35 +212,14 @@ impl Body {
 
     /// Motion of every frame at a state.
     pub fn motions_at(&self, mean: &[f64], moment: &Moment) -> Vec<FrameMotion<f64>> {
-        let mut posture = self.posture();
+        let mut posture = Posture::new(self);
         self.pose(mean, &Moment { needed: vec![true; self.tree.len()], ..moment.clone() }, &mut posture);
         posture.frames
     }
 
-    /// Room for [`Body::pose`].
-    pub fn posture(&self) -> Posture {
-        let coordinates = vec![0.0; self.axes.len()];
-        Posture {
-            q: coordinates.clone(),
-            qd: coordinates.clone(),
-            qdd: coordinates,
-            lengths: vec![0.0; self.layout.lengths.len()],
-            mounts: vec![Vec3::zero(); self.layout.mounts.len()],
-            frames: vec![FrameMotion::resting(Vec3::zero()); self.tree.len()],
-        }
-    }
-
     /// Motion at a state of the frames that the moment needs. Allocates nothing.
-    pub fn pose(&self, mean: &[f64], moment: &Moment, room: &mut Posture) {
-        room.q.copy_from_slice(&moment.inputs);
-        for (c, _, slots) in self.moving() {
-            room.q[c] = mean[slots.q];
-            if let Some((rate, accel)) = slots.rates {
-                (room.qd[c], room.qdd[c]) = (mean[rate], mean[accel]);
-            }
-        }
-        room.lengths.iter_mut().zip(&self.layout.lengths).for_each(|(length, (_, state))| *length = mean[*state]);
-        room.mounts.iter_mut().zip(&self.layout.mounts).for_each(|(m, (_, first))| *m = Vec3(three(mean, *first)));
+    pub fn pose(&self, mean: &[f64], moment: &Moment, room: &mut Posture<f64>) {
+        room.unpack(self, moment, |i| mean[i]);
         let joints = JointMotion { q: &room.q, qd: &room.qd, qdd: &room.qdd, lengths: &room.lengths, anchors: &[] };
         self.tree.motions(self.root(|i| mean[i]), joints, &moment.needed, &mut room.frames);
     }

@@ -11,7 +11,8 @@ pub mod regain;
 pub mod rest;
 pub mod run;
 
-use crate::body::{Body, Moment, Posture};
+use crate::body::posture::Posture;
+use crate::body::{Body, Moment};
 use crate::config::{Config, FilterKind, Magnetometer};
 use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
@@ -85,7 +86,7 @@ pub struct Tracker {
     strict: Vec<bool>,
     slants: Vec<Option<Slant>>,
     /// Room for the belief's mean.
-    posture: Posture,
+    posture: Posture<f64>,
     manner: Manner,
     /// Off while several hypotheses compete: who is surprised more often must not excuse it by stronger driving noise.
     learns: bool,
@@ -124,7 +125,7 @@ impl Tracker {
             barred: vec![false; groups.parts.len()],
             strict: strict(&body, config),
             slants: vec![None; groups.parts.len()],
-            posture: body.posture(),
+            posture: Posture::new(&body),
             manner: manner(config),
             learns: true,
             lost: false,

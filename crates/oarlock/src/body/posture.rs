@@ -1,0 +1,89 @@
+//! Where a body's joints, lengths and mounts are at a state.
+
+use super::{three, Body, Moment};
+use crate::kinematics::{FrameMotion, JointMotion};
+use crate::lane::Real;
+use crate::rotation::turn::Turn;
+use crate::rotation::{Mat3, Vec3};
+use crate::sensor::Worn;
+use crate::state::Slots;
+
+/// Joints, wearing and frames of one state, or of eight side by side.
+#[derive(Debug, Clone)]
+pub struct Posture<T> {
+    pub(super) q: Vec<T>,
+    pub(super) qd: Vec<T>,
+    pub(super) qdd: Vec<T>,
+    pub(super) lengths: Vec<T>,
+    /// Rotation vectors by which the estimated mounts are off.
+    pub mounts: Vec<Vec3<T>>,
+    /// Of the frames that a moment needs.
+    pub frames: Vec<FrameMotion<T>>,
+    /// Room for its readings.
+    pub(super) out: Vec<T>,
+}
+
+impl<T: Real> Posture<T> {
+    /// Room for `body`.
+    pub fn new(body: &Body) -> Self {
+        let (zero, frame) = (T::splat(0.0), FrameMotion::resting(Vec3::zero()));
+        let joints = vec![zero; body.model.coordinate_count()];
+        Posture {
+            q: joints.clone(),
+            qd: joints.clone(),
+            qdd: joints,
+            lengths: vec![zero; body.layout.lengths.len()],
+            mounts: vec![Vec3::zero(); body.layout.mounts.len()],
+            frames: vec![frame; body.tree.len()],
+            out: vec![zero; body.suite.len()],
+        }
+    }
+
+    /// Takes joints and wearing from the states that `at` gives.
+    #[inline(always)]
+    pub(super) fn unpack(&mut self, body: &Body, moment: &Moment, at: impl Fn(usize) -> T) {
+        let zero = T::splat(0.0);
+        for (c, slots) in body.layout.coordinates.iter().enumerate() {
+            (self.q[c], self.qd[c], self.qdd[c]) = match slots {
+                None => (T::splat(moment.inputs[c]), zero, zero),
+                Some(Slots { q, rates: None }) => (at(*q), zero, zero),
+                Some(Slots { q, rates: Some((rate, accel)) }) => (at(*q), at(*rate), at(*accel)),
+            };
+        }
+        for ((_, state), length) in body.layout.lengths.iter().zip(&mut self.lengths) {
+            *length = at(*state);
+        }
+        for ((_, first), mount) in body.layout.mounts.iter().zip(&mut self.mounts) {
+            *mount = Vec3([at(*first), at(first + 1), at(first + 2)]);
+        }
+    }
+
+    pub(super) fn joints<'a>(&'a self, anchors: &'a [Mat3<f64>]) -> JointMotion<'a, T> {
+        JointMotion { q: &self.q, qd: &self.qd, qdd: &self.qdd, lengths: &self.lengths, anchors }
+    }
+
+    pub(super) fn worn(&self) -> Worn<'_, T> {
+        Worn { lengths: &self.lengths, mounts: &self.mounts }
+    }
+}
+
+impl Posture<f64> {
+    /// Takes the mean: its rotations are the anchors, around which points lie in the tangent space.
+    #[inline(always)]
+    pub(super) fn take_mean(&mut self, body: &Body, moment: &Moment, mean: &[f64], anchors: &mut [Mat3<f64>]) {
+        body.anchor(mean, anchors);
+        self.unpack(body, moment, |i| mean[i]);
+        for (c, _) in &body.layout.turns {
+            self.q[*c..c + 3].fill(0.0);
+        }
+    }
+}
+
+impl Body {
+    /// Rotations of the mean.
+    pub(super) fn anchor(&self, mean: &[f64], anchors: &mut [Mat3<f64>]) {
+        for ((_, slots), anchor) in self.layout.turns.iter().zip(anchors) {
+            *anchor = Turn::exp(three(mean, slots.q)).matrix();
+        }
+    }
+}
