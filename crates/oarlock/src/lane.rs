@@ -2,6 +2,7 @@
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
 pub mod arch;
+pub mod four;
 mod trig;
 
 use arch::madd;

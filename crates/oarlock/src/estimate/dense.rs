@@ -42,6 +42,13 @@ impl Square {
         &mut self.data[i * self.n..(i + 1) * self.n]
     }
 
+    /// Three different rows.
+    #[inline(always)]
+    pub(super) fn three_rows_mut(&mut self, index: [usize; 3]) -> [&mut [f64]; 3] {
+        let n = self.n;
+        self.data.get_disjoint_mut(index.map(|i| i * n..(i + 1) * n)).expect("different rows")
+    }
+
     /// Rows before `i`, and row `i`.
     #[inline(always)]
     pub(super) fn above_and_row(&mut self, i: usize) -> (&[f64], &mut [f64]) {
@@ -75,10 +82,9 @@ impl Square {
 
     /// Copies the upper triangle onto the lower.
     pub fn mirror_upper(&mut self) {
-        for i in 0..self.n {
-            for j in 0..i {
-                self.data[i * self.n + j] = self.data[j * self.n + i];
-            }
+        for i in 1..self.n {
+            let (above, row) = self.data.split_at_mut(i * self.n);
+            row.iter_mut().zip(above[i..].iter().step_by(self.n)).for_each(|(low, high)| *low = *high);
         }
     }
 

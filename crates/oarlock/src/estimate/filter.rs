@@ -181,7 +181,6 @@ pub struct Filter<S: System> {
     weight: Vec<f64>,
     shift: Vec<f64>,
     variance: Vec<f64>,
-    buffer: [Vec<f64>; 3],
     /// Variance of each state before the update, and what the last prediction added to it.
     before: Vec<f64>,
     fresh: Vec<f64>,
@@ -229,7 +228,6 @@ impl<S: System> Filter<S> {
             weight: vec![0.0; m],
             shift: vec![0.0; n],
             variance: vec![0.0; n],
-            buffer: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
             before: vec![0.0; n],
             fresh: vec![0.0; n],
             since_s: 0.0,
@@ -257,7 +255,7 @@ impl<S: System> Filter<S> {
         let dt = to_s - belief.time_s;
         system.transition(dt, &belief.mean, &self.variance, &belief.drive, transition);
         transition.apply_to_mean(&mut belief.mean);
-        transition.apply_to_covariance(&mut belief.covariance, &mut self.buffer);
+        transition.apply_to_covariance(self.arch, &mut belief.covariance);
         belief.time_s = to_s;
         for b in &transition.blocks {
             (0..b.len).for_each(|i| self.fresh[b.index[i]] += b.noise[i][i]);
@@ -382,7 +380,7 @@ impl<S: System> Filter<S> {
         system.shift(&mut belief.mean, &self.shift);
         self.carried.clear();
         system.carry(&self.shift, &mut self.carried);
-        self.carried.iter().for_each(|block| carry(block, &mut belief.covariance, &mut self.buffer));
+        self.carried.iter().for_each(|block| carry(self.arch, block, &mut belief.covariance));
         let finite = belief.mean.iter().all(|x| x.is_finite());
         if finite {
             Ok(())

@@ -5,6 +5,7 @@ use super::dense::{accumulate, factor_of_covariance, Square};
 use super::filter::Lost;
 use super::transition::{carry, Block, Transition};
 use super::System;
+use crate::lane::arch::Arch;
 
 /// Workspace of a smoother.
 #[derive(Debug, Clone)]
@@ -15,7 +16,6 @@ pub struct Smoother {
     step: Vec<f64>,
     shift: Vec<f64>,
     carried: Vec<Block>,
-    rows: [Vec<f64>; 3],
 }
 
 impl Smoother {
@@ -28,7 +28,6 @@ impl Smoother {
             step: vec![0.0; n],
             shift: vec![0.0; n],
             carried: Vec::new(),
-            rows: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
         }
     }
 
@@ -51,7 +50,7 @@ impl Smoother {
         system.shift(&mut filtered.mean, &self.shift);
         self.carried.clear();
         system.carry(&self.shift, &mut self.carried);
-        self.carried.iter().for_each(|block| carry(block, &mut filtered.covariance, &mut self.rows));
+        self.carried.iter().for_each(|block| carry(Arch::best(), block, &mut filtered.covariance));
         Ok(())
     }
 
@@ -90,7 +89,7 @@ impl Smoother {
         self.carried.clear();
         self.step.iter_mut().for_each(|x| *x = -*x);
         system.carry(&self.step, &mut self.carried);
-        self.carried.iter().for_each(|block| carry(block, &mut self.factor, &mut self.rows));
+        self.carried.iter().for_each(|block| carry(Arch::best(), block, &mut self.factor));
         for i in 0..n {
             let (pn, pp) = (self.factor.row(i), predicted.covariance.row(i));
             let row = self.product.row_mut(i);

@@ -8,7 +8,8 @@
 use super::dense::{NotPositive, Square};
 use super::sigma::Fan;
 use super::tiles::{factor, find_starts, gram, padded, Panel, Rows, Sweep, VECTOR};
-use crate::lane::arch::{madd, Arch, Kernel};
+use crate::lane::arch::{with_hand, Arch, Kernel};
+use crate::lane::four::{Four, Hand};
 use std::ops::Range;
 
 /// Not among the rows in use.
@@ -28,7 +29,8 @@ pub struct Solver {
     noise: Panel,
     /// [1 + W'W | W'w | rows of the factor reversed].
     gain: Panel,
-    spare: Panel,
+    /// The same of inertial units alone; behind the update, X'X.
+    inner: Panel,
     starts: Vec<usize>,
     /// Of the rows of the factor, reversed, and of the one column that stands for itself.
     reversed: Vec<usize>,
@@ -57,10 +59,10 @@ impl Solver {
             slots: vec![NOWHERE; rows],
             used: 0,
             inertial: 0,
-            even: Panel::zeros(evens, m),
+            even: Panel::zeros(padded(evens), m),
             noise: Panel::zeros(rows, m + n + VECTOR),
             gain: Panel::zeros(states, n + VECTOR + n),
-            spare: Panel::zeros(states, n + VECTOR + n),
+            inner: Panel::zeros(states, n + VECTOR),
             starts: vec![0; (m.max(n) + n) / VECTOR + 1],
             reversed: (0..n / VECTOR).map(first).collect(),
             zeros: vec![0; n / VECTOR + 1],
@@ -92,38 +94,35 @@ impl Solver {
     }
 
     #[inline(always)]
-    fn divide(&mut self, fan: &Fan, Weighted { rows, inertial, weight, y }: Weighted) {
+    fn divide<F: Four>(&mut self, hand: Hand<F>, fan: &Fan, Weighted { rows, inertial, weight, y }: Weighted) {
         (self.used, self.inertial) = (rows.len(), inertial);
         self.slots.fill(NOWHERE);
         let (h_at, y_at) = (self.states_at(), self.reading_at());
         for (slot, &r) in rows.iter().enumerate() {
             self.slots[r] = slot;
             let row = self.noise.row_mut(slot);
-            for (x, h) in row[h_at..y_at].iter_mut().zip(fan.odd.row(r)) {
-                *x = weight[r] * h;
-            }
+            hand.scale(fan.odd.row(r), weight[r], &mut row[h_at..y_at]);
             row[y_at] = y[r];
         }
-        self.turn_even(fan, rows, weight);
+        self.turn_even(hand, fan, rows, weight);
     }
 
-    /// E' from rows of E, four at a time.
+    /// E' from rows of E, four by four.
     #[inline(always)]
-    fn turn_even(&mut self, fan: &Fan, rows: &[usize], weight: &[f64]) {
+    fn turn_even<F: Four>(&mut self, hand: Hand<F>, fan: &Fan, rows: &[usize], weight: &[f64]) {
         for (v, four) in rows.chunks(VECTOR).enumerate() {
             let last = four[four.len() - 1];
             let from: [usize; VECTOR] = std::array::from_fn(|k| four.get(k).copied().unwrap_or(last));
             let scale: [f64; VECTOR] = std::array::from_fn(|k| if k < four.len() { weight[from[k]] } else { 0.0 });
-            let [a, b, c, d] = from.map(|r| &fan.even.row(r)[..fan.evens]);
-            for i in 0..fan.evens {
-                let out = &mut self.even.row_mut(i)[v * VECTOR..][..VECTOR];
-                out.copy_from_slice(&[a[i] * scale[0], b[i] * scale[1], c[i] * scale[2], d[i] * scale[3]]);
+            let from = from.map(|r| fan.even.row(r));
+            for i in (0..fan.evens).step_by(VECTOR) {
+                self.even.put_turned(hand, [i, v * VECTOR], from, i, scale);
             }
         }
     }
 
     #[inline(always)]
-    fn fill_blocks<const FUSED: bool>(&mut self) {
+    fn fill_blocks<F: Four>(&mut self, hand: Hand<F>) {
         let (h_at, y_at) = (self.states_at(), self.reading_at());
         for (block, rows) in self.blocks.iter_mut().zip(&self.sources) {
             for (i, r) in rows.clone().enumerate() {
@@ -131,14 +130,13 @@ impl Solver {
                 if a == NOWHERE {
                     continue;
                 }
-                let row = &self.noise.row(a)[h_at..y_at];
-                for (j, s) in rows.clone().enumerate().skip(i) {
-                    let b = self.slots[s];
-                    if b == NOWHERE {
-                        continue;
+                for (j, four) in self.slots[r..rows.end].chunks(VECTOR).enumerate() {
+                    let row = |slot: usize| &self.noise.row(slot)[h_at..y_at];
+                    let other = |k: usize| *four.get(k).filter(|slot| **slot != NOWHERE).unwrap_or(&a);
+                    let dots = hand.dots(row(a), std::array::from_fn(|k| row(other(k))));
+                    for (k, &b) in four.iter().enumerate().filter(|(_, b)| **b != NOWHERE) {
+                        *block.at_mut(i, i + j * VECTOR + k) = self.noise.at(a.min(b), a.max(b)) + dots[k];
                     }
-                    let own = self.noise.at(a.min(b), a.max(b));
-                    *block.at_mut(i, j) = own + dot::<FUSED>(row, &self.noise.row(b)[h_at..y_at]);
                 }
             }
         }
@@ -173,15 +171,18 @@ impl Solver {
         factor(arch, &mut self.noise, Sweep { n: m, width, starts: &self.starts })?;
         let all =
             Rows { panel: &self.noise, rows: 0..self.inertial, column: h_at, starts: &self.starts[h_at / VECTOR..] };
-        gram(arch, &mut self.gain, [n, n_pad + VECTOR], all.clone(), true);
-        (0..n).for_each(|i| self.gain.row_mut(i)[i] += 1.0);
+        let narrow = n_pad + VECTOR;
+        gram(arch, &mut self.inner, [n, narrow], all.clone(), true);
+        for i in 0..n {
+            self.inner.row_mut(i)[i] += 1.0;
+            self.gain.row_mut(i)[..narrow].copy_from_slice(self.inner.row(i));
+        }
         let mut inertial = None;
         if 0 < self.inertial && self.inertial < m {
-            self.spare.copy_rows(&self.gain, n);
-            factor(arch, &mut self.spare, Sweep { n, width: n_pad + VECTOR, starts: &self.zeros })?;
-            inertial = Some(squares(&self.noise, 0..self.inertial, y_at) - squares(&self.spare, 0..n, n_pad));
+            factor(arch, &mut self.inner, Sweep { n, width: narrow, starts: &self.zeros })?;
+            inertial = Some(squares(&self.noise, 0..self.inertial, y_at) - squares(&self.inner, 0..n, n_pad));
         }
-        gram(arch, &mut self.gain, [n, n_pad + VECTOR], Rows { rows: self.inertial..m, ..all }, false);
+        gram(arch, &mut self.gain, [n, narrow], Rows { rows: self.inertial..m, ..all }, false);
         self.reverse(root);
         self.starts[..n_pad / VECTOR + 1].fill(0);
         self.starts[n_pad / VECTOR + 1..][..n_pad / VECTOR].copy_from_slice(&self.reversed);
@@ -231,9 +232,9 @@ impl Solver {
         let (n, n_pad) = (self.states, padded(self.states));
         let at = n_pad + VECTOR;
         let x = Rows { panel: &self.gain, rows: 0..n, column: at, starts: &self.reversed };
-        gram(arch, &mut self.spare, [n, n_pad], x, true);
+        gram(arch, &mut self.inner, [n, n_pad], x, true);
         for i in 0..n {
-            covariance.row_mut(i)[i..].copy_from_slice(&self.spare.row(i)[i..n]);
+            covariance.row_mut(i)[i..].copy_from_slice(&self.inner.row(i)[i..n]);
         }
         covariance.mirror_upper();
         shift.fill(0.0);
@@ -271,7 +272,7 @@ impl Kernel for Dividing<'_> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        self.solver.divide(self.fan, self.readings);
+        with_hand!(FUSED, |hand| self.solver.divide(hand, self.fan, self.readings));
     }
 }
 
@@ -284,7 +285,7 @@ impl Kernel for Blocks<'_> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        self.solver.fill_blocks::<FUSED>();
+        with_hand!(FUSED, |hand| self.solver.fill_blocks(hand));
     }
 }
 
@@ -296,16 +297,4 @@ fn squares(panel: &Panel, rows: Range<usize>, column: usize) -> f64 {
         sum += panel.at(r, column) * panel.at(r, column);
     }
     sum
-}
-
-/// Partial sums side by side; the length is a multiple of a vector's.
-#[inline(always)]
-fn dot<const FUSED: bool>(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; VECTOR];
-    for (x, y) in a.chunks_exact(VECTOR).zip(b.chunks_exact(VECTOR)) {
-        for k in 0..VECTOR {
-            sums[k] = madd::<FUSED>(x[k], y[k], sums[k]);
-        }
-    }
-    (sums[0] + sums[1]) + (sums[2] + sums[3])
 }

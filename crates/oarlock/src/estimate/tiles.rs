@@ -5,11 +5,11 @@
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
 use super::dense::{NotPositive, Square};
-use crate::lane::arch::{madd, Arch, Kernel};
+use crate::lane::arch::{with_hand, Arch, Kernel};
+use crate::lane::four::{Four, Hand, Part, Tile};
 use std::ops::Range;
 
-/// Numbers in a vector.
-pub const VECTOR: usize = 4;
+pub use crate::lane::four::VECTOR;
 
 /// The next multiple of a vector's length.
 pub fn padded(n: usize) -> usize {
@@ -22,8 +22,6 @@ pub struct Panel {
     stride: usize,
     data: Vec<f64>,
 }
-
-type Tile<const R: usize, const V: usize> = [[[f64; VECTOR]; V]; R];
 
 impl Panel {
     /// All zero; `width` is a multiple of a vector's length.
@@ -50,10 +48,17 @@ impl Panel {
         self.data[i * self.stride + j]
     }
 
-    /// Becomes a copy of the first `rows` rows of `other`, which has the same width.
-    pub fn copy_rows(&mut self, other: &Panel, rows: usize) {
-        let end = rows * self.stride;
-        self.data[..end].copy_from_slice(&other.data[..end]);
+    /// Puts four rows, each times its scale and from column `at` on, as four columns into the rows from `i` on.
+    #[inline(always)]
+    pub fn put_turned<F: Four>(
+        &mut self,
+        hand: Hand<F>,
+        [i, j]: [usize; 2],
+        rows: [&[f64]; 4],
+        at: usize,
+        scale: [f64; 4],
+    ) {
+        hand.turn(rows, scale, at, &mut self.data, i * self.stride + j, self.stride);
     }
 
     /// Takes over the upper triangle.
@@ -67,77 +72,8 @@ impl Panel {
     }
 }
 
-/// Some columns of a panel in vectors, from a row on.
-#[derive(Clone, Copy)]
-struct Columns<'a> {
-    data: &'a [[f64; VECTOR]],
-    stride: usize,
-}
-
-impl<'a> Columns<'a> {
-    /// `column` is a multiple of a vector's length.
-    #[inline(always)]
-    fn of(data: &'a [f64], stride: usize, row: usize, column: usize) -> Self {
-        // Of no rows at all, nothing.
-        let data = data.get(row * stride + column..).unwrap_or(&[]);
-        Columns { data: data.as_chunks().0, stride: stride / VECTOR }
-    }
-}
-
-/// `tile += (or -=) left' right` over `count` rows.
-#[inline(always)]
-fn multiply<const FUSED: bool, const TAKE: bool, const R: usize, const V: usize>(
-    tile: &mut Tile<R, V>,
-    left: Columns,
-    right: Columns,
-    count: usize,
-) {
-    let mut sum = *tile;
-    let (mut at_left, mut at_right) = (0, 0);
-    for _ in 0..count {
-        let a = left.data[at_left];
-        let b: &[[f64; VECTOR]; V] = right.data[at_right..].first_chunk().expect("columns lie within their row");
-        (at_left, at_right) = (at_left + left.stride, at_right + right.stride);
-        for r in 0..R {
-            let factor = if TAKE { -a[r] } else { a[r] };
-            for v in 0..V {
-                for k in 0..VECTOR {
-                    sum[r][v][k] = madd::<FUSED>(factor, b[v][k], sum[r][v][k]);
-                }
-            }
-        }
-    }
-    *tile = sum;
-}
-
-#[inline(always)]
-fn load<const R: usize, const V: usize>(data: &[f64], stride: usize, column: usize) -> Tile<R, V> {
-    let mut tile = [[[0.0; VECTOR]; V]; R];
-    for r in 0..R {
-        let row = &data[r * stride + column..][..V * VECTOR];
-        for v in 0..V {
-            for k in 0..VECTOR {
-                tile[r][v][k] = row[v * VECTOR + k];
-            }
-        }
-    }
-    tile
-}
-
-#[inline(always)]
-fn store<const R: usize, const V: usize>(tile: &Tile<R, V>, data: &mut [f64], stride: usize, column: usize) {
-    for r in 0..R {
-        let row = &mut data[r * stride + column..][..V * VECTOR];
-        for v in 0..V {
-            for k in 0..VECTOR {
-                row[v * VECTOR + k] = tile[r][v][k];
-            }
-        }
-    }
-}
-
-/// Runs `$body` over tiles: `$columns` in steps of two vectors, and what is left. Four rows of two vectors are what a core keeps in
-/// flight; of three, the compiler puts some sums out of the registers.
+/// Runs `$body` over tiles of two vectors of columns, and what is left. Four rows of two are what a core keeps in flight; of three,
+/// the compiler moves the sums from register to register.
 macro_rules! over_columns {
     ($columns:expr, |$j:ident, $v:ident| $body:block) => {{
         let (mut $j, end) = ($columns.start, $columns.end);
@@ -153,60 +89,38 @@ macro_rules! over_columns {
     }};
 }
 
-/// The factor of one diagonal block, and the reciprocals of its diagonal.
+/// The factor of one diagonal block: U, what it is with ones on its diagonal, and the reciprocals of that.
 struct Corner<const R: usize> {
     u: [[f64; R]; R],
+    unit: [[f64; R]; R],
     inverse: [f64; R],
 }
 
+/// Roots stay out of the chain of pivots, which wait for each other.
 #[inline(always)]
-fn corner<const R: usize>(tile: &Tile<R, 1>, first: usize) -> Result<Corner<R>, NotPositive> {
-    let mut u = [[0.0; R]; R];
-    let mut inverse = [0.0; R];
-    for i in 0..R {
-        for j in i..R {
-            u[i][j] = tile[i][0][j];
-        }
-    }
+fn corner<const R: usize>(mut u: [[f64; R]; R], first: usize) -> Result<Corner<R>, NotPositive> {
+    let (mut unit, mut inverse) = ([[0.0; R]; R], [0.0; R]);
     for i in 0..R {
         let pivot = u[i][i];
         // Written so that NaN fails too.
         if !(pivot > 0.0 && pivot.is_finite()) {
             return Err(NotPositive { row: first + i, pivot });
         }
-        let root = pivot.sqrt();
-        inverse[i] = 1.0 / root;
-        u[i][i] = root;
-        for j in i + 1..R {
+        let reciprocal = 1.0 / pivot;
+        for k in i + 1..R {
+            unit[i][k] = u[i][k] * reciprocal;
+            for j in k..R {
+                u[k][j] -= unit[i][k] * u[i][j];
+            }
+        }
+    }
+    for i in 0..R {
+        inverse[i] = 1.0 / u[i][i].sqrt();
+        for j in i..R {
             u[i][j] *= inverse[i];
         }
-        for k in i + 1..R {
-            for j in k..R {
-                u[k][j] -= u[i][k] * u[i][j];
-            }
-        }
     }
-    Ok(Corner { u, inverse })
-}
-
-/// Solves with the corner: its rows are subtracted and scaled.
-#[inline(always)]
-fn finish<const FUSED: bool, const R: usize, const V: usize>(tile: &mut Tile<R, V>, corner: &Corner<R>) {
-    for r in 0..R {
-        for above in 0..r {
-            let factor = -corner.u[above][r];
-            for v in 0..V {
-                for k in 0..VECTOR {
-                    tile[r][v][k] = madd::<FUSED>(factor, tile[above][v][k], tile[r][v][k]);
-                }
-            }
-        }
-        for v in 0..V {
-            for k in 0..VECTOR {
-                tile[r][v][k] *= corner.inverse[r];
-            }
-        }
-    }
+    Ok(Corner { u, unit, inverse })
 }
 
 /// In a panel, what `factor` works on.
@@ -220,15 +134,10 @@ pub struct Sweep<'a> {
     pub starts: &'a [usize],
 }
 
-impl Sweep<'_> {
-    #[inline(always)]
-    fn start(&self, column: usize, vectors: usize) -> usize {
-        let mut least = usize::MAX;
-        for s in &self.starts[column / VECTOR..][..vectors] {
-            least = least.min(*s);
-        }
-        least
-    }
+/// The least of a few.
+#[inline(always)]
+fn least(starts: &[usize], column: usize, vectors: usize) -> usize {
+    starts[column / VECTOR..][..vectors].iter().copied().fold(usize::MAX, usize::min)
 }
 
 /// [A | B] becomes [U | U'^-1 B].
@@ -246,22 +155,30 @@ impl Kernel for Factoring<'_> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) -> Self::Output {
+        with_hand!(FUSED, |hand| self.factor(hand))
+    }
+}
+
+impl Factoring<'_> {
+    #[inline(always)]
+    fn factor<F: Four>(self, hand: Hand<F>) -> Result<(), NotPositive> {
         let (a, sweep) = (self.a, self.sweep);
         let whole = sweep.n / VECTOR * VECTOR;
         for first in (0..whole).step_by(VECTOR) {
-            factor_rows::<FUSED, 4>(a, first, sweep)?;
+            factor_rows::<F, 4>(hand, a, first, sweep)?;
         }
         match sweep.n - whole {
-            3 => factor_rows::<FUSED, 3>(a, whole, sweep),
-            2 => factor_rows::<FUSED, 2>(a, whole, sweep),
-            1 => factor_rows::<FUSED, 1>(a, whole, sweep),
+            3 => factor_rows::<F, 3>(hand, a, whole, sweep),
+            2 => factor_rows::<F, 2>(hand, a, whole, sweep),
+            1 => factor_rows::<F, 1>(hand, a, whole, sweep),
             _ => Ok(()),
         }
     }
 }
 
 #[inline(always)]
-fn factor_rows<const FUSED: bool, const R: usize>(
+fn factor_rows<F: Four, const R: usize>(
+    hand: Hand<F>,
     a: &mut Panel,
     first: usize,
     sweep: Sweep,
@@ -269,41 +186,30 @@ fn factor_rows<const FUSED: bool, const R: usize>(
     let stride = a.stride;
     let (above, rows) = a.data.split_at_mut(first * stride);
     // Rows above that hold nothing in these columns take nothing away.
-    let own = sweep.start(first, 1).min(first);
+    let own = least(sweep.starts, first, 1).min(first);
+    let side = |row: usize, column: usize| Part { data: above, from: row * stride + column, stride };
     let corner = {
-        let mut tile: Tile<R, 1> = load(rows, stride, first);
-        take::<FUSED, R, 1>(&mut tile, above, stride, [first, first], own..first);
-        let corner = corner(&tile, first)?;
+        let tile: Tile<F, R, 1> = hand.load(Part { data: rows, from: first, stride });
+        let tile = hand.multiply::<true, R, 1>(tile, side(own, first), side(own, first), first - own);
+        hand.store(tile, rows, first, stride);
+        let upper = |i: usize, j: usize| if j < i { 0.0 } else { rows[i * stride + first + j] };
+        let corner = corner::<R>(std::array::from_fn(|i| std::array::from_fn(|j| upper(i, j))), first)?;
         for (r, row) in corner.u.iter().enumerate() {
             rows[r * stride + first..][..R].copy_from_slice(row);
         }
         corner
     };
     over_columns!(first + VECTOR..sweep.width, |j, V| {
-        let start = sweep.start(j, V);
+        let start = least(sweep.starts, j, V);
         if start < first + R {
-            let mut tile: Tile<R, V> = load(rows, stride, j);
-            take::<FUSED, R, V>(&mut tile, above, stride, [first, j], start.max(own).min(first)..first);
-            finish::<FUSED, R, V>(&mut tile, &corner);
-            store(&tile, rows, stride, j);
+            let start = start.max(own).min(first);
+            let tile: Tile<F, R, V> = hand.load(Part { data: rows, from: j, stride });
+            let tile = hand.multiply::<true, R, V>(tile, side(start, first), side(start, j), first - start);
+            let tile = hand.substitute(tile, &corner.unit, &corner.inverse);
+            hand.store(tile, rows, j, stride);
         }
     });
     Ok(())
-}
-
-/// `tile -= above' above` for the rows in `range` and the columns that begin at `columns`.
-#[inline(always)]
-fn take<const FUSED: bool, const R: usize, const V: usize>(
-    tile: &mut Tile<R, V>,
-    above: &[f64],
-    stride: usize,
-    [left, right]: [usize; 2],
-    range: Range<usize>,
-) {
-    if !range.is_empty() {
-        let side = |column: usize| Columns::of(above, stride, range.start, column);
-        multiply::<FUSED, true, R, V>(tile, side(left), side(right), range.len());
-    }
 }
 
 /// What `gram` multiplies: rows of a panel, from a column on.
@@ -322,11 +228,13 @@ pub struct Rows<'a> {
 impl Rows<'_> {
     #[inline(always)]
     fn start(&self, column: usize, vectors: usize) -> usize {
-        let mut least = self.rows.end;
-        for s in &self.starts[column / VECTOR..][..vectors] {
-            least = least.min(*s);
-        }
-        least.max(self.rows.start)
+        least(self.starts, column, vectors).min(self.rows.end).max(self.rows.start)
+    }
+
+    #[inline(always)]
+    fn from(&self, row: usize, column: usize) -> Part<'_> {
+        let stride = self.panel.stride;
+        Part { data: &self.panel.data, from: row * stride + self.column + column, stride }
     }
 }
 
@@ -347,31 +255,36 @@ impl Kernel for Multiplying<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<const FUSED: bool>(mut self) {
-        let whole = self.n / VECTOR * VECTOR;
-        for first in (0..whole).step_by(VECTOR) {
-            self.rows::<FUSED, 4>(first);
-        }
-        match self.n - whole {
-            3 => self.rows::<FUSED, 3>(whole),
-            2 => self.rows::<FUSED, 2>(whole),
-            1 => self.rows::<FUSED, 1>(whole),
-            _ => {}
-        }
+    fn run<const FUSED: bool>(self) {
+        with_hand!(FUSED, |hand| self.multiply(hand))
     }
 }
 
 impl Multiplying<'_> {
     #[inline(always)]
-    fn rows<const FUSED: bool, const R: usize>(&mut self, first: usize) {
+    fn multiply<F: Four>(mut self, hand: Hand<F>) {
+        let whole = self.n / VECTOR * VECTOR;
+        for first in (0..whole).step_by(VECTOR) {
+            self.rows::<F, 4>(hand, first);
+        }
+        match self.n - whole {
+            3 => self.rows::<F, 3>(hand, whole),
+            2 => self.rows::<F, 2>(hand, whole),
+            1 => self.rows::<F, 1>(hand, whole),
+            _ => {}
+        }
+    }
+
+    #[inline(always)]
+    fn rows<F: Four, const R: usize>(&mut self, hand: Hand<F>, first: usize) {
         let (g, stride, own) = (&self.g, self.out.stride, self.g.start(first, 1));
         let rows = &mut self.out.data[first * stride..];
         over_columns!(first..self.width, |j, V| {
             let start = g.start(j, V).max(own);
-            let mut tile: Tile<R, V> = if self.fresh { [[[0.0; VECTOR]; V]; R] } else { load(rows, stride, j) };
-            let side = |column: usize| Columns::of(&g.panel.data, g.panel.stride, start, g.column + column);
-            multiply::<FUSED, false, R, V>(&mut tile, side(first), side(j), g.rows.end - start);
-            store(&tile, rows, stride, j);
+            let tile: Tile<F, R, V> =
+                if self.fresh { hand.zero() } else { hand.load(Part { data: rows, from: j, stride }) };
+            let tile = hand.multiply::<false, R, V>(tile, g.from(start, first), g.from(start, j), g.rows.end - start);
+            hand.store(tile, rows, j, stride);
         });
     }
 }
@@ -380,7 +293,9 @@ impl Multiplying<'_> {
 #[inline(always)]
 pub fn find_starts(panel: &Panel, rows: usize, columns: Range<usize>, starts: &mut [usize]) {
     for (start, column) in starts.iter_mut().zip(columns.step_by(VECTOR)) {
-        let empty = |r: &usize| panel.row(*r)[column..column + VECTOR].iter().all(|x| *x == 0.0);
+        // Zeros of either sign.
+        let empty =
+            |r: &usize| panel.row(*r)[column..column + VECTOR].iter().fold(0, |all, x| all | x.to_bits()) << 1 == 0;
         *start = (0..rows).take_while(empty).count();
     }
 }

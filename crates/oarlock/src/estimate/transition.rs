@@ -1,6 +1,11 @@
 //! Exact linear motion of the state over a time step, in blocks of up to three coordinates.
 
-use super::dense::{accumulate, Square};
+mod covariance;
+
+use super::dense::Square;
+use crate::lane::arch::Arch;
+pub use covariance::carry;
+use covariance::turn;
 
 /// Up to three coordinates that move together: x <- F x + offset, with added covariance Q.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,29 +64,6 @@ pub struct Transition {
     pub turnings: Vec<Turning>,
 }
 
-/// P <- B P B' for one block without noise.
-pub fn carry(block: &Block, p: &mut Square, row: &mut [Vec<f64>; 3]) {
-    multiply_rows(std::slice::from_ref(block).iter(), p, row);
-    for i in 0..p.n() {
-        multiply(std::slice::from_ref(block).iter(), p.row_mut(i));
-    }
-    p.mirror_upper();
-}
-
-/// A <- F A.
-fn multiply_rows<'a>(blocks: impl Iterator<Item = &'a Block>, a: &mut Square, old: &mut [Vec<f64>; 3]) {
-    for b in blocks.filter(|b| !b.stays()) {
-        for (old, &i) in old.iter_mut().zip(&b.index[..b.len]) {
-            old.copy_from_slice(a.row(i));
-        }
-        for r in 0..b.len {
-            let row = a.row_mut(b.index[r]);
-            row.fill(0.0);
-            accumulate(row, (0..b.len).map(|c| (b.factor[r][c], old[c].as_slice())));
-        }
-    }
-}
-
 /// x <- F x, without offsets.
 fn multiply<'a>(blocks: impl Iterator<Item = &'a Block>, x: &mut [f64]) {
     for b in blocks.filter(|b| !b.stays()) {
@@ -134,12 +116,10 @@ impl Transition {
         self.turnings.iter().map(|t| &t.after)
     }
 
-    /// P <- F P F' + Q, exactly symmetric.
-    pub fn apply_to_covariance(&self, p: &mut Square, row: &mut [Vec<f64>; 3]) {
-        multiply_rows(self.before().chain(&self.blocks), p, row);
-        for i in 0..p.n() {
-            multiply(self.before().chain(&self.blocks), p.row_mut(i));
-        }
+    /// P <- F P F' + Q, exactly symmetric. Allocates nothing.
+    pub fn apply_to_covariance(&self, arch: Arch, p: &mut Square) {
+        self.turnings.iter().for_each(|t| turn(arch, std::slice::from_ref(&t.before), p));
+        turn(arch, &self.blocks, p);
         for b in &self.blocks {
             for r in 0..b.len {
                 for c in 0..b.len {
@@ -147,12 +127,7 @@ impl Transition {
                 }
             }
         }
-        if !self.turnings.is_empty() {
-            multiply_rows(self.after(), p, row);
-            for i in 0..p.n() {
-                multiply(self.after(), p.row_mut(i));
-            }
-        }
+        self.turnings.iter().for_each(|t| turn(arch, std::slice::from_ref(&t.after), p));
         p.mirror_upper();
     }
 

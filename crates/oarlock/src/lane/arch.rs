@@ -72,3 +72,24 @@ pub fn madd<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {
         a * b + c
     }
 }
+
+/// Runs `$body` with the hand that fits `$fused`.
+macro_rules! with_hand {
+    ($fused:expr, |$hand:ident| $body:expr) => {{
+        #[cfg(target_arch = "x86_64")]
+        if $fused {
+            let $hand = $crate::lane::four::Hand::<$crate::lane::four::Fused>::ready();
+            $body
+        } else {
+            let $hand = $crate::lane::four::Hand::<$crate::lane::four::Plain>::ready();
+            $body
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        {
+            let _ = $fused;
+            let $hand = $crate::lane::four::Hand::<$crate::lane::four::Plain>::ready();
+            $body
+        }
+    }};
+}
+pub(crate) use with_hand;

@@ -13,6 +13,7 @@ use crate::estimate::filter::{Info, Lost};
 use crate::estimate::transition::{carry, Block};
 use crate::estimate::System;
 use crate::kinematics::FrameMotion;
+use crate::lane::arch::Arch;
 use crate::recording::Sample;
 use crate::rotation::turn::{norm, plus, Turn};
 use crate::rotation::{Mat3, Vec3};
@@ -190,11 +191,10 @@ impl Tracker {
 
     fn fan_out(&self, belief: &mut Belief, coordinate: usize, direction: [f64; 3]) {
         let Some(slots) = self.body.layout.coordinates[coordinate] else { return };
-        let (n, q) = (belief.mean.len(), slots.q);
-        let mut rows = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
+        let q = slots.q;
         let outer = |i: usize, j: usize| direction[i] * direction[j];
         let across = [0, 1, 2].map(|i| [0, 1, 2].map(|j| f64::from(i == j) - outer(i, j)));
-        carry(&Block::linear([q, q + 1, q + 2], across), &mut belief.covariance, &mut rows);
+        carry(Arch::best(), &Block::linear([q, q + 1, q + 2], across), &mut belief.covariance);
         let step = TAU / BRANCHES as f64;
         for i in 0..3 {
             for j in 0..3 {

@@ -8,6 +8,7 @@ use oarlock::estimate::belief::Belief;
 use oarlock::estimate::dense::Square;
 use oarlock::estimate::transition::Transition;
 use oarlock::estimate::System;
+use oarlock::lane::arch::Arch;
 
 /// A single ball with an inertial unit; `process` is its motion.
 fn ball(process: &str, more: &str) -> Body {
@@ -71,8 +72,7 @@ fn engine(body: &Body, x: &State, t: f64) -> (State, Square9, Square9) {
     let (mut f, mut q) = (Square::zeros(9), Square::zeros(9));
     (0..9).for_each(|i| *f.at_mut(i, i) = 1.0);
     transition.multiply_right_transposed(&mut f);
-    let mut rows = [vec![0.0; 9], vec![0.0; 9], vec![0.0; 9]];
-    transition.apply_to_covariance(&mut q, &mut rows);
+    transition.apply_to_covariance(Arch::best(), &mut q);
     let [f, q] = [f, q].map(|m| Square9::from_row_slice(m.as_slice()));
     assert_transposed(&transition, &f, &q);
     (State::from_row_slice(&mean), f.transpose(), q)
@@ -223,13 +223,12 @@ fn prediction_is_that_of_a_fine_integration() {
 fn coast(body: &Body, start: Belief, step: f64, steps: usize) -> Belief {
     let (n, mut belief) = (start.mean.len(), start);
     let mut transition = Transition::default();
-    let mut rows = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
     let mut variance = vec![0.0; n];
     for _ in 0..steps {
         belief.covariance.diagonal(&mut variance);
         body.transition(step, &belief.mean, &variance, &[1.0; 3], &mut transition);
         transition.apply_to_mean(&mut belief.mean);
-        transition.apply_to_covariance(&mut belief.covariance, &mut rows);
+        transition.apply_to_covariance(Arch::best(), &mut belief.covariance);
     }
     belief
 }
