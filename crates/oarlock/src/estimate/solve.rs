@@ -7,7 +7,7 @@
 
 use super::dense::{NotPositive, Square};
 use super::sigma::Fan;
-use super::tiles::{factor, find_starts, gram, padded, Panel, Rows, Sweep, VECTOR};
+use super::tiles::{factor, find_starts, gram, is_zero, padded, Panel, Rows, Sweep, VECTOR};
 use crate::lane::arch::{with_hand, Arch, Kernel};
 use crate::lane::four::{Four, Hand};
 use std::ops::Range;
@@ -35,6 +35,8 @@ pub struct Solver {
     /// Of the rows of the factor, reversed, and of the one column that stands for itself.
     reversed: Vec<usize>,
     zeros: Vec<usize>,
+    /// Column of H that is the first of each slot to hold something, rounded down to a vector.
+    firsts: Vec<usize>,
     /// Per source, the covariance of its innovations over that of its noise.
     blocks: Vec<Square>,
     sources: Vec<Range<usize>>,
@@ -52,7 +54,7 @@ pub struct Verdict {
 impl Solver {
     /// Room for readings, columns of E and states; `sources` are rows whose covariance is wanted.
     pub fn new(rows: usize, evens: usize, states: usize, sources: &[Range<usize>]) -> Self {
-        let (m, n) = (padded(rows), padded(states));
+        let (m, n, wide) = (padded(rows), padded(states), padded(states + 1));
         let first = |v: usize| states.saturating_sub(VECTOR * (v + 1));
         Solver {
             states,
@@ -60,12 +62,13 @@ impl Solver {
             used: 0,
             inertial: 0,
             even: Panel::zeros(padded(evens), m),
-            noise: Panel::zeros(rows, m + n + VECTOR),
-            gain: Panel::zeros(states, n + VECTOR + n),
-            inner: Panel::zeros(states, n + VECTOR),
-            starts: vec![0; (m.max(n) + n) / VECTOR + 1],
+            noise: Panel::zeros(rows, m + wide),
+            gain: Panel::zeros(states, wide + n),
+            inner: Panel::zeros(states, wide),
+            starts: vec![0; (m.max(wide) + wide) / VECTOR],
             reversed: (0..n / VECTOR).map(first).collect(),
             zeros: vec![0; n / VECTOR + 1],
+            firsts: vec![0; rows],
             blocks: sources.iter().map(|s| Square::zeros(s.len())).collect(),
             sources: sources.to_vec(),
         }
@@ -75,9 +78,14 @@ impl Solver {
         padded(self.slots.len())
     }
 
-    /// Column of y.
+    /// Column of y: it fills up the last vector of H.
     fn reading_at(&self) -> usize {
-        self.states_at() + padded(self.states)
+        self.states_at() + self.states
+    }
+
+    /// Width of H and y.
+    fn wide(&self) -> usize {
+        padded(self.states + 1)
     }
 
     /// Takes in readings.
@@ -91,18 +99,22 @@ impl Solver {
             self.noise.row_mut(i)[i] += 1.0;
         }
         arch.run(Blocks { solver: self });
+        let y_at = self.reading_at();
+        for (slot, &r) in readings.rows.iter().enumerate() {
+            self.noise.row_mut(slot)[y_at] = readings.y[r];
+        }
     }
 
     #[inline(always)]
-    fn divide<F: Four>(&mut self, hand: Hand<F>, fan: &Fan, Weighted { rows, inertial, weight, y }: Weighted) {
+    fn divide<F: Four>(&mut self, hand: Hand<F>, fan: &Fan, Weighted { rows, inertial, weight, .. }: Weighted) {
         (self.used, self.inertial) = (rows.len(), inertial);
         self.slots.fill(NOWHERE);
-        let (h_at, y_at) = (self.states_at(), self.reading_at());
+        let h_at = self.states_at();
         for (slot, &r) in rows.iter().enumerate() {
             self.slots[r] = slot;
-            let row = self.noise.row_mut(slot);
-            hand.scale(fan.odd.row(r), weight[r], &mut row[h_at..y_at]);
-            row[y_at] = y[r];
+            let row = &mut self.noise.row_mut(slot)[h_at..];
+            hand.scale(fan.odd.row(r), weight[r], row);
+            self.firsts[slot] = row.as_chunks::<VECTOR>().0.iter().take_while(|c| is_zero(c)).count() * VECTOR;
         }
         self.turn_even(hand, fan, rows, weight);
     }
@@ -123,7 +135,7 @@ impl Solver {
 
     #[inline(always)]
     fn fill_blocks<F: Four>(&mut self, hand: Hand<F>) {
-        let (h_at, y_at) = (self.states_at(), self.reading_at());
+        let (h_at, end) = (self.states_at(), self.states_at() + padded(self.states));
         for (block, rows) in self.blocks.iter_mut().zip(&self.sources) {
             for (i, r) in rows.clone().enumerate() {
                 let a = self.slots[r];
@@ -131,12 +143,14 @@ impl Solver {
                     continue;
                 }
                 for (j, four) in self.slots[r..rows.end].chunks(VECTOR).enumerate() {
-                    let row = |slot: usize| &self.noise.row(slot)[h_at..y_at];
-                    let other = |k: usize| *four.get(k).filter(|slot| **slot != NOWHERE).unwrap_or(&a);
-                    let dots = hand.dots(row(a), std::array::from_fn(|k| row(other(k))));
-                    for (k, &b) in four.iter().enumerate().filter(|(_, b)| **b != NOWHERE) {
-                        *block.at_mut(i, i + j * VECTOR + k) = self.noise.at(a.min(b), a.max(b)) + dots[k];
-                    }
+                    let other: [usize; VECTOR] =
+                        std::array::from_fn(|k| *four.get(k).filter(|slot| **slot != NOWHERE).unwrap_or(&a));
+                    let first = other.iter().map(|&b| self.firsts[b]).fold(end, usize::min).max(self.firsts[a]);
+                    let row = |slot: usize| &self.noise.row(slot)[(h_at + first).min(end)..end];
+                    let dots = hand.dots(row(a), other.map(row));
+                    let own = other.map(|b| self.noise.at(a.min(b), a.max(b)));
+                    let out = &mut block.row_mut(i)[i + j * VECTOR..];
+                    out.iter_mut().zip(own.iter().zip(dots)).for_each(|(out, (own, dot))| *out = own + dot);
                 }
             }
         }
@@ -162,7 +176,8 @@ impl Solver {
     pub fn solve(&mut self, arch: Arch, root: &Panel) -> Result<Verdict, NotPositive> {
         let (h_at, y_at) = (self.states_at(), self.reading_at());
         let (n, m) = (self.states, self.used);
-        let (n_pad, width) = (padded(n), y_at + VECTOR);
+        let (n_pad, wide) = (padded(n), self.wide());
+        let width = h_at + wide;
         let (symmetric, right) = self.starts.split_at_mut(h_at / VECTOR);
         symmetric.fill(NOWHERE);
         // Readings whose noise knows nothing of each other's stay apart.
@@ -171,30 +186,29 @@ impl Solver {
         factor(arch, &mut self.noise, Sweep { n: m, width, starts: &self.starts })?;
         let all =
             Rows { panel: &self.noise, rows: 0..self.inertial, column: h_at, starts: &self.starts[h_at / VECTOR..] };
-        let narrow = n_pad + VECTOR;
-        gram(arch, &mut self.inner, [n, narrow], all.clone(), true);
+        gram(arch, &mut self.inner, [n, wide], all.clone(), true);
         for i in 0..n {
             self.inner.row_mut(i)[i] += 1.0;
-            self.gain.row_mut(i)[..narrow].copy_from_slice(self.inner.row(i));
+            self.gain.row_mut(i)[..wide].copy_from_slice(self.inner.row(i));
         }
         let mut inertial = None;
         if 0 < self.inertial && self.inertial < m {
-            factor(arch, &mut self.inner, Sweep { n, width: narrow, starts: &self.zeros })?;
-            inertial = Some(squares(&self.noise, 0..self.inertial, y_at) - squares(&self.inner, 0..n, n_pad));
+            factor(arch, &mut self.inner, Sweep { n, width: wide, starts: &self.zeros })?;
+            inertial = Some(squares(&self.noise, 0..self.inertial, y_at) - squares(&self.inner, 0..n, n));
         }
-        gram(arch, &mut self.gain, [n, narrow], Rows { rows: self.inertial..m, ..all }, false);
+        gram(arch, &mut self.gain, [n, wide], Rows { rows: self.inertial..m, ..all }, false);
         self.reverse(root);
-        self.starts[..n_pad / VECTOR + 1].fill(0);
-        self.starts[n_pad / VECTOR + 1..][..n_pad / VECTOR].copy_from_slice(&self.reversed);
-        factor(arch, &mut self.gain, Sweep { n, width: 2 * n_pad + VECTOR, starts: &self.starts })?;
-        let nis = squares(&self.noise, 0..m, y_at) - squares(&self.gain, 0..n, n_pad);
+        self.starts[..wide / VECTOR].fill(0);
+        self.starts[wide / VECTOR..][..n_pad / VECTOR].copy_from_slice(&self.reversed);
+        factor(arch, &mut self.gain, Sweep { n, width: wide + n_pad, starts: &self.starts })?;
+        let nis = squares(&self.noise, 0..m, y_at) - squares(&self.gain, 0..n, n);
         Ok(Verdict { nis, inertial: inertial.unwrap_or(nis) })
     }
 
     /// Rows of the factor in reverse, behind all else.
     #[inline(always)]
     fn reverse(&mut self, root: &Panel) {
-        let (n, at) = (self.states, padded(self.states) + VECTOR);
+        let (n, at) = (self.states, self.wide());
         for k in 0..n {
             self.gain.row_mut(k)[at..].copy_from_slice(root.row(n - 1 - k));
         }
@@ -202,11 +216,11 @@ impl Solver {
 
     /// Behind `solve`: where the update leads, in units of the factor's rows, last row first.
     pub fn place(&self, out: &mut [f64]) {
-        let (n, at) = (self.states, padded(self.states));
+        let n = self.states;
         for i in (0..n).rev() {
             let row = self.gain.row(i);
             let known: f64 = row[i + 1..n].iter().zip(&out[i + 1..]).map(|(v, x)| v * x).sum();
-            out[i] = (row[at] - known) / row[i];
+            out[i] = (row[n] - known) / row[i];
         }
     }
 
@@ -230,7 +244,7 @@ impl Solver {
     /// X' b into `shift`, X'X into `covariance`.
     pub fn posterior(&mut self, arch: Arch, shift: &mut [f64], covariance: &mut Square) {
         let (n, n_pad) = (self.states, padded(self.states));
-        let at = n_pad + VECTOR;
+        let at = self.wide();
         let x = Rows { panel: &self.gain, rows: 0..n, column: at, starts: &self.reversed };
         gram(arch, &mut self.inner, [n, n_pad], x, true);
         for i in 0..n {
@@ -239,7 +253,7 @@ impl Solver {
         covariance.mirror_upper();
         shift.fill(0.0);
         for k in 0..n {
-            let b = self.gain.at(k, n_pad);
+            let b = self.gain.at(k, n);
             let first = n - 1 - k;
             for (s, x) in shift[first..].iter_mut().zip(&self.gain.row(k)[at + first..at + n]) {
                 *s += b * x;

@@ -48,6 +48,16 @@ impl Panel {
         self.data[i * self.stride + j]
     }
 
+    #[inline(always)]
+    fn part(&self, i: usize, j: usize) -> Part<'_> {
+        Part { data: &self.data, from: i * self.stride + j, stride: self.stride }
+    }
+
+    #[inline(always)]
+    fn put<F: Four, const R: usize, const V: usize>(&mut self, hand: Hand<F>, tile: Tile<F, R, V>, i: usize, j: usize) {
+        hand.store(tile, &mut self.data, i * self.stride + j, self.stride);
+    }
+
     /// Puts four rows, each times its scale and from column `at` on, as four columns into the rows from `i` on.
     #[inline(always)]
     pub fn put_turned<F: Four>(
@@ -89,34 +99,35 @@ macro_rules! over_columns {
     }};
 }
 
-/// The factor of one diagonal block: U, what it is with ones on its diagonal, and the reciprocals of that.
-struct Corner<const R: usize> {
-    u: [[f64; R]; R],
-    unit: [[f64; R]; R],
-    inverse: [f64; R],
+/// The factor U of one diagonal block, what it is with ones on its diagonal, and the reciprocals of that. Of fewer than four
+/// rows, the rest stand for themselves.
+struct Corner {
+    u: [[f64; VECTOR]; VECTOR],
+    unit: [[f64; VECTOR]; VECTOR],
+    inverse: [f64; VECTOR],
 }
 
 /// Roots stay out of the chain of pivots, which wait for each other.
 #[inline(always)]
-fn corner<const R: usize>(mut u: [[f64; R]; R], first: usize) -> Result<Corner<R>, NotPositive> {
-    let (mut unit, mut inverse) = ([[0.0; R]; R], [0.0; R]);
-    for i in 0..R {
+fn corner(mut u: [[f64; VECTOR]; VECTOR], first: usize) -> Result<Corner, NotPositive> {
+    let (mut unit, mut inverse) = ([[0.0; VECTOR]; VECTOR], [0.0; VECTOR]);
+    for i in 0..VECTOR {
         let pivot = u[i][i];
         // Written so that NaN fails too.
         if !(pivot > 0.0 && pivot.is_finite()) {
             return Err(NotPositive { row: first + i, pivot });
         }
         let reciprocal = 1.0 / pivot;
-        for k in i + 1..R {
+        for k in i + 1..VECTOR {
             unit[i][k] = u[i][k] * reciprocal;
-            for j in k..R {
+            for j in k..VECTOR {
                 u[k][j] -= unit[i][k] * u[i][j];
             }
         }
     }
-    for i in 0..R {
+    for i in 0..VECTOR {
         inverse[i] = 1.0 / u[i][i].sqrt();
-        for j in i..R {
+        for j in i..VECTOR {
             u[i][j] *= inverse[i];
         }
     }
@@ -163,53 +174,100 @@ impl Factoring<'_> {
     #[inline(always)]
     fn factor<F: Four>(self, hand: Hand<F>) -> Result<(), NotPositive> {
         let (a, sweep) = (self.a, self.sweep);
-        let whole = sweep.n / VECTOR * VECTOR;
-        for first in (0..whole).step_by(VECTOR) {
-            factor_rows::<F, 4>(hand, a, first, sweep)?;
+        let mut corner = open(hand, a, 0, sweep)?;
+        for first in (0..sweep.n).step_by(VECTOR) {
+            let next = match sweep.n - first {
+                1 => factor_rows::<F, 1>(hand, a, first, sweep, &corner)?,
+                2 => factor_rows::<F, 2>(hand, a, first, sweep, &corner)?,
+                3 => factor_rows::<F, 3>(hand, a, first, sweep, &corner)?,
+                _ => factor_rows::<F, 4>(hand, a, first, sweep, &corner)?,
+            };
+            match next {
+                Some(next) => corner = next,
+                None => break,
+            }
         }
-        match sweep.n - whole {
-            3 => factor_rows::<F, 3>(hand, a, whole, sweep),
-            2 => factor_rows::<F, 2>(hand, a, whole, sweep),
-            1 => factor_rows::<F, 1>(hand, a, whole, sweep),
-            _ => Ok(()),
-        }
+        Ok(())
     }
 }
 
+/// The corner of the rows from `first` on, of which all rows above are done.
+#[inline(always)]
+fn open<F: Four>(hand: Hand<F>, a: &mut Panel, first: usize, sweep: Sweep) -> Result<Corner, NotPositive> {
+    match sweep.n - first {
+        1 => open_rows::<F, 1>(hand, a, first, sweep),
+        2 => open_rows::<F, 2>(hand, a, first, sweep),
+        3 => open_rows::<F, 3>(hand, a, first, sweep),
+        _ => open_rows::<F, 4>(hand, a, first, sweep),
+    }
+}
+
+#[inline(always)]
+fn open_rows<F: Four, const R: usize>(
+    hand: Hand<F>,
+    a: &mut Panel,
+    first: usize,
+    sweep: Sweep,
+) -> Result<Corner, NotPositive> {
+    // Rows above that hold nothing in these columns take nothing away.
+    let own = least(sweep.starts, first, 1).min(first);
+    let tile: Tile<F, R, 1> = hand.load(a.part(first, first));
+    let tile = hand.multiply::<true, R, 1>(tile, a.part(own, first), a.part(own, first), first - own);
+    a.put(hand, tile, first, first);
+    let upper = |i: usize, j: usize| match (i < R, j < R) {
+        (true, true) if i <= j => a.at(first + i, first + j),
+        _ => f64::from(i == j),
+    };
+    corner(std::array::from_fn(|i| std::array::from_fn(|j| upper(i, j))), first)
+}
+
+/// The corner of the next rows is opened as soon as it can be: what waits for it there, waits beside the rest of these.
 #[inline(always)]
 fn factor_rows<F: Four, const R: usize>(
     hand: Hand<F>,
     a: &mut Panel,
     first: usize,
     sweep: Sweep,
-) -> Result<(), NotPositive> {
-    let stride = a.stride;
-    let (above, rows) = a.data.split_at_mut(first * stride);
-    // Rows above that hold nothing in these columns take nothing away.
+    corner: &Corner,
+) -> Result<Option<Corner>, NotPositive> {
     let own = least(sweep.starts, first, 1).min(first);
-    let side = |row: usize, column: usize| Part { data: above, from: row * stride + column, stride };
-    let corner = {
-        let tile: Tile<F, R, 1> = hand.load(Part { data: rows, from: first, stride });
-        let tile = hand.multiply::<true, R, 1>(tile, side(own, first), side(own, first), first - own);
-        hand.store(tile, rows, first, stride);
-        let upper = |i: usize, j: usize| if j < i { 0.0 } else { rows[i * stride + first + j] };
-        let corner = corner::<R>(std::array::from_fn(|i| std::array::from_fn(|j| upper(i, j))), first)?;
-        for (r, row) in corner.u.iter().enumerate() {
-            rows[r * stride + first..][..R].copy_from_slice(row);
-        }
-        corner
-    };
-    over_columns!(first + VECTOR..sweep.width, |j, V| {
-        let start = least(sweep.starts, j, V);
+    let row = Row { first, own, sweep, corner };
+    if R < VECTOR {
+        // Columns to the right may share the last vector.
+        let tile: Tile<F, R, 1> = hand.load(a.part(first, first));
+        a.put(hand, hand.substitute(tile, &corner.unit, &corner.inverse), first, first);
+    }
+    for (r, u) in corner.u.iter().enumerate().take(R) {
+        a.row_mut(first + r)[first..][..R].copy_from_slice(&u[..R]);
+    }
+    let (near, mut next) = ((first + 3 * VECTOR).min(sweep.width), None);
+    over_columns!(first + VECTOR..near, |j, V| { row.substitute::<F, R, V>(hand, a, j) });
+    if R == VECTOR && first + VECTOR < sweep.n {
+        next = Some(open(hand, a, first + VECTOR, sweep)?);
+    }
+    over_columns!(near..sweep.width, |j, V| { row.substitute::<F, R, V>(hand, a, j) });
+    Ok(next)
+}
+
+/// Rows from `first` on, whose own columns hold nothing above row `own`.
+struct Row<'a> {
+    first: usize,
+    own: usize,
+    sweep: Sweep<'a>,
+    corner: &'a Corner,
+}
+
+impl Row<'_> {
+    #[inline(always)]
+    fn substitute<F: Four, const R: usize, const V: usize>(&self, hand: Hand<F>, a: &mut Panel, j: usize) {
+        let (first, start) = (self.first, least(self.sweep.starts, j, V));
         if start < first + R {
-            let start = start.max(own).min(first);
-            let tile: Tile<F, R, V> = hand.load(Part { data: rows, from: j, stride });
-            let tile = hand.multiply::<true, R, V>(tile, side(start, first), side(start, j), first - start);
-            let tile = hand.substitute(tile, &corner.unit, &corner.inverse);
-            hand.store(tile, rows, j, stride);
+            let start = start.max(self.own).min(first);
+            let tile: Tile<F, R, V> = hand.load(a.part(first, j));
+            let tile = hand.multiply::<true, R, V>(tile, a.part(start, first), a.part(start, j), first - start);
+            a.put(hand, hand.substitute(tile, &self.corner.unit, &self.corner.inverse), first, j);
         }
-    });
-    Ok(())
+    }
 }
 
 /// What `gram` multiplies: rows of a panel, from a column on.
@@ -229,12 +287,6 @@ impl Rows<'_> {
     #[inline(always)]
     fn start(&self, column: usize, vectors: usize) -> usize {
         least(self.starts, column, vectors).min(self.rows.end).max(self.rows.start)
-    }
-
-    #[inline(always)]
-    fn from(&self, row: usize, column: usize) -> Part<'_> {
-        let stride = self.panel.stride;
-        Part { data: &self.panel.data, from: row * stride + self.column + column, stride }
     }
 }
 
@@ -277,25 +329,28 @@ impl Multiplying<'_> {
 
     #[inline(always)]
     fn rows<F: Four, const R: usize>(&mut self, hand: Hand<F>, first: usize) {
-        let (g, stride, own) = (&self.g, self.out.stride, self.g.start(first, 1));
-        let rows = &mut self.out.data[first * stride..];
+        let (g, own) = (&self.g, self.g.start(first, 1));
         over_columns!(first..self.width, |j, V| {
             let start = g.start(j, V).max(own);
-            let tile: Tile<F, R, V> =
-                if self.fresh { hand.zero() } else { hand.load(Part { data: rows, from: j, stride }) };
-            let tile = hand.multiply::<false, R, V>(tile, g.from(start, first), g.from(start, j), g.rows.end - start);
-            hand.store(tile, rows, j, stride);
+            let tile: Tile<F, R, V> = if self.fresh { hand.zero() } else { hand.load(self.out.part(first, j)) };
+            let from = |column: usize| g.panel.part(start, g.column + column);
+            let tile = hand.multiply::<false, R, V>(tile, from(first), from(j), g.rows.end - start);
+            self.out.put(hand, tile, first, j);
         });
     }
+}
+
+/// Zeros of either sign.
+#[inline(always)]
+pub fn is_zero(vector: &[f64; VECTOR]) -> bool {
+    vector.iter().fold(0, |all, x| all | x.to_bits()) << 1 == 0
 }
 
 /// For each vector of columns of some rows: the first row that holds something.
 #[inline(always)]
 pub fn find_starts(panel: &Panel, rows: usize, columns: Range<usize>, starts: &mut [usize]) {
     for (start, column) in starts.iter_mut().zip(columns.step_by(VECTOR)) {
-        // Zeros of either sign.
-        let empty =
-            |r: &usize| panel.row(*r)[column..column + VECTOR].iter().fold(0, |all, x| all | x.to_bits()) << 1 == 0;
+        let empty = |r: &usize| is_zero(panel.row(*r)[column..].first_chunk().expect("a whole vector"));
         *start = (0..rows).take_while(empty).count();
     }
 }

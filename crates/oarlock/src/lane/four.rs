@@ -246,8 +246,8 @@ impl<F: Four> Hand<F> {
     pub fn substitute<const R: usize, const V: usize>(
         self,
         mut tile: Tile<F, R, V>,
-        unit: &[[f64; R]; R],
-        scale: &[f64; R],
+        unit: &[[f64; VECTOR]; VECTOR],
+        scale: &[f64; VECTOR],
     ) -> Tile<F, R, V> {
         // SAFETY: the hand was made where its instructions run.
         unsafe {
