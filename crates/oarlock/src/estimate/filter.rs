@@ -178,6 +178,9 @@ pub struct Filter<S: System> {
     inertial_rows: usize,
     y: Vec<f64>,
     used: Vec<bool>,
+    /// Source of each part; what the last tests said, of each part or source.
+    part_sources: Vec<usize>,
+    tested: Vec<f64>,
     weight: Vec<f64>,
     shift: Vec<f64>,
     variance: Vec<f64>,
@@ -211,6 +214,7 @@ impl<S: System> Filter<S> {
         groups.inertial.iter().for_each(|&r| inertial[r] = true);
         let mut order: Vec<usize> = (0..m).collect();
         order.sort_by_key(|&r| (!inertial[r], system.depth(r)));
+        let source_of = |part: &Range<usize>| groups.sources.iter().take_while(|s| s.end <= part.start).count();
         Filter {
             arch: Arch::best(),
             scratch: system.scratch(),
@@ -225,6 +229,8 @@ impl<S: System> Filter<S> {
             inertial_rows: 0,
             y: vec![0.0; m],
             used: vec![false; m],
+            part_sources: groups.parts.iter().map(source_of).collect(),
+            tested: vec![f64::NAN; groups.parts.len().max(groups.sources.len())],
             weight: vec![0.0; m],
             shift: vec![0.0; n],
             variance: vec![0.0; n],

@@ -1,34 +1,87 @@
 //! Which readings are believed: innovation tests, part by part.
+#![allow(clippy::needless_range_loop)] // several arrays go in step
 
 use super::dense::Square;
+use crate::lane::arch::{madd, Arch, Kernel};
+use crate::lane::four::VECTOR;
 
-/// Normalised innovation squared y' S^-1 y of those rows of S and y, from `first` on, that are `used`; S is read in its upper triangle.
-///
-/// `None` if the matrix is not positive definite (a reading is not a number), or if there are too many rows.
-pub fn nis(s: &Square, first: usize, y: &[f64], used: &[bool]) -> Option<f64> {
-    let (mut picked, mut count) = ([0; MAX_ROWS], 0);
-    let (mut lower, mut inverse, mut w) = ([[0.0; MAX_ROWS]; MAX_ROWS], [0.0; MAX_ROWS], [0.0; MAX_ROWS]);
-    let mut sum = 0.0;
-    for i in (0..y.len()).filter(|&i| used[i]) {
-        *picked.get_mut(count)? = i;
-        let (above, below) = lower.split_at_mut(count);
-        let (row, mut left, mut pivot) = (&mut below[0], y[i], s.at(first + i, first + i));
-        for (j, other) in above.iter().enumerate() {
-            let inner: f64 = (0..j).map(|k| row[k] * other[k]).sum();
-            row[j] = (s.at(first + picked[j], first + i) - inner) * inverse[j];
-            left -= row[j] * w[j];
-            pivot -= row[j] * row[j];
+/// Rows that are tested together.
+#[derive(Debug, Clone, Copy)]
+pub struct Test<'a> {
+    /// S, read in its upper triangle.
+    pub covariance: &'a Square,
+    /// Its row that belongs to the first of `y`.
+    pub first: usize,
+    /// Innovations.
+    pub y: &'a [f64],
+    /// Which of them count.
+    pub used: &'a [bool],
+}
+
+/// Normalised innovation squared y' S^-1 y of four tests side by side; NaN where the matrix is not positive definite: a reading
+/// is not a number.
+pub fn nis(arch: Arch, tests: &[Test; VECTOR]) -> [f64; VECTOR] {
+    arch.run(SideBySide(tests))
+}
+
+struct SideBySide<'a>(&'a [Test<'a>; VECTOR]);
+
+impl Kernel for SideBySide<'_> {
+    type Output = [f64; VECTOR];
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) -> Self::Output {
+        let most = self.0.iter().map(|t| t.y.len()).max();
+        match most {
+            Some(0..=3) => self.nis::<FUSED, 3>(),
+            Some(4..=6) => self.nis::<FUSED, 6>(),
+            Some(7..=9) => self.nis::<FUSED, 9>(),
+            _ => self.nis::<FUSED, MAX_ROWS>(),
         }
-        // Written so that NaN fails too.
-        if !(pivot > 0.0 && pivot.is_finite()) {
-            return None;
-        }
-        inverse[count] = 1.0 / pivot.sqrt();
-        w[count] = left * inverse[count];
-        sum += w[count] * w[count];
-        count += 1;
     }
-    Some(sum)
+}
+
+impl SideBySide<'_> {
+    /// Without roots: S = L D L'. What does not count has variance 1 and innovation 0.
+    #[inline(always)]
+    fn nis<const FUSED: bool, const N: usize>(self) -> [f64; VECTOR] {
+        let (mut s, mut y) = ([[[0.0; VECTOR]; N]; N], [[0.0; VECTOR]; N]);
+        for (k, test) in self.0.iter().enumerate() {
+            for i in 0..N {
+                s[i][i][k] = 1.0;
+            }
+            for i in (0..test.y.len()).filter(|&i| test.used[i]) {
+                y[i][k] = test.y[i];
+                let row = &test.covariance.row(test.first + i)[test.first..];
+                for j in (i..test.y.len()).filter(|&j| test.used[j]) {
+                    s[i][j][k] = row[j];
+                }
+            }
+        }
+        let (mut sum, mut least) = ([0.0; VECTOR], [f64::INFINITY; VECTOR]);
+        for i in 0..N {
+            let pivot = s[i][i];
+            let reciprocal = pivot.map(|p| 1.0 / p);
+            for k in 0..VECTOR {
+                sum[k] += y[i][k] * y[i][k] * reciprocal[k];
+                least[k] = pivot[k].min(least[k]);
+            }
+            for row in i + 1..N {
+                let mut factor = [0.0; VECTOR];
+                for k in 0..VECTOR {
+                    factor[k] = -s[i][row][k] * reciprocal[k];
+                    y[row][k] = madd::<FUSED>(factor[k], y[i][k], y[row][k]);
+                }
+                for j in row..N {
+                    for k in 0..VECTOR {
+                        s[row][j][k] = madd::<FUSED>(factor[k], s[i][j][k], s[row][j][k]);
+                    }
+                }
+            }
+        }
+        // Of a pivot that is not a number, the sum is none.
+        std::array::from_fn(|k| if least[k] > 0.0 { sum[k] } else { f64::NAN })
+    }
 }
 
 /// Most rows that a source may have.

@@ -136,21 +136,26 @@ impl Solver {
     #[inline(always)]
     fn fill_blocks<F: Four>(&mut self, hand: Hand<F>) {
         let (h_at, end) = (self.states_at(), self.states_at() + padded(self.states));
+        let (noise, firsts) = (&self.noise, &self.firsts);
         for (block, rows) in self.blocks.iter_mut().zip(&self.sources) {
-            for (i, r) in rows.clone().enumerate() {
-                let a = self.slots[r];
-                if a == NOWHERE {
-                    continue;
-                }
-                for (j, four) in self.slots[r..rows.end].chunks(VECTOR).enumerate() {
-                    let other: [usize; VECTOR] =
-                        std::array::from_fn(|k| *four.get(k).filter(|slot| **slot != NOWHERE).unwrap_or(&a));
-                    let first = other.iter().map(|&b| self.firsts[b]).fold(end, usize::min).max(self.firsts[a]);
-                    let row = |slot: usize| &self.noise.row(slot)[(h_at + first).min(end)..end];
-                    let dots = hand.dots(row(a), other.map(row));
-                    let own = other.map(|b| self.noise.at(a.min(b), a.max(b)));
-                    let out = &mut block.row_mut(i)[i + j * VECTOR..];
-                    out.iter_mut().zip(own.iter().zip(dots)).for_each(|(out, (own, dot))| *out = own + dot);
+            let slots = &self.slots[rows.clone()];
+            for (i, own) in slots.chunks(3).enumerate() {
+                let Some(own) = three(own) else { continue };
+                for (j, other) in slots.chunks(3).enumerate().skip(i) {
+                    let Some(other) = three(other) else { continue };
+                    let first =
+                        |three: [usize; 3]| three.map(|slot| firsts[slot]).into_iter().fold(end - h_at, usize::min);
+                    let from = h_at + first(own).max(first(other));
+                    let row = |slot: usize| &noise.row(slot)[from..end];
+                    let products = hand.products(own.map(row), other.map(row));
+                    for (p, a) in own.into_iter().enumerate().take(slots.len() - 3 * i) {
+                        let from = if i == j { p } else { 0 };
+                        let out = block.row_mut(3 * i + p)[3 * j..].iter_mut();
+                        for (q, out) in out.enumerate().take(3).skip(from) {
+                            let b = other[q];
+                            *out = noise.at(a.min(b), a.max(b)) + products[p][q];
+                        }
+                    }
                 }
             }
         }
@@ -301,6 +306,13 @@ impl Kernel for Blocks<'_> {
     fn run<const FUSED: bool>(self) {
         with_hand!(FUSED, |hand| self.solver.fill_blocks(hand));
     }
+}
+
+/// The slots of up to three readings; one that is there stands in for one that is not. `None` if none is there.
+#[inline(always)]
+fn three(slots: &[usize]) -> Option<[usize; 3]> {
+    let there = *slots.iter().find(|slot| **slot != NOWHERE)?;
+    Some(std::array::from_fn(|k| slots.get(k).copied().filter(|slot| *slot != NOWHERE).unwrap_or(there)))
 }
 
 /// Sum of squares down a column.

@@ -269,21 +269,27 @@ impl<F: Four> Hand<F> {
         tile
     }
 
-    /// Products of a row with four others of its length, which is a multiple of a register's.
+    /// Products of three rows with three others of their length, which is a multiple of a register's.
     #[inline(always)]
-    pub fn dots(self, own: &[f64], others: [&[f64]; 4]) -> [f64; 4] {
-        assert!(own.len().is_multiple_of(VECTOR) && others.iter().all(|o| o.len() == own.len()));
-        let mut out = [0.0; 4];
+    pub fn products(self, left: [&[f64]; 3], right: [&[f64]; 3]) -> [[f64; VECTOR]; 3] {
+        let width = left[0].len();
+        assert!(width.is_multiple_of(VECTOR) && left.iter().chain(&right).all(|row| row.len() == width));
+        let mut out = [[0.0; VECTOR]; 3];
         // SAFETY: all rows are as long.
         unsafe {
-            let mut sums = [F::splat(0.0); 4];
-            for k in (0..own.len()).step_by(VECTOR) {
-                let x = F::load(own.as_ptr().add(k));
-                for j in 0..4 {
-                    sums[j] = sums[j].plus(x, F::load(others[j].as_ptr().add(k)));
+            let mut sums: Tile<F, 3, 4> = self.zero();
+            for k in (0..width).step_by(VECTOR) {
+                let right = right.map(|row| F::load(row.as_ptr().add(k)));
+                for i in 0..3 {
+                    let own = F::load(left[i].as_ptr().add(k));
+                    for j in 0..3 {
+                        sums[i][j] = sums[i][j].plus(own, right[j]);
+                    }
                 }
             }
-            F::sums(sums).store(out.as_mut_ptr());
+            for i in 0..3 {
+                F::sums(sums[i]).store(out[i].as_mut_ptr());
+            }
         }
         out
     }

@@ -1,8 +1,10 @@
 //! Which readings an update believes, and what it reports of each source.
 
-use super::{Filter, Gate, Info, Manner, Sighting, Slant, SourceInfo, Verdict, ABSURD_NIS};
+use super::{Filter, Gate, Groups, Info, Manner, Sighting, Slant, SourceInfo, Verdict, ABSURD_NIS};
 use crate::estimate::belief::Belief;
-use crate::estimate::{gate, System};
+use crate::estimate::gate::{self, Test};
+use crate::estimate::tiles::VECTOR;
+use crate::estimate::System;
 use std::ops::Range;
 
 impl<S: System> Filter<S> {
@@ -10,11 +12,9 @@ impl<S: System> Filter<S> {
         let gate = manner.gate;
         let groups = sighting.groups;
         (self.rejected_nis, self.rejected_rows) = (0.0, 0);
-        let mut source = 0;
+        self.test_parts(groups);
         for (p, rows) in groups.parts.iter().enumerate() {
-            while groups.sources[source].end <= rows.start {
-                source += 1;
-            }
+            let source = self.part_sources[p];
             let count = self.used[rows.clone()].iter().filter(|&&u| u).count();
             info.parts[p] = Verdict::Missing;
             if count == 0 {
@@ -28,10 +28,9 @@ impl<S: System> Filter<S> {
             let since = &mut belief.rejected_since_s[p];
             let patience_s = if strict { gate.strict_patience_s } else { self.patience_s(gate) };
             let patient = since.is_nan() || belief.time_s - *since <= patience_s;
-            let nis = self.nis(source, first, rows.clone());
-            // Written so that what is not a number is absurd too.
-            let absurd = !nis.is_some_and(|x| x < ABSURD_NIS);
-            let nis = nis.filter(|_| !absurd).unwrap_or(ABSURD_NIS);
+            let nis = self.tested[p];
+            let absurd = nis.is_nan() || nis >= ABSURD_NIS;
+            let nis = if absurd { ABSURD_NIS } else { nis };
             let habit = &mut belief.habit[p];
             let beyond = gate.on && nis > slack * habit.max(1.0) * gate::threshold(count);
             let odd = absurd || (beyond && patient);
@@ -77,17 +76,39 @@ impl<S: System> Filter<S> {
         gate.patience_s.max(3.0 * self.since_s)
     }
 
-    /// Of the used ones among some rows of a source, of which they begin with number `first`.
-    fn nis(&self, source: usize, first: usize, rows: Range<usize>) -> Option<f64> {
-        let (y, used) = (&self.y[rows.clone()], &self.used[rows]);
-        gate::nis(self.solver.block(source), first, y, used)
+    /// Normalised innovation squared of what is used of some rows, each of one source.
+    fn test<'a>(
+        &mut self,
+        rows: impl ExactSizeIterator<Item = (usize, &'a Range<usize>)> + Clone,
+        sources: &[Range<usize>],
+    ) {
+        let (y, used, solver, count) = (&self.y, &self.used, &self.solver, rows.len());
+        let test = |(source, rows): (usize, &Range<usize>)| Test {
+            covariance: solver.block(source),
+            first: rows.start - sources[source].start,
+            y: &y[rows.clone()],
+            used: &used[rows.clone()],
+        };
+        for (k, tested) in self.tested[..count].chunks_mut(VECTOR).enumerate() {
+            // The last ones may be tested more often than once.
+            let four = std::array::from_fn(|i| test(rows.clone().nth((k * VECTOR + i).min(count - 1)).expect("fewer")));
+            tested.copy_from_slice(&gate::nis(self.arch, &four)[..tested.len()]);
+        }
+    }
+
+    fn test_parts(&mut self, groups: &Groups) {
+        let sources = std::mem::take(&mut self.part_sources);
+        self.test(sources.iter().copied().zip(&groups.parts), &groups.sources);
+        self.part_sources = sources;
     }
 
     pub(super) fn report(&mut self, sighting: Sighting, info: &mut Info) {
-        for (s, rows) in sighting.groups.sources.iter().enumerate() {
+        let sources = &sighting.groups.sources;
+        self.test(sources.iter().enumerate(), sources);
+        for (s, rows) in sources.iter().enumerate() {
             let there = rows.clone().filter(|&r| !info.innovation[r].is_nan()).count();
             let used = rows.clone().filter(|&r| self.used[r]).count();
-            let nis = self.nis(s, 0, rows.clone()).filter(|_| used > 0).unwrap_or(f64::NAN);
+            let nis = if used > 0 { self.tested[s] } else { f64::NAN };
             let (missing, rejected) = (rows.len() - there, there - used);
             info.sources[s] = SourceInfo { nis, used: used as u8, rejected: rejected as u8, missing: missing as u8 };
         }
