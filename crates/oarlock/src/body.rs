@@ -9,7 +9,9 @@ use crate::error::Result;
 use crate::estimate::filter::Groups;
 use crate::estimate::transition::{Block, Transition};
 use crate::estimate::{Depth, Partition, Points, System, Vary};
+use crate::estimate::straight::Straight;
 use crate::kinematics::near::Reach;
+use crate::kinematics::pieces::Pieces;
 use crate::kinematics::{FrameMotion, JointMotion, Tree};
 use crate::lane::{Lane, Real};
 use crate::model::{Axis, Model, Transform, World};
@@ -17,6 +19,7 @@ use crate::motion::{fading, joint_block, push_turn, Now};
 use crate::rotation::turn::{minus, plus, right_jacobian};
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::imu::MountValue;
+use crate::sensor::near::Seats;
 use crate::sensor::{Quantity, Suite, Wearing};
 use crate::state::{Layout, Slots, SlowSlot};
 use posture::Posture;
@@ -110,9 +113,10 @@ pub struct Body {
     input_std: Vec<f64>,
     /// Source, first row and first state of every bias.
     biases: Vec<(usize, usize, usize)>,
-    /// On what the pose of each frame and of each source depends.
-    frame_reaches: Vec<Reach>,
-    source_reaches: Vec<Reach>,
+    /// The tree as rigid pieces, the sensors on them, and on what the pose of each piece depends.
+    pieces: Pieces,
+    seats: Seats,
+    piece_reaches: Vec<Reach>,
 }
 
 impl Body {
@@ -146,7 +150,9 @@ impl Body {
         let state = |c: usize| layout.coordinates[c].map(|s| s.q);
         let is_input = |c: usize| model.joints.iter().any(|j| j.input && j.coordinates().contains(&c));
         let frame_reaches = tree.reaches(state, length, is_input);
-        let source_reaches = suite.reaches(&frame_reaches, length, |number| layout.mounts[number].1);
+        let pieces = Pieces::new(&tree);
+        let piece_reaches = (0..pieces.len()).map(|k| frame_reaches[pieces.frame(k)]).collect();
+        let seats = suite.seats(&pieces, &frame_reaches, length, |number| layout.mounts[number].1);
         let mut turned = vec![false; layout.dim()];
         layout.turns.iter().for_each(|(_, slots)| turned[slots.q..slots.q + 3].fill(true));
         Ok(Body {
@@ -164,8 +170,9 @@ impl Body {
             input_coordinates,
             input_std,
             biases,
-            frame_reaches,
-            source_reaches,
+            pieces,
+            seats,
+            piece_reaches,
         })
     }
 
@@ -380,6 +387,26 @@ impl System for Body {
         out: &mut [Lane],
     ) {
         self.read_near::<FUSED>(moment, scratch, at, vary, out);
+    }
+
+    fn straight(&self) -> Option<Straight> {
+        Some(self.straight_by(&self.tree.slopes(self.columns(false))).0)
+    }
+
+    #[inline(always)]
+    fn straighten<const FUSED: bool>(&self, moment: &Moment, scratch: &mut BodyScratch, straight: &mut Straight) {
+        self.straighten_at::<FUSED>(moment, scratch, straight);
+    }
+
+    #[inline(always)]
+    fn curve<const FUSED: bool>(
+        &self,
+        moment: &Moment,
+        scratch: &mut BodyScratch,
+        delta: &[Lane],
+        out: &mut [Lane],
+    ) {
+        self.curve_at::<FUSED>(moment, scratch, delta, out);
     }
 
     fn linearise(&self, moment: &Moment, s: &mut BodyScratch, mean: &[f64], center: &mut [f64], jacobian: &mut [f64]) {

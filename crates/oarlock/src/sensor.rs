@@ -6,6 +6,7 @@ pub mod imu;
 pub mod near;
 pub mod position;
 pub mod slopes;
+pub mod straight;
 
 use crate::kinematics::FrameMotion;
 use crate::lane::Real;

@@ -18,32 +18,43 @@ pub struct LinearScratch {
 }
 
 impl Body {
-    /// A column of the Jacobian for every state, then one for each noisy input.
-    pub(super) fn linear_scratch(&self) -> LinearScratch {
+    /// Where the numbers that move the tree stand in a Jacobian that has a column for every state, then one for each noisy input;
+    /// with or without those that change its pose.
+    pub(super) fn columns(&self, poses: bool) -> Columns {
         let layout = &self.layout;
         let mut coordinates = vec![[None; 3]; self.model.coordinate_count()];
         for (columns, slots) in coordinates.iter_mut().zip(&layout.coordinates) {
             let Some(slots) = slots else { continue };
-            *columns = [Some(slots.q), slots.rates.map(|r| r.0), slots.rates.map(|r| r.1)].map(|s| Some((s?, 1.0)));
+            let own = [Some(slots.q).filter(|_| poses), slots.rates.map(|r| r.0), slots.rates.map(|r| r.1)];
+            *columns = own.map(|s| Some((s?, 1.0)));
         }
-        for (k, (&c, &std)) in self.input_coordinates.iter().zip(&self.input_std).enumerate() {
+        for (k, (&c, &std)) in self.input_coordinates.iter().zip(&self.input_std).enumerate().filter(|_| poses) {
             coordinates[c][0] = Some((layout.dim() + k, std));
         }
-        let lengths: Vec<usize> = layout.lengths.iter().map(|l| l.1).collect();
+        Columns { coordinates, lengths: layout.lengths.iter().map(|l| l.1).collect() }
+    }
+
+    /// Where other numbers stand.
+    pub(super) fn places(&self) -> Places {
+        let layout = &self.layout;
         let bases = self.model.base_accelerations.iter().zip(&layout.base);
-        let places = Places {
+        Places {
             width: layout.dim() + self.input_std.len(),
             coordinates: layout.coordinates.iter().map(|slots| Some((*slots)?.q)).collect(),
-            lengths: lengths.clone(),
+            lengths: layout.lengths.iter().map(|l| l.1).collect(),
             mounts: layout.mounts.iter().map(|m| m.1).collect(),
             azimuth: layout.azimuth,
             bases: bases.filter_map(|(base, slot)| Some(((*slot)?.first, base.axis))).collect(),
-        };
+        }
+    }
+
+    /// Room for a Jacobian.
+    pub(super) fn linear_scratch(&self) -> LinearScratch {
         LinearScratch {
             mean: Posture::new(self),
-            anchors: vec![Mat3::identity(); layout.turns.len()],
-            slopes: self.tree.slopes(Columns { coordinates, lengths }),
-            places,
+            anchors: vec![Mat3::identity(); self.layout.turns.len()],
+            slopes: self.tree.slopes(self.columns(true)),
+            places: self.places(),
         }
     }
 

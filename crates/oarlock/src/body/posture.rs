@@ -58,6 +58,20 @@ impl<T: Real> Posture<T> {
         }
     }
 
+    /// Takes the rates that `at` gives, and else no motion, in the posture of `mean`.
+    #[inline(always)]
+    pub(super) fn take_rates(&mut self, body: &Body, mean: &Posture<f64>, at: impl Fn(usize) -> T) {
+        for (c, slots) in body.layout.coordinates.iter().enumerate() {
+            let rate = slots.and_then(|s| s.rates);
+            self.q[c] = T::splat(mean.q[c]);
+            self.qd[c] = rate.map_or(T::splat(0.0), |(rate, _)| at(rate));
+            self.qdd[c] = T::splat(0.0);
+        }
+        for (length, x) in self.lengths.iter_mut().zip(&mean.lengths) {
+            *length = T::splat(*x);
+        }
+    }
+
     pub(super) fn joints<'a>(&'a self, anchors: &'a [Mat3<f64>]) -> JointMotion<'a, T> {
         JointMotion { q: &self.q, qd: &self.qd, qdd: &self.qdd, lengths: &self.lengths, anchors }
     }
