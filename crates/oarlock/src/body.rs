@@ -7,9 +7,9 @@ pub mod read;
 use crate::config::Config;
 use crate::error::Result;
 use crate::estimate::filter::Groups;
+use crate::estimate::straight::Straight;
 use crate::estimate::transition::{Block, Transition};
 use crate::estimate::{Depth, Partition, Points, System, Vary};
-use crate::estimate::straight::Straight;
 use crate::kinematics::near::Reach;
 use crate::kinematics::pieces::Pieces;
 use crate::kinematics::{FrameMotion, JointMotion, Tree};
@@ -399,13 +399,7 @@ impl System for Body {
     }
 
     #[inline(always)]
-    fn curve<const FUSED: bool>(
-        &self,
-        moment: &Moment,
-        scratch: &mut BodyScratch,
-        delta: &[Lane],
-        out: &mut [Lane],
-    ) {
+    fn curve<const FUSED: bool>(&self, moment: &Moment, scratch: &mut BodyScratch, delta: &[Lane], out: &mut [Lane]) {
         self.curve_at::<FUSED>(moment, scratch, delta, out);
     }
 

@@ -42,9 +42,11 @@ impl Kernel for SideBySide<'_> {
 }
 
 impl SideBySide<'_> {
-    /// Without roots: S = L D L'. What does not count has variance 1 and innovation 0.
     #[inline(always)]
-    fn nis<const FUSED: bool, const N: usize>(self) -> [f64; VECTOR] {
+    fn gather<const N: usize>(&self) -> ([[[f64; VECTOR]; N]; N], [[f64; VECTOR]; N]) {
+        if self.0.iter().all(|t| t.y.len() == N && t.used.iter().all(|&used| used)) {
+            return self.gather_all();
+        }
         let (mut s, mut y) = ([[[0.0; VECTOR]; N]; N], [[0.0; VECTOR]; N]);
         for (k, test) in self.0.iter().enumerate() {
             for i in 0..N {
@@ -58,6 +60,29 @@ impl SideBySide<'_> {
                 }
             }
         }
+        (s, y)
+    }
+
+    /// As mostly: everything counts.
+    #[inline(always)]
+    fn gather_all<const N: usize>(&self) -> ([[[f64; VECTOR]; N]; N], [[f64; VECTOR]; N]) {
+        let (mut s, mut y) = ([[[0.0; VECTOR]; N]; N], [[0.0; VECTOR]; N]);
+        for i in 0..N {
+            let rows: [&[f64; N]; VECTOR] = self.0.each_ref().map(|t| {
+                t.covariance.row(t.first + i)[t.first..].first_chunk().expect("as many columns as innovations")
+            });
+            for j in i..N {
+                s[i][j] = rows.map(|row| row[j]);
+            }
+            y[i] = self.0.each_ref().map(|t| t.y[i]);
+        }
+        (s, y)
+    }
+
+    /// Without roots: S = L D L'. What does not count has variance 1 and innovation 0.
+    #[inline(always)]
+    fn nis<const FUSED: bool, const N: usize>(self) -> [f64; VECTOR] {
+        let (mut s, mut y) = self.gather::<N>();
         let (mut sum, mut least) = ([0.0; VECTOR], [f64::INFINITY; VECTOR]);
         for i in 0..N {
             let pivot = s[i][i];

@@ -321,10 +321,10 @@ impl<S: System> Kernel for Reading<'_, S> {
         let vary = Vary { from, inputs: matches!(self.points, Batch::Inputs(..)) };
         look.system.readings_near::<FUSED>(look.moment, self.scratch, at, vary, &mut fan.out);
         match self.points {
-            _ => {}
             Batch::Pairs(first, count) => fan.gather_pairs(look.rows, first, count, 0.5 / reach),
             Batch::Singles(first, count) => fan.gather_singles(look.rows, first, count, 1.0 / reach),
             Batch::Inputs(first, count) => fan.gather_inputs(look.rows, first, count),
+            _ => {}
         }
     }
 }

@@ -7,7 +7,7 @@
 
 use super::dense::{NotPositive, Square};
 use super::sigma::Fan;
-use super::tiles::{factor, find_starts, gram, is_zero, padded, Panel, Rows, Sweep, VECTOR};
+use super::tiles::{factor, find_starts, gram, padded, Panel, Rows, Sweep, VECTOR};
 use crate::lane::arch::{with_hand, Arch, Kernel};
 use crate::lane::four::{Four, Hand};
 use std::ops::Range;
@@ -92,7 +92,7 @@ impl Solver {
     pub fn weigh(&mut self, arch: Arch, fan: &Fan, readings: Weighted) {
         arch.run(Dividing { solver: self, fan, readings });
         let m = self.used;
-        find_starts(&self.even, fan.evens, 0..padded(m), &mut self.starts);
+        find_starts(arch, &self.even, fan.evens, 0..padded(m), &mut self.starts);
         let g = Rows { panel: &self.even, rows: 0..fan.evens, column: 0, starts: &self.starts };
         gram(arch, &mut self.noise, [m, padded(m)], g, true);
         for i in 0..m {
@@ -109,12 +109,12 @@ impl Solver {
     fn divide<F: Four>(&mut self, hand: Hand<F>, fan: &Fan, Weighted { rows, inertial, weight, .. }: Weighted) {
         (self.used, self.inertial) = (rows.len(), inertial);
         self.slots.fill(NOWHERE);
-        let h_at = self.states_at();
+        let (h_at, n_pad) = (self.states_at(), padded(self.states));
         for (slot, &r) in rows.iter().enumerate() {
             self.slots[r] = slot;
             let row = &mut self.noise.row_mut(slot)[h_at..];
             hand.scale(fan.odd.row(r), weight[r], row);
-            self.firsts[slot] = row.as_chunks::<VECTOR>().0.iter().take_while(|c| is_zero(c)).count() * VECTOR;
+            self.firsts[slot] = hand.leading_zeros(&row[..n_pad]) * VECTOR;
         }
         self.turn_even(hand, fan, rows, weight);
     }
@@ -186,8 +186,8 @@ impl Solver {
         let (symmetric, right) = self.starts.split_at_mut(h_at / VECTOR);
         symmetric.fill(NOWHERE);
         // Readings whose noise knows nothing of each other's stay apart.
-        find_starts(&self.noise, m, 0..padded(m), symmetric);
-        find_starts(&self.noise, m, h_at..width, right);
+        find_starts(arch, &self.noise, m, 0..padded(m), symmetric);
+        starts_of(&self.firsts[..m], &mut right[..wide / VECTOR]);
         factor(arch, &mut self.noise, Sweep { n: m, width, starts: &self.starts })?;
         let all =
             Rows { panel: &self.noise, rows: 0..self.inertial, column: h_at, starts: &self.starts[h_at / VECTOR..] };
@@ -313,6 +313,19 @@ impl Kernel for Blocks<'_> {
 fn three(slots: &[usize]) -> Option<[usize; 3]> {
     let there = *slots.iter().find(|slot| **slot != NOWHERE)?;
     Some(std::array::from_fn(|k| slots.get(k).copied().filter(|slot| *slot != NOWHERE).unwrap_or(there)))
+}
+
+/// For each vector of columns, the last of which holds y too: the first row that may hold something, given where each begins to.
+fn starts_of(firsts: &[usize], starts: &mut [usize]) {
+    let mut open = starts.len();
+    for (slot, first) in firsts.iter().enumerate() {
+        while open > 0 && first / VECTOR < open {
+            open -= 1;
+            starts[open] = slot;
+        }
+    }
+    starts[..open].fill(firsts.len());
+    starts[starts.len() - 1] = 0;
 }
 
 /// Sum of squares down a column.

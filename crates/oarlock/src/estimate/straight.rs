@@ -72,7 +72,13 @@ impl Straight {
 
 impl Trio {
     #[inline(always)]
-    fn columns<const FUSED: bool, const V: usize>(&self, slopes: &[Slope], (turned, n): (&Panel, usize), at: usize, odd: &mut Panel) {
+    fn columns<const FUSED: bool, const V: usize>(
+        &self,
+        slopes: &[Slope],
+        (turned, n): (&Panel, usize),
+        at: usize,
+        odd: &mut Panel,
+    ) {
         let mut sums = [[[0.0; VECTOR]; V]; 3];
         if let Some(first) = self.added {
             for i in 0..3 {

@@ -340,18 +340,28 @@ impl Multiplying<'_> {
     }
 }
 
-/// Zeros of either sign.
-#[inline(always)]
-pub fn is_zero(vector: &[f64; VECTOR]) -> bool {
-    vector.iter().fold(0, |all, x| all | x.to_bits()) << 1 == 0
+/// For each vector of columns of some rows: the first row that holds something.
+pub fn find_starts(arch: Arch, panel: &Panel, rows: usize, columns: Range<usize>, starts: &mut [usize]) {
+    arch.run(Finding { panel, rows, columns, starts });
 }
 
-/// For each vector of columns of some rows: the first row that holds something.
-#[inline(always)]
-pub fn find_starts(panel: &Panel, rows: usize, columns: Range<usize>, starts: &mut [usize]) {
-    for (start, column) in starts.iter_mut().zip(columns.step_by(VECTOR)) {
-        let empty = |r: &usize| is_zero(panel.row(*r)[column..].first_chunk().expect("a whole vector"));
-        *start = (0..rows).take_while(empty).count();
+struct Finding<'a> {
+    panel: &'a Panel,
+    rows: usize,
+    columns: Range<usize>,
+    starts: &'a mut [usize],
+}
+
+impl Kernel for Finding<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        with_hand!(FUSED, |hand| {
+            for (start, column) in self.starts.iter_mut().zip(self.columns.step_by(VECTOR)) {
+                *start = hand.empty_rows(self.panel.part(0, column), self.rows);
+            }
+        })
     }
 }
 
@@ -363,7 +373,7 @@ mod tests {
     fn both(arch: Arch, g: &Panel, n: usize, right: usize) -> (Panel, Panel) {
         let (rows, width) = (2 * n, padded(n) + padded(right));
         let mut starts = vec![0; width / VECTOR];
-        find_starts(g, rows, 0..padded(n), &mut starts);
+        find_starts(arch, g, rows, 0..padded(n), &mut starts);
         let mut a = Panel::zeros(n, width);
         (0..n).for_each(|i| a.row_mut(i)[i] = 1.0);
         let rows = Rows { panel: g, rows: 0..rows, column: 0, starts: &starts };

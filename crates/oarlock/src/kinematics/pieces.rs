@@ -65,7 +65,8 @@ impl Pieces {
     /// Of a tree.
     pub fn new(tree: &Tree) -> Self {
         let here = || Fixed::new(Mat3::identity(), Point::fixed([0.0; 3]));
-        let mut found = Pieces { pieces: vec![Piece { frame: 0, parent: 0, entry: here(), joint: None }], homes: vec![] };
+        let mut found =
+            Pieces { pieces: vec![Piece { frame: 0, parent: 0, entry: here(), joint: None }], homes: vec![] };
         found.homes.push(Home { piece: 0, rotation: Mat3::identity(), origin: Point::fixed([0.0; 3]) });
         for (i, link) in tree.links.iter().enumerate().skip(1) {
             let home = found.home(i, link);

@@ -33,6 +33,8 @@ pub unsafe trait Four: Copy {
     unsafe fn times(self, a: Self) -> Self;
     /// The sum of each of four.
     unsafe fn sums(of: [Self; 4]) -> Self;
+    /// Whether all are zero, of either sign.
+    unsafe fn is_zero(self) -> bool;
     /// Rows become columns.
     unsafe fn turned(of: [Self; 4]) -> [Self; 4];
 }
@@ -74,6 +76,10 @@ unsafe impl Four for Plain {
     #[inline(always)]
     unsafe fn sums(of: [Self; 4]) -> Self {
         Plain(of.map(|v| (v.0[0] + v.0[1]) + (v.0[2] + v.0[3])))
+    }
+    #[inline(always)]
+    unsafe fn is_zero(self) -> bool {
+        self.0.iter().fold(0, |all, x| all | x.to_bits()) << 1 == 0
     }
     #[inline(always)]
     unsafe fn turned(of: [Self; 4]) -> [Self; 4] {
@@ -122,6 +128,11 @@ unsafe impl Four for Fused {
         let (ab, cd) = (_mm256_hadd_pd(a.0, b.0), _mm256_hadd_pd(c.0, d.0));
         let (low, high) = (_mm256_blend_pd::<0b1100>(ab, cd), _mm256_permute2f128_pd::<0x21>(ab, cd));
         Fused(_mm256_add_pd(low, high))
+    }
+    #[inline(always)]
+    unsafe fn is_zero(self) -> bool {
+        let bits = _mm256_castpd_si256(self.0);
+        _mm256_testz_si256(bits, _mm256_set1_epi64x(i64::MAX)) == 1
     }
     #[inline(always)]
     unsafe fn turned([a, b, c, d]: [Self; 4]) -> [Self; 4] {
@@ -306,6 +317,23 @@ impl<F: Four> Hand<F> {
                 rows[k].store(out.as_mut_ptr().add(to + k * stride));
             }
         }
+    }
+
+    /// How many of the first registers of a row hold nothing.
+    #[inline(always)]
+    pub fn leading_zeros(self, row: &[f64]) -> usize {
+        let whole = row.as_chunks::<VECTOR>().0;
+        // SAFETY: each is as long as a register.
+        whole.iter().take_while(|four| unsafe { F::load(four.as_ptr()).is_zero() }).count()
+    }
+
+    /// How many of the first rows of a part, of so many, hold nothing in the register at its beginning.
+    #[inline(always)]
+    pub fn empty_rows(self, part: Part, rows: usize) -> usize {
+        assert!(rows == 0 || end(part.from, rows, part.stride, VECTOR) <= part.data.len());
+        let at = |r: usize| part.data[part.from + r * part.stride..].as_ptr();
+        // SAFETY: all rows end within the data.
+        (0..rows).take_while(|&r| unsafe { F::load(at(r)).is_zero() }).count()
     }
 
     /// `to = scale from`, over whole registers.

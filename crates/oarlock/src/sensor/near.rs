@@ -204,7 +204,9 @@ impl Seats {
                 Seat::Encoder { row, coordinate } => out[*row] = around.joints.q[*coordinate].cast(),
                 Seat::Position { row, .. } if !posed => around.keep(out, Some(*row), 3),
                 Seat::Position { row, piece, point } => put(out, *row, around.place(*piece, point)),
-                Seat::Loop { row, axes, .. } if !posed => around.keep(out, Some(*row), if axes.is_some() { 6 } else { 3 }),
+                Seat::Loop { row, axes, .. } if !posed => {
+                    around.keep(out, Some(*row), if axes.is_some() { 6 } else { 3 })
+                }
                 Seat::Loop { row, sides: [(a, at), (b, bt)], axes } => {
                     put(out, *row, around.place(*a, at) - around.place(*b, bt));
                     if let Some([za, zb]) = axes {
@@ -243,13 +245,7 @@ impl<T: Real> Around<'_, T> {
 
 impl Unit {
     #[inline(always)]
-    fn predict<const FUSED: bool>(
-        &self,
-        around: &Around<Lane<FUSED>>,
-        stand: &Stand,
-        posed: bool,
-        out: &mut [Lane],
-    ) {
+    fn predict<const FUSED: bool>(&self, around: &Around<Lane<FUSED>>, stand: &Stand, posed: bool, out: &mut [Lane]) {
         let (differs, own) = (around.near.differs[self.piece], &around.near.own[self.piece]);
         let worn = posed && self.own_reach > around.apart.from;
         let axes = Axes { nominal: &self.rotation, stand: &stand.rotation, turn: self.turned(around, worn) };

@@ -83,13 +83,7 @@ impl Suite {
 
     /// Their numbers. Allocates nothing.
     #[inline(always)]
-    pub fn straighten<const FUSED: bool>(
-        &self,
-        causes: &Causes,
-        at: Still,
-        active: &[bool],
-        straight: &mut Straight,
-    ) {
+    pub fn straighten<const FUSED: bool>(&self, causes: &Causes, at: Still, active: &[bool], straight: &mut Straight) {
         for unit in causes.units.iter().filter(|u| active[u.source]) {
             let Reader::Imu(s) = &self.readers[unit.source] else { continue };
             let motion = &at.frames[unit.frame];
@@ -129,13 +123,7 @@ impl Suite {
 }
 
 impl Causes {
-    fn push(
-        &mut self,
-        straight: &mut Straight,
-        row: usize,
-        mut found: Vec<(usize, Cause)>,
-        added: Option<usize>,
-    ) {
+    fn push(&mut self, straight: &mut Straight, row: usize, mut found: Vec<(usize, Cause)>, added: Option<usize>) {
         found.sort_by_key(|(state, _)| std::cmp::Reverse(*state));
         let states: Vec<usize> = found.iter().map(|f| f.0).collect();
         straight.push(row, &states, added);

@@ -29,25 +29,33 @@ impl Kernel for Turn<'_> {
         let Turn { mut blocks, p } = self;
         blocks.iter().for_each(|b| rows::<FUSED>(b, p));
         while let [first, rest @ ..] = blocks {
-            match blocks.first_chunk() {
-                Some(four) if are_neighbours(four) => {
-                    columns_of_four::<FUSED>(four, p);
-                    blocks = &blocks[VECTOR..];
-                }
-                _ => {
-                    columns(first, p);
-                    blocks = rest;
-                }
+            let count = neighbours(blocks, p.n());
+            if count > 1 {
+                columns_of_some::<FUSED>(&blocks[..count], p);
+                blocks = &blocks[count..];
+            } else {
+                columns(first, p);
+                blocks = rest;
             }
         }
     }
 }
 
-/// Whether each coordinate of a block stands next to the same one of the block before.
+/// How many blocks, up to a vector, have each coordinate next to the same one of the block before, the first coordinates before
+/// all second ones and these before all third ones, and room behind them for a whole vector.
 #[inline(always)]
-fn are_neighbours(blocks: &[Block; VECTOR]) -> bool {
-    let first = &blocks[0];
-    blocks.iter().enumerate().all(|(k, b)| b.len == 3 && (0..3).all(|r| b.index[r] == first.index[r] + k))
+fn neighbours(blocks: &[Block], n: usize) -> usize {
+    let [a, b, c] = blocks[0].index;
+    if blocks[0].len < 3 || c + VECTOR > n {
+        return 1;
+    }
+    let next = |(k, block): &(usize, &Block)| block.len == 3 && block.index == [a + k, b + k, c + k];
+    let count = blocks.iter().take(VECTOR).enumerate().take_while(next).count();
+    if a + count <= b && b + count <= c {
+        count
+    } else {
+        1
+    }
 }
 
 #[inline(always)]
@@ -69,31 +77,39 @@ fn rows<const FUSED: bool>(b: &Block, p: &mut Square) {
 
 #[inline(always)]
 fn columns(b: &Block, p: &mut Square) {
+    let (index, f) = (b.index, &b.factor);
     if b.stays() {
         return;
     }
     for i in 0..p.n() {
         let row = p.row_mut(i);
-        let old = b.index.map(|i| row[i]);
-        for r in 0..b.len {
-            row[b.index[r]] = (0..b.len).map(|c| b.factor[r][c] * old[c]).sum();
+        if b.len == 1 {
+            row[index[0]] *= f[0][0];
+            continue;
+        }
+        let old = index.map(|i| row[i]);
+        for r in 0..3 {
+            row[index[r]] = (0..3).map(|c| f[r][c] * old[c]).sum();
         }
     }
 }
 
+/// What stands behind fewer blocks than fill a vector stays as it is.
 #[inline(always)]
-fn columns_of_four<const FUSED: bool>(blocks: &[Block; VECTOR], p: &mut Square) {
+fn columns_of_some<const FUSED: bool>(blocks: &[Block], p: &mut Square) {
     let index = blocks[0].index;
+    let entry = |r: usize, c: usize, k: usize| blocks.get(k).map_or(f64::from(r == c), |b| b.factor[r][c]);
     let f: [[[f64; VECTOR]; 3]; 3] =
-        std::array::from_fn(|r| std::array::from_fn(|c| std::array::from_fn(|k| blocks[k].factor[r][c])));
+        std::array::from_fn(|r| std::array::from_fn(|c| std::array::from_fn(|k| entry(r, c, k))));
     for i in 0..p.n() {
         let row = p.row_mut(i);
-        let old: [[f64; VECTOR]; 3] = index.map(|at| *row[at..].first_chunk().expect("within the row"));
+        let old: [[f64; VECTOR]; 3] = index.map(|at| *row[at..].first_chunk().expect("there is room"));
         for (&at, f) in index.iter().zip(&f) {
             let mut new = [0.0; VECTOR];
             for k in 0..VECTOR {
                 new[k] = madd::<FUSED>(f[0][k], old[0][k], madd::<FUSED>(f[1][k], old[1][k], f[2][k] * old[2][k]));
             }
+            // In this order: what a later coordinate rightly changed was behind an earlier one.
             row[at..at + VECTOR].copy_from_slice(&new);
         }
     }
