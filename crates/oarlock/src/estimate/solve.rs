@@ -257,12 +257,11 @@ impl Solver {
         }
         covariance.mirror_upper();
         shift.fill(0.0);
+        let rows = |k: usize| &self.gain.row(k)[at + n - 1 - k..at + n];
         for k in 0..n {
+            // From the last state on: each row begins one state before the one above.
             let b = self.gain.at(k, n);
-            let first = n - 1 - k;
-            for (s, x) in shift[first..].iter_mut().zip(&self.gain.row(k)[at + first..at + n]) {
-                *s += b * x;
-            }
+            shift[n - 1 - k..].iter_mut().zip(rows(k)).for_each(|(s, x)| *s += b * x);
         }
     }
 }

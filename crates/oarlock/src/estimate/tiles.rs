@@ -221,6 +221,10 @@ fn open_rows<F: Four, const R: usize>(
     corner(std::array::from_fn(|i| std::array::from_fn(|j| upper(i, j))), first)
 }
 
+/// Rows that begin with this, and of which nothing is taken away, stay as they are.
+const UNIT: [[f64; VECTOR]; VECTOR] =
+    [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
+
 /// The corner of the next rows is opened as soon as it can be: what waits for it there, waits beside the rest of these.
 #[inline(always)]
 fn factor_rows<F: Four, const R: usize>(
@@ -231,6 +235,10 @@ fn factor_rows<F: Four, const R: usize>(
     corner: &Corner,
 ) -> Result<Option<Corner>, NotPositive> {
     let own = least(sweep.starts, first, 1).min(first);
+    if own == first && corner.u == UNIT {
+        let more = R == VECTOR && first + VECTOR < sweep.n;
+        return if more { open(hand, a, first + VECTOR, sweep).map(Some) } else { Ok(None) };
+    }
     let row = Row { first, own, sweep, corner };
     if R < VECTOR {
         // Columns to the right may share the last vector.
