@@ -160,13 +160,9 @@ impl<'a> Ukf<'a> {
         let noise = DVector::from_iterator(rows.len(), rows.iter().map(|&r| std[r] * std[r]));
         let mut inner = DMatrix::from_diagonal(&noise);
         self.add_inputs(read.column(0), inputs, &rows, &mut inner);
-        let (mut cross, mut dy) = (DMatrix::zeros(self.mean.len(), rows.len()), DVector::zeros(rows.len()));
-        for (i, (x, y)) in points.column_iter().zip(read.column_iter()).enumerate() {
-            y.sub_to(&expected, &mut dy);
-            let weight = w.of(w.covariance_0, i);
-            inner.ger(weight, &dy, &dy, 1.0);
-            cross.ger(weight, &x, &dy, 1.0);
-        }
+        let (away, weighted) = self.deviations(read, &expected);
+        inner.gemm(1.0, &weighted, &away.transpose(), 1.0);
+        let cross = points * weighted.transpose();
         let measured = DVector::from_iterator(rows.len(), rows.iter().map(|&r| z[r]));
         let factor = inner.clone().cholesky().expect("positive");
         let gain = factor.solve(&cross.transpose()).transpose();
@@ -186,6 +182,18 @@ impl<'a> Ukf<'a> {
         }
         self.room = room;
         read
+    }
+
+    /// Of the readings from what is expected, bare and weighted: products of whole matrices, for the outer products of single
+    /// columns are slow where the sums outgrow the cache.
+    fn deviations(&self, read: DMatrix<f64>, expected: &DVector<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
+        let mut away = read;
+        away.column_iter_mut().for_each(|mut y| y -= expected);
+        let mut weighted = away.clone();
+        for (i, mut y) in weighted.column_iter_mut().enumerate() {
+            y *= self.weights.of(self.weights.covariance_0, i);
+        }
+        (away, weighted)
     }
 
     /// Adds to `inner` what the readings `here` change by when one input is off by its standard deviation.
