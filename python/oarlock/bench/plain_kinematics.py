@@ -15,6 +15,8 @@ import numpy as np
 # Of NumPy or of JAX: neither has a type for both.
 Array = Any
 
+_NEXT = np.array([1, 2, 0])
+
 
 @dataclass(frozen=True, eq=False)
 class Level:
@@ -207,9 +209,7 @@ class PlainKinematics:
         return sum(terms, start=next(terms))
 
     def _cross(self, a: Array, b: Array) -> Array:
-        ax, ay, az = a[:, 0:1], a[:, 1:2], a[:, 2:3]
-        bx, by, bz = b[:, 0:1], b[:, 1:2], b[:, 2:3]
-        return self.xp.concatenate([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+        return (a * b[:, _NEXT] - a[:, _NEXT] * b)[:, _NEXT]
 
     def _swung(self, spin: Array, rate: Array, arm: Array) -> Array:
         return self._cross(rate, arm) + self._cross(spin, self._cross(spin, arm))
