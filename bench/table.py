@@ -17,6 +17,8 @@ def write(figures: dict[str, Any]) -> str:
     parts = [
         f"Measured on {processor}, Oarlock {here['oarlock']}, Python {here['python']}; the machine's load was\n"
         f"{figures['load']:.1f}. Times in µs, medians unless a column says otherwise.",
+        f"The textbook's filter takes about {user['usual_textbook_us']:.0f} µs at 41 states on one core of a 3.7 GHz\n"
+        "Zen 4; where it is slower here, look at times and not at ratios.",
         _ratios(figures["ratios"]),
         _parts(figures["criterion"]),
         _latency(figures["latency"], user),

@@ -80,6 +80,7 @@ def _figures(timed: Race, latency: Latency) -> dict[str, Any]:
             f"{name}_us": step.us,
             f"{name}_us_p10": step.us_p10,
             f"{name}_ratio_to_textbook": timed.ratio(name),
+            f"{name}_ratio_to_textbook_p10": timed.ratio_p10(name),
         }
     found |= {"textbook_us": timed.textbook.us, "textbook_us_p10": timed.textbook.us_p10}
     return found | {
