@@ -19,10 +19,10 @@ export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 
 RUST_SOURCES := Cargo.toml Cargo.lock $(wildcard crates/*/Cargo.toml) $(shell find crates/*/src -name '*.rs')
 
-.PHONY: help demo test bench lint format docs validation lock clean
+.PHONY: help demo test bench bench-others bench-page lint format docs validation lock clean
 
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 demo: $(VENV)/.package ## build, then track a simulated sculler and a real pendulum
 	$(BIN)/oarlock demo --out out/demo
@@ -31,8 +31,15 @@ test: $(VENV)/.package $(VENV)/.dev ## run the tests of the engine and of the pa
 	cargo test --locked --quiet --package oarlock
 	$(BIN)/python -m pytest
 
-bench: ## time a step of the filter
-	cargo bench --locked --package oarlock
+bench: $(VENV)/.package ## time steps, parts, recordings, latency and memory, and print one table
+	OARLOCK_BENCH_OUT=$(CURDIR)/out/bench cargo bench --locked --package oarlock
+	$(BIN)/python -m bench
+
+bench-others: $(VENV)/.package $(VENV)/.bench ## measure this machine beside filterpy, JAX and biorbd, which are installed for it
+	$(BIN)/oarlock bench
+
+bench-page: ## put the table of the last `make bench` into docs/performance.md
+	$(BIN)/python -m bench --page docs/performance.md
 
 lint: $(VENV)/.dev ## ruff, mypy, clippy and rustfmt, changing nothing
 	$(BIN)/ruff check .
@@ -62,6 +69,7 @@ lock: $(VENV)/.created ## compute the pinned versions in requirements/ again
 		--output-file requirements/dev.txt pyproject.toml requirements/build.in
 	$(COMPILE) --constraint requirements/dev.txt --output-file requirements/run.txt pyproject.toml requirements/build.in
 	$(COMPILE) --constraint requirements/dev.txt --output-file requirements/validation.txt requirements/validation.in
+	$(COMPILE) --constraint requirements/dev.txt --extra bench --output-file requirements/bench.txt pyproject.toml
 
 clean: ## remove everything that was built or installed
 	rm -rf $(VENV) target dist out .pytest_cache .mypy_cache .ruff_cache .hypothesis python/oarlock/*.so
@@ -85,6 +93,10 @@ $(VENV)/.dev: requirements/dev.txt | $(VENV)/.run
 	@touch $@
 
 $(VENV)/.validation: requirements/validation.txt | $(VENV)/.run
+	$(PIP_INSTALL) --requirement $<
+	@touch $@
+
+$(VENV)/.bench: requirements/bench.txt | $(VENV)/.run
 	$(PIP_INSTALL) --requirement $<
 	@touch $@
 

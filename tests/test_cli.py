@@ -12,6 +12,7 @@ from typer.testing import CliRunner, Result
 from oarlock.cli import app, terminal
 
 VERBS = (
+    ("bench",),
     ("demo",),
     ("simulate",),
     ("track",),

@@ -146,6 +146,9 @@ def track_many(
     threads: int | None,
     progress: Callable[[float], object] | None,
 ) -> list[tuple[Run, list[str], float, float | None] | ModelError | DataError | DivergedError]: ...
+def race(
+    model: Model, recording: Recording, configs: Sequence[Config], warm: int, seconds: float
+) -> dict[str, Any]: ...
 def imu_signals(
     model: Model,
     calibration: Calibration | None,

@@ -6,6 +6,7 @@ mod calibrate;
 mod config;
 mod errors;
 mod model;
+mod race;
 mod run;
 mod simulate;
 mod streams;
@@ -29,6 +30,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<tracker::PyTracker>()?;
     m.add_function(wrap_pyfunction!(run::track, m)?)?;
     m.add_function(wrap_pyfunction!(run::track_many, m)?)?;
+    m.add_function(wrap_pyfunction!(race::race, m)?)?;
     m.add_function(wrap_pyfunction!(simulate::imu_signals, m)?)?;
     m.add_function(wrap_pyfunction!(calibrate::find_hinge_chain, m)?)?;
     m.add_function(wrap_pyfunction!(calibrate::find_joint_center, m)?)?;

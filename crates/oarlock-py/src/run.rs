@@ -18,7 +18,7 @@ use pyo3::types::{PyDict, PyList};
 pub struct PyRun(Run);
 
 /// Runs `work` without the interpreter's lock; `progress(share)` is called now and then, and Ctrl-C stops the work.
-fn detached<T: Send>(
+pub fn detached<T: Send>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
     work: impl FnOnce(&mut dyn FnMut(f64) -> bool) -> oarlock::Result<T> + Send,

@@ -1,11 +1,11 @@
 //! Recordings and calibrations on their way in.
 
 use crate::array::{items, reals};
-use crate::errors::DataError;
-use oarlock::recording::{Channel, Stream};
+use crate::errors::{raise, DataError};
+use oarlock::recording::{Channel, Recording, Sample, Stream};
 use oarlock::rotation::Mat3;
 use oarlock::sensor::Quantity;
-use oarlock::track::Calibration;
+use oarlock::track::{Calibration, Tracker};
 use pyo3::prelude::*;
 
 const CHANNELS: [(&str, Quantity, usize); 3] =
@@ -14,6 +14,18 @@ const CHANNELS: [(&str, Quantity, usize); 3] =
 /// Every stream of a Recording.
 pub fn streams(recording: &Bound<'_, PyAny>) -> PyResult<Vec<Stream>> {
     recording.getattr("streams")?.try_iter()?.map(|s| stream(&s?)).collect()
+}
+
+/// The samples of a Recording, streams merged.
+pub fn samples(py: Python<'_>, tracker: &Tracker, merge_s: f64, recording: &Bound<'_, PyAny>) -> PyResult<Vec<Sample>> {
+    let body = &tracker.body;
+    let recording = Recording::new(&body.model, &body.suite, streams(recording)?, merge_s);
+    let recording = recording.map_err(|e| raise(py, e))?;
+    let (mut cursor, mut sample, mut all) = (recording.start(), tracker.empty_sample(), Vec::new());
+    while recording.next(&mut cursor, &mut sample) {
+        all.push(sample.clone());
+    }
+    Ok(all)
 }
 
 fn stream(object: &Bound<'_, PyAny>) -> PyResult<Stream> {

@@ -5,8 +5,8 @@ use crate::belief::{PyBelief, PyInfo};
 use crate::config::PyConfig;
 use crate::errors::{raise, DataError};
 use crate::model::PyModel;
-use crate::streams::{calibration, streams};
-use oarlock::recording::{input_joint, Recording, Sample};
+use crate::streams::{calibration, samples};
+use oarlock::recording::{input_joint, Sample};
 use oarlock::sensor::Quantity;
 use oarlock::track::{Status, Tracker};
 use oarlock::Config;
@@ -74,16 +74,8 @@ impl PyTracker {
 
     /// The samples of a recording, merged as `oarlock.track` merges them.
     fn samples(&self, py: Python<'_>, recording: &Bound<'_, PyAny>) -> PyResult<Vec<PySample>> {
-        let body = &self.tracker.body;
-        let streams = streams(recording)?;
-        let recording = Recording::new(&body.model, &body.suite, streams, self.config.merge_s);
-        let recording = recording.map_err(|e| raise(py, e))?;
-        let (mut cursor, mut sample) = (recording.start(), self.tracker.empty_sample());
-        let mut all = Vec::new();
-        while recording.next(&mut cursor, &mut sample) {
-            all.push(PySample(sample.clone()));
-        }
-        Ok(all)
+        let all = samples(py, &self.tracker, self.config.merge_s, recording)?;
+        Ok(all.into_iter().map(PySample).collect())
     }
 
     /// Takes in a sample (a `Sample`, or time_s and readings) and returns (belief, info). The belief is None until the

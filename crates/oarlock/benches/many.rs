@@ -1,5 +1,7 @@
 //! Independent recordings side by side against one after the other, in turn so that both meet the same machine.
 
+#[path = "step/figures.rs"]
+mod figures;
 #[allow(missing_docs)]
 #[path = "../tests/support/mod.rs"]
 mod support;
@@ -8,6 +10,8 @@ use oarlock::recording::Stream;
 use oarlock::track::many::{track_many, Job};
 use oarlock::track::Calibration;
 use oarlock::{Config, Model};
+use oarlock_oracle::race::quantile;
+use serde_json::json;
 use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Instant;
@@ -40,11 +44,6 @@ fn seconds(jobs: Vec<Job>, threads: usize) -> f64 {
     spent
 }
 
-fn median(v: &mut [f64]) -> f64 {
-    v.sort_by(f64::total_cmp);
-    v[v.len() / 2]
-}
-
 fn main() {
     let model = Arc::new(Model::from_toml(support::SCULLER, "sculler.toml").expect("the shipped model is valid"));
     let config = Config::default();
@@ -65,7 +64,12 @@ fn main() {
             spent.push(seconds(jobs.clone(), threads));
         }
     }
-    let spent: Vec<f64> = spent.iter_mut().map(|s| median(s)).collect();
+    let spent: Vec<f64> = spent.iter().map(|s| quantile(s, 0.5)).collect();
+    let row = |(&threads, s): (&usize, &f64)| {
+        let steps_s = (RECORDINGS * SAMPLES) as f64 / s;
+        json!({"threads": threads, "cores": cores, "n": 72, "steps_s": steps_s, "ratio": spent[0] / s})
+    };
+    figures::keep("many", &widths.iter().zip(&spent).map(row).collect::<Vec<_>>());
     println!("{RECORDINGS} recordings of {SAMPLES} samples, {cores} cores, medians of {ROUNDS} rounds:");
     for (threads, s) in widths.iter().zip(&spent) {
         let steps = (RECORDINGS * SAMPLES) as f64 / s;

@@ -1,7 +1,7 @@
 //! A model as plain data: names and numbers that other languages can read.
 
 use crate::body::Body;
-use crate::model::{Expr, Frame, Joint, JointKind, Process, ProcessKind, Sensor, SensorKind};
+use crate::model::{Expr, Frame, Joint, JointKind, Process, ProcessKind, Sensor, SensorKind, Transform};
 use serde_json::{json, Value};
 
 /// Everything in the model; numbers in SI and rad at the model's parameter values.
@@ -21,11 +21,12 @@ pub fn describe(body: &Body, path: &str) -> Value {
         "name": m.name, "description": m.description, "path": path,
         "world": {"up": w.up, "forward": w.forward, "gravity_m_s2": w.gravity_m_s2,
             "magnetic_norm_ut": w.magnetic_norm_ut.eval(&values), "magnetic_dip_rad": w.magnetic_dip_rad.eval(&values),
-            "magnetic_azimuth_rad": w.magnetic_azimuth_rad, "azimuth_fixed": w.azimuth_fixed},
+            "magnetic_azimuth_rad": w.magnetic_azimuth_rad, "azimuth_fixed": w.azimuth_fixed,
+            "azimuth_walk": w.azimuth_walk},
         "parameters": m.parameters.iter().map(|p| json!({"name": p.name, "value": p.default, "unit": p.unit,
             "std": p.std, "label": p.label})).collect::<Vec<_>>(),
         "joints": m.joints.iter().map(joint).collect::<Vec<_>>(),
-        "frames": m.frames.iter().enumerate().map(|(i, f)| frame(i, f, body)).collect::<Vec<_>>(),
+        "frames": m.frames.iter().enumerate().map(|(i, f)| frame(i, f, body, &values)).collect::<Vec<_>>(),
         "sensors": m.sensors.iter().map(|s| sensor(s, body, &values)).collect::<Vec<_>>(),
         "closures": m.closures.iter().map(closure).collect::<Vec<_>>(),
         "base_acceleration": m.base_accelerations.iter().map(|b| json!({"name": b.name, "label": b.label,
@@ -69,11 +70,15 @@ fn finite(x: f64) -> Option<f64> {
     x.is_finite().then_some(x)
 }
 
-fn frame(index: usize, f: &Frame, body: &Body) -> Value {
+fn frame(index: usize, f: &Frame, body: &Body, values: &[f64]) -> Value {
     let m = &body.model;
     let parent = (index > 0).then(|| m.frames[f.parent].name.clone());
+    let fixed = |t: &Option<Transform>| {
+        let (rotation, translation) = t.as_ref()?.evaluate(values);
+        Some(json!({"rotation": rotation.0, "translation": translation}))
+    };
     json!({"name": f.name, "parent": parent, "joint": f.joint.map(|(j, _)| m.joints[j].name.clone()),
-        "sign": f.joint.map_or(1.0, |(_, s)| s)})
+        "sign": f.joint.map_or(1.0, |(_, s)| s), "before": fixed(&f.before), "after": fixed(&f.after)})
 }
 
 fn sensor(s: &Sensor, body: &Body, values: &[f64]) -> Value {

@@ -1,39 +1,81 @@
-//! Bodies of several sizes, and trackers that run on them.
+//! Bodies of several sizes, trackers that run on them, and what their sensors read.
 
-use oarlock::estimate::belief::{Belief, MEMORY};
-use oarlock::estimate::dense::Square;
-use oarlock::estimate::System;
+use super::support::chance::Chance;
+use super::support::record::{times, Scene};
+use super::support::stroke::{Posture, Stroke};
+use super::support::{belief, body, start_std, SCULLER};
+use oarlock::config::FilterKind;
+use oarlock::estimate::belief::Belief;
 use oarlock::recording::Sample;
-use oarlock::track::loops::readings;
 use oarlock::track::{Calibration, Tracker};
 use oarlock::{Config, Model};
 use std::fmt::Write;
 use std::sync::Arc;
 
-const SCULLER: &str = include_str!("../../../../python/oarlock/models/sculler.toml");
 pub const RATE_HZ: f64 = 125.0;
+const SAMPLES: usize = 1_000;
+/// Until a belief has settled.
+const WARM: usize = 100;
 
-/// A body with its configuration.
+/// A body with its configuration, where it begins, and what its sensors read from there on.
 pub struct Case {
     pub name: &'static str,
     pub model: Arc<Model>,
     pub config: Config,
+    pub start: Belief,
+    pub samples: Vec<Sample>,
 }
 
 /// From 26 to 152 states.
 pub fn cases() -> Vec<Case> {
     let bare = Config { estimate: Vec::new(), ..Config::default() };
-    let case = |name, text: &str, config: &Config| {
-        let model = Model::from_toml(text, name).expect("the model is valid");
-        Case { name, model: Arc::new(model), config: config.clone() }
-    };
     vec![
-        case("arms of 9 hinges", &arms(8, 1, 3, 2, 1), &bare),
-        case("sculler", SCULLER, &bare),
-        case("sculler with biases and surge", SCULLER, &Config::default()),
-        case("arms of 29 hinges", &arms(26, 3, 13, 4, 1), &bare),
-        case("arms of 53 hinges", &arms(49, 4, 26, 4, 4), &bare),
+        Case::new("arms of 9 hinges", &arms(8, 1, 3, 2, 1), &bare),
+        Case::new("sculler", SCULLER, &bare),
+        Case::new("sculler with biases and surge", SCULLER, &Config::default()),
+        Case::new("arms of 29 hinges", &arms(26, 3, 13, 4, 1), &bare),
+        Case::new("arms of 53 hinges", &arms(49, 4, 26, 4, 4), &bare),
     ]
+}
+
+impl Case {
+    fn new(name: &'static str, text: &str, config: &Config) -> Self {
+        let model = Arc::new(Model::from_toml(text, name).expect("the model is valid"));
+        let body = body(&model, config);
+        let stroke = (text == SCULLER).then(|| Stroke::new(&body, 2.2));
+        let motion = |t: f64| stroke.as_ref().map_or_else(|| sway(&model, t), |stroke| stroke.at(t));
+        let scene = Scene { body: &body, motion: &motion, surge: &|_| 0.0, azimuth_rad: 0.3, noise: 1.0 };
+        let samples = scene.samples(&times(1.0 / RATE_HZ, 1.0 / RATE_HZ, SAMPLES), &mut Chance::new(1));
+        let start = belief(&body, 0.0, scene.state(0.0), &start_std(&body));
+        Case { name, model, config: config.clone(), start, samples }
+    }
+
+    pub fn tracker(&self, filter: FilterKind) -> Tracker {
+        let config = Config { filter, ..self.config.clone() };
+        Tracker::new(self.model.clone(), &Calibration::default(), &config).expect("it tracks")
+    }
+
+    /// A tracker that has settled, and the samples that follow.
+    pub fn running(&self, filter: FilterKind) -> (Tracker, &[Sample]) {
+        let mut tracker = self.tracker(filter);
+        tracker.resume(self.start.clone()).expect("it fits");
+        let (before, behind) = self.samples.split_at(WARM);
+        for sample in before {
+            tracker.step(sample).expect("these readings fit the model");
+        }
+        (tracker, behind)
+    }
+}
+
+/// All hinges swing a little about their rest, each at its own time.
+fn sway(model: &Model, time_s: f64) -> Posture {
+    let swing = |j: usize| (2.0 * time_s + j as f64).sin_cos();
+    let joints = 0..model.joints.len();
+    Posture {
+        q: joints.clone().map(|j| model.joints[j].rest[0] + 0.05 * swing(j).0).collect(),
+        qd: joints.clone().map(|j| 0.1 * swing(j).1).collect(),
+        qdd: joints.map(|j| -0.2 * swing(j).0).collect(),
+    }
 }
 
 /// Arms on one trunk: so many hinges with rates and without, inertial units, position sensors and encoders.
@@ -93,68 +135,3 @@ hinge = { kind = "jerk", density = 5.0, start_std = [0.1, 0.3, 3.0] }
 const UNIT: &str =
     "gyro_std_rad_s = 0.008\naccel_std_m_s2 = 0.02\nmag_std_ut = 1.0\nmount.offset = [-0.1, 0.02, 0.03]\n\
     mount.rpy = [0.3, -0.2, 1.0]\n";
-
-/// Readings of a body that sways a little about its rest posture.
-pub fn sample(tracker: &Tracker, index: usize) -> Sample {
-    let model = &tracker.body.model;
-    let time_s = index as f64 / RATE_HZ;
-    let sway = |j: usize| 0.05 * (2.0 * time_s + j as f64).sin();
-    let q: Vec<f64> = model.joints.iter().enumerate().map(|(j, joint)| joint.rest[0] + sway(j)).collect();
-    let still = vec![0.0; q.len()];
-    let mut sample = tracker.empty_sample();
-    sample.time_s = time_s;
-    sample.z.copy_from_slice(&readings(&tracker.body, &q, &still, &still));
-    for (j, joint) in model.joints.iter().enumerate().filter(|(_, j)| j.input) {
-        sample.inputs[j] = q[j] + joint.input_std;
-    }
-    sample
-}
-
-/// A tracker that has settled.
-pub fn running(case: &Case) -> Tracker {
-    let mut tracker = Tracker::new(case.model.clone(), &Calibration::default(), &case.config).expect("it tracks");
-    tracker.resume(start(&tracker)).expect("it fits");
-    for index in 1..100 {
-        let sample = sample(&tracker, index);
-        tracker.step(&sample).expect("these readings fit the model");
-    }
-    tracker
-}
-
-/// The sample behind the last one of [`running`].
-pub const NEXT: usize = 100;
-
-fn start(tracker: &Tracker) -> Belief {
-    let (body, sources) = (&tracker.body, tracker.body.suite.sources.len());
-    let (n, parts) = (body.layout.dim(), body.groups().parts.len());
-    let (mut mean, mut covariance) = (vec![0.0; n], Square::zeros(n));
-    (0..n).for_each(|i| *covariance.at_mut(i, i) = 0.05 * 0.05);
-    for (_, axis, slots) in body.moving() {
-        mean[slots.q] = axis.rest;
-        let std = axis.process.start_std;
-        let states = [Some(slots.q), slots.rates.map(|r| r.0), slots.rates.map(|r| r.1)];
-        for (state, std) in states.into_iter().zip(std) {
-            if let Some(i) = state {
-                *covariance.at_mut(i, i) = std * std;
-            }
-        }
-    }
-    if let Some(i) = body.layout.azimuth {
-        mean[i] = body.model.world.magnetic_azimuth_rad;
-    }
-    Belief {
-        time_s: 0.0,
-        mean,
-        covariance,
-        drive: vec![1.0; body.driven().len()],
-        habit: vec![1.0; parts],
-        inflation: 1.0,
-        surprise: 1.0,
-        seen_s: vec![0.0; sources],
-        rejected_since_s: vec![f64::NAN; parts],
-        memory: vec![[f64::NAN; MEMORY]; sources],
-        line: 1,
-        score: 0.0,
-        rivals: Vec::new(),
-    }
-}

@@ -46,12 +46,12 @@ fn run_both(
     punch_holes(body, &mut samples, &mut chance);
     let std = start_std(body);
     let n = std.len();
-    let mut plain = Ukf {
-        body: Naive::new(&body.model, body.model.default_parameters(), &body.layout.names),
-        mean: DVector::from_vec(scene.state(0.0)),
-        covariance: DMatrix::from_diagonal(&DVector::from_vec(std.iter().map(|s| s * s).collect())),
-        weights: Weights::new(n, 1.0, 2.0, 0.0),
-    };
+    let mut plain = Ukf::new(
+        Naive::new(&body.model, body.model.default_parameters(), &body.layout.names),
+        DVector::from_vec(scene.state(0.0)),
+        DMatrix::from_diagonal(&DVector::from_vec(std.iter().map(|s| s * s).collect())),
+        Weights::new(n, 1.0, 2.0, 0.0),
+    );
     plain.mean = plain.at(&DVector::from_vec(std.iter().map(|s| 0.5 * s * chance.normal()).collect()));
     let mut tracker = Tracker::new(body.model.clone(), &Calibration::default(), config).unwrap();
     tracker.resume(belief(body, 0.0, plain.mean.as_slice().to_vec(), &std)).unwrap();

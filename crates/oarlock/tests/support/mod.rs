@@ -5,10 +5,11 @@ pub mod chance;
 pub mod chi_square;
 pub mod nature;
 pub mod record;
-pub mod so3;
 pub mod stroke;
 pub mod tree;
 pub mod wave;
+
+pub use oarlock_oracle::so3;
 
 use oarlock::body::Body;
 use oarlock::config::{Config, Magnetometer};

@@ -1,12 +1,11 @@
 //! The filter of the product equals the textbook's, step for step.
 
-use super::body::Naive;
 use super::support::chance::Chance;
 use super::support::record::{punch_holes, times, Scene};
 use super::support::stroke::Stroke;
 use super::support::{belief, body, model, plain, start_std, worse, SCULLER};
-use super::ukf::{Ukf, Weights};
-use nalgebra::{DMatrix, DVector};
+use super::ukf::Ukf;
+use nalgebra::DVector;
 use oarlock::config::Config;
 use oarlock::estimate::belief::Belief;
 use oarlock::motion::is_observed;
@@ -52,14 +51,8 @@ fn with_loops(sample: &Sample, body: &oarlock::body::Body, config: &Config) -> V
 }
 
 pub fn textbook_from<'a>(start: &Belief, body: &'a oarlock::body::Body, config: &Config) -> Ukf<'a> {
-    let n = start.mean.len();
-    let parameters = body.model.default_parameters();
-    Ukf {
-        body: Naive::new(&body.model, parameters, &body.layout.names),
-        mean: DVector::from_row_slice(&start.mean),
-        covariance: DMatrix::from_row_slice(n, n, start.covariance.as_slice()),
-        weights: Weights::new(n, config.alpha, config.beta, config.kappa),
-    }
+    let (names, spread) = (&body.layout.names, [config.alpha, config.beta, config.kappa]);
+    Ukf::of_model(&body.model, names, &start.mean, start.covariance.as_slice(), spread)
 }
 
 /// Both filters from the same start over the samples: how far apart they ever were, and the textbook's at the end. `see` is shown

@@ -4,9 +4,7 @@
 mod support;
 
 mod agreement;
-mod body;
 mod reference;
 mod tree;
-mod ukf;
 
-use support::so3;
+use oarlock_oracle::{body, ukf};

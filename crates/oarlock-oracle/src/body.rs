@@ -10,10 +10,13 @@ use std::collections::HashMap;
 /// A frame's motion; vectors in its own axes.
 #[derive(Clone, Copy)]
 pub struct Motion {
+    /// Turns the frame's axes into the root's.
     pub root_from_frame: Matrix3<f64>,
     /// Origin in root axes, m.
     pub place: Vector3<f64>,
+    /// Angular velocity, rad/s.
     pub spin: Vector3<f64>,
+    /// Its derivative, rad/s2.
     pub spin_rate: Vector3<f64>,
     /// Acceleration of the origin minus gravity, m/s2.
     pub force: Vector3<f64>,
@@ -70,10 +73,20 @@ impl Motion {
 /// A coordinate with its derivatives, those of a rotation vector being the body's rates.
 pub type JointState = [f64; 3];
 
+/// Room for one evaluation of the readings.
+#[derive(Default)]
+pub struct Room {
+    joints: Vec<JointState>,
+    frames: Vec<Motion>,
+    rows: Vec<f64>,
+}
+
 /// A turn and an arm.
 type Step = (Matrix3<f64>, Vector3<f64>);
 
+/// A model with its numbers, and where its coordinates stand in a state.
 pub struct Naive<'a> {
+    /// As it was read.
     pub model: &'a Model,
     /// Names of the coordinates.
     pub coordinates: Vec<String>,
@@ -88,14 +101,16 @@ pub struct Naive<'a> {
     biases: Vec<(usize, usize)>,
     /// Before and behind every joint.
     transforms: Vec<[Option<Step>; 2]>,
-    /// Of every sensor, and of either side of every loop.
+    /// Of every sensor: where it sits on its link, and sensor axes from link axes.
     arms: Vec<Vector3<f64>>,
+    backs: Vec<Matrix3<f64>>,
+    /// Of either side of every loop.
     ends: Vec<[Vector3<f64>; 2]>,
     field: [f64; 2],
 }
 
 impl<'a> Naive<'a> {
-    /// `names` are those of the states, in their order.
+    /// `parameters` in the order of the model's; `names` are those of the states, in theirs.
     pub fn new(model: &'a Model, parameters: Vec<f64>, names: &[String]) -> Self {
         let places: HashMap<String, usize> = names.iter().cloned().zip(0..).collect();
         let coordinates = model.coordinate_names();
@@ -118,6 +133,10 @@ impl<'a> Naive<'a> {
             SensorKind::Encoder { .. } => Vector3::zeros(),
             SensorKind::Position { point: at, .. } => point(at),
         };
+        let back = |s: &Sensor| match &s.kind {
+            SensorKind::Imu { mount, .. } => matrix(&mount.rotation).transpose(),
+            _ => Matrix3::identity(),
+        };
         Naive {
             model,
             turns,
@@ -127,6 +146,7 @@ impl<'a> Naive<'a> {
             biases: biases.collect(),
             transforms: model.frames.iter().map(|f| [fixed(&f.before), fixed(&f.after)]).collect(),
             arms: model.sensors.iter().map(arm).collect(),
+            backs: model.sensors.iter().map(back).collect(),
             ends: model.closures.iter().map(|c| [0, 1].map(|i| point(&c.sides[i].1))).collect(),
             field: [&model.world.magnetic_norm_ut, &model.world.magnetic_dip_rad].map(|e| e.eval(&parameters)),
             coordinates,
@@ -134,12 +154,15 @@ impl<'a> Naive<'a> {
         }
     }
 
+    /// Where a state of this name stands.
     pub fn place(&self, name: &str) -> Option<usize> {
         self.places.get(name).copied()
     }
 
-    pub fn frames(&self, root: Motion, joints: &[JointState]) -> Vec<Motion> {
-        let mut frames = vec![root];
+    /// Motion of all frames, the root's first.
+    fn frames(&self, root: Motion, joints: &[JointState], frames: &mut Vec<Motion>) {
+        frames.clear();
+        frames.push(root);
         for (frame, [before, after]) in self.model.frames.iter().zip(&self.transforms).skip(1) {
             let mut m = fixed(frames[frame.parent], before);
             if let Some((j, sign)) = frame.joint {
@@ -155,17 +178,24 @@ impl<'a> Naive<'a> {
             }
             frames.push(fixed(m, after));
         }
-        frames
     }
 
     /// All rows, in the order of the model, for a root that moves as `root` in a field (uT) in root axes.
     pub fn rows(&self, root: Motion, field: Vector3<f64>, joints: &[JointState]) -> Vec<f64> {
-        let frames = self.frames(root, joints);
-        let mut out = Vec::new();
-        for (sensor, arm) in self.model.sensors.iter().zip(&self.arms) {
+        let mut room = Room { joints: joints.to_vec(), ..Room::default() };
+        self.read(root, field, &mut room);
+        room.rows
+    }
+
+    /// The same for the joints in `room`, whose rows are written.
+    fn read(&self, root: Motion, field: Vector3<f64>, room: &mut Room) {
+        let Room { joints, frames, rows: out } = room;
+        self.frames(root, joints, frames);
+        out.clear();
+        for ((sensor, arm), back) in self.model.sensors.iter().zip(&self.arms).zip(&self.backs) {
             match &sensor.kind {
-                SensorKind::Imu { frame, mount, noise } => {
-                    let (m, back) = (frames[*frame], matrix(&mount.rotation).transpose());
+                SensorKind::Imu { frame, noise, .. } => {
+                    let m = frames[*frame];
                     noise.gyro_std.inspect(|_| out.extend((back * m.spin).iter()));
                     noise.accel_std.inspect(|_| out.extend((back * m.force_at(*arm)).iter()));
                     let local = m.root_from_frame.transpose() * field;
@@ -178,8 +208,7 @@ impl<'a> Naive<'a> {
                 }
             }
         }
-        self.loop_rows(&frames, &mut out);
-        out
+        self.loop_rows(frames, out);
     }
 
     fn loop_rows(&self, frames: &[Motion], out: &mut Vec<f64>) {
@@ -198,22 +227,28 @@ impl<'a> Naive<'a> {
 
     /// All rows at state `x`.
     pub fn measure(&self, x: &DVector<f64>, inputs: &[f64]) -> DVector<f64> {
+        DVector::from_column_slice(self.measure_in(x, inputs, &mut Room::default()))
+    }
+
+    /// All rows at state `x`, in room that was used before.
+    pub fn measure_in<'r>(&self, x: &DVector<f64>, inputs: &[f64], room: &'r mut Room) -> &'r [f64] {
         let joint = |(states, &input): (&[Option<usize>; 3], &f64)| match states[0] {
             None => [if input.is_nan() { 0.0 } else { input }, 0.0, 0.0],
             Some(_) => states.map(|s| s.map_or(0.0, |s| x[s])),
         };
-        let joints: Vec<JointState> = self.states.iter().zip(inputs).map(joint).collect();
+        room.joints.clear();
+        room.joints.extend(self.states.iter().zip(inputs).map(joint));
         let world = &self.model.world;
         let mut force = Vector3::from(world.up) * world.gravity_m_s2;
         for (base, state) in self.model.base_accelerations.iter().zip(&self.bases) {
             force += Vector3::from(base.axis) * state.map_or(0.0, |s| x[s]);
         }
         let azimuth = self.azimuth.map_or(world.magnetic_azimuth_rad, |s| x[s]);
-        let mut rows = self.rows(resting(force), self.field(azimuth), &joints);
+        self.read(resting(force), self.field(azimuth), room);
         for (row, state) in &self.biases {
-            rows[*row] += x[*state];
+            room.rows[*row] += x[*state];
         }
-        DVector::from_vec(rows)
+        &room.rows
     }
 
     fn field(&self, azimuth: f64) -> Vector3<f64> {

@@ -1,5 +1,4 @@
 //! SO(3) as plainly as can be: power series of matrices, nothing shared with the engine.
-#![allow(dead_code)] // each test takes the part that it needs
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 

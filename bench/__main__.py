@@ -1,0 +1,73 @@
+"""`make bench`, second half: measures the installed package, reads what `cargo bench` wrote, prints one table.
+
+`python -m bench --page FILE` puts the table of the last run into a page, between its two marks.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from oarlock.bench import measure
+
+from .memory import peaks
+from .table import into_page, write
+
+OUT = Path("out/bench")
+RUST = ("ratios", "latency", "many")
+# what is benchmarked, and of how many samples one run consists
+PARTS = ("kinematics", "update", "step", "track", "smooth")
+
+
+def criterion(target: Path) -> dict[str, dict[str, float]]:
+    """Median time, us, by part and number of states; of a recording, of one of its samples."""
+    found: dict[str, dict[str, float]] = {part: {} for part in PARTS}
+    for part in PARTS:
+        for file in (target / "criterion" / part).glob("*/new/estimates.json"):
+            size = file.parents[1].name
+            count = json.loads((file.parent / "benchmark.json").read_text())["throughput"] or {}
+            median_ns = json.loads(file.read_text())["median"]["point_estimate"]
+            found[part][size] = 1e-3 * median_ns / count.get("Elements", 1)
+    return found
+
+
+def collect(seconds: float, memory_s: float) -> dict[str, Any]:
+    """Everything that was measured, and what is measured now."""
+    figures: dict[str, Any] = {name: json.loads((OUT / f"{name}.json").read_text()) for name in RUST}
+    figures["load"] = os.getloadavg()[0]
+    figures["criterion"] = criterion(Path(os.environ.get("CARGO_TARGET_DIR", "target")))
+    figures["user"] = measure(seconds).to_dict()
+    figures["memory"] = peaks(memory_s)
+    return figures
+
+
+def main() -> None:
+    """Reads the command line."""
+    command = argparse.ArgumentParser(prog="python -m bench", description=__doc__)
+    command.add_argument(
+        "--seconds", type=float, default=20.0, help="time for the package's own measurements"
+    )
+    command.add_argument(
+        "--memory-s", type=float, default=120.0, help="length of the recording whose memory counts, s"
+    )
+    command.add_argument("--page", type=Path, help="only put the last run's tables into this page")
+    asked = command.parse_args()
+    if asked.page is not None:
+        page = asked.page.read_text(encoding="utf-8")
+        asked.page.write_text(
+            into_page(page, (OUT / "table.md").read_text(encoding="utf-8")), encoding="utf-8"
+        )
+        return
+    figures = collect(asked.seconds, asked.memory_s)
+    tables = write(figures)
+    (OUT / "figures.json").write_text(json.dumps(figures, indent=2), encoding="utf-8")
+    (OUT / "table.md").write_text(tables, encoding="utf-8")
+    print(tables)
+    print(f"Wrote {OUT}: table.md, figures.json. `make bench-page` puts the table into docs/performance.md.")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,41 @@
+"""Peak memory of tracking and smoothing, each in a process of its own."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+_CHILD = """
+import resource, sys
+import oarlock
+model = oarlock.load_model("sculler")
+recording = oarlock.load_recording(sys.argv[1])
+parts = sys.argv[2].split(",")
+if "track" in parts:
+    track = oarlock.track(model, recording)
+if "smooth" in parts:
+    track = oarlock.smooth(track)
+peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+print(peak / 1024 if sys.platform != "darwin" else peak / 1024**2)
+"""
+
+
+def peaks(duration_s: float) -> list[dict[str, Any]]:
+    """Peak resident memory, MiB: the recording alone, tracked, smoothed too; and what each minute adds."""
+    import oarlock
+    from oarlock.rowing.experiment import simulate_sculling
+
+    _, recording = simulate_sculling(oarlock.load_model("sculler"), "B-B", duration_s, seed=2)
+    rows = []
+    with TemporaryDirectory() as folder:
+        recording.save(Path(folder) / "recording")
+        for name, parts in (("recording", "load"), ("track", "track"), ("smooth", "track,smooth")):
+            command = [sys.executable, "-c", _CHILD, str(Path(folder) / "recording"), parts]
+            done = subprocess.run(command, capture_output=True, text=True, check=True)
+            rows.append({"what": name, "duration_s": duration_s, "peak_mib": float(done.stdout)})
+    for row in rows:
+        row["mib_per_minute"] = (row["peak_mib"] - rows[0]["peak_mib"]) / (duration_s / 60.0)
+    return rows

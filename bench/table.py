@@ -1,0 +1,134 @@
+"""One table in Markdown of everything that was measured."""
+
+from __future__ import annotations
+
+from typing import Any
+
+Row = dict[str, Any]
+
+BEGIN, END = "<!-- figures: begin -->", "<!-- figures: end -->"
+
+
+def write(figures: dict[str, Any]) -> str:
+    """All tables, with the machine in the first line."""
+    user = figures["user"]
+    here = user["machine"]
+    processor = f"{here['processor']}, {user['cores']} cores, {here['system']}"
+    parts = [
+        f"Measured on {processor}, Oarlock {here['oarlock']}, Python {here['python']}; the machine's load was\n"
+        f"{figures['load']:.1f}. Times in µs, medians unless a column says otherwise.",
+        f"The textbook's filter takes about {user['usual_textbook_us']:.0f} µs at 41 states on one core of a 3.7 GHz\n"
+        "Zen 4; where it is slower here, look at times and not at ratios.",
+        _ratios(figures["ratios"]),
+        _parts(figures["criterion"]),
+        _latency(figures["latency"], user),
+        _rest(figures),
+        _others(user),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def into_page(page: str, tables: str) -> str:
+    """The page with its figures replaced.
+
+    Raises:
+        ValueError: the page has no place for them.
+    """
+    if BEGIN not in page or END not in page:
+        raise ValueError(f"the page has no lines {BEGIN} and {END}")
+    return page.split(BEGIN)[0] + BEGIN + "\n\n" + tables + "\n" + END + page.split(END)[1]
+
+
+def _table(columns: list[str], rows: list[list[object]]) -> str:
+    lines = [columns, ["---"] * len(columns), *rows]
+    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
+
+
+def _us(value: float) -> str:
+    return f"{value:.0f}" if value >= 100 else f"{value:.1f}"
+
+
+def _ratios(rows: list[Row]) -> str:
+    def line(row: Row) -> list[object]:
+        return [
+            row["body"],
+            row["n"],
+            row["m"],
+            row["filter"],
+            f"{_us(row['us'])} ({_us(row['us_p10'])})",
+            f"{_us(row['textbook_us'])} ({_us(row['textbook_us_p10'])})",
+            f"{row['ratio']:.1f} ({row['ratio_p10']:.1f})",
+        ]
+
+    columns = ["body", "n", "m", "filter", "step (10 % quantile)", "textbook's UKF", "ratio"]
+    return _table(columns, [line(row) for row in rows])
+
+
+def _parts(criterion: dict[str, dict[str, float]]) -> str:
+    names = {
+        "kinematics": "kinematics and readings of 8 sigma points",
+        "update": "update",
+        "step": "step",
+        "track": "whole recording, a sample",
+        "smooth": "smoothing, a sample: filtered again, and the way back",
+    }
+    sizes = sorted(criterion["step"], key=int)
+    rows: list[list[object]] = [
+        [text, *(_us(criterion[name][n]) if n in criterion[name] else "" for n in sizes)]
+        for name, text in names.items()
+    ]
+    back = [criterion["smooth"][n] - criterion["track"][n] for n in sizes]
+    rows.append(["the way back alone, a sample (the difference of the two)", *map(_us, back)])
+    return _table(["what, µs", *(f"n = {n}" for n in sizes)], rows)
+
+
+def _latency(rows: list[Row], user: Row) -> str:
+    def line(who: str, n: int, name: str, row: Row) -> list[object]:
+        return [who, n, name, *(_us(row[key]) for key in ("p50_us", "p99_us", "p99_9_us"))]
+
+    lines = [line("Rust", row["n"], row["filter"], row) for row in rows]
+    lines += [line("Python", part["n"], "ukf", part) for part in (user, user["with_biases"])]
+    return _table(["`Tracker.step` from", "n", "filter", "p50", "p99", "p99.9"], lines)
+
+
+def _rest(figures: dict[str, Any]) -> str:
+    many = {row["threads"]: row for row in figures["many"]}
+    user, rows = figures["user"], list[list[object]]()
+    for threads, row in sorted(many.items()):
+        rows.append(
+            [
+                f"samples/s on {threads} threads, from Rust, n = 72",
+                f"{row['steps_s']:.0f} ({row['ratio']:.2f} times one)",
+            ]
+        )
+    two = f"{user['two_threads_steps_s']:.0f} ({user['two_threads_ratio']:.2f} times one)"
+    rows.append(["samples/s on 2 threads, `track_many`, n = 72", two])
+    rows.append(
+        ["sensors at 125 Hz, n = 41, ukf", f"{user['times_real_time']:.0f} times faster than real time"]
+    )
+    for row in figures["memory"]:
+        text = f"{row['peak_mib']:.0f} MiB"
+        if row["what"] != "recording":
+            text += f", {row['mib_per_minute']:.1f} MiB a minute beyond the recording"
+        rows.append(
+            [f"peak memory of the process, {row['duration_s'] / 60:.0f} min at n = 72: {row['what']}", text]
+        )
+    return _table(["what", "figure"], rows)
+
+
+def _others(user: Row) -> str:
+    paper = user["paper"]
+    rows = [(f"Oarlock, {name}", user[f"{name}_steps_s"], "") for name in ("ukf", "ekf", "iekf")]
+    rows += [
+        (f"{row['name']} ({row['package']} {row['version']})", row["steps_s"], row["problem"])
+        for row in user["others"]
+    ]
+    asked = f"{paper['n']} states, {paper['m']} readings; {paper['machine']}"
+    rows.append((f"the source, {paper['program']}", paper["steps_s"], asked))
+    rows.sort(key=lambda row: -row[1])
+    table = _table(
+        ["software, n = 41", "steps/s", "problem"], [[name, f"{rate:.0f}", text] for name, rate, text in rows]
+    )
+    if user["missing"]:
+        table += f"\n\nNot installed where this was measured: {', '.join(user['missing'])}."
+    return table

@@ -1,0 +1,112 @@
+//! How a state moves by itself: every name looked up once.
+
+use super::body::Naive;
+use nalgebra::DMatrix;
+use oarlock::model::{Process, ProcessKind, SensorKind};
+
+/// What is written into the transition and its noise.
+pub struct Course {
+    /// A value with its rates, and what drives them.
+    driven: Vec<([usize; 3], Process)>,
+    /// A state, and the density of its walk.
+    walks: Vec<(usize, f64)>,
+    /// A state, its density, and the time in which it decays.
+    decays: Vec<(usize, f64, f64)>,
+}
+
+impl Course {
+    /// Of the states that the body's names hold.
+    pub fn new(body: &Naive) -> Self {
+        let mut course = Course { driven: Vec::new(), walks: Vec::new(), decays: Vec::new() };
+        course.add_coordinates(body);
+        let model = body.model;
+        let mut walk = |name: &str, density: f64| course.walks.extend(body.place(name).map(|i| (i, density)));
+        walk("azimuth", model.world.azimuth_walk);
+        for sensor in &model.sensors {
+            let SensorKind::Imu { noise, .. } = &sensor.kind else {
+                continue;
+            };
+            for axis in ["x", "y", "z"] {
+                walk(&format!("{}.gyro_bias_{axis}", sensor.name), noise.gyro_bias_walk);
+                walk(&format!("{}.accel_bias_{axis}", sensor.name), noise.accel_bias_walk);
+            }
+        }
+        for base in &model.base_accelerations {
+            match body.place(&base.name) {
+                Some(i) if base.time_s.is_finite() => course.decays.push((i, base.density, base.time_s)),
+                Some(i) => course.walks.push((i, base.density)),
+                None => {}
+            }
+        }
+        course
+    }
+
+    fn add_coordinates(&mut self, body: &Naive) {
+        for (name, axis) in body.coordinates.iter().zip(body.model.axes()) {
+            let Some(i) = body.place(name) else {
+                continue;
+            };
+            let rate = |what: &str| body.place(&format!("{name}.{what}"));
+            match (rate("velocity"), rate("acceleration")) {
+                (Some(velocity), Some(acceleration)) => self.driven.push(([i, velocity, acceleration], axis.process)),
+                _ => self.walks.push((i, axis.process.density)),
+            }
+        }
+    }
+
+    /// Transition and noise of `n` states over `dt` seconds.
+    pub fn over(&self, dt: f64, n: usize) -> (DMatrix<f64>, DMatrix<f64>) {
+        let (mut f, mut q) = (DMatrix::identity(n, n), DMatrix::zeros(n, n));
+        for (at, process) in &self.driven {
+            let density2 = process.density.powi(2);
+            match process.kind {
+                ProcessKind::Singer => decay(*at, process.time_s, dt, density2, &mut f, &mut q),
+                _ => drive(*at, dt, density2 * dt, &mut f, &mut q),
+            }
+        }
+        for &(i, density) in &self.walks {
+            q[(i, i)] = density * density * dt;
+        }
+        for &(i, density, time_s) in &self.decays {
+            let keep = (-dt / time_s).exp();
+            f[(i, i)] = keep;
+            q[(i, i)] = density.powi(2) * time_s / 2.0 * (1.0 - keep * keep);
+        }
+        (f, q)
+    }
+}
+
+/// Constant acceleration; `power` is what white jerk adds to the variance of the acceleration.
+fn drive(at: [usize; 3], t: f64, power: f64, f: &mut DMatrix<f64>, q: &mut DMatrix<f64>) {
+    (f[(at[0], at[1])], f[(at[0], at[2])], f[(at[1], at[2])]) = (t, t * t / 2.0, t);
+    let block = [
+        [t.powi(4) / 20.0, t.powi(3) / 8.0, t * t / 6.0],
+        [t.powi(3) / 8.0, t * t / 3.0, t / 2.0],
+        [t * t / 6.0, t / 2.0, 1.0],
+    ];
+    for (r, row) in block.iter().enumerate() {
+        for (c, x) in row.iter().enumerate() {
+            q[(at[r], at[c])] = x * power;
+        }
+    }
+}
+
+/// Acceleration that decays in `tau`, by Van Loan (1978): both matrices in one exponential, with the step as unit of time.
+fn decay(at: [usize; 3], tau: f64, t: f64, density2: f64, f: &mut DMatrix<f64>, q: &mut DMatrix<f64>) {
+    let motion = DMatrix::from_row_slice(3, 3, &[0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -t / tau]);
+    let mut both = DMatrix::zeros(6, 6);
+    both.view_mut((0, 0), (3, 3)).copy_from(&-&motion);
+    both.view_mut((3, 3), (3, 3)).copy_from(&motion.transpose());
+    both[(2, 5)] = 1.0;
+    let both = both.exp();
+    let way = both.view((3, 3), (3, 3)).transpose();
+    let noise = &way * both.view((0, 3), (3, 3));
+    // Units of the values: 1, 1 / t, 1 / t^2 of the first; unit white jerk gathers t^5.
+    let unit = [1.0, 1.0 / t, 1.0 / (t * t)];
+    for r in 0..3 {
+        for c in 0..3 {
+            f[(at[r], at[c])] = way[(r, c)] * unit[r] / unit[c];
+            q[(at[r], at[c])] = noise[(r, c)] * unit[r] * unit[c] * t.powi(5) * density2;
+        }
+    }
+}

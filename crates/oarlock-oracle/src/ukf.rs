@@ -1,0 +1,225 @@
+//! The scaled unscented filter as in Wan and van der Merwe (2000), dense and plain: all 2n + 1 points of the whole
+//! covariance, textbook weights, P - K Pzz K'. Rotations are moved by their tangent vectors, R Exp(e); whenever the mean moves by d,
+//! the covariance is carried along by Jr(d) (Hertzberg et al. 2013).
+
+use super::body::{Naive, Room};
+use super::course::Course;
+use super::so3;
+use nalgebra::{DMatrix, DVector, DVectorView};
+use oarlock::model::Model;
+
+/// Weights of the scaled transform.
+#[derive(Debug, Clone, Copy)]
+pub struct Weights {
+    /// Points lie sqrt(n + lambda) columns of the root away.
+    pub lambda: f64,
+    /// Of the first point, in the mean.
+    pub mean_0: f64,
+    /// Of the first point, in covariances.
+    pub covariance_0: f64,
+    /// Of every other point, in both.
+    pub others: f64,
+}
+
+impl Weights {
+    /// For `n` states.
+    pub fn new(n: usize, alpha: f64, beta: f64, kappa: f64) -> Self {
+        let n = n as f64;
+        let lambda = alpha * alpha * (n + kappa) - n;
+        let mean_0 = lambda / (n + lambda);
+        Weights { lambda, mean_0, covariance_0: mean_0 + 1.0 - alpha * alpha + beta, others: 0.5 / (n + lambda) }
+    }
+
+    fn of(&self, first: f64, i: usize) -> f64 {
+        if i == 0 {
+            first
+        } else {
+            self.others
+        }
+    }
+}
+
+/// A belief, the body that it is about, and room to work in.
+pub struct Ukf<'a> {
+    /// What the readings are of.
+    pub body: Naive<'a>,
+    /// In the order of the body's names.
+    pub mean: DVector<f64>,
+    /// In the tangent space at the mean.
+    pub covariance: DMatrix<f64>,
+    weights: Weights,
+    course: Course,
+    room: Room,
+}
+
+impl<'a> Ukf<'a> {
+    /// From a belief.
+    pub fn new(body: Naive<'a>, mean: DVector<f64>, covariance: DMatrix<f64>, weights: Weights) -> Self {
+        let course = Course::new(&body);
+        Ukf { body, mean, covariance, weights, course, room: Room::default() }
+    }
+
+    /// From a belief about `model` at its own parameters, with states of these `names`; `spread` is alpha, beta and kappa.
+    pub fn of_model(
+        model: &'a Model,
+        names: &[String],
+        mean: &[f64],
+        covariance: &[f64],
+        [alpha, beta, kappa]: [f64; 3],
+    ) -> Self {
+        let n = mean.len();
+        Ukf::new(
+            Naive::new(model, model.default_parameters(), names),
+            DVector::from_column_slice(mean),
+            DMatrix::from_row_slice(n, n, covariance),
+            Weights::new(n, alpha, beta, kappa),
+        )
+    }
+
+    /// On by `dt` seconds.
+    pub fn predict(&mut self, dt: f64) {
+        let (mut f, mut q) = self.course.over(dt, self.mean.len());
+        let mut moved = &f * &self.mean;
+        for &first in &self.body.turns {
+            self.turn(first, &mut moved, &mut f, &mut q);
+        }
+        self.mean = moved;
+        self.covariance = &f * &self.covariance * f.transpose() + q;
+    }
+
+    /// A rotation R is followed by Exp(phi), phi being what its rates add meanwhile: an error R Exp(e) is seen as Exp(-phi) e behind it, and
+    /// one of phi as Jr(phi) times as much.
+    fn turn(&self, first: usize, moved: &mut DVector<f64>, f: &mut DMatrix<f64>, q: &mut DMatrix<f64>) {
+        let n = self.mean.len();
+        let way = f.view((first, 0), (3, n)).into_owned();
+        let still = so3::three(self.mean.as_slice(), first);
+        let phi = so3::three(moved.as_slice(), first) - still;
+        let jacobian = so3::right_jacobian(phi);
+        moved.rows_mut(first, 3).copy_from(&so3::plus(still, phi));
+        f.view_mut((first, 0), (3, n)).copy_from(&(jacobian * way));
+        f.view_mut((first, first), (3, 3)).copy_from(&so3::exp(phi).transpose());
+        let mut into = DMatrix::identity(n, n);
+        into.view_mut((first, first), (3, 3)).copy_from(&jacobian);
+        *q = &into * &*q * into.transpose();
+    }
+
+    /// Tangent vector from the mean to `x`.
+    pub fn away(&self, x: &DVector<f64>) -> DVector<f64> {
+        let mut away = x - &self.mean;
+        for &first in &self.body.turns {
+            let [to, from] = [x, &self.mean].map(|v| so3::three(v.as_slice(), first));
+            away.rows_mut(first, 3).copy_from(&so3::minus(to, from));
+        }
+        away
+    }
+
+    /// The state that lies `delta` from the mean.
+    pub fn at(&self, delta: &DVector<f64>) -> DVector<f64> {
+        let mut x = DVector::zeros(delta.len());
+        self.place_at(delta.column(0), &mut x);
+        x
+    }
+
+    fn place_at(&self, delta: DVectorView<f64>, x: &mut DVector<f64>) {
+        x.copy_from(&self.mean);
+        *x += delta;
+        for &first in &self.body.turns {
+            let [r, d] = [self.mean.as_slice(), delta.as_slice()].map(|v| so3::three(v, first));
+            x.rows_mut(first, 3).copy_from(&so3::plus(r, d));
+        }
+    }
+
+    /// Moves the mean; the covariance is seen from there.
+    pub fn shift(&mut self, delta: &DVector<f64>) {
+        let n = self.mean.len();
+        self.mean = self.at(delta);
+        if self.body.turns.is_empty() {
+            return;
+        }
+        let mut seen = DMatrix::identity(n, n);
+        for &first in &self.body.turns {
+            let jacobian = so3::right_jacobian(so3::three(delta.as_slice(), first));
+            seen.view_mut((first, first), (3, 3)).copy_from(&jacobian);
+        }
+        self.covariance = &seen * &self.covariance * seen.transpose();
+    }
+
+    /// Takes in the readings that are numbers; their standard deviations are `std`.
+    pub fn update(&mut self, z: &[f64], std: &[f64], inputs: &[f64]) {
+        let rows: Vec<usize> = (0..z.len()).filter(|&r| !z[r].is_nan()).collect();
+        if rows.is_empty() {
+            return;
+        }
+        let points = self.points();
+        let read = self.readings(&points, inputs, &rows);
+        let w = self.weights;
+        let mut expected = DVector::zeros(rows.len());
+        for (i, y) in read.column_iter().enumerate() {
+            expected.axpy(w.of(w.mean_0, i), &y, 1.0);
+        }
+        let noise = DVector::from_iterator(rows.len(), rows.iter().map(|&r| std[r] * std[r]));
+        let mut inner = DMatrix::from_diagonal(&noise);
+        self.add_inputs(read.column(0), inputs, &rows, &mut inner);
+        let (away, weighted) = self.deviations(read, &expected);
+        inner.gemm(1.0, &weighted, &away.transpose(), 1.0);
+        let cross = points * weighted.transpose();
+        let measured = DVector::from_iterator(rows.len(), rows.iter().map(|&r| z[r]));
+        let factor = inner.clone().cholesky().expect("positive");
+        let gain = factor.solve(&cross.transpose()).transpose();
+        self.covariance -= &gain * inner * gain.transpose();
+        self.covariance = (&self.covariance + self.covariance.transpose()) * 0.5;
+        self.shift(&(&gain * (measured - expected)));
+    }
+
+    /// These rows at every point.
+    fn readings(&mut self, points: &DMatrix<f64>, inputs: &[f64], rows: &[usize]) -> DMatrix<f64> {
+        let (mut read, mut x) = (DMatrix::zeros(rows.len(), points.ncols()), DVector::zeros(points.nrows()));
+        let mut room = std::mem::take(&mut self.room);
+        for (delta, mut out) in points.column_iter().zip(read.column_iter_mut()) {
+            self.place_at(delta, &mut x);
+            let all = self.body.measure_in(&x, inputs, &mut room);
+            out.iter_mut().zip(rows).for_each(|(to, &row)| *to = all[row]);
+        }
+        self.room = room;
+        read
+    }
+
+    /// Of the readings from what is expected, bare and weighted: products of whole matrices, for the outer products of single
+    /// columns are slow where the sums outgrow the cache.
+    fn deviations(&self, read: DMatrix<f64>, expected: &DVector<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
+        let mut away = read;
+        away.column_iter_mut().for_each(|mut y| y -= expected);
+        let mut weighted = away.clone();
+        for (i, mut y) in weighted.column_iter_mut().enumerate() {
+            y *= self.weights.of(self.weights.covariance_0, i);
+        }
+        (away, weighted)
+    }
+
+    /// Adds to `inner` what the readings `here` change by when one input is off by its standard deviation.
+    fn add_inputs(&mut self, here: DVectorView<f64>, inputs: &[f64], rows: &[usize], inner: &mut DMatrix<f64>) {
+        let model = self.body.model;
+        let noisy = model.joints.iter().filter(|joint| joint.input && !inputs[joint.first].is_nan());
+        let (mut off, mut change) = (inputs.to_vec(), DVector::zeros(rows.len()));
+        for joint in noisy {
+            off[joint.first] += joint.input_std;
+            let all = self.body.measure_in(&self.mean, &off, &mut self.room);
+            change.iter_mut().zip(rows).zip(here.iter()).for_each(|((to, &row), here)| *to = all[row] - here);
+            inner.ger(1.0, &change, &change, 1.0);
+            off[joint.first] = inputs[joint.first];
+        }
+    }
+
+    /// Where the sigma points lie, from the mean, a column each.
+    fn points(&self) -> DMatrix<f64> {
+        let n = self.mean.len();
+        let scale = (n as f64 + self.weights.lambda).sqrt();
+        let factor = self.covariance.clone().cholesky().expect("positive").unpack() * scale;
+        let mut points = DMatrix::zeros(n, 2 * n + 1);
+        for i in 0..n {
+            points.set_column(2 * i + 1, &factor.column(i));
+            points.set_column(2 * i + 2, &-factor.column(i));
+        }
+        points
+    }
+}

@@ -1,0 +1,60 @@
+//! How long steps take on this machine, beside the textbook's filter.
+
+use crate::config::PyConfig;
+use crate::errors::{raise, DataError};
+use crate::model::PyModel;
+use crate::run::detached;
+use crate::streams::samples;
+use numpy::PyArray1;
+use oarlock::track::{Calibration, Tracker};
+use oarlock_oracle::race::{race as engine_race, Times};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::time::Instant;
+
+/// Steps of each configuration and of the textbook's unscented filter, timed in turn for `seconds` once `warm` samples are
+/// taken in: `steps_us`, a list of arrays, one a configuration; `textbook_us`, an array; `n`, states; `m`, readings.
+#[pyfunction]
+pub fn race<'py>(
+    py: Python<'py>,
+    model: &Bound<'py, PyModel>,
+    recording: &Bound<'py, PyAny>,
+    configs: Vec<Bound<'py, PyConfig>>,
+    warm: usize,
+    seconds: f64,
+) -> PyResult<Bound<'py, PyDict>> {
+    let made = |c: &Bound<'py, PyConfig>| {
+        Tracker::new(model.get().model.clone(), &Calibration::default(), &c.get().0).map_err(|e| raise(py, e))
+    };
+    let mut trackers = configs.iter().map(made).collect::<PyResult<Vec<Tracker>>>()?;
+    let (Some(first), Some(config)) = (trackers.first(), configs.first()) else {
+        return Err(DataError::new_err("race: no configuration; give one at least"));
+    };
+    let config = config.get().0.clone();
+    let all = samples(py, first, config.merge_s, recording)?;
+    if all.len() <= warm {
+        return Err(DataError::new_err(format!(
+            "race: {} samples, of which {warm} only warm up: give more",
+            all.len()
+        )));
+    }
+    let (n, m) = (first.body.layout.dim(), first.body.suite.len());
+    let (before, behind) = all.split_at(warm);
+    let times: Times = detached(py, None, |told| {
+        for tracker in &mut trackers {
+            before.iter().try_for_each(|sample| tracker.step(sample).map(|_| ()))?;
+        }
+        let begun = Instant::now();
+        engine_race(&trackers, &config, behind, &mut || {
+            let share = begun.elapsed().as_secs_f64() / seconds;
+            share < 1.0 && told(share)
+        })
+    })?;
+    let ours: Vec<_> = times.ours.into_iter().map(|us| PyArray1::from_vec(py, us)).collect();
+    let out = PyDict::new(py);
+    out.set_item("steps_us", ours)?;
+    out.set_item("textbook_us", PyArray1::from_vec(py, times.textbook))?;
+    out.set_item("n", n)?;
+    out.set_item("m", m)?;
+    Ok(out)
+}

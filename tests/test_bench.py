@@ -1,0 +1,133 @@
+"""`oarlock bench`: figures that can be, from a short run; other software gives the same estimates."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from typer.testing import CliRunner
+
+from oarlock.bench import with_biorbd, with_filterpy, with_jax, with_numpy
+from oarlock.bench.plain_kinematics import PlainKinematics
+from oarlock.bench.problem import WARM, Problem, sculling
+from oarlock.cli import app
+
+Floats = NDArray[np.float64]
+
+# Closures of 2 mm beside accelerations make covariances whose condition takes half the digits, and the textbook's form
+# cancels. filterpy inverts the innovations' covariance, which takes some more.
+SAME_FILTER_SIGMA = 1e-6
+# Readings up to some tens of m/s2 and uT.
+SAME_READINGS = 1e-9
+# biorbd's filter lags by about 0.05 s behind swings of up to 1 rad/s.
+FOLLOWS_RAD = 0.1
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    return sculling(2.0)
+
+
+@pytest.fixture(scope="module")
+def ours(problem: Problem) -> tuple[Floats, Floats]:
+    """Means and standard deviations of Oarlock's filter behind the warm samples."""
+    tracker, _, _ = problem.started()
+    beliefs = [tracker.step(sample)[0] for sample in tracker.samples(problem.recording)[WARM:]]
+    means = np.array([belief.mean for belief in beliefs])
+    return means, np.array([np.sqrt(np.diag(belief.covariance)) for belief in beliefs])
+
+
+@pytest.fixture(scope="module")
+def measured() -> dict:
+    done = CliRunner().invoke(app, ["bench", "--json", "--seconds", "0.2"], prog_name="oarlock")
+    assert done.exit_code == 0, done.output
+    return json.loads(done.stdout)
+
+
+def test_json_has_its_keys(measured):
+    keys = "ukf_steps_s ekf_steps_s iekf_steps_s ukf_ratio_to_textbook ekf_ratio_to_textbook textbook_us"
+    keys += " p50_us p99_us p99_9_us n m"
+    assert set(keys.split()) <= set(measured)
+    assert set(keys.split()) <= set(measured["with_biases"])
+    assert (measured["n"], measured["m"]) == (41, 58)
+    assert (measured["with_biases"]["n"], measured["with_biases"]["m"]) == (72, 58)
+
+
+def test_figures_fit_together(measured):
+    for part in (measured, measured["with_biases"]):
+        for name in ("ukf", "ekf", "iekf"):
+            assert part[f"{name}_steps_s"] == pytest.approx(1e6 / part[f"{name}_us"])
+            assert part[f"{name}_ratio_to_textbook"] == pytest.approx(
+                part["textbook_us"] / part[f"{name}_us"]
+            )
+            assert 0.0 < part[f"{name}_us_p10"] <= part[f"{name}_us"]
+            tenth = part["textbook_us_p10"] / part[f"{name}_us_p10"]
+            assert part[f"{name}_ratio_to_textbook_p10"] == pytest.approx(tenth)
+        assert part["ukf_ratio_to_textbook"] > 1.0
+        assert part["ekf_ratio_to_textbook"] > 1.0
+        assert part["textbook_us_p10"] <= part["textbook_us"]
+        assert 0.0 < part["p50_us"] <= part["p99_us"] <= part["p99_9_us"]
+    assert measured["times_real_time"] == pytest.approx(measured["ukf_steps_s"] / 125.0)
+    assert measured["paper"]["steps_s"] == 116.0
+
+
+def test_other_software_is_measured_or_named_as_missing(measured):
+    assert not measured["failed"]
+    found = {other["package"] for other in measured["others"]}
+    assert found | set(measured["missing"]) == {"numpy", "jax", "filterpy", "biorbd"}
+    assert "numpy" in found
+    assert all(other["steps_s"] > 0.0 for other in measured["others"])
+    assert (measured["install"] is None) == (not measured["missing"])
+
+
+def test_text_names_the_filters_and_the_paper():
+    shown = CliRunner().invoke(app, ["bench", "--seconds", "0.1"], prog_name="oarlock")
+    assert shown.exit_code == 0, shown.output
+    for word in ("ukf", "ekf", "iekf", "textbook", "p99.9", "the paper", "two threads", "times faster than"):
+        assert word in shown.stdout
+
+
+def test_help_names_every_key(measured):
+    shown = CliRunner().invoke(app, ["bench", "--help"], prog_name="oarlock").stdout
+    filters = ("ekf_us", "iekf_us", "ekf_ratio", "iekf_ratio")
+    missing = [key for key in measured if key not in shown and not key.startswith(filters)]
+    assert missing == ["live_steps"] or not missing
+
+
+def test_seconds_must_be_a_time():
+    refused = CliRunner().invoke(app, ["bench", "--seconds", "0"], prog_name="oarlock")
+    assert refused.exit_code == 2
+    assert "20" in refused.stderr
+
+
+def test_plain_kinematics_read_what_the_engine_reads(problem):
+    model = problem.model
+    joints = model.coordinate_names
+    states = [*joints, *(f"{j}.velocity" for j in joints), *(f"{j}.acceleration" for j in joints)]
+    plain = PlainKinematics(problem.described, states)
+    random = np.random.default_rng(3)
+    q, qd, qdd = (scale * random.uniform(-1, 1, (20, len(joints))) for scale in (0.8, 3.0, 20.0))
+    found = plain.measure(np.hstack([q, qd, qdd]), np.zeros(len(joints)))
+    assert np.abs(found - model.predict_measurements(q, qd, qdd)).max() < SAME_READINGS
+
+
+@pytest.mark.parametrize(
+    "other", [with_numpy, with_jax, with_filterpy], ids=lambda m: m.__name__.split("_")[-1]
+)
+def test_other_software_runs_the_same_filter(problem, ours, other):
+    package = other.__name__.split("_")[-1]
+    pytest.importorskip(package, reason=f"{package} is not installed: pip install 'oarlock[bench]'")
+    means, stds = ours
+    found = other.make(problem)()
+    gaps = np.abs(found - means[: len(found)]) / stds[: len(found)]
+    print(f"{package}: {gaps.max():.1e} sigma over {len(found)} steps")
+    assert len(found) > 0
+    assert gaps.max() < SAME_FILTER_SIGMA
+
+
+def test_biorbd_follows_the_angles_that_its_orientations_were_made_of(problem):
+    pytest.importorskip("biorbd", reason="biorbd is not installed: pip install 'oarlock[bench]'")
+    gaps = np.abs(with_biorbd.make(problem)() - with_biorbd.angles_rad(problem))
+    assert gaps[WARM:].max() < FOLLOWS_RAD
