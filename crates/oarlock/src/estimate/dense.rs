@@ -3,10 +3,22 @@
 //! Each row of a result is built in one place from multiples of other rows, which plain loops turn into vector code.
 
 /// A square matrix.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, PartialEq)]
 pub struct Square {
     n: usize,
     data: Vec<f64>,
+}
+
+impl Clone for Square {
+    fn clone(&self) -> Self {
+        Square { n: self.n, data: self.data.clone() }
+    }
+
+    /// Into the room that is there.
+    fn clone_from(&mut self, from: &Self) {
+        self.n = from.n;
+        self.data.clone_from(&from.data);
+    }
 }
 
 impl Square {
@@ -47,13 +59,6 @@ impl Square {
     pub(super) fn above_and_row(&mut self, i: usize) -> (&[f64], &mut [f64]) {
         let (above, rest) = self.data.split_at_mut(i * self.n);
         (above, &mut rest[..self.n])
-    }
-
-    /// Row `i`, and rows behind it.
-    #[inline(always)]
-    pub(super) fn row_and_below(&mut self, i: usize) -> (&mut [f64], &[f64]) {
-        let (head, below) = self.data.split_at_mut((i + 1) * self.n);
-        (&mut head[i * self.n..], below)
     }
 
     /// Entry (i, j).
@@ -124,18 +129,20 @@ pub fn cholesky(a: &mut Square) -> Result<(), NotPositive> {
     Ok(())
 }
 
-/// Puts U with U'U = `covariance` into `factor`. Rounding can leave a constant's pivot a hair below zero; then the diagonal
-/// is raised by a relative 1e-12, far below any sensor's say.
-pub fn factor_of_covariance(covariance: &Square, factor: &mut Square) -> Result<(), NotPositive> {
-    factor.copy_from(covariance);
-    if cholesky(factor).is_ok() {
-        return Ok(());
+/// The same for a matrix that rounding may have left without a sign in some directions: rows of U whose pivot is not above
+/// zero are nought. Refuses only what is no number.
+pub fn semidefinite_factor(a: &mut Square) -> Result<(), NotPositive> {
+    for i in 0..a.n {
+        let n = a.n;
+        let (above, row) = a.above_and_row(i);
+        accumulate(&mut row[i..], (0..i).map(|k| (-above[k * n + i], &above[k * n + i..(k + 1) * n])));
+        if row[i] <= 0.0 {
+            row[i..].fill(0.0);
+        } else {
+            finish_row(row, i)?;
+        }
     }
-    factor.copy_from(covariance);
-    for i in 0..covariance.n {
-        *factor.at_mut(i, i) *= 1.0 + 1e-12;
-    }
-    cholesky(factor)
+    Ok(())
 }
 
 #[inline(always)]
@@ -210,6 +217,23 @@ mod tests {
         solve_transposed(&u, 0, &mut b);
         solve(&u, 0, &mut b);
         assert!(b.iter().zip(&x).all(|(p, q)| (p - q).abs() < 1e-13));
+    }
+
+    #[test]
+    fn a_direction_without_spread_is_nought_in_the_factor() {
+        // Of rank two: the third coordinate is the sum of the others.
+        let mut a = Square::from_rows(3, vec![2.0, 1.0, 3.0, 1.0, 2.0, 3.0, 3.0, 3.0, 6.0 - 1e-15]).unwrap();
+        let whole = a.clone();
+        assert!(cholesky(&mut a.clone()).is_err());
+        semidefinite_factor(&mut a).unwrap();
+        for i in 0..3 {
+            for j in i..3 {
+                let product: f64 = (0..=i).map(|k| a.at(k, i) * a.at(k, j)).sum();
+                assert!((product - whole.at(i, j)).abs() < 1e-14);
+            }
+        }
+        *a.at_mut(1, 1) = f64::NAN;
+        assert_eq!(semidefinite_factor(&mut a).unwrap_err().row, 1);
     }
 
     #[test]

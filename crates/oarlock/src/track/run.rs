@@ -1,4 +1,6 @@
-//! A whole recording: a loop over `Tracker::step`, and the smoother that goes back over it.
+//! A whole recording: a loop over `Tracker::step`.
+
+mod back;
 
 use super::magnetic::Field;
 use super::{Calibration, Status, Tracker};
@@ -6,8 +8,6 @@ use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::{Info, SourceInfo};
-use crate::estimate::smoother::Smoother;
-use crate::estimate::transition::Transition;
 use crate::model::Model;
 use crate::motion::is_observed;
 use crate::recording::{Cursor, Recording, Sample, Stream};
@@ -163,40 +163,6 @@ impl Run {
         self.checkpoints.iter().map(|c| &c.belief)
     }
 
-    /// Rauch-Tung-Striebel smoothing. Filters again between the kept beliefs, from the last to the first, so that only
-    /// one stretch at a time is in memory.
-    pub fn smooth(&self, progress: Progress) -> Result<Run> {
-        if self.smoothed {
-            return Err(Error::Data("this track is smoothed already; smooth the filtered one".into()));
-        }
-        let mut out = self.clone();
-        let mut tracker = self.tracker.clone();
-        let mut smoother = Smoother::new(tracker.body.layout.dim());
-        let mut next = match &self.last {
-            Some(belief) => belief.alone(belief.line),
-            None => return Err(Error::Data("nothing was tracked: nothing to smooth".into())),
-        };
-        for (k, checkpoint) in self.checkpoints.iter().enumerate().rev() {
-            let stop = self.checkpoints.get(k + 1).map(|c| &c.cursor);
-            let stretch = Stretch::refilter(self, &mut tracker, checkpoint, stop)?;
-            for node in stretch.nodes.into_iter().rev() {
-                let mut belief = node.filtered;
-                let done = smoother.back(&tracker.body, &mut belief, &node.transition, &node.predicted, &next);
-                done.map_err(|lost| super::diverged(lost, belief.time_s))?;
-                if let Some(row) = node.row {
-                    out.write(row, &belief);
-                }
-                next = belief;
-            }
-            out.checkpoints[k].belief = next.clone();
-            if !progress(1.0 - k as f64 / self.checkpoints.len() as f64) {
-                return Err(Error::Stopped);
-            }
-        }
-        out.smoothed = true;
-        Ok(out)
-    }
-
     fn write(&mut self, row: usize, belief: &Belief) {
         let n = belief.mean.len();
         let body = &self.tracker.body;
@@ -293,52 +259,5 @@ impl Run {
         s.sources.extend_from_slice(&info.sources);
         s.fields.extend(self.tracker.fields(info));
         s.inertial.push(info.inertial);
-    }
-}
-
-/// A step of a stretch: the belief before, how it moved, the belief after moving.
-struct Node {
-    filtered: Belief,
-    /// Row of output that `filtered` belongs to.
-    row: Option<usize>,
-    transition: Transition,
-    predicted: Belief,
-}
-
-/// The filter's way from one checkpoint to the next.
-struct Stretch {
-    nodes: Vec<Node>,
-}
-
-impl Stretch {
-    /// Follows the hypothesis that won.
-    fn refilter(run: &Run, tracker: &mut Tracker, from: &Checkpoint, stop: Option<&Cursor>) -> Result<Self> {
-        let (mut cursor, mut sample) = (from.cursor.clone(), tracker.empty_sample());
-        let mut belief = run.proven(&from.belief);
-        let mut here = belief.clone();
-        let mut row = from.is_row.then_some(from.row);
-        let mut next_row = from.row + usize::from(from.is_row);
-        let mut nodes = Vec::new();
-        while stop != Some(&cursor) && run.recording.next(&mut cursor, &mut sample) {
-            if sample.time_s <= belief.time_s {
-                continue;
-            }
-            tracker.learns = !run.partings.iter().any(|p| p.from_s < sample.time_s && sample.time_s <= p.to_s);
-            tracker.advance(&mut belief, &sample, &mut |transition, predicted| {
-                let filtered = std::mem::replace(&mut here, predicted.clone());
-                let (transition, predicted) = (transition.clone(), predicted.clone());
-                nodes.push(Node { filtered, row: row.take(), transition, predicted });
-            })?;
-            if run.partings.iter().any(|p| p.from_s == sample.time_s) {
-                tracker.open_bank(&mut belief);
-                belief = run.proven(&belief);
-            }
-            here = belief.clone();
-            if run.series.time_s.get(next_row) == Some(&sample.time_s) {
-                row = Some(next_row);
-                next_row += 1;
-            }
-        }
-        Ok(Stretch { nodes })
     }
 }
