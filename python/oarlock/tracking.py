@@ -6,6 +6,8 @@ import hashlib
 import time
 from collections.abc import Callable, Iterable
 
+import numpy as np
+
 from oarlock import _core
 from oarlock._core import Belief, Config, Model, Run
 from oarlock.calibration import Calibration
@@ -177,8 +179,8 @@ def _hash(recording: Recording) -> str:
     digest = hashlib.sha256()
     for stream in recording.streams:
         digest.update(stream.name.encode())
-        digest.update(stream.time_s.tobytes())
+        digest.update(np.ascontiguousarray(stream.time_s).data)
         for name, values in stream.values.items():
             digest.update(name.encode())
-            digest.update(values.tobytes())
+            digest.update(np.ascontiguousarray(values).data)
     return digest.hexdigest()

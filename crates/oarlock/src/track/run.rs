@@ -38,7 +38,7 @@ struct Parting {
     winner: u64,
 }
 
-/// Estimates over time.
+/// Estimates over time. What smoothing leaves as it was is shared by the filtered and the smoothed.
 #[derive(Debug, Clone, Default)]
 pub struct Series {
     /// Of every row, s.
@@ -47,16 +47,42 @@ pub struct Series {
     pub mean: Vec<f64>,
     /// Standard deviation of the state, rows laid end to end.
     pub std: Vec<f64>,
-    /// Readings of the model's joints that are inputs, rows of all coordinates; NaN elsewhere and where missing.
-    pub inputs: Vec<f64>,
     /// Per row and coordinate: 1 where it is observed.
     pub observed: Vec<u8>,
+    /// Readings of the joints that are inputs, in rows of their coordinates (`Run::input_coordinates`); NaN where missing.
+    pub inputs: Arc<Vec<f64>>,
     /// Per row and source.
-    pub sources: Vec<SourceInfo>,
+    pub sources: Arc<Vec<SourceInfo>>,
     /// Per row and source, what its magnetometer's reading was.
-    pub fields: Vec<Field>,
+    pub fields: Arc<Vec<Field>>,
     /// Per row: normalised innovation squared of all inertial readings together, and their number.
-    pub inertial: Vec<(f64, usize)>,
+    pub inertial: Arc<Vec<(f64, u32)>>,
+}
+
+impl Series {
+    /// What was read, without estimates.
+    fn read(&self) -> Series {
+        Series {
+            time_s: self.time_s.clone(),
+            inputs: self.inputs.clone(),
+            sources: self.sources.clone(),
+            fields: self.fields.clone(),
+            inertial: self.inertial.clone(),
+            ..Series::default()
+        }
+    }
+
+    /// The same rows with estimates that are still to be written, but for the last, which smoothing leaves as it is.
+    fn blank(&self) -> Series {
+        let width = self.mean.len() / self.time_s.len().max(1);
+        let last = |from: &[f64]| {
+            let mut to = vec![0.0; from.len()];
+            let start = from.len() - width;
+            to[start..].copy_from_slice(&from[start..]);
+            to
+        };
+        Series { mean: last(&self.mean), std: last(&self.std), observed: self.observed.clone(), ..self.read() }
+    }
 }
 
 /// A tracked recording.
@@ -78,6 +104,8 @@ pub struct Run {
     partings: Vec<Parting>,
     /// When the belief was given up, because its sensors contradicted it, s.
     pub losses_s: Vec<f64>,
+    /// Coordinates of joints that are inputs.
+    inputs: Vec<usize>,
     last: Option<Belief>,
 }
 
@@ -108,6 +136,7 @@ pub fn track(
         checkpoints: Vec::new(),
         partings: Vec::new(),
         losses_s: Vec::new(),
+        inputs: model.joints.iter().filter(|j| j.input).map(|j| j.first).collect(),
         last: None,
         tracker,
     };
@@ -141,6 +170,38 @@ impl Run {
         tracker.finish(&mut |s, b, i| keeper.keep(s, b, i))?;
         self.last = tracker.belief().cloned();
         Ok(())
+    }
+
+    /// A run of the same recording with these estimates and no belief but the last.
+    fn with(&self, series: Series) -> Run {
+        let Run { tracker, recording, calibration, config, partings, losses_s, inputs, last, .. } = self;
+        Run {
+            tracker: tracker.clone(),
+            recording: recording.clone(),
+            calibration: calibration.clone(),
+            config: config.clone(),
+            series,
+            checkpoints: Vec::new(),
+            partings: partings.clone(),
+            losses_s: losses_s.clone(),
+            inputs: inputs.clone(),
+            last: last.clone(),
+            ..*self
+        }
+    }
+
+    /// The run without its estimates, which `again` makes anew: an hour of them fills half a gigabyte.
+    pub fn hollow(&self) -> Run {
+        self.with(self.series.read())
+    }
+
+    /// Filters the same recording again: the same bits.
+    pub fn again(&self, progress: Progress) -> Result<Run> {
+        let mut run = self.with(Series::default());
+        (run.partings, run.losses_s, run.last) = (Vec::new(), Vec::new(), None);
+        (run.steps, run.refused) = (0, 0);
+        run.filter(progress)?;
+        Ok(run)
     }
 
     /// The tracker that did the work, as it was before the first sample.
@@ -177,6 +238,11 @@ impl Run {
             let variance = std[slots.q..slots.q + 3].iter().map(|s| s * s).sum();
             self.series.observed[first + c..first + c + 3].fill(u8::from(is_observed(&body.axes[*c], variance)));
         }
+    }
+
+    /// Coordinates of joints that are inputs, in the order of `Series::inputs`.
+    pub fn input_coordinates(&self) -> &[usize] {
+        &self.inputs
     }
 
     /// What was tracked with.
@@ -246,18 +312,17 @@ impl Run {
     }
 
     fn grow(&mut self, sample: &Sample, info: &Info) {
-        let model = &self.tracker.body.model;
         let (n, s) = (self.tracker.body.layout.dim(), &mut self.series);
         s.time_s.push(sample.time_s);
         s.mean.resize(s.mean.len() + n, 0.0);
         s.std.resize(s.std.len() + n, 0.0);
-        // Only input joints have one; elsewhere it is NaN.
-        let mut inputs = sample.inputs.iter().enumerate();
-        let is_input = |c: usize| model.joints.iter().any(|j| j.input && j.first == c);
-        s.observed.extend(inputs.clone().map(|(c, x)| u8::from(is_input(c) && !x.is_nan())));
-        s.inputs.extend(inputs.by_ref().map(|(c, &x)| if is_input(c) { x } else { f64::NAN }));
-        s.sources.extend_from_slice(&info.sources);
-        s.fields.extend(self.tracker.fields(info));
-        s.inertial.push(info.inertial);
+        let is_input = |c: usize| self.inputs.contains(&c);
+        let read = sample.inputs.iter().enumerate().map(|(c, x)| u8::from(is_input(c) && !x.is_nan()));
+        s.observed.extend(read);
+        Arc::make_mut(&mut s.inputs).extend(self.inputs.iter().map(|&c| sample.inputs[c]));
+        Arc::make_mut(&mut s.sources).extend_from_slice(&info.sources);
+        Arc::make_mut(&mut s.fields).extend(self.tracker.fields(info));
+        let (nis, count) = info.inertial;
+        Arc::make_mut(&mut s.inertial).push((nis, count as u32));
     }
 }

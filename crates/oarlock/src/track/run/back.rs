@@ -1,47 +1,55 @@
 //! Going back over a run with the smoother.
 
 use super::super::{diverged, Tracker};
-use super::{Checkpoint, Progress, Run};
+use super::{Progress, Run};
 use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
 use crate::estimate::smoother::Smoother;
 use crate::estimate::transition::Transition;
-use crate::recording::Cursor;
 
 impl Run {
     /// Rauch-Tung-Striebel smoothing. Filters again between the kept beliefs, from the last to the first, so that only
     /// one stretch at a time is in memory.
     pub fn smooth(&self, progress: Progress) -> Result<Run> {
-        if self.smoothed {
-            return Err(Error::Data("this track is smoothed already; smooth the filtered one".into()));
-        }
-        let mut out = self.clone();
-        let mut tracker = self.tracker.clone();
-        let mut smoother = Smoother::new(tracker.body.layout.dim());
-        let mut next = match &self.last {
-            Some(belief) => belief.alone(belief.line),
-            None => return Err(Error::Data("nothing was tracked: nothing to smooth".into())),
+        self.check_smoothable()?;
+        let series = self.series.blank();
+        Run { checkpoints: self.checkpoints.clone(), ..self.with(series) }.into_smooth(progress)
+    }
+
+    /// The same in the place of the filtered estimates, which takes half the memory.
+    pub fn into_smooth(mut self, progress: Progress) -> Result<Run> {
+        self.check_smoothable()?;
+        let Some(mut next) = self.last.as_ref().map(|belief| belief.alone(belief.line)) else {
+            return Err(Error::Data("nothing was tracked: nothing to smooth".into()));
         };
-        let mut stretch = Stretch::default();
-        for (k, checkpoint) in self.checkpoints.iter().enumerate().rev() {
-            let stop = self.checkpoints.get(k + 1).map(|c| &c.cursor);
-            stretch.refilter(self, &mut tracker, checkpoint, stop)?;
+        let mut tracker = self.tracker.clone();
+        let (mut smoother, mut stretch) = (Smoother::new(tracker.body.layout.dim()), Stretch::default());
+        let all = self.checkpoints.len();
+        for k in (0..all).rev() {
+            stretch.refilter(&self, &mut tracker, k)?;
             for node in stretch.nodes[..stretch.used].iter_mut().rev() {
                 let belief = &mut node.filtered;
                 let done = smoother.back(&tracker.body, belief, &node.transition, &node.predicted, &next);
                 done.map_err(|lost| diverged(lost, belief.time_s))?;
                 if let Some(row) = node.row {
-                    out.write(row, belief);
+                    self.write(row, belief);
                 }
                 std::mem::swap(&mut next, belief);
             }
-            out.checkpoints[k].belief.clone_from(&next);
-            if !progress(1.0 - k as f64 / self.checkpoints.len() as f64) {
+            self.checkpoints[k].belief.clone_from(&next);
+            if !progress(1.0 - k as f64 / all as f64) {
                 return Err(Error::Stopped);
             }
         }
-        out.smoothed = true;
-        Ok(out)
+        self.smoothed = true;
+        Ok(self)
+    }
+
+    fn check_smoothable(&self) -> Result<()> {
+        if self.smoothed {
+            return Err(Error::Data("this track is smoothed already; smooth the filtered one".into()));
+        }
+        Ok(())
     }
 }
 
@@ -63,7 +71,9 @@ struct Stretch {
 
 impl Stretch {
     /// Follows the hypothesis that won.
-    fn refilter(&mut self, run: &Run, tracker: &mut Tracker, from: &Checkpoint, stop: Option<&Cursor>) -> Result<()> {
+    fn refilter(&mut self, run: &Run, tracker: &mut Tracker, checkpoint: usize) -> Result<()> {
+        let (from, to) = (&run.checkpoints[checkpoint], run.checkpoints.get(checkpoint + 1));
+        let stop = to.map(|c| &c.cursor);
         let (mut cursor, mut sample) = (from.cursor.clone(), tracker.empty_sample());
         let mut belief = run.proven(&from.belief);
         let mut row = from.is_row.then_some(from.row);
