@@ -1,6 +1,7 @@
 //! A whole recording: a loop over `Tracker::step`.
 
 mod back;
+mod packed;
 
 use super::magnetic::Field;
 use super::{Calibration, Status, Tracker};
@@ -11,6 +12,7 @@ use crate::estimate::filter::{Info, SourceInfo};
 use crate::model::Model;
 use crate::motion::is_observed;
 use crate::recording::{Cursor, Recording, Sample, Stream};
+use packed::Packed;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -20,7 +22,7 @@ pub type Progress<'a> = &'a mut dyn FnMut(f64) -> bool;
 /// A full belief that was kept, and where the recording stood.
 #[derive(Debug, Clone)]
 struct Checkpoint {
-    belief: Belief,
+    belief: Packed,
     cursor: Cursor,
     /// How many rows of output there were before this sample's.
     row: usize,
@@ -220,8 +222,8 @@ impl Run {
     }
 
     /// Full beliefs, one every `belief_interval_s`.
-    pub fn beliefs(&self) -> impl Iterator<Item = &Belief> {
-        self.checkpoints.iter().map(|c| &c.belief)
+    pub fn beliefs(&self) -> impl Iterator<Item = Belief> + '_ {
+        self.checkpoints.iter().map(|c| c.belief.whole())
     }
 
     fn write(&mut self, row: usize, belief: &Belief) {
@@ -277,10 +279,10 @@ impl Keeper<'_> {
         let row = run.series.time_s.len();
         let due = run.checkpoints.last().is_none_or(|c| {
             // A whole number of intervals up to rounding counts as reached.
-            belief.time_s - c.belief.time_s >= run.config.belief_interval_s * (1.0 - 1e-9)
+            belief.time_s - c.belief.time_s() >= run.config.belief_interval_s * (1.0 - 1e-9)
         });
         if due {
-            run.checkpoints.push(Checkpoint { belief: belief.clone(), cursor, row, is_row });
+            run.checkpoints.push(Checkpoint { belief: Packed::of(belief), cursor, row, is_row });
         }
         if is_row {
             self.kept_s = belief.time_s;

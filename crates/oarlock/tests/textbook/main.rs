@@ -6,6 +6,7 @@ mod support;
 mod agreement;
 mod body;
 mod reference;
+mod smoother;
 mod tree;
 mod ukf;
 

@@ -1,6 +1,7 @@
 //! Going back over a run with the smoother.
 
 use super::super::{diverged, Tracker};
+use super::packed::Packed;
 use super::{Progress, Run};
 use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
@@ -36,7 +37,7 @@ impl Run {
                 }
                 std::mem::swap(&mut next, belief);
             }
-            self.checkpoints[k].belief.clone_from(&next);
+            self.checkpoints[k].belief = Packed::of(&next);
             if !progress(1.0 - k as f64 / all as f64) {
                 return Err(Error::Stopped);
             }
@@ -75,7 +76,7 @@ impl Stretch {
         let (from, to) = (&run.checkpoints[checkpoint], run.checkpoints.get(checkpoint + 1));
         let stop = to.map(|c| &c.cursor);
         let (mut cursor, mut sample) = (from.cursor.clone(), tracker.empty_sample());
-        let mut belief = run.proven(&from.belief);
+        let mut belief = run.proven(&from.belief.whole());
         let mut row = from.is_row.then_some(from.row);
         let mut next_row = from.row + usize::from(from.is_row);
         self.used = 0;
