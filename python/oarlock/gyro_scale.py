@@ -32,7 +32,8 @@ def gyro_per_gravity_turn(stream: ImuStream) -> float | None:
         return None
     width = max(2, round(SMOOTHING_S * stream.rate_hz))
     norm = row_norms(stream.accel_m_s2)
-    if len(norm) <= 2 * width or not np.isfinite(norm).any() or (middle := float(np.nanmedian(norm))) == 0.0:
+    there = norm[np.isfinite(norm)]
+    if len(norm) <= 2 * width or not there.size or (middle := float(np.median(there))) == 0.0:
         return None
     direction = stream.accel_m_s2 / np.where(norm > 0.0, norm, np.nan)[:, None]
     at_rest = np.abs(norm / middle - 1.0) < NEAR_REST

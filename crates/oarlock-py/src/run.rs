@@ -26,10 +26,6 @@ struct Kept {
     asked: bool,
 }
 
-/// Estimates that fill more than this give their room to the smoothed ones if nobody has asked for them, bytes. Filtering again, should
-/// somebody do so later, costs a second or more for so many.
-const ROOM_TO_GIVE: usize = 100 << 20;
-
 /// A numpy array (rows, width) of what lies end to end; the numbers are not copied.
 fn table<T: numpy::Element>(py: Python<'_>, rows: usize, values: Vec<T>) -> PyResult<Bound<'_, PyArray2<T>>> {
     let width = values.len() / rows.max(1);
@@ -138,12 +134,12 @@ impl PyRun {
         Ok(run)
     }
 
-    /// The run alone, if its estimates are many and nobody has asked for them.
-    fn given(&self) -> Option<Run> {
+    /// The run alone, if its estimates fill more than `room` bytes and nobody has asked for them.
+    fn given(&self, room: usize) -> Option<Run> {
         let run = self.with_kept(|kept| {
             let series = &kept.run.series;
             let bytes = 8 * (series.mean.len() + series.std.len());
-            let gives = bytes > ROOM_TO_GIVE && !kept.asked && !kept.run.smoothed && Arc::strong_count(&kept.run) == 1;
+            let gives = bytes > room && !kept.asked && !kept.run.smoothed && Arc::strong_count(&kept.run) == 1;
             gives.then(|| {
                 kept.hollow = true;
                 let hollow = Arc::new(kept.run.hollow());
@@ -156,9 +152,9 @@ impl PyRun {
 
 #[pymethods]
 impl PyRun {
-    /// The smoothed run; see `oarlock.smooth`.
-    fn smooth(&self, py: Python<'_>, progress: Option<Py<PyAny>>) -> PyResult<PyRun> {
-        if let Some(run) = self.given() {
+    /// The smoothed run; see `oarlock.smooth`. Estimates that fill more than `room` bytes and that nobody has asked for give it theirs.
+    fn smooth(&self, py: Python<'_>, room: usize, progress: Option<Py<PyAny>>) -> PyResult<PyRun> {
+        if let Some(run) = self.given(room) {
             return detached(py, progress, |p| run.into_smooth(p)).map(PyRun::new);
         }
         let run = self.run();
