@@ -104,7 +104,7 @@ pub fn inverse(arch: Arch, a: &Square) -> Option<Square> {
     sweep.copy_upper(a);
     (0..n).for_each(|i| sweep.row_mut(i)[width + i] = 1.0);
     // A column of the unit matrix begins at its own row.
-    let own = |v: usize| if v * VECTOR < width { 0 } else { v * VECTOR - width };
+    let own = |v: usize| (v * VECTOR).saturating_sub(width);
     let starts: Vec<usize> = (0..2 * width / VECTOR).map(own).collect();
     factor(arch, &mut sweep, Sweep { n, width: 2 * width, starts: &starts }).ok()?;
     let (mut squares, mut out) = (Panel::zeros(n, width), Square::zeros(n));
