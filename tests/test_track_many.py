@@ -64,6 +64,21 @@ def test_smoothed_is_what_smooth_gives_alone() -> None:
         assert_same(found, oarlock.smooth(expected))
 
 
+def test_a_track_that_gave_its_room_is_filtered_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("oarlock.tracking.ROOM_TO_GIVE_BYTES", 0)
+    given, asked = (oarlock.track(model(), recordings()[1]) for _ in range(2))
+    expected = alone()[1]
+    assert np.array_equal(asked.q, expected.q, equal_nan=True)
+    smoothed = [oarlock.smooth(track) for track in (given, asked)]
+    monkeypatch.undo()
+    for found in smoothed:
+        assert_same(found, oarlock.smooth(expected))
+    # once from what it kept, once filtered again
+    assert_same(asked, expected)
+    assert_same(given, expected)
+    assert_same(oarlock.smooth(given), oarlock.smooth(expected))
+
+
 def test_calibration_and_config_may_be_one_for_each() -> None:
     calibrations = [None, oarlock.Calibration(parameters={"l_ua_r": 0.29})]
     configs = [oarlock.Config(filter="ekf"), None]

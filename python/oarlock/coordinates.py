@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from oarlock.errors import DataError
 
@@ -63,23 +63,34 @@ def parts(coordinate_names: Sequence[str]) -> tuple[Part, ...]:
     return tuple(found)
 
 
-def coordinate_units(model: Model) -> tuple[str, ...]:
-    """Unit of each coordinate: "m" of slides and of free joints' x, y, z, "rad" of the rest."""
-    slides = {joint["name"] for joint in model.describe()["joints"] if joint["kind"] == "slide"}
+Joints = Sequence[Mapping[str, Any]]
+
+
+def coordinate_units(model: Model, joints: Joints | None = None) -> tuple[str, ...]:
+    """Unit of each coordinate: "m" of slides and of free joints' x, y, z, "rad" of the rest.
+
+    `joints` are those of `model.describe()`, where they are at hand.
+    """
+    slides = {joint["name"] for joint in _joints(model, joints) if joint["kind"] == "slide"}
     in_m = [name in slides or _split(name)[1] in POSITION for name in model.coordinate_names]
     return tuple("m" if length else "rad" for length in in_m)
 
 
-def joint_units(model: Model) -> tuple[str, ...]:
+def joint_units(model: Model, joints: Joints | None = None) -> tuple[str, ...]:
     """Unit of each joint: "m" for slides, "m, rad" for free joints, "rad" for the rest."""
     special = {"slide": "m", "free": "m, rad"}
-    return tuple(special.get(joint["kind"], "rad") for joint in model.describe()["joints"])
+    return tuple(special.get(joint["kind"], "rad") for joint in _joints(model, joints))
 
 
-def angle_sequences(model: Model) -> Mapping[str, str]:
+def angle_sequences(model: Model, joints: Joints | None = None) -> Mapping[str, str]:
     """The model's angle sequence of each ball and free joint."""
-    joints: Iterable[Mapping[str, str | None]] = model.describe()["joints"]
-    return {str(joint["name"]): sequence for joint in joints if (sequence := joint["angles"]) is not None}
+    found = ((joint["name"], joint["angles"]) for joint in _joints(model, joints))
+    return {str(name): str(sequence) for name, sequence in found if sequence is not None}
+
+
+def _joints(model: Model, joints: Joints | None) -> Joints:
+    given: Joints = model.describe()["joints"] if joints is None else joints
+    return given
 
 
 def _split(name: str) -> tuple[str, str]:

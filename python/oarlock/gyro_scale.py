@@ -31,22 +31,38 @@ def gyro_per_gravity_turn(stream: ImuStream) -> float | None:
     if stream.gyro_rad_s is None or stream.accel_m_s2 is None or len(stream) < LEAST_ROWS:
         return None
     width = max(2, round(SMOOTHING_S * stream.rate_hz))
-    norm = np.linalg.norm(stream.accel_m_s2, axis=1)
-    if len(norm) <= 2 * width or not np.isfinite(norm).any() or (middle := float(np.nanmedian(norm))) == 0.0:
+    norm = row_norms(stream.accel_m_s2)
+    there = norm[np.isfinite(norm)]
+    if len(norm) <= 2 * width or not there.size or (middle := float(np.median(there))) == 0.0:
         return None
     direction = stream.accel_m_s2 / np.where(norm > 0.0, norm, np.nan)[:, None]
     at_rest = np.abs(norm / middle - 1.0) < NEAR_REST
     duration_s = (stream.time_s[width:] - stream.time_s[:-width])[:, None]
     seen = (direction[width:] - direction[:-width]) / duration_s
-    told = _running_mean(-np.cross(stream.gyro_rad_s, direction), width)
+    told = _running_mean(_cross(direction, stream.gyro_rad_s), width)
     usable = at_rest[width:] & at_rest[:-width] & np.isfinite(seen + told).all(axis=1)
     return _slope(seen[usable], told[usable])
+
+
+def row_norms(rows: FloatArray) -> FloatArray:
+    """Length of each row, (T, 3) to (T,)."""
+    lengths: FloatArray = np.sqrt(np.einsum("ij,ij->i", rows, rows))
+    return lengths
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """A x b, row by row; without the axes that numpy's own must sort out first."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
 
 
 def _running_mean(rows: FloatArray, width: int) -> FloatArray:
     """Mean of each `width` steps by the trapezoid rule; NaN only where one of these steps holds NaN."""
     middle = 0.5 * (rows[1:] + rows[:-1])
     gone = np.isnan(middle)
+    if not gone.any():
+        sums = np.cumsum(np.vstack([np.zeros((1, 3)), middle]), axis=0)
+        return np.asarray((sums[width:] - sums[:-width]) / width)
     sums = np.cumsum(np.vstack([np.zeros((1, 3)), np.where(gone, 0.0, middle)]), axis=0)
     holes = np.cumsum(np.vstack([np.zeros((1, 3)), gone]), axis=0)
     mean = (sums[width:] - sums[:-width]) / width

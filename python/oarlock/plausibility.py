@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from oarlock.array_gate import FloatArray
 from oarlock.errors import DataError
-from oarlock.gyro_scale import gyro_per_gravity_turn
+from oarlock.gyro_scale import gyro_per_gravity_turn, row_norms
 from oarlock.recording import ImuStream, Recording, ScalarStream, Stream
 from oarlock.suggest import did_you_mean
 
@@ -206,6 +206,8 @@ def _missing_findings(stream: Stream) -> list[Finding]:
         if absent:
             findings.append(_note(stream, f"has no {' and no '.join(absent)}."))
     for field, rows in stream.values.items():
+        if not np.isnan(rows.sum()):
+            continue  # what is missing would have spoilt the sum
         missing = np.isnan(rows).reshape(len(rows), -1)
         if missing.all():
             findings.append(_warning(stream, f"{field} holds no reading at all (all NaN)."))
@@ -265,8 +267,9 @@ def _norms(rows: FloatArray | None) -> tuple[FloatArray, NDArray[np.bool_]]:
     if rows is None:
         return np.zeros(0), np.zeros(0, dtype=np.bool_)
     # A row with a NaN has no norm, so an axis that never reads leaves none.
-    whole = np.isfinite(np.linalg.norm(rows, axis=1))
-    return np.linalg.norm(rows[whole], axis=1), whole
+    norms = row_norms(rows)
+    whole = np.isfinite(norms)
+    return norms[whole], whole
 
 
 def _stillest(time_s: FloatArray, rows: FloatArray) -> slice:
@@ -277,9 +280,9 @@ def _stillest(time_s: FloatArray, rows: FloatArray) -> slice:
         return slice(0, len(rows))
     centred = rows - np.median(rows, axis=0)
     sums = np.cumsum(np.vstack([np.zeros((1, 3)), centred]), axis=0)
-    squares = np.cumsum(np.concatenate([[0.0], (centred**2).sum(axis=1)]))
+    squares = np.cumsum(np.concatenate([[0.0], np.einsum("ij,ij->i", centred, centred)]))
     mean = (sums[width:] - sums[:-width]) / width
-    spread = (squares[width:] - squares[:-width]) / width - (mean**2).sum(axis=1)
+    spread = (squares[width:] - squares[:-width]) / width - np.einsum("ij,ij->i", mean, mean)
     first = int(np.argmin(spread))
     return slice(first, first + width)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from os import PathLike
 from types import MappingProxyType
@@ -28,6 +28,14 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+_ARRAYS = ("time_s", "q", "qd", "qdd", "q_std", "qd_std", "qdd_std", "observed")
+
+
+@dataclass(frozen=True)
+class Later:
+    """In the place of a field of `Track`: what it will hold is made when it is first asked for."""
+
+    make: Callable[[], Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,18 +86,29 @@ class Track:
     run: Run | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        for name in ("time_s", "q", "qd", "qdd", "q_std", "qd_std", "qdd_std", "observed"):
-            getattr(self, name).flags.writeable = False
+        for name in _ARRAYS:
+            _keep(self.__dict__[name])
         if not self.coordinate_names:
             object.__setattr__(self, "coordinate_names", tuple(self.joint_names))
             object.__setattr__(self, "coordinate_units", tuple(self.joint_units))
         for name in ("slow", "angle_sequences"):
-            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+            if not isinstance(self.__dict__[name], Later):
+                object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    if not TYPE_CHECKING:  # it would hide misspelt names from the checker
+
+        def __getattribute__(self, name: str) -> Any:
+            value = object.__getattribute__(self, name)
+            if type(value) is Later:
+                value = _keep(value.make())
+                object.__setattr__(self, name, value)
+            return value
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but the engine's run: an unpickled track cannot be smoothed, like one read from files."""
-        plain = {name: dict(getattr(self, name)) for name in ("slow", "angle_sequences", "provenance")}
-        return self.__dict__ | plain | {"run": None}
+        whole = {name: getattr(self, name) for name in self.__dict__}
+        plain = {name: dict(whole[name]) for name in ("slow", "angle_sequences", "provenance")}
+        return whole | plain | {"run": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         for name, value in state.items():
@@ -252,15 +271,15 @@ def track_without_filter(
     provenance: Mapping[str, Any],
 ) -> Track:
     """A Track that no filter made, (T, n_coordinates) each: a simulated truth or a reference; deviations are NaN."""
-    unknown = np.full(q.shape, np.nan)
+    unknown, joints = np.full(q.shape, np.nan), model.describe()["joints"]
     return Track(
         model=model,
         time_s=time_s.copy(),
         joint_names=tuple(model.joint_names),
-        joint_units=joint_units(model),
+        joint_units=joint_units(model, joints),
         coordinate_names=tuple(model.coordinate_names),
-        coordinate_units=coordinate_units(model),
-        angle_sequences=angle_sequences(model),
+        coordinate_units=coordinate_units(model, joints),
+        angle_sequences=angle_sequences(model, joints),
         q=q,
         qd=unknown if qd is None else qd,
         qdd=unknown if qdd is None else qdd,
@@ -273,65 +292,81 @@ def track_without_filter(
 
 
 def track_of_run(model: Model, run: Run, notes: tuple[str, ...], provenance: Mapping[str, Any]) -> Track:
-    """A Track from what the engine returned."""
-    arrays = run.arrays()
+    """A Track from what the engine returned; its arrays are made when they are asked for."""
     states = {name: i for i, name in enumerate(run.state_names)}
-    shape = arrays["inputs"].shape
-    columns = {}
-    for suffix, kind in (("", "q"), (".velocity", "qd"), (".acceleration", "qdd")):
-        for source, label in (("mean", kind), ("std", f"{kind}_std")):
-            values = arrays["inputs"].copy() if label == "q" else np.full(shape, np.nan)
-            for j, name in enumerate(model.coordinate_names):
-                if name + suffix in states:
-                    values[:, j] = arrays[source][:, states[name + suffix]]
-            columns[label] = values
-    joints = model.describe()["joints"]
-    for joint in joints:
-        if joint["input"]:
-            j = model.coordinate_names.index(joint["name"])
-            columns["q_std"][:, j] = np.where(np.isnan(columns["q"][:, j]), np.nan, joint["std"])
+    names, joints = model.coordinate_names, model.describe()["joints"]
+
+    def estimates(suffix: str, std: bool) -> Floats:
+        return run.states([states.get(name + suffix) for name in names], std)
+
+    def q() -> Floats:
+        values = estimates("", False)
+        columns, readings = run.inputs()
+        values[:, columns] = readings
+        return values
+
+    def q_std() -> Floats:
+        values = estimates("", True)
+        columns, readings = run.inputs()
+        known = {joint["name"]: joint["std"] for joint in joints if joint["input"]}
+        values[:, columns] = np.where(np.isnan(readings), np.nan, [known[names[c]] for c in columns])
+        return values
+
+    def later(make: Callable[[], Any]) -> Any:
+        return Later(make)
+
     return Track(
         model=model,
-        time_s=arrays["time_s"],
+        time_s=run.time_s(),
         joint_names=tuple(model.joint_names),
-        joint_units=joint_units(model),
-        coordinate_names=tuple(model.coordinate_names),
-        coordinate_units=coordinate_units(model),
-        angle_sequences=angle_sequences(model),
-        observed=arrays["observed"].astype(bool),
-        slow=_slow(arrays, states, model),
-        info=_info(arrays, run),
-        beliefs=_beliefs(run),
+        joint_units=joint_units(model, joints),
+        coordinate_names=tuple(names),
+        coordinate_units=coordinate_units(model, joints),
+        angle_sequences=angle_sequences(model, joints),
+        q=later(q),
+        qd=later(lambda: estimates(".velocity", False)),
+        qdd=later(lambda: estimates(".acceleration", False)),
+        q_std=later(q_std),
+        qd_std=later(lambda: estimates(".velocity", True)),
+        qdd_std=later(lambda: estimates(".acceleration", True)),
+        observed=later(lambda: run.observed().astype(bool)),
+        slow=later(lambda: _slow(run, states, model)),
+        info=later(lambda: _info(run)),
+        beliefs=later(lambda: _beliefs(run)),
         notes=tuple(dict.fromkeys(notes)),
         provenance=MappingProxyType(dict(provenance)),
         smoothed=run.smoothed,
         last_belief=run.last_belief,
         run=run,
-        **columns,
     )
 
 
-def _info(arrays: Mapping[str, Floats], run: Run) -> SensorInfo:
+def _keep(value: Any) -> Any:
+    """The value, if an array then read-only."""
+    if isinstance(value, np.ndarray):
+        value.flags.writeable = False
+    return value
+
+
+def _info(run: Run) -> SensorInfo:
+    found = run.infos()
+    counts = {name: found[name].astype(np.int64) for name in ("used", "rejected", "missing", "field")}
     return SensorInfo(
         sensor_names=tuple(run.source_names),
-        nis=arrays["nis"],
-        used=arrays["used"].astype(np.int64),
-        rejected=arrays["rejected"].astype(np.int64),
-        missing=arrays["missing"].astype(np.int64),
-        inertial_nis=arrays["inertial_nis"],
-        inertial_used=arrays["inertial_used"].astype(np.int64),
-        field=arrays["field"].astype(np.int64),
+        nis=found["nis"],
+        inertial_nis=found["inertial_nis"],
+        inertial_used=found["inertial_used"].astype(np.int64),
+        **counts,
     )
 
 
-def _slow(arrays: Mapping[str, Floats], states: Mapping[str, int], model: Model) -> dict[str, SlowSeries]:
+def _slow(run: Run, states: Mapping[str, int], model: Model) -> Mapping[str, SlowSeries]:
     moving = {name + rate for name in model.coordinate_names for rate in ("", ".velocity", ".acceleration")}
-    found = {}
-    for name, i in states.items():
-        if name in moving:
-            continue
-        found[name] = SlowSeries(arrays["mean"][:, i], arrays["std"][:, i], _slow_unit(name))
-    return found
+    names = [name for name in states if name not in moving]
+    value, std = (run.states([states[name] for name in names], which) for which in (False, True))
+    return MappingProxyType(
+        {name: SlowSeries(value[:, i], std[:, i], _slow_unit(name)) for i, name in enumerate(names)}
+    )
 
 
 def _slow_unit(name: str) -> str:

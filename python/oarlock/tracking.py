@@ -5,6 +5,9 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Callable, Iterable
+from weakref import WeakKeyDictionary
+
+import numpy as np
 
 from oarlock import _core
 from oarlock._core import Belief, Config, Model, Run
@@ -16,6 +19,14 @@ from oarlock.suggest import did_you_mean
 from oarlock.track import Track, track_of_run
 
 Progress = Callable[[float], object]
+
+ROOM_TO_GIVE_BYTES = 100 * 2**20
+"""Filtered estimates that fill more than this, and that nobody has asked for, give their room to the smoothed ones."""
+
+
+# A recording never changes; who tracks it again, with other settings, need not look through it again.
+_FINDINGS: WeakKeyDictionary[Recording, tuple[Finding, ...]] = WeakKeyDictionary()
+_HASHES: WeakKeyDictionary[Recording, str] = WeakKeyDictionary()
 
 
 def track(
@@ -64,7 +75,9 @@ def admit(model: Model, recording: Recording) -> list[Finding]:
     _require_recording(recording)
     _require_known(model, recording)
     _require_one_clock(recording)
-    return require_plausible(recording)
+    if recording not in _FINDINGS:
+        _FINDINGS[recording] = tuple(require_plausible(recording))
+    return list(_FINDINGS[recording])
 
 
 def add_findings(error: DivergedError, findings: Iterable[Finding]) -> None:
@@ -112,7 +125,9 @@ def finished(
 def smooth(track: Track, *, progress: Progress | None = None) -> Track:
     """Rauch-Tung-Striebel smoothing (Rauch, Tung and Striebel 1965) over the whole track.
 
-    Each estimate then rests on all samples, those after it included; the last one is unchanged.
+    Each estimate then rests on all samples, those after it included; the last one is unchanged. A long track whose
+    arrays nobody has asked for gives their room to the smoothed one, and filters again, to the same bits, if
+    somebody asks later.
 
     Raises:
         DataError: the track is smoothed already, or was read from a folder (its samples are not kept there).
@@ -123,7 +138,7 @@ def smooth(track: Track, *, progress: Progress | None = None) -> Track:
             "Track the recording again and smooth that, or use `oarlock track --smooth`"
         )
     began = time.perf_counter()
-    run = track.run.smooth(progress)
+    run = track.run.smooth(ROOM_TO_GIVE_BYTES, progress)
     provenance = dict(track.provenance) | {"smoothing_wall_s": time.perf_counter() - began}
     return track_of_run(track.model, run, track.notes, provenance)
 
@@ -174,11 +189,17 @@ def _subtracted(recording: Recording, calibration: Calibration | None) -> tuple[
 
 
 def _hash(recording: Recording) -> str:
+    if recording not in _HASHES:
+        _HASHES[recording] = _digest(recording)
+    return _HASHES[recording]
+
+
+def _digest(recording: Recording) -> str:
     digest = hashlib.sha256()
     for stream in recording.streams:
         digest.update(stream.name.encode())
-        digest.update(stream.time_s.tobytes())
+        digest.update(np.ascontiguousarray(stream.time_s).data)
         for name, values in stream.values.items():
             digest.update(name.encode())
-            digest.update(values.tobytes())
+            digest.update(np.ascontiguousarray(values).data)
     return digest.hexdigest()

@@ -21,7 +21,7 @@ pub fn reals(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Reals> {
     if !matches!(kind.as_str(), "b" | "i" | "u" | "f") || size > 8 {
         return Err(refuse(format!("holds {dtype}")));
     }
-    let array = numpy.call_method1("ascontiguousarray", (array.call_method1("astype", ("float64",))?,))?;
+    let array = numpy.call_method1("ascontiguousarray", (array, "float64"))?;
     let array = array.cast_into::<PyArrayDyn<f64>>().map_err(|_| refuse("is no array".into()))?;
     let shape = array.shape().to_vec();
     Ok(Reals { shape, values: array.to_vec().map_err(|_| refuse("is not contiguous".into()))? })

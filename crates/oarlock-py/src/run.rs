@@ -5,17 +5,32 @@ use crate::config::PyConfig;
 use crate::errors::raise;
 use crate::model::PyModel;
 use crate::streams::{calibration, streams};
-use numpy::{PyArray1, PyArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use oarlock::estimate::filter::SourceInfo;
 use oarlock::track::many::{track_many as engine_track_many, Job};
 use oarlock::track::notes::{at_nominal_mounts, notes};
 use oarlock::track::run::{track as engine_track, Run};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// A tracked recording, as the engine keeps it.
 #[pyclass(frozen, name = "Run", module = "oarlock._core")]
-pub struct PyRun(Run);
+pub struct PyRun(Mutex<Kept>);
+
+struct Kept {
+    run: Arc<Run>,
+    /// Its estimates were given to the smoothed one: whoever asks for them has them filtered again.
+    hollow: bool,
+    /// Somebody has asked for them.
+    asked: bool,
+}
+
+/// A numpy array (rows, width) of what lies end to end; the numbers are not copied.
+fn table<T: numpy::Element>(py: Python<'_>, rows: usize, values: Vec<T>) -> PyResult<Bound<'_, PyArray2<T>>> {
+    let width = values.len() / rows.max(1);
+    PyArray1::from_vec(py, values).reshape([rows, width])
+}
 
 /// Runs `work` without the interpreter's lock; `progress(share)` is called now and then, and Ctrl-C stops the work.
 pub fn detached<T: Send>(
@@ -57,7 +72,7 @@ pub fn track(
     let (model, config) = (model.get().model.clone(), config.get().0.clone());
     let start = start.map(|b| b.get().belief.clone());
     let run = detached(py, progress, move |p| engine_track(model, streams, &calibration, &config, start, p))?;
-    Ok(PyRun(run))
+    Ok(PyRun::new(run))
 }
 
 /// A recording with its calibration and configuration.
@@ -84,41 +99,115 @@ pub fn track_many<'py>(
     let out = PyList::empty(py);
     for result in results {
         match result {
-            Ok(done) => out.append((PyRun(done.run), done.notes, done.wall_s, done.smoothing_wall_s))?,
+            Ok(done) => out.append((PyRun::new(done.run), done.notes, done.wall_s, done.smoothing_wall_s))?,
             Err(e) => out.append(raise(py, e).into_value(py))?,
         }
     }
     Ok(out)
 }
 
-#[pymethods]
 impl PyRun {
-    /// The smoothed run; see `oarlock.smooth`.
-    fn smooth(&self, py: Python<'_>, progress: Option<Py<PyAny>>) -> PyResult<PyRun> {
-        detached(py, progress, |p| self.0.smooth(p)).map(PyRun)
+    fn new(run: Run) -> Self {
+        PyRun(Mutex::new(Kept { run: Arc::new(run), hollow: false, asked: false }))
     }
 
-    /// Arrays by name: time_s (T,), mean and std (T, n), inputs and observed (T, coordinates), and per source
-    /// nis, used, rejected, missing, field (T, S).
-    fn arrays<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let s = &self.0.series;
-        let body = &self.0.tracker().body;
-        let rows = s.time_s.len();
-        let wide = |v: &[f64]| PyArray1::from_slice(py, v).reshape([rows, v.len() / rows.max(1)]);
-        let pick = |f: fn(&SourceInfo) -> f64| wide(&s.sources.iter().map(f).collect::<Vec<_>>());
+    fn with_kept<T>(&self, f: impl FnOnce(&mut Kept) -> T) -> T {
+        f(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// The run, whose estimates and beliefs may be gone.
+    fn run(&self) -> Arc<Run> {
+        self.with_kept(|kept| kept.run.clone())
+    }
+
+    /// The run with its estimates.
+    fn whole(&self, py: Python<'_>) -> PyResult<Arc<Run>> {
+        let (run, hollow) = self.with_kept(|kept| {
+            kept.asked = true;
+            (kept.run.clone(), kept.hollow)
+        });
+        if !hollow {
+            return Ok(run);
+        }
+        let run = Arc::new(detached(py, None, move |p| run.again(p))?);
+        self.with_kept(|kept| (kept.run, kept.hollow) = (run.clone(), false));
+        Ok(run)
+    }
+
+    /// The run alone, if its estimates fill more than `room` bytes and nobody has asked for them.
+    fn given(&self, room: usize) -> Option<Run> {
+        let run = self.with_kept(|kept| {
+            let series = &kept.run.series;
+            let bytes = 8 * (series.mean.len() + series.std.len());
+            let gives = bytes > room && !kept.asked && !kept.run.smoothed && Arc::strong_count(&kept.run) == 1;
+            gives.then(|| {
+                kept.hollow = true;
+                let hollow = Arc::new(kept.run.hollow());
+                std::mem::replace(&mut kept.run, hollow)
+            })
+        });
+        run.and_then(Arc::into_inner)
+    }
+}
+
+#[pymethods]
+impl PyRun {
+    /// The smoothed run; see `oarlock.smooth`. Estimates that fill more than `room` bytes and that nobody has asked for give it theirs.
+    fn smooth(&self, py: Python<'_>, room: usize, progress: Option<Py<PyAny>>) -> PyResult<PyRun> {
+        if let Some(run) = self.given(room) {
+            return detached(py, progress, |p| run.into_smooth(p)).map(PyRun::new);
+        }
+        let run = self.run();
+        let run = if self.with_kept(|kept| kept.hollow) { self.whole(py)? } else { run };
+        detached(py, progress, |p| run.smooth(p)).map(PyRun::new)
+    }
+
+    /// Time of each row, s (T,).
+    fn time_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.run().series.time_s)
+    }
+
+    /// States (T, columns), or their standard deviations; NaN where a column is None.
+    fn states<'py>(
+        &self,
+        py: Python<'py>,
+        columns: Vec<Option<usize>>,
+        std: bool,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let run = self.whole(py)?;
+        let (series, n) = (&run.series, run.tracker().body.layout.dim());
+        let rows = if std { &series.std } else { &series.mean }.chunks_exact(n);
+        let value = |row: &[f64], c: &Option<usize>| c.and_then(|i| row.get(i).copied()).unwrap_or(f64::NAN);
+        let mut values = Vec::with_capacity(columns.len() * series.time_s.len());
+        rows.for_each(|row| values.extend(columns.iter().map(|c| value(row, c))));
+        table(py, series.time_s.len(), values)
+    }
+
+    /// Coordinates of joints that are inputs, and their readings (T, inputs).
+    fn inputs<'py>(&self, py: Python<'py>) -> PyResult<(Vec<usize>, Bound<'py, PyArray2<f64>>)> {
+        let run = self.run();
+        let readings = table(py, run.series.time_s.len(), run.series.inputs.to_vec())?;
+        Ok((run.input_coordinates().to_vec(), readings))
+    }
+
+    /// Per coordinate: 1 where it is observed (T, coordinates).
+    fn observed<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u8>>> {
+        let run = self.whole(py)?;
+        table(py, run.series.time_s.len(), run.series.observed.clone())
+    }
+
+    /// Arrays by name, per source: nis, used, rejected, missing, field (T, S); inertial_nis and inertial_used (T,).
+    fn infos<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let run = self.run();
+        let (s, rows) = (&run.series, run.series.time_s.len());
+        let counts = |f: fn(&SourceInfo) -> u8| table(py, rows, s.sources.iter().map(f).collect());
         let out = PyDict::new(py);
-        out.set_item("time_s", PyArray1::from_slice(py, &s.time_s))?;
-        out.set_item("mean", wide(&s.mean)?)?;
-        out.set_item("std", wide(&s.std)?)?;
-        out.set_item("inputs", wide(&s.inputs)?)?;
-        let width = body.axes.len();
-        out.set_item("observed", PyArray1::from_slice(py, &s.observed).reshape([rows, width])?)?;
-        out.set_item("nis", pick(|i| i.nis)?)?;
-        out.set_item("used", pick(|i| f64::from(i.used))?)?;
-        out.set_item("rejected", pick(|i| f64::from(i.rejected))?)?;
-        out.set_item("missing", pick(|i| f64::from(i.missing))?)?;
-        out.set_item("field", wide(&s.fields.iter().map(|&f| f as u8 as f64).collect::<Vec<_>>())?)?;
-        let inertial: (Vec<f64>, Vec<f64>) = s.inertial.iter().map(|&(nis, n)| (nis, n as f64)).unzip();
+        out.set_item("nis", table(py, rows, s.sources.iter().map(|i| i.nis).collect())?)?;
+        out.set_item("used", counts(|i| i.used)?)?;
+        out.set_item("rejected", counts(|i| i.rejected)?)?;
+        out.set_item("missing", counts(|i| i.missing)?)?;
+        out.set_item("field", table(py, rows, s.fields.iter().map(|&f| f as u8).collect())?)?;
+        let inertial: (Vec<f64>, Vec<u32>) = s.inertial.iter().copied().unzip();
         out.set_item("inertial_nis", PyArray1::from_vec(py, inertial.0))?;
         out.set_item("inertial_used", PyArray1::from_vec(py, inertial.1))?;
         Ok(out)
@@ -127,7 +216,7 @@ impl PyRun {
     /// Full beliefs, as (time_s, mean, covariance) each.
     fn beliefs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let list = PyList::empty(py);
-        for b in self.0.beliefs() {
+        for b in self.whole(py)?.beliefs() {
             let covariance = matrix(py, &b.covariance)?;
             list.append((b.time_s, PyArray1::from_slice(py, &b.mean), covariance))?;
         }
@@ -138,36 +227,37 @@ impl PyRun {
     #[getter]
     fn last_belief(&self) -> Option<PyBelief> {
         let names = self.state_names();
-        self.0.last_belief().map(|b| PyBelief { belief: b.clone(), names })
+        self.run().last_belief().map(|b| PyBelief { belief: b.clone(), names })
     }
 
     #[getter]
     fn state_names(&self) -> Vec<String> {
-        self.0.tracker().body.layout.names.clone()
+        self.run().tracker().body.layout.names.clone()
     }
 
     #[getter]
     fn source_names(&self) -> Vec<String> {
-        self.0.tracker().body.suite.sources.iter().map(|s| s.name.clone()).collect()
+        self.run().tracker().body.suite.sources.iter().map(|s| s.name.clone()).collect()
     }
 
     #[getter]
-    fn notes(&self) -> Vec<String> {
-        notes(&self.0)
+    fn notes(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        let run = if self.with_kept(|kept| kept.hollow) { self.whole(py)? } else { self.run() };
+        Ok(notes(&run))
     }
 
     #[getter]
     fn nominal_mounts(&self) -> Vec<String> {
-        at_nominal_mounts(&self.0)
+        at_nominal_mounts(&self.run())
     }
 
     #[getter]
     fn steps(&self) -> usize {
-        self.0.steps
+        self.run().steps
     }
 
     #[getter]
     fn smoothed(&self) -> bool {
-        self.0.smoothed
+        self.run().smoothed
     }
 }

@@ -5,6 +5,7 @@ pub mod dense;
 pub mod filter;
 pub mod gate;
 pub mod learn;
+pub mod normal;
 pub mod sigma;
 pub mod smoother;
 pub mod solve;

@@ -6,11 +6,12 @@ mod support;
 
 use oarlock::config::{Config, FilterKind};
 use oarlock::recording::Sample;
+use oarlock::track::run::track;
 use oarlock::track::{Calibration, Status, Tracker};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use support::chance::Chance;
-use support::record::{punch_holes, times, Scene};
+use support::record::{punch_holes, streams, times, Scene};
 use support::stroke::Stroke;
 use support::tree::TREE;
 use support::wave::Wave;
@@ -106,6 +107,29 @@ fn assert_steps_allocate_nothing(filter: FilterKind) {
     assert_eq!(requests, 0);
     let grown = vec![0_u8; tracker.info().sources.len()];
     assert!(REQUESTS.get() > before && !grown.is_empty(), "the count itself works");
+}
+
+/// What smoothing allocates for each belief that was kept: a copy or two of it.
+const PER_KEPT_BELIEF: usize = 60;
+
+#[test]
+fn steps_back_allocate_nothing() {
+    let config = Config { belief_interval_s: 1.0, ..Config::default() };
+    let (model, samples) = (model(SCULLER), samples(&config));
+    let body = body(&model, &config);
+    let smoothing = |count: usize| {
+        let (streams, nominal) = (streams(&body, &samples[..count]), Calibration::default());
+        let run = track(model.clone(), streams, &nominal, &config, None, &mut |_| true).unwrap();
+        let before = REQUESTS.get();
+        let smooth = run.smooth(&mut |_| true).unwrap();
+        let requests = REQUESTS.get() - before;
+        (smooth.beliefs().count(), requests)
+    };
+    // The room that stretches share is there behind the first of them.
+    let ((few, short), (many, long)) = (smoothing(215), smoothing(515));
+    println!("smoothing 300 samples more, {} beliefs more: {} allocations more", many - few, long - short);
+    assert_eq!(many - few, 3);
+    assert!(long - short < PER_KEPT_BELIEF * (many - few), "{short} {long}");
 }
 
 /// Balls and free joints, with a compass: one hypothesis from the beginning. While several compete, a step does allocate: beliefs

@@ -88,6 +88,8 @@ def read_folder(path: str | PathLike[str]) -> Recording:
     top.check_format(FORMAT)
     top.check_keys({"format", "stream", "meta"})
     streams = [_read_stream(table, index.parent) for table in top.tables("stream")]
+    # The reader keeps what it used for the next file; of an hour that is a third as much again as the recording.
+    pa.default_memory_pool().release_unused()
     return Recording(streams, top.table("meta", default={}).values)
 
 

@@ -4,7 +4,7 @@ use super::dense::Square;
 use super::System;
 
 /// Time, mean and covariance: the one thing that a step replaces.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, PartialEq)]
 pub struct Belief {
     /// On the recording's clock, s.
     pub time_s: f64,
@@ -38,6 +38,52 @@ pub struct Belief {
 pub const MEMORY: usize = 8;
 /// Most hypotheses into which one parts.
 pub const BRANCHES: u64 = 12;
+
+impl Clone for Belief {
+    fn clone(&self) -> Self {
+        Belief {
+            mean: self.mean.clone(),
+            covariance: self.covariance.clone(),
+            drive: self.drive.clone(),
+            habit: self.habit.clone(),
+            seen_s: self.seen_s.clone(),
+            rejected_since_s: self.rejected_since_s.clone(),
+            memory: self.memory.clone(),
+            rivals: self.rivals.clone(),
+            ..*self
+        }
+    }
+
+    /// Into the room that is there: beliefs are copied at every step of a stretch that is filtered again.
+    fn clone_from(&mut self, from: &Self) {
+        // All fields, so that a new one cannot be forgotten.
+        let Belief {
+            time_s,
+            mean,
+            covariance,
+            drive,
+            habit,
+            inflation,
+            surprise,
+            seen_s,
+            rejected_since_s,
+            memory,
+            line,
+            score,
+            rivals,
+        } = self;
+        mean.clone_from(&from.mean);
+        covariance.clone_from(&from.covariance);
+        drive.clone_from(&from.drive);
+        habit.clone_from(&from.habit);
+        seen_s.clone_from(&from.seen_s);
+        rejected_since_s.clone_from(&from.rejected_since_s);
+        memory.clone_from(&from.memory);
+        rivals.clone_from(&from.rivals);
+        (*time_s, *inflation, *surprise) = (from.time_s, from.inflation, from.surprise);
+        (*line, *score) = (from.line, from.score);
+    }
+}
 
 impl Belief {
     /// The hypothesis `line` alone; this one if there is none of that number.

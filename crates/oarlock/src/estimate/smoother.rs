@@ -1,34 +1,77 @@
-//! Rauch-Tung-Striebel smoother (Rauch, Tung and Striebel 1965), one step back at a time.
+//! Rauch-Tung-Striebel smoother (Rauch, Tung and Striebel 1965), one step back at a time. Allocates nothing after it is made.
+//!
+//! With P the covariance at k, Pp = F P F' + Q the predicted one at k + 1 and Pn = X'X the smoothed one there, one sweep gives
+//!
+//! ```text
+//! Pp = U'U    G = U'^-1 X'    W = U'^-1 F P    s = U'^-1 (how far the smoothed mean lies from the predicted one)
+//! ```
+//!
+//! and with them, for the gain K = P F' Pp^-1 = W' U'^-1, what the smoother adds to the mean and makes of the covariance:
+//!
+//! ```text
+//! K (xn - xp) = W's        P + K (Pn - Pp) K' = (P - W'W) + Y'Y,    Y = G'W
+//! ```
+//!
+//! The bracket is what P would be if the next state were known. Both terms keep their sign, and nothing is solved backwards.
 
 use super::belief::Belief;
-use super::dense::{accumulate, factor_of_covariance, Square};
+use super::dense::{semidefinite_factor, NotPositive, Square};
 use super::filter::Lost;
-use super::transition::{carry, Block, Transition};
+use super::tiles::{factor, gram, padded, Panel, Rows, Sweep, VECTOR};
+use super::transition::{carry, Block, Transition, Turning};
 use super::System;
-use crate::lane::arch::Arch;
+use crate::lane::arch::{madd, Arch, Kernel};
 
 /// Workspace of a smoother.
 #[derive(Debug, Clone)]
 pub struct Smoother {
-    factor: Square,
-    gain: Square,
-    product: Square,
+    arch: Arch,
+    n: usize,
+    /// Pn as it is seen from the predicted mean.
+    next: Square,
+    /// X, upper triangular.
+    root: Panel,
+    /// [Pp | X' | F P | step] becomes [U | G | W | s].
+    sweep: Panel,
+    /// Of each vector of its columns, the first row that holds something.
+    starts: Vec<usize>,
+    /// [G'G | Y]; of the first, whose upper triangle comes along, no use is made.
+    product: Panel,
+    /// What P becomes.
+    covariance: Panel,
+    zeros: Vec<usize>,
     step: Vec<f64>,
     shift: Vec<f64>,
     carried: Vec<Block>,
+    rows: [Vec<f64>; 3],
 }
 
 impl Smoother {
     /// Room for `n` states.
     pub fn new(n: usize) -> Self {
+        let width = padded(n);
+        let own = |v: usize| if (width..2 * width).contains(&(v * VECTOR)) { v * VECTOR - width } else { 0 };
         Smoother {
-            factor: Square::zeros(n),
-            gain: Square::zeros(n),
-            product: Square::zeros(n),
+            arch: Arch::best(),
+            n,
+            next: Square::zeros(n),
+            root: Panel::zeros(n, width),
+            sweep: Panel::zeros(n, 3 * width + VECTOR),
+            starts: (0..3 * width / VECTOR + 1).map(own).collect(),
+            product: Panel::zeros(n, 2 * width),
+            covariance: Panel::zeros(n, width),
+            zeros: vec![0; width / VECTOR],
             step: vec![0.0; n],
             shift: vec![0.0; n],
-            carried: Vec::new(),
+            carried: Vec::with_capacity(n),
+            rows: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
         }
+    }
+
+    /// Uses these instructions instead of the machine's best; to compare.
+    #[doc(hidden)]
+    pub fn use_arch(&mut self, arch: Arch) {
+        self.arch = arch;
     }
 
     /// Turns `filtered` (at k) into the smoothed belief at k, given how it moved to `predicted` (at k + 1) and the
@@ -41,65 +84,160 @@ impl Smoother {
         predicted: &Belief,
         next: &Belief,
     ) -> Result<(), Lost> {
-        self.solve_gain(filtered, transition, predicted)?;
         system.difference(&next.mean, &predicted.mean, &mut self.step);
-        let n = self.factor.n();
-        self.shift.fill(0.0);
-        accumulate(&mut self.shift, (0..n).map(|j| (self.step[j], self.gain.row(j))));
-        self.move_covariance(system, filtered, predicted, next);
+        self.take_next(system, next)?;
+        self.factorise(&filtered.covariance, transition, &predicted.covariance)?;
+        self.add_squares(&mut filtered.covariance);
         system.shift(&mut filtered.mean, &self.shift);
         self.carried.clear();
         system.carry(&self.shift, &mut self.carried);
-        self.carried.iter().for_each(|block| carry(Arch::best(), block, &mut filtered.covariance));
+        self.carried.iter().for_each(|block| carry(self.arch, block, &mut filtered.covariance));
         Ok(())
     }
 
-    /// Rows of `gain` are those of K', K = P F' Pp^-1.
-    fn solve_gain(&mut self, filtered: &Belief, transition: &Transition, predicted: &Belief) -> Result<(), Lost> {
-        let n = self.factor.n();
-        factor_of_covariance(&predicted.covariance, &mut self.factor).map_err(|e| Lost {
-            what: format!("smoothing met a covariance without sign (state {}, pivot {:.2e})", e.row, e.pivot),
-        })?;
-        self.product.copy_from(&filtered.covariance);
-        transition.multiply_right_transposed(&mut self.product);
+    /// X with X'X = Pn, seen from the predicted mean.
+    fn take_next<S: System>(&mut self, system: &S, next: &Belief) -> Result<(), Lost> {
+        self.shift.iter_mut().zip(&self.step).for_each(|(back, x)| *back = -*x);
+        self.carried.clear();
+        system.carry(&self.shift, &mut self.carried);
+        self.next.copy_from(&next.covariance);
+        self.carried.iter().for_each(|block| carry(self.arch, block, &mut self.next));
+        let sweep = Sweep { n: self.n, width: padded(self.n), starts: &self.zeros };
+        self.root.copy_upper(&self.next);
+        if factor(self.arch, &mut self.root, sweep).is_err() {
+            // Nothing divides by X, so a direction in which nothing is left to know may be nought in it.
+            semidefinite_factor(&mut self.next).map_err(broken)?;
+            self.root.copy_upper(&self.next);
+        }
+        Ok(())
+    }
+
+    fn factorise(&mut self, filtered: &Square, transition: &Transition, predicted: &Square) -> Result<(), Lost> {
+        let (arch, n) = (self.arch, self.n);
+        // Rounding can leave a constant's pivot a hair below zero; a relative 1e-12 is far below any sensor's say.
+        let mut done = Ok(());
+        for raise in [0.0, 1e-12] {
+            arch.run(Filling { smoother: self, filtered, transition });
+            self.sweep.copy_upper(predicted);
+            (0..n).for_each(|i| self.sweep.row_mut(i)[i] *= 1.0 + raise);
+            let sweep = Sweep { n, width: 3 * padded(n) + VECTOR, starts: &self.starts };
+            done = factor(arch, &mut self.sweep, sweep).map_err(broken);
+            if done.is_ok() {
+                break;
+            }
+        }
+        done
+    }
+
+    /// Behind the sweep: W's into `shift`, and (P - W'W) + Y'Y in the place of P.
+    fn add_squares(&mut self, covariance: &mut Square) {
+        let (arch, n, width) = (self.arch, self.n, padded(self.n));
+        let own = &self.starts[width / VECTOR..];
+        gram(
+            arch,
+            &mut self.product,
+            [n, 2 * width],
+            Rows { panel: &self.sweep, rows: 0..n, column: width, starts: own },
+            true,
+        );
+        let w = Rows { panel: &self.sweep, rows: 0..n, column: 2 * width, starts: &self.zeros };
+        gram(arch, &mut self.covariance, [n, width], w, true);
+        arch.run(Subtracting { smoother: self, from: covariance });
+        let y = Rows { panel: &self.product, rows: 0..n, column: width, starts: &self.zeros };
+        gram(arch, &mut self.covariance, [n, width], y, false);
         for i in 0..n {
+            covariance.row_mut(i)[i..].copy_from_slice(&self.covariance.row(i)[i..n]);
+        }
+        covariance.mirror_upper();
+    }
+}
+
+fn broken(e: NotPositive) -> Lost {
+    Lost { what: format!("smoothing met a covariance without sign (state {}, pivot {:.2e})", e.row, e.pivot) }
+}
+
+/// Fills in all but the first part of the sweep.
+struct Filling<'a> {
+    smoother: &'a mut Smoother,
+    filtered: &'a Square,
+    transition: &'a Transition,
+}
+
+impl Kernel for Filling<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Filling { smoother: s, filtered, transition } = self;
+        let (n, width) = (s.n, padded(s.n));
+        for i in 0..n {
+            let row = s.sweep.row_mut(i);
+            let own = &mut row[width..][..padded(i + 1)];
+            for (j, x) in own.iter_mut().enumerate() {
+                *x = if j <= i { s.root.at(j, i) } else { 0.0 };
+            }
+            row[2 * width..][..n].copy_from_slice(filtered.row(i));
+            row[3 * width] = s.step[i];
+        }
+        let (before, after) = (|t: &Turning| t.before, |t: &Turning| t.after);
+        for block in transition.turnings.iter().map(before).chain(transition.blocks.iter().copied()) {
+            move_rows::<FUSED>(&block, &mut s.sweep, 2 * width, &mut s.rows);
+        }
+        for block in transition.turnings.iter().map(after) {
+            move_rows::<FUSED>(&block, &mut s.sweep, 2 * width, &mut s.rows);
+        }
+    }
+}
+
+/// A <- F A for the columns of a panel that begin at `column`.
+#[inline(always)]
+fn move_rows<const FUSED: bool>(block: &Block, panel: &mut Panel, column: usize, old: &mut [Vec<f64>; 3]) {
+    if block.len == 1 && block.factor[0][0] == 1.0 {
+        return;
+    }
+    let n = old[0].len();
+    for (old, &i) in old.iter_mut().zip(&block.index[..block.len]) {
+        old.copy_from_slice(&panel.row(i)[column..][..n]);
+    }
+    let [x, y, z] = [&old[0][..n], &old[1][..n], &old[2][..n]];
+    for r in 0..block.len {
+        let (row, f) = (&mut panel.row_mut(block.index[r])[column..][..n], block.factor[r]);
+        for j in 0..n {
+            row[j] = f[0] * x[j];
+        }
+        if block.len > 1 {
             for j in 0..n {
-                *self.gain.at_mut(i, j) = self.product.at(j, i);
+                row[j] = madd::<FUSED>(f[2], z[j], madd::<FUSED>(f[1], y[j], row[j]));
+            }
+        }
+    }
+}
+
+/// W's into the shift; P - W'W.
+struct Subtracting<'a> {
+    smoother: &'a mut Smoother,
+    from: &'a Square,
+}
+
+impl Kernel for Subtracting<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Subtracting { smoother: s, from } = self;
+        let (n, width) = (s.n, padded(s.n));
+        s.shift.fill(0.0);
+        for k in 0..n {
+            let row = &s.sweep.row(k)[2 * width..];
+            let step = row[width];
+            for (x, w) in s.shift.iter_mut().zip(row) {
+                *x = madd::<FUSED>(step, *w, *x);
             }
         }
         for i in 0..n {
-            let u = &self.factor;
-            let (above, row) = self.gain.above_and_row(i);
-            accumulate(row, (0..i).map(|k| (-u.at(k, i), &above[k * n..(k + 1) * n])));
-            row.iter_mut().for_each(|x| *x /= u.at(i, i));
+            for (x, p) in s.covariance.row_mut(i)[i..n].iter_mut().zip(&from.row(i)[i..]) {
+                *x = p - *x;
+            }
         }
-        for i in (0..n).rev() {
-            let u = &self.factor;
-            let (row, below) = self.gain.row_and_below(i);
-            accumulate(row, (i + 1..n).map(|k| (-u.at(i, k), &below[(k - i - 1) * n..(k - i) * n])));
-            row.iter_mut().for_each(|x| *x /= u.at(i, i));
-        }
-        Ok(())
-    }
-
-    /// P + K (Pn - Pp) K', with Pn seen from the predicted mean.
-    fn move_covariance<S: System>(&mut self, system: &S, filtered: &mut Belief, predicted: &Belief, next: &Belief) {
-        let n = self.factor.n();
-        self.factor.copy_from(&next.covariance);
-        self.carried.clear();
-        self.step.iter_mut().for_each(|x| *x = -*x);
-        system.carry(&self.step, &mut self.carried);
-        self.carried.iter().for_each(|block| carry(Arch::best(), block, &mut self.factor));
-        for i in 0..n {
-            let (pn, pp) = (self.factor.row(i), predicted.covariance.row(i));
-            let row = self.product.row_mut(i);
-            row.fill(0.0);
-            accumulate(row, (0..n).map(|j| (pn[j] - pp[j], self.gain.row(j))));
-        }
-        for i in 0..n {
-            let row = &mut filtered.covariance.row_mut(i)[i..];
-            accumulate(row, (0..n).map(|k| (self.gain.at(k, i), &self.product.row(k)[i..])));
-        }
-        filtered.covariance.mirror_upper();
     }
 }

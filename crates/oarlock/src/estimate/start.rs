@@ -3,10 +3,11 @@
 //! Marquardt 1963, with the scaling by the diagonal. Later samples of the window count less by what the state's own
 //! noise may have done in between.
 
-use super::dense::{accumulate, cholesky, solve, solve_transposed, Square};
+use super::dense::Square;
+use super::normal::{inverse, Normal};
 use super::transition::Transition;
-use super::{Points, System};
-use crate::lane::{Lane, LANES};
+use super::System;
+use crate::lane::arch::Arch;
 
 /// One sample of the start window.
 #[derive(Debug)]
@@ -40,7 +41,7 @@ impl Guess {
 
     /// A belief's mean and covariance; `None` if that is not positive definite.
     pub fn of(mean: &[f64], covariance: &Square) -> Option<Self> {
-        Some(Guess { mean: mean.to_vec(), information: inverse(covariance)? })
+        Some(Guess { mean: mean.to_vec(), information: inverse(Arch::best(), covariance)? })
     }
 }
 
@@ -58,8 +59,6 @@ pub struct Fit {
 const MAX_ITERATIONS: usize = 40;
 /// Relative fall of the cost below which the fit has settled.
 const SETTLED: f64 = 1e-6;
-/// Step of the numerical derivative, in units of the state: half the digits of a double for states of order one.
-const STEP: f64 = 1e-6;
 
 /// A system, its evidence and room to work in.
 pub struct Problem<'a, S: System> {
@@ -69,35 +68,50 @@ pub struct Problem<'a, S: System> {
     guess: &'a Guess,
     transition: Transition,
     scratch: S::Scratch,
-}
-
-struct Linearised {
-    normal: Square,
-    gradient: Vec<f64>,
-    cost: f64,
+    center: Vec<f64>,
+    jacobian: Vec<f64>,
+    away: Vec<f64>,
+    at: Vec<f64>,
+    certain: Vec<f64>,
 }
 
 impl<'a, S: System> Problem<'a, S> {
     /// `noise_std` is that of each row, `guess` a prior.
     pub fn new(system: &'a S, evidence: &'a [Evidence<'a, S::Moment>], noise_std: &'a [f64], guess: &'a Guess) -> Self {
-        Problem { system, evidence, noise_std, guess, transition: Transition::default(), scratch: system.scratch() }
+        let (n, m) = (guess.mean.len(), noise_std.len());
+        Problem {
+            system,
+            evidence,
+            noise_std,
+            guess,
+            transition: Transition::default(),
+            scratch: system.scratch(),
+            center: vec![0.0; m],
+            jacobian: vec![0.0; m * (n + system.input_std().len())],
+            away: vec![0.0; n],
+            at: vec![0.0; n],
+            certain: vec![0.0; n],
+        }
     }
 
     /// The best state from `first`; `None` if the readings are not numbers there.
     pub fn fit(&mut self, first: &[f64]) -> Option<Fit> {
-        let mut mean = first.to_vec();
-        let mut here = self.linearise(&mean);
+        let (n, m) = (first.len(), self.noise_std.len());
+        let (mut here, mut there) = (Normal::new(n, m), Normal::new(n, m));
+        let (mut mean, mut trial, mut step) = (first.to_vec(), first.to_vec(), vec![0.0; n]);
+        self.linearise(&mean, &mut here);
         let mut damping = 1e-3;
         for _ in 0..MAX_ITERATIONS {
-            let Some(step) = damped_step(&here, damping) else {
+            if !here.damped_step(damping, &mut step) {
                 break;
-            };
-            let mut trial = mean.clone();
+            }
+            trial.copy_from_slice(&mean);
             self.system.shift(&mut trial, &step);
-            let there = self.linearise(&trial);
+            self.linearise(&trial, &mut there);
             if there.cost < here.cost {
                 let settled = here.cost - there.cost <= SETTLED * here.cost;
-                (mean, here) = (trial, there);
+                (mean, trial) = (trial, mean);
+                (here, there) = (there, here);
                 damping = (damping * 0.2_f64).max(1e-12);
                 if settled {
                     break;
@@ -109,101 +123,36 @@ impl<'a, S: System> Problem<'a, S> {
                 }
             }
         }
-        let covariance = inverse(&here.normal)?;
+        let covariance = here.covariance()?;
         here.cost.is_finite().then_some(Fit { mean, covariance, cost: here.cost })
     }
 
-    fn linearise(&mut self, mean: &[f64]) -> Linearised {
-        let n = mean.len();
-        let mut out = Linearised { normal: Square::zeros(n), gradient: vec![0.0; n], cost: 0.0 };
-        let mut away = vec![0.0; n];
-        self.system.difference(&self.guess.mean, mean, &mut away);
-        out.normal.copy_from(&self.guess.information);
-        for (i, &distance) in away.iter().enumerate() {
-            out.gradient[i] = self.guess.information.row(i).iter().zip(&away).map(|(p, a)| p * a).sum();
-            out.cost += out.gradient[i] * distance;
-        }
+    fn linearise(&mut self, mean: &[f64], out: &mut Normal) {
+        self.system.difference(&self.guess.mean, mean, &mut self.away);
+        out.begin(&self.guess.information, &self.away);
         for k in 0..self.evidence.len() {
-            self.add_sample(k, mean, &mut out);
+            self.add_sample(k, mean, out);
         }
-        out.normal.mirror_upper();
-        out
     }
 
-    fn add_sample(&mut self, k: usize, mean: &[f64], out: &mut Linearised) {
-        let n = mean.len();
-        let (mut at, certain) = (mean.to_vec(), vec![0.0; n]);
-        self.system.transition(self.evidence[k].after_s, mean, &certain, &[], &mut self.transition);
-        self.transition.apply_to_mean(&mut at);
-        let (h, mut jacobian) = self.derivative(k, &at);
-        for (r, row) in jacobian.chunks_exact_mut(n).enumerate() {
-            let residual = self.evidence[k].z[r] - h[r];
+    fn add_sample(&mut self, k: usize, mean: &[f64], out: &mut Normal) {
+        let Evidence { after_s, moment, z } = &self.evidence[k];
+        self.at.copy_from_slice(mean);
+        self.system.transition(*after_s, mean, &self.certain, &[], &mut self.transition);
+        self.transition.apply_to_mean(&mut self.at);
+        self.system.linearise(moment, &mut self.scratch, &self.at, &mut self.center, &mut self.jacobian);
+        let (n, width) = (mean.len(), mean.len() + self.system.input_std().len());
+        for (r, slopes) in self.jacobian.chunks_exact_mut(width).enumerate() {
+            // Rows that are not there were not written.
+            let residual = z[r] - self.center[r];
             if residual.is_nan() {
                 continue;
             }
+            let row = &mut slopes[..n];
             let noise = self.noise_std[r] * self.noise_std[r] + self.transition.noise_along(row);
             self.transition.apply_transposed(row);
-            let weight = 1.0 / noise;
-            out.cost += weight * residual * residual;
-            accumulate(&mut out.gradient, std::iter::once((weight * residual, &*row)));
-            for i in 0..n {
-                let coefficient = weight * row[i];
-                accumulate(&mut out.normal.row_mut(i)[i..], std::iter::once((coefficient, &row[i..])));
-            }
+            out.push(row, residual, noise);
         }
+        out.gather();
     }
-
-    /// Readings at `state` and their derivative, row by row.
-    fn derivative(&mut self, k: usize, state: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let (n, m) = (state.len(), self.noise_std.len());
-        let zero = Lane([0.0; LANES]);
-        let (mut delta, mut out) = (vec![zero; n], vec![zero; m]);
-        let off = vec![zero; self.system.input_std().len()];
-        let mut h = vec![0.0; m];
-        let mut jacobian = vec![0.0; m * n];
-        for first in (0..n).step_by(LANES / 2) {
-            delta.fill(zero);
-            let count = (LANES / 2).min(n - first);
-            for i in 0..count {
-                delta[first + i].0[2 * i] = STEP;
-                delta[first + i].0[2 * i + 1] = -STEP;
-            }
-            let at = Points { mean: state, delta: &delta, off: &off };
-            self.system.readings(self.evidence[k].moment, &mut self.scratch, at, &mut out);
-            for (r, o) in out.iter().enumerate() {
-                for i in 0..count {
-                    jacobian[r * n + first + i] = (o.0[2 * i] - o.0[2 * i + 1]) / (2.0 * STEP);
-                }
-                h[r] = 0.5 * (o.0[0] + o.0[1]);
-            }
-        }
-        (h, jacobian)
-    }
-}
-
-fn damped_step(at: &Linearised, damping: f64) -> Option<Vec<f64>> {
-    let mut a = at.normal.clone();
-    for i in 0..a.n() {
-        *a.at_mut(i, i) *= 1.0 + damping;
-    }
-    cholesky(&mut a).ok()?;
-    let mut step = at.gradient.clone();
-    solve_transposed(&a, 0, &mut step);
-    solve(&a, 0, &mut step);
-    Some(step)
-}
-
-/// Inverse of a positive definite matrix.
-fn inverse(a: &Square) -> Option<Square> {
-    let n = a.n();
-    let (mut factor, mut out) = (a.clone(), Square::zeros(n));
-    cholesky(&mut factor).ok()?;
-    for i in 0..n {
-        let column = out.row_mut(i);
-        column[i] = 1.0;
-        solve_transposed(&factor, 0, column);
-        solve(&factor, 0, column);
-    }
-    out.mirror_upper();
-    Some(out)
 }

@@ -48,6 +48,12 @@ impl Panel {
         self.data[i * self.stride + j]
     }
 
+    /// Becomes a copy of the first `rows` rows of `other`, which has the same width.
+    pub fn copy_rows(&mut self, other: &Panel, rows: usize) {
+        let end = rows * self.stride;
+        self.data[..end].copy_from_slice(&other.data[..end]);
+    }
+
     #[inline(always)]
     fn part(&self, i: usize, j: usize) -> Part<'_> {
         Part { data: &self.data, from: i * self.stride + j, stride: self.stride }

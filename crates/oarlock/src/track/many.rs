@@ -100,7 +100,7 @@ impl Job {
             return Ok(Done { run, notes, wall_s, smoothing_wall_s: None });
         }
         let begun = Instant::now();
-        let run = run.smooth(&mut |s| progress(part * (1.0 + s)))?;
+        let run = run.into_smooth(&mut |s| progress(part * (1.0 + s)))?;
         Ok(Done { run, notes, wall_s, smoothing_wall_s: Some(begun.elapsed().as_secs_f64()) })
     }
 }

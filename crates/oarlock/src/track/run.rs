@@ -1,4 +1,7 @@
-//! A whole recording: a loop over `Tracker::step`, and the smoother that goes back over it.
+//! A whole recording: a loop over `Tracker::step`.
+
+mod back;
+mod packed;
 
 use super::magnetic::Field;
 use super::{Calibration, Status, Tracker};
@@ -6,11 +9,10 @@ use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::{Info, SourceInfo};
-use crate::estimate::smoother::Smoother;
-use crate::estimate::transition::Transition;
 use crate::model::Model;
 use crate::motion::is_observed;
 use crate::recording::{Cursor, Recording, Sample, Stream};
+use packed::Packed;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -20,7 +22,7 @@ pub type Progress<'a> = &'a mut dyn FnMut(f64) -> bool;
 /// A full belief that was kept, and where the recording stood.
 #[derive(Debug, Clone)]
 struct Checkpoint {
-    belief: Belief,
+    belief: Packed,
     cursor: Cursor,
     /// How many rows of output there were before this sample's.
     row: usize,
@@ -38,7 +40,7 @@ struct Parting {
     winner: u64,
 }
 
-/// Estimates over time.
+/// Estimates over time. What smoothing leaves as it was is shared by the filtered and the smoothed.
 #[derive(Debug, Clone, Default)]
 pub struct Series {
     /// Of every row, s.
@@ -47,16 +49,42 @@ pub struct Series {
     pub mean: Vec<f64>,
     /// Standard deviation of the state, rows laid end to end.
     pub std: Vec<f64>,
-    /// Readings of the model's joints that are inputs, rows of all coordinates; NaN elsewhere and where missing.
-    pub inputs: Vec<f64>,
     /// Per row and coordinate: 1 where it is observed.
     pub observed: Vec<u8>,
+    /// Readings of the joints that are inputs, in rows of their coordinates (`Run::input_coordinates`); NaN where missing.
+    pub inputs: Arc<Vec<f64>>,
     /// Per row and source.
-    pub sources: Vec<SourceInfo>,
+    pub sources: Arc<Vec<SourceInfo>>,
     /// Per row and source, what its magnetometer's reading was.
-    pub fields: Vec<Field>,
+    pub fields: Arc<Vec<Field>>,
     /// Per row: normalised innovation squared of all inertial readings together, and their number.
-    pub inertial: Vec<(f64, usize)>,
+    pub inertial: Arc<Vec<(f64, u32)>>,
+}
+
+impl Series {
+    /// What was read, without estimates.
+    fn read(&self) -> Series {
+        Series {
+            time_s: self.time_s.clone(),
+            inputs: self.inputs.clone(),
+            sources: self.sources.clone(),
+            fields: self.fields.clone(),
+            inertial: self.inertial.clone(),
+            ..Series::default()
+        }
+    }
+
+    /// The same rows with estimates that are still to be written, but for the last, which smoothing leaves as it is.
+    fn blank(&self) -> Series {
+        let width = self.mean.len() / self.time_s.len().max(1);
+        let last = |from: &[f64]| {
+            let mut to = vec![0.0; from.len()];
+            let start = from.len() - width;
+            to[start..].copy_from_slice(&from[start..]);
+            to
+        };
+        Series { mean: last(&self.mean), std: last(&self.std), observed: self.observed.clone(), ..self.read() }
+    }
 }
 
 /// A tracked recording.
@@ -78,6 +106,8 @@ pub struct Run {
     partings: Vec<Parting>,
     /// When the belief was given up, because its sensors contradicted it, s.
     pub losses_s: Vec<f64>,
+    /// Coordinates of joints that are inputs.
+    inputs: Vec<usize>,
     last: Option<Belief>,
 }
 
@@ -108,6 +138,7 @@ pub fn track(
         checkpoints: Vec::new(),
         partings: Vec::new(),
         losses_s: Vec::new(),
+        inputs: model.joints.iter().filter(|j| j.input).map(|j| j.first).collect(),
         last: None,
         tracker,
     };
@@ -143,6 +174,38 @@ impl Run {
         Ok(())
     }
 
+    /// A run of the same recording with these estimates and no belief but the last.
+    fn with(&self, series: Series) -> Run {
+        let Run { tracker, recording, calibration, config, partings, losses_s, inputs, last, .. } = self;
+        Run {
+            tracker: tracker.clone(),
+            recording: recording.clone(),
+            calibration: calibration.clone(),
+            config: config.clone(),
+            series,
+            checkpoints: Vec::new(),
+            partings: partings.clone(),
+            losses_s: losses_s.clone(),
+            inputs: inputs.clone(),
+            last: last.clone(),
+            ..*self
+        }
+    }
+
+    /// The run without its estimates, which `again` makes anew: an hour of them fills half a gigabyte.
+    pub fn hollow(&self) -> Run {
+        self.with(self.series.read())
+    }
+
+    /// Filters the same recording again: the same bits.
+    pub fn again(&self, progress: Progress) -> Result<Run> {
+        let mut run = self.with(Series::default());
+        (run.partings, run.losses_s, run.last) = (Vec::new(), Vec::new(), None);
+        (run.steps, run.refused) = (0, 0);
+        run.filter(progress)?;
+        Ok(run)
+    }
+
     /// The tracker that did the work, as it was before the first sample.
     pub fn tracker(&self) -> &Tracker {
         &self.tracker
@@ -159,42 +222,8 @@ impl Run {
     }
 
     /// Full beliefs, one every `belief_interval_s`.
-    pub fn beliefs(&self) -> impl Iterator<Item = &Belief> {
-        self.checkpoints.iter().map(|c| &c.belief)
-    }
-
-    /// Rauch-Tung-Striebel smoothing. Filters again between the kept beliefs, from the last to the first, so that only
-    /// one stretch at a time is in memory.
-    pub fn smooth(&self, progress: Progress) -> Result<Run> {
-        if self.smoothed {
-            return Err(Error::Data("this track is smoothed already; smooth the filtered one".into()));
-        }
-        let mut out = self.clone();
-        let mut tracker = self.tracker.clone();
-        let mut smoother = Smoother::new(tracker.body.layout.dim());
-        let mut next = match &self.last {
-            Some(belief) => belief.alone(belief.line),
-            None => return Err(Error::Data("nothing was tracked: nothing to smooth".into())),
-        };
-        for (k, checkpoint) in self.checkpoints.iter().enumerate().rev() {
-            let stop = self.checkpoints.get(k + 1).map(|c| &c.cursor);
-            let stretch = Stretch::refilter(self, &mut tracker, checkpoint, stop)?;
-            for node in stretch.nodes.into_iter().rev() {
-                let mut belief = node.filtered;
-                let done = smoother.back(&tracker.body, &mut belief, &node.transition, &node.predicted, &next);
-                done.map_err(|lost| super::diverged(lost, belief.time_s))?;
-                if let Some(row) = node.row {
-                    out.write(row, &belief);
-                }
-                next = belief;
-            }
-            out.checkpoints[k].belief = next.clone();
-            if !progress(1.0 - k as f64 / self.checkpoints.len() as f64) {
-                return Err(Error::Stopped);
-            }
-        }
-        out.smoothed = true;
-        Ok(out)
+    pub fn beliefs(&self) -> impl Iterator<Item = Belief> + '_ {
+        self.checkpoints.iter().map(|c| c.belief.whole())
     }
 
     fn write(&mut self, row: usize, belief: &Belief) {
@@ -211,6 +240,11 @@ impl Run {
             let variance = std[slots.q..slots.q + 3].iter().map(|s| s * s).sum();
             self.series.observed[first + c..first + c + 3].fill(u8::from(is_observed(&body.axes[*c], variance)));
         }
+    }
+
+    /// Coordinates of joints that are inputs, in the order of `Series::inputs`.
+    pub fn input_coordinates(&self) -> &[usize] {
+        &self.inputs
     }
 
     /// What was tracked with.
@@ -245,10 +279,10 @@ impl Keeper<'_> {
         let row = run.series.time_s.len();
         let due = run.checkpoints.last().is_none_or(|c| {
             // A whole number of intervals up to rounding counts as reached.
-            belief.time_s - c.belief.time_s >= run.config.belief_interval_s * (1.0 - 1e-9)
+            belief.time_s - c.belief.time_s() >= run.config.belief_interval_s * (1.0 - 1e-9)
         });
         if due {
-            run.checkpoints.push(Checkpoint { belief: belief.clone(), cursor, row, is_row });
+            run.checkpoints.push(Checkpoint { belief: Packed::of(belief), cursor, row, is_row });
         }
         if is_row {
             self.kept_s = belief.time_s;
@@ -280,65 +314,17 @@ impl Run {
     }
 
     fn grow(&mut self, sample: &Sample, info: &Info) {
-        let model = &self.tracker.body.model;
         let (n, s) = (self.tracker.body.layout.dim(), &mut self.series);
         s.time_s.push(sample.time_s);
         s.mean.resize(s.mean.len() + n, 0.0);
         s.std.resize(s.std.len() + n, 0.0);
-        // Only input joints have one; elsewhere it is NaN.
-        let mut inputs = sample.inputs.iter().enumerate();
-        let is_input = |c: usize| model.joints.iter().any(|j| j.input && j.first == c);
-        s.observed.extend(inputs.clone().map(|(c, x)| u8::from(is_input(c) && !x.is_nan())));
-        s.inputs.extend(inputs.by_ref().map(|(c, &x)| if is_input(c) { x } else { f64::NAN }));
-        s.sources.extend_from_slice(&info.sources);
-        s.fields.extend(self.tracker.fields(info));
-        s.inertial.push(info.inertial);
-    }
-}
-
-/// A step of a stretch: the belief before, how it moved, the belief after moving.
-struct Node {
-    filtered: Belief,
-    /// Row of output that `filtered` belongs to.
-    row: Option<usize>,
-    transition: Transition,
-    predicted: Belief,
-}
-
-/// The filter's way from one checkpoint to the next.
-struct Stretch {
-    nodes: Vec<Node>,
-}
-
-impl Stretch {
-    /// Follows the hypothesis that won.
-    fn refilter(run: &Run, tracker: &mut Tracker, from: &Checkpoint, stop: Option<&Cursor>) -> Result<Self> {
-        let (mut cursor, mut sample) = (from.cursor.clone(), tracker.empty_sample());
-        let mut belief = run.proven(&from.belief);
-        let mut here = belief.clone();
-        let mut row = from.is_row.then_some(from.row);
-        let mut next_row = from.row + usize::from(from.is_row);
-        let mut nodes = Vec::new();
-        while stop != Some(&cursor) && run.recording.next(&mut cursor, &mut sample) {
-            if sample.time_s <= belief.time_s {
-                continue;
-            }
-            tracker.learns = !run.partings.iter().any(|p| p.from_s < sample.time_s && sample.time_s <= p.to_s);
-            tracker.advance(&mut belief, &sample, &mut |transition, predicted| {
-                let filtered = std::mem::replace(&mut here, predicted.clone());
-                let (transition, predicted) = (transition.clone(), predicted.clone());
-                nodes.push(Node { filtered, row: row.take(), transition, predicted });
-            })?;
-            if run.partings.iter().any(|p| p.from_s == sample.time_s) {
-                tracker.open_bank(&mut belief);
-                belief = run.proven(&belief);
-            }
-            here = belief.clone();
-            if run.series.time_s.get(next_row) == Some(&sample.time_s) {
-                row = Some(next_row);
-                next_row += 1;
-            }
-        }
-        Ok(Stretch { nodes })
+        let is_input = |c: usize| self.inputs.contains(&c);
+        let read = sample.inputs.iter().enumerate().map(|(c, x)| u8::from(is_input(c) && !x.is_nan()));
+        s.observed.extend(read);
+        Arc::make_mut(&mut s.inputs).extend(self.inputs.iter().map(|&c| sample.inputs[c]));
+        Arc::make_mut(&mut s.sources).extend_from_slice(&info.sources);
+        Arc::make_mut(&mut s.fields).extend(self.tracker.fields(info));
+        let (nis, count) = info.inertial;
+        Arc::make_mut(&mut s.inertial).push((nis, count as u32));
     }
 }

@@ -65,7 +65,7 @@ fn smoothed_errors_are_smaller_and_as_large_as_said() {
         assert_eq!(smooth.beliefs().count(), 3);
         for (sum, belief) in sums.iter_mut().zip(smooth.beliefs()) {
             let k = (belief.time_s / STEP_S).round() as usize - 1;
-            *sum += nees(&body, belief, &truth[k]);
+            *sum += nees(&body, &belief, &truth[k]);
         }
     }
     for (b, (name, _)) in blocks.iter().enumerate() {

@@ -5,6 +5,7 @@ mod support;
 
 mod agreement;
 mod reference;
+mod smoother;
 mod tree;
 
 use oarlock_oracle::{body, ukf};

@@ -1,0 +1,136 @@
+//! Going back over a run with the smoother.
+
+use super::super::{diverged, Tracker};
+use super::packed::Packed;
+use super::{Progress, Run};
+use crate::error::{Error, Result};
+use crate::estimate::belief::Belief;
+use crate::estimate::smoother::Smoother;
+use crate::estimate::transition::Transition;
+
+impl Run {
+    /// Rauch-Tung-Striebel smoothing. Filters again between the kept beliefs, from the last to the first, so that only
+    /// one stretch at a time is in memory.
+    pub fn smooth(&self, progress: Progress) -> Result<Run> {
+        self.check_smoothable()?;
+        let series = self.series.blank();
+        Run { checkpoints: self.checkpoints.clone(), ..self.with(series) }.into_smooth(progress)
+    }
+
+    /// The same in the place of the filtered estimates, which takes half the memory.
+    pub fn into_smooth(mut self, progress: Progress) -> Result<Run> {
+        self.check_smoothable()?;
+        let Some(mut next) = self.last.as_ref().map(|belief| belief.alone(belief.line)) else {
+            return Err(Error::Data("nothing was tracked: nothing to smooth".into()));
+        };
+        let mut tracker = self.tracker.clone();
+        let (mut smoother, mut stretch) = (Smoother::new(tracker.body.layout.dim()), Stretch::default());
+        let all = self.checkpoints.len();
+        for k in (0..all).rev() {
+            stretch.refilter(&self, &mut tracker, k)?;
+            for node in stretch.nodes[..stretch.used].iter_mut().rev() {
+                let belief = &mut node.filtered;
+                let done = smoother.back(&tracker.body, belief, &node.transition, &node.predicted, &next);
+                done.map_err(|lost| diverged(lost, belief.time_s))?;
+                if let Some(row) = node.row {
+                    self.write(row, belief);
+                }
+                std::mem::swap(&mut next, belief);
+            }
+            self.checkpoints[k].belief = Packed::of(&next);
+            if !progress(1.0 - k as f64 / all as f64) {
+                return Err(Error::Stopped);
+            }
+        }
+        self.smoothed = true;
+        Ok(self)
+    }
+
+    fn check_smoothable(&self) -> Result<()> {
+        if self.smoothed {
+            return Err(Error::Data("this track is smoothed already; smooth the filtered one".into()));
+        }
+        Ok(())
+    }
+}
+
+/// A step of a stretch: the belief before, how it moved, the belief after moving.
+struct Node {
+    filtered: Belief,
+    /// Row of output that `filtered` belongs to.
+    row: Option<usize>,
+    transition: Transition,
+    predicted: Belief,
+}
+
+/// The filter's way from one checkpoint to the next. Nodes that a stretch has no use for are room for the one after it.
+#[derive(Default)]
+struct Stretch {
+    nodes: Vec<Node>,
+    used: usize,
+}
+
+impl Stretch {
+    /// Follows the hypothesis that won.
+    fn refilter(&mut self, run: &Run, tracker: &mut Tracker, checkpoint: usize) -> Result<()> {
+        let (from, to) = (&run.checkpoints[checkpoint], run.checkpoints.get(checkpoint + 1));
+        let stop = to.map(|c| &c.cursor);
+        let (mut cursor, mut sample) = (from.cursor.clone(), tracker.empty_sample());
+        let mut belief = run.proven(&from.belief.whole());
+        let mut row = from.is_row.then_some(from.row);
+        let mut next_row = from.row + usize::from(from.is_row);
+        self.used = 0;
+        while stop != Some(&cursor) && run.recording.next(&mut cursor, &mut sample) {
+            if sample.time_s <= belief.time_s {
+                continue;
+            }
+            tracker.learns = !run.partings.iter().any(|p| p.from_s < sample.time_s && sample.time_s <= p.to_s);
+            let first = self.used;
+            self.begin(&belief, row.take());
+            tracker.advance(&mut belief, &sample, &mut |transition, predicted| {
+                if self.used > first {
+                    self.go_on();
+                }
+                self.end(transition, predicted);
+            })?;
+            if run.partings.iter().any(|p| p.from_s == sample.time_s) {
+                tracker.open_bank(&mut belief);
+                belief = run.proven(&belief);
+            }
+            if run.series.time_s.get(next_row) == Some(&sample.time_s) {
+                row = Some(next_row);
+                next_row += 1;
+            }
+        }
+        Ok(())
+    }
+
+    /// A node that begins at a belief.
+    fn begin(&mut self, filtered: &Belief, row: Option<usize>) {
+        match self.nodes.get_mut(self.used) {
+            Some(node) => {
+                node.filtered.clone_from(filtered);
+                node.row = row;
+            }
+            None => {
+                let (filtered, predicted) = (filtered.clone(), filtered.clone());
+                self.nodes.push(Node { filtered, row, transition: Transition::default(), predicted });
+            }
+        }
+    }
+
+    /// A node that begins where the last one ends: a gap is bridged by several predictions.
+    fn go_on(&mut self) {
+        let last = self.nodes[self.used - 1].predicted.clone();
+        self.begin(&last, None);
+    }
+
+    fn end(&mut self, transition: &Transition, predicted: &Belief) {
+        let node = &mut self.nodes[self.used];
+        let Transition { blocks, turnings } = transition;
+        node.transition.blocks.clone_from(blocks);
+        node.transition.turnings.clone_from(turnings);
+        node.predicted.clone_from(predicted);
+        self.used += 1;
+    }
+}
