@@ -7,9 +7,11 @@ pub mod read;
 use crate::config::Config;
 use crate::error::Result;
 use crate::estimate::filter::Groups;
+use crate::estimate::straight::Straight;
 use crate::estimate::transition::{Block, Transition};
 use crate::estimate::{Depth, Partition, Points, System, Vary};
 use crate::kinematics::near::Reach;
+use crate::kinematics::pieces::Pieces;
 use crate::kinematics::{FrameMotion, JointMotion, Tree};
 use crate::lane::{Lane, Real};
 use crate::model::{Axis, Model, Transform, World};
@@ -17,6 +19,7 @@ use crate::motion::{fading, joint_block, push_turn, Now};
 use crate::rotation::turn::{minus, plus, right_jacobian};
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::imu::MountValue;
+use crate::sensor::near::Seats;
 use crate::sensor::{Quantity, Suite, Wearing};
 use crate::state::{Layout, Slots, SlowSlot};
 use posture::Posture;
@@ -110,9 +113,10 @@ pub struct Body {
     input_std: Vec<f64>,
     /// Source, first row and first state of every bias.
     biases: Vec<(usize, usize, usize)>,
-    /// On what the pose of each frame and of each source depends.
-    frame_reaches: Vec<Reach>,
-    source_reaches: Vec<Reach>,
+    /// The tree as rigid pieces, the sensors on them, and on what the pose of each piece depends.
+    pieces: Pieces,
+    seats: Seats,
+    piece_reaches: Vec<Reach>,
 }
 
 impl Body {
@@ -146,7 +150,9 @@ impl Body {
         let state = |c: usize| layout.coordinates[c].map(|s| s.q);
         let is_input = |c: usize| model.joints.iter().any(|j| j.input && j.coordinates().contains(&c));
         let frame_reaches = tree.reaches(state, length, is_input);
-        let source_reaches = suite.reaches(&frame_reaches, length, |number| layout.mounts[number].1);
+        let pieces = Pieces::new(&tree);
+        let piece_reaches = (0..pieces.len()).map(|k| frame_reaches[pieces.frame(k)]).collect();
+        let seats = suite.seats(&pieces, &frame_reaches, length, |number| layout.mounts[number].1);
         let mut turned = vec![false; layout.dim()];
         layout.turns.iter().for_each(|(_, slots)| turned[slots.q..slots.q + 3].fill(true));
         Ok(Body {
@@ -164,8 +170,9 @@ impl Body {
             input_coordinates,
             input_std,
             biases,
-            frame_reaches,
-            source_reaches,
+            pieces,
+            seats,
+            piece_reaches,
         })
     }
 
@@ -382,7 +389,37 @@ impl System for Body {
         self.read_near::<FUSED>(moment, scratch, at, vary, out);
     }
 
+    fn straight(&self) -> Option<Straight> {
+        Some(self.causes(&self.tree.slopes(self.columns(false)), self.layout.partition.pose).0)
+    }
+
+    #[inline(always)]
+    fn straighten<const FUSED: bool>(&self, moment: &Moment, scratch: &mut BodyScratch, straight: &mut Straight) {
+        self.straighten_at::<FUSED>(moment, scratch, straight);
+    }
+
+    #[inline(always)]
+    fn curve<const FUSED: bool>(&self, moment: &Moment, scratch: &mut BodyScratch, delta: &[Lane], out: &mut [Lane]) {
+        self.curve_at::<FUSED>(moment, scratch, delta, out);
+    }
+
     fn linearise(&self, moment: &Moment, s: &mut BodyScratch, mean: &[f64], center: &mut [f64], jacobian: &mut [f64]) {
-        self.readings_and_slopes(moment, &mut s.linear, mean, center, jacobian);
+        self.jacobian(moment, &mut s.linear, mean, center, jacobian);
+    }
+
+    fn tangent(&self) -> Option<Straight> {
+        Some(self.causes(&self.tree.slopes(self.columns(true)), 0).0)
+    }
+
+    #[inline(always)]
+    fn linearise_into<const FUSED: bool>(
+        &self,
+        moment: &Moment,
+        s: &mut BodyScratch,
+        mean: &[f64],
+        center: &mut [f64],
+        straight: &mut Straight,
+    ) {
+        self.readings_and_slopes::<FUSED>(moment, &mut s.linear, mean, center, straight);
     }
 }

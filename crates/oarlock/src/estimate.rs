@@ -9,10 +9,12 @@ pub mod sigma;
 pub mod smoother;
 pub mod solve;
 pub mod start;
+pub mod straight;
 pub mod tiles;
 pub mod transition;
 
 use crate::lane::Lane;
+use straight::Straight;
 use transition::{Block, Transition};
 
 /// How the state is ordered: what is linear where decides which sigma points need a twin.
@@ -147,5 +149,32 @@ pub trait System {
     ) {
         let _ = vary;
         self.readings(moment, scratch, at, out);
+    }
+    /// Room for the derivatives of all readings by rates and linear block, where the system tells them; else points are spread there.
+    /// Readings that depend on poses alone are no rows of it.
+    fn straight(&self) -> Option<Straight> {
+        None
+    }
+    /// These derivatives, at the mean last settled at.
+    #[inline(always)]
+    fn straighten<const FUSED: bool>(&self, _: &Self::Moment, _: &mut Self::Scratch, _: &mut Straight) {}
+    /// What the square of a change `delta` of the rates alone adds to each reading of [`Depth::Full`], at the poses of the mean last
+    /// settled at.
+    #[inline(always)]
+    fn curve<const FUSED: bool>(&self, _: &Self::Moment, _: &mut Self::Scratch, _delta: &[Lane], _out: &mut [Lane]) {}
+    /// Room for what [`System::linearise`] gives, without zeros, where the system can give it so: inputs are columns behind the states.
+    fn tangent(&self) -> Option<Straight> {
+        None
+    }
+    /// The same as [`System::linearise`], into this room.
+    #[inline(always)]
+    fn linearise_into<const FUSED: bool>(
+        &self,
+        _: &Self::Moment,
+        _: &mut Self::Scratch,
+        _mean: &[f64],
+        _center: &mut [f64],
+        _straight: &mut Straight,
+    ) {
     }
 }

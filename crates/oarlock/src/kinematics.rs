@@ -5,6 +5,7 @@
 //! the prismatic and Coriolis terms that the printed equation leaves out, and gravity entering once, at the root.
 
 pub mod near;
+pub mod pieces;
 pub mod slopes;
 
 use crate::lane::Real;
@@ -83,6 +84,21 @@ struct Link {
     after: Option<Fixed>,
 }
 
+impl Link {
+    #[inline(always)]
+    fn posed<T: Real>(&self, frame: &mut FrameMotion<T>, joints: &JointMotion<T>) {
+        if let Some(before) = &self.before {
+            frame.carried(before, joints.lengths);
+        }
+        if let Some(joint) = &self.joint {
+            frame.moved(joint, joints, None);
+        }
+        if let Some(after) = &self.after {
+            frame.carried(after, joints.lengths);
+        }
+    }
+}
+
 /// The tree at one set of parameter values.
 #[derive(Debug, Clone)]
 pub struct Tree {
@@ -125,12 +141,10 @@ impl<T: Real> FrameMotion<T> {
     }
 
     #[inline(always)]
-    fn carried(&mut self, fixed: &Fixed, lengths: &[T], motion: bool) {
+    fn carried(&mut self, fixed: &Fixed, lengths: &[T]) {
         if !fixed.translation.is_origin() {
             let arm = fixed.translation.turned(&self.rotation, lengths);
-            if motion {
-                self.proper_acceleration = self.proper_acceleration_at(arm);
-            }
+            self.proper_acceleration = self.proper_acceleration_at(arm);
             self.position += arm;
         }
         self.rotation = fixed.turn(&self.rotation);
@@ -138,7 +152,7 @@ impl<T: Real> FrameMotion<T> {
 
     /// `sin_cos` is that of a hinge's angle where it is known.
     #[inline(always)]
-    fn moved(&mut self, joint: &Moved, joints: &JointMotion<T>, motion: bool, sin_cos: Option<(f64, f64)>) {
+    fn moved(&mut self, joint: &Moved, joints: &JointMotion<T>, sin_cos: Option<(f64, f64)>) {
         let Moved { first, sign, kind, turn } = *joint;
         match kind {
             JointKind::Hinge => {
@@ -146,9 +160,7 @@ impl<T: Real> FrameMotion<T> {
                     Some((sin, cos)) => (T::splat(sin), T::splat(cos)),
                     None => joints.q[first].scale(sign).sin_cos(),
                 };
-                if motion {
-                    self.spun_about_z(joints.qd[first].scale(sign), joints.qdd[first].scale(sign));
-                }
+                self.spun_about_z(joints.qd[first].scale(sign), joints.qdd[first].scale(sign));
                 self.rotation = self.rotation.turned_about_z(sin, cos);
             }
             JointKind::Slide => {
@@ -286,7 +298,7 @@ impl Tree {
                 continue;
             }
             let mut frame = frames[link.parent];
-            link.posed(&mut frame, &joints, true, None);
+            link.posed(&mut frame, &joints);
             frames[i] = frame;
         }
     }

@@ -3,41 +3,61 @@
 use super::linear::LinearScratch;
 use super::posture::Posture;
 use super::{Body, Moment};
+use crate::estimate::straight::Straight;
 use crate::estimate::{Points, Vary};
-use crate::kinematics::near::{Apart, Differs, Stance, Wanted};
+use crate::kinematics::near::{Apart, Mean, Near, Own, Pass, Wanted};
+use crate::kinematics::slopes::Slopes;
 use crate::kinematics::JointMotion;
 use crate::lane::{Lane, Real};
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::near::{Around, Stand};
+use crate::sensor::slopes::{Causes, Moving};
 use crate::sensor::{Surroundings, Worn};
 use std::any::Any;
 
 /// Room for one batch of sigma points, and what they share with the mean.
 #[derive(Debug, Clone)]
 pub struct BodyScratch {
-    plain: Posture<Lane<false>>,
-    fused: Posture<Lane<true>>,
-    mean: Posture<f64>,
+    plain: Flock<Lane<false>>,
+    fused: Flock<Lane<true>>,
+    posture: Posture<f64>,
     anchors: Vec<Mat3<f64>>,
-    stances: Vec<Stance>,
-    differs: Vec<Differs>,
+    mean: Mean,
+    wanted: Vec<Wanted>,
     stands: Vec<Stand>,
-    mean_field: Vec3<f64>,
+    slopes: Slopes,
+    causes: Causes,
     pub(super) linear: LinearScratch,
+}
+
+/// Eight points.
+#[derive(Debug, Clone)]
+struct Flock<T> {
+    posture: Posture<T>,
+    near: Near<T>,
+}
+
+impl<T: Real> Flock<T> {
+    fn new(body: &Body) -> Self {
+        Flock { posture: Posture::new(body), near: Near::new(body.pieces.len()) }
+    }
 }
 
 impl BodyScratch {
     /// For a body's points.
     pub fn new(body: &Body) -> Self {
+        let slopes = body.tree.slopes(body.columns(false));
+        let (_, causes) = body.causes(&slopes, body.layout.partition.pose);
         BodyScratch {
-            plain: Posture::new(body),
-            fused: Posture::new(body),
-            mean: Posture::new(body),
+            plain: Flock::new(body),
+            fused: Flock::new(body),
+            posture: Posture::new(body),
             anchors: vec![Mat3::identity(); body.layout.turns.len()],
-            stances: vec![Stance::resting(); body.tree.len()],
-            differs: vec![Differs::default(); body.tree.len()],
+            mean: Mean::new(body.pieces.len()),
+            wanted: vec![Wanted::default(); body.pieces.len()],
             stands: vec![Stand::ANY; body.suite.sources.len()],
-            mean_field: Vec3::zero(),
+            slopes,
+            causes,
             linear: body.linear_scratch(),
         }
     }
@@ -46,9 +66,9 @@ impl BodyScratch {
 /// The room whose numbers are reckoned with in this way.
 #[inline(always)]
 fn of_kind<'a, const FUSED: bool>(
-    plain: &'a mut Posture<Lane<false>>,
-    fused: &'a mut Posture<Lane<true>>,
-) -> &'a mut Posture<Lane<FUSED>> {
+    plain: &'a mut Flock<Lane<false>>,
+    fused: &'a mut Flock<Lane<true>>,
+) -> &'a mut Flock<Lane<FUSED>> {
     let room: &mut dyn Any = if FUSED { fused } else { plain };
     room.downcast_mut().expect("it is of that kind")
 }
@@ -73,7 +93,7 @@ impl Body {
     }
 
     #[inline(always)]
-    fn add_biases<T: Real>(&self, moment: &Moment, at: impl Fn(usize) -> T, out: &mut [T]) {
+    pub(super) fn add_biases<T: Real>(&self, moment: &Moment, at: impl Fn(usize) -> T, out: &mut [T]) {
         for &(source, row, bias) in &self.biases {
             if moment.active[source] {
                 for i in 0..3 {
@@ -86,7 +106,7 @@ impl Body {
     /// Without regard to any mean.
     pub(super) fn read_all(&self, moment: &Moment, s: &mut BodyScratch, at: Points, out: &mut [Lane]) {
         self.anchor(at.mean, &mut s.anchors);
-        let room = &mut s.plain;
+        let room = &mut s.plain.posture;
         self.unpack_lanes(moment, at, room);
         let joints =
             JointMotion { q: &room.q, qd: &room.qd, qdd: &room.qdd, lengths: &room.lengths, anchors: &s.anchors };
@@ -99,21 +119,57 @@ impl Body {
     /// At the mean; remembers how everything stands there.
     #[inline(always)]
     pub(super) fn settle_at(&self, moment: &Moment, s: &mut BodyScratch, mean: &[f64], out: &mut [Lane]) {
-        s.mean.take_mean(self, moment, mean, &mut s.anchors);
-        self.tree.settle(self.root(|i| mean[i]), s.mean.joints(&s.anchors), &moment.needed, &mut s.stances);
-        for (frame, stance) in s.mean.frames.iter_mut().zip(&s.stances) {
-            *frame = stance.frame;
-        }
-        s.mean_field = self.field.magnetic(self.azimuth(|i| mean[i]));
-        self.suite.settle(&s.stances, s.mean.worn(), &moment.active, &mut s.stands);
-        let (around, room) = (Surroundings { magnetic_field: s.mean_field }, &mut s.mean);
+        let room = &mut s.posture;
+        room.take_mean(self, moment, mean, &mut s.anchors);
+        let joints =
+            JointMotion { q: &room.q, qd: &room.qd, qdd: &room.qdd, lengths: &room.lengths, anchors: &s.anchors };
+        let root = self.root(|i| mean[i]);
+        self.tree.motions_with_slopes(root, joints, &moment.needed, &mut room.frames, &mut s.slopes);
+        s.mean.field = self.field.magnetic(self.azimuth(|i| mean[i]));
+        s.wanted.fill(Wanted::default());
+        self.seats.mark(&moment.active, &mut s.wanted);
+        self.pieces.mark_ancestors(&mut s.wanted);
+        self.pieces.settle(&s.slopes, &s.anchors, &s.wanted, &mut s.mean);
         let worn = Worn { lengths: &room.lengths, mounts: &room.mounts };
+        self.seats.settle(worn, &moment.active, &mut s.stands);
+        let around = Surroundings { magnetic_field: s.mean.field };
         self.suite.predict(&room.frames, &room.q, &around, worn, &moment.active, &mut room.out);
         for (out, x) in out.iter_mut().zip(&room.out) {
             *out = Lane::splat(*x);
         }
         // What is remembered comes without biases, which are added to all points alike.
         self.add_biases(moment, |i| Lane::splat(mean[i]), out);
+    }
+
+    /// Derivatives by rates and linear block at the mean that was settled at.
+    #[inline(always)]
+    pub(super) fn straighten_at<const FUSED: bool>(&self, moment: &Moment, s: &BodyScratch, straight: &mut Straight) {
+        let at = Moving {
+            frames: &s.posture.frames,
+            slopes: &s.slopes,
+            worn: s.posture.worn(),
+            magnetic_field: s.mean.field,
+            magnetic_slope: Vec3::zero(),
+        };
+        self.suite.slopes::<FUSED>(&s.causes, at, &moment.active, straight);
+    }
+
+    /// What rates that differ so from none at all, and nothing else, make accelerometers feel.
+    #[inline(always)]
+    pub(super) fn curve_at<const FUSED: bool>(
+        &self,
+        moment: &Moment,
+        s: &mut BodyScratch,
+        delta: &[Lane],
+        out: &mut [Lane],
+    ) {
+        let Flock { posture, near } = of_kind::<FUSED>(&mut s.plain, &mut s.fused);
+        posture.take_rates(self, &s.posture, |i| delta[i].cast());
+        let from = self.layout.partition.pose;
+        let apart = Apart { from, inputs: false, motion: true, field: false };
+        let pass = Pass { wanted: &s.wanted, reaches: &self.piece_reaches, apart, mean: &s.mean };
+        self.pieces.pass(pass, posture.joints(&s.anchors), Own::nothing(), near);
+        self.seats.curve(near, &s.stands, &moment.active, out);
     }
 
     /// Near the mean that was settled at.
@@ -126,32 +182,31 @@ impl Body {
         vary: Vary,
         out: &mut [Lane],
     ) {
-        let room = of_kind::<FUSED>(&mut s.plain, &mut s.fused);
-        self.unpack_lanes(moment, at, room);
-        let apart = Apart { from: vary.from, inputs: vary.inputs, motion: vary.from < self.layout.dim() };
-        let joints =
-            JointMotion { q: &room.q, qd: &room.qd, qdd: &room.qdd, lengths: &room.lengths, anchors: &s.anchors };
-        let wanted = Wanted { needed: &moment.needed, moving: &moment.moving };
-        let root = self.root(|i| at.at(i).cast::<FUSED>());
-        let reaches = (apart, self.frame_reaches.as_slice());
-        self.tree.motions_near(root, joints, wanted, reaches, &s.stances, &mut room.frames, &mut s.differs);
+        let Flock { posture, near } = of_kind::<FUSED>(&mut s.plain, &mut s.fused);
+        self.unpack_lanes(moment, at, posture);
         let turned = self.layout.azimuth.filter(|&i| i >= vary.from);
-        let field = turned.map(|i| self.field.magnetic(at.at(i).cast::<FUSED>()));
-        let around = Around {
-            frames: &room.frames,
-            stances: &s.stances,
-            differs: &s.differs,
-            q: &room.q,
-            field,
-            mean_field: s.mean_field,
-            apart,
-        };
-        let worn = Worn { lengths: &room.lengths, mounts: &room.mounts };
-        let (reaches, active) = (&self.source_reaches, &moment.active);
-        self.suite.predict_near(around, worn, reaches, &s.stands, active, &s.mean.out, &mut room.out);
-        self.add_biases(moment, |i| at.at(i).cast::<FUSED>(), &mut room.out);
-        for (out, x) in out.iter_mut().zip(&room.out) {
-            *out = x.cast();
+        let motion = vary.from < self.layout.dim();
+        let apart = Apart { from: vary.from, inputs: vary.inputs, motion, field: turned.is_some() };
+        let mut root = Own::nothing();
+        root.felt = self.root(|i| at.at(i).cast::<FUSED>()).proper_acceleration;
+        if let Some(i) = turned {
+            root.field = self.field.magnetic(at.at(i).cast::<FUSED>());
         }
+        let pass = Pass { wanted: &s.wanted, reaches: &self.piece_reaches, apart, mean: &s.mean };
+        let joints = posture.joints(&s.anchors);
+        self.pieces.pass(pass, joints, root, near);
+        let around = Around {
+            pieces: &self.pieces,
+            mean: &s.mean,
+            near,
+            joints,
+            mounts: &posture.mounts,
+            apart,
+            stands: &s.stands,
+            center: &s.posture.out,
+            active: &moment.active,
+        };
+        self.seats.predict(around, out);
+        self.add_biases(moment, |i| at.at(i), out);
     }
 }

@@ -5,7 +5,8 @@
 //! textbook transform (Wan and van der Merwe 2000) rearranged, equal to it while beta >= alpha^2.
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
-use super::tiles::{padded, Panel};
+use super::straight::{turn, Straight};
+use super::tiles::{padded, Panel, VECTOR};
 use super::{Depth, Partition, Points, System, Vary};
 use crate::lane::arch::{Arch, Kernel};
 use crate::lane::{Lane, LANES};
@@ -48,6 +49,11 @@ pub struct Fan {
     pub evens: usize,
     part: Partition,
     depth: Vec<Depth>,
+    /// Of systems that tell how they answer to rates and linear block.
+    straight: Option<Straight>,
+    /// Row k is column k of the factor, reversed.
+    turned: Panel,
+    asked: Vec<bool>,
     off: Vec<Lane>,
     delta: Vec<Lane>,
     out: Vec<Lane>,
@@ -66,6 +72,9 @@ impl Fan {
             evens,
             part,
             depth: (0..rows).map(|r| system.depth(r)).collect(),
+            straight: system.straight(),
+            turned: Panel::zeros(n, padded(n) + LANES),
+            asked: vec![false; rows],
             off: vec![Lane([0.0; LANES]); inputs],
             delta: vec![Lane([0.0; LANES]); n],
             out: vec![Lane([0.0; LANES]); rows],
@@ -80,32 +89,43 @@ impl Fan {
 
     /// Spreads the points along the rows of `factor` and takes the readings of `rows`. Allocates nothing.
     pub fn spread<S: System>(&mut self, arch: Arch, look: Look<S>, scratch: &mut S::Scratch, factor: &Panel) {
-        let (n, reach) = (self.part.dim(), look.spread.reach(self.part.dim()));
-        let (pose, curved, inputs) = (self.part.pose, self.part.curved(), self.off.len());
+        let (n, pose, curved, inputs) = (self.part.dim(), self.part.pose, self.part.curved(), self.off.len());
         self.delta.fill(Lane([0.0; LANES]));
         self.off.fill(Lane([0.0; LANES]));
-        let mut batch =
-            |points: Batch| arch.run(Reading { fan: &mut *self, look, scratch: &mut *scratch, factor, reach, points });
-        batch(Batch::Mean);
-        for block in [0..pose, pose..curved] {
-            for first in block.clone().step_by(PAIRS) {
-                batch(Batch::Pairs(first, PAIRS.min(block.end - first)));
+        self.asked.fill(false);
+        look.rows.iter().for_each(|&r| self.asked[r] = true);
+        self.read(arch, look, scratch, factor, Batch::Mean);
+        let told = self.straight.is_some();
+        if told {
+            arch.run(Straightening { fan: &mut *self, look, scratch: &mut *scratch, factor });
+            for first in (pose..curved).step_by(LANES) {
+                let count = LANES.min(curved - first);
+                arch.run(Bending { fan: &mut *self, look, scratch: &mut *scratch, first, count });
             }
         }
-        for first in (curved..n).step_by(LANES) {
-            batch(Batch::Singles(first, LANES.min(n - first)));
+        for block in [0..pose, pose..curved].into_iter().take(if told { 1 } else { 2 }) {
+            for first in block.clone().step_by(PAIRS) {
+                self.read(arch, look, scratch, factor, Batch::Pairs(first, PAIRS.min(block.end - first)));
+            }
+        }
+        for first in (curved..n).step_by(LANES).filter(|_| !told) {
+            self.read(arch, look, scratch, factor, Batch::Singles(first, LANES.min(n - first)));
         }
         for first in (0..inputs).step_by(LANES) {
-            batch(Batch::Inputs(first, LANES.min(inputs - first)));
+            self.read(arch, look, scratch, factor, Batch::Inputs(first, LANES.min(inputs - first)));
         }
-        self.bend_mean(look.rows, reach, look.spread);
+        arch.run(Averaging { fan: self, rows: look.rows, spread: look.spread });
+    }
+
+    fn read<S: System>(&mut self, arch: Arch, look: Look<S>, scratch: &mut S::Scratch, factor: &Panel, points: Batch) {
+        let reach = look.spread.reach(self.part.dim());
+        arch.run(Reading { fan: self, look, scratch, factor, reach, points });
     }
 
     #[inline(always)]
     fn gather_mean(&mut self, rows: &[usize]) {
         for &r in rows {
             self.center[r] = self.out[r].0[0];
-            self.bend[r] = 0.0;
         }
     }
 
@@ -113,6 +133,9 @@ impl Fan {
     #[inline(always)]
     fn place_pairs(&mut self, factor: &Panel, first: usize, count: usize, reach: f64) {
         self.delta[..first].fill(Lane([0.0; LANES]));
+        if self.straight.is_some() {
+            return self.place_turned(first, count, reach);
+        }
         let rows: [&[f64]; PAIRS] = std::array::from_fn(|j| factor.row(first + (count - 1).saturating_sub(j)));
         let steps: [f64; PAIRS] = std::array::from_fn(|j| if j < count { reach } else { 0.0 });
         for (i, delta) in self.delta.iter_mut().enumerate().skip(first) {
@@ -120,6 +143,20 @@ impl Fan {
                 let step = steps[j] * rows[j][i];
                 delta.0[j] = step;
                 delta.0[PAIRS + j] = -step;
+            }
+        }
+    }
+
+    /// The same, of a factor that has been turned.
+    #[inline(always)]
+    fn place_turned(&mut self, first: usize, count: usize, reach: f64) {
+        let at = self.part.dim() - first - count;
+        let steps: [f64; PAIRS] = std::array::from_fn(|j| if j < count { reach } else { 0.0 });
+        for (i, delta) in self.delta.iter_mut().enumerate().skip(first) {
+            let along = &self.turned.row(i)[at..at + PAIRS];
+            for j in 0..PAIRS {
+                delta.0[j] = steps[j] * along[j];
+                delta.0[PAIRS + j] = -steps[j] * along[j];
             }
         }
     }
@@ -158,9 +195,6 @@ impl Fan {
                 continue;
             }
             put(&mut self.even.row_mut(r)[even_at..], &even, count);
-            for e in &even[..count] {
-                self.bend[r] += e;
-            }
         }
     }
 
@@ -200,12 +234,51 @@ impl Fan {
         }
     }
 
+    /// H of all that readings are straight in.
+    #[inline(always)]
+    fn straighten<const FUSED: bool, S: System>(&mut self, look: Look<S>, scratch: &mut S::Scratch, factor: &Panel) {
+        let Some(straight) = &mut self.straight else { return };
+        look.system.straighten::<FUSED>(look.moment, scratch, straight);
+        turn(factor, self.part.dim(), &mut self.turned);
+        let count = self.part.dim() - self.part.pose;
+        straight.times::<FUSED>(&self.turned, count, &self.asked, &mut self.odd);
+    }
+
+    /// Lane j lies along column `first + count - 1 - j`, one standard deviation out.
+    #[inline(always)]
+    fn place_bends(&mut self, first: usize, count: usize) {
+        let at = self.part.dim() - first - count;
+        for k in self.part.pose..self.part.curved() {
+            self.delta[k].0.copy_from_slice(&self.turned.row(k)[at..at + LANES]);
+        }
+    }
+
+    /// E of rates.
+    #[inline(always)]
+    fn gather_bends(&mut self, rows: &[usize], first: usize, count: usize, reach: f64) {
+        let at = self.part.curved() - first - count;
+        for &r in rows.iter().filter(|&&r| self.depth[r] == Depth::Full) {
+            let even = self.out[r].0.map(|x| x * reach);
+            put(&mut self.even.row_mut(r)[at..], &even, count);
+        }
+    }
+
+    #[inline(always)]
     fn bend_mean(&mut self, rows: &[usize], reach: f64, spread: Spread) {
         let outer = (spread.beta - spread.alpha * spread.alpha).max(0.0).sqrt();
-        let at = self.part.curved();
+        let curved = self.part.curved();
         for &r in rows {
-            self.bend[r] /= reach;
-            self.even.row_mut(r)[at] = outer * self.bend[r];
+            let row = self.even.row_mut(r);
+            let (vectors, rest) = row[..curved].as_chunks::<VECTOR>();
+            let mut sums = [0.0; VECTOR];
+            for v in vectors {
+                for k in 0..VECTOR {
+                    sums[k] += v[k];
+                }
+            }
+            let sum = (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest.iter().sum::<f64>();
+            self.bend[r] = sum / reach;
+            row[curved] = outer * self.bend[r];
         }
     }
 }
@@ -257,11 +330,62 @@ impl<S: System> Kernel for Reading<'_, S> {
         let vary = Vary { from, inputs: matches!(self.points, Batch::Inputs(..)) };
         look.system.readings_near::<FUSED>(look.moment, self.scratch, at, vary, &mut fan.out);
         match self.points {
-            Batch::Mean => {}
             Batch::Pairs(first, count) => fan.gather_pairs(look.rows, first, count, 0.5 / reach),
             Batch::Singles(first, count) => fan.gather_singles(look.rows, first, count, 1.0 / reach),
             Batch::Inputs(first, count) => fan.gather_inputs(look.rows, first, count),
+            Batch::Mean => {}
         }
+    }
+}
+
+struct Straightening<'a, S: System> {
+    fan: &'a mut Fan,
+    look: Look<'a, S>,
+    scratch: &'a mut S::Scratch,
+    factor: &'a Panel,
+}
+
+impl<S: System> Kernel for Straightening<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        self.fan.straighten::<FUSED, S>(self.look, self.scratch, self.factor);
+    }
+}
+
+struct Bending<'a, S: System> {
+    fan: &'a mut Fan,
+    look: Look<'a, S>,
+    scratch: &'a mut S::Scratch,
+    first: usize,
+    count: usize,
+}
+
+impl<S: System> Kernel for Bending<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Bending { fan, look, scratch, first, count } = self;
+        fan.place_bends(first, count);
+        look.system.curve::<FUSED>(look.moment, scratch, &fan.delta, &mut fan.out);
+        fan.gather_bends(look.rows, first, count, look.spread.reach(fan.part.dim()));
+    }
+}
+
+struct Averaging<'a> {
+    fan: &'a mut Fan,
+    rows: &'a [usize],
+    spread: Spread,
+}
+
+impl Kernel for Averaging<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        self.fan.bend_mean(self.rows, self.spread.reach(self.fan.part.dim()), self.spread);
     }
 }
 

@@ -51,16 +51,6 @@ pub struct Slope {
 }
 
 impl Slope {
-    /// Of the proper acceleration at a place that has a velocity (m, m/s), seen by who turns along.
-    #[inline(always)]
-    pub fn acceleration(&self, place: Vec3<f64>, velocity: Vec3<f64>) -> Vec3<f64> {
-        match self.kind {
-            Kind::Turn | Kind::Rate => self.push + self.spun.cross(place) + self.spin.cross(velocity + velocity),
-            Kind::Accel => self.push + self.spun.cross(place),
-            Kind::Shift | Kind::Push => self.push,
-        }
-    }
-
     /// Of a place, m.
     #[inline(always)]
     pub fn place(&self, place: Vec3<f64>) -> Vec3<f64> {
@@ -90,22 +80,33 @@ pub struct Slopes {
     parents: Vec<usize>,
     /// m/s in root axes.
     pub velocity: Vec<Vec3<f64>>,
+    /// Per frame: right behind its joint.
+    pub stances: Vec<FrameMotion<f64>>,
+    /// Of a hinge's angle.
+    pub sin_cos: Vec<(f64, f64)>,
 }
 
 impl Slopes {
-    /// Slopes of a frame's motion: its own and those of its ancestors.
-    #[inline(always)]
-    pub fn felt_by(&self, mut frame: usize, mut see: impl FnMut(&Slope)) {
+    /// Numbers of the slopes of a frame's motion: its own and those of its ancestors.
+    pub fn chain(&self, mut frame: usize) -> Vec<usize> {
+        let mut found = Vec::new();
         while frame != 0 {
-            self.slopes[self.own[frame].clone()].iter().for_each(&mut see);
+            found.extend(self.own[frame].clone());
             frame = self.parents[frame];
         }
+        found
+    }
+
+    /// By its number.
+    #[inline(always)]
+    pub fn slope(&self, number: usize) -> &Slope {
+        &self.slopes[number]
     }
 }
 
 /// How a point moves with the lengths that it depends on, seen from a frame that moves so: column, shift and push.
 #[inline(always)]
-pub fn stretched(
+fn stretched(
     point: &Point,
     motion: &FrameMotion<f64>,
     columns: &[usize],
@@ -113,17 +114,15 @@ pub fn stretched(
 ) {
     for (number, slope) in point.slopes() {
         let shift = motion.rotation.apply_f64(*slope);
-        see(columns[*number], shift, motion.rigid_acceleration(shift));
+        see(columns[*number], shift, rigid_acceleration(motion, shift));
     }
 }
 
-impl FrameMotion<f64> {
-    /// Of a point `arm` away, against the origin.
-    #[inline(always)]
-    fn rigid_acceleration(&self, arm: Vec3<f64>) -> Vec3<f64> {
-        let w = self.angular_velocity;
-        self.angular_acceleration.cross(arm) + w.cross(w.cross(arm))
-    }
+/// Acceleration of a point `arm` away, against the frame's origin.
+#[inline(always)]
+pub fn rigid_acceleration(motion: &FrameMotion<f64>, arm: Vec3<f64>) -> Vec3<f64> {
+    let w = motion.angular_velocity;
+    motion.angular_acceleration.cross(arm) + w.cross(w.cross(arm))
 }
 
 fn three(v: &[f64], first: usize) -> Vec3<f64> {
@@ -137,6 +136,7 @@ struct Walk<'a> {
     next: usize,
     motion: FrameMotion<f64>,
     velocity: Vec3<f64>,
+    sin_cos: (f64, f64),
 }
 
 const ZERO: Vec3<f64> = Vec3([0.0; 3]);
@@ -154,7 +154,7 @@ impl Walk<'_> {
         stretched(&fixed.translation, &here, &columns.lengths, |column, shift, push| {
             self.push(column, Kind::Shift, [ZERO, shift, ZERO, ZERO, push]);
         });
-        self.motion.carried(fixed, joints.lengths, true);
+        self.motion.carried(fixed, joints.lengths);
         self.velocity += here.angular_velocity.cross(self.motion.position - here.position);
     }
 
@@ -164,11 +164,12 @@ impl Walk<'_> {
         match joint.kind {
             JointKind::Fixed => {}
             JointKind::Hinge => {
-                self.motion.moved(joint, joints, true, None);
+                self.sin_cos = (joints.q[first] * joint.sign).sin_cos();
+                self.motion.moved(joint, joints, Some(self.sin_cos));
                 self.turn(first, z, &here);
             }
             JointKind::Slide => {
-                self.motion.moved(joint, joints, true, None);
+                self.motion.moved(joint, joints, None);
                 self.slide(first, z, &here);
                 self.travel(z * joints.qd[first], &here);
             }
@@ -224,7 +225,7 @@ impl Walk<'_> {
         let [value, rate, accel] = self.columns.coordinates[coordinate];
         if let Some((column, scale)) = value {
             let e = axis * scale;
-            self.push(column, Kind::Shift, [ZERO, e, ZERO, ZERO, here.rigid_acceleration(e)]);
+            self.push(column, Kind::Shift, [ZERO, e, ZERO, ZERO, rigid_acceleration(here, e)]);
         }
         if let Some((column, scale)) = rate {
             let e = axis * scale;
@@ -257,13 +258,21 @@ impl Tree {
             total += count;
         }
         let none = Slope { column: 0, kind: Kind::Push, turn: ZERO, shift: ZERO, spin: ZERO, spun: ZERO, push: ZERO };
-        Slopes {
+        let (still, lengths) = (vec![0.0; columns.coordinates.len()], vec![0.0; columns.lengths.len()]);
+        let rest = FrameMotion::resting(ZERO);
+        let mut slopes = Slopes {
             columns,
             slopes: vec![none; total],
             own,
             parents: self.links.iter().map(|l| l.parent).collect(),
             velocity: vec![ZERO; self.len()],
-        }
+            stances: vec![rest; self.len()],
+            sin_cos: vec![(0.0, 1.0); self.len()],
+        };
+        // Columns and kinds are the same at any place.
+        let joints = JointMotion { q: &still, qd: &still, qdd: &still, lengths: &lengths, anchors: &[] };
+        self.motions_with_slopes(rest, joints, &vec![true; self.len()], &mut vec![rest; self.len()], &mut slopes);
+        slopes
     }
 
     /// Like `motions`, with the slopes of every frame that is `needed`; the root's origin does not move. Allocates nothing.
@@ -276,16 +285,18 @@ impl Tree {
         slopes: &mut Slopes,
     ) {
         frames[0] = root;
-        let Slopes { columns, slopes, own, velocity, .. } = slopes;
+        let Slopes { columns, slopes, own, velocity, stances, sin_cos, .. } = slopes;
+        stances[0] = root;
         for (i, link) in self.links.iter().enumerate().skip(1).filter(|(i, _)| needed[*i]) {
             let (motion, rate, next) = (frames[link.parent], velocity[link.parent], own[i].start);
-            let mut walk = Walk { columns, slopes, next, motion, velocity: rate };
+            let mut walk = Walk { columns, slopes, next, motion, velocity: rate, sin_cos: (0.0, 1.0) };
             if let Some(before) = &link.before {
                 walk.carried(before, &joints);
             }
             if let Some(joint) = &link.joint {
                 walk.moved(joint, &joints);
             }
+            (stances[i], sin_cos[i]) = (walk.motion, walk.sin_cos);
             if let Some(after) = &link.after {
                 walk.carried(after, &joints);
             }

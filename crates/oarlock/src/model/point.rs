@@ -50,6 +50,35 @@ impl Point {
         point
     }
 
+    /// Of axes that stand here and are turned so, a point.
+    pub fn and_then(&self, rotation: &Mat3<f64>, point: &Point) -> Point {
+        let sum = |a: [f64; 3], b: [f64; 3]| (Vec3(a) + rotation.apply(Vec3(b))).0;
+        let mut slopes = self.slopes.clone();
+        for (number, slope) in &point.slopes {
+            match slopes.iter_mut().find(|(n, _)| n == number) {
+                Some((_, known)) => *known = sum(*known, *slope),
+                None => slopes.push((*number, sum([0.0; 3], *slope))),
+            }
+        }
+        Point { fixed: sum(self.fixed, point.fixed), slopes }
+    }
+
+    /// In its own axes, at these values of the estimated parameters.
+    #[inline(always)]
+    pub fn at<T: Real>(&self, lengths: &[T]) -> Vec3<T> {
+        let mut point = Vec3::splat(self.fixed);
+        for (number, slope) in &self.slopes {
+            point = point.plus_equal(Vec3(*slope), lengths[*number]);
+        }
+        point
+    }
+
+    /// If no parameter moves it.
+    #[inline(always)]
+    pub fn constant(&self) -> Option<Vec3<f64>> {
+        self.slopes.is_empty().then_some(Vec3(self.fixed))
+    }
+
     /// Number of each estimated parameter that moves the point, and how far (m per unit of it).
     pub fn slopes(&self) -> &[(usize, [f64; 3])] {
         &self.slopes

@@ -1,7 +1,7 @@
 //! Inertial unit: angular velocity, specific force and magnetic field in its own axes (eq. 8, with the offset of the
 //! unit from its link's origin and gravity felt once).
 
-use super::near::Stand;
+use super::near::Parts;
 use super::{Quantity, RowGroups, Surroundings, Wearing, Worn};
 use crate::kinematics::FrameMotion;
 use crate::lane::Real;
@@ -16,7 +16,7 @@ pub type MountValue = (Mat3<f64>, [f64; 3]);
 pub struct Imu {
     /// Index of its frame.
     pub frame: usize,
-    rotation: Mat3<f64>,
+    pub(super) rotation: Mat3<f64>,
     pub(super) offset: Point,
     pub(super) noise: ImuNoise,
     /// Number among the units whose mount is estimated.
@@ -75,41 +75,21 @@ impl Imu {
         }
     }
 
-    /// How it stands on a link that moves so.
-    #[inline(always)]
-    pub fn stand(&self, frame: &FrameMotion<f64>, worn: Worn<f64>) -> Stand {
-        Stand {
-            rotation: self.root_from_sensor(frame, worn.mounts),
-            arm: self.offset.turned(&frame.rotation, worn.lengths),
-        }
-    }
-
-    /// Readings of a unit that stands so, as far as its link's motion or the field is given.
-    #[inline(always)]
-    pub fn predict_kept<T: Real>(
-        &self,
-        motion: Option<&FrameMotion<T>>,
-        field: Option<Vec3<T>>,
-        stand: &Stand,
-        out: &mut [T],
-    ) {
-        let (mut at, axes) = (0, &stand.rotation);
-        for (there, quantity) in [
-            (self.noise.gyro_std.is_some(), Quantity::Gyro),
-            (self.noise.accel_std.is_some(), Quantity::Accel),
-            (self.noise.mag_std.is_some(), Quantity::Mag),
-            (self.noise.rest_std.is_some(), Quantity::Rest),
-        ] {
-            if !there {
-                continue;
-            }
-            match (quantity, motion, field) {
-                (Quantity::Mag, _, Some(field)) => put_kept(axes, field, &mut out[at..]),
-                (Quantity::Accel, Some(m), _) => put_kept(axes, m.proper_acceleration_led(stand.arm), &mut out[at..]),
-                (Quantity::Gyro | Quantity::Rest, Some(m), _) => put_kept(axes, m.angular_velocity, &mut out[at..]),
-                _ => {}
-            }
-            at += 3;
+    /// First row of each of its parts, the first of all being `row`.
+    pub(super) fn parts(&self, row: usize) -> Parts {
+        let mut next = row;
+        let mut part = |std: Option<f64>| {
+            std.map(|_| {
+                next += 3;
+                next - 3
+            })
+        };
+        let noise = &self.noise;
+        Parts {
+            gyro: part(noise.gyro_std),
+            accel: part(noise.accel_std),
+            mag: part(noise.mag_std),
+            rest: part(noise.rest_std),
         }
     }
 }
@@ -119,10 +99,4 @@ impl Imu {
 fn put<T: Real>(root_from_sensor: &Mat3<T>, v: Vec3<T>, out: &mut [T], at: &mut usize) {
     [out[*at], out[*at + 1], out[*at + 2]] = root_from_sensor.apply_transposed(v).0;
     *at += 3;
-}
-
-/// A vector in the axes of a sensor that stands the same for all.
-#[inline(always)]
-fn put_kept<T: Real>(root_from_sensor: &Mat3<f64>, v: Vec3<T>, out: &mut [T]) {
-    [out[0], out[1], out[2]] = root_from_sensor.transposed_apply(v).0;
 }

@@ -1,17 +1,51 @@
-//! Readings near a mean: sensors on links that stand as they do there need no rotations of their own.
+//! Readings near a mean: sensors as they sit on their pieces, which need no rotations of the links.
 
-use super::{Reader, Suite, Surroundings, Worn};
-use crate::kinematics::near::{Apart, Differs, Reach, Stance};
-use crate::kinematics::FrameMotion;
-use crate::lane::Real;
+use super::{Reader, Suite, Worn};
+use crate::kinematics::near::{Apart, Mean, Near, Reach, Wanted};
+use crate::kinematics::pieces::Pieces;
+use crate::kinematics::JointMotion;
+use crate::lane::{Lane, Real, LANES};
+use crate::model::Point;
 use crate::rotation::{Mat3, Vec3};
 
-/// How a sensor stands at the mean, in root axes.
+/// First row of each of an inertial unit's parts.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Parts {
+    pub gyro: Option<usize>,
+    pub accel: Option<usize>,
+    pub mag: Option<usize>,
+    pub rest: Option<usize>,
+}
+
+/// An inertial unit on its piece.
+#[derive(Debug, Clone)]
+struct Unit {
+    piece: usize,
+    /// Piece from sensor.
+    rotation: Mat3<f64>,
+    arm: Point,
+    /// Number among the units whose mount is estimated.
+    mount: Option<usize>,
+    /// On which states its own mount and arm depend.
+    own_reach: usize,
+    parts: Parts,
+}
+
+/// A sensor or a closure as it sits on its pieces.
+#[derive(Debug, Clone)]
+enum Seat {
+    Unit(Unit),
+    Encoder { row: usize, coordinate: usize },
+    Position { row: usize, piece: usize, point: Point },
+    Loop { row: usize, sides: [(usize, Point); 2], axes: Option<[[f64; 3]; 2]> },
+}
+
+/// How an inertial unit stands at the mean, in the axes of its piece.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stand {
-    /// Root from sensor.
+    /// Piece from sensor.
     pub rotation: Mat3<f64>,
-    /// From its link's origin, m.
+    /// From the piece's origin, m.
     pub arm: Vec3<f64>,
 }
 
@@ -20,121 +54,266 @@ impl Stand {
     pub const ANY: Stand = Stand { rotation: Mat3([[0.0; 3]; 3]), arm: Vec3([0.0; 3]) };
 }
 
-/// Links around the mean.
-#[derive(Debug, Clone, Copy)]
-pub struct Around<'a, T> {
-    /// Where they differ from the mean.
-    pub frames: &'a [FrameMotion<T>],
-    /// At the mean.
-    pub stances: &'a [Stance],
-    /// In what they differ.
-    pub differs: &'a [Differs],
-    /// Values of the joints.
-    pub q: &'a [T],
-    /// The magnetic field, uT, where it differs from the mean's.
-    pub field: Option<Vec3<T>>,
-    /// At the mean, uT.
-    pub mean_field: Vec3<f64>,
-    /// What differs at all.
-    pub apart: Apart,
+/// All sensors and closures on their pieces.
+#[derive(Debug, Clone)]
+pub struct Seats {
+    seats: Vec<Seat>,
+    reaches: Vec<Reach>,
 }
 
-impl<T: Real> Around<'_, T> {
-    /// A frame in full.
-    #[inline(always)]
-    fn frame(&self, i: usize) -> FrameMotion<T> {
-        let (mut frame, stance, differs) = (self.frames[i], &self.stances[i].frame, self.differs[i]);
-        if !differs.pose {
-            frame.rotation = stance.rotation.everywhere();
-            frame.position = stance.position.everywhere();
-        }
-        if !differs.motion {
-            frame.angular_velocity = stance.angular_velocity.everywhere();
-            frame.angular_acceleration = stance.angular_acceleration.everywhere();
-            frame.proper_acceleration = stance.proper_acceleration.everywhere();
-        }
-        frame
-    }
+/// Bodies around the mean.
+#[derive(Debug, Clone, Copy)]
+pub struct Around<'a, T> {
+    /// That moves.
+    pub pieces: &'a Pieces,
+    /// In the middle.
+    pub mean: &'a Mean,
+    /// What differs.
+    pub near: &'a Near<T>,
+    /// Values of the joints.
+    pub joints: JointMotion<'a, T>,
+    /// Rotation vectors of the mounts.
+    pub mounts: &'a [Vec3<T>],
+    /// What differs at all.
+    pub apart: Apart,
+    /// How the units stand at the mean.
+    pub stands: &'a [Stand],
+    /// Readings at the mean.
+    pub center: &'a [f64],
+    /// Sources that are asked for.
+    pub active: &'a [bool],
 }
 
 impl Suite {
-    /// Of which states and inputs each source's posture depends, given those of the frames and of lengths and mounts.
-    pub fn reaches(
+    /// The sensors on the pieces of a tree. `reaches` are those of the frames; `length` and `mount` give the state of an estimated
+    /// parameter and the first one of an estimated mount.
+    pub fn seats(
         &self,
-        frames: &[Reach],
+        pieces: &Pieces,
+        reaches: &[Reach],
         length: impl Fn(usize) -> usize,
         mount: impl Fn(usize) -> usize,
-    ) -> Vec<Reach> {
-        let points = |mut reach: Reach, point: &crate::model::Point| {
-            point.moved_by().for_each(|l| reach.last = reach.last.max(length(l) + 1));
-            reach
+    ) -> Seats {
+        let own = |point: &Point| point.moved_by().map(|l| length(l) + 1).max().unwrap_or(0);
+        let far = |frame: usize, own: usize| {
+            let reach = reaches[frame];
+            Reach { last: reach.last.max(own), ..reach }
         };
-        let reach = |reader: &Reader| match reader {
-            Reader::Imu(s) => {
-                let mut reach = points(frames[s.frame], &s.offset);
-                reach.last = reach.last.max(s.mount.map_or(0, |i| mount(i) + 3));
-                reach
-            }
-            Reader::Encoder(_) => Reach { last: usize::MAX, input: true, ..Reach::default() },
-            Reader::Position(s) => points(frames[s.frame], &s.point),
-            Reader::Closure(s) => {
-                let [(a, at), (b, bt)] = &s.sides;
-                let (a, b) = (points(frames[*a], at), points(frames[*b], bt));
-                Reach { last: a.last.max(b.last), input: a.input || b.input, ..a }
-            }
-        };
-        self.readers.iter().map(reach).collect()
+        let (mut seats, mut found) = (Vec::new(), Vec::new());
+        for (reader, source) in self.readers.iter().zip(&self.sources) {
+            let row = source.rows.start;
+            let (seat, reach) = match reader {
+                Reader::Imu(s) => {
+                    let home = &pieces.homes[s.frame];
+                    let arm = home.point(&s.offset);
+                    let own_reach = own(&arm).max(s.mount.map_or(0, |i| mount(i) + 3));
+                    let unit = Unit {
+                        piece: home.piece,
+                        rotation: home.rotation.times(&s.rotation),
+                        arm,
+                        mount: s.mount,
+                        own_reach,
+                        parts: s.parts(row),
+                    };
+                    (Seat::Unit(unit), far(s.frame, own_reach))
+                }
+                Reader::Encoder(s) => {
+                    let reach = Reach { last: usize::MAX, input: true, ..Reach::default() };
+                    (Seat::Encoder { row, coordinate: s.coordinate }, reach)
+                }
+                Reader::Position(s) => {
+                    let home = &pieces.homes[s.frame];
+                    let point = home.point(&s.point);
+                    let reach = far(s.frame, own(&point));
+                    (Seat::Position { row, piece: home.piece, point }, reach)
+                }
+                Reader::Closure(s) => {
+                    let side = |(frame, point): &(usize, Point)| {
+                        let home = &pieces.homes[*frame];
+                        (home.piece, home.point(point))
+                    };
+                    let sides = [side(&s.sides[0]), side(&s.sides[1])];
+                    let [a, b] = [0, 1].map(|i| far(s.sides[i].0, own(&sides[i].1)));
+                    let reach = Reach { last: a.last.max(b.last), input: a.input || b.input, ..a };
+                    let homes = [0, 1].map(|i| &pieces.homes[s.sides[i].0]);
+                    let axes = s.axes.map(|axes| [0, 1].map(|i| homes[i].rotation.apply_f64(axes[i]).0));
+                    (Seat::Loop { row, sides, axes }, reach)
+                }
+            };
+            seats.push(seat);
+            found.push(reach);
+        }
+        Seats { seats, reaches: found }
     }
+}
 
-    /// How the sensors stand at the mean.
-    #[inline(always)]
-    pub fn settle(&self, stances: &[Stance], worn: Worn<f64>, active: &[bool], stands: &mut [Stand]) {
-        for ((reader, stand), &on) in self.readers.iter().zip(stands).zip(active) {
-            if let (Reader::Imu(s), true) = (reader, on) {
-                *stand = s.stand(&stances[s.frame].frame, worn);
+impl Seats {
+    /// Marks what the `active` sources ask of their pieces.
+    pub fn mark(&self, active: &[bool], wanted: &mut [Wanted]) {
+        for (seat, _) in self.seats.iter().zip(active).filter(|(_, on)| **on) {
+            match seat {
+                Seat::Unit(s) => {
+                    let piece = &mut wanted[s.piece];
+                    piece.place = true;
+                    piece.motion |= s.parts.gyro.or(s.parts.accel).or(s.parts.rest).is_some();
+                    piece.field |= s.parts.mag.is_some();
+                }
+                Seat::Encoder { .. } => {}
+                Seat::Position { piece, .. } => wanted[*piece].place = true,
+                Seat::Loop { sides, .. } => sides.iter().for_each(|s| wanted[s.0].place = true),
             }
         }
     }
 
-    /// Predicts the rows of every `active` source into `out`, from `center` where nothing differs. Allocates nothing.
+    /// A vector in the axes of source `i`, if that is an inertial unit, given in those of every piece.
+    pub fn seen_by(&self, i: usize, v: &[Vec3<f64>], mounts: &[Vec3<f64>]) -> Option<Vec3<f64>> {
+        let Seat::Unit(s) = &self.seats[i] else { return None };
+        let nominal = s.rotation.apply_transposed(v[s.piece]);
+        let mount = s.mount.and_then(|i| mounts.get(i));
+        Some(mount.map_or(nominal, |turn| Mat3::about(*turn).apply_transposed(nominal)))
+    }
+
+    /// How the units stand at the mean.
     #[inline(always)]
-    #[allow(clippy::too_many_arguments)] // they are all different things
-    pub fn predict_near<T: Real>(
+    pub fn settle(&self, worn: Worn<f64>, active: &[bool], stands: &mut [Stand]) {
+        for ((seat, stand), &on) in self.seats.iter().zip(stands).zip(active) {
+            if let (Seat::Unit(s), true) = (seat, on) {
+                stand.rotation = match s.mount.and_then(|i| worn.mounts.get(i)) {
+                    Some(turn) => s.rotation.times(&Mat3::about(*turn)),
+                    None => s.rotation,
+                };
+                stand.arm = s.arm.at(worn.lengths);
+            }
+        }
+    }
+
+    /// Second-order part of the accelerometers' readings, at the mean's posture. Allocates nothing.
+    #[inline(always)]
+    pub fn curve<const FUSED: bool>(
         &self,
-        around: Around<T>,
-        worn: Worn<T>,
-        reaches: &[Reach],
+        near: &Near<Lane<FUSED>>,
         stands: &[Stand],
         active: &[bool],
-        center: &[f64],
-        out: &mut [T],
+        out: &mut [Lane],
     ) {
-        let apart = around.apart;
-        for (i, (reader, source)) in self.readers.iter().zip(&self.sources).enumerate() {
-            if !active[i] {
-                continue;
-            }
-            let posed = reaches[i].last > apart.from || (apart.inputs && reaches[i].input);
-            let out = &mut out[source.rows.clone()];
-            if !posed {
-                for (o, c) in out.iter_mut().zip(&center[source.rows.clone()]) {
-                    *o = T::splat(*c);
+        for ((seat, stand), _) in self.seats.iter().zip(stands).zip(active).filter(|(_, on)| **on) {
+            let Seat::Unit(Unit { piece, parts: Parts { accel: Some(row), .. }, .. }) = seat else { continue };
+            put(out, *row, stand.rotation.transposed_apply(near.own[*piece].felt_at(stand.arm)));
+        }
+    }
+
+    /// Predicts the rows of every active source into `out`, from the mean's where nothing differs. Allocates nothing.
+    #[inline(always)]
+    pub fn predict<const FUSED: bool>(&self, around: Around<Lane<FUSED>>, out: &mut [Lane]) {
+        for (i, seat) in self.seats.iter().enumerate().filter(|(i, _)| around.active[*i]) {
+            let posed = around.apart.touches(&self.reaches[i]);
+            match seat {
+                Seat::Unit(s) => s.predict(&around, &around.stands[i], posed, out),
+                Seat::Encoder { row, coordinate } => out[*row] = around.joints.q[*coordinate].cast(),
+                Seat::Position { row, .. } if !posed => around.keep(out, Some(*row), 3),
+                Seat::Position { row, piece, point } => put(out, *row, around.place(*piece, point)),
+                Seat::Loop { row, axes, .. } if !posed => {
+                    around.keep(out, Some(*row), if axes.is_some() { 6 } else { 3 })
                 }
-                if let Reader::Imu(s) = reader {
-                    let motion = around.differs[s.frame].motion.then_some(&around.frames[s.frame]);
-                    s.predict_kept(motion, around.field, &stands[i], out);
+                Seat::Loop { row, sides: [(a, at), (b, bt)], axes } => {
+                    put(out, *row, around.place(*a, at) - around.place(*b, bt));
+                    if let Some([za, zb]) = axes {
+                        put(out, row + 3, around.direction(*a, *za) - around.direction(*b, *zb));
+                    }
                 }
-                continue;
-            }
-            match reader {
-                Reader::Imu(s) => {
-                    let magnetic_field = around.field.unwrap_or(around.mean_field.everywhere());
-                    s.predict(&around.frame(s.frame), &Surroundings { magnetic_field }, worn, out);
-                }
-                Reader::Encoder(s) => out[0] = around.q[s.coordinate],
-                Reader::Position(s) => s.predict(&around.frame(s.frame), worn, out),
-                Reader::Closure(s) => s.predict_between(s.frames().map(|f| around.frame(f)), worn, out),
             }
         }
+    }
+}
+
+impl<T: Real> Around<'_, T> {
+    /// What the mean reads.
+    #[inline(always)]
+    fn keep(&self, out: &mut [Lane], first: Option<usize>, count: usize) {
+        let Some(first) = first else { return };
+        for (out, x) in out[first..first + count].iter_mut().zip(&self.center[first..first + count]) {
+            *out = Lane([*x; LANES]);
+        }
+    }
+
+    #[inline(always)]
+    fn place(&self, piece: usize, point: &Point) -> Vec3<T> {
+        let point = match point.constant() {
+            Some(point) => point.everywhere(),
+            None => point.at(self.joints.lengths),
+        };
+        self.pieces.raised::<T, false>(piece, point, self.mean, &self.joints, self.near)
+    }
+
+    #[inline(always)]
+    fn direction(&self, piece: usize, axis: [f64; 3]) -> Vec3<T> {
+        self.pieces.raised::<T, true>(piece, Vec3::splat(axis), self.mean, &self.joints, self.near)
+    }
+}
+
+impl Unit {
+    #[inline(always)]
+    fn predict<const FUSED: bool>(&self, around: &Around<Lane<FUSED>>, stand: &Stand, posed: bool, out: &mut [Lane]) {
+        let (differs, own) = (around.near.differs[self.piece], &around.near.own[self.piece]);
+        let worn = posed && self.own_reach > around.apart.from;
+        let axes = Axes { nominal: &self.rotation, stand: &stand.rotation, turn: self.turned(around, worn) };
+        let Parts { gyro, accel, mag, rest } = self.parts;
+        if !differs.motion {
+            around.keep(out, gyro, 3);
+            around.keep(out, accel, 3);
+            around.keep(out, rest, 3);
+        } else {
+            if let Some(row) = accel {
+                let felt = if worn { own.felt_off(self.arm.at(around.joints.lengths)) } else { own.felt_at(stand.arm) };
+                put(out, row, axes.seen(felt));
+            }
+            if let Some(row) = gyro {
+                put(out, row, axes.seen(own.spin));
+            }
+            if let Some(row) = rest {
+                put(out, row, axes.seen(own.spin));
+            }
+        }
+        let Some(row) = mag else { return };
+        if differs.field || worn {
+            let field = if differs.field { own.field } else { around.mean.field_in(self.piece) };
+            put(out, row, axes.seen(field));
+        } else {
+            around.keep(out, mag, 3);
+        }
+    }
+
+    /// How its own mount differs.
+    #[inline(always)]
+    fn turned<T: Real>(&self, around: &Around<T>, worn: bool) -> Option<Mat3<T>> {
+        match self.mount {
+            Some(i) if worn && i < around.mounts.len() => Some(Mat3::about(around.mounts[i])),
+            _ => None,
+        }
+    }
+}
+
+/// Axes of a unit: as at the mean, or turned from how they nominally are.
+struct Axes<'a, T> {
+    nominal: &'a Mat3<f64>,
+    stand: &'a Mat3<f64>,
+    turn: Option<Mat3<T>>,
+}
+
+impl<T: Real> Axes<'_, T> {
+    #[inline(always)]
+    fn seen(&self, v: Vec3<T>) -> Vec3<T> {
+        match &self.turn {
+            Some(turn) => turn.apply_transposed(self.nominal.transposed_apply(v)),
+            None => self.stand.transposed_apply(v),
+        }
+    }
+}
+
+#[inline(always)]
+fn put<const FUSED: bool>(out: &mut [Lane], row: usize, v: Vec3<Lane<FUSED>>) {
+    let out = &mut out[row..row + 3];
+    for (out, x) in out.iter_mut().zip(v.0) {
+        *out = x.cast();
     }
 }
