@@ -390,7 +390,7 @@ impl System for Body {
     }
 
     fn straight(&self) -> Option<Straight> {
-        Some(self.straight_by(&self.tree.slopes(self.columns(false))).0)
+        Some(self.causes(&self.tree.slopes(self.columns(false)), self.layout.partition.pose).0)
     }
 
     #[inline(always)]
@@ -404,6 +404,22 @@ impl System for Body {
     }
 
     fn linearise(&self, moment: &Moment, s: &mut BodyScratch, mean: &[f64], center: &mut [f64], jacobian: &mut [f64]) {
-        self.readings_and_slopes(moment, &mut s.linear, mean, center, jacobian);
+        self.jacobian(moment, &mut s.linear, mean, center, jacobian);
+    }
+
+    fn tangent(&self) -> Option<Straight> {
+        Some(self.causes(&self.tree.slopes(self.columns(true)), 0).0)
+    }
+
+    #[inline(always)]
+    fn linearise_into<const FUSED: bool>(
+        &self,
+        moment: &Moment,
+        s: &mut BodyScratch,
+        mean: &[f64],
+        center: &mut [f64],
+        straight: &mut Straight,
+    ) {
+        self.readings_and_slopes::<FUSED>(moment, &mut s.linear, mean, center, straight);
     }
 }

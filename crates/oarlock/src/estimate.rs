@@ -163,4 +163,19 @@ pub trait System {
     /// settled at.
     #[inline(always)]
     fn curve<const FUSED: bool>(&self, _: &Self::Moment, _: &mut Self::Scratch, _delta: &[Lane], _out: &mut [Lane]) {}
+    /// Room for what [`System::linearise`] gives, without zeros, where the system can give it so: inputs are columns behind the states.
+    fn tangent(&self) -> Option<Straight> {
+        None
+    }
+    /// The same as [`System::linearise`], into this room.
+    #[inline(always)]
+    fn linearise_into<const FUSED: bool>(
+        &self,
+        _: &Self::Moment,
+        _: &mut Self::Scratch,
+        _mean: &[f64],
+        _center: &mut [f64],
+        _straight: &mut Straight,
+    ) {
+    }
 }

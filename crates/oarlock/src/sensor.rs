@@ -6,12 +6,11 @@ pub mod imu;
 pub mod near;
 pub mod position;
 pub mod slopes;
-pub mod straight;
 
 use crate::kinematics::FrameMotion;
 use crate::lane::Real;
 use crate::model::{Model, Point, SensorKind};
-use crate::rotation::{Mat3, Vec3};
+use crate::rotation::Vec3;
 use std::ops::Range;
 
 /// Rows that are accepted or rejected together.
@@ -209,14 +208,6 @@ impl Suite {
             Reader::Encoder(_) => {}
             Reader::Position(s) => needed[s.frame] = true,
             Reader::Closure(s) => s.frames().into_iter().for_each(|f| needed[f] = true),
-        }
-    }
-
-    /// Axes of source `i` at the `frames`, if it is an inertial unit; `mounts` are the rotation vectors of those that are estimated.
-    pub fn root_from_sensor(&self, i: usize, frames: &[FrameMotion<f64>], mounts: &[Vec3<f64>]) -> Option<Mat3<f64>> {
-        match &self.readers[i] {
-            Reader::Imu(s) => Some(s.root_from_sensor(&frames[s.frame], mounts)),
-            _ => None,
         }
     }
 

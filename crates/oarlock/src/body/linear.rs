@@ -2,10 +2,11 @@
 
 use super::posture::Posture;
 use super::{Body, Moment};
+use crate::estimate::straight::Straight;
 use crate::kinematics::slopes::{Columns, Slopes};
 use crate::kinematics::JointMotion;
 use crate::rotation::Mat3;
-use crate::sensor::slopes::{Moving, Places};
+use crate::sensor::slopes::{Causes, Moving, Places};
 use crate::sensor::Surroundings;
 
 /// Room to work in.
@@ -14,7 +15,8 @@ pub struct LinearScratch {
     mean: Posture<f64>,
     anchors: Vec<Mat3<f64>>,
     slopes: Slopes,
-    places: Places,
+    straight: Straight,
+    causes: Causes,
 }
 
 impl Body {
@@ -34,37 +36,59 @@ impl Body {
         Columns { coordinates, lengths: layout.lengths.iter().map(|l| l.1).collect() }
     }
 
+    /// Room for the rows of a Jacobian by numbers from column `from` on.
+    pub(super) fn causes(&self, slopes: &Slopes, from: usize) -> (Straight, Causes) {
+        self.suite.causes(self.layout.dim(), slopes, &self.places(from))
+    }
+
     /// Where other numbers stand.
-    pub(super) fn places(&self) -> Places {
+    fn places(&self, from: usize) -> Places {
         let layout = &self.layout;
         let bases = self.model.base_accelerations.iter().zip(&layout.base);
         Places {
-            width: layout.dim() + self.input_std.len(),
+            from,
             coordinates: layout.coordinates.iter().map(|slots| Some((*slots)?.q)).collect(),
             lengths: layout.lengths.iter().map(|l| l.1).collect(),
             mounts: layout.mounts.iter().map(|m| m.1).collect(),
             azimuth: layout.azimuth,
             bases: bases.filter_map(|(base, slot)| Some(((*slot)?.first, base.axis))).collect(),
+            biases: self.biases.iter().map(|(_, row, state)| (*row, *state)).collect(),
         }
     }
 
     /// Room for a Jacobian.
     pub(super) fn linear_scratch(&self) -> LinearScratch {
-        LinearScratch {
-            mean: Posture::new(self),
-            anchors: vec![Mat3::identity(); self.layout.turns.len()],
-            slopes: self.tree.slopes(self.columns(true)),
-            places: self.places(),
-        }
+        let slopes = self.tree.slopes(self.columns(true));
+        let (straight, causes) = self.causes(&slopes, 0);
+        let anchors = vec![Mat3::identity(); self.layout.turns.len()];
+        LinearScratch { mean: Posture::new(self), anchors, slopes, straight, causes }
     }
 
-    pub(super) fn readings_and_slopes(
+    /// All numbers of the Jacobian.
+    pub(super) fn jacobian(
         &self,
         moment: &Moment,
         s: &mut LinearScratch,
         mean: &[f64],
         center: &mut [f64],
         jacobian: &mut [f64],
+    ) {
+        let mut straight = std::mem::take(&mut s.straight);
+        self.readings_and_slopes::<false>(moment, s, mean, center, &mut straight);
+        let width = self.layout.dim() + self.input_std.len();
+        self.suite.scatter(&s.causes, &moment.active, &straight, width, jacobian);
+        s.straight = straight;
+    }
+
+    /// Those that are not zero.
+    #[inline(always)]
+    pub(super) fn readings_and_slopes<const FUSED: bool>(
+        &self,
+        moment: &Moment,
+        s: &mut LinearScratch,
+        mean: &[f64],
+        center: &mut [f64],
+        straight: &mut Straight,
     ) {
         s.mean.take_mean(self, moment, mean, &mut s.anchors);
         let room = &mut s.mean;
@@ -76,14 +100,8 @@ impl Body {
         let (magnetic_field, magnetic_slope) = (self.field.magnetic(azimuth), self.field.magnetic_slope(azimuth));
         let worn = room.worn();
         self.suite.predict(&room.frames, &room.q, &Surroundings { magnetic_field }, worn, &moment.active, center);
-        let (frames, slopes, places) = (&room.frames, &s.slopes, &s.places);
-        let at = Moving { frames, slopes, places, worn, magnetic_field, magnetic_slope };
-        self.suite.slopes(at, &moment.active, jacobian);
-        for &(_, row, bias) in self.biases.iter().filter(|(source, ..)| moment.active[*source]) {
-            for i in 0..3 {
-                center[row + i] += mean[bias + i];
-                jacobian[(row + i) * places.width + bias + i] = 1.0;
-            }
-        }
+        let at = Moving { frames: &room.frames, slopes: &s.slopes, worn, magnetic_field, magnetic_slope };
+        self.suite.slopes::<FUSED>(&s.causes, at, &moment.active, straight);
+        self.add_biases(moment, |i| mean[i], center);
     }
 }

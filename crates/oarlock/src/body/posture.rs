@@ -19,6 +19,8 @@ pub struct Posture<T> {
     pub mounts: Vec<Vec3<T>>,
     /// Of the frames that a moment needs.
     pub frames: Vec<FrameMotion<T>>,
+    /// The vertical in the axes of every piece.
+    ups: Vec<Vec3<T>>,
     /// Room for its readings.
     pub(super) out: Vec<T>,
 }
@@ -35,6 +37,7 @@ impl<T: Real> Posture<T> {
             lengths: vec![zero; body.layout.lengths.len()],
             mounts: vec![Vec3::zero(); body.layout.mounts.len()],
             frames: vec![frame; body.tree.len()],
+            ups: vec![Vec3::zero(); body.pieces.len()],
             out: vec![zero; body.suite.len()],
         }
     }
@@ -94,6 +97,19 @@ impl Posture<f64> {
 }
 
 impl Body {
+    /// Finds the vertical in the axes of every piece. Allocates nothing.
+    pub fn lower_up(&self, mean: &[f64], moment: &Moment, room: &mut Posture<f64>) {
+        room.unpack(self, moment, |i| mean[i]);
+        let mut ups = std::mem::take(&mut room.ups);
+        self.pieces.lower(room.joints(&[]), Vec3(self.model.world.up), &mut ups);
+        room.ups = ups;
+    }
+
+    /// What was found, in the axes of source `i` if that is an inertial unit.
+    pub fn up_seen_by(&self, i: usize, room: &Posture<f64>) -> Option<Vec3<f64>> {
+        self.seats.seen_by(i, &room.ups, &room.mounts)
+    }
+
     /// Rotations of the mean.
     pub(super) fn anchor(&self, mean: &[f64], anchors: &mut [Mat3<f64>]) {
         for ((_, slots), anchor) in self.layout.turns.iter().zip(anchors) {

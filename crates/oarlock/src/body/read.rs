@@ -9,9 +9,9 @@ use crate::kinematics::near::{Apart, Mean, Near, Own, Pass, Wanted};
 use crate::kinematics::slopes::Slopes;
 use crate::kinematics::JointMotion;
 use crate::lane::{Lane, Real};
-use crate::rotation::Mat3;
+use crate::rotation::{Mat3, Vec3};
 use crate::sensor::near::{Around, Stand};
-use crate::sensor::straight::{Causes, Still};
+use crate::sensor::slopes::{Causes, Moving};
 use crate::sensor::{Surroundings, Worn};
 use std::any::Any;
 
@@ -47,7 +47,7 @@ impl BodyScratch {
     /// For a body's points.
     pub fn new(body: &Body) -> Self {
         let slopes = body.tree.slopes(body.columns(false));
-        let (_, causes) = body.straight_by(&slopes);
+        let (_, causes) = body.causes(&slopes, body.layout.partition.pose);
         BodyScratch {
             plain: Flock::new(body),
             fused: Flock::new(body),
@@ -93,7 +93,7 @@ impl Body {
     }
 
     #[inline(always)]
-    fn add_biases<T: Real>(&self, moment: &Moment, at: impl Fn(usize) -> T, out: &mut [T]) {
+    pub(super) fn add_biases<T: Real>(&self, moment: &Moment, at: impl Fn(usize) -> T, out: &mut [T]) {
         for &(source, row, bias) in &self.biases {
             if moment.active[source] {
                 for i in 0..3 {
@@ -144,14 +144,14 @@ impl Body {
     /// Derivatives by rates and linear block at the mean that was settled at.
     #[inline(always)]
     pub(super) fn straighten_at<const FUSED: bool>(&self, moment: &Moment, s: &BodyScratch, straight: &mut Straight) {
-        let still = Still { frames: &s.posture.frames, slopes: &s.slopes, worn: s.posture.worn() };
-        self.suite.straighten::<FUSED>(&s.causes, still, &moment.active, straight);
-    }
-
-    /// By these slopes.
-    pub(super) fn straight_by(&self, slopes: &Slopes) -> (Straight, Causes) {
-        let bias = |first: usize| self.biases.iter().find(|(_, row, _)| *row == first).map(|b| b.2);
-        self.suite.straight((self.layout.dim(), self.layout.partition.pose), slopes, &self.places(), bias)
+        let at = Moving {
+            frames: &s.posture.frames,
+            slopes: &s.slopes,
+            worn: s.posture.worn(),
+            magnetic_field: s.mean.field,
+            magnetic_slope: Vec3::zero(),
+        };
+        self.suite.slopes::<FUSED>(&s.causes, at, &moment.active, straight);
     }
 
     /// What rates that differ so from none at all, and nothing else, make accelerometers feel.

@@ -203,8 +203,7 @@ impl<S: System> Filter<S> {
     /// Room for an extended filter, which linearises the readings up to `rounds` times an update; from two on, it is the
     /// iterated one.
     pub fn extended(system: &S, groups: &Groups, rounds: usize) -> Self {
-        let (n, m) = (system.partition().dim(), system.row_count());
-        let linear = (Tangent::new(n, system.input_std().len(), m), Search::new(rounds, n));
+        let linear = (Tangent::new(system), Search::new(rounds, system.partition().dim()));
         Self::with(system, groups, Fan::straight(system), Some(linear))
     }
 
@@ -291,7 +290,7 @@ impl<S: System> Filter<S> {
                 self.fan.spread(self.arch, look, &mut self.scratch, &self.root);
             }
             Some((tangent, _)) => {
-                tangent.prepare(&self.root);
+                tangent.prepare(self.arch, &self.root);
                 let at = At { mean: &belief.mean, carried: &[], rows: &self.rows };
                 tangent.spread(self.arch, &mut self.fan, (system, moment), &mut self.scratch, at);
             }

@@ -89,35 +89,37 @@ impl Fan {
 
     /// Spreads the points along the rows of `factor` and takes the readings of `rows`. Allocates nothing.
     pub fn spread<S: System>(&mut self, arch: Arch, look: Look<S>, scratch: &mut S::Scratch, factor: &Panel) {
-        let (n, reach) = (self.part.dim(), look.spread.reach(self.part.dim()));
-        let (pose, curved, inputs) = (self.part.pose, self.part.curved(), self.off.len());
+        let (n, pose, curved, inputs) = (self.part.dim(), self.part.pose, self.part.curved(), self.off.len());
         self.delta.fill(Lane([0.0; LANES]));
         self.off.fill(Lane([0.0; LANES]));
         self.asked.fill(false);
         look.rows.iter().for_each(|&r| self.asked[r] = true);
-        let straight = self.straight.is_some();
-        let mut batch =
-            |points: Batch| arch.run(Reading { fan: &mut *self, look, scratch: &mut *scratch, factor, reach, points });
-        batch(Batch::Mean);
-        let told = straight && n > pose;
+        self.read(arch, look, scratch, factor, Batch::Mean);
+        let told = self.straight.is_some();
         if told {
-            batch(Batch::Straight);
+            arch.run(Straightening { fan: &mut *self, look, scratch: &mut *scratch, factor });
             for first in (pose..curved).step_by(LANES) {
-                batch(Batch::Bends(first, LANES.min(curved - first)));
+                let count = LANES.min(curved - first);
+                arch.run(Bending { fan: &mut *self, look, scratch: &mut *scratch, first, count });
             }
         }
         for block in [0..pose, pose..curved].into_iter().take(if told { 1 } else { 2 }) {
             for first in block.clone().step_by(PAIRS) {
-                batch(Batch::Pairs(first, PAIRS.min(block.end - first)));
+                self.read(arch, look, scratch, factor, Batch::Pairs(first, PAIRS.min(block.end - first)));
             }
         }
         for first in (curved..n).step_by(LANES).filter(|_| !told) {
-            batch(Batch::Singles(first, LANES.min(n - first)));
+            self.read(arch, look, scratch, factor, Batch::Singles(first, LANES.min(n - first)));
         }
         for first in (0..inputs).step_by(LANES) {
-            batch(Batch::Inputs(first, LANES.min(inputs - first)));
+            self.read(arch, look, scratch, factor, Batch::Inputs(first, LANES.min(inputs - first)));
         }
-        batch(Batch::Done);
+        arch.run(Averaging { fan: self, rows: look.rows, spread: look.spread });
+    }
+
+    fn read<S: System>(&mut self, arch: Arch, look: Look<S>, scratch: &mut S::Scratch, factor: &Panel, points: Batch) {
+        let reach = look.spread.reach(self.part.dim());
+        arch.run(Reading { fan: self, look, scratch, factor, reach, points });
     }
 
     #[inline(always)]
@@ -131,6 +133,9 @@ impl Fan {
     #[inline(always)]
     fn place_pairs(&mut self, factor: &Panel, first: usize, count: usize, reach: f64) {
         self.delta[..first].fill(Lane([0.0; LANES]));
+        if self.straight.is_some() {
+            return self.place_turned(first, count, reach);
+        }
         let rows: [&[f64]; PAIRS] = std::array::from_fn(|j| factor.row(first + (count - 1).saturating_sub(j)));
         let steps: [f64; PAIRS] = std::array::from_fn(|j| if j < count { reach } else { 0.0 });
         for (i, delta) in self.delta.iter_mut().enumerate().skip(first) {
@@ -138,6 +143,20 @@ impl Fan {
                 let step = steps[j] * rows[j][i];
                 delta.0[j] = step;
                 delta.0[PAIRS + j] = -step;
+            }
+        }
+    }
+
+    /// The same, of a factor that has been turned.
+    #[inline(always)]
+    fn place_turned(&mut self, first: usize, count: usize, reach: f64) {
+        let at = self.part.dim() - first - count;
+        let steps: [f64; PAIRS] = std::array::from_fn(|j| if j < count { reach } else { 0.0 });
+        for (i, delta) in self.delta.iter_mut().enumerate().skip(first) {
+            let along = &self.turned.row(i)[at..at + PAIRS];
+            for j in 0..PAIRS {
+                delta.0[j] = steps[j] * along[j];
+                delta.0[PAIRS + j] = -steps[j] * along[j];
             }
         }
     }
@@ -268,12 +287,9 @@ impl Fan {
 #[derive(Debug, Clone, Copy)]
 enum Batch {
     Mean,
-    Straight,
-    Bends(usize, usize),
     Pairs(usize, usize),
     Singles(usize, usize),
     Inputs(usize, usize),
-    Done,
 }
 
 struct Reading<'a, S: System> {
@@ -297,13 +313,6 @@ impl<S: System> Kernel for Reading<'_, S> {
                 look.system.settle::<FUSED>(look.moment, self.scratch, at, &mut fan.out);
                 return fan.gather_mean(look.rows);
             }
-            Batch::Done => return fan.bend_mean(look.rows, reach, look.spread),
-            Batch::Straight => return fan.straighten::<FUSED, S>(look, self.scratch, self.factor),
-            Batch::Bends(first, count) => {
-                fan.place_bends(first, count);
-                look.system.curve::<FUSED>(look.moment, self.scratch, &fan.delta, &mut fan.out);
-                return fan.gather_bends(look.rows, first, count, reach);
-            }
             Batch::Pairs(first, count) => {
                 fan.place_pairs(self.factor, first, count, reach);
                 first
@@ -324,8 +333,59 @@ impl<S: System> Kernel for Reading<'_, S> {
             Batch::Pairs(first, count) => fan.gather_pairs(look.rows, first, count, 0.5 / reach),
             Batch::Singles(first, count) => fan.gather_singles(look.rows, first, count, 1.0 / reach),
             Batch::Inputs(first, count) => fan.gather_inputs(look.rows, first, count),
-            _ => {}
+            Batch::Mean => {}
         }
+    }
+}
+
+struct Straightening<'a, S: System> {
+    fan: &'a mut Fan,
+    look: Look<'a, S>,
+    scratch: &'a mut S::Scratch,
+    factor: &'a Panel,
+}
+
+impl<S: System> Kernel for Straightening<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        self.fan.straighten::<FUSED, S>(self.look, self.scratch, self.factor);
+    }
+}
+
+struct Bending<'a, S: System> {
+    fan: &'a mut Fan,
+    look: Look<'a, S>,
+    scratch: &'a mut S::Scratch,
+    first: usize,
+    count: usize,
+}
+
+impl<S: System> Kernel for Bending<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Bending { fan, look, scratch, first, count } = self;
+        fan.place_bends(first, count);
+        look.system.curve::<FUSED>(look.moment, scratch, &fan.delta, &mut fan.out);
+        fan.gather_bends(look.rows, first, count, look.spread.reach(fan.part.dim()));
+    }
+}
+
+struct Averaging<'a> {
+    fan: &'a mut Fan,
+    rows: &'a [usize],
+    spread: Spread,
+}
+
+impl Kernel for Averaging<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        self.fan.bend_mean(self.rows, self.spread.reach(self.fan.part.dim()), self.spread);
     }
 }
 

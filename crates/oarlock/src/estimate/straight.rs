@@ -2,6 +2,7 @@
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
 use super::tiles::{padded, Panel, VECTOR};
+use super::transition::Block;
 use crate::lane::arch::madd;
 use std::ops::Range;
 
@@ -14,11 +15,13 @@ pub struct Slope {
     pub rows: [f64; VECTOR],
 }
 
-/// Three neighbouring rows that answer to the same states.
+/// Up to three neighbouring rows that answer to the same states.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trio {
     /// The first.
     pub row: usize,
+    /// How many there are.
+    pub count: usize,
     /// Which slopes are theirs.
     pub slopes: Range<usize>,
     /// The first of three states that add to them one by one.
@@ -40,11 +43,63 @@ pub struct Straight {
 const BLOCK: usize = 2 * VECTOR;
 
 impl Straight {
-    /// Adds three rows; the slopes' own numbers come later.
-    pub fn push(&mut self, row: usize, states: &[usize], added: Option<usize>) {
+    /// Adds some rows that answer to `states`, the last state first; the numbers themselves come later.
+    pub fn push(&mut self, row: usize, count: usize, states: &[usize], added: Option<usize>) {
         let first = self.slopes.len();
         self.slopes.extend(states.iter().map(|&state| Slope { state, rows: [0.0; VECTOR] }));
-        self.trios.push(Trio { row, slopes: first..self.slopes.len(), added });
+        self.trios.push(Trio { row, count, slopes: first..self.slopes.len(), added });
+    }
+
+    /// Slopes of some rows.
+    #[inline(always)]
+    pub fn rows_of(&mut self, trio: usize) -> &mut [Slope] {
+        &mut self.slopes[self.trios[trio].slopes.clone()]
+    }
+
+    /// Adds the slopes of some rows to a Jacobian that has them all.
+    pub fn scatter(&self, trio: usize, width: usize, jacobian: &mut [f64]) {
+        let trio = &self.trios[trio];
+        for i in 0..trio.count {
+            let row = &mut jacobian[(trio.row + i) * width..(trio.row + i + 1) * width];
+            self.slopes[trio.slopes.clone()].iter().for_each(|s| row[s.state] += s.rows[i]);
+            if let Some(first) = trio.added {
+                row[first + i] += 1.0;
+            }
+        }
+    }
+
+    /// Columns behind those of the states, which are inputs.
+    pub fn inputs(&self, asked: &[bool], count: usize, even: &mut Panel) {
+        for trio in &self.trios {
+            for i in (0..trio.count).filter(|i| asked[trio.row + i]) {
+                let row = &mut even.row_mut(trio.row + i)[..count];
+                row.fill(0.0);
+                let slopes = self.slopes[trio.slopes.clone()].iter();
+                slopes.take_while(|s| s.state >= self.n).for_each(|s| row[s.state - self.n] += s.rows[i]);
+            }
+        }
+    }
+
+    /// J becomes J B with B of these blocks, all of whose states or none a row answers to.
+    pub fn carry(&mut self, blocks: &[Block]) {
+        for b in blocks {
+            for trio in &self.trios {
+                let slopes = &mut self.slopes[trio.slopes.clone()];
+                let mut old = [[0.0; VECTOR]; 3];
+                for slope in slopes.iter_mut() {
+                    if let Some(r) = (0..b.len).find(|&r| b.index[r] == slope.state) {
+                        (0..VECTOR).for_each(|k| old[r][k] += slope.rows[k]);
+                        slope.rows = [0.0; VECTOR];
+                    }
+                }
+                for c in 0..b.len {
+                    let Some(slope) = slopes.iter_mut().find(|s| s.state == b.index[c]) else { continue };
+                    for k in 0..VECTOR {
+                        slope.rows[k] = (0..b.len).map(|r| b.factor[r][c] * old[r][k]).sum();
+                    }
+                }
+            }
+        }
     }
 
     /// H = J U' of the first `count` columns: row k of `turned` is column k of U, reversed. What lies behind them in the last vector
@@ -54,7 +109,7 @@ impl Straight {
         let width = padded(count);
         let n = self.n;
         for trio in &self.trios {
-            if !asked[trio.row..trio.row + 3].contains(&true) {
+            if !asked[trio.rows()].contains(&true) {
                 continue;
             }
             let slopes = &self.slopes[trio.slopes.clone()];
@@ -71,6 +126,10 @@ impl Straight {
 }
 
 impl Trio {
+    fn rows(&self) -> Range<usize> {
+        self.row..self.row + self.count
+    }
+
     #[inline(always)]
     fn columns<const FUSED: bool, const V: usize>(
         &self,
@@ -87,7 +146,7 @@ impl Trio {
         }
         // Column c holds numbers in the rows from n - 1 - c on.
         let first = n.saturating_sub(at + V * VECTOR);
-        for slope in slopes.iter().take_while(|s| s.state >= first) {
+        for slope in slopes.iter().skip_while(|s| s.state >= n).take_while(|s| s.state >= first) {
             let x: [[f64; VECTOR]; V] = vectors(turned.row(slope.state), at);
             for i in 0..3 {
                 for v in 0..V {
@@ -97,7 +156,7 @@ impl Trio {
                 }
             }
         }
-        for i in 0..3 {
+        for i in 0..self.count.min(3) {
             let row = &mut odd.row_mut(self.row + i)[at..at + V * VECTOR];
             row.copy_from_slice(sums[i].as_flattened());
         }
@@ -117,5 +176,86 @@ pub fn turn(factor: &Panel, n: usize, turned: &mut Panel) {
         for (i, x) in turned.row_mut(k)[n - 1 - k..n].iter_mut().rev().enumerate() {
             *x = factor.at(i, k);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lane::arch::{Arch, Kernel};
+
+    /// Of sums of ten numbers of about one.
+    const ROUNDING: f64 = 1e-14;
+    const STATES: usize = 11;
+
+    fn number(i: usize, j: usize) -> f64 {
+        (1.7 * i as f64 + 0.9 * j as f64 * j as f64).sin()
+    }
+
+    struct Times<'a>(&'a Straight, &'a Panel, usize, &'a mut Panel);
+
+    impl Kernel for Times<'_> {
+        type Output = ();
+
+        #[inline(always)]
+        fn run<const FUSED: bool>(self) {
+            self.0.times::<FUSED>(self.1, self.2, &[true; 4], self.3);
+        }
+    }
+
+    /// Three rows that answer to some states, an addition and an input, and one row that answers to one state twice.
+    fn some() -> Straight {
+        let mut straight = Straight { n: STATES, ..Straight::default() };
+        straight.push(0, 3, &[STATES, 9, 6, 2, 0], Some(4));
+        straight.push(3, 1, &[5, 5], None);
+        for (k, slope) in straight.slopes.iter_mut().enumerate() {
+            slope.rows = [number(k, 1), number(k, 2), number(k, 3), 0.0];
+        }
+        straight
+    }
+
+    #[test]
+    fn columns_are_the_products_of_plain_matrices() {
+        let straight = some();
+        let (mut factor, mut turned) = (Panel::zeros(STATES, padded(STATES)), Panel::zeros(STATES, padded(STATES)));
+        (0..STATES).for_each(|i| (i..STATES).for_each(|j| factor.row_mut(i)[j] = number(i, j)));
+        turn(&factor, STATES, &mut turned);
+        let width = STATES + 1;
+        let mut jacobian = vec![0.0; 4 * width];
+        (0..2).for_each(|trio| straight.scatter(trio, width, &mut jacobian));
+        for arch in [Arch::PORTABLE, Arch::best()] {
+            let mut odd = Panel::zeros(4, padded(STATES));
+            arch.run(Times(&straight, &turned, STATES, &mut odd));
+            for r in 0..4 {
+                for i in 0..STATES {
+                    let plain: f64 = (i..STATES).map(|k| jacobian[r * width + k] * factor.at(i, k)).sum();
+                    assert!((odd.at(r, STATES - 1 - i) - plain).abs() < ROUNDING, "{r} {i}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn inputs_stand_behind_the_states() {
+        let (straight, mut even) = (some(), Panel::zeros(4, VECTOR));
+        straight.inputs(&[true; 4], 1, &mut even);
+        assert_eq!([0, 1, 2, 3].map(|r| even.at(r, 0)), [number(0, 1), number(0, 2), number(0, 3), 0.0]);
+    }
+
+    #[test]
+    fn a_turned_tangent_space_mixes_columns() {
+        let mut straight = some();
+        let mix = [[0.0, 1.0, 0.5], [2.0, 0.0, 0.0], [0.0, -1.0, 1.0]];
+        straight.carry(&[Block::linear([2, 6, 9], mix)]);
+        let (before, after) = (some().slopes, straight.slopes);
+        // States 2, 6 and 9 are slopes 3, 2 and 1.
+        for k in 0..3 {
+            let old = [3, 2, 1].map(|s| before[s].rows[k]);
+            for c in 0..3 {
+                let wanted: f64 = (0..3).map(|r| mix[r][c] * old[r]).sum();
+                assert!((after[3 - c].rows[k] - wanted).abs() < ROUNDING);
+            }
+        }
+        assert_eq!((after[0], after[4], after[5]), (before[0], before[4], before[5]));
     }
 }

@@ -4,7 +4,7 @@
 //! w = C' w + z q', w' = C' w' + (C' w) x z q' + z q'', a = C' (a + w' x r + w x (w x r)), by joint rotations C. Places of points are
 //! found on the way up, from their piece to one that stands as the mean's does.
 
-use super::pieces::{Piece, Pieces};
+use super::pieces::{Facing, Piece, Pieces};
 use super::slopes::Slopes;
 use super::{three, FrameMotion, JointMotion, Tree};
 use crate::lane::Real;
@@ -215,6 +215,16 @@ impl Pieces {
         }
     }
 
+    /// A vector of the root in the axes of every piece. Allocates nothing.
+    pub fn lower(&self, joints: JointMotion<f64>, v: Vec3<f64>, out: &mut [Vec3<f64>]) {
+        let mut turn = [0.0; 9];
+        out[0] = v;
+        for (k, piece) in self.pieces.iter().enumerate().skip(1) {
+            piece.turn(&joints, &mut turn);
+            out[k] = piece.lowered(&turn, out[piece.parent]);
+        }
+    }
+
     /// Marks what carries the pieces that are wanted.
     pub fn mark_ancestors(&self, wanted: &mut [Wanted]) {
         for k in (1..self.len()).rev() {
@@ -316,7 +326,7 @@ impl Piece {
     /// Of a hinge by its sine and cosine.
     #[inline(always)]
     pub fn bend<T: Real>(&self, (sin, cos): (T, T), turn: &mut Turn<T>) {
-        let [x, y] = self.swapped().map_or([1.0; 2], |axes| [axes[0].1, axes[1].1]);
+        let [x, y, _] = self.facing.as_ref().map_or([1.0; 3], |f| f.signs);
         (turn[0], turn[1]) = (cos.scale(x), sin.scale(y));
         (turn[2], turn[3]) = (cos.scale(y), sin.scale(x));
     }
@@ -324,8 +334,10 @@ impl Piece {
     /// A vector of the parent in the joint's axes, before the joint turns.
     #[inline(always)]
     fn faced<T: Real>(&self, v: Vec3<T>) -> Vec3<T> {
-        match self.swapped() {
-            Some([(a, x), (b, y), (c, z)]) => Vec3([v.0[a].scale(x), v.0[b].scale(y), v.0[c].scale(z)]),
+        match &self.facing {
+            Some(Facing { axes: [a, b, c], signs: [x, y, z] }) => {
+                Vec3([v.0[*a].scale(*x), v.0[*b].scale(*y), v.0[*c].scale(*z)])
+            }
             None => self.entry.rotation.transposed_apply(v),
         }
     }
@@ -333,11 +345,11 @@ impl Piece {
     /// Back again.
     #[inline(always)]
     fn unfaced<T: Real>(&self, v: Vec3<T>) -> Vec3<T> {
-        match self.swapped() {
-            Some(axes) => {
+        match &self.facing {
+            Some(Facing { axes, signs }) => {
                 let mut out = v;
-                for (x, (to, sign)) in v.0.iter().zip(axes) {
-                    out.0[to] = x.scale(sign);
+                for k in 0..3 {
+                    out.0[axes[k]] = v.0[k].scale(signs[k]);
                 }
                 out
             }
@@ -350,8 +362,8 @@ impl Piece {
     fn lowered<T: Real>(&self, turn: &Turn<T>, v: Vec3<T>) -> Vec3<T> {
         match self.joint.as_ref().map(|j| j.kind) {
             Some(JointKind::Hinge) => {
-                let [x, y, z] = match self.swapped() {
-                    Some([(a, _), (b, _), (c, sign)]) => [v.0[a], v.0[b], v.0[c].scale(sign)],
+                let [x, y, z] = match &self.facing {
+                    Some(Facing { axes: [a, b, c], signs }) => [v.0[*a], v.0[*b], v.0[*c].scale(signs[2])],
                     None => self.faced(v).0,
                 };
                 Vec3([turn[0].madd(x, turn[1] * y), turn[2].madd(y, -(turn[3] * x)), z])
@@ -370,10 +382,10 @@ impl Piece {
             JointKind::Hinge => {
                 let [x, y, z] = v.0;
                 let u = [turn[0].madd(x, -(turn[3] * y)), turn[1].madd(x, turn[2] * y), z];
-                match self.swapped() {
-                    Some([(a, _), (b, _), (c, sign)]) => {
+                match &self.facing {
+                    Some(Facing { axes: [a, b, c], signs }) => {
                         let mut out = v;
-                        (out.0[a], out.0[b], out.0[c]) = (u[0], u[1], u[2].scale(sign));
+                        (out.0[*a], out.0[*b], out.0[*c]) = (u[0], u[1], u[2].scale(signs[2]));
                         out
                     }
                     None => self.entry.rotation.apply_lanes(Vec3(u)),

@@ -14,18 +14,26 @@ pub(super) struct Piece {
     pub parent: usize,
     /// From the parent's axes to the joint's.
     pub entry: Fixed,
+    pub facing: Option<Facing>,
     pub joint: Option<Moved>,
 }
 
-impl Piece {
-    /// Which axis of the parent each axis of the joint is, and its sign; `None` where they are no axes of it.
-    #[inline(always)]
-    pub fn swapped(&self) -> Option<[(usize, f64); 3]> {
-        match self.entry.swap {
-            Swap::Nothing => Some([(0, 1.0), (1, 1.0), (2, 1.0)]),
-            Swap::Axes(axes) => Some(axes),
-            Swap::Anything => None,
-        }
+/// Which axis of the parent each axis of a joint is, and its sign.
+#[derive(Debug, Clone)]
+pub(super) struct Facing {
+    pub axes: [usize; 3],
+    pub signs: [f64; 3],
+}
+
+impl Facing {
+    /// `None` where they are no axes of it.
+    fn of(entry: &Fixed) -> Option<Self> {
+        let axes = match entry.swap {
+            Swap::Nothing => [(0, 1.0), (1, 1.0), (2, 1.0)],
+            Swap::Axes(axes) => axes,
+            Swap::Anything => return None,
+        };
+        Some(Facing { axes: axes.map(|a| a.0), signs: axes.map(|a| a.1) })
     }
 }
 
@@ -65,8 +73,8 @@ impl Pieces {
     /// Of a tree.
     pub fn new(tree: &Tree) -> Self {
         let here = || Fixed::new(Mat3::identity(), Point::fixed([0.0; 3]));
-        let mut found =
-            Pieces { pieces: vec![Piece { frame: 0, parent: 0, entry: here(), joint: None }], homes: vec![] };
+        let root = Piece { frame: 0, parent: 0, facing: Facing::of(&here()), entry: here(), joint: None };
+        let mut found = Pieces { pieces: vec![root], homes: Vec::new() };
         found.homes.push(Home { piece: 0, rotation: Mat3::identity(), origin: Point::fixed([0.0; 3]) });
         for (i, link) in tree.links.iter().enumerate().skip(1) {
             let home = found.home(i, link);
@@ -81,7 +89,7 @@ impl Pieces {
             return before.behind(&link.after);
         };
         let entry = Fixed::new(before.rotation, before.origin);
-        self.pieces.push(Piece { frame, parent: before.piece, entry, joint: Some(joint) });
+        self.pieces.push(Piece { frame, parent: before.piece, facing: Facing::of(&entry), entry, joint: Some(joint) });
         let own = Home { piece: self.len() - 1, rotation: Mat3::identity(), origin: Point::fixed([0.0; 3]) };
         own.behind(&link.after)
     }

@@ -51,16 +51,6 @@ pub struct Slope {
 }
 
 impl Slope {
-    /// Of the proper acceleration at a place that has a velocity (m, m/s), seen by who turns along.
-    #[inline(always)]
-    pub fn acceleration(&self, place: Vec3<f64>, velocity: Vec3<f64>) -> Vec3<f64> {
-        match self.kind {
-            Kind::Turn | Kind::Rate => self.push + self.spun.cross(place) + self.spin.cross(velocity + velocity),
-            Kind::Accel => self.push + self.spun.cross(place),
-            Kind::Shift | Kind::Push => self.push,
-        }
-    }
-
     /// Of a place, m.
     #[inline(always)]
     pub fn place(&self, place: Vec3<f64>) -> Vec3<f64> {
@@ -97,16 +87,7 @@ pub struct Slopes {
 }
 
 impl Slopes {
-    /// Slopes of a frame's motion: its own and those of its ancestors.
-    #[inline(always)]
-    pub fn felt_by(&self, mut frame: usize, mut see: impl FnMut(&Slope)) {
-        while frame != 0 {
-            self.slopes[self.own[frame].clone()].iter().for_each(&mut see);
-            frame = self.parents[frame];
-        }
-    }
-
-    /// Numbers of these slopes.
+    /// Numbers of the slopes of a frame's motion: its own and those of its ancestors.
     pub fn chain(&self, mut frame: usize) -> Vec<usize> {
         let mut found = Vec::new();
         while frame != 0 {
@@ -125,7 +106,7 @@ impl Slopes {
 
 /// How a point moves with the lengths that it depends on, seen from a frame that moves so: column, shift and push.
 #[inline(always)]
-pub fn stretched(
+fn stretched(
     point: &Point,
     motion: &FrameMotion<f64>,
     columns: &[usize],
@@ -133,17 +114,15 @@ pub fn stretched(
 ) {
     for (number, slope) in point.slopes() {
         let shift = motion.rotation.apply_f64(*slope);
-        see(columns[*number], shift, motion.rigid_acceleration(shift));
+        see(columns[*number], shift, rigid_acceleration(motion, shift));
     }
 }
 
-impl FrameMotion<f64> {
-    /// Of a point `arm` away, against the origin.
-    #[inline(always)]
-    fn rigid_acceleration(&self, arm: Vec3<f64>) -> Vec3<f64> {
-        let w = self.angular_velocity;
-        self.angular_acceleration.cross(arm) + w.cross(w.cross(arm))
-    }
+/// Acceleration of a point `arm` away, against the frame's origin.
+#[inline(always)]
+pub fn rigid_acceleration(motion: &FrameMotion<f64>, arm: Vec3<f64>) -> Vec3<f64> {
+    let w = motion.angular_velocity;
+    motion.angular_acceleration.cross(arm) + w.cross(w.cross(arm))
 }
 
 fn three(v: &[f64], first: usize) -> Vec3<f64> {
@@ -246,7 +225,7 @@ impl Walk<'_> {
         let [value, rate, accel] = self.columns.coordinates[coordinate];
         if let Some((column, scale)) = value {
             let e = axis * scale;
-            self.push(column, Kind::Shift, [ZERO, e, ZERO, ZERO, here.rigid_acceleration(e)]);
+            self.push(column, Kind::Shift, [ZERO, e, ZERO, ZERO, rigid_acceleration(here, e)]);
         }
         if let Some((column, scale)) = rate {
             let e = axis * scale;

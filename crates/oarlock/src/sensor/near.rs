@@ -165,6 +165,14 @@ impl Seats {
         }
     }
 
+    /// A vector in the axes of source `i`, if that is an inertial unit, given in those of every piece.
+    pub fn seen_by(&self, i: usize, v: &[Vec3<f64>], mounts: &[Vec3<f64>]) -> Option<Vec3<f64>> {
+        let Seat::Unit(s) = &self.seats[i] else { return None };
+        let nominal = s.rotation.apply_transposed(v[s.piece]);
+        let mount = s.mount.and_then(|i| mounts.get(i));
+        Some(mount.map_or(nominal, |turn| Mat3::about(*turn).apply_transposed(nominal)))
+    }
+
     /// How the units stand at the mean.
     #[inline(always)]
     pub fn settle(&self, worn: Worn<f64>, active: &[bool], stands: &mut [Stand]) {

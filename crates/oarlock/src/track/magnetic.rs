@@ -97,13 +97,10 @@ impl Tracker {
         if !gated || self.magnetic_rows().all(|r| self.z[r].is_nan()) {
             return;
         }
-        self.body.pose(&belief.mean, &self.moment, &mut self.posture);
-        let up = Vec3(self.body.model.world.up);
+        self.body.lower_up(&belief.mean, &self.moment, &mut self.posture);
         for (p, rows) in self.groups.parts.iter().enumerate().filter(|(p, _)| self.quantities[*p] == Quantity::Mag) {
             let source = self.groups.sources.iter().position(|s| s.contains(&rows.start));
-            let axes =
-                source.and_then(|s| self.body.suite.root_from_sensor(s, &self.posture.frames, &self.posture.mounts));
-            let up = axes.map(|axes| axes.apply_transposed(up));
+            let up = source.and_then(|s| self.body.up_seen_by(s, &self.posture));
             let measured = Vec3([self.z[rows.start], self.z[rows.start + 1], self.z[rows.start + 2]]);
             self.slants[p] = up.and_then(|up| slant(measured, up, self.body.field.norm_ut, self.body.field.dip_rad));
         }

@@ -5,6 +5,7 @@
 
 use crate::estimate::dense::accumulate;
 use crate::estimate::sigma::Fan;
+use crate::estimate::straight::{turn, Straight};
 use crate::estimate::tiles::{padded, Panel, VECTOR};
 use crate::estimate::transition::{multiply_transposed, Block};
 use crate::estimate::System;
@@ -15,8 +16,11 @@ use crate::lane::arch::{Arch, Kernel};
 pub struct Tangent {
     n: usize,
     inputs: usize,
-    /// A row for each reading: states, then noisy inputs.
+    /// Of systems that give it without zeros.
+    straight: Option<Straight>,
+    /// Else a row for each reading: states, then noisy inputs.
     jacobian: Vec<f64>,
+    asked: Vec<bool>,
     /// Row j is column j of the factor of the covariance, reversed.
     factor: Panel,
 }
@@ -33,17 +37,18 @@ pub struct At<'a> {
 }
 
 impl Tangent {
-    /// For `n` states.
-    pub fn new(n: usize, inputs: usize, rows: usize) -> Self {
-        Tangent { n, inputs, jacobian: vec![0.0; rows * (n + inputs)], factor: Panel::zeros(n, padded(n)) }
+    /// For a system of `n` states.
+    pub fn new<S: System>(system: &S) -> Self {
+        let (n, inputs, rows) = (system.partition().dim(), system.input_std().len(), system.row_count());
+        let straight = system.tangent();
+        let size = if straight.is_some() { 0 } else { rows * (n + inputs) };
+        let factor = Panel::zeros(n, padded(n));
+        Tangent { n, inputs, straight, jacobian: vec![0.0; size], asked: vec![false; rows], factor }
     }
 
     /// Takes in the factor of the covariance.
-    pub fn prepare(&mut self, root: &Panel) {
-        let n = self.n;
-        for i in 0..n {
-            (i..n).for_each(|j| self.factor.row_mut(j)[n - 1 - i] = root.at(i, j));
-        }
+    pub fn prepare(&mut self, arch: Arch, root: &Panel) {
+        arch.run(Turning { root, n: self.n, turned: &mut self.factor });
     }
 
     /// Fills the fan. Allocates nothing.
@@ -55,26 +60,17 @@ impl Tangent {
         scratch: &mut S::Scratch,
         at: At,
     ) {
-        system.linearise(moment, scratch, at.mean, &mut fan.center, &mut self.jacobian);
-        arch.run(Columns { tangent: self, fan, at });
+        if self.straight.is_none() {
+            system.linearise(moment, scratch, at.mean, &mut fan.center, &mut self.jacobian);
+        }
+        arch.run(Columns { tangent: self, fan, of: (system, moment), scratch, at });
     }
-}
-
-struct Columns<'a> {
-    tangent: &'a mut Tangent,
-    fan: &'a mut Fan,
-    at: At<'a>,
-}
-
-impl Kernel for Columns<'_> {
-    type Output = ();
 
     #[inline(always)]
-    fn run<const FUSED: bool>(self) {
-        let Columns { tangent, fan, at } = self;
-        let (n, width) = (tangent.n, tangent.n + tangent.inputs);
+    fn dense(&mut self, fan: &mut Fan, at: At) {
+        let (n, width) = (self.n, self.n + self.inputs);
         for &r in at.rows {
-            let (slopes, of_inputs) = tangent.jacobian[r * width..(r + 1) * width].split_at_mut(n);
+            let (slopes, of_inputs) = self.jacobian[r * width..(r + 1) * width].split_at_mut(n);
             fan.even.row_mut(r)[..of_inputs.len()].copy_from_slice(of_inputs);
             multiply_transposed(at.carried.iter(), slopes);
             let row = fan.odd.row_mut(r);
@@ -82,8 +78,47 @@ impl Kernel for Columns<'_> {
             let last = slopes.iter().rposition(|&s| s != 0.0).unwrap_or(0);
             // From the beginning of a vector.
             let start = (n - 1 - last) / VECTOR * VECTOR;
-            let factor = &tangent.factor;
+            let factor = &self.factor;
             accumulate(&mut row[start..], (0..=last).map(|j| (slopes[j], &factor.row(j)[start..])));
         }
+    }
+}
+
+struct Turning<'a> {
+    root: &'a Panel,
+    n: usize,
+    turned: &'a mut Panel,
+}
+
+impl Kernel for Turning<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        turn(self.root, self.n, self.turned);
+    }
+}
+
+struct Columns<'a, S: System> {
+    tangent: &'a mut Tangent,
+    fan: &'a mut Fan,
+    of: (&'a S, &'a S::Moment),
+    scratch: &'a mut S::Scratch,
+    at: At<'a>,
+}
+
+impl<S: System> Kernel for Columns<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Columns { tangent, fan, of: (system, moment), scratch, at } = self;
+        let Some(straight) = &mut tangent.straight else { return tangent.dense(fan, at) };
+        system.linearise_into::<FUSED>(moment, scratch, at.mean, &mut fan.center, straight);
+        straight.carry(at.carried);
+        tangent.asked.fill(false);
+        at.rows.iter().for_each(|&r| tangent.asked[r] = true);
+        straight.times::<FUSED>(&tangent.factor, tangent.n, &tangent.asked, &mut fan.odd);
+        straight.inputs(&tangent.asked, tangent.inputs, &mut fan.even);
     }
 }
