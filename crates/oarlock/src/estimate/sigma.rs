@@ -42,8 +42,9 @@ pub struct Fan {
     pub bend: Vec<f64>,
     /// One row a reading: H with its columns reversed.
     pub odd: Panel,
-    /// One row a reading: E of the rates and of the poses, sqrt(beta - alpha^2) d, and D. D has a column for each noisy input,
-    /// which is what the readings change by when that input is off by its standard deviation: D D' adds to R.
+    /// One row a reading: D, E of the rates and of the poses, sqrt(beta - alpha^2) d: fewest readings have a part in the first. D has
+    /// a column for each noisy input, which is what the readings change by when that input is off by its standard deviation:
+    /// D D' adds to R.
     pub even: Panel,
     /// Columns of `even`.
     pub evens: usize,
@@ -178,7 +179,7 @@ impl Fan {
         let rates = first >= self.part.pose;
         let (odd_at, curved) = (self.part.dim() - first - count, self.part.curved());
         // E of the rates stands before E of the poses.
-        let even_at = curved - first - count;
+        let even_at = self.off.len() + curved - first - count;
         for &r in rows {
             if rates && self.depth[r] == Depth::Pose {
                 continue;
@@ -224,13 +225,12 @@ impl Fan {
 
     #[inline(always)]
     fn gather_inputs(&mut self, rows: &[usize], first: usize, count: usize) {
-        let at = self.part.curved() + 1 + first;
         for &r in rows {
             let mut column = self.out[r].0;
             for x in &mut column {
                 *x -= self.center[r];
             }
-            put(&mut self.even.row_mut(r)[at..], &column, count);
+            put(&mut self.even.row_mut(r)[first..], &column, count);
         }
     }
 
@@ -256,7 +256,7 @@ impl Fan {
     /// E of rates.
     #[inline(always)]
     fn gather_bends(&mut self, rows: &[usize], first: usize, count: usize, reach: f64) {
-        let at = self.part.curved() - first - count;
+        let at = self.off.len() + self.part.curved() - first - count;
         for &r in rows.iter().filter(|&&r| self.depth[r] == Depth::Full) {
             let even = self.out[r].0.map(|x| x * reach);
             put(&mut self.even.row_mut(r)[at..], &even, count);
@@ -266,9 +266,9 @@ impl Fan {
     #[inline(always)]
     fn bend_mean(&mut self, rows: &[usize], reach: f64, spread: Spread) {
         let outer = (spread.beta - spread.alpha * spread.alpha).max(0.0).sqrt();
-        let curved = self.part.curved();
+        let (inputs, curved) = (self.off.len(), self.part.curved());
         for &r in rows {
-            let row = self.even.row_mut(r);
+            let row = &mut self.even.row_mut(r)[inputs..];
             let (vectors, rest) = row[..curved].as_chunks::<VECTOR>();
             let mut sums = [0.0; VECTOR];
             for v in vectors {
@@ -389,13 +389,15 @@ impl Kernel for Averaging<'_> {
     }
 }
 
-/// The first `count` of a few numbers; all at once where that is all of them.
+/// The first `count` of a few numbers, by copies whose lengths are known beforehand.
 #[inline(always)]
 fn put<const N: usize>(out: &mut [f64], values: &[f64; N], count: usize) {
-    if count == N {
-        out[..N].copy_from_slice(values);
-    } else {
-        out[..count].copy_from_slice(&values[..count]);
+    let mut at = 0;
+    for length in [8, 4, 2, 1] {
+        if (length < N && count & length > 0) || (length == N && count == N) {
+            out[at..at + length].copy_from_slice(&values[at..at + length]);
+            at += length;
+        }
     }
 }
 

@@ -192,31 +192,19 @@ impl Solver {
         let all =
             Rows { panel: &self.noise, rows: 0..self.inertial, column: h_at, starts: &self.starts[h_at / VECTOR..] };
         gram(arch, &mut self.inner, [n, wide], all.clone(), true);
-        for i in 0..n {
-            self.inner.row_mut(i)[i] += 1.0;
-            self.gain.row_mut(i)[..wide].copy_from_slice(self.inner.row(i));
-        }
+        (0..n).for_each(|i| self.inner.row_mut(i)[i] += 1.0);
+        arch.run(Filling { gain: &mut self.gain, inner: &self.inner, root, n });
         let mut inertial = None;
         if 0 < self.inertial && self.inertial < m {
             factor(arch, &mut self.inner, Sweep { n, width: wide, starts: &self.zeros })?;
             inertial = Some(squares(&self.noise, 0..self.inertial, y_at) - squares(&self.inner, 0..n, n));
         }
         gram(arch, &mut self.gain, [n, wide], Rows { rows: self.inertial..m, ..all }, false);
-        self.reverse(root);
         self.starts[..wide / VECTOR].fill(0);
         self.starts[wide / VECTOR..][..n_pad / VECTOR].copy_from_slice(&self.reversed);
         factor(arch, &mut self.gain, Sweep { n, width: wide + n_pad, starts: &self.starts })?;
         let nis = squares(&self.noise, 0..m, y_at) - squares(&self.gain, 0..n, n);
         Ok(Verdict { nis, inertial: inertial.unwrap_or(nis) })
-    }
-
-    /// Rows of the factor in reverse, behind all else.
-    #[inline(always)]
-    fn reverse(&mut self, root: &Panel) {
-        let (n, at) = (self.states, self.wide());
-        for k in 0..n {
-            self.gain.row_mut(k)[at..].copy_from_slice(root.row(n - 1 - k));
-        }
     }
 
     /// Behind `solve`: where the update leads, in units of the factor's rows, last row first.
@@ -291,6 +279,30 @@ impl Kernel for Dividing<'_> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
         with_hand!(FUSED, |hand| self.solver.divide(hand, self.fan, self.readings));
+    }
+}
+
+/// What is known of inertial units goes into `gain`, and behind it the rows of the factor in reverse.
+struct Filling<'a> {
+    gain: &'a mut Panel,
+    inner: &'a Panel,
+    root: &'a Panel,
+    n: usize,
+}
+
+impl Kernel for Filling<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        with_hand!(FUSED, |hand| {
+            for k in 0..self.n {
+                let known = self.inner.row(k);
+                let (left, right) = self.gain.row_mut(k).split_at_mut(known.len());
+                hand.copy(known, left);
+                hand.copy(self.root.row(self.n - 1 - k), right);
+            }
+        });
     }
 }
 

@@ -3,7 +3,8 @@
 
 use super::tiles::{padded, Panel, VECTOR};
 use super::transition::Block;
-use crate::lane::arch::madd;
+use crate::lane::arch::with_hand;
+use crate::lane::four::{Four, Hand, Part, Tile};
 use std::ops::Range;
 
 /// How three rows answer to a state.
@@ -106,19 +107,22 @@ impl Straight {
     /// is overwritten.
     #[inline(always)]
     pub fn times<const FUSED: bool>(&self, turned: &Panel, count: usize, asked: &[bool], odd: &mut Panel) {
+        with_hand!(FUSED, |hand| self.multiply(hand, turned, count, asked, odd));
+    }
+
+    #[inline(always)]
+    fn multiply<F: Four>(&self, hand: Hand<F>, turned: &Panel, count: usize, asked: &[bool], odd: &mut Panel) {
         let width = padded(count);
-        let n = self.n;
         for trio in &self.trios {
             if !asked[trio.rows()].contains(&true) {
                 continue;
             }
             let slopes = &self.slopes[trio.slopes.clone()];
             for at in (0..width).step_by(BLOCK) {
-                let both = at + BLOCK <= width;
-                if both {
-                    trio.columns::<FUSED, 2>(slopes, (turned, n), at, odd);
+                if at + BLOCK <= width {
+                    trio.columns::<F, 2>(hand, slopes, (turned, self.n), at, odd);
                 } else {
-                    trio.columns::<FUSED, 1>(slopes, (turned, n), at, odd);
+                    trio.columns::<F, 1>(hand, slopes, (turned, self.n), at, odd);
                 }
             }
         }
@@ -131,42 +135,33 @@ impl Trio {
     }
 
     #[inline(always)]
-    fn columns<const FUSED: bool, const V: usize>(
+    fn columns<F: Four, const V: usize>(
         &self,
+        hand: Hand<F>,
         slopes: &[Slope],
         (turned, n): (&Panel, usize),
         at: usize,
         odd: &mut Panel,
     ) {
-        let mut sums = [[[0.0; VECTOR]; V]; 3];
-        if let Some(first) = self.added {
-            for i in 0..3 {
-                sums[i] = vectors(turned.row(first + i), at);
-            }
-        }
+        let mut sums: Tile<F, 3, V> = match self.added {
+            Some(first) => hand.load(turned.part(first, at)),
+            None => hand.zero(),
+        };
         // Column c holds numbers in the rows from n - 1 - c on.
         let first = n.saturating_sub(at + V * VECTOR);
-        for slope in slopes.iter().skip_while(|s| s.state >= n).take_while(|s| s.state >= first) {
-            let x: [[f64; VECTOR]; V] = vectors(turned.row(slope.state), at);
-            for i in 0..3 {
-                for v in 0..V {
-                    for k in 0..VECTOR {
-                        sums[i][v][k] = madd::<FUSED>(slope.rows[i], x[v][k], sums[i][v][k]);
-                    }
-                }
+        for slope in slopes.iter().skip_while(|s| s.state >= n) {
+            if slope.state < first {
+                break;
             }
+            let rows = Part { data: &slope.rows, from: 0, stride: 0 };
+            sums = hand.multiply::<false, 3, V>(sums, rows, turned.part(slope.state, at), 1);
         }
-        for i in 0..self.count.min(3) {
-            let row = &mut odd.row_mut(self.row + i)[at..at + V * VECTOR];
-            row.copy_from_slice(sums[i].as_flattened());
+        match (self.count, sums) {
+            (1, [a, ..]) => odd.put::<F, 1, V>(hand, [a], self.row, at),
+            (2, [a, b, _]) => odd.put::<F, 2, V>(hand, [a, b], self.row, at),
+            (_, all) => odd.put::<F, 3, V>(hand, all, self.row, at),
         }
     }
-}
-
-#[inline(always)]
-fn vectors<const V: usize>(row: &[f64], at: usize) -> [[f64; VECTOR]; V] {
-    let (vectors, _) = row[at..at + V * VECTOR].as_chunks();
-    std::array::from_fn(|v| vectors[v])
 }
 
 /// Writes column k of the upper triangular `factor`, reversed, into row k of `turned`.

@@ -54,13 +54,21 @@ impl Panel {
         self.data[..end].copy_from_slice(&other.data[..end]);
     }
 
+    /// From (i, j) on.
     #[inline(always)]
-    fn part(&self, i: usize, j: usize) -> Part<'_> {
+    pub(super) fn part(&self, i: usize, j: usize) -> Part<'_> {
         Part { data: &self.data, from: i * self.stride + j, stride: self.stride }
     }
 
+    /// Puts a tile at (i, j).
     #[inline(always)]
-    fn put<F: Four, const R: usize, const V: usize>(&mut self, hand: Hand<F>, tile: Tile<F, R, V>, i: usize, j: usize) {
+    pub(super) fn put<F: Four, const R: usize, const V: usize>(
+        &mut self,
+        hand: Hand<F>,
+        tile: Tile<F, R, V>,
+        i: usize,
+        j: usize,
+    ) {
         hand.store(tile, &mut self.data, i * self.stride + j, self.stride);
     }
 

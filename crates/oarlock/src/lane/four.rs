@@ -336,6 +336,18 @@ impl<F: Four> Hand<F> {
         (0..rows).take_while(|&r| unsafe { F::load(at(r)).is_zero() }).count()
     }
 
+    /// `to = from`, over whole registers.
+    #[inline(always)]
+    pub fn copy(self, from: &[f64], to: &mut [f64]) {
+        let width = from.len().min(to.len()) / VECTOR * VECTOR;
+        // SAFETY: both are at least as long.
+        unsafe {
+            for k in (0..width).step_by(VECTOR) {
+                F::load(from.as_ptr().add(k)).store(to.as_mut_ptr().add(k));
+            }
+        }
+    }
+
     /// `to = scale from`, over whole registers.
     #[inline(always)]
     pub fn scale(self, from: &[f64], scale: f64, to: &mut [f64]) {
