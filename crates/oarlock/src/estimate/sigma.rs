@@ -392,9 +392,13 @@ impl Kernel for Averaging<'_> {
 /// The first `count` of a few numbers, by copies whose lengths are known beforehand.
 #[inline(always)]
 fn put<const N: usize>(out: &mut [f64], values: &[f64; N], count: usize) {
+    if count == N {
+        *out.first_chunk_mut().expect("there is room") = *values;
+        return;
+    }
     let mut at = 0;
-    for length in [8, 4, 2, 1] {
-        if (length < N && count & length > 0) || (length == N && count == N) {
+    for length in [4, 2, 1] {
+        if count & length > 0 {
             out[at..at + length].copy_from_slice(&values[at..at + length]);
             at += length;
         }
