@@ -31,7 +31,7 @@ pub enum Magnetometer {
 pub enum FilterKind {
     /// Unscented: readings at sigma points, right to second order.
     Ukf,
-    /// Extended: readings linearised at the mean by their exact Jacobian. About one and a half times as fast as `ukf`, and as good
+    /// Extended: readings linearised at the mean by their exact Jacobian. About 1.7 times as fast as `ukf`, and as good
     /// to a few per cent while readings are straight over the spread of the belief, as they are at 100 Hz with loops of some millimetres. It
     /// takes curvature for information. From 0.5 rad of ignorance its first update is off by more than it says, 1.6 times as far as
     /// that of `ukf`; with loops of 0.1 mm it goes astray where `ukf` does not.
