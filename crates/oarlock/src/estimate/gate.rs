@@ -122,3 +122,70 @@ const THRESHOLDS: [f64; MAX_ROWS] = [
 pub fn threshold(rows: usize) -> f64 {
     THRESHOLDS[rows.clamp(1, MAX_ROWS) - 1]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{DMatrix, DVector};
+
+    /// Of a covariance with numbers of about one.
+    const ROUNDING: f64 = 1e-12;
+
+    fn covariance(n: usize) -> Square {
+        let mut s = Square::zeros(n);
+        for i in 0..n {
+            (i..n).for_each(|j| *s.at_mut(i, j) = f64::from(i == j) + 0.4 / (1.0 + (i + 2 * j) as f64));
+        }
+        s
+    }
+
+    /// With a library's inverse.
+    fn plainly(test: &Test) -> f64 {
+        let used: Vec<usize> = (0..test.y.len()).filter(|&i| test.used[i]).collect();
+        let at = |i: usize, j: usize| {
+            let (i, j) = (test.first + used[i.min(j)], test.first + used[i.max(j)]);
+            test.covariance.at(i, j)
+        };
+        let s = DMatrix::from_fn(used.len(), used.len(), at);
+        let y = DVector::from_iterator(used.len(), used.iter().map(|&i| test.y[i]));
+        y.dot(&(s.try_inverse().expect("positive") * &y))
+    }
+
+    #[test]
+    fn four_tests_side_by_side_are_four_tests() {
+        let (s, y) = (covariance(20), [0.3, -1.2, 0.8, 2.1, -0.4, 1.9, 0.6, -0.9, 1.1, 0.2, -1.7, 0.5]);
+        const USED: [bool; 12] = [true, true, false, true, true, true, true, true, false, true, true, true];
+        const ALL: [bool; 12] = [true; 12];
+        for most in [1usize, 3, 6, 9, 12] {
+            let test = |first: usize, len: usize, used: &'static [bool; 12]| Test {
+                covariance: &s,
+                first,
+                y: &y[..len],
+                used: &used[..len],
+            };
+            let tests =
+                [test(0, most, &ALL), test(2, most, &ALL), test(1, most.div_ceil(2), &USED), test(5, most, &USED)];
+            for arch in [Arch::PORTABLE, Arch::best()] {
+                for (nis, test) in nis(arch, &tests).iter().zip(&tests) {
+                    assert!((nis - plainly(test)).abs() < ROUNDING, "{most}");
+                }
+            }
+            let alike = [0, 3, 5, 7].map(|first| test(first, most, &ALL));
+            for (nis, test) in nis(Arch::best(), &alike).iter().zip(&alike) {
+                assert!((nis - plainly(test)).abs() < ROUNDING, "{most}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_has_no_inverse_is_no_number_and_harms_no_neighbour() {
+        let (good, mut bad, mut worse) = (covariance(3), covariance(3), covariance(3));
+        *bad.at_mut(1, 1) = -1.0;
+        *worse.at_mut(0, 0) = f64::NAN;
+        let y = [1.0, 2.0, 3.0];
+        let tests = [&good, &bad, &worse, &good].map(|s| Test { covariance: s, first: 0, y: &y, used: &[true; 3] });
+        let [a, b, c, d] = nis(Arch::best(), &tests);
+        assert!(b.is_nan() && c.is_nan());
+        assert!((a - plainly(&tests[0])).abs() < ROUNDING && a == d);
+    }
+}

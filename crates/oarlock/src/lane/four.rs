@@ -5,6 +5,7 @@
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 #![allow(clippy::missing_safety_doc)] // said once of the whole trait
 
+#[cfg(target_arch = "x86_64")]
 use super::arch::Arch;
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64::*;
@@ -359,5 +360,118 @@ impl<F: Four> Hand<F> {
                 F::load(from.as_ptr().add(k)).times(factor).store(to.as_mut_ptr().add(k));
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::arch::{with_hand, Arch, Kernel};
+    use super::*;
+
+    /// Runs a check with each hand that this machine has.
+    trait Check {
+        fn check<F: Four>(&self, hand: Hand<F>);
+
+        fn everywhere(&self)
+        where
+            Self: Sized,
+        {
+            [Arch::PORTABLE, Arch::best()].into_iter().for_each(|arch| arch.run(Checking(self)));
+        }
+    }
+
+    struct Checking<'a, C>(&'a C);
+
+    impl<C: Check> Kernel for Checking<'_, C> {
+        type Output = ();
+
+        #[inline(always)]
+        fn run<const FUSED: bool>(self) {
+            with_hand!(FUSED, |hand| self.0.check(hand));
+        }
+    }
+
+    fn number(i: usize) -> f64 {
+        (0.7 + 1.3 * i as f64).sin()
+    }
+
+    struct Products;
+
+    impl Check for Products {
+        fn check<F: Four>(&self, hand: Hand<F>) {
+            let rows: Vec<Vec<f64>> = (0..6).map(|r| (0..12).map(|k| number(r * 12 + k)).collect()).collect();
+            let three = |first: usize| std::array::from_fn(|k| rows[first + k].as_slice());
+            let products = hand.products(three(0), three(3));
+            for i in 0..3 {
+                for j in 0..3 {
+                    let plain: f64 = rows[i].iter().zip(&rows[3 + j]).map(|(a, b)| a * b).sum();
+                    // A dozen products of numbers below one.
+                    assert!((products[i][j] - plain).abs() < 1e-14, "{i} {j}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn products_are_sums_over_rows() {
+        Products.everywhere();
+    }
+
+    struct Moving;
+
+    impl Check for Moving {
+        fn check<F: Four>(&self, hand: Hand<F>) {
+            let rows: Vec<Vec<f64>> = (0..4).map(|r| (0..9).map(|k| number(r * 9 + k)).collect()).collect();
+            let mut out = vec![0.0; 40];
+            hand.turn(std::array::from_fn(|r| rows[r].as_slice()), [1.0, 2.0, 3.0, 4.0], 5, &mut out, 2, 10);
+            for i in 0..4 {
+                for j in 0..4 {
+                    assert_eq!(out[2 + 10 * i + j], rows[j][5 + i] * (j + 1) as f64);
+                }
+            }
+            let mut scaled = [7.0; 9];
+            hand.scale(&rows[0], 2.0, &mut scaled);
+            assert_eq!((scaled[7], scaled[8]), (2.0 * rows[0][7], 7.0));
+            hand.copy(&rows[1], &mut scaled);
+            assert_eq!((scaled[0], scaled[7], scaled[8]), (rows[1][0], rows[1][7], 7.0));
+        }
+    }
+
+    #[test]
+    fn rows_turn_scale_and_move_in_whole_registers() {
+        Moving.everywhere();
+    }
+
+    struct Zeros;
+
+    impl Check for Zeros {
+        fn check<F: Four>(&self, hand: Hand<F>) {
+            for (last, zeros) in [(0.0, 3), (-0.0, 3), (f64::MIN_POSITIVE / 4.0, 2), (f64::NAN, 2)] {
+                let row = [0.0, -0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, last, 0.0, 0.0];
+                assert_eq!(hand.leading_zeros(&row), zeros, "{last}");
+                let part = Part { data: &row, from: 0, stride: 4 };
+                assert_eq!(hand.empty_rows(part, 3), zeros, "{last}");
+            }
+        }
+    }
+
+    #[test]
+    fn zeros_have_either_sign_and_the_least_number_is_none() {
+        Zeros.everywhere();
+    }
+
+    struct Beyond;
+
+    impl Check for Beyond {
+        fn check<F: Four>(&self, hand: Hand<F>) {
+            let data = [0.0; 10];
+            let _: Tile<F, 2, 1> = hand.load(Part { data: &data, from: 3, stride: 4 });
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "p.data.len()")]
+    fn tiles_that_do_not_fit_are_refused() {
+        Beyond.everywhere();
     }
 }
