@@ -191,11 +191,10 @@ impl Fan {
                 odd[j] = (plus - minus) * half;
                 even[j] = (plus + minus) * half;
             }
-            put(&mut self.odd.row_mut(r)[odd_at..], &odd, count);
-            if rates && self.depth[r] == Depth::Affine {
-                continue;
+            put(self.odd.from_mut(r, odd_at), &odd, count);
+            if !rates || self.depth[r] != Depth::Affine {
+                put(self.even.from_mut(r, even_at), &even, count);
             }
-            put(&mut self.even.row_mut(r)[even_at..], &even, count);
         }
     }
 

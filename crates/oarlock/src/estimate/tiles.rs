@@ -42,6 +42,12 @@ impl Panel {
         &mut self.data[i * self.stride..(i + 1) * self.stride]
     }
 
+    /// All from entry (i, j) on.
+    #[inline(always)]
+    pub fn from_mut(&mut self, i: usize, j: usize) -> &mut [f64] {
+        &mut self.data[i * self.stride + j..]
+    }
+
     /// Entry (i, j).
     #[inline(always)]
     pub fn at(&self, i: usize, j: usize) -> f64 {
