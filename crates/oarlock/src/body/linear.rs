@@ -4,7 +4,6 @@ use super::posture::Posture;
 use super::{Body, Moment};
 use crate::estimate::straight::Straight;
 use crate::kinematics::slopes::{Columns, Slopes};
-use crate::kinematics::JointMotion;
 use crate::rotation::Mat3;
 use crate::sensor::slopes::{Causes, Moving, Places};
 use crate::sensor::Surroundings;
@@ -90,12 +89,8 @@ impl Body {
         center: &mut [f64],
         straight: &mut Straight,
     ) {
-        s.mean.take_mean(self, moment, mean, &mut s.anchors);
         let room = &mut s.mean;
-        let joints =
-            JointMotion { q: &room.q, qd: &room.qd, qdd: &room.qdd, lengths: &room.lengths, anchors: &s.anchors };
-        let root = self.root(|i| mean[i]);
-        self.tree.motions_with_slopes(root, joints, &moment.needed, &mut room.frames, &mut s.slopes);
+        self.stand_at(moment, mean, room, &mut s.anchors, &mut s.slopes);
         let azimuth = self.azimuth(|i| mean[i]);
         let (magnetic_field, magnetic_slope) = (self.field.magnetic(azimuth), self.field.magnetic_slope(azimuth));
         let worn = room.worn();

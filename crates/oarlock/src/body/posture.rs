@@ -1,6 +1,7 @@
 //! Where a body's joints, lengths and mounts are at a state.
 
 use super::{three, Body, Moment};
+use crate::kinematics::slopes::Slopes;
 use crate::kinematics::{FrameMotion, JointMotion};
 use crate::lane::Real;
 use crate::rotation::turn::Turn;
@@ -108,6 +109,20 @@ impl Body {
     /// What was found, in the axes of source `i` if that is an inertial unit.
     pub fn up_seen_by(&self, i: usize, room: &Posture<f64>) -> Option<Vec3<f64>> {
         self.seats.seen_by(i, &room.ups, &room.mounts)
+    }
+
+    /// Takes the mean, and finds how all frames that are needed stand and move there, with what their motion owes to each number.
+    pub(super) fn stand_at(
+        &self,
+        moment: &Moment,
+        mean: &[f64],
+        room: &mut Posture<f64>,
+        anchors: &mut [Mat3<f64>],
+        slopes: &mut Slopes,
+    ) {
+        room.take_mean(self, moment, mean, anchors);
+        let joints = JointMotion { q: &room.q, qd: &room.qd, qdd: &room.qdd, lengths: &room.lengths, anchors };
+        self.tree.motions_with_slopes(self.root(|i| mean[i]), joints, &moment.needed, &mut room.frames, slopes);
     }
 
     /// Rotations of the mean.

@@ -120,11 +120,7 @@ impl Body {
     #[inline(always)]
     pub(super) fn settle_at(&self, moment: &Moment, s: &mut BodyScratch, mean: &[f64], out: &mut [Lane]) {
         let room = &mut s.posture;
-        room.take_mean(self, moment, mean, &mut s.anchors);
-        let joints =
-            JointMotion { q: &room.q, qd: &room.qd, qdd: &room.qdd, lengths: &room.lengths, anchors: &s.anchors };
-        let root = self.root(|i| mean[i]);
-        self.tree.motions_with_slopes(root, joints, &moment.needed, &mut room.frames, &mut s.slopes);
+        self.stand_at(moment, mean, room, &mut s.anchors, &mut s.slopes);
         s.mean.field = self.field.magnetic(self.azimuth(|i| mean[i]));
         s.wanted.fill(Wanted::default());
         self.seats.mark(&moment.active, &mut s.wanted);

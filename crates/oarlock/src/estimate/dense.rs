@@ -80,11 +80,6 @@ impl Square {
         &mut self.data[i * self.n + j]
     }
 
-    /// Becomes a copy of `other`, which has the same size.
-    pub fn copy_from(&mut self, other: &Square) {
-        self.data.copy_from_slice(&other.data);
-    }
-
     /// Copies the upper triangle onto the lower.
     pub fn mirror_upper(&mut self) {
         for i in 1..self.n {

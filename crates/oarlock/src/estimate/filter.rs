@@ -11,7 +11,7 @@ use super::dense::{NotPositive, Square};
 use super::learn::{Correction, Learning};
 use super::sigma::{Fan, Look, Spread};
 use super::solve::{Solver, Weighted};
-use super::tiles::{factor, padded, Panel, Sweep, VECTOR};
+use super::tiles::{factor, padded, Panel, Sweep, RAISES, VECTOR};
 use super::transition::{carry, Block, Transition};
 use super::System;
 use crate::lane::arch::Arch;
@@ -313,14 +313,15 @@ impl<S: System> Filter<S> {
     fn factorise(&mut self, covariance: &Square) -> Result<(), Lost> {
         let n = covariance.n();
         let sweep = Sweep { n, width: padded(n), starts: &self.starts };
-        self.root.copy_upper(covariance);
-        if factor(self.arch, &mut self.root, sweep).is_ok() {
-            return Ok(());
+        let mut done = Ok(());
+        for share in RAISES {
+            self.root.copy_raised(covariance, share);
+            done = factor(self.arch, &mut self.root, sweep);
+            if done.is_ok() {
+                break;
+            }
         }
-        // Rounding can leave a constant's pivot a hair below zero; a relative 1e-12 is far below any sensor's say.
-        self.root.copy_upper(covariance);
-        (0..n).for_each(|i| self.root.row_mut(i)[i] *= 1.0 + 1e-12);
-        factor(self.arch, &mut self.root, sweep).map_err(|e| Lost {
+        done.map_err(|e| Lost {
             what: format!("the covariance lost its sign (state {}, pivot {:.2e})", e.row, e.pivot),
         })
     }

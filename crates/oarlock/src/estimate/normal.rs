@@ -79,20 +79,14 @@ impl Normal {
         if factor(self.arch, &mut self.solved, sweep).is_err() {
             return false;
         }
-        for i in (0..n).rev() {
-            let row = self.solved.row(i);
-            let known: f64 = row[i + 1..n].iter().zip(&step[i + 1..]).map(|(u, x)| u * x).sum();
-            step[i] = (row[right] - known) / row[i];
-        }
+        self.solved.solve_back(right, step);
         true
     }
 
     /// Inverse of J'WJ; `None` if that is not positive definite.
     pub fn covariance(&self) -> Option<Square> {
         let mut information = Square::zeros(self.n);
-        for i in 0..self.n {
-            information.row_mut(i)[i..].copy_from_slice(&self.equations.row(i)[i..self.n]);
-        }
+        self.equations.copy_to(&mut information);
         inverse(self.arch, &information)
     }
 }
@@ -110,8 +104,7 @@ pub fn inverse(arch: Arch, a: &Square) -> Option<Square> {
     let (mut squares, mut out) = (Panel::zeros(n, width), Square::zeros(n));
     let rows = Rows { panel: &sweep, rows: 0..n, column: width, starts: &starts[width / VECTOR..] };
     gram(arch, &mut squares, [n, width], rows, true);
-    (0..n).for_each(|i| out.row_mut(i)[i..].copy_from_slice(&squares.row(i)[i..n]));
-    out.mirror_upper();
+    squares.copy_to(&mut out);
     Some(out)
 }
 

@@ -17,7 +17,7 @@
 use super::belief::Belief;
 use super::dense::{semidefinite_factor, NotPositive, Square};
 use super::filter::Lost;
-use super::tiles::{factor, gram, padded, Panel, Rows, Sweep, VECTOR};
+use super::tiles::{factor, gram, padded, Panel, Rows, Sweep, RAISES, VECTOR};
 use super::transition::{carry, Block, Transition, Turning};
 use super::System;
 use crate::lane::arch::{madd, Arch, Kernel};
@@ -100,7 +100,7 @@ impl Smoother {
         self.shift.iter_mut().zip(&self.step).for_each(|(back, x)| *back = -*x);
         self.carried.clear();
         system.carry(&self.shift, &mut self.carried);
-        self.next.copy_from(&next.covariance);
+        self.next.clone_from(&next.covariance);
         self.carried.iter().for_each(|block| carry(self.arch, block, &mut self.next));
         let sweep = Sweep { n: self.n, width: padded(self.n), starts: &self.zeros };
         self.root.copy_upper(&self.next);
@@ -114,12 +114,10 @@ impl Smoother {
 
     fn factorise(&mut self, filtered: &Square, transition: &Transition, predicted: &Square) -> Result<(), Lost> {
         let (arch, n) = (self.arch, self.n);
-        // Rounding can leave a constant's pivot a hair below zero; a relative 1e-12 is far below any sensor's say.
         let mut done = Ok(());
-        for raise in [0.0, 1e-12] {
+        for share in RAISES {
             arch.run(Filling { smoother: self, filtered, transition });
-            self.sweep.copy_upper(predicted);
-            (0..n).for_each(|i| self.sweep.row_mut(i)[i] *= 1.0 + raise);
+            self.sweep.copy_raised(predicted, share);
             let sweep = Sweep { n, width: 3 * padded(n) + VECTOR, starts: &self.starts };
             done = factor(arch, &mut self.sweep, sweep).map_err(broken);
             if done.is_ok() {
@@ -145,10 +143,7 @@ impl Smoother {
         arch.run(Subtracting { smoother: self, from: covariance });
         let y = Rows { panel: &self.product, rows: 0..n, column: width, starts: &self.zeros };
         gram(arch, &mut self.covariance, [n, width], y, false);
-        for i in 0..n {
-            covariance.row_mut(i)[i..].copy_from_slice(&self.covariance.row(i)[i..n]);
-        }
-        covariance.mirror_upper();
+        self.covariance.copy_to(covariance);
     }
 }
 

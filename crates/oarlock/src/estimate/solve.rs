@@ -209,12 +209,7 @@ impl Solver {
 
     /// Behind `solve`: where the update leads, in units of the factor's rows, last row first.
     pub fn place(&self, out: &mut [f64]) {
-        let n = self.states;
-        for i in (0..n).rev() {
-            let row = self.gain.row(i);
-            let known: f64 = row[i + 1..n].iter().zip(&out[i + 1..]).map(|(v, x)| v * x).sum();
-            out[i] = (row[n] - known) / row[i];
-        }
+        self.gain.solve_back(self.states, out);
     }
 
     /// Behind `solve`: how long such a step is in standard deviations behind the update.
@@ -240,10 +235,7 @@ impl Solver {
         let at = self.wide();
         let x = Rows { panel: &self.gain, rows: 0..n, column: at, starts: &self.reversed };
         gram(arch, &mut self.inner, [n, n_pad], x, true);
-        for i in 0..n {
-            covariance.row_mut(i)[i..].copy_from_slice(&self.inner.row(i)[i..n]);
-        }
-        covariance.mirror_upper();
+        self.inner.copy_to(covariance);
         shift.fill(0.0);
         let rows = |k: usize| &self.gain.row(k)[at + n - 1 - k..at + n];
         for k in 0..n {

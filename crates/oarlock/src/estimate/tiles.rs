@@ -54,6 +54,29 @@ impl Panel {
         self.data[i * self.stride + j]
     }
 
+    /// Takes over the upper triangle with its diagonal raised by a share.
+    pub fn copy_raised(&mut self, a: &Square, share: f64) {
+        self.copy_upper(a);
+        (0..a.n()).for_each(|i| self.row_mut(i)[i] *= 1.0 + share);
+    }
+
+    /// Gives its upper triangle away, as a symmetric matrix.
+    pub fn copy_to(&self, out: &mut Square) {
+        let n = out.n();
+        (0..n).for_each(|i| out.row_mut(i)[i..].copy_from_slice(&self.row(i)[i..n]));
+        out.mirror_upper();
+    }
+
+    /// Behind `factor`, with b in a column of what was [A | B]: solves A x = b.
+    pub fn solve_back(&self, column: usize, x: &mut [f64]) {
+        let n = x.len();
+        for i in (0..n).rev() {
+            let row = self.row(i);
+            let known: f64 = row[i + 1..n].iter().zip(&x[i + 1..]).map(|(u, x)| u * x).sum();
+            x[i] = (row[column] - known) / row[i];
+        }
+    }
+
     /// Becomes a copy of the first `rows` rows of `other`, which has the same width.
     pub fn copy_rows(&mut self, other: &Panel, rows: usize) {
         let end = rows * self.stride;
@@ -153,6 +176,10 @@ fn corner(mut u: [[f64; VECTOR]; VECTOR], first: usize) -> Result<Corner, NotPos
     }
     Ok(Corner { u, unit, inverse })
 }
+
+/// Shares by which a covariance's diagonal is raised until it can be factored: rounding can leave a constant's pivot a hair below
+/// zero, and a relative 1e-12 is far below any sensor's say.
+pub const RAISES: [f64; 2] = [0.0, 1e-12];
 
 /// In a panel, what `factor` works on.
 #[derive(Debug, Clone, Copy)]

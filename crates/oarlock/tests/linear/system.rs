@@ -1,5 +1,6 @@
 //! A linear system with every kind of state: a pose with rate and acceleration, one that is drawn to a place, and a constant.
 
+use super::support;
 use nalgebra::{DMatrix, DVector};
 use oarlock::estimate::belief::Belief;
 use oarlock::estimate::dense::Square;
@@ -108,18 +109,7 @@ impl System for Linear {
 pub fn dense(system: &Linear, dt: f64) -> (DMatrix<f64>, DVector<f64>, DMatrix<f64>) {
     let mut transition = Transition::default();
     system.transition(dt, &[0.0; STATES], &[0.0; STATES], &[1.0], &mut transition);
-    let mut f = DMatrix::zeros(STATES, STATES);
-    let (mut offset, mut q) = (DVector::zeros(STATES), f.clone());
-    for b in &transition.blocks {
-        for r in 0..b.len {
-            offset[b.index[r]] = b.offset[r];
-            for c in 0..b.len {
-                f[(b.index[r], b.index[c])] = b.factor[r][c];
-                q[(b.index[r], b.index[c])] = b.noise[r][c];
-            }
-        }
-    }
-    (f, offset, q)
+    support::dense(&transition, STATES)
 }
 
 /// A prior with correlations.

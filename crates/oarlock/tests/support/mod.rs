@@ -11,10 +11,12 @@ pub mod wave;
 
 pub use oarlock_oracle::so3;
 
+use nalgebra::{DMatrix, DVector};
 use oarlock::body::Body;
 use oarlock::config::{Config, Magnetometer};
 use oarlock::estimate::belief::{Belief, MEMORY};
 use oarlock::estimate::dense::Square;
+use oarlock::estimate::transition::Transition;
 use oarlock::estimate::System;
 use oarlock::model::Model;
 use std::sync::Arc;
@@ -150,4 +152,19 @@ pub fn worse(a: f64, b: f64) -> f64 {
     } else {
         a.max(b)
     }
+}
+
+/// F, what is added to the mean, and Q, from the blocks of a motion of `n` states.
+pub fn dense(transition: &Transition, n: usize) -> (DMatrix<f64>, DVector<f64>, DMatrix<f64>) {
+    let (mut f, mut offset, mut q) = (DMatrix::zeros(n, n), DVector::zeros(n), DMatrix::zeros(n, n));
+    for b in &transition.blocks {
+        for r in 0..b.len {
+            offset[b.index[r]] = b.offset[r];
+            for c in 0..b.len {
+                f[(b.index[r], b.index[c])] = b.factor[r][c];
+                q[(b.index[r], b.index[c])] = b.noise[r][c];
+            }
+        }
+    }
+    (f, offset, q)
 }

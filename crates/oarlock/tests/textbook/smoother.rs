@@ -4,7 +4,7 @@ use super::agreement::Worst;
 use super::support::chance::Chance;
 use super::support::record::{punch_holes, streams, times, Scene};
 use super::support::stroke::Stroke;
-use super::support::{body, model, plain, worse, SCULLER};
+use super::support::{body, dense, model, plain, worse, SCULLER};
 use nalgebra::{DMatrix, DVector};
 use oarlock::body::Body;
 use oarlock::config::Config;
@@ -17,22 +17,6 @@ use oarlock::track::Calibration;
 /// As between the filters: closures of 2 mm beside accelerations of 5 rad/s2 take about eight of sixteen digits.
 const SAME_SMOOTHER_SIGMA: f64 = 1e-8;
 const SAMPLES: usize = 150;
-
-/// F, what is added to the mean, and Q, from blocks.
-fn dense(transition: &Transition, n: usize) -> (DMatrix<f64>, DVector<f64>, DMatrix<f64>) {
-    let (mut f, mut offset, mut q) = (DMatrix::zeros(n, n), DVector::zeros(n), DMatrix::zeros(n, n));
-    assert!(transition.turnings.is_empty(), "of hinges and slides");
-    for b in &transition.blocks {
-        for r in 0..b.len {
-            offset[b.index[r]] = b.offset[r];
-            for c in 0..b.len {
-                f[(b.index[r], b.index[c])] = b.factor[r][c];
-                q[(b.index[r], b.index[c])] = b.noise[r][c];
-            }
-        }
-    }
-    (f, offset, q)
-}
 
 struct Smoothed {
     mean: DVector<f64>,
@@ -54,6 +38,7 @@ impl Smoothed {
         let (mut transition, variance) = (Transition::default(), here.covariance.diagonal());
         let dt = time_s - filtered.time_s;
         body.transition(dt, &filtered.mean, variance.as_slice(), &filtered.drive, &mut transition);
+        assert!(transition.turnings.is_empty(), "of hinges and slides");
         let (f, offset, q) = dense(&transition, n);
         let predicted = &f * &here.covariance * f.transpose() + q;
         // Divided by its own deviations first: a plain solve then keeps its digits.
