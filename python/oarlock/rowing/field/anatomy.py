@@ -59,6 +59,7 @@ class Anatomy:
         self.frame_names = tuple(self._frames)
         self._check()
         self._column = {name: column for column, name in enumerate(self.joint_names)}
+        self._gliding = self.columns(name for name in DEVIATIONS if "grip" not in name)
         self._lengths = {p["name"]: float(p["value"]) for p in description["parameters"]}
         self._grip_direction = dict(zip(SIDES, grip_direction_rad, strict=True))
 
@@ -128,6 +129,8 @@ class Anatomy:
 
     def _glided(self, pose: Pose, side: str, posture: Array, found: dict[str, Pose]) -> Pose:
         """The shoulder's frame: turned as a rigid trunk turns it, its origin where girdle and scapula carry it."""
+        if not posture[..., self._gliding].any():
+            return pose
         hip, girdle = found["seat"], self.trunk_at(np.float64(1.0), posture, found)
         forward, along, _ = trunk_axes(hip[0], self._of(posture, "trunk"))
         rigid = pose[1] - hip[1] - self._lengths["l_b"] * along
@@ -155,7 +158,7 @@ class Anatomy:
         found = self.poses(posture, (frame,))
         rotation, origin = found[frame]
         side = frame.partition("_")[0]
-        if frame != f"{side}_shoulder":
+        if frame != f"{side}_shoulder" or not posture[..., self._gliding].any():
             return rotation, origin
         neutral = posture.copy()
         neutral[..., self.columns(DEVIATIONS)] = 0.0
@@ -171,6 +174,8 @@ class Anatomy:
 
     def _gripped(self, pose: Pose, side: str, posture: Array) -> Pose:
         """The handle as the fingers hold it: slipped along it, tilted against it, whatever the feathering."""
+        if not posture[..., self.columns([f"{side}_grip_turn", f"{side}_grip_slip"])].any():
+            return pose
         angle = self._of(posture, f"{side}_grip_turn")
         theta = f"{side}_oar_theta"
         feathered = self._of(posture, theta) if theta in self._kinds else np.zeros_like(angle)
@@ -189,16 +194,20 @@ def trunk_axes(seat: Array, lean: Array) -> tuple[Array, Array, Array]:
 
 def apply(rotation: Array, vector: Array) -> Array:
     """Rotations (..., 3, 3) times vectors (3,) or (..., 3)."""
-    return np.asarray(np.einsum("...ij,...j->...i", rotation, vector))
+    return np.asarray(sum(rotation[..., k] * vector[..., k, None] for k in range(3)))
 
 
 def rotation_about(axis: Array, angle: Array) -> Array:
     """Rodrigues' formula: (..., 3, 3) from unit axes (..., 3) and angles (...)."""
     x, y, z = np.moveaxis(np.broadcast_to(axis, (*np.shape(angle), 3)), -1, 0)
-    zero = np.zeros_like(x)
-    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*x.shape, 3, 3)
-    sine, versine = np.sin(angle)[..., None, None], (2.0 * np.sin(angle / 2.0) ** 2)[..., None, None]
-    return np.asarray(np.eye(3) + sine * cross + versine * (cross @ cross))
+    cosine, sine, versine = np.cos(angle), np.sin(angle), 2.0 * np.sin(angle / 2.0) ** 2
+    rotation = np.empty((*np.shape(angle), 3, 3))
+    for k, along in enumerate((x, y, z)):
+        rotation[..., k, k] = cosine + versine * along**2
+    for i, j, one, other, across in ((0, 1, x, y, z), (1, 2, y, z, x), (2, 0, z, x, y)):
+        both, turn = versine * one * other, sine * across
+        rotation[..., i, j], rotation[..., j, i] = both - turn, both + turn
+    return rotation
 
 
 def rotation_by(vector: Array) -> Array:

@@ -28,7 +28,7 @@ _SECOND_HERE = -205.0 / 72.0
 _CHUNK = 2000
 # Iron of the boat: below the rail, amidships of the slide, as a dipole whose field is named at 0.3 m.
 _IRON_BELOW_M, _IRON_STERNWARD_M, _NAMED_AT_M = 0.15, 0.35, 0.3
-_IRON_SIZE_M = 0.1
+_IRON_NEAREST_M = 0.1
 
 
 class Felt(NamedTuple):
@@ -61,9 +61,9 @@ class Surroundings:
         return cls(float(world["gravity_m_s2"]), up, field, place, moment)
 
     def iron_field(self, place_m: Array) -> Array:
-        """Field (..., 3), uT, of the boat's iron at places (..., 3) in the boat's axes: a dipole with a soft core."""
+        """Field (..., 3), uT, of the boat's iron at places (..., 3) in the boat's axes: a dipole."""
         reach = place_m - self.iron_place_m
-        distance = np.sqrt(np.sum(reach**2, axis=-1) + _IRON_SIZE_M**2)[..., None]
+        distance = np.maximum(np.linalg.norm(reach, axis=-1), _IRON_NEAREST_M)[..., None]
         along = np.sum(reach * self.iron_ut, axis=-1)[..., None] / distance**2 * reach
         return np.asarray((_NAMED_AT_M / distance) ** 3 * (1.5 * along - 0.5 * self.iron_ut))
 

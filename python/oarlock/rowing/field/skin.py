@@ -62,14 +62,14 @@ def skin_of(
     shift, turn = np.zeros((2, *course.force.shape))
     outward, across = _directions(unit, generator(seed, f"skin {name}"))
     side, _, part = unit.frame.partition("_")
-    swelling = _swelling(anatomy, side if part in _BEFORE else None, course.posture)[:, None]
-    shift += effects.skin_shift_m * swelling * outward
-    turn += effects.skin_tilt_rad * swelling * across
+    swollen = swelling(anatomy, side if part in _BEFORE else None, course.posture)[:, None]
+    shift += effects.skin_shift_m * swollen * outward
+    turn += effects.skin_tilt_rad * swollen * across
     if effects.skin_twist > 0.0 and part in _BEFORE:
         frames = (f"{side}_{_BEFORE[part]}", unit.frame)
-        turn -= effects.skin_twist * _twist(anatomy, frames, course.posture)
+        turn -= effects.skin_twist * twist(anatomy, frames, course.posture)
     if effects.wobble_rad > 0.0 or effects.wobble_m > 0.0:
-        pulled = _rung(course.timing.time_s, course.force - _at_rest(anatomy, unit, course.posture)) / _G_M_S2
+        pulled = rung(course.timing.time_s, course.force - _at_rest(anatomy, unit, course.posture)) / _G_M_S2
         shift -= effects.wobble_m * pulled
         turn -= effects.wobble_rad * np.cross(outward, pulled)
     if effects.skin_wander_rad > 0.0:
@@ -92,7 +92,7 @@ def _neutral(posture: Array) -> Array:
     return np.zeros((1, posture.shape[-1]))
 
 
-def _swelling(anatomy: Anatomy, side: str | None, posture: Array) -> Array:
+def swelling(anatomy: Anatomy, side: str | None, posture: Array) -> Array:
     """(K,) 0 with the elbow straight, 1 at 90 deg; over the spine the mean of both arms' elevation instead."""
     if side is not None:
         return _bent(anatomy, (f"{side}_shoulder", f"{side}_elbow", f"{side}_wrist"), posture)
@@ -115,7 +115,7 @@ def _limbs(anatomy: Anatomy, frames: tuple[str, str, str], posture: Array) -> tu
     )
 
 
-def _twist(anatomy: Anatomy, frames: tuple[str, str], posture: Array) -> Array:
+def twist(anatomy: Anatomy, frames: tuple[str, str], posture: Array) -> Array:
     """Rotation vector (K, 3) of the limb's turn about its own length since the N-pose, in its axes.
 
     The part about the limb's length of the turn against the limb before (swing and twist).
@@ -147,7 +147,7 @@ def _at_rest(anatomy: Anatomy, unit: Unit, posture: Array) -> Array:
     return np.asarray(_G_M_S2 * still[unit.frame][0][0].T @ still["seat"][0][0][:, 0])
 
 
-def _rung(time_s: Array, force: Array) -> Array:
+def rung(time_s: Array, force: Array) -> Array:
     """What follows (K, 3) a force through a damped oscillator: x'' + 2 d w x' + w2 x = w2 force, started at rest."""
     rate = 2.0 * np.pi * _RINGS_HZ
     system = ([rate**2], [1.0, 2.0 * _DAMPING * rate, rate**2])

@@ -55,6 +55,7 @@ class FieldTrial:
         encoders: zero and scale errors, by name.
         units: all errors of each inertial unit, by name.
         hull_angles_rad: (T, 3) pitch, roll and yaw of the boat.
+        hull_heave_m: (T,) its way up.
         surge_m_s2: (T,) acceleration of the boat, stern positive.
     """
 
@@ -68,6 +69,7 @@ class FieldTrial:
     encoders: Mapping[str, Encoder]
     units: Mapping[str, Unit]
     hull_angles_rad: Array
+    hull_heave_m: Array
     surge_m_s2: Array
 
 
@@ -134,6 +136,7 @@ def simulate_field(
         encoders=MappingProxyType(encoders),
         units=MappingProxyType(units),
         hull_angles_rad=np.asarray(session.hull.angles_rad(time_s)),
+        hull_heave_m=np.asarray(session.hull.heave_m(time_s)),
         surge_m_s2=np.asarray(session.hull.surge_m_s2(time_s)),
     )
 
@@ -189,6 +192,8 @@ def _unit_stream(
 def _skin(
     name: str, unit: Unit, session: Session, around: Surroundings, effects: FieldEffects, seed: int
 ) -> Skin:
+    if effects.only("soft_tissue") == FieldEffects.off():
+        return Skin(None)
     time = session.timing.time_s
     rotation, origin = session.anatomy.bone(unit.frame, unit.offset_m, session.posture)
     hull_rotation, hull_place = session.hull.pose(time)
