@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
+from scipy.spatial.transform import Rotation
 
 import oarlock
 from exact_recording import ENCODERS, UNITS, sculler
@@ -87,26 +88,63 @@ def test_a_hull_that_rocks_is_felt_as_mujoco_feels_it():
     effects = replace(SILENT, hull_pitch_rad=0.02, hull_roll_rad=0.09, hull_yaw_rad=0.09, hull_heave_m=0.02)
     field, model = trial(effects), sculler()
     up, forward = np.eye(3)[1], np.eye(3)[2]
-    pivot = 0.3 * forward - 0.2 * up
-    body = MujocoBody(model.describe(), (up, np.cross(up, forward), forward), pivot)
+    body = MujocoBody(model.describe(), (up, np.cross(up, forward), forward))
     truth, time_s = field.truth, field.truth.time_s
-    angles = make_interp_spline(time_s, field.hull_angles_rad[:, [2, 0, 1]], k=5)
-    heave = make_interp_spline(time_s, field.hull_heave_m, k=5)
+    angles = field.hull_angles_rad[:, [2, 0, 1]]
+    # What lies 0.2 m below the root and 0.3 m toward the stern stays where it is, but for heave and surge.
+    still = 0.3 * forward - 0.2 * up
+    place = still - Rotation.from_euler("YXZ", angles).apply(still) + field.hull_heave_m[:, None] * up
+    course, turns = (make_interp_spline(time_s, x, k=5) for x in (place, angles))
     rows = np.arange(30, len(truth) - 30, 7)
     expected = []
     for r in rows:
-        base = field.surge_m_s2[r] * forward + heave(time_s[r], 2) * up
-        rocking = np.stack([angles(time_s[r], order) for order in range(3)])
+        base = np.append(course(time_s[r], 2)[:2], field.surge_m_s2[r])
+        rocking = np.stack([turns(time_s[r], order) for order in range(3)])
         expected.append(body.readings(truth.q[r], truth.qd[r], truth.qdd[r], base, rocking))
     apart = np.abs(recorded(field.recording, list(UNITS))[rows] - np.stack(expected)).max(axis=(0, 1, 3))
     # Here rates of the hull come from its angles every 8 ms: good to a millionth of what a sensor feels of it.
     assert apart[0] < 1e-6
     assert apart[1] < 1e-4
     assert apart[2] < 1e-9
-    still = np.abs(recorded(field.recording, list(UNITS)) - recorded(trial().recording, list(UNITS))).max(
-        axis=(0, 1, 3)
+    apart_from_still = np.abs(
+        recorded(field.recording, list(UNITS)) - recorded(trial().recording, list(UNITS))
+    ).max(axis=(0, 1, 3))
+    assert (apart_from_still > [0.1, 0.5, 3.0]).all()
+
+
+def on_a_hull(model: oarlock.Model) -> oarlock.Model:
+    """The sculler on five joints between a root that does not turn and the boat."""
+    moved = {"sway": ("slide", "x"), "heave": ("slide", "y"), "yaw": ("hinge", "y"), "pitch": ("hinge", "x")}
+    text, parent = model.text.replace('parent = "root"', 'parent = "hull"'), "root"
+    for name, (kind, axis) in (moved | {"roll": ("hinge", "z")}).items():
+        frame = "hull" if name == "roll" else f"hull_{name}"
+        text += f'\n[[joint]]\nname = "hull_{name}"\nkind = "{kind}"\n'
+        text += f'[[frame]]\nname = "{frame}"\nparent = "{parent}"\n'
+        text += f'transform = {{ translation = [0, 0, 0] }}\naxis = "{axis}"\njoint = "hull_{name}"\n'
+        parent = frame
+    unit = '[[sensor]]\nname = "keel"\nkind = "imu"\nframe = "hull"\ngyro_std_rad_s = 0.01\naccel_std_m_s2 = 0.01\n'
+    return oarlock.Model.from_toml(text + unit, "on_a_hull.toml", {})
+
+
+def test_a_model_with_hull_joints_gets_the_same_motion_in_them():
+    effects = replace(SILENT, hull_pitch_rad=0.01, hull_roll_rad=0.05, hull_yaw_rad=0.02, hull_heave_m=0.01)
+    plain, model = trial(effects), on_a_hull(sculler())
+    jointed = simulate_field(
+        model, effects, condition="B-NB", duration_s=DURATION_S, rate_spm=30.0, seed=SEED
     )
-    assert (still > [0.1, 0.5, 3.0]).all()
+    for unit in UNITS:
+        for name, values in plain.recording[unit].values.items():
+            tolerance = ACCEL_ROUNDING_M_S2 if name == "accel_m_s2" else 1e-9
+            np.testing.assert_allclose(jointed.recording[unit].values[name], values, rtol=0, atol=tolerance)
+    np.testing.assert_allclose(jointed.markers.position_m, plain.markers.position_m, rtol=0, atol=1e-12)
+    angles = np.stack([jointed.truth[f"hull_{name}"].angle_rad for name in ("pitch", "roll", "yaw")], axis=1)
+    np.testing.assert_allclose(angles, plain.hull_angles_rad, rtol=0, atol=1e-12)
+    wrist = jointed.truth.frame_positions("r_wrist", relative_to="hull")
+    np.testing.assert_allclose(wrist, jointed.markers.position_m[:, 2], rtol=0, atol=1e-9)
+    loose = replace(effects, wobble_rad=0.1, skin_wander_rad=0.1)
+    keel = simulate_field(model, loose, condition="B-NB", duration_s=DURATION_S, rate_spm=30.0, seed=SEED)
+    # no soft tissue on wood
+    assert np.array_equal(keel.recording["keel"].gyro_rad_s, jointed.recording["keel"].gyro_rad_s)
 
 
 # --- one at a time --------------------------------------------------------------------------------------

@@ -41,6 +41,8 @@ _NEEDED_FRAMES = (
 class Anatomy:
     """The richer body; it can stand in for a model wherever only postures are asked for.
 
+    ``boat`` names the frame of the boat: the root, or the frame `hull` of a model whose root does not turn with it.
+
     Args:
         description: `Model.describe()` of the model with the true lengths.
         grip_direction_rad: of each side, about which axis across the handle the fingers turn.
@@ -57,6 +59,7 @@ class Anatomy:
         self.own_joint_names = tuple(self._kinds)
         self.joint_names = (*self.own_joint_names, *DEVIATIONS)
         self.frame_names = tuple(self._frames)
+        self.boat = "hull" if "hull" in self._frames else "root"
         self._check()
         self._column = {name: column for column, name in enumerate(self.joint_names)}
         self._gliding = self.columns(name for name in DEVIATIONS if "grip" not in name)
@@ -81,6 +84,12 @@ class Anatomy:
             raise DataError(
                 f"field simulator: the model has {', '.join(other)} joints; it moves hinges and slides"
             )
+
+    def wears(self, frame: str) -> bool:
+        """Whether a frame is part of the rower, not of the boat."""
+        while frame != "seat" and self._frames[frame]["parent"] is not None:
+            frame = self._frames[frame]["parent"]
+        return frame == "seat"
 
     def columns(self, names: Iterable[str]) -> list[int]:
         """Columns of the posture of these joints and deviations."""

@@ -27,6 +27,8 @@ HANDS_HOLD = 1e-6
 """m, and as a difference of directions: the hands stay this near to what they hold, slip included."""
 _STRETCHER_ROUNDS = 12
 _LARGEST_MOVE_M = 0.15
+HULL_JOINTS = ("hull_sway", "hull_heave", "hull_yaw", "hull_pitch", "hull_roll")
+"""A model whose root does not turn with the boat has these, in this order: m, m, rad, rad, rad."""
 # What the hull rocks about, from the hip pivot at seat 0: 0.2 m below it and 0.3 m toward the stern.
 _BELOW_M, _STERNWARD_M = 0.2, 0.3
 
@@ -35,8 +37,8 @@ _BELOW_M, _STERNWARD_M = 0.2, 0.3
 class Hull:
     """The boat against axes at rest (those of the root, were the boat still) over time.
 
-    ``angles_rad`` gives pitch, roll and yaw, ``heave_m`` the way up, ``surge_m_s2`` the acceleration along ``forward``
-    (stern positive) and ``surge_m`` the way that comes of it, from rest.
+    ``angles_rad`` gives pitch, roll and yaw, ``heave_m`` the way up, ``surge_m_s2`` the acceleration of the root's
+    origin along ``forward`` (stern positive) and ``surge_m`` the way that comes of it, from rest.
     """
 
     angles_rad: BSpline
@@ -54,19 +56,45 @@ class Hull:
             rotation_about(self.up, yaw) @ rotation_about(left, pitch) @ rotation_about(self.forward, roll)
         )
         pivot = _STERNWARD_M * self.forward - _BELOW_M * self.up
+        rocked = pivot - apply(rotation, pivot)
+        rocked = rocked - (rocked @ self.forward)[..., None] * self.forward
         way = self.heave_m(time_s)[..., None] * self.up + self.surge_m(time_s)[..., None] * self.forward
-        return rotation, np.asarray(way + pivot - apply(rotation, pivot))
+        return rotation, np.asarray(way + rocked)
+
+    def at_joints(self, time_s: Array) -> dict[str, Array]:
+        """The same as values (K,) of a model's hull joints; only surge is none."""
+        _, place = self.pose(time_s)
+        pitch, roll, yaw = np.moveaxis(np.asarray(self.angles_rad(time_s)), -1, 0)
+        sway, heave = place @ np.cross(self.up, self.forward), place @ self.up
+        return dict(zip(HULL_JOINTS, (sway, heave, yaw, pitch, roll), strict=True))
+
+    def level(self) -> Hull:
+        """A root that is carried along by such a hull and does not turn."""
+        return replace(self, angles_rad=_nothing(self.angles_rad), heave_m=_nothing(self.heave_m))
+
+
+def _nothing(spline: BSpline) -> BSpline:
+    return BSpline(spline.t, np.zeros_like(spline.c), spline.k)
 
 
 @dataclass(frozen=True, eq=False)
 class Session:
-    """The moving body: postures (K, n) over ``timing.time_s`` with their spline, and the hull."""
+    """The moving body: postures (K, n) over ``timing.time_s`` with their spline, and the hull.
+
+    ``carrier`` is what the hull does that no joint of the model does: all of it where the root is the boat.
+    """
 
     anatomy: Anatomy
     timing: StrokeTiming
     posture: Array
     spline: BSpline
     hull: Hull
+    carrier: Hull
+
+    def boat(self, time_s: Array) -> tuple[Array, Array]:
+        """Rotation (..., 3, 3) and origin (..., 3) of the boat's frame in root axes at times (...)."""
+        name = self.anatomy.boat
+        return self.anatomy.poses(np.asarray(self.spline(time_s)), (name,))[name]
 
 
 def rowed(
@@ -95,7 +123,12 @@ def rowed(
     posture[:, anatomy.columns(["seat"])] += _stretcher(anatomy, nominal, posture)
     posture = _held(anatomy, time, posture, preferred)
     hull = _hull(anatomy, nominal["world"], effects, timing, posture, surge, seed)
-    return Session(anatomy, timing, posture, make_interp_spline(time, posture, k=5), hull)
+    carrier = hull
+    if set(HULL_JOINTS) <= set(anatomy.own_joint_names):
+        for name, value in hull.at_joints(time).items():
+            posture[:, anatomy.columns([name])] = value[:, None]
+        carrier = hull.level()
+    return Session(anatomy, timing, posture, make_interp_spline(time, posture, k=5), hull, carrier)
 
 
 def _grip_directions(seed: int) -> tuple[float, float]:

@@ -82,10 +82,10 @@ def felt(session: Session, surroundings: Surroundings, unit: Unit, skin: Skin, t
 def _felt(session: Session, around: Surroundings, unit: Unit, skin: Skin, time_s: Array) -> Felt:
     steps = np.arange(-REACH, REACH + 1) * STEP_S
     times = time_s[:, None] + steps
-    boat_rotation, boat_place = sensor_pose(session, unit, skin, times)
-    hull_rotation, hull_place = session.hull.pose(times)
-    rotation = hull_rotation @ boat_rotation
-    place = hull_place + apply(hull_rotation, boat_place)
+    root_rotation, root_place = sensor_pose(session, unit, skin, times)
+    carrier_rotation, carrier_place = session.carrier.pose(times)
+    rotation = carrier_rotation @ root_rotation
+    place = carrier_place + apply(carrier_rotation, root_place)
     here = rotation[:, REACH]
     sensor_from_rest = np.swapaxes(here, -1, -2)
     spin = sensor_from_rest @ first_derivative(rotation)
@@ -94,8 +94,9 @@ def _felt(session: Session, around: Surroundings, unit: Unit, skin: Skin, time_s
     )
     force = second_derivative(place) + around.gravity_m_s2 * around.up
     field = apply(sensor_from_rest, around.field_ut)
-    iron = around.iron_field(boat_place[:, REACH])
-    field = field + apply(np.swapaxes(boat_rotation[:, REACH], -1, -2), iron)
+    boat = session.boat(time_s)
+    iron = around.iron_field(apply(np.swapaxes(boat[0], -1, -2), root_place[:, REACH] - boat[1]))
+    field = field + apply(np.swapaxes(root_rotation[:, REACH], -1, -2) @ boat[0], iron)
     return Felt(gyro, apply(sensor_from_rest, force), field)
 
 

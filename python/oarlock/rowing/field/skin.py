@@ -62,7 +62,8 @@ def skin_of(
     shift, turn = np.zeros((2, *course.force.shape))
     outward, across = _directions(unit, generator(seed, f"skin {name}"))
     side, _, part = unit.frame.partition("_")
-    swollen = swelling(anatomy, side if part in _BEFORE else None, course.posture)[:, None]
+    limb = side if part in _BEFORE else None
+    swollen = 0.0 if part == "" else swelling(anatomy, limb, course.posture)[:, None]
     shift += effects.skin_shift_m * swollen * outward
     turn += effects.skin_tilt_rad * swollen * across
     if effects.skin_twist > 0.0 and part in _BEFORE:

@@ -31,7 +31,10 @@ MARKERS = tuple(f"{side}_{joint}" for side in SIDES for joint in ("shoulder", "e
 
 @dataclass(frozen=True, eq=False)
 class FieldMarkers:
-    """Places of the joints' true centres: ``position_m`` (T, n, 3) in root axes, which are the boat's."""
+    """Places of the joints' true centres: ``position_m`` (T, n, 3) in the boat's axes.
+
+    These are root axes, or those of the frame `hull` in a model whose root does not turn with the boat.
+    """
 
     names: tuple[str, ...]
     time_s: Array
@@ -192,13 +195,13 @@ def _unit_stream(
 def _skin(
     name: str, unit: Unit, session: Session, around: Surroundings, effects: FieldEffects, seed: int
 ) -> Skin:
-    if effects.only("soft_tissue") == FieldEffects.off():
+    if effects.only("soft_tissue") == FieldEffects.off() or not session.anatomy.wears(unit.frame):
         return Skin(None)
     time = session.timing.time_s
     rotation, origin = session.anatomy.bone(unit.frame, unit.offset_m, session.posture)
-    hull_rotation, hull_place = session.hull.pose(time)
-    place = hull_place + apply(hull_rotation, origin + apply(rotation, unit.offset_m))
-    force = bone_force(time, place, hull_rotation @ rotation, around.up, around.gravity_m_s2)
+    carrier_rotation, carrier_place = session.carrier.pose(time)
+    place = carrier_place + apply(carrier_rotation, origin + apply(rotation, unit.offset_m))
+    force = bone_force(time, place, carrier_rotation @ rotation, around.up, around.gravity_m_s2)
     return skin_of(name, unit, session.anatomy, Course(session.timing, session.posture, force), effects, seed)
 
 
@@ -244,7 +247,10 @@ def _truth(model: Model, session: Session, time_s: Array) -> Track:
 
 def _markers(session: Session, time_s: Array) -> FieldMarkers:
     found = session.anatomy.poses(np.asarray(session.spline(time_s)), MARKERS)
-    return FieldMarkers(MARKERS, time_s, np.stack([found[name][1] for name in MARKERS], axis=1))
+    boat = session.boat(time_s)
+    boat_from_root = np.swapaxes(boat[0], -1, -2)
+    places = [apply(boat_from_root, found[name][1] - boat[1]) for name in MARKERS]
+    return FieldMarkers(MARKERS, time_s, np.stack(places, axis=1))
 
 
 def _calibration(model: Model, nominal: Mapping[str, Any], units: Mapping[str, Unit]) -> Calibration:
