@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from os import PathLike
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -75,6 +77,18 @@ class FieldTrial:
     hull_heave_m: Array
     surge_m_s2: Array
 
+    def save(self, folder: str | PathLike[str]) -> None:
+        """Write the recording into a folder; beside it `truth/`, `markers.csv` (m) and `true_calibration.toml`."""
+        place = Path(folder)
+        self.recording.save(place)
+        self.truth.save(place / "truth")
+        self.calibration.save(place / "true_calibration.toml")
+        columns = [f"{name}_{axis}_m" for name in self.markers.names for axis in "xyz"]
+        flat = self.markers.position_m.reshape(len(self.markers.time_s), -1)
+        table = np.column_stack([self.markers.time_s, flat])
+        header = ",".join(["time_s", *columns])
+        np.savetxt(place / "markers.csv", table, fmt="%.9f", delimiter=",", header=header, comments="")
+
 
 def simulate_field(
     model: Model,
@@ -129,10 +143,10 @@ def simulate_field(
         for s in _encoders(description)
     ]
     return FieldTrial(
-        recording=Recording(streams, meta={"source": "oarlock field simulator", "seed": seed}),
+        recording=Recording(streams, meta=_meta(effects, condition, seed)),
         truth=_truth(true_model, session, time_s),
         markers=_markers(session, time_s),
-        calibration=_calibration(true_model, nominal, units),
+        calibration=_calibration(true_model, nominal, units, clocks, encoders),
         effects=effects,
         condition=chosen,
         clocks=MappingProxyType(clocks),
@@ -253,7 +267,18 @@ def _markers(session: Session, time_s: Array) -> FieldMarkers:
     return FieldMarkers(MARKERS, time_s, np.stack(places, axis=1))
 
 
-def _calibration(model: Model, nominal: Mapping[str, Any], units: Mapping[str, Unit]) -> Calibration:
+def _meta(effects: FieldEffects, condition: str, seed: int) -> dict[str, object]:
+    strengths = {name: value for name, value in effects.strengths().items() if np.isfinite(value)}
+    return {"source": "oarlock field simulator", "condition": condition, "seed": seed, "effects": strengths}
+
+
+def _calibration(
+    model: Model,
+    nominal: Mapping[str, Any],
+    units: Mapping[str, Unit],
+    clocks: Mapping[str, Clock],
+    encoders: Mapping[str, Encoder],
+) -> Calibration:
     from oarlock import Calibration
 
     was = {p["name"]: p["value"] for p in nominal["parameters"]}
@@ -261,4 +286,8 @@ def _calibration(model: Model, nominal: Mapping[str, Any], units: Mapping[str, U
         parameters={name: value for name, value in dict(model.parameters).items() if value != was[name]},
         mounts={name: (unit.link_from_sensor, unit.offset_m) for name, unit in units.items()},
         mag_offsets_ut={name: unit.hard_iron_ut for name, unit in units.items()},
+        noted={
+            "clocks": {name: asdict(value) for name, value in clocks.items()},
+            "encoders": {name: asdict(value) for name, value in encoders.items()},
+        },
     )
