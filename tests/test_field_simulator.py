@@ -102,10 +102,11 @@ def test_a_hull_that_rocks_is_felt_as_mujoco_feels_it():
         rocking = np.stack([turns(time_s[r], order) for order in range(3)])
         expected.append(body.readings(truth.q[r], truth.qd[r], truth.qdd[r], base, rocking))
     apart = np.abs(recorded(field.recording, list(UNITS))[rows] - np.stack(expected)).max(axis=(0, 1, 3))
-    # Here rates of the hull come from its angles every 8 ms: good to a millionth of what a sensor feels of it.
-    assert apart[0] < 1e-6
-    assert apart[1] < 1e-4
-    assert apart[2] < 1e-9
+    print(f"on a rocking hull apart by {apart[0]:.1e} rad/s, {apart[1]:.1e} m/s2, {apart[2]:.1e} uT")
+    # Here rates of the hull come from its angles every 8 ms, by quintic splines: good to a few 1e-7 of what is felt.
+    assert apart[0] < 1e-8
+    assert apart[1] < 1e-5
+    assert apart[2] < 1e-10
     apart_from_still = np.abs(
         recorded(field.recording, list(UNITS)) - recorded(trial().recording, list(UNITS))
     ).max(axis=(0, 1, 3))

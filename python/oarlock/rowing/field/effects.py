@@ -62,10 +62,11 @@ class FieldEffects:
     "random" a draw by the seed; every other strength is met exactly, with a random sign or direction.
 
     Attributes:
-        skin_twist: share of a limb's turn about its own length that the skin does not follow. Over the humerus a
-            third to a half (Cutti et al., Clinical Biomechanics 21, 2006; Warner and Heller, J. Biomechanics 2025);
-            a strap near the elbow or the wrist does better.
-        skin_tilt_rad: tilt of a unit by the muscle under it, with the elbow at 90 deg, rad.
+        skin_twist: share of a limb's turn about its own length that the skin does not follow. Cuffs on the upper arm
+            are off by 5 to 30 deg about the humerus (Hamming et al., J. Biomechanics 45, 2012); straps near the elbow
+            do better than those near the shoulder (Warner and Heller, J. Biomechanics, 2025).
+        skin_tilt_rad: tilt of a unit by the muscle under it, with the elbow at 90 deg, rad; up to 4 deg in other
+            directions than about the humerus (Hamming et al. 2012).
         skin_shift_m: how far that muscle lifts a unit, with the elbow at 90 deg, m.
         skin_wander_rad: slow random turn of a unit on the skin, rms about each axis, rad.
         wobble_rad: tilt of a unit under one g of specific force, rad; it rings at 10 Hz with a quarter of critical
