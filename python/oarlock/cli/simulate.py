@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from oarlock.cli.options import Force, Json, ModelName, OutFolder, Settings, assignments, example
+from oarlock.cli.simulate_field import Effect, Field, RateHz, Strength, asked_effects, simulate_in_the_field
 from oarlock.cli.terminal import UsageError, new_folder, pairs, print_json, progress, say, steps, verb
 
 
@@ -19,6 +20,8 @@ def add_to(app: typer.Typer) -> None:
             "oarlock simulate --out trial",
             "oarlock simulate --out trial --duration-s 600 --rate-spm 20,34 --condition S-NB",
             "oarlock simulate --model my.toml --set l_ua_r=0.31 --seed 7 --out trial",
+            "oarlock simulate --out trial --field careful --rate-spm 20,34",
+            "oarlock simulate --out trial --field off --effect mount_error_rad=0.09 --effect packet_loss=0.05",
         ),
     )(simulate)
 
@@ -40,6 +43,10 @@ def simulate(
         ),
     ] = "B-B",
     seed: Annotated[int, typer.Option("--seed", help="Of the strokes' variation and the noise.")] = 0,
+    field: Field = None,
+    effect: Effect = None,
+    strength: Strength = 1.0,
+    rate_hz: RateHz = 125.0,
     settings: Settings = None,
     force: Force = False,
     json_output: Json = False,
@@ -53,7 +60,13 @@ def simulate(
         raise UsageError(f"--condition {condition}: choose one of {', '.join(CONDITIONS)}")
     rates = _rates(rate_spm)
     loaded = load_model(model, parameters=assignments(settings, "--set"))
+    effects = asked_effects(field, effect, strength, rate_hz)
     new_folder(out, force)
+    if effects is not None:
+        simulate_in_the_field(
+            loaded, effects, out, (condition, duration_s, rates, rate_hz, seed), model, json_output
+        )
+        return
     with progress("simulating"):
         truth, recording = simulate_sculling(loaded, condition, duration_s, rates, seed)
     recording.save(out)

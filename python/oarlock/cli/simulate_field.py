@@ -1,0 +1,133 @@
+"""`oarlock simulate --field`: a recording as it comes from the water, where nothing is as modelled."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from oarlock.cli.options import assignments
+from oarlock.cli.terminal import UsageError, heading, pairs, print_json, progress, say, steps, table
+
+if TYPE_CHECKING:
+    from oarlock import Model
+    from oarlock.rowing import FieldEffects, FieldTrial
+
+Field = Annotated[
+    str | None,
+    typer.Option(
+        "--field",
+        metavar="careful|wild|misfit|off",
+        help="With the effects of the field: a careful session, a bad day, wrong mounts and lengths, or only --effect.",
+    ),
+]
+Effect = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--effect", metavar="NAME=VALUE", help="Strength of one effect, SI. Repeatable; needs --field."
+    ),
+]
+Strength = Annotated[
+    float,
+    typer.Option("--strength", metavar="S", help="Times all effects of --field: 0 none, 1 as they are."),
+]
+RateHz = Annotated[
+    float, typer.Option("--rate-hz", metavar="HZ", help="Samples per second of all sensors; needs --field.")
+]
+Course = tuple[str, float, float | tuple[float, ...], float, int]
+"""Condition, length in s, strokes per minute, samples per second, seed."""
+
+
+def asked_effects(
+    field: str | None, effect: list[str] | None, strength: float, rate_hz: float
+) -> FieldEffects | None:
+    """The effects that the options ask for; None without `--field`.
+
+    Raises:
+        UsageError: an unknown preset or effect, or options that need `--field`.
+        DataError: a strength out of range.
+    """
+    from oarlock.rowing import FieldEffects
+
+    presets = {
+        "careful": FieldEffects(),
+        "wild": FieldEffects.wild(),
+        "misfit": FieldEffects.misfit(),
+        "off": FieldEffects.off(),
+    }
+    if field is None:
+        if effect or strength != 1.0 or rate_hz != 125.0:
+            raise UsageError("--effect, --strength and --rate-hz need --field, for example --field careful")
+        return None
+    if field not in presets:
+        raise UsageError(f"--field {field}: choose one of {', '.join(presets)}")
+    told = assignments(effect, "--effect")
+    unknown = [name for name in told if name not in presets["off"].strengths()]
+    if unknown:
+        known = ", ".join(presets["off"].strengths())
+        raise UsageError(f"--effect {unknown[0]}: no such effect. There are {known}")
+    return replace(presets[field].scaled(strength), **told)
+
+
+def simulate_in_the_field(
+    model: Model, effects: FieldEffects, out: Path, course: Course, named: str, json_output: bool
+) -> None:
+    """Writes the recording, its truth, the markers and the true calibration, and says so."""
+    from oarlock.rowing import simulate_field
+
+    condition, duration_s, rate_spm, rate_hz, seed = course
+    with progress("simulating"):
+        trial = simulate_field(
+            model,
+            effects,
+            condition=condition,
+            duration_s=duration_s,
+            rate_spm=rate_spm,
+            rate_hz=rate_hz,
+            seed=seed,
+        )
+    trial.save(out)
+    written = {
+        "recording": out,
+        "truth": out / "truth",
+        "markers": out / "markers.csv",
+        "true_calibration": out / "true_calibration.toml",
+    }
+    if json_output:
+        told = {"streams": trial.recording.names, "seed": seed, "effects": effects.strengths()}
+        print_json(written | told)
+        return
+    _tell(trial, written, out, named)
+
+
+def _tell(trial: FieldTrial, written: dict[str, Path], out: Path, named: str) -> None:
+    from oarlock.rowing.field import GROUPS, FieldEffects
+
+    say(f"Wrote {out}", style="bold")
+    recording = trial.recording
+    span = f"{out}  ({recording.start_s:.1f} to {recording.end_s:.1f} s)"
+    pairs(
+        [
+            ("recording", span),
+            ("streams", ", ".join(recording.names)),
+            ("truth", written["truth"]),
+            ("markers", f"{written['markers']}  (true centres of shoulders, elbows and wrists)"),
+            ("true calibration", written["true_calibration"]),
+        ]
+    )
+    heading("Effects that are on", "m, rad, s and uT; a share where there is no unit")
+    off, strengths = FieldEffects.off().strengths(), trial.effects.strengths()
+    on = {
+        group: [f"{name} {strengths[name]:.4g}" for name in names if strengths[name] != off[name]]
+        for group, names in GROUPS.items()
+    }
+    table(
+        ["effect", "strength"],
+        [(group.replace("_", " "), ", ".join(told)) for group, told in on.items() if told],
+    )
+    steps(
+        f"oarlock track {out} --model {named} --out {out}-track",
+        f"oarlock evaluate {out}-track {out}/truth",
+    )
