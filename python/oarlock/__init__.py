@@ -13,6 +13,7 @@ from oarlock.hinge_axes import calibrate_hinge_axes
 from oarlock.hinge_chain import calibrate_hinge_chain
 from oarlock.joint_centers import calibrate_joint_centers
 from oarlock.local_field import calibrate_field
+from oarlock.markers import Markers, load_markers
 from oarlock.models import Base, load_model
 from oarlock.motion import Motion
 from oarlock.parallel_tracking import track_many
@@ -32,6 +33,7 @@ __all__ = [
     "Evaluation",
     "ImuStream",
     "Info",
+    "Markers",
     "Model",
     "ModelError",
     "Motion",
@@ -51,6 +53,7 @@ __all__ = [
     "evaluate_frame_orientations",
     "evaluate_orientations",
     "load_calibration",
+    "load_markers",
     "load_model",
     "load_recording",
     "load_track",
