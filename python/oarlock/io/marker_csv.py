@@ -15,7 +15,7 @@ from oarlock.errors import DataError
 from oarlock.io.marker_table import Row, filled, held_unit, markers_of, number, numbers, read_rows, read_text
 from oarlock.markers.trajectories import Markers
 
-_COLUMN = re.compile(r"(?P<name>.+?)[ _.:]+(?P<axis>[xyz])(?:[ _]*[\[(]?(?P<unit>mm|cm|m)[\])]?)?", re.I)
+_COLUMN = re.compile(r"(?P<name>.+)[ _.:](?P<axis>[xyz])(?:[ _]*[\[(]?(?P<unit>mm|cm|m)[\])]?)?", re.I)
 _TIME = re.compile(r"(time|t)(?:[ _]*[\[(]?s(ec|econds)?[\])]?)?", re.I)
 
 
