@@ -1,5 +1,6 @@
 """Optical markers: files, gaps, smoothing, inverse kinematics and comparison with a track."""
 
+from oarlock.markers.arm import Arm, ArmPostures
 from oarlock.markers.attachments import Attachment, attach_markers, load_attachments, save_attachments
 from oarlock.markers.files import load_markers, save_markers
 from oarlock.markers.gaps import FilledMarkers, Gap, fill_gaps
@@ -9,6 +10,8 @@ from oarlock.markers.posture_fit import PostureFit
 from oarlock.markers.trajectories import Markers
 
 __all__ = [
+    "Arm",
+    "ArmPostures",
     "Attachment",
     "FilledMarkers",
     "Gap",

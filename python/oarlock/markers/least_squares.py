@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -31,7 +31,7 @@ class Sight:
     place_m: FloatArray
     weight: FloatArray
 
-    def rows(self, kept: Bools | slice) -> Sight:
+    def rows(self, kept: Any) -> Sight:
         """Some of the frames."""
         return Sight(self.place_m[kept], self.weight[kept])
 
@@ -162,7 +162,7 @@ def _directions(
 
 
 def _linear(tree: PointTree, sight: Sight, prior: Prior, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Residuals (T, 3 n) in standard deviations, and slopes (T, 3 n, c) by steps in standard deviations of the prior."""
+    """Residuals (T, 3 n) in standard deviations, and slopes (T, 3 n, c) by steps in those of the prior."""
     places, slopes = tree.with_slopes(q)
     weight = sight.weight[..., None]
     residual = np.where(weight > 0.0, sight.place_m - places, 0.0) * weight

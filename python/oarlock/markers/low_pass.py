@@ -43,7 +43,8 @@ def low_pass(markers: Markers, cutoff_hz: float = 10.0, order: int = 4) -> Marke
     if not rate_hz >= _FEWEST_FRAMES_A_PERIOD * cutoff_hz:
         raise DataError(
             f"low_pass: {rate_hz:.4g} frames/s are too few for a cut-off of {cutoff_hz:g} Hz; it takes "
-            f"{_FEWEST_FRAMES_A_PERIOD:g} a period. Lower the cut-off to {rate_hz / _FEWEST_FRAMES_A_PERIOD:.3g} Hz or less."
+            f"{_FEWEST_FRAMES_A_PERIOD:g} a period. Lower the cut-off to "
+            f"{rate_hz / _FEWEST_FRAMES_A_PERIOD:.3g} Hz or less."
         )
     _check_even(markers.time_s)
     sections = _sections(cutoff_hz, rate_hz, order)

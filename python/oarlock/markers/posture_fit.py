@@ -68,7 +68,7 @@ class PostureFit:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a user has to know: joints that are not determined, never or at times, and frames that did not settle."""
+        """What a user has to know: joints that are not determined, never or at times; frames that did not settle."""
         never = [
             name for name, d in zip(self.coordinate_names, self.determined.T, strict=True) if not d.any()
         ]
@@ -98,7 +98,7 @@ class PostureFit:
         q = np.array(self.q)
         for part in parts(self.coordinate_names):
             columns = list(part.columns)
-            lost = ~self.determined[:, columns].all(axis=1)
+            lost = np.asarray(~self.determined[:, columns].all(axis=1))
             if not lost.any() or lost.all():
                 continue
             self._check_short(part.name, lost, longest_s)
