@@ -21,11 +21,13 @@ from oarlock.markers import (
     Markers,
     attach_markers,
     fill_gaps,
+    fit_body,
     inverse_kinematics,
     load_attachments,
     load_markers,
     low_pass,
     save_attachments,
+    simulate_from_markers,
 )
 from oarlock.models import Base, load_model
 from oarlock.motion import Motion
@@ -72,6 +74,7 @@ __all__ = [
     "evaluate_markers",
     "evaluate_orientations",
     "fill_gaps",
+    "fit_body",
     "inverse_kinematics",
     "load_attachments",
     "load_calibration",
@@ -82,6 +85,7 @@ __all__ = [
     "low_pass",
     "save_attachments",
     "simulate",
+    "simulate_from_markers",
     "smooth",
     "track",
     "track_many",

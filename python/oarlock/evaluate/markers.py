@@ -37,9 +37,9 @@ def evaluate_markers(
 ) -> MarkerEvaluation:
     """Score positions of a track against optical markers, as in the published comparison of positions.
 
-    Clocks are aligned first by the correlation of speeds, which depend on no axes, then finely by the offset (and drift)
-    of least squared distance. Axes are aligned by one rigid displacement for all points and times. Both are fitted to
-    what is scored: a constant turn or shift of the whole track is not in the errors.
+    Clocks are aligned first by the correlation of speeds, which depend on no axes, then finely by the offset (and
+    drift) of least squared distance. Axes are aligned by one rigid displacement for all points and times. Both are
+    fitted to what is scored: a constant turn or shift of the whole track is not in the errors.
 
     Args:
         track: the estimate; its model gives the points.

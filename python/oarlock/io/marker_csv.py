@@ -13,6 +13,7 @@ import numpy as np
 from oarlock.array_gate import FloatArray
 from oarlock.errors import DataError
 from oarlock.io.marker_table import Row, filled, held_unit, markers_of, number, numbers, read_rows, read_text
+from oarlock.markers.gaps import Gap
 from oarlock.markers.trajectories import Markers
 
 _COLUMN = re.compile(r"(?P<name>.+)[ _.:](?P<axis>[xyz])(?:[ _]*[\[(]?(?P<unit>mm|cm|m)[\])]?)?", re.I)
@@ -49,6 +50,17 @@ def csv_text(markers: Markers, file: Path) -> str:
     writer.writerow(["time_s", *(f"{name}_{axis}_m" for name in markers.names for axis in "xyz")])
     for time_s, row in zip(markers.time_s, markers.position_m.reshape(len(markers), -1), strict=True):
         writer.writerow([repr(float(time_s)), *("" if np.isnan(v) else repr(float(v)) for v in row)])
+    return stream.getvalue()
+
+
+def gaps_text(gaps: Sequence[Gap]) -> str:
+    """A table of gaps: marker, from, to, length, frames, filled or why not."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(["marker", "start_s", "end_s", "duration_s", "frames", "filled", "reason"])
+    for gap in gaps:
+        times = (f"{value:.6f}" for value in (gap.start_s, gap.end_s, gap.duration_s))
+        writer.writerow([gap.marker, *times, gap.frames, "yes" if gap.filled else "no", gap.reason])
     return stream.getvalue()
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _MEET_M: Final = 1e-6
 """How closely the axes of shoulder and wrist must meet."""
 _STRETCHED: Final = 1e-3
-"""Radius of the elbow's circle against the upper arm: below, a millimetre at the elbow turns the arm by whole radians."""
+"""Radius of the elbow's circle against the upper arm: below, a millimetre at the elbow turns the arm by radians."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +31,8 @@ class ArmPostures:
     Args:
         joint_names: the arm's joints from the shoulder down: four, five (with the forearm's turn) or seven.
         q: (T, joints) rad.
-        reachable: (T,) whether shoulder and wrist are no further apart, and no closer, than the arm allows. Else the arm
-            is stretched, or folded, toward the target.
+        reachable: (T,) whether shoulder and wrist are no further apart, and no closer, than the arm allows. Else the
+            arm is stretched, or folded, toward the target.
         miss_m: (T,) by how much the target is out of reach, m; 0 where reachable.
         stretched: (T,) whether elbow and wrist lie on one line with the shoulder: which way the elbow points is then
             not determined and taken from `swivel_rad` 0.
@@ -272,8 +272,8 @@ def _hinges_between(model: Model, base: str, tip: str) -> list[str]:
         here = frame["parent"]
     if len(found) not in (4, 5, 7) or any(kinds[joint] != "hinge" for joint in found):
         raise DataError(
-            f'arm from "{base}" to "{tip}": joints are {", ".join(f"{j} ({kinds[j]})" for j in found)}; expected hinges: '
-            "three in the shoulder, one at the elbow, and none, one or three behind it"
+            f'arm from "{base}" to "{tip}": joints are {", ".join(f"{j} ({kinds[j]})" for j in found)}; expected '
+            "hinges: three in the shoulder, one at the elbow, and none, one or three behind it"
         )
     return found
 

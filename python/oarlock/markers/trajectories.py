@@ -96,6 +96,13 @@ class Markers:
         there: Bools = np.isfinite(self.position_m[:, :, 0])
         return there
 
+    @property
+    def middle_m(self) -> FloatArray:
+        """Mean place of each marker, (n, 3), m; NaN if never seen."""
+        count = self.seen.sum(axis=0)[:, None]
+        total = np.where(self.seen[:, :, None], self.position_m, 0.0).sum(axis=0)
+        return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
+
     def index(self, name: str) -> int:
         """Place of a marker among the names.
 
