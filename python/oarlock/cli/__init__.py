@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from oarlock.cli import bench, calibrate, demo, evaluate, import_, model, report, simulate, track
+from oarlock.cli import bench, calibrate, demo, evaluate, import_, markers, model, report, simulate, track
 
 # plain help: examples keep their lines, and it reads the same in a file, a pager and a narrow window
 app = typer.Typer(
@@ -47,6 +47,7 @@ def root(
 demo.add_to(app)
 simulate.add_to(app)
 import_.add_to(app)
+markers.add_to(app)
 calibrate.add_to(app)
 track.add_to(app)
 evaluate.add_to(app)

@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from oarlock.cli.markers import mapping
 from oarlock.cli.options import Json, example
-from oarlock.cli.tables import write_evaluation
-from oarlock.cli.terminal import print_json, say, verb
+from oarlock.cli.tables import write_evaluation, write_marker_evaluation
+from oarlock.cli.terminal import UsageError, print_json, say, verb
+
+if TYPE_CHECKING:
+    from oarlock import Attachment
+
+MARKER_ENDINGS: Final = (".c3d", ".trc", ".csv", ".tsv", ".txt")
+CLOCKS: Final[dict[str, bool | str]] = {"offset": True, "drift": "drift", "same": False}
 
 TruthFolder = Annotated[
     Path,
-    typer.Argument(metavar="TRUTH", help="A track folder with the truth, or a recording that holds truth/."),
+    typer.Argument(
+        metavar="TRUTH",
+        help="A track folder with the truth, a recording that holds truth/, or markers: .c3d, .trc, .csv, .tsv.",
+    ),
 ]
 
 
@@ -21,11 +31,13 @@ def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
     app.command(
         "evaluate",
-        short_help="Score a track against truth.",
+        short_help="Score a track against truth, or against optical markers.",
         epilog=example(
             "oarlock evaluate out trial/truth",
             "oarlock evaluate out trial --start-s 5",
             "oarlock evaluate out trial/truth --json | jq .mean_rmse_deg",
+            "oarlock evaluate out trial.c3d --frames LELB=l_elbow,LWRI=l_wrist,RELB=r_elbow",
+            "oarlock evaluate out trial.trc --attachments person.toml --clock drift",
         ),
     )(evaluate)
 
@@ -37,19 +49,83 @@ def evaluate(
     start_s: Annotated[
         float, typer.Option("--start-s", metavar="S", help="Leave out the first seconds: the filter settles.")
     ] = 2.0,
+    frames: Annotated[
+        str | None,
+        typer.Option(
+            "--frames",
+            metavar="MARKER=FRAME,...",
+            help="Markers: which stands for which frame; by name if left out.",
+        ),
+    ] = None,
+    attachments: Annotated[
+        Path | None,
+        typer.Option(
+            "--attachments", "-a", metavar="FILE", help="Markers: where they sit on the model, .toml."
+        ),
+    ] = None,
+    relative_to: Annotated[
+        str,
+        typer.Option("--relative-to", metavar="FRAME", help="Markers: compare in the axes of this frame."),
+    ] = "root",
+    clock: Annotated[
+        str, typer.Option("--clock", metavar="offset|drift|same", help="Markers: what to fit of their clock.")
+    ] = "offset",
+    largest_offset_s: Annotated[
+        float | None,
+        typer.Option("--largest-offset-s", metavar="S", help="Markers: look no further than this."),
+    ] = None,
+    align_frame: Annotated[
+        bool,
+        typer.Option(
+            "--align-frame/--no-align-frame", help="Markers: fit where their axes lie in the track's."
+        ),
+    ] = True,
+    unit: Annotated[
+        str | None, typer.Option("--unit", metavar="m|cm|mm", help="Markers: unit of length.")
+    ] = None,
     json_output: Json = False,
 ) -> None:
-    """RMSE, correlation, coverage and NEES per joint, and positions, against truth."""
+    """RMSE, correlation, coverage and NEES per joint, and positions, against truth; positions against markers."""
     import oarlock
 
-    scores = oarlock.evaluate(
-        oarlock.load_track(out), oarlock.load_track(truth_folder(truth)), start_s=start_s
-    )
+    track = oarlock.load_track(out)
+    if truth.suffix.lower() in MARKER_ENDINGS and not truth.is_dir():
+        if clock not in CLOCKS:
+            raise UsageError(f"--clock {clock}: choose one of {', '.join(CLOCKS)}")
+        against = oarlock.evaluate_markers(
+            track,
+            oarlock.load_markers(truth, unit),
+            _pairs(frames, attachments),
+            relative_to=relative_to,
+            align_clock=CLOCKS[clock],
+            align_frame=align_frame,
+            start_s=start_s,
+            largest_offset_s=largest_offset_s,
+        )
+        if json_output:
+            print_json(against.to_dict())
+            return
+        say(f"{out} against {truth}", style="bold")
+        write_marker_evaluation(against)
+        return
+    if frames is not None or attachments is not None:
+        raise UsageError("--frames and --attachments go with a file of markers, not with a truth folder")
+    scores = oarlock.evaluate(track, oarlock.load_track(truth_folder(truth)), start_s=start_s)
     if json_output:
         print_json(scores.to_dict())
         return
     say(f"{out} against {truth_folder(truth)}", style="bold")
     write_evaluation(scores)
+
+
+def _pairs(frames: str | None, attachments: Path | None) -> dict[str, str] | tuple[Attachment, ...] | None:
+    from oarlock import load_attachments
+
+    if frames is not None and attachments is not None:
+        raise UsageError("give --frames or --attachments, not both")
+    if attachments is not None:
+        return load_attachments(attachments)
+    return None if frames is None else mapping(frames, "--frames")
 
 
 def truth_folder(folder: Path) -> Path:

@@ -7,6 +7,7 @@ from typing import Any
 
 from oarlock.cli.terminal import heading, number, pairs, say, table
 from oarlock.evaluate import Evaluation, SensorScore, presentation
+from oarlock.evaluate.marker_scores import MarkerEvaluation
 from oarlock.evaluate.tracklike import TrackLike
 from oarlock.track_summary import TrackSummary, summarize
 
@@ -107,6 +108,28 @@ def _positions(evaluation: Evaluation) -> None:
             for p in evaluation.positions
         ],
     )
+
+
+def write_marker_evaluation(evaluation: MarkerEvaluation) -> None:
+    """Points against markers in mm, and how clocks and axes were aligned."""
+    heading(
+        "Positions against markers",
+        f"axes of {evaluation.relative_to}, from {evaluation.start_s:g} s on, r: correlation",
+    )
+    header, *rows = evaluation.table()
+    table([*header[:2], *(f">{name}" for name in header[2:])], rows)
+    say()
+    drift = evaluation.clock_drift
+    pairs(
+        [
+            ("mean RMSE", f"{1e3 * evaluation.mean_rmse_3d_m:.1f} mm"),
+            (
+                "markers' clock",
+                f"{evaluation.clock_offset_s:+.4f} s" + (f", drift {1e6 * drift:+.0f} ppm" if drift else ""),
+            ),
+        ]
+    )
+    write_notes(evaluation.notes)
 
 
 def _means(evaluation: Evaluation) -> None:

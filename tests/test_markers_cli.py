@@ -1,0 +1,108 @@
+"""`oarlock markers` and `oarlock evaluate` with markers, typed as a laboratory would."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import oarlock
+from oarlock.cli import app
+
+EXAMPLE = Path(__file__).parents[1] / "examples/markers"
+TRUE_LENGTHS_M = {"l_ua": 0.298, "l_fa": 0.245}
+LENGTH_M = 1e-3  # 1 mm of noise in some 200 frames of a dozen markers
+
+
+def ran(*arguments: object, status: int = 0) -> str:
+    done = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    assert done.exit_code == status, done.output
+    return done.output
+
+
+def test_show_tells_what_is_in_a_file():
+    text = ran("markers", "show", EXAMPLE / "reach.trc")
+    assert "3 filled, 1 left" in text
+    assert "longer than 0.2 s" in text
+    found = json.loads(ran("markers", "show", EXAMPLE / "reach.trc", "--json"))
+    assert found["markers"] == 12
+    assert [gap["marker"] for gap in found["gaps"] if not gap["filled"]] == ["FA3"]
+
+
+@pytest.mark.slow
+def test_a_session_becomes_a_study_that_is_tracked_and_scored(tmp_path):
+    study, out = tmp_path / "study", tmp_path / "out"
+    model = EXAMPLE / "arm.toml"
+    made = ran(
+        "markers", "simulate", EXAMPLE / "reach.trc", "--model", model, "--attachments", EXAMPLE / "person.toml",
+        "--axes", "y-up-from-z-up", "--estimate", "root,l_ua,l_fa", "--gyro-bias-rad-s", "0.005", "--seed", "3",
+        "--out", study, "--json",
+    )  # fmt: skip
+    document = json.loads(made)
+    for name, length in TRUE_LENGTHS_M.items():
+        assert abs(document["body"]["parameters"][name] - length) < LENGTH_M
+    assert sum(not gap["filled"] for gap in document["gaps"]) == 1
+    assert max(document["rmse_m"].values()) < 2e-3
+    assert (study / "gaps.csv").read_text().count("\n") == 1 + len(document["gaps"])
+    recording = oarlock.load_recording(study)
+    assert recording.names == ("upperarm", "forearm", "hand")
+    ran("track", study, "--model", model, "--calibration", study / "calibration.toml", "--out", out)
+    scores = json.loads(ran("evaluate", out, study / "truth", "--json"))
+    assert scores["mean_rmse_deg"] < 0.2
+    points = json.loads(
+        ran("evaluate", out, EXAMPLE / "reach.trc", "--attachments", study / "attachments.toml", "--json")
+    )
+    assert abs(points["clock_offset_s"]) < 0.01
+    assert points["mean_rmse_3d_m"] < 4e-3, "1.7 mm of it are the noise of the markers"
+    text = ran("evaluate", out, study / "markers.trc", "--frames", "HA1=hand,FA2=wrist", "--clock", "same")
+    assert "axes of root" in text
+    assert "HA1" in text
+
+
+def test_attach_places_markers_by_a_static_trial(tmp_path):
+    model = oarlock.load_model("arm7")
+    rest = model.forward_kinematics(np.zeros(7))[model.frame_names.index("wrist")]
+    place = rest[:3, :3] @ [0.0, 0.05, 0.02] + rest[:3, 3]
+    oarlock.Markers(("WRA",), [0.0, 0.1], np.tile(place, (2, 1, 1))).save(tmp_path / "static.csv")
+    ran(
+        "markers",
+        "attach",
+        tmp_path / "static.csv",
+        "--model",
+        "arm7",
+        "--on",
+        "WRA=wrist",
+        "--out",
+        tmp_path / "p.toml",
+    )
+    np.testing.assert_allclose(
+        oarlock.load_attachments(tmp_path / "p.toml")[0].point_m, [0.0, 0.05, 0.02], atol=1e-12
+    )
+    again = ("markers", "attach", tmp_path / "static.csv", "--model", "arm7", "--on", "WRA=wrist", "--out")
+    assert "exists" in ran(*again, tmp_path / "p.toml", status=2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "said"),
+    [
+        (("markers", "show", "none.trc"), 1, "no such file"),
+        (("markers", "show", EXAMPLE / "reach.trc", "--axes", "z"), 1, "y-up-from-z-up"),
+        (("markers", "attach", EXAMPLE / "reach.trc", "--on", "T1", "--out", "x.toml"), 2, "MARKER=FRAME"),
+    ],
+)
+def test_mistakes_are_told(arguments, status, said):
+    assert said in ran(*arguments, status=status)
+
+
+def test_the_example_is_what_its_maker_makes(tmp_path, monkeypatch):
+    import runpy
+    import shutil
+
+    for name in ("make_trial.py", "person.toml", "arm.toml"):
+        shutil.copy(EXAMPLE / name, tmp_path / name)
+    runpy.run_path(str(tmp_path / "make_trial.py"), run_name="__main__")
+    made, shipped = (oarlock.load_markers(folder / "reach.trc") for folder in (tmp_path, EXAMPLE))
+    np.testing.assert_allclose(
+        made.position_m, shipped.position_m, atol=1.1e-4
+    )  # printed to a tenth of a millimetre
