@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from oarlock.rowing.boat import Boat, HullMotion
+from oarlock.rowing.hull import HullRotation, on_hull
 from oarlock.rowing.motion import Piece, row_piece, sculling
 from oarlock.rowing.noise import CONDITIONS, TABLE_4_NOISE, ImuNoise, SimulatedCondition
+from oarlock.rowing.pitch import HullForm, HullPitch, hull_pitch
 from oarlock.rowing.stretcher import adjusted_stretcher
 from oarlock.rowing.stroke import StrokeShape
 from oarlock.rowing.timing import StrokeTiming
@@ -13,13 +15,18 @@ __all__ = [
     "CONDITIONS",
     "TABLE_4_NOISE",
     "Boat",
+    "HullForm",
     "HullMotion",
+    "HullPitch",
+    "HullRotation",
     "ImuNoise",
     "Piece",
     "SimulatedCondition",
     "StrokeShape",
     "StrokeTiming",
     "adjusted_stretcher",
+    "hull_pitch",
+    "on_hull",
     "row_piece",
     "sculling",
 ]
