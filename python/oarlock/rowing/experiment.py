@@ -1,4 +1,4 @@
-"""The published simulation as one call: sculling, surge, noise and biases of Table 5; and a hull that turns, beside it."""
+"""The published simulation as one call: sculling, surge, noise and biases of Table 5; and a hull that turns."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ def simulate_sculling(
 ) -> tuple[Track, Recording]:
     """Truth and recording of a simulated sculler.
 
-    A hull that turns needs no model that knows of it: the sensors feel the rotation all the same, and the truth holds the
-    model's own joints.
+    A hull that turns needs no model that knows of it: the sensors feel the rotation all the same, and the truth
+    holds the model's own joints.
 
     Args:
         model: `sculler`, `sculler_boat`, or a model with the joints, frames and sensors of one of them.

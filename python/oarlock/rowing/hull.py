@@ -1,10 +1,10 @@
 """A hull that turns under the rower: prescribed rotations, and models whose root does not turn with the boat.
 
-The sculler's root is the boat. Where the boat turns, the root becomes a frame that travels along, level and straight on, and
-everything that hung on the root hangs on a frame `hull`. The hull strays from the root by two slides, `hull_sway` (X) and
-`hull_heave` (Y), and turns by three hinges: `hull_yaw` about the vertical (positive with the bow toward the rower's right,
-port), then `hull_pitch` about the transverse axis (positive with the stern down), then `hull_roll` about the keel (positive
-with the rower's left, starboard, up).
+The sculler's root is the boat. Where the boat turns, the root becomes a frame that travels along, level and straight
+on, and everything that hung on the root hangs on a frame `hull`. The hull strays from the root by two slides,
+`hull_sway` (X) and `hull_heave` (Y), and turns by three hinges: `hull_yaw` about the vertical (positive with the bow
+toward the rower's right, port), then `hull_pitch` about the transverse axis (positive with the stern down), then
+`hull_roll` about the keel (positive with the rower's left, starboard, up).
 """
 
 from __future__ import annotations
@@ -96,12 +96,12 @@ joint = "hull_roll"
 class HullRotation:
     """Small rotations of the hull within strokes, zero on average.
 
-    The part that repeats with the stroke swings from minus to plus the given amplitude (half of peak to peak). Pitch has the
-    stern down at the catch, where the rower sits sternmost; roll and yaw have a shape that the seed chooses, three
-    harmonics of the stroke. A random part is added, half of it from stroke to stroke, half over several strokes.
+    The part that repeats with the stroke swings from minus to plus the given amplitude (half of peak to peak). Pitch
+    has the stern down at the catch, where the rower sits sternmost; roll and yaw have a shape that the seed chooses,
+    three harmonics of the stroke. A random part is added, half of it from stroke to stroke, half over several strokes.
 
-    Usual amplitudes are the defaults; Formaggia et al. 2009 and Mola 2010, as the sculler's source reads them, bound pitch, roll and
-    yaw within a stroke by 1, 5 and 5 deg.
+    Usual amplitudes are the defaults; Formaggia et al. 2009 and Mola 2010, as the sculler's source reads them, bound
+    pitch, roll and yaw within a stroke by 1, 5 and 5 deg.
 
     Attributes:
         pitch_rad, roll_rad, yaw_rad: amplitudes, rad.
@@ -121,7 +121,9 @@ class HullRotation:
                     "(30 deg); 0.3 to 5 deg are 0.005 to 0.09 rad"
                 )
         if not 0.0 <= self.irregular <= 2.0:
-            raise DataError(f"hull rotation: irregular is {self.irregular}; give 0 (every stroke the same) to 2")
+            raise DataError(
+                f"hull rotation: irregular is {self.irregular}; give 0 (every stroke the same) to 2"
+            )
 
     def angles(self, timing: StrokeTiming, rng: np.random.Generator) -> dict[str, Array]:
         """Angles (K,) of `hull_yaw`, `hull_pitch` and `hull_roll`, rad."""
@@ -137,7 +139,8 @@ class HullRotation:
 
 def _stroke_shape(rng: np.random.Generator, in_step: bool) -> PeriodicCurve:
     turns = np.exp(2j * np.pi * rng.uniform(size=len(_HARMONICS)))
-    series = np.array([0.0, *(_HARMONICS * (np.ones(3) if in_step else turns))])
+    sizes = np.array([0.0, *_HARMONICS])
+    series = sizes * np.array([0.0, *(np.ones_like(turns) if in_step else turns)])
     values = PeriodicCurve(series)(_GRID)
     return PeriodicCurve(series / (0.5 * np.ptp(values)))
 
@@ -149,8 +152,8 @@ def turning_hull(motion: Motion, angles: dict[str, Array], pivot_m: Array, shift
         motion: of a model with the hull's joints, at any values; its base acceleration acts along Z.
         angles: (K,) at the motion's knots, rad, by hull joint; those left out are zero.
         pivot_m: (3,) the point about which the hull turns, in hull axes, m.
-        shifted_m: (K,) part of the way along Z that the hull makes under the shifting rower, m: this part goes along the keel,
-            wherever it points, the rest of the base acceleration along the course.
+        shifted_m: (K,) part of the way along Z that the hull makes under the shifting rower, m: this part goes along
+            the keel, wherever it points, the rest of the base acceleration along the course.
 
     The hull's origin lies beside the pivot, so that it sways, heaves and surges with the rotation.
     """

@@ -10,10 +10,10 @@ toward the stern, for point masses m_i of the rower, with a the hull's accelerat
     (I_hull + I_rower + A) theta'' + B theta' + K theta = g sum m_i z_i  - sum m_i (y_i z_i'' - z_i y_i'')
                                                           - a sum m_i y_i + d_blade F - d_drag c v |v|   (less its mean)
 
-K = rho g integral z^2 b dz of a waterline that is a parabola, b = beam (1 - 4 z^2 / length^2); the heights of the centres
-of buoyancy and of mass change it by less than one per cent and are left out. A is the added mass of half discs of
-that width (strip theory), B a share of critical damping. The mean moment is trim and taken away: zero is how the boat lies
-on average.
+K = rho g integral z^2 b dz of a waterline that is a parabola, b = beam (1 - 4 z^2 / length^2); the heights of the
+centres of buoyancy and of mass change it by less than one per cent and are left out. A is the added mass of half discs
+of that width (strip theory), B a share of critical damping. The mean moment is trim and taken away: zero is how the
+boat lies on average.
 
 Sources: surge, heave and pitch of a shell under moving rowers: Formaggia, Miglio, Mola and Montano, Int. J. Numerical
 Methods in Fluids 61, 2009; Mola, Virginia Tech, 2010, who find pitch under 1 deg in a stroke. Strips: Newman, Marine
@@ -55,8 +55,8 @@ class HullForm:
         blade_depth_m, drag_depth_m: where propulsion and drag act, below the waterline, m.
     """
 
-    length_m: float = 7.9
-    beam_m: float = 0.28
+    length_m: float = 8.0
+    beam_m: float = 0.29
     inertia_kg_m2: float = 70.0
     damping_ratio: float = 0.3
     hip_height_m: float = 0.25
