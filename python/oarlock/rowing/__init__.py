@@ -1,4 +1,4 @@
-"""Rowing on top of the engine's public face: plausible sculling, the boat, and the published experiment."""
+"""Rowing on top of the engine's public face: sculling, sweep rowing, the boat, and the published experiment."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from oarlock.rowing.noise import CONDITIONS, TABLE_4_NOISE, ImuNoise, SimulatedC
 from oarlock.rowing.pitch import HullForm, HullPitch, hull_pitch
 from oarlock.rowing.stretcher import adjusted_stretcher
 from oarlock.rowing.stroke import StrokeShape
+from oarlock.rowing.sweep import SweepShape, sweep_piece, sweeping
 from oarlock.rowing.timing import StrokeTiming
 
 __all__ = [
@@ -24,9 +25,12 @@ __all__ = [
     "SimulatedCondition",
     "StrokeShape",
     "StrokeTiming",
+    "SweepShape",
     "adjusted_stretcher",
     "hull_pitch",
     "on_hull",
     "row_piece",
     "sculling",
+    "sweep_piece",
+    "sweeping",
 ]

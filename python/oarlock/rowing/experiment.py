@@ -14,6 +14,7 @@ from oarlock.rowing.hull import HULL_JOINTS, HullRotation, on_hull, turning_hull
 from oarlock.rowing.motion import Piece, row_piece
 from oarlock.rowing.noise import CONDITIONS, SimulatedCondition
 from oarlock.rowing.pitch import HullForm, hull_pitch
+from oarlock.rowing.sweep import PAIR_HULL, PAIR_SEAT, sweep_piece
 
 if TYPE_CHECKING:
     from oarlock import Model, Recording, Track
@@ -58,6 +59,45 @@ def simulate_sculling(
 
     hull = _Hull(hull_rotation, pitching, HullForm() if form is None else form, Boat())
     return _recorded(model, row, _condition(condition, pitching), seed, hull)
+
+
+def simulate_sweep(
+    model: Model,
+    condition: str = "B-B",
+    duration_s: float = 40.0,
+    rate_spm: float | Sequence[float] = 24.0,
+    seed: int = 0,
+    *,
+    hull_rotation: HullRotation | None = None,
+    pitching: bool = False,
+    form: HullForm | None = None,
+) -> tuple[Track, Recording]:
+    """Truth and recording of a simulated sweep rower in a coxless pair.
+
+    Arguments and errors are those of :func:`simulate_sculling`; the model is `sweep`, `sweep_starboard` or one with
+    their joints, frames and sensors.
+    """
+
+    def row(body: Model, surge: bool) -> Piece:
+        return sweep_piece(body, duration_s, rate_spm, surge=surge, seed=seed)
+
+    hull = _Hull(hull_rotation, pitching, PAIR_HULL if form is None else form, PAIR_SEAT)
+    return _recorded(model, row, _condition(condition, pitching), seed, hull)
+
+
+def simulate_rowing(
+    model: Model,
+    condition: str = "B-B",
+    duration_s: float = 40.0,
+    rate_spm: float | Sequence[float] = 24.0,
+    seed: int = 0,
+    *,
+    hull_rotation: HullRotation | None = None,
+    pitching: bool = False,
+) -> tuple[Track, Recording]:
+    """:func:`simulate_sweep` for a model with one oar, :func:`simulate_sculling` for any other."""
+    row = simulate_sweep if "oar_phi" in model.joint_names else simulate_sculling
+    return row(model, condition, duration_s, rate_spm, seed, hull_rotation=hull_rotation, pitching=pitching)
 
 
 @dataclass(frozen=True)

@@ -53,6 +53,7 @@ class HullForm:
         hip_height_m: root (the hip pivot at seat 0) above the waterline, m.
         flotation_z_m: centre of flotation toward the stern from the root, m.
         blade_depth_m, drag_depth_m: where propulsion and drag act, below the waterline, m.
+        rowers: who share the hull and row together; each has an equal part of its stiffness and inertia.
     """
 
     length_m: float = 8.0
@@ -63,6 +64,7 @@ class HullForm:
     flotation_z_m: float = 0.30
     blade_depth_m: float = 0.12
     drag_depth_m: float = 0.05
+    rowers: int = 1
 
     def __post_init__(self) -> None:
         for name in ("length_m", "beam_m", "inertia_kg_m2", "damping_ratio"):
@@ -71,10 +73,12 @@ class HullForm:
         for name in ("hip_height_m", "flotation_z_m", "blade_depth_m", "drag_depth_m"):
             if not np.isfinite(getattr(self, name)):
                 raise DataError(f"hull form: {name} is {getattr(self, name)}; give a finite number of metres")
+        if self.rowers < 1:
+            raise DataError(f"hull form: rowers is {self.rowers}; give 1 or more")
 
     @property
     def stiffness_nm_rad(self) -> float:
-        """Hydrostatic moment per angle, N m/rad; the parabola's second moment is beam length^3 / 30."""
+        """Hydrostatic moment per angle of the hull, N m/rad; a parabola's second moment is beam length^3 / 30."""
         return WATER_KG_M3 * GRAVITY_M_S2 * self.beam_m * self.length_m**3 / 30.0
 
     @property
@@ -112,9 +116,9 @@ def hull_pitch(
     shares = boat.rower_kg * mass
     moment = _moment(shares, height, along, hull, boat, form)
     moment = moment - _stroke_mean(timing, moment)
-    inertia = form.inertia_kg_m2 + form.added_inertia_kg_m2
+    inertia = (form.inertia_kg_m2 + form.added_inertia_kg_m2) / form.rowers
     inertia += float((shares * (height**2 + along**2)).sum(axis=-1).mean())
-    stiffness = form.stiffness_nm_rad
+    stiffness = form.stiffness_nm_rad / form.rowers
     damping = 2.0 * form.damping_ratio * float(np.sqrt(stiffness * inertia))
     angle, velocity = _response(timing, moment, inertia, damping, stiffness)
     return HullPitch(timing.time_s, angle, velocity, moment, inertia, damping, stiffness)
