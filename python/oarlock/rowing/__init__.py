@@ -1,13 +1,16 @@
-"""Rowing on top of the engine's public face: plausible sculling, the boat, and the published experiment."""
+"""Rowing on top of the engine's public face: sculling, sweep rowing, the boat, and the published experiment."""
 
 from __future__ import annotations
 
 from oarlock.rowing.boat import Boat, HullMotion
 from oarlock.rowing.field import FieldEffects, FieldMarkers, FieldTrial, simulate_field
+from oarlock.rowing.hull import HullRotation, on_hull
 from oarlock.rowing.motion import Piece, row_piece, sculling
 from oarlock.rowing.noise import CONDITIONS, TABLE_4_NOISE, ImuNoise, SimulatedCondition
+from oarlock.rowing.pitch import HullForm, HullPitch, hull_pitch
 from oarlock.rowing.stretcher import adjusted_stretcher
 from oarlock.rowing.stroke import StrokeShape
+from oarlock.rowing.sweep import SweepShape, sweep_piece, sweeping
 from oarlock.rowing.timing import StrokeTiming
 
 __all__ = [
@@ -17,14 +20,22 @@ __all__ = [
     "FieldEffects",
     "FieldMarkers",
     "FieldTrial",
+    "HullForm",
     "HullMotion",
+    "HullPitch",
+    "HullRotation",
     "ImuNoise",
     "Piece",
     "SimulatedCondition",
     "StrokeShape",
     "StrokeTiming",
+    "SweepShape",
     "adjusted_stretcher",
+    "hull_pitch",
+    "on_hull",
     "row_piece",
     "sculling",
     "simulate_field",
+    "sweep_piece",
+    "sweeping",
 ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,22 +41,44 @@ WEIGHTS = np.array([100.0 * _LOOSENESS_DEG[name] ** -2.0 for name in ARM_JOINTS]
 MIRROR = np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0, 1.0])
 """Left arm joints of the mirrored posture, from the right ones."""
 
-_CURVES = [
-    PeriodicCurve.through(list(zip(_PHASES, _PREFERRED_DEG[name], strict=True)), _SMOOTHING)
-    for name in ARM_JOINTS
-]
+
+def arm_curves(degrees: Mapping[str, Sequence[float]]) -> list[PeriodicCurve]:
+    """A curve per joint, through its degrees at catch, mid-drive, late drive, finish, hands away, body over."""
+    return [
+        PeriodicCurve.through(list(zip(_PHASES, degrees[name], strict=True)), _SMOOTHING)
+        for name in ARM_JOINTS
+    ]
+
+
+SCULLER = arm_curves(_PREFERRED_DEG)
+"""Of a sculler's right arm, degrees."""
 
 
 def preferred_arms(
     timing: StrokeTiming, asymmetry: float, variation: float, rng: np.random.Generator
 ) -> NDArray[np.float64]:
-    """Preferred arm joints (K, 2, 7), right arm first, rad."""
+    """Preferred arm joints (K, 2, 7) of a sculler, right arm first, rad."""
+    return arms_near(SCULLER, SCULLER, timing, asymmetry, variation, rng)
+
+
+def arms_near(
+    right: Sequence[PeriodicCurve],
+    left: Sequence[PeriodicCurve],
+    timing: StrokeTiming,
+    asymmetry: float,
+    variation: float,
+    rng: np.random.Generator,
+) -> NDArray[np.float64]:
+    """Preferred arm joints (K, 2, 7), right arm first, rad, from curves as of a right arm, with a rower's habits."""
     vary = Variation(rng, timing.stroke)
-    usual = np.stack([curve(timing.phase) for curve in _CURVES], axis=-1)
     shared = _habits(vary, variation)
-    right = usual + shared + asymmetry * _habits(vary, variation)
-    left = usual + shared + asymmetry * _habits(vary, variation)
-    return np.radians(np.stack([right, MIRROR * left], axis=1))
+    arms = [
+        np.stack([curve(timing.phase) for curve in curves], axis=-1)
+        + shared
+        + asymmetry * _habits(vary, variation)
+        for curves in (right, left)
+    ]
+    return np.radians(np.stack([arms[0], MIRROR * arms[1]], axis=1))
 
 
 def _habits(vary: Variation, variation: float) -> NDArray[np.float64]:

@@ -90,12 +90,35 @@ def oar_sweep(phase: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(0.5 - 0.5 * swing / (1.0 + _STEADY / 3.0), dtype=np.float64)
 
 
-def _between(
+def between(
     ends: tuple[float, float], share: NDArray[np.float64], vary: Variation, scale: float
 ) -> NDArray[np.float64]:
+    """From the first end (share 0) to the second (share 1); each end varies by ``scale`` from stroke to stroke."""
     first = ends[0] + vary.draw(scale)
     last = ends[1] + vary.draw(scale)
     return np.asarray(first + (last - first) * share, dtype=np.float64)
+
+
+def seat_and_trunk(
+    shape: StrokeShape, timing: StrokeTiming, vary: Variation, variation: float
+) -> dict[str, NDArray[np.float64]]:
+    """Joints ``seat``, m, and ``trunk``, rad, (K,)."""
+    return {
+        "seat": between(shape.seat_m, _LEGS_DOWN(timing.phase), vary, variation * _SEAT_SD_M),
+        "trunk": between(shape.lean_rad, _LEAN(timing.phase), vary, variation * _SD_RAD["lean"]),
+    }
+
+
+def single_oar(
+    shape: StrokeShape, timing: StrokeTiming, vary: Variation, variation: float
+) -> dict[str, NDArray[np.float64]]:
+    """Joints ``oar_phi``, ``oar_alpha`` and ``oar_theta`` (K,) of a sweep oar, rad."""
+    phase = timing.phase
+    return {
+        "oar_phi": between(shape.phi_rad, oar_sweep(phase), vary, variation * _SD_RAD["phi"]),
+        "oar_alpha": between(shape.alpha_rad, _HANDLE_HEIGHT(phase), vary, variation * _SD_RAD["alpha"]),
+        "oar_theta": shape.feather_rad * _FEATHERED(phase),
+    }
 
 
 def body_and_oars(
@@ -103,11 +126,7 @@ def body_and_oars(
 ) -> dict[str, NDArray[np.float64]]:
     """Every joint (K,) but the arms': ``seat``, ``trunk``, ``r_oar_phi`` ... ``l_oar_theta``, rad and m."""
     vary = Variation(rng, timing.stroke)
-    joints = {
-        "seat": _between(shape.seat_m, _LEGS_DOWN(timing.phase), vary, variation * _SEAT_SD_M),
-        "trunk": _between(shape.lean_rad, _LEAN(timing.phase), vary, variation * _SD_RAD["lean"]),
-    }
-    return joints | _oars(shape, timing, vary, variation)
+    return seat_and_trunk(shape, timing, vary, variation) | _oars(shape, timing, vary, variation)
 
 
 def _oars(
