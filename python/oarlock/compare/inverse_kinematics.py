@@ -34,7 +34,8 @@ KNOTS_HZ = 20.0
 """Instants that are solved one after the other, each from the one before, so that no joint changes its branch."""
 
 ROUNDS = 25
-CONVERGED = 1e-10
+CONVERGED = 1e-6
+"""rad or m: the step after one of this length is at least ten times shorter, and far more where all agrees."""
 LEAST_DAMPING, MOST_DAMPING = 1e-9, 1e3
 FOLLOWING_DAMPING = 1e-5
 LONGEST_STEP = 0.5
@@ -86,8 +87,8 @@ def solve(model: Model, measured: Measured, time_s: Floats) -> tuple[Floats, Boo
         measured: orientations of its frames, and readings of its joints.
         time_s: (T,) s.
     """
-    problem = _Problem(model, list(measured.orientations))
     targets = _targets(model, measured)
+    problem = _Problem(model, list(measured.orientations), targets.columns)
     knots = _knots(time_s)
     at, start = problem.start(targets, knots)
     near = np.empty((len(knots), len(model.coordinate_names)))
@@ -104,9 +105,12 @@ def solve(model: Model, measured: Measured, time_s: Floats) -> tuple[Floats, Boo
 class _Problem:
     """The least squares of one model and its measured frames."""
 
-    def __init__(self, model: Model, frames: list[str]) -> None:
+    def __init__(self, model: Model, frames: list[str], read: Rows) -> None:
         self._model = model
         self._axes = TurningAxes(model, frames)
+        # coordinates that anything measured feels; the others stay where they are
+        self._felt = np.union1d(self._axes.columns, read)
+        self._read = np.searchsorted(self._felt, read)
         self._turns = [
             list(part.columns) for part in parts(model.coordinate_names) if part.kind == "rotation"
         ]
@@ -162,30 +166,34 @@ class _Problem:
         """Where the variance that the measurements leave is far below that of knowing nothing."""
         information = self._normal(q, targets)[0]
         doubt = UNSEEN * ORIENTATION_STD_RAD**-2
-        variance = np.linalg.inv(information + doubt * np.eye(q.shape[1]))
-        return np.asarray(np.einsum("tii->ti", variance) * doubt < 0.5)
+        variance = np.linalg.inv(information + doubt * np.eye(len(self._felt)))
+        seen = np.zeros(q.shape, dtype=bool)
+        seen[:, self._felt] = np.einsum("tii->ti", variance) * doubt < 0.5
+        return seen
 
     def _normal(self, q: Floats, targets: _Targets) -> tuple[Floats, Floats, Floats]:
-        """Information (T, n, n), gradient (T, n) and cost (T,) of the least squares at q."""
+        """Information (T, k, k), gradient (T, k) of the k coordinates that are felt, and cost (T,), at q."""
         rotations = self._model.forward_kinematics(q)[..., :3, :3]
         own = quat_from_matrix(rotations[:, self._axes.frames])
         error = rotvec_from_quat(quat_product(targets.quats, quat_inverse(own)))
-        jacobian = self._axes.jacobian(rotations).reshape(len(q), -1, q.shape[1])
+        jacobian = self._axes.jacobian(rotations, self._felt).reshape(len(q), -1, len(self._felt))
         weights = np.repeat(targets.weights, 3, axis=1)
         weighted = np.swapaxes(jacobian * weights[:, :, None], 1, 2)
         flat = error.reshape(len(q), -1)
         information = weighted @ jacobian
         gradient = (weighted @ flat[:, :, None])[:, :, 0]
         off = targets.values - q[:, targets.columns]
-        information[:, targets.columns, targets.columns] += targets.value_weights
-        gradient[:, targets.columns] += targets.value_weights * off
+        information[:, self._read, self._read] += targets.value_weights
+        gradient[:, self._read] += targets.value_weights * off
         cost = np.sum(weights * flat**2, axis=1) + np.sum(targets.value_weights * off**2, axis=1)
         return information, gradient, cost
 
     def _moved(self, q: Floats, step: Floats) -> Floats:
-        moved = q + step
+        turn = np.zeros_like(q)
+        turn[:, self._felt] = step
+        moved = q + turn
         for columns in self._turns:
-            turned = quat_product(quat_from_rotvec(q[:, columns]), quat_from_rotvec(step[:, columns]))
+            turned = quat_product(quat_from_rotvec(q[:, columns]), quat_from_rotvec(turn[:, columns]))
             moved[:, columns] = rotvec_from_quat(turned)
         return moved
 

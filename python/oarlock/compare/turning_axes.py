@@ -25,6 +25,8 @@ class TurningAxes:
     A hinge's axis, and each of a ball's three, stands still in the axes of the frame that it turns, whatever q is. So
     they are read once, off poses with one coordinate at one radian each.
 
+    `columns` are the coordinates that turn any of them.
+
     Args:
         model: the tree.
         frames: those whose turning is asked for.
@@ -45,19 +47,22 @@ class TurningAxes:
         self.frames = [names.index(name) for name in frames]
         self._carriers = [names.index(name) for name, _, _ in moving]
         self._axes = np.array([axis for _, _, axis in moving]).reshape(-1, 3)
-        self._feels = np.zeros((len(frames), len(moving), n))
+        self._feels = np.zeros((len(moving), len(frames), n))
         for s, frame in enumerate(frames):
             above = _up_to_root(frame, parents)
             for i, (carrier, k, _) in enumerate(moving):
-                self._feels[s, i, k] = carrier in above
+                self._feels[i, s, k] = carrier in above
+        self.columns = np.flatnonzero(self._feels.any(axis=(0, 1)))
 
-    def jacobian(self, rotations: Floats) -> Floats:
-        """(T, S, 3, n): turn of each chosen frame in root axes per unit of each coordinate.
+    def jacobian(self, rotations: Floats, columns: NDArray[np.intp]) -> Floats:
+        """(T, S, 3, k): turn of each chosen frame in root axes per unit of each of k coordinates.
 
         Of a ball the coordinates are the error's in the child's axes. `rotations` (T, n_frames, 3, 3), root from frame.
         """
         in_root = np.einsum("tfij,fj->tif", rotations[:, self._carriers], self._axes)
-        return np.asarray(in_root[:, None] @ self._feels)
+        chosen = self._feels[:, :, columns]
+        turns = in_root.reshape(-1, len(chosen)) @ chosen.reshape(len(chosen), -1)
+        return np.swapaxes(turns.reshape(len(rotations), 3, *chosen.shape[1:]), 1, 2)
 
 
 def _up_to_root(frame: str, parents: dict[str, str | None]) -> set[str]:

@@ -153,7 +153,7 @@ def _scatter(rows: list[Score]) -> str:
         for v in ([r.step_us for r in timed], [r.mean_rmse_deg for r in timed])
     ]
     logs = (math.log10(ranges[0][0]), math.log10(ranges[0][1]))
-    panel = Panel(46, 8, 350, max(ROW * len(rows) - 12, 220), logs, ranges[1], log_y=True)
+    panel = Panel(46, 8, 270, max(ROW * len(rows) - 12, 220), logs, ranges[1], log_y=True)
     bottom = panel.top + panel.height
     parts = []
     for power in range(round(logs[0]), round(logs[1]) + 1):
@@ -165,25 +165,31 @@ def _scatter(rows: list[Score]) -> str:
         parts.append(f'<path class="grid" d="M{panel.left} {y:.1f}h{panel.width}"/>')
         parts.append(label(panel.left - 5, y + 4, f"{10.0**power:g}", anchor="end"))
     points = [(float(panel.x(math.log10(r.step_us))), float(panel.y(r.mean_rmse_deg)), r) for r in timed]
+    parts += _names_at_right([(x, y, row.name) for x, y, row in points], panel)
     for x, y, row in points:
         parts.append(f'<circle class="{_style_of(row.estimator.family)}" cx="{x:.1f}" cy="{y:.1f}" r="4.5"/>')
-    parts += _labels([(x, y, row.name) for x, y, row in points], panel.left + panel.width)
     told = "; ".join(f"{r.name} {number(r.step_us)} µs, {number(r.mean_rmse_deg)} deg" for r in timed)
-    return drawing("scatter", (410, bottom + 20), "Error over time per step", told, "".join(parts))
+    return drawing("scatter", (440, bottom + 20), "Error over time per step", told, "".join(parts))
 
 
-def _labels(points: list[tuple[float, float, str]], right: float) -> list[str]:
-    """Names beside their points, moved down where they would cover each other."""
-    placed: list[tuple[float, float, float]] = []
+LINE = 14.0
+
+
+def _names_at_right(points: list[tuple[float, float, str]], panel: Panel) -> list[str]:
+    """Names in a column beside the panel, each led to its point, as near to its height as the others allow."""
+    ordered = sorted(points, key=lambda point: (point[1], -point[0]))
+    heights = [y for _, y, _ in ordered]
+    for i in range(1, len(heights)):
+        heights[i] = max(heights[i], heights[i - 1] + LINE)
+    floor = panel.top + panel.height
+    for i in reversed(range(len(heights))):
+        heights[i] = min(heights[i], floor)
+        floor = heights[i] - LINE
+    edge = panel.left + panel.width + 12
     parts = []
-    for x, y, name in sorted(points, key=lambda p: p[1]):
-        width = 6.2 * len(name)
-        start = x + 8 if x + 8 + width < right + 14 else x - 8 - width
-        height = y + 4.0
-        while any(abs(height - h) < 11.5 and start < b + 4 and start + width > a - 4 for a, b, h in placed):
-            height += 4.0
-        placed.append((start, start + width, height))
-        parts.append(label(start, height, name, "strip-name"))
+    for (x, y, name), height in zip(ordered, heights, strict=True):
+        parts.append(f'<path class="lead-line" d="M{x:.1f} {y:.1f}L{edge:.1f} {height:.1f}"/>')
+        parts.append(label(edge + 4, height + 4, name, "strip-name"))
     return parts
 
 
@@ -194,7 +200,7 @@ def _numbers(found: Comparison) -> str:
     for row in found.scores:
         values = row.columns()
         cells = [_cell(name, values.get(name, math.nan), row.name in wins.get(name, ())) for name in columns]
-        rows.append([f"{breakable(row.name)}", *cells])
+        rows.append([escape(row.name), *cells])
     against = "truth" if found.reference == "truth" else found.reference
     caption = (
         f"RMSE against {against} without the first {found.start_s:g} s. Angles: mean and worst of the "
@@ -207,7 +213,8 @@ def _numbers(found: Comparison) -> str:
 
 
 def _head(name: str) -> str:
-    return _HEAD.get(name) or name.removesuffix("_mm").removesuffix("_rmse").replace("_", " ") + ", mm"
+    plain = name.removesuffix("_mm").removesuffix("_rmse").removesuffix("_position").replace("_", " ")
+    return _HEAD.get(name) or f"{plain}, mm"
 
 
 def _cell(name: str, value: float, won: bool) -> str:
