@@ -5,6 +5,7 @@ Everything that is meant to be used is named here; `oarlock.rowing` adds one fie
 
 from oarlock._core import Belief, Config, Info, Model, Sample, Tracker, __version__
 from oarlock.calibration import Calibration, load_calibration
+from oarlock.compare import Comparison, compare, track_limbs, track_orientations
 from oarlock.errors import DataError, DivergedError, ModelError
 from oarlock.evaluate import Evaluation, evaluate
 from oarlock.evaluate.frames import evaluate_frame_orientations
@@ -44,6 +45,7 @@ __all__ = [
     "Base",
     "Belief",
     "Calibration",
+    "Comparison",
     "Config",
     "DataError",
     "DivergedError",
@@ -69,6 +71,7 @@ __all__ = [
     "calibrate_hinge_chain",
     "calibrate_joint_centers",
     "calibrate_pose",
+    "compare",
     "evaluate",
     "evaluate_frame_orientations",
     "evaluate_markers",
@@ -88,7 +91,9 @@ __all__ = [
     "simulate_from_markers",
     "smooth",
     "track",
+    "track_limbs",
     "track_many",
+    "track_orientations",
 ]
 
 

@@ -13,6 +13,8 @@ from oarlock.cli.model import posture
 from oarlock.cli.options import Force, Json, ModelName, OutFolder, Settings, assignments, example, names
 from oarlock.cli.tables import write_summary
 from oarlock.cli.terminal import UsageError, fresh_folder, print_json, progress, say, steps, verb
+from oarlock.compare.estimators import LIMB_FILTER, tree_filters
+from oarlock.compare.orientation_track import ORIENTATION_FILTERS
 
 if TYPE_CHECKING:
     from oarlock import Calibration, Evaluation, Model, Recording, Track
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
 RUN_FILE = "run.toml"
 RECORDING_FILE = "recording.toml"
 
+
+OTHER_FILTERS = (LIMB_FILTER, *ORIENTATION_FILTERS)
 
 # the engine's own defaults, shown in the help text
 _DEFAULT = Config().to_dict()
@@ -40,15 +44,8 @@ class Magnetometer(StrEnum):
     off = "off"
 
 
-class Filter(StrEnum):
-    """Which filter tracks."""
-
-    ukf = "ukf"
-    ekf = "ekf"
-    iekf = "iekf"
-
-
-_FILTER = Filter(_DEFAULT["filter"])
+# the engine's own, then those that go over a whole recording
+_FILTERS = (*tree_filters(), *OTHER_FILTERS)
 _PROCESS_NOISE = ProcessNoise(_DEFAULT["process_noise"])
 _MAGNETOMETER = Magnetometer(_DEFAULT["magnetometer"])
 
@@ -110,9 +107,15 @@ def track(
         Magnetometer, typer.Option("--magnetometer", help="Gate disturbed readings, use all, or none.")
     ] = _MAGNETOMETER,
     filter_name: Annotated[
-        Filter,
-        typer.Option("--filter", help="Sigma points; or linearised once (faster), or until it settles."),
-    ] = _FILTER,
+        str,
+        typer.Option(
+            "--filter",
+            metavar="NAME",
+            help="Sigma points (ukf); linearised once, faster (ekf), or until it settles (iekf). To compare with: "
+            f"one filter per limb (limbs); one per inertial unit, then inverse kinematics "
+            f"({', '.join(ORIENTATION_FILTERS)}).",
+        ),
+    ] = _DEFAULT["filter"],
     initial_q: Annotated[
         list[str] | None,
         typer.Option(
@@ -159,6 +162,8 @@ def track(
     from oarlock import load_model, load_recording
     from oarlock.calibration import load_calibration
 
+    if filter_name not in _FILTERS:
+        raise UsageError(f"--filter {filter_name}: choose one of {', '.join(_FILTERS)}")
     body = load_model(model, parameters=assignments(settings, "--set"))
     start = assignments(initial_q, "--initial-q")
     config = Config(
@@ -166,7 +171,7 @@ def track(
         closures=closures,
         process_noise=process_noise.value,
         magnetometer=magnetometer.value,
-        filter=filter_name.value,
+        filter=_DEFAULT["filter"] if filter_name in OTHER_FILTERS else filter_name,
         initial_q=posture(body.describe(), start, "--initial-q") if start else None,
         gate=gate,
         gate_patience_s=gate_patience_s,
@@ -183,6 +188,9 @@ def track(
         measured = load_recording(folder)
         return measured if only is None else measured.only(names(only))
 
+    if filter_name in OTHER_FILTERS and (smooth or len(recordings) > 1):
+        asked = "--smooth" if smooth else "several recordings at once"
+        raise UsageError(f"--filter {filter_name} has no {asked}; {', '.join(tree_filters())} have")
     if len(recordings) > 1:
         from oarlock.cli.track_several import folders_for, track_several
 
@@ -206,24 +214,34 @@ def track(
     if (out / RECORDING_FILE).exists():
         raise UsageError(f"{out} is a recording; results go into a folder of their own")
     fresh_folder(out, RUN_FILE, force)
-    result = run_filter(body, measured, wearing, config, smooth)
+    result = run_filter(body, measured, wearing, config, smooth, filter_name)
     write_folder(result, out, csv)
     if json_output:
         print_json(document(result, out))
         return
     say(f"Tracked {recording}", style="bold")
     write_summary(result)
-    say(f"\nWrote {out}: track, sensors and beliefs (.parquet), model.toml, run.toml, report.html")
+    tables = ["track", *_beside(result)]
+    say(f"\nWrote {out}: {', '.join(tables)} (.parquet), model.toml, run.toml, report.html")
     steps(f"open {out / 'report.html'}", f"oarlock evaluate {out} TRUTH        if you have a reference")
 
 
 def run_filter(
-    model: Model, recording: Recording, calibration: Calibration | None, config: Config | None, smooth: bool
+    model: Model,
+    recording: Recording,
+    calibration: Calibration | None,
+    config: Config | None,
+    smooth: bool,
+    filter_name: str = "",
 ) -> Track:
-    """Tracks with a progress bar, and smooths if asked."""
+    """Tracks with a progress bar, and smooths if asked. `filter_name` may name one that `Config` does not know."""
     import oarlock
 
     with progress("tracking") as told:
+        if filter_name == LIMB_FILTER:
+            return oarlock.track_limbs(model, recording, calibration, config, progress=told)
+        if filter_name in ORIENTATION_FILTERS:
+            return oarlock.track_orientations(model, recording, filter_name, calibration, progress=told)
         result = oarlock.track(model, recording, calibration=calibration, config=config, progress=told)
     if smooth:
         with progress("smoothing") as told:
@@ -247,9 +265,15 @@ def write_folder(
         from pyarrow import csv as arrow_csv
         from pyarrow import parquet
 
-        for name in ("track", "sensors"):
+        for name in ("track", *(n for n in _beside(result) if n == "sensors")):
             arrow_csv.write_csv(parquet.read_table(out / f"{name}.parquet"), out / f"{name}.csv")
     return report
+
+
+def _beside(result: Track) -> list[str]:
+    """Tables beside the track's own: filters on single units report neither sensors nor beliefs."""
+    found = {"sensors": result.info, "beliefs": result.beliefs}
+    return [name for name, table in found.items() if table is not None]
 
 
 def document(result: Track, out: Path) -> dict[str, object]:

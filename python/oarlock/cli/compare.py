@@ -1,0 +1,205 @@
+"""`oarlock compare`: estimators of the literature on the same recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from oarlock.cli.evaluate import truth_folder
+from oarlock.cli.options import Force, Json, ModelName, OutFolder, Settings, assignments, example
+from oarlock.cli.terminal import (
+    UsageError,
+    fresh_folder,
+    heading,
+    number,
+    pairs,
+    print_json,
+    progress,
+    say,
+    steps,
+    table,
+    verb,
+)
+from oarlock.compare import estimator, estimators
+
+if TYPE_CHECKING:
+    from oarlock.compare import Comparison, Estimator, Score
+
+COMPARE_FILE = "compare.toml"
+ALL = "all"
+
+
+def add_to(app: typer.Typer) -> None:
+    """Registers the verb."""
+    app.command(
+        "compare",
+        short_help="Set estimators side by side on one recording.",
+        epilog=example(
+            "oarlock compare trial --model sculler --out compared",
+            "oarlock compare trial --model sculler --filter ukf --filter limbs --filter vqf --out compared",
+            "oarlock compare trial trial/truth --model sculler --repeats 3 --out compared --json | jq .wins",
+        )
+        + "\n\n\b\nFilters:\n"
+        + "\n".join(
+            f"  {e.name:<20} {e.title}" for e in estimators() if not e.name.endswith(("open", "plain"))
+        )
+        + "\n  NAME_open, NAME_plain, NAME_open_plain   of trees and limbs: no closures, no biases or base\n"
+        "                       acceleration, neither\n"
+        "  all                  every one of them",
+    )(compare)
+
+
+@verb
+def compare(
+    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="A recording folder.")],
+    model: ModelName,
+    out: OutFolder,
+    truth: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[TRUTH]",
+            help="A track folder with the truth; else RECORDING/truth; without any, differences from the first filter.",
+        ),
+    ] = None,
+    filters: Annotated[
+        list[str] | None,
+        typer.Option("--filter", metavar="NAME", help="A filter to run, see below. Repeatable."),
+    ] = None,
+    calibration: Annotated[
+        Path | None, typer.Option("--calibration", metavar="FILE", help="Mounts and lengths of this wearing.")
+    ] = None,
+    settings: Settings = None,
+    start_s: Annotated[
+        float, typer.Option("--start-s", metavar="S", help="Leave out the first seconds: filters settle.")
+    ] = 2.0,
+    repeats: Annotated[
+        int, typer.Option("--repeats", metavar="N", min=1, help="Run each N times; the shortest time counts.")
+    ] = 1,
+    html: Annotated[bool, typer.Option("--html/--no-html", help="Write compare.html.")] = True,
+    force: Force = False,
+    json_output: Json = False,
+) -> None:
+    """Run several estimators on a recording: errors, consistency and time per step, in one table and page."""
+    import oarlock
+
+    body = oarlock.load_model(model, parameters=assignments(settings, "--set"))
+    chosen = _chosen(filters)
+    measured = oarlock.load_recording(recording)
+    place = truth_folder(recording if truth is None else truth)
+    known = None if truth is None and place == recording else oarlock.load_track(place)
+    wearing = oarlock.load_calibration(calibration) if calibration is not None else None
+    fresh_folder(out, COMPARE_FILE, force)
+    found = oarlock.compare(
+        body,
+        measured,
+        known,
+        chosen,
+        calibration=wearing,
+        start_s=start_s,
+        repeats=repeats,
+        told=progress,
+    )
+    found.save(out)
+    page = _write_page(found, out, recording) if html else None
+    if json_output:
+        print_json(found.to_dict() | {"out": out, "page": page})
+        return
+    _write(found, recording)
+    say(f"\nWrote {out}: compare.toml, compare.csv" + (", compare.html" if page else ""))
+    if page:
+        steps(f"open {page}")
+
+
+def _chosen(names: list[str] | None) -> list[Estimator] | None:
+    if names is None:
+        return None
+    if ALL in names:
+        return list(estimators())
+    try:
+        return [estimator(name) for name in dict.fromkeys(names)]
+    except ValueError as error:
+        raise UsageError(f"--filter: {error}") from None
+
+
+def _write_page(found: Comparison, out: Path, recording: Path) -> Path:
+    from oarlock.report.comparison import write_comparison
+
+    return write_comparison(found, out / "compare.html", f"Filters on {recording.name}")
+
+
+_HEADERS = {
+    "mean_rmse_deg": (">mean", ".3f"),
+    "worst_rmse_deg": (">worst", ".3f"),
+    "correlation": (">corr.", ".4f"),
+    "nees_per_state": (">NEES", ".3g"),
+    "coverage_95": (">95 %", ".3f"),
+    "step_us": (">us", ".0f"),
+}
+
+
+def _write(found: Comparison, recording: Path) -> None:
+    say(f"{len(found.scores)} filters on {recording}", style="bold")
+    against = "truth" if found.reference == "truth" else f"{found.reference}, for there is no truth"
+    say(
+        f"RMSE against {against}, without the first {found.start_s:g} s: mean and worst of the {len(found.joints)} "
+        "joints\nbetween root and inertial units, deg; slides and positions, mm; us a step",
+        style="dim",
+    )
+    say()
+    names = [n for n in found.columns if n not in ("steps_per_s", "kinematics_us")]
+    heads = [_head(name) for name in names]
+    wins = found.wins
+    table(
+        ["filter", *(head for head, _ in heads)],
+        [
+            (row.name, *(_cell(row, n, f, wins) for n, (_, f) in zip(names, heads, strict=True)))
+            for row in found.scores
+        ],
+    )
+    say("* best, or level with the best (2 %); - says nothing of its errors", style="dim", indent=2)
+    _write_wins(found)
+    heading("Time", "processor time of the filter alone, all sensors of one instant")
+    by_hand = [row for row in found.scores if number(row.kinematics_us, ".0f", "") != ""]
+    if by_hand:
+        us = sorted(row.kinematics_us for row in by_hand)
+        say(
+            f"the filters on single units are followed by inverse kinematics in NumPy, {us[0]:.0f} to {us[-1]:.0f} us\n"
+            "a step, not counted above; those of ahrs run in Python, the others compiled or in NumPy",
+            indent=2,
+        )
+    for name, why in found.left_out.items():
+        say(f"{name} was left out: {why}", style="yellow")
+
+
+def _head(name: str) -> tuple[str, str]:
+    if name in _HEADERS:
+        return _HEADERS[name]
+    short = name.removesuffix("_position_mm").removesuffix("_rmse_mm")
+    return f">{short}", ".1f"
+
+
+def _cell(row: Score, name: str, style: str, wins: dict[str, tuple[str, ...]]) -> str:
+    text = number(row.columns().get(name), style)
+    return f"{text}*" if row.name in wins.get(name, ()) else f"{text} "
+
+
+def _write_wins(found: Comparison) -> None:
+    heading("Best", "of those that are level, the first")
+    rows: dict[str, list[str]] = {}
+    for name, who in found.wins.items():
+        if name != "steps_per_s":
+            rows.setdefault(who[0], []).append(_words(name))
+    pairs([(f"  {who}", ", ".join(columns)) for who, columns in rows.items()])
+
+
+def _words(name: str) -> str:
+    return {
+        "mean_rmse_deg": "mean angle",
+        "worst_rmse_deg": "worst angle",
+        "correlation": "correlation",
+        "nees_per_state": "NEES",
+        "coverage_95": "95 % bands",
+        "step_us": "time per step",
+    }.get(name, name.removesuffix("_mm").removesuffix("_rmse").replace("_", " "))

@@ -1,0 +1,208 @@
+"""Estimators side by side: the whole tree is ahead where its model holds, and the table says so honestly."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import re
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+import oarlock
+from oarlock import Config, DataError, Recording
+from oarlock.cli import app
+from oarlock.compare import Comparison, estimator, estimators, usual_estimators
+from oarlock.compare.estimators import tree_filters
+from oarlock.compare.scores import best
+from oarlock.rowing.experiment import simulate_sculling
+
+BUILT_IN = ("ukf", "limbs", "limbs_open", "vector_kf")
+"""One of each family that needs no other package."""
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments], prog_name="oarlock")
+
+
+@pytest.fixture(scope="module")
+def sculler() -> oarlock.Model:
+    return oarlock.load_model("sculler")
+
+
+@pytest.fixture(scope="module")
+def rowed(sculler: oarlock.Model) -> tuple[oarlock.Track, Recording]:
+    return simulate_sculling(sculler, "B-B", duration_s=4.0, seed=31)
+
+
+@pytest.fixture(scope="module")
+def compared(sculler: oarlock.Model, rowed: tuple[oarlock.Track, Recording]) -> Comparison:
+    return oarlock.compare(sculler, rowed[1], rowed[0], BUILT_IN)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [41, 42])
+def test_the_tree_is_ahead_of_limbs_and_single_units(sculler: oarlock.Model, seed: int) -> None:
+    """Boat surging and biased sensors; seeds that nothing was tuned to."""
+    truth, recording = simulate_sculling(sculler, "B-B", duration_s=8.0, rate_spm=(20.0, 34.0), seed=seed)
+    found = oarlock.compare(sculler, recording, truth, BUILT_IN)
+    tree = found["ukf"]
+    assert tree.mean_rmse_deg < found["limbs"].mean_rmse_deg
+    assert tree.mean_rmse_deg < found["limbs_open"].mean_rmse_deg
+    # units that know nothing of each other take the boat's surge for tilt: degrees against hundredths
+    assert 20 * tree.mean_rmse_deg < found["vector_kf"].mean_rmse_deg
+    for landmark in ("shoulder", "elbow", "wrist"):
+        least = min(found.scores, key=lambda row: row.positions_rmse_m[landmark])
+        assert least.name == "ukf"
+    assert 0.3 < tree.nees < 2.0
+    assert "ukf" in found.wins["mean_rmse_deg"]
+
+
+def test_filters_on_single_units_are_ahead_of_nothing_but_say_nothing(compared: Comparison) -> None:
+    units = compared["vector_kf"]
+    assert math.isnan(units.nees)
+    assert math.isnan(units.coverage)
+    assert units.kinematics_us > 0
+    assert math.isnan(compared["ukf"].kinematics_us)
+    assert compared["ukf"].coverage > 0.8
+
+
+def test_angles_are_those_that_units_feel(compared: Comparison) -> None:
+    assert len(compared.joints) == 11  # Table 5 of the source
+    assert not any("hand" in joint or "oar" in joint for joint in compared.joints)
+    assert {row.joints for row in compared.scores} == {11}
+
+
+def test_every_estimator_has_a_title_a_source_and_assumptions() -> None:
+    found = estimators()
+    assert len({e.name for e in found}) == len(found)
+    assert all(e.title and e.source and e.assumes for e in found)
+    assert {e.name for e in usual_estimators()} <= {e.name for e in found}
+
+
+def test_the_engine_says_which_trees_there_are() -> None:
+    assert {"ukf", "ekf", "iekf"} <= set(tree_filters())
+    for name in tree_filters():
+        assert Config(filter=name).filter == name
+        assert estimator(name + "_open").config.closures is False
+        assert estimator(name + "_plain").config.estimate == []
+        assert estimator(name).live
+
+
+def test_live_steps_are_refused_where_there_are_none(sculler: oarlock.Model) -> None:
+    assert estimator("ekf").tracker(sculler).state_names
+    for name in ("limbs", "vqf", "vector_kf"):
+        with pytest.raises(DataError, match=r"cannot step live.*ukf"):
+            estimator(name).tracker(sculler)
+    with pytest.raises(DataError):
+        Config(filter="vqf")
+
+
+def test_an_unknown_estimator_names_the_nearest(
+    sculler: oarlock.Model, rowed: tuple[oarlock.Track, Recording]
+) -> None:
+    with pytest.raises(DataError, match="limbs_open"):
+        oarlock.compare(sculler, rowed[1], rowed[0], ["limbs_opn"])
+
+
+def test_what_cannot_run_is_left_out_unless_it_was_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    for package in ("vqf", "ahrs"):
+        monkeypatch.setitem(sys.modules, package, None)
+    model = oarlock.load_model("pendulum3")
+    time_s = np.linspace(0.0, 4.0, 81)
+    motion = oarlock.Motion(
+        tuple(model.joint_names), time_s, 0.3 * np.sin(3.0 * time_s[:, None] + np.arange(3.0))
+    )
+    truth, recording = oarlock.simulate(model, motion, seed=1)
+    found = oarlock.compare(model, recording, truth, start_s=1.0)
+    assert "oarlock[compare]" in found.left_out["vqf"]
+    assert "one chain" in found.left_out["limbs"]
+    assert {"ukf", "vector_kf"} <= {row.name for row in found.scores}
+    # every joint of a pendulum carries a unit
+    assert found.joints == tuple(model.joint_names)
+    with pytest.raises(DataError, match=r"oarlock\[compare\]"):
+        oarlock.compare(model, recording, truth, ["ukf", "vqf"])
+    with pytest.raises(KeyError, match="left out"):
+        found["vqf"]
+
+
+def test_without_truth_all_are_held_against_the_first(
+    sculler: oarlock.Model, rowed: tuple[oarlock.Track, Recording]
+) -> None:
+    found = oarlock.compare(sculler, rowed[1], None, ["ekf", "ukf"])
+    assert found.reference == "ekf"
+    assert found["ekf"].mean_rmse_deg == 0.0
+    assert 0.0 < found["ukf"].mean_rmse_deg < 0.1
+
+
+def test_what_is_best_depends_on_the_column() -> None:
+    assert best("mean_rmse_deg", {"a": 1.0, "b": 1.01, "c": 1.1, "d": math.nan}) == ("a", "b")
+    assert best("steps_per_s", {"a": 100.0, "b": 1000.0}) == ("b",)
+    assert best("nees_per_state", {"a": 0.5, "b": 1.8, "c": 40.0}) == ("b",)
+    assert best("coverage_95", {"a": 1.0, "b": 0.94}) == ("b",)
+    assert best("correlation", {"a": 0.9, "b": 0.99}) == ("b",)
+    assert best("nees_per_state", {"a": math.nan}) == ()
+
+
+@pytest.fixture(scope="module")
+def trial(rowed: tuple[oarlock.Track, Recording], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("compare")
+    rowed[1].save(folder / "trial")
+    rowed[0].save(folder / "trial/truth")
+    return folder
+
+
+def test_the_verb_writes_table_and_page(trial: Path) -> None:
+    out = trial / "compared"
+    asked = [part for name in BUILT_IN for part in ("--filter", name)]
+    done = run("compare", trial / "trial", "--model", "sculler", *asked, "--out", out)
+    assert done.exit_code == 0, done.output
+    for name in BUILT_IN:
+        assert re.search(rf"^  {name} ", done.stdout, re.M)
+    document = tomllib.loads((out / "compare.toml").read_text(encoding="utf-8"))
+    assert [row["filter"] for row in document["estimators"]] == list(BUILT_IN)
+    assert document["reference"] == "truth"
+    with open(out / "compare.csv", encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[0]["mean_rmse_deg"]) < float(rows[3]["mean_rmse_deg"])
+    assert rows[3]["nees_per_state"] == ""
+    page = (out / "compare.html").read_text(encoding="utf-8")
+    assert "<script" not in page
+    assert not re.search(r"""(?:src|href)=["']?(?:https?:)?//""", page)
+    assert page.count("<circle") == len(BUILT_IN)
+
+
+def test_the_verb_speaks_json_and_leaves_the_page_out(trial: Path) -> None:
+    out = trial / "compared_json"
+    asked = ("--filter", "ekf", "--filter", "vector_kf", "--no-html", "--json")
+    done = run("compare", trial / "trial", trial / "trial/truth", "--model", "sculler", *asked, "--out", out)
+    assert done.exit_code == 0, done.output
+    document = json.loads(done.stdout)
+    assert document["wins"]["mean_rmse_deg"] == ["ekf"]
+    assert document["estimators"][1]["nees_per_state"] is None
+    assert not (out / "compare.html").exists()
+
+
+def test_the_verb_refuses_what_it_does_not_know(trial: Path) -> None:
+    done = run("compare", trial / "trial", "--model", "sculler", "--filter", "ukff", "--out", trial / "no")
+    assert done.exit_code == 2
+    assert "ukf" in done.stderr
+
+
+def test_track_takes_the_same_names(trial: Path) -> None:
+    from_trial = ("track", trial / "trial", "--model", "sculler")
+    done = run(*from_trial, "--filter", "vector_kf", "--csv", "--out", trial / "units")
+    assert done.exit_code == 0, done.output
+    assert (trial / "units/report.html").exists()
+    assert run("evaluate", trial / "units", trial / "trial").exit_code == 0
+    done = run(*from_trial, "--filter", "limbs", "--out", trial / "limbs")
+    assert done.exit_code == 0, done.output
+    done = run(*from_trial, "--filter", "vqf", "--smooth", "--out", trial / "no")
+    assert done.exit_code == 2
+    assert "--smooth" in done.stderr
+    assert run(*from_trial, "--filter", "nope", "--out", trial / "no").exit_code == 2
