@@ -63,7 +63,7 @@ class Anatomy:
         self._check()
         self._column = {name: column for column, name in enumerate(self.joint_names)}
         self._gliding = self.columns(name for name in DEVIATIONS if "grip" not in name)
-        self._lengths = {p["name"]: float(p["value"]) for p in description["parameters"]}
+        self._trunk_m = self._upright_m()
         self._grip_direction = dict(zip(SIDES, grip_direction_rad, strict=True))
 
     def _check(self) -> None:
@@ -84,6 +84,14 @@ class Anatomy:
             raise DataError(
                 f"field simulator: the model has {', '.join(other)} joints; it moves hinges and slides"
             )
+
+    def _upright_m(self) -> float:
+        """From the hip to the middle of the shoulder line, m."""
+        upright = self.poses(
+            np.zeros(len(self.joint_names)), ("seat", *(f"{side}_shoulder" for side in SIDES))
+        )
+        middle = np.mean([upright[f"{side}_shoulder"][1] for side in SIDES], axis=0)
+        return float(np.linalg.norm(middle - upright["seat"][1]))
 
     def wears(self, frame: str) -> bool:
         """Whether a frame is part of the rower, not of the boat."""
@@ -142,7 +150,7 @@ class Anatomy:
             return pose
         hip, girdle = found["seat"], self.trunk_at(np.float64(1.0), posture, found)
         forward, along, _ = trunk_axes(hip[0], self._of(posture, "trunk"))
-        rigid = pose[1] - hip[1] - self._lengths["l_b"] * along
+        rigid = pose[1] - hip[1] - self._trunk_m * along
         origin = girdle[1] + apply(girdle[0], rigid)
         origin = origin + self._of(posture, f"{side}_protraction")[..., None] * forward
         origin = origin + self._of(posture, f"{side}_elevation")[..., None] * along
@@ -158,7 +166,7 @@ class Anatomy:
         _, along, right = trunk_axes(hip[0], lean)
         beyond = rotation_about(right, bend * (share - 0.5)) @ rotation_about(along, twist * share)
         part = bend * share / 2.0
-        chord = self._lengths["l_b"] * share * np.sinc(part / np.pi)
+        chord = self._trunk_m * share * np.sinc(part / np.pi)
         _, there, _ = trunk_axes(hip[0], lean + bend * (share - 1.0) / 2.0)
         return beyond, hip[1] + chord[..., None] * there
 
@@ -176,7 +184,7 @@ class Anatomy:
         _, along, _ = trunk_axes(hip[0], self._of(posture, "trunk"))
         reach = origin + apply(rotation, offset_m) - hip[1]
         height = np.sum(reach * along, axis=-1)
-        beyond, spine = self.trunk_at(height / self._lengths["l_b"], posture, found)
+        beyond, spine = self.trunk_at(height / self._trunk_m, posture, found)
         place = spine + apply(beyond, reach - height[..., None] * along)
         rotation = beyond @ rotation
         return rotation, place - apply(rotation, offset_m)
