@@ -121,7 +121,8 @@ def stretches(true: Bools) -> Iterator[tuple[int, int]]:
 
 
 def _span(time_s: FloatArray, first: int, last: int) -> tuple[float, float, float, int]:
-    again = time_s[last] if last < len(time_s) else time_s[-1]
+    # behind the last frame there is none; it lasts as long as the one before it
+    again = time_s[last] if last < len(time_s) else 2.0 * time_s[-1] - time_s[max(len(time_s) - 2, 0)]
     return float(time_s[first]), float(time_s[last - 1]), float(again - time_s[first]), last - first
 
 

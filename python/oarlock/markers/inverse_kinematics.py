@@ -12,6 +12,7 @@ from oarlock.array_gate import FloatArray, real_array
 from oarlock.chain_geometry import posture
 from oarlock.errors import DataError
 from oarlock.markers.attachments import Attachment, GivenAttachments, attachments_of, check_frames
+from oarlock.markers.gaps import FilledMarkers
 from oarlock.markers.least_squares import Found, Prior, Sight, found_postures
 from oarlock.markers.point_tree import PointTree
 from oarlock.markers.posture_fit import PostureFit
@@ -28,7 +29,7 @@ _FAR_WORSE: Final = 25.0
 
 def inverse_kinematics(
     model: Model,
-    markers: Markers,
+    markers: Markers | FilledMarkers,
     attachments: GivenAttachments,
     *,
     root_from_markers: ArrayLike | None = None,
@@ -46,6 +47,7 @@ def inverse_kinematics(
     Args:
         model: with the person's lengths.
         markers: in the model's root axes, or see `root_from_markers`; markers that are not attached are passed over.
+            What `fill_gaps` gives brings the standard deviations of the positions that it put in.
         attachments: where markers sit on the model, with the standard deviations that weigh them, or a mapping
             `{marker: frame}` of markers that stand for a frame's origin (a joint's centre).
         root_from_markers: (4, 4) pose of the measuring system in root axes; None if its axes are the root's.
@@ -65,6 +67,9 @@ def inverse_kinematics(
     Raises:
         DataError: no attached marker is in the file, a frame that the model does not have, or no frame with a marker.
     """
+    if isinstance(markers, FilledMarkers):
+        added_std_m = markers.std_m if added_std_m is None else added_std_m
+        markers = markers.markers
     used = _used(model, markers, attachments)
     placed = (
         markers if root_from_markers is None else markers.moved(real_array(root_from_markers, (4, 4), "pose"))
