@@ -1,6 +1,7 @@
 """`oarlock markers` and `oarlock evaluate` with markers, typed as a laboratory would."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -30,32 +31,33 @@ def test_show_tells_what_is_in_a_file():
     assert [gap["marker"] for gap in found["gaps"] if not gap["filled"]] == ["FA3"]
 
 
+def console_of_the_page() -> list[list[str]]:
+    text = (EXAMPLE.parents[1] / "docs/markers.md").read_text(encoding="utf-8")
+    block = re.findall(r"^```console\n(.*?)^```$", text, re.M | re.S)[0]
+    return [line.split()[1:] for line in block.splitlines() if line.startswith("oarlock ")]
+
+
 @pytest.mark.slow
-def test_a_session_becomes_a_study_that_is_tracked_and_scored(tmp_path):
-    study, out = tmp_path / "study", tmp_path / "out"
-    model = EXAMPLE / "arm.toml"
-    made = ran(
-        "markers", "simulate", EXAMPLE / "reach.trc", "--model", model, "--attachments", EXAMPLE / "person.toml",
-        "--axes", "y-up-from-z-up", "--estimate", "root,l_ua,l_fa", "--gyro-bias-rad-s", "0.005", "--seed", "3",
-        "--out", study, "--json",
-    )  # fmt: skip
-    document = json.loads(made)
+def test_a_session_becomes_a_study_that_is_tracked_and_scored(tmp_path, monkeypatch):
+    (tmp_path / "examples").symlink_to(EXAMPLE.parent)
+    monkeypatch.chdir(tmp_path)
+    show, simulate, track, truth, markers = console_of_the_page()
+    assert "longer than 0.2 s" in ran(*show)
+    document = json.loads(ran(*simulate, "--json"))
     for name, length in TRUE_LENGTHS_M.items():
         assert abs(document["body"]["parameters"][name] - length) < LENGTH_M
     assert sum(not gap["filled"] for gap in document["gaps"]) == 1
     assert max(document["rmse_m"].values()) < 2e-3
-    assert (study / "gaps.csv").read_text().count("\n") == 1 + len(document["gaps"])
-    recording = oarlock.load_recording(study)
-    assert recording.names == ("upperarm", "forearm", "hand")
-    ran("track", study, "--model", model, "--calibration", study / "calibration.toml", "--out", out)
-    scores = json.loads(ran("evaluate", out, study / "truth", "--json"))
-    assert scores["mean_rmse_deg"] < 0.2
-    points = json.loads(
-        ran("evaluate", out, EXAMPLE / "reach.trc", "--attachments", study / "attachments.toml", "--json")
-    )
+    assert Path("study/gaps.csv").read_text().count("\n") == 1 + len(document["gaps"])
+    assert oarlock.load_recording("study").names == ("upperarm", "forearm", "hand")
+    page = Path("study/report.html").read_text(encoding="utf-8")
+    assert all(name in page for name in ("FA3", "longer than 0.2 s", "shoulder_<wbr>abduction"))
+    ran(*track)
+    assert json.loads(ran(*truth, "--json"))["mean_rmse_deg"] < 0.2
+    points = json.loads(ran(*markers, "--json"))
     assert abs(points["clock_offset_s"]) < 0.01
     assert points["mean_rmse_3d_m"] < 4e-3, "1.7 mm of it are the noise of the markers"
-    text = ran("evaluate", out, study / "markers.trc", "--frames", "HA1=hand,FA2=wrist", "--clock", "same")
+    text = ran("evaluate", "out", "study/markers.trc", "--frames", "HA1=hand,FA2=wrist", "--clock", "same")
     assert "axes of root" in text
     assert "HA1" in text
 

@@ -37,6 +37,17 @@ def test_short_gaps_are_filled_and_flagged(noise_m, tolerance):
     )
     away = np.linalg.norm(filled.markers.position_m - whole.position_m, axis=2)[filled.estimated]
     assert away.max() < tolerance
+    assert not filled.std_m[filled.markers.seen & ~filled.estimated].any()
+
+
+def test_what_was_put_in_is_as_good_as_its_standard_deviation_says():
+    whole, noisy = path(60.0), path(60.0, noise_m=1e-3)
+    filled = fill_gaps(lose(noisy, *((first, first + 20) for first in range(60, 5900, 60))))
+    away = (filled.markers.position_m - whole.position_m)[filled.estimated]
+    share = np.sqrt(np.mean((away / filled.std_m[filled.estimated][:, None]) ** 2))
+    assert 0.5 < share < 1.2, "1 if paths were driven by white jerk; smooth ones are a little better"
+    middle, edge = filled.std_m[70, 0], filled.std_m[60, 0]
+    assert edge < 1.5e-3 < middle, "about the noise beside a seen frame, more in the middle"
 
 
 def test_what_cannot_be_filled_is_left_and_said():

@@ -1,5 +1,6 @@
 """Marker files: C3D, TRC, CSV, the exports of Vicon Nexus and Qualisys; what is written is read back."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -237,6 +238,13 @@ def test_a_damaged_c3d_is_a_data_error(tmp_path):
     (tmp_path / "no.c3d").write_bytes(b"\x02\x50nothing")
     with pytest.raises(DataError, match=r"no\.c3d"):
         load_markers(tmp_path / "no.c3d")
+
+
+def test_without_ezc3d_the_extra_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ezc3d", None)
+    (tmp_path / "trial.c3d").write_bytes(b"\x02\x50")
+    with pytest.raises(DataError, match=r"oarlock\[c3d\]"):
+        load_markers(tmp_path / "trial.c3d")
 
 
 def test_axes_turn_points_and_refuse_mirrors():

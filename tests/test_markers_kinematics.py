@@ -69,7 +69,7 @@ def test_known_motion_with_noise_and_gaps_comes_back_within_half_a_degree(seed):
     filled = fill_gaps(given)
     assert {gap.marker: (gap.start_s, gap.frames) for gap in filled.gaps} == told
     assert all(gap.filled for gap in filled.gaps)
-    fit = inverse_kinematics(model, low_pass(filled.markers), attachments)
+    fit = inverse_kinematics(model, low_pass(filled), attachments)
     error = np.degrees(fit.q - q)
     assert np.sqrt(np.mean(error**2, axis=0)).max() < WANTED_DEG
     # without the filter errors are those that the fit says
@@ -92,7 +92,7 @@ def test_a_sculler_comes_back_too():
     given, told = with_gaps(markers_on(model, q, time_s, attachments, 1e-3, 4), 0.2, 5)
     filled = fill_gaps(given)
     assert {gap.marker: (gap.start_s, gap.frames) for gap in filled.gaps} == told
-    fit = inverse_kinematics(model, low_pass(filled.markers), attachments)
+    fit = inverse_kinematics(model, low_pass(filled), attachments)
     error = fit.q - q
     assert np.degrees(np.sqrt(np.mean(error[:, 1:] ** 2, axis=0))).max() < WANTED_DEG
     assert np.abs(error[:, 0]).max() < 2e-3, "m, of the seat"

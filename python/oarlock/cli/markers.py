@@ -192,6 +192,7 @@ def simulate(
     simulated on that movement.
     """
     import oarlock
+    from oarlock.report.markers import write_marker_report
 
     values = assignments(settings, "--set")
     loaded = oarlock.load_model(model, parameters=values)
@@ -225,6 +226,7 @@ def simulate(
     oarlock.save_attachments(placed, out / "attachments.toml")
     if body is not None:
         body.calibration().save(out / "calibration.toml")
+    write_marker_report(study, out, title=f"Markers of {file.name}")
     if json_output:
         print_json(_document(study, body, out))
         return
@@ -313,6 +315,7 @@ def _write_study(study: MarkerStudy, body: BodyFit | None, file: Path, out: Path
             ("streams", ", ".join(study.recording.names)),
             ("truth", out / "truth"),
             ("markers", f"{out / 'markers.trc'}  (filled, filtered, in root axes)"),
+            ("report", out / "report.html"),
         ]
     )
     if body is not None and body.parameters:

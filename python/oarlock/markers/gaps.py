@@ -17,6 +17,8 @@ WINDOW_S: Final = 0.2
 """Of a gap's neighbours on either side that shape its filling: shorter ones know no slope, longer ones add nothing."""
 _FEWEST: Final = 3
 """Frames seen on either side: a spline's slope needs two, and its noise is judged by more."""
+_LEAST_STD_M: Final = 1e-9
+"""Of a position that was put in: above 0, so that it can be told from one that was seen."""
 _MOST: Final = 64
 """Frames on either side: more only cost time."""
 
@@ -56,12 +58,18 @@ class FilledMarkers:
     Args:
         markers: short gaps filled, long ones still NaN.
         gaps: every gap that was found, by marker and time.
-        estimated: (T, n) True where a position was put in: no measurement stands behind it.
+        std_m: (T, n) standard deviation of each coordinate that was put in, largest in the middle of a gap; 0 where
+            the marker was seen, and where it is still missing.
     """
 
     markers: Markers
     gaps: tuple[Gap, ...]
-    estimated: Bools
+    std_m: FloatArray
+
+    @property
+    def estimated(self) -> Bools:
+        """Where a position was put in, (T, n): no measurement stands behind it."""
+        return np.asarray(self.std_m > 0.0)
 
     @property
     def refused(self) -> tuple[Gap, ...]:
@@ -90,16 +98,19 @@ def fill_gaps(markers: Markers, longest_s: float = 0.2) -> FilledMarkers:
     """
     if not (longest_s >= 0.0 and np.isfinite(longest_s)):
         raise DataError(f"fill_gaps: longest_s = {longest_s}; expected seconds, 0 or more")
-    position = np.array(markers.position_m)
+    position, std = np.array(markers.position_m), np.zeros(markers.seen.shape)
     gaps: list[Gap] = []
     for k, name in enumerate(markers.names):
         for first, last in stretches(~markers.seen[:, k]):
-            gap, found = _filling(markers, k, (first, last), longest_s)
-            if found is not None:
-                position[first:last, k] = found
-            gaps.append(Gap(name, *_span(markers.time_s, first, last), found is not None, gap))
-    filled = Markers(markers.names, markers.time_s, position)
-    return FilledMarkers(filled, tuple(gaps), filled.seen & ~markers.seen)
+            reason, near = _neighbours(markers, k, (first, last), longest_s)
+            if near is not None:
+                place, spread = smoothed_at(
+                    markers.time_s[near], markers.position_m[near, k], markers.time_s[first:last]
+                )
+                position[first:last, k] = place
+                std[first:last, k] = np.maximum(spread, _LEAST_STD_M)
+            gaps.append(Gap(name, *_span(markers.time_s, first, last), near is not None, reason))
+    return FilledMarkers(Markers(markers.names, markers.time_s, position), tuple(gaps), std)
 
 
 def stretches(true: Bools) -> Iterator[tuple[int, int]]:
@@ -110,14 +121,13 @@ def stretches(true: Bools) -> Iterator[tuple[int, int]]:
 
 
 def _span(time_s: FloatArray, first: int, last: int) -> tuple[float, float, float, int]:
-    again = time_s[last] if last < len(time_s) else time_s[-1]
+    # behind the last frame there is none; it lasts as long as the one before it
+    again = time_s[last] if last < len(time_s) else 2.0 * time_s[-1] - time_s[max(len(time_s) - 2, 0)]
     return float(time_s[first]), float(time_s[last - 1]), float(again - time_s[first]), last - first
 
 
-def _filling(
-    markers: Markers, k: int, gap: tuple[int, int], longest_s: float
-) -> tuple[str, FloatArray | None]:
-    """Why a gap is not filled, or the positions (frames, 3) to fill it with."""
+def _neighbours(markers: Markers, k: int, gap: tuple[int, int], longest_s: float) -> tuple[str, Any]:
+    """Why a gap is not filled, or the frames seen on both sides that it is filled from."""
     first, last = gap
     time_s, seen = markers.time_s, markers.seen[:, k]
     if not seen.any():
@@ -128,15 +138,14 @@ def _filling(
     # stamps may be rounded: half a frame is no reason to refuse
     if length > longest_s + 0.5 / markers.rate_hz:
         return f"longer than {longest_s:g} s", None
-    before, behind = _neighbours(time_s, seen, gap, -1), _neighbours(time_s, seen, gap, 1)
+    before, behind = _side(time_s, seen, gap, -1), _side(time_s, seen, gap, 1)
     if min(len(before), len(behind)) < _FEWEST:
         side = "before" if len(before) < _FEWEST else "behind"
         return f"only {min(len(before), len(behind))} frames seen {side} it", None
-    near = np.concatenate([before, behind])
-    return "", smoothed_at(time_s[near], markers.position_m[near, k], time_s[first:last])
+    return "", np.concatenate([before, behind])
 
 
-def _neighbours(time_s: FloatArray, seen: Bools, gap: tuple[int, int], side: int) -> Any:
+def _side(time_s: FloatArray, seen: Bools, gap: tuple[int, int], side: int) -> Any:
     """Frames seen before (-1) or behind (1) a gap, in order of time."""
     if side < 0:
         seen_there, edge = np.flatnonzero(seen[: gap[0]])[::-1], time_s[gap[0] - 1]

@@ -12,6 +12,7 @@ from oarlock.array_gate import FloatArray, real_array
 from oarlock.chain_geometry import posture
 from oarlock.errors import DataError
 from oarlock.markers.attachments import Attachment, GivenAttachments, attachments_of, check_frames
+from oarlock.markers.gaps import FilledMarkers
 from oarlock.markers.least_squares import Found, Prior, Sight, found_postures
 from oarlock.markers.point_tree import PointTree
 from oarlock.markers.posture_fit import PostureFit
@@ -28,10 +29,11 @@ _FAR_WORSE: Final = 25.0
 
 def inverse_kinematics(
     model: Model,
-    markers: Markers,
+    markers: Markers | FilledMarkers,
     attachments: GivenAttachments,
     *,
     root_from_markers: ArrayLike | None = None,
+    added_std_m: ArrayLike | None = None,
     start_q: Mapping[str, float] | ArrayLike | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> PostureFit:
@@ -45,9 +47,12 @@ def inverse_kinematics(
     Args:
         model: with the person's lengths.
         markers: in the model's root axes, or see `root_from_markers`; markers that are not attached are passed over.
+            What `fill_gaps` gives brings the standard deviations of the positions that it put in.
         attachments: where markers sit on the model, with the standard deviations that weigh them, or a mapping
             `{marker: frame}` of markers that stand for a frame's origin (a joint's centre).
         root_from_markers: (4, 4) pose of the measuring system in root axes; None if its axes are the root's.
+        added_std_m: (T, n) by frame and marker of `markers`, what each coordinate's standard deviation has besides that
+            of its attachment, m: `fill_gaps` gives it for positions that it put in.
         start_q: a posture near that of the frame with most markers, where the search should begin there: values by
             name (others 0) or an array. None tries many.
         progress: told the share that is done, 0 to 1.
@@ -62,6 +67,9 @@ def inverse_kinematics(
     Raises:
         DataError: no attached marker is in the file, a frame that the model does not have, or no frame with a marker.
     """
+    if isinstance(markers, FilledMarkers):
+        added_std_m = markers.std_m if added_std_m is None else added_std_m
+        markers = markers.markers
     used = _used(model, markers, attachments)
     placed = (
         markers if root_from_markers is None else markers.moved(real_array(root_from_markers, (4, 4), "pose"))
@@ -70,12 +78,21 @@ def inverse_kinematics(
     if not placed.seen.any():
         raise DataError("inverse_kinematics: none of the attached markers is ever seen")
     tree = PointTree(model, used)
-    sight = Sight(np.nan_to_num(placed.position_m), placed.seen / np.array([a.std_m for a in used]))
+    sight = Sight(np.nan_to_num(placed.position_m), placed.seen / _std(markers, used, added_std_m))
     mean, std = body_prior(model)
     prior = Prior(np.tile(mean, (len(placed), 1)), std)
     start = None if start_q is None else posture(model, start_q)
     found = _all_frames(tree, placed.time_s, sight, prior, start, progress)
-    return _fit(tree, placed, used, found)
+    return _fit(tree, placed, sight, used, found)
+
+
+def _std(markers: Markers, used: tuple[Attachment, ...], added_std_m: ArrayLike | None) -> FloatArray:
+    """Standard deviations (T, n) of the used markers' coordinates, m."""
+    own = np.array([a.std_m for a in used])
+    if added_std_m is None:
+        return np.tile(own, (len(markers), 1))
+    added = real_array(added_std_m, (len(markers), len(markers.names)), "inverse_kinematics, added_std_m")
+    return np.asarray(np.hypot(own, added[:, [markers.index(a.marker) for a in used]]))
 
 
 def _used(model: Model, markers: Markers, attachments: GivenAttachments) -> tuple[Attachment, ...]:
@@ -139,12 +156,13 @@ def _begun_anew(tree: PointTree, sight: Sight, prior: Prior, found: Found) -> Fo
     return found
 
 
-def _fit(tree: PointTree, placed: Markers, used: tuple[Attachment, ...], found: Found) -> PostureFit:
+def _fit(
+    tree: PointTree, placed: Markers, sight: Sight, used: tuple[Attachment, ...], found: Found
+) -> PostureFit:
     residual = placed.position_m - tree.at(found.q)
-    weight = 1.0 / np.array([a.std_m for a in used])
     # every direction that is told takes one number away from the residuals
     free = int(3 * placed.seen.sum()) - int(found.told.sum())
-    spent = float(np.nansum((residual * weight[:, None]) ** 2))
+    spent = float(np.nansum((residual * sight.weight[..., None]) ** 2))
     scale = float(np.sqrt(spent / free)) if free > 0 else float("nan")
     return PostureFit(
         model=tree.model,

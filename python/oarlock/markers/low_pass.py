@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Final
+from dataclasses import replace
+from typing import Final, overload
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from oarlock.array_gate import FloatArray
 from oarlock.errors import DataError
-from oarlock.markers.gaps import stretches
+from oarlock.markers.gaps import FilledMarkers, stretches
 from oarlock.markers.trajectories import Markers
 
 _FEWEST_FRAMES_A_PERIOD: Final = 2.5
@@ -17,14 +18,25 @@ _MOST_JITTER: Final = 0.25
 """Of a step against the usual one: stamps rounded to milliseconds stay below, a dropped frame does not."""
 
 
-def low_pass(markers: Markers, cutoff_hz: float = 10.0, order: int = 4) -> Markers:
+@overload
+def low_pass(markers: Markers, cutoff_hz: float = ..., order: int = ...) -> Markers: ...
+
+
+@overload
+def low_pass(markers: FilledMarkers, cutoff_hz: float = ..., order: int = ...) -> FilledMarkers: ...
+
+
+def low_pass(
+    markers: Markers | FilledMarkers, cutoff_hz: float = 10.0, order: int = 4
+) -> Markers | FilledMarkers:
     """Butterworth low-pass, forward and backward: no delay.
 
     Each stretch between gaps is filtered alone, so nothing leaks across; a marker seen in a single frame stays as it
     is. The ends of a stretch are continued by odd reflection over one period of the cut-off, or as much as there is.
 
     Args:
-        markers: evenly sampled; NaN where not seen. Fill short gaps first (`fill_gaps`).
+        markers: evenly sampled; NaN where not seen. Fill short gaps first: what `fill_gaps` gives may stand here too,
+            and comes back with its markers filtered.
         cutoff_hz: where the amplitude falls to 1/sqrt(2) after both passes, Hz.
         order: of the whole, even: each pass has half of it, and a design cut-off that is higher than `cutoff_hz` by
             the factor (sqrt(2) - 1)^(-1 / order), 1.25 at order 4, which the second pass takes back.
@@ -35,6 +47,8 @@ def low_pass(markers: Markers, cutoff_hz: float = 10.0, order: int = 4) -> Marke
     Raises:
         DataError: fewer than 2.5 frames a period of the cut-off, uneven stamps, or an order that is not even.
     """
+    if isinstance(markers, FilledMarkers):
+        return replace(markers, markers=low_pass(markers.markers, cutoff_hz, order))
     rate_hz = markers.rate_hz
     if not (cutoff_hz > 0.0 and np.isfinite(cutoff_hz)):
         raise DataError(f"low_pass: cutoff_hz = {cutoff_hz}; expected a positive number of Hz")

@@ -12,15 +12,16 @@ _SHARES: Final = np.logspace(-13, 3, 97)
 """Of noise variance in the largest variance of the spline's shapes: from rounding to a plain parabola."""
 
 
-def smoothed_at(time_s: FloatArray, value: FloatArray, at_s: FloatArray) -> FloatArray:
-    """The smoothing spline through (T, c) noisy values, read at other stamps (N,), (N, c).
+def smoothed_at(time_s: FloatArray, value: FloatArray, at_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The smoothing spline through (T, c) noisy values, read at other stamps: (N, c), and its standard deviation (N,).
 
     It minimises the squared distance to the points plus a multiple of the integral of its squared third derivative:
     the best estimate of a path that white jerk drives and white noise blurs. One multiple serves all columns; it is
-    the one of greatest restricted likelihood, so smooth exact points are met and noisy ones passed between.
+    the one of greatest restricted likelihood, so smooth exact points are met and noisy ones passed between. The
+    deviation is that of the estimate in this picture, with the jerk that the points show.
 
     Source: G. Wahba 1985, "A comparison of GCV and GML for choosing the smoothing parameter in the generalized spline
-    smoothing problem", Annals of Statistics 13.
+    smoothing problem", Annals of Statistics 13; the random path: G. Wahba 1978, J. R. Statist. Soc. B 40.
 
     Args:
         time_s: (T,) stamps, increasing, at least 4.
@@ -34,10 +35,16 @@ def smoothed_at(time_s: FloatArray, value: FloatArray, at_s: FloatArray) -> Floa
     size, shapes = np.linalg.eigh(rest.T @ kernel @ rest)
     heights = shapes.T @ rest.T @ (value - level)
     noise = _noise(size, heights)
-    weights = rest @ shapes @ (heights / (size + noise)[:, None])
-    bent = (kernel + noise * np.eye(len(t))) @ weights
-    parabola = np.linalg.solve(own.T @ _parabola(t), own.T @ (value - level - bent))
-    return np.asarray(level + _parabola(at) @ parabola + _kernel(at, t) @ weights)
+    # what every point contributes to every reading
+    bend = rest @ shapes @ ((shapes.T @ rest.T) / (size + noise)[:, None])
+    bent = (kernel + noise * np.eye(len(t))) @ bend
+    trend = np.linalg.solve(own.T @ _parabola(t), own.T @ (np.eye(len(t)) - bent))
+    reading, near = _kernel(at, t), _parabola(at) @ trend
+    share = near + reading @ bend
+    drive = float(np.mean(heights**2 / (size + noise)[:, None]))
+    spread = at**5 / 20.0 - 2.0 * np.sum(share * reading, axis=1)
+    spread = spread + np.einsum("ni,ij,nj->n", share, kernel + noise * np.eye(len(t)), share)
+    return np.asarray(level + share @ (value - level)), np.sqrt(np.maximum(drive * spread, 0.0))
 
 
 def _parabola(t: FloatArray) -> FloatArray:

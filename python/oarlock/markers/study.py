@@ -102,7 +102,9 @@ def simulate_from_markers(
     filled = fill_gaps(markers.select(wanted) if wanted else markers, longest_s)
     smooth = filled.markers if cutoff_hz is None else low_pass(filled.markers, cutoff_hz)
     placed = smooth if root_from_markers is None else smooth.moved(root_from_markers)
-    fit = inverse_kinematics(model, placed, attachments, start_q=start_q, progress=progress)
+    fit = inverse_kinematics(
+        model, placed, attachments, added_std_m=filled.std_m, start_q=start_q, progress=progress
+    )
     truth, recording = simulate(
         model,
         fit.motion(longest_s),
