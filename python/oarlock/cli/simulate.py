@@ -1,8 +1,9 @@
-"""`oarlock simulate`: a sculler's recording with its truth."""
+"""`oarlock simulate`: a rower's recording with its truth."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -10,18 +11,38 @@ from oarlock.cli.options import Force, Json, ModelName, OutFolder, Settings, ass
 from oarlock.cli.simulate_field import Effect, Field, RateHz, Strength, asked_effects, simulate_in_the_field
 from oarlock.cli.terminal import UsageError, new_folder, pairs, print_json, progress, say, steps, verb
 
+if TYPE_CHECKING:
+    from oarlock.rowing import HullRotation
+
+
+class BoatMotion(StrEnum):
+    """What the boat does."""
+
+    still = "still"
+    surge = "surge"
+    pitch = "pitch"
+    rotating = "rotating"
+
+
+def _amplitude(flag: str, what: str, default: str) -> Any:
+    return typer.Option(
+        flag, metavar="RAD", help=f"{what} of a rotating hull, amplitude, rad. Default {default}."
+    )
+
 
 def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
     app.command(
         "simulate",
-        short_help="Write a simulated sculler's recording and its truth.",
+        short_help="Write a simulated rower's recording and its truth.",
         epilog=example(
             "oarlock simulate --out trial",
             "oarlock simulate --out trial --duration-s 600 --rate-spm 20,34 --condition S-NB",
             "oarlock simulate --model my.toml --set l_ua_r=0.31 --seed 7 --out trial",
             "oarlock simulate --out trial --field careful --rate-spm 20,34",
             "oarlock simulate --out trial --field off --effect mount_error_rad=0.09 --effect packet_loss=0.05",
+            "oarlock simulate --model sculler_boat --boat rotating --hull-roll-rad 0.05 --out rough",
+            "oarlock simulate --model sweep --out pair",
         ),
     )(simulate)
 
@@ -35,13 +56,26 @@ def simulate(
         str, typer.Option("--rate-spm", metavar="SPM", help="Strokes per minute; 20,34 goes from 20 to 34.")
     ] = "24",
     condition: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--condition",
             metavar="S-NB|B-NB|S-B|B-B",
-            help="S boat still, B surging; NB sensors without, B with constant biases.",
+            help="S boat still, B surging; NB sensors without, B with constant biases. Default B-B.",
         ),
-    ] = "B-B",
+    ] = None,
+    boat: Annotated[
+        BoatMotion | None,
+        typer.Option(
+            "--boat",
+            help="still; surge; pitch: surge, and pitch under the rower; rotating: surge, and rotations as given. "
+            "Default: as the condition says.",
+        ),
+    ] = None,
+    hull_pitch_rad: Annotated[
+        float | None, _amplitude("--hull-pitch-rad", "Pitch", "0.0052 (0.3 deg)")
+    ] = None,
+    hull_roll_rad: Annotated[float | None, _amplitude("--hull-roll-rad", "Roll", "0.026 (1.5 deg)")] = None,
+    hull_yaw_rad: Annotated[float | None, _amplitude("--hull-yaw-rad", "Yaw", "0.0087 (0.5 deg)")] = None,
     seed: Annotated[int, typer.Option("--seed", help="Of the strokes' variation and the noise.")] = 0,
     field: Field = None,
     effect: Effect = None,
@@ -51,24 +85,36 @@ def simulate(
     force: Force = False,
     json_output: Json = False,
 ) -> None:
-    """Simulate a sculler: write a recording, and the truth into its folder truth/."""
+    """Simulate a rower: write a recording, and the truth into its folder truth/."""
     from oarlock import load_model
-    from oarlock.rowing import CONDITIONS
-    from oarlock.rowing.experiment import simulate_sculling
+    from oarlock.rowing.experiment import simulate_rowing
 
-    if condition not in CONDITIONS:
-        raise UsageError(f"--condition {condition}: choose one of {', '.join(CONDITIONS)}")
+    chosen = _condition(condition, boat)
     rates = _rates(rate_spm)
+    amplitudes = {"pitch_rad": hull_pitch_rad, "roll_rad": hull_roll_rad, "yaw_rad": hull_yaw_rad}
+    rotation = _rotation(boat, {name: value for name, value in amplitudes.items() if value is not None})
     loaded = load_model(model, parameters=assignments(settings, "--set"))
     effects = asked_effects(field, effect, strength, rate_hz)
+    if effects is not None and boat in (BoatMotion.pitch, BoatMotion.rotating):
+        raise UsageError(
+            f"--boat {boat.value} with --field: there the hull turns by --effect hull_pitch_rad=0.01"
+        )
     new_folder(out, force)
     if effects is not None:
         simulate_in_the_field(
-            loaded, effects, out, (condition, duration_s, rates, rate_hz, seed), model, json_output
+            loaded, effects, out, (chosen, duration_s, rates, rate_hz, seed), model, json_output
         )
         return
     with progress("simulating"):
-        truth, recording = simulate_sculling(loaded, condition, duration_s, rates, seed)
+        truth, recording = simulate_rowing(
+            loaded,
+            chosen,
+            duration_s,
+            rates,
+            seed,
+            hull_rotation=rotation,
+            pitching=boat is BoatMotion.pitch,
+        )
     recording.save(out)
     truth.save(out / "truth")
     if json_output:
@@ -86,6 +132,33 @@ def simulate(
         f"oarlock track {out} --model {model} --out {out}-track",
         f"oarlock evaluate {out}-track {out}/truth",
     )
+
+
+def _condition(condition: str | None, boat: BoatMotion | None) -> str:
+    """The column of Table 5; both flags have to agree where both are given."""
+    from oarlock.rowing import CONDITIONS
+
+    still = boat is BoatMotion.still
+    name = condition or ("S-B" if still else "B-B")
+    if name not in CONDITIONS:
+        raise UsageError(f"--condition {name}: choose one of {', '.join(CONDITIONS)}")
+    if boat is not None and CONDITIONS[name].boat_surge is still:
+        raise UsageError(
+            f"--condition {name} with --boat {boat.value}: S- is a boat that stands still, B- one that surges. "
+            "Leave one of the two out"
+        )
+    return name
+
+
+def _rotation(boat: BoatMotion | None, amplitudes: dict[str, float]) -> HullRotation | None:
+    from oarlock.rowing import HullRotation
+
+    if boat is BoatMotion.rotating:
+        return HullRotation(**amplitudes)
+    if amplitudes:
+        flags = ", ".join(f"--hull-{name.replace('_', '-')}" for name in amplitudes)
+        raise UsageError(f"{flags}: only with --boat rotating")
+    return None
 
 
 def _rates(text: str) -> float | tuple[float, ...]:

@@ -131,7 +131,7 @@ class HullRotation:
         every, slow = Variation(rng, timing.stroke), Variation(rng, timing.stroke / _SLOW)
         angles = {}
         for name, amplitude in amplitudes.items():
-            locked = _stroke_shape(rng, in_step=name == "hull_pitch")(timing.phase)
+            locked = _stroke_shape(rng, in_step=name == "hull_pitch")(timing.stroke)
             random = (every.draw(1.0) + slow.draw(1.0)) / np.sqrt(2.0)
             angles[name] = amplitude * (locked + self.irregular * random)
         return angles
