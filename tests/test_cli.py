@@ -17,6 +17,7 @@ VERBS = (
     ("simulate",),
     ("track",),
     ("evaluate",),
+    ("compare",),
     ("report",),
     ("import", "apdm"),
     ("import", "csv"),

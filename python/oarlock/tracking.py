@@ -56,14 +56,14 @@ def track(
     """
     config = config if config is not None else Config()
     findings = admit(model, recording)
-    began, began_cpu = time.perf_counter(), time.thread_time()
+    began = time.perf_counter()
     try:
         run = _core.track(model, recording, calibration, config, start, progress)
     except DivergedError as error:
         add_findings(error, findings)
         raise
-    wall_s, cpu_s = time.perf_counter() - began, time.thread_time() - began_cpu
-    return finished(model, recording, calibration, config, run, run.notes, findings, wall_s, cpu_s=cpu_s)
+    wall_s = time.perf_counter() - began
+    return finished(model, recording, calibration, config, run, run.notes, findings, wall_s)
 
 
 def admit(model: Model, recording: Recording) -> list[Finding]:
@@ -96,7 +96,6 @@ def finished(
     findings: Iterable[Finding],
     wall_s: float,
     smoothing_wall_s: float | None = None,
-    cpu_s: float | None = None,
 ) -> Track:
     """The track of a run, with notes and provenance; `run_notes` are those of the filtered run."""
     provenance = {
@@ -111,8 +110,6 @@ def finished(
         "wall_s": wall_s,
         "steps_per_s": run.steps / wall_s,
     }
-    if cpu_s is not None:
-        provenance["cpu_s"] = cpu_s
     if smoothing_wall_s is not None:
         provenance["smoothing_wall_s"] = smoothing_wall_s
     if calibration is not None and calibration.parameters:
