@@ -19,6 +19,7 @@ from oarlock.parallel_tracking import track_many
 from oarlock.pose_mounts import calibrate_pose
 from oarlock.recording import ImuStream, Recording, ScalarStream, VectorStream, load_recording
 from oarlock.simulate import simulate
+from oarlock.study import Study, StudyKey, StudyResult, StudyTrial, load_study, study
 from oarlock.track import Track, load_track
 from oarlock.tracking import smooth, track
 
@@ -38,6 +39,10 @@ __all__ = [
     "Recording",
     "Sample",
     "ScalarStream",
+    "Study",
+    "StudyKey",
+    "StudyResult",
+    "StudyTrial",
     "Track",
     "Tracker",
     "VectorStream",
@@ -53,9 +58,11 @@ __all__ = [
     "load_calibration",
     "load_model",
     "load_recording",
+    "load_study",
     "load_track",
     "simulate",
     "smooth",
+    "study",
     "track",
     "track_many",
 ]
