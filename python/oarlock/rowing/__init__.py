@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from oarlock.rowing.boat import Boat, HullMotion
+from oarlock.rowing.field import FieldEffects, FieldMarkers, FieldTrial, simulate_field
 from oarlock.rowing.motion import Piece, row_piece, sculling
 from oarlock.rowing.noise import CONDITIONS, TABLE_4_NOISE, ImuNoise, SimulatedCondition
 from oarlock.rowing.stretcher import adjusted_stretcher
@@ -13,6 +14,9 @@ __all__ = [
     "CONDITIONS",
     "TABLE_4_NOISE",
     "Boat",
+    "FieldEffects",
+    "FieldMarkers",
+    "FieldTrial",
     "HullMotion",
     "ImuNoise",
     "Piece",
@@ -22,4 +26,5 @@ __all__ = [
     "adjusted_stretcher",
     "row_piece",
     "sculling",
+    "simulate_field",
 ]

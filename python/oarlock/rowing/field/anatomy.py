@@ -1,0 +1,229 @@
+"""A sculler who is no rigid tree: shoulders that glide, a spine that bends, fingers that slip.
+
+Kinematics of its own, in NumPy, from a model's description. The model's joints are kept and get company, the
+deviations, which are columns of the posture like any joint. All of them zero is the model's body.
+
+What a joint's angle means while the skeleton deviates: limbs keep the orientations that the model's joint frames have
+at these angles. The trunk's angle is the inclination of the line from the hip to the middle of the shoulders, and the
+shoulders' angles turn the upper arms against that line. So true angles, put into a model with the true lengths, give
+the true orientations of all limbs, while the places of the shoulders, and of all behind them, differ by what glides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from oarlock.errors import DataError
+from oarlock.rowing.grip import ARM_JOINTS, SIDES
+
+Array = NDArray[np.float64]
+Pose = tuple[Array, Array]
+"""Rotation (..., 3, 3) and origin (..., 3) of a frame in root axes."""
+
+DEVIATIONS = (
+    "spine_bend",
+    "trunk_twist",
+    *(f"{side}_{name}" for side in SIDES for name in ("protraction", "elevation", "grip_slip", "grip_turn")),
+)
+"""rad (positive straightens the spine), rad, then of each side m, m, m, rad."""
+# The seat's frame: x up, y toward the bow, z to the rower's right.
+_UP, _BOW, _RIGHT = np.eye(3)
+_NEEDED_FRAMES = (
+    "seat",
+    *(f"{s}_{f}" for s in SIDES for f in ("shoulder", "elbow", "wrist", "hand", "handle")),
+)
+
+
+class Anatomy:
+    """The richer body; it can stand in for a model wherever only postures are asked for.
+
+    Args:
+        description: `Model.describe()` of the model with the true lengths.
+        grip_direction_rad: of each side, about which axis across the handle the fingers turn.
+
+    Raises:
+        DataError: the model lacks a frame or a joint of the sculler.
+    """
+
+    def __init__(
+        self, description: Mapping[str, Any], grip_direction_rad: tuple[float, float] = (0.0, 0.0)
+    ) -> None:
+        self._frames = {frame["name"]: frame for frame in description["frames"]}
+        self._kinds = {joint["name"]: joint["kind"] for joint in description["joints"]}
+        self.own_joint_names = tuple(self._kinds)
+        self.joint_names = (*self.own_joint_names, *DEVIATIONS)
+        self.frame_names = tuple(self._frames)
+        self._check()
+        self._column = {name: column for column, name in enumerate(self.joint_names)}
+        self._lengths = {p["name"]: float(p["value"]) for p in description["parameters"]}
+        self._grip_direction = dict(zip(SIDES, grip_direction_rad, strict=True))
+
+    def _check(self) -> None:
+        joints = (
+            "seat",
+            "trunk",
+            *(f"{s}_{j}" for s in SIDES for j in (*ARM_JOINTS, "oar_phi", "oar_alpha")),
+        )
+        for kind, names, there in (("frame", _NEEDED_FRAMES, self._frames), ("joint", joints, self._kinds)):
+            lacking = [name for name in names if name not in there]
+            if lacking:
+                raise DataError(
+                    f"field simulator: the model has no {kind} {', '.join(lacking)}; it moves 'sculler' and "
+                    "models with the same joints and frames"
+                )
+        other = sorted({kind for kind in self._kinds.values() if kind not in ("hinge", "slide")})
+        if other:
+            raise DataError(
+                f"field simulator: the model has {', '.join(other)} joints; it moves hinges and slides"
+            )
+
+    def columns(self, names: Iterable[str]) -> list[int]:
+        """Columns of the posture of these joints and deviations."""
+        return [self._column[name] for name in names]
+
+    def forward_kinematics(self, q: ArrayLike, /) -> Array:
+        """Poses (..., n_frames, 4, 4), root from frame, of postures (..., n_joints + n_deviations)."""
+        posture = np.asarray(q, dtype=np.float64)
+        found = self.poses(posture, self.frame_names)
+        stacked = np.zeros((*posture.shape[:-1], len(self.frame_names), 4, 4))
+        for k, name in enumerate(self.frame_names):
+            stacked[..., k, :3, :3], stacked[..., k, :3, 3] = found[name]
+        stacked[..., 3, 3] = 1.0
+        return stacked
+
+    def poses(self, posture: Array, names: Iterable[str]) -> dict[str, Pose]:
+        """The named frames in root axes, and those between them and the root."""
+        found: dict[str, Pose] = {}
+        for name in names:
+            self._reach(name, posture, found)
+        return found
+
+    def _reach(self, name: str, posture: Array, found: dict[str, Pose]) -> Pose:
+        if name in found:
+            return found[name]
+        frame = self._frames[name]
+        if frame["parent"] is None:
+            shape = posture.shape[:-1]
+            found[name] = np.broadcast_to(np.eye(3), (*shape, 3, 3)), np.zeros((*shape, 3))
+            return found[name]
+        pose = placed(self._reach(frame["parent"], posture, found), frame["before"])
+        if frame["joint"] is not None:
+            value = frame["sign"] * posture[..., self._column[frame["joint"]]]
+            pose = turned(pose, value) if self._kinds[frame["joint"]] == "hinge" else slid(pose, value)
+        pose = placed(pose, frame["after"])
+        side = name.partition("_")[0]
+        if name == f"{side}_shoulder":
+            pose = self._glided(pose, side, posture, found)
+        elif name == f"{side}_handle":
+            pose = self._gripped(pose, side, posture)
+        found[name] = pose
+        return pose
+
+    def _of(self, posture: Array, name: str) -> Array:
+        return np.asarray(posture[..., self._column[name]])
+
+    def _glided(self, pose: Pose, side: str, posture: Array, found: dict[str, Pose]) -> Pose:
+        """The shoulder's frame: turned as a rigid trunk turns it, its origin where girdle and scapula carry it."""
+        hip, girdle = found["seat"], self.trunk_at(np.float64(1.0), posture, found)
+        forward, along, _ = trunk_axes(hip[0], self._of(posture, "trunk"))
+        rigid = pose[1] - hip[1] - self._lengths["l_b"] * along
+        origin = girdle[1] + apply(girdle[0], rigid)
+        origin = origin + self._of(posture, f"{side}_protraction")[..., None] * forward
+        origin = origin + self._of(posture, f"{side}_elevation")[..., None] * along
+        return pose[0], origin
+
+    def trunk_at(self, share: Array | np.float64, posture: Array, found: dict[str, Pose]) -> Pose:
+        """The spine, a share of the way from hip to shoulder line: how it is turned beyond a rigid trunk, and where.
+
+        The spine is an arc of the trunk's length; its chord has the trunk's inclination. It twists evenly.
+        """
+        hip, lean = found["seat"], self._of(posture, "trunk")
+        bend, twist = (self._of(posture, name) for name in ("spine_bend", "trunk_twist"))
+        _, along, right = trunk_axes(hip[0], lean)
+        beyond = rotation_about(right, bend * (share - 0.5)) @ rotation_about(along, twist * share)
+        part = bend * share / 2.0
+        chord = self._lengths["l_b"] * share * np.sinc(part / np.pi)
+        _, there, _ = trunk_axes(hip[0], lean + bend * (share - 1.0) / 2.0)
+        return beyond, hip[1] + chord[..., None] * there
+
+    def bone(self, frame: str, offset_m: Array, posture: Array) -> Pose:
+        """The link under a sensor at ``offset_m`` (3,) in a frame's axes; on the trunk it is the spine there."""
+        found = self.poses(posture, (frame,))
+        rotation, origin = found[frame]
+        side = frame.partition("_")[0]
+        if frame != f"{side}_shoulder":
+            return rotation, origin
+        neutral = posture.copy()
+        neutral[..., self.columns(DEVIATIONS)] = 0.0
+        rotation, origin = self.poses(neutral, (frame,))[frame]
+        hip = found["seat"]
+        _, along, _ = trunk_axes(hip[0], self._of(posture, "trunk"))
+        reach = origin + apply(rotation, offset_m) - hip[1]
+        height = np.sum(reach * along, axis=-1)
+        beyond, spine = self.trunk_at(height / self._lengths["l_b"], posture, found)
+        place = spine + apply(beyond, reach - height[..., None] * along)
+        rotation = beyond @ rotation
+        return rotation, place - apply(rotation, offset_m)
+
+    def _gripped(self, pose: Pose, side: str, posture: Array) -> Pose:
+        """The handle as the fingers hold it: slipped along it, tilted against it, whatever the feathering."""
+        angle = self._of(posture, f"{side}_grip_turn")
+        theta = f"{side}_oar_theta"
+        feathered = self._of(posture, theta) if theta in self._kinds else np.zeros_like(angle)
+        direction = self._grip_direction[side] - feathered
+        across = np.stack([np.cos(direction), np.sin(direction), np.zeros_like(direction)], axis=-1)
+        slip = self._of(posture, f"{side}_grip_slip")[..., None]
+        return pose[0] @ rotation_about(across, angle), pose[1] + slip * pose[0][..., :, 2]
+
+
+def trunk_axes(seat: Array, lean: Array) -> tuple[Array, Array, Array]:
+    """Forward, along the trunk and right (..., 3), in root axes, at an inclination (...), positive backwards."""
+    up, bow, right = (apply(seat, axis) for axis in (_UP, _BOW, _RIGHT))
+    cosine, sine = np.cos(lean)[..., None], np.sin(lean)[..., None]
+    return sine * up - cosine * bow, cosine * up + sine * bow, right
+
+
+def apply(rotation: Array, vector: Array) -> Array:
+    """Rotations (..., 3, 3) times vectors (3,) or (..., 3)."""
+    return np.asarray(np.einsum("...ij,...j->...i", rotation, vector))
+
+
+def rotation_about(axis: Array, angle: Array) -> Array:
+    """Rodrigues' formula: (..., 3, 3) from unit axes (..., 3) and angles (...)."""
+    x, y, z = np.moveaxis(np.broadcast_to(axis, (*np.shape(angle), 3)), -1, 0)
+    zero = np.zeros_like(x)
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*x.shape, 3, 3)
+    sine, versine = np.sin(angle)[..., None, None], (2.0 * np.sin(angle / 2.0) ** 2)[..., None, None]
+    return np.asarray(np.eye(3) + sine * cross + versine * (cross @ cross))
+
+
+def rotation_by(vector: Array) -> Array:
+    """(..., 3, 3) from rotation vectors (..., 3), rad."""
+    angle = np.linalg.norm(vector, axis=-1)
+    return rotation_about(vector / np.maximum(angle, 1e-300)[..., None], angle)
+
+
+def placed(pose: Pose, fixed: Mapping[str, Any] | None) -> Pose:
+    """A pose moved on by a constant transform of a description."""
+    if fixed is None:
+        return pose
+    rotation, translation = np.asarray(fixed["rotation"]), np.asarray(fixed["translation"])
+    moved = pose[1] + apply(pose[0], translation) if translation.any() else pose[1]
+    turned_on = (pose[0].reshape(-1, 3) @ rotation).reshape(pose[0].shape)
+    return turned_on, moved
+
+
+def turned(pose: Pose, angle: Array) -> Pose:
+    """A pose turned about its own z."""
+    x, y, z = (pose[0][..., :, k] for k in range(3))
+    cosine, sine = np.cos(angle)[..., None], np.sin(angle)[..., None]
+    return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=-1), pose[1]
+
+
+def slid(pose: Pose, way: Array) -> Pose:
+    """A pose moved along its own z."""
+    return pose[0], pose[1] + way[..., None] * pose[0][..., :, 2]

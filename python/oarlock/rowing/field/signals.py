@@ -1,0 +1,123 @@
+"""What ideal sensors feel on the moving body: poses over time, differentiated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock.rowing.field.anatomy import apply, rotation_by
+from oarlock.rowing.field.courses import generator
+from oarlock.rowing.field.effects import FieldEffects
+from oarlock.rowing.field.session import Session
+from oarlock.rowing.field.skin import Skin
+from oarlock.rowing.field.wearing import Unit, direction
+
+Array = NDArray[np.float64]
+
+STEP_S = 2e-3
+REACH = 4
+"""Steps on each side of an instant whose poses are differentiated."""
+# Central differences of eighth order (Fornberg, Mathematics of Computation 51, 1988), for steps 1 to 4.
+_FIRST = np.array([4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0])
+_SECOND = np.array([8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0])
+_SECOND_HERE = -205.0 / 72.0
+_CHUNK = 2000
+# Iron of the boat: below the rail, amidships of the slide, as a dipole whose field is named at 0.3 m.
+_IRON_BELOW_M, _IRON_STERNWARD_M, _NAMED_AT_M = 0.15, 0.35, 0.3
+_IRON_SIZE_M = 0.1
+
+
+class Felt(NamedTuple):
+    """Angular velocity rad/s, specific force m/s2 and magnetic field uT, (N, 3) each, in sensor axes."""
+
+    gyro_rad_s: Array
+    accel_m_s2: Array
+    field_ut: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """Gravity and the magnetic field, in axes at rest; the boat's iron in the boat's axes."""
+
+    gravity_m_s2: float
+    up: Array
+    field_ut: Array
+    iron_place_m: Array
+    iron_ut: Array
+
+    @classmethod
+    def of(cls, world: Mapping[str, Any], effects: FieldEffects, seed: int) -> Surroundings:
+        """From a description's world; the seed turns the iron."""
+        up, forward = np.asarray(world["up"]), np.asarray(world["forward"])
+        azimuth, dip = world["magnetic_azimuth_rad"], world["magnetic_dip_rad"]
+        level = np.cos(azimuth) * forward + np.sin(azimuth) * np.cross(up, forward)
+        field = world["magnetic_norm_ut"] * (np.cos(dip) * level - np.sin(dip) * up)
+        place = _IRON_STERNWARD_M * forward - _IRON_BELOW_M * up
+        moment = effects.rail_iron_ut * direction(generator(seed, "rail iron"))
+        return cls(float(world["gravity_m_s2"]), up, field, place, moment)
+
+    def iron_field(self, place_m: Array) -> Array:
+        """Field (..., 3), uT, of the boat's iron at places (..., 3) in the boat's axes: a dipole with a soft core."""
+        reach = place_m - self.iron_place_m
+        distance = np.sqrt(np.sum(reach**2, axis=-1) + _IRON_SIZE_M**2)[..., None]
+        along = np.sum(reach * self.iron_ut, axis=-1)[..., None] / distance**2 * reach
+        return np.asarray((_NAMED_AT_M / distance) ** 3 * (1.5 * along - 0.5 * self.iron_ut))
+
+
+def felt(session: Session, surroundings: Surroundings, unit: Unit, skin: Skin, time_s: Array) -> Felt:
+    """Ideal readings at times (N,); the field is in the sensor's axes, without what its own iron makes of it."""
+    if time_s.size == 0:
+        return Felt(*(np.zeros((0, 3)) for _ in range(3)))
+    parts = [
+        _felt(session, surroundings, unit, skin, part)
+        for part in np.array_split(time_s, -(-time_s.size // _CHUNK))
+    ]
+    return Felt(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+
+
+def _felt(session: Session, around: Surroundings, unit: Unit, skin: Skin, time_s: Array) -> Felt:
+    steps = np.arange(-REACH, REACH + 1) * STEP_S
+    times = time_s[:, None] + steps
+    boat_rotation, boat_place = sensor_pose(session, unit, skin, times)
+    hull_rotation, hull_place = session.hull.pose(times)
+    rotation = hull_rotation @ boat_rotation
+    place = hull_place + apply(hull_rotation, boat_place)
+    here = rotation[:, REACH]
+    sensor_from_rest = np.swapaxes(here, -1, -2)
+    spin = sensor_from_rest @ first_derivative(rotation)
+    gyro = 0.5 * np.stack(
+        [spin[:, 2, 1] - spin[:, 1, 2], spin[:, 0, 2] - spin[:, 2, 0], spin[:, 1, 0] - spin[:, 0, 1]], axis=-1
+    )
+    force = second_derivative(place) + around.gravity_m_s2 * around.up
+    field = apply(sensor_from_rest, around.field_ut)
+    iron = around.iron_field(boat_place[:, REACH])
+    field = field + apply(np.swapaxes(boat_rotation[:, REACH], -1, -2), iron)
+    return Felt(gyro, apply(sensor_from_rest, force), field)
+
+
+def sensor_pose(session: Session, unit: Unit, skin: Skin, time_s: Array) -> tuple[Array, Array]:
+    """Rotation (..., 3, 3), root from sensor, and place (..., 3) of a unit in root axes at times (...)."""
+    posture = np.asarray(session.spline(time_s))
+    rotation, origin = session.anatomy.bone(unit.frame, unit.offset_m, posture)
+    shift, turn = skin.at(time_s)
+    place = origin + apply(rotation, unit.offset_m + shift)
+    return rotation @ rotation_by(turn) @ unit.link_from_sensor, place
+
+
+def first_derivative(values: Array) -> Array:
+    """Derivative (N, ...) of values (N, 9, ...) that lie 2 ms apart, at their middle; per s."""
+    ahead, behind = values[:, REACH + 1 :], values[:, REACH - 1 :: -1]
+    return np.asarray(np.einsum("k,nk...->n...", _FIRST / STEP_S, ahead - behind))
+
+
+def second_derivative(values: Array) -> Array:
+    """Second derivative (N, ...) of values (N, 9, ...), per s2; differences from the middle keep far places exact."""
+    here = values[:, REACH]
+    ahead, behind = values[:, REACH + 1 :], values[:, REACH - 1 :: -1]
+    return np.asarray(
+        np.einsum("k,nk...->n...", _SECOND / STEP_S**2, (ahead - here[:, None]) + (behind - here[:, None]))
+    )

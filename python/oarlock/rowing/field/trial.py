@@ -1,0 +1,253 @@
+"""A recording from the field, simulated, with its truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock.errors import DataError
+from oarlock.rowing.field.anatomy import apply
+from oarlock.rowing.field.effects import FieldEffects
+from oarlock.rowing.field.electronics import gap, read_encoder, read_unit, stamped
+from oarlock.rowing.field.session import Session, rowed
+from oarlock.rowing.field.signals import REACH, STEP_S, Surroundings, felt
+from oarlock.rowing.field.skin import Course, Skin, bone_force, skin_of, units_of
+from oarlock.rowing.field.wearing import Clock, Encoder, Unit, clock, encoder, true_parameters, worn_unit
+from oarlock.rowing.grip import SIDES
+from oarlock.rowing.noise import CONDITIONS, SimulatedCondition
+
+if TYPE_CHECKING:
+    from oarlock import Calibration, ImuStream, Model, Recording, ScalarStream, Track
+
+Array = NDArray[np.float64]
+
+MARKERS = tuple(f"{side}_{joint}" for side in SIDES for joint in ("shoulder", "elbow", "wrist"))
+
+
+@dataclass(frozen=True, eq=False)
+class FieldMarkers:
+    """Places of the joints' true centres: ``position_m`` (T, n, 3) in root axes, which are the boat's."""
+
+    names: tuple[str, ...]
+    time_s: Array
+    position_m: Array
+
+
+@dataclass(frozen=True, eq=False)
+class FieldTrial:
+    """A simulated session.
+
+    Attributes:
+        recording: what the sensors gave.
+        truth: joints over true time. Its model has the true lengths. Limbs are turned as the model's joint frames are
+            at these angles; the trunk's angle is the inclination of the line from hip to middle of the shoulders.
+        markers: where shoulders, elbows and wrists truly were. They differ from `truth.frame_positions` by what no tree
+            of rigid links knows: gliding shoulders and a bent spine.
+        calibration: the true lengths, rig, mounts and hard iron, as a perfect calibration would find them.
+        effects: as asked.
+        condition: of Table 5.
+        clocks: of the inertial units, by name.
+        encoders: zero and scale errors, by name.
+        units: all errors of each inertial unit, by name.
+        hull_angles_rad: (T, 3) pitch, roll and yaw of the boat.
+        surge_m_s2: (T,) acceleration of the boat, stern positive.
+    """
+
+    recording: Recording
+    truth: Track
+    markers: FieldMarkers
+    calibration: Calibration
+    effects: FieldEffects
+    condition: SimulatedCondition
+    clocks: Mapping[str, Clock]
+    encoders: Mapping[str, Encoder]
+    units: Mapping[str, Unit]
+    hull_angles_rad: Array
+    surge_m_s2: Array
+
+
+def simulate_field(
+    model: Model,
+    effects: FieldEffects | None = None,
+    *,
+    condition: str = "B-B",
+    duration_s: float = 40.0,
+    rate_spm: float | Sequence[float] = (20.0, 34.0),
+    rate_hz: float = 125.0,
+    seed: int = 0,
+) -> FieldTrial:
+    """Sculling as it is recorded on the water, where nothing is as modelled.
+
+    Built apart from filter and engine: kinematics and differentiation of its own, from the model's description alone.
+    With `FieldEffects.off()` its signals are those of `simulate_sculling`, but for the draws of the noise.
+
+    Args:
+        model: what the user of the recording has; the athlete and the sensors differ from it by the effects.
+        effects: strengths; None is a careful session, `FieldEffects.wild()` a bad day.
+        condition: `S-NB`, `B-NB`, `S-B` or `B-B`: boat still or moving, sensors without or with Table 5's biases.
+        duration_s: length, s.
+        rate_spm: strokes per minute; (20, 34) goes evenly from 20 to 34.
+        rate_hz: of all sensors; the source's test on the water had 100 Hz.
+        seed: of the strokes' variation, of every draw of an effect, and of the noise. An effect's draws do not depend
+            on which others are on.
+
+    Raises:
+        ValueError: an unknown condition.
+        DataError: the model is no sculler, the hands cannot hold the handles, or an argument is out of range.
+    """
+    from oarlock import Recording
+
+    chosen, effects = _checked(condition, rate_hz, duration_s), FieldEffects() if effects is None else effects
+    nominal = model.describe()
+    true_model = _with_true_lengths(model, true_parameters(nominal, effects, seed))
+    description = true_model.describe()
+    session = rowed(description, nominal, effects, chosen.boat_surge, duration_s, rate_spm, seed)
+    around = Surroundings.of(nominal["world"], effects, seed)
+    bias = (chosen.gyro_bias_rad_s, chosen.accel_bias_m_s2)
+    units = {s["name"]: worn_unit(s, effects, bias, seed) for s in units_of(description)}
+    encoders = {
+        s["name"]: encoder(s["name"], s["joint"] == "seat", effects, seed) for s in _encoders(description)
+    }
+    clocks = {name: clock(name, effects, seed) for name in units}
+    time_s = _stamps(duration_s, rate_hz)
+    streams: list[ImuStream | ScalarStream] = [
+        _unit_stream(s, units, clocks[s["name"]], session, around, time_s, effects, seed)
+        for s in units_of(description)
+    ]
+    streams += [
+        _encoder_stream(s, encoders[s["name"]], session, time_s, effects, seed)
+        for s in _encoders(description)
+    ]
+    return FieldTrial(
+        recording=Recording(streams, meta={"source": "oarlock field simulator", "seed": seed}),
+        truth=_truth(true_model, session, time_s),
+        markers=_markers(session, time_s),
+        calibration=_calibration(true_model, nominal, units),
+        effects=effects,
+        condition=chosen,
+        clocks=MappingProxyType(clocks),
+        encoders=MappingProxyType(encoders),
+        units=MappingProxyType(units),
+        hull_angles_rad=np.asarray(session.hull.angles_rad(time_s)),
+        surge_m_s2=np.asarray(session.hull.surge_m_s2(time_s)),
+    )
+
+
+def _checked(condition: str, rate_hz: float, duration_s: float) -> SimulatedCondition:
+    if condition not in CONDITIONS:
+        raise ValueError(f"no condition '{condition}'; Table 5 has {', '.join(CONDITIONS)}")
+    if not (np.isfinite(rate_hz) and 1.0 <= rate_hz <= 2000.0):
+        raise DataError(f"field simulator: rate_hz is {rate_hz}; give 1 to 2000 samples per second")
+    if not (np.isfinite(duration_s) and 1.0 <= duration_s <= 3600.0):
+        raise DataError(f"field simulator: duration_s is {duration_s}; give 1 to 3600 s")
+    return CONDITIONS[condition]
+
+
+def _with_true_lengths(model: Model, true: Mapping[str, float]) -> Model:
+    from oarlock import Model
+
+    return Model.from_toml(model.text, model.path, dict(model.parameters) | dict(true)) if true else model
+
+
+def _encoders(description: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    return [sensor for sensor in description["sensors"] if sensor["kind"] == "encoder"]
+
+
+def _stamps(duration_s: float, rate_hz: float) -> Array:
+    """As `oarlock.simulate` lays them: the stencil stays inside the motion."""
+    room = REACH * STEP_S
+    count = int(np.floor((duration_s - 2.0 * room) * rate_hz + 1e-9)) + 1
+    return np.asarray(room + np.arange(count) / rate_hz)
+
+
+def _unit_stream(
+    sensor: Mapping[str, Any],
+    units: Mapping[str, Unit],
+    own_clock: Clock,
+    session: Session,
+    around: Surroundings,
+    time_s: Array,
+    effects: FieldEffects,
+    seed: int,
+) -> ImuStream:
+    """A unit samples when its own clock shows the stamps, as far as the motion lasts then."""
+    name, unit = sensor["name"], units[sensor["name"]]
+    true = own_clock.true(time_s)
+    inside = (true >= time_s[0] - 1e-9) & (true <= time_s[-1] + 1e-9)
+    sampled = stamped(name, true[inside], time_s[inside], effects, seed)
+    skin = _skin(name, unit, session, around, effects, seed)
+    clean = felt(session, around, unit, skin, sampled.time_s)
+    silent = gap(name, list(units), sampled.time_s, effects, seed)
+    return read_unit(sensor, unit, clean, sampled, silent, effects, seed)
+
+
+def _skin(
+    name: str, unit: Unit, session: Session, around: Surroundings, effects: FieldEffects, seed: int
+) -> Skin:
+    time = session.timing.time_s
+    rotation, origin = session.anatomy.bone(unit.frame, unit.offset_m, session.posture)
+    hull_rotation, hull_place = session.hull.pose(time)
+    place = hull_place + apply(hull_rotation, origin + apply(rotation, unit.offset_m))
+    force = bone_force(time, place, hull_rotation @ rotation, around.up, around.gravity_m_s2)
+    return skin_of(name, unit, session.anatomy, Course(session.timing, session.posture, force), effects, seed)
+
+
+def _encoder_stream(
+    sensor: Mapping[str, Any],
+    error: Encoder,
+    session: Session,
+    time_s: Array,
+    effects: FieldEffects,
+    seed: int,
+) -> ScalarStream:
+    value = np.asarray(session.spline(time_s))[:, session.anatomy.columns([sensor["joint"]])[0]]
+    return read_encoder(sensor, error, value, time_s, effects, seed)
+
+
+def _truth(model: Model, session: Session, time_s: Array) -> Track:
+    from oarlock import Track
+
+    own = session.anatomy.own_joint_names
+    q, qd, qdd = (np.asarray(session.spline(time_s, order))[:, : len(own)] for order in range(3))
+    unknown = np.full_like(q, np.nan)
+    units = tuple("m" if joint["kind"] == "slide" else "rad" for joint in model.describe()["joints"])
+    return Track(
+        model=model,
+        time_s=time_s,
+        joint_names=own,
+        joint_units=units,
+        q=q,
+        qd=qd,
+        qdd=qdd,
+        q_std=unknown,
+        qd_std=unknown,
+        qdd_std=unknown,
+        observed=np.ones(q.shape, dtype=bool),
+        provenance={
+            "model": model.name,
+            "parameters": dict(model.parameters),
+            "simulated": True,
+            "field": True,
+        },
+    )
+
+
+def _markers(session: Session, time_s: Array) -> FieldMarkers:
+    found = session.anatomy.poses(np.asarray(session.spline(time_s)), MARKERS)
+    return FieldMarkers(MARKERS, time_s, np.stack([found[name][1] for name in MARKERS], axis=1))
+
+
+def _calibration(model: Model, nominal: Mapping[str, Any], units: Mapping[str, Unit]) -> Calibration:
+    from oarlock import Calibration
+
+    was = {p["name"]: p["value"] for p in nominal["parameters"]}
+    return Calibration(
+        parameters={name: value for name, value in dict(model.parameters).items() if value != was[name]},
+        mounts={name: (unit.link_from_sensor, unit.offset_m) for name, unit in units.items()},
+        mag_offsets_ut={name: unit.hard_iron_ut for name, unit in units.items()},
+    )

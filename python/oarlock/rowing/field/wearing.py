@@ -1,0 +1,135 @@
+"""What is wrong all through one session: lengths, rig, mounts, encoders, magnetometers, biases and clocks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock.rowing.field.anatomy import rotation_by
+from oarlock.rowing.field.courses import generator
+from oarlock.rowing.field.effects import FieldEffects
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Unit:
+    """One inertial unit as it is worn and as it reads.
+
+    ``link_from_sensor`` (3, 3) and ``offset_m`` (3,) are where it truly sits; ``field_gain`` (3, 3) and
+    ``hard_iron_ut`` (3,) make its magnetometer's reading from the field; biases and gains (3,) are those of gyroscope
+    and accelerometer.
+    """
+
+    frame: str
+    link_from_sensor: Array
+    offset_m: Array
+    field_gain: Array
+    hard_iron_ut: Array
+    gyro_bias_rad_s: Array
+    accel_bias_m_s2: Array
+    gyro_gain: Array
+    accel_gain: Array
+
+
+@dataclass(frozen=True)
+class Clock:
+    """A stream's clock: it shows ``time_s * (1 + drift) + offset_s`` when the true time is ``time_s``."""
+
+    offset_s: float = 0.0
+    drift: float = 0.0
+
+    def shown(self, time_s: Array) -> Array:
+        """What the clock shows at true times."""
+        return time_s * (1.0 + self.drift) + self.offset_s
+
+    def true(self, shown_s: Array) -> Array:
+        """The true times at which it shows these."""
+        return (shown_s - self.offset_s) / (1.0 + self.drift)
+
+
+@dataclass(frozen=True)
+class Encoder:
+    """An encoder reads ``value * (1 + scale) + offset`` (m or rad)."""
+
+    offset: float = 0.0
+    scale: float = 0.0
+
+
+def true_parameters(description: Mapping[str, Any], effects: FieldEffects, seed: int) -> dict[str, float]:
+    """The athlete's and the boat's true values; only those that differ from the model's.
+
+    Lengths of the body differ by a share, pins and inboards by a length; each with a sign of its own.
+    """
+    rng = generator(seed, "lengths")
+    true = {}
+    for parameter in description["parameters"]:
+        name, value, sign = parameter["name"], float(parameter["value"]), rng.choice([-1.0, 1.0])
+        if parameter["unit"] != "m":
+            continue
+        if name.startswith("l_") and not name.startswith(("l_oar", "l_pin")):
+            true[name] = value * (1.0 + sign * effects.length_error)
+        else:
+            true[name] = value + sign * effects.rig_error_m
+    return {
+        p["name"]: true[p["name"]]
+        for p in description["parameters"]
+        if true.get(p["name"], p["value"]) != p["value"]
+    }
+
+
+def worn_unit(
+    sensor: Mapping[str, Any], effects: FieldEffects, condition_bias: tuple[float, float], seed: int
+) -> Unit:
+    """One unit of a description (with the true lengths), with the errors that the seed gives it.
+
+    The condition's biases stand on every axis, as in the published experiment; the effects add theirs.
+    """
+    rng = generator(seed, f"unit {sensor['name']}")
+    mount = sensor["mount"]
+    turned, shifted, iron = (direction(rng) for _ in range(3))
+    signs = rng.choice([-1.0, 1.0], (4, 3))
+    return Unit(
+        frame=sensor["frame"],
+        link_from_sensor=rotation_by(effects.mount_error_rad * turned) @ np.asarray(mount["rotation"]),
+        offset_m=np.asarray(mount["offset"]) + effects.mount_offset_m * shifted,
+        field_gain=_soft_iron(rng, effects.soft_iron),
+        hard_iron_ut=effects.hard_iron_ut * iron,
+        gyro_bias_rad_s=condition_bias[0] + effects.gyro_bias_rad_s * signs[0],
+        accel_bias_m_s2=condition_bias[1] + effects.accel_bias_m_s2 * signs[1],
+        gyro_gain=1.0 + effects.gyro_scale * signs[2],
+        accel_gain=1.0 + effects.accel_scale * signs[3],
+    )
+
+
+def clock(name: str, effects: FieldEffects, seed: int) -> Clock:
+    """The clock of one inertial unit."""
+    offset, drift = generator(seed, f"clock {name}").choice([-1.0, 1.0], 2)
+    return Clock(float(offset * effects.clock_offset_s), float(drift * effects.clock_drift))
+
+
+def encoder(name: str, slide: bool, effects: FieldEffects, seed: int) -> Encoder:
+    """The encoder of a seat (``slide``) or of an oar."""
+    offset, scale = generator(seed, f"encoder {name}").choice([-1.0, 1.0], 2)
+    strengths = (
+        (effects.seat_offset_m, effects.seat_scale) if slide else (effects.oar_offset_rad, effects.oar_scale)
+    )
+    return Encoder(float(offset * strengths[0]), float(scale * strengths[1]))
+
+
+def direction(rng: np.random.Generator) -> Array:
+    """A unit vector (3,), any direction as likely as any other."""
+    vector = rng.standard_normal(3)
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _soft_iron(rng: np.random.Generator, strength: float) -> Array:
+    """Symmetric (3, 3), its largest stretch or squeeze that of the strength."""
+    axes, _ = np.linalg.qr(rng.standard_normal((3, 3)))
+    stretches = rng.uniform(-1.0, 1.0, 3)
+    stretches /= np.abs(stretches).max()
+    return np.asarray(np.eye(3) + strength * (axes * stretches) @ axes.T)
