@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from oarlock.rowing.boat import Boat, HullMotion
 from oarlock.rowing.field import FieldEffects, FieldMarkers, FieldTrial, simulate_field
+from oarlock.rowing.hull import HullRotation, on_hull
 from oarlock.rowing.motion import Piece, row_piece, sculling
 from oarlock.rowing.noise import CONDITIONS, TABLE_4_NOISE, ImuNoise, SimulatedCondition
+from oarlock.rowing.pitch import HullForm, HullPitch, hull_pitch
 from oarlock.rowing.stretcher import adjusted_stretcher
 from oarlock.rowing.stroke import StrokeShape
 from oarlock.rowing.timing import StrokeTiming
@@ -17,13 +19,18 @@ __all__ = [
     "FieldEffects",
     "FieldMarkers",
     "FieldTrial",
+    "HullForm",
     "HullMotion",
+    "HullPitch",
+    "HullRotation",
     "ImuNoise",
     "Piece",
     "SimulatedCondition",
     "StrokeShape",
     "StrokeTiming",
     "adjusted_stretcher",
+    "hull_pitch",
+    "on_hull",
     "row_piece",
     "sculling",
     "simulate_field",

@@ -112,6 +112,33 @@ def rower_centre_of_mass(model: Body, q: Array) -> Array:
     return total
 
 
+def rower_segments(model: Body, q: Array) -> tuple[Array, Array]:
+    """Shares (n,) of the body's mass that sum to about 1, and places (K, n, 2) along Y and Z, m, from q (K, n_joints).
+
+    Point masses, with the legs at the height of the hips, about the root; along Z up to a constant common to all.
+    """
+    poses = np.asarray(model.forward_kinematics(q), dtype=np.float64)
+    frames = list(model.frame_names)
+
+    def at(name: str) -> Array:
+        return np.asarray(poses[:, frames.index(name), 1:3, 3], dtype=np.float64)
+
+    hip = at("seat")
+    shoulder = 0.5 * (at("r_shoulder") + at("l_shoulder"))
+    knee = hip * [1.0, 0.5]
+    parts = [
+        (_TRUNK_AND_HEAD, hip + _TRUNK_AND_HEAD_CENTRE * (shoulder - hip)),
+        (_THIGHS, hip + _THIGH_CENTRE * (knee - hip)),
+        (_SHANKS, knee * [1.0, 1.0 - _SHANK_CENTRE]),
+    ]
+    for side in SIDES:
+        upper, elbow, wrist = (at(f"{side}_{part}") for part in ("shoulder", "elbow", "wrist"))
+        parts.append((_UPPER_ARM, upper + _UPPER_ARM_CENTRE * (elbow - upper)))
+        parts.append((_FOREARM, elbow + _FOREARM_CENTRE * (wrist - elbow)))
+        parts.append((_HAND, at(f"{side}_hand")))
+    return np.array([share for share, _ in parts]), np.stack([place for _, place in parts], axis=1)
+
+
 def propulsion(timing: StrokeTiming, boat: Boat) -> Array:
     """Propulsive force (K,), N, toward the bow: whatever balances the mean drag at the rate's usual speed."""
     usual_speed = boat.race_speed_m_s * np.cbrt(timing.rate_spm / _RACE_RATE_SPM)
