@@ -8,11 +8,25 @@ from oarlock.calibration import Calibration, load_calibration
 from oarlock.errors import DataError, DivergedError, ModelError
 from oarlock.evaluate import Evaluation, evaluate
 from oarlock.evaluate.frames import evaluate_frame_orientations
+from oarlock.evaluate.marker_scores import MarkerEvaluation, PointScore
+from oarlock.evaluate.markers import evaluate_markers
 from oarlock.evaluate.orientations import evaluate_orientations
 from oarlock.hinge_axes import calibrate_hinge_axes
 from oarlock.hinge_chain import calibrate_hinge_chain
 from oarlock.joint_centers import calibrate_joint_centers
 from oarlock.local_field import calibrate_field
+from oarlock.markers import (
+    Arm,
+    Attachment,
+    Markers,
+    attach_markers,
+    fill_gaps,
+    inverse_kinematics,
+    load_attachments,
+    load_markers,
+    low_pass,
+    save_attachments,
+)
 from oarlock.models import Base, load_model
 from oarlock.motion import Motion
 from oarlock.parallel_tracking import track_many
@@ -24,6 +38,8 @@ from oarlock.track import Track, load_track
 from oarlock.tracking import smooth, track
 
 __all__ = [
+    "Arm",
+    "Attachment",
     "Base",
     "Belief",
     "Calibration",
@@ -33,9 +49,12 @@ __all__ = [
     "Evaluation",
     "ImuStream",
     "Info",
+    "MarkerEvaluation",
+    "Markers",
     "Model",
     "ModelError",
     "Motion",
+    "PointScore",
     "Recording",
     "Sample",
     "ScalarStream",
@@ -47,6 +66,7 @@ __all__ = [
     "Tracker",
     "VectorStream",
     "__version__",
+    "attach_markers",
     "calibrate_field",
     "calibrate_hinge_axes",
     "calibrate_hinge_chain",
@@ -54,12 +74,19 @@ __all__ = [
     "calibrate_pose",
     "evaluate",
     "evaluate_frame_orientations",
+    "evaluate_markers",
     "evaluate_orientations",
+    "fill_gaps",
+    "inverse_kinematics",
+    "load_attachments",
     "load_calibration",
+    "load_markers",
     "load_model",
     "load_recording",
     "load_study",
     "load_track",
+    "low_pass",
+    "save_attachments",
     "simulate",
     "smooth",
     "study",
