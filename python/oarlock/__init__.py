@@ -33,7 +33,7 @@ from oarlock.parallel_tracking import track_many
 from oarlock.pose_mounts import calibrate_pose
 from oarlock.recording import ImuStream, Recording, ScalarStream, VectorStream, load_recording
 from oarlock.simulate import simulate
-from oarlock.study import Study, StudyKey, StudyResult, StudyTrial, load_study, study
+from oarlock.study import Study, StudyKey, StudyResult, StudySimulator, StudyTrial, load_study, study
 from oarlock.track import Track, load_track
 from oarlock.tracking import smooth, track
 
@@ -61,6 +61,7 @@ __all__ = [
     "Study",
     "StudyKey",
     "StudyResult",
+    "StudySimulator",
     "StudyTrial",
     "Track",
     "Tracker",

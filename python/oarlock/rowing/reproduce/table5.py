@@ -69,7 +69,7 @@ def table5_study(seeds: Sequence[int], duration_s: float = 40.0) -> Study:
 def scores_of(result: StudyResult, name: str, item: str | None = None, score: str = "rmse") -> Floats:
     """(conditions, seeds) of one estimator: of an item, or of the mean over the eleven angles."""
     rows = list(result.study.scenarios).index(name) * len(paper.CONDITIONS)
-    found = result.scores(score=score) if item is None else result.scores(item, score)
+    found: Floats = result.scores(score=score) if item is None else result.scores(item, score)
     return found[rows : rows + len(paper.CONDITIONS)]
 
 
@@ -174,7 +174,8 @@ def target_rows(result: StudyResult) -> list[tuple[str, Floats, str, Mark]]:
     """What is asked of the shipped filter in B-B: values by seed, the target in words, whether the mean keeps it."""
 
     def of(name: str, item: str | None = None, score: str = "rmse") -> Floats:
-        return scores_of(result, name, item, score)[3]
+        found: Floats = scores_of(result, name, item, score)[3]
+        return found
 
     live, late = "shipped", f"shipped {SMOOTHED}"
     worst = np.max([of(live, joint) for joint in ELEVEN], axis=0)
