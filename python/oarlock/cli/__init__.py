@@ -9,7 +9,19 @@ from typing import Annotated
 
 import typer
 
-from oarlock.cli import bench, calibrate, demo, evaluate, import_, model, report, simulate, track
+from oarlock.cli import (
+    bench,
+    calibrate,
+    demo,
+    evaluate,
+    import_,
+    model,
+    report,
+    reproduce,
+    simulate,
+    study,
+    track,
+)
 
 # plain help: examples keep their lines, and it reads the same in a file, a pager and a narrow window
 app = typer.Typer(
@@ -51,6 +63,8 @@ calibrate.add_to(app)
 track.add_to(app)
 evaluate.add_to(app)
 report.add_to(app)
+reproduce.add_to(app)
+study.add_to(app)
 model.add_to(app)
 bench.add_to(app)
 

@@ -120,7 +120,8 @@ SLIPS: dict[str, str] = {
     "eq6": "Eq. 6 prints a process noise without a scale and of rank one. Here it has the density 11.2 rad/s2 per "
     "sqrt(s) (m/s2 for the seat), as the white jerk beside it.",
     "table4": 'Table 4 heads gyroscopes "rad/s2 1e-3"; the figures are rad/s x 1e-3, and so they are used.',
-    "axes": "Figure 4's caption lets x point to the feet, Figure 1 lets Z. Figure 1 is followed: X to the rower's left, "
+    "axes": "Figure 4's caption lets x point to the feet, Figure 1 lets Z. Figure 1 is followed: "
+    "X to the rower's left, "
     "Y up, Z to the feet.",
     "elbow": "Figure 3 draws the elbow's flexion negative. With Table 2 read as here it is positive.",
     "rates": "The simulated experiment ran at 125 Hz, the real one at 100 Hz; so do these.",

@@ -8,7 +8,6 @@ from math import radians
 from typing import TYPE_CHECKING
 
 from oarlock import StudyKey, StudySimulator, StudyTrial
-
 from oarlock.errors import DataError
 from oarlock.rowing.experiment import simulate_sculling
 from oarlock.rowing.field import GROUPS, FieldEffects, FieldTrial, simulate_field
@@ -21,7 +20,11 @@ if TYPE_CHECKING:
 
 _SHARED = (
     StudyKey(
-        "condition", "choice", "B-B", "boat still or surging, biases of Table 5 or none", choices=tuple(CONDITIONS)
+        "condition",
+        "choice",
+        "B-B",
+        "boat still or surging, biases of Table 5 or none",
+        choices=tuple(CONDITIONS),
     ),
     StudyKey("duration_s", "number", 40.0, "length", least=1.0, most=36_000.0),
     StudyKey("rate_spm", "numbers", [20.0, 34.0], "strokes per minute; two go evenly", least=10.0, most=60.0),
@@ -72,7 +75,9 @@ def _in_turning_hull(model: Model, values: Mapping[str, object], seed: int) -> S
     usual = {name: key.default for name, key in ScullingSimulator().keys(model).items()}
     for name in (*StudyTrial.KEYS, "variation"):
         if values[name] != usual[name]:
-            raise DataError(f"{name} cannot be changed together with hull_pitch_deg, hull_roll_deg, hull_yaw_deg")
+            raise DataError(
+                f"{name} cannot be changed together with hull_pitch_deg, hull_roll_deg, hull_yaw_deg"
+            )
     angles = {axis: radians(_number(values[f"hull_{axis}_deg"])) for axis in ("pitch", "roll", "yaw")}
     truth, recording = simulate_sculling(
         model,
@@ -121,7 +126,9 @@ class FieldSimulator:
         """Condition, length, stroke rate; which effects, and how strong."""
         names = tuple(FieldEffects().strengths())
         own = [
-            StudyKey("rate_hz", "number", 125.0, "samples per second of every sensor", least=1.0, most=2000.0),
+            StudyKey(
+                "rate_hz", "number", 125.0, "samples per second of every sensor", least=1.0, most=2000.0
+            ),
             StudyKey("effects", "choice", "careful", "which set of effects", choices=tuple(PRESETS)),
             StudyKey("strength", "number", 1.0, "times all of them", least=0.0, most=10.0),
             StudyKey(

@@ -23,7 +23,9 @@ def keys_of_streams(model: Model) -> dict[str, StudyKey]:
     )
     return by_name(
         [
-            StudyKey("sensors", "names", None, "streams that are worn; none is all", choices=streams, optional=True),
+            StudyKey(
+                "sensors", "names", None, "streams that are worn; none is all", choices=streams, optional=True
+            ),
             StudyKey("without", "names", [], "streams that are not worn", choices=streams),
             StudyKey(
                 "without_quantity", "names", [], "what inertial units do not measure", choices=_QUANTITIES
@@ -54,7 +56,9 @@ def keys_of_streams(model: Model) -> dict[str, StudyKey]:
                 most=0.99,
                 choices=streams,
             ),
-            StudyKey("packet_samples", "integer", 1, "samples that are lost together", least=1.0, most=10_000.0),
+            StudyKey(
+                "packet_samples", "integer", 1, "samples that are lost together", least=1.0, most=10_000.0
+            ),
         ]
     )
 
@@ -93,7 +97,9 @@ def _stream(stream: Stream, values: Mapping[str, Value], seed: int) -> Stream | 
     if loss > 0.0:
         size = values["packet_samples"]
         assert isinstance(size, int)
-        rows = rows[~_lost(len(rows), loss, size, np.random.default_rng([seed, zlib.crc32(stream.name.encode())]))]
+        rows = rows[
+            ~_lost(len(rows), loss, size, np.random.default_rng([seed, zlib.crc32(stream.name.encode())]))
+        ]
     if not len(rows):
         return None
     scale = 1.0 + 1e-6 * of("clock_drift_ppm", 0.0)

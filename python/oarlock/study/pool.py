@@ -1,4 +1,4 @@
-"""Groups of runs on several processes. What comes out does not depend on how many there are, nor on the order of ending."""
+"""Groups of runs on several processes. What comes out depends neither on how many there are nor on who ends first."""
 
 from __future__ import annotations
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-from pyarrow import csv, parquet
 from numpy.typing import NDArray
+from pyarrow import csv, parquet
 from scipy import stats
 
 from oarlock import _core
@@ -33,8 +33,8 @@ class StudyResult:
 
     Args:
         study: what was run.
-        rows: one for each run and joint, frame (and axis of it) and one for the mean of the angles; `error` says why
-            a run failed, whose numbers are NaN. RMSE, bias and mean_std are in `unit`: deg or mm.
+        rows: one for each run and joint, frame (and axis of it), sensor, and one for the mean of the angles; `error`
+            says why there is none: the run failed (kind "run"), or the mean lacks a joint. RMSE, bias and mean_std are in `unit`: deg or mm.
     """
 
     study: Study
@@ -43,6 +43,11 @@ class StudyResult:
     @property
     def failures(self) -> tuple[Row, ...]:
         """Rows of the runs that failed."""
+        return tuple(row for row in self.rows if row["kind"] == "run")
+
+    @property
+    def complaints(self) -> tuple[Row, ...]:
+        """Rows with an error: of runs that failed, and of means over joints that are not all observed."""
         return tuple(row for row in self.rows if row["error"])
 
     def table(self) -> list[Row]:

@@ -9,7 +9,6 @@ from typing import Any
 
 import oarlock.tracking
 from oarlock._core import Model
-from oarlock.errors import DataError
 from oarlock.evaluate import Evaluation, JointScore, PositionScore, evaluate, presentation
 from oarlock.study.degrade import degraded, keys_of_streams
 from oarlock.study.keys import Value
@@ -88,7 +87,12 @@ def _with_defaults(study: Study, values: Mapping[str, Value]) -> dict[str, Value
 
 
 def _rows(study: Study, scenario: StudyScenario, seed: int, made: _Trial | Exception) -> list[Row]:
-    start: Row = {"scenario": scenario.index, "name": scenario.name, "seed": seed, "swept": dict(scenario.swept)}
+    start: Row = {
+        "scenario": scenario.index,
+        "name": scenario.name,
+        "seed": seed,
+        "swept": dict(scenario.swept),
+    }
     try:
         if isinstance(made, Exception):
             raise made
@@ -97,7 +101,7 @@ def _rows(study: Study, scenario: StudyScenario, seed: int, made: _Trial | Excep
     except Exception as error:
         failed = {"kind": "run", "item": "", "unit": "", **dict.fromkeys(SCORES, math.nan)}
         return [{**start, **failed, "error": f"{type(error).__name__}: {error}"}]
-    return [{**start, **row, "error": ""} for row in _score_rows(study, scores)]
+    return [{**start, "error": "", **row} for row in _score_rows(study, scores)]
 
 
 def _tracked(study: Study, scenario: StudyScenario, seed: int, made: _Trial) -> Track:
@@ -165,7 +169,8 @@ def _mean_row(study: Study, scores: Evaluation) -> Row:
     names = study.joints or None
     turning = scores.turning(names)
     if gone := [joint.name for joint in turning if not joint.observed]:
-        raise DataError(f"not observed, so that there is no mean over them: {', '.join(gone)}")
+        missing = f"no mean: the sensors that are left do not observe {', '.join(gone)}"
+        return _row("mean", MEAN, "deg") | {"error": missing}
     r = [joint.correlation for joint in turning if math.isfinite(joint.correlation)]
     return _row(
         "mean",

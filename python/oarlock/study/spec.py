@@ -1,4 +1,4 @@
-"""A study: which runs there are. Built in Python or read from a TOML file; every wrong key is refused where it stands."""
+"""A study: which runs there are. Built in Python or read from a file; a wrong key is refused where it stands."""
 
 from __future__ import annotations
 

@@ -90,7 +90,9 @@ def told_model(model: Model, values: Mapping[str, Value]) -> Model:
         ModelError: a changed file is refused.
         DataError: a key leads nowhere in the file.
     """
-    edits = {name.removeprefix("model."): value for name, value in values.items() if name.startswith("model.")}
+    edits = {
+        name.removeprefix("model."): value for name, value in values.items() if name.startswith("model.")
+    }
     factors = _noise_factors(values) if values["noise_told"] == "true" else {}
     if not edits and not factors:
         return model
@@ -119,7 +121,9 @@ def check_model_key(model: Model, path: str) -> None:
 
 def _noise_factors(values: Mapping[str, Value]) -> dict[str, float]:
     whole = number_for(values.get("noise_factor", 1.0), "", 1.0)
-    factors = {name: whole * number_for(values.get(f"{name}_noise_factor", 1.0), "", 1.0) for name in QUANTITIES}
+    factors = {
+        name: whole * number_for(values.get(f"{name}_noise_factor", 1.0), "", 1.0) for name in QUANTITIES
+    }
     # a filter that is told of no noise divides by nought
     return {name: max(factor, 1e-3) for name, factor in factors.items() if factor != 1.0}
 

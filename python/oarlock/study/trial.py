@@ -128,9 +128,15 @@ class TruthFolder:
         kept = (track.time_s >= first - 1e-9) & (track.time_s <= last + 1e-9)
         q = track.q[kept]
         if not np.isfinite(q).all():
-            gone = [n for n, col in zip(track.coordinate_names, q.T, strict=True) if not np.isfinite(col).all()]
-            raise DataError(f"{self.folder}: the motion of {', '.join(gone)} has gaps; a motion needs every value")
-        return StudyTrial.of_motion(model, Motion(track.coordinate_names, track.time_s[kept], q), values, seed)
+            gone = [
+                n for n, col in zip(track.coordinate_names, q.T, strict=True) if not np.isfinite(col).all()
+            ]
+            raise DataError(
+                f"{self.folder}: the motion of {', '.join(gone)} has gaps; a motion needs every value"
+            )
+        return StudyTrial.of_motion(
+            model, Motion(track.coordinate_names, track.time_s[kept], q), values, seed
+        )
 
 
 def lengths_of(model: Model) -> tuple[str, ...]:

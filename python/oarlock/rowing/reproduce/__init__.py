@@ -24,7 +24,15 @@ PARTS = ("table5", "table6", "fig3", "fig4", "fig5", "discussion", "cost")
 """What can be asked for, in the order of the paper."""
 
 # how long each takes, roughly, for the progress bar
-_WEIGHTS = {"table5": 5.0, "table6": 2.0, "fig3": 0.3, "fig4": 0.3, "fig5": 0.1, "discussion": 8.0, "cost": 3.0}
+_WEIGHTS = {
+    "table5": 5.0,
+    "table6": 2.0,
+    "fig3": 0.3,
+    "fig4": 0.3,
+    "fig5": 0.1,
+    "discussion": 8.0,
+    "cost": 3.0,
+}
 
 
 def reproduce(

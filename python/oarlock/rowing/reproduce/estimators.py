@@ -69,7 +69,10 @@ ESTIMATORS = (
     ),
     Estimator("eq6_closure", "Q of eq. 6, closure", 40, _plain("paper", closures=True, slow=False)),
     Estimator(
-        "eq6_states", "Q of eq. 6, no closure, surge and biases", 71, _plain("paper", closures=False, slow=True)
+        "eq6_states",
+        "Q of eq. 6, no closure, surge and biases",
+        71,
+        _plain("paper", closures=False, slow=True),
     ),
     Estimator(
         "eq6_closure_states",

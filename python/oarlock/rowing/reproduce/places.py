@@ -41,7 +41,7 @@ class PlaceBand:
     def _ratio(self, truth_m: Floats) -> Floats:
         std = np.sqrt(np.einsum("kii->ki", self.covariance_m2))
         error = self.position_m - truth_m
-        return np.divide(error, std, out=np.full_like(std, np.nan), where=std > NO_BAND_M)
+        return np.asarray(np.divide(error, std, out=np.full_like(std, np.nan), where=std > NO_BAND_M))
 
 
 def place_band(track: Track, frame: str, start_s: float) -> PlaceBand:

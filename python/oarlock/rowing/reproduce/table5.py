@@ -41,7 +41,17 @@ def table5(seeds: Sequence[int], duration_s: float, jobs: int | None, told: Told
         tables=(_overview(result), _targets(result), *(_joints(result, name) for name in _names(result))),
         notes=tuple(
             paper.SLIPS[key]
-            for key in ("left_arm", "zeros", "no_closure", "eq6", "states", "table4", "boat", "biases", "rates")
+            for key in (
+                "left_arm",
+                "zeros",
+                "no_closure",
+                "eq6",
+                "states",
+                "table4",
+                "boat",
+                "biases",
+                "rates",
+            )
         ),
         data={"table5_runs": result.table(), "table5_summary": result.summary()},
     )
@@ -140,11 +150,19 @@ def _overview_row(result: StudyResult, name: str) -> tuple[Cell, ...]:
         )
     nees = finite_mean(scores_of(result, name, score="nees")[3])
     coverage = finite_mean(scores_of(result, name, score="coverage_95")[3])
-    return (Cell(_label(name)), Cell(str(states)), *cells, Cell(shown(nees, 2)), Cell(f"{100 * coverage:.1f} %"))
+    return (
+        Cell(_label(name)),
+        Cell(str(states)),
+        *cells,
+        Cell(shown(nees, 2)),
+        Cell(f"{100 * coverage:.1f} %"),
+    )
 
 
 def _met(ours: tuple[float, float], bound: tuple[float, float]) -> Mark:
-    kept = all(_rounded(value, limit) <= limit * (1.0 + ROUNDING) for value, limit in zip(ours, bound, strict=True))
+    kept = all(
+        _rounded(value, limit) <= limit * (1.0 + ROUNDING) for value, limit in zip(ours, bound, strict=True)
+    )
     return "met" if kept else "missed"
 
 
