@@ -40,13 +40,17 @@ def log_chart(series: Sequence[Series], key: str, caption: str, x_name: str, y_n
     )
 
 
-def line_chart(series: Sequence[Series], key: str, caption: str, x_name: str, y_name: str) -> str:
-    """Series with bands on plain axes; the vertical one begins at 0."""
+def line_chart(
+    series: Sequence[Series], key: str, caption: str, x_name: str, y_name: str, named: bool = True
+) -> str:
+    """Series with bands on plain axes; the vertical one begins at 0. Not named: without their names below."""
     panel = _panel(series, from_zero=True)
     content = plot.axes(panel, x_unit="", wanted=(5, 4))
     content += "".join(_band(panel, s, k) for k, s in enumerate(series))
     content += "".join(_line(panel, s, k) for k, s in enumerate(series))
-    return _figure(key, caption, f"{y_name} over {x_name}", content, [s.name for s in series])
+    return _figure(
+        key, caption, f"{y_name} over {x_name}", content, [s.name for s in series] if named else ()
+    )
 
 
 def _panel(series: Sequence[Series], from_zero: bool = False) -> Panel:
@@ -78,7 +82,7 @@ def _log_grid(panel: Panel) -> str:
     parts = []
     for values, across in ((_decades(*panel.x_range), True), (_decades(*panel.y_range), False)):
         for value in values:
-            name = f"{10.0**value:.3g}"
+            name = f"{round(10.0**value, 6):g}"
             if across:
                 x, bottom = float(panel.x(value)), panel.top + panel.height
                 parts.append(f'<path class="tick" d="M{x:.1f} {bottom:.1f}v3"/>')

@@ -28,7 +28,7 @@ def study_page(result: StudyResult) -> str:
     summary = result.summary()
     sections = [("scenarios", "Scenarios", _scenarios(result, summary))]
     if numeric := _numeric(result):
-        sections.append(("curves", "Error against what was varied", _charts(summary, numeric, result)))
+        sections.append(("curves", "Error against what was varied", _charts(summary, numeric)))
     sections.append(("intervals", "Scenario by scenario", _intervals(summary)))
     if result.complaints:
         sections.append(("failures", "What failed", _failures(result)))
@@ -94,34 +94,28 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _charts(summary: Sequence[Mapping[str, Any]], keys: Sequence[str], result: StudyResult) -> str:
-    swept = result.study.swept
+def _charts(summary: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> str:
     blocks = []
     for key in keys:
         main = _of_mean(summary)
-        drawn = [_chart(f"{key}-all", main, key, swept, MEAN, "deg")]
+        drawn = [_chart(f"{key}-all", main, key, MEAN, "deg")]
         items = list(
             dict.fromkeys((r["item"], r["unit"]) for r in summary if r["kind"] in ("joint", "frame"))
         )
         if len(items) <= MOST_SMALL * 2:
             for k, (item, unit) in enumerate(items[:MOST_SMALL]):
                 rows = [row for row in summary if row["item"] == item and row["unit"] == unit]
-                drawn.append(_chart(f"{key}-{k}", rows, key, swept, item, unit))
+                drawn.append(_chart(f"{key}-{k}", rows, key, item, unit))
         blocks.append(f'<h3>{breakable(key)}</h3><div class="grid-figures">{"".join(drawn)}</div>')
-    hint = '<p class="hint">Mean over the seeds; tinted: its 95 % interval.</p>'
+    hint = '<p class="hint">Mean over seeds; tinted: its 95 % interval. Lines are named below the first drawing.</p>'
     return hint + "".join(blocks)
 
 
-def _chart(
-    key: str, rows: Sequence[Mapping[str, Any]], axis: str, swept: Sequence[str], item: str, unit: str
-) -> str:
-    others = [name for name in swept if name != axis]
+def _chart(key: str, rows: Sequence[Mapping[str, Any]], axis: str, item: str, unit: str) -> str:
     lines: dict[str, list[Mapping[str, Any]]] = {}
     for row in rows:
-        # a key of a named scenario stands in its name; only the grid's others tell lines apart
-        label = ", ".join(
-            f"{name} {row[name]}" if _is_number(row[name]) else str(row[name]) for name in others
-        )
+        parts = str(row["name"]).split(", ")
+        label = ", ".join(part for part in parts if not part.startswith(f"{axis} "))
         lines.setdefault(label, []).append(row)
     series = []
     for label, own in list(lines.items())[:MOST_LINES]:
@@ -135,7 +129,7 @@ def _chart(
     left = len(lines) - len(series)
     caption = item + (f" (of {len(lines)} lines the first {MOST_LINES})" if left else "")
     safe = "".join(letter if letter.isalnum() else "-" for letter in key)
-    return chart.line_chart(series, f"chart-{safe}", caption, axis, f"RMSE {unit}")
+    return chart.line_chart(series, f"chart-{safe}", caption, axis, f"RMSE {unit}", named=item == MEAN)
 
 
 def _intervals(summary: Sequence[Mapping[str, Any]]) -> str:

@@ -34,7 +34,8 @@ class StudyResult:
     Args:
         study: what was run.
         rows: one for each run and joint, frame (and axis of it), sensor, and one for the mean of the angles; `error`
-            says why there is none: the run failed (kind "run"), or the mean lacks a joint. RMSE, bias and mean_std are in `unit`: deg or mm.
+            says why there is none: the run failed (kind "run"), or the mean lacks a joint. RMSE, bias and mean_std are
+            in `unit`: deg or mm.
     """
 
     study: Study

@@ -101,6 +101,8 @@ def shown(value: float, digits: int = 3) -> str:
         return "–"
     if value == 0.0:
         return "0"
+    if abs(value) >= 1e5:
+        return f"{value:.0e}".replace("e+0", "e")
     places = max(digits - 1 - math.floor(math.log10(abs(value))), 0)
     return f"{value:.{places}f}"
 
