@@ -36,6 +36,7 @@ from oarlock.parallel_tracking import track_many
 from oarlock.pose_mounts import calibrate_pose
 from oarlock.recording import ImuStream, Recording, ScalarStream, VectorStream, load_recording
 from oarlock.simulate import simulate
+from oarlock.study import Study, StudyKey, StudyResult, StudySimulator, StudyTrial, load_study, study
 from oarlock.track import Track, load_track
 from oarlock.tracking import smooth, track
 
@@ -61,6 +62,11 @@ __all__ = [
     "Recording",
     "Sample",
     "ScalarStream",
+    "Study",
+    "StudyKey",
+    "StudyResult",
+    "StudySimulator",
+    "StudyTrial",
     "Track",
     "Tracker",
     "VectorStream",
@@ -84,12 +90,14 @@ __all__ = [
     "load_markers",
     "load_model",
     "load_recording",
+    "load_study",
     "load_track",
     "low_pass",
     "save_attachments",
     "simulate",
     "simulate_from_markers",
     "smooth",
+    "study",
     "track",
     "track_limbs",
     "track_many",

@@ -19,7 +19,9 @@ from oarlock.cli import (
     markers,
     model,
     report,
+    reproduce,
     simulate,
+    study,
     track,
 )
 
@@ -65,6 +67,8 @@ track.add_to(app)
 evaluate.add_to(app)
 compare.add_to(app)
 report.add_to(app)
+reproduce.add_to(app)
+study.add_to(app)
 model.add_to(app)
 bench.add_to(app)
 

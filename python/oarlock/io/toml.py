@@ -14,7 +14,7 @@ from oarlock.suggest import did_you_mean
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _HEADER = re.compile(r"\s*\[{1,2}\s*([^\[\]]+?)\s*\]{1,2}\s*(#.*)?$")
-_LINE_KEY = re.compile(r"\s*[\"']?([A-Za-z0-9_-]+)[\"']?\s*=")
+_LINE_KEY = re.compile(r"\s*((?:[\"']?[A-Za-z0-9_-]+[\"']?\s*\.\s*)*[\"']?[A-Za-z0-9_-]+[\"']?)\s*=")
 _INLINE_KEY = re.compile(r"[{,]\s*[\"']?([A-Za-z0-9_-]+)[\"']?\s*=")
 _MISSING = object()
 
@@ -147,7 +147,7 @@ def _key_lines(text: str) -> dict[KeyPath, int]:
             continue
         bare = line.split("#")[0]
         if starts := _LINE_KEY.match(bare):
-            owner = (*here, starts[1])
+            owner = (*here, *(part.strip().strip("\"'") for part in starts[1].split(".")))
             lines.setdefault(owner, number)
         for key in _INLINE_KEY.findall(bare):
             lines.setdefault((*owner, key), number)

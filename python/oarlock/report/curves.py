@@ -57,7 +57,7 @@ def curves_section(track: TrackLike, truth: TrackLike | None, evaluation: Evalua
     )
     near = _singular_hint() if any(curve.near_singular.any() for curve in drawn) else ""
     shown = reference if truth is not None else None
-    return f'{_legend(shown, window)}{near}<div class="grid-figures tall">{figures}</div>'
+    return f'{legend(shown, window)}{near}<div class="grid-figures tall">{figures}</div>'
 
 
 def detail_window(track: TrackLike, truth: TrackLike | None) -> Interval:
@@ -123,13 +123,18 @@ def _unwrapped(angle_rad: Floats) -> Floats:
 
 
 def _figure(i: int, curve: Curve, window: Interval, score: JointScore | None) -> str:
+    return figure(f"joint-{i}", curve, window, _headline(curve, score))
+
+
+def figure(key: str, curve: Curve, window: Interval, headline: str) -> str:
+    """A course, and below it a few seconds of its error inside its band; `headline` is markup."""
     style = "with-truth" if curve.error is not None else "alone"
     style = style if curve.seen else "unseen"
     return (
-        f'<figure id="joint-{i}" class="{style}"><figcaption>'
+        f'<figure id="{key}" class="{style}"><figcaption>'
         f'<span class="name">{breakable(curve.name)}</span> '
-        f'<span class="unit">{curve.unit}</span>{_headline(curve, score)}</figcaption>'
-        f"{_svg(i, curve, window)}</figure>"
+        f'<span class="unit">{curve.unit}</span>{headline}</figcaption>'
+        f"{_svg(key, curve, window)}</figure>"
     )
 
 
@@ -143,7 +148,7 @@ def _headline(curve: Curve, score: JointScore | None) -> str:
     return f'<span class="fact">RMSE {number(score.rmse * factor)} {unit}{inside}</span>'
 
 
-def _svg(i: int, curve: Curve, window: Interval) -> str:
+def _svg(key: str, curve: Curve, window: Interval) -> str:
     size = (WIDTH, CURVE_TOP + CURVE_HEIGHT + FOOT)
     content = _course(curve, window)
     if curve.seen and np.isfinite(curve.value).any():
@@ -151,7 +156,7 @@ def _svg(i: int, curve: Curve, window: Interval) -> str:
         size = (WIDTH, top + STRIP_HEIGHT + FOOT)
         scored = _has_error(curve, window)
         content += _error_strip(curve, window, top) if scored else _band_strip(curve, top)
-    return plot.drawing(f"joint-svg-{i}", size, f"{curve.name} over time", _description(curve), content)
+    return plot.drawing(f"{key}-svg", size, f"{curve.name} over time", _description(curve), content)
 
 
 def _has_error(curve: Curve, window: Interval) -> bool:
@@ -276,7 +281,8 @@ def clip_definition() -> str:
     return course + plot.clip("strip-clip", (LEFT, strip_top, width, STRIP_HEIGHT))
 
 
-def _legend(reference: str | None, window: Interval) -> str:
+def legend(reference: str | None, window: Interval) -> str:
+    """What lines and bands mean; without a reference there are no errors."""
     entries = [("estimate", "estimate"), ("band", "95 % band")]
     if reference is not None:
         entries += [("truth", reference), ("error", f"estimate {MINUS} {reference}")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
 
@@ -23,6 +24,15 @@ def render(
     )
     sensors = evaluation.sensors if evaluation else sensor_scores(track, Interval.after(track.time_s, 0.0))
     sections = _sections(track, evaluation, truth, sensors)
+    lead = (
+        f'<div class="lead">{verdict.summary(track, evaluation, sensors)}</div>'
+        f"{verdict.key_figures(track, evaluation, sensors)}"
+    )
+    return shell(heading, lead, sections, _definitions())
+
+
+def shell(heading: str, lead: str, sections: Sequence[tuple[str, str, str]], definitions: str = "") -> str:
+    """A page with a heading, what it says first, and sections (key, name, markup) with links to them."""
     links = "".join(f'<li><a href="#{key}">{escape(name)}</a></li>' for key, name, _ in sections)
     body = "".join(
         f'<section id="{key}" aria-labelledby="{key}-h">'
@@ -34,9 +44,7 @@ def render(
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f'<meta name="color-scheme" content="light dark"><title>{escape(heading)}</title>'
-        f"<style>{_style()}</style></head><body>{_definitions()}<header><h1>{escape(heading)}</h1>"
-        f'<div class="lead">{verdict.summary(track, evaluation, sensors)}</div>'
-        f"{verdict.key_figures(track, evaluation, sensors)}"
+        f"<style>{_style()}</style></head><body>{definitions}<header><h1>{escape(heading)}</h1>{lead}"
         f'<nav aria-label="Contents"><ul>{links}</ul></nav></header>'
         f"<main>{body}</main></body></html>\n"
     )

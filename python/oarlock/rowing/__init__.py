@@ -8,6 +8,7 @@ from oarlock.rowing.hull import HullRotation, on_hull
 from oarlock.rowing.motion import Piece, row_piece, sculling
 from oarlock.rowing.noise import CONDITIONS, TABLE_4_NOISE, ImuNoise, SimulatedCondition
 from oarlock.rowing.pitch import HullForm, HullPitch, hull_pitch
+from oarlock.rowing.simulators import SIMULATORS, FieldSimulator, ScullingSimulator
 from oarlock.rowing.stretcher import adjusted_stretcher
 from oarlock.rowing.stroke import StrokeShape
 from oarlock.rowing.sweep import SweepShape, sweep_piece, sweeping
@@ -15,10 +16,12 @@ from oarlock.rowing.timing import StrokeTiming
 
 __all__ = [
     "CONDITIONS",
+    "SIMULATORS",
     "TABLE_4_NOISE",
     "Boat",
     "FieldEffects",
     "FieldMarkers",
+    "FieldSimulator",
     "FieldTrial",
     "HullForm",
     "HullMotion",
@@ -26,6 +29,7 @@ __all__ = [
     "HullRotation",
     "ImuNoise",
     "Piece",
+    "ScullingSimulator",
     "SimulatedCondition",
     "StrokeShape",
     "StrokeTiming",

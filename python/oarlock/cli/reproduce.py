@@ -1,0 +1,162 @@
+"""`oarlock reproduce`: tables and figures of the paper, run again, the printed value beside ours."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from oarlock.cli.options import Force, Json, OutFolder, example
+from oarlock.cli.terminal import (
+    UsageError,
+    fresh_folder,
+    heading,
+    print_json,
+    progress,
+    say,
+    steps,
+    table,
+    verb,
+)
+
+if TYPE_CHECKING:
+    from oarlock.rowing.reproduce import Part
+
+RUN_FILE = "run.toml"
+LEAD = (
+    "Ruffaldi, Peppoloni and Filippeschi, Sensor fusion for complex articulated body tracking applied in rowing, "
+    "J. Sports Engineering and Technology: its experiments run again, the printed value beside ours.",
+)
+
+
+class What(StrEnum):
+    """What can be run again."""
+
+    table5 = "table5"
+    table6 = "table6"
+    fig3 = "fig3"
+    fig4 = "fig4"
+    fig5 = "fig5"
+    discussion = "discussion"
+    cost = "cost"
+    all = "all"
+
+
+def add_to(app: typer.Typer) -> None:
+    """Registers the verb."""
+    app.command(
+        "reproduce",
+        short_help="Run the paper's tables and figures again, ours beside them.",
+        epilog=example(
+            "oarlock reproduce table5 --out table5",
+            "oarlock reproduce all --out paper",
+            "oarlock reproduce fig3 --seed 7 --out fig3",
+            "oarlock reproduce table5 --seeds 10 --seed 100 --json --out table5 | jq .table5.met",
+        ),
+    )(reproduce)
+
+
+@verb
+def reproduce(
+    what: Annotated[
+        list[What],
+        typer.Argument(metavar="WHAT...", help="table5, table6, fig3 to fig5, discussion, cost, all."),
+    ],
+    out: OutFolder,
+    seeds: Annotated[
+        int | None, typer.Option("--seeds", metavar="N", min=1, help="How many seeds; 3, or 1 with --seed.")
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option("--seed", metavar="K", min=0, help="The first seed; else 0.")
+    ] = None,
+    duration_s: Annotated[
+        float, typer.Option("--duration-s", metavar="S", min=4.0, help="Length of each recording.")
+    ] = 40.0,
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", metavar="N", min=1, help="Processes at a time; else all cores.")
+    ] = None,
+    force: Force = False,
+    json_output: Json = False,
+) -> None:
+    """Run experiments of the paper again: one report with its values and ours, and the tables behind it."""
+    from oarlock.rowing.reproduce import PARTS
+    from oarlock.rowing.reproduce import reproduce as run
+
+    chosen = PARTS if What.all in what else tuple(part.value for part in what)
+    if len(set(chosen)) < len(chosen):
+        raise UsageError(f"{', '.join(chosen)}: one of them is named twice")
+    count = seeds if seeds is not None else (3 if seed is None else 1)
+    numbers = tuple(range(seed or 0, (seed or 0) + count))
+    fresh_folder(out, RUN_FILE, force)
+    with progress("running the paper's experiments") as told:
+        parts = run(chosen, numbers, duration_s=duration_s, jobs=jobs, progress=told)
+    report = write_reproduction(parts, out, numbers, duration_s)
+    if json_output:
+        print_json(_document(parts, report))
+        return
+    for part in parts:
+        _write(part)
+    say(f"\nWrote {out}: report.html, and its tables as CSV and Parquet")
+    steps(f"open {report}")
+
+
+def write_reproduction(parts: list[Part], out: Path, seeds: tuple[int, ...], duration_s: float) -> Path:
+    """The page, the tables and run.toml; the page's path."""
+    from oarlock import __version__
+    from oarlock.io.toml import write_toml
+    from oarlock.report.reproduction import reproduction_page
+    from oarlock.study.result import write_rows
+
+    for part in parts:
+        for name, rows in part.data.items():
+            write_rows(rows, out / name)
+    title = parts[0].title if len(parts) == 1 else "The paper, run again"
+    report = out / "report.html"
+    report.write_text(reproduction_page(parts, title, LEAD), encoding="utf-8")
+    description: dict[str, object] = {
+        "format": 1,
+        "oarlock": __version__,
+        "parts": [part.key for part in parts],
+        "seeds": list(seeds),
+        "duration_s": duration_s,
+    }
+    write_toml(out / RUN_FILE, description)
+    return report
+
+
+def _write(part: Part) -> None:
+    heading(part.title)
+    for shown in part.tables:
+        if shown.closed:
+            continue
+        say(f"\n{shown.caption}", style="dim", indent=2)
+        rows = [[_cell(cell.ours, cell.paper, cell.mark) for cell in row] for row in shown.rows]
+        first, *others = shown.head
+        table([first, *(f">{name}" for name in others)], rows)
+    if part.claims:
+        table(["verdict", "claim"], [(claim.verdict, claim.sentence) for claim in part.claims])
+    if not part.tables and not part.claims:
+        for text in part.lead:
+            say(text, indent=2)
+
+
+def _cell(ours: str, paper: str, mark: str) -> str:
+    beside = f" | {paper}" if paper else ""
+    sign = {"met": " ✓", "missed": " ✗"}.get(mark, "") if ours != mark else ""
+    return f"{ours}{beside}{sign}"
+
+
+def _document(parts: list[Part], report: Path) -> dict[str, object]:
+    document: dict[str, object] = {"report": report}
+    for part in parts:
+        met, bounds = part.marks
+        document[part.key] = {
+            "met": met,
+            "bounds": bounds,
+            "tables": {shown.key: {"head": shown.head, "rows": shown.rows} for shown in part.tables},
+            "claims": part.claims,
+            "notes": part.notes,
+        }
+    return document

@@ -1,0 +1,125 @@
+"""`oarlock study`: what becomes of the error when sensors, noise, mounts, rates or settings change."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from oarlock.cli.options import Force, Json, example
+from oarlock.cli.terminal import (
+    UsageError,
+    fresh_folder,
+    heading,
+    number,
+    print_json,
+    progress,
+    say,
+    steps,
+    table,
+    verb,
+)
+
+if TYPE_CHECKING:
+    from oarlock import Study, StudyResult
+
+RUN_FILE = "run.toml"
+
+
+def add_to(app: typer.Typer) -> None:
+    """Registers the verb."""
+    app.command(
+        "study",
+        short_help="Sweep sensors, noise, mounts, rates or settings over seeds.",
+        epilog=example(
+            "oarlock study examples/studies/which_sensors.toml --out sensors",
+            "oarlock study examples/studies/mount_error.toml --seeds 20 --jobs 2 --out mounts",
+            "oarlock study my.toml --keys",
+        ),
+    )(study)
+
+
+@verb
+def study(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A study file; docs/study.md lists its keys.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write.")
+    ] = None,
+    seeds: Annotated[
+        int | None, typer.Option("--seeds", metavar="N", min=1, help="Seeds 0 to N-1 instead of the file's.")
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", metavar="N", min=1, help="Processes at a time; else all cores.")
+    ] = None,
+    keys: Annotated[bool, typer.Option("--keys", help="List what this study could vary, and leave.")] = False,
+    force: Force = False,
+    json_output: Json = False,
+) -> None:
+    """Run a study: tables of every run and their summary, plots with bands over the seeds.
+
+    Stopped by Ctrl-C it keeps the runs that are done, and the same command goes on from there.
+    """
+    from oarlock import load_study
+    from oarlock import study as run
+    from oarlock.report.study_page import study_page
+    from oarlock.rowing import SIMULATORS
+    from oarlock.study.pool import UNFINISHED
+
+    given = load_study(file, SIMULATORS, None if seeds is None else range(seeds))
+    if keys:
+        _write_keys(given, json_output)
+        return
+    if out is None:
+        raise UsageError("--out FOLDER is missing: where the results go")
+    fresh_folder(out, UNFINISHED if (out / UNFINISHED).exists() else RUN_FILE, force)
+    with progress(f"{given.run_count} runs") as told:
+        result = run(given, jobs=jobs, folder=out, progress=told)
+    result.save(out)
+    report = out / "report.html"
+    report.write_text(study_page(result), encoding="utf-8")
+    if json_output:
+        summary = [row for row in result.summary() if row["kind"] == "mean"]
+        print_json(
+            {"report": report, "runs": given.run_count, "failed": len(result.failures), "mean": summary}
+        )
+        return
+    _write(result)
+    say(f"\nWrote {out}: runs and summary (.csv, .parquet), run.toml, report.html")
+    steps(f"open {report}")
+
+
+def _write(result: StudyResult) -> None:
+    study = result.study
+    heading(study.title, f"{study.run_count} runs, mean RMSE of the angles over {len(study.seeds)} seeds")
+    found = {row["scenario"]: row for row in result.summary() if row["kind"] == "mean"}
+    rows = []
+    for scenario in study.expanded():
+        row = found.get(scenario.index)
+        if row is None:
+            rows.append((scenario.name, "-", "-", "-", "-", "none, see below"))
+            continue
+        rows.append(
+            (
+                scenario.name,
+                number(row["rmse_mean"], ".3f"),
+                number(row["rmse_sd"], ".3f"),
+                number(row["rmse_worst"], ".3f"),
+                number(100.0 * row["coverage_95_mean"], ".0f"),
+                f"{row['failed']} failed" if row["failed"] else "",
+            )
+        )
+    table(["scenario", ">mean deg", ">SD", ">worst seed", ">in 95 % band %", "note"], rows)
+    for text in list(dict.fromkeys(f"{row['name']}: {row['error']}" for row in result.complaints))[:5]:
+        say(text, style="red", indent=2)
+
+
+def _write_keys(study: Study, as_json: bool) -> None:
+    keys = study.keys
+    if as_json:
+        print_json({name: {"default": key.default, "about": key.about} for name, key in keys.items()})
+        return
+    heading("Keys", "beside config.*, parameters.* and model.*")
+    from oarlock.study.spec import shown
+
+    table(["key", "default", "what"], [(name, shown(key.default), key.about) for name, key in keys.items()])

@@ -1,0 +1,127 @@
+"""What a part of the reproduction holds, as plain values: a page, a terminal and a table can show it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Row = dict[str, Any]
+Mark = Literal["", "met", "missed"]
+Verdict = Literal["holds", "holds in part", "does not hold", "not checked"]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One cell: ours with its spread over seeds, the printed value beside it, and whether a bound is kept."""
+
+    ours: str
+    paper: str = ""
+    spread: str = ""
+    bound: str = ""
+    mark: Mark = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under a header; the first cell of a row names it. A closed table is shown when it is asked for."""
+
+    key: str
+    caption: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    closed: bool = False
+
+
+@dataclass(frozen=True)
+class Curve:
+    """An estimate (T,) with half of its 95 % band, and the truth; in `unit`, `factor` times SI."""
+
+    name: str
+    unit: str
+    factor: float
+    time_s: Floats
+    value: Floats
+    half_band: Floats
+    truth: Floats
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Points (x, y) by series on two logarithmic axes."""
+
+    key: str
+    caption: str
+    x_name: str
+    y_name: str
+    series: Mapping[str, tuple[Floats, Floats]]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A sentence of the paper, what was done to check it, what came out."""
+
+    source: str
+    sentence: str
+    done: str
+    found: str
+    verdict: Verdict
+
+
+@dataclass(frozen=True)
+class Part:
+    """A table, a figure or a section of the paper, run again."""
+
+    key: str
+    title: str
+    lead: tuple[str, ...]
+    tables: tuple[Table, ...] = ()
+    curves: Mapping[str, tuple[Curve, ...]] = field(default_factory=dict)
+    charts: tuple[Chart, ...] = ()
+    claims: tuple[Claim, ...] = ()
+    notes: tuple[str, ...] = ()
+    data: Mapping[str, Sequence[Row]] = field(default_factory=dict)
+
+    @property
+    def marks(self) -> tuple[int, int]:
+        """How many bounds are met, of how many."""
+        found = [c.mark for table in self.tables for row in table.rows for c in row if c.mark]
+        return found.count("met"), len(found)
+
+
+def shown(value: float, digits: int = 3) -> str:
+    """So many significant digits; a dash for no number."""
+    if not math.isfinite(value):
+        return "–"
+    if value == 0.0:
+        return "0"
+    if abs(value) >= 1e5:
+        return f"{value:.0e}".replace("e+0", "e")
+    places = max(digits - 1 - math.floor(math.log10(abs(value))), 0)
+    return f"{value:.{places}f}"
+
+
+def finite_mean(values: Sequence[float] | Floats) -> float:
+    """Mean of those that are numbers; NaN of none."""
+    kept = np.asarray(values, dtype=np.float64)
+    kept = kept[np.isfinite(kept)]
+    return float(kept.mean()) if len(kept) else math.nan
+
+
+def finite_sd(values: Sequence[float] | Floats) -> float:
+    """Standard deviation of those that are numbers; NaN of fewer than two."""
+    kept = np.asarray(values, dtype=np.float64)
+    kept = kept[np.isfinite(kept)]
+    return float(kept.std(ddof=1)) if len(kept) > 1 else math.nan
+
+
+def spread(values: Sequence[float] | Floats) -> str:
+    """`± 0.01`, empty for a single value."""
+    sd = finite_sd(values)
+    return f"± {shown(sd, 2)}" if math.isfinite(sd) else ""
