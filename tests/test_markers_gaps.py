@@ -50,6 +50,15 @@ def test_what_was_put_in_is_as_good_as_its_standard_deviation_says():
     assert edge < 1.5e-3 < middle, "about the noise beside a seen frame, more in the middle"
 
 
+def test_a_parabola_is_continued_exactly_and_a_still_marker_stays():
+    t = np.arange(0.0, 1.0, 1.0 / RATE_HZ)
+    throw = np.stack([2.0 * t, 1.0 + 3.0 * t - 4.9 * t**2, 0.0 * t], axis=1)
+    whole = Markers(("ball", "floor"), t, np.stack([throw, np.full((100, 3), 0.25)], axis=1))
+    filled = fill_gaps(lose(whole, (40, 55)))
+    np.testing.assert_allclose(filled.markers.position_m, whole.position_m, atol=1e-9)
+    assert filled.estimated[40:55].all()
+
+
 def test_what_cannot_be_filled_is_left_and_said():
     holes = lose(path(), (0, 10), (200, 221), (300, 302), (303, 310), (311, 312), (590, 600))
     filled = fill_gaps(holes, longest_s=0.2)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 import oarlock
 from marker_bodies import arm_motion, clusters, markers_on, postures, with_gaps
@@ -12,6 +13,7 @@ from oarlock.shipped import model_names
 
 EXACT_RAD = 1e-9  # rounding of positions of a metre, over levers of 5 cm
 DIFFERENCE = 1e-8  # central differences of 1e-6
+PLAIN_RAD = 1e-6  # where a search with slopes by differences stops
 WANTED_DEG = 0.5
 WITHIN_THREE_STD = 0.99  # of a normal distribution 99.7 % lie inside
 
@@ -55,6 +57,35 @@ def test_exact_markers_give_back_the_postures(name):
     assert fit.settled.all()
     assert fit.notes == ()
     np.testing.assert_allclose(turns_apart(model, fit.q, q), 0.0, atol=EXACT_RAD)
+
+
+def test_the_fit_is_the_least_of_a_plain_search():
+    """Another library's least squares, on residuals written out here, finds the same posture in noise."""
+    model = oarlock.load_model("arm7")
+    random = np.random.default_rng(3)
+    q = postures(model, arm_motion(model, 1.0, 3), np.array([0.5]))
+    attachments = tuple(
+        Attachment(a.marker, a.frame, a.point_m, std_m)
+        for a, std_m in zip(
+            clusters(["elbow", "wrist", "hand"], 3, 0.06, 3), random.uniform(1e-3, 8e-3, 9), strict=True
+        )
+    )
+    seen = markers_on(model, q, np.zeros(1), attachments, 5e-3)
+
+    def residuals(values: np.ndarray) -> np.ndarray:
+        poses = model.forward_kinematics(values)
+        rows = []
+        for a in attachments:
+            pose = poses[model.frame_names.index(a.frame)]
+            rows.append((pose[:3, :3] @ a.point_m + pose[:3, 3] - seen[a.marker][0]) / a.std_m)
+        return np.concatenate(rows)
+
+    plain = least_squares(residuals, q[0], xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    fit = inverse_kinematics(model, seen, attachments)
+    np.testing.assert_allclose(fit.q[0], plain.x, atol=PLAIN_RAD)
+    covariance = np.linalg.inv(plain.jac.T @ plain.jac)
+    expected = np.sqrt(np.diag(covariance)) * max(1.0, np.sqrt(2.0 * plain.cost / (27 - 7)))
+    np.testing.assert_allclose(fit.q_std[0], expected, rtol=0.05)  # the soft limits take a little away
 
 
 @pytest.mark.slow
