@@ -190,5 +190,5 @@ def on_hull(model: Model) -> Model:
 
     if set(HULL_JOINTS) <= set(model.joint_names):
         return model
-    text = re.sub(r'\b((?:parent|frame|frame_a|frame_b)\s*=\s*)"root"', r'\1"hull"', model.text)
+    text = re.sub(r"""\b((?:parent|frame|frame_a|frame_b)\s*=\s*)["']root["']""", r'\1"hull"', model.text)
     return Model.from_toml(text + _JOINTS_AND_FRAMES, model.path, model.parameters)
