@@ -8,10 +8,12 @@ import math
 import re
 import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner, Result
 
 import oarlock
@@ -83,6 +85,31 @@ def test_every_estimator_has_a_title_a_source_and_assumptions() -> None:
     assert len({e.name for e in found}) == len(found)
     assert all(e.title and e.source and e.assumes for e in found)
     assert {e.name for e in usual_estimators()} <= {e.name for e in found}
+
+
+def test_the_page_names_all_of_them() -> None:
+    page = (Path(__file__).parents[1] / "docs/compare.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`(\w+)`", page))
+    assert {e.name for e in usual_estimators()} <= named
+
+
+def test_an_estimator_of_ones_own(sculler: oarlock.Model, rowed: tuple[oarlock.Track, Recording]) -> None:
+    own = replace(estimator("ekf"), name="mine", config=Config(filter="ekf", estimate=("gyro_bias",)))
+    found = oarlock.compare(sculler, rowed[1], rowed[0], [own, "ekf"])
+    assert found["mine"].mean_rmse_deg > found["ekf"].mean_rmse_deg
+
+
+def test_a_calibration_reaches_all_of_them(
+    sculler: oarlock.Model, rowed: tuple[oarlock.Track, Recording]
+) -> None:
+    """Lengths and a mount that are wrong show in every family."""
+    mount = next(s["mount"] for s in sculler.describe()["sensors"] if s["name"] == "r_forearm")
+    turned = np.asarray(mount["rotation"]) @ Rotation.from_rotvec([0.0, 0.2, 0.0]).as_matrix()
+    worn = oarlock.Calibration({"l_ua_r": 0.30}, {"r_forearm": (turned, mount["offset"])})
+    names = ["ekf", "limbs_open", "vector_kf"]
+    told = oarlock.compare(sculler, rowed[1], rowed[0], names, calibration=worn)
+    for row in told.scores:
+        assert row.evaluation["r_elbow_rotation"].rmse > np.radians(3.0)
 
 
 def test_the_engine_says_which_trees_there_are() -> None:
