@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from oarlock.rowing.boat import Boat, HullMotion
-from oarlock.rowing.field import FieldEffects, FieldMarkers, FieldTrial, simulate_field
+from oarlock.rowing.field import FieldEffects, FieldTrial, simulate_field
 from oarlock.rowing.hull import HullRotation, on_hull
 from oarlock.rowing.motion import Piece, row_piece, sculling
 from oarlock.rowing.noise import CONDITIONS, TABLE_4_NOISE, ImuNoise, SimulatedCondition
@@ -20,7 +20,6 @@ __all__ = [
     "TABLE_4_NOISE",
     "Boat",
     "FieldEffects",
-    "FieldMarkers",
     "FieldSimulator",
     "FieldTrial",
     "HullForm",

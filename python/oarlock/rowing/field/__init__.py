@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from oarlock.rowing.field.effects import GROUPS, FieldEffects
-from oarlock.rowing.field.trial import FieldMarkers, FieldTrial, simulate_field
+from oarlock.rowing.field.trial import FieldTrial, simulate_field
 
-__all__ = ["GROUPS", "FieldEffects", "FieldMarkers", "FieldTrial", "simulate_field"]
+__all__ = ["GROUPS", "FieldEffects", "FieldTrial", "simulate_field"]

@@ -24,23 +24,11 @@ from oarlock.rowing.grip import SIDES
 from oarlock.rowing.noise import CONDITIONS, SimulatedCondition
 
 if TYPE_CHECKING:
-    from oarlock import Calibration, ImuStream, Model, Recording, ScalarStream, Track
+    from oarlock import Calibration, ImuStream, Markers, Model, Recording, ScalarStream, Track
 
 Array = NDArray[np.float64]
 
 MARKERS = tuple(f"{side}_{joint}" for side in SIDES for joint in ("shoulder", "elbow", "wrist"))
-
-
-@dataclass(frozen=True, eq=False)
-class FieldMarkers:
-    """Places of the joints' true centres: ``position_m`` (T, n, 3) in the boat's axes.
-
-    These are root axes, or those of the frame `hull` in a model whose root does not turn with the boat.
-    """
-
-    names: tuple[str, ...]
-    time_s: Array
-    position_m: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +54,7 @@ class FieldTrial:
 
     recording: Recording
     truth: Track
-    markers: FieldMarkers
+    markers: Markers
     calibration: Calibration
     effects: FieldEffects
     condition: SimulatedCondition
@@ -83,11 +71,7 @@ class FieldTrial:
         self.recording.save(place)
         self.truth.save(place / "truth")
         self.calibration.save(place / "true_calibration.toml")
-        columns = [f"{name}_{axis}_m" for name in self.markers.names for axis in "xyz"]
-        flat = self.markers.position_m.reshape(len(self.markers.time_s), -1)
-        table = np.column_stack([self.markers.time_s, flat])
-        header = ",".join(["time_s", *columns])
-        np.savetxt(place / "markers.csv", table, fmt="%.9f", delimiter=",", header=header, comments="")
+        self.markers.save(place / "markers.csv")
 
 
 def simulate_field(
@@ -259,12 +243,14 @@ def _truth(model: Model, session: Session, time_s: Array) -> Track:
     )
 
 
-def _markers(session: Session, time_s: Array) -> FieldMarkers:
+def _markers(session: Session, time_s: Array) -> Markers:
     found = session.anatomy.poses(np.asarray(session.spline(time_s)), MARKERS)
     boat = session.boat(time_s)
     boat_from_root = np.swapaxes(boat[0], -1, -2)
     places = [apply(boat_from_root, found[name][1] - boat[1]) for name in MARKERS]
-    return FieldMarkers(MARKERS, time_s, np.stack(places, axis=1))
+    from oarlock import Markers
+
+    return Markers(MARKERS, time_s, np.stack(places, axis=1))
 
 
 def _meta(effects: FieldEffects, condition: str, seed: int) -> dict[str, object]:

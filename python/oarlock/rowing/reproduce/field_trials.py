@@ -128,7 +128,7 @@ def _config(setting: Setting, trial: FieldTrial) -> Config:
 
 
 def _scored(setting: Setting, seed: int, trial: FieldTrial, track: Track) -> Scored:
-    markers = Markers(trial.markers.names, trial.markers.time_s, trial.markers.position_m)
+    markers = trial.markers
     scores = oarlock.evaluate_markers(track, markers, align_clock=False, align_frame=False, start_s=START_S)
     bands = {name: place_band(track, name, START_S) for name in POINTS}
     points = {}
