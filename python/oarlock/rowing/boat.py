@@ -113,9 +113,9 @@ def rower_centre_of_mass(model: Body, q: Array) -> Array:
 
 
 def rower_segments(model: Body, q: Array) -> tuple[Array, Array]:
-    """Shares (n,) of the body's mass that sum to about 1, and places (K, n, 2) along Y and Z, m, from q (K, n_joints).
+    """Shares (n,) of the body's mass, and places (K, n, 2) along Y and Z, m, from q (K, n_joints).
 
-    Point masses, with the legs at the height of the hips, about the root; along Z up to a constant common to all.
+    Point masses about the root, with the legs at the height of the hips; the feet stand still and are left out.
     """
     poses = np.asarray(model.forward_kinematics(q), dtype=np.float64)
     frames = list(model.frame_names)
