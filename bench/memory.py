@@ -12,8 +12,10 @@ _CHILD = """
 import resource, sys
 import oarlock
 model = oarlock.load_model("sculler")
-recording = oarlock.load_recording(sys.argv[1])
+import oarlock.io.folder
 parts = sys.argv[2].split(",")
+if "load" in parts:
+    recording = oarlock.load_recording(sys.argv[1])
 if "track" in parts:
     track = oarlock.track(model, recording)
 if "smooth" in parts:
@@ -22,9 +24,11 @@ peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 print(peak / 1024 if sys.platform != "darwin" else peak / 1024**2)
 """
 
+_PARTS = {"imports": "", "recording": "load", "track": "load,track", "smooth": "load,track,smooth"}
+
 
 def peaks(duration_s: float) -> list[dict[str, Any]]:
-    """Peak resident memory, MiB: the recording alone, tracked, smoothed too; and what each minute adds."""
+    """Peak resident memory, MiB: imports, the recording, tracked, smoothed too; and what each minute adds."""
     import oarlock
     from oarlock.rowing.experiment import simulate_sculling
 
@@ -32,10 +36,11 @@ def peaks(duration_s: float) -> list[dict[str, Any]]:
     rows = []
     with TemporaryDirectory() as folder:
         recording.save(Path(folder) / "recording")
-        for name, parts in (("recording", "load"), ("track", "track"), ("smooth", "track,smooth")):
+        for name, parts in _PARTS.items():
             command = [sys.executable, "-c", _CHILD, str(Path(folder) / "recording"), parts]
             done = subprocess.run(command, capture_output=True, text=True, check=True)
             rows.append({"what": name, "duration_s": duration_s, "peak_mib": float(done.stdout)})
+    loaded = next(row["peak_mib"] for row in rows if row["what"] == "recording")
     for row in rows:
-        row["mib_per_minute"] = (row["peak_mib"] - rows[0]["peak_mib"]) / (duration_s / 60.0)
+        row["mib_per_minute"] = (row["peak_mib"] - loaded) / (duration_s / 60.0)
     return rows

@@ -108,7 +108,7 @@ def _rest(figures: dict[str, Any]) -> str:
     )
     for row in figures["memory"]:
         text = f"{row['peak_mib']:.0f} MiB"
-        if row["what"] != "recording":
+        if row["what"] not in ("imports", "recording"):
             text += f", {row['mib_per_minute']:.1f} MiB a minute beyond the recording"
         rows.append(
             [f"peak memory of the process, {row['duration_s'] / 60:.0f} min at n = 72: {row['what']}", text]

@@ -1,5 +1,6 @@
 import copy
 import pickle
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -7,9 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+import oarlock
 from oarlock.array_gate import real_array
 from oarlock.errors import DataError
 from oarlock.recording import ImuStream, Recording, ScalarStream, VectorStream
+from oarlock.rowing.experiment import simulate_sculling
 
 TIME_S = np.arange(5) / 100.0
 ROWS = np.arange(15.0).reshape(5, 3)
@@ -209,3 +212,31 @@ def test_repr_tells_what_is_there():
     for word in ["3 streams", "back", "100 Hz", "5 samples", "0.0 % missing", "gyro_rad_s"]:
         assert word in text
     assert "one sample" in repr(trial()["wrist"])
+
+
+def test_nobody_can_write_to_a_recording():
+    rows = imu().gyro_rad_s
+    with pytest.raises(ValueError):
+        rows.flags.writeable = True
+    assert rows.flags.aligned and rows.flags.c_contiguous
+
+
+@pytest.mark.parametrize(
+    "layout", [np.asfortranarray, np.array, lambda rows: np.repeat(rows, 2, axis=0)[::2]]
+)
+def test_the_engine_reads_any_layout_alike(layout):
+    """It reads a recording's own arrays where they lie and copies all others."""
+    model = oarlock.load_model("sculler")
+    _, recording = simulate_sculling(model, "B-B", 0.5, seed=1)
+    foreign = [SimpleNamespace(**vars(s)) for s in recording]
+    for stream in foreign:
+        for name in set(vars(stream)) & {"time_s", "value", "gyro_rad_s", "accel_m_s2", "mag_ut"}:
+            setattr(stream, name, layout(getattr(stream, name)))
+    tracker = oarlock.Tracker(model)
+    own, others = tracker.samples(recording), tracker.samples(SimpleNamespace(streams=foreign))
+    live = oarlock.Tracker(model)
+    assert [s.time_s for s in own] == [s.time_s for s in others]
+    for a, b in zip(own, others, strict=True):
+        tracker.step(a)
+        live.step(b)
+    assert np.array_equal(tracker.belief.mean, live.belief.mean)

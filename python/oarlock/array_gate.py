@@ -23,7 +23,7 @@ def real_array(value: ArrayLike, shape: Sequence[int | None], where: str) -> Flo
         where: names the array in an error, such as ``stream "back", gyro_rad_s``.
 
     Returns:
-        C-contiguous, read-only copy, so that no later change of `value` reaches it.
+        C-contiguous copy that stands on `bytes`, so that nobody can change it and the engine may read it there.
 
     Raises:
         DataError: Not a real numeric array, a value that float64 cannot hold exactly, or another shape.
@@ -35,8 +35,7 @@ def real_array(value: ArrayLike, shape: Sequence[int | None], where: str) -> Flo
     _check_exact(given, result, where)
     if isinstance(given, np.ma.MaskedArray):
         result[np.ma.getmaskarray(given)] = np.nan
-    result.setflags(write=False)
-    return result
+    return _sealed(result)
 
 
 def time_array(value: ArrayLike, where: str) -> FloatArray:
@@ -93,6 +92,14 @@ def check_no_infinity(values: FloatArray, time_s: FloatArray, where: str) -> Non
             f"{where}[{index}] is {values[tuple(bad[0])]:g} at {time_s[bad[0][0]]:g} s "
             f"({len(bad)} infinite values). Use NaN for a missing value."
         )
+
+
+def _sealed(values: FloatArray) -> FloatArray:
+    """The same numbers in memory that nothing can write to, not even through `base`."""
+    if not values.size:  # numpy reads no array from an empty buffer
+        values.setflags(write=False)
+        return values
+    return np.frombuffer(values.tobytes(), values.dtype).reshape(values.shape)
 
 
 def _as_numpy(value: ArrayLike, where: str) -> NDArray[Any]:

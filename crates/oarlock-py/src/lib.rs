@@ -5,6 +5,7 @@ mod belief;
 mod calibrate;
 mod config;
 mod errors;
+mod lent;
 mod model;
 mod race;
 mod run;

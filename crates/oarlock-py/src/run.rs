@@ -6,10 +6,9 @@ use crate::errors::raise;
 use crate::model::PyModel;
 use crate::streams::{calibration, streams};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
-use oarlock::estimate::filter::SourceInfo;
 use oarlock::track::many::{track_many as engine_track_many, Job};
 use oarlock::track::notes::{at_nominal_mounts, notes};
-use oarlock::track::run::{track as engine_track, Run};
+use oarlock::track::run::{track as engine_track, Report, Run};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -30,6 +29,12 @@ struct Kept {
 fn table<T: numpy::Element>(py: Python<'_>, rows: usize, values: Vec<T>) -> PyResult<Bound<'_, PyArray2<T>>> {
     let width = values.len() / rows.max(1);
     PyArray1::from_vec(py, values).reshape([rows, width])
+}
+
+/// Columns of rows of `n` numbers as doubles; NaN where a column is None.
+fn pick<T: Copy + Into<f64>>(rows: &[T], n: usize, columns: &[Option<usize>], to: &mut Vec<f64>) {
+    let value = |row: &[T], c: &Option<usize>| c.and_then(|i| row.get(i)).map_or(f64::NAN, |&x| x.into());
+    rows.chunks_exact(n).for_each(|row| to.extend(columns.iter().map(|c| value(row, c))));
 }
 
 /// Runs `work` without the interpreter's lock; `progress(share)` is called now and then, and Ctrl-C stops the work.
@@ -137,9 +142,10 @@ impl PyRun {
     /// The run alone, if its estimates fill more than `room` bytes and nobody has asked for them.
     fn given(&self, room: usize) -> Option<Run> {
         let run = self.with_kept(|kept| {
-            let series = &kept.run.series;
-            let bytes = 8 * (series.mean.len() + series.std.len());
-            let gives = bytes > room && !kept.asked && !kept.run.smoothed && Arc::strong_count(&kept.run) == 1;
+            let gives = kept.run.series.bytes() > room
+                && !kept.asked
+                && !kept.run.smoothed
+                && Arc::strong_count(&kept.run) == 1;
             gives.then(|| {
                 kept.hollow = true;
                 let hollow = Arc::new(kept.run.hollow());
@@ -176,10 +182,11 @@ impl PyRun {
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let run = self.whole(py)?;
         let (series, n) = (&run.series, run.tracker().body.layout.dim());
-        let rows = if std { &series.std } else { &series.mean }.chunks_exact(n);
-        let value = |row: &[f64], c: &Option<usize>| c.and_then(|i| row.get(i).copied()).unwrap_or(f64::NAN);
         let mut values = Vec::with_capacity(columns.len() * series.time_s.len());
-        rows.for_each(|row| values.extend(columns.iter().map(|c| value(row, c))));
+        match std {
+            true => pick(&series.std, n, &columns, &mut values),
+            false => pick(&series.mean, n, &columns, &mut values),
+        }
         table(py, series.time_s.len(), values)
     }
 
@@ -200,13 +207,13 @@ impl PyRun {
     fn infos<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let run = self.run();
         let (s, rows) = (&run.series, run.series.time_s.len());
-        let counts = |f: fn(&SourceInfo) -> u8| table(py, rows, s.sources.iter().map(f).collect());
+        let counts = |f: fn(&Report) -> u8| table(py, rows, s.reports.iter().map(f).collect());
         let out = PyDict::new(py);
-        out.set_item("nis", table(py, rows, s.sources.iter().map(|i| i.nis).collect())?)?;
+        out.set_item("nis", table(py, rows, s.reports.iter().map(|i| f64::from(i.nis)).collect())?)?;
         out.set_item("used", counts(|i| i.used)?)?;
         out.set_item("rejected", counts(|i| i.rejected)?)?;
         out.set_item("missing", counts(|i| i.missing)?)?;
-        out.set_item("field", table(py, rows, s.fields.iter().map(|&f| f as u8).collect())?)?;
+        out.set_item("field", counts(|i| i.field as u8)?)?;
         let inertial: (Vec<f64>, Vec<u32>) = s.inertial.iter().copied().unzip();
         out.set_item("inertial_nis", PyArray1::from_vec(py, inertial.0))?;
         out.set_item("inertial_used", PyArray1::from_vec(py, inertial.1))?;

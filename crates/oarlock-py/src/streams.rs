@@ -1,15 +1,16 @@
 //! Recordings and calibrations on their way in.
 
-use crate::array::{items, reals};
+use crate::array::items;
 use crate::errors::{raise, DataError};
+use crate::lent::column;
 use oarlock::recording::{Channel, Recording, Sample, Stream};
 use oarlock::rotation::Mat3;
 use oarlock::sensor::Quantity;
 use oarlock::track::{Calibration, Tracker};
 use pyo3::prelude::*;
 
-const CHANNELS: [(&str, Quantity, usize); 3] =
-    [("gyro_rad_s", Quantity::Gyro, 3), ("accel_m_s2", Quantity::Accel, 3), ("mag_ut", Quantity::Mag, 3)];
+const CHANNELS: [(&str, Quantity); 3] =
+    [("gyro_rad_s", Quantity::Gyro), ("accel_m_s2", Quantity::Accel), ("mag_ut", Quantity::Mag)];
 
 /// Every stream of a Recording.
 pub fn streams(recording: &Bound<'_, PyAny>) -> PyResult<Vec<Stream>> {
@@ -30,19 +31,24 @@ pub fn samples(py: Python<'_>, tracker: &Tracker, merge_s: f64, recording: &Boun
 
 fn stream(object: &Bound<'_, PyAny>) -> PyResult<Stream> {
     let name: String = object.getattr("name")?.extract()?;
-    let time_s = reals(&object.getattr("time_s")?, &format!("stream '{name}', time_s"))?.values;
+    let (time_s, _) = column(&object.getattr("time_s")?, &format!("stream '{name}', time_s"))?;
     let mut channels = Vec::new();
-    for (field, quantity, width) in CHANNELS {
+    for (field, quantity) in CHANNELS {
         let Some(value) = object.getattr_opt(field)?.filter(|v| !v.is_none()) else {
             continue;
         };
-        let (array, _) = items(&value, &format!("stream '{name}', {field}"), &[width])?;
-        channels.push(Channel { quantity, values: array.values });
+        let (values, shape) = column(&value, &format!("stream '{name}', {field}"))?;
+        if shape.last() != Some(&3) {
+            return Err(DataError::new_err(format!(
+                "stream '{name}', {field}: has shape {shape:?}; expected (..., 3)"
+            )));
+        }
+        channels.push(Channel { quantity, values });
     }
     if let Some(value) = object.getattr_opt("value")? {
-        let array = reals(&value, &format!("stream '{name}', value"))?;
-        let quantity = if array.shape.len() == 2 { Quantity::Position } else { Quantity::Joint };
-        channels.push(Channel { quantity, values: array.values });
+        let (values, shape) = column(&value, &format!("stream '{name}', value"))?;
+        let quantity = if shape.len() == 2 { Quantity::Position } else { Quantity::Joint };
+        channels.push(Channel { quantity, values });
     }
     Ok(Stream { name, time_s, channels })
 }

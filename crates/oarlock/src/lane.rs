@@ -12,6 +12,14 @@ use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 pub trait Real:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self> + AddAssign
 {
+    /// What fits in one register, if there are more lanes than that.
+    type Half: Real;
+    /// How many of those make the whole.
+    const HALVES: usize;
+    /// One of them.
+    fn half(&self, half: usize) -> Self::Half;
+    /// Puts one of them.
+    fn set_half(&mut self, half: usize, x: Self::Half);
     /// The same value in every lane.
     fn splat(x: f64) -> Self;
     /// Times a plain number.
@@ -27,6 +35,16 @@ pub trait Real:
 }
 
 impl Real for f64 {
+    type Half = f64;
+    const HALVES: usize = 1;
+    #[inline(always)]
+    fn half(&self, _: usize) -> f64 {
+        *self
+    }
+    #[inline(always)]
+    fn set_half(&mut self, _: usize, x: f64) {
+        *self = x;
+    }
     #[inline(always)]
     fn splat(x: f64) -> Self {
         x
@@ -83,93 +101,131 @@ impl<const FUSED: bool> Lane<FUSED> {
     }
 }
 
+/// Numbers of a register.
+const HALF: usize = LANES / 2;
+
+/// Half of a lane's numbers, which fit in one register.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(align(32))]
+pub struct Half<const FUSED: bool = false>(pub [f64; HALF]);
+
 macro_rules! lanewise {
-    ($trait:ident, $method:ident, $op:tt) => {
-        impl<const FUSED: bool> $trait for Lane<FUSED> {
+    ($type:ident, $count:ident, $($trait:ident, $method:ident, $op:tt);*) => {
+        $(impl<const FUSED: bool> $trait for $type<FUSED> {
             type Output = Self;
             #[inline(always)]
             fn $method(self, o: Self) -> Self {
                 let mut r = self.0;
-                for i in 0..LANES {
+                for i in 0..$count {
                     r[i] = self.0[i] $op o.0[i];
                 }
-                Lane(r)
+                $type(r)
+            }
+        })*
+
+        impl<const FUSED: bool> Neg for $type<FUSED> {
+            type Output = Self;
+            #[inline(always)]
+            fn neg(self) -> Self {
+                let mut r = self.0;
+                for x in &mut r {
+                    *x = -*x;
+                }
+                $type(r)
+            }
+        }
+
+        impl<const FUSED: bool> AddAssign for $type<FUSED> {
+            #[inline(always)]
+            fn add_assign(&mut self, o: Self) {
+                *self = *self + o;
             }
         }
     };
 }
 
-lanewise!(Add, add, +);
-lanewise!(Sub, sub, -);
-lanewise!(Mul, mul, *);
+lanewise!(Lane, LANES, Add, add, +; Sub, sub, -; Mul, mul, *);
+lanewise!(Half, HALF, Add, add, +; Sub, sub, -; Mul, mul, *);
 
-impl<const FUSED: bool> Neg for Lane<FUSED> {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        let mut r = self.0;
-        for x in &mut r {
-            *x = -*x;
+/// What all numbers side by side have in common.
+macro_rules! lanes_of_reals {
+    ($type:ident, $count:ident) => {
+        #[inline(always)]
+        fn splat(x: f64) -> Self {
+            $type([x; $count])
         }
-        Lane(r)
-    }
-}
-
-impl<const FUSED: bool> AddAssign for Lane<FUSED> {
-    #[inline(always)]
-    fn add_assign(&mut self, o: Self) {
-        *self = *self + o;
-    }
+        #[inline(always)]
+        fn scale(self, s: f64) -> Self {
+            let mut r = self.0;
+            for x in &mut r {
+                *x *= s;
+            }
+            $type(r)
+        }
+        #[inline(always)]
+        fn madd(self, a: Self, b: Self) -> Self {
+            let mut r = self.0;
+            for i in 0..$count {
+                r[i] = madd::<FUSED>(self.0[i], a.0[i], b.0[i]);
+            }
+            $type(r)
+        }
+        #[inline(always)]
+        fn madd_f64(self, a: f64, b: Self) -> Self {
+            let mut r = self.0;
+            for i in 0..$count {
+                r[i] = madd::<FUSED>(self.0[i], a, b.0[i]);
+            }
+            $type(r)
+        }
+        #[inline(always)]
+        fn sin_cos(self) -> (Self, Self) {
+            let (sin, cos) = trig::sin_cos::<FUSED, $count>(self.0);
+            ($type(sin), $type(cos))
+        }
+        #[inline(always)]
+        fn rodrigues(self) -> (Self, Self) {
+            let (mut a, mut b) = (self, self);
+            let mut half = self.0;
+            for x in &mut half {
+                *x = 0.5 * x.sqrt();
+            }
+            let (sin, cos) = trig::sin_cos::<FUSED, $count>(half);
+            for i in 0..$count {
+                let (t2, small) = (self.0[i], series(self.0[i]));
+                let (far_a, far_b) = (sin[i] * cos[i] / half[i], 2.0 * sin[i] * sin[i] / t2);
+                a.0[i] = if t2 < SMALL { small.0 } else { far_a };
+                b.0[i] = if t2 < SMALL { small.1 } else { far_b };
+            }
+            (a, b)
+        }
+    };
 }
 
 impl<const FUSED: bool> Real for Lane<FUSED> {
+    type Half = Half<FUSED>;
+    const HALVES: usize = 2;
     #[inline(always)]
-    fn splat(x: f64) -> Self {
-        Lane([x; LANES])
+    fn half(&self, half: usize) -> Half<FUSED> {
+        Half(self.0.as_chunks().0[half])
     }
     #[inline(always)]
-    fn scale(self, s: f64) -> Self {
-        let mut r = self.0;
-        for x in &mut r {
-            *x *= s;
-        }
-        Lane(r)
+    fn set_half(&mut self, half: usize, x: Half<FUSED>) {
+        self.0.as_chunks_mut().0[half] = x.0;
+    }
+    lanes_of_reals!(Lane, LANES);
+}
+
+impl<const FUSED: bool> Real for Half<FUSED> {
+    type Half = Self;
+    const HALVES: usize = 1;
+    #[inline(always)]
+    fn half(&self, _: usize) -> Self {
+        *self
     }
     #[inline(always)]
-    fn madd(self, a: Self, b: Self) -> Self {
-        let mut r = self.0;
-        for i in 0..LANES {
-            r[i] = madd::<FUSED>(self.0[i], a.0[i], b.0[i]);
-        }
-        Lane(r)
+    fn set_half(&mut self, _: usize, x: Self) {
+        *self = x;
     }
-    #[inline(always)]
-    fn madd_f64(self, a: f64, b: Self) -> Self {
-        let mut r = self.0;
-        for i in 0..LANES {
-            r[i] = madd::<FUSED>(self.0[i], a, b.0[i]);
-        }
-        Lane(r)
-    }
-    #[inline(always)]
-    fn sin_cos(self) -> (Self, Self) {
-        let (sin, cos) = trig::sin_cos::<FUSED>(self.0);
-        (Lane(sin), Lane(cos))
-    }
-    #[inline(always)]
-    fn rodrigues(self) -> (Self, Self) {
-        let (mut a, mut b) = (self, self);
-        let mut half = self.0;
-        for x in &mut half {
-            *x = 0.5 * x.sqrt();
-        }
-        let (sin, cos) = trig::sin_cos::<FUSED>(half);
-        for i in 0..LANES {
-            let (t2, small) = (self.0[i], series(self.0[i]));
-            let (far_a, far_b) = (sin[i] * cos[i] / half[i], 2.0 * sin[i] * sin[i] / t2);
-            a.0[i] = if t2 < SMALL { small.0 } else { far_a };
-            b.0[i] = if t2 < SMALL { small.1 } else { far_b };
-        }
-        (a, b)
-    }
+    lanes_of_reals!(Half, HALF);
 }

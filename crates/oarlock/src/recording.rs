@@ -1,26 +1,29 @@
 //! Measured streams, and their merging into samples.
 
+pub mod column;
+
 use crate::error::{Error, Result};
 use crate::model::suggest::hint;
 use crate::model::{Model, SensorKind};
 use crate::sensor::{Quantity, Suite};
+use column::Column;
 
 /// One quantity of a stream, rows laid end to end; NaN is missing.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Channel {
     /// What it is; encoders of input joints are `Joint` too.
     pub quantity: Quantity,
     /// `time_s.len()` rows of 1 (joint) or 3 numbers.
-    pub values: Vec<f64>,
+    pub values: Column,
 }
 
 /// What one sensor said, at its own stamps.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Stream {
     /// Of the sensor, or of an input joint.
     pub name: String,
     /// Strictly increasing, s.
-    pub time_s: Vec<f64>,
+    pub time_s: Column,
     /// What it measured.
     pub channels: Vec<Channel>,
 }
@@ -116,15 +119,15 @@ impl Recording {
 
     /// First and last stamp, s; `None` if there is no row.
     pub fn span_s(&self) -> Option<(f64, f64)> {
-        let first = self.streams.iter().filter_map(|s| s.time_s.first()).copied().reduce(f64::min)?;
-        let last = self.streams.iter().filter_map(|s| s.time_s.last()).copied().reduce(f64::max)?;
+        let first = self.streams.iter().filter_map(|s| s.time_s.get(0)).reduce(f64::min)?;
+        let last = self.streams.iter().filter_map(|s| s.time_s.get(s.time_s.len().checked_sub(1)?)).reduce(f64::max)?;
         Some((first, last))
     }
 
     /// Reads the next sample, all rows within `merge_s` of the earliest; false at the end. Allocates nothing.
     pub fn next(&self, cursor: &mut Cursor, sample: &mut Sample) -> bool {
         let heads = self.streams.iter().zip(&cursor.0).filter_map(|(s, &at)| s.time_s.get(at));
-        let Some(time_s) = heads.copied().reduce(f64::min) else {
+        let Some(time_s) = heads.reduce(f64::min) else {
             return false;
         };
         sample.clear();
@@ -135,12 +138,13 @@ impl Recording {
                 continue;
             }
             for (channel, target) in stream.channels.iter().zip(targets) {
-                let width = channel.values.len() / stream.time_s.len();
-                let values = &channel.values[*at * width..(*at + 1) * width];
+                let width = width(channel.quantity);
                 match *target {
                     Target::Row(usize::MAX) => {}
-                    Target::Row(row) => sample.z[row..row + width].copy_from_slice(values),
-                    Target::Input(coordinate) => sample.inputs[coordinate] = values[0],
+                    Target::Row(row) => channel.values.read(*at * width, &mut sample.z[row..row + width]),
+                    Target::Input(coordinate) => {
+                        channel.values.read(*at * width, &mut sample.inputs[coordinate..=coordinate]);
+                    }
                 }
             }
             *at += 1;
@@ -170,26 +174,34 @@ fn unknown_stream(model: &Model, name: &str) -> Error {
     ))
 }
 
+/// Numbers of a row.
+fn width(quantity: Quantity) -> usize {
+    if quantity == Quantity::Joint {
+        1
+    } else {
+        3
+    }
+}
+
 fn check(stream: &Stream) -> Result<()> {
     let t = &stream.time_s;
-    if let Some(i) = t.iter().position(|x| !x.is_finite()) {
+    if let Some((i, time_s)) = t.iter().enumerate().find(|(_, x)| !x.is_finite()) {
         return Err(Error::Data(format!(
-            "stream '{}': time_s[{i}] = {}: stamps must be finite seconds; drop that row",
-            stream.name, t[i]
+            "stream '{}': time_s[{i}] = {time_s}: stamps must be finite seconds; drop that row",
+            stream.name
         )));
     }
-    if let Some(i) = t.windows(2).position(|w| w[1] <= w[0]) {
+    let pairs = t.iter().zip(t.iter().skip(1)).enumerate();
+    if let Some((i, (before, here))) = { pairs }.find(|(_, (before, here))| here <= before) {
         return Err(Error::Data(format!(
-            "stream '{}': time_s[{}] = {} s does not come after time_s[{i}] = {} s; stamps must increase: \
+            "stream '{}': time_s[{}] = {here} s does not come after time_s[{i}] = {before} s; stamps must increase: \
              sort the rows, drop repeated ones, or give each clock its own stream",
             stream.name,
-            i + 1,
-            t[i + 1],
-            t[i]
+            i + 1
         )));
     }
     for c in &stream.channels {
-        let width = if c.quantity == Quantity::Joint { 1 } else { 3 };
+        let width = width(c.quantity);
         if c.values.len() != width * t.len() {
             return Err(Error::Data(format!(
                 "stream '{}': {} stamps but {} values of {:?}, expected {}",
@@ -205,7 +217,7 @@ fn check(stream: &Stream) -> Result<()> {
                 "stream '{}': {:?} is infinite at {} s; write NaN for a missing value",
                 stream.name,
                 c.quantity,
-                t[i / width]
+                t.get(i / width).unwrap_or(f64::NAN)
             )));
         }
     }

@@ -112,6 +112,38 @@ impl<T: Real> Vec3<T> {
     }
 }
 
+impl<T: Real> Vec3<T> {
+    /// `sum` and the cross product.
+    #[inline(always)]
+    pub fn cross_onto(self, o: Self, sum: Self) -> Self {
+        let (a, b, s) = (self.0, o.0, sum.0);
+        let sum = |i: usize, j: usize, k: usize| a[j].madd(b[k], (-a[k]).madd(b[j], s[i]));
+        Vec3([sum(0, 1, 2), sum(1, 2, 0), sum(2, 0, 1)])
+    }
+
+    /// `sum` and the cross product with a vector that is equal in every lane.
+    #[inline(always)]
+    pub fn cross_equal_onto(self, o: Vec3<f64>, sum: Self) -> Self {
+        let (a, b, s) = (self.0, o.0, sum.0);
+        let sum = |i: usize, j: usize, k: usize| a[j].madd_f64(b[k], a[k].madd_f64(-b[j], s[i]));
+        Vec3([sum(0, 1, 2), sum(1, 2, 0), sum(2, 0, 1)])
+    }
+
+    /// One half of the lanes.
+    #[inline(always)]
+    pub fn half(&self, half: usize) -> Vec3<T::Half> {
+        Vec3([self.0[0].half(half), self.0[1].half(half), self.0[2].half(half)])
+    }
+
+    /// Puts one half of the lanes.
+    #[inline(always)]
+    pub fn set_half(&mut self, half: usize, v: Vec3<T::Half>) {
+        for (to, x) in self.0.iter_mut().zip(v.0) {
+            to.set_half(half, x);
+        }
+    }
+}
+
 impl Vec3<f64> {
     /// The same in every lane.
     #[inline(always)]
@@ -227,6 +259,17 @@ impl Mat3<f64> {
     /// Matrix product.
     pub fn times(&self, o: &Self) -> Self {
         self.times_f64(o)
+    }
+
+    /// Matrix times the transpose of another.
+    #[inline(always)]
+    pub fn times_transposed(&self, o: &Self) -> Self {
+        let mut out = self.0;
+        for to in &mut out {
+            let row = *to;
+            *to = [dot(row, o.0[0]), dot(row, o.0[1]), dot(row, o.0[2])];
+        }
+        Mat3(out)
     }
 
     /// Transpose.

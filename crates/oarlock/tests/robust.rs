@@ -105,8 +105,8 @@ proptest! {
         let values = if fits { values[..3 * time_s.len()].to_vec() } else { values };
         let stream = |name: &str, quantity| Stream {
             name: name.into(),
-            time_s: time_s.clone(),
-            channels: vec![Channel { quantity, values: values.clone() }],
+            time_s: time_s.clone().into(),
+            channels: vec![Channel { quantity, values: values.clone().into() }],
         };
         let streams = vec![stream("upper", Quantity::Gyro), stream("lower", Quantity::Accel)];
         let config = Config::default();

@@ -47,9 +47,10 @@ impl<T: Real> Posture<T> {
     #[inline(always)]
     pub(super) fn unpack(&mut self, body: &Body, moment: &Moment, at: impl Fn(usize) -> T) {
         let zero = T::splat(0.0);
-        for (c, slots) in body.layout.coordinates.iter().enumerate() {
-            (self.q[c], self.qd[c], self.qdd[c]) = match slots {
-                None => (T::splat(moment.inputs[c]), zero, zero),
+        let joints = self.q.iter_mut().zip(&mut self.qd).zip(&mut self.qdd);
+        for ((((q, qd), qdd), slots), input) in joints.zip(&body.layout.coordinates).zip(&moment.inputs) {
+            (*q, *qd, *qdd) = match slots {
+                None => (T::splat(*input), zero, zero),
                 Some(Slots { q, rates: None }) => (at(*q), zero, zero),
                 Some(Slots { q, rates: Some((rate, accel)) }) => (at(*q), at(*rate), at(*accel)),
             };

@@ -35,11 +35,14 @@ pub struct BodyScratch {
 struct Flock<T> {
     posture: Posture<T>,
     near: Near<T>,
+    /// Where points are on their way to the root, a piece each.
+    trail: Vec<Vec3<T>>,
 }
 
 impl<T: Real> Flock<T> {
     fn new(body: &Body) -> Self {
-        Flock { posture: Posture::new(body), near: Near::new(body.pieces.len()) }
+        let count = body.pieces.len();
+        Flock { posture: Posture::new(body), near: Near::new(count), trail: vec![Vec3::zero(); count] }
     }
 }
 
@@ -159,7 +162,7 @@ impl Body {
         delta: &[Lane],
         out: &mut [Lane],
     ) {
-        let Flock { posture, near } = of_kind::<FUSED>(&mut s.plain, &mut s.fused);
+        let Flock { posture, near, .. } = of_kind::<FUSED>(&mut s.plain, &mut s.fused);
         posture.take_rates(self, &s.posture, |i| delta[i].cast());
         let from = self.layout.partition.pose;
         let apart = Apart { from, inputs: false, motion: true, field: false };
@@ -178,7 +181,7 @@ impl Body {
         vary: Vary,
         out: &mut [Lane],
     ) {
-        let Flock { posture, near } = of_kind::<FUSED>(&mut s.plain, &mut s.fused);
+        let Flock { posture, near, trail } = of_kind::<FUSED>(&mut s.plain, &mut s.fused);
         self.unpack_lanes(moment, at, posture);
         let turned = self.layout.azimuth.filter(|&i| i >= vary.from);
         let motion = vary.from < self.layout.dim();
@@ -202,7 +205,7 @@ impl Body {
             center: &s.posture.out,
             active: &moment.active,
         };
-        self.seats.predict(around, out);
+        self.seats.predict(around, trail, out);
         self.add_biases(moment, |i| at.at(i), out);
     }
 }

@@ -105,8 +105,10 @@ impl Fan {
             }
         }
         for block in [0..pose, pose..curved].into_iter().take(if told { 1 } else { 2 }) {
-            for first in block.clone().step_by(PAIRS) {
-                self.read(arch, look, scratch, factor, Batch::Pairs(first, PAIRS.min(block.end - first)));
+            // From the last, which may be a few: whatever it writes too much is written again by those before it.
+            for first in block.clone().step_by(PAIRS).rev() {
+                let (count, alone) = (PAIRS.min(block.end - first), first == block.start);
+                self.read(arch, look, scratch, factor, Batch::Pairs { first, count, alone });
             }
         }
         for first in (curved..n).step_by(LANES).filter(|_| !told) {
@@ -153,8 +155,8 @@ impl Fan {
     fn place_turned(&mut self, first: usize, count: usize, reach: f64) {
         let at = self.part.dim() - first - count;
         let steps: [f64; PAIRS] = std::array::from_fn(|j| if j < count { reach } else { 0.0 });
-        for (i, delta) in self.delta.iter_mut().enumerate().skip(first) {
-            let along = &self.turned.row(i)[at..at + PAIRS];
+        for (delta, row) in self.delta.iter_mut().zip(self.turned.rows()).skip(first) {
+            let along = &row[at..at + PAIRS];
             for j in 0..PAIRS {
                 delta.0[j] = steps[j] * along[j];
                 delta.0[PAIRS + j] = -steps[j] * along[j];
@@ -175,25 +177,27 @@ impl Fan {
     }
 
     #[inline(always)]
-    fn gather_pairs(&mut self, rows: &[usize], first: usize, count: usize, half: f64) {
+    fn gather_pairs<const WHOLE: bool>(&mut self, first: usize, count: usize, half: f64) {
         let rates = first >= self.part.pose;
         let (odd_at, curved) = (self.part.dim() - first - count, self.part.curved());
         // E of the rates stands before E of the poses.
         let even_at = self.off.len() + curved - first - count;
-        for &r in rows {
-            if rates && self.depth[r] == Depth::Pose {
+        let read = self.out.iter().zip(&self.center).zip(&self.depth);
+        let kept = self.odd.rows_mut().zip(self.even.rows_mut());
+        for ((((out, h0), depth), (odd_row, even_row)), asked) in read.zip(kept).zip(&self.asked) {
+            if !asked || (rates && *depth == Depth::Pose) {
                 continue;
             }
-            let (out, h0) = (&self.out[r].0, self.center[r]);
             let (mut odd, mut even) = ([0.0; PAIRS], [0.0; PAIRS]);
             for j in 0..PAIRS {
-                let (plus, minus) = (out[j] - h0, out[PAIRS + j] - h0);
+                let (plus, minus) = (out.0[j] - h0, out.0[PAIRS + j] - h0);
                 odd[j] = (plus - minus) * half;
                 even[j] = (plus + minus) * half;
             }
-            put(self.odd.from_mut(r, odd_at), &odd, count);
-            if !rates || self.depth[r] != Depth::Affine {
-                put(self.even.from_mut(r, even_at), &even, count);
+            let count = if WHOLE { PAIRS } else { count };
+            put(&mut odd_row[odd_at..], &odd, count);
+            if !rates || *depth != Depth::Affine {
+                put(&mut even_row[even_at..], &even, count);
             }
         }
     }
@@ -223,13 +227,13 @@ impl Fan {
     }
 
     #[inline(always)]
-    fn gather_inputs(&mut self, rows: &[usize], first: usize, count: usize) {
-        for &r in rows {
-            let mut column = self.out[r].0;
-            for x in &mut column {
-                *x -= self.center[r];
+    fn gather_inputs(&mut self, first: usize, count: usize) {
+        let read = self.out.iter().zip(&self.center).zip(&self.asked);
+        for (((out, h0), asked), row) in read.zip(self.even.rows_mut()) {
+            if *asked {
+                let column: [f64; LANES] = std::array::from_fn(|j| out.0[j] - h0);
+                put(&mut row[first..], &column, count);
             }
-            put(&mut self.even.row_mut(r)[first..], &column, count);
         }
     }
 
@@ -286,7 +290,12 @@ impl Fan {
 #[derive(Debug, Clone, Copy)]
 enum Batch {
     Mean,
-    Pairs(usize, usize),
+    /// With `alone`, no others will be read into the columns behind these.
+    Pairs {
+        first: usize,
+        count: usize,
+        alone: bool,
+    },
     Singles(usize, usize),
     Inputs(usize, usize),
 }
@@ -312,7 +321,7 @@ impl<S: System> Kernel for Reading<'_, S> {
                 look.system.settle::<FUSED>(look.moment, self.scratch, at, &mut fan.out);
                 return fan.gather_mean(look.rows);
             }
-            Batch::Pairs(first, count) => {
+            Batch::Pairs { first, count, .. } => {
                 fan.place_pairs(self.factor, first, count, reach);
                 first
             }
@@ -329,9 +338,12 @@ impl<S: System> Kernel for Reading<'_, S> {
         let vary = Vary { from, inputs: matches!(self.points, Batch::Inputs(..)) };
         look.system.readings_near::<FUSED>(look.moment, self.scratch, at, vary, &mut fan.out);
         match self.points {
-            Batch::Pairs(first, count) => fan.gather_pairs(look.rows, first, count, 0.5 / reach),
+            Batch::Pairs { first, count, alone: true } if count < PAIRS => {
+                fan.gather_pairs::<false>(first, count, 0.5 / reach);
+            }
+            Batch::Pairs { first, count, .. } => fan.gather_pairs::<true>(first, count, 0.5 / reach),
             Batch::Singles(first, count) => fan.gather_singles(look.rows, first, count, 1.0 / reach),
-            Batch::Inputs(first, count) => fan.gather_inputs(look.rows, first, count),
+            Batch::Inputs(first, count) => fan.gather_inputs(first, count),
             Batch::Mean => {}
         }
     }

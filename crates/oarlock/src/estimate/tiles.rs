@@ -42,10 +42,16 @@ impl Panel {
         &mut self.data[i * self.stride..(i + 1) * self.stride]
     }
 
-    /// All from entry (i, j) on.
+    /// All rows in turn.
     #[inline(always)]
-    pub fn from_mut(&mut self, i: usize, j: usize) -> &mut [f64] {
-        &mut self.data[i * self.stride + j..]
+    pub fn rows(&self) -> impl Iterator<Item = &[f64]> {
+        self.data.chunks_exact(self.stride.max(1))
+    }
+
+    /// All rows in turn.
+    #[inline(always)]
+    pub fn rows_mut(&mut self) -> impl Iterator<Item = &mut [f64]> {
+        self.data.chunks_exact_mut(self.stride.max(1))
     }
 
     /// Entry (i, j).

@@ -4,9 +4,11 @@
 //! w = C' w + z q', w' = C' w' + (C' w) x z q' + z q'', a = C' (a + w' x r + w x (w x r)), by joint rotations C. Places of points are
 //! found on the way up, from their piece to one that stands as the mean's does.
 
-use super::pieces::{Facing, Piece, Pieces};
+mod step;
+
+use super::pieces::Pieces;
 use super::slopes::Slopes;
-use super::{three, FrameMotion, JointMotion, Tree};
+use super::{FrameMotion, JointMotion, Tree};
 use crate::lane::Real;
 use crate::model::JointKind;
 use crate::rotation::{Mat3, Vec3};
@@ -37,18 +39,18 @@ impl<T: Real> Own<T> {
             return self.felt;
         }
         let w = self.spin;
-        self.felt + self.spun.cross_equal(arm) + w.cross(w.cross_equal(arm))
+        w.cross_onto(w.cross_equal(arm), self.spun.cross_equal_onto(arm, self.felt))
     }
 
     /// What is felt `arm` away.
     #[inline(always)]
     pub fn felt_off(&self, arm: Vec3<T>) -> Vec3<T> {
-        self.felt + self.spun.cross(arm) + self.spin.cross(self.spin.cross(arm))
+        let w = self.spin;
+        w.cross_onto(w.cross(arm), self.spun.cross_onto(arm, self.felt))
     }
 }
 
-/// A joint's rotation. Of a hinge, its cosine and sine where they meet the parent's first two axes, with their signs; of a ball,
-/// row by row.
+/// A joint's rotation. Of a hinge, the cosine and sine of the turn about its axis; of a ball, row by row.
 pub type Turn<T> = [T; 9];
 
 /// On which states a frame's pose depends.
@@ -204,11 +206,17 @@ impl Pieces {
     pub fn settle(&self, slopes: &Slopes, anchors: &[Mat3<f64>], wanted: &[Wanted], mean: &mut Mean) {
         for (k, piece) in self.pieces.iter().enumerate().filter(|(k, _)| *k == 0 || wanted[*k].place) {
             mean.stances[k] = slopes.stances[piece.frame];
+            if let Some(home) = &piece.ways.home {
+                mean.stances[k].rotation = mean.stances[k].rotation.times_transposed(home);
+            }
             let Some(joint) = &piece.joint else { continue };
             match joint.kind {
-                JointKind::Hinge => piece.bend(slopes.sin_cos[piece.frame], &mut mean.turns[k]),
+                JointKind::Hinge => {
+                    let (sin, cos) = slopes.sin_cos[piece.frame];
+                    (mean.turns[k][0], mean.turns[k][1]) = (cos, piece.ways.flip * sin);
+                }
                 JointKind::Ball | JointKind::Free => {
-                    put_rows(anchors.get(joint.turn).copied().unwrap_or(Mat3::identity()), &mut mean.turns[k]);
+                    step::put_rows(anchors.get(joint.turn).copied().unwrap_or(Mat3::identity()), &mut mean.turns[k]);
                 }
                 JointKind::Slide | JointKind::Fixed => {}
             }
@@ -238,18 +246,15 @@ impl Pieces {
     /// Fills `near` with what differs from the mean. Allocates nothing.
     #[inline(always)]
     pub fn pass<T: Real>(&self, pass: Pass, joints: JointMotion<T>, root: Own<T>, near: &mut Near<T>) {
-        let Pass { wanted, reaches, apart, mean } = pass;
+        let Pass { reaches, apart, mean, .. } = pass;
         near.own[0] = root;
-        near.differs[0] = Differs { pose: false, motion: apart.motion, field: apart.field };
+        self.compare(pass, &mut near.differs);
         for (k, piece) in self.pieces.iter().enumerate().skip(1) {
-            let (wanted, reach) = (wanted[k], reaches[k]);
-            let pose = wanted.place && apart.touches(&reach);
-            let motion = wanted.motion && (pose || apart.motion);
-            let field = wanted.field && (pose || apart.field);
-            near.differs[k] = Differs { pose, motion, field };
+            let Differs { pose, motion, field } = near.differs[k];
             if !(pose || motion || field) {
                 continue;
             }
+            let reach = &reaches[k];
             if reach.own > apart.from || (apart.inputs && reach.own_input) {
                 piece.turn(&joints, &mut near.turns[k]);
             } else {
@@ -273,214 +278,45 @@ impl Pieces {
         }
     }
 
-    /// A point of a piece in root axes; with `ROD`, a direction.
+    /// Finds what of each piece differs. No numbers, so it is no part of what is compiled for them.
+    #[inline(never)]
+    fn compare(&self, pass: Pass, differs: &mut [Differs]) {
+        let apart = pass.apart;
+        differs[0] = Differs { pose: false, motion: apart.motion, field: apart.field };
+        for ((to, wanted), reach) in differs.iter_mut().zip(pass.wanted).zip(pass.reaches).skip(1) {
+            let pose = wanted.place && apart.touches(reach);
+            *to = Differs {
+                pose,
+                motion: wanted.motion && (pose || apart.motion),
+                field: wanted.field && (pose || apart.field),
+            };
+        }
+    }
+
+    /// A point of a piece in root axes; with `ROD`, a direction. It lies in `trail` on its way, where each piece has its place: the
+    /// compiler would break what goes round a loop into single numbers.
     #[inline(always)]
     pub fn raised<T: Real, const ROD: bool>(
         &self,
         mut at: usize,
-        mut x: Vec3<T>,
+        x: Vec3<T>,
         mean: &Mean,
         joints: &JointMotion<T>,
         near: &Near<T>,
+        trail: &mut [Vec3<T>],
     ) -> Vec3<T> {
+        trail[at] = x;
         while near.differs[at].pose {
             let piece = &self.pieces[at];
-            x = piece.raised::<T, ROD>(&near.turns[at], x, joints);
+            trail[piece.parent] = piece.raised::<T, ROD>(&near.turns[at], trail[at], joints);
             at = piece.parent;
         }
         let stance = &mean.stances[at];
-        let turned = stance.rotation.apply_lanes(x);
+        let turned = stance.rotation.apply_lanes(trail[at]);
         if ROD {
             turned
         } else {
             turned + stance.position.everywhere()
         }
     }
-}
-
-impl Piece {
-    /// Of the joint's own angles.
-    #[inline(always)]
-    pub fn turn<T: Real>(&self, joints: &JointMotion<T>, turn: &mut Turn<T>) {
-        let Some(joint) = &self.joint else { return };
-        match joint.kind {
-            JointKind::Hinge => self.bend(joints.q[joint.first].scale(joint.sign).sin_cos(), turn),
-            JointKind::Ball => put_rows(joint.ball(joints, joint.first), turn),
-            JointKind::Free => put_rows(joint.ball(joints, joint.first + 3), turn),
-            JointKind::Slide | JointKind::Fixed => {}
-        }
-    }
-
-    #[inline(always)]
-    fn keep<T: Real>(&self, from: &Turn<f64>, turn: &mut Turn<T>) {
-        let count = match self.joint.as_ref().map(|j| j.kind) {
-            Some(JointKind::Hinge) => 4,
-            Some(JointKind::Ball | JointKind::Free) => 9,
-            _ => 0,
-        };
-        for (to, from) in turn.iter_mut().zip(&from[..count]) {
-            *to = T::splat(*from);
-        }
-    }
-
-    /// Of a hinge by its sine and cosine.
-    #[inline(always)]
-    pub fn bend<T: Real>(&self, (sin, cos): (T, T), turn: &mut Turn<T>) {
-        let [x, y, _] = self.facing.as_ref().map_or([1.0; 3], |f| f.signs);
-        (turn[0], turn[1]) = (cos.scale(x), sin.scale(y));
-        (turn[2], turn[3]) = (cos.scale(y), sin.scale(x));
-    }
-
-    /// A vector of the parent in the joint's axes, before the joint turns.
-    #[inline(always)]
-    fn faced<T: Real>(&self, v: Vec3<T>) -> Vec3<T> {
-        match &self.facing {
-            Some(Facing { axes: [a, b, c], signs: [x, y, z] }) => {
-                Vec3([v.0[*a].scale(*x), v.0[*b].scale(*y), v.0[*c].scale(*z)])
-            }
-            None => self.entry.rotation.transposed_apply(v),
-        }
-    }
-
-    /// Back again.
-    #[inline(always)]
-    fn unfaced<T: Real>(&self, v: Vec3<T>) -> Vec3<T> {
-        match &self.facing {
-            Some(Facing { axes, signs }) => {
-                let mut out = v;
-                for k in 0..3 {
-                    out.0[axes[k]] = v.0[k].scale(signs[k]);
-                }
-                out
-            }
-            None => self.entry.rotation.apply_lanes(v),
-        }
-    }
-
-    /// A vector of the parent in the piece's axes.
-    #[inline(always)]
-    fn lowered<T: Real>(&self, turn: &Turn<T>, v: Vec3<T>) -> Vec3<T> {
-        match self.joint.as_ref().map(|j| j.kind) {
-            Some(JointKind::Hinge) => {
-                let [x, y, z] = match &self.facing {
-                    Some(Facing { axes: [a, b, c], signs }) => [v.0[*a], v.0[*b], v.0[*c].scale(signs[2])],
-                    None => self.faced(v).0,
-                };
-                Vec3([turn[0].madd(x, turn[1] * y), turn[2].madd(y, -(turn[3] * x)), z])
-            }
-            Some(JointKind::Ball | JointKind::Free) => rows(turn).apply_transposed(self.faced(v)),
-            _ => self.faced(v),
-        }
-    }
-
-    /// A point or, with `ROD`, a direction of the piece in the parent's axes.
-    #[inline(always)]
-    fn raised<T: Real, const ROD: bool>(&self, turn: &Turn<T>, v: Vec3<T>, joints: &JointMotion<T>) -> Vec3<T> {
-        let Some(joint) = &self.joint else { return v };
-        let first = joint.first;
-        let outside = match joint.kind {
-            JointKind::Hinge => {
-                let [x, y, z] = v.0;
-                let u = [turn[0].madd(x, -(turn[3] * y)), turn[1].madd(x, turn[2] * y), z];
-                match &self.facing {
-                    Some(Facing { axes: [a, b, c], signs }) => {
-                        let mut out = v;
-                        (out.0[*a], out.0[*b], out.0[*c]) = (u[0], u[1], u[2].scale(signs[2]));
-                        out
-                    }
-                    None => self.entry.rotation.apply_lanes(Vec3(u)),
-                }
-            }
-            JointKind::Slide if !ROD => {
-                let [x, y, z] = v.0;
-                self.unfaced(Vec3([x, y, z + joints.q[first].scale(joint.sign)]))
-            }
-            JointKind::Slide | JointKind::Fixed => self.unfaced(v),
-            JointKind::Ball => self.unfaced(rows(turn).apply(v)),
-            JointKind::Free if ROD => self.unfaced(rows(turn).apply(v)),
-            JointKind::Free => self.unfaced(rows(turn).apply(v) + three(joints.q, first)),
-        };
-        if ROD {
-            return outside;
-        }
-        match self.entry.translation.constant() {
-            Some(arm) => outside + arm.everywhere(),
-            None => outside + self.entry.translation.at(joints.lengths),
-        }
-    }
-
-    /// Velocities and accelerations behind the joint.
-    #[inline(always)]
-    fn carried<T: Real>(&self, from: &Own<T>, turn: &Turn<T>, joints: &JointMotion<T>, to: &mut Own<T>) {
-        let felt = match self.entry.translation.constant() {
-            Some(arm) => from.felt_at(arm),
-            None => from.felt_off(self.entry.translation.at(joints.lengths)),
-        };
-        let Some(joint) = &self.joint else { return };
-        let (first, sign) = (joint.first, joint.sign);
-        match joint.kind {
-            JointKind::Hinge => {
-                let [x, y, z] = self.lowered(turn, from.spin).0;
-                let [xd, yd, zd] = self.lowered(turn, from.spun).0;
-                let (qd, qdd) = (joints.qd[first].scale(sign), joints.qdd[first].scale(sign));
-                to.spin = Vec3([x, y, z + qd]);
-                to.spun = Vec3([y.madd(qd, xd), yd + -(x * qd), zd + qdd]);
-                to.felt = self.lowered(turn, felt);
-            }
-            JointKind::Slide => {
-                let zero = T::splat(0.0);
-                let along = |v: &[T], by: f64| Vec3([zero, zero, v[first].scale(by)]);
-                (to.spin, to.spun, to.felt) = (self.faced(from.spin), self.faced(from.spun), self.faced(felt));
-                let twice = along(joints.qd, 2.0 * sign);
-                to.felt = to.felt_off(along(joints.q, sign)) + to.spin.cross(twice) + along(joints.qdd, sign);
-            }
-            JointKind::Fixed => {}
-            JointKind::Ball => {
-                (to.spin, to.spun, to.felt) = (self.faced(from.spin), self.faced(from.spun), self.faced(felt));
-                to.rolled(turn, three(joints.qd, first), three(joints.qdd, first));
-            }
-            JointKind::Free => {
-                (to.spin, to.spun, to.felt) = (self.faced(from.spin), self.faced(from.spun), self.faced(felt));
-                let [p, v, a] = [joints.q, joints.qd, joints.qdd].map(|x| three(x, first));
-                to.felt = to.felt_off(p) + to.spin.cross(v + v) + a;
-                to.rolled(turn, three(joints.qd, first + 3), three(joints.qdd, first + 3));
-            }
-        }
-    }
-}
-
-impl<T: Real> Own<T> {
-    /// By a ball whose rates are these, in the axes behind it.
-    #[inline(always)]
-    fn rolled(&mut self, turn: &Turn<T>, w: Vec3<T>, wd: Vec3<T>) {
-        let turn = rows(turn);
-        let spin = turn.apply_transposed(self.spin);
-        self.spun = turn.apply_transposed(self.spun) + spin.cross(w) + wd;
-        self.spin = spin + w;
-        self.felt = turn.apply_transposed(self.felt);
-    }
-}
-
-impl super::Moved {
-    /// Joint from child.
-    #[inline(always)]
-    fn ball<T: Real>(&self, joints: &JointMotion<T>, first: usize) -> Mat3<T> {
-        let turn = Mat3::about(three(joints.q, first));
-        match joints.anchors.get(self.turn) {
-            Some(anchor) => anchor.everywhere().then(&turn),
-            None => turn,
-        }
-    }
-}
-
-#[inline(always)]
-fn rows<T: Real>(turn: &Turn<T>) -> Mat3<T> {
-    let [a, b, c, d, e, f, g, h, i] = *turn;
-    Mat3([[a, b, c], [d, e, f], [g, h, i]])
-}
-
-#[inline(always)]
-fn put_rows<T: Real>(m: Mat3<T>, turn: &mut Turn<T>) {
-    let [[a, b, c], [d, e, f], [g, h, i]] = m.0;
-    *turn = [a, b, c, d, e, f, g, h, i];
 }

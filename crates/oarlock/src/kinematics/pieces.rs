@@ -1,39 +1,47 @@
 //! The tree as rigid pieces: whatever is fixed behind a joint moves with it as one, so what is constant between two joints
 //! is put together when the tree is made.
+//!
+//! A piece may take any axes. Behind a hinge or slide along an axis of its parent it takes the parent's own, turned or moved along with
+//! the joint, so that nothing but the joint lies between the two.
 
 use super::{Fixed, Link, Moved, Swap, Tree};
 use crate::model::{JointKind, Point};
 use crate::rotation::Mat3;
 
-/// All that one joint moves, up to the next ones. Its axes are those behind its joint.
+/// All that one joint moves, up to the next ones.
 #[derive(Debug, Clone)]
 pub(super) struct Piece {
     /// The frame that has the joint.
     pub frame: usize,
     /// The piece that carries the joint; pieces count from the root, which is the first.
     pub parent: usize,
-    /// From the parent's axes to the joint's.
-    pub entry: Fixed,
-    pub facing: Option<Facing>,
+    /// From the parent's origin to the joint, in the parent's axes.
+    pub arm: Point,
+    pub ways: Ways,
     pub joint: Option<Moved>,
 }
 
-/// Which axis of the parent each axis of a joint is, and its sign.
+/// In which axes a joint turns.
 #[derive(Debug, Clone)]
-pub(super) struct Facing {
-    pub axes: [usize; 3],
-    pub signs: [f64; 3],
+pub(super) struct Ways {
+    /// Parent from the axes in which it turns, where these are not the parent's own.
+    pub entry: Option<Mat3<f64>>,
+    /// Along or about which of them, and whether the other way round: of hinges and slides.
+    pub axis: usize,
+    pub flip: f64,
+    /// The piece's axes from the frame's behind the joint, where these are not the same.
+    pub home: Option<Mat3<f64>>,
 }
 
-impl Facing {
-    /// `None` where they are no axes of it.
-    fn of(entry: &Fixed) -> Option<Self> {
-        let axes = match entry.swap {
-            Swap::Nothing => [(0, 1.0), (1, 1.0), (2, 1.0)],
-            Swap::Axes(axes) => axes,
-            Swap::Anything => return None,
-        };
-        Some(Facing { axes: axes.map(|a| a.0), signs: axes.map(|a| a.1) })
+impl Ways {
+    /// About the z axis of what `entry` leads to.
+    fn of(entry: &Fixed, kind: JointKind) -> Self {
+        let scalar = matches!(kind, JointKind::Hinge | JointKind::Slide);
+        match entry.swap {
+            Swap::Nothing => Ways { entry: None, axis: 2, flip: 1.0, home: None },
+            Swap::Axes([_, _, (axis, flip)]) if scalar => Ways { entry: None, axis, flip, home: Some(entry.rotation) },
+            _ => Ways { entry: Some(entry.rotation), axis: 2, flip: 1.0, home: None },
+        }
     }
 }
 
@@ -72,8 +80,9 @@ pub struct Pieces {
 impl Pieces {
     /// Of a tree.
     pub fn new(tree: &Tree) -> Self {
-        let here = || Fixed::new(Mat3::identity(), Point::fixed([0.0; 3]));
-        let root = Piece { frame: 0, parent: 0, facing: Facing::of(&here()), entry: here(), joint: None };
+        let here = Fixed::new(Mat3::identity(), Point::fixed([0.0; 3]));
+        let ways = Ways::of(&here, JointKind::Fixed);
+        let root = Piece { frame: 0, parent: 0, arm: here.translation, ways, joint: None };
         let mut found = Pieces { pieces: vec![root], homes: Vec::new() };
         found.homes.push(Home { piece: 0, rotation: Mat3::identity(), origin: Point::fixed([0.0; 3]) });
         for (i, link) in tree.links.iter().enumerate().skip(1) {
@@ -89,8 +98,10 @@ impl Pieces {
             return before.behind(&link.after);
         };
         let entry = Fixed::new(before.rotation, before.origin);
-        self.pieces.push(Piece { frame, parent: before.piece, facing: Facing::of(&entry), entry, joint: Some(joint) });
-        let own = Home { piece: self.len() - 1, rotation: Mat3::identity(), origin: Point::fixed([0.0; 3]) };
+        let ways = Ways::of(&entry, joint.kind);
+        let rotation = ways.home.unwrap_or(Mat3::identity());
+        self.pieces.push(Piece { frame, parent: before.piece, arm: entry.translation, ways, joint: Some(joint) });
+        let own = Home { piece: self.len() - 1, rotation, origin: Point::fixed([0.0; 3]) };
         own.behind(&link.after)
     }
 

@@ -1,10 +1,9 @@
-//! Sine and cosine of eight angles at once.
+//! Sine and cosine of several angles at once.
 //!
 //! The angle is brought within an eighth of a turn of a multiple of a quarter turn, which is subtracted in three parts whose
 //! products are exact (Cody and Waite 1980); there Taylor's series end below rounding.
 
 use super::arch::madd;
-use super::LANES;
 use std::f64::consts::FRAC_2_PI;
 
 /// A quarter turn, in parts of 33, 33 and 53 bits.
@@ -32,7 +31,7 @@ const fn series<const COUNT: usize>(first: f64, mut k: f64) -> [f64; COUNT] {
 
 /// Sines and cosines.
 #[inline(always)]
-pub fn sin_cos<const FUSED: bool>(x: [f64; LANES]) -> ([f64; LANES], [f64; LANES]) {
+pub fn sin_cos<const FUSED: bool, const LANES: usize>(x: [f64; LANES]) -> ([f64; LANES], [f64; LANES]) {
     let (mut sin, mut cos) = (x, x);
     let mut near = true;
     for i in 0..LANES {
@@ -82,6 +81,7 @@ fn near_zero<const FUSED: bool>(r: f64) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::super::arch::{Arch, Kernel};
+    use super::super::LANES;
     use super::*;
 
     struct Of([f64; LANES]);
@@ -91,7 +91,7 @@ mod tests {
 
         #[inline(always)]
         fn run<const FUSED: bool>(self) -> Self::Output {
-            sin_cos::<FUSED>(self.0)
+            sin_cos::<FUSED, LANES>(self.0)
         }
     }
 

@@ -202,23 +202,29 @@ impl Seats {
         }
     }
 
-    /// Predicts the rows of every active source into `out`, from the mean's where nothing differs. Allocates nothing.
+    /// Predicts the rows of every active source into `out`, from the mean's where nothing differs; `trail` is room for a vector a piece.
+    /// Allocates nothing.
     #[inline(always)]
-    pub fn predict<const FUSED: bool>(&self, around: Around<Lane<FUSED>>, out: &mut [Lane]) {
+    pub fn predict<const FUSED: bool>(
+        &self,
+        around: Around<Lane<FUSED>>,
+        trail: &mut [Vec3<Lane<FUSED>>],
+        out: &mut [Lane],
+    ) {
         for (i, seat) in self.seats.iter().enumerate().filter(|(i, _)| around.active[*i]) {
             let posed = around.apart.touches(&self.reaches[i]);
             match seat {
                 Seat::Unit(s) => s.predict(&around, &around.stands[i], posed, out),
                 Seat::Encoder { row, coordinate } => out[*row] = around.joints.q[*coordinate].cast(),
                 Seat::Position { row, .. } if !posed => around.keep(out, Some(*row), 3),
-                Seat::Position { row, piece, point } => put(out, *row, around.place(*piece, point)),
+                Seat::Position { row, piece, point } => put(out, *row, around.place(*piece, point, trail)),
                 Seat::Loop { row, axes, .. } if !posed => {
                     around.keep(out, Some(*row), if axes.is_some() { 6 } else { 3 })
                 }
                 Seat::Loop { row, sides: [(a, at), (b, bt)], axes } => {
-                    put(out, *row, around.place(*a, at) - around.place(*b, bt));
+                    put(out, *row, around.place(*a, at, trail) - around.place(*b, bt, trail));
                     if let Some([za, zb]) = axes {
-                        put(out, row + 3, around.direction(*a, *za) - around.direction(*b, *zb));
+                        put(out, row + 3, around.direction(*a, *za, trail) - around.direction(*b, *zb, trail));
                     }
                 }
             }
@@ -237,17 +243,17 @@ impl<T: Real> Around<'_, T> {
     }
 
     #[inline(always)]
-    fn place(&self, piece: usize, point: &Point) -> Vec3<T> {
+    fn place(&self, piece: usize, point: &Point, trail: &mut [Vec3<T>]) -> Vec3<T> {
         let point = match point.constant() {
             Some(point) => point.everywhere(),
             None => point.at(self.joints.lengths),
         };
-        self.pieces.raised::<T, false>(piece, point, self.mean, &self.joints, self.near)
+        self.pieces.raised::<T, false>(piece, point, self.mean, &self.joints, self.near, trail)
     }
 
     #[inline(always)]
-    fn direction(&self, piece: usize, axis: [f64; 3]) -> Vec3<T> {
-        self.pieces.raised::<T, true>(piece, Vec3::splat(axis), self.mean, &self.joints, self.near)
+    fn direction(&self, piece: usize, axis: [f64; 3], trail: &mut [Vec3<T>]) -> Vec3<T> {
+        self.pieces.raised::<T, true>(piece, Vec3::splat(axis), self.mean, &self.joints, self.near, trail)
     }
 }
 
@@ -267,11 +273,12 @@ impl Unit {
                 let felt = if worn { own.felt_off(self.arm.at(around.joints.lengths)) } else { own.felt_at(stand.arm) };
                 put(out, row, axes.seen(felt));
             }
-            if let Some(row) = gyro {
-                put(out, row, axes.seen(own.spin));
-            }
-            if let Some(row) = rest {
-                put(out, row, axes.seen(own.spin));
+            if let Some(row) = gyro.or(rest) {
+                let spin = axes.seen(own.spin);
+                put(out, row, spin);
+                if let Some(row) = rest {
+                    put(out, row, spin);
+                }
             }
         }
         let Some(row) = mag else { return };

@@ -60,7 +60,7 @@ fn silent_loops(run: &Run) -> Vec<String> {
     let sources = run.tracker().body.suite.sources.len();
     let first = sources - model.closures.len();
     let rows = run.series.time_s.len();
-    let spoke = |s: usize| (0..rows).filter(|r| run.series.sources[r * sources + s].used > 0).count();
+    let spoke = |s: usize| (0..rows).filter(|r| run.series.reports[r * sources + s].used > 0).count();
     let describe = |(i, c): (usize, &crate::model::Closure)| {
         let missing = rows - spoke(first + i);
         let whole = if !run.config().closures {
@@ -81,7 +81,7 @@ fn rejections(run: &Run) -> Vec<String> {
     let body = &run.tracker().body;
     let count = body.suite.sources.len();
     let describe = |(s, source): (usize, &crate::sensor::Source)| {
-        let infos = run.series.sources.iter().skip(s).step_by(count);
+        let infos = run.series.reports.iter().skip(s).step_by(count);
         let (rejected, there) = infos
             .fold((0u64, 0u64), |(r, t), i| (r + u64::from(i.rejected), t + u64::from(i.rejected) + u64::from(i.used)));
         let share = rejected as f64 / there.max(1) as f64;
@@ -107,10 +107,10 @@ fn disturbances(run: &Run) -> Vec<String> {
     let body = &run.tracker().body;
     let count = body.suite.sources.len();
     let describe = |(s, source): (usize, &crate::sensor::Source)| {
-        let fields = run.series.fields.iter().skip(s).step_by(count);
-        let rows = run.series.time_s.iter().zip(fields).filter(|(_, &field)| field != Field::Missing);
+        let fields = run.series.reports.iter().skip(s).step_by(count).map(|r| r.field);
+        let rows = run.series.time_s.iter().zip(fields).filter(|(_, field)| *field != Field::Missing);
         let (mut seconds, mut whole_s, mut last_s) = ([0.0; FIELD.len()], 0.0, f64::NAN);
-        for (&time_s, &field) in rows {
+        for (&time_s, field) in rows {
             let lasted_s = if last_s.is_nan() { 0.0 } else { (time_s - last_s).min(LONGEST_SAMPLE_S) };
             seconds[field as usize] += lasted_s;
             whole_s += lasted_s;
@@ -148,7 +148,7 @@ fn unobserved(run: &Run) -> Vec<String> {
     let body = &run.tracker().body;
     let depends = dependence(body);
     let sources = body.suite.sources.len();
-    let ever_used = |s: usize| run.series.sources.iter().skip(s).step_by(sources).any(|i| i.used > 0);
+    let ever_used = |s: usize| run.series.reports.iter().skip(s).step_by(sources).any(|i| i.used > 0);
     let used: Vec<bool> = (0..sources).map(ever_used).collect();
     let coordinates = body.model.coordinate_count();
     let rows = run.series.time_s.len();

@@ -2,17 +2,18 @@
 
 mod back;
 mod packed;
+mod series;
 
-use super::magnetic::Field;
 use super::{Calibration, Status, Tracker};
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
-use crate::estimate::filter::{Info, SourceInfo};
+use crate::estimate::filter::Info;
 use crate::model::Model;
 use crate::motion::is_observed;
 use crate::recording::{Cursor, Recording, Sample, Stream};
 use packed::Packed;
+pub use series::{Report, Series};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -40,53 +41,6 @@ struct Parting {
     winner: u64,
 }
 
-/// Estimates over time. What smoothing leaves as it was is shared by the filtered and the smoothed.
-#[derive(Debug, Clone, Default)]
-pub struct Series {
-    /// Of every row, s.
-    pub time_s: Vec<f64>,
-    /// State, rows laid end to end.
-    pub mean: Vec<f64>,
-    /// Standard deviation of the state, rows laid end to end.
-    pub std: Vec<f64>,
-    /// Per row and coordinate: 1 where it is observed.
-    pub observed: Vec<u8>,
-    /// Readings of the joints that are inputs, in rows of their coordinates (`Run::input_coordinates`); NaN where missing.
-    pub inputs: Arc<Vec<f64>>,
-    /// Per row and source.
-    pub sources: Arc<Vec<SourceInfo>>,
-    /// Per row and source, what its magnetometer's reading was.
-    pub fields: Arc<Vec<Field>>,
-    /// Per row: normalised innovation squared of all inertial readings together, and their number.
-    pub inertial: Arc<Vec<(f64, u32)>>,
-}
-
-impl Series {
-    /// What was read, without estimates.
-    fn read(&self) -> Series {
-        Series {
-            time_s: self.time_s.clone(),
-            inputs: self.inputs.clone(),
-            sources: self.sources.clone(),
-            fields: self.fields.clone(),
-            inertial: self.inertial.clone(),
-            ..Series::default()
-        }
-    }
-
-    /// The same rows with estimates that are still to be written, but for the last, which smoothing leaves as it is.
-    fn blank(&self) -> Series {
-        let width = self.mean.len() / self.time_s.len().max(1);
-        let last = |from: &[f64]| {
-            let mut to = vec![0.0; from.len()];
-            let start = from.len() - width;
-            to[start..].copy_from_slice(&from[start..]);
-            to
-        };
-        Series { mean: last(&self.mean), std: last(&self.std), observed: self.observed.clone(), ..self.read() }
-    }
-}
-
 /// A tracked recording.
 #[derive(Debug, Clone)]
 pub struct Run {
@@ -109,6 +63,8 @@ pub struct Run {
     /// Coordinates of joints that are inputs.
     inputs: Vec<usize>,
     last: Option<Belief>,
+    /// Room for the deviations of one row.
+    spread: Vec<f64>,
 }
 
 const PROGRESS_EVERY: usize = 64;
@@ -140,6 +96,7 @@ pub fn track(
         losses_s: Vec::new(),
         inputs: model.joints.iter().filter(|j| j.input).map(|j| j.first).collect(),
         last: None,
+        spread: vec![0.0; tracker.body.layout.dim()],
         tracker,
     };
     run.filter(progress)?;
@@ -176,7 +133,7 @@ impl Run {
 
     /// A run of the same recording with these estimates and no belief but the last.
     fn with(&self, series: Series) -> Run {
-        let Run { tracker, recording, calibration, config, partings, losses_s, inputs, last, .. } = self;
+        let Run { tracker, recording, calibration, config, partings, losses_s, inputs, last, spread, .. } = self;
         Run {
             tracker: tracker.clone(),
             recording: recording.clone(),
@@ -188,6 +145,7 @@ impl Run {
             losses_s: losses_s.clone(),
             inputs: inputs.clone(),
             last: last.clone(),
+            spread: spread.clone(),
             ..*self
         }
     }
@@ -230,8 +188,9 @@ impl Run {
         let n = belief.mean.len();
         let body = &self.tracker.body;
         self.series.mean[row * n..(row + 1) * n].copy_from_slice(&belief.mean);
-        let std = &mut self.series.std[row * n..(row + 1) * n];
+        let std = &mut self.spread;
         belief.spread(body, std);
+        self.series.std[row * n..(row + 1) * n].iter_mut().zip(&*std).for_each(|(kept, &std)| *kept = std as f32);
         let first = row * body.axes.len();
         for (c, axis, slots) in body.moving() {
             self.series.observed[first + c] = u8::from(is_observed(axis, std[slots.q] * std[slots.q]));
@@ -322,9 +281,6 @@ impl Run {
         let read = sample.inputs.iter().enumerate().map(|(c, x)| u8::from(is_input(c) && !x.is_nan()));
         s.observed.extend(read);
         Arc::make_mut(&mut s.inputs).extend(self.inputs.iter().map(|&c| sample.inputs[c]));
-        Arc::make_mut(&mut s.sources).extend_from_slice(&info.sources);
-        Arc::make_mut(&mut s.fields).extend(self.tracker.fields(info));
-        let (nis, count) = info.inertial;
-        Arc::make_mut(&mut s.inertial).push((nis, count as u32));
+        s.report(info, self.tracker.fields(info));
     }
 }

@@ -113,14 +113,14 @@ pub fn streams(body: &Body, samples: &[Sample]) -> Vec<Stream> {
         let kept: Vec<&Sample> = samples.iter().filter(there).collect();
         let channels =
             source.parts.iter().map(|part| channel(&kept, part.quantity, |s| s.z[part.rows.clone()].to_vec()));
-        let time_s = kept.iter().map(|s| s.time_s).collect();
-        streams.push(Stream { name: source.name.clone(), time_s, channels: channels.collect() });
+        let time_s: Vec<f64> = kept.iter().map(|s| s.time_s).collect();
+        streams.push(Stream { name: source.name.clone(), time_s: time_s.into(), channels: channels.collect() });
     }
     for joint in model.joints.iter().filter(|j| j.input) {
         let kept: Vec<&Sample> = samples.iter().filter(|s| !s.inputs[joint.first].is_nan()).collect();
         let time_s: Vec<f64> = kept.iter().map(|s| s.time_s).collect();
         let channels = vec![channel(&kept, Quantity::Joint, |s| vec![s.inputs[joint.first]])];
-        streams.push(Stream { name: joint.name.clone(), time_s, channels });
+        streams.push(Stream { name: joint.name.clone(), time_s: time_s.into(), channels });
     }
     streams.retain(|s| !s.time_s.is_empty());
     streams
@@ -131,6 +131,6 @@ fn channel(
     quantity: Quantity,
     values: impl Fn(&Sample) -> Vec<f64>,
 ) -> oarlock::recording::Channel {
-    let values = samples.iter().flat_map(|s| values(s)).collect();
-    oarlock::recording::Channel { quantity, values }
+    let values: Vec<f64> = samples.iter().flat_map(|s| values(s)).collect();
+    oarlock::recording::Channel { quantity, values: values.into() }
 }

@@ -1,0 +1,87 @@
+//! What a run keeps of every row, in little room: an hour has half a million of them.
+
+use super::super::magnetic::Field;
+use crate::estimate::filter::{Info, SourceInfo};
+use std::sync::Arc;
+
+/// What an update did with one source, in eight bytes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Report {
+    /// Normalised innovation squared over the used rows, rounded; NaN if none was used.
+    pub nis: f32,
+    /// Rows used.
+    pub used: u8,
+    /// Rows there but not believed.
+    pub rejected: u8,
+    /// Rows not there.
+    pub missing: u8,
+    /// What its magnetometer's reading was.
+    pub field: Field,
+}
+
+impl Report {
+    fn of(source: &SourceInfo, field: Field) -> Self {
+        let SourceInfo { nis, used, rejected, missing } = *source;
+        Report { nis: nis as f32, used, rejected, missing, field }
+    }
+}
+
+/// Estimates over time. What smoothing leaves as it was is shared by the filtered and the smoothed.
+#[derive(Debug, Clone, Default)]
+pub struct Series {
+    /// Of every row, s.
+    pub time_s: Vec<f64>,
+    /// State, rows laid end to end.
+    pub mean: Vec<f64>,
+    /// Standard deviation of the state, rows laid end to end; rounded to a ten-millionth of itself.
+    pub std: Vec<f32>,
+    /// Per row and coordinate: 1 where it is observed.
+    pub observed: Vec<u8>,
+    /// Readings of the joints that are inputs, in rows of their coordinates (`Run::input_coordinates`); NaN where missing.
+    pub inputs: Arc<Vec<f64>>,
+    /// Per row and source.
+    pub reports: Arc<Vec<Report>>,
+    /// Per row: normalised innovation squared of all inertial readings together, and their number.
+    pub inertial: Arc<Vec<(f64, u32)>>,
+}
+
+impl Series {
+    /// What was read, without estimates.
+    pub(super) fn read(&self) -> Series {
+        Series {
+            time_s: self.time_s.clone(),
+            inputs: self.inputs.clone(),
+            reports: self.reports.clone(),
+            inertial: self.inertial.clone(),
+            ..Series::default()
+        }
+    }
+
+    /// The same rows with estimates that are still to be written, but for the last, which smoothing leaves as it is.
+    pub(super) fn blank(&self) -> Series {
+        let width = self.mean.len() / self.time_s.len().max(1);
+        let (mean, std) = (last(&self.mean, width), last(&self.std, width));
+        Series { mean, std, observed: self.observed.clone(), ..self.read() }
+    }
+
+    /// Bytes of the estimates.
+    pub fn bytes(&self) -> usize {
+        std::mem::size_of_val(&*self.mean) + std::mem::size_of_val(&*self.std)
+    }
+
+    /// What an update did, behind all others.
+    pub(super) fn report(&mut self, info: &Info, fields: impl Iterator<Item = Field>) {
+        let reports = info.sources.iter().zip(fields).map(|(source, field)| Report::of(source, field));
+        Arc::make_mut(&mut self.reports).extend(reports);
+        let (nis, count) = info.inertial;
+        Arc::make_mut(&mut self.inertial).push((nis, count as u32));
+    }
+}
+
+/// Zeros, but for the last row.
+fn last<T: Copy + Default>(from: &[T], width: usize) -> Vec<T> {
+    let mut to = vec![T::default(); from.len()];
+    let start = from.len() - width;
+    to[start..].copy_from_slice(&from[start..]);
+    to
+}
