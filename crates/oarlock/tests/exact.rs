@@ -3,7 +3,7 @@
 mod support;
 
 use oarlock::body::Body;
-use oarlock::config::Config;
+use oarlock::config::{Config, FilterKind};
 use oarlock::estimate::belief::Belief;
 use oarlock::model::Model;
 use oarlock::recording::{Sample, Stream};
@@ -23,8 +23,8 @@ struct Case {
 }
 
 /// Three seconds of a sculler with holes, everything estimated, learnt and gated as by default.
-fn case() -> Case {
-    let config = Config::default();
+fn case(filter: FilterKind) -> Case {
+    let config = Config { filter, ..Config::default() };
     let model = model(SCULLER);
     let body = body(&model, &config);
     let stroke = Stroke::new(&body, 2.2);
@@ -57,10 +57,16 @@ fn bits(x: &[f64]) -> Vec<u64> {
     x.iter().map(|x| x.to_bits()).collect()
 }
 
+/// Filters with room of different kinds.
+const FILTERS: [FilterKind; 2] = [FilterKind::Ukf, FilterKind::Factorised];
+
 #[test]
 fn live_is_whole_bit_for_bit() {
-    let case = case();
-    let run = whole(&case, streams(&case.body, &case.samples), None);
+    FILTERS.map(case).iter().for_each(assert_live_is_whole);
+}
+
+fn assert_live_is_whole(case: &Case) {
+    let run = whole(case, streams(&case.body, &case.samples), None);
     let mut tracker = Tracker::new(case.model.clone(), &Calibration::default(), &case.config).unwrap();
     let (mut times, mut mean, mut std) = (Vec::new(), Vec::new(), Vec::new());
     let mut nis = Vec::new();
@@ -84,13 +90,16 @@ fn live_is_whole_bit_for_bit() {
 
 #[test]
 fn cut_is_uncut_bit_for_bit() {
-    let case = case();
-    let uncut = whole(&case, streams(&case.body, &case.samples), None);
+    FILTERS.map(case).iter().for_each(assert_cut_is_uncut);
+}
+
+fn assert_cut_is_uncut(case: &Case) {
+    let uncut = whole(case, streams(&case.body, &case.samples), None);
     // Once inside and once behind what the gate refuses.
     for cut in [101, 170] {
-        let first = whole(&case, streams(&case.body, &case.samples[..cut]), None);
+        let first = whole(case, streams(&case.body, &case.samples[..cut]), None);
         let belief = first.last_belief().unwrap().clone();
-        let second = whole(&case, streams(&case.body, &case.samples[cut..]), Some(belief));
+        let second = whole(case, streams(&case.body, &case.samples[cut..]), Some(belief));
         let both = |f: fn(&Run) -> &Vec<f64>| bits(&[f(&first).as_slice(), f(&second)].concat());
         assert_eq!(bits(&uncut.series.mean), both(|r| &r.series.mean));
         assert_eq!(bits(&uncut.series.std), both(|r| &r.series.std));
@@ -102,7 +111,7 @@ fn cut_is_uncut_bit_for_bit() {
 
 #[test]
 fn twice_is_the_same_bit_for_bit() {
-    let case = case();
+    let case = case(FilterKind::Ukf);
     let [a, b] = [0, 1].map(|_| {
         let run = whole(&case, streams(&case.body, &case.samples), None);
         run.smooth(&mut |_| true).unwrap()
@@ -114,7 +123,7 @@ fn twice_is_the_same_bit_for_bit() {
 /// Filtering again between kept beliefs is the same arithmetic, so smoothing cannot depend on how many were kept.
 #[test]
 fn smoothing_does_not_depend_on_the_beliefs_kept() {
-    let mut case = case();
+    let mut case = case(FilterKind::Ukf);
     let smoothed = |case: &Case| {
         let run = whole(case, streams(&case.body, &case.samples), None);
         let smooth = run.smooth(&mut |_| true).unwrap();
@@ -145,7 +154,7 @@ fn smoothing_does_not_depend_on_the_beliefs_kept() {
 
 #[test]
 fn fewer_rows_are_the_same_rows() {
-    let mut case = case();
+    let mut case = case(FilterKind::Ukf);
     let all = whole(&case, streams(&case.body, &case.samples), None).smooth(&mut |_| true).unwrap();
     case.config.output_rate_hz = Some(20.0);
     let some = whole(&case, streams(&case.body, &case.samples), None).smooth(&mut |_| true).unwrap();

@@ -46,6 +46,7 @@ class Filter(StrEnum):
     ukf = "ukf"
     ekf = "ekf"
     iekf = "iekf"
+    factorised = "factorised"
 
 
 _FILTER = Filter(_DEFAULT["filter"])
@@ -111,7 +112,10 @@ def track(
     ] = _MAGNETOMETER,
     filter_name: Annotated[
         Filter,
-        typer.Option("--filter", help="Sigma points; or linearised once (faster), or until it settles."),
+        typer.Option(
+            "--filter",
+            help="Sigma points; linearised once (faster), or until it settles; or limb by limb (docs/filters.md).",
+        ),
     ] = _FILTER,
     initial_q: Annotated[
         list[str] | None,
