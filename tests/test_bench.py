@@ -57,7 +57,7 @@ def test_json_has_its_keys(measured):
 
 def test_figures_fit_together(measured):
     for part in (measured, measured["with_biases"]):
-        for name in ("ukf", "ekf", "iekf"):
+        for name in ("ukf", "ekf", "iekf", "factorised"):
             assert part[f"{name}_steps_s"] == pytest.approx(1e6 / part[f"{name}_us"])
             assert part[f"{name}_ratio_to_textbook"] == pytest.approx(
                 part["textbook_us"] / part[f"{name}_us"]

@@ -52,7 +52,7 @@ def test_numbers_are_kept_to_the_last_bit():
     ("keys", "said"),
     [
         ({"closurs": False}, ["closurs", "closures"]),
-        ({"filter": "kalman"}, ["kalman", "ukf", "ekf", "iekf"]),
+        ({"filter": "kalman"}, ["kalman", "ukf", "ekf", "iekf", "factorised"]),
         ({"process_noise": "jerky"}, ["jerky", "jerk", "paper"]),
         ({"magnetometer": "maybe"}, ["maybe", "off", "gated", "on"]),
         ({"alpha": 2.0}, ["alpha", "2", "(0, 1]", "0.3"]),

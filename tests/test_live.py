@@ -72,11 +72,9 @@ def test_stream_equals_batch(source, request):
 
 
 def assert_step_is_row(step: tuple[Any, Any], whole: oarlock.Track, row: int) -> None:
-    """Means to the bit; deviations and NIS as a track keeps them, in single precision."""
     belief, info = step
     mean = dict(zip(belief.state_names, belief.mean, strict=True))
-    deviations = np.sqrt(np.diag(belief.covariance)).astype(np.float32)
-    std = dict(zip(belief.state_names, deviations, strict=True))
+    std = dict(zip(belief.state_names, np.sqrt(np.diag(belief.covariance)), strict=True))
     for column, name in enumerate(whole.joint_names):
         for suffix, kind in (("", "q"), (".velocity", "qd"), (".acceleration", "qdd")):
             if name + suffix in mean:
@@ -84,7 +82,7 @@ def assert_step_is_row(step: tuple[Any, Any], whole: oarlock.Track, row: int) ->
                 assert getattr(whole, f"{kind}_std")[row, column] == std[name + suffix]
     for column, name in enumerate(whole.info.sensor_names):
         found = info.sensors[name]
-        assert np.array_equal(np.float32(found["nis"]), whole.info.nis[row, column], equal_nan=True)
+        assert np.array_equal(found["nis"], whole.info.nis[row, column], equal_nan=True)
         assert all(found[k] == getattr(whole.info, k)[row, column] for k in ("used", "rejected", "missing"))
         assert found["field"] == FIELD[whole.info.field[row, column]]
     assert info.inertial == (whole.info.inertial_nis[row], whole.info.inertial_used[row])

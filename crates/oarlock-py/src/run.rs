@@ -31,12 +31,6 @@ fn table<T: numpy::Element>(py: Python<'_>, rows: usize, values: Vec<T>) -> PyRe
     PyArray1::from_vec(py, values).reshape([rows, width])
 }
 
-/// Columns of rows of `n` numbers as doubles; NaN where a column is None.
-fn pick<T: Copy + Into<f64>>(rows: &[T], n: usize, columns: &[Option<usize>], to: &mut Vec<f64>) {
-    let value = |row: &[T], c: &Option<usize>| c.and_then(|i| row.get(i)).map_or(f64::NAN, |&x| x.into());
-    rows.chunks_exact(n).for_each(|row| to.extend(columns.iter().map(|c| value(row, c))));
-}
-
 /// Runs `work` without the interpreter's lock; `progress(share)` is called now and then, and Ctrl-C stops the work.
 pub fn detached<T: Send>(
     py: Python<'_>,
@@ -182,11 +176,10 @@ impl PyRun {
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let run = self.whole(py)?;
         let (series, n) = (&run.series, run.tracker().body.layout.dim());
+        let rows = if std { &series.std } else { &series.mean }.chunks_exact(n);
+        let value = |row: &[f64], c: &Option<usize>| c.and_then(|i| row.get(i).copied()).unwrap_or(f64::NAN);
         let mut values = Vec::with_capacity(columns.len() * series.time_s.len());
-        match std {
-            true => pick(&series.std, n, &columns, &mut values),
-            false => pick(&series.mean, n, &columns, &mut values),
-        }
+        rows.for_each(|row| values.extend(columns.iter().map(|c| value(row, c))));
         table(py, series.time_s.len(), values)
     }
 
@@ -209,7 +202,7 @@ impl PyRun {
         let (s, rows) = (&run.series, run.series.time_s.len());
         let counts = |f: fn(&Report) -> u8| table(py, rows, s.reports.iter().map(f).collect());
         let out = PyDict::new(py);
-        out.set_item("nis", table(py, rows, s.reports.iter().map(|i| f64::from(i.nis)).collect())?)?;
+        out.set_item("nis", table(py, rows, s.nis.to_vec())?)?;
         out.set_item("used", counts(|i| i.used)?)?;
         out.set_item("rejected", counts(|i| i.rejected)?)?;
         out.set_item("missing", counts(|i| i.missing)?)?;

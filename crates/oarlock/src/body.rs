@@ -3,10 +3,12 @@
 mod linear;
 pub mod posture;
 pub mod read;
+mod split;
 
 use crate::config::Config;
 use crate::error::Result;
 use crate::estimate::filter::Groups;
+use crate::estimate::split::Split;
 use crate::estimate::straight::Straight;
 use crate::estimate::transition::{Block, Transition};
 use crate::estimate::{Depth, Partition, Points, System, Vary};
@@ -197,6 +199,18 @@ impl Body {
         }
     }
 
+    /// Marks the frames that the moment's active sources need.
+    pub fn mark(&self, moment: &mut Moment) {
+        moment.needed.fill(false);
+        moment.moving.fill(false);
+        for (i, _) in moment.active.iter().enumerate().filter(|(_, &on)| on) {
+            self.suite.mark_frames(i, &mut moment.needed);
+            self.suite.mark_moving(i, &mut moment.moving);
+        }
+        self.tree.mark_ancestors(&mut moment.needed);
+        self.tree.mark_ancestors(&mut moment.moving);
+    }
+
     /// Rows that are accepted, rejected and reported together.
     pub fn groups(&self) -> Groups {
         let sources = &self.suite.sources;
@@ -305,6 +319,18 @@ impl System for Body {
             Some(Quantity::Gyro | Quantity::Rest) => Depth::Affine,
             _ => Depth::Pose,
         }
+    }
+
+    fn split(&self) -> Split {
+        self.limbs()
+    }
+
+    fn narrow(&self, moment: &Moment, asked: &[bool], out: &mut Moment) {
+        out.inputs.copy_from_slice(&moment.inputs);
+        for (s, source) in self.suite.sources.iter().enumerate() {
+            out.active[s] = moment.active[s] && source.rows.clone().any(|r| asked[r]);
+        }
+        self.mark(out);
     }
 
     fn input_std(&self) -> &[f64] {

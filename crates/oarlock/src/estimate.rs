@@ -1,6 +1,7 @@
 //! Sigma-point estimation. Knows states, readings and time, and nothing of bodies or sensors.
 
 pub mod belief;
+pub mod clique;
 pub mod dense;
 pub mod filter;
 pub mod gate;
@@ -9,12 +10,15 @@ pub mod normal;
 pub mod sigma;
 pub mod smoother;
 pub mod solve;
+pub mod split;
+pub mod star;
 pub mod start;
 pub mod straight;
 pub mod tiles;
 pub mod transition;
 
 use crate::lane::Lane;
+use split::Split;
 use straight::Straight;
 use transition::{Block, Transition};
 
@@ -84,7 +88,7 @@ pub struct Vary {
 /// What is estimated: how it moves by itself and what is read from it.
 pub trait System {
     /// What the readings of one instant depend on besides the state: inputs, and which rows are there.
-    type Moment;
+    type Moment: Clone;
     /// Room to work in, made once.
     type Scratch;
 
@@ -92,6 +96,15 @@ pub trait System {
     fn partition(&self) -> Partition;
     /// Length of the measurement vector.
     fn row_count(&self) -> usize;
+    /// How the state falls apart for a factorised filter: not at all, unless the system says so.
+    fn split(&self) -> Split {
+        Split::whole(self.partition().dim(), self.row_count())
+    }
+    /// The same moment for one who asks for these rows alone. Allocates nothing where `out` has been a moment of this system.
+    fn narrow(&self, moment: &Self::Moment, asked: &[bool], out: &mut Self::Moment) {
+        let _ = asked;
+        out.clone_from(moment);
+    }
     /// Standard deviation of each noisy input that the readings depend on besides the state.
     fn input_std(&self) -> &[f64];
     /// Room to work in.

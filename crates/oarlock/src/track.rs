@@ -365,17 +365,10 @@ impl Tracker {
         for (input, &value) in self.moment.inputs.iter_mut().zip(&sample.inputs) {
             *input = if value.is_nan() { 0.0 } else { value };
         }
-        self.moment.needed.fill(false);
-        self.moment.moving.fill(false);
         for (i, source) in self.body.suite.sources.iter().enumerate() {
             self.moment.active[i] = self.z[source.rows.clone()].iter().any(|z| !z.is_nan());
-            if self.moment.active[i] {
-                self.body.suite.mark_frames(i, &mut self.moment.needed);
-                self.body.suite.mark_moving(i, &mut self.moment.moving);
-            }
         }
-        self.body.tree.mark_ancestors(&mut self.moment.needed);
-        self.body.tree.mark_ancestors(&mut self.moment.moving);
+        self.body.mark(&mut self.moment);
     }
 
     /// A reading that depends on an input says nothing while that input is not there.
@@ -400,6 +393,7 @@ fn filter(body: &Body, groups: &Groups, kind: FilterKind) -> Filter<Body> {
     match kind {
         FilterKind::Ukf => Filter::new(body, groups),
         FilterKind::Ekf => Filter::extended(body, groups, 1),
+        FilterKind::Factorised => Filter::factorised(body, groups),
         FilterKind::Iekf => Filter::extended(body, groups, ITERATIONS),
     }
 }

@@ -3,7 +3,7 @@
 mod support;
 
 use oarlock::body::Body;
-use oarlock::config::Config;
+use oarlock::config::{Config, FilterKind};
 use oarlock::estimate::belief::Belief;
 use oarlock::model::Model;
 use oarlock::recording::{Sample, Stream};
@@ -23,8 +23,8 @@ struct Case {
 }
 
 /// Three seconds of a sculler with holes, everything estimated, learnt and gated as by default.
-fn case() -> Case {
-    let config = Config::default();
+fn case(filter: FilterKind) -> Case {
+    let config = Config { filter, ..Config::default() };
     let model = model(SCULLER);
     let body = body(&model, &config);
     let stroke = Stroke::new(&body, 2.2);
@@ -57,15 +57,16 @@ fn bits(x: &[f64]) -> Vec<u64> {
     x.iter().map(|x| x.to_bits()).collect()
 }
 
-/// Of what a run keeps in single precision.
-fn short_bits(x: &[f32]) -> Vec<u32> {
-    x.iter().map(|x| x.to_bits()).collect()
-}
+/// Filters with room of different kinds.
+const FILTERS: [FilterKind; 2] = [FilterKind::Ukf, FilterKind::Factorised];
 
 #[test]
 fn live_is_whole_bit_for_bit() {
-    let case = case();
-    let run = whole(&case, streams(&case.body, &case.samples), None);
+    FILTERS.map(case).iter().for_each(assert_live_is_whole);
+}
+
+fn assert_live_is_whole(case: &Case) {
+    let run = whole(case, streams(&case.body, &case.samples), None);
     let mut tracker = Tracker::new(case.model.clone(), &Calibration::default(), &case.config).unwrap();
     let (mut times, mut mean, mut std) = (Vec::new(), Vec::new(), Vec::new());
     let mut nis = Vec::new();
@@ -73,32 +74,35 @@ fn live_is_whole_bit_for_bit() {
         let mut keep = |s: &Sample, b: &Belief, i: &oarlock::estimate::filter::Info| {
             times.push(s.time_s);
             mean.extend_from_slice(&b.mean);
-            std.extend(std_of(b).map(|x| x as f32));
-            nis.extend(i.sources.iter().map(|s| s.nis as f32));
+            std.extend(std_of(b));
+            nis.extend(i.sources.iter().map(|s| s.nis));
         };
         assert_ne!(tracker.step_with(sample, &mut keep).unwrap(), Status::OutOfOrder);
     }
     assert_eq!(run.series.time_s, times);
     assert_eq!(bits(&run.series.mean), bits(&mean));
-    assert_eq!(short_bits(&run.series.std), short_bits(&std));
-    let kept: Vec<f32> = run.series.reports.iter().map(|s| s.nis).collect();
-    assert_eq!(short_bits(&kept), short_bits(&nis));
+    assert_eq!(bits(&run.series.std), bits(&std));
+    let kept: Vec<f64> = run.series.nis.to_vec();
+    assert_eq!(bits(&kept), bits(&nis));
     let rejected: u32 = run.series.reports.iter().map(|s| u32::from(s.rejected)).sum();
     assert!(rejected >= 6, "the faults were meant to be refused: {rejected}");
 }
 
 #[test]
 fn cut_is_uncut_bit_for_bit() {
-    let case = case();
-    let uncut = whole(&case, streams(&case.body, &case.samples), None);
+    FILTERS.map(case).iter().for_each(assert_cut_is_uncut);
+}
+
+fn assert_cut_is_uncut(case: &Case) {
+    let uncut = whole(case, streams(&case.body, &case.samples), None);
     // Once inside and once behind what the gate refuses.
     for cut in [101, 170] {
-        let first = whole(&case, streams(&case.body, &case.samples[..cut]), None);
+        let first = whole(case, streams(&case.body, &case.samples[..cut]), None);
         let belief = first.last_belief().unwrap().clone();
-        let second = whole(&case, streams(&case.body, &case.samples[cut..]), Some(belief));
-        let parts = [&first.series, &second.series];
-        assert_eq!(bits(&uncut.series.mean), bits(&parts.map(|s| &s.mean[..]).concat()));
-        assert_eq!(short_bits(&uncut.series.std), short_bits(&parts.map(|s| &s.std[..]).concat()));
+        let second = whole(case, streams(&case.body, &case.samples[cut..]), Some(belief));
+        let both = |f: fn(&Run) -> &Vec<f64>| bits(&[f(&first).as_slice(), f(&second)].concat());
+        assert_eq!(bits(&uncut.series.mean), both(|r| &r.series.mean));
+        assert_eq!(bits(&uncut.series.std), both(|r| &r.series.std));
         // Compared as text, where a missing time equals another.
         let ends = [&uncut, &second].map(|r| format!("{:?}", r.last_belief()));
         assert_eq!(ends[0], ends[1]);
@@ -107,19 +111,19 @@ fn cut_is_uncut_bit_for_bit() {
 
 #[test]
 fn twice_is_the_same_bit_for_bit() {
-    let case = case();
+    let case = case(FilterKind::Ukf);
     let [a, b] = [0, 1].map(|_| {
         let run = whole(&case, streams(&case.body, &case.samples), None);
         run.smooth(&mut |_| true).unwrap()
     });
     assert_eq!(bits(&a.series.mean), bits(&b.series.mean));
-    assert_eq!(short_bits(&a.series.std), short_bits(&b.series.std));
+    assert_eq!(bits(&a.series.std), bits(&b.series.std));
 }
 
 /// Filtering again between kept beliefs is the same arithmetic, so smoothing cannot depend on how many were kept.
 #[test]
 fn smoothing_does_not_depend_on_the_beliefs_kept() {
-    let mut case = case();
+    let mut case = case(FilterKind::Ukf);
     let smoothed = |case: &Case| {
         let run = whole(case, streams(&case.body, &case.samples), None);
         let smooth = run.smooth(&mut |_| true).unwrap();
@@ -133,7 +137,7 @@ fn smoothing_does_not_depend_on_the_beliefs_kept() {
         let (_, again) = smoothed(&case);
         assert!(again.beliefs().count() > 5);
         assert_eq!(bits(&once.series.mean), bits(&again.series.mean), "every {interval} s");
-        assert_eq!(short_bits(&once.series.std), short_bits(&again.series.std), "every {interval} s");
+        assert_eq!(bits(&once.series.std), bits(&again.series.std), "every {interval} s");
     }
     let n = case.body.layout.dim();
     let rows = once.series.time_s.len();
@@ -150,7 +154,7 @@ fn smoothing_does_not_depend_on_the_beliefs_kept() {
 
 #[test]
 fn fewer_rows_are_the_same_rows() {
-    let mut case = case();
+    let mut case = case(FilterKind::Ukf);
     let all = whole(&case, streams(&case.body, &case.samples), None).smooth(&mut |_| true).unwrap();
     case.config.output_rate_hz = Some(20.0);
     let some = whole(&case, streams(&case.body, &case.samples), None).smooth(&mut |_| true).unwrap();

@@ -56,9 +56,8 @@ fn alone(job: &Job) -> Run {
 /// All numbers of a run; as text where a missing one equals another.
 fn print(run: &Run) -> (Vec<u64>, String) {
     let s = &run.series;
-    let std: Vec<f64> = s.std.iter().map(|&x| x.into()).collect();
-    let numbers = s.time_s.iter().chain(&s.mean).chain(&std);
-    (numbers.map(|x| x.to_bits()).collect(), format!("{:?} {:?} {:?}", s.reports, run.last_belief(), run.smoothed))
+    let numbers = s.time_s.iter().chain(&s.mean).chain(&s.std);
+    (numbers.map(|x| x.to_bits()).collect(), format!("{:?} {:?} {:?} {:?}", s.nis, s.reports, run.last_belief(), run.smoothed))
 }
 
 #[test]

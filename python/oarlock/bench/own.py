@@ -12,7 +12,7 @@ import numpy as np
 
 from oarlock.bench.problem import ESTIMATES, WARM, Floats, Problem
 
-FILTERS: Final = ("ukf", "ekf", "iekf")
+FILTERS: Final = ("ukf", "ekf", "iekf", "factorised")
 
 
 @dataclass(frozen=True)

@@ -36,8 +36,10 @@ fn ratios(case: &Case) -> Vec<Value> {
     let (n, m) = (ukf.body.layout.dim(), ukf.body.suite.len());
     let mut portable = ukf.clone();
     portable.use_arch(Arch::PORTABLE);
-    let names = ["ukf", "ekf", "iekf", "ukf, portable instructions"];
-    let trackers = [ukf, case.running(FilterKind::Ekf).0, case.running(FilterKind::Iekf).0, portable];
+    let names = ["ukf", "ekf", "iekf", "factorised", "ukf, portable instructions"];
+    let [ekf, iekf, factorised] =
+        [FilterKind::Ekf, FilterKind::Iekf, FilterKind::Factorised].map(|filter| case.running(filter).0);
+    let trackers = [ukf, ekf, iekf, factorised, portable];
     let begun = Instant::now();
     let times = race(&trackers, &case.config, samples, &mut || begun.elapsed() < TIME).expect("these readings fit");
     let both = |times: &[f64]| [0.5, 0.1].map(|share| quantile(times, share));

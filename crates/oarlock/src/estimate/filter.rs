@@ -3,6 +3,7 @@
 //! The update is the unscented one (estimate/sigma.rs) in information form (estimate/solve.rs).
 
 mod judge;
+mod limbs;
 mod search;
 mod tangent;
 
@@ -15,6 +16,7 @@ use super::tiles::{factor, padded, Panel, Sweep, RAISES, VECTOR};
 use super::transition::{carry, Block, Transition};
 use super::System;
 use crate::lane::arch::Arch;
+use limbs::Limbs;
 use search::Search;
 use std::ops::Range;
 use tangent::{At, Tangent};
@@ -165,6 +167,10 @@ pub struct Filter<S: System> {
     fan: Fan,
     /// Of a filter that linearises; without it, sigma points are spread.
     linear: Option<(Tangent, Search)>,
+    /// Of a factorised one, which works limb by limb; the stage of each source and the one that is on.
+    limbs: Option<Box<Limbs<S::Scratch, S::Moment>>>,
+    stages: Vec<usize>,
+    stage: usize,
     solver: Solver,
     /// U with U'U = P.
     root: Panel,
@@ -207,6 +213,15 @@ impl<S: System> Filter<S> {
         Self::with(system, groups, Fan::straight(system), Some(linear))
     }
 
+    /// Room for a factorised filter; where the system does not fall apart it is the unscented one.
+    pub fn factorised(system: &S, groups: &Groups) -> Self {
+        let whole = Self::new(system, groups);
+        match Limbs::new(system, groups) {
+            Some((limbs, stages)) => Filter { limbs: Some(Box::new(limbs)), stages, ..whole },
+            None => whole,
+        }
+    }
+
     fn with(system: &S, groups: &Groups, fan: Fan, linear: Option<(Tangent, Search)>) -> Self {
         let (n, m) = (system.partition().dim(), system.row_count());
         let mut inertial = vec![false; m];
@@ -218,6 +233,9 @@ impl<S: System> Filter<S> {
             arch: Arch::best(),
             scratch: system.scratch(),
             linear,
+            limbs: None,
+            stages: vec![0; groups.sources.len()],
+            stage: 0,
             solver: Solver::new(m, fan.evens, n, &groups.sources),
             fan,
             root: Panel::zeros(n, padded(n)),
@@ -282,7 +300,13 @@ impl<S: System> Filter<S> {
             self.report_missing(sighting, info);
             return Ok(());
         }
-        self.list_rows(sighting.z);
+        info.innovation.fill(f64::NAN);
+        if let Some(mut limbs) = self.limbs.take() {
+            let done = self.update_limbs(&mut limbs, (system, moment), belief, sighting, manner, info);
+            self.limbs = Some(limbs);
+            return done;
+        }
+        self.list_rows(sighting.z, |_| true);
         self.factorise(&belief.covariance)?;
         match &mut self.linear {
             None => {
@@ -326,10 +350,10 @@ impl<S: System> Filter<S> {
         })
     }
 
-    /// Rows that are there.
-    fn list_rows(&mut self, z: &[f64]) {
+    /// Rows that are there and asked for.
+    fn list_rows(&mut self, z: &[f64], asked: impl Fn(usize) -> bool) {
         self.rows.clear();
-        self.rows.extend(self.order.iter().copied().filter(|&r| !z[r].is_nan()));
+        self.rows.extend(self.order.iter().copied().filter(|&r| !z[r].is_nan() && asked(r)));
         self.inertial_rows = self.rows.iter().take_while(|&&r| self.inertial[r]).count();
     }
 
@@ -360,7 +384,6 @@ impl<S: System> Filter<S> {
             let factor = 1.0 / inflation.sqrt();
             sighting.groups.inertial.iter().for_each(|&r| self.weight[r] *= factor);
         }
-        info.innovation.fill(f64::NAN);
         self.used.fill(false);
         self.y.fill(0.0);
         for &r in &self.rows {

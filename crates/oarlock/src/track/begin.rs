@@ -37,7 +37,7 @@ impl Tracker {
         let readings = seen.iter().flat_map(|s| &s.2).filter(|z| !z.is_nan()).count();
         let mut best: Option<Fit> = None;
         for guess in self.guesses()? {
-            let fit = Problem::new(&self.body, &evidence, &self.std, &guess).fit(&guess.mean);
+            let fit = Problem::new(&self.body, &evidence, &self.std, &guess).fit_sharpening(&guess.mean);
             if let Some(fit) = fit.filter(|f| best.as_ref().is_none_or(|b| f.cost < b.cost)) {
                 let good = fit.cost < GOOD_COST * readings as f64;
                 best = Some(fit);

@@ -63,8 +63,6 @@ pub struct Run {
     /// Coordinates of joints that are inputs.
     inputs: Vec<usize>,
     last: Option<Belief>,
-    /// Room for the deviations of one row.
-    spread: Vec<f64>,
 }
 
 const PROGRESS_EVERY: usize = 64;
@@ -96,7 +94,6 @@ pub fn track(
         losses_s: Vec::new(),
         inputs: model.joints.iter().filter(|j| j.input).map(|j| j.first).collect(),
         last: None,
-        spread: vec![0.0; tracker.body.layout.dim()],
         tracker,
     };
     run.filter(progress)?;
@@ -133,7 +130,7 @@ impl Run {
 
     /// A run of the same recording with these estimates and no belief but the last.
     fn with(&self, series: Series) -> Run {
-        let Run { tracker, recording, calibration, config, partings, losses_s, inputs, last, spread, .. } = self;
+        let Run { tracker, recording, calibration, config, partings, losses_s, inputs, last, .. } = self;
         Run {
             tracker: tracker.clone(),
             recording: recording.clone(),
@@ -145,7 +142,6 @@ impl Run {
             losses_s: losses_s.clone(),
             inputs: inputs.clone(),
             last: last.clone(),
-            spread: spread.clone(),
             ..*self
         }
     }
@@ -188,9 +184,8 @@ impl Run {
         let n = belief.mean.len();
         let body = &self.tracker.body;
         self.series.mean[row * n..(row + 1) * n].copy_from_slice(&belief.mean);
-        let std = &mut self.spread;
+        let std = &mut self.series.std[row * n..(row + 1) * n];
         belief.spread(body, std);
-        self.series.std[row * n..(row + 1) * n].iter_mut().zip(&*std).for_each(|(kept, &std)| *kept = std as f32);
         let first = row * body.axes.len();
         for (c, axis, slots) in body.moving() {
             self.series.observed[first + c] = u8::from(is_observed(axis, std[slots.q] * std[slots.q]));

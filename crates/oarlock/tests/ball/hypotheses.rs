@@ -209,14 +209,14 @@ fn live_is_whole_while_hypotheses_are_alive() {
     for sample in &samples {
         let mut keep = |_: &Sample, b: &Belief, _: &oarlock::estimate::filter::Info| {
             mean.extend_from_slice(&b.mean);
-            std.extend(spread(&pair.body, b).iter().map(|&x| x as f32));
+            std.extend(spread(&pair.body, b));
             several += usize::from(!b.rivals.is_empty());
         };
         tracker.step_with(sample, &mut keep).unwrap();
     }
     assert!(several > 20, "{several}");
     assert_eq!(bits(&run.series.mean), bits(&mean));
-    assert_eq!(run.series.std, std);
+    assert_eq!(bits(&run.series.std), bits(&std));
 }
 
 #[test]
@@ -230,9 +230,9 @@ fn cut_is_uncut_while_hypotheses_are_alive() {
         let belief = first.last_belief().unwrap().clone();
         alive += usize::from(!belief.rivals.is_empty());
         let second = pair.run(&samples[cut..], Some(belief));
-        let parts = [&first.series, &second.series];
-        assert_eq!(bits(&uncut.series.mean), bits(&parts.map(|s| &s.mean[..]).concat()), "cut at {cut}");
-        assert_eq!(uncut.series.std, parts.map(|s| &s.std[..]).concat(), "cut at {cut}");
+        let both = |f: fn(&Run) -> &Vec<f64>| bits(&[f(&first).as_slice(), f(&second)].concat());
+        assert_eq!(bits(&uncut.series.mean), both(|r| &r.series.mean), "cut at {cut}");
+        assert_eq!(bits(&uncut.series.std), both(|r| &r.series.std), "cut at {cut}");
         let ends = [&uncut, &second].map(|r| format!("{:?}", r.last_belief()));
         assert_eq!(ends[0], ends[1], "cut at {cut}");
     }

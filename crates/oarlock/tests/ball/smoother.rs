@@ -251,7 +251,7 @@ fn assert_least_squares(what: &str, start: [f64; 9]) {
             let sigma = covariance[(at, at)].sqrt();
             worst = worse(worst, away(&row(&smooth), &states[k + 1])[i].abs() / sigma);
             moved = worse(moved, away(&row(&filtered), &states[k + 1])[i].abs() / sigma);
-            bands = worse(bands, (f64::from(smooth.series.std[9 * k + i]) / sigma - 1.0).abs());
+            bands = worse(bands, (smooth.series.std[9 * k + i] / sigma - 1.0).abs());
         }
     }
     println!("{what}: smoother against least squares: {worst:.1e} sigma, bands {bands:.1e}; the filter was {moved:.1} sigma away");

@@ -15,6 +15,9 @@ impl<S: System> Filter<S> {
         self.test_parts(groups);
         for (p, rows) in groups.parts.iter().enumerate() {
             let source = self.part_sources[p];
+            if self.stages[source] != self.stage {
+                continue;
+            }
             let count = self.used[rows.clone()].iter().filter(|&&u| u).count();
             info.parts[p] = Verdict::Missing;
             if count == 0 {
@@ -89,7 +92,11 @@ impl<S: System> Filter<S> {
             y: &y[rows.clone()],
             used: &used[rows.clone()],
         };
+        let on = |&(source, _): &(usize, &Range<usize>)| self.stages[source] == self.stage;
         for (k, tested) in self.tested[..count].chunks_mut(VECTOR).enumerate() {
+            if !rows.clone().skip(k * VECTOR).take(VECTOR).any(|one| on(&one)) {
+                continue;
+            }
             // The last ones may be tested more often than once.
             let four = std::array::from_fn(|i| test(rows.clone().nth((k * VECTOR + i).min(count - 1)).expect("fewer")));
             tested.copy_from_slice(&gate::nis(self.arch, &four)[..tested.len()]);
@@ -105,7 +112,7 @@ impl<S: System> Filter<S> {
     pub(super) fn report(&mut self, sighting: Sighting, info: &mut Info) {
         let sources = &sighting.groups.sources;
         self.test(sources.iter().enumerate(), sources);
-        for (s, rows) in sources.iter().enumerate() {
+        for (s, rows) in sources.iter().enumerate().filter(|(s, _)| self.stages[*s] == self.stage) {
             let there = rows.clone().filter(|&r| !info.innovation[r].is_nan()).count();
             let used = rows.clone().filter(|&r| self.used[r]).count();
             let nis = if used > 0 { self.tested[s] } else { f64::NAN };

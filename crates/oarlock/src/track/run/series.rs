@@ -4,11 +4,9 @@ use super::super::magnetic::Field;
 use crate::estimate::filter::{Info, SourceInfo};
 use std::sync::Arc;
 
-/// What an update did with one source, in eight bytes.
+/// What an update did with the rows of one source, in four bytes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Report {
-    /// Normalised innovation squared over the used rows, rounded; NaN if none was used.
-    pub nis: f32,
     /// Rows used.
     pub used: u8,
     /// Rows there but not believed.
@@ -21,8 +19,8 @@ pub struct Report {
 
 impl Report {
     fn of(source: &SourceInfo, field: Field) -> Self {
-        let SourceInfo { nis, used, rejected, missing } = *source;
-        Report { nis: nis as f32, used, rejected, missing, field }
+        let SourceInfo { used, rejected, missing, .. } = *source;
+        Report { used, rejected, missing, field }
     }
 }
 
@@ -33,12 +31,14 @@ pub struct Series {
     pub time_s: Vec<f64>,
     /// State, rows laid end to end.
     pub mean: Vec<f64>,
-    /// Standard deviation of the state, rows laid end to end; rounded to a ten-millionth of itself.
-    pub std: Vec<f32>,
+    /// Standard deviation of the state, rows laid end to end.
+    pub std: Vec<f64>,
     /// Per row and coordinate: 1 where it is observed.
     pub observed: Vec<u8>,
     /// Readings of the joints that are inputs, in rows of their coordinates (`Run::input_coordinates`); NaN where missing.
     pub inputs: Arc<Vec<f64>>,
+    /// Per row and source: normalised innovation squared over the used rows; NaN if none was used.
+    pub nis: Arc<Vec<f64>>,
     /// Per row and source.
     pub reports: Arc<Vec<Report>>,
     /// Per row: normalised innovation squared of all inertial readings together, and their number.
@@ -51,6 +51,7 @@ impl Series {
         Series {
             time_s: self.time_s.clone(),
             inputs: self.inputs.clone(),
+            nis: self.nis.clone(),
             reports: self.reports.clone(),
             inertial: self.inertial.clone(),
             ..Series::default()
@@ -71,6 +72,7 @@ impl Series {
 
     /// What an update did, behind all others.
     pub(super) fn report(&mut self, info: &Info, fields: impl Iterator<Item = Field>) {
+        Arc::make_mut(&mut self.nis).extend(info.sources.iter().map(|source| source.nis));
         let reports = info.sources.iter().zip(fields).map(|(source, field)| Report::of(source, field));
         Arc::make_mut(&mut self.reports).extend(reports);
         let (nis, count) = info.inertial;
@@ -79,8 +81,8 @@ impl Series {
 }
 
 /// Zeros, but for the last row.
-fn last<T: Copy + Default>(from: &[T], width: usize) -> Vec<T> {
-    let mut to = vec![T::default(); from.len()];
+fn last(from: &[f64], width: usize) -> Vec<f64> {
+    let mut to = vec![0.0; from.len()];
     let start = from.len() - width;
     to[start..].copy_from_slice(&from[start..]);
     to

@@ -1,0 +1,101 @@
+//! How a body's state falls apart: limbs are the ends of the tree, behind its last branchings; all else is the core.
+
+use super::Body;
+use crate::estimate::split::Split;
+use crate::estimate::System;
+use crate::model::{Joint, JointKind, Model, SensorKind};
+
+impl Body {
+    /// A limb has its joints, the biases and mounts of the units on it, and lengths that its readings alone feel. What all limbs share
+    /// is the core: the joints that carry them, the field's azimuth, accelerations of the base.
+    pub(super) fn limbs(&self) -> Split {
+        let links = links(&self.model);
+        let limbs = limbs(&self.model, &links);
+        let mut found = vec![None; self.layout.dim()];
+        for (joint, &limb) in self.model.joints.iter().zip(&limbs) {
+            for slots in self.layout.coordinates[joint.coordinates()].iter().flatten() {
+                found[slots.q] = limb;
+                slots.rates.into_iter().for_each(|(rate, accel)| (found[rate], found[accel]) = (limb, limb));
+            }
+        }
+        for (s, sensor) in self.model.sensors.iter().enumerate() {
+            let SensorKind::Imu { frame, .. } = sensor.kind else { continue };
+            let limb = joint_of(&self.model, links[frame]).and_then(|joint| limbs[joint]);
+            let mounts = self.layout.mounts.iter().filter(|m| m.0 == s).map(|m| m.1..m.1 + 3);
+            let biases = [self.layout.gyro_bias[s], self.layout.accel_bias[s]];
+            let biases = biases.into_iter().flatten().map(|slot| slot.first..slot.first + slot.len);
+            mounts.chain(biases).flatten().for_each(|state| found[state] = limb);
+        }
+        let rows = self.states_of_rows();
+        for &(_, length) in &self.layout.lengths {
+            let feel = rows.iter().filter(|states| states.contains(&length));
+            let mut felt = feel.map(|states| states.iter().find_map(|&s| found[s]));
+            let first = felt.next().flatten();
+            found[length] = first.filter(|_| felt.all(|other| other == first));
+        }
+        Split::new(&found, &rows)
+    }
+
+    /// On which states each row depends.
+    fn states_of_rows(&self) -> Vec<Vec<usize>> {
+        let mut rows = vec![Vec::new(); self.suite.len()];
+        let straight = self.tangent().unwrap_or_default();
+        for trio in &straight.trios {
+            let states = straight.slopes[trio.slopes.clone()].iter().map(|s| s.state).filter(|&s| s < straight.n);
+            let states: Vec<usize> = states.collect();
+            for (i, row) in rows[trio.row..trio.row + trio.count].iter_mut().enumerate() {
+                row.extend(&states);
+                row.extend(trio.added.map(|first| first + i));
+            }
+        }
+        rows
+    }
+}
+
+/// Whether a joint is a state.
+fn moves(joint: &Joint) -> bool {
+    !joint.input && joint.kind != JointKind::Fixed
+}
+
+/// The joint that moves a link, if a state does.
+fn joint_of(model: &Model, link: usize) -> Option<usize> {
+    model.frames[link].joint.map(|(j, _)| j).filter(|&j| moves(&model.joints[j]))
+}
+
+/// Of every frame, the nearest one on its way to the root that a state moves against its parent; the root itself if there is none.
+fn links(model: &Model) -> Vec<usize> {
+    let mut links = vec![0; model.frames.len()];
+    for (f, frame) in model.frames.iter().enumerate().skip(1) {
+        links[f] = if joint_of(model, f).is_some() { f } else { links[frame.parent] };
+    }
+    links
+}
+
+/// Of every joint, the limb that it belongs to, named by one of its joints; `None` in the core and for what is no state.
+fn limbs(model: &Model, links: &[usize]) -> Vec<Option<usize>> {
+    let parents = parents(model, links);
+    let children = |joint: usize| parents.iter().filter(|p| p.contains(&joint)).count();
+    let mut chains: Vec<usize> = (0..parents.len()).collect();
+    for (j, own) in parents.iter().enumerate() {
+        // A joint that several chains share holds them together.
+        for &parent in own.iter().filter(|&&p| own.len() > 1 || children(p) == 1) {
+            let (from, to) = (chains[j], chains[parent]);
+            chains.iter_mut().filter(|c| **c == from).for_each(|c| *c = to);
+        }
+    }
+    let carries =
+        |chain: usize| parents.iter().zip(&chains).any(|(p, &c)| c != chain && p.iter().any(|&p| chains[p] == chain));
+    let limb = |j: usize| moves(&model.joints[j]) && !carries(chains[j]);
+    (0..chains.len()).map(|j| limb(j).then_some(chains[j])).collect()
+}
+
+/// Of every joint, the joints right before it; more than one where frames share it.
+fn parents(model: &Model, links: &[usize]) -> Vec<Vec<usize>> {
+    let mut parents = vec![Vec::new(); model.joints.len()];
+    for (f, frame) in model.frames.iter().enumerate().skip(1) {
+        let Some(j) = joint_of(model, f) else { continue };
+        let parent = joint_of(model, links[frame.parent]).filter(|&p| p != j && !parents[j].contains(&p));
+        parents[j].extend(parent);
+    }
+    parents
+}

@@ -1,0 +1,263 @@
+//! The factorised update: a small filter for each limb with the core, one after the other.
+//!
+//! Each is the unscented update of its own states with its own readings, those of the core going with the first limb. What it learns of the core goes on to the next limb, and
+//! back to those before, by the slope of each limb on the core (estimate/star.rs): messages on a junction tree (Lauritzen and
+//! Spiegelhalter 1988), each node of which is the core with a limb. For straight readings that is one update of all states with all readings.
+//! What limbs have in common beyond the core, which moving on in time brings about, is dropped (Boyen and Koller 1998).
+
+use super::{broken, evidence, Filter, Groups, Info, Lost, Manner, Sighting};
+use crate::estimate::belief::Belief;
+use crate::estimate::clique::{Clique, Room, Within};
+use crate::estimate::dense::{NotPositive, Square};
+use crate::estimate::sigma::{Fan, Look};
+use crate::estimate::solve::{Solver, Weighted};
+use crate::estimate::split::Split;
+use crate::estimate::star::{places, Places, Star};
+use crate::estimate::tiles::{padded, Panel, VECTOR};
+use crate::estimate::transition::{carry, Block};
+use crate::estimate::System;
+use crate::lane::arch::Arch;
+use std::mem::swap;
+use std::ops::Range;
+
+/// The update of a limb with the core.
+#[derive(Debug, Clone)]
+struct Stage {
+    limb: usize,
+    clique: Clique,
+    /// Where core and limb stand among the clique's states.
+    core_at: Vec<usize>,
+    limb_at: Vec<usize>,
+    fan: Fan,
+    solver: Solver,
+    root: Panel,
+    starts: Vec<usize>,
+    covariance: Square,
+    mean: Vec<f64>,
+    shift: Vec<f64>,
+}
+
+impl Stage {
+    fn new<S: System>(system: &S, groups: &Groups, split: &Split, limb: usize, rows: Vec<bool>) -> Self {
+        let own = &split.limbs[limb];
+        let mut states = [&split.core[..], own].concat();
+        states.sort_unstable();
+        let n = states.len();
+        let at = |some: &[usize]| some.iter().filter_map(|s| states.binary_search(s).ok()).collect();
+        let (core_at, limb_at) = (at(&split.core), at(own));
+        let clique = Clique::new(system, states, rows);
+        let fan = Fan::new(&Within { system, clique: &clique });
+        Stage {
+            limb,
+            core_at,
+            limb_at,
+            solver: Solver::new(system.row_count(), fan.evens, n, &groups.sources),
+            fan,
+            root: Panel::zeros(n, padded(n)),
+            starts: vec![0; padded(n) / VECTOR],
+            covariance: Square::zeros(n),
+            mean: vec![0.0; n],
+            shift: vec![0.0; n],
+            clique,
+        }
+    }
+
+    fn places(&self) -> Places<'_> {
+        Places { core: &self.core_at, limb: &self.limb_at }
+    }
+}
+
+/// Room for a factorised update.
+#[derive(Debug, Clone)]
+pub(super) struct Limbs<C, M> {
+    split: Split,
+    stages: Vec<Stage>,
+    star: Star,
+    room: Room<C>,
+    /// What a stage is told; made at the first sample.
+    moment: Option<M>,
+    /// How far the stage moved the core, and all states; how far all stages did.
+    step: Vec<f64>,
+    shift: Vec<f64>,
+    total: Vec<f64>,
+}
+
+impl<C, M> Limbs<C, M> {
+    /// `None` if the system does not fall apart. The stage of each source besides.
+    pub fn new<S: System<Scratch = C, Moment = M>>(system: &S, groups: &Groups) -> Option<(Self, Vec<usize>)> {
+        let split = system.split();
+        if split.limbs.is_empty() {
+            return None;
+        }
+        let limb_of = |source: &Range<usize>| split.row_limbs[source.clone()].iter().find_map(|l| *l);
+        let limbs: Vec<usize> = groups.sources.iter().map(|source| limb_of(source).unwrap_or(0)).collect();
+        let stage = |limb: usize| {
+            let mut rows = vec![false; system.row_count()];
+            let own = groups.sources.iter().zip(&limbs).filter(|(_, l)| **l == limb);
+            own.for_each(|(source, _)| rows[source.clone()].fill(true));
+            Stage::new(system, groups, &split, limb, rows)
+        };
+        let n = system.partition().dim();
+        let made = Limbs {
+            stages: (0..split.limbs.len()).map(stage).collect(),
+            star: Star::new(&split),
+            room: Room::new(system),
+            moment: None,
+            step: vec![0.0; split.core.len()],
+            shift: vec![0.0; n],
+            total: vec![0.0; n],
+            split,
+        };
+        Some((made, limbs))
+    }
+
+    /// What is known of core and limb before the update of stage `k`.
+    fn look_at(&mut self, k: usize, arch: Arch, whole: &Square) {
+        let stage = &mut self.stages[k];
+        if k > 0 {
+            let at = Places { core: &stage.core_at, limb: &stage.limb_at };
+            return self.star.assemble(arch, stage.limb, at, &mut stage.covariance);
+        }
+        for (i, &state) in stage.clique.states.iter().enumerate() {
+            stage.clique.gather(whole.row(state), stage.covariance.row_mut(i));
+        }
+    }
+
+    /// ... and behind it, for when the core moves again; behind the last stage it does not.
+    fn remember(&mut self, k: usize, arch: Arch) -> Result<(), NotPositive> {
+        if k + 1 == self.stages.len() {
+            return Ok(());
+        }
+        let stage = &self.stages[k];
+        self.star.take_limb(arch, stage.limb, &stage.covariance, stage.places())
+    }
+
+    fn close(&mut self, arch: Arch, whole: &mut Square) {
+        let Some(stage) = self.stages.last() else { return };
+        for (i, &state) in stage.clique.states.iter().enumerate() {
+            let (from, to) = (stage.covariance.row(i), whole.row_mut(state));
+            stage.clique.states.iter().zip(from).for_each(|(&j, x)| to[j] = *x);
+        }
+        self.star.close(arch, &stage.covariance, stage.places(), whole);
+    }
+
+    /// Behind the update of stage `k`: moves all states, and sees what is known from there.
+    fn pass_on<S: System<Scratch = C, Moment = M>>(&mut self, k: usize, with: (&S, &mut Filter<S>), mean: &mut [f64]) {
+        let (system, filter) = with;
+        let stage = &mut self.stages[k];
+        self.shift.fill(0.0);
+        stage.clique.states.iter().zip(&stage.shift).for_each(|(&state, x)| self.shift[state] = *x);
+        self.step.iter_mut().zip(&stage.core_at).for_each(|(step, &i)| *step = stage.shift[i]);
+        let others = (0..self.split.limbs.len()).filter(|&other| other != stage.limb);
+        others.clone().for_each(|other| self.star.follow(other, &self.step, &mut self.shift));
+        system.shift(mean, &self.shift);
+        self.room.mean.copy_from_slice(mean);
+        self.total.iter_mut().zip(&self.shift).for_each(|(total, x)| *total += x);
+        filter.carried.clear();
+        system.carry(&self.shift, &mut filter.carried);
+        for block in &filter.carried {
+            if let Some(index) = places(&stage.clique.states, block) {
+                carry(filter.arch, &Block { index, ..*block }, &mut stage.covariance);
+            }
+        }
+        others.for_each(|other| self.star.carry(filter.arch, other, &filter.carried));
+        self.star.take_center(&stage.covariance, &stage.core_at);
+    }
+}
+
+impl<S: System> Filter<S> {
+    /// Takes in the readings of one instant, limb by limb.
+    pub(super) fn update_limbs(
+        &mut self,
+        limbs: &mut Limbs<S::Scratch, S::Moment>,
+        of: (&S, &S::Moment),
+        belief: &mut Belief,
+        sighting: Sighting,
+        manner: Manner,
+        info: &mut Info,
+    ) -> Result<(), Lost> {
+        belief.covariance.diagonal(&mut self.before);
+        limbs.star.open(self.arch, &belief.covariance).map_err(broken)?;
+        limbs.room.mean.copy_from_slice(&belief.mean);
+        limbs.total.fill(0.0);
+        let (mut nis, mut inertial, mut rejected) = (0.0, (0.0, 0), (0.0, 0));
+        for k in 0..limbs.stages.len() {
+            self.stage = k;
+            limbs.look_at(k, self.arch, &belief.covariance);
+            self.exchange(&mut limbs.stages[k]);
+            let done = self.update_stage(limbs, k, of, belief, sighting, manner, info);
+            self.exchange(&mut limbs.stages[k]);
+            let is_new = done?;
+            if is_new {
+                limbs.pass_on(k, (of.0, self), &mut belief.mean);
+            }
+            limbs.remember(k, self.arch).map_err(broken)?;
+            if is_new {
+                nis += info.nis;
+                let (own, count) = info.inertial;
+                inertial = if count > 0 { (inertial.0 + own, inertial.1 + count) } else { inertial };
+            }
+            rejected = (rejected.0 + self.rejected_nis, rejected.1 + self.rejected_rows);
+        }
+        limbs.close(self.arch, &mut belief.covariance);
+        let used: usize = info.sources.iter().map(|s| usize::from(s.used)).sum();
+        info.nis = nis;
+        info.inertial = if inertial.1 > 0 { inertial } else { (f64::NAN, 0) };
+        info.evidence = evidence(nis + rejected.0, used + rejected.1);
+        self.shift.copy_from_slice(&limbs.total);
+        if !belief.mean.iter().all(|x| x.is_finite()) {
+            return Err(Lost { what: "the estimate is not a number".into() });
+        }
+        self.learn_noise(belief, manner.learning, info.inertial);
+        self.learn(of.0, belief, manner.learning);
+        Ok(())
+    }
+
+    /// Works in a stage's room, or no longer.
+    fn exchange(&mut self, stage: &mut Stage) {
+        swap(&mut self.fan, &mut stage.fan);
+        swap(&mut self.solver, &mut stage.solver);
+        swap(&mut self.root, &mut stage.root);
+        swap(&mut self.starts, &mut stage.starts);
+    }
+
+    /// Whether there was anything to take in.
+    #[allow(clippy::too_many_arguments)]
+    fn update_stage(
+        &mut self,
+        limbs: &mut Limbs<S::Scratch, S::Moment>,
+        k: usize,
+        (system, moment): (&S, &S::Moment),
+        belief: &mut Belief,
+        sighting: Sighting,
+        manner: Manner,
+        info: &mut Info,
+    ) -> Result<bool, Lost> {
+        let Limbs { stages, room, moment: narrowed, .. } = limbs;
+        let stage = &mut stages[k];
+        let asked = &stage.clique.rows;
+        self.list_rows(sighting.z, |r| asked[r]);
+        if self.rows.is_empty() || stage.mean.is_empty() {
+            self.used.fill(false);
+            self.judge(sighting, manner, belief, info);
+            self.report(sighting, info);
+            return Ok(false);
+        }
+        let narrowed = narrowed.get_or_insert_with(|| moment.clone());
+        system.narrow(moment, asked, narrowed);
+        stage.clique.gather(&belief.mean, &mut stage.mean);
+        self.factorise(&stage.covariance)?;
+        let within = Within { system, clique: &stage.clique };
+        let look =
+            Look { system: &within, moment: &*narrowed, mean: &stage.mean, rows: &self.rows, spread: manner.spread };
+        self.fan.spread(self.arch, look, room, &self.root);
+        self.innovate(sighting, belief.inflation, info);
+        let readings = Weighted { rows: &self.rows, inertial: self.inertial_rows, weight: &self.weight, y: &self.y };
+        self.solver.weigh(self.arch, &self.fan, readings);
+        self.judge(sighting, manner, belief, info);
+        self.report(sighting, info);
+        self.solve(sighting, info)?;
+        self.solver.posterior(self.arch, &mut stage.shift, &mut stage.covariance);
+        Ok(true)
+    }
+}

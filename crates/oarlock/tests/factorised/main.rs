@@ -1,0 +1,13 @@
+//! The factorised filter: where a state falls apart, what its small filters make of it, and what that costs.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod agreement;
+mod apart;
+mod bodies;
+mod plain;
+mod split;
+mod tracking;
+
+use oarlock_oracle::{body, ukf};
