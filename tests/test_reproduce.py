@@ -116,7 +116,9 @@ def test_figures_have_the_papers_joints_and_places(made):
     assert list(made["fig4"].curves) == ["r_shoulder", "r_elbow"] and list(made["fig5"].curves) == ["r_wrist"]
     for part in (made[key] for key in ("fig3", "fig4", "fig5")):
         for curve in (curve for group in part.curves.values() for curve in group):
-            assert np.isfinite([curve.value, curve.truth]).all() and (curve.half_band >= 0.0).all()
+            # a unit whose clock is fast has samples from before the markers begin
+            assert np.isfinite(curve.value).all() and np.isfinite(curve.truth).mean() > 0.99, curve.name
+            assert (curve.half_band >= 0.0).all(), curve.name
 
 
 def test_fig3_curves_are_inside_their_bands(made):
