@@ -1,4 +1,4 @@
-"""The paper, run again: printed cells are the paper's, ours are measured, and the bounds hold on seeds of no one's choice."""
+"""The paper, run again: printed cells are the paper's, ours are measured, and bounds hold on seeds of no one's choice."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from oarlock.rowing.reproduce.discussion import printed_growth_percent
 from oarlock.rowing.reproduce.estimators import ELEVEN, ESTIMATORS
 from oarlock.rowing.reproduce.places import place_band
 from oarlock.rowing.reproduce.table5 import scores_of, table5_study, target_rows
+from oarlock.study.result import write_rows
 from oarlock.study.told import told_model
 
 SHORT_S = 6.0
@@ -59,7 +60,9 @@ PRINTED_6 = {
 def made() -> dict[str, Part]:
     """Table 5 and 6 and the figures, short, of one seed."""
     parts = reproduce(("fig4", "table5", "table6", "fig3", "fig5"), (UNSEEN,), duration_s=SHORT_S, jobs=1)
-    assert [part.key for part in parts] == ["table5", "table6", "fig3", "fig4", "fig5"], "in the paper's order"
+    assert [part.key for part in parts] == ["table5", "table6", "fig3", "fig4", "fig5"], (
+        "in the paper's order"
+    )
     return {part.key: part for part in parts}
 
 
@@ -89,6 +92,13 @@ def test_every_cell_of_table_5_has_the_papers_value_beside_ours(made):
                 assert float(cell.paper) == pytest.approx(factor * float(expected))
     joints = [f"table5-{e.key.replace('_', '-')}" for e in ESTIMATORS]
     assert set(joints) <= set(tables), "a table of joints for each estimator"
+
+
+def test_every_table_can_be_written(made, tmp_path):
+    for part in made.values():
+        for name, rows in part.data.items():
+            write_rows(rows, tmp_path / name)
+            assert parquet.read_table(tmp_path / f"{name}.parquet").num_rows == len(rows) > 0
 
 
 def test_overview_has_every_estimator_and_the_bounds(made):
@@ -143,7 +153,9 @@ def test_the_papers_filter_has_40_states_and_58_readings():
     told = told_model(model, {"noise_told": "nominal"} | plain)
     study = table5_study((0,), SHORT_S)
     assert study.joints == ELEVEN and len(ELEVEN) == 11
-    trial = study.simulator.trial(model, {k: v.default for k, v in study.keys.items()} | {"duration_s": 3.0}, 0)
+    trial = study.simulator.trial(
+        model, {k: v.default for k, v in study.keys.items()} | {"duration_s": 3.0}, 0
+    )
     config = oarlock.Config(estimate=(), learning_memory_s=None, gate=False, magnetometer="on")
     track = oarlock.track(told, trial.recording, config=config)
     assert len(track.run.state_names) == 40
@@ -155,7 +167,9 @@ def test_band_of_a_place_is_what_moving_the_state_gives():
     """To first order, so to a per cent of a draw of 4,000: the spread of the place over draws of the belief."""
     model = oarlock.load_model("sculler")
     study = table5_study((0,), SHORT_S)
-    trial = study.simulator.trial(model, {k: v.default for k, v in study.keys.items()} | {"duration_s": 3.0}, 1)
+    trial = study.simulator.trial(
+        model, {k: v.default for k, v in study.keys.items()} | {"duration_s": 3.0}, 1
+    )
     track = oarlock.track(model, trial.recording)
     band = place_band(track, "r_wrist", 2.0)
     beliefs = track.beliefs
@@ -242,7 +256,11 @@ def test_targets_hold_on_a_seed_that_nobody_has_seen():
     )
     result = oarlock.study(study, jobs=1)
     assert not result.complaints
-    missed = [f"{what}: {values[0]:.4g}, {target}" for what, values, target, mark in target_rows(result) if mark != "met"]
+    missed = [
+        f"{what}: {values[0]:.4g}, {target}"
+        for what, values, target, mark in target_rows(result)
+        if mark != "met"
+    ]
     assert not missed, f"seed {seed}"
     bounds = next(e.bounds for e in ESTIMATORS if e.key == "jerk_closure_states")
     # a single seed scatters by some 10 % around the mean of many
