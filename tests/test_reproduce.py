@@ -1,4 +1,4 @@
-"""The paper, run again: printed cells are the paper's, ours are measured, and bounds hold on seeds of no one's choice."""
+"""The paper, run again: printed cells are the paper's, ours are measured, bounds hold on seeds of no one's choice."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Studies: what they refuse, that they repeat themselves on any number of processes, and that they mean what they say."""
+"""Studies: what they refuse, that they repeat themselves on any number of processes, that they do what they say."""
 
 from __future__ import annotations
 
