@@ -1,4 +1,4 @@
-"""Studies: what they refuse, that they repeat themselves on any number of processes, and that they mean what they say."""
+"""Studies: what they refuse, that they repeat themselves on any number of processes, that they do what they say."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from oarlock.report.study_page import study_page
 from oarlock.rowing import SIMULATORS
 from oarlock.study.degrade import degraded, keys_of_streams
 from oarlock.study.pool import UNFINISHED, identity
+from oarlock.study.result import write_rows
 from oarlock.study.run import groups, run_group
 from oarlock.study.told import calibration_told, keys_of_told, told_model
 
@@ -124,10 +125,21 @@ def test_tables_hold_a_row_for_each_run_and_joint(pendulum, tmp_path):
     joints = [row for row in runs.to_pylist() if row["kind"] == "joint"]
     assert len(joints) == 4 * len(names) and {row["item"] for row in joints} == names
     one = next(row for row in summary.to_pylist() if row["kind"] == "mean" and row["noise_factor"] == 4.0)
-    errors = np.array([r["rmse"] for r in runs.to_pylist() if r["kind"] == "mean" and r["noise_factor"] == 4.0])
+    errors = np.array(
+        [r["rmse"] for r in runs.to_pylist() if r["kind"] == "mean" and r["noise_factor"] == 4.0]
+    )
     half = 12.706 * errors.std(ddof=1) / math.sqrt(2)  # Student, one degree of freedom
     assert one["rmse_mean"] == pytest.approx(errors.mean())
     assert one["rmse_high_95"] - one["rmse_mean"] == pytest.approx(half, rel=1e-3)
+
+
+def test_a_key_that_is_a_number_here_and_a_table_there_is_a_text_column(tmp_path):
+    rows = [{"delay_s": 0.0, "start_error_deg": None}, {"delay_s": "back 0.01", "start_error_deg": 5.0}]
+    write_rows(rows, tmp_path / "mixed")
+    assert parquet.read_table(tmp_path / "mixed.parquet").to_pylist() == [
+        {"delay_s": "0", "start_error_deg": None},
+        {"delay_s": "back 0.01", "start_error_deg": 5.0},
+    ]
 
 
 # --- what is done to a recording, and what the filter is told -----------------------------------------
@@ -164,7 +176,9 @@ def test_loss_delay_and_thinning_do_what_they_say(sculler, trial):
     assert len(spoilt["back"]) == pytest.approx(0.75 * len(whole["back"]), abs=6 * math.sqrt(500 * 3 / 16))
     assert len(spoilt["r_forearm"]) == math.ceil(len(whole["r_forearm"]) / 5)
     assert np.allclose(spoilt["l_forearm"].time_s, whole["l_forearm"].time_s + 0.02)
-    assert np.array_equal(spoilt["r_oar_phi"].time_s, whole["r_oar_phi"].time_s), "a number is meant for units"
+    assert np.array_equal(spoilt["r_oar_phi"].time_s, whole["r_oar_phi"].time_s), (
+        "a number is meant for units"
+    )
     again = degraded(trial.recording, values, 1)
     assert np.array_equal(again["back"].time_s, spoilt["back"].time_s)
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from oarlock.rowing.reproduce import Part
 
 RUN_FILE = "run.toml"
+PAIRS, WIDEST = 5, 6
 LEAD = (
     "Ruffaldi, Peppoloni and Filippeschi, Sensor fusion for complex articulated body tracking applied in rowing, "
     "J. Sports Engineering and Technology: its experiments run again, the printed value beside ours.",
@@ -132,8 +133,10 @@ def _write(part: Part) -> None:
         if shown.closed:
             continue
         say(f"\n{shown.caption}", style="dim", indent=2)
-        rows = [[_cell(cell.ours, cell.paper, cell.mark) for cell in row] for row in shown.rows]
-        first, *others = shown.head
+        # a terminal has 100 columns: what does not fit is on the page
+        kept = PAIRS if shown.rows[0][-1].paper else WIDEST
+        rows = [[_cell(cell.ours, cell.paper, cell.mark) for cell in row[:kept]] for row in shown.rows]
+        first, *others = shown.head[:kept]
         table([first, *(f">{name}" for name in others)], rows)
     if part.claims:
         table(["verdict", "claim"], [(claim.verdict, claim.sentence) for claim in part.claims])

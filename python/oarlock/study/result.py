@@ -136,10 +136,18 @@ def mean_and_interval(values: Floats) -> tuple[float, float, float]:
 def write_rows(rows: Sequence[Row], stem: Path) -> None:
     """Write rows as `stem`.csv and `stem`.parquet; NaN becomes empty, and null."""
     names = list(dict.fromkeys(name for row in rows for name in row))
-    columns = {name: pa.array([_null(row.get(name)) for row in rows]) for name in names}
+    columns = {name: _column([_null(row.get(name)) for row in rows]) for name in names}
     table = pa.table(columns)
     parquet.write_table(table, stem.with_name(f"{stem.name}.parquet"))
     csv.write_csv(table, stem.with_name(f"{stem.name}.csv"))
+
+
+def _column(values: Sequence[Any]) -> pa.Array:
+    """One type a column: texts where a key is a number here and a text or a table there."""
+    kinds = {type(value) for value in values if value is not None}
+    if str in kinds and len(kinds) > 1:
+        return pa.array([None if value is None else shown(value) for value in values])
+    return pa.array(values)
 
 
 def _null(value: Any) -> Any:
@@ -147,7 +155,9 @@ def _null(value: Any) -> Any:
 
 
 def _cell(value: Any) -> Any:
-    """Numbers stay numbers, all else becomes a text."""
+    """Numbers stay numbers, None stays empty, all else becomes a text."""
+    if value is None:
+        return None
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else shown(value)
 
 

@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 
@@ -95,7 +96,7 @@ class Study:
         """Scenarios times seeds."""
         return max(1, len(self.scenarios)) * math.prod(map(len, self.grid.values())) * len(self.seeds)
 
-    @property
+    @cached_property
     def keys(self) -> dict[str, StudyKey]:
         """Every key that this study understands, but for `config.*`, `parameters.*` and `model.*`."""
         return keys_of(self.model, self.simulator)
@@ -108,7 +109,15 @@ class Study:
 
     def expanded(self) -> tuple[StudyScenario, ...]:
         """All scenarios, in order: the named ones outside, the grid inside."""
+        return self._scenarios
+
+    @cached_property
+    def _scenarios(self) -> tuple[StudyScenario, ...]:
         return tuple(self._expanded())
+
+    @cached_property
+    def _settings(self) -> dict[str, Value]:
+        return dict(Config().to_dict())
 
     def _expanded(self) -> Iterator[StudyScenario]:
         named = self.scenarios or {"": {}}
@@ -122,7 +131,7 @@ class Study:
 
     def _default(self, key: str) -> Value:
         if key.startswith("config."):
-            return Config().to_dict()[key.removeprefix("config.")]
+            return self._settings[key.removeprefix("config.")]
         if key.startswith("parameters."):
             return self.model.parameters[key.removeprefix("parameters.")]
         return self.keys[key].default if key in self.keys else None

@@ -113,7 +113,7 @@ def _lead(result: StudyResult, duration_s: float) -> tuple[str, ...]:
 
 
 def _overview(result: StudyResult) -> Table:
-    head = ("estimator", "n", *(f"{c}: deg / seat mm" for c in paper.CONDITIONS), "NEES", "in 95 % band")
+    head = ("estimator", "n", *paper.CONDITIONS, "NEES", "in 95 % band")
     rows = [_overview_row(result, name) for name in _names(result)]
     printed = tuple(
         Cell(f"{paper.mean_rmse_deg(c):.1f} / {paper.table_5(c)['seat'].rmse:.0f}") for c in paper.CONDITIONS
@@ -121,10 +121,11 @@ def _overview(result: StudyResult) -> Table:
     rows.append((Cell("the paper, as printed"), Cell(str(paper.STATES)), *printed, Cell(""), Cell("")))
     return Table(
         "table5-overview",
-        "Mean RMSE of the eleven angles of Table 5, and RMSE of the seat; mean over seeds. Small: what an independent "
-        "implementation reached on four recordings of its own, and whether ours, rounded alike, is at most 5 % above. "
+        "Mean RMSE of the eleven angles of Table 5, deg / RMSE of the seat, mm; mean over seeds. Small: what an "
+        "independent implementation reached on four recordings of its own, and whether ours, rounded "
+        "alike, is at most 5 % above. "
         "eq. 6 and jerk: the process noise; as shipped: jerk, closure, surge and biases, with gates, learning and the "
-        "azimuth. Lost: a mean error beyond 5 deg. "
+        "azimuth. Lost: seeds with a mean error beyond 5 deg. "
         "NEES per state (1 is consistent) and coverage in B-B.",
         head,
         tuple(rows),
@@ -141,7 +142,7 @@ def _overview_row(result: StudyResult, name: str) -> tuple[Cell, ...]:
         bound = estimator.bounds.get(condition) if estimator else None
         lost = int(np.sum(~(mean[k] < LOST_DEG)))
         text = f"{shown(ours[0])} / {shown(ours[1], 2)}"
-        text += f", lost {lost} of {mean.shape[1]}" if lost else ""
+        text += f" ({lost} lost)" if lost else ""
         cells.append(
             Cell(
                 text,

@@ -1,0 +1,272 @@
+"""The paper, run again: printed cells are the paper's, ours are measured, bounds hold on seeds of no one's choice."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pyarrow import parquet
+from typer.testing import CliRunner
+
+import oarlock
+from oarlock.cli import app
+from oarlock.report.reproduction import reproduction_page
+from oarlock.rowing import paper
+from oarlock.rowing.reproduce import PARTS, Part, reproduce
+from oarlock.rowing.reproduce.chains import Size, built
+from oarlock.rowing.reproduce.claim_runs import studies
+from oarlock.rowing.reproduce.cost import formula, power
+from oarlock.rowing.reproduce.discussion import printed_growth_percent
+from oarlock.rowing.reproduce.estimators import ELEVEN, ESTIMATORS
+from oarlock.rowing.reproduce.places import place_band
+from oarlock.rowing.reproduce.table5 import scores_of, table5_study, target_rows
+from oarlock.study.result import write_rows
+from oarlock.study.told import told_model
+
+SHORT_S = 6.0
+UNSEEN = 7919
+"""No seed that anything here was looked at with."""
+
+# The paper's Table 5, typed again from the print: RMSE in its four conditions, then correlation.
+PRINTED_5 = """
+q1 0.016 0.018 0.020 0.021 0.997 0.996 0.996 0.996
+q2 24.41 24.31 26.30 26.41 0.423 0.425 0.344 0.330
+q3 3.32 3.11 3.39 3.22 0.972 0.974 0.968 0.971
+q4 4.88 5.17 5.33 4.69 0.996 0.994 0.994 0.993
+q5 9.46 9.57 7.93 8.79 0.998 0.999 0.997 0.999
+q6 10.78 10.76 10.77 11.01 0.983 0.982 0.980 0.981
+q7 0 0 0 0 - - - -
+q11 9.21 9.49 9.12 8.99 0.982 0.974 0.979 0.978
+q12 6.03 6.14 5.71 5.47 0.993 0.993 0.993 0.993
+q13 16.78 17.15 16.70 16.76 0.990 0.986 0.994 0.989
+q14 7.49 8.85 6.40 7.69 0.990 0.987 0.991 0.989
+q15 0 0 0 0 - - - -
+"""
+PRINTED_6 = {
+    "r_shoulder": (0.078, 0.3965),
+    "l_shoulder": (0.081, 0.4814),
+    "r_elbow": (0.158, 0.8299),
+    "l_elbow": (0.153, 0.9081),
+    "r_wrist": (0.034, 0.9913),
+    "l_wrist": (0.054, 0.9864),
+}
+
+
+@pytest.fixture(scope="module")
+def made() -> dict[str, Part]:
+    """Table 5 and 6 and the figures, short, of one seed."""
+    parts = reproduce(("fig4", "table5", "table6", "fig3", "fig5"), (UNSEEN,), duration_s=SHORT_S, jobs=1)
+    assert [part.key for part in parts] == ["table5", "table6", "fig3", "fig4", "fig5"], (
+        "in the paper's order"
+    )
+    return {part.key: part for part in parts}
+
+
+def test_printed_tables_are_the_papers():
+    rows = [line.split() for line in PRINTED_5.strip().splitlines()]
+    for k, condition in enumerate(paper.CONDITIONS):
+        for own, row in zip(paper.table_5(condition).values(), rows, strict=True):
+            factor = 1e3 if row[0] == "q1" else 1.0
+            assert own.rmse == pytest.approx(factor * float(row[1 + k]))
+            assert own.correlation == (None if row[5] == "-" else float(row[5 + k]))
+    assert {name: tuple(row) for name, row in paper.table_6().items()} == PRINTED_6
+
+
+def test_every_cell_of_table_5_has_the_papers_value_beside_ours(made):
+    tables = {table.key: table for table in made["table5"].tables}
+    whole = tables["table5-shipped"]
+    assert len(whole.rows) == 12 and len(whole.head) == 9
+    for row, line in zip(whole.rows, PRINTED_5.strip().splitlines(), strict=True):
+        printed = line.split()[1:]
+        for k, cell in enumerate(row[1:]):
+            assert cell.ours and math.isfinite(float(cell.ours))
+            expected = printed[k]
+            if expected == "-":
+                assert cell.paper == "–"
+            else:
+                factor = 1e3 if row[0].ours.startswith("seat") and k < 4 else 1.0
+                assert float(cell.paper) == pytest.approx(factor * float(expected))
+    joints = [f"table5-{e.key.replace('_', '-')}" for e in ESTIMATORS]
+    assert set(joints) <= set(tables), "a table of joints for each estimator"
+
+
+def test_every_table_can_be_written(made, tmp_path):
+    for part in made.values():
+        for name, rows in part.data.items():
+            write_rows(rows, tmp_path / name)
+            assert parquet.read_table(tmp_path / f"{name}.parquet").num_rows == len(rows) > 0
+
+
+def test_overview_has_every_estimator_and_the_bounds(made):
+    overview = made["table5"].tables[0]
+    smoothed = sum(e.smoothed for e in ESTIMATORS)
+    assert len(overview.rows) == len(ESTIMATORS) + smoothed + 1
+    bounds = [cell.bound for row in overview.rows for cell in row if cell.bound]
+    assert len(bounds) == 16 and "1.63 / 166" in bounds
+    met, count = made["table5"].marks
+    assert 0 < met <= count == 26
+
+
+def test_table_6_says_that_its_recordings_are_simulated(made):
+    part = made["table6"]
+    assert "not public" in part.lead[0] and "simulated" in part.lead[0]
+    for row in part.tables[0].rows[:-1]:
+        rmse, r = PRINTED_6[row[0].ours]
+        assert row[1].paper == f"{1e3 * rmse:.0f}, r {r:.3f}"
+    assert {row["point"] for row in part.data["table6"]} == set(PRINTED_6)
+
+
+def test_figures_have_the_papers_joints_and_places(made):
+    names = [curve.name for group in made["fig3"].curves.values() for curve in group]
+    assert set(ELEVEN) <= set(names) and "seat" in names
+    assert list(made["fig4"].curves) == ["r_shoulder", "r_elbow"] and list(made["fig5"].curves) == ["r_wrist"]
+    for part in (made[key] for key in ("fig3", "fig4", "fig5")):
+        for curve in (curve for group in part.curves.values() for curve in group):
+            # a unit whose clock is fast has samples from before the markers begin
+            assert np.isfinite(curve.value).all() and np.isfinite(curve.truth).mean() > 0.99, curve.name
+            assert (curve.half_band >= 0.0).all(), curve.name
+
+
+def test_fig3_curves_are_inside_their_bands(made):
+    """93 % and more over 40 s; errors last for seconds, so 80 % of all angles together over a few."""
+    curves = [c for group in made["fig3"].curves.values() for c in group if c.name in ELEVEN]
+    inside = [np.abs(c.value - c.truth)[c.time_s > 2.0] <= c.half_band[c.time_s > 2.0] for c in curves]
+    assert np.concatenate(inside).mean() > 0.8
+
+
+def test_the_page_is_whole_and_needs_nothing(made):
+    page = reproduction_page(list(made.values()), "The paper", ("A lead.",))
+    assert page.count("<section") == 5 and page.count("<svg") > 20
+    assert not re.search(r"(?:src|href)=\"(?!#)", page) and "<script" not in page
+    ids = re.findall(r'\bid="([^"]+)"', page)
+    assert len(ids) == len(set(ids))
+
+
+def test_the_papers_filter_has_40_states_and_58_readings():
+    model = oarlock.load_model("sculler")
+    plain = ESTIMATORS[0].values
+    told = told_model(model, {"noise_told": "nominal"} | plain)
+    study = table5_study((0,), SHORT_S)
+    assert study.joints == ELEVEN and len(ELEVEN) == 11
+    trial = study.simulator.trial(
+        model, {k: v.default for k, v in study.keys.items()} | {"duration_s": 3.0}, 0
+    )
+    config = oarlock.Config(estimate=(), learning_memory_s=None, gate=False, magnetometer="on")
+    track = oarlock.track(told, trial.recording, config=config)
+    assert len(track.run.state_names) == 40
+    # the oars' encoders are inputs: neither states nor readings
+    assert len([n for n in told.measurement_names if "oar" not in n]) == paper.MEASUREMENTS
+
+
+def test_band_of_a_place_is_what_moving_the_state_gives():
+    """To first order, so to a per cent of a draw of 4,000: the spread of the place over draws of the belief."""
+    model = oarlock.load_model("sculler")
+    study = table5_study((0,), SHORT_S)
+    trial = study.simulator.trial(
+        model, {k: v.default for k, v in study.keys.items()} | {"duration_s": 3.0}, 1
+    )
+    track = oarlock.track(model, trial.recording)
+    band = place_band(track, "r_wrist", 2.0)
+    beliefs = track.beliefs
+    names = [n for n in track.coordinate_names if n in beliefs.state_names]
+    at = int(np.flatnonzero(np.isclose(beliefs.time_s, band.time_s[-1]))[0])
+    states = [beliefs.state_names.index(n) for n in names]
+    draws = np.random.default_rng(0).multivariate_normal(
+        beliefs.mean[at][states], beliefs.covariance[at][np.ix_(states, states)], 4000
+    )
+    q = np.zeros((4000, len(track.coordinate_names)))
+    q[:, [track.coordinate_names.index(n) for n in names]] = draws
+    places = model.forward_kinematics(q)[:, model.frame_names.index("r_wrist"), :3, 3]
+    assert np.allclose(places.std(axis=0), np.sqrt(np.diag(band.covariance_m2[-1])), rtol=0.06)
+
+
+# --- claims and cost ----------------------------------------------------------------------------------
+
+
+def test_printed_growth_is_the_mean_over_the_joints():
+    still, moving = ([float(row.split()[k]) for row in PRINTED_5.strip().splitlines()] for k in (1, 2))
+    pairs = [(a, b) for a, b in zip(still, moving, strict=True) if a]
+    expected = 100.0 * sum(b / a - 1.0 for a, b in pairs) / len(pairs)
+    assert printed_growth_percent("S-NB", "B-NB") == pytest.approx(expected)
+
+
+def test_studies_behind_the_claims_can_be_made():
+    assert set(studies((0,), SHORT_S)) >= {"conditions", "biases", "rates", "sensors", "hull", "field"}
+
+
+def test_formula_19_at_the_papers_size():
+    n, m, f, s = 37, 58, 25, 5
+    assert formula(n, m, f, s) == m**3 + n * m**2 + m * n**2 + n**3 + n * f + n * s
+    assert power(np.array([1.0, 2.0, 4.0]), np.array([3.0, 24.0, 192.0])) == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("size", [Size(4, 2), Size(13, 5), Size(12, 5, arm=4)])
+def test_generated_models_have_their_size_and_can_be_tracked(size):
+    model, recording, start = built(size, 60)
+    assert len(model.joint_names) == size.joints and len(model.measurement_names) == size.readings
+    config = oarlock.Config(estimate=(), initial_q=start)
+    track = oarlock.track(model, recording, config=config)
+    assert len(track.run.state_names) == size.states and len(track) == len(recording["unit0"])
+
+
+# --- the command line ---------------------------------------------------------------------------------
+
+
+def test_the_verb_writes_a_page_and_tables(tmp_path):
+    out = tmp_path / "fig3"
+    command = ["reproduce", "fig3", "--seed", str(UNSEEN), "--duration-s", "5", "--out", str(out), "--json"]
+    ran = CliRunner().invoke(app, command)
+    assert ran.exit_code == 0, ran.output
+    assert json.loads(ran.stdout)["fig3"]["notes"]
+    assert (out / "report.html").exists() and (out / "run.toml").exists()
+    table = parquet.read_table(out / "fig3.parquet")
+    assert table.num_rows > 500 and "trunk_true_rad" in table.column_names
+    assert CliRunner().invoke(app, command).exit_code == 0, "a folder of its own is written again"
+    other = CliRunner().invoke(app, ["reproduce", "fig3", "--out", str(tmp_path)])
+    assert other.exit_code == 2 and "holds other files" in other.output
+    assert CliRunner().invoke(app, ["reproduce", "table7", "--out", str(out)]).exit_code == 2
+
+
+def test_unknown_parts_are_refused():
+    with pytest.raises(oarlock.DataError, match="there is no 'table4'"):
+        reproduce(("table4",))
+    assert set(PARTS) == {"table5", "table6", "fig3", "fig4", "fig5", "discussion", "cost"}
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_targets_hold_on_a_seed_that_nobody_has_seen():
+    """40 s of a seed drawn anew each time: mean, worst angle, seat, hands, NEES, NIS, coverage; live and smoothed."""
+    seed = int(np.random.default_rng().integers(1_000_000, 2**31))
+    whole = table5_study((seed,))
+    names = ("shipped", "shipped smoothed", "jerk_closure_states")
+    study = oarlock.Study(
+        whole.model,
+        whole.simulator,
+        whole.seeds,
+        fixed=whole.fixed,
+        scenarios={name: whole.scenarios[name] for name in names},
+        grid=whole.grid,
+        joints=whole.joints,
+    )
+    result = oarlock.study(study, jobs=1)
+    assert not result.complaints
+    missed = [
+        f"{what}: {values[0]:.4g}, {target}"
+        for what, values, target, mark in target_rows(result)
+        if mark != "met"
+    ]
+    assert not missed, f"seed {seed}"
+    bounds = next(e.bounds for e in ESTIMATORS if e.key == "jerk_closure_states")
+    # a single seed scatters by some 10 % around the mean of many
+    mean = scores_of(result, "jerk_closure_states")[:, 0]
+    assert (mean <= [1.2 * bounds[c][0] for c in paper.CONDITIONS]).all(), f"seed {seed}: {mean}"
+
+
+def test_docs_name_what_there_is():
+    page = (Path(__file__).parents[1] / "docs/reproduce.md").read_text()
+    assert all(f"`{part}`" in page for part in PARTS)
