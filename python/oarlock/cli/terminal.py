@@ -82,7 +82,7 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[object]], indent: int 
         grid.add_column(
             columns[k].removeprefix(">"),
             justify="right" if right else "left",
-            no_wrap=not last,
+            no_wrap=not last and k != kept[0],  # what does not fit is never cut: labels wrap first
             overflow="fold",
         )
     for row in rows:

@@ -86,8 +86,8 @@ def studies(seeds: Sequence[int], duration_s: float) -> dict[str, Study]:
     sets: dict[str, dict[str, object]] = {
         "all": {},
         "no magnetometers": {"without_quantity": ["mag_ut"]},
-        "no closure": {"config.closures": False, "start_error_deg": 5.0},
-        **{name: {"without": gone, "start_error_deg": 5.0} for name, gone in SIDES_OFF.items()},
+        "no closure": {"config.closures": False},
+        **{name: {"without": gone} for name, gone in SIDES_OFF.items()},
     }
     filters = {key: PLAIN[key] for key in ("eq6", "jerk_closure", "shipped")}
     return {
@@ -105,7 +105,7 @@ def studies(seeds: Sequence[int], duration_s: float) -> dict[str, Study]:
             sculler,
             SIMULATORS["field"],
             seeds,
-            fixed={**fixed, "condition": "S-B", "start_error_deg": 0.0},
+            fixed={**fixed, "condition": "S-B"},
             scenarios={"closure": {}, "no closure": {"config.closures": False}},
             frames=POINTS,
         ),

@@ -8,16 +8,12 @@ ARM = ("shoulder_abduction", "shoulder_rotation", "shoulder_flexion", "elbow_fle
 ELEVEN = ("trunk", *(f"{side}_{joint}" for side in ("r", "l") for joint in ARM))
 """The angles of Table 5."""
 
-START_ERROR_DEG = 5.0
-"""The paper's rower starts from a calibrated posture: plain filters are told the first one, wrong by so much."""
-
 # As the paper had it: no learning, no gates, a known field; so n = 40 and no state more.
 _PLAIN: dict[str, object] = {
     "config.learning_memory_s": "none",
     "config.gate": False,
     "config.magnetometer": "on",
     "model.world.azimuth_fixed": True,
-    "start_error_deg": START_ERROR_DEG,
 }
 _SLOW = ["gyro_bias", "accel_bias", "surge"]
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import oarlock
-from oarlock import Config, Markers, Track, load_model
+from oarlock import Config, Track, load_model
 from oarlock.rowing import paper
 from oarlock.rowing.field import FieldEffects, FieldTrial, simulate_field
 from oarlock.rowing.reproduce.contents import Floats
@@ -39,7 +39,6 @@ class Setting:
     effects: FieldEffects
     config: dict[str, object]
     smooth: bool = False
-    start_told: bool = False
 
 
 def _indoor() -> FieldEffects:
@@ -61,11 +60,10 @@ SETTINGS = (
     Setting("water", "on the water, as shipped", "B-B", FieldEffects(), {}),
     Setting(
         "water_open",
-        "on the water, without closure, told the first posture",
+        "on the water, without closure",
         "B-B",
         FieldEffects(),
         {"closures": False},
-        start_told=True,
     ),
 )
 
@@ -109,7 +107,7 @@ def field_trials(
         tracks = oarlock.track_many(
             model,
             [trials[setting.condition, seed].recording for setting, seed in own],
-            config=[_config(setting, trials[setting.condition, seed]) for setting, seed in own],
+            config=[_config(setting) for setting, seed in own],
             smooth=smooth,
             threads=threads,
             on_error="return",
@@ -121,10 +119,8 @@ def field_trials(
     return found
 
 
-def _config(setting: Setting, trial: FieldTrial) -> Config:
-    """Without closures the fit of the start may end in a wrong posture: there it begins at the true one."""
-    start = {"initial_q": [float(v) for v in trial.truth.q[0]]} if setting.start_told else {}
-    return Config(belief_interval_s=BELIEFS_S, **setting.config, **start)
+def _config(setting: Setting) -> Config:
+    return Config(belief_interval_s=BELIEFS_S, **setting.config)
 
 
 def _scored(setting: Setting, seed: int, trial: FieldTrial, track: Track) -> Scored:
