@@ -59,8 +59,6 @@ pub struct Fit {
 const MAX_ITERATIONS: usize = 40;
 /// Relative fall of the cost below which the fit has settled.
 const SETTLED: f64 = 1e-6;
-/// Times the noise before it counts as it is. Sensors are some thousand times finer than what is known of a posture at first.
-const BLURS: [f64; 2] = [100.0, 10.0];
 
 /// A system, its evidence and room to work in.
 pub struct Problem<'a, S: System> {
@@ -99,13 +97,13 @@ impl<'a, S: System> Problem<'a, S> {
         }
     }
 
-    /// As `fit`, for a guess that is far off: the noise shrinks to what it is, and each fit begins where the last one ended.
+    /// As `fit`, with noise that is `blurs` times as large before it is what it is; each fit begins where the last one ended.
     ///
     /// Graduated non-convexity (Blake and Zisserman 1987). With their own noise readings cut bent, narrow valleys into the cost, in
-    /// which a fit from afar creeps or ends; under blurred ones the guess's prior counts and leads to the right one.
-    pub fn fit_sharpening(&mut self, first: &[f64]) -> Option<Fit> {
+    /// which a fit from afar creeps or ends; under blurred ones the guess's prior counts and may lead to the right one.
+    pub fn fit_sharpening(&mut self, first: &[f64], blurs: &[f64]) -> Option<Fit> {
         let mut from = first.to_vec();
-        for blur in BLURS {
+        for &blur in blurs {
             self.blur = blur;
             from = self.fit(&from)?.mean;
         }

@@ -26,6 +26,9 @@ const AZIMUTH_START_STD: f64 = 0.2;
 const GAUGE_STD: f64 = 1e-3;
 /// A cost per reading below which other guesses need not be tried.
 const GOOD_COST: f64 = 2.0;
+/// Times the noise before it counts as it is: first straight from each guess, then, if nothing good was found, sharpening. Sensors are
+/// some thousand times finer than what is known of a posture at first.
+const BLURS: [&[f64]; 2] = [&[], &[1000.0, 100.0, 10.0]];
 
 impl Tracker {
     /// The belief at the first of the `window`'s samples, before its update.
@@ -35,14 +38,17 @@ impl Tracker {
         let evidence: Vec<Evidence<Moment>> =
             seen.iter().map(|(time_s, moment, z)| Evidence { after_s: time_s - window[0].time_s, moment, z }).collect();
         let readings = seen.iter().flat_map(|s| &s.2).filter(|z| !z.is_nan()).count();
+        let guesses = self.guesses()?;
         let mut best: Option<Fit> = None;
-        for guess in self.guesses()? {
-            let fit = Problem::new(&self.body, &evidence, &self.std, &guess).fit_sharpening(&guess.mean);
-            if let Some(fit) = fit.filter(|f| best.as_ref().is_none_or(|b| f.cost < b.cost)) {
-                let good = fit.cost < GOOD_COST * readings as f64;
-                best = Some(fit);
-                if good {
-                    break;
+        'search: for blurs in BLURS {
+            for guess in &guesses {
+                let fit = Problem::new(&self.body, &evidence, &self.std, guess).fit_sharpening(&guess.mean, blurs);
+                if let Some(fit) = fit.filter(|f| best.as_ref().is_none_or(|b| f.cost < b.cost)) {
+                    let good = fit.cost < GOOD_COST * readings as f64;
+                    best = Some(fit);
+                    if good {
+                        break 'search;
+                    }
                 }
             }
         }
@@ -64,7 +70,7 @@ impl Tracker {
         (sample.time_s, self.moment.clone(), z)
     }
 
-    /// Rest posture (or the one asked for) and the zero posture, each with the field, or the body, from four sides.
+    /// Rest posture (or the one asked for), the zero posture and the middle of all limits, each with the field, or the body, from four sides.
     fn guesses(&self) -> Result<Vec<Guess>> {
         let body = &self.body;
         let rest: Vec<f64> = body.axes.iter().map(|axis| axis.rest).collect();
@@ -78,8 +84,12 @@ impl Tracker {
                     body.model.name
                 )))
             }
-            None if rest.iter().all(|&q| q == 0.0) => vec![rest],
-            None => vec![rest, vec![0.0; count]],
+            None => {
+                let middle = body.axes.iter().map(|axis| 0.5 * (axis.limits[0] + axis.limits[1])).collect();
+                let mut postures = vec![rest, vec![0.0; count], middle];
+                postures.dedup();
+                postures
+            }
         };
         let turns_whole = !body.floating.is_empty();
         let sides = if body.layout.azimuth.is_some() || turns_whole { 4 } else { 1 };
