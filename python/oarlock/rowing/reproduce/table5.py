@@ -125,7 +125,7 @@ def _overview(result: StudyResult) -> Table:
         "independent implementation reached on four recordings of its own, and whether ours, rounded "
         "alike, is at most 5 % above. "
         "eq. 6 and jerk: the process noise; as shipped: jerk, closure, surge and biases, with gates, learning and the "
-        "azimuth. Lost: seeds with a mean error beyond 5 deg. "
+        "azimuth. Lost: seeds with a mean error beyond 5 deg; joints have their numbers below. "
         "NEES per state (1 is consistent) and coverage in B-B.",
         head,
         tuple(rows),
@@ -142,7 +142,7 @@ def _overview_row(result: StudyResult, name: str) -> tuple[Cell, ...]:
         bound = estimator.bounds.get(condition) if estimator else None
         lost = int(np.sum(~(mean[k] < LOST_DEG)))
         text = f"{shown(ours[0])} / {shown(ours[1], 2)}"
-        text += f" ({lost} lost)" if lost else ""
+        text = f"{lost} of {len(mean[k])} lost" if lost else text
         cells.append(
             Cell(
                 text,
