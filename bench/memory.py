@@ -20,8 +20,11 @@ if "track" in parts:
     track = oarlock.track(model, recording)
 if "smooth" in parts:
     track = oarlock.smooth(track)
-peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-print(peak / 1024 if sys.platform != "darwin" else peak / 1024**2)
+if sys.platform == "linux":  # ru_maxrss would count the process that started this one
+    status = open("/proc/self/status").read()
+    print(int(status.split("VmHWM:")[1].split()[0]) / 1024)
+else:
+    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2)
 """
 
 _PARTS = {"imports": "", "recording": "load", "track": "load,track", "smooth": "load,track,smooth"}

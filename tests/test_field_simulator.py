@@ -297,7 +297,7 @@ ENGINES_OWN = {
     "smooth",
     "Tracker",
 }
-ALLOWED = {"Calibration", "ImuStream", "Model", "Recording", "ScalarStream", "Track"}
+ALLOWED = {"Calibration", "ImuStream", "Markers", "Model", "Recording", "ScalarStream", "Track"}
 
 
 def test_it_knows_nothing_of_filter_or_engine():
