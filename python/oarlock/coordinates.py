@@ -6,7 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from oarlock.errors import DataError
+from oarlock.rotation import quat_from_rotvec, quat_product, rotvec_from_quat
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -61,6 +65,22 @@ def parts(coordinate_names: Sequence[str]) -> tuple[Part, ...]:
             found.append(Part(f"{joint}.position", joint, "position", columns[:3], POSITION))
             found.append(Part(f"{joint}.rotation", joint, "rotation", columns[3:], ROTATION))
     return tuple(found)
+
+
+def rotation_columns(coordinate_names: Sequence[str]) -> list[list[int]]:
+    """Columns of each rotation vector."""
+    return [list(part.columns) for part in parts(coordinate_names) if part.kind == "rotation"]
+
+
+def plus(
+    q: NDArray[np.float64], step: NDArray[np.float64], rotations: Sequence[list[int]]
+) -> NDArray[np.float64]:
+    """Coordinates (T, n) after small steps (T, n): values add, a rotation R becomes R Exp(e), e in the child's axes."""
+    moved = np.asarray(q + step)
+    for columns in rotations:
+        turned = quat_product(quat_from_rotvec(q[:, columns]), quat_from_rotvec(step[:, columns]))
+        moved[:, columns] = rotvec_from_quat(turned)
+    return moved
 
 
 Joints = Sequence[Mapping[str, Any]]

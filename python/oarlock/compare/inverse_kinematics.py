@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.compare.turning_axes import TurningAxes
-from oarlock.coordinates import parts
-from oarlock.rotation import quat_from_matrix, quat_from_rotvec, quat_inverse, quat_product, rotvec_from_quat
+from oarlock.coordinates import plus, rotation_columns
+from oarlock.rotation import quat_from_matrix, quat_inverse, quat_product, rotvec_from_quat
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -111,9 +111,7 @@ class _Problem:
         # coordinates that anything measured feels; the others stay where they are
         self._felt = np.union1d(self._axes.columns, read)
         self._read = np.searchsorted(self._felt, read)
-        self._turns = [
-            list(part.columns) for part in parts(model.coordinate_names) if part.kind == "rotation"
-        ]
+        self._turns = rotation_columns(model.coordinate_names)
         self._low, self._high, self._rest = _limits_and_rest(model)
 
     def start(self, targets: _Targets, knots: Rows) -> tuple[int, Floats]:
@@ -189,13 +187,9 @@ class _Problem:
         return information, gradient, cost
 
     def _moved(self, q: Floats, step: Floats) -> Floats:
-        turn = np.zeros_like(q)
-        turn[:, self._felt] = step
-        moved = q + turn
-        for columns in self._turns:
-            turned = quat_product(quat_from_rotvec(q[:, columns]), quat_from_rotvec(turn[:, columns]))
-            moved[:, columns] = rotvec_from_quat(turned)
-        return moved
+        whole = np.zeros_like(q)
+        whole[:, self._felt] = step
+        return plus(q, whole, self._turns)
 
 
 def _damped_step(information: Floats, gradient: Floats, damping: Floats) -> Floats:

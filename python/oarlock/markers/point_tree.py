@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from oarlock.array_gate import FloatArray
-from oarlock.coordinates import parts
+from oarlock.coordinates import plus, rotation_columns
 from oarlock.markers.attachments import Attachment
 from oarlock.markers.trajectories import Bools
-from oarlock.rotation import quat_from_rotvec, quat_product, rotvec_between, rotvec_from_quat
+from oarlock.rotation import quat_from_rotvec, rotvec_between
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -46,9 +46,7 @@ class PointTree:
 
     def __init__(self, model: Model, attachments: Sequence[Attachment]) -> None:
         self.model = model
-        self.rotations = [
-            list(part.columns) for part in parts(model.coordinate_names) if part.kind == "rotation"
-        ]
+        self.rotations = rotation_columns(model.coordinate_names)
         self._frames = [model.frame_names.index(a.frame) for a in attachments]
         self._points = np.array([a.point_m for a in attachments])
         self._movers = _movers(model, self._frames)
@@ -78,11 +76,7 @@ class PointTree:
 
     def plus(self, q: FloatArray, step: FloatArray) -> FloatArray:
         """Coordinates (T, n_coordinates) after small steps."""
-        moved = np.asarray(q + step)
-        for columns in self.rotations:
-            turned = quat_product(quat_from_rotvec(q[:, columns]), quat_from_rotvec(step[:, columns]))
-            moved[:, columns] = rotvec_from_quat(turned)
-        return moved
+        return plus(q, step, self.rotations)
 
     def minus(self, q: FloatArray, other: FloatArray) -> FloatArray:
         """The steps that lead from `other` to `q`, (T, n_coordinates)."""

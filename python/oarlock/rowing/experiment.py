@@ -12,7 +12,7 @@ from oarlock.motion import Motion
 from oarlock.rowing.boat import Boat, rower_centre_of_mass
 from oarlock.rowing.hull import HULL_JOINTS, HullRotation, on_hull, turning_hull
 from oarlock.rowing.motion import Piece, row_piece
-from oarlock.rowing.noise import CONDITIONS, SimulatedCondition
+from oarlock.rowing.noise import SimulatedCondition, condition_named
 from oarlock.rowing.pitch import HullForm, hull_pitch
 from oarlock.rowing.sweep import PAIR_HULL, PAIR_SEAT, sweep_piece
 
@@ -128,11 +128,10 @@ class _Hull:
 
 
 def _condition(name: str, pitching: bool) -> SimulatedCondition:
-    if name not in CONDITIONS:
-        raise ValueError(f"no condition '{name}'; Table 5 has {', '.join(CONDITIONS)}")
-    if pitching and not CONDITIONS[name].boat_surge:
+    chosen = condition_named(name)
+    if pitching and not chosen.boat_surge:
         raise ValueError(f"condition {name} is a boat that stands still; it pitches in B-NB and B-B")
-    return CONDITIONS[name]
+    return chosen
 
 
 def _recorded(

@@ -53,3 +53,14 @@ CONDITIONS: Mapping[str, SimulatedCondition] = MappingProxyType(
         "B-B": SimulatedCondition("B-B", True, TABLE_5_GYRO_BIAS_RAD_S, TABLE_5_ACCEL_BIAS_M_S2),
     }
 )
+
+
+def condition_named(name: str) -> SimulatedCondition:
+    """A column of Table 5.
+
+    Raises:
+        ValueError: the table has no such condition.
+    """
+    if name not in CONDITIONS:
+        raise ValueError(f"no condition '{name}'; Table 5 has {', '.join(CONDITIONS)}")
+    return CONDITIONS[name]

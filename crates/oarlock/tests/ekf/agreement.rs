@@ -3,7 +3,7 @@
 use super::body::Naive;
 use super::plain::update;
 use super::support::chance::Chance;
-use super::support::record::{punch_holes, times, Scene};
+use super::support::record::{punch_holes, times, with_loops, Scene};
 use super::support::stroke::{Posture, Stroke};
 use super::support::tree::TREE;
 use super::support::wave::Wave;
@@ -17,19 +17,6 @@ use oarlock::track::{Calibration, Status, Tracker};
 /// As for the unscented filter: rounding, at condition numbers that take eight of sixteen digits. The plain one's Jacobian is good
 /// to twelve.
 const SAME_FILTER_SIGMA: f64 = 1e-8;
-
-/// Readings with the loops closed where both angles of the oar are there.
-fn with_loops(z: &[f64], body: &Body, inputs: &[f64]) -> Vec<f64> {
-    let mut z = z.to_vec();
-    let joint = |name: String| body.model.joints.iter().position(|j| j.name == name).unwrap();
-    for source in body.suite.sources.iter().filter(|s| s.name.ends_with("_grip")) {
-        let side = source.name[..1].to_string();
-        if ["phi", "alpha"].iter().all(|a| !inputs[joint(format!("{side}_oar_{a}"))].is_nan()) {
-            z[source.rows.clone()].fill(0.0);
-        }
-    }
-    z
-}
 
 /// Both filters side by side at 100 Hz: how far apart they ever were, mean and covariance, and how many rounds they took.
 fn run_both(

@@ -3,7 +3,7 @@
 use super::support::chance::Chance;
 use super::support::chi_square::interval_999;
 use super::support::nature::{nees, Nature};
-use super::support::record::{punch_holes, streams, times, Scene};
+use super::support::record::{on_a_stroke, times, Scene};
 use super::support::stroke::Stroke;
 use super::support::tree::TREE;
 use super::support::{belief, body, model, plain, start_std, worse, CHAIN, SCULLER};
@@ -16,22 +16,9 @@ use oarlock::estimate::learn::Learning;
 use oarlock::estimate::sigma::Spread;
 use oarlock::estimate::start::{Evidence, Fit, Guess, Problem};
 use oarlock::estimate::System;
-use oarlock::track::run::{track, Run};
 use oarlock::track::{Calibration, Tracker};
 
 const ALL: [FilterKind; 3] = [FilterKind::Ukf, FilterKind::Ekf, FilterKind::Iekf];
-
-/// Root mean square of the poses' errors, rad or m.
-fn error(body: &Body, scene: &Scene, run: &Run) -> f64 {
-    let (n, pose, rows) = (body.layout.dim(), body.layout.partition.pose, run.series.time_s.len());
-    let mut away = vec![0.0; n];
-    let mut sum = 0.0;
-    for (mean, &time_s) in run.series.mean.chunks_exact(n).zip(&run.series.time_s) {
-        body.difference(mean, &scene.state(time_s), &mut away);
-        sum += away[..pose].iter().map(|x| x * x).sum::<f64>();
-    }
-    (sum / (rows * pose) as f64).sqrt()
-}
 
 /// What a straight line may cost where the readings are nearly straight.
 const NEARLY: f64 = 1.05;
@@ -39,22 +26,7 @@ const NEARLY: f64 = 1.05;
 /// Start, gates, learning, holes and smoother as they come: at a hundred readings a second curvature is small beside noise.
 #[test]
 fn on_a_stroke_they_are_as_good_as_each_other() {
-    let mut errors = Vec::new();
-    for filter in ALL {
-        let config = Config { filter, ..Config::default() };
-        let body = body(&model(SCULLER), &config);
-        let stroke = Stroke::new(&body, 2.2);
-        let surge = |t: f64| 2.0 * (2.9 * t).sin();
-        let scene = Scene { body: &body, motion: &|t| stroke.at(t), surge: &surge, azimuth_rad: 0.5, noise: 1.0 };
-        let mut chance = Chance::new(11);
-        let mut samples = scene.samples(&times(0.0, 0.01, 500), &mut chance);
-        punch_holes(&body, &mut samples[30..], &mut chance);
-        let streams = streams(&body, &samples);
-        let run = track(body.model.clone(), streams, &Calibration::default(), &config, None, &mut |_| true).unwrap();
-        let smooth = run.smooth(&mut |_| true).unwrap();
-        errors.push([error(&body, &scene, &run), error(&body, &scene, &smooth)]);
-        println!("{filter:?}: rms {:.5}, smoothed {:.5}", errors[errors.len() - 1][0], errors[errors.len() - 1][1]);
-    }
+    let errors = ALL.map(on_a_stroke);
     for [filtered, smoothed] in &errors {
         assert!(smoothed < filtered);
         assert!(*filtered < NEARLY * errors[0][0] && *smoothed < NEARLY * errors[0][1]);

@@ -4,7 +4,7 @@ use super::bodies::{limb_of, walker};
 use super::body::Naive;
 use super::plain::{update, Parts};
 use super::support::chance::Chance;
-use super::support::record::{punch_holes, times, Scene};
+use super::support::record::{punch_holes, times, with_loops, Scene};
 use super::support::stroke::{Posture, Stroke};
 use super::support::wave::Wave;
 use super::support::{belief, body, model, plain, start_std, worse, SCULLER};
@@ -16,19 +16,6 @@ use oarlock::track::{Calibration, Status, Tracker};
 
 /// As for the unscented filter: rounding, at condition numbers that take eight of sixteen digits.
 const SAME_FILTER_SIGMA: f64 = 1e-8;
-
-/// Readings with the loops closed where both angles of the oar are there.
-fn with_loops(z: &[f64], body: &Body, inputs: &[f64]) -> Vec<f64> {
-    let mut z = z.to_vec();
-    let joint = |name: String| body.model.joints.iter().position(|j| j.name == name).unwrap();
-    for source in body.suite.sources.iter().filter(|s| s.name.ends_with("_grip")) {
-        let side = source.name[..1].to_string();
-        if ["phi", "alpha"].iter().all(|a| !inputs[joint(format!("{side}_oar_{a}"))].is_nan()) {
-            z[source.rows.clone()].fill(0.0);
-        }
-    }
-    z
-}
 
 fn parts(body: &Body) -> Parts {
     let states: Vec<usize> = body.layout.names.iter().map(|name| limb_of(name)).collect();

@@ -3,28 +3,12 @@
 use super::bodies::walker;
 use super::support::chance::Chance;
 use super::support::nature::{nees, Nature};
-use super::support::record::{punch_holes, streams, times, Scene};
-use super::support::stroke::Stroke;
-use super::support::{belief, body, model, plain, start_std, SCULLER};
-use oarlock::body::Body;
+use super::support::record::on_a_stroke;
+use super::support::{belief, body, model, plain, start_std};
 use oarlock::config::{Config, FilterKind};
-use oarlock::estimate::System;
-use oarlock::track::run::{track, Run};
 use oarlock::track::{Calibration, Tracker};
 
 const BOTH: [FilterKind; 2] = [FilterKind::Ukf, FilterKind::Factorised];
-
-/// Root mean square of the poses' errors, rad or m.
-fn error(body: &Body, scene: &Scene, run: &Run) -> f64 {
-    let (n, pose, rows) = (body.layout.dim(), body.layout.partition.pose, run.series.time_s.len());
-    let mut away = vec![0.0; n];
-    let mut sum = 0.0;
-    for (mean, &time_s) in run.series.mean.chunks_exact(n).zip(&run.series.time_s) {
-        body.difference(mean, &scene.state(time_s), &mut away);
-        sum += away[..pose].iter().map(|x| x * x).sum::<f64>();
-    }
-    (sum / (rows * pose) as f64).sqrt()
-}
 
 /// What two arms know of each other beyond the trunk is worth less than this.
 const NEARLY: f64 = 1.1;
@@ -32,22 +16,7 @@ const NEARLY: f64 = 1.1;
 /// Start, gates, learning, holes and smoother as they come.
 #[test]
 fn a_stroke_is_tracked_nearly_as_well() {
-    let mut errors = Vec::new();
-    for filter in BOTH {
-        let config = Config { filter, ..Config::default() };
-        let body = body(&model(SCULLER), &config);
-        let stroke = Stroke::new(&body, 2.2);
-        let surge = |t: f64| 2.0 * (2.9 * t).sin();
-        let scene = Scene { body: &body, motion: &|t| stroke.at(t), surge: &surge, azimuth_rad: 0.5, noise: 1.0 };
-        let mut chance = Chance::new(11);
-        let mut samples = scene.samples(&times(0.0, 0.01, 500), &mut chance);
-        punch_holes(&body, &mut samples[30..], &mut chance);
-        let streams = streams(&body, &samples);
-        let run = track(body.model.clone(), streams, &Calibration::default(), &config, None, &mut |_| true).unwrap();
-        let smooth = run.smooth(&mut |_| true).unwrap();
-        errors.push([error(&body, &scene, &run), error(&body, &scene, &smooth)]);
-        println!("{filter:?}: rms {:.5}, smoothed {:.5}", errors[errors.len() - 1][0], errors[errors.len() - 1][1]);
-    }
+    let errors = BOTH.map(on_a_stroke);
     let [ukf, factorised] = [errors[0], errors[1]];
     assert!(factorised[1] < factorised[0], "smoothing is to help");
     assert!(factorised[0] < NEARLY * ukf[0] && factorised[1] < NEARLY * ukf[1], "{errors:?}");

@@ -2,13 +2,18 @@
 
 use super::chance::Chance;
 use super::so3;
-use super::stroke::Posture;
+use super::stroke::{Posture, Stroke};
+use super::{body, model, SCULLER};
 use oarlock::body::Body;
+use oarlock::config::{Config, FilterKind};
+use oarlock::estimate::System;
 use oarlock::kinematics::FrameMotion;
 use oarlock::recording::{Sample, Stream};
 use oarlock::rotation::Vec3;
 use oarlock::sensor::Quantity;
 use oarlock::track::loops::readings_from;
+use oarlock::track::run::{track, Run};
+use oarlock::track::Calibration;
 
 /// How a recording is made.
 pub struct Scene<'a> {
@@ -133,4 +138,49 @@ fn channel(
 ) -> oarlock::recording::Channel {
     let values: Vec<f64> = samples.iter().flat_map(|s| values(s)).collect();
     oarlock::recording::Channel { quantity, values: values.into() }
+}
+
+/// Readings with the loops closed where both angles of the oar are there.
+pub fn with_loops(z: &[f64], body: &Body, inputs: &[f64]) -> Vec<f64> {
+    let mut z = z.to_vec();
+    let joint = |name: String| body.model.joints.iter().position(|j| j.name == name).unwrap();
+    for source in body.suite.sources.iter().filter(|s| s.name.ends_with("_grip")) {
+        let side = source.name[..1].to_string();
+        if ["phi", "alpha"].iter().all(|a| !inputs[joint(format!("{side}_oar_{a}"))].is_nan()) {
+            z[source.rows.clone()].fill(0.0);
+        }
+    }
+    z
+}
+
+/// Five seconds of a stroke with gaps, tracked by a filter as it comes: root mean square of the poses' errors, rad or m, live and
+/// smoothed.
+pub fn on_a_stroke(filter: FilterKind) -> [f64; 2] {
+    let config = Config { filter, ..Config::default() };
+    let body = body(&model(SCULLER), &config);
+    let stroke = Stroke::new(&body, 2.2);
+    let surge = |t: f64| 2.0 * (2.9 * t).sin();
+    let scene = Scene { body: &body, motion: &|t| stroke.at(t), surge: &surge, azimuth_rad: 0.5, noise: 1.0 };
+    let mut chance = Chance::new(11);
+    let mut samples = scene.samples(&times(0.0, 0.01, 500), &mut chance);
+    punch_holes(&body, &mut samples[30..], &mut chance);
+    let streams = streams(&body, &samples);
+    let run = track(body.model.clone(), streams, &Calibration::default(), &config, None, &mut |_| true).unwrap();
+    let smooth = run.smooth(&mut |_| true).unwrap();
+    let errors = [&run, &smooth].map(|run| error(&scene, run));
+    println!("{filter:?}: rms {:.5}, smoothed {:.5}", errors[0], errors[1]);
+    errors
+}
+
+/// Root mean square of the poses' errors, rad or m.
+fn error(scene: &Scene, run: &Run) -> f64 {
+    let body = scene.body;
+    let (n, pose, rows) = (body.layout.dim(), body.layout.partition.pose, run.series.time_s.len());
+    let mut away = vec![0.0; n];
+    let mut sum = 0.0;
+    for (mean, &time_s) in run.series.mean.chunks_exact(n).zip(&run.series.time_s) {
+        body.difference(mean, &scene.state(time_s), &mut away);
+        sum += away[..pose].iter().map(|x| x * x).sum::<f64>();
+    }
+    (sum / (rows * pose) as f64).sqrt()
 }

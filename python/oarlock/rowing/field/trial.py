@@ -21,7 +21,7 @@ from oarlock.rowing.field.signals import REACH, STEP_S, Surroundings, felt
 from oarlock.rowing.field.skin import Course, Skin, bone_force, skin_of, units_of
 from oarlock.rowing.field.wearing import Clock, Encoder, Unit, clock, encoder, true_parameters, worn_unit
 from oarlock.rowing.grip import SIDES
-from oarlock.rowing.noise import CONDITIONS, SimulatedCondition
+from oarlock.rowing.noise import SimulatedCondition, condition_named
 
 if TYPE_CHECKING:
     from oarlock import Calibration, ImuStream, Markers, Model, Recording, ScalarStream, Track
@@ -143,13 +143,12 @@ def simulate_field(
 
 
 def _checked(condition: str, rate_hz: float, duration_s: float) -> SimulatedCondition:
-    if condition not in CONDITIONS:
-        raise ValueError(f"no condition '{condition}'; Table 5 has {', '.join(CONDITIONS)}")
+    chosen = condition_named(condition)
     if not (np.isfinite(rate_hz) and 1.0 <= rate_hz <= 2000.0):
         raise DataError(f"field simulator: rate_hz is {rate_hz}; give 1 to 2000 samples per second")
     if not (np.isfinite(duration_s) and 1.0 <= duration_s <= 3600.0):
         raise DataError(f"field simulator: duration_s is {duration_s}; give 1 to 3600 s")
-    return CONDITIONS[condition]
+    return chosen
 
 
 def _with_true_lengths(model: Model, true: Mapping[str, float]) -> Model:
