@@ -55,6 +55,7 @@ class Config:
     start_window_s: float
     gate: bool
     gate_patience_s: float
+    consider: str
     learning_memory_s: float | None
     belief_interval_s: float
     output_rate_hz: float | None
@@ -76,6 +77,7 @@ class Belief:
         memory: Sequence[Sequence[float]],
         hypothesis: tuple[int, float],
         rivals: Sequence[Belief],
+        doubt: Sequence[float] = ...,
     ) -> None: ...
     time_s: float
     mean: Floats
@@ -89,6 +91,8 @@ class Belief:
     memory: list[list[float]]
     hypothesis: tuple[int, float]
     rivals: list[Belief]
+    doubt: Floats
+    std: Floats
 
 class Info:
     time_s: float

@@ -40,6 +40,7 @@ impl PyBelief {
         memory: Vec<[f64; MEMORY]>,
         hypothesis: (u64, f64),
         rivals: Vec<PyRef<'_, PyBelief>>,
+        doubt: Vec<f64>,
     ) -> PyResult<Self> {
         let n = state_names.len();
         let (mean, _) = items(mean, "mean", &[n])?;
@@ -63,6 +64,7 @@ impl PyBelief {
             seen_s,
             rejected_since_s,
             memory,
+            doubt,
             line,
             score,
             rivals,
@@ -127,6 +129,20 @@ impl PyBelief {
         self.belief.memory.clone()
     }
 
+    /// How far what is only considered (mounts, lengths, places of units) may have led astray: a scale, learnt from the innovations, the
+    /// number of parameters, their shifts of every state, and what the scale is learnt from. Empty where nothing is considered.
+    #[getter]
+    fn doubt<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.belief.doubt)
+    }
+
+    /// Standard deviations (n,), what is only considered included.
+    #[getter]
+    fn std<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        let variance = |i: usize| self.belief.covariance.at(i, i).max(0.0) + self.belief.doubted(i);
+        PyArray1::from_iter(py, (0..self.belief.mean.len()).map(|i| variance(i).sqrt()))
+    }
+
     /// Which hypothesis this is, and the logarithm of its likelihood against the others'.
     #[getter]
     fn hypothesis(&self) -> (u64, f64) {
@@ -159,7 +175,9 @@ impl PyBelief {
             hypothesis,
             rivals,
         );
-        Ok((py.get_type::<Self>().into_any(), parts.into_pyobject(py)?))
+        // A tuple of more than twelve in one piece cannot be made.
+        let (parts, doubt) = (parts.into_pyobject(py)?, (b.belief.doubt.clone(),).into_pyobject(py)?);
+        Ok((py.get_type::<Self>().into_any(), parts.as_sequence().concat(doubt.as_sequence())?.to_tuple()?))
     }
 
     fn __repr__(&self) -> String {

@@ -25,6 +25,18 @@ pub enum Magnetometer {
     On,
 }
 
+/// What is known only roughly and not estimated: mounts, lengths, places of units, zeros of encoders.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Consider {
+    /// It is taken as exact.
+    Off,
+    /// It widens the bands as far as innovations that last tell that it is wrong.
+    Learnt,
+    /// It widens the bands as far as the model file's standard deviations say.
+    Always,
+}
+
 /// Which filter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -79,6 +91,8 @@ pub struct Config {
     /// Memory, s, with which driving noise of joints and base and the usual size of innovations are learnt; none keeps
     /// the model's.
     pub learning_memory_s: Option<f64>,
+    /// What to make of mounts, lengths, places of units and zeros of encoders that are not estimated.
+    pub consider: Consider,
     /// How often the full belief is kept, s.
     pub belief_interval_s: f64,
     /// Keep every sample (none), or the first one of each 1/rate s.
@@ -102,6 +116,7 @@ impl Default for Config {
             gate: true,
             gate_patience_s: 0.05,
             learning_memory_s: Some(3.0),
+            consider: Consider::Learnt,
             belief_interval_s: 1.0,
             output_rate_hz: None,
         }

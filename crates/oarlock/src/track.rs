@@ -2,6 +2,7 @@
 
 pub mod bank;
 pub mod begin;
+mod consider;
 pub mod loops;
 pub mod lost;
 pub mod magnetic;
@@ -28,6 +29,7 @@ use crate::recording::Sample;
 use crate::rotation::Mat3;
 use crate::sensor::imu::MountValue;
 use crate::sensor::Quantity;
+use consider::Considering;
 use loops::Loop;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -93,6 +95,10 @@ pub struct Tracker {
     /// The belief was given up just before this sample's update.
     lost: bool,
     transition: Transition,
+    considering: Option<Considering>,
+    /// Of each row: its part, and whether an inertial unit reads it.
+    part_of: Vec<usize>,
+    inertial_rows: Vec<bool>,
     info: Info,
     belief: Option<Belief>,
     waiting: Vec<Sample>,
@@ -111,7 +117,9 @@ impl Tracker {
                 body.model.name
             )));
         }
+        let considering = Considering::new(&body, &mounts, config)?;
         let (groups, depends) = (body.groups(), loops::dependence(&body));
+        let part_of = groups.parts.iter().enumerate().flat_map(|(p, rows)| rows.clone().map(move |_| p)).collect();
         let rows = body.suite.len();
         Ok(Tracker {
             filter: filter(&body, &groups, config.filter),
@@ -130,6 +138,9 @@ impl Tracker {
             learns: true,
             lost: false,
             transition: Transition::default(),
+            considering,
+            part_of,
+            inertial_rows: (0..rows).map(|r| groups.inertial.contains(&r)).collect(),
             info: Info::new(&groups, rows),
             belief: None,
             waiting: Vec::new(),
@@ -157,6 +168,7 @@ impl Tracker {
             && belief.habit.len() == parts
             && belief.seen_s.len() == self.groups.sources.len()
             && belief.memory.len() == self.groups.sources.len()
+            && (belief.doubt.is_empty() || belief.doubt.len() == self.considering.as_ref().map_or(0, Considering::len))
             && belief.rejected_since_s.len() == parts;
         if !fits {
             return Err(Error::Data(format!(
@@ -308,6 +320,9 @@ impl Tracker {
             let last = sample.time_s - belief.time_s <= step || next <= belief.time_s;
             let to = if last { sample.time_s } else { next };
             self.filter.predict(&self.body, belief, to, &mut self.transition);
+            if let Some(considering) = self.considering.as_ref().filter(|_| !belief.doubt.is_empty()) {
+                considering.predict(&self.transition, &mut belief.doubt);
+            }
             if last {
                 self.prepare(sample);
                 self.lost = self.is_lost(belief);
@@ -328,6 +343,9 @@ impl Tracker {
         self.notice_rest(belief);
         if (lost || self.must_regain(belief)) && self.regain(belief) {
             self.info.lost = lost;
+            if let Some(considering) = self.considering.as_ref().filter(|_| !belief.doubt.is_empty()) {
+                considering.forget(&mut belief.doubt);
+            }
             if lost {
                 self.doubt(belief);
             }
@@ -337,6 +355,7 @@ impl Tracker {
         self.hush_loops(belief);
         self.mark_seen(belief);
         self.measure_dips(belief);
+        self.look_around(belief);
         let sighting = Sighting {
             z: &self.z,
             std: &self.std,
@@ -348,7 +367,9 @@ impl Tracker {
         let learning = if self.learns { self.manner.learning } else { Learning { memory_s: f64::INFINITY } };
         let manner = Manner { learning, ..self.manner };
         let done = self.filter.update(&self.body, &self.moment, belief, sighting, manner, &mut self.info);
-        done.map_err(|lost| diverged(lost, belief.time_s))
+        done.map_err(|lost| diverged(lost, belief.time_s))?;
+        self.follow_doubt(belief);
+        Ok(())
     }
 
     /// Fills in inputs and loops, and bars disturbed magnetometers.

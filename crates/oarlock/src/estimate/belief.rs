@@ -26,6 +26,9 @@ pub struct Belief {
     pub rejected_since_s: Vec<f64>,
     /// Per source: what is remembered of its latest readings to tell whether it rests; `estimate` only keeps it.
     pub memory: Vec<[f64; MEMORY]>,
+    /// How far what is only considered may have led astray: its scale, how many numbers there are of each state, then those, the shift of the
+    /// state by one standard deviation of each parameter; `estimate` only keeps what else follows. Empty if nothing is considered.
+    pub doubt: Vec<f64>,
     /// Its number among the hypotheses into which the belief last parted.
     pub line: u64,
     /// Logarithm of its likelihood, against that of the others.
@@ -49,6 +52,7 @@ impl Clone for Belief {
             seen_s: self.seen_s.clone(),
             rejected_since_s: self.rejected_since_s.clone(),
             memory: self.memory.clone(),
+            doubt: self.doubt.clone(),
             rivals: self.rivals.clone(),
             ..*self
         }
@@ -68,6 +72,7 @@ impl Clone for Belief {
             seen_s,
             rejected_since_s,
             memory,
+            doubt,
             line,
             score,
             rivals,
@@ -79,6 +84,7 @@ impl Clone for Belief {
         seen_s.clone_from(&from.seen_s);
         rejected_since_s.clone_from(&from.rejected_since_s);
         memory.clone_from(&from.memory);
+        doubt.clone_from(&from.doubt);
         rivals.clone_from(&from.rivals);
         (*time_s, *inflation, *surprise) = (from.time_s, from.inflation, from.surprise);
         (*line, *score) = (from.line, from.score);
@@ -98,7 +104,17 @@ impl Belief {
         if !self.rivals.is_empty() {
             self.mix(system, std);
         }
-        std.iter_mut().for_each(|x| *x = x.max(0.0).sqrt());
+        std.iter_mut().enumerate().for_each(|(i, x)| *x = (x.max(0.0) + self.doubted(i)).sqrt());
+    }
+
+    /// Variance of a state by what is only considered.
+    pub fn doubted(&self, state: usize) -> f64 {
+        let [scale, width, ref slopes @ ..] = self.doubt[..] else { return 0.0 };
+        if scale == 0.0 {
+            return 0.0;
+        }
+        let width = width as usize;
+        scale * scale * slopes[state * width..(state + 1) * width].iter().map(|s| s * s).sum::<f64>()
     }
 
     fn mix<S: System>(&self, system: &S, variance: &mut [f64]) {

@@ -131,6 +131,18 @@ impl Transition {
         p.mirror_upper();
     }
 
+    /// A <- F A of a matrix whose rows of this width are laid end to end. Allocates nothing.
+    pub fn apply_to_rows(&self, a: &mut [f64], width: usize) {
+        for b in self.before().chain(&self.blocks).chain(self.after()).filter(|b| !b.stays()) {
+            for k in 0..width {
+                let old = b.index.map(|i| a[i * width + k]);
+                for r in 0..b.len {
+                    a[b.index[r] * width + k] = (0..b.len).map(|c| b.factor[r][c] * old[c]).sum();
+                }
+            }
+        }
+    }
+
     /// A <- A F'.
     pub fn multiply_right_transposed(&self, a: &mut Square) {
         for i in 0..a.n() {

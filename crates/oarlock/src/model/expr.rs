@@ -33,6 +33,12 @@ impl Expr {
         Expr(Form::Constant(value))
     }
 
+    /// A number plus the value of a parameter.
+    pub fn constant_plus(value: f64, parameter: usize) -> Self {
+        let program = [Op::Constant(value), Op::Parameter(parameter), Op::Add];
+        Expr(Form::Program(Box::new(program)))
+    }
+
     /// Reads `+ - * /`, parentheses, numbers, `pi` and the given names.
     ///
     /// # Errors

@@ -1,5 +1,6 @@
 //! The start: a fit of the first samples from several guesses, and how far to trust it.
 
+use super::consider::Considering;
 use super::Tracker;
 use crate::body::{three, Body, Moment};
 use crate::error::{Error, Result};
@@ -131,6 +132,7 @@ impl Tracker {
             seen_s: vec![time_s; self.groups.sources.len()],
             rejected_since_s: vec![f64::NAN; parts],
             memory: vec![[f64::NAN; MEMORY]; self.groups.sources.len()],
+            doubt: self.considering.as_ref().map_or_else(Vec::new, Considering::fresh),
             line: 0,
             score: 0.0,
             rivals: Vec::new(),

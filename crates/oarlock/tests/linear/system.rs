@@ -135,6 +135,7 @@ pub fn start() -> Belief {
         memory: Vec::new(),
         line: 1,
         score: 0.0,
+        doubt: Vec::new(),
         rivals: Vec::new(),
     }
 }

@@ -126,6 +126,7 @@ pub fn belief(body: &Body, time_s: f64, mean: Vec<f64>, std: &[f64]) -> Belief {
         memory: vec![[f64::NAN; MEMORY]; body.suite.sources.len()],
         line: 0,
         score: 0.0,
+        doubt: Vec::new(),
         rivals: Vec::new(),
     }
 }

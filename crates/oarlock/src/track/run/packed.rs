@@ -6,7 +6,7 @@ use crate::estimate::dense::Square;
 /// A belief whose covariance, which is exactly symmetric, is kept by its upper triangle.
 #[derive(Debug, Clone)]
 pub(super) struct Packed {
-    /// All but the covariance.
+    /// All but the covariance, and without doubt: what is considered moves no estimate.
     belief: Belief,
     upper: Vec<f64>,
 }
@@ -15,7 +15,8 @@ impl Packed {
     pub(super) fn of(belief: &Belief) -> Self {
         let n = belief.mean.len();
         let upper = (0..n).flat_map(|i| &belief.covariance.row(i)[i..]).copied().collect();
-        Packed { belief: Belief { covariance: Square::zeros(0), ..belief.clone() }, upper }
+        let belief = Belief { covariance: Square::zeros(0), doubt: Vec::new(), ..belief.clone() };
+        Packed { belief, upper }
     }
 
     pub(super) fn time_s(&self) -> f64 {

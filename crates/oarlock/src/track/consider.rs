@@ -1,0 +1,393 @@
+//! What is known only roughly and not estimated: mounts, lengths, places of units, zeros of encoders.
+//!
+//! Each of these parameters, a standard deviation off, would have led the filter astray by so much: the *slopes* dx/dp, carried along
+//! with the belief (Schmidt 1966; in the form that leaves the filter as it is: Friedland 1969). They widen the bands and move
+//! nothing. How far off the parameters are as a whole, in their standard deviations, is learnt: where the model is right, innovations
+//! are white, and their low-passed values are as small as those of noise; where it is wrong they last as the slopes foretell.
+
+use super::Tracker;
+use crate::body::{Body, Moment};
+use crate::config::{Config, Consider};
+use crate::error::Result;
+use crate::estimate::belief::Belief;
+use crate::estimate::dense::{accumulate, Square};
+use crate::estimate::filter::Verdict;
+use crate::estimate::straight::Straight;
+use crate::estimate::tiles::padded;
+use crate::estimate::transition::Transition;
+use crate::estimate::System;
+use crate::lane::arch::{Arch, Kernel};
+use crate::model::expr::Expr;
+use crate::model::{Mount, Parameter, SensorKind};
+use crate::sensor::imu::MountValue;
+use crate::sensor::Quantity;
+use crate::state::{LENGTHS, MOUNTS};
+use std::sync::Arc;
+
+/// How far a unit may sit from where it should in each direction, m.
+const PLACE_STD_M: f64 = 0.01;
+/// How far the zero of an encoder may be off, rad or m.
+const ZERO_STD: f64 = 0.005;
+/// Innovations are averaged over this, s: longer than noise and learnt driving remember, shorter than a stroke.
+const AVERAGE_S: f64 = 0.3;
+/// Memory of how large averages are, s.
+const MEMORY_S: f64 = 5.0;
+/// Averages up to this many times (squared) as large as those of white noise are chance.
+const CHANCE: f64 = 1.5;
+/// Slopes beyond this say that the recursion is no longer one.
+const ABSURD: f64 = 1e3;
+/// Numbers kept of each row: its average innovation, the last one, when that was, how many there were, and the mean squares of average,
+/// white noise and expectation.
+const PER_ROW: usize = 7;
+/// Scale, and how many parameters there are.
+const HEAD: usize = 2;
+
+/// What a column of the Jacobian means to the filter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Role {
+    State(usize),
+    /// Number among what is considered, and its standard deviation in the column's unit.
+    Considered(usize, f64),
+    Nothing,
+}
+
+/// Room for the slopes of a body.
+#[derive(Debug, Clone)]
+pub(super) struct Considering {
+    arch: Arch,
+    /// The body with everything that is considered among its states.
+    twin: Body,
+    scratch: Box<<Body as System>::Scratch>,
+    straight: Straight,
+    roles: Vec<Role>,
+    /// Of each row that an encoder's zero shifts.
+    zeros: Vec<Option<usize>>,
+    /// Rows whose innovations last only where the model is wrong.
+    telling: Vec<bool>,
+    /// Mean of the twin; where its entries stand in the filter's.
+    mean: Vec<f64>,
+    from: Vec<Option<usize>>,
+    center: Vec<f64>,
+    /// States, rows, and considered parameters, padded.
+    size: (usize, usize, usize),
+    always: bool,
+    /// What an innovation owes to each parameter, row by row.
+    answers: Vec<f64>,
+    /// J'WB.
+    pull: Vec<f64>,
+    scales: Vec<f64>,
+}
+
+impl Considering {
+    /// `None` where nothing is considered.
+    pub(super) fn new(body: &Body, mounts: &[Option<MountValue>], config: &Config) -> Result<Option<Self>> {
+        if config.consider == Consider::Off {
+            return Ok(None);
+        }
+        let twin = twin(body, mounts, config)?;
+        let (roles, mut count) = roles(body, &twin);
+        let joints = body.suite.sources.iter().flat_map(|s| &s.parts).filter(|p| p.quantity == Quantity::Joint);
+        let mut zeros = vec![None; body.suite.len()];
+        for part in joints {
+            zeros[part.rows.start] = Some(count);
+            count += 1;
+        }
+        if count == 0 {
+            return Ok(None);
+        }
+        let parts = body.suite.sources.iter().flat_map(|s| &s.parts);
+        let tells = |q: Quantity| matches!(q, Quantity::Gyro | Quantity::Mag | Quantity::Joint);
+        let telling = parts.flat_map(|p| p.rows.clone().map(move |_| tells(p.quantity))).collect();
+        let position = |name: &String| body.layout.names.iter().position(|own| own == name);
+        let mut mean = vec![0.0; twin.layout.dim()];
+        for ((_, state), length) in twin.layout.lengths.iter().zip(twin.lengths()) {
+            mean[*state] = length;
+        }
+        let (n, m, width) = (body.layout.dim(), body.suite.len(), padded(count));
+        Ok(Some(Considering {
+            arch: Arch::best(),
+            scratch: Box::new(twin.scratch()),
+            straight: twin.tangent().unwrap_or_default(),
+            roles,
+            zeros,
+            telling,
+            from: twin.layout.names.iter().map(position).collect(),
+            mean,
+            center: vec![0.0; m],
+            size: (n, m, width),
+            always: config.consider == Consider::Always,
+            answers: vec![0.0; m * width],
+            pull: vec![0.0; n * width],
+            scales: Vec::with_capacity(m),
+            twin,
+        }))
+    }
+
+    /// A first doubt: nothing has led astray yet.
+    pub(super) fn fresh(&self) -> Vec<f64> {
+        let mut doubt = vec![0.0; self.len()];
+        (doubt[0], doubt[1]) = (f64::from(self.always), self.size.2 as f64);
+        let (_, rows, _) = self.parts(&mut doubt);
+        rows.chunks_mut(PER_ROW).for_each(|row| row[2] = f64::NAN);
+        doubt
+    }
+
+    /// How many numbers that are.
+    pub(super) fn len(&self) -> usize {
+        let (n, m, width) = self.size;
+        HEAD + n * width + m * (PER_ROW + width)
+    }
+
+    /// Slopes, what is kept of each row, and its expected averages.
+    fn parts<'a>(&self, doubt: &'a mut [f64]) -> (&'a mut [f64], &'a mut [f64], &'a mut [f64]) {
+        let (n, m, width) = self.size;
+        let (slopes, rest) = doubt[HEAD..].split_at_mut(n * width);
+        let (rows, expected) = rest.split_at_mut(m * PER_ROW);
+        (slopes, rows, expected)
+    }
+
+    /// Takes the slopes on as the error of the mean goes.
+    pub(super) fn predict(&self, transition: &Transition, doubt: &mut [f64]) {
+        let (n, _, width) = self.size;
+        transition.apply_to_rows(&mut doubt[HEAD..HEAD + n * width], width);
+    }
+
+    /// Forgets where the belief has been led: it was fitted anew.
+    pub(super) fn forget(&self, doubt: &mut [f64]) {
+        let (n, _, width) = self.size;
+        doubt[HEAD..HEAD + n * width].fill(0.0);
+    }
+
+    /// Finds how readings answer at the mean before an update.
+    pub(super) fn look(&mut self, mean: &[f64], moment: &Moment) {
+        for (own, from) in self.mean.iter_mut().zip(&self.from) {
+            if let Some(i) = from {
+                *own = mean[*i];
+            }
+        }
+        let Considering { twin, scratch, mean, center, straight, .. } = self;
+        self.arch.run(Looking { twin, moment, scratch, mean, center, straight });
+    }
+
+    /// Takes in what the update did.
+    pub(super) fn follow(&mut self, doubt: &mut [f64], p: &Square, row_variance: impl Fn(usize) -> Option<f64>) {
+        let (n, _, width) = self.size;
+        self.pull.fill(0.0);
+        for t in 0..self.straight.trios.len() {
+            self.answer(t, &doubt[HEAD..HEAD + n * width], &row_variance);
+        }
+        let slopes = &mut doubt[HEAD..HEAD + n * width];
+        self.arch.run(Following { slopes, p, pull: &self.pull, width });
+        if slopes.iter().any(|s| !(s.abs() < ABSURD)) {
+            slopes.fill(0.0);
+        }
+    }
+
+    /// Of a few rows: B = J dx/dp + dh/dp, and their part of J'WB.
+    fn answer(&mut self, t: usize, slopes: &[f64], variance: &impl Fn(usize) -> Option<f64>) {
+        let (_, _, width) = self.size;
+        let trio = &self.straight.trios[t];
+        for i in 0..trio.count {
+            let row = trio.row + i;
+            let Some(noise) = variance(row) else { continue };
+            let answer = &mut self.answers[row * width..(row + 1) * width];
+            answer.fill(0.0);
+            let mut input_noise = 0.0;
+            for slope in &self.straight.slopes[trio.slopes.clone()] {
+                let by = slope.rows[i];
+                match self.roles[slope.state] {
+                    Role::State(s) => {
+                        answer.iter_mut().zip(&slopes[s * width..(s + 1) * width]).for_each(|(a, x)| *a += by * x);
+                    }
+                    Role::Considered(k, std) => answer[k] += by * std,
+                    Role::Nothing => {}
+                }
+                if slope.state >= self.straight.n {
+                    input_noise += by * by;
+                }
+            }
+            if let Some(Role::State(s)) = trio.added.map(|first| self.roles[first + i]) {
+                answer.iter_mut().zip(&slopes[s * width..(s + 1) * width]).for_each(|(a, x)| *a += x);
+            }
+            if let Some(k) = self.zeros[row] {
+                answer[k] += ZERO_STD;
+            }
+            let weight = 1.0 / (noise + input_noise);
+            for slope in &self.straight.slopes[trio.slopes.clone()] {
+                if let Role::State(s) = self.roles[slope.state] {
+                    let by = weight * slope.rows[i];
+                    let pull = &mut self.pull[s * width..(s + 1) * width];
+                    pull.iter_mut().zip(&*answer).for_each(|(p, a)| *p += by * a);
+                }
+            }
+            if let Some(Role::State(s)) = trio.added.map(|first| self.roles[first + i]) {
+                let pull = &mut self.pull[s * width..(s + 1) * width];
+                pull.iter_mut().zip(&*answer).for_each(|(p, a)| *p += weight * a);
+            }
+        }
+    }
+
+    /// How far off the parameters are as a whole, from innovations that last.
+    pub(super) fn learn(&mut self, doubt: &mut [f64], time_s: f64, innovation: &[f64], told: impl Fn(usize) -> bool) {
+        if self.always {
+            return;
+        }
+        let (_, m, width) = self.size;
+        let mut scales = std::mem::take(&mut self.scales);
+        scales.clear();
+        let (_, rows, expected) = self.parts(doubt);
+        for r in (0..m).filter(|&r| self.telling[r]) {
+            let kept: &mut [f64; PER_ROW] = rows[r * PER_ROW..].first_chunk_mut().expect("kept of each row");
+            let expected = &mut expected[r * width..(r + 1) * width];
+            if told(r) {
+                average(kept, expected, &self.answers[r * width..(r + 1) * width], (time_s, innovation[r]));
+            }
+            let [.., power, white, share] = *kept;
+            if share > white && white > 0.0 {
+                scales.push((power - CHANCE * white) / share);
+            }
+        }
+        let middle = scales.len() / 2;
+        if !scales.is_empty() {
+            let (_, &mut median, _) = scales.select_nth_unstable_by(middle, f64::total_cmp);
+            doubt[0] = median.max(0.0).sqrt();
+        }
+        self.scales = scales;
+    }
+}
+
+/// Takes one innovation and what it owes to each parameter into their averages.
+fn average(kept: &mut [f64; PER_ROW], expected: &mut [f64], answers: &[f64], (time_s, innovation): (f64, f64)) {
+    let [low, last, last_s, count, power, white, share] = kept;
+    let dt = time_s - *last_s;
+    if !dt.is_finite() {
+        (*last, *last_s) = (innovation, time_s);
+        return;
+    }
+    let pace = (dt / AVERAGE_S).min(1.0);
+    *low += pace * (innovation - *low);
+    let mut owed = 0.0;
+    for (e, a) in expected.iter_mut().zip(answers) {
+        *e += pace * (a - *e);
+        owed += *e * *e;
+    }
+    *count += 1.0;
+    let keep = (dt / MEMORY_S).max(1.0 / *count).min(1.0);
+    let jump = innovation - *last;
+    let floor = pace / (2.0 - pace) * 0.5 * jump * jump;
+    *power += keep * (*low * *low - *power);
+    *white += keep * (floor - *white);
+    *share += keep * (owed - *share);
+    (*last, *last_s) = (innovation, time_s);
+}
+
+/// The same body with mounts, lengths and the places of its units among the states.
+fn twin(body: &Body, mounts: &[Option<MountValue>], config: &Config) -> Result<Body> {
+    let mut model = (*body.model).clone();
+    let mut parameters = body.parameters.clone();
+    for (i, given) in mounts.iter().enumerate() {
+        let SensorKind::Imu { mount: Mount { rotation, offset, .. }, .. } = &mut model.sensors[i].kind else { continue };
+        let place = given.map_or_else(|| [0, 1, 2].map(|k| offset[k].eval(&body.parameters)), |given| given.1);
+        *rotation = given.map_or(*rotation, |given| given.0);
+        for k in 0..3 {
+            let label = format!("place{i}_{k}");
+            offset[k] = Expr::constant_plus(place[k], parameters.len());
+            let (unit, std) = ("m".to_string(), Some(PLACE_STD_M));
+            model.parameters.push(Parameter { name: label.clone(), label, unit, default: 0.0, std });
+            parameters.push(0.0);
+        }
+    }
+    let mut all = config.clone();
+    all.estimate.extend([LENGTHS, MOUNTS].map(String::from));
+    let none = vec![None; model.sensors.len()];
+    Body::new(Arc::new(model), &parameters, &none, &all)
+}
+
+/// Role of every column of the twin's Jacobian, and how many parameters are considered.
+fn roles(body: &Body, twin: &Body) -> (Vec<Role>, usize) {
+    let own = |name: &String| body.layout.names.iter().position(|n| n == name);
+    let state = |name: &String| own(name).map_or(Role::Nothing, Role::State);
+    let mut roles: Vec<Role> = twin.layout.names.iter().map(state).collect();
+    let mut count = 0;
+    let mut consider = |role: &mut Role, std: f64| {
+        if *role == Role::Nothing && std > 0.0 {
+            *role = Role::Considered(count, std);
+            count += 1;
+        }
+    };
+    for (parameter, state) in &twin.layout.lengths {
+        consider(&mut roles[*state], twin.model.parameters[*parameter].std.unwrap_or(0.0));
+    }
+    for (sensor, first) in &twin.layout.mounts {
+        if let SensorKind::Imu { mount, .. } = &twin.model.sensors[*sensor].kind {
+            roles[*first..first + 3].iter_mut().for_each(|role| consider(role, mount.std_rad));
+        }
+    }
+    for std in twin.input_std() {
+        roles.push(Role::Nothing);
+        // Columns of inputs are those of their standard deviation.
+        consider(roles.last_mut().expect("just pushed"), ZERO_STD / std);
+    }
+    (roles, count)
+}
+
+struct Looking<'a> {
+    twin: &'a Body,
+    moment: &'a Moment,
+    scratch: &'a mut <Body as System>::Scratch,
+    mean: &'a [f64],
+    center: &'a mut [f64],
+    straight: &'a mut Straight,
+}
+
+impl Kernel for Looking<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        self.twin.linearise_into::<FUSED>(self.moment, self.scratch, self.mean, self.center, self.straight);
+    }
+}
+
+/// dx/dp loses P J'WB: the gain that an update with the covariance P behind it has had.
+struct Following<'a> {
+    slopes: &'a mut [f64],
+    p: &'a Square,
+    pull: &'a [f64],
+    width: usize,
+}
+
+impl Kernel for Following<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        for (i, row) in self.slopes.chunks_exact_mut(self.width).enumerate() {
+            let terms = self.p.row(i).iter().zip(self.pull.chunks_exact(self.width));
+            accumulate(row, terms.map(|(p, pull)| (-p, pull)));
+        }
+    }
+}
+
+impl Tracker {
+    /// Before an update.
+    pub(super) fn look_around(&mut self, belief: &Belief) {
+        if let Some(considering) = self.considering.as_mut().filter(|_| !belief.doubt.is_empty()) {
+            considering.look(&belief.mean, &self.moment);
+        }
+    }
+
+    /// Behind an update: what is considered has led the belief so much farther astray.
+    pub(super) fn follow_doubt(&mut self, belief: &mut Belief) {
+        let Some(considering) = self.considering.as_mut().filter(|_| !belief.doubt.is_empty()) else { return };
+        let (z, std, inertial) = (&self.z, &self.std, &self.inertial_rows);
+        let inflation = belief.inflation;
+        let believed = |r: usize| !z[r].is_nan() && self.info.parts[self.part_of[r]] == Verdict::Believed;
+        let variance = |r: usize| {
+            let factor = if inertial[r] { inflation } else { 1.0 };
+            believed(r).then_some(std[r] * std[r] * factor)
+        };
+        considering.follow(&mut belief.doubt, &belief.covariance, variance);
+        considering.learn(&mut belief.doubt, belief.time_s, &self.info.innovation, believed);
+    }
+}
