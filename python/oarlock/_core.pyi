@@ -73,7 +73,7 @@ class Belief:
         seen_s: ArrayLike,
         rejected_since_s: ArrayLike,
         state_names: list[str],
-        inflation: tuple[float, float],
+        inflation: tuple[float, float, float, float],
         memory: Sequence[Sequence[float]],
         hypothesis: tuple[int, float],
         rivals: Sequence[Belief],
@@ -87,7 +87,7 @@ class Belief:
     seen_s: Floats
     rejected_since_s: Floats
     state_names: list[str]
-    inflation: tuple[float, float]
+    inflation: tuple[float, float, float, float]
     memory: list[list[float]]
     hypothesis: tuple[int, float]
     rivals: list[Belief]

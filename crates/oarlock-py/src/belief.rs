@@ -36,7 +36,7 @@ impl PyBelief {
         seen_s: &Bound<'_, PyAny>,
         rejected_since_s: &Bound<'_, PyAny>,
         state_names: Vec<String>,
-        inflation: (f64, f64),
+        inflation: (f64, f64, f64, f64),
         memory: Vec<[f64; MEMORY]>,
         hypothesis: (u64, f64),
         rivals: Vec<PyRef<'_, PyBelief>>,
@@ -61,6 +61,8 @@ impl PyBelief {
             habit,
             inflation: inflation.0,
             surprise: inflation.1,
+            roughness: inflation.2,
+            leftover: inflation.3,
             seen_s,
             rejected_since_s,
             memory,
@@ -119,8 +121,9 @@ impl PyBelief {
     /// How much larger the noise of inertial units is than the model says, and the usual size of their innovations together
     /// as a factor on what is expected (variances), as learnt.
     #[getter]
-    fn inflation(&self) -> (f64, f64) {
-        (self.belief.inflation, self.belief.surprise)
+    fn inflation(&self) -> (f64, f64, f64, f64) {
+        let Belief { inflation, surprise, roughness, leftover, .. } = self.belief;
+        (inflation, surprise, roughness, leftover)
     }
 
     /// Per sensor and closure: smoothed readings by which rest is told.

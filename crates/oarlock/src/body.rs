@@ -214,15 +214,13 @@ impl Body {
     /// Rows that are accepted, rejected and reported together.
     pub fn groups(&self) -> Groups {
         let sources = &self.suite.sources;
+        let parts = || sources.iter().flat_map(|s| &s.parts);
+        let rows = |of: fn(Quantity) -> bool| parts().filter(|p| of(p.quantity)).flat_map(|p| p.rows.clone()).collect();
         Groups {
             parts: sources.iter().flat_map(|s| s.parts.iter().map(|p| p.rows.clone())).collect(),
             sources: sources.iter().map(|s| s.rows.clone()).collect(),
-            inertial: sources
-                .iter()
-                .flat_map(|s| &s.parts)
-                .filter(|p| p.quantity.is_inertial())
-                .flat_map(|p| p.rows.clone())
-                .collect(),
+            inertial: rows(Quantity::is_inertial),
+            rough: rows(|q| q == Quantity::Accel),
         }
     }
 

@@ -99,6 +99,7 @@ pub struct Tracker {
     /// Of each row: its part, and whether an inertial unit reads it.
     part_of: Vec<usize>,
     inertial_rows: Vec<bool>,
+    rough_rows: Vec<bool>,
     info: Info,
     belief: Option<Belief>,
     waiting: Vec<Sample>,
@@ -140,6 +141,7 @@ impl Tracker {
             transition: Transition::default(),
             considering,
             part_of,
+            rough_rows: (0..rows).map(|r| groups.rough.contains(&r)).collect(),
             inertial_rows: (0..rows).map(|r| groups.inertial.contains(&r)).collect(),
             info: Info::new(&groups, rows),
             belief: None,
@@ -176,7 +178,7 @@ impl Tracker {
                 self.body.model.name
             )));
         }
-        let scalars = [belief.time_s, belief.inflation, belief.surprise, belief.score];
+        let scalars = [belief.time_s, belief.inflation, belief.surprise, belief.roughness, belief.leftover, belief.score];
         let lists = [&belief.mean, belief.covariance.as_slice(), &belief.drive, &belief.habit, &scalars];
         if !lists.into_iter().flatten().all(|x| x.is_finite()) {
             return Err(Error::Data(format!(

@@ -20,6 +20,11 @@ pub struct Belief {
     pub inflation: f64,
     /// Usual size of the innovations of all inertial units together, as a factor on what is expected (variance).
     pub surprise: f64,
+    /// How much larger the noise of accelerometers is beyond that (variance), and the usual size of what an update leaves of them, as a
+    /// factor on what is expected.
+    pub roughness: f64,
+    /// See `roughness`.
+    pub leftover: f64,
     /// Per source: when it last said anything, NaN if it never did.
     pub seen_s: Vec<f64>,
     /// Per part of the measurement vector: since when it has been rejected without a break, NaN if it is not.
@@ -69,6 +74,8 @@ impl Clone for Belief {
             habit,
             inflation,
             surprise,
+            roughness,
+            leftover,
             seen_s,
             rejected_since_s,
             memory,
@@ -87,6 +94,7 @@ impl Clone for Belief {
         doubt.clone_from(&from.doubt);
         rivals.clone_from(&from.rivals);
         (*time_s, *inflation, *surprise) = (from.time_s, from.inflation, from.surprise);
+        (*roughness, *leftover) = (from.roughness, from.leftover);
         (*line, *score) = (from.line, from.score);
     }
 }
@@ -105,6 +113,11 @@ impl Belief {
             self.mix(system, std);
         }
         std.iter_mut().enumerate().for_each(|(i, x)| *x = (x.max(0.0) + self.doubted(i)).sqrt());
+    }
+
+    /// Variance of a state of this standard deviation without what is only considered.
+    pub fn known(&self, state: usize, std: f64) -> f64 {
+        std * std - self.doubted(state)
     }
 
     /// Variance of a state by what is only considered.

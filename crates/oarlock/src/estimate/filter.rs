@@ -30,6 +30,8 @@ pub struct Groups {
     pub sources: Vec<Range<usize>>,
     /// All rows of inertial units, whose joint consistency is reported.
     pub inertial: Vec<usize>,
+    /// Those of them whose noise is learnt by itself, beside that of all.
+    pub rough: Vec<usize>,
 }
 
 /// What an update did with one source.
@@ -266,6 +268,16 @@ impl<S: System> Filter<S> {
         self.arch = arch;
     }
 
+    /// By how much the last update moved the mean.
+    pub fn shift(&self) -> &[f64] {
+        &self.shift
+    }
+
+    /// Time since the update before the last, s.
+    pub fn since_s(&self) -> f64 {
+        self.since_s
+    }
+
     /// Forgets what earlier predictions added: a new sample is awaited.
     pub fn await_sample(&mut self) {
         self.fresh.fill(0.0);
@@ -319,7 +331,7 @@ impl<S: System> Filter<S> {
                 tangent.spread(self.arch, &mut self.fan, (system, moment), &mut self.scratch, at);
             }
         }
-        self.innovate(sighting, belief.inflation, info);
+        self.innovate(sighting, (belief.inflation, belief.roughness), info);
         let (rows, inertial) = (&self.rows, self.inertial_rows);
         let readings = Weighted { rows, inertial, weight: &self.weight, y: &self.y };
         self.solver.weigh(self.arch, &self.fan, readings);
@@ -378,11 +390,15 @@ impl<S: System> Filter<S> {
         belief.surprise = learning.habit(belief.surprise, self.since_s, ratio);
     }
 
-    fn innovate(&mut self, sighting: Sighting, inflation: f64, info: &mut Info) {
+    fn innovate(&mut self, sighting: Sighting, (inflation, roughness): (f64, f64), info: &mut Info) {
         self.weight.iter_mut().zip(sighting.std).for_each(|(w, std)| *w = 1.0 / std);
         if inflation > 1.0 {
             let factor = 1.0 / inflation.sqrt();
             sighting.groups.inertial.iter().for_each(|&r| self.weight[r] *= factor);
+        }
+        if roughness > 1.0 {
+            let factor = 1.0 / roughness.sqrt();
+            sighting.groups.rough.iter().for_each(|&r| self.weight[r] *= factor);
         }
         self.used.fill(false);
         self.y.fill(0.0);

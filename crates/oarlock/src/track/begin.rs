@@ -129,6 +129,8 @@ impl Tracker {
             habit: vec![1.0; parts],
             inflation: 1.0,
             surprise: 1.0,
+            roughness: 1.0,
+            leftover: 1.0,
             seen_s: vec![time_s; self.groups.sources.len()],
             rejected_since_s: vec![f64::NAN; parts],
             memory: vec![[f64::NAN; MEMORY]; self.groups.sources.len()],

@@ -28,8 +28,8 @@ use std::sync::Arc;
 const PLACE_STD_M: f64 = 0.01;
 /// How far the zero of an encoder may be off, rad or m.
 const ZERO_STD: f64 = 0.005;
-/// Innovations are averaged over this, s: longer than noise and learnt driving remember, shorter than a stroke.
-const AVERAGE_S: f64 = 0.3;
+/// Innovations are averaged over this, s: longer than noise and learnt driving remember, and than skin wobbles; shorter than a stroke.
+const AVERAGE_S: f64 = 0.6;
 /// Memory of how large averages are, s.
 const MEMORY_S: f64 = 5.0;
 /// Averages up to this many times (squared) as large as those of white noise are chance.
@@ -181,6 +181,32 @@ impl Considering {
         if slopes.iter().any(|s| !(s.abs() < ABSURD)) {
             slopes.fill(0.0);
         }
+    }
+
+    /// What an update has left of some readings, over what it should have: sum of squares, and how many readings these stand for
+    /// (Helmert's components of variance; Teunissen and Amiri-Simkooei 2008).
+    fn leftover(
+        &self,
+        rows: &[bool],
+        (p, shift, innovation): (&Square, &[f64], &[f64]),
+        variance: impl Fn(usize) -> Option<f64>,
+    ) -> (f64, f64) {
+        let (mut squares, mut count) = (0.0, 0.0);
+        for trio in self.straight.trios.iter().filter(|t| rows[t.row]) {
+            for i in 0..trio.count {
+                let Some(noise) = variance(trio.row + i) else { continue };
+                let slopes = self.straight.slopes[trio.slopes.clone()].iter().map(|s| (self.roles[s.state], s.rows[i]));
+                let added = trio.added.map(|first| (self.roles[first + i], 1.0));
+                let by = |(role, by)| if let Role::State(s) = role { Some((s, by)) } else { None };
+                let terms = slopes.chain(added).filter_map(by);
+                let left = innovation[trio.row + i] - terms.clone().map(|(s, by)| by * shift[s]).sum::<f64>();
+                let spread: f64 =
+                    terms.clone().map(|(s, by)| by * terms.clone().map(|(t, bt)| p.at(s, t) * bt).sum::<f64>()).sum();
+                squares += left * left / noise;
+                count += (1.0 - spread / noise).max(0.0);
+            }
+        }
+        (squares, count)
     }
 
     /// Of a few rows: B = J dx/dp + dh/dp, and their part of J'WB.
@@ -381,12 +407,20 @@ impl Tracker {
     pub(super) fn follow_doubt(&mut self, belief: &mut Belief) {
         let Some(considering) = self.considering.as_mut().filter(|_| !belief.doubt.is_empty()) else { return };
         let (z, std, inertial) = (&self.z, &self.std, &self.inertial_rows);
-        let inflation = belief.inflation;
+        let (inflation, roughness, rough) = (belief.inflation, belief.roughness, &self.rough_rows);
         let believed = |r: usize| !z[r].is_nan() && self.info.parts[self.part_of[r]] == Verdict::Believed;
         let variance = |r: usize| {
-            let factor = if inertial[r] { inflation } else { 1.0 };
+            let factor = if inertial[r] { inflation } else { 1.0 } * if rough[r] { roughness } else { 1.0 };
             believed(r).then_some(std[r] * std[r] * factor)
         };
+        let (squares, count) =
+            considering.leftover(&self.rough_rows, (&belief.covariance, self.filter.shift(), &self.info.innovation), variance);
+        if count > 0.0 && self.learns {
+            let (learning, dt) = (self.manner.learning, self.filter.since_s());
+            let roughness = learning.inflation(belief.roughness, belief.leftover, dt, squares / count);
+            belief.leftover = learning.habit(belief.leftover, dt, squares / count);
+            belief.roughness = roughness;
+        }
         considering.follow(&mut belief.doubt, &belief.covariance, variance);
         considering.learn(&mut belief.doubt, belief.time_s, &self.info.innovation, believed);
     }

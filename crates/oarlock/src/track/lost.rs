@@ -64,6 +64,7 @@ impl Tracker {
         belief.drive.fill(1.0);
         belief.habit.fill(1.0);
         (belief.inflation, belief.surprise) = (1.0, 1.0);
+        (belief.roughness, belief.leftover) = (1.0, 1.0);
         belief.rejected_since_s.fill(f64::NAN);
     }
 

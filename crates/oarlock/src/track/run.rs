@@ -186,12 +186,13 @@ impl Run {
         self.series.mean[row * n..(row + 1) * n].copy_from_slice(&belief.mean);
         let std = &mut self.series.std[row * n..(row + 1) * n];
         belief.spread(body, std);
+        let known = |i: usize| belief.known(i, std[i]);
         let first = row * body.axes.len();
         for (c, axis, slots) in body.moving() {
-            self.series.observed[first + c] = u8::from(is_observed(axis, std[slots.q] * std[slots.q]));
+            self.series.observed[first + c] = u8::from(is_observed(axis, known(slots.q)));
         }
         for (c, slots) in &body.layout.turns {
-            let variance = std[slots.q..slots.q + 3].iter().map(|s| s * s).sum();
+            let variance = (slots.q..slots.q + 3).map(known).sum();
             self.series.observed[first + c..first + c + 3].fill(u8::from(is_observed(&body.axes[*c], variance)));
         }
     }

@@ -130,6 +130,8 @@ pub fn start() -> Belief {
         habit: vec![1.0; 2],
         inflation: 1.0,
         surprise: 1.0,
+        roughness: 1.0,
+        leftover: 1.0,
         seen_s: Vec::new(),
         rejected_since_s: vec![f64::NAN; 2],
         memory: Vec::new(),

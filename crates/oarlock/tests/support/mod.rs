@@ -121,6 +121,8 @@ pub fn belief(body: &Body, time_s: f64, mean: Vec<f64>, std: &[f64]) -> Belief {
         habit: vec![1.0; parts],
         inflation: 1.0,
         surprise: 1.0,
+        roughness: 1.0,
+        leftover: 1.0,
         seen_s: vec![time_s; body.suite.sources.len()],
         rejected_since_s: vec![f64::NAN; parts],
         memory: vec![[f64::NAN; MEMORY]; body.suite.sources.len()],

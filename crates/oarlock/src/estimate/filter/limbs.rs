@@ -251,7 +251,7 @@ impl<S: System> Filter<S> {
         let look =
             Look { system: &within, moment: &*narrowed, mean: &stage.mean, rows: &self.rows, spread: manner.spread };
         self.fan.spread(self.arch, look, room, &self.root);
-        self.innovate(sighting, belief.inflation, info);
+        self.innovate(sighting, (belief.inflation, belief.roughness), info);
         let readings = Weighted { rows: &self.rows, inertial: self.inertial_rows, weight: &self.weight, y: &self.y };
         self.solver.weigh(self.arch, &self.fan, readings);
         self.judge(sighting, manner, belief, info);

@@ -25,15 +25,19 @@ impl Run {
         };
         let mut tracker = self.tracker.clone();
         let (mut smoother, mut stretch) = (Smoother::new(tracker.body.layout.dim()), Stretch::default());
-        let all = self.checkpoints.len();
+        let (all, mut doubt) = (self.checkpoints.len(), Vec::new());
         for k in (0..all).rev() {
             stretch.refilter(&self, &mut tracker, k)?;
             for node in stretch.nodes[..stretch.used].iter_mut().rev() {
                 let belief = &mut node.filtered;
+                if let Some(row) = node.row {
+                    self.note_doubt(row, belief, &mut doubt);
+                }
                 let done = smoother.back(&tracker.body, belief, &node.transition, &node.predicted, &next);
                 done.map_err(|lost| diverged(lost, belief.time_s))?;
                 if let Some(row) = node.row {
                     self.write(row, belief);
+                    self.widen(row, &doubt);
                 }
                 std::mem::swap(&mut next, belief);
             }
@@ -46,6 +50,28 @@ impl Run {
         Ok(self)
     }
 
+    /// By how much the band of a filtered row is wider than its belief: what is only considered leads the smoother as far astray.
+    fn note_doubt(&self, row: usize, filtered: &Belief, doubt: &mut Vec<f64>) {
+        let n = filtered.mean.len();
+        doubt.clear();
+        if self.partings.iter().any(|p| p.from_s <= filtered.time_s && filtered.time_s <= p.to_s) {
+            // There the band is that of several hypotheses.
+            return doubt.resize(n, 0.0);
+        }
+        let excess = |(i, std): (usize, &f64)| {
+            let variance = filtered.covariance.at(i, i);
+            Some(std * std - variance).filter(|d| *d > ROUNDING * variance).unwrap_or(0.0)
+        };
+        doubt.extend(self.series.std[row * n..(row + 1) * n].iter().enumerate().map(excess));
+    }
+
+    fn widen(&mut self, row: usize, doubt: &[f64]) {
+        let n = doubt.len();
+        for (std, d) in self.series.std[row * n..(row + 1) * n].iter_mut().zip(doubt).filter(|(_, d)| **d > 0.0) {
+            *std = (*std * *std + d).sqrt();
+        }
+    }
+
     fn check_smoothable(&self) -> Result<()> {
         if self.smoothed {
             return Err(Error::Data("this track is smoothed already; smooth the filtered one".into()));
@@ -53,6 +79,9 @@ impl Run {
         Ok(())
     }
 }
+
+/// Of a standard deviation that is squared again.
+const ROUNDING: f64 = 1e-12;
 
 /// A step of a stretch: the belief before, how it moved, the belief after moving.
 struct Node {

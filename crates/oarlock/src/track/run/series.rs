@@ -61,7 +61,8 @@ impl Series {
     /// The same rows with estimates that are still to be written, but for the last, which smoothing leaves as it is.
     pub(super) fn blank(&self) -> Series {
         let width = self.mean.len() / self.time_s.len().max(1);
-        let (mean, std) = (last(&self.mean, width), last(&self.std, width));
+        // The filtered bands tell how far they are wider than the beliefs.
+        let (mean, std) = (last(&self.mean, width), self.std.clone());
         Series { mean, std, observed: self.observed.clone(), ..self.read() }
     }
 
