@@ -46,8 +46,17 @@ class Magnetometer(StrEnum):
 
 # the engine's own, then those that go over a whole recording
 _FILTERS = (*tree_filters(), *OTHER_FILTERS)
+class Consider(StrEnum):
+    """What is made of mounts, lengths and places of units that are not estimated."""
+
+    learnt = "learnt"
+    always = "always"
+    off = "off"
+
+
 _PROCESS_NOISE = ProcessNoise(_DEFAULT["process_noise"])
 _MAGNETOMETER = Magnetometer(_DEFAULT["magnetometer"])
+_CONSIDER = Consider(_DEFAULT["consider"])
 
 
 def add_to(app: typer.Typer) -> None:
@@ -131,6 +140,10 @@ def track(
     gate_patience_s: Annotated[
         float, typer.Option(metavar="S", help="Believe a reading again that is rejected for longer.")
     ] = _DEFAULT["gate_patience_s"],
+    consider: Annotated[
+        Consider,
+        typer.Option(help="Widen bands by what mounts and lengths may be off: as learnt, always, or never."),
+    ] = _CONSIDER,
     start_window_s: Annotated[
         float, typer.Option(metavar="S", help="Samples fitted together to find the start.")
     ] = _DEFAULT["start_window_s"],
@@ -175,6 +188,7 @@ def track(
         initial_q=posture(body.describe(), start, "--initial-q") if start else None,
         gate=gate,
         gate_patience_s=gate_patience_s,
+        consider=consider.value,
         start_window_s=start_window_s,
         merge_s=merge_s,
         belief_interval_s=belief_interval_s,

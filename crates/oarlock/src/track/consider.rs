@@ -70,7 +70,7 @@ pub(super) struct Considering {
     center: Vec<f64>,
     /// States, rows, and considered parameters, padded.
     size: (usize, usize, usize),
-    always: bool,
+    how: Consider,
     /// What an innovation owes to each parameter, row by row.
     answers: Vec<f64>,
     /// J'WB.
@@ -81,9 +81,6 @@ pub(super) struct Considering {
 impl Considering {
     /// `None` where nothing is considered.
     pub(super) fn new(body: &Body, mounts: &[Option<MountValue>], config: &Config) -> Result<Option<Self>> {
-        if config.consider == Consider::Off {
-            return Ok(None);
-        }
         let twin = twin(body, mounts, config)?;
         let (roles, mut count) = roles(body, &twin);
         let joints = body.suite.sources.iter().flat_map(|s| &s.parts).filter(|p| p.quantity == Quantity::Joint);
@@ -115,7 +112,7 @@ impl Considering {
             mean,
             center: vec![0.0; m],
             size: (n, m, width),
-            always: config.consider == Consider::Always,
+            how: config.consider,
             answers: vec![0.0; m * width],
             pull: vec![0.0; n * width],
             scales: Vec::with_capacity(m),
@@ -123,10 +120,13 @@ impl Considering {
         }))
     }
 
-    /// A first doubt: nothing has led astray yet.
+    /// A first doubt: nothing has led astray yet. Empty where nothing is to be considered.
     pub(super) fn fresh(&self) -> Vec<f64> {
+        if self.how == Consider::Off {
+            return Vec::new();
+        }
         let mut doubt = vec![0.0; self.len()];
-        (doubt[0], doubt[1]) = (f64::from(self.always), self.size.2 as f64);
+        (doubt[0], doubt[1]) = (f64::from(u8::from(self.how == Consider::Always)), self.size.2 as f64);
         let (_, rows, _) = self.parts(&mut doubt);
         rows.chunks_mut(PER_ROW).for_each(|row| row[2] = f64::NAN);
         doubt
@@ -255,7 +255,7 @@ impl Considering {
 
     /// How far off the parameters are as a whole, from innovations that last.
     pub(super) fn learn(&mut self, doubt: &mut [f64], time_s: f64, innovation: &[f64], told: impl Fn(usize) -> bool) {
-        if self.always {
+        if self.how == Consider::Always {
             return;
         }
         let (_, m, width) = self.size;
@@ -396,16 +396,23 @@ impl Kernel for Following<'_> {
 }
 
 impl Tracker {
+    /// Whether anything is made of the slopes: of noise that is learnt, or of what is considered.
+    fn wants_slopes(&self, belief: &Belief) -> bool {
+        !belief.doubt.is_empty() || self.manner.learning.memory_s.is_finite()
+    }
+
     /// Before an update.
     pub(super) fn look_around(&mut self, belief: &Belief) {
-        if let Some(considering) = self.considering.as_mut().filter(|_| !belief.doubt.is_empty()) {
+        let wanted = self.wants_slopes(belief);
+        if let Some(considering) = self.considering.as_mut().filter(|_| wanted) {
             considering.look(&belief.mean, &self.moment);
         }
     }
 
     /// Behind an update: what is considered has led the belief so much farther astray.
     pub(super) fn follow_doubt(&mut self, belief: &mut Belief) {
-        let Some(considering) = self.considering.as_mut().filter(|_| !belief.doubt.is_empty()) else { return };
+        let wanted = self.wants_slopes(belief);
+        let Some(considering) = self.considering.as_mut().filter(|_| wanted) else { return };
         let (z, std, inertial) = (&self.z, &self.std, &self.inertial_rows);
         let (inflation, roughness, rough) = (belief.inflation, belief.roughness, &self.rough_rows);
         let believed = |r: usize| !z[r].is_nan() && self.info.parts[self.part_of[r]] == Verdict::Believed;
@@ -420,6 +427,9 @@ impl Tracker {
             let roughness = learning.inflation(belief.roughness, belief.leftover, dt, squares / count);
             belief.leftover = learning.habit(belief.leftover, dt, squares / count);
             belief.roughness = roughness;
+        }
+        if belief.doubt.is_empty() {
+            return;
         }
         considering.follow(&mut belief.doubt, &belief.covariance, variance);
         considering.learn(&mut belief.doubt, belief.time_s, &self.info.innovation, believed);

@@ -6,6 +6,8 @@ use super::run::Run;
 use crate::model::{JointKind, Model};
 use crate::recording::input_joint;
 
+/// Bands that are widened by less are nobody's concern, deg.
+const WORTH_A_WORD_DEG: f64 = 0.1;
 /// Share of a sensor's readings that may be rejected without a word.
 const REJECTED_SHARE: f64 = 0.05;
 
@@ -19,10 +21,29 @@ pub fn notes(run: &Run) -> Vec<String> {
     notes.extend(disturbances(run));
     notes.extend(unobserved(run));
     notes.extend(losses(run));
+    notes.extend(widened(run));
     if run.refused > 0 {
         notes.push(format!("{} samples were not later than the belief and were refused", run.refused));
     }
     notes
+}
+
+/// Bands that are wider than the readings' noise alone would make them.
+fn widened(run: &Run) -> Option<String> {
+    let (body, belief) = (&run.tracker().body, run.last_belief()?);
+    let slides = |c: usize| body.model.joints.iter().any(|j| j.first == c && j.kind == JointKind::Slide);
+    let turning = body.moving().filter(|(c, axis, _)| !axis.place && !slides(*c));
+    let (joint, most) = turning
+        .map(|(c, _, slots)| (c, belief.doubted(slots.q).sqrt().to_degrees()))
+        .max_by(|a, b| a.1.total_cmp(&b.1))?;
+    (most > WORTH_A_WORD_DEG).then(|| {
+        format!(
+            "bands are wider than noise makes them, by up to {:.1} deg ({}) in the end: for seconds on end readings contradict \
+             what is taken as known (mounts, lengths, places of units); a calibration narrows them",
+            1.96 * most,
+            body.model.coordinate_names()[joint]
+        )
+    })
 }
 
 /// Inertial units that are taken to sit where the model file says.

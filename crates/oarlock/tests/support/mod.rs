@@ -13,7 +13,7 @@ pub use oarlock_oracle::so3;
 
 use nalgebra::{DMatrix, DVector};
 use oarlock::body::Body;
-use oarlock::config::{Config, Magnetometer};
+use oarlock::config::{Config, Consider, Magnetometer};
 use oarlock::estimate::belief::{Belief, MEMORY};
 use oarlock::estimate::dense::Square;
 use oarlock::estimate::transition::Transition;
@@ -90,6 +90,7 @@ pub fn plain(estimate: &[&str]) -> Config {
         estimate: estimate.iter().map(|s| s.to_string()).collect(),
         gate: false,
         learning_memory_s: None,
+        consider: Consider::Off,
         magnetometer: Magnetometer::On,
         ..Config::default()
     }

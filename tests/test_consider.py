@@ -1,0 +1,125 @@
+"""Bands that count what is known only roughly: how they are made, when they open, whether they hold the truth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import oarlock
+from exact_recording import ELEVEN, SETTLED_S, UNITS, load_excerpt, sculler
+from oarlock.rowing import FieldEffects, FieldTrial, simulate_field
+
+Floats = NDArray[np.float64]
+
+STILL_MODEL = {"gate": False, "learning_memory_s": None}
+"""With learning off the filter is nearly linear in a small error of a mount, so differences tell its slopes."""
+STEP_RAD = 0.002
+MOUNT_STD_RAD = 0.1
+"""Of a mount whose model file says nothing."""
+SLOPE_ERROR = 0.15
+"""Relative, in the mean: the slopes use the posterior covariance of sigma points, differences the filter itself."""
+HOLDS = (0.85, 0.99)
+"""Share of the truth that bands of 95 % shall hold where a model is wrong in ways that it cannot know."""
+SEEDS = (51, 52, 53, 54, 55, 56)
+
+
+def turned(unit: str, axis: int) -> oarlock.Calibration:
+    (sensor,) = (s for s in sculler().describe()["sensors"] if s["name"] == unit)
+    turn = np.eye(3)
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    turn[i, i] = turn[j, j] = np.cos(STEP_RAD)
+    turn[i, j], turn[j, i] = -np.sin(STEP_RAD), np.sin(STEP_RAD)
+    mount = sensor["mount"]
+    return oarlock.Calibration(mounts={unit: (np.asarray(mount["rotation"]) @ turn, mount["offset"])})
+
+
+def last_belief(calibration: oarlock.Calibration | None, **keys: object) -> oarlock.Belief:
+    track = oarlock.track(sculler(), load_excerpt().recording, calibration, oarlock.Config(**keys))
+    assert track.last_belief is not None
+    return track.last_belief
+
+
+def test_slopes_are_those_of_the_filter_itself() -> None:
+    belief = last_belief(None, consider="always", **STILL_MODEL)
+    width, n = int(belief.doubt[1]), len(belief.mean)
+    slopes = belief.doubt[2 : 2 + n * width].reshape(n, width)
+    angles = [belief.state_names.index(name) for name in ELEVEN]
+    # Lengths and the places of units stand before the mounts, which come unit by unit.
+    first = len(sculler().parameters) + 3 * len(UNITS)
+    for k in range(3):
+        moved = last_belief(turned("back", k), consider="off", **STILL_MODEL).mean
+        told = (moved - belief.mean)[angles] / STEP_RAD
+        ours = slopes[angles, first + k] / MOUNT_STD_RAD
+        assert np.abs(ours - told).mean() < SLOPE_ERROR * np.abs(told).mean(), (k, ours, told)
+
+
+def test_a_model_that_is_right_is_not_doubted() -> None:
+    recording = load_excerpt().recording
+    learnt = oarlock.track(sculler(), recording)
+    off = oarlock.track(sculler(), recording, None, oarlock.Config(consider="off"))
+    assert learnt.last_belief is not None and learnt.last_belief.doubt[0] == 0.0
+    np.testing.assert_array_equal(learnt.q, off.q)
+    np.testing.assert_array_equal(learnt.q_std, off.q_std)
+
+
+@cache
+def wild(seed: int) -> FieldTrial:
+    """Everything that is wrong with bodies and straps; clocks and radio are fine."""
+    quiet = {"clock_offset_s": 0.0, "clock_drift": 0.0, "clock_jitter_s": 0.0, "packet_loss": 0.0, "gap_s": 0.0}
+    effects = replace(FieldEffects(), noise_factor=3.0, **quiet)
+    return simulate_field(sculler(), effects, duration_s=20.0, rate_spm=(20.0, 34.0), condition="B-B", seed=seed)
+
+
+def test_bands_hold_the_truth_where_nothing_is_as_modelled() -> None:
+    shares = []
+    for seed in SEEDS:
+        trial = wild(seed)
+        track = oarlock.track(sculler(), trial.recording)
+        for each in (track, oarlock.smooth(track)):
+            scores = oarlock.evaluate(each, trial.truth).joints
+            shares.append(np.mean([score.coverage for score in scores if score.name in ELEVEN]))
+    assert HOLDS[0] < np.mean(shares[0::2]) < HOLDS[1], shares
+    assert HOLDS[0] < np.mean(shares[1::2]) < HOLDS[1], shares
+
+
+def test_what_is_off_changes_no_estimate() -> None:
+    recording = wild(SEEDS[0]).recording
+    off = oarlock.track(sculler(), recording, None, oarlock.Config(consider="off", learning_memory_s=None))
+    learnt = oarlock.track(sculler(), recording, None, oarlock.Config(learning_memory_s=None))
+    always = oarlock.track(sculler(), recording, None, oarlock.Config(consider="always", learning_memory_s=None))
+    np.testing.assert_array_equal(learnt.q, off.q)
+    np.testing.assert_array_equal(always.q, off.q)
+    settled = learnt.time_s > SETTLED_S
+    there = ~np.isnan(off.q_std)
+    assert (learnt.q_std >= off.q_std)[there].all()
+    assert np.median(learnt["trunk"].std_rad[settled]) > 3.0 * np.median(off["trunk"].std_rad[settled])
+    assert any("bands are wider" in note for note in learnt.notes)
+    assert not any("bands are wider" in note for note in off.notes)
+
+
+def test_a_strange_word_is_refused() -> None:
+    with pytest.raises(oarlock.DataError, match="consider"):
+        oarlock.Config(consider="sometimes")
+
+
+def test_a_run_cut_in_two_doubts_alike() -> None:
+    recording = wild(SEEDS[1]).recording
+    whole = oarlock.track(sculler(), recording)
+    half_s = 7.0
+    first = oarlock.track(sculler(), cut(recording, 0.0, half_s))
+    assert first.last_belief is not None
+    second = oarlock.track(sculler(), cut(recording, half_s, 1e9), start=first.last_belief)
+    np.testing.assert_array_equal(second.q_std, whole.q_std[whole.time_s > half_s])
+
+
+def cut(recording: oarlock.Recording, begin_s: float, end_s: float) -> oarlock.Recording:
+    streams = []
+    for stream in recording.streams:
+        rows = (stream.time_s > begin_s) & (stream.time_s <= end_s) | ((stream.time_s == 0.0) & (begin_s == 0.0))
+        values = {name: v[rows] for name, v in stream.values.items()}
+        streams.append(type(stream)(stream.name, stream.time_s[rows], **values))
+    return oarlock.Recording(streams)
