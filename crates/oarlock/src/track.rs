@@ -2,9 +2,11 @@
 
 pub mod bank;
 pub mod begin;
+pub mod faults;
 pub mod loops;
 pub mod lost;
 pub mod magnetic;
+pub mod north;
 pub mod many;
 pub mod notes;
 pub mod regain;
@@ -28,6 +30,7 @@ use crate::recording::Sample;
 use crate::rotation::Mat3;
 use crate::sensor::imu::MountValue;
 use crate::sensor::Quantity;
+use faults::Fault;
 use loops::Loop;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -83,6 +86,12 @@ pub struct Tracker {
     moment: Moment,
     z: Vec<f64>,
     barred: Vec<bool>,
+    /// Per row: the largest that its sensor can read.
+    range: Vec<f64>,
+    /// Per part: what is wrong with it in this sample.
+    faults: Vec<Fault>,
+    /// Per part: its field seems to have turned.
+    turned: Vec<bool>,
     strict: Vec<bool>,
     slants: Vec<Option<Slant>>,
     /// Room for the belief's mean.
@@ -123,6 +132,9 @@ impl Tracker {
             moment: body.moment(),
             z: vec![f64::NAN; rows],
             barred: vec![false; groups.parts.len()],
+            range: faults::ranges(&body),
+            faults: vec![Fault::None; groups.parts.len()],
+            turned: vec![false; groups.parts.len()],
             strict: strict(&body, config),
             slants: vec![None; groups.parts.len()],
             posture: Posture::new(&body),
@@ -325,18 +337,21 @@ impl Tracker {
     /// Takes in the prepared sample.
     fn update(&mut self, belief: &mut Belief) -> Result<()> {
         let lost = std::mem::take(&mut self.lost);
+        self.notice_faults(belief);
         self.notice_rest(belief);
         if (lost || self.must_regain(belief)) && self.regain(belief) {
             self.info.lost = lost;
             if lost {
                 self.doubt(belief);
             }
+            self.report_faults();
             return Ok(());
         }
         self.info.lost = lost;
         self.hush_loops(belief);
         self.mark_seen(belief);
         self.measure_dips(belief);
+        self.bar_turned(belief);
         let sighting = Sighting {
             z: &self.z,
             std: &self.std,
@@ -348,13 +363,17 @@ impl Tracker {
         let learning = if self.learns { self.manner.learning } else { Learning { memory_s: f64::INFINITY } };
         let manner = Manner { learning, ..self.manner };
         let done = self.filter.update(&self.body, &self.moment, belief, sighting, manner, &mut self.info);
-        done.map_err(|lost| diverged(lost, belief.time_s))
+        done.map_err(|lost| diverged(lost, belief.time_s))?;
+        self.watch_north(belief);
+        self.report_faults();
+        Ok(())
     }
 
     /// Fills in inputs and loops, and bars disturbed magnetometers.
     fn prepare(&mut self, sample: &Sample) {
         let readings = sample.z.iter().zip(&self.offset);
         self.z.iter_mut().zip(readings).for_each(|(z, (reading, offset))| *z = reading - offset);
+        self.notice_clipping(sample);
         for l in &self.loops {
             let rows = self.body.suite.sources[l.source].rows.clone();
             let speaks = self.config.closures && l.speaks(sample);
@@ -365,6 +384,11 @@ impl Tracker {
         for (input, &value) in self.moment.inputs.iter_mut().zip(&sample.inputs) {
             *input = if value.is_nan() { 0.0 } else { value };
         }
+        self.mark_active();
+    }
+
+    /// Marks who has something to say.
+    fn mark_active(&mut self) {
         for (i, source) in self.body.suite.sources.iter().enumerate() {
             self.moment.active[i] = self.z[source.rows.clone()].iter().any(|z| !z.is_nan());
         }

@@ -24,7 +24,7 @@ pub struct Belief {
     pub seen_s: Vec<f64>,
     /// Per part of the measurement vector: since when it has been rejected without a break, NaN if it is not.
     pub rejected_since_s: Vec<f64>,
-    /// Per source: what is remembered of its latest readings to tell whether it rests; `estimate` only keeps it.
+    /// Per source: what is remembered of its latest readings to tell rest and faults; `estimate` only keeps it.
     pub memory: Vec<[f64; MEMORY]>,
     /// Its number among the hypotheses into which the belief last parted.
     pub line: u64,
@@ -35,7 +35,7 @@ pub struct Belief {
 }
 
 /// Numbers remembered of a source.
-pub const MEMORY: usize = 8;
+pub const MEMORY: usize = 35;
 /// Most hypotheses into which one parts.
 pub const BRANCHES: u64 = 12;
 
