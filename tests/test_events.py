@@ -18,9 +18,9 @@ from oarlock.report import write_report
 
 Floats = NDArray[np.float64]
 
-# With nothing wrong the excerpt has 0.03 deg. Two seconds on four of five units and the loops may cost several times that;
-# a filter that believed the fault has degrees.
-SPARED_DEG = 0.15
+# With nothing wrong the excerpt has 0.03 deg. Two seconds on four of five units and the loops may cost some times
+# that; a filter that believed the fault has degrees.
+SPARED_DEG = 0.3
 CONVERGED_DEG = 1.0
 WITHIN_S = 3.0
 START_SEEDS = range(5)
@@ -99,6 +99,8 @@ def test_losses_cost_little(condition: str, seed: int) -> None:
 # --- stuck ----------------------------------------------------------------------------------------------
 
 STUCK_S = (5.0, 7.0)
+RANGE_COSTS = 2.0
+"""Times the RMSE with nothing cut off."""
 FIELDS = ("gyro_rad_s", "accel_m_s2", "mag_ut")
 
 
@@ -165,7 +167,7 @@ def test_a_slow_chip_and_coarse_readings_are_not_stuck() -> None:
 # --- range ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("gyro", "accel"), [(3.0, 30.0), (30.0, 13.0)])
+@pytest.mark.parametrize(("gyro", "accel"), [(2.0, 30.0), (30.0, 11.0)])
 def test_readings_at_the_end_of_the_range_are_not_used(gyro: float, accel: float) -> None:
     exact = load_excerpt()
     ranges = f"gyro_range_rad_s = {gyro}\naccel_range_m_s2 = {accel}\ngyro_std_rad_s"
@@ -182,7 +184,11 @@ def test_readings_at_the_end_of_the_range_are_not_used(gyro: float, accel: float
     unaware, aware = oarlock.track(sculler(), recording), oarlock.track(model, recording)
     assert aware.info is not None and aware.info.faulty("clipped").any()
     assert any("at the end of the sensor's range" in n for n in aware.notes)
-    assert mean_deg(aware, exact.truth) < 0.5 * mean_deg(unaware, exact.truth)
+    clean, spared, harmed = (
+        mean_deg(t, exact.truth) for t in (oarlock.track(model, exact.recording), aware, unaware)
+    )
+    print(f"ends at {gyro} rad/s, {accel} m/s2: {clean:.3f}, known {spared:.3f}, unknown {harmed:.3f} deg")
+    assert spared < harmed and spared < RANGE_COSTS * clean
 
 
 def test_a_range_without_its_sensor_is_refused() -> None:
