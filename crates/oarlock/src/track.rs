@@ -6,8 +6,8 @@ pub mod faults;
 pub mod loops;
 pub mod lost;
 pub mod magnetic;
-pub mod north;
 pub mod many;
+pub mod north;
 pub mod notes;
 pub mod regain;
 pub mod rest;
@@ -385,25 +385,6 @@ impl Tracker {
             *input = if value.is_nan() { 0.0 } else { value };
         }
         self.mark_active();
-    }
-
-    /// Marks who has something to say.
-    fn mark_active(&mut self) {
-        for (i, source) in self.body.suite.sources.iter().enumerate() {
-            self.moment.active[i] = self.z[source.rows.clone()].iter().any(|z| !z.is_nan());
-        }
-        self.body.mark(&mut self.moment);
-    }
-
-    /// A reading that depends on an input says nothing while that input is not there.
-    fn silence_what_needs_missing_inputs(&mut self, sample: &Sample) {
-        let joints = &self.body.model.joints;
-        for (source, depends) in self.body.suite.sources.iter().zip(&self.depends) {
-            let mut needed = (0..joints.len()).filter(|&j| joints[j].input && depends[j]);
-            if needed.any(|j| sample.inputs[joints[j].first].is_nan()) {
-                self.z[source.rows.clone()].fill(f64::NAN);
-            }
-        }
     }
 }
 

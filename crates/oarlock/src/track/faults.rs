@@ -139,6 +139,14 @@ impl Tracker {
         }
     }
 
+    /// Marks who has something to say.
+    pub(super) fn mark_active(&mut self) {
+        for (i, source) in self.body.suite.sources.iter().enumerate() {
+            self.moment.active[i] = self.z[source.rows.clone()].iter().any(|z| !z.is_nan());
+        }
+        self.body.mark(&mut self.moment);
+    }
+
     /// Whether another inertial reading has changed since a part's did, for a good part of the time.
     fn others_go_on(&self, belief: &Belief, source: usize, first: usize) -> bool {
         let since_s = belief.memory[source][first + CAME];

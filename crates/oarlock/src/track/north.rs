@@ -59,9 +59,18 @@ impl Tracker {
             return;
         }
         for p in (0..self.turned.len()).filter(|&p| self.slants[p].is_some()) {
-            let judged = matches!(self.info.parts[p], Verdict::Believed | Verdict::Odd) || self.turned[p];
             let first = self.groups.parts[p].start;
-            let Some(s) = self.source_of(first).filter(|_| judged) else { continue };
+            let Some(s) = self.source_of(first) else { continue };
+            match self.info.parts[p] {
+                // The gate has it, and will believe it after its own patience.
+                Verdict::Odd if belief.time_s - belief.rejected_since_s[p] > USUAL_S => {
+                    forget_north(&mut belief.memory[s]);
+                    continue;
+                }
+                Verdict::Believed => {}
+                _ if self.turned[p] => {}
+                _ => continue,
+            }
             let Some(up) = self.body.up_seen_by(s, &self.posture) else { continue };
             let three = |v: &[f64]| Vec3([v[first], v[first + 1], v[first + 2]]);
             let measured = three(&self.z);

@@ -148,13 +148,13 @@ fn faults(run: &Run) -> Vec<String> {
             last_s = time_s;
         }
         let [_, clipped_s, stuck_s] = seconds;
-        let told = |s: f64, text: &str| (s > 0.0).then(|| format!("{}: {text} for {s:.2} of {whole_s:.1} s", source.name));
+        let told =
+            |s: f64, text: &str| (s > 0.0).then(|| format!("{}: {text} for {s:.2} of {whole_s:.1} s", source.name));
         let clipped = told(clipped_s, "readings at the end of the sensor's range").map(|text| {
             format!("{text}; those axes were not used meanwhile: a sensor of a wider range, or a gentler mount, would tell more")
         });
-        let stuck = told(stuck_s, "readings stuck, the same to the bit,").map(|text| {
-            format!("{text} and not used meanwhile: check its firmware, its battery and the radio")
-        });
+        let stuck = told(stuck_s, "readings stuck, the same to the bit,")
+            .map(|text| format!("{text} and not used meanwhile: check its firmware, its battery and the radio"));
         [clipped, stuck]
     };
     sources.iter().enumerate().flat_map(describe).flatten().collect()

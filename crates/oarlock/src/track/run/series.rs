@@ -76,7 +76,8 @@ impl Series {
     /// What an update did, behind all others.
     pub(super) fn report(&mut self, info: &Info, troubles: impl Iterator<Item = (Field, Fault)>) {
         Arc::make_mut(&mut self.nis).extend(info.sources.iter().map(|source| source.nis));
-        let reports = info.sources.iter().zip(troubles).map(|(source, (field, fault))| Report::of(source, field, fault));
+        let reports =
+            info.sources.iter().zip(troubles).map(|(source, (field, fault))| Report::of(source, field, fault));
         Arc::make_mut(&mut self.reports).extend(reports);
         let (nis, count) = info.inertial;
         Arc::make_mut(&mut self.inertial).push((nis, count as u32));
