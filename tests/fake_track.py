@@ -46,6 +46,7 @@ class FakeInfo:
     inertial_nis: NDArray[np.float64]
     inertial_used: NDArray[np.int64]
     field: NDArray[np.int64]
+    fault: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -153,7 +154,7 @@ def healthy_info(samples: int, rng: np.random.Generator) -> FakeInfo:
     missing = np.tile(rows, (samples, 1)) - used
     sensors = ("back", "seat", "r_grip")
     none = np.zeros_like(used)
-    return FakeInfo(sensors, nis, used, none, missing, nis[:, 0], used[:, 0], none)
+    return FakeInfo(sensors, nis, used, none, missing, nis[:, 0], used[:, 0], none, none)
 
 
 def with_beliefs(

@@ -169,6 +169,7 @@ def test_sparse_tracks_are_drawn(tmp_path, track, truth):
         inertial_nis=np.full(1001, np.nan),
         inertial_used=np.zeros(1001, dtype=int),
         field=np.zeros((1001, 1), dtype=int),
+        fault=np.zeros((1001, 1), dtype=int),
     )
     empty = replace(track, q=np.full(track.q.shape, np.nan), info=silent, slow={}, provenance={}, notes=())
     assert page(tmp_path, bare).errors == []

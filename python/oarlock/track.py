@@ -350,7 +350,9 @@ def _keep(value: Any) -> Any:
 
 def _info(run: Run) -> SensorInfo:
     found = run.infos()
-    counts = {name: found[name].astype(np.int64) for name in ("used", "rejected", "missing", "field")}
+    counts = {
+        name: found[name].astype(np.int64) for name in ("used", "rejected", "missing", "field", "fault")
+    }
     return SensorInfo(
         sensor_names=tuple(run.source_names),
         nis=found["nis"],

@@ -5,6 +5,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use oarlock::estimate::belief::{Belief, MEMORY};
 use oarlock::estimate::dense::Square;
 use oarlock::estimate::filter::Info;
+use oarlock::track::faults::Fault;
 use oarlock::track::magnetic::Field;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -195,7 +196,7 @@ pub struct PyInfo {
     pub time_s: f64,
     pub status: &'static str,
     pub sensor_names: Vec<String>,
-    pub fields: Vec<Field>,
+    pub troubles: Vec<(Field, Fault)>,
 }
 
 #[pymethods]
@@ -237,17 +238,19 @@ impl PyInfo {
     }
 
     /// By sensor and closure: nis, used, rejected, missing (rows), and what the magnetometer's reading was (`field`): missing,
-    /// undisturbed, or the test it failed: norm, dip, innovation.
+    /// undisturbed, or the test it failed: norm, dip, innovation; and what was wrong with its readings (`fault`): none, clipped
+    /// (at the end of the range), stuck (the same to the bit).
     #[getter]
     fn sensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
-        for ((name, s), field) in self.sensor_names.iter().zip(&self.info.sources).zip(&self.fields) {
+        for ((name, s), (field, fault)) in self.sensor_names.iter().zip(&self.info.sources).zip(&self.troubles) {
             let one = PyDict::new(py);
             one.set_item("nis", s.nis)?;
             one.set_item("used", s.used)?;
             one.set_item("rejected", s.rejected)?;
             one.set_item("missing", s.missing)?;
             one.set_item("field", field.name())?;
+            one.set_item("fault", fault.name())?;
             all.set_item(name, one)?;
         }
         Ok(all)

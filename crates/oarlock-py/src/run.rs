@@ -196,7 +196,7 @@ impl PyRun {
         table(py, run.series.time_s.len(), run.series.observed.clone())
     }
 
-    /// Arrays by name, per source: nis, used, rejected, missing, field (T, S); inertial_nis and inertial_used (T,).
+    /// Arrays by name, per source: nis, used, rejected, missing, field, fault (T, S); inertial_nis and inertial_used (T,).
     fn infos<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let run = self.run();
         let (s, rows) = (&run.series, run.series.time_s.len());
@@ -207,6 +207,7 @@ impl PyRun {
         out.set_item("rejected", counts(|i| i.rejected)?)?;
         out.set_item("missing", counts(|i| i.missing)?)?;
         out.set_item("field", counts(|i| i.field as u8)?)?;
+        out.set_item("fault", counts(|i| i.fault as u8)?)?;
         let inertial: (Vec<f64>, Vec<u32>) = s.inertial.iter().copied().unzip();
         out.set_item("inertial_nis", PyArray1::from_vec(py, inertial.0))?;
         out.set_item("inertial_used", PyArray1::from_vec(py, inertial.1))?;

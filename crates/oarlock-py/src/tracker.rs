@@ -106,8 +106,8 @@ impl PyTracker {
         let sensor_names = self.sensors.clone();
         let tracking = status == "tracking";
         let info = if tracking { self.tracker.info().clone() } else { self.tracker.blank_info() };
-        let fields = self.tracker.fields(&info).collect();
-        let info = PyInfo { info, time_s, status, sensor_names, fields };
+        let troubles = self.tracker.fields(&info).zip(self.tracker.source_faults(&info)).collect();
+        let info = PyInfo { info, time_s, status, sensor_names, troubles };
         Ok((self.belief(), info))
     }
 

@@ -88,6 +88,7 @@ fn sensor(s: &Sensor, body: &Body, values: &[f64]) -> Value {
             "name": s.name, "kind": "imu", "frame": m.frames[*frame].name, "joint": null, "std": null, "std_m": null,
             "gyro_std_rad_s": noise.gyro_std, "accel_std_m_s2": noise.accel_std, "mag_std_ut": noise.mag_std,
             "rest_std_rad_s": noise.rest_std,
+            "gyro_range_rad_s": noise.gyro_range, "accel_range_m_s2": noise.accel_range,
             "mount": {"rotation": mount.rotation.0, "offset": numbers(&mount.offset, values)}}),
         SensorKind::Encoder { joint, std } => json!({
             "name": s.name, "kind": "encoder", "frame": null, "joint": m.joints[*joint].name, "std": std, "std_m": null}),

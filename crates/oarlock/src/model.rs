@@ -222,6 +222,10 @@ pub struct ImuNoise {
     pub mag_std: Option<f64>,
     /// rad/s: how much it may turn while it seems to rest; `None`: rest tells nothing.
     pub rest_std: Option<f64>,
+    /// rad/s: the largest that it can read; `None`: not known.
+    pub gyro_range: Option<f64>,
+    /// m/s2: the largest that it can read; `None`: not known.
+    pub accel_range: Option<f64>,
     /// rad/s at the start.
     pub gyro_bias_start_std: f64,
     /// rad/s per sqrt(s).

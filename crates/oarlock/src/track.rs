@@ -3,14 +3,17 @@
 pub mod bank;
 pub mod begin;
 mod consider;
+pub mod faults;
 pub mod loops;
 pub mod lost;
 pub mod magnetic;
 pub mod many;
+pub mod north;
 pub mod notes;
 pub mod regain;
 pub mod rest;
 pub mod run;
+mod worn;
 
 use crate::body::posture::Posture;
 use crate::body::{Body, Moment};
@@ -23,16 +26,17 @@ use crate::estimate::sigma::Spread;
 use crate::estimate::transition::Transition;
 use crate::estimate::System;
 use crate::lane::arch::Arch;
-use crate::model::suggest::hint;
-use crate::model::{Model, SensorKind};
+use crate::model::Model;
 use crate::recording::Sample;
-use crate::rotation::Mat3;
 use crate::sensor::imu::MountValue;
 use crate::sensor::Quantity;
 use consider::Considering;
+use faults::Fault;
 use loops::Loop;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use worn::row_offsets;
+pub use worn::{mount_values, parameter_values};
 
 /// What is known of one wearing of the sensors.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -85,6 +89,12 @@ pub struct Tracker {
     moment: Moment,
     z: Vec<f64>,
     barred: Vec<bool>,
+    /// Per row: the largest that its sensor can read.
+    range: Vec<f64>,
+    /// Per part: what is wrong with it in this sample.
+    faults: Vec<Fault>,
+    /// Per part: its field seems to have turned.
+    turned: Vec<bool>,
     strict: Vec<bool>,
     slants: Vec<Option<Slant>>,
     /// Room for the belief's mean.
@@ -132,6 +142,9 @@ impl Tracker {
             moment: body.moment(),
             z: vec![f64::NAN; rows],
             barred: vec![false; groups.parts.len()],
+            range: faults::ranges(&body),
+            faults: vec![Fault::None; groups.parts.len()],
+            turned: vec![false; groups.parts.len()],
             strict: strict(&body, config),
             slants: vec![None; groups.parts.len()],
             posture: Posture::new(&body),
@@ -178,7 +191,8 @@ impl Tracker {
                 self.body.model.name
             )));
         }
-        let scalars = [belief.time_s, belief.inflation, belief.surprise, belief.roughness, belief.leftover, belief.score];
+        let scalars =
+            [belief.time_s, belief.inflation, belief.surprise, belief.roughness, belief.leftover, belief.score];
         let lists = [&belief.mean, belief.covariance.as_slice(), &belief.drive, &belief.habit, &scalars];
         if !lists.into_iter().flatten().all(|x| x.is_finite()) {
             return Err(Error::Data(format!(
@@ -342,6 +356,7 @@ impl Tracker {
     /// Takes in the prepared sample.
     fn update(&mut self, belief: &mut Belief) -> Result<()> {
         let lost = std::mem::take(&mut self.lost);
+        self.notice_faults(belief);
         self.notice_rest(belief);
         if (lost || self.must_regain(belief)) && self.regain(belief) {
             self.info.lost = lost;
@@ -351,6 +366,7 @@ impl Tracker {
             if lost {
                 self.doubt(belief);
             }
+            self.report_faults();
             return Ok(());
         }
         self.info.lost = lost;
@@ -358,6 +374,7 @@ impl Tracker {
         self.mark_seen(belief);
         self.measure_dips(belief);
         self.look_around(belief);
+        self.bar_turned(belief);
         let sighting = Sighting {
             z: &self.z,
             std: &self.std,
@@ -371,6 +388,8 @@ impl Tracker {
         let done = self.filter.update(&self.body, &self.moment, belief, sighting, manner, &mut self.info);
         done.map_err(|lost| diverged(lost, belief.time_s))?;
         self.follow_doubt(belief);
+        self.watch_north(belief);
+        self.report_faults();
         Ok(())
     }
 
@@ -378,6 +397,7 @@ impl Tracker {
     fn prepare(&mut self, sample: &Sample) {
         let readings = sample.z.iter().zip(&self.offset);
         self.z.iter_mut().zip(readings).for_each(|(z, (reading, offset))| *z = reading - offset);
+        self.notice_clipping(sample);
         for l in &self.loops {
             let rows = self.body.suite.sources[l.source].rows.clone();
             let speaks = self.config.closures && l.speaks(sample);
@@ -388,21 +408,7 @@ impl Tracker {
         for (input, &value) in self.moment.inputs.iter_mut().zip(&sample.inputs) {
             *input = if value.is_nan() { 0.0 } else { value };
         }
-        for (i, source) in self.body.suite.sources.iter().enumerate() {
-            self.moment.active[i] = self.z[source.rows.clone()].iter().any(|z| !z.is_nan());
-        }
-        self.body.mark(&mut self.moment);
-    }
-
-    /// A reading that depends on an input says nothing while that input is not there.
-    fn silence_what_needs_missing_inputs(&mut self, sample: &Sample) {
-        let joints = &self.body.model.joints;
-        for (source, depends) in self.body.suite.sources.iter().zip(&self.depends) {
-            let mut needed = (0..joints.len()).filter(|&j| joints[j].input && depends[j]);
-            if needed.any(|j| sample.inputs[joints[j].first].is_nan()) {
-                self.z[source.rows.clone()].fill(f64::NAN);
-            }
-        }
+        self.mark_active();
     }
 }
 
@@ -441,72 +447,4 @@ fn diverged(lost: Lost, time_s: f64) -> Error {
         lost.what
     );
     Error::Diverged { time_s, text }
-}
-
-/// All parameter values: the model's defaults where `given` says nothing.
-pub fn parameter_values(model: &Model, given: &BTreeMap<String, f64>) -> Result<Vec<f64>> {
-    let mut values: Vec<f64> = model.parameters.iter().map(|p| p.default).collect();
-    let known: Vec<&str> = model.parameters.iter().map(|p| p.name.as_str()).collect();
-    for (name, &value) in given {
-        let Some(i) = known.iter().position(|k| k == name) else {
-            return Err(Error::Data(format!(
-                "parameter '{name}': model '{}' has none of that name; {}",
-                model.name,
-                hint(name, &known)
-            )));
-        };
-        if !value.is_finite() {
-            return Err(Error::Data(format!("parameter '{name}' = {value}: expected a finite number")));
-        }
-        values[i] = value;
-    }
-    Ok(values)
-}
-
-fn row_offsets(body: &Body, given: &BTreeMap<String, [f64; 3]>) -> Result<Vec<f64>> {
-    let mut offsets = vec![0.0; body.suite.len()];
-    for (name, offset) in given {
-        let source = body.suite.sources.iter().find(|s| s.name == *name);
-        let part = source.and_then(|s| s.parts.iter().find(|p| p.quantity == Quantity::Mag));
-        let Some(part) = part else {
-            let with_mag = body.suite.sources.iter().filter(|s| s.parts.iter().any(|p| p.quantity == Quantity::Mag));
-            let known: Vec<&str> = with_mag.map(|s| s.name.as_str()).collect();
-            return Err(Error::Data(format!(
-                "magnetometer offset '{name}': model '{}' has no magnetometer of that name; {}",
-                body.model.name,
-                hint(name, &known)
-            )));
-        };
-        if offset.iter().any(|x| !x.is_finite()) {
-            return Err(Error::Data(format!("magnetometer offset '{name}': {offset:?} uT must be finite")));
-        }
-        offsets[part.rows.clone()].copy_from_slice(offset);
-    }
-    Ok(offsets)
-}
-
-/// Mounts per sensor of the model; `None` is the model's own.
-pub fn mount_values(model: &Model, given: &BTreeMap<String, MountValue>) -> Result<Vec<Option<MountValue>>> {
-    let is_imu = |s: &&crate::model::Sensor| matches!(s.kind, SensorKind::Imu { .. });
-    let known: Vec<&str> = model.sensors.iter().filter(is_imu).map(|s| s.name.as_str()).collect();
-    for (name, (rotation, offset)) in given {
-        if !known.contains(&name.as_str()) {
-            return Err(Error::Data(format!(
-                "mount '{name}': model '{}' has no inertial unit of that name; {}",
-                model.name,
-                hint(name, &known)
-            )));
-        }
-        let (defect, det) = Mat3::rotation_defect(rotation);
-        if !(defect < 1e-6 && (det - 1.0).abs() < 1e-6) {
-            return Err(Error::Data(format!(
-                "mount '{name}': link_from_sensor is no rotation: |R R' - 1| = {defect:.2e}, det = {det:.6}; \
-                 expected an orthogonal matrix with determinant 1"
-            )));
-        }
-        if offset.iter().any(|x| !x.is_finite()) {
-            return Err(Error::Data(format!("mount '{name}': offset {offset:?} m must be finite")));
-        }
-    }
-    Ok(model.sensors.iter().map(|s| given.get(&s.name).copied()).collect())
 }

@@ -50,7 +50,7 @@ fn whole(case: &Case, streams: Vec<Stream>, start: Option<Belief>) -> Run {
 }
 
 fn std_of(belief: &Belief) -> impl Iterator<Item = f64> + '_ {
-    (0..belief.mean.len()).map(|i| belief.covariance.at(i, i).sqrt())
+    (0..belief.mean.len()).map(|i| (belief.covariance.at(i, i) + belief.doubted(i)).sqrt())
 }
 
 fn bits(x: &[f64]) -> Vec<u64> {

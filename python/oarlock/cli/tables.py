@@ -50,13 +50,24 @@ def write_sensors(sensors: Sequence[SensorScore]) -> None:
         return
     heading("Sensors", "NIS per measurement: 1 = noise as stated, larger = disagrees with the model")
     table(
-        ["sensor", ">NIS", ">rows used", ">rejected", ">missing", "disturbed"],
-        [(s.name, number(s.nis, ".2f"), s.used, s.rejected, s.missing, _disturbed(s)) for s in sensors],
+        ["sensor", ">NIS", ">rows used", ">rejected", ">missing", "disturbed", "faults"],
+        [
+            (
+                s.name,
+                number(s.nis, ".2f"),
+                s.used,
+                s.rejected,
+                s.missing,
+                _shares(s.disturbed),
+                _shares(s.faults),
+            )
+            for s in sensors
+        ],
     )
 
 
-def _disturbed(score: SensorScore) -> str:
-    return ", ".join(f"{test} {share:.1%}" for test, share in score.disturbed.items())
+def _shares(shares: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {share:.1%}" for name, share in shares.items())
 
 
 def write_evaluation(evaluation: Evaluation) -> None:

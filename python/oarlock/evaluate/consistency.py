@@ -18,7 +18,7 @@ from scipy.stats import chi2
 
 from ..coordinates import Kind, parts
 from ..rotation import quat_from_rotvec, rotvec_between, wrap
-from ..track_records import DISTURBED, FIELD
+from ..track_records import DISTURBED, FAULT, FIELD
 from .resample import resample, resample_rotation
 from .scores import SensorScore, StateScore
 from .tracklike import BeliefsLike, Bools, Floats, InfoLike, Interval, TrackLike, beliefs_of, info_of
@@ -56,6 +56,7 @@ def sensor_scores(track: TrackLike, window: Interval) -> tuple[SensorScore, ...]
                 rejected=int(info.rejected[kept, k].sum()),
                 missing=int(info.missing[kept, k].sum()),
                 disturbed=_disturbed(info.field[kept, k]),
+                faults=_faults(info.fault[kept, k], info.missing[kept, k] < _rows(info, k)),
             )
         )
     return (*scores, *_inertial_score(info, kept))
@@ -65,6 +66,16 @@ def _disturbed(field: NDArray[Any]) -> dict[str, float]:
     there = np.count_nonzero(field != FIELD.index("missing"))
     failed = {test: np.count_nonzero(field == FIELD.index(test)) for test in DISTURBED}
     return {test: count / there for test, count in failed.items() if count}
+
+
+def _rows(info: InfoLike, k: int) -> int:
+    """How many rows a sample of the sensor may hold."""
+    return int((info.used[:, k] + info.rejected[:, k] + info.missing[:, k]).max(initial=0))
+
+
+def _faults(fault: NDArray[Any], there: Bools) -> dict[str, float]:
+    found = {name: np.count_nonzero(fault == FAULT.index(name)) for name in FAULT[1:]}
+    return {name: count / np.count_nonzero(there) for name, count in found.items() if count}
 
 
 def _inertial_score(info: InfoLike, kept: Bools) -> tuple[SensorScore, ...]:

@@ -136,8 +136,8 @@ class SensorScore:
     """NIS per measurement of one sensor or closure, and its rows; 1 is expected.
 
     `joint` marks a score over several sensors, whose rows are counted with these. `disturbed` is the share of a
-    magnetometer's samples that failed each test (`norm`, `dip`, `innovation`), where any did. Source: Bar-Shalom et
-    al. 2001, section 5.4.
+    magnetometer's samples that failed each test (`norm`, `dip`, `innovation`), where any did; `faults` that of
+    samples whose readings were no measurements (`clipped`, `stuck`). Source: Bar-Shalom et al. 2001, section 5.4.
     """
 
     name: str
@@ -148,6 +148,7 @@ class SensorScore:
     missing: int
     joint: bool = False
     disturbed: Mapping[str, float] = field(default_factory=dict)
+    faults: Mapping[str, float] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-safe."""
@@ -158,6 +159,7 @@ class SensorScore:
             "rejected": self.rejected,
             "missing": self.missing,
             "disturbed": dict(self.disturbed),
+            "faults": dict(self.faults),
         }
 
 

@@ -17,7 +17,7 @@ from oarlock.errors import DataError
 from oarlock.io.toml import TomlTable, write_toml
 from oarlock.track import Track
 from oarlock.track_columns import FIELDS, column_name, observed_name
-from oarlock.track_records import FIELD, Beliefs, SensorInfo, SlowSeries
+from oarlock.track_records import FAULT, FIELD, Beliefs, SensorInfo, SlowSeries
 
 FORMAT = 1
 _COUNTS = ("used", "rejected", "missing")
@@ -152,6 +152,7 @@ def _sensor_table(time_s: NDArray[np.float64], info: SensorInfo) -> pa.Table:
         columns[f"{name}.nis"] = info.nis[:, i]
         columns |= {f"{name}.{kind}": getattr(info, kind)[:, i] for kind in _COUNTS}
         columns[f"{name}.field"] = pa.array(np.array(FIELD)[info.field[:, i]]).dictionary_encode()
+        columns[f"{name}.fault"] = pa.array(np.array(FAULT)[info.fault[:, i]]).dictionary_encode()
     columns |= {"inertial.nis": info.inertial_nis, "inertial.used": info.inertial_used}
     return pa.table(columns)
 
@@ -175,15 +176,16 @@ def _info(file: Path, names: tuple[str, ...]) -> SensorInfo | None:
         nis=_stack(table, [f"{n}.nis" for n in names]),
         inertial_nis=_one(table, "inertial.nis"),
         inertial_used=_one(table, "inertial.used").astype(np.int64),
-        field=np.stack([_field(table, f"{n}.field") for n in names], axis=1),
+        field=np.stack([_words(table, f"{n}.field", FIELD) for n in names], axis=1),
+        fault=np.stack([_words(table, f"{n}.fault", FAULT) for n in names], axis=1),
         **counts,
     )
 
 
-def _field(table: pa.Table, name: str) -> NDArray[np.int64]:
+def _words(table: pa.Table, name: str, known: tuple[str, ...]) -> NDArray[np.int64]:
     # tracks were once written without it
-    words = table[name].to_pylist() if name in table.column_names else [FIELD[0]] * len(table)
-    return np.array([FIELD.index(word) for word in words], dtype=np.int64)
+    words = table[name].to_pylist() if name in table.column_names else [known[0]] * len(table)
+    return np.array([known.index(word) for word in words], dtype=np.int64)
 
 
 def _beliefs(file: Path, states: tuple[str, ...]) -> Beliefs | None:

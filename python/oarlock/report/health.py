@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from scipy.stats import chi2
@@ -20,14 +21,21 @@ SMOOTHING_S = 0.5
 
 def health_table(scores: tuple[SensorScore, ...]) -> str:
     """NIS per measurement and rows used, rejected and missing of each sensor and closure."""
-    rows = [[_name(s), fixed(s.nis, 2), *_counts(s), _disturbed(s), _bar(s)] for s in scores]
+    rows = [
+        [_name(s), fixed(s.nis, 2), *_counts(s), _shares(s.disturbed), _shares(s.faults), _bar(s)]
+        for s in scores
+    ]
     caption = (
         "Rows (single channels) of each sensor and closure. NIS per measurement is 1 when readings scatter as "
         "much as the filter expects; above 1 they scatter more, below 1 less. Disturbed: share of a magnetometer's "
-        "samples that were not used, by the first test they failed: the field's norm, its dip, the innovation."
+        "samples that were not used, by the first test they failed: the field's norm, its dip, the innovation. Faults: "
+        "share of samples at the end of the sensor's range (clipped) or the same to the bit (stuck), not used either."
     )
     return table(
-        "sensors", caption, ["sensor", "NIS", "used", "rejected", "missing", "disturbed", "share"], rows
+        "sensors",
+        caption,
+        ["sensor", "NIS", "used", "rejected", "missing", "disturbed", "faults", "share"],
+        rows,
     )
 
 
@@ -39,8 +47,8 @@ def _counts(score: SensorScore) -> list[str]:
     return [f"{n:,}" if n else "0" for n in (score.used, score.rejected, score.missing)]
 
 
-def _disturbed(score: SensorScore) -> str:
-    return ", ".join(f"{test} {100 * share:.1f} %" for test, share in score.disturbed.items()) or DASH
+def _shares(shares: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {100 * share:.1f} %" for name, share in shares.items()) or DASH
 
 
 def _bar(score: SensorScore) -> str:

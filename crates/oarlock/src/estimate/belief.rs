@@ -29,7 +29,7 @@ pub struct Belief {
     pub seen_s: Vec<f64>,
     /// Per part of the measurement vector: since when it has been rejected without a break, NaN if it is not.
     pub rejected_since_s: Vec<f64>,
-    /// Per source: what is remembered of its latest readings to tell whether it rests; `estimate` only keeps it.
+    /// Per source: what is remembered of its latest readings to tell rest and faults; `estimate` only keeps it.
     pub memory: Vec<[f64; MEMORY]>,
     /// How far what is only considered may have led astray: its scale, how many numbers there are of each state, then those, the shift of the
     /// state by one standard deviation of each parameter; `estimate` only keeps what else follows. Empty if nothing is considered.
@@ -43,7 +43,7 @@ pub struct Belief {
 }
 
 /// Numbers remembered of a source.
-pub const MEMORY: usize = 8;
+pub const MEMORY: usize = 35;
 /// Most hypotheses into which one parts.
 pub const BRANCHES: u64 = 12;
 

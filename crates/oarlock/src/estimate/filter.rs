@@ -60,6 +60,12 @@ pub enum Verdict {
     Slanted,
     /// Too large an innovation.
     Odd,
+    /// Kept from the filter: its field has turned.
+    Turned,
+    /// Some or all of its rows kept from the filter: at the end of the range.
+    Clipped,
+    /// Kept from the filter: it repeats itself.
+    Stuck,
 }
 
 /// The report of one update.

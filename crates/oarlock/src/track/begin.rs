@@ -71,13 +71,14 @@ impl Tracker {
         (sample.time_s, self.moment.clone(), z)
     }
 
-    /// Rest posture (or the one asked for), the zero posture and the middle of all limits, each with the field, or the body, from four sides.
+    /// The posture asked for, if any, the rest posture, the zero posture and the middle of all limits, each with the field, or the body,
+    /// from four sides. What was asked for comes first; where it leads to no good fit it may be wrong itself.
     fn guesses(&self) -> Result<Vec<Guess>> {
         let body = &self.body;
         let rest: Vec<f64> = body.axes.iter().map(|axis| axis.rest).collect();
         let count = rest.len();
-        let postures = match &self.config.initial_q {
-            Some(q) if q.len() == count && q.iter().all(|x| x.is_finite()) => vec![q.clone()],
+        let asked = match &self.config.initial_q {
+            Some(q) if q.len() == count && q.iter().all(|x| x.is_finite()) => Some(q.clone()),
             Some(q) => {
                 return Err(Error::Data(format!(
                     "config: initial_q holds {} numbers; expected {count} finite ones, a value (rad or m) per coordinate of '{}'",
@@ -85,13 +86,11 @@ impl Tracker {
                     body.model.name
                 )))
             }
-            None => {
-                let middle = body.axes.iter().map(|axis| 0.5 * (axis.limits[0] + axis.limits[1])).collect();
-                let mut postures = vec![rest, vec![0.0; count], middle];
-                postures.dedup();
-                postures
-            }
+            None => None,
         };
+        let middle = body.axes.iter().map(|axis| 0.5 * (axis.limits[0] + axis.limits[1])).collect();
+        let mut postures: Vec<Vec<f64>> = asked.into_iter().chain([rest, vec![0.0; count], middle]).collect();
+        postures.dedup();
         let turns_whole = !body.floating.is_empty();
         let sides = if body.layout.azimuth.is_some() || turns_whole { 4 } else { 1 };
         let guess = |posture: &Vec<f64>, side: usize| guess(body, posture, side as f64 * FRAC_PI_2);

@@ -312,7 +312,9 @@ fn twin(body: &Body, mounts: &[Option<MountValue>], config: &Config) -> Result<B
     let mut model = (*body.model).clone();
     let mut parameters = body.parameters.clone();
     for (i, given) in mounts.iter().enumerate() {
-        let SensorKind::Imu { mount: Mount { rotation, offset, .. }, .. } = &mut model.sensors[i].kind else { continue };
+        let SensorKind::Imu { mount: Mount { rotation, offset, .. }, .. } = &mut model.sensors[i].kind else {
+            continue;
+        };
         let place = given.map_or_else(|| [0, 1, 2].map(|k| offset[k].eval(&body.parameters)), |given| given.1);
         *rotation = given.map_or(*rotation, |given| given.0);
         for k in 0..3 {
@@ -420,8 +422,11 @@ impl Tracker {
             let factor = if inertial[r] { inflation } else { 1.0 } * if rough[r] { roughness } else { 1.0 };
             believed(r).then_some(std[r] * std[r] * factor)
         };
-        let (squares, count) =
-            considering.leftover(&self.rough_rows, (&belief.covariance, self.filter.shift(), &self.info.innovation), variance);
+        let (squares, count) = considering.leftover(
+            &self.rough_rows,
+            (&belief.covariance, self.filter.shift(), &self.info.innovation),
+            variance,
+        );
         if count > 0.0 && self.learns {
             let (learning, dt) = (self.manner.learning, self.filter.since_s());
             let roughness = learning.inflation(belief.roughness, belief.leftover, dt, squares / count);

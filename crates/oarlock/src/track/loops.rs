@@ -1,5 +1,6 @@
 //! Which joints a source feels, and when a closed loop has something to say.
 
+use super::Tracker;
 use crate::body::Body;
 use crate::kinematics::{FrameMotion, JointMotion};
 use crate::model::SensorKind;
@@ -59,6 +60,19 @@ pub fn readings_from(
     let worn = Worn { lengths: &body.lengths(), mounts: &[] };
     body.suite.predict(&frames, q, &Surroundings { magnetic_field: field }, worn, &all, &mut out);
     out
+}
+
+impl Tracker {
+    /// A reading that depends on an input says nothing while that input is not there.
+    pub(super) fn silence_what_needs_missing_inputs(&mut self, sample: &Sample) {
+        let joints = &self.body.model.joints;
+        for (source, depends) in self.body.suite.sources.iter().zip(&self.depends) {
+            let mut needed = (0..joints.len()).filter(|&j| joints[j].input && depends[j]);
+            if needed.any(|j| sample.inputs[joints[j].first].is_nan()) {
+                self.z[source.rows.clone()].fill(f64::NAN);
+            }
+        }
+    }
 }
 
 /// When a loop speaks.

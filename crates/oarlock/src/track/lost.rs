@@ -5,6 +5,7 @@
 //! coincide may move a thousand standard deviations at each update, and farther each time.
 
 use super::begin::{start_std, WIDENED};
+use super::north::forget_north;
 use super::Tracker;
 use crate::body::three;
 use crate::estimate::belief::Belief;
@@ -16,21 +17,25 @@ use crate::sensor::Quantity;
 
 /// How far off the heading of a body without a compass may be behind a loss, rad: it is counted on from what was believed.
 const HEADING_STD: f64 = 0.5;
+/// Who has not spoken for so many times the gate's patience has no part in a verdict.
+const RECENT: f64 = 4.0;
 /// What a fit of one sample says of a posture is uncertain by this share of the prior's standard deviation, whatever its linearised
 /// covariance claims: near a pose without a free direction that is as wrong as what led astray.
 const DOUBT: f64 = 0.1;
 
 impl Tracker {
-    /// Whether most gyroscopes and accelerometers of the sample have been rejected up to now, one of them beyond patience.
+    /// Whether most gyroscopes and accelerometers that spoke recently have been rejected up to now, one that speaks in this sample
+    /// beyond patience. What counts is each one's last verdict: units with clocks of their own speak one in a sample.
     pub(super) fn is_lost(&self, belief: &Belief) -> bool {
         let patience_s = self.filter.patience_s(self.manner.gate);
         let feels_motion = |q: Quantity| matches!(q, Quantity::Gyro | Quantity::Accel);
-        let parts = self.groups.parts.iter().zip(&self.quantities).zip(&belief.rejected_since_s);
+        let parts = self.groups.parts.iter().zip(&belief.rejected_since_s).enumerate();
         let (mut there, mut rejected, mut waited) = (0, 0, false);
-        for ((rows, _), since_s) in parts.filter(|((_, &q), _)| feels_motion(q)) {
+        for (p, (rows, since_s)) in parts.filter(|(p, _)| feels_motion(self.quantities[*p])) {
             let speaks = self.z[rows.clone()].iter().any(|z| !z.is_nan());
-            there += usize::from(speaks);
-            rejected += usize::from(speaks && !since_s.is_nan());
+            let spoke = speaks || belief.time_s - self.changed_s(belief, p) <= RECENT * patience_s;
+            there += usize::from(spoke);
+            rejected += usize::from(spoke && !since_s.is_nan());
             waited |= speaks && belief.time_s - since_s > patience_s;
         }
         self.config.gate && waited && 2 * rejected > there
@@ -66,6 +71,9 @@ impl Tracker {
         (belief.inflation, belief.surprise) = (1.0, 1.0);
         (belief.roughness, belief.leftover) = (1.0, 1.0);
         belief.rejected_since_s.fill(f64::NAN);
+        // Whoever speaks next is heard as after a silence: with clocks of their own, one unit in a sample.
+        belief.seen_s.fill(f64::NEG_INFINITY);
+        belief.memory.iter_mut().for_each(forget_north);
     }
 
     /// Behind a fit that began anew.

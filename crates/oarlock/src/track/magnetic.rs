@@ -55,11 +55,11 @@ impl Tracker {
             let parts = self.groups.parts.iter().zip(&self.quantities).zip(&info.parts);
             let mut own = parts.filter(|((rows, &q), _)| q == Quantity::Mag && source.contains(&rows.start));
             own.next().map_or(Field::Missing, |(_, verdict)| match verdict {
-                Verdict::Missing => Field::Missing,
-                Verdict::Believed => Field::Undisturbed,
+                Verdict::Missing | Verdict::Stuck => Field::Missing,
+                Verdict::Believed | Verdict::Clipped => Field::Undisturbed,
                 Verdict::Barred => Field::Norm,
                 Verdict::Slanted => Field::Dip,
-                Verdict::Odd => Field::Innovation,
+                Verdict::Odd | Verdict::Turned => Field::Innovation,
             })
         })
     }

@@ -19,6 +19,7 @@ pub fn notes(run: &Run) -> Vec<String> {
     notes.extend(silent_loops(run));
     notes.extend(rejections(run));
     notes.extend(disturbances(run));
+    notes.extend(faults(run));
     notes.extend(unobserved(run));
     notes.extend(losses(run));
     notes.extend(widened(run));
@@ -153,6 +154,31 @@ fn disturbances(run: &Run) -> Vec<String> {
         })
     };
     body.suite.sources.iter().enumerate().filter_map(describe).collect()
+}
+
+/// Which sensors were at the end of their range or stuck, and for how long.
+fn faults(run: &Run) -> Vec<String> {
+    let sources = &run.tracker().body.suite.sources;
+    let describe = |(s, source): (usize, &crate::sensor::Source)| {
+        let reports = run.series.reports.iter().skip(s).step_by(sources.len());
+        let (mut seconds, mut whole_s, mut last_s) = ([0.0; 3], 0.0, f64::NAN);
+        for (&time_s, report) in run.series.time_s.iter().zip(reports).filter(|(_, r)| r.used + r.rejected > 0) {
+            let lasted_s = if last_s.is_nan() { 0.0 } else { (time_s - last_s).min(LONGEST_SAMPLE_S) };
+            seconds[report.fault as usize] += lasted_s;
+            whole_s += lasted_s;
+            last_s = time_s;
+        }
+        let [_, clipped_s, stuck_s] = seconds;
+        let told =
+            |s: f64, text: &str| (s > 0.0).then(|| format!("{}: {text} for {s:.2} of {whole_s:.1} s", source.name));
+        let clipped = told(clipped_s, "readings at the end of the sensor's range").map(|text| {
+            format!("{text}; those axes were not used meanwhile: a sensor of a wider range, or a gentler mount, would tell more")
+        });
+        let stuck = told(stuck_s, "readings stuck, the same to the bit,")
+            .map(|text| format!("{text} and not used meanwhile: check its firmware, its battery and the radio"));
+        [clipped, stuck]
+    };
+    sources.iter().enumerate().flat_map(describe).flatten().collect()
 }
 
 fn losses(run: &Run) -> Option<String> {

@@ -277,6 +277,6 @@ impl Run {
         let read = sample.inputs.iter().enumerate().map(|(c, x)| u8::from(is_input(c) && !x.is_nan()));
         s.observed.extend(read);
         Arc::make_mut(&mut s.inputs).extend(self.inputs.iter().map(|&c| sample.inputs[c]));
-        s.report(info, self.tracker.fields(info));
+        s.report(info, self.tracker.fields(info).zip(self.tracker.source_faults(info)));
     }
 }

@@ -115,6 +115,8 @@ fn with_sensors(sensors: &Value) -> Model {
         accel_std: Some(1.0),
         mag_std: Some(1.0),
         rest_std: None,
+        gyro_range: None,
+        accel_range: None,
         gyro_bias_start_std: 0.02,
         gyro_bias_walk: 1.1e-5,
         accel_bias_start_std: 0.05,

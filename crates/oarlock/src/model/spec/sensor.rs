@@ -7,7 +7,7 @@ use crate::model::slot::{Named, Slot};
 use crate::model::{ImuNoise, Mount};
 use crate::rotation::Mat3;
 
-pub(in crate::model) const KEYS: [&str; 16] = [
+pub(in crate::model) const KEYS: [&str; 18] = [
     "name",
     "kind",
     "frame",
@@ -16,6 +16,8 @@ pub(in crate::model) const KEYS: [&str; 16] = [
     "accel_std_m_s2",
     "mag_std_ut",
     "rest_std_rad_s",
+    "gyro_range_rad_s",
+    "accel_range_m_s2",
     "gyro_bias_start_std_rad_s",
     "gyro_bias_walk",
     "accel_bias_start_std_m_s2",
@@ -55,13 +57,15 @@ pub(in crate::model) struct ClosureSpec {
 const MOUNT_STD_RAD: f64 = 0.1;
 
 /// The keys of each kind, beside `name` and `kind`.
-const IMU_KEYS: [&str; 10] = [
+const IMU_KEYS: [&str; 12] = [
     "frame",
     "mount",
     "gyro_std_rad_s",
     "accel_std_m_s2",
     "mag_std_ut",
     "rest_std_rad_s",
+    "gyro_range_rad_s",
+    "accel_range_m_s2",
     "gyro_bias_start_std_rad_s",
     "gyro_bias_walk",
     "accel_bias_start_std_m_s2",
@@ -138,6 +142,8 @@ fn read_imu(section: &Section) -> What {
         accel_std: std("accel_std_m_s2", "m/s2"),
         mag_std: std("mag_std_ut", "uT"),
         rest_std: std("rest_std_rad_s", "rad/s"),
+        gyro_range: std("gyro_range_rad_s", "rad/s"),
+        accel_range: std("accel_range_m_s2", "m/s2"),
         gyro_bias_start_std: std("gyro_bias_start_std_rad_s", "rad/s").unwrap_or(0.02),
         gyro_bias_walk: walk("gyro_bias_walk", 1.1e-5),
         accel_bias_start_std: std("accel_bias_start_std_m_s2", "m/s2").unwrap_or(0.05),
@@ -153,10 +159,11 @@ fn check_quantities(section: &Section, noise: &ImuNoise) {
         section.mistake(section.at, format!("measures nothing; {wanted}"));
         return;
     }
-    let gyro = ("gyro_std_rad_s", ["gyro_bias_start_std_rad_s", "gyro_bias_walk"], noise.gyro_std);
-    let accel = ("accel_std_m_s2", ["accel_bias_start_std_m_s2", "accel_bias_walk"], noise.accel_std);
-    for (own, biases, std) in [gyro, accel] {
-        for key in biases.iter().filter(|key| std.is_none() && section.has(key)) {
+    let gyro = ["gyro_bias_start_std_rad_s", "gyro_bias_walk", "gyro_range_rad_s"];
+    let accel = ["accel_bias_start_std_m_s2", "accel_bias_walk", "accel_range_m_s2"];
+    let both = [("gyro_std_rad_s", gyro, noise.gyro_std), ("accel_std_m_s2", accel, noise.accel_std)];
+    for (own, its, std) in both {
+        for key in its.iter().filter(|key| std.is_none() && section.has(key)) {
             let text = format!("`{key}` without `{own}`: that quantity is not measured; add it or remove this key");
             section.mistake(section.at_key(key), text);
         }

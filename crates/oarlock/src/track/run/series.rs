@@ -1,10 +1,11 @@
 //! What a run keeps of every row, in little room: an hour has half a million of them.
 
+use super::super::faults::Fault;
 use super::super::magnetic::Field;
 use crate::estimate::filter::{Info, SourceInfo};
 use std::sync::Arc;
 
-/// What an update did with the rows of one source, in four bytes.
+/// What an update did with the rows of one source, in five bytes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Report {
     /// Rows used.
@@ -15,12 +16,14 @@ pub struct Report {
     pub missing: u8,
     /// What its magnetometer's reading was.
     pub field: Field,
+    /// What was wrong with its readings.
+    pub fault: Fault,
 }
 
 impl Report {
-    fn of(source: &SourceInfo, field: Field) -> Self {
+    fn of(source: &SourceInfo, field: Field, fault: Fault) -> Self {
         let SourceInfo { used, rejected, missing, .. } = *source;
-        Report { used, rejected, missing, field }
+        Report { used, rejected, missing, field, fault }
     }
 }
 
@@ -72,9 +75,10 @@ impl Series {
     }
 
     /// What an update did, behind all others.
-    pub(super) fn report(&mut self, info: &Info, fields: impl Iterator<Item = Field>) {
+    pub(super) fn report(&mut self, info: &Info, troubles: impl Iterator<Item = (Field, Fault)>) {
         Arc::make_mut(&mut self.nis).extend(info.sources.iter().map(|source| source.nis));
-        let reports = info.sources.iter().zip(fields).map(|(source, field)| Report::of(source, field));
+        let reports =
+            info.sources.iter().zip(troubles).map(|(source, (field, fault))| Report::of(source, field, fault));
         Arc::make_mut(&mut self.reports).extend(reports);
         let (nis, count) = info.inertial;
         Arc::make_mut(&mut self.inertial).push((nis, count as u32));

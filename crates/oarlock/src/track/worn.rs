@@ -1,0 +1,79 @@
+//! What a calibration says, checked against the model.
+
+use crate::body::Body;
+use crate::error::{Error, Result};
+use crate::model::suggest::hint;
+use crate::model::{Model, SensorKind};
+use crate::rotation::Mat3;
+use crate::sensor::imu::MountValue;
+use crate::sensor::Quantity;
+use std::collections::BTreeMap;
+
+/// All parameter values: the model's defaults where `given` says nothing.
+pub fn parameter_values(model: &Model, given: &BTreeMap<String, f64>) -> Result<Vec<f64>> {
+    let mut values: Vec<f64> = model.parameters.iter().map(|p| p.default).collect();
+    let known: Vec<&str> = model.parameters.iter().map(|p| p.name.as_str()).collect();
+    for (name, &value) in given {
+        let Some(i) = known.iter().position(|k| k == name) else {
+            return Err(Error::Data(format!(
+                "parameter '{name}': model '{}' has none of that name; {}",
+                model.name,
+                hint(name, &known)
+            )));
+        };
+        if !value.is_finite() {
+            return Err(Error::Data(format!("parameter '{name}' = {value}: expected a finite number")));
+        }
+        values[i] = value;
+    }
+    Ok(values)
+}
+
+/// Per row, what is subtracted: the constant part of magnetometers.
+pub(super) fn row_offsets(body: &Body, given: &BTreeMap<String, [f64; 3]>) -> Result<Vec<f64>> {
+    let mut offsets = vec![0.0; body.suite.len()];
+    for (name, offset) in given {
+        let source = body.suite.sources.iter().find(|s| s.name == *name);
+        let part = source.and_then(|s| s.parts.iter().find(|p| p.quantity == Quantity::Mag));
+        let Some(part) = part else {
+            let with_mag = body.suite.sources.iter().filter(|s| s.parts.iter().any(|p| p.quantity == Quantity::Mag));
+            let known: Vec<&str> = with_mag.map(|s| s.name.as_str()).collect();
+            return Err(Error::Data(format!(
+                "magnetometer offset '{name}': model '{}' has no magnetometer of that name; {}",
+                body.model.name,
+                hint(name, &known)
+            )));
+        };
+        if offset.iter().any(|x| !x.is_finite()) {
+            return Err(Error::Data(format!("magnetometer offset '{name}': {offset:?} uT must be finite")));
+        }
+        offsets[part.rows.clone()].copy_from_slice(offset);
+    }
+    Ok(offsets)
+}
+
+/// Mounts per sensor of the model; `None` is the model's own.
+pub fn mount_values(model: &Model, given: &BTreeMap<String, MountValue>) -> Result<Vec<Option<MountValue>>> {
+    let is_imu = |s: &&crate::model::Sensor| matches!(s.kind, SensorKind::Imu { .. });
+    let known: Vec<&str> = model.sensors.iter().filter(is_imu).map(|s| s.name.as_str()).collect();
+    for (name, (rotation, offset)) in given {
+        if !known.contains(&name.as_str()) {
+            return Err(Error::Data(format!(
+                "mount '{name}': model '{}' has no inertial unit of that name; {}",
+                model.name,
+                hint(name, &known)
+            )));
+        }
+        let (defect, det) = Mat3::rotation_defect(rotation);
+        if !(defect < 1e-6 && (det - 1.0).abs() < 1e-6) {
+            return Err(Error::Data(format!(
+                "mount '{name}': link_from_sensor is no rotation: |R R' - 1| = {defect:.2e}, det = {det:.6}; \
+                 expected an orthogonal matrix with determinant 1"
+            )));
+        }
+        if offset.iter().any(|x| !x.is_finite()) {
+            return Err(Error::Data(format!("mount '{name}': offset {offset:?} m must be finite")));
+        }
+    }
+    Ok(model.sensors.iter().map(|s| given.get(&s.name).copied()).collect())
+}
