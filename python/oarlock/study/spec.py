@@ -13,6 +13,7 @@ from pathlib import Path
 
 from oarlock._core import Config, Model
 from oarlock.errors import DataError
+from oarlock.io.paths import place_of
 from oarlock.io.toml import TomlTable
 from oarlock.models import load_model
 from oarlock.study.degrade import keys_of_streams
@@ -225,7 +226,7 @@ def load_study(
         DataError: an unknown key or a value that makes no sense, with file, line and the nearest valid name.
         ModelError: the model's file is wrong.
     """
-    top = TomlTable.read(Path(path))
+    top = TomlTable.read(place_of(path))
     top.check_format(FORMAT)
     top.check_keys(_TOP | _TABLES | {"motion"})
     model = load_model(_beside(top, top.string("model")))
@@ -250,7 +251,7 @@ def load_study(
 
 def _beside(top: TomlTable, name: str) -> str:
     """A path in a study file counts from the file."""
-    own = top.file.parent / name
+    own = place_of(top.file.parent / name)
     return str(own) if own.suffix and own.exists() else name
 
 
@@ -258,7 +259,7 @@ def _simulator(top: TomlTable, known: Mapping[str, StudySimulator]) -> StudySimu
     if "motion" in top.values:
         if "simulator" in top.values:
             raise DataError(f"{top.where('motion')}: give simulator or motion, not both")
-        folder = top.file.parent / top.string("motion")
+        folder = place_of(top.file.parent / top.string("motion"))
         return TruthFolder(str(folder if folder.is_dir() else top.string("motion")))
     name = top.string("simulator")
     if name not in known:
