@@ -3,6 +3,7 @@
 import faulthandler
 import itertools
 import os
+import resource
 import signal
 import sys
 import time
@@ -20,6 +21,8 @@ EXAMPLES = 60
 EXAMPLES_A_ROUND = 100
 # The slowest of an hour take about two seconds on a busy machine.
 HANG_S = 60
+# Of address space: a file of some kilobytes that asks for gigabytes is a fault, and must not take the machine with it.
+MOST_BYTES = 6 << 30
 Answer = TypeVar("Answer")
 
 _SETTINGS = settings(
@@ -75,6 +78,8 @@ def ended_if_it_hangs() -> Iterator[None]:
     def hung(*_: object) -> None:
         raise AssertionError(f"no answer within {HANG_S} s")
 
+    limits = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, limits[1]))
     before = signal.signal(signal.SIGALRM, hung)
     signal.alarm(HANG_S)
     faulthandler.dump_traceback_later(2 * HANG_S, exit=True)
@@ -84,3 +89,4 @@ def ended_if_it_hangs() -> Iterator[None]:
         faulthandler.cancel_dump_traceback_later()
         signal.alarm(0)
         signal.signal(signal.SIGALRM, before)
+        resource.setrlimit(resource.RLIMIT_AS, limits)

@@ -24,6 +24,7 @@ from oarlock.suggest import did_you_mean
 
 FORMAT = 1
 MOST_RUNS = 100_000
+_MOST_SEEDS = 100_000
 _TOP = {"format", "title", "about", "model", "simulator", "seeds", "start_s", "frames", "joints"}
 _TABLES = {"fixed", "grid", "scenario"}
 
@@ -270,11 +271,13 @@ def _simulator(top: TomlTable, known: Mapping[str, StudySimulator]) -> StudySimu
 def _seeds(top: TomlTable) -> tuple[int, ...]:
     given = top.values.get("seeds", 3)
     count = isinstance(given, int) and not isinstance(given, bool)
-    if count and isinstance(given, int) and given >= 1:
+    if count and isinstance(given, int) and 1 <= given <= _MOST_SEEDS:
         return tuple(range(given))
     whole = isinstance(given, list) and given and all(type(s) is int and s >= 0 for s in given)
     if not whole or not isinstance(given, list):
-        raise DataError(f"{top.where('seeds')}: is {given!r}; expected how many, or a list such as [0, 1, 2]")
+        raise DataError(
+            f"{top.where('seeds')}: is {given!r}; expected how many (1 to {_MOST_SEEDS}), or a list such as [0, 1, 2]"
+        )
     return tuple(given)
 
 
