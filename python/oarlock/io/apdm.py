@@ -103,6 +103,8 @@ def _stream_name(label: str) -> str:
 
 def _open(file: Path) -> _Export:
     head = _first_lines(file, 4)
+    if head and not head[0]:
+        raise DataError(f'{file}:1: is empty; an APDM export begins with "Test Name:" or "Format=7"')
     if head and head[0][0].startswith("Format="):
         return _open_format_7(file, head)
     if head and head[0][0].strip() == "Test Name:":

@@ -22,7 +22,7 @@ name = "rail_slope"
 kind = "hinge"
 label = "seat's rail beyond rail_slope_rad, positive rising toward the feet (stern)"
 limits = ["-3*pi/180", "3*pi/180"]
-process = { kind = "walk", density = 1e-4, start_std = [0.015] }
+process = { kind = "walk", density = 1e-4, start_std = [0.025] }
 
 [[frame]]
 name = "rail"
@@ -60,8 +60,8 @@ def on_unknown_rail(model: Model) -> Model:
     seat = _SEAT.search(model.text)
     if seat is None or len(_SHOULDER.findall(model.text)) != 2:
         raise DataError(
-            f"model '{model.name}': its seat does not slide along rail_slope_rad with both shoulders on it; start from a "
-            "copy of `sculler`"
+            f"model '{model.name}': its seat does not slide along rail_slope_rad with both shoulders on it; "
+            "start from a copy of `sculler`"
         )
     text = _SHOULDER.sub(r'\1"hips"', _SEAT.sub(r'\1"rail"\3', model.text))
     return Model.from_toml(text + _JOINT.replace("PARENT", seat[2]), model.path, model.parameters)
