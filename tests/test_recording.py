@@ -240,3 +240,22 @@ def test_the_engine_reads_any_layout_alike(layout):
         tracker.step(a)
         live.step(b)
     assert np.array_equal(tracker.belief.mean, live.belief.mean)
+
+
+def test_the_compiled_gate_holds_exactly_or_refuses_as_the_other_does():
+    """Found by fuzzing: masked values passed as if they had been seen, large whole numbers were rounded."""
+    model = oarlock.load_model("pendulum3")
+    poses = model.forward_kinematics(np.ma.array([0.1, 9.0, 0.2], mask=[False, True, False]))
+    assert np.isnan(poses[-1, :3, :3]).any()
+    np.testing.assert_array_equal(poses[1], model.forward_kinematics([0.1, 0.0, 0.2])[1])
+    with pytest.raises(DataError, match="9007199254740993"):
+        model.forward_kinematics(np.array([0, 1, 2**53 + 1]))
+    with pytest.raises(DataError, match="bool"):
+        model.forward_kinematics(np.array([True, False, True]))
+
+
+@pytest.mark.parametrize("time_s", [10**400, b"", [1.0, 2.0], "soon"])
+def test_a_live_stamp_that_is_no_number_is_refused(time_s):
+    tracker = oarlock.Tracker(oarlock.load_model("pendulum3"))
+    with pytest.raises(DataError, match="time_s"):
+        tracker.sample(time_s, {})

@@ -41,9 +41,11 @@ class Calibration:
     mag_offsets_ut: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        parameters = {str(k): _finite(v, k) for k, v in dict(self.parameters).items()}
-        mounts = {str(k): _mount(v, k) for k, v in dict(self.mounts).items()}
-        offsets = {str(k): _mag_offset(v, k) for k, v in dict(self.mag_offsets_ut).items()}
+        parameters = {k: _finite(v, k) for k, v in _table(self.parameters, "parameters").items()}
+        mounts = {k: _mount(v, k) for k, v in _table(self.mounts, "mounts").items()}
+        offsets = {
+            str(k): _mag_offset(v, k) for k, v in _table(self.mag_offsets_ut, "mag_offsets_ut").items()
+        }
         object.__setattr__(self, "parameters", MappingProxyType(parameters))
         object.__setattr__(self, "mounts", MappingProxyType(mounts))
         object.__setattr__(self, "noted", MappingProxyType(copy.deepcopy(dict(self.noted))))
@@ -70,9 +72,10 @@ def load_calibration(file: str | PathLike[str]) -> Calibration:
     Raises:
         DataError: The file cannot be read, a key is unknown, or a value is refused by `Calibration`.
     """
+    from oarlock.io.paths import place_of
     from oarlock.io.toml import TomlTable
 
-    top = TomlTable.read(Path(file))
+    top = TomlTable.read(place_of(file))
     top.check_format(1)
     top.check_keys({"format", "parameters", "mounts", "mag_offsets_ut", "noted"})
     mounts = {}
@@ -90,6 +93,12 @@ def load_calibration(file: str | PathLike[str]) -> Calibration:
         noted,
         cast(Mapping[str, FloatArray], offsets),
     )
+
+
+def _table(value: object, key: str) -> dict[str, object]:
+    if not isinstance(value, Mapping):
+        raise DataError(f"calibration, {key}: is {value!r:.60}; expected names and their values, a dict")
+    return {str(name): entry for name, entry in value.items()}
 
 
 def _finite(value: object, name: str) -> float:

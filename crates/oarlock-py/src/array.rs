@@ -10,21 +10,45 @@ pub struct Reals {
     pub values: Vec<f64>,
 }
 
-/// Reads any real array; `name` is for the error.
+/// Doubles hold every whole number up to here.
+const LARGEST_EXACT_INTEGER: f64 = 9_007_199_254_740_992.0;
+
+/// Reads any real array; `name` is for the error. What a masked array hides is NaN.
 pub fn reals(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Reals> {
     let py = value.py();
     let numpy = py.import("numpy")?;
     let refuse = |what: String| DataError::new_err(format!("{name}: {what}; expected an array of real numbers"));
-    let array = numpy.call_method1("asarray", (value,)).map_err(|e| refuse(e.to_string()))?;
-    let dtype = array.getattr("dtype")?;
+    let given = numpy.call_method1("asanyarray", (value,)).map_err(|e| refuse(e.to_string()))?;
+    let dtype = given.getattr("dtype")?;
     let (kind, size): (String, usize) = (dtype.getattr("kind")?.extract()?, dtype.getattr("itemsize")?.extract()?);
-    if !matches!(kind.as_str(), "b" | "i" | "u" | "f") || size > 8 {
+    if !matches!(kind.as_str(), "i" | "u" | "f") || size > 8 {
         return Err(refuse(format!("holds {dtype}")));
     }
-    let array = numpy.call_method1("ascontiguousarray", (array, "float64"))?;
+    let seen = match given.getattr_opt("filled")? {
+        Some(_) => given.call_method1("astype", ("float64",))?.call_method1("filled", (f64::NAN,))?,
+        None => given.clone(),
+    };
+    let array = numpy.call_method1("ascontiguousarray", (seen, "float64"))?;
     let array = array.cast_into::<PyArrayDyn<f64>>().map_err(|_| refuse("is no array".into()))?;
     let shape = array.shape().to_vec();
-    Ok(Reals { shape, values: array.to_vec().map_err(|_| refuse("is not contiguous".into()))? })
+    let values = array.to_vec().map_err(|_| refuse("is not contiguous".into()))?;
+    if kind != "f" && size == 8 {
+        check_exact(&given, &values, name)?;
+    }
+    Ok(Reals { shape, values })
+}
+
+/// Refuses whole numbers that doubles cannot hold.
+fn check_exact(given: &Bound<'_, PyAny>, values: &[f64], name: &str) -> PyResult<()> {
+    for (i, value) in values.iter().enumerate().filter(|(_, v)| v.abs() >= LARGEST_EXACT_INTEGER) {
+        let number = given.getattr("flat")?.get_item(i)?.call_method0("item")?;
+        if !number.eq(value)? {
+            return Err(DataError::new_err(format!(
+                "{name}: {number} cannot be held exactly by float64; subtract an offset first"
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// Reads an array whose last axes must be `tail`; gives the number of such items.

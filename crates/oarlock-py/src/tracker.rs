@@ -66,9 +66,9 @@ impl PyTracker {
     }
 
     /// A sample from readings by sensor: `{"back": {"gyro_rad_s": (3,), ...}, "seat": 0.31}`; what is absent is missing.
-    fn sample(&self, time_s: f64, readings: &Bound<'_, PyDict>) -> PyResult<PySample> {
+    fn sample(&self, time_s: &Bound<'_, PyAny>, readings: &Bound<'_, PyDict>) -> PyResult<PySample> {
         let mut sample = self.tracker.empty_sample();
-        self.fill(&mut sample, time_s, readings)?;
+        self.fill(&mut sample, one_number(time_s, "sample, time_s")?, readings)?;
         Ok(PySample(sample))
     }
 

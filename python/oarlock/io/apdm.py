@@ -13,6 +13,7 @@ import numpy as np
 from oarlock.array_gate import FloatArray, disorder_text
 from oarlock.errors import DataError
 from oarlock.io.delimited import Dialect, Layout, numbers
+from oarlock.io.paths import place_of
 from oarlock.io.times import on_one_axis, parsed_stamps, relative_stamps
 from oarlock.io.units import plain_unit
 from oarlock.recording import ImuStream, Recording
@@ -60,7 +61,7 @@ def read_apdm(path: str | PathLike[str]) -> Recording:
     Raises:
         DataError: Another layout or unit, a missing column, or a cell that is no number, with file and line.
     """
-    export = _open(Path(path))
+    export = _open(place_of(path))
     time_s, columns, clock = _read(export, set(_NEEDED_UNITS))
     streams = []
     for label, quantities in export.sensors.items():
@@ -87,7 +88,7 @@ def read_apdm_orientations(path: str | PathLike[str]) -> dict[str, FloatArray]:
     Raises:
         DataError: As `read_apdm`.
     """
-    export = _open(Path(path))
+    export = _open(place_of(path))
     _, columns, _ = _read(export, {"quat_wxyz"})
     return {
         _stream_name(label): np.column_stack([columns[i] for i in quantities["quat_wxyz"]])
@@ -102,6 +103,8 @@ def _stream_name(label: str) -> str:
 
 def _open(file: Path) -> _Export:
     head = _first_lines(file, 4)
+    if head and not head[0]:
+        raise DataError(f'{file}:1: is empty; an APDM export begins with "Test Name:" or "Format=7"')
     if head and head[0][0].startswith("Format="):
         return _open_format_7(file, head)
     if head and head[0][0].strip() == "Test Name:":

@@ -10,10 +10,10 @@ reference says the same: it is late by 4.0 ms in all five trials that were tried
 """
 
 from os import PathLike
-from pathlib import Path
 
 from oarlock.errors import DataError
 from oarlock.io.mat import matrix, read_mat, same_length, sampling_rate
+from oarlock.io.paths import place_of
 from oarlock.io.reference import Reference
 from oarlock.io.stamps import interval_middles_s, row_times_s
 from oarlock.recording import ImuStream, Recording
@@ -34,7 +34,7 @@ def read_broad(path: str | PathLike[str]) -> Recording:
     Raises:
         DataError: Not such a file; a part of it is missing or has another shape.
     """
-    file = Path(path)
+    file = place_of(path)
     variables = read_mat(file)
     rate_hz = sampling_rate(variables, "sampling_rate", file)
     gyro, accel, mag = (matrix(variables, name, 3, file) for name in ("imu_gyr", "imu_acc", "imu_mag"))
@@ -56,7 +56,7 @@ def read_broad_reference(path: str | PathLike[str]) -> Reference:
     Raises:
         DataError: As `read_broad`; the reference has another length than the readings.
     """
-    file = Path(path)
+    file = place_of(path)
     variables = read_mat(file)
     rate_hz = sampling_rate(variables, "sampling_rate", file)
     quat_wxyz = matrix(variables, "opt_quat", 4, file)

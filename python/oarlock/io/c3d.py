@@ -9,6 +9,7 @@ import numpy as np
 
 from oarlock.array_gate import FloatArray
 from oarlock.errors import DataError
+from oarlock.io.c3d_layout import check_layout
 from oarlock.io.marker_table import held_unit, markers_of
 
 if TYPE_CHECKING:
@@ -55,6 +56,10 @@ def _content(file: Path) -> Any:
         raise DataError(
             f"{file}: C3D files are read with ezc3d: pip install 'oarlock[c3d]' (or export the markers as TRC)"
         ) from None
+    try:
+        check_layout(file.read_bytes(), file)
+    except OSError as error:
+        raise DataError(f"{file}: cannot be read ({error.strerror})") from error
     try:
         return ezc3d.c3d(str(file))
     except Exception as error:  # ezc3d raises whatever its C++ side throws

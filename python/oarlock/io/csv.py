@@ -13,6 +13,7 @@ from oarlock.array_gate import FloatArray, disorder_text
 from oarlock.errors import DataError
 from oarlock.io.csv_mapping import FileMapping, Quantity, SensorColumns, read_mapping
 from oarlock.io.delimited import Layout, numbers
+from oarlock.io.paths import place_of
 from oarlock.io.times import RELATIVE, Stamps, on_one_axis, parsed_stamps, relative_stamps
 from oarlock.io.units import ANGLE, to_held_unit
 from oarlock.recording import ImuStream, Recording, ScalarStream, ScalarUnit, Stream, VectorStream
@@ -52,8 +53,8 @@ def read_csv(mapping_file: str | PathLike[str], folder: str | PathLike[str] | No
     Raises:
         DataError: A mistake in the mapping (file, line, key) or in the data (file, line, column, text found).
     """
-    mapping = read_mapping(Path(mapping_file))
-    root = Path(folder) if folder is not None else mapping.file.parent
+    mapping = read_mapping(place_of(mapping_file))
+    root = place_of(folder) if folder is not None else mapping.file.parent
     tables = [_read_table(f, root) for f in mapping.files]
     times, clock = on_one_axis([t.stamps for t in tables], [str(t.layout.file) for t in tables])
     parts = []
@@ -65,7 +66,7 @@ def read_csv(mapping_file: str | PathLike[str], folder: str | PathLike[str] | No
 
 
 def _read_table(entry: FileMapping, root: Path) -> _Table:
-    file = root / entry.path
+    file = place_of(root / entry.path)
     if not file.is_file():
         raise DataError(f'{entry.where}: there is no file "{file}"')
     layout = Layout.of(file, entry.dialect)

@@ -11,10 +11,10 @@ reference by a whole row.
 """
 
 from os import PathLike
-from pathlib import Path
 
 from oarlock.errors import DataError
 from oarlock.io.mat import matrix, read_mat, same_length, sampling_rate, structure
+from oarlock.io.paths import place_of
 from oarlock.io.reference import Reference
 from oarlock.io.stamps import interval_middles_s, row_times_s
 from oarlock.recording import ImuStream, Recording
@@ -41,7 +41,7 @@ def read_dfjimu(path: str | PathLike[str]) -> Recording:
     Raises:
         DataError: Not such a file; a part of it is missing or has another shape.
     """
-    file = Path(path)
+    file = place_of(path)
     data = structure(read_mat(file), "data", file)
     rate_hz = sampling_rate(data, "data.rate", file)
     readings = matrix(data, "data.sensorData", 12, file)
@@ -68,7 +68,7 @@ def read_dfjimu_reference(path: str | PathLike[str]) -> Reference:
     Raises:
         DataError: As `read_dfjimu`; the reference has another length than the readings.
     """
-    file = Path(path)
+    file = place_of(path)
     data = structure(read_mat(file), "data", file)
     rate_hz = sampling_rate(data, "data.rate", file)
     reference = matrix(data, "data.ref", 17, file)

@@ -22,6 +22,7 @@ from oarlock.array_gate import FloatArray
 from oarlock.errors import DataError
 from oarlock.io.columns import read_columns
 from oarlock.io.delimited import Dialect, Layout
+from oarlock.io.paths import place_of
 from oarlock.io.reference import Reference
 from oarlock.recording import ImuStream, Recording
 
@@ -55,7 +56,7 @@ def read_diodem(
     """
     if mounted not in _FILES:
         raise DataError(f'mounted = "{mounted}"; expected one of "rigid", "foam"')
-    file = Path(folder) / _FILES[mounted]
+    file = place_of(folder) / _FILES[mounted]
     layout, rate_hz = _open(file)
     scales = {"gyr": 1.0, "acc": 1.0} | ({} if mag_unit_ut is None else {"mag": mag_unit_ut})
     readings = _read(layout, {f"{s}_{quantity}": "xyz" for s in SEGMENTS for quantity in scales})
@@ -80,7 +81,7 @@ def read_diodem_reference(folder: str | PathLike[str]) -> Reference:
     Raises:
         DataError: As `read_diodem`.
     """
-    file = Path(folder) / _REFERENCE_FILE
+    file = place_of(folder) / _REFERENCE_FILE
     layout, rate_hz = _open(file)
     readings = _read(
         layout,

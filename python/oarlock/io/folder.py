@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 from oarlock.array_gate import FloatArray
 from oarlock.errors import DataError
 from oarlock.io.delimited import Dialect, Layout, numbers
+from oarlock.io.paths import place_of
 from oarlock.io.toml import TomlTable, write_toml
 from oarlock.recording import ImuStream, Recording, ScalarStream, ScalarUnit, Stream, VectorStream
 from oarlock.suggest import did_you_mean
@@ -76,7 +77,7 @@ def read_folder(path: str | PathLike[str]) -> Recording:
     Raises:
         DataError: A file, column or key is missing or unknown, or a unit is not the one held.
     """
-    index = Path(path)
+    index = place_of(path)
     if index.is_dir():
         index = index / INDEX_FILE
     if not index.is_file():
@@ -210,7 +211,7 @@ def _check_unit(units: TomlTable, key: str, held: tuple[str, ...]) -> None:
 def _read_columns(table: TomlTable, root: Path, names: list[str]) -> dict[str, FloatArray]:
     """The named columns of the stream's file, which must have these and no other."""
     given = table.string("file")
-    file = root / given
+    file = place_of(root / given)
     if Path(given).is_absolute() or ".." in Path(given).parts:
         raise DataError(f'{table.where("file")}: "{given}" is not inside the recording\'s folder')
     if not file.is_file():

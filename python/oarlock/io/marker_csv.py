@@ -121,7 +121,10 @@ def _plain_columns(head: Row, file: Path) -> tuple[list[str], list[int], set[str
 
 def _read_nexus(file: Path, unit: str | None) -> Markers:
     rows = read_rows(file, "\t" if "\t" in read_text(file)[:4000] else ",")
-    start = next(k for k, row in enumerate(rows) if row.cells and row.cells[0].startswith("Trajectories"))
+    heads = (k for k, row in enumerate(rows) if row.cells and row.cells[0].startswith("Trajectories"))
+    start = next(heads, None)
+    if start is None:
+        raise DataError(f'{file}: no line begins with "Trajectories", as a section of a Nexus export does')
     section = rows[start + 1 : start + 5]
     if len(section) < 4 or len(section[2].cells) < 2 or section[2].cells[0] != "Frame":
         raise DataError(

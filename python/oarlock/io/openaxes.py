@@ -16,6 +16,7 @@ from oarlock.array_gate import FloatArray, time_array
 from oarlock.errors import DataError
 from oarlock.io.columns import read_columns
 from oarlock.io.delimited import Dialect, Layout
+from oarlock.io.paths import place_of
 from oarlock.io.reference import Reference
 from oarlock.recording import ImuStream, Recording
 
@@ -35,7 +36,7 @@ def openaxes_runs(folder: str | PathLike[str]) -> tuple[str, ...]:
     Raises:
         DataError: The folder holds no run.
     """
-    root = Path(folder) / "synced_imu"
+    root = place_of(folder) / "synced_imu"
     runs = tuple(sorted(run.name for run in root.glob("*") if (run / f"{LINKS[0]}_adx.csv").is_file()))
     if not runs:
         raise DataError(
@@ -100,7 +101,7 @@ def _clock_and_orientation(folder: str | PathLike[str], run: str, link: str) -> 
 
 
 def _readings_file(folder: str | PathLike[str], run: str, link: str) -> Path:
-    file = Path(folder) / "synced_imu" / run / f"{link}_adx.csv"
+    file = place_of(folder) / "synced_imu" / run / f"{link}_adx.csv"
     if not file.is_file():
         raise DataError(
             f'there is no run "{run}": {file} is missing. Runs: {", ".join(openaxes_runs(folder))}'
@@ -109,4 +110,4 @@ def _readings_file(folder: str | PathLike[str], run: str, link: str) -> Path:
 
 
 def _reference_file(folder: str | PathLike[str], run: str, link: str) -> Path:
-    return Path(folder) / "groundtruth" / f"robot-{run}" / f"{link}.csv"
+    return place_of(folder) / "groundtruth" / f"robot-{run}" / f"{link}.csv"

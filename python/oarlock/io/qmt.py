@@ -7,11 +7,11 @@ nothing says what it is.
 """
 
 from os import PathLike
-from pathlib import Path
 
 from oarlock.array_gate import time_array
 from oarlock.errors import DataError
 from oarlock.io.mat import matrix, read_mat, same_length, structure
+from oarlock.io.paths import place_of
 from oarlock.recording import ImuStream, Recording
 
 
@@ -28,7 +28,7 @@ def read_qmt(path: str | PathLike[str]) -> Recording:
     Raises:
         DataError: Not such a file; a part of it is missing or has another shape.
     """
-    file = Path(path)
+    file = place_of(path)
     variables = read_mat(file)
     time_s = time_array(matrix(variables, "t", 1, file)[:, 0], f"{file}, t")
     streams = []

@@ -14,6 +14,7 @@ from pyarrow import parquet
 
 from oarlock._core import Model
 from oarlock.errors import DataError
+from oarlock.io.paths import place_of
 from oarlock.io.toml import TomlTable, write_toml
 from oarlock.track import Track
 from oarlock.track_columns import FIELDS, column_name, observed_name
@@ -44,7 +45,7 @@ def read_track(folder: str | PathLike[str]) -> Track:
     Raises:
         DataError: the folder holds no track, or a file in it is damaged.
     """
-    place = Path(folder)
+    place = place_of(folder)
     if not (place / "run.toml").is_file() or not (place / "track.parquet").is_file():
         raise DataError(
             f"{place}: no track here (run.toml or track.parquet is missing); write one with `oarlock track`"

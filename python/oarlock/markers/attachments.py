@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from oarlock.array_gate import FloatArray, real_array
 from oarlock.chain_geometry import posture
 from oarlock.errors import DataError
+from oarlock.io.paths import place_of
 from oarlock.io.toml import TomlTable, write_toml
 from oarlock.markers.trajectories import Markers
 from oarlock.suggest import did_you_mean
@@ -96,7 +97,7 @@ def load_attachments(path: str | PathLike[str]) -> tuple[Attachment, ...]:
     Raises:
         DataError: a mistake in the file, with line and key.
     """
-    table = TomlTable.read(Path(path))
+    table = TomlTable.read(place_of(path))
     table.check_keys(("format", "marker"))
     table.check_format(1)
     found = []

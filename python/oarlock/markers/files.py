@@ -9,6 +9,7 @@ from pathlib import Path
 from numpy.typing import ArrayLike
 
 from oarlock.errors import DataError
+from oarlock.io.paths import place_of
 from oarlock.io.units import LENGTH, plain_unit, unknown_unit_text
 from oarlock.markers.trajectories import Markers, NamedAxes
 from oarlock.suggest import did_you_mean
@@ -40,7 +41,7 @@ def load_markers(
     Raises:
         DataError: the file cannot be read or understood; it says where, and what to try.
     """
-    file = Path(path)
+    file = place_of(path)
     if not file.is_file():
         raise DataError(f"{file}: there is no such file")
     markers = _read(file, _checked_unit(unit))

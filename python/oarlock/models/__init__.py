@@ -55,9 +55,10 @@ def load_model(name: str | PathLike[str], parameters: Mapping[str, float] | None
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise ModelError(f"{path}: is not UTF-8 text (byte {error.start}); save it as UTF-8") from None
-    except OSError as error:
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) else str(error)
         raise ModelError(
-            f"{name}: no shipped model has this name, and no file can be read there ({error.strerror}). "
+            f"{str(name)[:80]}: no shipped model has this name, and no file can be read there ({why}). "
             f"{did_you_mean(str(name), shipped)}"
         ) from None
     return Model.from_toml(text, str(path), dict(parameters or {}))

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from oarlock.rowing.boat import Boat, HullMotion
+from oarlock.rowing.ergometer import ErgometerShape, Machine, ergometer_piece
 from oarlock.rowing.field import FieldEffects, FieldTrial, simulate_field
 from oarlock.rowing.hull import HullRotation, on_hull
 from oarlock.rowing.motion import Piece, row_piece, sculling
 from oarlock.rowing.noise import CONDITIONS, TABLE_4_NOISE, ImuNoise, SimulatedCondition
 from oarlock.rowing.pitch import HullForm, HullPitch, hull_pitch
+from oarlock.rowing.rail import on_unknown_rail
 from oarlock.rowing.simulators import SIMULATORS, FieldSimulator, ScullingSimulator
 from oarlock.rowing.stretcher import adjusted_stretcher
 from oarlock.rowing.stroke import StrokeShape
@@ -19,6 +21,7 @@ __all__ = [
     "SIMULATORS",
     "TABLE_4_NOISE",
     "Boat",
+    "ErgometerShape",
     "FieldEffects",
     "FieldSimulator",
     "FieldTrial",
@@ -27,6 +30,7 @@ __all__ = [
     "HullPitch",
     "HullRotation",
     "ImuNoise",
+    "Machine",
     "Piece",
     "ScullingSimulator",
     "SimulatedCondition",
@@ -34,8 +38,10 @@ __all__ = [
     "StrokeTiming",
     "SweepShape",
     "adjusted_stretcher",
+    "ergometer_piece",
     "hull_pitch",
     "on_hull",
+    "on_unknown_rail",
     "row_piece",
     "sculling",
     "simulate_field",

@@ -1,4 +1,4 @@
-"""The published simulation as one call: sculling, surge, noise and biases of Table 5; and a hull that turns."""
+"""The published simulation as one call: sculling, surge, noise and biases of Table 5; turning hulls and ergometers."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from oarlock.motion import Motion
 from oarlock.rowing.boat import Boat, rower_centre_of_mass
+from oarlock.rowing.ergometer import ergometer_piece
 from oarlock.rowing.hull import HULL_JOINTS, HullRotation, on_hull, turning_hull
 from oarlock.rowing.motion import Piece, row_piece
 from oarlock.rowing.noise import SimulatedCondition, condition_named
@@ -85,6 +86,33 @@ def simulate_sweep(
     return _recorded(model, row, _condition(condition, pitching), seed, hull)
 
 
+def simulate_ergometer(
+    model: Model,
+    condition: str = "S-B",
+    duration_s: float = 40.0,
+    rate_spm: float | Sequence[float] = 24.0,
+    seed: int = 0,
+) -> tuple[Track, Recording]:
+    """Truth and recording of a simulated rower on an ergometer.
+
+    Args:
+        model: `ergometer`, or a model with its joints, frames and sensors.
+        condition: `S-NB`, `B-NB`, `S-B` or `B-B`: on the floor (S) or on slides (B), sensors without or with biases.
+        duration_s: length, s.
+        rate_spm: strokes per minute; two values go evenly from one to the other.
+        seed: of the stroke-to-stroke variation and of the sensors' noise.
+
+    Raises:
+        ValueError: an unknown condition.
+        DataError: the model cannot row so.
+    """
+
+    def row(body: Model, slides: bool) -> Piece:
+        return ergometer_piece(body, duration_s, rate_spm, slides=slides, seed=seed)
+
+    return _recorded(model, row, condition_named(condition), seed, _Hull(None, False, HullForm(), Boat()))
+
+
 def simulate_rowing(
     model: Model,
     condition: str = "B-B",
@@ -95,7 +123,17 @@ def simulate_rowing(
     hull_rotation: HullRotation | None = None,
     pitching: bool = False,
 ) -> tuple[Track, Recording]:
-    """:func:`simulate_sweep` for a model with one oar, :func:`simulate_sculling` for any other."""
+    """:func:`simulate_sweep`, :func:`simulate_ergometer` or :func:`simulate_sculling`, as the model has it.
+
+    Raises:
+        ValueError: an ergometer whose hull is to turn, or what those functions refuse.
+    """
+    if "handle" in model.joint_names:
+        if pitching or hull_rotation is not None:
+            raise ValueError(
+                "an ergometer stands on the floor or runs on slides; it does not pitch, roll or yaw"
+            )
+        return simulate_ergometer(model, condition, duration_s, rate_spm, seed)
     row = simulate_sweep if "oar_phi" in model.joint_names else simulate_sculling
     return row(model, condition, duration_s, rate_spm, seed, hull_rotation=hull_rotation, pitching=pitching)
 

@@ -90,6 +90,11 @@ def oar_sweep(phase: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(0.5 - 0.5 * swing / (1.0 + _STEADY / 3.0), dtype=np.float64)
 
 
+def handle_height(phase: NDArray[np.float64]) -> NDArray[np.float64]:
+    """From 0, low in the recovery, to 1, high in the drive."""
+    return _HANDLE_HEIGHT(phase)
+
+
 def between(
     ends: tuple[float, float], share: NDArray[np.float64], vary: Variation, scale: float
 ) -> NDArray[np.float64]:

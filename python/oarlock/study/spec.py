@@ -13,6 +13,7 @@ from pathlib import Path
 
 from oarlock._core import Config, Model
 from oarlock.errors import DataError
+from oarlock.io.paths import place_of
 from oarlock.io.toml import TomlTable
 from oarlock.models import load_model
 from oarlock.study.degrade import keys_of_streams
@@ -23,6 +24,7 @@ from oarlock.suggest import did_you_mean
 
 FORMAT = 1
 MOST_RUNS = 100_000
+_MOST_SEEDS = 100_000
 _TOP = {"format", "title", "about", "model", "simulator", "seeds", "start_s", "frames", "joints"}
 _TABLES = {"fixed", "grid", "scenario"}
 
@@ -225,7 +227,7 @@ def load_study(
         DataError: an unknown key or a value that makes no sense, with file, line and the nearest valid name.
         ModelError: the model's file is wrong.
     """
-    top = TomlTable.read(Path(path))
+    top = TomlTable.read(place_of(path))
     top.check_format(FORMAT)
     top.check_keys(_TOP | _TABLES | {"motion"})
     model = load_model(_beside(top, top.string("model")))
@@ -250,7 +252,7 @@ def load_study(
 
 def _beside(top: TomlTable, name: str) -> str:
     """A path in a study file counts from the file."""
-    own = top.file.parent / name
+    own = place_of(top.file.parent / name)
     return str(own) if own.suffix and own.exists() else name
 
 
@@ -258,7 +260,7 @@ def _simulator(top: TomlTable, known: Mapping[str, StudySimulator]) -> StudySimu
     if "motion" in top.values:
         if "simulator" in top.values:
             raise DataError(f"{top.where('motion')}: give simulator or motion, not both")
-        folder = top.file.parent / top.string("motion")
+        folder = place_of(top.file.parent / top.string("motion"))
         return TruthFolder(str(folder if folder.is_dir() else top.string("motion")))
     name = top.string("simulator")
     if name not in known:
@@ -269,11 +271,13 @@ def _simulator(top: TomlTable, known: Mapping[str, StudySimulator]) -> StudySimu
 def _seeds(top: TomlTable) -> tuple[int, ...]:
     given = top.values.get("seeds", 3)
     count = isinstance(given, int) and not isinstance(given, bool)
-    if count and isinstance(given, int) and given >= 1:
+    if count and isinstance(given, int) and 1 <= given <= _MOST_SEEDS:
         return tuple(range(given))
     whole = isinstance(given, list) and given and all(type(s) is int and s >= 0 for s in given)
     if not whole or not isinstance(given, list):
-        raise DataError(f"{top.where('seeds')}: is {given!r}; expected how many, or a list such as [0, 1, 2]")
+        raise DataError(
+            f"{top.where('seeds')}: is {given!r}; expected how many (1 to {_MOST_SEEDS}), or a list such as [0, 1, 2]"
+        )
     return tuple(given)
 
 

@@ -1,0 +1,1 @@
+//! What fuzzing found, each kept as a test of its own.

@@ -1,0 +1,92 @@
+"""Runs a property on many examples: some hundred by default, for OARLOCK_FUZZ_SECONDS each where that is set."""
+
+import faulthandler
+import itertools
+import os
+import resource
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import strategies as st
+from hypothesis.strategies import SearchStrategy
+
+from oarlock.errors import DataError, ModelError
+
+EXAMPLES = 60
+EXAMPLES_A_ROUND = 100
+# The slowest of an hour take about two seconds on a busy machine.
+HANG_S = 60
+# Of address space: a file of some kilobytes that asks for gigabytes is a fault, and must not take the machine with it.
+MOST_BYTES = 6 << 30
+Answer = TypeVar("Answer")
+
+_SETTINGS = settings(
+    deadline=None,
+    database=None,
+    phases=[Phase.generate, Phase.shrink],
+    suppress_health_check=list(HealthCheck),
+    print_blob=True,
+)
+
+
+def campaign(check: Callable[..., None], *strategies: SearchStrategy[Any]) -> None:
+    """Check examples of the strategies; a fixed number of fixed ones unless the environment sets a time."""
+    limit = os.environ.get("OARLOCK_FUZZ_SECONDS")
+
+    def watched(values: tuple[Any, ...]) -> None:
+        with ended_if_it_hangs():
+            check(*values)
+
+    examples = given(st.tuples(*strategies))
+
+    if limit is None:
+        settings(_SETTINGS, max_examples=EXAMPLES, derandomize=True)(examples(watched))()
+        return
+    first = int(os.environ.get("OARLOCK_FUZZ_SEED", "0"))
+    end = time.monotonic() + float(limit)
+    for number in itertools.count(first):
+        if time.monotonic() >= end:
+            break
+        test = settings(_SETTINGS, max_examples=EXAMPLES_A_ROUND)(examples(watched))
+        seed(number)(test)()
+    print(f"fuzz {check.__name__}: {number - first} rounds of {EXAMPLES_A_ROUND}", file=sys.stderr)
+
+
+def answered(call: Callable[[], Answer], also: tuple[type[Exception], ...] = ()) -> Answer | None:
+    """The result, or None after a refusal that says something; whatever else is raised is a fault."""
+    try:
+        return call()
+    except (DataError, ModelError, *also) as refusal:
+        assert len(str(refusal).strip()) > 10, f"{type(refusal).__name__} says nothing: {refusal}"
+    except BaseException as fault:
+        # The engine's panics are no Exception, and would end the run without the example.
+        if type(fault).__name__ != "PanicException":
+            raise
+        raise AssertionError(f"the engine panicked: {fault}") from fault
+    return None
+
+
+@contextmanager
+def ended_if_it_hangs() -> Iterator[None]:
+    """Raise where Python hangs, end the process where compiled code does."""
+
+    def hung(*_: object) -> None:
+        raise AssertionError(f"no answer within {HANG_S} s")
+
+    limits = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, limits[1]))
+    before = signal.signal(signal.SIGALRM, hung)
+    signal.alarm(HANG_S)
+    faulthandler.dump_traceback_later(2 * HANG_S, exit=True)
+    try:
+        yield
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+        resource.setrlimit(resource.RLIMIT_AS, limits)

@@ -1,0 +1,226 @@
+"""Real files with wounds at every reader: read, or refused with a reason."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import strategies as st
+from scipy.io import savemat
+
+import oarlock
+from fuzz_campaign import answered, campaign
+from fuzz_wounds import byte_wounds, wounded, wounded_bytes, wounds
+from oarlock.io.apdm import read_apdm, read_apdm_orientations
+from oarlock.io.broad import read_broad, read_broad_reference
+from oarlock.io.csv import read_csv
+from oarlock.io.dfjimu import read_dfjimu, read_dfjimu_reference
+from oarlock.io.qmt import read_qmt
+from oarlock.markers import save_markers
+from oarlock.rowing import SIMULATORS
+from oarlock.shipped import model_path
+from test_io_folder import example
+from test_markers_io import NEXUS, QUALISYS, c3d_file
+
+ROOT = Path(__file__).parents[1]
+ROWS = 25
+"""Long files are cut, so that wounds meet headers and rows alike."""
+
+
+def first_lines(file, count=ROWS, encoding="utf-8"):
+    return "".join(file.read_text(encoding=encoding).splitlines(keepends=True)[:count])
+
+
+def put(file, text, encoding="utf-8"):
+    file.write_bytes(text.encode(encoding, errors="replace" if encoding != "utf-8" else "surrogatepass"))
+
+
+# --- text -------------------------------------------------------------------------------------------------
+
+TABLES = {
+    "reach.trc": first_lines(ROOT / "examples/markers/reach.trc"),
+    "cases.trc": (ROOT / "tests/data/opensim/dataWithNaNsOfDifferentCases.trc").read_text(encoding="utf-8"),
+    "nexus.csv": NEXUS,
+    "plain.csv": "Frame;Time (s);wrist X (mm);wrist Y (mm);wrist Z (mm)\n1;0,5;1,5;2;3\n2;0,6;;;\n",
+    "qualisys.tsv": QUALISYS.format(
+        columns="Frame\tTime\tLELB X\tLELB Y\tLELB Z\tLWRI X\tLWRI Y\tLWRI Z\n",
+        rows="1\t0.00000\t1\t2\t3\t4\t5\t6\n2\t0.01000\t1\t2\t3\t0\t0\t0\n",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_marker_tables(name, tmp_path):
+    def check(harm, unit):
+        put(tmp_path / name, wounded(TABLES[name], harm))
+        markers = answered(lambda: oarlock.load_markers(tmp_path / name, unit))
+        if markers is not None:
+            assert markers.position_m.shape == (len(markers.time_s), len(markers.names), 3)
+            answered(lambda: save_markers(markers, tmp_path / "again.csv"))
+
+    campaign(check, wounds, st.sampled_from([None, "m", "mm", "inch"]))
+
+
+def test_csv_with_its_mapping(tmp_path):
+    folder = ROOT / "examples/club_csv"
+    mapping = (folder / "mapping.toml").read_text(encoding="utf-8")
+    trunk, seat = first_lines(folder / "rumpf.csv", encoding="cp1252"), first_lines(folder / "rollsitz.csv")
+
+    def check(which, harm):
+        texts = {"mapping.toml": mapping, "rumpf.csv": trunk, "rollsitz.csv": seat}
+        texts[which] = wounded(texts[which], harm)
+        for name, text in texts.items():
+            put(tmp_path / name, text, "cp1252" if name == "rumpf.csv" else "utf-8")
+        answered(lambda: read_csv(tmp_path / "mapping.toml"))
+
+    campaign(check, st.sampled_from(["mapping.toml", "rumpf.csv", "rollsitz.csv"]), wounds)
+
+
+def test_apdm(tmp_path):
+    text, file = first_lines(ROOT / "examples/pendulum/imuData01.csv", 12), tmp_path / "units.csv"
+
+    def check(harm):
+        put(file, wounded(text, harm))
+        answered(lambda: read_apdm(file))
+        answered(lambda: read_apdm_orientations(file))
+
+    campaign(check, wounds)
+
+
+TOML = {
+    "attachments": (ROOT / "examples/markers/arm.toml", oarlock.load_attachments),
+    "study": (ROOT / "examples/studies/noise_grade.toml", lambda file: oarlock.load_study(file, SIMULATORS)),
+    **{name: (model_path(name), oarlock.load_model) for name in ("pendulum3", "sculler_ball")},
+}
+
+
+@pytest.mark.parametrize("name", TOML)
+def test_toml_files(name, tmp_path):
+    source, load = TOML[name]
+    text, file = source.read_text(encoding="utf-8"), tmp_path / "file.toml"
+
+    def check(harm):
+        put(file, wounded(text, harm))
+        answered(lambda: load(file))
+
+    campaign(check, wounds)
+
+
+@pytest.mark.parametrize("file_format", ["parquet", "csv"])
+def test_recording_folders(file_format, tmp_path):
+    example().save(tmp_path, file_format)
+    whole = {file: file.read_bytes() for file in tmp_path.iterdir()}
+
+    def check(which, harm, text_harm):
+        for file, content in whole.items():
+            file.write_bytes(content)
+        file = sorted(whole)[which % len(whole)]
+        if file.suffix == ".parquet":
+            file.write_bytes(wounded_bytes(whole[file], harm))
+        else:
+            put(file, wounded(whole[file].decode("utf-8"), text_harm))
+        recording = answered(lambda: oarlock.load_recording(tmp_path))
+        assert recording is None or recording.duration_s >= 0.0
+
+    campaign(check, st.integers(0, 5), byte_wounds, wounds)
+
+
+def test_track_folders(tmp_path):
+    model = oarlock.load_model("pendulum3")
+    time_s = np.arange(60) / 50.0
+    up = np.tile([0.1, 9.8, 0.0], (60, 1))
+    streams = [
+        oarlock.ImuStream(name, time_s, gyro_rad_s=0.0 * up, accel_m_s2=up) for name in model.sensor_names
+    ]
+    oarlock.track(model, oarlock.Recording(streams)).save(tmp_path)
+    whole = {file: file.read_bytes() for file in tmp_path.iterdir()}
+
+    def check(which, harm, text_harm):
+        for file, content in whole.items():
+            file.write_bytes(content)
+        file = sorted(whole)[which % len(whole)]
+        if file.suffix == ".parquet":
+            file.write_bytes(wounded_bytes(whole[file], harm))
+        else:
+            put(file, wounded(whole[file].decode("utf-8"), text_harm))
+        track = answered(lambda: oarlock.load_track(tmp_path))
+        if track is not None:
+            repr(track)
+
+    campaign(check, st.integers(0, 5), byte_wounds, wounds)
+
+
+# --- binary -----------------------------------------------------------------------------------------------
+
+
+def test_c3d(tmp_path):
+    c3d_file(tmp_path / "whole.c3d", ["Bob:A", "Bob:B", "*12"])
+    content, file = (tmp_path / "whole.c3d").read_bytes(), tmp_path / "trial.c3d"
+
+    def check(harm):
+        file.write_bytes(wounded_bytes(content, harm))
+        answered(lambda: oarlock.load_markers(file))
+
+    campaign(check, byte_wounds)
+
+
+def matlab_files(folder):
+    """Small files of each layout that is read."""
+    rows = np.random.default_rng(0).normal(size=(30, 17))
+    quat = rows[:, :4] / np.linalg.norm(rows[:, :4], axis=1, keepdims=True)
+    broad = {"sampling_rate": 286.0, "imu_gyr": rows[:, :3], "imu_acc": rows[:, 3:6], "imu_mag": rows[:, 6:9]}
+    savemat(folder / "broad.mat", broad | {"opt_quat": quat, "opt_pos": rows[:, :3], "movement": rows[:, :1]})
+    pair = {"rate": 50.0, "sensorData": rows[:, :12], "ref": rows, "r_12": rows[0, :3], "r_21": rows[1, :3]}
+    savemat(folder / "pair.mat", {"data": pair}, do_compression=True)
+    segment = {"gyr": rows[:, :3], "acc": rows[:, 3:6]}
+    savemat(folder / "body.mat", {"t": np.arange(30.0)[:, None] / 60.0, "hip": segment, "chest": segment})
+
+
+MATLAB = {
+    "broad.mat": (read_broad, read_broad_reference),
+    "pair.mat": (read_dfjimu, read_dfjimu_reference),
+    "body.mat": (read_qmt,),
+}
+
+
+@pytest.mark.parametrize("name", MATLAB)
+def test_matlab_files(name, tmp_path):
+    matlab_files(tmp_path)
+    content, file = (tmp_path / name).read_bytes(), tmp_path / "wounded.mat"
+
+    def check(harm):
+        file.write_bytes(wounded_bytes(content, harm))
+        for read in MATLAB[name]:
+            answered(lambda read=read: read(file))
+
+    campaign(check, byte_wounds)
+
+
+READERS = {
+    "load_model": oarlock.load_model,
+    "load_recording": oarlock.load_recording,
+    "load_calibration": oarlock.load_calibration,
+    "load_track": oarlock.load_track,
+    "load_study": oarlock.load_study,
+    "load_markers": oarlock.load_markers,
+    "load_attachments": oarlock.load_attachments,
+    "read_csv": read_csv,
+    "read_apdm": read_apdm,
+    "read_broad": read_broad,
+    "read_dfjimu": read_dfjimu,
+    "read_qmt": read_qmt,
+}
+
+
+@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize(
+    "place", ["", "nothing_here", "a folder", "a\x00b", "x" * 300, "empty.toml", "noise"]
+)
+def test_places_that_hold_nothing(name, place, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("a folder").mkdir()
+    Path("empty.toml").touch()
+    Path("noise").write_bytes(os.urandom(200))
+    with pytest.raises((oarlock.DataError, oarlock.ModelError)) as refusal:
+        READERS[name](place)
+    assert len(str(refusal.value)) > 10
