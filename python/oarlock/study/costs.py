@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.study.result import StudyResult
+from oarlock.study.result import StudyResult, write_rows
 from oarlock.study.run import MEAN
 from oarlock.study.sweeps import NO_FAULT, USUAL_SETTING, FaultSweep
 
@@ -33,6 +35,7 @@ class Dose:
         error_deg: mean RMSE of the angles; infinite where the run failed.
         clean_deg: the same without the fault.
         place_mm: mean RMSE of the scored positions; NaN where none are scored or the run failed.
+        clean_place_mm: the same without the fault.
         coverage: share of the angles inside their 95 % bands; NaN where the run failed.
     """
 
@@ -42,6 +45,7 @@ class Dose:
     error_deg: Floats
     clean_deg: Floats
     place_mm: Floats
+    clean_place_mm: Floats
     coverage: Floats
 
     @property
@@ -64,6 +68,11 @@ class Dose:
         """Median over the seeds of what the fault adds."""
         with np.errstate(invalid="ignore"):
             return float(np.median(np.nan_to_num(self.error_deg - self.clean_deg, nan=math.inf)))
+
+    @property
+    def place_cost_mm(self) -> float:
+        """Median over the seeds of what the fault adds to the scored positions; NaN where none are."""
+        return middle(self.place_mm - self.clean_place_mm)
 
     @property
     def lost(self) -> int:
@@ -94,6 +103,7 @@ class Dose:
             "rmse_greatest_deg": greatest,
             "cost_median_deg": self.cost_deg,
             "position_median_mm": middle(self.place_mm),
+            "position_cost_median_mm": self.place_cost_mm,
             "coverage_95_median": middle(self.coverage),
         }
 
@@ -106,22 +116,23 @@ def doses(result: StudyResult) -> tuple[Dose, ...]:
     places = np.array([result.scores(frame, kind="frame") for frame in study.frames])
     place = places.mean(axis=0) if len(places) else np.full_like(errors, math.nan)
     faults = {fault.name: fault for fault in study.faults}
-    found, clean, before = [], errors[0], ("", 0)
+    found, clean, before = list[Dose](), 0, ("", 0)
     for scenario in study.expanded():
         name, setting = str(scenario.swept["fault"]), str(scenario.swept["setting"])
         before = (name, before[1] + 1 if before[0] == name else 0)
-        own = errors[scenario.index]
+        here = scenario.index
         if name == NO_FAULT:
-            clean = own
+            clean = here
         found.append(
             Dose(
-                faults.get(name),
-                before[1],
-                setting,
-                own,
-                clean,
-                place[scenario.index],
-                coverage[scenario.index],
+                fault=faults.get(name),
+                index=before[1],
+                setting=setting,
+                error_deg=errors[here],
+                clean_deg=errors[clean],
+                place_mm=place[here],
+                clean_place_mm=place[clean],
+                coverage=coverage[here],
             )
         )
     return tuple(found)
@@ -139,3 +150,16 @@ def middle(values: Floats) -> float:
     """Median of what is there; NaN of nothing."""
     there = values[np.isfinite(values)]
     return float(np.median(there)) if len(there) else math.nan
+
+
+def save_costs(result: StudyResult, folder: Path) -> None:
+    """Write what faults cost as faults.csv, faults.parquet and faults.json; what is lost has no number there."""
+    rows = [dose.row() for dose in doses(result)]
+    write_rows(rows, folder / "faults")
+    plain = [{name: plain_number(value) for name, value in row.items()} for row in rows]
+    (folder / "faults.json").write_text(json.dumps(plain, indent=1) + "\n", encoding="utf-8")
+
+
+def plain_number(value: object) -> object:
+    """What JSON can hold: None for what is not finite."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -60,6 +60,11 @@ class FaultSweep:
             return (len(self.strengths) - 1) // 2
         return self.strengths.index(self.usual)
 
+    @property
+    def ordered(self) -> bool:
+        """Whether strengths are numbers, and so go from weak to strong."""
+        return all(isinstance(value, int | float) for value in self.strengths)
+
     def values(self, index: int) -> dict[str, Value]:
         """What a study is told for one strength."""
         strength = self.strengths[index]
