@@ -75,7 +75,7 @@ def shipped_studies() -> dict[str, Path]:
 
 def _file(path: str | PathLike[str]) -> Path:
     name, shipped = str(path), shipped_studies()
-    if Path(path).exists() or Path(path).suffix:
+    if Path(path).is_file() or Path(path).suffix:
         return Path(path)
     if name not in shipped:
         raise DataError(
@@ -155,11 +155,15 @@ def _fault(table: TomlTable, model: Model, keys: Mapping[str, StudyKey]) -> Faul
             labels=tuple(map(str, labels)),
             says=table.string("says", ""),
         )
-        for index in range(len(strengths)):
-            checked_value(model, keys, fault.key, fault.values(index)[fault.key])
     except DataError as error:
-        place = "" if str(table.file) in str(error) else f"{table.where('strengths')}: "
+        place = "" if str(table.file) in str(error) else f"{table.where()}: "
         raise DataError(f"{place}{error}") from None
+    for index in range(len(strengths)):
+        try:
+            checked_value(model, keys, fault.key, fault.values(index)[fault.key])
+        except DataError as error:
+            where = table.where("strengths" if fault.key in keys else "key")
+            raise DataError(f'{where}: "{fault.key}" {error}') from None
     return fault
 
 

@@ -67,7 +67,7 @@ def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
                 "vertical_error_deg",
                 "number",
                 0.0,
-                "the root, a rail or a hull, is tilted by this to a side drawn by the seed; the filter holds it level",
+                "the root is tilted by this to a side that the seed draws, and the filter holds it level",
                 least=0.0,
                 most=90.0,
             ),
