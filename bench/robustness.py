@@ -60,7 +60,7 @@ def _usual(dose: Dose) -> list[str]:
 
 
 def _degrees(value: float) -> str:
-    return number(value, 2) if math.isfinite(value) else "lost"
+    return number(round(value, 3), 2) if math.isfinite(value) else "lost"
 
 
 def measured(name: str, seeds: Sequence[int] | None, jobs: int | None, out: Path) -> tuple[StudyResult, str]:

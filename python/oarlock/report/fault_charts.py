@@ -17,7 +17,8 @@ SIZE = (400.0, 250.0)
 PLACE = (40.0, 10.0, 352.0, 148.0)
 STRIP_GAP, STRIP = 22.0, 30.0
 ROW, TOP, SIDE = 31.0, 8.0, 6.0
-LONGEST_LABEL = 10
+LETTER = 6.2
+"""Width of a letter, about: labels that would touch their neighbours take two lines."""
 SHAPES = (
     "M-3.4 0a3.4 3.4 0 1 0 6.8 0a3.4 3.4 0 1 0 -6.8 0Z",
     "M-3 -3H3V3H-3Z",
@@ -125,7 +126,7 @@ def _frame(panel: Panel, strip: Panel, labels: Sequence[str]) -> str:
     for k, text in enumerate(labels):
         x = float(panel.x(float(k)))
         parts.append(f'<path class="tick" d="M{x:.1f} {bottom:.1f}v3"/>')
-        for line, words in enumerate(_wrapped(text)):
+        for line, words in enumerate(_wrapped(text, strip.width / len(labels))):
             parts.append(plot.label(x, bottom + 15 + 12 * line, words, anchor="middle"))
     return "".join(parts)
 
@@ -135,8 +136,8 @@ def _powers(limits: tuple[float, float]) -> list[float]:
     return [10.0**power for power in range(low, high + 1)]
 
 
-def _wrapped(text: str) -> list[str]:
-    if len(text) <= LONGEST_LABEL or " " not in text:
+def _wrapped(text: str, width: float) -> list[str]:
+    if LETTER * (len(text) + 1) <= width or " " not in text:
         return [text]
     words = text.split()
     at = min(range(1, len(words)), key=lambda k: abs(len(" ".join(words[:k])) - len(" ".join(words[k:]))))

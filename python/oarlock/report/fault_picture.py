@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from html import escape
 
+import numpy as np
+
 from ..study import StudyResult
 from ..study.costs import doses
 from . import fault_charts as charts
@@ -14,6 +16,8 @@ COLUMNS = 4
 TILE = (252.0, 214.0)
 INSIDE = (36.0, 26.0, 208.0, 100.0)
 MARGIN, HEAD = 10.0, 30.0
+LETTER, SIGN = 5.6, 58.0
+"""Width of a letter of the legend, about, and of a sign with the room around it."""
 
 _STYLE = """
 text { font: 10.5px system-ui, "Segoe UI", "Liberation Sans", Arial, sans-serif; fill: #4a5562; }
@@ -71,8 +75,8 @@ def _legend(settings: list[str]) -> str:
     entries.append(
         (f'<path class="cross s0" transform="translate(14 0)" d="{charts.CROSS}"/>', "a seed was lost")
     )
-    step = (COLUMNS * TILE[0]) / len(entries)
+    places = np.cumsum([MARGIN, *(LETTER * len(name) + SIGN for _, name in entries[:-1])])
     return "".join(
-        f'<g transform="translate({MARGIN + k * step:.1f} 16)">{drawn}{plot.label(34.0, 4.0, name)}</g>'
-        for k, (drawn, name) in enumerate(entries)
+        f'<g transform="translate({x:.1f} 16)">{drawn}{plot.label(34.0, 4.0, name)}</g>'
+        for x, (drawn, name) in zip(places, entries, strict=True)
     )
