@@ -358,6 +358,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300)  # three imports of everything, on a loaded machine
 @pytest.mark.skipif(sys.platform == "win32", reason="a pipe's end is not inherited there")
 def test_workers_end_with_their_parent(swung, tmp_path):
