@@ -19,7 +19,7 @@ export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 
 RUST_SOURCES := Cargo.toml Cargo.lock $(wildcard crates/*/Cargo.toml) $(shell find crates/*/src -name '*.rs')
 
-.PHONY: help demo test fuzz bench bench-others bench-page lint format docs validation lock clean
+.PHONY: help demo test fuzz bench bench-others bench-page robustness-page lint format docs validation lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -49,6 +49,9 @@ bench-others: $(VENV)/.package $(VENV)/.bench ## measure this machine beside fil
 
 bench-page: ## put the table of the last `make bench` into docs/performance.md
 	$(BIN)/python -m bench --page docs/performance.md
+
+robustness-page: $(VENV)/.package ## run the study of faults, and put its table and picture into docs/robustness.md
+	$(BIN)/python -m bench.robustness --page docs/robustness.md
 
 lint: $(VENV)/.dev ## ruff, mypy, clippy and rustfmt, changing nothing
 	$(BIN)/ruff check .

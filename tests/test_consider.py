@@ -69,9 +69,17 @@ def test_a_model_that_is_right_is_not_doubted() -> None:
 @cache
 def wild(seed: int) -> FieldTrial:
     """Everything that is wrong with bodies and straps; clocks and radio are fine."""
-    quiet = {"clock_offset_s": 0.0, "clock_drift": 0.0, "clock_jitter_s": 0.0, "packet_loss": 0.0, "gap_s": 0.0}
+    quiet = {
+        "clock_offset_s": 0.0,
+        "clock_drift": 0.0,
+        "clock_jitter_s": 0.0,
+        "packet_loss": 0.0,
+        "gap_s": 0.0,
+    }
     effects = replace(FieldEffects(), noise_factor=3.0, **quiet)
-    return simulate_field(sculler(), effects, duration_s=20.0, rate_spm=(20.0, 34.0), condition="B-B", seed=seed)
+    return simulate_field(
+        sculler(), effects, duration_s=20.0, rate_spm=(20.0, 34.0), condition="B-B", seed=seed
+    )
 
 
 def test_bands_hold_the_truth_where_nothing_is_as_modelled() -> None:
@@ -90,7 +98,9 @@ def test_what_is_off_changes_no_estimate() -> None:
     recording = wild(SEEDS[0]).recording
     off = oarlock.track(sculler(), recording, None, oarlock.Config(consider="off", learning_memory_s=None))
     learnt = oarlock.track(sculler(), recording, None, oarlock.Config(learning_memory_s=None))
-    always = oarlock.track(sculler(), recording, None, oarlock.Config(consider="always", learning_memory_s=None))
+    always = oarlock.track(
+        sculler(), recording, None, oarlock.Config(consider="always", learning_memory_s=None)
+    )
     np.testing.assert_array_equal(learnt.q, off.q)
     np.testing.assert_array_equal(always.q, off.q)
     settled = learnt.time_s > SETTLED_S
@@ -119,7 +129,9 @@ def test_a_run_cut_in_two_doubts_alike() -> None:
 def cut(recording: oarlock.Recording, begin_s: float, end_s: float) -> oarlock.Recording:
     streams = []
     for stream in recording.streams:
-        rows = (stream.time_s > begin_s) & (stream.time_s <= end_s) | ((stream.time_s == 0.0) & (begin_s == 0.0))
+        rows = (stream.time_s > begin_s) & (stream.time_s <= end_s) | (
+            (stream.time_s == 0.0) & (begin_s == 0.0)
+        )
         values = {name: v[rows] for name, v in stream.values.items()}
         streams.append(type(stream)(stream.name, stream.time_s[rows], **values))
     return oarlock.Recording(streams)

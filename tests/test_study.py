@@ -208,14 +208,14 @@ def test_lengths_of_the_body_are_wrong_and_the_rig_is_not(sculler):
 
 
 def test_the_filter_is_told_the_noise_unless_it_is_not(sculler):
-    known = told_model(sculler, told(sculler, gyro_noise_factor=3.0))
-    blind = told_model(sculler, told(sculler, gyro_noise_factor=3.0, noise_told="nominal"))
+    known = told_model(sculler, told(sculler, gyro_noise_factor=3.0), 0)
+    blind = told_model(sculler, told(sculler, gyro_noise_factor=3.0, noise_told="nominal"), 0)
     gyro = [m.describe()["sensors"][0]["gyro_std_rad_s"] for m in (sculler, known, blind)]
     assert gyro[1] == pytest.approx(3.0 * gyro[0]) and gyro[2] == gyro[0]
 
 
 def test_a_key_of_the_model_file_is_changed_for_the_filter_alone(sculler):
-    loose = told_model(sculler, told(sculler) | {"model.closure.r_grip.std_m": 0.01})
+    loose = told_model(sculler, told(sculler) | {"model.closure.r_grip.std_m": 0.01}, 0)
     assert [c["std_m"] for c in loose.describe()["closures"]] == [0.01, 0.002]
 
 

@@ -36,7 +36,16 @@ from oarlock.parallel_tracking import track_many
 from oarlock.pose_mounts import calibrate_pose
 from oarlock.recording import ImuStream, Recording, ScalarStream, VectorStream, load_recording
 from oarlock.simulate import simulate
-from oarlock.study import Study, StudyKey, StudyResult, StudySimulator, StudyTrial, load_study, study
+from oarlock.study import (
+    FaultSweep,
+    Study,
+    StudyKey,
+    StudyResult,
+    StudySimulator,
+    StudyTrial,
+    load_study,
+    study,
+)
 from oarlock.track import Track, load_track
 from oarlock.tracking import smooth, track
 
@@ -51,6 +60,7 @@ __all__ = [
     "DataError",
     "DivergedError",
     "Evaluation",
+    "FaultSweep",
     "ImuStream",
     "Info",
     "MarkerEvaluation",

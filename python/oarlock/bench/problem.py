@@ -25,7 +25,12 @@ ESTIMATES: Final[dict[str, tuple[str, ...]]] = {
 """The joints and the azimuth of the field alone, as the source has it; and all that is estimated by default."""
 
 # Each textbook filter uses every reading as it comes: so does Oarlock where the two are compared.
-_PLAIN: Final[dict[str, Any]] = {"gate": False, "consider": "off", "learning_memory_s": None, "magnetometer": "on"}
+_PLAIN: Final[dict[str, Any]] = {
+    "gate": False,
+    "consider": "off",
+    "learning_memory_s": None,
+    "magnetometer": "on",
+}
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,7 @@ from oarlock.cli.terminal import (
 
 if TYPE_CHECKING:
     from oarlock import Study, StudyResult
+    from oarlock.study.costs import Dose
 
 RUN_FILE = "run.toml"
 
@@ -33,8 +34,9 @@ def add_to(app: typer.Typer) -> None:
         "study",
         short_help="Sweep sensors, noise, mounts, rates or settings over seeds.",
         epilog=example(
-            "oarlock study examples/studies/which_sensors.toml --out sensors",
-            "oarlock study examples/studies/mount_error.toml --seeds 20 --jobs 2 --out mounts",
+            "oarlock study which_sensors --out sensors",
+            "oarlock study robustness_quick --out robust",
+            "oarlock study mount_error --seeds 20 --jobs 2 --out mounts",
             "oarlock study my.toml --keys",
         ),
     )(study)
@@ -42,7 +44,10 @@ def add_to(app: typer.Typer) -> None:
 
 @verb
 def study(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A study file; docs/study.md lists its keys.")],
+    file: Annotated[
+        str,
+        typer.Argument(metavar="NAME|FILE", help="A shipped study, or a file; docs/study.md lists its keys."),
+    ],
     out: Annotated[
         Path | None, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write.")
     ] = None,
@@ -78,14 +83,18 @@ def study(
     result.save(out)
     report = out / "report.html"
     report.write_text(study_page(result), encoding="utf-8")
+    if json_output and given.faults:
+        print_json(_of_faults(result, report))
+        return
     if json_output:
         summary = [row for row in result.summary() if row["kind"] == "mean"]
         print_json(
             {"report": report, "runs": given.run_count, "failed": len(result.failures), "mean": summary}
         )
         return
-    _write(result)
-    say(f"\nWrote {out}: runs and summary (.csv, .parquet), run.toml, report.html")
+    tables = "runs, summary and faults" if given.faults else "runs and summary"
+    (_write_faults if given.faults else _write)(result)
+    say(f"\nWrote {out}: {tables} (.csv, .parquet), run.toml, report.html")
     steps(f"open {report}")
 
 
@@ -112,6 +121,42 @@ def _write(result: StudyResult) -> None:
     table(["scenario", ">mean deg", ">SD", ">worst seed", ">in 95 % band %", "note"], rows)
     for text in list(dict.fromkeys(f"{row['name']}: {row['error']}" for row in result.complaints))[:5]:
         say(text, style="red", indent=2)
+
+
+def _of_faults(result: StudyResult, report: Path) -> dict[str, object]:
+    from oarlock.study.costs import doses
+
+    failed = len(result.failures)
+    rows = [dose.row() for dose in doses(result)]
+    return {"report": report, "runs": result.study.run_count, "failed": failed, "faults": rows}
+
+
+def _write_faults(result: StudyResult) -> None:
+    from oarlock.study.costs import doses, ranked
+
+    study, found = result.study, doses(result)
+    setting = found[0].setting
+    heading(
+        study.title,
+        f"{study.run_count} runs, {len(study.seeds)} seeds; each fault as an ordinary day brings it",
+    )
+    usual = {
+        d.fault.name: d for d in found if d.fault and d.setting == setting and d.index == d.fault.usual_index
+    }
+    rows = [("no fault", *_cells(found[0]), "")]
+    for fault in ranked(found):
+        dose = usual[fault.name]
+        adds = number(dose.cost_deg, ".3f", "lost") if dose.noticed else "nothing"
+        rows.append((fault.sentence(dose.index), *_cells(dose), adds))
+    table(["fault", ">median deg", ">worst seed", ">in 95 % band %", ">lost", ">adds deg"], rows)
+
+
+def _cells(dose: Dose) -> tuple[str, str, str, str]:
+    from oarlock.study.costs import middle
+
+    worst = number(dose.range_deg[1], ".3f", "lost")
+    inside = number(100.0 * middle(dose.coverage), ".0f")
+    return number(dose.median_deg, ".3f", "lost"), worst, inside, str(dose.lost or "")
 
 
 def _write_keys(study: Study, as_json: bool) -> None:

@@ -46,6 +46,8 @@ class Magnetometer(StrEnum):
 
 # the engine's own, then those that go over a whole recording
 _FILTERS = (*tree_filters(), *OTHER_FILTERS)
+
+
 class Consider(StrEnum):
     """What is made of mounts, lengths and places of units that are not estimated."""
 

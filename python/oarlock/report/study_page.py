@@ -25,14 +25,18 @@ MOST_SMALL = 24
 def study_page(result: StudyResult) -> str:
     """The whole page as text; works offline, on paper and on a telephone."""
     study = result.study
+    if study.faults:
+        from .fault_page import fault_page
+
+        return fault_page(result)
     summary = result.summary()
     sections = [("scenarios", "Scenarios", _scenarios(result, summary))]
     if numeric := _numeric(result):
         sections.append(("curves", "Error against what was varied", _charts(summary, numeric)))
     sections.append(("intervals", "Scenario by scenario", _intervals(summary)))
     if result.complaints:
-        sections.append(("failures", "What failed", _failures(result)))
-    sections.append(("settings", "What was run", _settings(result)))
+        sections.append(("failures", "What failed", failures(result)))
+    sections.append(("settings", "What was run", settings_section(result)))
     about = f"<p>{escape(study.about)}</p>" if study.about else ""
     return shell(study.title, f'<div class="lead">{about}<p>{_sentence(result)}</p></div>', sections)
 
@@ -156,7 +160,8 @@ def _intervals(summary: Sequence[Mapping[str, Any]]) -> str:
 # --- what was run -------------------------------------------------------------------------------------
 
 
-def _failures(result: StudyResult) -> str:
+def failures(result: StudyResult) -> str:
+    """A list of the runs that failed, and why."""
     items = "".join(
         f"<li>{escape(row['name'])}, seed {row['seed']}: {escape(row['error'])}</li>"
         for row in result.complaints[:50]
@@ -164,13 +169,17 @@ def _failures(result: StudyResult) -> str:
     return f'<ul class="notes">{items}</ul>'
 
 
-def _settings(result: StudyResult) -> str:
+def settings_section(result: StudyResult) -> str:
+    """Keys with the values that they took, model, simulator and seeds."""
     study = result.study
     keys = study.keys
     rows = []
-    for key in dict.fromkeys([*study.fixed, *study.swept]):
+    used = (key for scenario in study.expanded() for key in scenario.values)
+    for key in dict.fromkeys([*study.fixed, *study.swept, *used]):
         values = [scenario.values[key] for scenario in study.expanded() if key in scenario.values]
         texts = list(dict.fromkeys(shown(value) for value in values))
+        if not texts:
+            continue
         about = keys[key].about if key in keys else ""
         rows.append([breakable(key), escape(", ".join(texts)), escape(about)])
     facts = [

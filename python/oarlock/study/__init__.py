@@ -11,10 +11,13 @@ from pathlib import Path
 from oarlock.study.keys import StudyKey
 from oarlock.study.pool import Progress, all_rows
 from oarlock.study.result import StudyResult
-from oarlock.study.spec import Study, StudyScenario, load_study
+from oarlock.study.spec import Study, StudyScenario
+from oarlock.study.study_file import load_study
+from oarlock.study.sweeps import FaultSweep
 from oarlock.study.trial import StudySimulator, StudyTrial, TruthFolder
 
 __all__ = [
+    "FaultSweep",
     "Study",
     "StudyKey",
     "StudyResult",

@@ -11,16 +11,15 @@ import numpy as np
 from oarlock._core import Model
 from oarlock.errors import DataError
 from oarlock.recording import ImuStream, Recording, Stream
-from oarlock.study.keys import StudyKey, Value, by_name, number_for
+from oarlock.study.faults import Names
+from oarlock.study.keys import ONE, StudyKey, Value, by_name, number_for
 
 _QUANTITIES = ("gyro_rad_s", "accel_m_s2", "mag_ut")
 
 
 def keys_of_streams(model: Model) -> dict[str, StudyKey]:
     """What can be done to the streams of a model, by name."""
-    streams = tuple(
-        dict.fromkeys([*model.sensor_names, *(j["name"] for j in model.describe()["joints"] if j["input"])])
-    )
+    streams = (*Names.of(model).streams, ONE)
     return by_name(
         [
             StudyKey(

@@ -11,6 +11,8 @@ from oarlock.errors import DataError
 from oarlock.suggest import did_you_mean
 
 Value: TypeAlias = object
+ONE = "one"
+"""In place of a stream's name: one inertial unit, another one for each seed."""
 Kind: TypeAlias = Literal["number", "numbers", "integer", "boolean", "choice", "names", "by_name"]
 
 
@@ -110,3 +112,17 @@ def number_for(value: Value, name: str, default: float = 0.0) -> float:
     if isinstance(value, Mapping):
         return float(value.get(name, default))
     return float(value) if isinstance(value, int | float) else default
+
+
+def with_turns(values: Mapping[str, Value], units: Sequence[str], seed: int) -> dict[str, Value]:
+    """Values in which `one` is the inertial unit whose turn it is: as many seeds as units meet each once."""
+    turn = units[seed % len(units)] if units else ONE
+
+    def told(value: Value) -> Value:
+        if isinstance(value, Mapping) and ONE in value:
+            return {turn if name == ONE else name: number for name, number in value.items()}
+        if isinstance(value, list) and ONE in value:
+            return [turn if name == ONE else name for name in value]
+        return value
+
+    return {key: told(value) for key, value in values.items()}

@@ -7,8 +7,10 @@ import json
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from multiprocessing.connection import wait as wait_for_any
 from pathlib import Path
 
 from oarlock import _core
@@ -89,10 +91,19 @@ def _made(
 
 
 def _begin(study: Study) -> None:
-    """Ctrl-C is the parent's to answer."""
+    """Ctrl-C is the parent's to answer, and who has lost it ends."""
     global _OWN
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     _OWN = study
+
+
+def _end_with_parent() -> None:
+    """A parent that is killed cannot tell: its end of a pipe closes, and nobody would read any further row."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait_for_any([parent.sentinel])
+        os._exit(1)
 
 
 def _one(group: Group) -> list[Row]:
@@ -117,7 +128,7 @@ def identity(study: Study) -> str:
 
 
 def _name(group: Group) -> str:
-    return f"{group.seed} {group.key}"
+    return f"{group.seed} {group.key}" + (f" {group.part}" if group.part else "")
 
 
 def _read(study: Study, folder: Path | None) -> dict[str, list[Row]]:

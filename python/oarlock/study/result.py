@@ -83,11 +83,15 @@ class StudyResult:
         return found
 
     def save(self, folder: str | PathLike[str]) -> None:
-        """Write runs and summary as CSV and Parquet, and run.toml."""
+        """Write runs and summary as CSV and Parquet, what faults cost if any were swept, and run.toml."""
         place = Path(folder)
         place.mkdir(parents=True, exist_ok=True)
         write_rows(self.table(), place / "runs")
         write_rows(self.summary(), place / "summary")
+        if self.study.faults:
+            from oarlock.study.costs import save_costs
+
+            save_costs(self, place)
         write_toml(place / RUN_FILE, _description(self))
 
     def _flat(self, row: Row) -> Row:

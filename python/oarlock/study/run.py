@@ -10,8 +10,9 @@ from typing import Any
 import oarlock.tracking
 from oarlock._core import Model
 from oarlock.evaluate import Evaluation, JointScore, PositionScore, evaluate, presentation
-from oarlock.study.degrade import degraded, keys_of_streams
-from oarlock.study.keys import Value
+from oarlock.study.degrade import degraded
+from oarlock.study.faults import Names, afflicted
+from oarlock.study.keys import Value, with_turns
 from oarlock.study.spec import Study, StudyScenario, stable_text
 from oarlock.study.told import calibration_told, config_told, told_model
 from oarlock.study.trial import StudyTrial
@@ -21,6 +22,8 @@ Row = dict[str, Any]
 
 SCORES = ("rmse", "bias", "correlation", "coverage_95", "nees", "mean_std", "nis")
 MEAN = "mean of angles"
+MOST_TOGETHER = 40
+"""Scenarios that one process tracks of a trial before another may take over; more simulate it again."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,7 @@ class Group:
     key: str
     seed: int
     scenarios: tuple[StudyScenario, ...]
+    part: int = 0
 
 
 def groups(study: Study) -> list[Group]:
@@ -38,7 +42,11 @@ def groups(study: Study) -> list[Group]:
     for scenario in study.expanded():
         for seed in study.seeds:
             found.setdefault((stable_text(_simulated(study, scenario.values)), seed), []).append(scenario)
-    return [Group(key, seed, tuple(scenarios)) for (key, seed), scenarios in found.items()]
+    return [
+        Group(key, seed, tuple(scenarios[first : first + MOST_TOGETHER]), first // MOST_TOGETHER)
+        for (key, seed), scenarios in found.items()
+        for first in range(0, len(scenarios), MOST_TOGETHER)
+    ]
 
 
 def _simulated(study: Study, values: Mapping[str, Value]) -> dict[str, Value]:
@@ -118,10 +126,10 @@ def _tracked(study: Study, scenario: StudyScenario, seed: int, made: _Trial) -> 
 
 def _filtered(study: Study, values: Mapping[str, Value], seed: int, made: _Trial) -> Track:
     model, lengths = made.model, study.simulator.lengths(made.model)
-    streams = {name: values[name] for name in keys_of_streams(model)}
-    recording = degraded(made.trial.recording, streams, seed)
+    values = with_turns(values, Names.of(model).units, seed)
+    recording = degraded(afflicted(made.trial, model, values, seed), values, seed)
     return oarlock.tracking.track(
-        told_model(model, values),
+        told_model(model, values, seed),
         recording,
         calibration=calibration_told(model, lengths, values, seed),
         config=config_told(model, made.trial, values, seed),

@@ -14,7 +14,7 @@ from oarlock._core import Config, Model
 from oarlock.calibration import Calibration
 from oarlock.errors import DataError
 from oarlock.io.toml import toml_text
-from oarlock.study.keys import StudyKey, Value, by_name, number_for
+from oarlock.study.keys import ONE, StudyKey, Value, by_name, number_for
 from oarlock.study.trial import QUANTITIES, StudyTrial
 from oarlock.suggest import did_you_mean
 from oarlock.track import Track
@@ -36,7 +36,7 @@ def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
                 "each unit turned by this about an axis of its own, drawn anew for each seed",
                 least=0.0,
                 most=180.0,
-                choices=units,
+                choices=(*units, ONE),
             ),
             StudyKey(
                 "mount_offset_error_m",
@@ -44,7 +44,7 @@ def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
                 0.0,
                 "each unit moved by this in a direction of its own",
                 least=0.0,
-                choices=units,
+                choices=(*units, ONE),
             ),
             StudyKey(
                 "length_error_percent",
@@ -62,6 +62,14 @@ def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
                 "error of each parameter in units of the standard deviation that the model file gives it",
                 least=0.0,
                 choices=parameters,
+            ),
+            StudyKey(
+                "vertical_error_deg",
+                "number",
+                0.0,
+                "the root is tilted by this to a side that the seed draws, and the filter holds it level",
+                least=0.0,
+                most=90.0,
             ),
             StudyKey(
                 "start_error_deg",
@@ -83,8 +91,8 @@ def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
     )
 
 
-def told_model(model: Model, values: Mapping[str, Value]) -> Model:
-    """The model file as the filter reads it: `model.*` keys applied, noise as it is.
+def told_model(model: Model, values: Mapping[str, Value], seed: int) -> Model:
+    """The model file as the filter reads it: `model.*` keys applied, noise as it is, its vertical wrong.
 
     Raises:
         ModelError: a changed file is refused.
@@ -94,11 +102,14 @@ def told_model(model: Model, values: Mapping[str, Value]) -> Model:
         name.removeprefix("model."): value for name, value in values.items() if name.startswith("model.")
     }
     factors = _noise_factors(values) if values["noise_told"] == "true" else {}
-    if not edits and not factors:
+    tilt_deg = number_for(values["vertical_error_deg"], "")
+    if not edits and not factors and not tilt_deg:
         return model
     document = tomllib.loads(model.text)
     for path, value in edits.items():
         _set(document, path, value)
+    if tilt_deg:
+        _tilt(document, model, tilt_deg, seed)
     for sensor in document.get("sensor", []):
         for name, factor in factors.items():
             keys = _STD_KEYS.get(name, ("std", "std_m"))
@@ -108,6 +119,19 @@ def told_model(model: Model, values: Mapping[str, Value]) -> Model:
         if "std" in joint and "encoder" in factors:
             joint["std"] = _scaled(joint["std"], factors["encoder"])
     return Model.from_toml(toml_text(document), model.path, model.parameters)
+
+
+def _tilt(document: dict[str, Any], model: Model, angle_deg: float, seed: int) -> None:
+    """Turns what the file calls up and forward about a level axis."""
+    world = model.describe()["world"]
+    up, forward = np.asarray(world["up"]), np.asarray(world["forward"])
+    side = np.random.default_rng([seed, 5]).uniform(0.0, 2.0 * np.pi)
+    axis = np.cos(side) * forward + np.sin(side) * np.cross(up, forward)
+    turn = Rotation.from_rotvec(np.radians(angle_deg) * axis)
+    document["world"] = document.get("world", {}) | {
+        "up": turn.apply(up).tolist(),
+        "forward": turn.apply(forward).tolist(),
+    }
 
 
 def check_model_key(model: Model, path: str) -> None:
