@@ -4,7 +4,7 @@ Everything that is meant to be used is named here; `oarlock.rowing` adds one fie
 """
 
 from oarlock._core import Belief, Config, Info, Model, Sample, Tracker, __version__
-from oarlock.calibration import Calibration, load_calibration
+from oarlock.calibration import Calibration, Clock, EncoderScale, load_calibration
 from oarlock.compare import Comparison, compare, track_limbs, track_orientations
 from oarlock.errors import DataError, DivergedError, ModelError
 from oarlock.evaluate import Evaluation, evaluate
@@ -46,10 +46,12 @@ __all__ = [
     "Base",
     "Belief",
     "Calibration",
+    "Clock",
     "Comparison",
     "Config",
     "DataError",
     "DivergedError",
+    "EncoderScale",
     "Evaluation",
     "ImuStream",
     "Info",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from oarlock import _core
 from oarlock.calibration import Calibration
+from oarlock.corrections import corrected, without_mag_offsets
 from oarlock.errors import DataError
 from oarlock.inertial_units import MOVES, chosen_units, readings
 from oarlock.plausibility import require_plausible
@@ -53,6 +54,7 @@ def calibrate_field(
     if sensors is None:
         sensors = _with_magnetometer(model, recording)
     names = chosen_units(model, recording, sensors, SEARCH, (*MOVES, "mag_ut"))
+    recording = without_mag_offsets(corrected(recording, calibration), calibration)
     require_plausible(recording.only(names))
     worn = Worn.of(model, calibration)
     field = _core.find_local_field([readings(recording[name]) for name in names])
