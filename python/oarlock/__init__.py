@@ -35,6 +35,8 @@ from oarlock.motion import Motion
 from oarlock.parallel_tracking import track_many
 from oarlock.pose_mounts import calibrate_pose
 from oarlock.recording import ImuStream, Recording, ScalarStream, VectorStream, load_recording
+from oarlock.session import SessionPlan, SessionStep, calibrate_session, default_plan, load_session_plan
+from oarlock.session_simulation import SessionErrors, SessionTrial, simulate_session
 from oarlock.simulate import simulate
 from oarlock.study import Study, StudyKey, StudyResult, StudySimulator, StudyTrial, load_study, study
 from oarlock.track import Track, load_track
@@ -64,6 +66,10 @@ __all__ = [
     "Recording",
     "Sample",
     "ScalarStream",
+    "SessionErrors",
+    "SessionPlan",
+    "SessionStep",
+    "SessionTrial",
     "Study",
     "StudyKey",
     "StudyResult",
@@ -79,7 +85,9 @@ __all__ = [
     "calibrate_hinge_chain",
     "calibrate_joint_centers",
     "calibrate_pose",
+    "calibrate_session",
     "compare",
+    "default_plan",
     "evaluate",
     "evaluate_frame_orientations",
     "evaluate_markers",
@@ -92,12 +100,14 @@ __all__ = [
     "load_markers",
     "load_model",
     "load_recording",
+    "load_session_plan",
     "load_study",
     "load_track",
     "low_pass",
     "save_attachments",
     "simulate",
     "simulate_from_markers",
+    "simulate_session",
     "smooth",
     "study",
     "track",

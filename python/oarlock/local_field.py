@@ -60,7 +60,7 @@ def calibrate_field(
     field = _core.find_local_field([readings(recording[name]) for name in names])
     parameters = {}
     for key, value in (("magnetic_norm_ut", field["norm_ut"]), ("magnetic_dip_rad", field["dip_rad"])):
-        name = _parameter_of(worn.model, key)
+        name = parameter_of(worn.model, key)
         if name is not None:
             parameters[name] = value
     noted = {
@@ -81,7 +81,7 @@ def _with_magnetometer(model: Model, recording: Recording) -> list[str]:
     return names
 
 
-def _parameter_of(model: Model, key: str) -> str | None:
+def parameter_of(model: Model, key: str) -> str | None:
     """The one parameter that is this number of the world, if there is such a one."""
     here = model.describe()["world"][key]
     if here is None:
