@@ -24,7 +24,7 @@ SWING_S = 1.0
 MOST_SWING_RAD = 1.3
 LEAST_SWING_RAD = 0.3
 FACES = np.radians([[0, 0, 0], [90, 0, 0], [180, 0, 0], [270, 0, 0], [270, 90, 0], [270, 270, 0]])
-FACE_S, TURN_S, TUMBLE_S = 2.5, 0.8, 12.0
+FACE_S, TURN_S, TUMBLE_S = 3.0, 0.8, 12.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -196,16 +196,15 @@ def _after_table(
     signals: dict[str, Array],
 ) -> tuple[Array, dict[str, Array]]:
     """Times and signals of a unit on the table, and then worn."""
-    lying_s, room_from_sensor = table
-    up, forward = (np.asarray(world[k], dtype=np.float64) for k in ("up", "forward"))
-    level = np.cos(azimuth) * forward + np.sin(azimuth) * np.cross(up, forward)
-    dip = world["magnetic_dip_rad"]
-    field = world["magnetic_norm_ut"] * (np.cos(dip) * level - np.sin(dip) * up)
+    lying_s, room_from_sensor = table  # z of the room is up, x forward
+    strength, dip = world["magnetic_norm_ut"], world["magnetic_dip_rad"]
+    level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    field = strength * (np.cos(dip) * level - np.sin(dip) * np.array([0.0, 0.0, 1.0]))
     turns = Rotation.from_matrix(np.swapaxes(room_from_sensor[:-1], -1, -2) @ room_from_sensor[1:])
     rates = turns.as_rotvec() / np.diff(lying_s)[:, None]
     lying = {
         "gyro_rad_s": np.vstack([rates, rates[-1:]]),
-        "accel_m_s2": np.einsum("tji,j->ti", room_from_sensor, world["gravity_m_s2"] * up),
+        "accel_m_s2": world["gravity_m_s2"] * room_from_sensor[:, 2],
         "mag_ut": np.einsum("tji,j->ti", room_from_sensor, field),
     }
     both = {name: np.vstack([lying[name], values]) for name, values in signals.items()}

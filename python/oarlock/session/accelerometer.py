@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from oarlock.array_gate import FloatArray
+from oarlock.session.robust_fit import robust_fit
 from oarlock.session.unit_rows import Span, UnitRows
 
 BIAS_PRIOR_M_S2 = 0.3
@@ -49,13 +49,13 @@ def accel_rest(unit: UnitRows, stills: Sequence[tuple[Span, bool]], gravity_m_s2
         prior = np.concatenate([p[:3] / BIAS_PRIOR_M_S2, p[3:] / SCALE_PRIOR])
         return np.concatenate([(norms - gravity_m_s2) / REST_STD_M_S2, prior])
 
-    fit = least_squares(misses, np.zeros(6))
-    std = np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac)))
-    left = fit.fun[: len(forces)] * REST_STD_M_S2
+    found, covariance = robust_fit(misses, np.zeros(6))
+    std = np.sqrt(np.diag(covariance))
+    left = misses(found)[: len(forces)] * REST_STD_M_S2
     before = np.linalg.norm(forces, axis=1) - gravity_m_s2
     return AccelRest(
-        fit.x[:3],
-        1.0 + fit.x[3:],
+        found[:3],
+        1.0 + found[3:],
         std[:3],
         std[3:],
         _attitudes(forces),

@@ -29,18 +29,30 @@ class Body:
         units: their names.
         frames: unit -> index of its frame.
         turns_with: unit -> coordinates that turn its link.
+        joints: joint -> its coordinates that turn.
+        up: (3,) unit vector, root axes.
+        forward: (3,) level unit vector, root axes.
     """
 
     model: Model
     units: tuple[str, ...]
     frames: Mapping[str, int]
     turns_with: Mapping[str, frozenset[str]]
+    joints: Mapping[str, tuple[str, ...]]
+    up: FloatArray
+    forward: FloatArray
 
     @classmethod
     def of(cls, model: Model, units: Sequence[str]) -> Body:
         """Probes in a posture away from singular ones which coordinate turns which link."""
-        described = {s["name"]: s for s in model.describe()["sensors"]}
+        told = model.describe()
+        described = {s["name"]: s for s in told["sensors"]}
         frames = {name: model.frame_names.index(described[name]["frame"]) for name in units}
+        joints = {
+            j["name"]: tuple(c for c in j["coordinates"] if not c.endswith((".x", ".y", ".z")))
+            for j in told["joints"]
+            if j["kind"] != "slide"
+        }
         names = model.coordinate_names
         q = rest_posture(model, None) + 0.1 * np.sin(1.0 + np.arange(len(names)))
         steps = STEP_RAD * np.eye(len(names))
@@ -49,7 +61,8 @@ class Body:
         for unit, frame in frames.items():
             moved = np.abs(ahead[:, frame] - behind[:, frame]).max(axis=(1, 2)) / (2.0 * STEP_RAD)
             turns[unit] = frozenset(n for n, m in zip(names, moved, strict=True) if m > TURNS)
-        return cls(model, tuple(units), frames, turns)
+        up, forward = (np.asarray(told["world"][k], dtype=np.float64) for k in ("up", "forward"))
+        return cls(model, tuple(units), frames, turns, joints, up, forward)
 
     def posture(self, pose: Mapping[str, float]) -> FloatArray:
         """(n,) coordinates, the rest posture where the pose names none."""
@@ -59,14 +72,9 @@ class Body:
         """(..., 3, 3) at postures (..., n)."""
         return np.asarray(self.model.forward_kinematics(q)[..., self.frames[unit], :3, :3])
 
-    def coordinates_of(self, joint: str) -> list[str]:
-        """Coordinates of a joint that turn."""
-        own = {j["name"]: j["coordinates"] for j in self.model.describe()["joints"]}[joint]
-        return [c for c in own if not c.endswith((".x", ".y", ".z"))]
-
     def above(self, joint: str, child: str) -> str | None:
         """The nearest unit on the other side of a joint, seen from a unit below it; None is the root."""
-        turning = set(self.coordinates_of(joint))
+        turning = set(self.joints[joint])
         others = [
             u
             for u in self.units
@@ -76,7 +84,7 @@ class Body:
 
     def below(self, joint: str) -> list[str]:
         """The nearest units that a joint turns: without another one between it and them."""
-        turning = set(self.coordinates_of(joint))
+        turning = set(self.joints[joint])
         moved = [u for u in self.units if turning <= self.turns_with[u]]
         return [u for u in moved if not any(self.turns_with[v] < self.turns_with[u] for v in moved)]
 
@@ -88,7 +96,7 @@ class Body:
         return np.asarray(turn / np.linalg.norm(turn, axis=-1, keepdims=True))
 
     def _turned(self, joint: str, about: FloatArray | None, q: FloatArray, sign: float) -> FloatArray:
-        columns = [self.model.coordinate_names.index(c) for c in self.coordinates_of(joint)]
+        columns = [self.model.coordinate_names.index(c) for c in self.joints[joint]]
         moved = q.copy()
         if about is None:
             moved[..., columns[0]] += sign * STEP_RAD

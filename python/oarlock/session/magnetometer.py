@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from oarlock.array_gate import FloatArray
+from oarlock.session.robust_fit import robust_fit
 from oarlock.session.unit_rows import Span, UnitRows
 
 MOST_ROWS = 1500
@@ -68,10 +68,9 @@ def mag_fit(unit: UnitRows, spans: Sequence[Span], stills: Sequence[tuple[Span, 
         prior = np.concatenate([(p[:3] - start[:3]) / OFFSET_PRIOR_UT, p[3:8] / SOFT_PRIOR])
         return np.concatenate([apart / ROW_STD_UT, dips, prior])
 
-    fit = least_squares(misses, start, loss="soft_l1", f_scale=3.0)
-    information = fit.jac.T @ fit.jac
-    std = np.sqrt(np.diag(np.linalg.pinv(information)))
-    matrix, offset = _matrix(fit.x[3:8]), fit.x[:3]
+    found, covariance = robust_fit(misses, start)
+    std = np.sqrt(np.diag(covariance))
+    matrix, offset = _matrix(found[3:8]), found[:3]
     field = (rows - offset) @ matrix.T
     norms = np.linalg.norm(field, axis=1)
     raw = np.linalg.norm(rows, axis=1)
@@ -80,8 +79,8 @@ def mag_fit(unit: UnitRows, spans: Sequence[Span], stills: Sequence[tuple[Span, 
     return MagFit(
         offset,
         matrix,
-        float(fit.x[8]),
-        float(np.arcsin(np.clip(fit.x[9], -1.0, 1.0))) if at_rest else np.nan,
+        float(found[8]),
+        float(np.arcsin(np.clip(found[9], -1.0, 1.0))) if at_rest else np.nan,
         std[:3],
         float(std[3:8].max()),
         coverage,

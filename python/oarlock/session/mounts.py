@@ -18,7 +18,7 @@ ACCEL_STD = 0.01
 """What bias is left in an accelerometer, against gravity."""
 LEAST_PURITY = 0.8
 LEAST_SWEPT_RAD = 0.35
-START_REST_S = 0.4
+START_REST_S, EDGE_S = 0.35, 0.05
 ROUNDS = 4
 """Attitudes at the start of a movement rest on mounts, and mounts on axes in these attitudes."""
 NORTH_STD_RAD = float(np.radians(8.0))
@@ -83,7 +83,7 @@ class MountSearch:
             up = self._up_in_sensor(unit, step)
             if up is not None:
                 q = self.body.posture(step.pose)
-                in_link = self.body.root_from_link(unit.name, q).T @ self._world_up
+                in_link = self.body.root_from_link(unit.name, q).T @ self.body.up
                 own = isotropic(in_link, ACCEL_STD)
                 found.append(Sight(step.name, "up", up, in_link, own, isotropic(in_link, self._std(step))))
         return found
@@ -92,10 +92,11 @@ class MountSearch:
         """The mean of a posture, or of the rest in which a movement begins."""
         span = self.spans[step.name]
         stills = unit.still(worn=True, within_s=span)
-        if step.kind == "move":
-            stills = [s for s in stills if s[0] <= span[0] + START_REST_S]
         longest = max(stills, key=lambda s: s[1] - s[0], default=(0.0, 0.0))
-        if longest[1] - longest[0] < START_REST_S:
+        if step.kind == "move":
+            start = (span[0], span[0] + START_REST_S)
+            longest = start if any(s[0] <= start[0] + EDGE_S and s[1] >= start[1] for s in stills) else (0.0, 0.0)
+        if longest[1] - longest[0] < START_REST_S - EDGE_S:
             return None
         force = unit.accel[unit.rows(longest)].mean(axis=0)
         return np.asarray(force / np.linalg.norm(force))
@@ -154,7 +155,7 @@ class MountSearch:
         turning_ones = [
             k for k, c in enumerate(self.body.model.coordinate_names) if c in self.body.turns_with[child]
         ]
-        own = set(self.body.coordinates_of(joint)) if about is None else set()
+        own = set(self.body.joints[joint]) if about is None else set()
         kept = [k for k in turning_ones if self.body.model.coordinate_names[k] not in own]
         spread = slopes[kept] * self._std(step)
         return seen(q), spread.T @ spread
@@ -209,11 +210,6 @@ class MountSearch:
         return self.plan.posture_std_rad if step.posture_std_rad is None else step.posture_std_rad
 
     @property
-    def _world_up(self) -> FloatArray:
-        return np.asarray(self.body.model.describe()["world"]["up"], dtype=np.float64)
-
-    @property
     def _level(self) -> tuple[FloatArray, FloatArray]:
         """Two level directions at right angles, root axes: forward, and from there the way azimuths count."""
-        forward = np.asarray(self.body.model.describe()["world"]["forward"], dtype=np.float64)
-        return forward, np.cross(self._world_up, forward)
+        return self.body.forward, np.cross(self.body.up, self.body.forward)

@@ -11,8 +11,8 @@ from oarlock.array_gate import FloatArray
 from oarlock.session.unit_rows import Span, UnitRows
 
 BLOCK_S = 0.1
-FLOOR_RAD = float(np.radians(0.5))
-"""Axes inside a sensor, and joints that are no hinges to the last half degree."""
+FLOOR_RAD = float(np.radians(1.0))
+"""Axes inside a sensor, what the other joints do meanwhile, and joints that are no hinges to the last degree."""
 PARTS = 8
 CLEAR_TURN_RAD = 0.25
 MOST_GAP_S = 0.1

@@ -88,7 +88,7 @@ def _score(step: SessionStep, segment: Segment, body: Body, units: Mapping[str, 
     moved = _moved(units, (start, end))
     own = {u for joint in step.joints for u in body.below(joint)}
     below = {
-        u for u in body.units for j in step.joints if set(body.coordinates_of(j)) <= set(body.turns_with[u])
+        u for u in body.units for j in step.joints if set(body.joints[j]) <= set(body.turns_with[u])
     }
     still = [moved[u] for u in units if u not in below]
     active = min((moved[u] for u in own if u in moved), default=0.0)

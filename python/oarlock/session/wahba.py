@@ -118,7 +118,8 @@ def _covariances(sights: Sequence[Sight]) -> list[FloatArray]:
     found = []
     for sight in sights:
         alike = sum(1 for o in sights if o.kind == sight.kind and o.in_link @ sight.in_link > ALIKE)
-        along = 1e-4 * np.eye(3) * float(np.trace(sight.own + sight.posture))
+        # A unit vector moves along itself to second order only: there it tells nothing.
+        along = np.outer(sight.in_link, sight.in_link) * float(np.trace(sight.own + sight.posture))
         found.append(sight.own + sight.posture * (1.0 + SHARED * (alike - 1)) + along)
     return found
 
