@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -48,7 +49,7 @@ class _Score:
 
     @property
     def q(self) -> Array:
-        return self.parts[-1][-1]
+        return np.asarray(self.parts[-1][-1])
 
     def hold(self, seconds: float) -> None:
         self.parts.append(np.repeat(self.q[None], round(seconds / KNOT_S), axis=0))
@@ -103,12 +104,12 @@ def body_course(
         else:
             spans[step.name] = (start, score.now_s)
     q = np.concatenate(score.parts)
-    time_s = KNOT_S * np.arange(len(q))
+    time_s = np.asarray(KNOT_S * np.arange(len(q)), dtype=np.float64)
     busy = 1.0 + 3.0 * _among(time_s, moving)
     own = {c for s in plan.steps for j in s.joints for c in _coordinates(description, j)}
     sways = turning * sway_rad * busy[:, None] * _wander(len(q), len(names), rng)
     sways[:, [k for k, n in enumerate(names) if n in own]] *= 0.5
-    return Course(time_s, q + sways, spans)
+    return Course(time_s, np.asarray(q + sways, dtype=np.float64), spans)
 
 
 def _turns(description: Mapping[str, Any], coordinate: str) -> bool:
@@ -168,7 +169,7 @@ def table_course(rate_hz: float, rng: np.random.Generator) -> tuple[Array, Array
     tilt = Rotation.from_rotvec(rng.normal(0.0, 0.05, 3)) * Rotation.from_rotvec([0, 0, rng.uniform(-3, 3)])
     faces = [tilt * Rotation.from_euler("xyz", face) for face in FACES]
     parts: list[Rotation] = [faces[0]] * round(2.0 * FACE_S * rate_hz)
-    for before, after in zip(faces, faces[1:], strict=False):
+    for before, after in pairwise(faces):
         share = smooth_step(np.arange(1, round(TURN_S * rate_hz) + 1) / round(TURN_S * rate_hz))
         step = (before.inv() * after).as_rotvec()
         parts += [before * Rotation.from_rotvec(s * step) for s in share]

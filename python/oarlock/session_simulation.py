@@ -1,7 +1,7 @@
 """A guided session, simulated: units on a table, then worn, with mounts and sensor errors that nobody told.
 
-It shares no code with the search: signals of the body come from `oarlock.simulate`, which differentiates poses, those of units on
-the table from differenced attitudes, and every error is put in here.
+It shares no code with the search: signals of the body come from `oarlock.simulate`, which differentiates poses, those
+of units on the table from differenced attitudes, and every error is put in here.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class SessionErrors:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not (np.isfinite(value) and 0.0 <= value):
+            if not (np.isfinite(value) and value >= 0.0):
                 raise DataError(f"session errors: {name} = {value}; expected 0 or more")
 
 
@@ -141,11 +141,15 @@ def simulate_session(
         signals = _with_skin(stream, course.time_s, course.q - course.q[0], errors, rng)
         time_s = stream.time_s + shift
         if lying:
-            time_s, signals = _after_table(tables[sensor["name"]], description["world"], azimuth, time_s, signals)
+            time_s, signals = _after_table(
+                tables[sensor["name"]], description["world"], azimuth, time_s, signals
+            )
         streams.append(_read(sensor, time_s, signals, truth, rng))
     spans = {n: (a + shift, b + shift) for n, (a, b) in course.spans.items()}
     moved = replace(track, time_s=track.time_s + shift)
-    return SessionTrial(Recording(streams, {"source": "simulated session", "seed": seed}), moved, truth, spans, plan)
+    return SessionTrial(
+        Recording(streams, {"source": "simulated session", "seed": seed}), moved, truth, spans, plan
+    )
 
 
 def _worn(units: list[dict[str, Any]], errors: SessionErrors, rng: np.random.Generator) -> Calibration:
@@ -180,7 +184,9 @@ def _with_skin(
     ways = rng.normal(0.0, 1.0, (left_rest.shape[1], 3))
     if errors.skin_rad == 0.0:
         return signals
-    fine = np.stack([np.interp(stream.time_s, knots_s, c) for c in (left_rest @ ways * errors.skin_rad).T], axis=1)
+    fine = np.stack(
+        [np.interp(stream.time_s, knots_s, c) for c in (left_rest @ ways * errors.skin_rad).T], axis=1
+    )
     turn = Rotation.from_rotvec(fine)
     rates = (turn[:-1].inv() * turn[1:]).as_rotvec() / np.diff(stream.time_s)[:, None]
     signals = {name: turn.inv().apply(values) for name, values in signals.items()}
@@ -229,7 +235,9 @@ def _read(
     read["gyro_rad_s"] = read["gyro_rad_s"] + truth.gyro_biases_rad_s[name]
     read["accel_m_s2"] = read["accel_m_s2"] * truth.accel_scales[name] + truth.accel_biases_m_s2[name]
     if "mag_ut" in read:
-        read["mag_ut"] = np.linalg.solve(truth.mag_matrices[name], read["mag_ut"].T).T + truth.mag_offsets_ut[name]
+        read["mag_ut"] = (
+            np.linalg.solve(truth.mag_matrices[name], read["mag_ut"].T).T + truth.mag_offsets_ut[name]
+        )
     clock = truth.clocks.get(name)
     shown = time_s if clock is None else clock.stamps_s(time_s)
     return ImuStream(name, shown, **read)

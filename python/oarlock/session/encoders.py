@@ -78,12 +78,14 @@ def _mark(step: SessionStep, recording: Recording) -> Mark:
     part = _scalar(step.stream, recording, where).between(*(step.span_s or (0.0, 0.0)))
     values = np.zeros(0) if part is None else part.value[np.isfinite(part.value)]
     if not len(values):
-        raise DataError(f'{where}: stream "{step.stream}" has no reading from {step.start_s} to {step.end_s} s')
+        raise DataError(
+            f'{where}: stream "{step.stream}" has no reading from {step.start_s} to {step.end_s} s'
+        )
     return Mark(float(np.median(values)), float(np.std(values)), step.value)
 
 
 def _line(stream: str, own: Sequence[tuple[SessionStep, Mark]]) -> tuple[EncoderScale, Check]:
-    """value = scale * (reading - zero) through all marks."""
+    """Value = scale * (reading - zero) through all marks."""
     readings, values = (np.array([getattr(m, k) for _, m in own]) for k in ("reading", "value"))
     scale, constant = np.polyfit(readings, values, 1)
     left = float(np.abs(scale * readings + constant - values).max())
@@ -98,7 +100,9 @@ def _line(stream: str, own: Sequence[tuple[SessionStep, Mark]]) -> tuple[Encoder
     )
     names = ", ".join(s.name for s, _ in own)
     text = f"zero {-constant / scale:+.4f}, scale {scale:+.4f}"
-    told = Check(names, stream, "zero and scale", text, max(left, held), REST_LIMIT, "rad or m", outcome, sentence)
+    told = Check(
+        names, stream, "zero and scale", text, max(left, held), REST_LIMIT, "rad or m", outcome, sentence
+    )
     return EncoderScale(float(-constant / scale), float(scale)), told
 
 
@@ -136,7 +140,9 @@ def _sign(
     found = -1 if agreed < 0 else 1
     text = f"correlation {correlation:+.2f} with {step.other}"
     if abs(agreed) < CLEAR:
-        sentence = "The two streams do not move together clearly: move both through their range and record again."
+        sentence = (
+            "The two streams do not move together clearly: move both through their range and record again."
+        )
         return 1, Check(step.name, step.stream, "sign", text, abs(agreed), CLEAR, "", REDO, sentence)
     sentence = "It runs the right way." if found > 0 else "It runs the wrong way round, which is corrected."
     return found, Check(step.name, step.stream, "sign", text, np.nan, np.nan, "", PASSED, sentence)

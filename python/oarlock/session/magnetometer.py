@@ -25,7 +25,7 @@ NORM_LIMIT = 0.05
 
 @dataclass(frozen=True, eq=False)
 class MagFit:
-    """Offset (3,) uT, matrix (3, 3), the field's norm uT and dip rad, stds, coverage, and norm scatter before and after."""
+    """Offset (3,) uT, matrix (3, 3), the field's norm uT and dip rad, stds, coverage, scatter of the norm before and after."""
 
     offset_ut: FloatArray
     matrix: FloatArray
@@ -92,7 +92,7 @@ def mag_fit(unit: UnitRows, spans: Sequence[Span], stills: Sequence[tuple[Span, 
 def _matrix(p: FloatArray) -> FloatArray:
     """Symmetric, with a mean stretch of one."""
     xx, yy, xy, xz, yz = p
-    return np.eye(3) + np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, -xx - yy]])
+    return np.asarray(np.eye(3) + np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, -xx - yy]]))
 
 
 def _at_rest(unit: UnitRows, stills: Sequence[tuple[Span, bool]]) -> list[tuple[FloatArray, FloatArray]]:

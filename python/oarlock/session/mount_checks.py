@@ -13,7 +13,7 @@ from oarlock.session.checks import KEPT, PASSED, REDO, Check, within
 from oarlock.session.mounts import LEAST_PURITY, LEAST_SWEPT_RAD, MOUNT_LIMIT_RAD, Mounts
 from oarlock.session.plan import SessionPlan
 
-OFF_LIMIT_STDS = 4.0
+OFF_LIMIT_STDS = 2.0
 OFF_LIMIT_RAD = float(np.radians(10.0))
 NORTH_LIMIT_RAD = float(np.radians(12.0))
 
@@ -21,10 +21,10 @@ NORTH_LIMIT_RAD = float(np.radians(12.0))
 def mount_checks(
     found: Mounts, plan: SessionPlan, body: Body, nominal: Mapping[str, FloatArray]
 ) -> list[Check]:
-    """Movements first, then what does not agree, mounts, and north as a test."""
+    """Movements first, then postures, mounts, and north as a test."""
     return [
         *_movements(found, plan, body),
-        *_disagreements(found),
+        *_postures(found, plan),
         *(_mount(name, found, nominal[name]) for name in found.solved),
         *_norths(found),
     ]
@@ -42,31 +42,44 @@ def _movements(found: Mounts, plan: SessionPlan, body: Body) -> list[Check]:
         if one.swept_rad < LEAST_SWEPT_RAD:
             sentence, outcome = "It was too small: move through the whole range and do it again.", REDO
         elif one.purity < LEAST_PURITY:
-            sentence, outcome = "It was not about one axis: hold the other joints still and do it again.", REDO
+            sentence, outcome = (
+                "It was not about one axis: hold the other joints still and do it again.",
+                REDO,
+            )
         else:
             sentence, outcome = "It was a clear turn about one axis.", PASSED
         checks.append(Check(step, unit, "movement", text, std, np.nan, "deg", outcome, sentence))
-    missing = [
-        (s.name, j) for s in plan.steps if s.kind == "move" for j in s.joints if not body.below(j)
-    ]
+    missing = [(s.name, j) for s in plan.steps if s.kind == "move" for j in s.joints if not body.below(j)]
     for step, joint in missing:
         sentence = f"No unit sits beyond the joint {joint}, so this movement tells nothing."
         checks.append(Check(step, joint, "movement", "-", np.nan, np.nan, "", KEPT, sentence))
     return checks
 
 
-def _disagreements(found: Mounts) -> list[Check]:
+def _postures(found: Mounts, plan: SessionPlan) -> list[Check]:
+    """Each posture against all other steps: the unit whose link is furthest from where the plan has it."""
     checks = []
-    for unit, solved in found.solved.items():
-        for sight, off, stds in zip(found.sights[unit], solved.off_rad, solved.off_stds, strict=True):
-            if stds > OFF_LIMIT_STDS and off > OFF_LIMIT_RAD:
-                what = {"up": "posture", "axis": "movement", "north": "north"}[sight.kind]
-                sentence = (
-                    f"It is {np.degrees(off):.0f} deg off what the other steps say: it was done differently, or the "
-                    "unit slipped. Do it again."
-                )
-                text, limit = f"{np.degrees(off):.0f} deg off", float(np.degrees(OFF_LIMIT_RAD))
-                checks.append(Check(sight.step, unit, what, text, np.nan, limit, "deg", REDO, sentence))
+    for step in plan.steps:
+        offs = [
+            (off, stds, unit)
+            for unit, solved in found.solved.items()
+            for sight, off, stds in zip(found.sights[unit], solved.off_rad, solved.off_stds, strict=True)
+            if sight.step == step.name and sight.kind == "up" and step.kind == "pose"
+        ]
+        if not offs:
+            continue
+        off, _, unit = max(offs)
+        wrong = [u for o, s, u in offs if o > OFF_LIMIT_RAD and s > OFF_LIMIT_STDS]
+        text, limit = f"at most {np.degrees(off):.1f} deg off, {unit}", float(np.degrees(OFF_LIMIT_RAD))
+        if wrong:
+            sentence = (
+                f"{', '.join(wrong)} disagree{'s' if len(wrong) == 1 else ''} with the other steps: the posture "
+                "was taken up differently, or a unit slipped. Do it again, with care for that limb."
+            )
+            checks.append(Check(step.name, "", "posture", text, np.nan, limit, "deg", REDO, sentence))
+        else:
+            sentence = "Held still, and it agrees with the other steps."
+            checks.append(Check(step.name, "", "posture", text, np.nan, limit, "deg", PASSED, sentence))
     return checks
 
 
@@ -106,5 +119,7 @@ def _norths(found: Mounts) -> list[Check]:
         )
         outcome = PASSED if good else REDO
         limit = float(np.degrees(NORTH_LIMIT_RAD))
-        checks.append(Check("north", name, "north", f"{off:+.1f} deg", np.nan, limit, "deg", outcome, sentence))
+        checks.append(
+            Check("north", name, "north", f"{off:+.1f} deg", np.nan, limit, "deg", outcome, sentence)
+        )
     return checks

@@ -29,7 +29,7 @@ Moved = dict[tuple[str, str], Turning | None]
 
 @dataclass(frozen=True, eq=False)
 class Mounts:
-    """Mounts and what speaks for them: unit -> sights and solution, (step, unit) -> movement, norths by unit and step."""
+    """Mounts and what speaks for them: by unit solution and sights, by step and unit movements, norths by unit and step."""
 
     solved: Mapping[str, SolvedMount]
     sights: Mapping[str, Sequence[Sight]]
@@ -95,7 +95,9 @@ class MountSearch:
         longest = max(stills, key=lambda s: s[1] - s[0], default=(0.0, 0.0))
         if step.kind == "move":
             start = (span[0], span[0] + START_REST_S)
-            longest = start if any(s[0] <= start[0] + EDGE_S and s[1] >= start[1] for s in stills) else (0.0, 0.0)
+            longest = (
+                start if any(s[0] <= start[0] + EDGE_S and s[1] >= start[1] for s in stills) else (0.0, 0.0)
+            )
         if longest[1] - longest[0] < START_REST_S - EDGE_S:
             return None
         force = unit.accel[unit.rows(longest)].mean(axis=0)
@@ -121,7 +123,9 @@ class MountSearch:
                     for unit, axis, std in pairs:
                         in_link, posture = self._axis_in_link(step, joint, about, child, unit, q)
                         own = isotropic(in_link, std)
-                        found.setdefault(unit, []).append(Sight(step.name, "axis", axis, in_link, own, posture))
+                        found.setdefault(unit, []).append(
+                            Sight(step.name, "axis", axis, in_link, own, posture)
+                        )
         return found, moved
 
     def _turning(
@@ -147,7 +151,7 @@ class MountSearch:
 
         def seen(postures: FloatArray) -> FloatArray:
             axes = self.body.axis(joint, about, child, postures)
-            return np.einsum("...ji,...j->...i", self.body.root_from_link(unit, postures), axes)
+            return np.asarray(np.einsum("...ji,...j->...i", self.body.root_from_link(unit, postures), axes))
 
         n = len(q)
         slopes = seen(self.body.slopes(q))

@@ -135,7 +135,9 @@ class SessionPlan:
                     hint = did_you_mean(name, tuple(joints))
                     raise DataError(f'{where}: the model "{model.name}" has no joint "{name}". {hint}')
                 if joints[name] in ("ball", "free") and step.axis is None:
-                    raise DataError(f'{where}: "{name}" is a {joints[name]} joint; say about which axis it turns')
+                    raise DataError(
+                        f'{where}: "{name}" is a {joints[name]} joint; say about which axis it turns'
+                    )
                 if joints[name] not in ("ball", "free", "hinge"):
                     raise DataError(f'{where}: "{name}" is a {joints[name]} joint and does not turn')
 

@@ -26,11 +26,13 @@ def robust_fit(
     p, information = start.copy(), np.eye(len(start))
     for _ in range(TURNS):
         here = misses(p)
-        slopes = np.stack([(misses(p + s) - misses(p - s)) / (2.0 * STEP) for s in STEP * np.eye(len(p))], axis=1)
+        slopes = np.stack(
+            [(misses(p + s) - misses(p - s)) / (2.0 * STEP) for s in STEP * np.eye(len(p))], axis=1
+        )
         weights = np.minimum(1.0, huber / np.maximum(np.abs(here), 1e-12))
         information = (slopes * weights[:, None]).T @ slopes
         step = -np.linalg.solve(information, slopes.T @ (weights * here))
         p = p + step
         if np.abs(step).max() < SETTLED:
             break
-    return p, np.linalg.inv(information)
+    return p, np.asarray(np.linalg.inv(information), dtype=np.float64)

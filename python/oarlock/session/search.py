@@ -6,8 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from oarlock.calibration import Calibration
 from oarlock.corrections import corrected
 from oarlock.errors import DataError
@@ -17,10 +15,11 @@ from oarlock.recording import ImuStream, Recording
 from oarlock.session.body import Body
 from oarlock.session.checks import REDO, Check
 from oarlock.session.encoders import encoder_scales
-from oarlock.session.mounts import Mounts, MountSearch
 from oarlock.session.mount_checks import mount_checks
+from oarlock.session.mounts import Mounts, MountSearch
 from oarlock.session.plan import SessionPlan, default_plan
 from oarlock.session.sensors import SensorSearch
+from oarlock.session.step_summary import missing_steps, step_told
 from oarlock.session.timing import located
 from oarlock.session.unit_rows import Span, UnitRows
 from oarlock.session.world_field import field_checks, field_parameters
@@ -31,7 +30,13 @@ if TYPE_CHECKING:
     from oarlock._core import Model
 
 SEARCH = "session"
-FOUND_AGAIN = ("gyro_biases_rad_s", "gyro_bias_stds_rad_s", "accel_biases_m_s2", "accel_scales", "mag_matrices")
+FOUND_AGAIN = (
+    "gyro_biases_rad_s",
+    "gyro_bias_stds_rad_s",
+    "accel_biases_m_s2",
+    "accel_scales",
+    "mag_matrices",
+)
 
 
 def calibrate_session(
@@ -84,7 +89,7 @@ def calibrate_session(
     encoders, encoder_checks = encoder_scales(plan.steps, spans, clocked)
     parameters = field_parameters(worn.model, searches)
     checks = [
-        *_missing(plan, spans),
+        *missing_steps(plan, spans),
         *(c for n, s in searches.items() for c in s.checks(described[n])),
         *field_checks(worn.model, searches),
         *mount_checks(found, plan, body, worn.rotations),
@@ -119,14 +124,6 @@ def _check_spans(plan: SessionPlan, spans: Mapping[str, Span], recording: Record
         )
 
 
-def _missing(plan: SessionPlan, spans: Mapping[str, Span]) -> list[Check]:
-    return [
-        Check(s.name, "", s.kind, "-", np.nan, np.nan, "", REDO, f'"{s.name}" was not found in the recording: do it again.')
-        for s in plan.steps
-        if s.name not in spans and s.kind not in ("sign", "mark")
-    ]
-
-
 def _with_sensors(before: Calibration, searches: Mapping[str, SensorSearch]) -> Calibration:
     """The calibration with what the units' own sensors need."""
     fields: dict[str, dict[str, Any]] = {
@@ -153,27 +150,19 @@ def _calibrated(
         "how": "a guided session",
         "session": {
             "plan": plan.name,
+            "model": worn.model.name,
             "passed": not any(c.outcome == REDO for c in checks),
-            "step": [_told(step, spans) for step in plan.steps],
+            "step": [step_told(step, spans, checks) for step in plan.steps],
             "check": [c.told() for c in checks],
         },
     }
     calibrated = worn.calibrated(mounts, noted, parameters)
-    kept_offsets = {n: s for n, s in known.mount_offset_stds_m.items()}
     return replace(
         known,
         parameters=calibrated.parameters,
         mounts=calibrated.mounts,
         noted=calibrated.noted,
         parameter_stds=calibrated.parameter_stds,
-        mount_offset_stds_m=kept_offsets,
         mount_stds_rad={**known.mount_stds_rad, **{n: s.std_rad for n, s in found.solved.items()}},
         encoders={**known.encoders, **encoders},
     )
-
-
-def _told(step: Any, spans: Mapping[str, Span]) -> dict[str, object]:
-    told: dict[str, object] = {"name": step.name, "kind": step.kind, "say": step.say}
-    if step.name in spans:
-        told |= {"start_s": float(spans[step.name][0]), "end_s": float(spans[step.name][1])}
-    return told

@@ -35,7 +35,9 @@ class SensorSearch:
         """Looks at the rests of the plan's steps, and for the magnetometer at the turns, else at everything."""
         stills = stills_of(unit, plan, spans)
         turns = [spans[s.name] for s in plan.steps if s.kind == "turn" and s.name in spans]
-        return cls(unit, gyro_rest(unit, stills), accel_rest(unit, stills, gravity), mag_fit(unit, turns, stills))
+        return cls(
+            unit, gyro_rest(unit, stills), accel_rest(unit, stills, gravity), mag_fit(unit, turns, stills)
+        )
 
     def fields(self) -> dict[str, Any]:
         """Field of `Calibration` -> value, of all that is known."""
@@ -69,7 +71,19 @@ class SensorSearch:
         name, rest = self.rows.name, self.gyro
         if rest is None:
             sentence = "The unit never rested for a second: lay it down for five seconds and record again."
-            return [Check("rest", name, "gyroscope's bias", "-", np.nan, 1e3 * BIAS_LIMIT_RAD_S, "mrad/s", REDO, sentence)]
+            return [
+                Check(
+                    "rest",
+                    name,
+                    "gyroscope's bias",
+                    "-",
+                    np.nan,
+                    1e3 * BIAS_LIMIT_RAD_S,
+                    "mrad/s",
+                    REDO,
+                    sentence,
+                )
+            ]
         std = float(rest.std_rad_s.max())
         outcome = within(std, BIAS_LIMIT_RAD_S)
         sentence = (
@@ -79,7 +93,17 @@ class SensorSearch:
         )
         text = f"{numbers(1e3 * rest.bias_rad_s, 1)} mrad/s"
         found = [
-            Check("rest", name, "gyroscope's bias", text, 1e3 * std, 1e3 * BIAS_LIMIT_RAD_S, "mrad/s", outcome, sentence)
+            Check(
+                "rest",
+                name,
+                "gyroscope's bias",
+                text,
+                1e3 * std,
+                1e3 * BIAS_LIMIT_RAD_S,
+                "mrad/s",
+                outcome,
+                sentence,
+            )
         ]
         expected = described["rest_std_rad_s"] or described["gyro_std_rad_s"]
         if expected:
@@ -88,11 +112,13 @@ class SensorSearch:
             sentence = (
                 "As quiet as the model expects."
                 if quiet
-                else "Much noisier than the model expects: look whether the unit lay still, or say more in the model file."
+                else "Much noisier than the model expects: did it lie still? Else say more in the model file."
             )
             text = f"{1e3 * noise:.1f} mrad/s a sample"
             limit, outcome = 1e3 * NOISE_LIMIT * expected, PASSED if quiet else REDO
-            found.append(Check("rest", name, "gyroscope's noise", text, np.nan, limit, "mrad/s", outcome, sentence))
+            found.append(
+                Check("rest", name, "gyroscope's noise", text, np.nan, limit, "mrad/s", outcome, sentence)
+            )
         return found
 
     def _accel_check(self) -> Check:
@@ -100,11 +126,11 @@ class SensorSearch:
         if rest is None or not rest.known:
             seen = 0 if rest is None else rest.attitudes
             sentence = (
-                f"Seen at rest in {seen} attitudes; it takes {LEAST_ATTITUDES} or more. What was known before is kept."
+                f"Seen at rest in {seen} attitudes; it takes {LEAST_ATTITUDES} or more. What was known stays."
             )
             std = np.nan if rest is None else float(rest.bias_std_m_s2.max())
             return Check("rest", name, "accelerometer", "-", std, BIAS_LIMIT_M_S2, "m/s2", KEPT, sentence)
-        text = f"bias {numbers(rest.bias_m_s2, 2)} m/s2, scale {', '.join(f'{s:.3f}' for s in rest.scale)}"
+        text = f"bias {numbers(rest.bias_m_s2, 2)}; scale {', '.join(f'{s:.3f}' for s in rest.scale)}"
         good = rest.after_m_s2 <= BIAS_LIMIT_M_S2
         sentence = (
             f"Gravity was off by up to {rest.before_m_s2:.2f} m/s2 and is now to {rest.after_m_s2:.3f}."
@@ -127,8 +153,12 @@ class SensorSearch:
             sentence = f"The norm scattered by {100 * fit.before:.0f} % and now by {100 * fit.after:.1f} %."
             return [Check("turn", name, "magnetometer", text, std, OFFSET_LIMIT_UT, "uT", PASSED, sentence)]
         if fit.after > NORM_LIMIT:
-            sentence = f"The norm still scatters by {100 * fit.after:.0f} %: iron is near. Go elsewhere and turn it again."
+            sentence = (
+                f"The norm still scatters by {100 * fit.after:.0f} %: iron is near. Turn it again elsewhere."
+            )
         else:
-            sentence = "It was not turned through all directions. Turn it about all three axes, or do without."
+            sentence = (
+                "It was not turned through all directions. Turn it about all three axes, or do without."
+            )
         outcome = REDO if fit.after > NORM_LIMIT else KEPT
         return [Check("turn", name, "magnetometer", text, std, OFFSET_LIMIT_UT, "uT", outcome, sentence)]

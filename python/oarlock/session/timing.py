@@ -87,9 +87,7 @@ def _score(step: SessionStep, segment: Segment, body: Body, units: Mapping[str, 
         return -np.inf
     moved = _moved(units, (start, end))
     own = {u for joint in step.joints for u in body.below(joint)}
-    below = {
-        u for u in body.units for j in step.joints if set(body.joints[j]) <= set(body.turns_with[u])
-    }
+    below = {u for u in body.units for j in step.joints if set(body.joints[j]) <= set(body.turns_with[u])}
     still = [moved[u] for u in units if u not in below]
     active = min((moved[u] for u in own if u in moved), default=0.0)
     if not own or active < 0.2:
@@ -142,9 +140,7 @@ def _laid(scores: FloatArray) -> list[int | None]:
     return found
 
 
-def stills_of(
-    unit: UnitRows, plan: SessionPlan, spans: Mapping[str, Span]
-) -> list[tuple[Span, bool]]:
+def stills_of(unit: UnitRows, plan: SessionPlan, spans: Mapping[str, Span]) -> list[tuple[Span, bool]]:
     """Where one unit rests: (stretch, whether it is worn then). Without the middle of movements."""
     found: list[tuple[Span, bool]] = []
     for step in plan.steps:

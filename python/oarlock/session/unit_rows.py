@@ -6,11 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from oarlock.array_gate import FloatArray
 from oarlock.recording import ImuStream
 
 Span = tuple[float, float]
+Indices = NDArray[np.intp]
 
 WINDOW_S = 0.25
 LYING_GYRO_RAD_S = 0.03
@@ -70,7 +72,7 @@ class UnitRows:
         return joined([(time_s[e], end) for e, end, c in zip(edges, ends, calm, strict=True) if c])
 
 
-def _scatter(values: FloatArray, edges: FloatArray, counts: FloatArray) -> FloatArray:
+def _scatter(values: FloatArray, edges: Indices, counts: Indices) -> FloatArray:
     """Largest standard deviation of the three axes in each block."""
     mean = np.add.reduceat(values, edges, axis=0) / counts[:, None]
     squares = np.add.reduceat(values**2, edges, axis=0) / counts[:, None] - mean**2

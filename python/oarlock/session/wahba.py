@@ -83,7 +83,7 @@ def solved_mount(sights: Sequence[Sight], nominal: FloatArray) -> SolvedMount:
         for sight, weight in zip(sights, weights, strict=True):
             seen = rotation @ sight.in_sensor
             off = seen - sight.in_link
-            size = float(np.sqrt(max(off @ weight @ off, 1e-18)))
+            size = float(np.sqrt(max(float(off @ weight @ off), 1e-18)))
             jacobian = -_cross(seen)
             trusted = weight * min(1.0, HUBER / size)
             information += jacobian.T @ trusted @ jacobian
@@ -93,11 +93,11 @@ def solved_mount(sights: Sequence[Sight], nominal: FloatArray) -> SolvedMount:
         if np.linalg.norm(step) < 1e-10:
             break
     offs = [rotation @ s.in_sensor - s.in_link for s in sights]
-    sizes = tuple(float(np.sqrt(o @ w @ o)) for o, w in zip(offs, weights, strict=True))
+    sizes = tuple(float(np.sqrt(float(o @ w @ o))) for o, w in zip(offs, weights, strict=True))
     excess = sum(min(size, HUBER) ** 2 for size in sizes) / max(2 * len(sights) - 3, 1)
     return SolvedMount(
         rotation,
-        np.linalg.inv(information) * max(1.0, excess),
+        np.asarray(np.linalg.inv(information) * max(1.0, excess), dtype=np.float64),
         tuple(float(np.linalg.norm(o)) for o in offs),
         sizes,
     )

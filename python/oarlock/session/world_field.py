@@ -50,7 +50,9 @@ def field_checks(model: Model, searches: Mapping[str, SensorSearch]) -> list[Che
         off = abs(own_norm / norm - 1.0) > NORM_APART or abs(own_dip - dip) > DIP_APART_RAD
         if off:
             text = f"{own_norm:.1f} uT, dip {np.degrees(own_dip):.0f} deg"
-            sentence = f"The others see {norm:.1f} uT and {np.degrees(dip):.0f} deg: turn this unit again, away from iron."
+            sentence = (
+                f"The others see {norm:.1f} uT and {np.degrees(dip):.0f} deg: turn it again, away from iron."
+            )
             checks.append(Check("turn", name, "field", text, np.nan, np.nan, "", REDO, sentence))
     world = model.describe()["world"]
     taken = field_parameters(model, searches)
