@@ -25,7 +25,7 @@ SWING_S = 1.0
 MOST_SWING_RAD = 1.3
 LEAST_SWING_RAD = 0.3
 FACES = np.radians([[0, 0, 0], [90, 0, 0], [180, 0, 0], [270, 0, 0], [270, 90, 0], [270, 270, 0]])
-FACE_S, TURN_S, TUMBLE_S = 3.0, 0.8, 12.0
+LIE_S, FACE_S, TURN_S, TUMBLE_S = 10.0, 3.0, 0.8, 12.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +168,7 @@ def table_course(rate_hz: float, rng: np.random.Generator) -> tuple[Array, Array
     """Times (T,) s and attitudes (T, 3, 3), room from sensor, of one unit on a table and then turned by hand."""
     tilt = Rotation.from_rotvec(rng.normal(0.0, 0.05, 3)) * Rotation.from_rotvec([0, 0, rng.uniform(-3, 3)])
     faces = [tilt * Rotation.from_euler("xyz", face) for face in FACES]
-    parts: list[Rotation] = [faces[0]] * round(2.0 * FACE_S * rate_hz)
+    parts: list[Rotation] = [faces[0]] * round(LIE_S * rate_hz)
     for before, after in pairwise(faces):
         share = smooth_step(np.arange(1, round(TURN_S * rate_hz) + 1) / round(TURN_S * rate_hz))
         step = (before.inv() * after).as_rotvec()

@@ -38,7 +38,7 @@ def _movements(found: Mounts, plan: SessionPlan, body: Body) -> list[Check]:
             checks.append(Check(step, unit, "movement", "-", np.nan, np.nan, "", REDO, sentence))
             continue
         text = f"{np.degrees(one.swept_rad):.0f} deg, {100 * one.purity:.0f} % about one axis"
-        std = float(np.degrees(max(one.child_std_rad, one.parent_std_rad)))
+        std = float(np.degrees(one.std_rad))
         if one.swept_rad < LEAST_SWEPT_RAD:
             sentence, outcome = "It was too small: move through the whole range and do it again.", REDO
         elif one.purity < LEAST_PURITY:

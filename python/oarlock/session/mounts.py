@@ -19,8 +19,8 @@ ACCEL_STD = 0.01
 LEAST_PURITY = 0.8
 LEAST_SWEPT_RAD = 0.35
 START_REST_S, EDGE_S = 0.35, 0.05
-ROUNDS = 4
-"""Attitudes at the start of a movement rest on mounts, and mounts on axes in these attitudes."""
+ROUNDS = 3
+"""First as if nothing else moved; then less what the unit before it did, by the mounts of the round before."""
 NORTH_STD_RAD = float(np.radians(8.0))
 MOUNT_LIMIT_RAD = float(np.radians(4.0))
 
@@ -61,8 +61,8 @@ class MountSearch:
         ups = {name: self._ups(unit) for name, unit in self.units.items()}
         mounts = {name: solved_mount(ups[name], self.nominal[name]) for name in self.units}
         sights, moved = ups, Moved()
-        for _ in range(ROUNDS):
-            axes, moved = self._axes(mounts)
+        for k in range(ROUNDS):
+            axes, moved = self._axes(mounts, against_parents=k > 0)
             sights = {name: [*ups[name], *axes.get(name, [])] for name in self.units}
             mounts = {name: solved_mount(sights[name], self.nominal[name]) for name in self.units}
         norths = self._norths(mounts)
@@ -105,7 +105,9 @@ class MountSearch:
 
     # --- movements ----------------------------------------------------------------------------------
 
-    def _axes(self, mounts: Mapping[str, SolvedMount]) -> tuple[dict[str, list[Sight]], Moved]:
+    def _axes(
+        self, mounts: Mapping[str, SolvedMount], against_parents: bool
+    ) -> tuple[dict[str, list[Sight]], Moved]:
         found: dict[str, list[Sight]] = {}
         moved = Moved()
         for step in self._steps("move"):
@@ -113,19 +115,16 @@ class MountSearch:
             about = None if step.axis is None else np.asarray(step.axis, dtype=np.float64)
             for joint in step.joints:
                 for child in self.body.below(joint):
-                    parent = self.body.above(joint, child)
+                    parent = self.body.above(joint, child) if against_parents else None
                     one = self._turning(step, child, parent, q, mounts)
                     moved[step.name, child] = one
                     if one is None or one.purity < LEAST_PURITY or one.swept_rad < LEAST_SWEPT_RAD:
                         continue
-                    pairs = [(child, one.in_child, one.child_std_rad)]
-                    pairs += [(parent, one.in_parent, one.parent_std_rad)] if parent else []
-                    for unit, axis, std in pairs:
-                        in_link, posture = self._axis_in_link(step, joint, about, child, unit, q)
-                        own = isotropic(in_link, std)
-                        found.setdefault(unit, []).append(
-                            Sight(step.name, "axis", axis, in_link, own, posture)
-                        )
+                    in_link, posture = self._axis_in_link(step, joint, about, child, q)
+                    own = isotropic(in_link, one.std_rad)
+                    found.setdefault(child, []).append(
+                        Sight(step.name, "axis", one.axis, in_link, own, posture)
+                    )
         return found, moved
 
     def _turning(
@@ -145,13 +144,13 @@ class MountSearch:
         return turning(self.units[child], other, span, attitude(child), at_parent, step.first)
 
     def _axis_in_link(
-        self, step: SessionStep, joint: str, about: FloatArray | None, child: str, unit: str, q: FloatArray
+        self, step: SessionStep, joint: str, about: FloatArray | None, child: str, q: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """The axis in a unit's link, and how uncertain the posture of the other joints leaves it."""
+        """The axis in the child's link, and how uncertain the posture of the other joints leaves it."""
 
         def seen(postures: FloatArray) -> FloatArray:
             axes = self.body.axis(joint, about, child, postures)
-            return np.asarray(np.einsum("...ji,...j->...i", self.body.root_from_link(unit, postures), axes))
+            return np.asarray(np.einsum("...ji,...j->...i", self.body.root_from_link(child, postures), axes))
 
         n = len(q)
         slopes = seen(self.body.slopes(q))

@@ -1,4 +1,4 @@
-"""About which axis two units turned against each other, in the axes of both."""
+"""About which axis a unit turned, against the unit before it."""
 
 from __future__ import annotations
 
@@ -23,19 +23,15 @@ class Turning:
     """A movement about one axis.
 
     Args:
-        in_child: (3,) unit axis in the child's sensor axes; positive as the plan's first turn says.
-        in_parent: (3,) the same in the parent's sensor axes.
-        child_std_rad: how well it is known there, rad, each direction.
-        parent_std_rad: the same for the parent.
+        axis: (3,) unit axis in the child's sensor axes; positive as the plan's first turn says.
+        std_rad: how well it is known, rad, each direction.
         purity: share of the turning that was about the axis, 0 to 1.
         swept_rad: from the one end of the movement to the other.
         clear: whether a first turn was clear enough to tell the sign.
     """
 
-    in_child: FloatArray
-    in_parent: FloatArray
-    child_std_rad: float
-    parent_std_rad: float
+    axis: FloatArray
+    std_rad: float
     purity: float
     swept_rad: float
     clear: bool
@@ -49,11 +45,14 @@ def turning(
     root_from_parent: FloatArray,
     first: int,
 ) -> Turning | None:
-    """The axis of the relative angular velocity.
+    """The axis of the relative angular velocity, in the child's axes.
+
+    Nothing is said of the axis in the parent: while that one rests, its gyroscope knows nothing of it, and what the child's
+    attitude says in its place only repeats the parent's own.
 
     Args:
         child: with its bias taken off.
-        parent: the same; None is a body at rest.
+        parent: the same; None is a body at rest, or one that is taken for one.
         span_s: the movement, s.
         root_from_child: (3, 3) attitude of the child's sensor when it begins.
         root_from_parent: (3, 3) the same of the parent's sensor.
@@ -77,22 +76,18 @@ def turning(
         at_parent = _attitudes(time_s, other, root_from_parent)
     relative = np.einsum("tij,tj->ti", at_child, own) - np.einsum("tij,tj->ti", at_parent, other)
     in_child = np.einsum("tji,tj->ti", at_child, relative)
-    in_parent = np.einsum("tji,tj->ti", at_parent, relative)
     block = np.floor((time_s - time_s[0]) / BLOCK_S).astype(int)
     edges = np.flatnonzero(np.diff(block, prepend=-1))
     counts = np.diff(np.append(edges, len(time_s)))[:, None]
-    of_child, of_parent = (np.add.reduceat(x, edges, axis=0) / counts for x in (in_child, in_parent))
-    if not (of_child**2).sum() > 0.0:
+    blocks = np.add.reduceat(in_child, edges, axis=0) / counts
+    if not (blocks**2).sum() > 0.0:
         return None
-    axis_c, std_c, purity = _principal(of_child)
-    axis_p, std_p, _ = _principal(of_parent)
-    if (of_child @ axis_c) @ (of_parent @ axis_p) < 0.0:
-        axis_p = -axis_p
-    angle = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(time_s) * _pairs(in_child @ axis_c))])
+    axis, std_rad, purity = _principal(blocks)
+    angle = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(time_s) * _pairs(in_child @ axis))])
     clear = np.flatnonzero(np.abs(angle) > CLEAR_TURN_RAD)
     if len(clear) and np.sign(angle[clear[0]]) != first:
-        axis_c, axis_p = -axis_c, -axis_p
-    return Turning(axis_c, axis_p, std_c, std_p, purity, float(np.ptp(angle)), bool(len(clear)))
+        axis = -axis
+    return Turning(axis, std_rad, purity, float(np.ptp(angle)), bool(len(clear)))
 
 
 def _pairs(values: FloatArray) -> FloatArray:
