@@ -6,7 +6,7 @@ of units on the table from differenced attitudes, and every error is put in here
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from oarlock.calibration import Calibration
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from oarlock.track import Track
 
 Array = NDArray[np.float64]
+Skin = Callable[[Mapping[str, Any], Array, Array], Array]
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,8 @@ class SessionErrors:
         soft_iron: of each entry of a symmetric matrix, as a share.
         clock_offset_s: of each unit.
         clock_drift: of each unit, s per s.
-        skin_rad: by how far a unit turns on its link for each radian that a joint has left its rest posture.
+        skin_rad: by how far a unit turns on its link, about each axis, for each radian that a joint has left its rest
+            posture.
     """
 
     mount_rad: float = float(np.radians(12.0))
@@ -102,6 +105,7 @@ def simulate_session(
     *,
     seed: int = 0,
     rate_hz: float = 100.0,
+    skin: Skin | None = None,
 ) -> SessionTrial:
     """Simulate somebody who follows a session's plan.
 
@@ -111,6 +115,8 @@ def simulate_session(
         errors: what is wrong with postures and sensors; None is a careful person with consumer sensors.
         seed: of every draw.
         rate_hz: of all units.
+        skin: by how far each unit turns on its link in the course of the body, beside `SessionErrors.skin_rad`:
+            (sensor's description, times (K,) s, coordinates (K, n)) -> rotation vectors (K, 3), rad, link's axes.
 
     Raises:
         DataError: the plan does not fit the model.
@@ -138,7 +144,11 @@ def simulate_session(
     for sensor in units:
         stream = clean[sensor["name"]]
         assert isinstance(stream, ImuStream)
-        signals = _with_skin(stream, course.time_s, course.q - course.q[0], errors, rng)
+        ways = errors.skin_rad * rng.normal(0.0, 1.0, (course.q.shape[1], 3))
+        turns = (course.q - course.q[0]) @ ways
+        if skin is not None:
+            turns = turns + skin(sensor, course.time_s, course.q)
+        signals = _with_skin(stream, course.time_s, turns @ truth.mounts[sensor["name"]][0])
         time_s = stream.time_s + shift
         if lying:
             time_s, signals = _after_table(
@@ -176,17 +186,12 @@ def _worn(units: list[dict[str, Any]], errors: SessionErrors, rng: np.random.Gen
     return Calibration(**fields)
 
 
-def _with_skin(
-    stream: ImuStream, knots_s: Array, left_rest: Array, errors: SessionErrors, rng: np.random.Generator
-) -> dict[str, Array]:
-    """The signals of a unit that turns on its link as joints leave their rest posture, in directions of its own."""
+def _with_skin(stream: ImuStream, knots_s: Array, turns: Array) -> dict[str, Array]:
+    """The signals of a unit that turns against its mount, by rotation vectors (K, 3) in its own axes."""
     signals = {name: np.array(values) for name, values in stream.values.items()}
-    ways = rng.normal(0.0, 1.0, (left_rest.shape[1], 3))
-    if errors.skin_rad == 0.0:
+    if not turns.any():
         return signals
-    fine = np.stack(
-        [np.interp(stream.time_s, knots_s, c) for c in (left_rest @ ways * errors.skin_rad).T], axis=1
-    )
+    fine = np.asarray(make_interp_spline(knots_s, turns, k=5)(stream.time_s))
     turn = Rotation.from_rotvec(fine)
     rates = (turn[:-1].inv() * turn[1:]).as_rotvec() / np.diff(stream.time_s)[:, None]
     signals = {name: turn.inv().apply(values) for name, values in signals.items()}

@@ -8,6 +8,7 @@ from oarlock.rowing.hull import HullRotation, on_hull
 from oarlock.rowing.motion import Piece, row_piece, sculling
 from oarlock.rowing.noise import CONDITIONS, TABLE_4_NOISE, ImuNoise, SimulatedCondition
 from oarlock.rowing.pitch import HullForm, HullPitch, hull_pitch
+from oarlock.rowing.session_skin import session_skin
 from oarlock.rowing.simulators import SIMULATORS, FieldSimulator, ScullingSimulator
 from oarlock.rowing.stretcher import adjusted_stretcher
 from oarlock.rowing.stroke import StrokeShape
@@ -38,6 +39,7 @@ __all__ = [
     "on_hull",
     "row_piece",
     "sculling",
+    "session_skin",
     "simulate_field",
     "sweep_piece",
     "sweeping",

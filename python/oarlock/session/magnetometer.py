@@ -25,7 +25,7 @@ NORM_LIMIT = 0.05
 
 @dataclass(frozen=True, eq=False)
 class MagFit:
-    """Offset (3,) uT, matrix (3, 3), the field's norm uT and dip rad, stds, coverage, scatter of the norm before and after."""
+    """Offset (3,) uT, matrix (3, 3), norm uT and dip rad of the field, stds, coverage, the norm's scatter."""
 
     offset_ut: FloatArray
     matrix: FloatArray

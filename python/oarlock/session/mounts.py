@@ -29,7 +29,7 @@ Moved = dict[tuple[str, str], Turning | None]
 
 @dataclass(frozen=True, eq=False)
 class Mounts:
-    """Mounts and what speaks for them: by unit solution and sights, by step and unit movements, norths by unit and step."""
+    """Mounts and what speaks for them: solutions and sights by unit, movements by step and unit, norths by both."""
 
     solved: Mapping[str, SolvedMount]
     sights: Mapping[str, Sequence[Sight]]

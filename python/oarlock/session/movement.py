@@ -47,8 +47,8 @@ def turning(
 ) -> Turning | None:
     """The axis of the relative angular velocity, in the child's axes.
 
-    Nothing is said of the axis in the parent: while that one rests, its gyroscope knows nothing of it, and what the child's
-    attitude says in its place only repeats the parent's own.
+    Nothing is said of the axis in the parent: while that one rests, its gyroscope knows nothing of it, and what the
+    child's attitude says in its place only repeats the parent's own.
 
     Args:
         child: with its bias taken off.

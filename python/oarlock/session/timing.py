@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +18,8 @@ LEAST_STILL_S = 1.0
 LEAST_MOVE_S = 2.0
 ROOM_S = 0.5
 """A movement is taken with so much of the rest before it: there its posture is known."""
+EDGE_S = 0.3
+"""A person comes to rest, and starts, slowly: so much of each end is no rest yet."""
 QUIET_BREAK_S = 0.8
 """People pause at the ends of a movement; a shorter rest does not end it."""
 MISSED = -20.0
@@ -146,6 +148,7 @@ def stills_of(unit: UnitRows, plan: SessionPlan, spans: Mapping[str, Span]) -> l
     for step in plan.steps:
         if step.name in spans and step.kind in ("still", "turn", "pose"):
             worn = step.kind == "pose"
-            own: Sequence[Span] = unit.still(worn, spans[step.name])
+            edge = EDGE_S if worn else 0.0
+            own = [(a + edge, b - edge) for a, b in unit.still(worn, spans[step.name])]
             found += [(s, worn) for s in own if s[1] - s[0] >= LEAST_STILL_S]
     return found
