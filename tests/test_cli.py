@@ -22,6 +22,7 @@ VERBS = (
     ("import", "apdm"),
     ("import", "csv"),
     ("calibrate", "chain"),
+    ("calibrate", "session"),
     ("model", "list"),
     ("model", "show"),
     ("model", "check"),

@@ -4,7 +4,7 @@ Everything that is meant to be used is named here; `oarlock.rowing` adds one fie
 """
 
 from oarlock._core import Belief, Config, Info, Model, Sample, Tracker, __version__
-from oarlock.calibration import Calibration, load_calibration
+from oarlock.calibration import Calibration, Clock, EncoderScale, load_calibration
 from oarlock.compare import Comparison, compare, track_limbs, track_orientations
 from oarlock.errors import DataError, DivergedError, ModelError
 from oarlock.evaluate import Evaluation, evaluate
@@ -35,6 +35,8 @@ from oarlock.motion import Motion
 from oarlock.parallel_tracking import track_many
 from oarlock.pose_mounts import calibrate_pose
 from oarlock.recording import ImuStream, Recording, ScalarStream, VectorStream, load_recording
+from oarlock.session import SessionPlan, SessionStep, calibrate_session, default_plan, load_session_plan
+from oarlock.session_simulation import SessionErrors, SessionTrial, simulate_session
 from oarlock.simulate import simulate
 from oarlock.study import (
     FaultSweep,
@@ -55,10 +57,12 @@ __all__ = [
     "Base",
     "Belief",
     "Calibration",
+    "Clock",
     "Comparison",
     "Config",
     "DataError",
     "DivergedError",
+    "EncoderScale",
     "Evaluation",
     "FaultSweep",
     "ImuStream",
@@ -72,6 +76,10 @@ __all__ = [
     "Recording",
     "Sample",
     "ScalarStream",
+    "SessionErrors",
+    "SessionPlan",
+    "SessionStep",
+    "SessionTrial",
     "Study",
     "StudyKey",
     "StudyResult",
@@ -87,7 +95,9 @@ __all__ = [
     "calibrate_hinge_chain",
     "calibrate_joint_centers",
     "calibrate_pose",
+    "calibrate_session",
     "compare",
+    "default_plan",
     "evaluate",
     "evaluate_frame_orientations",
     "evaluate_markers",
@@ -100,12 +110,14 @@ __all__ = [
     "load_markers",
     "load_model",
     "load_recording",
+    "load_session_plan",
     "load_study",
     "load_track",
     "low_pass",
     "save_attachments",
     "simulate",
     "simulate_from_markers",
+    "simulate_session",
     "smooth",
     "study",
     "track",

@@ -1,22 +1,34 @@
-"""What is known of one wearing: lengths, rig, and how the sensors sit on the body."""
+"""What is known of one wearing: lengths, rig, how the sensors sit on the body, and what their readings need."""
+
+from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
-from typing import TypeAlias, cast
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from oarlock.array_gate import FloatArray, real_array
+from oarlock.array_gate import FloatArray
+from oarlock.calibration_values import (
+    Mount,
+    accel_scale,
+    checked_mount,
+    finite_parameter,
+    finite_three,
+    mag_matrix,
+    parameter_std,
+    std_three,
+)
 from oarlock.errors import DataError
+from oarlock.stream_scales import Clock, EncoderScale
 
-Mount: TypeAlias = tuple[FloatArray, FloatArray]
+if TYPE_CHECKING:
+    from oarlock.recording import Recording
 
-# Rotations typed by hand carry four to six digits; a wrong one is off by far more.
-ROTATION_TOLERANCE = 1e-4
+__all__ = ["Calibration", "Clock", "EncoderScale", "Mount", "load_calibration"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,40 +42,73 @@ class Calibration:
         mag_offsets_ut: sensor name -> (3,) constant part of a magnetometer's readings, uT in sensor axes (hard
             iron). `oarlock.track` subtracts it; the recording keeps what was measured. A live `Tracker` takes
             readings as they are given.
+        parameter_stds: parameter name -> standard deviation, in the parameter's unit (m, rad).
+        mount_stds_rad: sensor name -> (3,) standard deviations of the mount's rotation about the link's axes, rad.
+        mount_offset_stds_m: sensor name -> (3,) standard deviations of the mount's offset along them, m.
+        gyro_biases_rad_s: sensor name -> (3,) constant part of a gyroscope's readings, rad/s in sensor axes.
+        gyro_bias_stds_rad_s: sensor name -> (3,) standard deviations of it, rad/s.
+        accel_biases_m_s2: sensor name -> (3,) constant part of an accelerometer's readings, m/s2 in sensor axes.
+        accel_scales: sensor name -> (3,) with bias: ``true = (reading - bias) / scale``, per axis.
+        mag_matrices: sensor name -> (3, 3) that undoes soft iron: ``true = matrix @ (reading - mag_offset)``. It mixes
+            the axes: a reading that lacks one is missing.
+        clocks: stream name -> `Clock`: the stamps' offset and drift.
+        encoders: stream name -> `EncoderScale`: ``value = scale * (reading - zero)``.
 
     Raises:
-        DataError: A value that is not a finite number, another shape, or a matrix that is no rotation.
+        DataError: A value that is not a finite number, another shape, a matrix that is no rotation, a standard
+            deviation below zero.
     """
 
     parameters: Mapping[str, float] = field(default_factory=dict)
     mounts: Mapping[str, Mount] = field(default_factory=dict)
     noted: Mapping[str, object] = field(default_factory=dict)
     mag_offsets_ut: Mapping[str, FloatArray] = field(default_factory=dict)
+    parameter_stds: Mapping[str, float] = field(default_factory=dict)
+    mount_stds_rad: Mapping[str, FloatArray] = field(default_factory=dict)
+    mount_offset_stds_m: Mapping[str, FloatArray] = field(default_factory=dict)
+    gyro_biases_rad_s: Mapping[str, FloatArray] = field(default_factory=dict)
+    gyro_bias_stds_rad_s: Mapping[str, FloatArray] = field(default_factory=dict)
+    accel_biases_m_s2: Mapping[str, FloatArray] = field(default_factory=dict)
+    accel_scales: Mapping[str, FloatArray] = field(default_factory=dict)
+    mag_matrices: Mapping[str, FloatArray] = field(default_factory=dict)
+    clocks: Mapping[str, Clock] = field(default_factory=dict)
+    encoders: Mapping[str, EncoderScale] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        parameters = {k: _finite(v, k) for k, v in _table(self.parameters, "parameters").items()}
-        mounts = {k: _mount(v, k) for k, v in _table(self.mounts, "mounts").items()}
-        offsets = {
-            str(k): _mag_offset(v, k) for k, v in _table(self.mag_offsets_ut, "mag_offsets_ut").items()
-        }
-        object.__setattr__(self, "parameters", MappingProxyType(parameters))
-        object.__setattr__(self, "mounts", MappingProxyType(mounts))
-        object.__setattr__(self, "noted", MappingProxyType(copy.deepcopy(dict(self.noted))))
-        object.__setattr__(self, "mag_offsets_ut", MappingProxyType(offsets))
+        for name, check in _CHECKS.items():
+            values = {str(k): check(v, str(k)) for k, v in _mapping(getattr(self, name), name).items()}
+            object.__setattr__(self, name, MappingProxyType(values))
+        noted = copy.deepcopy(dict(_mapping(self.noted, "noted")))
+        object.__setattr__(self, "noted", MappingProxyType(noted))
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
-        fields = (self.parameters, self.mounts, self.noted, self.mag_offsets_ut)
-        return Calibration, tuple(dict(f) for f in fields)
+        return Calibration, tuple(dict(getattr(self, f.name)) for f in fields(self))
+
+    def corrected(self, recording: Recording) -> Recording:
+        """The recording with true stamps and readings, as far as this calibration knows them.
+
+        Applies clocks, encoders, biases and scales of gyroscopes and accelerometers, and `mag_matrices`. What the
+        engine takes itself stays: parameters, mounts, `mag_offsets_ut` (a corrected magnetometer still holds its
+        offset). Nothing is resampled; streams that are not named, and those that a recording lacks, are passed over.
+
+        Args:
+            recording: as measured. It does not change.
+
+        Returns:
+            The same object if nothing of it is corrected.
+
+        Raises:
+            DataError: an entry does not fit its stream, such as a gyroscope's bias for an encoder.
+        """
+        from oarlock.corrections import corrected
+
+        return corrected(recording, self)
 
     def save(self, file: str | PathLike[str]) -> None:
         """Write as TOML; `load_calibration` reads it back exactly."""
-        from oarlock.io.toml import write_toml
+        from oarlock.io.calibration import write_calibration
 
-        mounts = {n: {"rotation": r.tolist(), "offset_m": o.tolist()} for n, (r, o) in self.mounts.items()}
-        document: dict[str, object] = {"format": 1, "parameters": dict(self.parameters), "mounts": mounts}
-        if self.mag_offsets_ut:
-            document["mag_offsets_ut"] = {n: o.tolist() for n, o in self.mag_offsets_ut.items()}
-        write_toml(Path(file), document | {"noted": dict(self.noted)})
+        write_calibration(self, Path(file))
 
 
 def load_calibration(file: str | PathLike[str]) -> Calibration:
@@ -72,70 +117,42 @@ def load_calibration(file: str | PathLike[str]) -> Calibration:
     Raises:
         DataError: The file cannot be read, a key is unknown, or a value is refused by `Calibration`.
     """
+    from oarlock.io.calibration import read_calibration
     from oarlock.io.paths import place_of
-    from oarlock.io.toml import TomlTable
 
-    top = TomlTable.read(place_of(file))
-    top.check_format(1)
-    top.check_keys({"format", "parameters", "mounts", "mag_offsets_ut", "noted"})
-    mounts = {}
-    for name in (found := top.table("mounts", default={})).values:
-        mount = found.table(name)
-        mount.check_keys({"rotation", "offset_m"})
-        mounts[name] = (mount.require("rotation"), mount.require("offset_m"))
-    parameters, noted, offsets = (
-        top.table(k, default={}).values for k in ("parameters", "noted", "mag_offsets_ut")
-    )
-    # The constructor checks every value.
-    return Calibration(
-        cast(Mapping[str, float], parameters),
-        cast(Mapping[str, Mount], mounts),
-        noted,
-        cast(Mapping[str, FloatArray], offsets),
-    )
+    return read_calibration(place_of(file))
 
 
-def _table(value: object, key: str) -> dict[str, object]:
-    if not isinstance(value, Mapping):
-        raise DataError(f"calibration, {key}: is {value!r:.60}; expected names and their values, a dict")
-    return {str(name): entry for name, entry in value.items()}
+def _three(check: Callable[..., FloatArray], name: str, unit: str) -> Callable[[Any, str], FloatArray]:
+    return lambda value, sensor: check(value, name, sensor, unit)
 
 
-def _finite(value: object, name: str) -> float:
-    number = real_array(value, (), f'calibration, parameter "{name}"').item()  # type: ignore[arg-type]
-    if not np.isfinite(number):
-        raise DataError(f'calibration, parameter "{name}": is {number}; expected a finite number')
-    return float(number)
-
-
-def _mag_offset(value: object, name: str) -> FloatArray:
-    where = f'calibration, mag_offsets_ut of "{name}"'
-    offset_ut = real_array(value, (3,), where)  # type: ignore[arg-type]
-    if not np.isfinite(offset_ut).all():
-        raise DataError(f"{where}: is {offset_ut.tolist()}; expected three finite numbers in uT")
-    return offset_ut
-
-
-def _mount(value: object, name: str) -> Mount:
-    where = f'calibration, mount of "{name}"'
-    if not isinstance(value, tuple | list) or len(value) != 2:
-        raise DataError(f"{where}: expected (link_from_sensor 3x3, offset_m 3), got {value!r}")
-    rotation, offset = value
-    link_from_sensor = real_array(rotation, (3, 3), f"{where}, rotation")
-    offset_m = real_array(offset, (3,), f"{where}, offset_m")
-    if not np.isfinite(offset_m).all():
-        raise DataError(f"{where}: offset_m is {offset_m.tolist()}; expected finite numbers")
-    _check_rotation(link_from_sensor, where)
-    return link_from_sensor, offset_m
-
-
-def _check_rotation(matrix: FloatArray, where: str) -> None:
-    error = float(np.abs(matrix @ matrix.T - np.eye(3)).max()) if np.isfinite(matrix).all() else np.inf
-    if not error <= ROTATION_TOLERANCE:
+def _instance(kind: type, field_name: str, value: object, name: str) -> object:
+    if not isinstance(value, kind):
         raise DataError(
-            f"{where}: rows are not orthonormal (R R^T is off by {error:.3g}, "
-            f"allowed {ROTATION_TOLERANCE:g}). "
-            "Give more digits, or use the nearest rotation."
+            f'calibration, {field_name} of "{name}": expected oarlock.{kind.__name__}(...), got {value!r}'
         )
-    if np.linalg.det(matrix) < 0:
-        raise DataError(f"{where}: is a mirror (determinant -1), not a rotation. Check the sign of one axis.")
+    return value
+
+
+def _mapping(value: object, name: str) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise DataError(f"calibration, {name}: expected a table by name, got {type(value).__name__}")
+    return value
+
+
+_CHECKS: dict[str, Callable[[Any, str], object]] = {
+    "parameters": finite_parameter,
+    "mounts": checked_mount,
+    "mag_offsets_ut": _three(finite_three, "mag_offsets_ut", "uT"),
+    "parameter_stds": parameter_std,
+    "mount_stds_rad": _three(std_three, "mount_stds_rad", "rad"),
+    "mount_offset_stds_m": _three(std_three, "mount_offset_stds_m", "m"),
+    "gyro_biases_rad_s": _three(finite_three, "gyro_biases_rad_s", "rad/s"),
+    "gyro_bias_stds_rad_s": _three(std_three, "gyro_bias_stds_rad_s", "rad/s"),
+    "accel_biases_m_s2": _three(finite_three, "accel_biases_m_s2", "m/s2"),
+    "accel_scales": accel_scale,
+    "mag_matrices": mag_matrix,
+    "clocks": partial(_instance, Clock, "clocks"),
+    "encoders": partial(_instance, EncoderScale, "encoders"),
+}

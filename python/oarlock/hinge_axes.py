@@ -13,6 +13,7 @@ import numpy as np
 from oarlock import _core
 from oarlock.array_gate import FloatArray
 from oarlock.calibration import Calibration
+from oarlock.corrections import corrected
 from oarlock.errors import DataError
 from oarlock.inertial_units import chosen_units
 from oarlock.link_pairs import ROOT, LinkPair, link_pairs
@@ -68,6 +69,7 @@ def calibrate_hinge_axes(
             gyroscope or accelerometer, or no common stretch of time; with names and figures.
     """
     names = chosen_units(model, recording, sensors, SEARCH)
+    recording = corrected(recording, calibration)
     require_plausible(recording.only(names))
     worn = Worn.of(model, calibration)
     pairs = [p for p in link_pairs(worn.model, names, SEARCH, root_at_rest) if p.axis is not None]

@@ -14,6 +14,7 @@ import numpy as np
 from oarlock import _core
 from oarlock.array_gate import FloatArray
 from oarlock.calibration import Calibration
+from oarlock.corrections import corrected
 from oarlock.errors import DataError
 from oarlock.inertial_units import chosen_units
 from oarlock.link_pairs import ROOT, LinkPair, link_pairs
@@ -72,6 +73,7 @@ def calibrate_joint_centers(
             accelerometer, or no common stretch of time; with names and figures.
     """
     names = chosen_units(model, recording, sensors, SEARCH)
+    recording = corrected(recording, calibration)
     require_plausible(recording.only(names))
     worn = Worn.of(model, calibration)
     pairs = link_pairs(worn.model, names, SEARCH, root_at_rest)

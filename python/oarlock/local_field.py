@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from oarlock import _core
 from oarlock.calibration import Calibration
+from oarlock.corrections import corrected, without_mag_offsets
 from oarlock.errors import DataError
 from oarlock.inertial_units import MOVES, chosen_units, readings
 from oarlock.plausibility import require_plausible
@@ -53,12 +54,13 @@ def calibrate_field(
     if sensors is None:
         sensors = _with_magnetometer(model, recording)
     names = chosen_units(model, recording, sensors, SEARCH, (*MOVES, "mag_ut"))
+    recording = without_mag_offsets(corrected(recording, calibration), calibration)
     require_plausible(recording.only(names))
     worn = Worn.of(model, calibration)
     field = _core.find_local_field([readings(recording[name]) for name in names])
     parameters = {}
     for key, value in (("magnetic_norm_ut", field["norm_ut"]), ("magnetic_dip_rad", field["dip_rad"])):
-        name = _parameter_of(worn.model, key)
+        name = parameter_of(worn.model, key)
         if name is not None:
             parameters[name] = value
     noted = {
@@ -79,7 +81,7 @@ def _with_magnetometer(model: Model, recording: Recording) -> list[str]:
     return names
 
 
-def _parameter_of(model: Model, key: str) -> str | None:
+def parameter_of(model: Model, key: str) -> str | None:
     """The one parameter that is this number of the world, if there is such a one."""
     here = model.describe()["world"][key]
     if here is None:

@@ -8,11 +8,12 @@ from typing import Literal, TypeAlias, TypeVar, overload
 from oarlock import _core
 from oarlock._core import Config, Model, Run
 from oarlock.calibration import Calibration
+from oarlock.corrections import corrected
 from oarlock.errors import DataError, DivergedError, ModelError
 from oarlock.plausibility import Finding
 from oarlock.recording import Recording
 from oarlock.track import Track
-from oarlock.tracking import Progress, add_findings, admit, finished
+from oarlock.tracking import Progress, add_findings, admit, finished, require_recording
 
 Failure: TypeAlias = ModelError | DataError | DivergedError
 _AnyFailure = TypeVar("_AnyFailure", bound=Exception)
@@ -110,14 +111,18 @@ def outcomes(
     """
     results: dict[str, Track | Failure] = {}
     findings: dict[str, list[Finding]] = {}
-    for label, (recording, _, _) in jobs.items():
+    measured: dict[str, Job] = {}
+    for label, (recording, calibration, config) in jobs.items():
         try:
-            findings[label] = admit(model, recording)
+            require_recording(recording)
+            mended = corrected(recording, calibration)
+            findings[label] = admit(model, mended)
+            measured[label] = mended, calibration, config
         except DataError as error:
             results[label] = refused = _named(error, label)
             if stop_on_refusal:
                 raise refused from None
-    runs = _core.track_many(model, [jobs[label] for label in findings], smooth, threads, progress)
+    runs = _core.track_many(model, [measured[label] for label in findings], smooth, threads, progress)
     for (label, odd), run in zip(findings.items(), runs, strict=True):
         results[label] = _result(model, label, jobs[label], run, odd)
     return [results[label] for label in jobs]

@@ -15,6 +15,7 @@ from oarlock import _core
 from oarlock.array_gate import FloatArray
 from oarlock.calibration import Calibration
 from oarlock.chain_geometry import posture
+from oarlock.corrections import corrected
 from oarlock.errors import DataError
 from oarlock.inertial_units import chosen_units, readings
 from oarlock.plausibility import require_plausible
@@ -63,6 +64,7 @@ def calibrate_pose(
             gyroscope or accelerometer; with sensor and figures.
     """
     names = chosen_units(model, recording, sensors, SEARCH)
+    recording = corrected(recording, calibration)
     require_plausible(recording.only(names))
     still_s = _stretch(recording, start_s, end_s)
     worn = Worn.of(model, calibration)

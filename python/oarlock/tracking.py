@@ -12,6 +12,7 @@ import numpy as np
 from oarlock import _core
 from oarlock._core import Belief, Config, Model, Run
 from oarlock.calibration import Calibration
+from oarlock.corrections import corrected, correction_notes
 from oarlock.errors import DataError, DivergedError
 from oarlock.plausibility import Finding, require_plausible
 from oarlock.recording import Recording
@@ -43,8 +44,8 @@ def track(
     Args:
         model: the body and its sensors.
         recording: measured streams; absent streams and NaN are missing data.
-        calibration: lengths, mounts and magnetometer offsets of this wearing; None takes the model's nominal
-            ones, and says so.
+        calibration: of this wearing: lengths and mounts, and what `Calibration.corrected` mends on the way in; None
+            takes the model's nominal values, and says so.
         config: tuning; None is the default.
         start: go on from this belief (`Track.last_belief`) instead of fitting the first samples.
         progress: called now and then with the share done, 0 to 1.
@@ -55,10 +56,12 @@ def track(
         DivergedError: the filter lost the track; `time_s` says when.
     """
     config = config if config is not None else Config()
-    findings = admit(model, recording)
+    require_recording(recording)
+    measured = corrected(recording, calibration)
+    findings = admit(model, measured)
     began = time.perf_counter()
     try:
-        run = _core.track(model, recording, calibration, config, start, progress)
+        run = _core.track(model, measured, calibration, config, start, progress)
     except DivergedError as error:
         add_findings(error, findings)
         raise
@@ -72,7 +75,7 @@ def admit(model: Model, recording: Recording) -> list[Finding]:
     Raises:
         DataError: as `track`.
     """
-    _require_recording(recording)
+    require_recording(recording)
     _require_known(model, recording)
     _require_one_clock(recording)
     if recording not in _FINDINGS:
@@ -116,7 +119,7 @@ def finished(
         model = Model.from_toml(model.text, model.path, model.parameters | dict(calibration.parameters))
     notes = (
         *run_notes,
-        *_subtracted(recording, calibration),
+        *correction_notes(recording, calibration),
         *(f"{f.sensor}: {f.message}" for f in findings),
     )
     return track_of_run(model, run, notes, provenance)
@@ -143,7 +146,8 @@ def smooth(track: Track, *, progress: Progress | None = None) -> Track:
     return track_of_run(track.model, run, track.notes, provenance)
 
 
-def _require_recording(given: object) -> None:
+def require_recording(given: object) -> None:
+    """Refuse what is no `Recording`."""
     if not isinstance(given, Recording):
         kind = type(given).__name__
         raise DataError(
@@ -180,12 +184,6 @@ def _require_one_clock(recording: Recording) -> None:
                 f'("{other[0]}": {other[1]:.3f} to {other[2]:.3f} s): their clocks or units of time differ. '
                 "Bring all streams to one clock, or leave this one out with recording.only(...)"
             )
-
-
-def _subtracted(recording: Recording, calibration: Calibration | None) -> tuple[str, ...]:
-    offsets = calibration.mag_offsets_ut if calibration is not None else {}
-    names = [name for name in offsets if name in recording]
-    return (f"magnetometer offsets of {', '.join(names)} were subtracted",) if names else ()
 
 
 def _hash(recording: Recording) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -65,13 +65,22 @@ class Worn:
         noted: Mapping[str, Any],
         parameters: Mapping[str, float] | None = None,
     ) -> Calibration:
-        """What was known before, with what was found in its place; `noted` keeps the older notes under ``before``."""
-        older = {"before": dict(self.before.noted)} if self.before.noted else {}
-        return Calibration(
-            {**self.before.parameters, **(parameters or {})},
-            {**self.before.mounts, **mounts},
-            {**noted, **older},
-            self.before.mag_offsets_ut,
+        """What was known before, with what was found in its place; `noted` keeps the older notes under ``before``.
+
+        Standard deviations of what is replaced by another value go with it.
+        """
+        before, sized = self.before, parameters or {}
+        older = {"before": dict(before.noted)} if before.noted else {}
+        turned = {n for n, (r, _) in mounts.items() if not np.array_equal(r, self.rotations[n])}
+        moved = {n for n, (_, o) in mounts.items() if not np.array_equal(o, self.offsets[n])}
+        return replace(
+            before,
+            parameters={**before.parameters, **sized},
+            mounts={**before.mounts, **mounts},
+            noted={**noted, **older},
+            parameter_stds={n: s for n, s in before.parameter_stds.items() if n not in sized},
+            mount_stds_rad={n: s for n, s in before.mount_stds_rad.items() if n not in turned},
+            mount_offset_stds_m={n: s for n, s in before.mount_offset_stds_m.items() if n not in moved},
         )
 
 

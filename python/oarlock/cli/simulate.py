@@ -9,6 +9,7 @@ import typer
 
 from oarlock.cli.options import Force, Json, ModelName, OutFolder, Settings, assignments, example
 from oarlock.cli.simulate_field import Effect, Field, RateHz, Strength, asked_effects, simulate_in_the_field
+from oarlock.cli.simulate_session import simulate_guided_session
 from oarlock.cli.terminal import UsageError, new_folder, pairs, print_json, progress, say, steps, verb
 
 if TYPE_CHECKING:
@@ -43,6 +44,8 @@ def add_to(app: typer.Typer) -> None:
             "oarlock simulate --out trial --field off --effect mount_error_rad=0.09 --effect packet_loss=0.05",
             "oarlock simulate --model sculler_boat --boat rotating --hull-roll-rad 0.05 --out rough",
             "oarlock simulate --model sweep --out pair",
+            "oarlock simulate --session --out session",
+            "oarlock simulate --session --model arm7 --seed 3 --out session",
         ),
     )(simulate)
 
@@ -77,6 +80,12 @@ def simulate(
     hull_roll_rad: Annotated[float | None, _amplitude("--hull-roll-rad", "Roll", "0.026 (1.5 deg)")] = None,
     hull_yaw_rad: Annotated[float | None, _amplitude("--hull-yaw-rad", "Yaw", "0.0087 (0.5 deg)")] = None,
     seed: Annotated[int, typer.Option("--seed", help="Of the strokes' variation and the noise.")] = 0,
+    session: Annotated[
+        bool,
+        typer.Option(
+            "--session", help="A guided calibration session instead, of any model; see calibrate session."
+        ),
+    ] = False,
     field: Field = None,
     effect: Effect = None,
     strength: Strength = 1.0,
@@ -89,6 +98,11 @@ def simulate(
     from oarlock import load_model
     from oarlock.rowing.experiment import simulate_rowing
 
+    if session:
+        simulate_guided_session(
+            load_model(model, parameters=assignments(settings, "--set")), out, model, seed, force, json_output
+        )
+        return
     chosen = _condition(condition, boat)
     rates = _rates(rate_spm)
     amplitudes = {"pitch_rad": hull_pitch_rad, "roll_rad": hull_roll_rad, "yaw_rad": hull_yaw_rad}

@@ -19,6 +19,7 @@ from oarlock import _core
 from oarlock.calibration import Calibration
 from oarlock.compare.estimators import Estimator, estimator, usual_estimators
 from oarlock.compare.scores import Score, best, chosen_joints, row_of, score
+from oarlock.corrections import corrected
 from oarlock.errors import DataError, DivergedError
 from oarlock.evaluate import evaluate
 from oarlock.io.toml import write_toml
@@ -161,7 +162,7 @@ def compare(
     left_out: dict[str, str] = {}
     joints = chosen_joints(model)
     # what is odd about a recording is looked for once, not in the time of the first estimator
-    admit(model, recording)
+    admit(model, corrected(recording, calibration))
     reference, name = truth, "truth"
     for one in chosen:
         try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from oarlock.calibration import Calibration
 from oarlock.compare.direct_readings import direct_readings
 from oarlock.compare.limbs import SHARED, Limb, cut_into_limbs
 from oarlock.coordinates import angle_sequences, coordinate_units, joint_columns, joint_units, parts
+from oarlock.corrections import corrected
 from oarlock.errors import DataError
 from oarlock.evaluate.resample import resample, resample_rotation
 from oarlock.recording import Recording
@@ -59,7 +61,7 @@ def track_limbs(
         DivergedError: a filter lost the track.
     """
     config = Config() if config is None else config
-    admit(model, recording)
+    admit(model, corrected(recording, calibration))
     limbs = cut_into_limbs(model, config.closures)
     tracks, cpu_s = [], 0.0
     for i, limb in enumerate(limbs):
@@ -92,12 +94,10 @@ def _worn(limb: Limb, calibration: Calibration | None) -> Calibration | None:
     if calibration is None:
         return None
     names = set(limb.model.sensor_names)
-    return Calibration(
-        calibration.parameters,
-        {name: mount for name, mount in calibration.mounts.items() if name in names},
-        calibration.noted,
-        {name: offset for name, offset in calibration.mag_offsets_ut.items() if name in names},
-    )
+    mounts = {name: mount for name, mount in calibration.mounts.items() if name in names}
+    offsets = {name: offset for name, offset in calibration.mag_offsets_ut.items() if name in names}
+    # Of the rest, a limb's recording and model take what they know.
+    return replace(calibration, mounts=mounts, mag_offsets_ut=offsets)
 
 
 def _merged(
@@ -125,7 +125,7 @@ def _merged(
     joints = model.describe()["joints"]
     answered = {joint for limb in limbs for joint in limb.own}
     inputs = {joint["name"] for joint in joints if joint["input"]} - answered
-    for name, value in direct_readings(model, recording, time_s)[0].items():
+    for name, value in direct_readings(model, corrected(recording, calibration), time_s)[0].items():
         if name in inputs:
             arrays["q"][:, whole[name][0]] = value
     steps, wall_s = max(len(t) for t in tracks), sum(t.provenance["wall_s"] for t in tracks)

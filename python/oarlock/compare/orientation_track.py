@@ -18,6 +18,7 @@ from oarlock.compare.orientation_filters import madgwick, quaternion_ekf, vqf
 from oarlock.compare.quest_filter import quest_ekf
 from oarlock.compare.single_units import OrientationFilter, Stretch, orientations, stretches
 from oarlock.compare.vector_filter import vector_kf
+from oarlock.corrections import corrected, correction_notes
 from oarlock.errors import DataError
 from oarlock.recording import ImuStream, Recording
 from oarlock.rotation import quat_from_matrix, quat_inverse, quat_product
@@ -74,6 +75,8 @@ def track_orientations(
     if filter not in ORIENTATION_FILTERS:
         known = list(ORIENTATION_FILTERS)
         raise DataError(f"track_orientations: no filter '{filter}'. {did_you_mean(filter, known)}")
+    mended = correction_notes(recording, calibration)
+    recording = corrected(recording, calibration)
     findings = admit(model, recording)
     worn = Worn.of(model, calibration)
     units, notes = _complete_units(worn, recording)
@@ -107,7 +110,7 @@ def track_orientations(
     if progress is not None:
         progress(1.0)
     track = track_without_filter(worn.model, time_s, q, provenance=provenance)
-    told = (*_told(model, filter), *notes, *(f"{f.sensor}: {f.message}" for f in findings))
+    told = (*_told(model, filter), *notes, *mended, *(f"{f.sensor}: {f.message}" for f in findings))
     object.__setattr__(track, "notes", told)
     return track
 

@@ -10,6 +10,7 @@ from oarlock.rowing.motion import Piece, row_piece, sculling
 from oarlock.rowing.noise import CONDITIONS, TABLE_4_NOISE, ImuNoise, SimulatedCondition
 from oarlock.rowing.pitch import HullForm, HullPitch, hull_pitch
 from oarlock.rowing.rail import on_unknown_rail
+from oarlock.rowing.session_skin import session_skin
 from oarlock.rowing.simulators import SIMULATORS, FieldSimulator, ScullingSimulator
 from oarlock.rowing.stretcher import adjusted_stretcher
 from oarlock.rowing.stroke import StrokeShape
@@ -44,6 +45,7 @@ __all__ = [
     "on_unknown_rail",
     "row_piece",
     "sculling",
+    "session_skin",
     "simulate_field",
     "sweep_piece",
     "sweeping",

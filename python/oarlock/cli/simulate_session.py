@@ -1,0 +1,37 @@
+"""`oarlock simulate --session`: a guided calibration session with its truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from oarlock.cli.terminal import new_folder, pairs, print_json, progress, say, steps
+
+if TYPE_CHECKING:
+    from oarlock import Model
+
+
+def simulate_guided_session(
+    model: Model, out: Path, named: str, seed: int, force: bool, json_output: bool
+) -> None:
+    """Writes a recording of somebody who follows the model's plan, and the truth beside it."""
+    from oarlock import simulate_session
+
+    new_folder(out, force)
+    with progress("simulating"):
+        trial = simulate_session(model, seed=seed)
+    trial.save(out)
+    if json_output:
+        names = trial.recording.names
+        print_json({"recording": out, "truth": out / "truth", "streams": names, "seed": seed})
+        return
+    say(f"Wrote {out}", style="bold")
+    pairs(
+        [
+            ("recording", f"{out}  ({trial.recording.start_s:.1f} to {trial.recording.end_s:.1f} s)"),
+            ("streams", ", ".join(trial.recording.names)),
+            ("plan", out / "plan.toml"),
+            ("true mounts and biases", out / "true_calibration.toml"),
+        ]
+    )
+    steps(f"oarlock calibrate session {out} --model {named} --out {out}-cal.toml")

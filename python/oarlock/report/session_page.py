@@ -1,0 +1,221 @@
+"""The page of a calibration session: what was found, how sure, and what to do again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from ..calibration import Calibration
+from ..errors import DataError
+from .page import shell
+from .tables import table
+from .text import DASH, breakable, fixed, listing, number, plural
+
+STYLES = {"pass": "good", "redo": "bad", "kept": "open"}
+WORDS = {"pass": "pass", "redo": "do again", "kept": "kept"}
+MARKS = {"pass": "✓", "redo": "✗", "kept": "·"}
+WIDTH, BAR, ROW = 900.0, 14.0, 24.0
+
+Check = Mapping[str, Any]
+
+
+def write_session_page(calibration: Calibration, path: str | Path) -> Path:
+    """Write the page of a calibration that `oarlock.calibrate_session` made; works offline and on paper.
+
+    Raises:
+        DataError: the calibration was found otherwise.
+    """
+    target = Path(path)
+    target.write_text(session_page(calibration), encoding="utf-8")
+    return target
+
+
+def session_page(calibration: Calibration) -> str:
+    """The whole page as text.
+
+    Raises:
+        DataError: the calibration was not made by a session.
+    """
+    session = calibration.noted.get("session")
+    if not isinstance(session, Mapping):
+        raise DataError(
+            'this calibration holds no session (noted["session"]): it was found otherwise. '
+            "Make one with oarlock.calibrate_session"
+        )
+    checks: Sequence[Check] = session["check"]
+    again = [c for c in checks if c["outcome"] == "redo"]
+    sections = [("again", "Do again", _again(again))] if again else []
+    sections.append(("steps", "What was done", _steps(session)))
+    sections.append(("units", "Unit by unit", _units(checks)))
+    others = [c for c in checks if not c["subject"] or not _is_unit(c, checks)]
+    if others:
+        sections.append(("others", "Streams and the room", _table("others", "", others, "about")))
+    sections.append(("reading", "How to read this page", _reading()))
+    lead = f'<div class="lead">{_lead(session, again)}</div>{_figures(checks)}'
+    return shell(f"Calibration session: {session['plan']}", lead, sections)
+
+
+def _lead(session: Mapping[str, Any], again: Sequence[Check]) -> str:
+    if not again:
+        return '<p class="verdict good">Passed. The calibration is ready to use.</p>'
+    steps = list(dict.fromkeys(str(c["step"]) for c in again))
+    units = list(dict.fromkeys(str(c["subject"]) for c in again if c["subject"]))
+    about = f" It concerns {escape(listing(units))}." if units else ""
+    return (
+        f'<p class="verdict bad">Not passed: {plural(len(again), "check")} failed '
+        f"({escape(listing(steps))}).</p><p>The calibration was written with what was found; what failed is "
+        f"less sure, or as before.{about} What to do stands below.</p>"
+    )
+
+
+def _figures(checks: Sequence[Check]) -> str:
+    cards = []
+    passed = sum(c["outcome"] == "pass" for c in checks)
+    cards.append((f"{passed} of {len(checks)}", "checks", "passed"))
+    for what, name, unit in (
+        ("mount", "worst mount", "deg"),
+        ("gyroscope's bias", "worst gyroscope", "mrad/s"),
+    ):
+        stds = [(c["std"], c["subject"], c["limit"]) for c in checks if c["what"] == what and "std" in c]
+        if stds:
+            std, subject, limit = max(stds)
+            cards.append((f"± {number(std, 2)} {unit}", name, f"{subject}; limit {number(limit, 2)} {unit}"))
+    field = next((c for c in checks if c["what"] == "magnetic field"), None)
+    if field is not None:
+        cards.append((field["found"].split(",")[0], "magnetic field", field["found"].partition(", ")[2]))
+    shown = "".join(
+        f"<div><dt>{escape(name)}</dt><dd><b>{escape(value)}</b><span>{escape(what)}</span></dd></div>"
+        for value, name, what in cards
+    )
+    return f'<dl class="figures">{shown}</dl>'
+
+
+def _again(checks: Sequence[Check]) -> str:
+    items = "".join(
+        f'<article class="claim"><p class="verdict bad">{escape(c["step"])}'
+        f"{': ' if c['subject'] else ''}{escape(c['subject'])}, {escape(c['what'])}</p>"
+        f"<p>{escape(c['sentence'])}</p>"
+        f'<p class="hint">{escape(_figures_of(c))}</p></article>'
+        for c in checks
+    )
+    return f'<div class="claims">{items}</div>'
+
+
+def _figures_of(check: Check) -> str:
+    parts = [f"found {check['found']}"] if check["found"] != "-" else []
+    parts += [f"± {number(check['std'], 2)} {check['unit']}"] if "std" in check else []
+    parts += [f"limit {number(check['limit'], 2)} {check['unit']}"] if "limit" in check else []
+    return "; ".join(parts)
+
+
+# --- steps --------------------------------------------------------------------------------------------
+
+
+def _steps(session: Mapping[str, Any]) -> str:
+    rows = []
+    for k, step in enumerate(session["step"], 1):
+        times = f"{fixed(step['start_s'], 1)} to {fixed(step['end_s'], 1)}" if "start_s" in step else DASH
+        asked = f'<span class="printed">{escape(step["say"])}</span>' if step["say"] else ""
+        told = escape(step["sentence"]) + asked
+        rows.append([f"{k}. {escape(step['name'])}", times, _outcome(step["outcome"]), told])
+    listed = table(
+        "steps-list",
+        "In the order of the plan; times are those of the recording.",
+        ["step", "time s", "", "in words, and what was asked for"],
+        rows,
+    )
+    return f'{_timeline(session["step"])}<div class="session">{listed}</div>'
+
+
+def _timeline(steps: Sequence[Mapping[str, Any]]) -> str:
+    """The found steps over time, one row each; pictures need no colour to be told apart."""
+    found = [s for s in steps if "start_s" in s]
+    if not found:
+        return ""
+    last = max(s["end_s"] for s in found)
+    left, height = 210.0, ROW * len(found) + 26.0
+    scale = (WIDTH - left - 10.0) / last
+
+    def bar(k: int, step: Mapping[str, Any]) -> str:
+        x, width = left + scale * step["start_s"], max(2.0, scale * (step["end_s"] - step["start_s"]))
+        style = "used" if step["kind"] in ("pose", "still") else "moving"
+        y = ROW * k
+        return (
+            f'<text class="strip-name" x="{left - 10:.0f}" y="{y + 15:.0f}" text-anchor="end">'
+            f'{escape(step["name"])}</text><rect class="{style}" x="{x:.1f}" y="{y + 4:.1f}" '
+            f'width="{width:.1f}" height="{BAR:.0f}" rx="3"/>'
+        )
+
+    every = 20.0 if last < 200.0 else 60.0
+    ticks = "".join(
+        f'<path class="grid" d="M{left + scale * t:.1f} 0V{height - 20:.0f}"/>'
+        f'<text x="{left + scale * t:.1f}" y="{height - 5:.0f}" text-anchor="middle">{t:.0f} s</text>'
+        for t in (every * k for k in range(math.floor(last / every) + 1))
+    )
+    bars = "".join(bar(k, s) for k, s in enumerate(found))
+    keys = (
+        '<ul class="legend"><li><svg viewBox="0 0 14 10" width="14" height="10" aria-hidden="true">'
+        '<rect class="used" width="14" height="10"/></svg>held still</li><li><svg viewBox="0 0 14 10" width="14" '
+        'height="10" aria-hidden="true"><rect class="moving" width="14" height="10"/></svg>moving</li></ul>'
+    )
+    return (
+        f'<figure class="timeline">{keys}<svg viewBox="0 0 {WIDTH:.0f} {height:.0f}" role="img" '
+        f'aria-label="Where each step lies in time">{ticks}{bars}</svg></figure>'
+    )
+
+
+# --- units --------------------------------------------------------------------------------------------
+
+
+def _is_unit(check: Check, checks: Sequence[Check]) -> bool:
+    return any(c["what"] == "mount" and c["subject"] == check["subject"] for c in checks)
+
+
+def _units(checks: Sequence[Check]) -> str:
+    names = [c["subject"] for c in checks if c["what"] == "mount"]
+    blocks = []
+    for k, name in enumerate(names):
+        own = [c for c in checks if c["subject"] == name]
+        bad = sum(c["outcome"] == "redo" for c in own)
+        word = f'<span class="verdict bad">{plural(bad, "check")} to do again</span>' if bad else ""
+        blocks.append(f"<h3>{breakable(name)} {word}</h3>{_table(f'unit-{k}', '', own, 'what')}")
+    return "".join(blocks)
+
+
+def _table(key: str, caption: str, checks: Sequence[Check], first: str) -> str:
+    rows = []
+    for c in checks:
+        label = c["what"] if first == "what" else f"{c['subject']} {c['what']}".strip()
+        about = c["step"] if c["what"] in ("movement", "posture", "zero", "sign", "zero and scale") else ""
+        rows.append(
+            [
+                f"{escape(label)}" + (f' <span class="spread">{escape(about)}</span>' if about else ""),
+                escape(c["found"]) if c["found"] != "-" else DASH,
+                f"{number(c['std'], 2)}" if "std" in c else DASH,
+                f"{number(c['limit'], 2)}" if "limit" in c else DASH,
+                escape(c["unit"]),
+                _outcome(c["outcome"]),
+                escape(c["sentence"]),
+            ]
+        )
+    listed = table(key, caption, [first, "found", "std", "limit", "unit", "", "in words"], rows)
+    return f'<div class="session">{listed}</div>'
+
+
+def _outcome(outcome: str) -> str:
+    return f'<span class="verdict {STYLES[outcome]}">{MARKS[outcome]} {WORDS[outcome]}</span>'
+
+
+def _reading() -> str:
+    return (
+        '<ul class="notes"><li><b>std</b>: two thirds of such sessions come out closer to the truth than this.</li>'
+        "<li><b>limit</b>: what std may be at most; where there is no std, what the found value may be off.</li>"
+        "<li><b>pass</b>: good enough. <b>do again</b>: repeat that step, in a recording of "
+        "the whole plan. <b>kept</b>: this session cannot tell it, what was known before stays.</li>"
+        "<li>A mount says how a unit is turned on its link. Its std is that of the worst of three directions.</li>"
+        "<li>North is a test only: if all units agree on it, mounts, magnetometers and postures are right "
+        "together.</li></ul>"
+    )
