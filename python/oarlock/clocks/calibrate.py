@@ -73,16 +73,15 @@ def calibrate_clocks(
         )
     rough = {name: Clock(delay) for name, delay in coarse_delays(measured, fixed).items()}
     bare = Calibration(known.parameters, known.mounts, mag_offsets_ut=known.mag_offsets_ut)
-    near, matrix = settle(Tracked(model, bare, threads), with_clocks(measured, rough), groups, progress or _nobody)
+    tracked = Tracked(model, bare, threads)
+    near = settle(tracked, with_clocks(measured, rough), groups, bool(fixed), progress or _nobody)
     found = {name: after(rough.get(name, Clock(0.0)), clock) for name, clock in near.items()}
     if not fixed:
         fixed, found = _by_majority(found, measured)
     kept, refused = _judged(measured, found, fixed)
     whole = {n: after(known.clocks.get(n, Clock(0.0)), clock) for n, clock in kept.items()}
     noted = {"reference": list(fixed), "coarse": sorted(rough), "refused": refused}
-    return replace(
-        known, clocks=dict(known.clocks) | whole, noted=dict(known.noted) | {"clocks": noted}
-    )
+    return replace(known, clocks=dict(known.clocks) | whole, noted=dict(known.noted) | {"clocks": noted})
 
 
 def _nobody(_share: float) -> None:
@@ -117,7 +116,7 @@ def _judged(recording: Recording, found: Clocks, fixed: Sequence[str]) -> tuple[
             )
         elif shared and abs(way) <= SAME_CLOCK_STDS * clock.offset_std_s:
             refused[name] = (
-                f"shares its stamps with the reference, and its {1e3 * way:+.1f} ms may as well be chance; kept as it is"
+                f"shares its stamps with the reference, and {1e3 * way:+.1f} ms may as well be chance: kept as it is"
             )
         else:
             kept[name] = clock

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from oarlock._core import Model
+from oarlock.models import Base
 from oarlock.recording import ImuStream, Stream, VectorStream
 from oarlock.track import Track
 
@@ -38,49 +40,66 @@ class Delay:
     std_s: float
 
 
-def row_names(model: Model, stream: Stream) -> list[int]:
-    """Which rows of `Model.predict_measurements` tell a stream's delay; none for an input or without a gyroscope."""
+Row = tuple[str, str]
+"""A stream and the quantity of it that is held against a track: `gyro_rad_s`, `accel_m_s2` or `value`."""
+
+
+def rows_of(model: Model, stream: Stream) -> dict[Row, list[int]]:
+    """Columns of `Model.predict_measurements` for each quantity of a stream; none for an input joint's stream."""
     if isinstance(stream, ImuStream):
-        wanted = [] if stream.gyro_rad_s is None else [f"{stream.name}.gyro_{axis}" for axis in "xyz"]
+        parts = {
+            f: [f"{stream.name}.{part}_{axis}" for axis in "xyz"] for f, part in _FELT if f in stream.values
+        }
     elif isinstance(stream, VectorStream):
-        wanted = [f"{stream.name}.{axis}" for axis in "xyz"]
+        parts = {"value": [f"{stream.name}.{axis}" for axis in "xyz"]}
     else:
-        wanted = [stream.name]
+        parts = {"value": [stream.name]}
     names = model.measurement_names
-    return [names.index(name) for name in wanted if name in names]
+    return {
+        (stream.name, field): [names.index(n) for n in wanted if n in names]
+        for field, wanted in parts.items()
+        if any(n in names for n in wanted)
+    }
+
+
+_FELT = (("gyro_rad_s", "gyro"), ("accel_m_s2", "accel"))
 
 
 def predicted(model: Model, track: Track) -> Floats:
     """(T, n_measurements) readings that a smoothed track predicts, by the model's nominal mounts."""
     q, qd, qdd = (np.nan_to_num(rows, nan=0.0) for rows in (track.q, track.qd, track.qdd))
-    return model.predict_measurements(q, qd, qdd)
+    pushed = np.zeros((len(q), 3))
+    for base in model.describe()["base_acceleration"]:
+        if base["name"] in track.slow:
+            pushed += track.slow[base["name"]].value[:, None] * np.array(base["axis"])
+    level = np.broadcast_to(np.eye(3), (len(q), 3, 3))
+    return model.predict_measurements(q, qd, qdd, Base(level, acceleration_m_s2=pushed))
 
 
 def delays(
-    model: Model, track: Track, streams: Mapping[str, Stream], start_s: float, end_s: float
-) -> dict[str, list[Delay]]:
-    """The delay of each stream in each window between start and end, where it can be told at all."""
+    model: Model, track: Track, streams: Iterable[Stream], start_s: float, end_s: float
+) -> dict[Row, list[Delay]]:
+    """The delay of each quantity in each window between start and end, where it can be told at all."""
     readings, found = predicted(model, track), {}
-    for name, stream in streams.items():
-        rows = row_names(model, stream)
-        if rows:
-            found[name] = list(_of_stream(track.time_s, readings[:, rows], stream, start_s, end_s))
+    for stream in streams:
+        for row, columns in rows_of(model, stream).items():
+            read = stream.values[row[1]].reshape(len(stream), -1)
+            found[row] = list(
+                _windows(track.time_s, readings[:, columns], stream.time_s, read, start_s, end_s)
+            )
     return found
 
 
-def _of_stream(
-    track_s: Floats, expected: Floats, stream: Stream, start_s: float, end_s: float
+def _windows(
+    track_s: Floats, expected: Floats, stamps_s: Floats, read: Floats, start_s: float, end_s: float
 ) -> Iterator[Delay]:
-    rows = stream.gyro_rad_s if isinstance(stream, ImuStream) else next(iter(stream.values.values()))
-    assert rows is not None
-    read = rows.reshape(len(rows), -1)
     count = max(1, int((end_s - start_s) / WINDOW_S))
     edges = np.linspace(start_s, end_s, count + 1)
-    for first, last in zip(edges[:-1], edges[1:], strict=True):
-        inside = (stream.time_s >= first) & (stream.time_s < last) & np.isfinite(read).all(axis=1)
+    for first, last in pairwise(edges):
+        inside = (stamps_s >= first) & (stamps_s < last) & np.isfinite(read).all(axis=1)
         if np.count_nonzero(inside) < _LEAST_SAMPLES:
             continue
-        stamps = stream.time_s[inside]
+        stamps = stamps_s[inside]
         now, before, after = (_at(track_s, expected, stamps + way) for way in (0.0, -_STEP_S, _STEP_S))
         delay = _window(stamps, read[inside], now, (after - before) / (2.0 * _STEP_S))
         if delay is not None:

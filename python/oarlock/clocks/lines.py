@@ -44,7 +44,9 @@ def line(time_s: Floats, delay_s: Floats, std_s: Floats) -> Clock:
     # The delay is that of a stamp read now; the clock's own figures count true time from zero.
     offset = fit[0] - fit[1] * middle
     offset_variance = spread[0, 0] + middle**2 * drift_variance + MODEL_STD_S**2
-    return Clock(float(offset), float(fit[1]), float(np.sqrt(offset_variance)), float(np.sqrt(drift_variance)))
+    return Clock(
+        float(offset), float(fit[1]), float(np.sqrt(offset_variance)), float(np.sqrt(drift_variance))
+    )
 
 
 def after(first: Clock, then: Clock) -> Clock:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from oarlock._core import Config, Model
 from oarlock.calibration import Calibration
-from oarlock.clocks.delays import Delay, delays, row_names
+from oarlock.clocks.delays import Delay, Row, delays
 from oarlock.errors import DataError
 from oarlock.parallel_tracking import track_many
 from oarlock.recording import Recording, Stream
@@ -18,11 +18,14 @@ from oarlock.track import Track
 
 Floats = NDArray[np.float64]
 Span = tuple[float, float]
+Sight = tuple[str, str, str]
+"""Held against the track of "all" or of the "others", then as `Row`."""
 
-PIECE_S = 24.0
+PIECE_S = 20.0
 SETTLE_S = 3.0
 """The fit of a start may be poor; smoothing mends it, but for these."""
 LEAST_S = 8.0
+RATE_HZ = 40.0
 PUSH_S = 0.01
 RESPONSE_S = 14.0
 ESTIMATE = ("gyro_bias", "accel_bias", "surge", "mounts")
@@ -70,49 +73,68 @@ def spans(recording: Recording, most: int) -> list[Span]:
 
 
 def seen(
-    tracked: Tracked, recording: Recording, pieces: Sequence[Span], told: Callable[[float], object]
-) -> list[dict[str, list[Delay]]]:
-    """Delays by stream and window, one table for each piece whose track did not fail."""
-    parts = [recording.slice(*piece) for piece in pieces]
+    tracked: Tracked, recording: Recording, pieces: Sequence[Span], sought: Sequence[str]
+) -> list[dict[Sight, list[Delay]]]:
+    """Delays of the streams that are sought, in windows, one table for each piece whose track did not fail.
+
+    Each stream is held against the track of all, and against one that was not told of it.
+    """
     found = []
-    for k, (part, track) in enumerate(zip(parts, tracked.tracks(parts), strict=True)):
-        if track is not None:
-            start, end = pieces[k]
-            found.append(delays(tracked.model, track, _by_name(part), start + SETTLE_S, end - 0.5))
-    told(1.0)
+    for start, end in pieces:
+        part = recording.slice(start, end)
+        thin = thinned(part)
+        left_out = [name for name in sought if name in part and len(part) > 1]
+        jobs = [thin, *(thin.only([n for n in thin.names if n != name]) for name in left_out)]
+        window = start + SETTLE_S, end - 0.5
+        whole, *others = tracked.tracks(jobs)
+        table: dict[Sight, list[Delay]] = {}
+        if whole is not None:
+            told = delays(tracked.model, whole, [part[n] for n in left_out], *window)
+            table |= {("all", *row): windows for row, windows in told.items()}
+        for name, track in zip(left_out, others, strict=True):
+            if track is not None:
+                told = delays(tracked.model, track, [part[name]], *window)
+                table |= {("others", *row): windows for row, windows in told.items()}
+        if table:
+            found.append(table)
     return found
 
 
-def telling(model: Model, recording: Recording) -> list[str]:
-    """Streams whose delay against a track can be told at all."""
-    return [s.name for s in recording if row_names(model, s)]
-
-
 def response(
-    tracked: Tracked, recording: Recording, piece: Span, clocks: Sequence[tuple[str, ...]], rows: Sequence[str]
-) -> Floats | None:
-    """(rows, clocks) by how much each row's delay grows when a clock is late: the track follows its own sensors.
+    tracked: Tracked, recording: Recording, piece: Span, clocks: Sequence[tuple[str, ...]]
+) -> dict[Sight, Floats]:
+    """By how much the delay of each quantity grows, (clocks,), when a clock is late: a track follows its own sensors.
 
-    None where a track failed.
+    Empty where a track failed.
     """
     middle = 0.5 * sum(piece)
     half = 0.5 * min(RESPONSE_S, piece[1] - piece[0])
     part = recording.slice(middle - half, middle + half)
-    pushed = [part, *(_late(part, {name: PUSH_S for name in names}) for names in clocks)]
-    columns = []
-    for moved, track in zip(pushed, tracked.tracks(pushed), strict=True):
+    pushed = [part, *(_late(part, dict.fromkeys(names, PUSH_S)) for names in clocks)]
+    window = middle - half + SETTLE_S, middle + half - 0.5
+    streams = [n for names in clocks for n in names if n in part]
+    columns: list[dict[Row, float]] = []
+    for moved, track in zip(pushed, tracked.tracks([thinned(p) for p in pushed]), strict=True):
         if track is None:
-            return None
-        window = middle - half + SETTLE_S, middle + half - 0.5
-        found = delays(tracked.model, track, _by_name(moved), *window)
-        columns.append([_mean(found.get(name, [])) for name in rows])
-    still = np.array(columns[0])
-    return np.stack([(np.array(c) - still) / PUSH_S for c in columns[1:]], axis=1)
+            return {}
+        told = delays(tracked.model, track, [moved[n] for n in streams], *window)
+        columns.append({row: _mean(windows) for row, windows in told.items() if windows})
+    still, *others = columns
+    rows = [row for row in still if all(row in c for c in others)]
+    return {("all", *row): np.array([(c[row] - still[row]) / PUSH_S for c in others]) for row in rows}
+
+
+def thinned(recording: Recording) -> Recording:
+    """Every so many samples of each stream, about `RATE_HZ`: enough to track by, and quick."""
+    streams: list[Stream] = []
+    for stream in recording:
+        step = max(1, int(stream.rate_hz / RATE_HZ + 0.01)) if len(stream) > 1 else 1
+        values = {name: rows[::step] for name, rows in stream.values.items()}
+        streams.append(replace(stream, time_s=stream.time_s[::step], **values))
+    return Recording(streams, recording.meta)
 
 
 def _mean(windows: Sequence[Delay]) -> float:
-    if not windows:
-        return 0.0
     return float(np.average([w.delay_s for w in windows], weights=[w.std_s**-2 for w in windows]))
 
 
@@ -121,7 +143,3 @@ def _late(recording: Recording, delays_s: Mapping[str, float]) -> Recording:
         replace(s, time_s=s.time_s + delays_s[s.name]) if s.name in delays_s else s for s in recording
     ]
     return Recording(streams, recording.meta)
-
-
-def _by_name(recording: Recording) -> dict[str, Stream]:
-    return {s.name: s for s in recording}
