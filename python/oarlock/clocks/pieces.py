@@ -13,7 +13,7 @@ from oarlock.calibration import Calibration
 from oarlock.clocks.delays import Delay, Row, delays
 from oarlock.errors import DataError
 from oarlock.parallel_tracking import track_many
-from oarlock.recording import Recording, Stream
+from oarlock.recording import ImuStream, Recording, Stream
 from oarlock.track import Track
 
 Floats = NDArray[np.float64]
@@ -25,11 +25,11 @@ PIECE_S = 20.0
 SETTLE_S = 3.0
 """The fit of a start may be poor; smoothing mends it, but for these."""
 LEAST_S = 8.0
-RATE_HZ = 40.0
+RATE_HZ = 30.0
 PUSH_S = 0.01
 RESPONSE_S = 14.0
-ESTIMATE = ("gyro_bias", "accel_bias", "surge", "mounts")
-"""With mounts among the states a unit that sits askew bends the track far less."""
+ESTIMATE = ("gyro_bias", "surge", "mounts")
+"""With mounts among the states a unit that sits askew bends the track far less; they explain its biases too."""
 
 
 @dataclass(frozen=True)
@@ -129,8 +129,11 @@ def thinned(recording: Recording) -> Recording:
     streams: list[Stream] = []
     for stream in recording:
         step = max(1, int(stream.rate_hz / RATE_HZ + 0.01)) if len(stream) > 1 else 1
-        values = {name: rows[::step] for name, rows in stream.values.items()}
-        streams.append(replace(stream, time_s=stream.time_s[::step], **values))
+        time_s, values = stream.time_s[::step], {n: rows[::step] for n, rows in stream.values.items()}
+        if isinstance(stream, ImuStream):
+            streams.append(ImuStream(stream.name, time_s, **values))
+        else:
+            streams.append(replace(stream, time_s=time_s, value=values["value"]))
     return Recording(streams, recording.meta)
 
 

@@ -19,9 +19,10 @@ Clocks = dict[str, Clock]
 Groups = Sequence[tuple[str, ...]]
 
 _ROUGH_PIECES = 2
-_PIECES = 8
-_ROUNDS = 6
-_SETTLED_S = 0.001
+_PIECES = 6
+_ROUNDS = 5
+_SETTLED_S = 0.0015
+"""Steps shrink to a third or less; this one is still taken."""
 _NEAR_S = 0.004
 """Closer than this all pieces are used; the first steps do with a few."""
 _OPEN_S = 0.05
@@ -56,7 +57,7 @@ def settle(
         if not felt:
             felt = response(tracked, now, pieces[len(pieces) // 2], groups)
         tables = seen(tracked, now, pieces, list(clocks))
-        steps = _steps(tables, groups, felt, anchored)
+        steps = _steps(tables, groups, felt, anchored, clocks)
         clocks = {n: after(clocks[n], steps[g[0]]) for g in groups for n in g}
         middle = 0.5 * (now.start_s + now.end_s)
         moved = max(abs(c.offset_s + c.drift * middle) for c in steps.values())
@@ -77,6 +78,7 @@ def _steps(
     groups: Groups,
     felt: Mapping[Sight, Floats],
     anchored: bool,
+    so_far: Clocks,
 ) -> Clocks:
     points = []
     for table in tables:
@@ -85,7 +87,10 @@ def _steps(
     if not points:
         return {group[0]: Clock(0.0, 0.0, np.inf, np.inf) for group in groups}
     time_s, delay, std = (np.array([p[k] for p in points]) for k in range(3))
-    return {group[0]: line(time_s, delay[:, k], std[:, k]) for k, group in enumerate(groups)}
+    return {
+        group[0]: line(time_s, delay[:, k], std[:, k], so_far[group[0]].drift)
+        for k, group in enumerate(groups)
+    }
 
 
 def _answer(sight: Sight, groups: Groups, felt: Mapping[Sight, Floats], anchored: bool) -> Floats | None:
@@ -118,4 +123,5 @@ def _solved(
             weight = 1.0 / (delay.std_s**2 + bent**2)
             normal += weight * np.outer(answer, answer)
             right += weight * delay.delay_s * answer
-    return time_s, np.linalg.solve(normal, right), np.sqrt(np.diag(np.linalg.inv(normal)))
+    spread = np.linalg.inv(normal)
+    return time_s, np.asarray(spread @ right), np.asarray(np.sqrt(np.diag(spread)))

@@ -71,7 +71,8 @@ def read_csv(mapping_file: str | PathLike[str], folder: str | PathLike[str] | No
     root = Path(folder) if folder is not None else mapping.file.parent
     tables = [_read_table(f, root) for f in mapping.files]
     times, clock = on_one_axis([t.stamps for t in tables], [str(t.layout.file) for t in tables])
-    parts, lost = [], {}
+    parts: list[_Part] = []
+    lost: dict[str, Lost] = {}
     for entry, table, seconds in zip(mapping.files, tables, times, strict=True):
         _check_increasing(table, seconds, entry)
         time_s = seconds + entry.time_offset_s
