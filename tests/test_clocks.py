@@ -40,7 +40,7 @@ def restless_arm(duration_s=18.0):
     size = np.array([0.5, 0.4, 0.6, 0.5, 0.5, 0.3, 0.4])
     q = size * (np.sin(2 * np.pi * pace * knots[:, None]) + 0.3 * np.sin(5.3 * pace * knots[:, None]))
     q[:, 3] += 1.0
-    motion = Motion(knots, q)
+    motion = Motion(tuple(model.coordinate_names), knots, q)
     _, recording = oarlock.simulate(model, motion, seed=3, rate_hz=60.0)
     return model, recording
 
@@ -130,7 +130,8 @@ def test_clocks_of_an_arm_are_found_against_one_of_its_units(arm):
 def test_a_stream_that_hardly_moves_is_refused_with_the_reason(arm):
     model, _ = arm
     knots = np.arange(0.0, 12.0, 0.05)
-    still = Motion(knots, np.tile([0.1, 0.1, 0.2, 0.6, 0.1, 0.0, 0.0], (len(knots), 1)))
+    rest = np.tile([0.1, 0.1, 0.2, 0.6, 0.1, 0.0, 0.0], (len(knots), 1))
+    still = Motion(tuple(model.coordinate_names), knots, rest)
     _, recording = oarlock.simulate(model, still, seed=1, rate_hz=50.0)
     found = oarlock.calibrate_clocks(model, recording, reference="upperarm")
     assert not found.clocks
