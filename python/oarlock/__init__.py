@@ -5,6 +5,7 @@ Everything that is meant to be used is named here; `oarlock.rowing` adds one fie
 
 from oarlock._core import Belief, Config, Info, Model, Sample, Tracker, __version__
 from oarlock.calibration import Calibration, Clock, EncoderScale, load_calibration
+from oarlock.clocks import calibrate_clocks
 from oarlock.compare import Comparison, compare, track_limbs, track_orientations
 from oarlock.errors import DataError, DivergedError, ModelError
 from oarlock.evaluate import Evaluation, evaluate
@@ -90,6 +91,7 @@ __all__ = [
     "VectorStream",
     "__version__",
     "attach_markers",
+    "calibrate_clocks",
     "calibrate_field",
     "calibrate_hinge_axes",
     "calibrate_hinge_chain",

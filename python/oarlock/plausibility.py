@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from oarlock.array_gate import FloatArray
 from oarlock.errors import DataError
 from oarlock.gyro_scale import gyro_per_gravity_turn, row_norms
+from oarlock.packets import lost_packets
 from oarlock.recording import ImuStream, Recording, ScalarStream, Stream
 from oarlock.suggest import did_you_mean
 
@@ -78,7 +79,7 @@ def plausibility(recording: Recording, expected: Collection[str] = ()) -> list[F
     Returns:
         Findings, errors first.
     """
-    findings = [f for stream in recording.streams for f in _stream_findings(stream)]
+    findings = [f for stream in recording.streams for f in _stream_findings(recording, stream)]
     findings += _name_findings(recording, expected)
     return sorted(findings, key=lambda f: ("error", "warning", "note").index(f.severity))
 
@@ -96,8 +97,8 @@ def require_plausible(recording: Recording, expected: Collection[str] = ()) -> l
     return findings
 
 
-def _stream_findings(stream: Stream) -> list[Finding]:
-    findings = _gap_findings(stream) + _missing_findings(stream)
+def _stream_findings(recording: Recording, stream: Stream) -> list[Finding]:
+    findings = _gap_findings(recording, stream) + _missing_findings(stream)
     if isinstance(stream, ImuStream):
         findings += _accel_findings(stream) + _gyro_findings(stream) + _mag_findings(stream)
     elif isinstance(stream, ScalarStream):
@@ -230,7 +231,10 @@ def _missing_text(stream: Stream, field: str, missing: NDArray[np.bool_]) -> str
     return "; ".join(parts) + "."
 
 
-def _gap_findings(stream: Stream) -> list[Finding]:
+def _gap_findings(recording: Recording, stream: Stream) -> list[Finding]:
+    lost = lost_packets(recording, stream)
+    if lost is not None:
+        return [_note(stream, text)] if (text := lost.text()) else []
     if len(stream) < 3:
         return []
     steps = np.diff(stream.time_s)

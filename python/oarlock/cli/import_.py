@@ -132,6 +132,8 @@ def qmt(
 
 
 def _write(recording: Recording, source: Path, out: Path, force: bool, json_output: bool) -> None:
+    from oarlock.packets import lost_packets, missing_packets
+
     new_folder(out, force)
     recording.save(out)
     if json_output:
@@ -142,7 +144,13 @@ def _write(recording: Recording, source: Path, out: Path, force: bool, json_outp
                 "start_s": recording.start_s,
                 "end_s": recording.end_s,
                 "streams": [
-                    {"name": s.name, "kind": s.kind, "samples": len(s), "rate_hz": s.rate_hz}
+                    {
+                        "name": s.name,
+                        "kind": s.kind,
+                        "samples": len(s),
+                        "rate_hz": s.rate_hz,
+                        "missing_packets": missing_packets(recording, s),
+                    }
                     for s in recording.streams
                 ],
             }
@@ -156,4 +164,7 @@ def _write(recording: Recording, source: Path, out: Path, force: bool, json_outp
             for s in recording.streams
         ],
     )
+    for stream in recording.streams:
+        if (lost := lost_packets(recording, stream)) is not None and lost.text():
+            say(f"{stream.name}: {lost.text()}", indent=2)
     steps(f"oarlock track {out} --model MODEL --out {out}-track")

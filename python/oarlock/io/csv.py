@@ -1,21 +1,23 @@
 """CSV files of any maker, read as a mapping file says."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.array_gate import FloatArray, disorder_text
 from oarlock.errors import DataError
-from oarlock.io.csv_mapping import FileMapping, Quantity, SensorColumns, read_mapping
+from oarlock.io.counters import Lost, lost_packets, unwrapped
+from oarlock.io.csv_mapping import Counter, FileMapping, Quantity, SensorColumns, read_mapping
 from oarlock.io.delimited import Layout, numbers
 from oarlock.io.paths import place_of
-from oarlock.io.times import RELATIVE, Stamps, on_one_axis, parsed_stamps, relative_stamps
+from oarlock.io.times import COUNTED, Stamps, on_one_axis, parsed_stamps, relative_stamps
 from oarlock.io.units import ANGLE, to_held_unit
+from oarlock.packets import META_KEY
 from oarlock.recording import ImuStream, Recording, ScalarStream, ScalarUnit, Stream, VectorStream
 
 
@@ -27,6 +29,19 @@ class _Table:
     stamps: Stamps
     lines: NDArray[np.int64]
     columns: dict[int, FloatArray]
+
+
+class _Places(Sequence[str]):
+    """File, line and column of each row, put into words where an error needs them."""
+
+    def __init__(self, layout: Layout, lines: NDArray[np.int64], index: int) -> None:
+        self._layout, self._lines, self._index = layout, lines, index
+
+    def __len__(self) -> int:
+        return len(self._lines)
+
+    def __getitem__(self, row: Any) -> Any:
+        return f"{self._layout.file}:{self._lines[row]}, {self._layout.label(self._index)}"
 
 
 @dataclass(frozen=True)
@@ -57,12 +72,26 @@ def read_csv(mapping_file: str | PathLike[str], folder: str | PathLike[str] | No
     root = place_of(folder) if folder is not None else mapping.file.parent
     tables = [_read_table(f, root) for f in mapping.files]
     times, clock = on_one_axis([t.stamps for t in tables], [str(t.layout.file) for t in tables])
-    parts = []
+    parts: list[_Part] = []
+    lost: dict[str, Lost] = {}
     for entry, table, seconds in zip(mapping.files, tables, times, strict=True):
         _check_increasing(table, seconds, entry)
-        parts += [_part(s, table, seconds + entry.time_offset_s) for s in entry.sensors]
+        time_s = seconds + entry.time_offset_s
+        parts += [_part(s, table, time_s) for s in entry.sensors]
+        if entry.counter is not None:
+            lost |= dict.fromkeys((s.name for s in entry.sensors), _lost(table, time_s, entry.counter))
     source = {"format": "csv", "mapping": mapping.file.name, "files": [t.layout.file.name for t in tables]}
-    return Recording(_streams(parts), {"source": source, "clock": clock, **mapping.meta})
+    meta = {"source": source, "clock": clock, **({META_KEY: lost} if lost else {})}
+    return Recording(_streams(parts), meta | dict(mapping.meta))
+
+
+def _lost(table: _Table, time_s: FloatArray, counter: Counter) -> Lost:
+    index = table.layout.index(counter.column)
+    places = _Places(table.layout, table.lines, index)
+    count = table.columns[index]
+    if counter.wraps_at is not None:
+        count = unwrapped(count, counter.wraps_at, places)
+    return lost_packets(count, time_s, places)
 
 
 def _read_table(entry: FileMapping, root: Path) -> _Table:
@@ -71,8 +100,8 @@ def _read_table(entry: FileMapping, root: Path) -> _Table:
         raise DataError(f'{entry.where}: there is no file "{file}"')
     layout = Layout.of(file, entry.dialect)
     time_index = layout.index(entry.time_column)
-    wanted = [time_index, *_wanted(layout, entry)]
-    relative = entry.time_unit in RELATIVE
+    wanted = list(dict.fromkeys([time_index, *_wanted(layout, entry)]))
+    relative = entry.time_unit in COUNTED
     lines: list[int] = []
     stamps: list[str] = []
     readings: list[list[FloatArray]] = [[] for _ in wanted]
@@ -87,7 +116,11 @@ def _read_table(entry: FileMapping, root: Path) -> _Table:
     joined = {i: np.concatenate(r) for i, r in zip(wanted, readings, strict=True) if r}
     if relative:
         _check_present(layout, time_index, joined[time_index], lines)
-        axis = relative_stamps(joined[time_index], entry.time_unit)
+        count = joined[time_index]
+        if entry.time_wraps_at is not None:
+            places = _Places(layout, np.array(lines, dtype=np.int64), time_index)
+            count = unwrapped(count, entry.time_wraps_at, places)
+        axis = relative_stamps(count, entry.time_unit, entry.tick_s)
     else:
         label = layout.label(time_index)
         axis = parsed_stamps(stamps, [f"{file}:{n}, {label}" for n in lines], entry.time_unit)
@@ -103,6 +136,8 @@ def _wanted(layout: Layout, entry: FileMapping) -> list[int]:
                 found[layout.index(column)] = None
             except DataError as error:
                 raise DataError(f"{quantity.where}: {error}") from error
+    if entry.counter is not None:
+        found[layout.index(entry.counter.column)] = None
     return list(found)
 
 
@@ -120,8 +155,12 @@ def _check_increasing(table: _Table, time_s: FloatArray, entry: FileMapping) -> 
     if late.size:
         index = int(late[0]) + 1
         label = table.layout.label(table.layout.index(entry.time_column))
+        back = (
+            time_s[index] < time_s[index - 1] and entry.time_unit in COUNTED and entry.time_wraps_at is None
+        )
+        hint = " If the device's clock begins again at 0, give time.wraps_at." if back else ""
         raise DataError(
-            f"{table.layout.file}:{table.lines[index]}, {label}: time_s{disorder_text(time_s, index)}"
+            f"{table.layout.file}:{table.lines[index]}, {label}: time_s{disorder_text(time_s, index)}{hint}"
         )
 
 

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 
 from oarlock.errors import DataError
 from oarlock.io.delimited import MISSING_MARKERS, Dialect
-from oarlock.io.times import TIME_UNITS, plain_time_unit
+from oarlock.io.times import COUNTED, TICKS, TIME_UNITS, plain_time_unit
 from oarlock.io.toml import TomlTable
 from oarlock.io.units import ACCEL, ANGLE, GYRO, LENGTH, MAG, plain_unit, unknown_unit_text
 from oarlock.suggest import did_you_mean
@@ -62,6 +62,19 @@ class SensorColumns:
 
 
 @dataclass(frozen=True)
+class Counter:
+    """A column in which the device counts its packets.
+
+    Args:
+        column: by name or by number from 1.
+        wraps_at: how far it counts before it begins again at 0; None if it never does.
+    """
+
+    column: Column
+    wraps_at: float | None
+
+
+@dataclass(frozen=True)
 class FileMapping:
     """One CSV file: how it is written, where its time is, and its sensors.
 
@@ -71,6 +84,9 @@ class FileMapping:
         time_column: by name or by number from 1.
         time_unit: one of `TIME_UNITS`.
         time_offset_s: added to every stamp, to bring another device's clock to the common one.
+        time_wraps_at: where the time column begins again at 0, in its own unit; None if it does not.
+        tick_s: length of a tick, for the unit "ticks".
+        counter: the device's count of packets, if there is one.
         sensors: at least one.
         where: file and line of the table, for errors.
     """
@@ -80,6 +96,9 @@ class FileMapping:
     time_column: Column
     time_unit: str
     time_offset_s: float
+    time_wraps_at: float | None
+    tick_s: float
+    counter: Counter | None
     sensors: tuple[SensorColumns, ...]
     where: str
 
@@ -102,9 +121,9 @@ def read_mapping(file: Path) -> CsvMapping:
 
 
 def _file(table: TomlTable) -> FileMapping:
-    table.check_keys({*_DIALECT_KEYS, "path", "time", "sensor"})
+    table.check_keys({*_DIALECT_KEYS, "path", "time", "counter", "sensor"})
     time = table.table("time")
-    time.check_keys({"column", "unit", "offset_s"})
+    time.check_keys({"column", "unit", "offset_s", "wraps_at", "tick_s"})
     unit = plain_time_unit(time.string("unit"))
     if unit not in TIME_UNITS:
         raise DataError(
@@ -116,9 +135,53 @@ def _file(table: TomlTable) -> FileMapping:
         time_column=_column(time, "column", time.require("column")),
         time_unit=unit,
         time_offset_s=time.number("offset_s", 0.0),
+        time_wraps_at=_time_wraps_at(time, unit),
+        tick_s=_tick_s(time, unit),
+        counter=_counter(table),
         sensors=tuple(_sensor(s) for s in table.tables("sensor")),
         where=table.where(),
     )
+
+
+def _time_wraps_at(time: TomlTable, unit: str) -> float | None:
+    if "wraps_at" in time.values and unit not in COUNTED:
+        raise DataError(
+            f'{time.where("wraps_at")}: a time in "{unit}" does not begin again; '
+            f"wraps_at goes with {', '.join(COUNTED)}"
+        )
+    return _wraps_at(time)
+
+
+def _wraps_at(table: TomlTable) -> float | None:
+    if "wraps_at" not in table.values:
+        return None
+    modulus = table.number("wraps_at", 0.0)
+    if not modulus > 1.0:
+        raise DataError(
+            f"{table.where('wraps_at')}: is {modulus:g}; expected how far it counts, such as 65536 or 4294967296"
+        )
+    return modulus
+
+
+def _tick_s(time: TomlTable, unit: str) -> float:
+    given = "tick_s" in time.values
+    if given != (unit == TICKS):
+        raise DataError(
+            f'{time.where("tick_s" if given else "unit")}: the unit "{TICKS}" and tick_s, the length of a tick in s, '
+            "go together"
+        )
+    tick_s = time.number("tick_s", 1.0)
+    if not tick_s > 0.0:
+        raise DataError(f"{time.where('tick_s')}: is {tick_s:g}; expected the length of a tick in s")
+    return tick_s
+
+
+def _counter(table: TomlTable) -> Counter | None:
+    if "counter" not in table.values:
+        return None
+    counter = table.table("counter")
+    counter.check_keys({"column", "wraps_at"})
+    return Counter(_column(counter, "column", counter.require("column")), _wraps_at(counter))
 
 
 _DIALECT_KEYS = ("delimiter", "decimal", "encoding", "skip_rows", "header", "skip_after_header", "missing")

@@ -17,10 +17,13 @@ from oarlock.errors import DataError
 Family: TypeAlias = Literal["relative", "utc", "local", "clock"]
 
 RELATIVE = MappingProxyType({"s": 1.0, "ms": 1e3, "us": 1e6})
+TICKS = "ticks"
 EPOCH = MappingProxyType({"epoch_s": 10**9, "epoch_ms": 10**6, "epoch_us": 10**3, "epoch_ns": 1})
 CLOCK = "HH:MM:SS"
 ISO = "iso"
-TIME_UNITS = (*RELATIVE, *EPOCH, CLOCK, ISO)
+COUNTED = (*RELATIVE, TICKS)
+"""Units of numbers that count from an unnamed start."""
+TIME_UNITS = (*COUNTED, *EPOCH, CLOCK, ISO)
 
 _CLOCK_TIME = re.compile(r"(\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,9}))?")
 _DAY_NS = 86_400 * 10**9
@@ -52,9 +55,10 @@ def plain_time_unit(unit: str) -> str:
     return ISO if text.casefold() == ISO else text.replace("µ", "u")
 
 
-def relative_stamps(values: FloatArray, unit: str) -> Stamps:
-    """Stamps counted in s, ms or us from a start that the file does not name."""
-    return Stamps("relative", values / RELATIVE[unit], np.zeros(0, dtype=np.int64))
+def relative_stamps(values: FloatArray, unit: str, tick_s: float = 1.0) -> Stamps:
+    """Stamps counted in s, ms, us or ticks of `tick_s` from a start that the file does not name."""
+    seconds = values * tick_s if unit == TICKS else values / RELATIVE[unit]
+    return Stamps("relative", seconds, np.zeros(0, dtype=np.int64))
 
 
 def parsed_stamps(cells: Sequence[str], places: Sequence[str], unit: str) -> Stamps:

@@ -1,0 +1,93 @@
+"""`oarlock calibrate clocks`: by how much each stream's clock is off."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from oarlock.cli.calibrate_tree import OutFile, RecordingFolder, Replace, Start
+from oarlock.cli.options import Json, ModelName, Settings, assignments, example, names
+from oarlock.cli.terminal import UsageError, heading, number, print_json, progress, say, steps, table, verb
+
+if TYPE_CHECKING:
+    from oarlock import Calibration
+
+
+def add_to(group: typer.Typer) -> None:
+    """Registers the verb."""
+    group.command(
+        "clocks",
+        epilog=example(
+            "oarlock calibrate clocks rec --model sculler --out cal.toml",
+            "oarlock calibrate clocks rec --model my.toml --reference encoder --out cal.toml",
+        ),
+    )(clocks)
+
+
+@verb
+def clocks(
+    recording: RecordingFolder,
+    model: ModelName,
+    out: OutFile,
+    settings: Settings = None,
+    calibration: Start = None,
+    reference: Annotated[
+        str | None,
+        typer.Option(
+            "--reference",
+            metavar="NAMES",
+            help="Streams that keep true time, with commas; else those that share their stamps, or most agree.",
+        ),
+    ] = None,
+    threads: Annotated[
+        int | None, typer.Option("--threads", metavar="N", min=1, help="Tracks at a time; else all cores.")
+    ] = None,
+    force: Replace = False,
+    json_output: Json = False,
+) -> None:
+    """Find the offset and drift of each stream's clock, from movement that all of them see."""
+    import oarlock
+
+    body = oarlock.load_model(model, parameters=assignments(settings, "--set"))
+    if out.exists() and not force:
+        raise UsageError(f"{out} exists\nChoose another file, or add --force.")
+    known = None if calibration is None else oarlock.load_calibration(calibration)
+    with progress("looking at clocks") as told:
+        found = oarlock.calibrate_clocks(
+            body,
+            oarlock.load_recording(recording),
+            known,
+            reference=None if reference is None else names(reference),
+            threads=threads,
+            progress=told,
+        )
+    found.save(out)
+    if json_output:
+        told_clocks = {name: vars(clock) for name, clock in found.clocks.items()}
+        print_json({"calibration": out, "clocks": told_clocks, "noted": found.noted["clocks"]})
+        return
+    say(f"Wrote {out}", style="bold")
+    write_clocks(found)
+    steps(f"oarlock track {recording} --model {model} --calibration {out} --out {recording}-track")
+
+
+def write_clocks(calibration: Calibration) -> None:
+    """Prints each clock with its standard deviations, and whose is not told."""
+    noted: dict[str, Any] = dict(calibration.noted)["clocks"]  # type: ignore[assignment]
+    heading("Clocks", f"against {', '.join(noted['reference'])}; positive is late and fast")
+    table(
+        ["stream", ">offset ms", ">std ms", ">drift ppm", ">std ppm"],
+        [
+            (
+                name,
+                number(1e3 * clock.offset_s, "+.2f"),
+                number(1e3 * clock.offset_std_s, ".2f"),
+                number(1e6 * clock.drift, "+.1f"),
+                number(1e6 * clock.drift_std, ".1f"),
+            )
+            for name, clock in calibration.clocks.items()
+        ],
+    )
+    for name, why in noted["refused"].items():
+        say(f"{name}: {why}", style="dim", indent=2)

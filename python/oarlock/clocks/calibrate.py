@@ -1,0 +1,123 @@
+"""Offset and drift of every stream's clock, from the movement that all of them see."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock._core import Model
+from oarlock.calibration import Calibration
+from oarlock.clocks.coarse import coarse_delays
+from oarlock.clocks.devices import most_agree, reference_streams, same_stamps, unknowns
+from oarlock.clocks.lines import after
+from oarlock.clocks.pieces import Tracked
+from oarlock.clocks.search import Clocks, settle, with_clocks
+from oarlock.errors import DataError
+from oarlock.recording import Recording
+from oarlock.stream_scales import Clock
+from oarlock.tracking import Progress, admit
+
+Floats = NDArray[np.float64]
+
+LARGEST_STD_S = 0.005
+SAME_CLOCK_STDS = 3.0
+"""Streams that share their stamps to the bit mostly share a clock; one is moved only where it is this clearly off."""
+
+
+def calibrate_clocks(
+    model: Model,
+    recording: Recording,
+    calibration: Calibration | None = None,
+    *,
+    reference: str | Iterable[str] | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Calibration:
+    """Find by how much each stream's clock is off and how fast it runs, from ordinary movement.
+
+    Pieces of the recording are tracked and smoothed. In windows of five seconds each stream is held against what the
+    track says it should have read: a reading that is late differs by its delay times the predicted reading's slope. As
+    a track follows its own sensors, it is also tracked with one clock pushed by 10 ms after the other; through what
+    that changes the delays are solved for, a line is laid through the windows, and all is done again until nothing
+    moves. Clocks that are off by up to half a second are first brought near by norms of what streams feel.
+
+    Args:
+        model: the body and its sensors.
+        recording: measured streams; it does not change, and nothing is resampled.
+        calibration: what is known of the wearing; its clocks are where the search begins.
+        reference: the stream or streams that keep true time. None takes the most streams that share their stamps (a
+            logger with its encoders); where no two do, what most streams agree on.
+        threads: how many pieces are tracked at a time; None takes all cores.
+        progress: called now and then with the share done, 0 to 1.
+
+    Returns:
+        The calibration with `clocks`: offset at t = 0 of the recording's time axis, drift, and standard deviations. A
+        stream whose movement tells too little is left as it was; ``noted["clocks"]`` says which, and why.
+
+    Raises:
+        DataError: as `oarlock.track`; a single clock, less than eight seconds that all streams share, or a reference
+            that is not there.
+    """
+    admit(model, recording)
+    known = calibration if calibration is not None else Calibration()
+    measured = known.corrected(recording)
+    fixed = reference_streams(measured, reference)
+    groups = unknowns(measured, fixed)
+    if not groups or len(groups) + bool(fixed) < 2:
+        raise DataError(
+            f"calibrate_clocks: all streams ({', '.join(recording.names)}) have the reference's clock; there is "
+            "nothing to compare. Name fewer streams as the reference"
+        )
+    rough = {name: Clock(delay) for name, delay in coarse_delays(measured, fixed).items()}
+    bare = Calibration(known.parameters, known.mounts, mag_offsets_ut=known.mag_offsets_ut)
+    tracked = Tracked(model, bare, threads)
+    near = settle(tracked, with_clocks(measured, rough), groups, bool(fixed), progress or _nobody)
+    found = {name: after(rough.get(name, Clock(0.0)), clock) for name, clock in near.items()}
+    if not fixed:
+        fixed, found = _by_majority(found, measured)
+    kept, refused = _judged(measured, found, fixed)
+    whole = {n: after(known.clocks.get(n, Clock(0.0)), clock) for n, clock in kept.items()}
+    noted = {"reference": list(fixed), "coarse": sorted(rough), "refused": refused}
+    return replace(known, clocks=dict(known.clocks) | whole, noted=dict(known.noted) | {"clocks": noted})
+
+
+def _nobody(_share: float) -> None:
+    return None
+
+
+def _by_majority(found: Clocks, recording: Recording) -> tuple[tuple[str, ...], Clocks]:
+    """The streams that most agree on become the reference; the others' clocks are told against theirs."""
+    middle = 0.5 * (recording.start_s + recording.end_s)
+    agreed = most_agree(found, middle)
+    offset = float(np.mean([found[n].offset_s for n in agreed]))
+    drift = float(np.mean([found[n].drift for n in agreed]))
+    moved = {
+        n: replace(c, offset_s=c.offset_s - offset, drift=c.drift - drift)
+        for n, c in found.items()
+        if n not in agreed
+    }
+    return agreed, moved
+
+
+def _judged(recording: Recording, found: Clocks, fixed: Sequence[str]) -> tuple[Clocks, dict[str, str]]:
+    """Clocks that are told well enough, and why the others are not taken."""
+    middle = 0.5 * (recording.start_s + recording.end_s)
+    kept, refused = {}, {}
+    for name, clock in found.items():
+        shared = any(same_stamps(recording[name], recording[other]) for other in fixed if other in recording)
+        way = clock.offset_s + clock.drift * middle
+        if not clock.offset_std_s <= LARGEST_STD_S + middle * clock.drift_std:
+            refused[name] = (
+                f"its movement tells its clock to {1e3 * clock.offset_std_s:.1f} ms only (standard deviation); "
+                f"at most {1e3 * LARGEST_STD_S:g} ms are taken. Record faster movement of its link, or more of it"
+            )
+        elif shared and abs(way) <= SAME_CLOCK_STDS * clock.offset_std_s:
+            refused[name] = (
+                f"shares its stamps with the reference, and {1e3 * way:+.1f} ms may as well be chance: kept as it is"
+            )
+        else:
+            kept[name] = clock
+    return kept, refused

@@ -1,0 +1,170 @@
+"""Clocks that are off, found from what all streams see."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import oarlock
+from oarlock import Calibration, Clock, ImuStream, Motion, Recording, ScalarStream
+from oarlock.cli import app
+from oarlock.clocks.coarse import coarse_delays
+from oarlock.clocks.devices import most_agree, reference_streams, unknowns
+from oarlock.clocks.lines import CRYSTAL_DRIFT, MODEL_STD_S, after, line
+
+FOUND_S = 0.002
+"""Of an arm that is exactly the model's, with the model's noise, in eighteen seconds."""
+COARSE_S = 0.06
+"""What the fine search can mend from."""
+SCATTER_S, STDS = 3e-4, 4.0
+
+
+def late(recording, clocks):
+    """The same samples, stamped by other clocks."""
+    streams = []
+    for s in recording:
+        stamps = clocks.get(s.name, Clock(0.0)).stamps_s(s.time_s)
+        if isinstance(s, ImuStream):
+            streams.append(ImuStream(s.name, stamps, **s.values))
+        else:
+            streams.append(ScalarStream(s.name, stamps, s.value, s.unit))
+    return Recording(streams, recording.meta)
+
+
+def restless_arm(duration_s=18.0):
+    """An arm that keeps turning about all its joints, seen by its three units."""
+    model = oarlock.load_model("arm7")
+    knots = np.arange(0.0, duration_s, 0.02)
+    pace = np.array([0.61, 0.83, 1.07, 0.71, 0.93, 1.27, 0.53])
+    size = np.array([0.5, 0.4, 0.6, 0.5, 0.5, 0.3, 0.4])
+    q = size * (np.sin(2 * np.pi * pace * knots[:, None]) + 0.3 * np.sin(5.3 * pace * knots[:, None]))
+    q[:, 3] += 1.0
+    motion = Motion(tuple(model.coordinate_names), knots, q)
+    _, recording = oarlock.simulate(model, motion, seed=3, rate_hz=60.0)
+    return model, recording
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return restless_arm()
+
+
+def jolted(delay_s=0.0, seed=0):
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(0.0, 30.0, 0.01)
+    beats = np.sort(np.random.default_rng(9).uniform(1.0, 29.0, 25))
+    felt = np.exp(-0.5 * ((time_s[:, None] - beats) / 0.05) ** 2).sum(axis=1)
+    rows = np.stack([9.8 + 8.0 * felt, felt, 0.0 * felt], axis=1) + 0.1 * rng.standard_normal((3000, 3))
+    turn, _ = np.linalg.qr(rng.standard_normal((3, 3)))
+    return time_s + delay_s, rows @ turn.T
+
+
+def test_taps_bring_clocks_near_however_the_units_are_turned():
+    streams = []
+    for k, (name, delay) in enumerate((("a", 0.0), ("b", 0.43), ("c", -0.5))):
+        time_s, accel = jolted(delay, k)
+        streams.append(ImuStream(name, time_s, accel_m_s2=accel))
+    found = coarse_delays(Recording(streams), ("a",))
+    assert found["b"] == pytest.approx(0.43, abs=COARSE_S)
+    assert found["c"] == pytest.approx(-0.5, abs=COARSE_S)
+
+
+def test_small_delays_are_left_to_the_fine_search():
+    streams = [ImuStream(n, jolted(d)[0], accel_m_s2=jolted(d)[1]) for n, d in (("a", 0.0), ("b", 0.03))]
+    assert coarse_delays(Recording(streams), ("a",)) == {}
+
+
+def test_a_line_gives_offset_and_drift_within_its_deviations_and_does_not_mind_outliers():
+    time_s, truth = np.linspace(5.0, 595.0, 24), Clock(0.004, 5e-5)
+    for seed in range(20):
+        delay = truth.stamps_s(time_s) - time_s
+        delay += SCATTER_S * np.random.default_rng(seed).standard_normal(24)
+        delay[seed] += 0.02
+        found = line(time_s, delay, np.full(24, SCATTER_S))
+        assert abs(found.drift - truth.drift) < STDS * found.drift_std < 4e-6
+        assert abs(found.offset_s - truth.offset_s) < 2e-3
+
+
+def test_a_short_recording_expects_a_crystal_and_a_wild_clock_is_still_found():
+    time_s = np.linspace(5.0, 35.0, 8)
+    assert line(time_s, np.full(8, 0.004), np.full(8, SCATTER_S)).drift_std < CRYSTAL_DRIFT
+    wild = line(time_s, 1.5e-3 * time_s, np.full(8, SCATTER_S))
+    assert wild.drift == pytest.approx(1.5e-3, rel=0.02)
+    assert wild.offset_std_s > MODEL_STD_S
+
+
+def test_two_corrections_are_one():
+    time_s, first, then = np.arange(10.0), Clock(0.1, 1e-3), Clock(-0.02, 2e-4)
+    both = after(first, then)
+    assert np.allclose(then.true_s(first.true_s(time_s)), both.true_s(time_s), atol=1e-12)
+
+
+def test_streams_that_share_their_stamps_are_the_reference():
+    time_s = np.arange(100) / 100
+    unit = ImuStream("unit", time_s + 0.001234, gyro_rad_s=np.zeros((100, 3)))
+    ends = [ScalarStream(n, time_s, np.zeros(100)) for n in ("one", "two")]
+    recording = Recording([unit, *ends])
+    assert reference_streams(recording, None) == ("one", "two")
+    assert unknowns(recording, ("one", "two")) == [("unit",)]
+    assert unknowns(recording, ("unit",)) == [("one", "two")]
+    assert reference_streams(Recording([unit, ends[0]]), None) == ()
+    assert reference_streams(recording, "unit") == ("unit",)
+
+
+def test_what_most_clocks_agree_on_is_the_reference_where_none_is_named():
+    clocks = {n: Clock(o, 0.0, 1e-4, 1e-6) for n, o in (("a", 0.0), ("b", 0.05), ("c", 0.0005))}
+    assert most_agree(clocks, 10.0) == ("a", "c")
+
+
+def test_clocks_of_an_arm_are_found_against_one_of_its_units(arm):
+    model, recording = arm
+    true = {"forearm": Clock(0.02), "hand": Clock(-0.015)}
+    found = oarlock.calibrate_clocks(model, late(recording, true), reference="upperarm")
+    assert found.noted["clocks"]["reference"] == ["upperarm"]
+    for name, clock in true.items():
+        assert name in found.clocks, found.noted["clocks"]
+        assert found.clocks[name].offset_s == pytest.approx(clock.offset_s, abs=FOUND_S)
+
+
+def test_a_stream_that_hardly_moves_is_refused_with_the_reason(arm):
+    model, _ = arm
+    knots = np.arange(0.0, 12.0, 0.05)
+    rest = np.tile([0.1, 0.1, 0.2, 0.6, 0.1, 0.0, 0.0], (len(knots), 1))
+    still = Motion(tuple(model.coordinate_names), knots, rest)
+    _, recording = oarlock.simulate(model, still, seed=1, rate_hz=50.0)
+    found = oarlock.calibrate_clocks(model, recording, reference="upperarm")
+    assert not found.clocks
+    assert set(found.noted["clocks"]["refused"]) == {"forearm", "hand"}
+
+
+def test_what_is_known_stays(arm):
+    model, recording = arm
+    known = Calibration(noted={"of": "yesterday"}, gyro_biases_rad_s={"hand": [0.0, 0.0, 0.0]})
+    with pytest.raises(oarlock.DataError, match="nothing to compare"):
+        oarlock.calibrate_clocks(model, recording, known, reference=["upperarm", "forearm", "hand"])
+    with pytest.raises(oarlock.DataError, match="at least 8 s"):
+        oarlock.calibrate_clocks(model, recording.slice(0, 5), reference="upperarm")
+    with pytest.raises(oarlock.DataError, match='no stream "uperarm"'):
+        oarlock.calibrate_clocks(model, recording, reference="uperarm")
+
+
+def test_the_verb_writes_a_calibration_and_says_whose_clock_is_late(arm, tmp_path):
+    _, recording = arm
+    late(recording, {"hand": Clock(0.02)}).slice(0.0, 10.0).save(tmp_path / "rec")
+    out = str(tmp_path / "cal.toml")
+    words = [
+        "calibrate",
+        "clocks",
+        str(tmp_path / "rec"),
+        "--model",
+        "arm7",
+        "--reference",
+        "upperarm,forearm",
+    ]
+    run = CliRunner().invoke(app, [*words, "--out", out, "--json"])
+    assert run.exit_code == 0, run.output
+    told = json.loads(run.output)
+    assert told["noted"]["reference"] == ["upperarm", "forearm"]
+    assert oarlock.load_calibration(out).clocks.keys() == told["clocks"].keys()
+    assert CliRunner().invoke(app, [*words, "--out", out]).exit_code == 2
