@@ -57,11 +57,13 @@ class Finding:
         sensor: the stream's name.
         severity: "error" stops a run, "warning" is shown, "note" tells what is missing.
         message: a whole sentence or more: number, unit, and what to do.
+        kind: "stuck" or "clipped" where it is that; else empty.
     """
 
     sensor: str
     severity: Severity
     message: str
+    kind: str = ""
 
     def __str__(self) -> str:
         return f"{self.sensor}: {self.message}"

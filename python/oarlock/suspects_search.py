@@ -1,0 +1,186 @@
+"""Which change makes a second of readings fit: one fault after the other, at most three."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from oarlock.recording import Recording
+from oarlock.suspects_changes import (
+    Change,
+    LikeStreams,
+    compass_changes,
+    exchanges,
+    exchanges_of_two,
+    turns,
+    unit_factors,
+    unit_signs,
+    value_changes,
+)
+from oarlock.suspects_fit import USUAL, Judge, Misfit, has_magnetometers, without_magnetometers
+
+if TYPE_CHECKING:
+    from oarlock._core import Model
+
+MOST_FAULTS = 3
+EXPLAINS = 1.8
+"""A change that puts right the last fault makes the misfit smaller by this factor at least."""
+HELPS = 1.3
+"""The same of one after which others are left."""
+ALIKE = 1.25
+"""Changes whose misfits differ by less than this cannot be told apart."""
+RATE_HZ, SCREEN_HZ = 50.0, 25.0
+FINALISTS = 5
+SETTLED, SETTLES = 0.7, 4.0
+"""So far below the usual misfit, and so much less than before: nothing else need be tried."""
+UNITS_DOUBTED, CLOSE = 3, 2.0
+"""At most so many units are doubted, and none that leaves the rest with so much more misfit than another does."""
+MOST_EXCHANGED = 8
+"""Exchanges are sought among no more units than this: those that fit worst."""
+
+
+@dataclass(frozen=True, eq=False)
+class Second:
+    """A second of readings on a fine grid, and on a coarse one to sift by."""
+
+    model: Model
+    fine: Recording
+    coarse: Recording
+
+    @property
+    def like(self) -> LikeStreams:
+        """Its streams by kind."""
+        return LikeStreams.of(self.model, self.fine)
+
+    def applied(self, change: Change) -> Second:
+        """As it would be without the fault."""
+        return Second(self.model, change.applied(self.fine), change.applied(self.coarse))
+
+    def without(self, names: Sequence[str]) -> Second | None:
+        """Without these streams; None if nothing is left."""
+        parts = [[s for s in r.streams if s.name not in names] for r in (self.fine, self.coarse)]
+        return Second(self.model, *(Recording(part) for part in parts)) if all(parts) else None
+
+    def without_magnetometers(self, names: Sequence[str]) -> Second | None:
+        """Without the magnetic fields of these units."""
+        fine, coarse = (without_magnetometers(r, names) for r in (self.fine, self.coarse))
+        return Second(self.model, fine, coarse) if fine is not None and coarse is not None else None
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A change, the misfit before and after it, and others that do nearly as well."""
+
+    change: Change
+    before: float
+    after: float
+    others: tuple[Change, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What was found, in order; the misfit that is left, and the stream without which it would be least."""
+
+    found: tuple[Found, ...]
+    misfit: Misfit
+    contradicts: str = ""
+    without_it: float = float("nan")
+
+
+def search(judge: Judge, second: Second) -> Outcome:
+    """Name faults one after the other until the second fits."""
+    first = judge.misfit(second.fine)
+    if first.total <= USUAL:
+        return Outcome((), first)
+    found, left, misfit = [], second, first
+    while misfit.total > USUAL and len(found) < MOST_FAULTS:
+        best = _best(judge, left, misfit)
+        if best is None:
+            break
+        found.append(best)
+        left = left.applied(best.change)
+        misfit = judge.misfit(left.fine)
+    if found and misfit.total <= max(USUAL, first.total / EXPLAINS ** (len(found) + 1)):
+        return Outcome(tuple(found), misfit)
+    return Outcome((), first, *_contradicting(judge, second, first))
+
+
+def _best(judge: Judge, second: Second, misfit: Misfit) -> Found | None:
+    """The change that helps most; rarer kinds are tried only where no usual one settles it."""
+    ranked: list[tuple[Change, Misfit]] = []
+    for family in (_units, _usual, _rare):
+        changes = _sifted(judge, second, list(family(judge, second, misfit)))
+        fits = judge.misfits([change.applied(second.fine) for change in changes])
+        ranked = sorted(
+            [*ranked, *zip(changes, fits, strict=True)], key=lambda pair: pair[1].total * pair[0].rarity
+        )
+        if ranked and ranked[0][1].total < min(SETTLED * USUAL, misfit.total / SETTLES):
+            break
+    if not ranked:
+        return None
+    best, fit = ranked[0]
+    needed = EXPLAINS if fit.total <= USUAL else HELPS
+    if not fit.total * needed * best.rarity < misfit.total:
+        return None
+    near = [c for c, f in ranked[1:] if f.total * c.rarity < ALIKE * fit.total * best.rarity]
+    return Found(best, misfit.total, fit.total, tuple(near))
+
+
+def _units(judge: Judge, second: Second, misfit: Misfit) -> Iterator[Change]:
+    like = second.like
+    yield from unit_factors(like.units)
+    yield from value_changes(like.angles, like.places, units=True)
+
+
+def _usual(judge: Judge, second: Second, misfit: Misfit) -> Iterator[Change]:
+    like = second.like
+    names = [s.name for s in like.units]
+    worst = sorted(names, key=lambda name: -misfit.by_source.get(name, 0.0))[:MOST_EXCHANGED]
+    groups = [[n for n in names if n in worst], [s.name for s in like.angles], [s.name for s in like.places]]
+    yield from exchanges(groups)
+    yield from value_changes(like.angles, like.places, units=False)
+    yield from unit_signs(names, together=False)
+    if len(names) > 1:
+        yield from unit_signs(names, together=True)
+
+
+def _rare(judge: Judge, second: Second, misfit: Misfit) -> Iterator[Change]:
+    names = [s.name for s in second.like.units]
+    yield from exchanges_of_two([names, [s.name for s in second.like.angles]])
+    yield from turns(_doubted(judge, second, names, Second.without), together=False)
+    plain = second.without_magnetometers(names)
+    if has_magnetometers(second.fine) and plain and judge.misfit(plain.fine).total <= USUAL:
+        doubted = _doubted(judge, second, names, lambda s, cut: s.without_magnetometers(cut))
+        yield from compass_changes(doubted, together=False)
+        if len(names) > 1:
+            yield from compass_changes(names, together=True)
+
+
+def _doubted(
+    judge: Judge, second: Second, units: Sequence[str], cut: Callable[[Second, Sequence[str]], Second | None]
+) -> list[str]:
+    """Units without which the rest fits best."""
+    left = [(name, rest.coarse) for name in units if (rest := cut(second, [name])) is not None]
+    fits = judge.sifted([recording for _, recording in left])
+    ranked = sorted(zip(left, fits, strict=True), key=lambda pair: pair[1].total)
+    close = [name for (name, _), fit in ranked if fit.total <= CLOSE * ranked[0][1].total]
+    return close[:UNITS_DOUBTED] if left else list(units)
+
+
+def _sifted(judge: Judge, second: Second, changes: Sequence[Change]) -> list[Change]:
+    fits = judge.sifted([change.applied(second.coarse) for change in changes])
+    order = np.argsort([fit.total * c.rarity for fit, c in zip(fits, changes, strict=True)], kind="stable")
+    return [changes[i] for i in order[:FINALISTS] if np.isfinite(fits[i].total)]
+
+
+def _contradicting(judge: Judge, second: Second, misfit: Misfit) -> tuple[str, float]:
+    cuts = [(s.name, second.without([s.name])) for s in second.fine.streams]
+    left = [(name, cut.fine) for name, cut in cuts if cut is not None]
+    if len(left) < 2:
+        return "", float("nan")
+    fits = judge.misfits([recording for _, recording in left])
+    best = min(range(len(left)), key=lambda i: fits[i].total)
+    return left[best][0], fits[best].total
