@@ -37,6 +37,7 @@ from oarlock.pose_mounts import calibrate_pose
 from oarlock.recording import ImuStream, Recording, ScalarStream, VectorStream, load_recording
 from oarlock.simulate import simulate
 from oarlock.study import Study, StudyKey, StudyResult, StudySimulator, StudyTrial, load_study, study
+from oarlock.suspects import Suspect, suspects
 from oarlock.track import Track, load_track
 from oarlock.tracking import smooth, track
 
@@ -69,6 +70,7 @@ __all__ = [
     "StudyResult",
     "StudySimulator",
     "StudyTrial",
+    "Suspect",
     "Track",
     "Tracker",
     "VectorStream",
@@ -100,6 +102,7 @@ __all__ = [
     "simulate_from_markers",
     "smooth",
     "study",
+    "suspects",
     "track",
     "track_limbs",
     "track_many",

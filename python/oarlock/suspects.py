@@ -12,6 +12,7 @@ from oarlock.recording import Recording
 from oarlock.suspects_fit import USUAL, Judge
 from oarlock.suspects_search import RATE_HZ, SCREEN_HZ, Found, Outcome, Second, search
 from oarlock.suspects_second import liveliest, on_grid
+from oarlock.suspects_text import SUSPECT_NOTE
 
 if TYPE_CHECKING:
     from oarlock._core import Config, Model
@@ -49,6 +50,18 @@ class Suspect:
     start_s: float = nan
     others: tuple[str, ...] = ()
 
+    @property
+    def note(self) -> str:
+        """The sentence that a track's notes hold."""
+        return str(self) if self.fault == "untold" else f"{SUSPECT_NOTE}{self}"
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain values for JSON; what is unknown is None."""
+        values = {name: getattr(self, name) for name in ("misfit_before", "misfit_after", "start_s")}
+        known = {name: value if isfinite(value) else None for name, value in values.items()}
+        texts = {"fault": self.fault, "message": self.message, "others": list(self.others)}
+        return {"streams": list(self.streams), **texts, **known}
+
     def __str__(self) -> str:
         numbers = ""
         if isfinite(self.misfit_after):
@@ -71,8 +84,9 @@ def suspects(
     """What is wrong with the sensors of a recording, by one second of it.
 
     The liveliest second is tracked by a filter that expects the errors of the field: mounts 5 deg off, soft tissue,
-    iron nearby. If it fits badly, it is tracked again under each of some hundred faults put right, and the fault is named
-    that makes it fit as it should, and better than any other does. Then another one is sought, up to three.
+    iron nearby. If it fits badly, it is tracked again under each of some hundred faults put right, and the
+    fault is named that makes it fit as it should, and better than any other does. Then another one is sought, up to
+    three.
 
     Args:
         model: the body and its sensors.

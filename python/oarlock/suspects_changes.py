@@ -12,7 +12,7 @@ import numpy as np
 
 from oarlock.array_gate import FloatArray
 from oarlock.recording import ImuStream, Recording, Stream
-from oarlock.suspects_text import axes_text, exchange_text, factor_text, turn_text
+from oarlock.suspects_text import axes_text, exchange_text, factor_text, stuck_text, turn_text
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -84,6 +84,16 @@ def value_changes(angles: Sequence[Stream], places: Sequence[Stream], units: boo
                 rarity = 1.0 if len(together) < 3 or units else RARE
                 fault = "unit" if units else "sign"
                 yield Change(fault, together, text, {}, ("value",), factor, rarity)
+
+
+def stuck_values(streams: Sequence[Stream]) -> Iterator[Change]:
+    """Encoders that give one number throughout: their readings are left out."""
+    for stream in streams:
+        values = stream.values["value"]
+        there = values[np.isfinite(values)]
+        if len(there) > 1 and (there == there[0]).all():
+            text = stuck_text(stream.name, float(there[0]))
+            yield Change("stuck", (stream.name,), text, {}, ("value",), float("nan"), RARE)
 
 
 def unit_signs(names: Sequence[str], together: bool) -> Iterator[Change]:

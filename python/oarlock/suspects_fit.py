@@ -27,7 +27,7 @@ PLACE_STD_M = 0.02
 CLOSURE_STD_AXIS = 0.1
 # A second may begin in full motion, and is too short to learn how a body is driven.
 RATES_WIDER, DRIVEN_HARDER = 6.0, 5.0
-START_WINDOWS_S = (0.1, 0.25)
+START_WINDOWS_S = (0.1, 0.25, 0.04)
 # Where many faults are sifted, noise is so large that a start fit ends soon, however wrong the hypothesis.
 SIFTING_NOISE = 4.0
 
@@ -37,10 +37,14 @@ USUAL = 0.5
 
 @dataclass(frozen=True)
 class Misfit:
-    """Squared innovations over what the filter for field errors expects, mean of all readings; and of each source."""
+    """Squared innovations over what the filter for field errors expects, mean of all readings; and of each source.
+
+    `posture` is the one it began with, rad and m.
+    """
 
     total: float
     by_source: Mapping[str, float]
+    posture: tuple[float, ...] = ()
 
 
 LOST = Misfit(float("inf"), {})
@@ -78,13 +82,19 @@ class Judge:
         """Of one recording."""
         return self.misfits([recording])[0]
 
-    def _tracked(self, model: Model, recordings: Sequence[Recording], window_s: float) -> list[Misfit]:
-        config = self._config(window_s)
+    def misfit_from(self, recording: Recording, posture: tuple[float, ...]) -> Misfit:
+        """Of one recording that is tried from this posture first."""
+        return self._tracked(self._model, [recording], START_WINDOWS_S[0], posture)[0]
+
+    def _tracked(
+        self, model: Model, recordings: Sequence[Recording], window_s: float, posture: tuple[float, ...] = ()
+    ) -> list[Misfit]:
+        config = self._config(window_s, posture)
         jobs = [(recording, self._calibration, config) for recording in recordings]
         runs = _core.track_many(model, jobs, False, None, None) if jobs else []
         return [self._misfit(run[0]) if isinstance(run, tuple) else LOST for run in runs]
 
-    def _config(self, window_s: float) -> _core.Config:
+    def _config(self, window_s: float, posture: tuple[float, ...]) -> _core.Config:
         return _core.Config(
             estimate=self._bases,
             closures=self._closures,
@@ -93,6 +103,7 @@ class Judge:
             gate=False,
             learning_memory_s=None,
             start_window_s=window_s,
+            initial_q=list(posture) or None,
         )
 
     def _misfit(self, run: Run) -> Misfit:
@@ -103,7 +114,13 @@ class Judge:
         rows = infos["inertial_used"].sum() + used[alone].sum()
         each = zip(run.source_names, nis, used, strict=True)
         by_source = {name: float(n / u) for name, n, u in each if u}
-        return Misfit(float(total / rows) if rows and np.isfinite(total) else float("inf"), by_source)
+        mean = float(total / rows) if rows and np.isfinite(total) else float("inf")
+        return Misfit(mean, by_source, self._posture(run))
+
+    def _posture(self, run: Run) -> tuple[float, ...]:
+        columns = {name: i for i, name in enumerate(run.state_names)}
+        states = run.states([columns.get(name) for name in self._model.coordinate_names], False)
+        return tuple(float(x) for x in np.nan_to_num(states[0])) if len(states) else ()
 
 
 def without_magnetometers(recording: Recording, names: Sequence[str]) -> Recording | None:

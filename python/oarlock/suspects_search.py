@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from oarlock.suspects_changes import (
     compass_changes,
     exchanges,
     exchanges_of_two,
+    stuck_values,
     turns,
     unit_factors,
     unit_signs,
@@ -32,6 +33,7 @@ HELPS = 1.3
 """The same of one after which others are left."""
 ALIKE = 1.25
 """Changes whose misfits differ by less than this cannot be told apart."""
+STARTS = 4
 RATE_HZ, SCREEN_HZ = 50.0, 25.0
 FINALISTS = 5
 SETTLED, SETTLES = 0.7, 4.0
@@ -40,6 +42,9 @@ UNITS_DOUBTED, CLOSE = 3, 2.0
 """At most so many units are doubted, and none that leaves the rest with so much more misfit than another does."""
 MOST_EXCHANGED = 8
 """Exchanges are sought among no more units than this: those that fit worst."""
+
+
+Ranking: TypeAlias = list[tuple[Change, Misfit]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,25 +97,30 @@ class Outcome:
 
 def search(judge: Judge, second: Second) -> Outcome:
     """Name faults one after the other until the second fits."""
-    first = judge.misfit(second.fine)
-    if first.total <= USUAL:
-        return Outcome((), first)
-    found, left, misfit = [], second, first
+    found: list[Found] = []
+    first = misfit = judge.misfit(second.fine)
+    left = second
     while misfit.total > USUAL and len(found) < MOST_FAULTS:
-        best = _best(judge, left, misfit)
-        if best is None:
+        ranked = _ranked(judge, left, misfit)
+        misfit = _from_their_starts(judge, left, misfit, ranked)
+        if not found:
+            first = misfit
+        best = _best(misfit, ranked)
+        if misfit.total <= USUAL or best is None:
             break
         found.append(best)
         left = left.applied(best.change)
         misfit = judge.misfit(left.fine)
+    if first.total <= USUAL:
+        return Outcome((), first)
     if found and misfit.total <= max(USUAL, first.total / EXPLAINS ** (len(found) + 1)):
         return Outcome(tuple(found), misfit)
-    return Outcome((), first, *_contradicting(judge, second, first))
+    return Outcome((), first, *_contradicting(judge, second))
 
 
-def _best(judge: Judge, second: Second, misfit: Misfit) -> Found | None:
-    """The change that helps most; rarer kinds are tried only where no usual one settles it."""
-    ranked: list[tuple[Change, Misfit]] = []
+def _ranked(judge: Judge, second: Second, misfit: Misfit) -> Ranking:
+    """Changes that help most; rarer kinds are tried only where no usual one settles it."""
+    ranked: Ranking = []
     for family in (_units, _usual, _rare):
         changes = _sifted(judge, second, list(family(judge, second, misfit)))
         fits = judge.misfits([change.applied(second.fine) for change in changes])
@@ -119,6 +129,16 @@ def _best(judge: Judge, second: Second, misfit: Misfit) -> Found | None:
         )
         if ranked and ranked[0][1].total < min(SETTLED * USUAL, misfit.total / SETTLES):
             break
+    return ranked
+
+
+def _from_their_starts(judge: Judge, second: Second, misfit: Misfit, ranked: Ranking) -> Misfit:
+    """The misfit without any change, from the postures that changes led to: a lucky start is no evidence of a fault."""
+    starts = [fit.posture for _, fit in ranked[:STARTS] if fit.total < misfit.total and fit.posture]
+    return min([misfit, *(judge.misfit_from(second.fine, q) for q in starts)], key=lambda fit: fit.total)
+
+
+def _best(misfit: Misfit, ranked: Ranking) -> Found | None:
     if not ranked:
         return None
     best, fit = ranked[0]
@@ -142,6 +162,7 @@ def _usual(judge: Judge, second: Second, misfit: Misfit) -> Iterator[Change]:
     groups = [[n for n in names if n in worst], [s.name for s in like.angles], [s.name for s in like.places]]
     yield from exchanges(groups)
     yield from value_changes(like.angles, like.places, units=False)
+    yield from stuck_values([*like.angles, *like.places])
     yield from unit_signs(names, together=False)
     if len(names) > 1:
         yield from unit_signs(names, together=True)
@@ -176,7 +197,7 @@ def _sifted(judge: Judge, second: Second, changes: Sequence[Change]) -> list[Cha
     return [changes[i] for i in order[:FINALISTS] if np.isfinite(fits[i].total)]
 
 
-def _contradicting(judge: Judge, second: Second, misfit: Misfit) -> tuple[str, float]:
+def _contradicting(judge: Judge, second: Second) -> tuple[str, float]:
     cuts = [(s.name, second.without([s.name])) for s in second.fine.streams]
     left = [(name, cut.fine) for name, cut in cuts if cut is not None]
     if len(left) < 2:

@@ -8,6 +8,9 @@ import numpy as np
 
 from oarlock.array_gate import FloatArray
 
+SUSPECT_NOTE = "Suspect: "
+"""How a note of a track begins that names a suspect."""
+
 _QUANTITY = {"gyro_rad_s": "gyro", "accel_m_s2": "accel", "mag_ut": "mag", "value": "value"}
 _SENSOR = {"gyro_rad_s": "gyroscope", "accel_m_s2": "accelerometer", "mag_ut": "magnetometer"}
 _MAPPING_UNIT = {
@@ -38,6 +41,11 @@ def factor_text(streams: Sequence[str], quantity: str, what: str, factor: float)
     else:
         advice = f"set scale = {factor:.6g} for {key} in the mapping file"
     return f"{subject} {_look(streams)} {what}: {advice}."
+
+
+def stuck_text(name: str, value: float) -> str:
+    """An encoder that does not follow."""
+    return f"{name} looks stuck: it reads {value:.5g} throughout. Look at the sensor; leave it out meanwhile."
 
 
 def turn_text(streams: Sequence[str], matrix: FloatArray) -> str:
