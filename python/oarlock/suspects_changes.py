@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 UNIT_FIELDS = ("gyro_rad_s", "accel_m_s2", "mag_ut")
 GRAVITY_M_S2 = 9.80665
-RARE = 1.25
-"""A fault that seldom happens has to explain a second better than a usual one, by this factor."""
+LESS_USUAL, RARE = 1.1, 1.25
+"""A fault that happens less, or seldom, has to explain a second better than a usual one, by this factor."""
 MOST_DOUBLE = 6
 """Two exchanges at a time are tried among no more streams than this."""
 
@@ -81,7 +81,7 @@ def value_changes(angles: Sequence[Stream], places: Sequence[Stream], units: boo
             names = [s.name for s in group if _largest(s.values["value"]) > least]
             for together in _together(names):
                 text = factor_text(together, "value", what, factor)
-                rarity = 1.0 if len(together) < 3 or units else RARE
+                rarity = 1.0 if len(together) == 1 or units else LESS_USUAL if len(together) == 2 else RARE
                 fault = "unit" if units else "sign"
                 yield Change(fault, together, text, {}, ("value",), factor, rarity)
 
@@ -119,7 +119,7 @@ def turns(names: Sequence[str], together: bool) -> Iterator[Change]:
         for matrix in PROPER:
             half = abs(np.trace(matrix) + 1.0) < 0.5
             text = turn_text(streams, matrix)
-            yield Change("turned", streams, text, {}, UNIT_FIELDS, matrix, 1.0 if half else 1.1)
+            yield Change("turned", streams, text, {}, UNIT_FIELDS, matrix, 1.0 if half else LESS_USUAL)
         for matrix in MIRRORS:
             yield Change(
                 "axes", streams, axes_text(streams, UNIT_FIELDS, matrix), {}, UNIT_FIELDS, matrix, RARE
@@ -136,7 +136,7 @@ def compass_changes(names: Sequence[str], together: bool) -> Iterator[Change]:
         for matrix in (*PROPER, *MIRRORS, -np.eye(3)):
             text = axes_text(streams, ("mag_ut",), matrix)
             half = np.count_nonzero(np.diag(matrix)) == 3
-            yield Change("axes", streams, text, {}, ("mag_ut",), matrix, 1.0 if half else 1.1)
+            yield Change("axes", streams, text, {}, ("mag_ut",), matrix, 1.0 if half else LESS_USUAL)
         for what, factor in _COMPASS_UNITS:
             text = factor_text(streams, "mag_ut", what, factor)
             yield Change("unit", streams, text, {}, ("mag_ut",), factor)

@@ -34,6 +34,8 @@ HELPS = 1.3
 ALIKE = 1.25
 """Changes whose misfits differ by less than this cannot be told apart."""
 STARTS = 4
+FLOOR = 0.1
+"""Misfits far below the usual one are all as good."""
 RATE_HZ, SCREEN_HZ = 50.0, 25.0
 FINALISTS = 5
 SETTLED, SETTLES = 0.7, 4.0
@@ -145,8 +147,19 @@ def _best(misfit: Misfit, ranked: Ranking) -> Found | None:
     needed = EXPLAINS if fit.total <= USUAL else HELPS
     if not fit.total * needed * best.rarity < misfit.total:
         return None
-    near = [c for c, f in ranked[1:] if f.total * c.rarity < ALIKE * fit.total * best.rarity]
+    near = [
+        c for c, f in ranked[1:] if _weighed(c, f) < ALIKE * _weighed(best, fit) and not _more_than(best, c)
+    ]
     return Found(best, misfit.total, fit.total, tuple(near))
+
+
+def _weighed(change: Change, fit: Misfit) -> float:
+    return (FLOOR + fit.total) * change.rarity
+
+
+def _more_than(one: Change, other: Change) -> bool:
+    """Whether the other is the same fault of further streams, too."""
+    return one.fault == other.fault and set(one.streams) < set(other.streams)
 
 
 def _units(judge: Judge, second: Second, misfit: Misfit) -> Iterator[Change]:
