@@ -31,13 +31,24 @@ def stuck_texts(stream: ImuStream, others_move: bool) -> list[str]:
     if len(stream) < STUCK_ROWS:
         return []
     runs = {name: [_longest_equal(column) for column in rows.T] for name, rows in stream.values.items()}
+    if others_move and _whole(stream, runs):
+        first = max(first for own in runs.values() for first, _ in own)
+        stop = min(stop for own in runs.values() for _, stop in own)
+        when = (
+            f"from {stream.time_s[first]:.2f} to {stream.time_s[stop - 1]:.2f} s"
+            if first < stop
+            else "for a while"
+        )
+        return [
+            f"looks stuck: every reading is the same {when}, which no sensor in use gives. Look at its link."
+        ]
     texts = []
     for name, own in runs.items():
         held = [axis for axis, (first, stop) in enumerate(own) if _is_long(stream, first, stop)]
         if not held:
             continue
         first, stop = own[held[0]]
-        if not (_moves(stream, first, stop, name, held) or (others_move and _whole(stream, runs))):
+        if not _moves(stream, first, stop, name, held):
             continue
         which = "all axes" if len(held) == 3 else " and ".join("xyz"[axis] for axis in held)
         values = ", ".join(f"{stream.values[name][first, axis]:.5g}" for axis in held)

@@ -53,7 +53,8 @@ class Change:
 
     def _mended(self, stream: Stream) -> Stream:
         values = {n: self._right(v) if n in self.fields else v for n, v in stream.values.items()}
-        return type(stream)(self.names.get(stream.name, stream.name), stream.time_s, **values)
+        name = self.names.get(stream.name, stream.name)
+        return type(stream)(name, stream.time_s, **values)  # type: ignore[arg-type]
 
     def _right(self, rows: FloatArray) -> FloatArray:
         return np.asarray(rows * self.matrix if isinstance(self.matrix, float) else rows @ self.matrix.T)

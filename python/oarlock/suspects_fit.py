@@ -82,9 +82,9 @@ class Judge:
         """Of one recording."""
         return self.misfits([recording])[0]
 
-    def misfit_from(self, recording: Recording, posture: tuple[float, ...]) -> Misfit:
-        """Of one recording that is tried from this posture first."""
-        return self._tracked(self._model, [recording], START_WINDOWS_S[0], posture)[0]
+    def misfits_from(self, recordings: Sequence[Recording], posture: tuple[float, ...]) -> list[Misfit]:
+        """Of each recording, started near this posture."""
+        return self._tracked(self._model, recordings, START_WINDOWS_S[0], posture)
 
     def _tracked(
         self, model: Model, recordings: Sequence[Recording], window_s: float, posture: tuple[float, ...] = ()

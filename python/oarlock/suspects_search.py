@@ -131,13 +131,25 @@ def _ranked(judge: Judge, second: Second, misfit: Misfit) -> Ranking:
         )
         if ranked and ranked[0][1].total < min(SETTLED * USUAL, misfit.total / SETTLES):
             break
-    return ranked
+    return _from_the_best_start(judge, second, ranked)
+
+
+def _from_the_best_start(judge: Judge, second: Second, ranked: Ranking) -> Ranking:
+    """Again, with all that came near started where the best one did, so that they compete by what they explain."""
+    if not ranked or not ranked[0][1].posture:
+        return ranked
+    rivals = [pair[0] for pair in ranked[1 : 1 + STARTS]]
+    fits = judge.misfits_from([c.applied(second.fine) for c in rivals], ranked[0][1].posture)
+    better = {id(c): fit for c, fit in zip(rivals, fits, strict=True)}
+    again = [(c, min(fit, better.get(id(c), fit), key=lambda one: one.total)) for c, fit in ranked]
+    return sorted(again, key=lambda pair: _weighed(*pair))
 
 
 def _from_their_starts(judge: Judge, second: Second, misfit: Misfit, ranked: Ranking) -> Misfit:
     """The misfit without any change, from the postures that changes led to: a lucky start is no evidence of a fault."""
     starts = [fit.posture for _, fit in ranked[:STARTS] if fit.total < misfit.total and fit.posture]
-    return min([misfit, *(judge.misfit_from(second.fine, q) for q in starts)], key=lambda fit: fit.total)
+    tried = [fit for posture in starts for fit in judge.misfits_from([second.fine], posture)]
+    return min([misfit, *tried], key=lambda fit: fit.total)
 
 
 def _best(misfit: Misfit, ranked: Ranking) -> Found | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from oarlock.array_gate import FloatArray
 from oarlock.recording import ImuStream, Recording, Stream
@@ -28,7 +29,8 @@ def liveliest(recording: Recording, seconds: float, apart_from: float | None = N
         apart_from: no second that overlaps with the one that begins here, s. NaN comes back if there is none.
     """
     begin, end = recording.start_s, min(recording.end_s, recording.start_s + SEARCHED_S)
-    starts = begin + STEP_S * np.arange(max(1, int((end - begin - seconds) / STEP_S + 1e-6) + 1))
+    steps = np.arange(max(1, int((end - begin - seconds) / STEP_S + 1e-6) + 1))
+    starts: FloatArray = np.asarray(begin + STEP_S * steps, dtype=np.float64)
     if apart_from is not None:
         starts = starts[np.abs(starts - apart_from) >= seconds]
     if not len(starts):
@@ -45,7 +47,8 @@ def on_grid(recording: Recording, start_s: float, seconds: float, rate_hz: float
     stream slower than the grid keeps its own pace. None if no stream has enough.
     """
     step = 1.0 / rate_hz
-    grid = start_s + step * (0.5 + np.arange(max(1, round(seconds * rate_hz))))
+    rows = np.arange(max(1, round(seconds * rate_hz)))
+    grid: FloatArray = np.asarray(start_s + step * (0.5 + rows), dtype=np.float64)
     parts = [part for stream in recording.streams if (part := _nearest(stream, grid, step)) is not None]
     if not parts or max(len(part) for part in parts) < LEAST_ROWS:
         return None
@@ -60,20 +63,20 @@ def _liveliness(stream: Stream, starts: FloatArray, seconds: float) -> FloatArra
         rows, lively = stream.gyro_rad_s, LIVELY_RAD_S
     else:
         rows, lively = stream.value.reshape(len(stream), -1), LIVELY_CHANGE
-    whole = np.isfinite(rows).all(axis=1)
+    whole: NDArray[np.bool_] = np.asarray(np.isfinite(rows).all(axis=1))
     rows = np.where(whole[:, None], rows, 0.0)
-    edges = np.searchsorted(stream.time_s, np.stack([starts, starts + seconds]))
+    edges: NDArray[np.intp] = np.asarray(np.searchsorted(stream.time_s, np.stack([starts, starts + seconds])))
     count = _between(whole.astype(float), edges)
     with np.errstate(invalid="ignore", divide="ignore"):
         square = _between((rows**2).sum(axis=1), edges) / count
         if not isinstance(stream, ImuStream):
-            square -= sum((_between(column, edges) / count) ** 2 for column in rows.T)
+            square -= np.sum([(_between(column, edges) / count) ** 2 for column in rows.T], axis=0)
     spread = np.sqrt(np.nan_to_num(square).clip(min=0.0))
     there = np.minimum(1.0, count / max(1.0, float(count.max())))
     return np.asarray(np.minimum(1.0, spread / lively) * there)
 
 
-def _between(values: FloatArray, edges: FloatArray) -> FloatArray:
+def _between(values: FloatArray, edges: NDArray[np.intp]) -> FloatArray:
     sums = np.concatenate([[0.0], np.cumsum(values)])
     return np.asarray(sums[edges[1]] - sums[edges[0]])
 
@@ -88,4 +91,4 @@ def _nearest(stream: Stream, grid: FloatArray, step: float) -> Stream | None:
     if not near.any():
         return None
     values = {name: array[rows[near]] for name, array in stream.values.items()}
-    return type(stream)(stream.name, grid[near], **values)
+    return type(stream)(stream.name, grid[near], **values)  # type: ignore[arg-type]
