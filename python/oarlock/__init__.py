@@ -49,6 +49,7 @@ from oarlock.study import (
     load_study,
     study,
 )
+from oarlock.suspects import Suspect, suspects
 from oarlock.track import Track, load_track
 from oarlock.tracking import smooth, track
 
@@ -86,6 +87,7 @@ __all__ = [
     "StudyResult",
     "StudySimulator",
     "StudyTrial",
+    "Suspect",
     "Track",
     "Tracker",
     "VectorStream",
@@ -122,6 +124,7 @@ __all__ = [
     "simulate_session",
     "smooth",
     "study",
+    "suspects",
     "track",
     "track_limbs",
     "track_many",

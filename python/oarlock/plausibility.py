@@ -1,4 +1,4 @@
-"""Wrong units that show: readings that no sensor on a body can give.
+"""Wrong units, frozen and clipped signals that show: readings that no sensor on a body can give.
 
 Nothing is repaired. A finding says which sensor, which number, and what to change.
 """
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from oarlock.array_gate import FloatArray
 from oarlock.errors import DataError
+from oarlock.frozen_signals import clipped_texts, moves, stuck_texts
 from oarlock.gyro_scale import gyro_per_gravity_turn, row_norms
 from oarlock.packets import lost_packets
 from oarlock.recording import ImuStream, Recording, ScalarStream, Stream
@@ -58,11 +59,13 @@ class Finding:
         sensor: the stream's name.
         severity: "error" stops a run, "warning" is shown, "note" tells what is missing.
         message: a whole sentence or more: number, unit, and what to do.
+        kind: "stuck" or "clipped" where it is that; else empty.
     """
 
     sensor: str
     severity: Severity
     message: str
+    kind: str = ""
 
     def __str__(self) -> str:
         return f"{self.sensor}: {self.message}"
@@ -80,6 +83,7 @@ def plausibility(recording: Recording, expected: Collection[str] = ()) -> list[F
         Findings, errors first.
     """
     findings = [f for stream in recording.streams for f in _stream_findings(recording, stream)]
+    findings += _frozen_findings([s for s in recording.streams if isinstance(s, ImuStream)])
     findings += _name_findings(recording, expected)
     return sorted(findings, key=lambda f: ("error", "warning", "note").index(f.severity))
 
@@ -103,6 +107,18 @@ def _stream_findings(recording: Recording, stream: Stream) -> list[Finding]:
         findings += _accel_findings(stream) + _gyro_findings(stream) + _mag_findings(stream)
     elif isinstance(stream, ScalarStream):
         findings += _scalar_findings(stream)
+    return findings
+
+
+def _frozen_findings(units: list[ImuStream]) -> list[Finding]:
+    moving = {unit.name: moves(unit) for unit in units}
+    findings = []
+    for unit in units:
+        others_move = any(moved for name, moved in moving.items() if name != unit.name)
+        texts = {"stuck": stuck_texts(unit, others_move), "clipped": clipped_texts(unit)}
+        findings += [
+            Finding(unit.name, "warning", text, kind) for kind, found in texts.items() for text in found
+        ]
     return findings
 
 

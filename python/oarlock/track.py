@@ -166,6 +166,13 @@ class Track:
             "observed": self.observed[:, columns].all(axis=1),
         }
 
+    def with_notes(self, *sentences: str) -> Track:
+        """The same track, whose notes begin with these."""
+        other = object.__new__(Track)
+        other.__dict__.update(self.__dict__)
+        other.__dict__["notes"] = tuple(dict.fromkeys((*sentences, *self.notes)))
+        return other
+
     def __len__(self) -> int:
         return len(self.time_s)
 

@@ -9,6 +9,7 @@ from oarlock.cli.terminal import heading, number, pairs, say, table
 from oarlock.evaluate import Evaluation, SensorScore, presentation
 from oarlock.evaluate.marker_scores import MarkerEvaluation
 from oarlock.evaluate.tracklike import TrackLike
+from oarlock.suspects_text import SUSPECT_NOTE
 from oarlock.track_summary import TrackSummary, summarize
 
 # digits behind the point for an error in this unit
@@ -32,7 +33,8 @@ def write_summary(track: TrackLike) -> None:
 
 
 def write_notes(notes: Sequence[str]) -> None:
-    """What was missing or odd, a sentence each."""
+    """What was missing or odd, a sentence each; suspects have been said before."""
+    notes = [note for note in notes if not note.startswith(SUSPECT_NOTE)]
     if notes:
         heading("Notes")
     for note in notes:

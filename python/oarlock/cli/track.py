@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,13 +12,14 @@ import typer
 from oarlock import Config
 from oarlock.cli.model import posture
 from oarlock.cli.options import Force, Json, ModelName, OutFolder, Settings, assignments, example, names
+from oarlock.cli.suspects import explained, look_for_suspects, write_suspects
 from oarlock.cli.tables import write_summary
 from oarlock.cli.terminal import UsageError, fresh_folder, print_json, progress, say, steps, verb
 from oarlock.compare.estimators import LIMB_FILTER, tree_filters
 from oarlock.compare.orientation_track import ORIENTATION_FILTERS
 
 if TYPE_CHECKING:
-    from oarlock import Calibration, Evaluation, Model, Recording, Track
+    from oarlock import Calibration, Evaluation, Model, Recording, Suspect, Track
 
 RUN_FILE = "run.toml"
 RECORDING_FILE = "recording.toml"
@@ -169,6 +171,12 @@ def track(
         int | None,
         typer.Option("--threads", metavar="N", min=1, help="Recordings tracked at a time; else all cores."),
     ] = None,
+    suspects: Annotated[
+        bool,
+        typer.Option(
+            "--suspects/--no-suspects", help="Look for faults of sensors first, in the liveliest second."
+        ),
+    ] = True,
     csv: Annotated[bool, typer.Option("--csv", help="Also write the tables as CSV.")] = False,
     force: Force = False,
     json_output: Json = False,
@@ -220,6 +228,7 @@ def track(
             config,
             smooth=smooth,
             threads=threads,
+            look=suspects,
             csv=csv,
             json_output=json_output,
         )
@@ -230,11 +239,15 @@ def track(
     if (out / RECORDING_FILE).exists():
         raise UsageError(f"{out} is a recording; results go into a folder of their own")
     fresh_folder(out, RUN_FILE, force)
-    result = run_filter(body, measured, wearing, config, smooth, filter_name)
+    found = look_for_suspects(body, measured, wearing, config) if suspects else ()
+    with explained(found, out, f"Track of {body.name}"):
+        result = run_filter(body, measured, wearing, config, smooth, filter_name)
+    result = result.with_notes(*(suspect.note for suspect in found))
     write_folder(result, out, csv)
     if json_output:
-        print_json(document(result, out))
+        print_json(document(result, out, found))
         return
+    write_suspects(found)
     say(f"Tracked {recording}", style="bold")
     write_summary(result)
     tables = ["track", *_beside(result)]
@@ -292,14 +305,15 @@ def _beside(result: Track) -> list[str]:
     return [name for name, table in found.items() if table is not None]
 
 
-def document(result: Track, out: Path) -> dict[str, object]:
-    """The summary for machines."""
+def document(result: Track, out: Path, found: Sequence[Suspect] = ()) -> dict[str, object]:
+    """The summary for machines; `found` are the suspects of the recording."""
     from oarlock.track_summary import summarize
 
     summary = summarize(result)
     return {
         "out": out,
         "report": out / "report.html",
+        "suspects": [suspect.to_dict() for suspect in found],
         **{key: value for key, value in vars(summary).items() if key != "sensors"},
         "sensors": {sensor.name: sensor.to_dict() for sensor in summary.sensors},
         "provenance": dict(result.provenance),

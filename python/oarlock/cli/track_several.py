@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NoReturn
 import typer
 from rich.text import Text
 
+from oarlock.cli.suspects import look_for_suspects
 from oarlock.cli.tables import speed
 from oarlock.cli.terminal import (
     EXIT_DATA,
@@ -27,7 +28,7 @@ from oarlock.cli.terminal import (
 from oarlock.cli.track import RECORDING_FILE, RUN_FILE, document, write_folder
 
 if TYPE_CHECKING:
-    from oarlock import Calibration, Config, Model, Recording, Track
+    from oarlock import Calibration, Config, Model, Recording, Suspect, Track
     from oarlock.parallel_tracking import Failure, Job
 
 
@@ -63,6 +64,7 @@ def track_several(
     *,
     smooth: bool,
     threads: int | None,
+    look: bool,
     csv: bool,
     json_output: bool,
 ) -> None:
@@ -71,7 +73,9 @@ def track_several(
     documents: dict[str, object] = {}
     failed: list[str] = []
     with progress("tracking") as told:
-        for path, result in _results(body, load, list(folders), wearing, config, smooth, threads, told):
+        for path, result, suspects in _results(
+            body, load, list(folders), wearing, config, smooth, threads, look, told
+        ):
             out = folders[path]
             if isinstance(result, Exception):
                 failed.append(str(result))
@@ -79,8 +83,9 @@ def track_several(
                 if not any(out.iterdir()):
                     out.rmdir()
                 continue
+            result = result.with_notes(*(suspect.note for suspect in suspects))
             write_folder(result, out, csv)
-            documents[out.name] = document(result, out)
+            documents[out.name] = document(result, out, suspects)
             rows.append(_row(out, result))
     if json_output:
         print_json({"recordings": documents})
@@ -98,8 +103,9 @@ def _results(
     config: Config,
     smooth: bool,
     threads: int | None,
+    look: bool,
     told: Told,
-) -> Iterator[tuple[Path, Track | Failure]]:
+) -> Iterator[tuple[Path, Track | Failure, tuple[Suspect, ...]]]:
     """As many at a time as there are threads, so that no more is in memory than is worked on."""
     from oarlock.parallel_tracking import outcomes
 
@@ -113,7 +119,16 @@ def _results(
 
         tracked = outcomes(body, jobs, smooth=smooth, threads=threads, stop_on_refusal=False, progress=share)
         found = broken | dict(zip(jobs, tracked, strict=True))
-        yield from ((path, found[str(path)]) for path in batch)
+        for path in batch:
+            job = jobs.get(str(path)) if look else None
+            looked = () if job is None else look_for_suspects(body, *job)
+            yield path, _with_reason(found[str(path)], looked), looked
+
+
+def _with_reason(result: Track | Failure, found: tuple[Suspect, ...]) -> Track | Failure:
+    if isinstance(result, Exception) and found:
+        result.args = ("\n".join([str(result), *(suspect.note for suspect in found)]),)
+    return result
 
 
 def _loaded(

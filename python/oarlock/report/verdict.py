@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from html import escape
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from ..coordinates import joint_columns
 from ..evaluate import Evaluation, SensorScore
 from ..evaluate.tracklike import TrackLike
+from ..suspects_text import SUSPECT_NOTE
 from .text import fixed, listing, number, percent, plural
 
 NARROW_COVERAGE, WIDE_COVERAGE = 0.93, 0.995
@@ -21,9 +23,20 @@ NIS_TOO_LARGE = 1.25
 
 
 def summary(track: TrackLike, evaluation: Evaluation | None, sensors: tuple[SensorScore, ...]) -> str:
-    """Two or three sentences: what was tracked, how well, whether to believe the bands."""
-    sentences = [_what(track), _how_well(evaluation), _verdict(evaluation, sensors)]
+    """A few sentences: which sensors are suspect, what was tracked, how well, whether to believe the bands."""
+    sentences = [
+        *suspect_sentences(track.notes),
+        _what(track),
+        _how_well(evaluation),
+        _verdict(evaluation, sensors),
+    ]
     return "".join(f"<p>{sentence}</p>" for sentence in sentences if sentence)
+
+
+def suspect_sentences(notes: Sequence[str]) -> list[str]:
+    """What notes say of faults of sensors."""
+    found = [note.removeprefix(SUSPECT_NOTE) for note in notes if note.startswith(SUSPECT_NOTE)]
+    return [f"<strong>Suspect:</strong> {escape(text)}" for text in found]
 
 
 def observed_joints(track: TrackLike) -> list[str]:
