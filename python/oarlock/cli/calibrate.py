@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from oarlock.cli import calibrate_session, calibrate_tree
+from oarlock.cli import calibrate_motion, calibrate_session, calibrate_tree
 from oarlock.cli.options import Json, ModelName, Settings, assignments, example, names
 from oarlock.cli.terminal import UsageError, heading, number, print_json, say, steps, table, verb
 
@@ -26,6 +26,7 @@ def add_to(app: typer.Typer) -> None:
     """Registers the verbs."""
     calibrate_session.add_to(group)
     calibrate_tree.add_to(group)
+    calibrate_motion.add_to(group)
     app.add_typer(group, name="calibrate")
 
 

@@ -10,7 +10,7 @@ from oarlock.errors import DivergedError
 from oarlock.motion_calibration.constants import Constants
 from oarlock.motion_calibration.hypothesis import RIGID, SOFT, TIMID, Hypothesis
 from oarlock.motion_calibration.notes import noted
-from oarlock.motion_calibration.stretch import Stretch, nis_per_reading
+from oarlock.motion_calibration.stretch import Stretch
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -72,14 +72,13 @@ def calibrate_motion(
     edges = [(start_s, recording.start_s), (end_s, recording.end_s)]
     first_s, last_s = (edge if given is None else given for given, edge in edges)
     stretch = Stretch.of(model, known, recording.slice(first_s, last_s), held_out)
-    judge = stretch.judge(SOFT)
-    before = nis_per_reading(judge, stretch.rest, known)
+    before = stretch.held_out_nis(SOFT, known)
     scores, kept = {"before": before}, None
     for hypothesis in (RIGID, SOFT, TIMID):
-        found = candidate(stretch, hypothesis, stretch.first, judge)
+        found = candidate(stretch, hypothesis, stretch.first)
         scores[hypothesis.name] = found.score if found else float("inf")
         if found and acceptable(found, before):
-            kept = with_all_samples(stretch, found, judge)
+            kept = with_all_samples(stretch, found)
             break
     notes = noted(kept.constants if kept else None, kept.hypothesis.name if kept else "before", scores)
     span = {"stretch_s": [first_s, last_s], "held_out_s": [stretch.rest.start_s, stretch.rest.end_s]}
@@ -87,7 +86,7 @@ def calibrate_motion(
     return replace(kept.calibration if kept else known, noted=notes | span | older)
 
 
-def candidate(stretch: Stretch, hypothesis: Hypothesis, part: Recording, judge: Model) -> Candidate | None:
+def candidate(stretch: Stretch, hypothesis: Hypothesis, part: Recording) -> Candidate | None:
     """What a hypothesis makes of a part; none if the filter is lost under it."""
     try:
         searched, belief = stretch.search(hypothesis, part)
@@ -96,10 +95,8 @@ def candidate(stretch: Stretch, hypothesis: Hypothesis, part: Recording, judge: 
     constants = Constants.of(belief, searched, hypothesis.samples_per_error).without_the_untold()
     parameters = set(stretch.model.parameters)
     calibration = constants.calibration(searched, stretch.known, parameters)
-    own = nis_per_reading(stretch.judge(hypothesis), stretch.rest, calibration)
-    score = (
-        own if hypothesis.gyro_rad_s == SOFT.gyro_rad_s else nis_per_reading(judge, stretch.rest, calibration)
-    )
+    own = stretch.held_out_nis(hypothesis, calibration)
+    score = stretch.held_out_nis(SOFT, calibration) if hypothesis is RIGID else own
     honest = constants.inflated(hypothesis.variance_factor * max(1.0, own))
     calibration = honest.calibration(searched, stretch.known, parameters)
     return Candidate(hypothesis, honest, calibration, score, own)
@@ -111,8 +108,8 @@ def acceptable(found: Candidate, before: float) -> bool:
     return right and found.score < BETTER * before and found.constants.surprise() <= MOST_SURPRISE
 
 
-def with_all_samples(stretch: Stretch, found: Candidate, judge: Model) -> Candidate:
+def with_all_samples(stretch: Stretch, found: Candidate) -> Candidate:
     """The same from the whole stretch, unless that contradicts the held-out part more."""
-    again = candidate(stretch, found.hypothesis, stretch.whole, judge)
+    again = candidate(stretch, found.hypothesis, stretch.whole)
     stands = again is not None and acceptable(again, found.score / BETTER**2)
     return again if again is not None and stands else found

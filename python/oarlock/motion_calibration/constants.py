@@ -32,6 +32,7 @@ class Constants:
 
     Args:
         names: as the engine names its states.
+        units: "m" or "rad" of each.
         start: (n,) where the search began: values of parameters (m), else 0.
         moved: (n,) how far from there, m or rad.
         covariance: (n, n) of it.
@@ -40,6 +41,7 @@ class Constants:
     """
 
     names: tuple[str, ...]
+    units: tuple[str, ...]
     start: Floats
     moved: Floats
     covariance: Floats
@@ -56,7 +58,8 @@ class Constants:
         weight = np.sqrt(samples_per_error)
         prior = weight * np.array([_prior(name, document) for name in names])
         covariance = samples_per_error * belief.covariance[np.ix_(rows, rows)]
-        return cls(names, start, belief.mean[rows] - start, covariance, prior)
+        units = tuple(_unit(name, document) for name in names)
+        return cls(names, units, start, belief.mean[rows] - start, covariance, prior)
 
     @property
     def std(self) -> Floats:
@@ -156,6 +159,11 @@ def _std_in_link(rotation: Floats, covariance: Floats) -> Floats:
 
 def _is_constant(name: str) -> bool:
     return name.startswith("parameters.") or bool(_MOUNT.fullmatch(name)) or name.startswith(f"{ZERO}_")
+
+
+def _unit(name: str, document: dict[str, Any]) -> str:
+    kinds = {joint["name"]: joint["kind"] for joint in document["joint"]}
+    return "m" if name.startswith("parameters.") or kinds.get(name) == "slide" else "rad"
 
 
 def _start(name: str, searched: Model) -> float:

@@ -18,6 +18,7 @@ def noted(constants: Constants | None, kept: str, scores: Mapping[str, float]) -
         return notes | {"constant": {}, "not_told": []}
     rows = zip(
         constants.names,
+        constants.units,
         constants.start,
         constants.moved,
         constants.prior_std,
@@ -28,13 +29,14 @@ def noted(constants: Constants | None, kept: str, scores: Mapping[str, float]) -
     return notes | {
         "constant": {
             plain(name): {
+                "unit": unit,
                 "prior": float(start),
                 "prior_std": float(prior_std),
                 "found": float(start + moved),
                 "std": float(std),
                 "share_told": max(0.0, float(share)),
             }
-            for name, start, moved, prior_std, std, share in rows
+            for name, unit, start, moved, prior_std, std, share in rows
         },
         "not_told": [plain(name) for name in constants.refused],
     }

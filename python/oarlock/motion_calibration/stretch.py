@@ -17,6 +17,7 @@ from oarlock.tracking import track
 if TYPE_CHECKING:
     from oarlock._core import Belief
     from oarlock.recording import Recording
+    from oarlock.track import Track
 
 LEAST_S = 8.0
 """Some cycles of the movement to search in, and one or two to judge by."""
@@ -35,7 +36,8 @@ class Stretch:
         first: what is searched in.
         rest: what is held out.
         azimuth_rad: of the magnetic field by the plain filter; None without magnetometers.
-        posture: at the start, by the plain filter, rad or m; None if a joint has no single value.
+        postures: at the start and where the held-out part begins, by the plain filter, rad or m; None if a joint has
+            no single value.
     """
 
     model: Model
@@ -44,7 +46,7 @@ class Stretch:
     first: Recording
     rest: Recording
     azimuth_rad: float | None
-    posture: tuple[float, ...] | None
+    postures: tuple[tuple[float, ...], tuple[float, ...]] | None
 
     @classmethod
     def of(cls, model: Model, known: Calibration, whole: Recording, held_out: float) -> Stretch:
@@ -57,10 +59,11 @@ class Stretch:
         _check(model, whole, held_out)
         cut_s = whole.end_s - held_out * whole.duration_s
         first, rest = whole.slice(end_s=cut_s), whole.slice(start_s=cut_s)
-        plain = track(model, first, known)
+        plain = track(model, whole, known)
         azimuth = plain.slow["azimuth"].value if "azimuth" in plain.slow else None
         scalar = plain.q.shape[1] == len(model.joint_names)
-        begun = np.nan_to_num(plain.q[0]) if scalar else None
+        rows = (0, min(int(np.searchsorted(plain.time_s, cut_s)), len(plain) - 1))
+        begun, cut = (tuple(float(x) for x in np.nan_to_num(plain.q[row])) for row in rows)
         return cls(
             model,
             known,
@@ -68,7 +71,7 @@ class Stretch:
             first,
             rest,
             None if azimuth is None else float(np.median(azimuth)),
-            None if begun is None else tuple(float(x) for x in begun),
+            (begun, cut) if scalar else None,
         )
 
     def search(self, hypothesis: Hypothesis, part: Recording) -> tuple[Model, Belief]:
@@ -84,7 +87,7 @@ class Stretch:
         )
         pushes = [base["name"] for base in searched.describe()["base_acceleration"]]
         estimate = ("gyro_bias", "accel_bias", *pushes, "mounts", "lengths")
-        config = Config(estimate=estimate, initial_q=self._start(searched))
+        config = Config(estimate=estimate, initial_q=self._posture(searched, 0))
         corrections = replace(
             self.known,
             parameters={},
@@ -98,30 +101,33 @@ class Stretch:
             raise DivergedError("calibrate motion: the search ended without a belief")
         return searched, belief
 
-    def _start(self, searched: Model) -> list[float] | None:
-        if self.posture is None:
+    def _posture(self, searched: Model, part: int) -> list[float] | None:
+        if self.postures is None:
             return None
-        begun = dict(zip(self.model.joint_names, self.posture, strict=True))
+        begun = dict(zip(self.model.joint_names, self.postures[part], strict=True))
         return [begun.get(name, 0.0) for name in searched.joint_names]
 
-    def judge(self, hypothesis: Hypothesis) -> Model:
-        """The model under a hypothesis, its constants as the calibration says."""
-        return searched_model(
+    def held_out_nis(self, hypothesis: Hypothesis, calibration: Calibration) -> float:
+        """Squared innovations over their variance, per reading of the held-out part; infinite if the filter is lost.
+
+        Noise is what the hypothesis says and not learnt, so that calibrations compare.
+        """
+        judge = searched_model(
             self.model, Calibration(), hypothesis, azimuth_rad=self.azimuth_rad, constants=False
         )
+        config = Config(learning_memory_s=None, initial_q=self._posture(judge, 1))
+        try:
+            tracked = track(judge, self.rest, calibration, config)
+        except DivergedError:
+            return float("inf")
+        return _nis_per_reading(tracked)
 
 
-def nis_per_reading(judge: Model, part: Recording, calibration: Calibration) -> float:
-    """Squared innovations over their variance, per reading, without learning of noise; infinite if it diverges."""
-    try:
-        tracked = track(judge, part, calibration, Config(learning_memory_s=None))
-    except DivergedError:
-        return float("inf")
-    info = tracked.info
+def _nis_per_reading(tracked: Track) -> float:
+    info, settled = tracked.info, tracked.time_s >= tracked.time_s[0] + SETTLED_S
     if info is None:
         return float("inf")
-    nis = info.nis[tracked.time_s >= tracked.time_s[0] + SETTLED_S]
-    used = info.used[tracked.time_s >= tracked.time_s[0] + SETTLED_S]
+    nis, used = info.nis[settled], info.used[settled]
     heard = np.isfinite(nis) & (used > 0)
     return float(nis[heard].sum() / used[heard].sum()) if heard.any() else float("inf")
 

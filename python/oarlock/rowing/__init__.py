@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from oarlock.rowing.anthropometry import anthropometry
 from oarlock.rowing.boat import Boat, HullMotion
 from oarlock.rowing.field import FieldEffects, FieldTrial, simulate_field
 from oarlock.rowing.hull import HullRotation, on_hull
@@ -34,6 +35,7 @@ __all__ = [
     "StrokeTiming",
     "SweepShape",
     "adjusted_stretcher",
+    "anthropometry",
     "hull_pitch",
     "on_hull",
     "row_piece",
