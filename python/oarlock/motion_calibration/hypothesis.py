@@ -48,8 +48,8 @@ their bends for information: at full weight widths go astray by centimetres."""
 
 SOFT = Hypothesis("soft", 0.2, 1.0, 3.0, 0.008, 0.06, samples_per_error=100.0, variance_factor=4.0)
 """Straps on skin: a unit lags by a tenth of what its limb turns at 2 rad/s, rings by a tenth of g, a hand slips by
-millimetres; and it does so alike for most of a second (100 samples at 125 Hz). What is found is the mean over the movement,
-which skin carries away from the bone by about twice what the readings tell."""
+millimetres; and it does so alike for most of a second (100 samples at 125 Hz). What is found is the mean over the
+movement, which skin carries away from the bone by about twice what the readings tell."""
 
 TIMID = replace(SOFT, name="soft, close to what was known", samples_per_error=400.0)
 """The same, where the first leads astray: an error is the same for a whole movement."""
