@@ -29,7 +29,7 @@ PLACE, ZERO, ROCK = "search_place", "search_zero", "search_rock"
 CONSTANT_WALK = 1e-7
 """A state that does not change may not have a density of zero."""
 
-# Of a hull in small waves: limits, then density, time and start of an acceleration that dies away (docs/boat.md).
+# Of a vehicle that floats: limits, then density, time and start of an acceleration that dies away.
 _SLIDES = (
     ("sideways", [-0.1, 0.1], 3.0, 0.2, [0.02, 0.1, 0.5]),
     ("upwards", [-0.04, 0.04], 1.5, 0.2, [0.01, 0.05, 0.3]),
