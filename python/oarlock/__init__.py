@@ -33,6 +33,7 @@ from oarlock.markers import (
 )
 from oarlock.models import Base, load_model
 from oarlock.motion import Motion
+from oarlock.motion_calibration import calibrate_motion
 from oarlock.parallel_tracking import track_many
 from oarlock.pose_mounts import calibrate_pose
 from oarlock.recording import ImuStream, Recording, ScalarStream, VectorStream, load_recording
@@ -98,6 +99,7 @@ __all__ = [
     "calibrate_hinge_axes",
     "calibrate_hinge_chain",
     "calibrate_joint_centers",
+    "calibrate_motion",
     "calibrate_pose",
     "calibrate_session",
     "compare",

@@ -27,6 +27,7 @@ def add_to(app: typer.Typer) -> None:
     calibrate_session.add_to(group)
     calibrate_tree.add_to(group)
     calibrate_clocks.add_to(group)
+    calibrate_motion.add_to(group)
     app.add_typer(group, name="calibrate")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from oarlock.rowing.anthropometry import anthropometry
 from oarlock.rowing.boat import Boat, HullMotion
 from oarlock.rowing.ergometer import ErgometerShape, Machine, ergometer_piece
 from oarlock.rowing.field import FieldEffects, FieldTrial, simulate_field
@@ -39,6 +40,7 @@ __all__ = [
     "StrokeTiming",
     "SweepShape",
     "adjusted_stretcher",
+    "anthropometry",
     "ergometer_piece",
     "hull_pitch",
     "on_hull",

@@ -1,0 +1,125 @@
+"""`oarlock calibrate motion | stature`: self-calibration from ordinary movement, and lengths to start it from."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from oarlock.cli.options import Json, ModelName, Settings, assignments, example
+from oarlock.cli.terminal import UsageError, heading, number, print_json, say, steps, table, verb
+
+if TYPE_CHECKING:
+    from oarlock import Calibration
+
+OutFile = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Calibration file to write.")]
+Replace = Annotated[bool, typer.Option("--force", help="Replace a file that exists.")]
+
+
+def add_to(group: typer.Typer) -> None:
+    """Registers the verbs."""
+    group.command(
+        "motion",
+        epilog=example(
+            "oarlock calibrate motion rec --model sculler --out cal.toml",
+            "oarlock calibrate motion rec --model sculler --calibration stature.toml --until 60 --out cal.toml",
+        ),
+    )(motion)
+    group.command(
+        "stature", epilog=example("oarlock calibrate stature 1.84 --model sculler --out stature.toml")
+    )(stature)
+
+
+@verb
+def motion(
+    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="A recording folder.")],
+    model: ModelName,
+    out: OutFile,
+    settings: Settings = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option("--calibration", metavar="FILE", help="What is known already, as start and prior."),
+    ] = None,
+    start_s: Annotated[
+        float | None, typer.Option("--from", metavar="S", help="Begin of the stretch to use, s.")
+    ] = None,
+    end_s: Annotated[float | None, typer.Option("--until", metavar="S", help="End of it, s.")] = None,
+    held_out: Annotated[
+        float, typer.Option("--held-out", metavar="SHARE", help="Share of it to judge results by.")
+    ] = 1.0 / 3.0,
+    force: Replace = False,
+    json_output: Json = False,
+) -> None:
+    """Find mounts, lengths, places and zeros from ordinary movement with closed loops."""
+    import oarlock
+
+    body = oarlock.load_model(model, parameters=assignments(settings, "--set"))
+    _refuse(out, force)
+    known = None if calibration is None else oarlock.load_calibration(calibration)
+    found = oarlock.calibrate_motion(
+        body, oarlock.load_recording(recording), known, start_s=start_s, end_s=end_s, held_out=held_out
+    )
+    found.save(out)
+    if json_output:
+        print_json({"calibration": out, "parameters": found.parameters, "noted": found.noted})
+        return
+    say(f"Wrote {out}", style="bold")
+    write_motion(found)
+    steps(f"oarlock track {recording} --model {model} --calibration {out} --out {recording}-track")
+
+
+@verb
+def stature(
+    stature_m: Annotated[float, typer.Argument(metavar="METRES", help="Standing height without shoes, m.")],
+    model: ModelName,
+    out: OutFile,
+    force: Replace = False,
+    json_output: Json = False,
+) -> None:
+    """Lengths of a rower's body from stature, with 5 % as standard deviations."""
+    import oarlock
+    from oarlock.rowing import anthropometry
+
+    _refuse(out, force)
+    found = anthropometry(oarlock.load_model(model), stature_m)
+    found.save(out)
+    if json_output:
+        print_json({"calibration": out, "parameters": found.parameters, "noted": found.noted})
+        return
+    say(f"Wrote {out}", style="bold")
+    for name, length_m in found.parameters.items():
+        say(f"{name} = {length_m:.3f} +- {found.parameter_stds[name]:.3f} m", indent=2)
+    steps(f"oarlock calibrate motion RECORDING --model {model} --calibration {out} --out cal.toml")
+
+
+def _refuse(out: Path, force: bool) -> None:
+    if out.exists() and not force:
+        raise UsageError(f"{out} exists\nChoose another file, or add --force.")
+
+
+def write_motion(calibration: Calibration) -> None:
+    """Prints what was kept and why, and every constant with its prior."""
+    noted: dict[str, Any] = dict(calibration.noted)
+    start, end = noted["held_out_s"]
+    heading("Held-out innovations", f"squared, per reading, {start:.1f} to {end:.1f} s; smaller is better")
+    table(["calibration", ">NIS"], [(name, number(x, ".3f")) for name, x in noted["scores"].items()])
+    kept = noted["kept"]
+    if kept == "before":
+        say("kept: what was known before. No search explained the held-out part better.", indent=2)
+        return
+    say(f"kept: {kept}", indent=2)
+    heading("Constants", "mm and deg; told: share of the prior variance that the movement took")
+    table(
+        ["constant", ">prior", ">std", ">found", ">std", ">told %"],
+        [_row(name, found) for name, found in noted["constant"].items()],
+    )
+    if noted["not_told"]:
+        say(f"not told, left as they were: {', '.join(noted['not_told'])}", style="dim", indent=2)
+
+
+def _row(name: str, found: dict[str, Any]) -> tuple[str, ...]:
+    scale, style = (180.0 / math.pi, ".2f") if found["unit"] == "rad" else (1e3, ".1f")
+    figures = (number(scale * found[key], style) for key in ("prior", "prior_std", "found", "std"))
+    return (name, *figures, number(100.0 * found["share_told"], ".0f"))

@@ -1,0 +1,55 @@
+"""What the readings may differ by from a rigid body's, and how much of that is said anew each sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+MOUNT_STD_RAD = 0.08
+"""How far a unit that was strapped on by eye is turned about each axis: 4.6 deg."""
+PLACE_STD_M = 0.010
+"""How far it sits from where the model has it, along each axis."""
+HINGE_ZERO_STD_RAD = 0.0087
+"""Zero of an encoder of a hinge, half a degree."""
+SLIDE_ZERO_STD_M = 0.005
+"""Zero of an encoder of a slide."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """How readings differ from those of the model's rigid body.
+
+    Args:
+        name: for the report.
+        gyro_rad_s: standard deviation that soft tissue adds to a gyroscope, each axis.
+        accel_m_s2: that it adds to an accelerometer.
+        mag_ut: that it adds to a magnetometer, with iron.
+        loop_m: that closures and their points miss each other by.
+        loop_axis: that their axes do, direction cosines.
+        samples_per_error: how many samples in a row tell the same error; they count as one. All of a sample's weight
+            is divided by it, which is the same as priors that weigh so many times more.
+        variance_factor: on the variances of what is found, beside that: errors of the hypothesis itself.
+        rocks: the accelerated root also sways, heaves, yaws, pitches and rolls; else it is pushed in all directions.
+    """
+
+    name: str
+    gyro_rad_s: float = 0.0
+    accel_m_s2: float = 0.0
+    mag_ut: float = 0.0
+    loop_m: float = 0.0
+    loop_axis: float = 0.0
+    samples_per_error: float = 1.0
+    variance_factor: float = 1.0
+    rocks: bool = False
+
+
+RIGID = Hypothesis("rigid", samples_per_error=5.0, rocks=True)
+"""The model is right, but for constants and for a root that rocks. Early readings meet a wrong body, and a filter takes
+their bends for information: at full weight widths go astray by centimetres."""
+
+SOFT = Hypothesis("soft", 0.2, 1.0, 3.0, 0.008, 0.06, samples_per_error=100.0, variance_factor=4.0)
+"""Straps on skin: a unit lags by a tenth of what its limb turns at 2 rad/s, rings by a tenth of g, a hand slips by
+millimetres; and it does so alike for most of a second (100 samples at 125 Hz). What is found is the mean over the
+movement, which skin carries away from the bone by about twice what the readings tell."""
+
+TIMID = replace(SOFT, name="soft, close to what was known", samples_per_error=400.0)
+"""The same, where the first leads astray: an error is the same for a whole movement."""
