@@ -2,7 +2,7 @@
 
 use super::campaign::campaign;
 use super::mutate::mutated;
-use super::numbers::{index, one_in};
+use super::numbers::{index, one_in, pick};
 use super::streams::{samples, step_through};
 use super::support::{CHAIN, SCULLER};
 use oarlock::body::Body;
@@ -45,7 +45,8 @@ pub fn answered<T>(result: oarlock::Result<T>) -> Option<T> {
 #[test]
 fn model_files_are_read_or_refused() {
     campaign("models", 400, |chance, fed| {
-        *fed = mutated(chance, TEXTS[index(chance, TEXTS.len())], &TEXTS);
+        let text = pick(chance, &TEXTS);
+        *fed = mutated(chance, text, &TEXTS);
         let Some(model) = answered(Model::from_toml(fed, "wounded.toml")) else { return };
         let model = Arc::new(model);
         let config = Config::default();

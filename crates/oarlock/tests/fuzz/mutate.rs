@@ -97,7 +97,8 @@ const CHARACTERS: [char; 24] = [
 /// The text with one to several wounds; `others` lend their lines.
 pub fn mutated(chance: &mut Chance, text: &str, others: &[&str]) -> String {
     let mut text = text.to_string();
-    let wounds = 1 + index(chance, if one_in(chance, 4) { 12 } else { 3 });
+    let most = if one_in(chance, 4) { 12 } else { 3 };
+    let wounds = 1 + index(chance, most);
     for _ in 0..wounds {
         text = match index(chance, 10) {
             0 | 1 => with_number(chance, &text),
@@ -215,7 +216,8 @@ fn with_section(chance: &mut Chance, text: &str, others: &[&str]) -> String {
     if one_in(chance, 2) {
         own.remove(at);
     } else {
-        let lent = sections(pick(chance, others));
+        let other: &&str = pick(chance, others);
+        let lent = sections(other);
         own.insert(at, pick(chance, &lent).clone());
     }
     own.join("\n[")

@@ -7,7 +7,7 @@ use super::numbers::{index, odd, one_in, pick};
 use super::streams::{samples, step_through};
 use super::support::chance::Chance;
 use super::support::{model, CHAIN, SCULLER};
-use oarlock::config::{Config, FilterKind, Magnetometer, ProcessNoise};
+use oarlock::config::{Config, Consider, FilterKind, Magnetometer, ProcessNoise};
 use oarlock::rotation::Mat3;
 use oarlock::track::{Calibration, Tracker};
 use std::fmt::Write;
@@ -41,6 +41,7 @@ pub fn config(chance: &mut Chance, coordinates: usize) -> Config {
         merge_s: number(chance, 1e-6, 1e-2),
         start_window_s: number(chance, 1e-3, 1.0),
         gate: one_in(chance, 2),
+        consider: *pick(chance, &[Consider::Off, Consider::Learnt, Consider::Always]),
         gate_patience_s: number(chance, 1e-3, 1.0),
         learning_memory_s: one_in(chance, 2).then(|| number(chance, 1e-3, 10.0)),
         belief_interval_s: number(chance, 1e-3, 10.0),
@@ -91,12 +92,18 @@ fn calibrations_are_used_or_refused() {
         let model = pick(chance, &bodies).clone();
         let mut calibration = Calibration::default();
         let wrong = if one_in(chance, 10) { "nobody" } else { "" };
-        for p in model.parameters.iter().filter(|_| one_in(chance, 6)) {
+        for p in &model.parameters {
+            if !one_in(chance, 6) {
+                continue;
+            }
             let value =
                 if one_in(chance, 3) { super::numbers::finite(chance) } else { p.default * chance.between(0.5, 2.0) };
             calibration.parameters.insert(format!("{}{wrong}", p.name), value);
         }
-        for s in model.sensors.iter().filter(|_| one_in(chance, 3)) {
+        for s in &model.sensors {
+            if !one_in(chance, 3) {
+                continue;
+            }
             let offset = [0; 3].map(|_| if one_in(chance, 10) { odd(chance) } else { chance.normal() });
             calibration.mounts.insert(format!("{}{wrong}", s.name), (rotation(chance), offset));
             if one_in(chance, 3) {
