@@ -49,7 +49,8 @@ def test_slopes_are_those_of_the_filter_itself() -> None:
     slopes = belief.doubt[2 : 2 + n * width].reshape(n, width)
     angles = [belief.state_names.index(name) for name in ELEVEN]
     # Lengths and the places of units stand before the mounts, which come unit by unit.
-    first = len(sculler().parameters) + 3 * len(UNITS)
+    lengths = [name for name in sculler().parameters if name.startswith(("l_", "r_pin_"))]
+    first = len(lengths) + 3 * len(UNITS)
     for k in range(3):
         moved = last_belief(turned("back", k), consider="off", **STILL_MODEL).mean
         told = (moved - belief.mean)[angles] / STEP_RAD

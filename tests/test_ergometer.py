@@ -17,7 +17,7 @@ HELD_M = 1e-6
 DIFFERENCED_M_S2 = (
     0.02  # second differences at 250 Hz of a motion up to 10 Hz, of accelerations up to 10 m/s2
 )
-# 12 s; seeds that were not used to set anything have 0.027 to 0.045 deg, the first second of the start included.
+# Twice what sculling needs: hands on one handle, the first second of the start included.
 REACHED_DEG = 0.06
 FLOOR = oarlock.Config(estimate=("gyro_bias", "accel_bias"))
 

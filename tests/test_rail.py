@@ -13,7 +13,7 @@ from oarlock.rowing.experiment import simulate_sculling
 
 SAME = 1e-12
 TWO_DEG = float(np.radians(2.0))
-# 20 s and seeds of their own: 0.020 deg told, 0.23 deg not told.
+# As sculling on a level rail, with room for the seed.
 REACHED_DEG = 0.045
 FOUND_RAD = float(np.radians(0.1))
 

@@ -31,6 +31,8 @@ fn parameters(model: &Model, params: &Value) -> Vec<f64> {
     let of = |name: &str| match name {
         "r_pin_x" | "r_pin_y" | "r_pin_z" => numbers(&params["r_0_18"])[axis(name)],
         "l_pin_x" | "l_pin_y" | "l_pin_z" => numbers(&params["r_0_22"])[axis(name)],
+        // Level in the vectors.
+        "rail_slope_rad" => 0.0,
         "l_b" => params["l_b"].as_f64().expect("l_b"),
         _ => {
             let (stem, side) = name.split_at(name.len() - 1);

@@ -274,6 +274,11 @@ impl<S: System> Filter<S> {
         self.arch = arch;
     }
 
+    /// Whether all readings of an update are taken at once, so that innovations and shift belong together.
+    pub fn is_whole(&self) -> bool {
+        self.limbs.is_none()
+    }
+
     /// By how much the last update moved the mean.
     pub fn shift(&self) -> &[f64] {
         &self.shift

@@ -15,7 +15,7 @@ use crate::rotation::Vec3;
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Samples of the window that the fit uses, spread evenly.
+/// Samples of the window in which the fit hears of each source, spread evenly.
 const MOST_SAMPLES: usize = 8;
 /// The fit's prior is this much wider than what the filter starts from.
 pub(super) const WIDENED: f64 = 4.0;
@@ -34,8 +34,10 @@ const BLURS: [&[f64]; 2] = [&[], &[1000.0, 100.0, 10.0]];
 impl Tracker {
     /// The belief at the first of the `window`'s samples, before its update.
     pub(super) fn fit_start(&mut self, window: &[Sample]) -> Result<Belief> {
-        let stride = window.len().div_ceil(MOST_SAMPLES);
-        let seen: Vec<(f64, Moment, Vec<f64>)> = window.iter().step_by(stride).map(|s| self.as_evidence(s)).collect();
+        let seen = {
+            let all = window.iter().map(|s| self.as_evidence(s)).collect();
+            self.thinned(all)
+        };
         let evidence: Vec<Evidence<Moment>> =
             seen.iter().map(|(time_s, moment, z)| Evidence { after_s: time_s - window[0].time_s, moment, z }).collect();
         let readings = seen.iter().flat_map(|s| &s.2).filter(|z| !z.is_nan()).count();
@@ -60,6 +62,24 @@ impl Tracker {
         })?;
         let compass = seen.iter().any(|(_, _, z)| self.magnetic_rows().any(|r| !z[r].is_nan()));
         Ok(self.belief_from(fit, window[0].time_s, compass))
+    }
+
+    /// Of every source not many more than `MOST_SAMPLES`, spread evenly: units with clocks of their own give samples of one unit each.
+    fn thinned(&self, all: Vec<(f64, Moment, Vec<f64>)>) -> Vec<(f64, Moment, Vec<f64>)> {
+        let sources = &self.groups.sources;
+        let speaks = |z: &[f64], s: usize| sources[s].clone().any(|r| !z[r].is_nan());
+        let count = |s: usize| all.iter().filter(|(.., z)| speaks(z, s)).count();
+        let strides: Vec<usize> = (0..sources.len()).map(|s| count(s).div_ceil(MOST_SAMPLES).max(1)).collect();
+        let mut heard = vec![0usize; sources.len()];
+        let mut wanted = |z: &[f64]| {
+            let mut due = false;
+            for s in (0..sources.len()).filter(|&s| speaks(z, s)) {
+                due |= heard[s].is_multiple_of(strides[s]);
+                heard[s] += 1;
+            }
+            due
+        };
+        all.into_iter().filter(|(.., z)| wanted(z)).collect()
     }
 
     fn as_evidence(&mut self, sample: &Sample) -> (f64, Moment, Vec<f64>) {

@@ -178,7 +178,7 @@ impl Considering {
         }
         let slopes = &mut doubt[HEAD..HEAD + n * width];
         self.arch.run(Following { slopes, p, pull: &self.pull, width });
-        if slopes.iter().any(|s| !(s.abs() < ABSURD)) {
+        if !slopes.iter().all(|s| s.abs() < ABSURD) {
             slopes.fill(0.0);
         }
     }
@@ -427,7 +427,7 @@ impl Tracker {
             (&belief.covariance, self.filter.shift(), &self.info.innovation),
             variance,
         );
-        if count > 0.0 && self.learns {
+        if count > 0.0 && self.learns && self.filter.is_whole() {
             let (learning, dt) = (self.manner.learning, self.filter.since_s());
             let roughness = learning.inflation(belief.roughness, belief.leftover, dt, squares / count);
             belief.leftover = learning.habit(belief.leftover, dt, squares / count);
