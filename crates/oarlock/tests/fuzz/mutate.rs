@@ -205,7 +205,7 @@ fn with_token_of(chance: &mut Chance, text: &str) -> String {
         return text.into();
     }
     let (&(from, to), &(other, end)) = (pick(chance, &all), pick(chance, &all));
-    replaced(text, from, to, &text[other..end].to_string())
+    replaced(text, from, to, &text[other..end])
 }
 
 /// A whole table goes, or comes from another file.
