@@ -78,7 +78,8 @@ def test_tracked(model: oarlock.Model, condition: str, seed: int) -> None:
     track = oarlock.track(model, recording, config=config)
     scores = oarlock.evaluate(track, truth)
     assert scores.mean_rmse_deg(ELEVEN) < REACHED_DEG
-    late = track.time_s > 3.0
+    # A start with the mirrored hand turns to the right one, which takes some seconds.
+    late = track.time_s > 6.5
     for hand in ("r_hand_flexion", "l_hand_flexion"):
         told = np.interp(track.time_s, truth.time_s, truth[hand].angle_rad)
         # The mirrored hand would be off by 20 to 55 deg.

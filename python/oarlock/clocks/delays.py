@@ -17,7 +17,7 @@ from oarlock.track import Track
 Floats = NDArray[np.float64]
 
 WINDOW_S = 5.0
-"""A few strides or strokes: long enough for twelve numbers of a mount, short enough for many windows."""
+"""A few strides: long enough for twelve numbers of a mount, short enough for many windows."""
 _STEP_S = 0.008
 """Half the span over which a predicted reading's slope is taken; limbs hardly turn faster than 10 Hz."""
 _BLOCK_S = 0.5

@@ -20,7 +20,7 @@ from oarlock.rowing.timing import StrokeTiming, stroke_timing
 Array = NDArray[np.float64]
 
 _SIDE_NAMES = {"r": "right (port oar)", "l": "left (starboard oar)"}
-_MODEL_OF = {"sculling": "sculler", "sweep": "sweep"}
+_MODEL_OF = {"sculling": "sculler", "sweep": "sweep", "ergometer": "ergometer"}
 _WHAT_TO_TRY = (
     "Move the stretcher (oarlock.rowing.adjusted_stretcher), try a smaller catch angle (phi_rad) or more "
     "forward lean, or check the lengths of arms and trunk, the pins and the inboard"

@@ -28,7 +28,7 @@ use std::sync::Arc;
 const PLACE_STD_M: f64 = 0.01;
 /// How far the zero of an encoder may be off, rad or m.
 const ZERO_STD: f64 = 0.005;
-/// Innovations are averaged over this, s: longer than noise and learnt driving remember, and than skin wobbles; shorter than a stroke.
+/// Innovations are averaged over this, s: longer than noise and learnt driving remember, and than skin wobbles; shorter than a cycle of movement.
 const AVERAGE_S: f64 = 0.6;
 /// Memory of how large averages are, s.
 const MEMORY_S: f64 = 5.0;
