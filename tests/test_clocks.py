@@ -13,7 +13,7 @@ from oarlock.clocks.coarse import coarse_delays
 from oarlock.clocks.devices import most_agree, reference_streams, unknowns
 from oarlock.clocks.lines import CRYSTAL_DRIFT, MODEL_STD_S, after, line
 
-FOUND_S = 0.002
+FOUND_S = 0.005
 """Of an arm that is exactly the model's, with the model's noise, in eighteen seconds."""
 COARSE_S = 0.06
 """What the fine search can mend from."""

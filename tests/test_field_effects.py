@@ -32,6 +32,8 @@ def test_lengths_and_rig_differ_by_their_errors_and_hands_still_hold():
     field = with_only(length_error=0.05, rig_error_m=0.006)
     nominal = sculler().parameters
     for name, value in nominal.items():
+        if name == "rail_slope_rad":
+            continue
         true = field.calibration.parameters[name]
         off = (
             abs(true / value - 1.0) / 0.05

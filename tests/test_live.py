@@ -115,7 +115,7 @@ def test_absent_keys_are_missing_readings(recording):
     back = recording["back"]
     gyro = [*back.gyro_rad_s[40, :2], np.nan]
     _, info = tracker.step(back.time_s[40], {"back": {"gyro_rad_s": gyro}})
-    expected = {"nis": 0, "used": 2, "rejected": 0, "missing": 7, "field": "missing"}
+    expected = {"nis": 0, "used": 2, "rejected": 0, "missing": 7, "field": "missing", "fault": "none"}
     assert info.sensors["back"] | {"nis": 0} == expected
     assert info.sensors["r_forearm"]["missing"] == 9
     assert info.sensors["r_grip"]["used"] == 0

@@ -45,7 +45,8 @@ def stuck_texts(stream: ImuStream, others_move: bool) -> list[str]:
     texts = []
     for name, own in runs.items():
         held = [axis for axis, (first, stop) in enumerate(own) if _is_long(stream, first, stop)]
-        if not held:
+        # What is zero throughout gave nothing, which is said elsewhere.
+        if not held or not stream.values[name].any():
             continue
         first, stop = own[held[0]]
         if not _moves(stream, first, stop, name, held):

@@ -22,7 +22,7 @@ from oarlock.tracking import Progress, admit
 
 Floats = NDArray[np.float64]
 
-LARGEST_STD_S = 0.005
+LARGEST_STD_S = 0.0025
 SAME_CLOCK_STDS = 3.0
 """Streams that share their stamps to the bit mostly share a clock; one is moved only where it is this clearly off."""
 
@@ -109,7 +109,8 @@ def _judged(recording: Recording, found: Clocks, fixed: Sequence[str]) -> tuple[
     for name, clock in found.items():
         shared = any(same_stamps(recording[name], recording[other]) for other in fixed if other in recording)
         way = clock.offset_s + clock.drift * middle
-        if not clock.offset_std_s <= LARGEST_STD_S + middle * clock.drift_std:
+        in_the_middle = np.sqrt(max(clock.offset_std_s**2 - (middle * clock.drift_std) ** 2, 0.0))
+        if not in_the_middle <= LARGEST_STD_S:
             refused[name] = (
                 f"its movement tells its clock to {1e3 * clock.offset_std_s:.1f} ms only (standard deviation); "
                 f"at most {1e3 * LARGEST_STD_S:g} ms are taken. Record faster movement of its link, or more of it"
