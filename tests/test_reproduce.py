@@ -149,7 +149,7 @@ def test_the_page_is_whole_and_needs_nothing(made):
 def test_the_papers_filter_has_40_states_and_58_readings():
     model = oarlock.load_model("sculler")
     plain = ESTIMATORS[0].values
-    told = told_model(model, {"noise_told": "nominal"} | plain, 0)
+    told = told_model(model, {"noise_told": "nominal", "vertical_error_deg": 0.0} | plain, 0)
     study = table5_study((0,), SHORT_S)
     assert study.joints == ELEVEN and len(ELEVEN) == 11
     trial = study.simulator.trial(
