@@ -106,19 +106,24 @@ def test_toml_files(name, tmp_path):
     campaign(check, wounds)
 
 
+def harm_one(whole, which, harm, text_harm):
+    """Puts a folder's files back as they were, but for one, whose bytes or text are wounded."""
+    for file, content in whole.items():
+        file.write_bytes(content)
+    file = sorted(whole)[which % len(whole)]
+    if file.suffix == ".parquet":
+        file.write_bytes(wounded_bytes(whole[file], harm))
+    else:
+        put(file, wounded(whole[file].decode("utf-8"), text_harm))
+
+
 @pytest.mark.parametrize("file_format", ["parquet", "csv"])
 def test_recording_folders(file_format, tmp_path):
     example().save(tmp_path, file_format)
     whole = {file: file.read_bytes() for file in tmp_path.iterdir()}
 
     def check(which, harm, text_harm):
-        for file, content in whole.items():
-            file.write_bytes(content)
-        file = sorted(whole)[which % len(whole)]
-        if file.suffix == ".parquet":
-            file.write_bytes(wounded_bytes(whole[file], harm))
-        else:
-            put(file, wounded(whole[file].decode("utf-8"), text_harm))
+        harm_one(whole, which, harm, text_harm)
         recording = answered(lambda: oarlock.load_recording(tmp_path))
         assert recording is None or recording.duration_s >= 0.0
 
@@ -136,13 +141,7 @@ def test_track_folders(tmp_path):
     whole = {file: file.read_bytes() for file in tmp_path.iterdir()}
 
     def check(which, harm, text_harm):
-        for file, content in whole.items():
-            file.write_bytes(content)
-        file = sorted(whole)[which % len(whole)]
-        if file.suffix == ".parquet":
-            file.write_bytes(wounded_bytes(whole[file], harm))
-        else:
-            put(file, wounded(whole[file].decode("utf-8"), text_harm))
+        harm_one(whole, which, harm, text_harm)
         track = answered(lambda: oarlock.load_track(tmp_path))
         if track is not None:
             repr(track)

@@ -10,7 +10,7 @@ import typer
 
 from oarlock.cli import calibrate_clocks, calibrate_motion, calibrate_session, calibrate_tree
 from oarlock.cli.options import Json, ModelName, Settings, assignments, example, names
-from oarlock.cli.terminal import UsageError, heading, number, print_json, say, steps, table, verb
+from oarlock.cli.terminal import free_file, heading, number, print_json, say, steps, table, verb
 
 if TYPE_CHECKING:
     from oarlock import Calibration
@@ -77,8 +77,7 @@ def chain(
     import oarlock
 
     body = oarlock.load_model(model, parameters=assignments(settings, "--set"))
-    if out.exists() and not force:
-        raise UsageError(f"{out} exists\nChoose another file, or add --force.")
+    free_file(out, force)
     calibration = oarlock.calibrate_hinge_chain(
         body,
         oarlock.load_recording(recording),

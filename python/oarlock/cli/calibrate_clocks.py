@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from oarlock.cli.calibrate_tree import OutFile, RecordingFolder, Replace, Start
+from oarlock.cli.calibrate_tree import OutFile, RecordingFolder, Replace, Start, say_next
 from oarlock.cli.options import Json, ModelName, Settings, assignments, example, names
-from oarlock.cli.terminal import UsageError, heading, number, print_json, progress, say, steps, table, verb
+from oarlock.cli.terminal import free_file, heading, number, print_json, progress, say, table, verb
 
 if TYPE_CHECKING:
     from oarlock import Calibration
@@ -50,8 +50,7 @@ def clocks(
     import oarlock
 
     body = oarlock.load_model(model, parameters=assignments(settings, "--set"))
-    if out.exists() and not force:
-        raise UsageError(f"{out} exists\nChoose another file, or add --force.")
+    free_file(out, force)
     known = None if calibration is None else oarlock.load_calibration(calibration)
     with progress("looking at clocks") as told:
         found = oarlock.calibrate_clocks(
@@ -69,7 +68,7 @@ def clocks(
         return
     say(f"Wrote {out}", style="bold")
     write_clocks(found)
-    steps(f"oarlock track {recording} --model {model} --calibration {out} --out {recording}-track")
+    say_next(recording, model, out)
 
 
 def write_clocks(calibration: Calibration) -> None:

@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from oarlock.cli.calibrate_tree import OutFile, RecordingFolder, Replace, say_next
 from oarlock.cli.options import Json, ModelName, Settings, assignments, example
-from oarlock.cli.terminal import UsageError, heading, number, print_json, say, steps, table, verb
+from oarlock.cli.terminal import free_file, heading, number, print_json, say, steps, table, verb
 
 if TYPE_CHECKING:
     from oarlock import Calibration
-
-OutFile = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Calibration file to write.")]
-Replace = Annotated[bool, typer.Option("--force", help="Replace a file that exists.")]
 
 
 def add_to(group: typer.Typer) -> None:
@@ -34,7 +32,7 @@ def add_to(group: typer.Typer) -> None:
 
 @verb
 def motion(
-    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="A recording folder.")],
+    recording: RecordingFolder,
     model: ModelName,
     out: OutFile,
     settings: Settings = None,
@@ -56,7 +54,7 @@ def motion(
     import oarlock
 
     body = oarlock.load_model(model, parameters=assignments(settings, "--set"))
-    _refuse(out, force)
+    free_file(out, force)
     known = None if calibration is None else oarlock.load_calibration(calibration)
     found = oarlock.calibrate_motion(
         body, oarlock.load_recording(recording), known, start_s=start_s, end_s=end_s, held_out=held_out
@@ -67,7 +65,7 @@ def motion(
         return
     say(f"Wrote {out}", style="bold")
     write_motion(found)
-    steps(f"oarlock track {recording} --model {model} --calibration {out} --out {recording}-track")
+    say_next(recording, model, out)
 
 
 @verb
@@ -82,7 +80,7 @@ def stature(
     import oarlock
     from oarlock.rowing import anthropometry
 
-    _refuse(out, force)
+    free_file(out, force)
     found = anthropometry(oarlock.load_model(model), stature_m)
     found.save(out)
     if json_output:
@@ -92,11 +90,6 @@ def stature(
     for name, length_m in found.parameters.items():
         say(f"{name} = {length_m:.3f} +- {found.parameter_stds[name]:.3f} m", indent=2)
     steps(f"oarlock calibrate motion RECORDING --model {model} --calibration {out} --out cal.toml")
-
-
-def _refuse(out: Path, force: bool) -> None:
-    if out.exists() and not force:
-        raise UsageError(f"{out} exists\nChoose another file, or add --force.")
 
 
 def write_motion(calibration: Calibration) -> None:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from oarlock.cli.options import Json, ModelName, Settings, assignments, example, names
-from oarlock.cli.terminal import UsageError, heading, number, print_json, say, steps, table, verb
+from oarlock.cli.terminal import UsageError, free_file, heading, number, print_json, say, steps, table, verb
 
 MARKS = {"pass": "pass", "redo": "DO AGAIN", "kept": "kept"}
 
@@ -65,7 +65,7 @@ def session(
 
     body = oarlock.load_model(model, parameters=assignments(settings, "--set"))
     if write_plan is not None:
-        _not_there(write_plan, force)
+        free_file(write_plan, force)
         oarlock.default_plan(body).save(write_plan)
         _say_plan(oarlock.default_plan(body), write_plan, json_output)
         return
@@ -73,7 +73,7 @@ def session(
         raise UsageError("give a RECORDING and --out FILE (or --write-plan FILE to see what to record)")
     page = out.with_suffix(".html")
     for file in (out, page):
-        _not_there(file, force)
+        free_file(file, force)
     found = oarlock.calibrate_session(
         body,
         oarlock.load_recording(recording),
@@ -92,11 +92,6 @@ def session(
         steps(f"oarlock track REC --model {model} --calibration {out} --out OUT")
     if not told["passed"]:
         raise typer.Exit(1)
-
-
-def _not_there(file: Path, force: bool) -> None:
-    if file.exists() and not force:
-        raise UsageError(f"{file} exists\nChoose another file, or add --force.")
 
 
 def _say_plan(plan: Any, file: Path, json_output: bool) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from oarlock.cli.options import Json, ModelName, Settings, assignments, example, names
-from oarlock.cli.terminal import UsageError, heading, number, print_json, say, steps, table, verb
+from oarlock.cli.terminal import free_file, heading, number, print_json, say, steps, table, verb
 
 if TYPE_CHECKING:
     from oarlock import Calibration, Model, Recording
@@ -67,7 +67,7 @@ def joints(
     found = _run(search, recording, model, out, settings, calibration, sensors, force, json_output)
     if not json_output:
         write_joints(found)
-        _next(recording, model, out)
+        say_next(recording, model, out)
 
 
 @verb
@@ -91,7 +91,7 @@ def axes(
     found = _run(search, recording, model, out, settings, calibration, sensors, force, json_output)
     if not json_output:
         write_axes(found)
-        _next(recording, model, out)
+        say_next(recording, model, out)
 
 
 @verb
@@ -125,7 +125,7 @@ def pose(
     found = _run(search, recording, model, out, settings, calibration, sensors, force, json_output)
     if not json_output:
         write_pose(found)
-        _next(recording, model, out)
+        say_next(recording, model, out)
 
 
 @verb
@@ -148,7 +148,7 @@ def field(
     found = _run(search, recording, model, out, settings, calibration, sensors, force, json_output)
     if not json_output:
         write_field(found)
-        _next(recording, model, out)
+        say_next(recording, model, out)
 
 
 def _run(
@@ -166,8 +166,7 @@ def _run(
     import oarlock
 
     body = oarlock.load_model(model, parameters=assignments(settings, "--set"))
-    if out.exists() and not force:
-        raise UsageError(f"{out} exists\nChoose another file, or add --force.")
+    free_file(out, force)
     known = {
         "sensors": None if sensors is None else names(sensors),
         "calibration": None if calibration is None else oarlock.load_calibration(calibration),
@@ -181,7 +180,8 @@ def _run(
     return found
 
 
-def _next(recording: Path, model: str, out: Path) -> None:
+def say_next(recording: Path, model: str, out: Path) -> None:
+    """Prints the command that tracks with what was found."""
     steps(f"oarlock track {recording} --model {model} --calibration {out} --out {recording}-track")
 
 

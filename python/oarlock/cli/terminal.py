@@ -226,7 +226,17 @@ def _fault(error: Exception) -> str:
     )
 
 
-# --- folders ------------------------------------------------------------------------------------------
+# --- files and folders --------------------------------------------------------------------------------
+
+
+def free_file(file: Path, force: bool) -> None:
+    """Lets pass a file that is still to be made.
+
+    Raises:
+        UsageError: it exists, and `force` is not set.
+    """
+    if file.exists() and not force:
+        raise UsageError(f"{file} exists\nChoose another file, or add --force.")
 
 
 def fresh_folder(folder: Path, own_mark: str | None, force: bool) -> Path:
