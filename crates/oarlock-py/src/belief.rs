@@ -134,7 +134,7 @@ impl PyBelief {
     }
 
     /// How far what is only considered (mounts, lengths, places of units) may have led astray: a scale, learnt from the innovations, the
-    /// number of parameters, their shifts of every state, and what the scale is learnt from. Empty where nothing is considered.
+    /// number of parameters and of those that a calibration tells, their shifts of every state, and what the scale is learnt from. Empty where nothing is considered.
     #[getter]
     fn doubt<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.belief.doubt)
@@ -143,8 +143,7 @@ impl PyBelief {
     /// Standard deviations (n,), what is only considered included.
     #[getter]
     fn std<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        let variance = |i: usize| self.belief.covariance.at(i, i).max(0.0) + self.belief.doubted(i);
-        PyArray1::from_iter(py, (0..self.belief.mean.len()).map(|i| variance(i).sqrt()))
+        PyArray1::from_vec(py, self.belief.own_spread())
     }
 
     /// Which hypothesis this is, and the logarithm of its likelihood against the others'.

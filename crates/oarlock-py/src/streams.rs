@@ -8,6 +8,7 @@ use oarlock::rotation::Mat3;
 use oarlock::sensor::Quantity;
 use oarlock::track::{Calibration, Tracker};
 use pyo3::prelude::*;
+use std::collections::BTreeMap;
 
 const CHANNELS: [(&str, Quantity); 3] =
     [("gyro_rad_s", Quantity::Gyro), ("accel_m_s2", Quantity::Accel), ("mag_ut", Quantity::Mag)];
@@ -68,10 +69,25 @@ pub fn calibration(object: Option<&Bound<'_, PyAny>>) -> PyResult<Calibration> {
         let rotation = matrix(&r.values).ok_or_else(|| DataError::new_err(format!("mount '{name}': one matrix")))?;
         out.mounts.insert(name, (rotation, [o.values[0], o.values[1], o.values[2]]));
     }
-    for pair in object.getattr("mag_offsets_ut")?.call_method0("items")?.try_iter()? {
-        let (name, offset): (String, Bound<'_, PyAny>) = pair?.extract()?;
-        let (o, _) = items(&offset, &format!("mag_offsets_ut '{name}'"), &[3])?;
-        out.mag_offsets.insert(name, [o.values[0], o.values[1], o.values[2]]);
+    out.mag_offsets = threes(object, "mag_offsets_ut")?;
+    out.parameter_stds =
+        object.getattr("parameter_stds")?.call_method0("items")?.try_iter()?.map(pair).collect::<PyResult<_>>()?;
+    out.mount_stds_rad = threes(object, "mount_stds_rad")?;
+    out.mount_offset_stds_m = threes(object, "mount_offset_stds_m")?;
+    Ok(out)
+}
+
+fn pair(item: PyResult<Bound<'_, PyAny>>) -> PyResult<(String, f64)> {
+    item?.extract()
+}
+
+/// Three numbers by name.
+fn threes(object: &Bound<'_, PyAny>, field: &str) -> PyResult<BTreeMap<String, [f64; 3]>> {
+    let mut out = BTreeMap::new();
+    for pair in object.getattr(field)?.call_method0("items")?.try_iter()? {
+        let (name, three): (String, Bound<'_, PyAny>) = pair?.extract()?;
+        let (o, _) = items(&three, &format!("{field} '{name}'"), &[3])?;
+        out.insert(name, [o.values[0], o.values[1], o.values[2]]);
     }
     Ok(out)
 }

@@ -35,7 +35,7 @@ use faults::Fault;
 use loops::Loop;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use worn::row_offsets;
+use worn::{check_stds, row_offsets};
 pub use worn::{mount_values, parameter_values};
 
 /// What is known of one wearing of the sensors.
@@ -47,6 +47,12 @@ pub struct Calibration {
     pub mounts: BTreeMap<String, MountValue>,
     /// Per inertial unit: constant part of its magnetometer's readings, uT in sensor axes.
     pub mag_offsets: BTreeMap<String, [f64; 3]>,
+    /// Standard deviations of parameters, in their unit. They widen the bands; so do the next two.
+    pub parameter_stds: BTreeMap<String, f64>,
+    /// Per inertial unit: standard deviations of its mount about the link's axes, rad.
+    pub mount_stds_rad: BTreeMap<String, [f64; 3]>,
+    /// Per inertial unit: standard deviations of its origin in the link, m.
+    pub mount_offset_stds_m: BTreeMap<String, [f64; 3]>,
 }
 
 /// What became of a sample.
@@ -121,6 +127,7 @@ impl Tracker {
         config.check()?;
         let parameters = parameter_values(&model, &calibration.parameters)?;
         let mounts = mount_values(&model, &calibration.mounts)?;
+        check_stds(&model, calibration)?;
         let body = Body::new(model, &parameters, &mounts, config)?;
         if body.layout.partition.pose == 0 || body.suite.is_empty() {
             return Err(Error::Model(format!(
@@ -128,7 +135,7 @@ impl Tracker {
                 body.model.name
             )));
         }
-        let considering = Considering::new(&body, &mounts, config)?;
+        let considering = Considering::new(&body, &mounts, calibration, config)?;
         let (groups, depends) = (body.groups(), loops::dependence(&body));
         let part_of = groups.parts.iter().enumerate().flat_map(|(p, rows)| rows.clone().map(move |_| p)).collect();
         let rows = body.suite.len();
@@ -336,7 +343,7 @@ impl Tracker {
             let last = sample.time_s - belief.time_s <= step || next <= belief.time_s;
             let to = if last { sample.time_s } else { next };
             self.filter.predict(&self.body, belief, to, &mut self.transition);
-            if let Some(considering) = self.considering.as_ref().filter(|_| !belief.doubt.is_empty()) {
+            if let Some(considering) = &self.considering {
                 considering.predict(&self.transition, &mut belief.doubt);
             }
             if last {
@@ -360,7 +367,7 @@ impl Tracker {
         self.notice_rest(belief);
         if (lost || self.must_regain(belief)) && self.regain(belief) {
             self.info.lost = lost;
-            if let Some(considering) = self.considering.as_ref().filter(|_| !belief.doubt.is_empty()) {
+            if let Some(considering) = &self.considering {
                 considering.forget(&mut belief.doubt);
             }
             if lost {

@@ -49,8 +49,8 @@ fn whole(case: &Case, streams: Vec<Stream>, start: Option<Belief>) -> Run {
     track(case.model.clone(), streams, &nominal, &case.config, start, &mut |_| true).unwrap()
 }
 
-fn std_of(belief: &Belief) -> impl Iterator<Item = f64> + '_ {
-    (0..belief.mean.len()).map(|i| (belief.covariance.at(i, i) + belief.doubted(i)).sqrt())
+fn std_of(belief: &Belief) -> Vec<f64> {
+    belief.own_spread()
 }
 
 fn bits(x: &[f64]) -> Vec<u64> {

@@ -31,8 +31,9 @@ pub struct Belief {
     pub rejected_since_s: Vec<f64>,
     /// Per source: what is remembered of its latest readings to tell rest and faults; `estimate` only keeps it.
     pub memory: Vec<[f64; MEMORY]>,
-    /// How far what is only considered may have led astray: its scale, how many numbers there are of each state, then those, the shift of the
-    /// state by one standard deviation of each parameter; `estimate` only keeps what else follows. Empty if nothing is considered.
+    /// How far what is only considered may have led astray: its scale, how many numbers there are of each state, to how many of them the scale
+    /// applies only beyond 1 (they come first), then those, the shift of the state by one standard deviation of each parameter;
+    /// `estimate` only keeps what else follows. Empty if nothing is considered.
     pub doubt: Vec<f64>,
     /// Its number among the hypotheses into which the belief last parted.
     pub line: u64,
@@ -106,28 +107,46 @@ impl Belief {
         Belief { rivals: Vec::new(), ..chosen.unwrap_or(self).clone() }
     }
 
-    /// Standard deviations into `std`; while there are rivals, those of all together about this one's mean.
-    pub fn spread<S: System>(&self, system: &S, std: &mut [f64]) {
-        self.covariance.diagonal(std);
+    /// Variances into `variance`, of noise alone; while there are rivals, those of all together about this one's mean.
+    pub fn variances<S: System>(&self, system: &S, variance: &mut [f64]) {
+        self.covariance.diagonal(variance);
         if !self.rivals.is_empty() {
-            self.mix(system, std);
+            self.mix(system, variance);
         }
-        std.iter_mut().enumerate().for_each(|(i, x)| *x = (x.max(0.0) + self.doubted(i)).sqrt());
+        variance.iter_mut().for_each(|x| *x = x.max(0.0));
     }
 
-    /// Variance of a state of this standard deviation without what is only considered.
-    pub fn known(&self, state: usize, std: f64) -> f64 {
-        std * std - self.doubted(state)
+    /// Variances of noise alone into standard deviations with what is only considered.
+    pub fn widen(&self, variance: &mut [f64]) {
+        variance.iter_mut().enumerate().for_each(|(i, x)| *x = (*x + self.doubted(i)).sqrt());
+    }
+
+    /// Standard deviations into `std`; while there are rivals, those of all together about this one's mean.
+    pub fn spread<S: System>(&self, system: &S, std: &mut [f64]) {
+        self.variances(system, std);
+        self.widen(std);
+    }
+
+    /// Standard deviations of this hypothesis alone.
+    pub fn own_spread(&self) -> Vec<f64> {
+        let mut std = vec![0.0; self.mean.len()];
+        self.covariance.diagonal(&mut std);
+        std.iter_mut().for_each(|x| *x = x.max(0.0));
+        self.widen(&mut std);
+        std
     }
 
     /// Variance of a state by what is only considered.
     pub fn doubted(&self, state: usize) -> f64 {
-        let [scale, width, ref slopes @ ..] = self.doubt[..] else { return 0.0 };
-        if scale == 0.0 {
+        let [scale, width, told, ref slopes @ ..] = self.doubt[..] else { return 0.0 };
+        let (width, told) = (width as usize, told as usize);
+        if scale == 0.0 && told == 0 {
             return 0.0;
         }
-        let width = width as usize;
-        scale * scale * slopes[state * width..(state + 1) * width].iter().map(|s| s * s).sum::<f64>()
+        let (told, rest) = slopes[state * width..(state + 1) * width].split_at(told);
+        let square = |slopes: &[f64]| slopes.iter().map(|s| s * s).sum::<f64>();
+        // What a calibration tells is known no better than it says, whatever the innovations.
+        scale.max(1.0).powi(2) * square(told) + scale * scale * square(rest)
     }
 
     fn mix<S: System>(&self, system: &S, variance: &mut [f64]) {

@@ -27,6 +27,8 @@ const AZIMUTH_START_STD: f64 = 0.2;
 const GAUGE_STD: f64 = 1e-3;
 /// A cost per reading below which other guesses need not be tried.
 const GOOD_COST: f64 = 2.0;
+/// So far from the middle of its limits, as a share of what lies between them, hardly a joint stands: half a share are the limits.
+const CONTORTED: f64 = 1.0;
 /// Times the noise before it counts as it is: first straight from each guess, then, if nothing good was found, sharpening. Sensors are
 /// some thousand times finer than what is known of a posture at first.
 const BLURS: [&[f64]; 2] = [&[], &[1000.0, 100.0, 10.0]];
@@ -46,12 +48,13 @@ impl Tracker {
         'search: for blurs in BLURS {
             for guess in &guesses {
                 let fit = Problem::new(&self.body, &evidence, &self.std, guess).fit_sharpening(&guess.mean, blurs);
-                if let Some(fit) = fit.filter(|f| best.as_ref().is_none_or(|b| f.cost < b.cost)) {
-                    let good = fit.cost < GOOD_COST * readings as f64;
+                let Some(fit) = fit else { continue };
+                let done = fit.cost < GOOD_COST * readings as f64 && !self.is_contorted(&fit.mean);
+                if done || best.as_ref().is_none_or(|b| fit.cost < b.cost) {
                     best = Some(fit);
-                    if good {
-                        break 'search;
-                    }
+                }
+                if done {
+                    break 'search;
                 }
             }
         }
@@ -62,6 +65,18 @@ impl Tracker {
         })?;
         let compass = seen.iter().any(|(_, _, z)| self.magnetic_rows().any(|r| !z[r].is_nan()));
         Ok(self.belief_from(fit, window[0].time_s, compass))
+    }
+
+    /// Whether a hinge stands where hardly a body gets it: readings may as well come from the mirror image of a posture, in which three
+    /// hinges in a row reach the same place from the other side.
+    fn is_contorted(&self, mean: &[f64]) -> bool {
+        let hinges = self.body.model.joints.iter().filter(|j| j.kind == JointKind::Hinge && !self.is_encoded(&j.name));
+        let mut standing =
+            hinges.filter_map(|j| Some((&self.body.axes[j.first], self.body.layout.coordinates[j.first]?.q)));
+        standing.any(|(axis, q)| {
+            let middle = 0.5 * (axis.limits[0] + axis.limits[1]);
+            (axis.nearest(mean[q]) - middle).abs() > CONTORTED * (axis.limits[1] - axis.limits[0])
+        })
     }
 
     /// Of every source not many more than `MOST_SAMPLES`, spread evenly: units with clocks of their own give samples of one unit each.

@@ -5,7 +5,7 @@
 //! nothing. How far off the parameters are as a whole, in their standard deviations, is learnt: where the model is right, innovations
 //! are white, and their low-passed values are as small as those of noise; where it is wrong they last as the slopes foretell.
 
-use super::Tracker;
+use super::{Calibration, Tracker};
 use crate::body::{Body, Moment};
 use crate::config::{Config, Consider};
 use crate::error::Result;
@@ -19,6 +19,7 @@ use crate::estimate::System;
 use crate::lane::arch::{Arch, Kernel};
 use crate::model::expr::Expr;
 use crate::model::{Mount, Parameter, SensorKind};
+use crate::rotation::Mat3;
 use crate::sensor::imu::MountValue;
 use crate::sensor::Quantity;
 use crate::state::{LENGTHS, MOUNTS};
@@ -39,8 +40,8 @@ const ABSURD: f64 = 1e3;
 /// Numbers kept of each row: its average innovation, the last one, when that was, how many there were, and the mean squares of average,
 /// white noise and expectation.
 const PER_ROW: usize = 7;
-/// Scale, and how many parameters there are.
-const HEAD: usize = 2;
+/// Scale, how many numbers there are of each state, and how many of these are of parameters whose standard deviation a calibration tells.
+const HEAD: usize = 3;
 
 /// What a column of the Jacobian means to the filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,6 +71,8 @@ pub(super) struct Considering {
     center: Vec<f64>,
     /// States, rows, and considered parameters, padded.
     size: (usize, usize, usize),
+    /// Parameters whose standard deviation a calibration tells; they come first.
+    told: usize,
     how: Consider,
     /// What an innovation owes to each parameter, row by row.
     answers: Vec<f64>,
@@ -80,9 +83,14 @@ pub(super) struct Considering {
 
 impl Considering {
     /// `None` where nothing is considered.
-    pub(super) fn new(body: &Body, mounts: &[Option<MountValue>], config: &Config) -> Result<Option<Self>> {
-        let twin = twin(body, mounts, config)?;
-        let (roles, mut count) = roles(body, &twin);
+    pub(super) fn new(
+        body: &Body,
+        mounts: &[Option<MountValue>],
+        known: &Calibration,
+        config: &Config,
+    ) -> Result<Option<Self>> {
+        let (twin, told) = twin(body, mounts, known, config)?;
+        let Roles { roles, mut count, told } = Roles::of(body, &twin, known, &told);
         let joints = body.suite.sources.iter().flat_map(|s| &s.parts).filter(|p| p.quantity == Quantity::Joint);
         let mut zeros = vec![None; body.suite.len()];
         for part in joints {
@@ -112,6 +120,7 @@ impl Considering {
             mean,
             center: vec![0.0; m],
             size: (n, m, width),
+            told,
             how: config.consider,
             answers: vec![0.0; m * width],
             pull: vec![0.0; n * width],
@@ -126,7 +135,8 @@ impl Considering {
             return Vec::new();
         }
         let mut doubt = vec![0.0; self.len()];
-        (doubt[0], doubt[1]) = (f64::from(u8::from(self.how == Consider::Always)), self.size.2 as f64);
+        let scale = f64::from(u8::from(self.how == Consider::Always));
+        doubt[..HEAD].copy_from_slice(&[scale, self.size.2 as f64, self.told as f64]);
         let (_, rows, _) = self.parts(&mut doubt);
         rows.chunks_mut(PER_ROW).for_each(|row| row[2] = f64::NAN);
         doubt
@@ -149,13 +159,18 @@ impl Considering {
     /// Takes the slopes on as the error of the mean goes.
     pub(super) fn predict(&self, transition: &Transition, doubt: &mut [f64]) {
         let (n, _, width) = self.size;
+        if doubt.is_empty() {
+            return;
+        }
         transition.apply_to_rows(&mut doubt[HEAD..HEAD + n * width], width);
     }
 
     /// Forgets where the belief has been led: it was fitted anew.
     pub(super) fn forget(&self, doubt: &mut [f64]) {
         let (n, _, width) = self.size;
-        doubt[HEAD..HEAD + n * width].fill(0.0);
+        if !doubt.is_empty() {
+            doubt[HEAD..HEAD + n * width].fill(0.0);
+        }
     }
 
     /// Finds how readings answer at the mean before an update.
@@ -307,11 +322,19 @@ fn average(kept: &mut [f64; PER_ROW], expected: &mut [f64], answers: &[f64], (ti
     (*last, *last_s) = (innovation, time_s);
 }
 
-/// The same body with mounts, lengths and the places of its units among the states.
-fn twin(body: &Body, mounts: &[Option<MountValue>], config: &Config) -> Result<Body> {
+/// The same body with mounts, lengths and the places of its units among the states; per parameter, whether a calibration tells its
+/// standard deviation.
+fn twin(body: &Body, mounts: &[Option<MountValue>], known: &Calibration, config: &Config) -> Result<(Body, Vec<bool>)> {
     let mut model = (*body.model).clone();
     let mut parameters = body.parameters.clone();
+    let mut told = vec![false; parameters.len()];
+    for (parameter, told) in model.parameters.iter_mut().zip(&mut told) {
+        let std = known.parameter_stds.get(&parameter.name).copied();
+        *told = std.is_some();
+        parameter.std = std.or(parameter.std);
+    }
     for (i, given) in mounts.iter().enumerate() {
+        let stds = known.mount_offset_stds_m.get(&model.sensors[i].name);
         let SensorKind::Imu { mount: Mount { rotation, offset, .. }, .. } = &mut model.sensors[i].kind else {
             continue;
         };
@@ -320,43 +343,61 @@ fn twin(body: &Body, mounts: &[Option<MountValue>], config: &Config) -> Result<B
         for k in 0..3 {
             let label = format!("place{i}_{k}");
             offset[k] = Expr::constant_plus(place[k], parameters.len());
-            let (unit, std) = ("m".to_string(), Some(PLACE_STD_M));
+            let (unit, std) = ("m".to_string(), Some(stds.map_or(PLACE_STD_M, |stds| stds[k])));
             model.parameters.push(Parameter { name: label.clone(), label, unit, default: 0.0, std });
             parameters.push(0.0);
+            told.push(stds.is_some());
         }
     }
     let mut all = config.clone();
     all.estimate.extend([LENGTHS, MOUNTS].map(String::from));
     let none = vec![None; model.sensors.len()];
-    Body::new(Arc::new(model), &parameters, &none, &all)
+    Ok((Body::new(Arc::new(model), &parameters, &none, &all)?, told))
 }
 
-/// Role of every column of the twin's Jacobian, and how many parameters are considered.
-fn roles(body: &Body, twin: &Body) -> (Vec<Role>, usize) {
-    let own = |name: &String| body.layout.names.iter().position(|n| n == name);
-    let state = |name: &String| own(name).map_or(Role::Nothing, Role::State);
-    let mut roles: Vec<Role> = twin.layout.names.iter().map(state).collect();
-    let mut count = 0;
-    let mut consider = |role: &mut Role, std: f64| {
-        if *role == Role::Nothing && std > 0.0 {
-            *role = Role::Considered(count, std);
-            count += 1;
+/// Role of every column of the twin's Jacobian, how many parameters are considered, and of how many of them a calibration tells the
+/// standard deviation: these come first.
+struct Roles {
+    roles: Vec<Role>,
+    count: usize,
+    told: usize,
+}
+
+impl Roles {
+    fn of(body: &Body, twin: &Body, known: &Calibration, told: &[bool]) -> Self {
+        let own = |name: &String| body.layout.names.iter().position(|n| n == name);
+        let state = |name: &String| own(name).map_or(Role::Nothing, Role::State);
+        let mut roles: Vec<Role> = twin.layout.names.iter().map(state).collect();
+        let states = roles.len();
+        roles.resize(states + twin.input_std().len(), Role::Nothing);
+        // Column, standard deviation, and whether a calibration tells it.
+        let mut wanted: Vec<(usize, f64, bool)> = Vec::new();
+        for (parameter, state) in &twin.layout.lengths {
+            wanted.push((*state, twin.model.parameters[*parameter].std.unwrap_or(0.0), told[*parameter]));
         }
-    };
-    for (parameter, state) in &twin.layout.lengths {
-        consider(&mut roles[*state], twin.model.parameters[*parameter].std.unwrap_or(0.0));
-    }
-    for (sensor, first) in &twin.layout.mounts {
-        if let SensorKind::Imu { mount, .. } = &twin.model.sensors[*sensor].kind {
-            roles[*first..first + 3].iter_mut().for_each(|role| consider(role, mount.std_rad));
+        for (sensor, first) in &twin.layout.mounts {
+            let sensor = &twin.model.sensors[*sensor];
+            let SensorKind::Imu { mount, .. } = &sensor.kind else { continue };
+            let stds = known.mount_stds_rad.get(&sensor.name);
+            let in_sensor = stds.map_or([mount.std_rad; 3], |stds| turned_std(&mount.rotation, stds));
+            wanted.extend((0..3).map(|k| (first + k, in_sensor[k], stds.is_some())));
         }
-    }
-    for std in twin.input_std() {
-        roles.push(Role::Nothing);
         // Columns of inputs are those of their standard deviation.
-        consider(roles.last_mut().expect("just pushed"), ZERO_STD / std);
+        wanted.extend(twin.input_std().iter().enumerate().map(|(i, std)| (states + i, ZERO_STD / std, false)));
+        wanted.retain(|&(column, std, _)| roles[column] == Role::Nothing && std > 0.0);
+        wanted.sort_by_key(|&(.., told)| !told);
+        for (k, &(column, std, _)) in wanted.iter().enumerate() {
+            roles[column] = Role::Considered(k, std);
+        }
+        let told = wanted.iter().filter(|(.., told)| *told).count();
+        Roles { roles, count: wanted.len(), told }
     }
-    (roles, count)
+}
+
+/// Standard deviations about a sensor's axes of a mount whose deviations about the link's are known.
+fn turned_std(link_from_sensor: &Mat3<f64>, about_link_rad: &[f64; 3]) -> [f64; 3] {
+    let column = |k: usize| (0..3).map(move |j| link_from_sensor.0[j][k] * about_link_rad[j]);
+    [0, 1, 2].map(|k| column(k).map(|s| s * s).sum::<f64>().sqrt())
 }
 
 struct Looking<'a> {

@@ -185,16 +185,16 @@ impl Run {
         let body = &self.tracker.body;
         self.series.mean[row * n..(row + 1) * n].copy_from_slice(&belief.mean);
         let std = &mut self.series.std[row * n..(row + 1) * n];
-        belief.spread(body, std);
-        let known = |i: usize| belief.known(i, std[i]);
+        belief.variances(body, std);
         let first = row * body.axes.len();
         for (c, axis, slots) in body.moving() {
-            self.series.observed[first + c] = u8::from(is_observed(axis, known(slots.q)));
+            self.series.observed[first + c] = u8::from(is_observed(axis, std[slots.q]));
         }
         for (c, slots) in &body.layout.turns {
-            let variance = (slots.q..slots.q + 3).map(known).sum();
+            let variance = std[slots.q..slots.q + 3].iter().sum();
             self.series.observed[first + c..first + c + 3].fill(u8::from(is_observed(&body.axes[*c], variance)));
         }
+        belief.widen(std);
     }
 
     /// Coordinates of joints that are inputs, in the order of `Series::inputs`.

@@ -1,5 +1,6 @@
 //! What a calibration says, checked against the model.
 
+use super::Calibration;
 use crate::body::Body;
 use crate::error::{Error, Result};
 use crate::model::suggest::hint;
@@ -29,6 +30,34 @@ pub fn parameter_values(model: &Model, given: &BTreeMap<String, f64>) -> Result<
     Ok(values)
 }
 
+/// Refuses standard deviations of what the model lacks, and those that are none.
+pub(super) fn check_stds(model: &Model, given: &Calibration) -> Result<()> {
+    let parameters: Vec<&str> = model.parameters.iter().map(|p| p.name.as_str()).collect();
+    let units = units(model);
+    let of_parameters =
+        given.parameter_stds.iter().map(|(name, std)| ("parameter_stds", name, vec![*std], &parameters));
+    let threes = [("mount_stds_rad", &given.mount_stds_rad), ("mount_offset_stds_m", &given.mount_offset_stds_m)];
+    let of_units =
+        threes.into_iter().flat_map(|(field, map)| map.iter().map(move |(name, three)| (field, name, three)));
+    let of_units = of_units.map(|(field, name, three)| (field, name, three.to_vec(), &units));
+    for (field, name, stds, known) in of_parameters.chain(of_units) {
+        if !known.contains(&name.as_str()) {
+            let text = format!("{field} '{name}': model '{}' has none of that name; {}", model.name, hint(name, known));
+            return Err(Error::Data(text));
+        }
+        if !stds.iter().all(|std| std.is_finite() && *std >= 0.0) {
+            return Err(Error::Data(format!("{field} '{name}' = {stds:?}: expected finite numbers from 0 on")));
+        }
+    }
+    Ok(())
+}
+
+/// Names of the inertial units.
+fn units(model: &Model) -> Vec<&str> {
+    let is_imu = |s: &&crate::model::Sensor| matches!(s.kind, SensorKind::Imu { .. });
+    model.sensors.iter().filter(is_imu).map(|s| s.name.as_str()).collect()
+}
+
 /// Per row, what is subtracted: the constant part of magnetometers.
 pub(super) fn row_offsets(body: &Body, given: &BTreeMap<String, [f64; 3]>) -> Result<Vec<f64>> {
     let mut offsets = vec![0.0; body.suite.len()];
@@ -54,8 +83,7 @@ pub(super) fn row_offsets(body: &Body, given: &BTreeMap<String, [f64; 3]>) -> Re
 
 /// Mounts per sensor of the model; `None` is the model's own.
 pub fn mount_values(model: &Model, given: &BTreeMap<String, MountValue>) -> Result<Vec<Option<MountValue>>> {
-    let is_imu = |s: &&crate::model::Sensor| matches!(s.kind, SensorKind::Imu { .. });
-    let known: Vec<&str> = model.sensors.iter().filter(is_imu).map(|s| s.name.as_str()).collect();
+    let known = units(model);
     for (name, (rotation, offset)) in given {
         if !known.contains(&name.as_str()) {
             return Err(Error::Data(format!(
