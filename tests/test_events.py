@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
@@ -59,6 +60,30 @@ def test_any_guess_converges(guess: str, seed: int) -> None:
     piece = exact.recording.slice(start_s=start_s, end_s=start_s + WITHIN_S + 1.0)
     found = mean_deg(oarlock.track(sculler(), piece, config=config), exact.truth, WITHIN_S)
     assert found < CONVERGED_DEG
+
+
+def test_a_mirror_image_of_a_posture_is_left() -> None:
+    """Three hinges in a row point the upper arm twice: (a, b, c) and (a + 180, 180 - b, c + 180) deg."""
+    exact = load_excerpt()
+    hinges = [
+        sculler().joint_names.index(f"r_shoulder_{turn}") for turn in ("abduction", "rotation", "flexion")
+    ]
+    initial_q = np.nan_to_num(exact.truth.q[0])
+    a, b, c = initial_q[hinges]
+    initial_q[hinges] = a + np.pi, np.pi - b, c + np.pi
+    track = oarlock.track(sculler(), exact.recording, config=oarlock.Config(initial_q=initial_q))
+    assert mean_deg(track, exact.truth) < CONVERGED_DEG
+
+
+def test_a_joint_where_bodies_seldom_go_is_named() -> None:
+    recording = load_excerpt().recording
+    assert not any("soft limits" in note for note in oarlock.track(sculler(), recording).notes)
+    elbow = 'name = "l_elbow_flexion"'
+    head, tail = sculler().text.split(elbow)
+    stiff = re.sub(r"limits = .*", "limits = [0.0, 0.1]", tail, count=1)
+    model = oarlock.Model.from_toml(head + elbow + stiff, "stiff.toml", {})
+    (note,) = (note for note in oarlock.track(model, recording).notes if "soft limits" in note)
+    assert note.startswith("l_elbow_flexion: beyond its soft limits (0 to 5.73 deg)")
 
 
 # --- lost -----------------------------------------------------------------------------------------------

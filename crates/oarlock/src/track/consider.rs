@@ -5,6 +5,8 @@
 //! nothing. How far off the parameters are as a whole, in their standard deviations, is learnt: where the model is right, innovations
 //! are white, and their low-passed values are as small as those of noise; where it is wrong they last as the slopes foretell.
 
+mod twin;
+
 use super::{Calibration, Tracker};
 use crate::body::{Body, Moment};
 use crate::config::{Config, Consider};
@@ -17,18 +19,10 @@ use crate::estimate::tiles::padded;
 use crate::estimate::transition::Transition;
 use crate::estimate::System;
 use crate::lane::arch::{Arch, Kernel};
-use crate::model::expr::Expr;
-use crate::model::{Mount, Parameter, SensorKind};
-use crate::rotation::Mat3;
 use crate::sensor::imu::MountValue;
 use crate::sensor::Quantity;
-use crate::state::{LENGTHS, MOUNTS};
-use std::sync::Arc;
+use twin::{twin, Role, Roles, ZERO_STD};
 
-/// How far a unit may sit from where it should in each direction, m.
-const PLACE_STD_M: f64 = 0.01;
-/// How far the zero of an encoder may be off, rad or m.
-const ZERO_STD: f64 = 0.005;
 /// Innovations are averaged over this, s: longer than noise and learnt driving remember, and than skin wobbles; shorter than a cycle of movement.
 const AVERAGE_S: f64 = 0.6;
 /// Memory of how large averages are, s.
@@ -42,15 +36,6 @@ const ABSURD: f64 = 1e3;
 const PER_ROW: usize = 7;
 /// Scale, how many numbers there are of each state, and how many of these are of parameters whose standard deviation a calibration tells.
 const HEAD: usize = 3;
-
-/// What a column of the Jacobian means to the filter.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Role {
-    State(usize),
-    /// Number among what is considered, and its standard deviation in the column's unit.
-    Considered(usize, f64),
-    Nothing,
-}
 
 /// Room for the slopes of a body.
 #[derive(Debug, Clone)]
@@ -320,84 +305,6 @@ fn average(kept: &mut [f64; PER_ROW], expected: &mut [f64], answers: &[f64], (ti
     *white += keep * (floor - *white);
     *share += keep * (owed - *share);
     (*last, *last_s) = (innovation, time_s);
-}
-
-/// The same body with mounts, lengths and the places of its units among the states; per parameter, whether a calibration tells its
-/// standard deviation.
-fn twin(body: &Body, mounts: &[Option<MountValue>], known: &Calibration, config: &Config) -> Result<(Body, Vec<bool>)> {
-    let mut model = (*body.model).clone();
-    let mut parameters = body.parameters.clone();
-    let mut told = vec![false; parameters.len()];
-    for (parameter, told) in model.parameters.iter_mut().zip(&mut told) {
-        let std = known.parameter_stds.get(&parameter.name).copied();
-        *told = std.is_some();
-        parameter.std = std.or(parameter.std);
-    }
-    for (i, given) in mounts.iter().enumerate() {
-        let stds = known.mount_offset_stds_m.get(&model.sensors[i].name);
-        let SensorKind::Imu { mount: Mount { rotation, offset, .. }, .. } = &mut model.sensors[i].kind else {
-            continue;
-        };
-        let place = given.map_or_else(|| [0, 1, 2].map(|k| offset[k].eval(&body.parameters)), |given| given.1);
-        *rotation = given.map_or(*rotation, |given| given.0);
-        for k in 0..3 {
-            let label = format!("place{i}_{k}");
-            offset[k] = Expr::constant_plus(place[k], parameters.len());
-            let (unit, std) = ("m".to_string(), Some(stds.map_or(PLACE_STD_M, |stds| stds[k])));
-            model.parameters.push(Parameter { name: label.clone(), label, unit, default: 0.0, std });
-            parameters.push(0.0);
-            told.push(stds.is_some());
-        }
-    }
-    let mut all = config.clone();
-    all.estimate.extend([LENGTHS, MOUNTS].map(String::from));
-    let none = vec![None; model.sensors.len()];
-    Ok((Body::new(Arc::new(model), &parameters, &none, &all)?, told))
-}
-
-/// Role of every column of the twin's Jacobian, how many parameters are considered, and of how many of them a calibration tells the
-/// standard deviation: these come first.
-struct Roles {
-    roles: Vec<Role>,
-    count: usize,
-    told: usize,
-}
-
-impl Roles {
-    fn of(body: &Body, twin: &Body, known: &Calibration, told: &[bool]) -> Self {
-        let own = |name: &String| body.layout.names.iter().position(|n| n == name);
-        let state = |name: &String| own(name).map_or(Role::Nothing, Role::State);
-        let mut roles: Vec<Role> = twin.layout.names.iter().map(state).collect();
-        let states = roles.len();
-        roles.resize(states + twin.input_std().len(), Role::Nothing);
-        // Column, standard deviation, and whether a calibration tells it.
-        let mut wanted: Vec<(usize, f64, bool)> = Vec::new();
-        for (parameter, state) in &twin.layout.lengths {
-            wanted.push((*state, twin.model.parameters[*parameter].std.unwrap_or(0.0), told[*parameter]));
-        }
-        for (sensor, first) in &twin.layout.mounts {
-            let sensor = &twin.model.sensors[*sensor];
-            let SensorKind::Imu { mount, .. } = &sensor.kind else { continue };
-            let stds = known.mount_stds_rad.get(&sensor.name);
-            let in_sensor = stds.map_or([mount.std_rad; 3], |stds| turned_std(&mount.rotation, stds));
-            wanted.extend((0..3).map(|k| (first + k, in_sensor[k], stds.is_some())));
-        }
-        // Columns of inputs are those of their standard deviation.
-        wanted.extend(twin.input_std().iter().enumerate().map(|(i, std)| (states + i, ZERO_STD / std, false)));
-        wanted.retain(|&(column, std, _)| roles[column] == Role::Nothing && std > 0.0);
-        wanted.sort_by_key(|&(.., told)| !told);
-        for (k, &(column, std, _)) in wanted.iter().enumerate() {
-            roles[column] = Role::Considered(k, std);
-        }
-        let told = wanted.iter().filter(|(.., told)| *told).count();
-        Roles { roles, count: wanted.len(), told }
-    }
-}
-
-/// Standard deviations about a sensor's axes of a mount whose deviations about the link's are known.
-fn turned_std(link_from_sensor: &Mat3<f64>, about_link_rad: &[f64; 3]) -> [f64; 3] {
-    let column = |k: usize| (0..3).map(move |j| link_from_sensor.0[j][k] * about_link_rad[j]);
-    [0, 1, 2].map(|k| column(k).map(|s| s * s).sum::<f64>().sqrt())
 }
 
 struct Looking<'a> {

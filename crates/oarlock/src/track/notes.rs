@@ -11,6 +11,12 @@ const WORTH_A_WORD_DEG: f64 = 0.1;
 /// Share of a sensor's readings that may be rejected without a word.
 const REJECTED_SHARE: f64 = 0.05;
 
+/// Postures beyond a joint's limits by this share of what lies between them, in this share of the samples, are worth a word: one posture in
+/// twenty lies beyond the limits anyway.
+const BEYOND_SHARE: f64 = 0.1;
+/// See `BEYOND_SHARE`.
+const OFTEN_SHARE: f64 = 0.1;
+
 /// What a person should know before trusting the numbers.
 pub fn notes(run: &Run) -> Vec<String> {
     let mut notes = run.recording().notes.clone();
@@ -21,6 +27,7 @@ pub fn notes(run: &Run) -> Vec<String> {
     notes.extend(disturbances(run));
     notes.extend(faults(run));
     notes.extend(unobserved(run));
+    notes.extend(contortions(run));
     notes.extend(losses(run));
     notes.extend(widened(run));
     if run.refused > 0 {
@@ -179,6 +186,49 @@ fn faults(run: &Run) -> Vec<String> {
         [clipped, stuck]
     };
     sources.iter().enumerate().flat_map(describe).flatten().collect()
+}
+
+/// Joints that readings have taken where bodies seldom go. Limits bend no joint that is observed, so this shows what is wrong elsewhere.
+fn contortions(run: &Run) -> Vec<String> {
+    let body = &run.tracker().body;
+    let (n, coordinates, rows) = (body.layout.dim(), body.model.coordinate_count(), run.series.time_s.len());
+    let names = body.model.coordinate_names();
+    let describe = |(c, axis, slots): (usize, &crate::model::Axis, crate::state::Slots)| {
+        let slides = match body.model.joints.iter().find(|j| j.first == c)?.kind {
+            JointKind::Slide => true,
+            JointKind::Hinge => false,
+            _ => return None,
+        };
+        let [low, high] = axis.limits;
+        let observed = (0..rows).filter(|r| run.series.observed[r * coordinates + c] == 1);
+        let excess = observed.map(|r| run.series.mean[r * n + slots.q]).map(|q| (q - high).max(low - q));
+        let (all, beyond, most) = excess.fold((0u32, 0u32, 0.0f64), |(all, beyond, most), e| {
+            (all + 1, beyond + u32::from(e > BEYOND_SHARE * (high - low)), most.max(e))
+        });
+        let share = f64::from(beyond) / f64::from(all.max(1));
+        (share > OFTEN_SHARE).then(|| {
+            let (by, unit) = if slides { (1.0, "m") } else { (1f64.to_degrees(), "deg") };
+            format!(
+                "{}: beyond its soft limits ({} to {} {unit}) in {:.0} % of the samples, by up to {} {unit}: a unit that is \
+                 askew or exchanged, a start in the mirror image of a posture, or a body with other limits (they stand in the model file)",
+                names[c],
+                tidy(by * low),
+                tidy(by * high),
+                100.0 * share,
+                tidy(by * most)
+            )
+        })
+    };
+    body.moving().filter_map(describe).collect()
+}
+
+/// Without digits that nobody needs.
+fn tidy(x: f64) -> f64 {
+    if x.abs() < 10.0 {
+        (x * 100.0).round() / 100.0
+    } else {
+        x.round()
+    }
 }
 
 fn losses(run: &Run) -> Option<String> {
