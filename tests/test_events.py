@@ -75,6 +75,16 @@ def test_a_mirror_image_of_a_posture_is_left() -> None:
     assert mean_deg(track, exact.truth) < CONVERGED_DEG
 
 
+@pytest.mark.parametrize("start_s", [0.0, 3.4, 5.1, 6.0])
+@pytest.mark.parametrize("unit", ["r_upperarm", "l_upperarm"])
+def test_an_arm_without_a_unit_on_its_upper_link_finds_its_posture(unit: str, start_s: float) -> None:
+    """Its first samples allow a second posture, with the elbow tens of degrees higher."""
+    exact = load_excerpt()
+    piece = exact.recording.slice(start_s=start_s, end_s=start_s + WITHIN_S + 1.0)
+    worn = oarlock.Recording([stream for stream in piece.streams if stream.name != unit])
+    assert mean_deg(oarlock.track(sculler(), worn), exact.truth) < CONVERGED_DEG
+
+
 def test_a_joint_where_bodies_seldom_go_is_named() -> None:
     recording = load_excerpt().recording
     assert not any("soft limits" in note for note in oarlock.track(sculler(), recording).notes)

@@ -10,6 +10,7 @@ pub mod magnetic;
 pub mod many;
 pub mod north;
 pub mod notes;
+mod postures;
 pub mod regain;
 pub mod rest;
 pub mod run;

@@ -102,11 +102,14 @@ impl Tracker {
         self.body.difference(&a.mean, &b.mean, &mut away);
         // Which way the whole body has turned is nobody's business.
         let mut inner = self.body.layout.turns.iter().filter(|(c, _)| !self.floats(*c));
-        inner.all(|(_, slots)| norm(three(&away, slots.q)) < SAME)
+        inner.all(|(_, slots)| norm(three(&away, slots.q)) < SAME) && !self.differ(&a.mean, &b.mean)
     }
 
     /// Cuts the least certain direction of a joint that sensors feel into hypotheses.
     pub(super) fn open_bank(&self, belief: &mut Belief) {
+        if !belief.rivals.is_empty() {
+            return;
+        }
         for (c, slots) in &self.body.layout.turns {
             let spread = |i: usize| belief.covariance.at(slots.q + i, slots.q + i);
             if spread(0) + spread(1) + spread(2) < UNCERTAIN_STD * UNCERTAIN_STD || !self.is_felt(*c) {
