@@ -5,6 +5,7 @@ from __future__ import annotations
 from oarlock.rowing.anthropometry import anthropometry
 from oarlock.rowing.boat import Boat, HullMotion
 from oarlock.rowing.ergometer import ErgometerShape, Machine, ergometer_piece
+from oarlock.rowing.features import FEATURES, Feature
 from oarlock.rowing.field import FieldEffects, FieldTrial, simulate_field
 from oarlock.rowing.hull import HullRotation, on_hull
 from oarlock.rowing.motion import Piece, row_piece, sculling
@@ -15,15 +16,18 @@ from oarlock.rowing.session_skin import session_skin
 from oarlock.rowing.simulators import SIMULATORS, FieldSimulator, ScullingSimulator
 from oarlock.rowing.stretcher import adjusted_stretcher
 from oarlock.rowing.stroke import StrokeShape
+from oarlock.rowing.stroke_table import StrokeTable
 from oarlock.rowing.sweep import SweepShape, sweep_piece, sweeping
 from oarlock.rowing.timing import StrokeTiming
 
 __all__ = [
     "CONDITIONS",
+    "FEATURES",
     "SIMULATORS",
     "TABLE_4_NOISE",
     "Boat",
     "ErgometerShape",
+    "Feature",
     "FieldEffects",
     "FieldSimulator",
     "FieldTrial",
@@ -37,6 +41,7 @@ __all__ = [
     "ScullingSimulator",
     "SimulatedCondition",
     "StrokeShape",
+    "StrokeTable",
     "StrokeTiming",
     "SweepShape",
     "adjusted_stretcher",
