@@ -5,6 +5,7 @@ from __future__ import annotations
 from oarlock.rowing.anthropometry import anthropometry
 from oarlock.rowing.boat import Boat, HullMotion
 from oarlock.rowing.ergometer import ErgometerShape, Machine, ergometer_piece
+from oarlock.rowing.exports import EXPORT_FORMATS, ExportFormat, load_stroke_export
 from oarlock.rowing.features import FEATURES, Feature
 from oarlock.rowing.field import FieldEffects, FieldTrial, simulate_field
 from oarlock.rowing.hull import HullRotation, on_hull
@@ -16,17 +17,21 @@ from oarlock.rowing.session_skin import session_skin
 from oarlock.rowing.simulators import SIMULATORS, FieldSimulator, ScullingSimulator
 from oarlock.rowing.stretcher import adjusted_stretcher
 from oarlock.rowing.stroke import StrokeShape
+from oarlock.rowing.stroke_files import save_strokes
+from oarlock.rowing.stroke_summary import SummaryRow, summarise_strokes
 from oarlock.rowing.stroke_table import StrokeTable
 from oarlock.rowing.sweep import SweepShape, sweep_piece, sweeping
 from oarlock.rowing.timing import StrokeTiming
 
 __all__ = [
     "CONDITIONS",
+    "EXPORT_FORMATS",
     "FEATURES",
     "SIMULATORS",
     "TABLE_4_NOISE",
     "Boat",
     "ErgometerShape",
+    "ExportFormat",
     "Feature",
     "FieldEffects",
     "FieldSimulator",
@@ -43,17 +48,21 @@ __all__ = [
     "StrokeShape",
     "StrokeTable",
     "StrokeTiming",
+    "SummaryRow",
     "SweepShape",
     "adjusted_stretcher",
     "anthropometry",
     "ergometer_piece",
     "hull_pitch",
+    "load_stroke_export",
     "on_hull",
     "on_unknown_rail",
     "row_piece",
+    "save_strokes",
     "sculling",
     "session_skin",
     "simulate_field",
+    "summarise_strokes",
     "sweep_piece",
     "sweeping",
 ]

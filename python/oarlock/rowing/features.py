@@ -1,4 +1,4 @@
-"""What each number of a stroke means: the one place that explains them, read from `features.toml`."""
+"""What each number of a stroke means: the one place that explains them, read from two TOML files beside it."""
 
 from __future__ import annotations
 
@@ -57,9 +57,13 @@ class Feature:
         return f"{self.label}{unit}. {self.definition}{sign} Source: {self.source}."
 
 
+_FILES = ("logger_features.toml", "features.toml")
+
+
 def _features() -> Iterator[Feature]:
-    text = files("oarlock.rowing").joinpath("features.toml").read_text(encoding="utf-8")
-    for name, table in tomllib.loads(text).items():
+    here = files("oarlock.rowing")
+    texts = [here.joinpath(file).read_text(encoding="utf-8") for file in _FILES]
+    for name, table in (item for text in texts for item in tomllib.loads(text).items()):
         sides = table.pop("sides", "no")
         table.setdefault("shown_unit", table["unit"])
         table.setdefault("sign", "")
