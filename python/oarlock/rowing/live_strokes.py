@@ -23,6 +23,7 @@ _READ_BY = {
     "trunk_gyro": {"back": ""},
 }
 _SILENT_S = 0.5
+_LATEST_S = 0.27
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,8 @@ class LiveStrokes:
     """The strokes of `find_strokes`, found as they happen: the same finder on the same readings, so the same times.
 
     A finish is published as soon as the movement has come back by a tenth of the smallest stroke and the readings of
-    up to 0.2 s behind it are there; an oar waits up to 0.2 s for the other one.
+    up to 0.2 s behind it are there, so within 0.3 s of a usual finish. An oar waits that long for the other one; should
+    that one turn later, by up to 0.2 s, an event of both replaces that of the first.
 
     Args:
         source: `oars`, `handle`, `seat`, `trunk` (its angle, say of a tracker's belief) or `trunk_gyro`.
@@ -88,6 +90,7 @@ class LiveStrokes:
     model: Model | None = None
     _sides: dict[str, _Side] = field(default_factory=dict)
     _waiting: list[_Waiting] = field(default_factory=list)
+    _alone: list[_Waiting] = field(default_factory=list)
     _last: dict[str, StrokeEvent] = field(default_factory=dict)
     _segments: int = 0
     _lean: LeakySum = field(default_factory=LeakySum)
@@ -140,19 +143,26 @@ class LiveStrokes:
                 self._join(side, time_s, *told)
 
     def _join(self, side: str, time_s: float, kind: str, event: Event, replaces: bool) -> None:
-        for waiting in self._waiting:
+        for waiting in (*self._waiting, *self._alone):
             (other,) = list(waiting.events.values())[:1]
             near = abs(other.time_s - event.time_s) <= PAIR_S
             if waiting.kind == kind and side not in waiting.events and near:
+                if waiting in self._alone:
+                    self._alone.remove(waiting)
+                    self._waiting.append(waiting)
+                    waiting.replaces = True
                 waiting.events[side] = event
                 waiting.until_s = time_s
                 return
         alone = all(time_s - s.last_s > _SILENT_S for name, s in self._sides.items() if name != side)
-        self._waiting.append(_Waiting(kind, time_s + (0.0 if alone else PAIR_S), replaces, {side: event}))
+        until_s = time_s if alone else max(time_s, min(time_s + PAIR_S, event.time_s + _LATEST_S))
+        self._waiting.append(_Waiting(kind, until_s, replaces, {side: event}))
 
     def _due(self, time_s: float) -> list[StrokeEvent]:
         ready = [waiting for waiting in self._waiting if waiting.until_s <= time_s]
         self._waiting = [waiting for waiting in self._waiting if waiting.until_s > time_s]
+        self._alone += [waiting for waiting in ready if len(waiting.events) < len(self._sides)]
+        self._alone = [waiting for waiting in self._alone if time_s - waiting.until_s < 2.0 * PAIR_S]
         return [self._event(waiting, time_s) for waiting in ready]
 
     def _event(self, waiting: _Waiting, now_s: float) -> StrokeEvent:
