@@ -9,6 +9,7 @@ from oarlock.rowing.exports import EXPORT_FORMATS, ExportFormat, load_stroke_exp
 from oarlock.rowing.features import FEATURES, Feature
 from oarlock.rowing.field import FieldEffects, FieldTrial, simulate_field
 from oarlock.rowing.hull import HullRotation, on_hull
+from oarlock.rowing.live_strokes import LiveStrokes, StrokeEvent
 from oarlock.rowing.motion import Piece, row_piece, sculling
 from oarlock.rowing.noise import CONDITIONS, TABLE_4_NOISE, ImuNoise, SimulatedCondition
 from oarlock.rowing.pitch import HullForm, HullPitch, hull_pitch
@@ -20,6 +21,7 @@ from oarlock.rowing.stroke import StrokeShape
 from oarlock.rowing.stroke_files import save_strokes
 from oarlock.rowing.stroke_summary import SummaryRow, summarise_strokes
 from oarlock.rowing.stroke_table import StrokeTable
+from oarlock.rowing.strokes import Strokes, find_strokes
 from oarlock.rowing.sweep import SweepShape, sweep_piece, sweeping
 from oarlock.rowing.timing import StrokeTiming
 
@@ -41,18 +43,22 @@ __all__ = [
     "HullPitch",
     "HullRotation",
     "ImuNoise",
+    "LiveStrokes",
     "Machine",
     "Piece",
     "ScullingSimulator",
     "SimulatedCondition",
+    "StrokeEvent",
     "StrokeShape",
     "StrokeTable",
     "StrokeTiming",
+    "Strokes",
     "SummaryRow",
     "SweepShape",
     "adjusted_stretcher",
     "anthropometry",
     "ergometer_piece",
+    "find_strokes",
     "hull_pitch",
     "load_stroke_export",
     "on_hull",
