@@ -52,7 +52,8 @@ def summarise_strokes(table: StrokeTable) -> tuple[SummaryRow, ...]:
     Medians, since exports keep starts, stops and misread strokes. Strokes that `in_averages` leaves out do not count.
     """
     counted = table["in_averages"] != 0.0 if "in_averages" in table else np.ones(len(table), dtype=bool)
-    return tuple(_row(table, name, counted) for name in table.columns if name not in _ORDER_ONLY)
+    told = [name for name in table.columns if name.removeprefix("r_").removeprefix("l_") not in _ORDER_ONLY]
+    return tuple(_row(table, name, counted) for name in told)
 
 
 def _row(table: StrokeTable, name: str, counted: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> SummaryRow:

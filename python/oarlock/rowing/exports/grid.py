@@ -13,6 +13,8 @@ from oarlock.errors import DataError
 _BYTE_ORDER_MARKS = (b"\xff\xfe", b"\xfe\xff")
 _MOST_BYTES = 200_000_000
 _DELIMITERS = ",;\t"
+_HEADER_WITHIN = 200  # rows
+_HEAD = 20_000  # characters
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ class Grid:
     def header(self, marks: Collection[str]) -> int | None:
         """The first row that holds all of these names."""
         wanted = {plain_name(mark) for mark in marks}
-        for place, row in enumerate(self.cells):
+        for place, row in enumerate(self.cells[:_HEADER_WITHIN]):
             if len(row) >= len(wanted) and wanted <= {plain_name(cell) for cell in row}:
                 return place
         return None
@@ -110,15 +112,21 @@ def text_of(file: Path) -> str:
         raise DataError(f"{file}: cannot be read ({error.strerror})") from error
     for encoding in ("utf-16",) if raw[:2] in _BYTE_ORDER_MARKS else ("utf-8-sig", "cp1252", "latin-1"):
         try:
-            return raw.decode(encoding)
+            return _without_zeros(file, raw.decode(encoding))
         except UnicodeError:
             continue
     raise DataError(f"{file}: begins like UTF-16 text and is none; is the file cut off?")
 
 
+def _without_zeros(file: Path, text: str) -> str:
+    if "\x00" in text and ".FIT" not in text[:16]:
+        raise DataError(f"{file}: holds zero bytes, so it is no text; export the strokes as CSV")
+    return text
+
+
 def grids(file: Path, text: str) -> list[Grid]:
     """The file split at commas, at semicolons and at tabs; a delimiter that it does not hold is left out."""
-    return [_grid(file, text, delimiter) for delimiter in _DELIMITERS if delimiter in text]
+    return [_grid(file, text, delimiter) for delimiter in _DELIMITERS if delimiter in text[:_HEAD]]
 
 
 def _grid(file: Path, text: str, delimiter: str) -> Grid:
