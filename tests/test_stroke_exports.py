@@ -401,6 +401,12 @@ def test_command_shows_and_writes(tmp_path):
     assert document["rows"][9]["peak_force_n"] is None
 
 
+def test_page_shows_what_the_command_prints():
+    page = (Path(__file__).parents[1] / "docs/stroke-exports.md").read_text(encoding="utf-8")
+    shown = run("strokes", EXAMPLES / "speedcoach_empower.csv").stdout
+    assert shown.startswith("speedcoach_empower.csv") and shown in page
+
+
 def test_command_refuses(tmp_path):
     assert run("strokes", tmp_path / "absent.csv").exit_code == 1
     assert run("strokes", EXAMPLES / "rp3.csv", "--format", "rp4").exit_code == 2
