@@ -9,7 +9,7 @@ once round with the stroke, in equal shares,
 that is, at one time alike, half a stroke later unrelated. It does not shrink when many samples are averaged. Errors of
 different joints are taken as unrelated. With f0, f+ and f- a number as it is and with one source moved by plus and
 minus one deviation, and c = f+ + f- - 2 f0 its curvature, the source adds ((f+ - f-) / 2)^2 + 0.75 c^2 to the mean
-square error: exact for a quadratic function of a normal error, also for one at the top of a maximum. Errors of rates are
+square error: exact for a quadratic function of a normal error, also at the top of a maximum. Errors of rates are
 quicker: they come and go within a quarter of a stroke.
 """
 
