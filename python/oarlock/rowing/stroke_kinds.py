@@ -217,8 +217,13 @@ def _left_out(
     for place in range(len(strokes)):
         if not found[place] and (paused[place] or np.isnan(cycles[place])):
             found[place] = "no catch followed it"
-    for begin, end in _runs(kinds, paused):
-        _odd_ones(found, strokes, cycles, arcs, begin, end)
+    runs = _runs(kinds, paused)
+    lasted = [strokes[end - 1].finish[0] - strokes[begin].catch[0] for begin, end in runs]
+    for (begin, end), own_s in zip(runs, lasted, strict=True):
+        if own_s < _SHORTEST_PIECE_S <= max(lasted):
+            reason = f"its piece lasts {own_s:.0f} s, less than {_SHORTEST_PIECE_S:.0f} s"
+            found[begin:end] = [before or reason for before in found[begin:end]]
+        _odd_ones(found, cycles, arcs, begin, end)
     return found
 
 
@@ -235,13 +240,7 @@ def _runs(kinds: Sequence[str], paused: NDArray[np.bool_]) -> list[tuple[int, in
     return runs
 
 
-def _odd_ones(
-    found: list[str], strokes: Sequence[Stroke], cycles: Floats, arcs: Floats, begin: int, end: int
-) -> None:
-    lasted = strokes[end - 1].finish[0] - strokes[begin].catch[0]
-    for place in range(begin, end):
-        if not found[place] and lasted < _SHORTEST_PIECE_S:
-            found[place] = f"its piece lasts {lasted:.0f} s, less than {_SHORTEST_PIECE_S:.0f} s"
+def _odd_ones(found: list[str], cycles: Floats, arcs: Floats, begin: int, end: int) -> None:
     for name, values in (("time", cycles), ("arc", arcs)):
         known = np.array([k for k in range(begin, end) if np.isfinite(values[k]) and not found[k]])
         if len(known) < 5:
