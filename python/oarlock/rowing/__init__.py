@@ -19,10 +19,13 @@ from oarlock.rowing.simulators import SIMULATORS, FieldSimulator, ScullingSimula
 from oarlock.rowing.stretcher import adjusted_stretcher
 from oarlock.rowing.stroke import StrokeShape
 from oarlock.rowing.stroke_files import save_strokes
+from oarlock.rowing.stroke_means import FeatureMean, PhaseCurve
 from oarlock.rowing.stroke_summary import SummaryRow, summarise_strokes
 from oarlock.rowing.stroke_table import StrokeTable
 from oarlock.rowing.strokes import Strokes, find_strokes
 from oarlock.rowing.sweep import SweepShape, sweep_piece, sweeping
+from oarlock.rowing.targets import TARGET_CLASSES, Target, load_targets
+from oarlock.rowing.technique import Technique, technique
 from oarlock.rowing.timing import StrokeTiming
 
 __all__ = [
@@ -31,10 +34,12 @@ __all__ = [
     "FEATURES",
     "SIMULATORS",
     "TABLE_4_NOISE",
+    "TARGET_CLASSES",
     "Boat",
     "ErgometerShape",
     "ExportFormat",
     "Feature",
+    "FeatureMean",
     "FieldEffects",
     "FieldSimulator",
     "FieldTrial",
@@ -45,6 +50,7 @@ __all__ = [
     "ImuNoise",
     "LiveStrokes",
     "Machine",
+    "PhaseCurve",
     "Piece",
     "ScullingSimulator",
     "SimulatedCondition",
@@ -55,12 +61,15 @@ __all__ = [
     "Strokes",
     "SummaryRow",
     "SweepShape",
+    "Target",
+    "Technique",
     "adjusted_stretcher",
     "anthropometry",
     "ergometer_piece",
     "find_strokes",
     "hull_pitch",
     "load_stroke_export",
+    "load_targets",
     "on_hull",
     "on_unknown_rail",
     "row_piece",
@@ -71,4 +80,5 @@ __all__ = [
     "summarise_strokes",
     "sweep_piece",
     "sweeping",
+    "technique",
 ]

@@ -57,22 +57,50 @@ class Feature:
         return f"{self.label}{unit}. {self.definition}{sign} Source: {self.source}."
 
 
-_FILES = ("logger_features.toml", "features.toml")
+_FILES = ("features.toml", "logger_features.toml")
 
 
-def _features() -> Iterator[Feature]:
+def _features() -> Iterator[tuple[str, Feature]]:
+    """Kind and feature."""
     here = files("oarlock.rowing")
     texts = [here.joinpath(file).read_text(encoding="utf-8") for file in _FILES]
     for name, table in (item for text in texts for item in tomllib.loads(text).items()):
-        sides = table.pop("sides", "no")
+        sides, kind = table.pop("sides", "no"), table.pop("kind", "")
         table.setdefault("shown_unit", table["unit"])
         table.setdefault("sign", "")
         if sides != "only":
-            yield Feature(name, **table)
+            yield kind, Feature(name, **table)
         if sides != "no":
             for side, who in SIDES.items():
-                yield Feature(f"{side}_{name}", **table | {"label": f"{table['label']}, {who}"})
+                yield kind, Feature(f"{side}_{name}", **table | {"label": f"{table['label']}, {who}"})
 
 
-FEATURES: Mapping[str, Feature] = MappingProxyType({feature.name: feature for feature in _features()})
+_KINDS = tuple(_features())
+FEATURES: Mapping[str, Feature] = MappingProxyType({feature.name: feature for _, feature in _KINDS})
 """By the name of the column; a side is a prefix: `r_` and `l_` are the rower's right (port) and left (starboard)."""
+NUMBERS = tuple(feature.name for kind, feature in _KINDS if kind == "technique")
+"""Columns of every table of technique."""
+CURVES = tuple(feature.name for kind, feature in _KINDS if kind == "curve")
+"""Curves of technique over the stroke."""
+
+
+def feature_table() -> str:
+    """All of it as a table in Markdown, a line a number; sides are said once."""
+    lines = ["| column | is | shown in | positive | definition | source |", "|---|---|---|---|---|---|"]
+    for _, feature in _KINDS:
+        stem = feature.name.removeprefix("l_")
+        if feature.name != stem or (feature.name.startswith("r_") and feature.name[2:] in FEATURES):
+            continue
+        name, label = feature.name, feature.label
+        if name.startswith("r_"):
+            name, label = (
+                f"r_{name[2:]}`, `l_{name[2:]}",
+                label.removesuffix(f", {SIDES['r']}") + ", each side",
+            )
+        elif f"r_{name}" in FEATURES:
+            name = f"{name}`, `r_...`, `l_..."
+        unit = "" if feature.shown_unit == "1" else feature.shown_unit
+        lines.append(
+            f"| `{name}` | {label} | {unit} | {feature.sign} | {feature.definition} | {feature.source} |"
+        )
+    return "\n".join(lines)

@@ -17,6 +17,7 @@ Floats = NDArray[np.float64]
 SOURCES = ("oars", "handle", "seat", "trunk", "trunk_gyro")
 """In the order of preference."""
 _LEAK_S = 20.0
+_HALF_WINDOW_S = 0.15
 _ENOUGH_SHARE = 0.02
 _SIDED = {"r_oar_phi": "r", "l_oar_phi": "l", "oar_phi": ""}
 
@@ -107,8 +108,18 @@ def _of_track(track: Track, source: str, name: str, side: str) -> list[Signal]:
     rows = np.isfinite(track.q[:, column]) & track.observed[:, column]
     if rows.mean() < _ENOUGH_SHARE:
         return []
-    rate_std = np.nan_to_num(track.qd_std[rows, column])
+    rate_std = slope_std(track.q_std[rows, column], track.qd_std[rows, column])
     return [Signal(source, side, track.time_s[rows], KINDS[source].sign * track.q[rows, column], rate_std)]
+
+
+def slope_std(value_std: Floats, rate_std: Floats) -> Floats:
+    """What an estimate's slope over the readings around a turn may be off by; 0 where it is no estimate.
+
+    At most what the estimate's own rate may be off by, and at most what an error of the value's size, in the worst case
+    a ramp through the window, makes of a fitted slope: sqrt(3) over half the window.
+    """
+    ramp = np.sqrt(3.0) / _HALF_WINDOW_S * value_std
+    return np.nan_to_num(np.where(np.isnan(rate_std), np.nan, np.fmin(ramp, rate_std)))
 
 
 def _of_recording(recording: Recording, source: str, name: str, side: str) -> list[Signal]:
