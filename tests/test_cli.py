@@ -15,6 +15,7 @@ VERBS = (
     ("bench",),
     ("demo",),
     ("simulate",),
+    ("strokes",),
     ("track",),
     ("evaluate",),
     ("compare",),

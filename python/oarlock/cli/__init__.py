@@ -21,6 +21,7 @@ from oarlock.cli import (
     report,
     reproduce,
     simulate,
+    strokes,
     study,
     track,
 )
@@ -68,6 +69,7 @@ evaluate.add_to(app)
 compare.add_to(app)
 report.add_to(app)
 reproduce.add_to(app)
+strokes.add_to(app)
 study.add_to(app)
 model.add_to(app)
 bench.add_to(app)

@@ -1,0 +1,152 @@
+"""`oarlock strokes`: the strokes of a track, of a recording, or of a file that a rowing device has exported."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from oarlock.cli.options import Force, Json, example
+from oarlock.cli.terminal import UsageError, fresh_folder, heading, number, print_json, say, table, verb
+
+if TYPE_CHECKING:
+    from oarlock.rowing import StrokeTable
+
+# what stands in the table of single strokes: the first of these that a source has, as many as a line holds
+_MOST_SHOWN = 8
+_SHOWN = (
+    "catch_time_s",
+    "time_s",
+    "rate_per_min",
+    "drive_time_s",
+    "rhythm",
+    "catch_angle_rad",
+    "finish_angle_rad",
+    "arc_rad",
+    "slip_rad",
+    "wash_rad",
+    "handle_travel_m",
+    "peak_force_n",
+    "power_w",
+    "speed_m_s",
+)
+
+
+def add_to(app: typer.Typer) -> None:
+    """Registers the verb."""
+    app.command(
+        "strokes",
+        epilog=example(
+            "oarlock strokes out",
+            "oarlock strokes rp3.csv --each",
+            "oarlock strokes speedcoach.csv --out strokes",
+        ),
+    )(strokes)
+
+
+@verb
+def strokes(
+    source: Annotated[
+        Path,
+        typer.Argument(metavar="TRACK|FILE", help="Folder of a track or recording, or a device's export."),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="FOLDER", help="Write strokes.csv and strokes.parquet there."),
+    ] = None,
+    format: Annotated[
+        str | None,
+        typer.Option(
+            "--format", metavar="NAME", help="Kind of export, such as rp3; without it the columns tell."
+        ),
+    ] = None,
+    each: Annotated[bool, typer.Option("--each", help="Print every stroke too.")] = False,
+    force: Force = False,
+    json_output: Json = False,
+) -> None:
+    """Show strokes: of a track, or of an export of Quiske, RP3, NK SpeedCoach, Concept2 apps and others.
+
+    Angles are shown in degrees, catch negative, finish positive. Files hold radians.
+    """
+    from oarlock.rowing import save_strokes
+
+    found = _loaded(source, format)
+    files: tuple[Path, ...] = ()
+    if out is not None:
+        fresh_folder(out, "strokes.parquet", force)
+        files = save_strokes(found, out)
+    if json_output:
+        print_json(_document(found, files))
+        return
+    say(f"{found.source}: {len(found)} strokes", style="bold")
+    _write_summary(found)
+    if each:
+        _write_each(found)
+    if found.notes:
+        heading("Notes")
+        for note in found.notes:
+            say(f"- {note}", indent=2)
+    for file in files:
+        say(f"Wrote {file}")
+
+
+def _loaded(source: Path, format: str | None) -> StrokeTable:
+    from oarlock.rowing import EXPORT_FORMATS, load_stroke_export
+
+    if format is not None and format not in EXPORT_FORMATS:
+        raise UsageError(f"--format {format}: is not known; known are {', '.join(EXPORT_FORMATS)}")
+    if not source.is_dir():
+        return load_stroke_export(source, format)
+    if format is not None:
+        raise UsageError(f"--format goes with a file; {source} is a folder")
+    from oarlock import load_recording, load_track
+    from oarlock.rowing import find_strokes
+
+    is_recording = (source / "recording.toml").exists()
+    return find_strokes(load_recording(source) if is_recording else load_track(source)).table()
+
+
+def _document(found: StrokeTable, files: tuple[Path, ...]) -> dict[str, object]:
+    from oarlock.rowing import summarise_strokes
+
+    return {
+        "source": found.source,
+        "strokes": len(found),
+        "notes": found.notes,
+        "summary": summarise_strokes(found),
+        "rows": found.to_rows(),
+        "files": files,
+    }
+
+
+def _write_summary(found: StrokeTable) -> None:
+    from oarlock.rowing import summarise_strokes
+
+    table(
+        ["quantity", "unit", ">strokes", ">median", ">5 %", ">95 %"],
+        [
+            (row.label, row.unit, row.strokes, *(_four(value) for value in (row.median, row.low, row.high)))
+            for row in summarise_strokes(found)
+        ],
+    )
+
+
+def _write_each(found: StrokeTable) -> None:
+    from oarlock.rowing import FEATURES
+
+    shown = [FEATURES[name] for name in _SHOWN if name in found][:_MOST_SHOWN]
+    heading("Strokes")
+    table(
+        [">stroke", *(f">{feature.label}\n{feature.shown_unit}" for feature in shown)],
+        [
+            (row + 1, *(_four(found[feature.name][row] * feature.shown_scale) for feature in shown))
+            for row in range(len(found))
+        ],
+    )
+
+
+def _four(value: float) -> str:
+    """About four digits, without exponents."""
+    digits = 0 if abs(value) >= 1000 else 1 if abs(value) >= 10 else 2
+    return number(value, f".{digits}f")

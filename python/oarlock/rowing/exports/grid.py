@@ -1,0 +1,156 @@
+"""A text file as rows of cells, whatever its delimiter and encoding; the rows of one table in it."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from oarlock.errors import DataError
+
+_BYTE_ORDER_MARKS = (b"\xff\xfe", b"\xfe\xff")
+_MOST_BYTES = 200_000_000
+_DELIMITERS = ",;\t"
+_HEADER_WITHIN = 200  # rows
+_HEAD = 20_000  # characters
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The rows of one table: the line number of each, and its cells without surrounding blanks.
+
+    Attributes:
+        file: the file.
+        names: of the columns, as the file writes them.
+        lines: the line in which each row ends, from 1.
+        cells: one list a row; a row has at least as many cells as there are names.
+    """
+
+    file: Path
+    names: tuple[str, ...]
+    lines: tuple[int, ...]
+    cells: tuple[list[str], ...]
+
+    def __len__(self) -> int:
+        return len(self.cells)
+
+    def place(self, *names: str) -> int | None:
+        """Where the first column of one of these names stands, whatever its capitals; None if there is none."""
+        plain = [plain_name(name) for name in self.names]
+        found = [plain.index(plain_name(name)) for name in names if plain_name(name) in plain]
+        return found[0] if found else None
+
+    def chosen(self, kept: Iterable[int]) -> Rows:
+        """Some of the rows, in this order."""
+        places = list(kept)
+        lines, cells = [self.lines[k] for k in places], [self.cells[k] for k in places]
+        return Rows(self.file, self.names, tuple(lines), tuple(cells))
+
+
+@dataclass(frozen=True)
+class Grid:
+    """All rows of a file under one delimiter."""
+
+    file: Path
+    lines: tuple[int, ...]
+    cells: tuple[list[str], ...]
+
+    def header(self, marks: Collection[str]) -> int | None:
+        """The first row that holds all of these names."""
+        wanted = {plain_name(mark) for mark in marks}
+        for place, row in enumerate(self.cells[:_HEADER_WITHIN]):
+            if len(row) >= len(wanted) and wanted <= {plain_name(cell) for cell in row}:
+                return place
+        return None
+
+    def rows(self, header: int, skipped: int = 0, until_blank: bool = False) -> Rows:
+        """The table below a header.
+
+        Args:
+            header: its place.
+            skipped: rows between the header and the first row of data, such as one of units.
+            until_blank: whether the table ends at the first blank row.
+
+        Raises:
+            DataError: a row has another number of cells than the header; file and line.
+        """
+        names = tuple(_without_empty_end(self.cells[header]))
+        lines: list[int] = []
+        cells: list[list[str]] = []
+        for line, row in zip(
+            self.lines[header + 1 + skipped :], self.cells[header + 1 + skipped :], strict=True
+        ):
+            if not any(row):
+                if until_blank and cells:
+                    break
+                continue
+            lines.append(line)
+            cells.append(_checked(self.file, names, line, row))
+        return Rows(self.file, names, tuple(lines), tuple(cells))
+
+
+def plain_name(text: str) -> str:
+    """A column's name without capitals and repeated blanks."""
+    return " ".join(text.split()).casefold()
+
+
+def text_of(file: Path) -> str:
+    """The text of a file: UTF-8 or UTF-16 with their marks, else Windows' western European.
+
+    Raises:
+        DataError: it cannot be read, is too large, or is no text.
+    """
+    try:
+        if file.stat().st_size > _MOST_BYTES:
+            raise DataError(
+                f"{file}: has more than {_MOST_BYTES // 1_000_000} MB; that is no table of strokes"
+            )
+        raw = file.read_bytes()
+    except OSError as error:
+        raise DataError(f"{file}: cannot be read ({error.strerror})") from error
+    for encoding in ("utf-16",) if raw[:2] in _BYTE_ORDER_MARKS else ("utf-8-sig", "cp1252", "latin-1"):
+        try:
+            return _without_zeros(file, raw.decode(encoding))
+        except UnicodeError:
+            continue
+    raise DataError(f"{file}: begins like UTF-16 text and is none; is the file cut off?")
+
+
+def _without_zeros(file: Path, text: str) -> str:
+    if "\x00" in text and ".FIT" not in text[:16]:
+        raise DataError(f"{file}: holds zero bytes, so it is no text; export the strokes as CSV")
+    return text
+
+
+def grids(file: Path, text: str) -> list[Grid]:
+    """The file split at commas, at semicolons and at tabs; a delimiter that it does not hold is left out."""
+    return [_grid(file, text, delimiter) for delimiter in _DELIMITERS if delimiter in text[:_HEAD]]
+
+
+def _grid(file: Path, text: str, delimiter: str) -> Grid:
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=True)
+    lines, cells = [], []
+    try:
+        for row in reader:
+            lines.append(reader.line_num)
+            cells.append([cell.strip() for cell in row])
+    except csv.Error as error:
+        raise DataError(f"{file}:{reader.line_num}: cannot be split into cells ({error})") from error
+    return Grid(file, tuple(lines), tuple(cells))
+
+
+def _without_empty_end(row: list[str]) -> list[str]:
+    kept = len(row)
+    while kept and not row[kept - 1]:
+        kept -= 1
+    return row[:kept]
+
+
+def _checked(file: Path, names: tuple[str, ...], line: int, row: list[str]) -> list[str]:
+    if len(row) < len(names):
+        raise DataError(
+            f"{file}:{line}: has {len(row)} cells, the header has {len(names)}. Is the row cut off?"
+        )
+    return row

@@ -1,0 +1,85 @@
+"""NK Logbook, CSV of the strokes of a session, with those of an EmPower oarlock."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from oarlock.rowing.exports.build import Gathered, Wanted, left_out_note, many, twice_note
+from oarlock.rowing.exports.cells import DEGREE_RAD, is_missing
+from oarlock.rowing.exports.empower import add_arcs, told_angles
+from oarlock.rowing.exports.grid import Grid, Rows
+from oarlock.rowing.stroke_table import StrokeTable
+
+TITLE = "NK Logbook, strokes (CSV)"
+MARKS = ("sessionIntervalId", "elapsedTime", "strokeCount", "gpsInstaSpeed")
+
+_MS = 1e-3
+_WANTED = (
+    Wanted("time_s", ("elapsedTime",), _MS),
+    Wanted("interval", ("sessionIntervalId",)),
+    Wanted("stroke_number", ("strokeCount",)),
+    Wanted("distance_m", ("gpsTotalDistance",)),
+    Wanted("impeller_distance_m", ("impellerTotalDistance",), zero_is_missing=True),
+    Wanted("speed_m_s", ("gpsInstaSpeed",)),
+    Wanted("impeller_speed_m_s", ("impellerInstaSpeed",), zero_is_missing=True),
+    Wanted("distance_per_stroke_m", ("gpsDistStroke",)),
+    Wanted("rate_per_min", ("strokeRate",)),
+    Wanted("heart_rate_per_min", ("heartRate",), zero_is_missing=True),
+    Wanted("duration_s", ("cycleTime",), _MS),
+    Wanted("drive_time_s", ("driveTime",), _MS),
+    Wanted("catch_angle_rad", ("catchAngle",), DEGREE_RAD),
+    Wanted("finish_angle_rad", ("finishAngle",), DEGREE_RAD),
+    Wanted("slip_rad", ("slip",), DEGREE_RAD),
+    Wanted("wash_rad", ("wash",), DEGREE_RAD),
+    Wanted("peak_force_n", ("maxHandleForce",)),
+    Wanted("mean_force_n", ("handleForceAvg",)),
+    Wanted("peak_force_angle_rad", ("positionOfMaxForce",), DEGREE_RAD),
+    Wanted("work_j", ("realWorkPerStroke",)),
+    Wanted("power_w", ("power",)),
+)
+_STROKE = {"0", "0.0"}
+
+
+def read(grid: Grid, header: int) -> StrokeTable:
+    """A file of the NK Logbook: rows of type 0 are strokes, in order of time; others mark distances, times and laps."""
+    rows = grid.rows(header)
+    strokes, notes = _strokes(rows)
+    gathered = Gathered(strokes, notes=notes)
+    gathered.read(_WANTED)
+    gathered.number_from_one("interval")
+    if "catch_angle_rad" in gathered.columns:
+        told_angles(gathered)
+        add_arcs(gathered)
+        drive_s, lasted_s = gathered.values("drive_time_s"), gathered.values("duration_s")
+        share = np.divide(drive_s, lasted_s, out=np.full(len(drive_s), np.nan), where=lasted_s > 0.0)
+        gathered.derive("recovery_time_s", lasted_s - drive_s, "the oarlock did not tell")
+        gathered.derive("rhythm", share, "the oarlock did not tell")
+    number = gathered.values("stroke_number")
+    gathered.notes += left_out_note(number, strokes.lines) + twice_note(number, strokes.lines)
+    return gathered.table(TITLE)
+
+
+def _strokes(rows: Rows) -> tuple[Rows, list[str]]:
+    notes = []
+    kind, clock = rows.place("type"), rows.place("elapsedTime")
+    kept = list(range(len(rows)))
+    if kind is not None:
+        kept = [row for row in kept if rows.cells[row][kind] in _STROKE or is_missing(rows.cells[row][kind])]
+        if len(kept) < len(rows):
+            notes.append(
+                f"{many(len(rows) - len(kept), 'row')} of other types than 0 mark distance, time or laps, no strokes"
+            )
+    if clock is not None:
+        ordered = sorted(kept, key=lambda row: _sortable(rows.cells[row][clock]))
+        if ordered != kept:
+            notes.append("the rows were not in order of time; they are now")
+        kept = ordered
+    return rows.chosen(kept), notes
+
+
+def _sortable(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        return float("inf")  # told apart when the column is read
+    return value if value == value else float("inf")

@@ -1,0 +1,159 @@
+"""NK SpeedCoach through NK LiNK, CSV: speed, rate and, with an EmPower oarlock, angles and force of every stroke."""
+
+from __future__ import annotations
+
+import re
+from itertools import pairwise
+
+import numpy as np
+
+from oarlock.errors import DataError
+from oarlock.rowing.exports.build import Gathered, Wanted, left_out_note, many, twice_note
+from oarlock.rowing.exports.cells import DEGREE_RAD, POUND_FORCE_N, Column, is_missing
+from oarlock.rowing.exports.empower import add_arcs, told_angles
+from oarlock.rowing.exports.grid import Grid, Rows, plain_name
+from oarlock.rowing.stroke_table import StrokeTable
+
+TITLE = "NK SpeedCoach, strokes (CSV of NK LiNK)"
+MARKS = ("Interval", "Elapsed Time", "Stroke Rate")
+
+_MILE_M = 1609.344
+_HOUR_S = 3600.0
+_UNITS = {
+    "m": {"(meters)": 1.0, "(kilometers)": 1000.0, "(miles)": _MILE_M},
+    "m/s": {"(m/s)": 1.0, "(kph)": 1000.0 / _HOUR_S, "(mph)": _MILE_M / _HOUR_S},
+    "rad": {"(degrees)": DEGREE_RAD},
+    "N": {"(newtons)": 1.0, "(pounds)": POUND_FORCE_N, "(lbs)": POUND_FORCE_N},
+    "J": {"(joules)": 1.0},
+    "W": {"(watts)": 1.0},
+    "1/min": {"(spm)": 1.0, "(bpm)": 1.0},
+    "1": {"(interval)": 1.0, "(strokes)": 1.0},
+}
+# name in the table, unit, names in the file
+_COLUMNS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("interval", "1", ("Interval",)),
+    ("stroke_number", "1", ("Total Strokes", "Stroke Count")),
+    ("distance_m", "m", ("Distance (GPS)", "GPS Distance")),
+    ("impeller_distance_m", "m", ("Distance (IMP)", "Imp Distance")),
+    ("speed_m_s", "m/s", ("Speed (GPS)", "GPS Speed")),
+    ("impeller_speed_m_s", "m/s", ("Speed (IMP)", "Imp Speed")),
+    ("distance_per_stroke_m", "m", ("Distance/Stroke (GPS)",)),
+    ("rate_per_min", "1/min", ("Stroke Rate",)),
+    ("heart_rate_per_min", "1/min", ("Heart Rate",)),
+    ("catch_angle_rad", "rad", ("Catch",)),
+    ("finish_angle_rad", "rad", ("Finish",)),
+    ("slip_rad", "rad", ("Slip",)),
+    ("wash_rad", "rad", ("Wash",)),
+    ("peak_force_n", "N", ("Force Max",)),
+    ("mean_force_n", "N", ("Force Avg",)),
+    ("peak_force_angle_rad", "rad", ("Max Force Angle", "Force Max Angle")),
+    ("work_j", "J", ("Work",)),
+    ("power_w", "W", ("Power",)),
+)
+_NOT_COUNTED = "--- in the file: the oarlock felt a stroke that the SpeedCoach did not count"
+
+
+def read(grid: Grid, header: int) -> StrokeTable:
+    """A file of NK LiNK; the order of its columns changes with its version, so they are found by name."""
+    rows, empty = _strokes(grid, header)
+    gathered = Gathered(rows)
+    if empty:
+        gathered.notes.append(f"{many(empty, 'row')} below the strokes with nothing in the named columns")
+    units = _units(grid, header)
+    gathered.notes += _swapped_units(rows, units)
+    gathered.read([Wanted("time_s", ("Elapsed Time",), is_time=True)])
+    gathered.read(
+        Wanted(name, heads, _scale(rows, units, unit, heads), zero_is_missing=name.startswith("impeller"))
+        for name, unit, heads in _COLUMNS
+    )
+    _name_oarlock_strokes(gathered)
+    if "catch_angle_rad" in gathered.columns:
+        gathered.notes += _settings(grid, header)
+        told_angles(gathered)
+        add_arcs(gathered)
+    gathered.notes += _counts(gathered)
+    return gathered.table(TITLE)
+
+
+def _strokes(grid: Grid, header: int) -> tuple[Rows, int]:
+    """The rows of strokes, and how many others there are: people make notes to the right of and below the table."""
+    rows = grid.rows(header, skipped=1)
+    named = [k for k, name in enumerate(rows.names) if name]
+    kept = [row for row, cells in enumerate(rows.cells) if any(cells[k] for k in named)]
+    return rows.chosen(kept), len(rows) - len(kept)
+
+
+def _units(grid: Grid, header: int) -> dict[str, str]:
+    """The row of units below the header, by column name."""
+    names = grid.cells[header]
+    units = grid.cells[header + 1] if header + 1 < len(grid.cells) else []
+    if not units or plain_name(units[0]) != "(interval)":
+        line = grid.lines[header]
+        raise DataError(
+            f"{grid.file}:{line}: the header is not followed by a row of units, which begins (Interval)"
+        )
+    return {plain_name(name): plain_name(unit) for name, unit in zip(names, units, strict=False) if name}
+
+
+def _swapped_units(rows: Rows, units: dict[str, str]) -> list[str]:
+    if (units.get("work"), units.get("power")) != ("(watts)", "(joules)"):
+        return []
+    units["work"], units["power"] = "(joules)", "(watts)"
+    return [
+        "the file's units of Work and Power are exchanged (Watts, Joules); by their names they are J and W"
+    ]
+
+
+def _scale(rows: Rows, units: dict[str, str], unit: str, heads: tuple[str, ...]) -> float:
+    place = rows.place(*heads)
+    if place is None:
+        return 1.0
+    written = units.get(plain_name(rows.names[place]), "")
+    if written not in _UNITS[unit]:
+        raise DataError(
+            f'{rows.file}, column "{rows.names[place]}": the unit "{written}" is not known; '
+            f"known are {', '.join(_UNITS[unit])}"
+        )
+    return _UNITS[unit][written]
+
+
+def _name_oarlock_strokes(gathered: Gathered) -> None:
+    """Rows that only the oarlock wrote have no time, speed and rate."""
+    if "time_s" not in gathered.columns or "catch_angle_rad" not in gathered.columns:
+        return
+    alone = np.isnan(gathered.values("time_s")) & np.isfinite(gathered.values("catch_angle_rad"))
+    for name, column in gathered.columns.items():
+        rows = alone & np.isnan(column.values)
+        gathered.columns[name] = Column(column.values, column.but(rows, _NOT_COUNTED).reasons)
+    if alone.any():
+        gathered.notes.append(
+            f"the oarlock felt {many(alone.sum(), 'stroke')} that the SpeedCoach did not count"
+        )
+
+
+def _counts(gathered: Gathered) -> list[str]:
+    """Gaps and doubles of the SpeedCoach's count, which begins again with each interval."""
+    number = gathered.values("stroke_number").copy()
+    number[np.isnan(gathered.values("time_s"))] = np.nan
+    lines = gathered.rows.lines
+    return left_out_note(number, lines) + twice_note(number, lines)
+
+
+def _settings(grid: Grid, header: int) -> list[str]:
+    """What the head of the file says of the oarlock: side, oar, firmware."""
+    found: dict[str, str] = {}
+    for row in grid.cells[:header]:
+        for name, value in pairwise(row):
+            if name.endswith(":") and value and not is_missing(value):
+                found.setdefault(plain_name(name), value)
+    side, firmware = found.get("port starboard:", ""), found.get("firmware:", "")
+    notes = [f"oarlock on {side.lower()}"] if side.lower() in ("port", "starboard") else []
+    lengths = [
+        f"{name} {found[key]} cm" for name, key in _LENGTHS if _PLAUSIBLE_CM.fullmatch(found.get(key, ""))
+    ]
+    told = [*lengths, *([f"oarlock firmware {firmware}"] if firmware else [])]
+    return [*notes, f"set at the device: {', '.join(told)}"] if told else notes
+
+
+_PLAUSIBLE_CM = re.compile(r"[1-9]\d{1,2}(\.\d+)?")  # some versions write the rubbish of unset memory
+_LENGTHS = (("oar", "oar length:"), ("inboard", "inboard length:"))

@@ -1,0 +1,71 @@
+"""Exports with wounds: read, or refused with a reason."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fuzz_campaign import answered, campaign
+from fuzz_wounds import byte_wounds, wounded, wounded_bytes, wounds
+from oarlock.rowing import EXPORT_FORMATS, StrokeTable, load_stroke_export, save_strokes, summarise_strokes
+
+EXAMPLES = Path(__file__).parents[1] / "examples/strokes"
+FILES = sorted(file.name for file in EXAMPLES.glob("*.csv"))
+MADE = {
+    "ergdata": "Stroke Number,Time (seconds),Distance (meters),Pace (seconds per 500m,Stroke Rate\n"
+    "1,3.9,12,172,20\n2,7,23,160,20\n",
+    "rowpro": "Time,Distance,Pace,Watts,Cals,SPM,HR,DutyCycle,Rowfile_Id\n"
+    "878,3,0.29,106,0,0,74,0.3,\n3178,11,0.26,147,1,26,79,0.3,\n",
+    "boatcoach": "workoutType,strokeRate,strokeCount,strokeDriveTime,strokePeakForce,workTime,stroke500MPace\n"
+    "Time,20,1,0.9,100,0:00:02,0:03:02\nTime,20,1,0.9,100,0:00:03,0:03:02\n",
+}
+MOST_CHARACTERS = 6000
+
+
+def check_table(table: StrokeTable | None, folder: Path) -> None:
+    if table is None:
+        return
+    for name, values in table.columns.items():
+        assert not np.isinf(values).any(), name
+        assert all(table.reason(name)[row] for row in np.flatnonzero(np.isnan(values))), name
+    summarise_strokes(table)
+    save_strokes(table, folder)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_wounded_examples(name, tmp_path):
+    lines = (EXAMPLES / name).read_text(encoding="utf-8").splitlines(keepends=True)
+    text = "".join(lines[: 1 + next(k for k in range(len(lines)) if k == len(lines) - 1 or _long(lines, k))])
+
+    def check(harm):
+        (tmp_path / name).write_bytes(wounded(text, harm).encode("utf-8", errors="surrogatepass"))
+        check_table(answered(lambda: load_stroke_export(tmp_path / name)), tmp_path / "out")
+
+    campaign(check, wounds)
+
+
+def _long(lines, k):
+    return k > 40 or len("".join(lines[: k + 1])) > MOST_CHARACTERS
+
+
+@pytest.mark.parametrize("format", MADE)
+def test_wounded_logs(format, tmp_path):
+    assert format in EXPORT_FORMATS
+
+    def check(harm):
+        (tmp_path / "log.csv").write_bytes(
+            wounded(MADE[format], harm).encode("utf-8", errors="surrogatepass")
+        )
+        check_table(answered(lambda: load_stroke_export(tmp_path / "log.csv")), tmp_path / "out")
+
+    campaign(check, wounds)
+
+
+def test_wounded_bytes(tmp_path):
+    content = (EXAMPLES / "rp3.csv").read_bytes()[:3000]
+
+    def check(harm):
+        (tmp_path / "log.csv").write_bytes(wounded_bytes(content, harm))
+        check_table(answered(lambda: load_stroke_export(tmp_path / "log.csv")), tmp_path / "out")
+
+    campaign(check, byte_wounds)
