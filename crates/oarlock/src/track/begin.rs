@@ -8,7 +8,7 @@ use crate::estimate::belief::{Belief, MEMORY};
 use crate::estimate::dense::Square;
 use crate::estimate::start::{Evidence, Fit, Guess, Problem};
 use crate::estimate::System;
-use crate::model::{Axis, JointKind, SensorKind};
+use crate::model::{JointKind, SensorKind};
 use crate::recording::Sample;
 use crate::rotation::turn::{plus, Turn};
 use crate::rotation::Vec3;
@@ -25,14 +25,6 @@ const AZIMUTH_STD: f64 = 1.0;
 const AZIMUTH_START_STD: f64 = 0.2;
 /// Without a compass the heading at the start is zero by definition; so little that no update divides by nothing, rad.
 const GAUGE_STD: f64 = 1e-3;
-/// A cost per reading below which other guesses need not be tried.
-const GOOD_COST: f64 = 2.0;
-/// So far beyond its limits, as a share of what lies between them, hardly a joint stands: that is one standard deviation.
-const CONTORTED: f64 = 0.25;
-/// Times the noise before it counts as it is: first straight from each guess, then, if nothing good was found, sharpening. Sensors are
-/// some thousand times finer than what is known of a posture at first.
-const BLURS: [&[f64]; 2] = [&[], &[1000.0, 100.0, 10.0]];
-
 impl Tracker {
     /// The belief at the first of the `window`'s samples, before its update.
     pub(super) fn fit_start(&mut self, window: &[Sample]) -> Result<Belief> {
@@ -42,12 +34,17 @@ impl Tracker {
         };
         let evidence: Vec<Evidence<Moment>> =
             seen.iter().map(|(time_s, moment, z)| Evidence { after_s: time_s - window[0].time_s, moment, z }).collect();
-        let readings = seen.iter().flat_map(|s| &s.2).filter(|z| !z.is_nan()).count();
-        let (fit, others) = self.first_fit(&evidence, GOOD_COST * readings as f64)?.ok_or_else(|| {
+        let guesses = self.guesses()?;
+        let starts: Vec<(&Guess, Vec<f64>)> = guesses.iter().map(|guess| (guess, guess.mean.clone())).collect();
+        let found = self.seek(&evidence, &starts).ok_or_else(|| {
             let t = window[0].time_s;
             let text = format!("no start found at {t:.3} s: the first readings are not numbers for this model");
             Error::Diverged { time_s: t, text }
         })?;
+        let (fit, others) = match found.good {
+            true => self.all_postures(&mut Problem::new(&self.body, &evidence, &self.std, found.guess), found.fit),
+            false => (found.fit, Vec::new()),
+        };
         let cost = fit.cost;
         let compass = seen.iter().any(|(_, _, z)| self.magnetic_rows().any(|r| !z[r].is_nan()));
         let mut belief = self.belief_from(fit, window[0].time_s, compass);
@@ -57,42 +54,6 @@ impl Tracker {
             belief.rivals.push(Belief { score, line, ..rival });
         }
         Ok(belief)
-    }
-
-    /// The first fit that costs no more than `good` in a posture for a body, with others that are as good; else the one that costs least.
-    fn first_fit(&self, evidence: &[Evidence<Moment>], good: f64) -> Result<Option<(Fit, Vec<Fit>)>> {
-        let guesses = self.guesses()?;
-        let mut best: Option<Fit> = None;
-        for (blurs, guess) in BLURS.iter().flat_map(|blurs| guesses.iter().map(move |guess| (blurs, guess))) {
-            let mut problem = Problem::new(&self.body, evidence, &self.std, guess);
-            let first = problem.fit_sharpening(&guess.mean, blurs);
-            let contorted = first.as_ref().filter(|fit| fit.cost < good && self.is_contorted(&fit.mean));
-            let eased = contorted.and_then(|fit| problem.fit_sharpening(&self.eased(&fit.mean), blurs));
-            for fit in [first, eased].into_iter().flatten() {
-                if fit.cost < good && !self.is_contorted(&fit.mean) {
-                    return Ok(Some(self.all_postures(&mut problem, fit)));
-                }
-                if best.as_ref().is_none_or(|b| fit.cost < b.cost) {
-                    best = Some(fit);
-                }
-            }
-        }
-        Ok(best.map(|fit| (fit, Vec::new())))
-    }
-
-    /// Whether a hinge stands where hardly a body gets it: readings may as well come from the mirror image of a posture, in which hinges in
-    /// a row reach the same place from the other side.
-    pub(super) fn is_contorted(&self, mean: &[f64]) -> bool {
-        self.free_hinges().any(|(axis, q)| beyond(axis, mean[q]) > CONTORTED)
-    }
-
-    /// The same with every hinge that is beyond its limits in the middle of them.
-    fn eased(&self, mean: &[f64]) -> Vec<f64> {
-        let mut eased = mean.to_vec();
-        for (axis, q) in self.free_hinges().filter(|(axis, q)| beyond(axis, mean[*q]) > 0.0) {
-            eased[q] = 0.5 * (axis.limits[0] + axis.limits[1]);
-        }
-        eased
     }
 
     /// Of every source not many more than `MOST_SAMPLES`, spread evenly: units with clocks of their own give samples of one unit each.
@@ -223,12 +184,6 @@ impl Tracker {
         let reads = |s: &crate::model::Sensor| matches!(s.kind, SensorKind::Encoder { joint: j, .. } if model.joints[j].name == joint);
         model.sensors.iter().any(reads)
     }
-}
-
-/// How far an angle is beyond a hinge's limits, as a share of what lies between them; negative inside.
-fn beyond(axis: &Axis, angle: f64) -> f64 {
-    let [low, high] = axis.limits;
-    ((axis.nearest(angle) - 0.5 * (low + high)).abs() / (high - low)) - 0.5
 }
 
 /// The same angle in [-pi, pi).

@@ -8,8 +8,9 @@
 use super::Tracker;
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::{evidence, SourceInfo, Verdict};
-use crate::estimate::start::{Evidence, Fit, Guess, Problem};
+use crate::estimate::start::{Evidence, Fit, Guess};
 use crate::model::Axis;
+use std::f64::consts::TAU;
 
 /// A source that says nothing for longer than this was silent, s.
 const SILENCE_S: f64 = 0.2;
@@ -79,7 +80,11 @@ impl Tracker {
         for (rows, _) in self.groups.parts.iter().zip(&self.barred).filter(|(_, &barred)| barred) {
             z[rows.clone()].fill(f64::NAN);
         }
-        let Some(fit) = self.best_fit(belief, &z) else { return false };
+        let Some(mut fit) = self.best_fit(belief, &z) else { return false };
+        // A fit from afar may have come round by whole turns; where limits leave one of them only, that is the angle.
+        for (axis, q) in self.free_hinges().filter(|(axis, _)| axis.limits[1] - axis.limits[0] < TAU) {
+            fit.mean[q] = axis.nearest(fit.mean[q]);
+        }
         belief.mean = fit.mean;
         belief.covariance = fit.covariance;
         self.mark_seen(belief);
@@ -97,12 +102,8 @@ impl Tracker {
         };
         let rest = posture(|axis| axis.rest);
         let middle = posture(|axis| if axis.turns { axis.rest } else { 0.5 * (axis.limits[0] + axis.limits[1]) });
-        let fits = [&belief.mean, &rest, &middle];
-        let fits = fits.into_iter().filter_map(|first| {
-            let fit = Problem::new(&self.body, &evidence, &self.std, &guess).fit(first)?;
-            fit.mean.iter().all(|x| x.is_finite()).then_some(fit)
-        });
-        fits.min_by(|a, b| a.cost.total_cmp(&b.cost))
+        let starts = [belief.mean.clone(), rest, middle].map(|first| (&guess, first));
+        self.seek(&evidence, &starts).map(|found| found.fit)
     }
 
     /// The fit used all rows that were there, and has no innovation to speak of.
