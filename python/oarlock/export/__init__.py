@@ -26,7 +26,7 @@ _FILES: Final[Mapping[str, Mapping[str, str]]] = MappingProxyType(
             "frames.csv": "places of all frames, m, root axes; empty: no number",
         },
         "parquet": {
-            "coordinates.parquet": "the same as coordinates.csv; the unit is each column's metadata, too; NaN: no number",
+            "coordinates.parquet": "the same as coordinates.csv; units are metadata, too; NaN: no number",
             "frames.parquet": "the same as frames.csv",
         },
         "mot": {"coordinates.mot": "coordinates of model.osim over time, {angle} and m; nan: no reading"},
