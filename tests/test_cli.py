@@ -19,6 +19,7 @@ VERBS = (
     ("evaluate",),
     ("compare",),
     ("report",),
+    ("export",),
     ("import", "apdm"),
     ("import", "csv"),
     ("calibrate", "chain"),
