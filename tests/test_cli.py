@@ -20,6 +20,7 @@ VERBS = (
     ("evaluate",),
     ("compare",),
     ("report",),
+    ("export",),
     ("import", "apdm"),
     ("import", "csv"),
     ("calibrate", "chain"),

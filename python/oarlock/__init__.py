@@ -13,6 +13,7 @@ from oarlock.evaluate.frames import evaluate_frame_orientations
 from oarlock.evaluate.marker_scores import MarkerEvaluation, PointScore
 from oarlock.evaluate.markers import evaluate_markers
 from oarlock.evaluate.orientations import evaluate_orientations
+from oarlock.export import Export, export
 from oarlock.hinge_axes import calibrate_hinge_axes
 from oarlock.hinge_chain import calibrate_hinge_chain
 from oarlock.joint_centers import calibrate_joint_centers
@@ -67,6 +68,7 @@ __all__ = [
     "DivergedError",
     "EncoderScale",
     "Evaluation",
+    "Export",
     "FaultSweep",
     "ImuStream",
     "Info",
@@ -108,6 +110,7 @@ __all__ = [
     "evaluate_frame_orientations",
     "evaluate_markers",
     "evaluate_orientations",
+    "export",
     "fill_gaps",
     "fit_body",
     "inverse_kinematics",

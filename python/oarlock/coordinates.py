@@ -72,6 +72,11 @@ def rotation_columns(coordinate_names: Sequence[str]) -> list[list[int]]:
     return [list(part.columns) for part in parts(coordinate_names) if part.kind == "rotation"]
 
 
+def with_untold_at_zero(q: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Coordinates (T, n) in which those that no stream ever told, NaN from first to last, stand at 0."""
+    return np.where(np.isnan(q).all(axis=0), 0.0, q)
+
+
 def plus(
     q: NDArray[np.float64], step: NDArray[np.float64], rotations: Sequence[list[int]]
 ) -> NDArray[np.float64]:

@@ -12,7 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.angle_sequence import DEFAULT_SEQUENCE
-from oarlock.coordinates import angle_sequences, coordinate_units, joint_columns, joint_units
+from oarlock.coordinates import (
+    angle_sequences,
+    coordinate_units,
+    joint_columns,
+    joint_units,
+    with_untold_at_zero,
+)
 from oarlock.errors import DataError
 from oarlock.joint_series import BallSeries, FreeSeries, JointSeries
 from oarlock.rotation import continuous_quat, quat_from_matrix
@@ -214,8 +220,7 @@ class Track:
         for name in (frame, relative_to):
             if name not in names:
                 raise DataError(f"{asked}: no frame '{name}'. {did_you_mean(name, names)}")
-        q = np.where(np.isnan(self.q).all(axis=0), 0.0, self.q)
-        poses = self.model.forward_kinematics(q)
+        poses = self.model.forward_kinematics(with_untold_at_zero(self.q))
         return poses[:, names.index(frame)], poses[:, names.index(relative_to)]
 
     def columns(self) -> dict[str, Floats]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,6 +36,15 @@ def column_name(coordinate: str, unit: str, field: str) -> str:
 def observed_name(coordinate: str) -> str:
     """`trunk_observed`."""
     return f"{coordinate}_observed"
+
+
+def unit_of(column: str) -> str:
+    """The unit that a column of `columns_of` carries in its name; "1" of flags and quaternions."""
+    slow = re.search(r" \[(.+)\]$", column)
+    if slow is not None:
+        return slow[1]
+    plain = re.search(r"_(rad_s2|rad_s|rad|m_s2|m_s|m|s)$", column)
+    return "1" if plain is None else plain[1].replace("_s", "/s")
 
 
 def columns_of(track: Track) -> dict[str, Floats]:

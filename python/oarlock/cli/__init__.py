@@ -15,6 +15,7 @@ from oarlock.cli import (
     compare,
     demo,
     evaluate,
+    export,
     import_,
     markers,
     model,
@@ -68,6 +69,7 @@ track.add_to(app)
 evaluate.add_to(app)
 compare.add_to(app)
 report.add_to(app)
+export.add_to(app)
 reproduce.add_to(app)
 strokes.add_to(app)
 study.add_to(app)

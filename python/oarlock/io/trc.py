@@ -10,6 +10,7 @@ import numpy as np
 from oarlock.array_gate import FloatArray
 from oarlock.errors import DataError
 from oarlock.io.marker_table import Row, filled, held_unit, markers_of, number, numbers, read_rows
+from oarlock.io.units import from_held_unit
 from oarlock.markers.trajectories import Markers
 
 _LABELS = (
@@ -42,8 +43,8 @@ def read_trc(file: Path, unit: str | None = None) -> Markers:
     return markers_of(file, names, _stamps(data, file), values, held)
 
 
-def trc_text(markers: Markers, file: Path) -> str:
-    """The file's text, in m, every number with all its digits.
+def trc_text(markers: Markers, file: Path, unit: str = "m") -> str:
+    """The file's text, in m or another unit of length, every number with all its digits.
 
     Raises:
         DataError: a name holds a tab or an end of line.
@@ -56,12 +57,12 @@ def trc_text(markers: Markers, file: Path) -> str:
     lines = [
         f"PathFileType\t4\t(X/Y/Z)\t{file.name}",
         _LABELS,
-        f"{rate}\t{rate}\t{frames}\t{count}\tm\t{rate}\t1\t{frames}",
+        f"{rate}\t{rate}\t{frames}\t{count}\t{unit}\t{rate}\t1\t{frames}",
         "Frame#\tTime\t" + "\t\t\t".join(markers.names) + "\t\t",
         "\t\t" + "\t".join(f"{axis}{k}" for k in range(1, count + 1) for axis in "XYZ"),
         "",
     ]
-    flat = markers.position_m.reshape(frames, -1)
+    flat = from_held_unit(markers.position_m.reshape(frames, -1), unit)
     for k in range(frames):
         cells = ("NaN" if np.isnan(value) else repr(float(value)) for value in flat[k])
         lines.append(f"{k + 1}\t{float(markers.time_s[k])!r}\t" + "\t".join(cells))

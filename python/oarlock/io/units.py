@@ -63,6 +63,13 @@ def to_held_unit(values: FloatArray, unit: str) -> FloatArray:
     return scaled if divisor == 1.0 else scaled / divisor
 
 
+def from_held_unit(values: FloatArray, unit: str) -> FloatArray:
+    """What `to_held_unit` undoes: values in rad/s, m/s2, uT, m or rad as values in `unit`."""
+    factor, divisor = _CONVERSIONS[unit]
+    scaled = values if divisor == 1.0 else values * divisor
+    return scaled if factor == 1.0 else scaled / factor
+
+
 def unknown_unit_text(unit: str, valid: tuple[str, ...]) -> str:
     """What to say of a unit that is not among the valid ones."""
     return f'the unit "{unit}" does not fit here. {did_you_mean(unit, valid)} Units: {", ".join(valid)}.'

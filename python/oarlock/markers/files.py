@@ -58,12 +58,15 @@ def save_markers(markers: Markers, path: str | PathLike[str]) -> None:
     file = Path(path)
     ending = file.suffix.lower()
     if ending == ".trc":
-        from oarlock.io.trc import trc_text as text_of
+        from oarlock.io.trc import trc_text
+
+        text = trc_text(markers, file)
     elif ending == ".csv":
-        from oarlock.io.marker_csv import csv_text as text_of
+        from oarlock.io.marker_csv import csv_text
+
+        text = csv_text(markers, file)
     else:
         raise DataError(f"{file}: markers are written as .trc or .csv")
-    text = text_of(markers, file)
     try:
         file.write_text(text, encoding="utf-8", newline="")
     except OSError as error:
