@@ -2,12 +2,16 @@
 
 import struct
 
+import numpy as np
 import pytest
+from scipy.io import loadmat, savemat
+from scipy.sparse import csc_array
 
 import oarlock
 from oarlock.errors import DataError
 from oarlock.io.apdm import read_apdm
 from oarlock.io.broad import read_broad
+from oarlock.io.mat import read_mat
 from test_markers_io import NEXUS, c3d_file
 
 
@@ -38,6 +42,91 @@ def test_a_matlab_file_that_is_none(tmp_path, content):
     file.write_bytes(content)
     with pytest.raises(DataError, match="MATLAB"):
         read_broad(file)
+
+
+def matlab_file(folder, compressed=False, **variables):
+    file = folder / "trial.mat"
+    savemat(file, variables, do_compression=compressed)
+    return file
+
+
+ROWS = np.arange(12.0).reshape(4, 3)
+
+
+@pytest.mark.parametrize("kind", [0, 8, 14, 15, 19, 20, 255])
+@pytest.mark.parametrize("inside", [ROWS, {"field": ROWS}, np.array([ROWS, ROWS[:2]], object)])
+def test_a_matlab_file_with_a_type_that_there_is_not(tmp_path, kind, inside):
+    """scipy ends the process on most of these."""
+    file = matlab_file(tmp_path, imu_gyr=inside)
+    changed(file, file.read_bytes().index(struct.pack("<II", 9, ROWS.nbytes)), bytes([kind]))
+    with pytest.raises(DataError, match=f"type {kind} stands at byte"):
+        read_mat(file)
+
+
+def test_a_matlab_file_whose_text_has_a_type_that_there_is_not(tmp_path):
+    file = matlab_file(tmp_path, note="eight oars")
+    changed(file, file.read_bytes().index(b"eight oars") - 8, bytes([250]))
+    with pytest.raises(DataError, match="type 250 stands at byte"):
+        read_mat(file)
+
+
+def test_a_matlab_file_whose_text_has_no_dimensions(tmp_path):
+    """scipy ends the process on it."""
+    file = matlab_file(tmp_path, note="eight oars")
+    changed(file, file.read_bytes().index(struct.pack("<II", 5, 8)) + 4, bytes([0]))
+    with pytest.raises(DataError, match="0 dimensions stand before byte"):
+        read_mat(file)
+
+
+def test_a_matlab_file_whose_matrix_becomes_complex(tmp_path):
+    """Its second part would be read from the tag of the next variable."""
+    file = matlab_file(tmp_path, imu_gyr=ROWS, imu_acc=ROWS)
+    flags = file.read_bytes().index(struct.pack("<II", 6, 8)) + 8
+    changed(file, flags + 1, bytes([8]))
+    with pytest.raises(DataError, match="type 14 stands at byte"):
+        read_mat(file)
+
+
+def test_a_matlab_file_of_more_cells_than_bytes(tmp_path):
+    file = matlab_file(tmp_path, many=np.array([ROWS, ROWS[:2]], object))
+    changed(
+        file,
+        file.read_bytes().index(struct.pack("<IIII", 5, 8, 1, 2)) + 8,
+        struct.pack("<II", 1 << 30, 1 << 30),
+    )
+    with pytest.raises(DataError, match="1152921504606846976 elements are announced"):
+        read_mat(file)
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_a_matlab_file_that_was_cut_off(tmp_path, compressed):
+    file = matlab_file(tmp_path, compressed, imu_gyr=ROWS)
+    file.write_bytes(file.read_bytes()[:-8])
+    with pytest.raises(
+        DataError, match=r"trial\.mat: is damaged or cut off: a variable of \d+ bytes would end"
+    ):
+        read_mat(file)
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_a_whole_matlab_file_of_all_kinds(tmp_path, compressed):
+    given = {
+        "text": "oar",
+        "number": 3,
+        "flag": True,
+        "turns": ROWS + 1j,
+        "deep": {"a": {"b": ROWS}},
+        "none": [],
+    }
+    file = matlab_file(
+        tmp_path, compressed, **given, sparse=csc_array(ROWS), cells=np.array([ROWS, "x"], object)
+    )
+    found, expected = read_mat(file), loadmat(file, struct_as_record=False)
+    assert list(found) == [*given, "cells"]
+    for name in ("text", "number", "flag", "turns", "none"):
+        np.testing.assert_array_equal(found[name], expected[name])
+    np.testing.assert_array_equal(found["deep"][0, 0].a[0, 0].b, ROWS)
+    np.testing.assert_array_equal(found["cells"][0, 0], ROWS)
 
 
 @pytest.mark.parametrize("seeds", [0, 10**9, 10**20])
