@@ -12,6 +12,7 @@ from oarlock.errors import DataError
 from oarlock.io.apdm import read_apdm
 from oarlock.io.broad import read_broad
 from oarlock.io.mat import read_mat
+from oarlock.packets import lost_packets
 from test_markers_io import NEXUS, c3d_file
 
 
@@ -135,6 +136,70 @@ def test_a_study_of_more_seeds_than_anybody_waits_for(tmp_path, seeds):
     file.write_text(f'format = 1\nmodel = "sculler"\nsimulator = "none"\nseeds = {seeds}\n', encoding="utf-8")
     with pytest.raises(DataError):
         oarlock.load_study(file)
+
+
+@pytest.mark.parametrize(
+    "text", ["seeds = " + "1" * 5000, "seeds = " + "[" * 3000, "seeds = " + "{a=" * 3000]
+)
+def test_a_toml_file_that_its_parser_cannot_take(tmp_path, text):
+    file = tmp_path / "study.toml"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(DataError, match=r"study\.toml: is not valid TOML"):
+        oarlock.load_study(file)
+
+
+def test_a_number_of_hundreds_of_digits(tmp_path):
+    file = tmp_path / "plan.toml"
+    step = '[[step]]\nname = "a"\nkind = "still"\n'
+    file.write_text(f"format = 1\nposture_std_rad = 1{'0' * 400}\n{step}", encoding="utf-8")
+    with pytest.raises(
+        DataError, match=r'plan\.toml:2, key "posture_std_rad": is 1000.*expected a finite number'
+    ):
+        oarlock.load_session_plan(file)
+    for kind in (oarlock.Clock, oarlock.EncoderScale):
+        with pytest.raises(DataError, match="is larger than any number with a decimal point"):
+            kind(10**400)
+
+
+@pytest.mark.parametrize(
+    ("key", "given", "said"),
+    [
+        ("kind", 3, "expected a text"),
+        ("start_s", "x", "kind: is|dtype"),
+        ("start_s", float("nan"), "finite"),
+        ("pose", [1], "expected a table"),
+        ("pose", {"x": float("inf")}, '"x": is inf'),
+        ("joints", 3, "list of names"),
+        ("joints", "elbow", "list of names"),
+        ("axis", (0, 0, 0), "direction"),
+        ("axis", (1, 0), "shape"),
+        ("first", np.zeros(0), "1 or -1"),
+        ("stream", None, "expected a text"),
+        ("value", None, "dtype"),
+        ("posture_std_rad", 0.0, "between 0 and 1"),
+    ],
+)
+def test_a_step_with_a_value_of_another_kind(key, given, said):
+    with pytest.raises(DataError, match=rf'plan, step "one": {key}.*({said})'):
+        oarlock.SessionStep(**({"name": "one", "kind": "still", "end_s": 9.0} | {key: given}))
+
+
+@pytest.mark.parametrize(("steps", "std_rad"), [(None, 0.1), ([3], 0.1), ((), 0.1), (None, None)])
+def test_a_plan_of_something_else_than_steps(steps, std_rad):
+    with pytest.raises(DataError, match='plan "p"'):
+        oarlock.SessionPlan("p", steps, std_rad)
+
+
+@pytest.mark.parametrize(
+    "counted",
+    [{}, {"after_s": [0.1], "packets": [], "step_s": [0.1]}, {"after_s": "x", "packets": 1, "step_s": 2}],
+)
+def test_a_recording_whose_meta_counts_no_packets(counted):
+    time_s = np.arange(5) / 50.0
+    stream = oarlock.ScalarStream("seat", time_s, 0.0 * time_s)
+    recording = oarlock.Recording([stream], {"packets": {"seat": counted}})
+    with pytest.raises(DataError, match='meta, packets of "seat"'):
+        lost_packets(recording, stream)
 
 
 @pytest.fixture
