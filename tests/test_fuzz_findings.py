@@ -234,3 +234,12 @@ def test_a_c3d_that_was_cut_off(c3d):
     c3d.write_bytes(content[: len(content) // 4])
     with pytest.raises(DataError, match=r"trial\.c3d"):
         oarlock.load_markers(c3d)
+
+
+def test_a_c3d_parameter_that_should_hold_a_number_and_holds_none(c3d):
+    """ezc3d ends the process on it."""
+    analog = c3d.read_bytes().index(b"ANALOG")
+    used = c3d.read_bytes().index(b"USED", analog)
+    changed(c3d, used + len(b"USED") + 2 + 1, bytes([2, 0, 0]))
+    with pytest.raises(DataError, match="ANALOG:USED holds no number"):
+        oarlock.load_markers(c3d)
