@@ -2,12 +2,17 @@
 
 import struct
 
+import numpy as np
 import pytest
+from scipy.io import loadmat, savemat
+from scipy.sparse import csc_array
 
 import oarlock
 from oarlock.errors import DataError
 from oarlock.io.apdm import read_apdm
 from oarlock.io.broad import read_broad
+from oarlock.io.mat import read_mat
+from oarlock.packets import lost_packets
 from test_markers_io import NEXUS, c3d_file
 
 
@@ -40,12 +45,161 @@ def test_a_matlab_file_that_is_none(tmp_path, content):
         read_broad(file)
 
 
+def matlab_file(folder, compressed=False, **variables):
+    file = folder / "trial.mat"
+    savemat(file, variables, do_compression=compressed)
+    return file
+
+
+ROWS = np.arange(12.0).reshape(4, 3)
+
+
+@pytest.mark.parametrize("kind", [0, 8, 14, 15, 19, 20, 255])
+@pytest.mark.parametrize("inside", [ROWS, {"field": ROWS}, np.array([ROWS, ROWS[:2]], object)])
+def test_a_matlab_file_with_a_type_that_there_is_not(tmp_path, kind, inside):
+    """scipy ends the process on most of these."""
+    file = matlab_file(tmp_path, imu_gyr=inside)
+    changed(file, file.read_bytes().index(struct.pack("<II", 9, ROWS.nbytes)), bytes([kind]))
+    with pytest.raises(DataError, match=f"type {kind} stands at byte"):
+        read_mat(file)
+
+
+def test_a_matlab_file_whose_text_has_a_type_that_there_is_not(tmp_path):
+    file = matlab_file(tmp_path, note="eight oars")
+    changed(file, file.read_bytes().index(b"eight oars") - 8, bytes([250]))
+    with pytest.raises(DataError, match="type 250 stands at byte"):
+        read_mat(file)
+
+
+def test_a_matlab_file_whose_text_has_no_dimensions(tmp_path):
+    """scipy ends the process on it."""
+    file = matlab_file(tmp_path, note="eight oars")
+    changed(file, file.read_bytes().index(struct.pack("<II", 5, 8)) + 4, bytes([0]))
+    with pytest.raises(DataError, match="0 dimensions stand before byte"):
+        read_mat(file)
+
+
+def test_a_matlab_file_whose_matrix_becomes_complex(tmp_path):
+    """Its second part would be read from the tag of the next variable."""
+    file = matlab_file(tmp_path, imu_gyr=ROWS, imu_acc=ROWS)
+    flags = file.read_bytes().index(struct.pack("<II", 6, 8)) + 8
+    changed(file, flags + 1, bytes([8]))
+    with pytest.raises(DataError, match="type 14 stands at byte"):
+        read_mat(file)
+
+
+def test_a_matlab_file_of_more_cells_than_bytes(tmp_path):
+    file = matlab_file(tmp_path, many=np.array([ROWS, ROWS[:2]], object))
+    changed(
+        file,
+        file.read_bytes().index(struct.pack("<IIII", 5, 8, 1, 2)) + 8,
+        struct.pack("<II", 1 << 30, 1 << 30),
+    )
+    with pytest.raises(DataError, match="1152921504606846976 elements are announced"):
+        read_mat(file)
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_a_matlab_file_that_was_cut_off(tmp_path, compressed):
+    file = matlab_file(tmp_path, compressed, imu_gyr=ROWS)
+    file.write_bytes(file.read_bytes()[:-8])
+    with pytest.raises(
+        DataError, match=r"trial\.mat: is damaged or cut off: a variable of \d+ bytes would end"
+    ):
+        read_mat(file)
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_a_whole_matlab_file_of_all_kinds(tmp_path, compressed):
+    given = {
+        "text": "oar",
+        "number": 3,
+        "flag": True,
+        "turns": ROWS + 1j,
+        "deep": {"a": {"b": ROWS}},
+        "none": [],
+    }
+    file = matlab_file(
+        tmp_path, compressed, **given, sparse=csc_array(ROWS), cells=np.array([ROWS, "x"], object)
+    )
+    found, expected = read_mat(file), loadmat(file, struct_as_record=False)
+    assert list(found) == [*given, "cells"]
+    for name in ("text", "number", "flag", "turns", "none"):
+        np.testing.assert_array_equal(found[name], expected[name])
+    np.testing.assert_array_equal(found["deep"][0, 0].a[0, 0].b, ROWS)
+    np.testing.assert_array_equal(found["cells"][0, 0], ROWS)
+
+
 @pytest.mark.parametrize("seeds", [0, 10**9, 10**20])
 def test_a_study_of_more_seeds_than_anybody_waits_for(tmp_path, seeds):
     file = tmp_path / "study.toml"
     file.write_text(f'format = 1\nmodel = "sculler"\nsimulator = "none"\nseeds = {seeds}\n', encoding="utf-8")
     with pytest.raises(DataError):
         oarlock.load_study(file)
+
+
+@pytest.mark.parametrize(
+    "text", ["seeds = " + "1" * 5000, "seeds = " + "[" * 3000, "seeds = " + "{a=" * 3000]
+)
+def test_a_toml_file_that_its_parser_cannot_take(tmp_path, text):
+    file = tmp_path / "study.toml"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(DataError, match=r"study\.toml: is not valid TOML"):
+        oarlock.load_study(file)
+
+
+def test_a_number_of_hundreds_of_digits(tmp_path):
+    file = tmp_path / "plan.toml"
+    step = '[[step]]\nname = "a"\nkind = "still"\n'
+    file.write_text(f"format = 1\nposture_std_rad = 1{'0' * 400}\n{step}", encoding="utf-8")
+    with pytest.raises(
+        DataError, match=r'plan\.toml:2, key "posture_std_rad": is 1000.*expected a finite number'
+    ):
+        oarlock.load_session_plan(file)
+    for kind in (oarlock.Clock, oarlock.EncoderScale):
+        with pytest.raises(DataError, match="is larger than any number with a decimal point"):
+            kind(10**400)
+
+
+@pytest.mark.parametrize(
+    ("key", "given", "said"),
+    [
+        ("kind", 3, "expected a text"),
+        ("start_s", "x", "kind: is|dtype"),
+        ("start_s", float("nan"), "finite"),
+        ("pose", [1], "expected a table"),
+        ("pose", {"x": float("inf")}, '"x": is inf'),
+        ("joints", 3, "list of names"),
+        ("joints", "elbow", "list of names"),
+        ("axis", (0, 0, 0), "direction"),
+        ("axis", (1, 0), "shape"),
+        ("first", np.zeros(0), "1 or -1"),
+        ("stream", None, "expected a text"),
+        ("value", None, "dtype"),
+        ("posture_std_rad", 0.0, "between 0 and 1"),
+    ],
+)
+def test_a_step_with_a_value_of_another_kind(key, given, said):
+    with pytest.raises(DataError, match=rf'plan, step "one": {key}.*({said})'):
+        oarlock.SessionStep(**({"name": "one", "kind": "still", "end_s": 9.0} | {key: given}))
+
+
+@pytest.mark.parametrize(("steps", "std_rad"), [(None, 0.1), ([3], 0.1), ((), 0.1), (None, None)])
+def test_a_plan_of_something_else_than_steps(steps, std_rad):
+    with pytest.raises(DataError, match='plan "p"'):
+        oarlock.SessionPlan("p", steps, std_rad)
+
+
+@pytest.mark.parametrize(
+    "counted",
+    [{}, {"after_s": [0.1], "packets": [], "step_s": [0.1]}, {"after_s": "x", "packets": 1, "step_s": 2}],
+)
+def test_a_recording_whose_meta_counts_no_packets(counted):
+    time_s = np.arange(5) / 50.0
+    stream = oarlock.ScalarStream("seat", time_s, 0.0 * time_s)
+    recording = oarlock.Recording([stream], {"packets": {"seat": counted}})
+    with pytest.raises(DataError, match='meta, packets of "seat"'):
+        lost_packets(recording, stream)
 
 
 @pytest.fixture
@@ -79,4 +233,13 @@ def test_a_c3d_that_was_cut_off(c3d):
     content = c3d.read_bytes()
     c3d.write_bytes(content[: len(content) // 4])
     with pytest.raises(DataError, match=r"trial\.c3d"):
+        oarlock.load_markers(c3d)
+
+
+def test_a_c3d_parameter_that_should_hold_a_number_and_holds_none(c3d):
+    """ezc3d ends the process on it."""
+    analog = c3d.read_bytes().index(b"ANALOG")
+    used = c3d.read_bytes().index(b"USED", analog)
+    changed(c3d, used + len(b"USED") + 2 + 1, bytes([2, 0, 0]))
+    with pytest.raises(DataError, match="ANALOG:USED holds no number"):
         oarlock.load_markers(c3d)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from oarlock.array_gate import FloatArray
+from oarlock.array_gate import FloatArray, real_array
+from oarlock.errors import DataError
 from oarlock.recording import Recording, Stream
 
 META_KEY = "packets"
@@ -51,17 +52,27 @@ class Lost:
 
 
 def lost_packets(recording: Recording, stream: Stream) -> Lost | None:
-    """Gaps of a stream: by counter where a reader found one, else by its stamps; None if these tell nothing."""
+    """Gaps of a stream: by counter where a reader found one, else by its stamps; None if these tell nothing.
+
+    Raises:
+        DataError: the recording's `meta` holds something else under the name of counted packets.
+    """
     counted = recording.meta.get(META_KEY)
     if isinstance(counted, Mapping) and isinstance(counted.get(stream.name), Mapping):
-        return _counted(cast(Mapping[str, list[float]], counted[stream.name]), stream)
+        return _counted(counted[stream.name], stream)
     return _by_steps(stream)
 
 
-def _counted(found: Mapping[str, list[float]], stream: Stream) -> Lost:
-    after, packets = (np.array(found[key], dtype=np.float64) for key in ("after_s", "packets"))
+def _counted(found: Mapping[str, ArrayLike], stream: Stream) -> Lost:
+    where = f'recording, meta, {META_KEY} of "{stream.name}"'
+    missing = {"after_s", "packets", "step_s"} - set(found)
+    if missing:
+        raise DataError(f"{where}: has no {' and no '.join(sorted(missing))}; import the recording again")
+    after = real_array(found["after_s"], (None,), f"{where}, after_s")
+    packets = real_array(found["packets"], (len(after),), f"{where}, packets")
+    (step_s,) = real_array(found["step_s"], (1,), f"{where}, step_s")
     inside = (after >= stream.time_s[0]) & (after <= stream.time_s[-1])
-    return Lost(after[inside], packets[inside], packets[inside] * float(found["step_s"][0]), True)
+    return Lost(after[inside], packets[inside], packets[inside] * step_s, True)
 
 
 def _by_steps(stream: Stream) -> Lost | None:

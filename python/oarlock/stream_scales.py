@@ -81,7 +81,10 @@ class EncoderScale:
 def _number(value: object, where: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise DataError(f"{where}: is {value!r}; expected a number")
-    return float(value)
+    try:
+        return float(value)
+    except OverflowError:
+        raise DataError(f"{where}: is larger than any number with a decimal point") from None
 
 
 def _finite(value: object, where: str, unit: str) -> None:

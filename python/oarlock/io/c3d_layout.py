@@ -20,6 +20,8 @@ _KEY = 0x50
 _ORDERS = {84: "<", 85: "<", 86: ">"}
 """By processor: Intel, DEC, MIPS."""
 _COUNTS = ("POINT:USED", "POINT:FRAMES", "ANALOG:USED", "TRIAL:ACTUAL_START_FIELD", "TRIAL:ACTUAL_END_FIELD")
+_NUMBERS = (*_COUNTS, "POINT:SCALE", "POINT:RATE", "POINT:DATA_START", "ANALOG:RATE", "ANALOG:GEN_SCALE")
+"""Where one is of no elements in several dimensions, ezc3d takes the first and ends the process."""
 _COORDINATES_AND_RESIDUAL = 4
 _SHORTEST_WORD = 2
 
@@ -76,6 +78,8 @@ def _counts(raw: bytes, order: str, start: int, file: Path) -> dict[str, int]:
     found: dict[str, int] = {}
     for entry in _entries(raw, order, start, groups, file):
         name = f"{groups.get(entry.group, '')}:{entry.name}"
+        if prod(entry.dimensions) == 0 and (name in _NUMBERS or entry.name == "USED"):
+            raise _damaged(file, f"the parameter {name} holds no number")
         if name in _COUNTS and entry.width == 2:
             words = struct.unpack_from(f"{order}{min(2, prod(entry.dimensions))}H", raw, entry.start)
             found[name] = sum(word << (16 * k) for k, word in enumerate(words))

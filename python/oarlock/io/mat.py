@@ -1,6 +1,7 @@
 """MATLAB files (version 5 to 7): matrices and structures by name, with errors that name file and variable."""
 
 from collections.abc import Mapping
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -9,26 +10,28 @@ from scipy.io.matlab import mat_struct
 
 from oarlock.array_gate import FloatArray, real_array
 from oarlock.errors import DataError
+from oarlock.io.mat_layout import sound_variables
 from oarlock.suggest import did_you_mean
 
 Variables = Mapping[str, object]
 
 
 def read_mat(file: Path) -> Variables:
-    """The variables of a file.
+    """The variables of a file that are numbers, text, cells or structures.
 
     Raises:
-        DataError: The file cannot be read, is no MATLAB file, or is one of version 7.3 (HDF5).
+        DataError: The file cannot be read, is no MATLAB file, is damaged, or is one of version 7.3 (HDF5).
     """
     try:
-        found = loadmat(file, struct_as_record=False)
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror or error})") from error
-    except NotImplementedError as error:
-        raise DataError(f"{file}: {error}. Save it again in MATLAB with -v7.") from error
+        raw = file.read_bytes()
+    except (OSError, ValueError) as error:
+        raise DataError(f"{file}: cannot be read ({getattr(error, 'strerror', None) or error})") from error
+    names = sound_variables(raw, file)
+    try:
+        found = loadmat(BytesIO(raw), struct_as_record=False, variable_names=names)
     except Exception as error:  # of a damaged file scipy raises whatever its parts do
-        raise DataError(f"{file}: is no MATLAB file, or is cut off ({error})") from error
-    return {name: value for name, value in found.items() if not name.startswith("__")}
+        raise DataError(f"{file}: is no MATLAB file, or is damaged ({error})") from error
+    return {name: found[name] for name in names if name in found}
 
 
 def variable(variables: Variables, name: str, file: Path) -> object:
@@ -38,7 +41,8 @@ def variable(variables: Variables, name: str, file: Path) -> object:
         DataError: There is none of this name.
     """
     if name not in variables:
-        raise DataError(f'{file}: has no variable "{name}". {did_you_mean(name, list(variables))}')
+        hint = did_you_mean(name, list(variables))
+        raise DataError(f'{file}: has no variable "{name}" of numbers, text, cells or structures. {hint}')
     return variables[name]
 
 

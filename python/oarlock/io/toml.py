@@ -3,6 +3,7 @@
 import datetime
 import json
 import re
+import sys
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ _HEADER = re.compile(r"\s*\[{1,2}\s*([^\[\]]+?)\s*\]{1,2}\s*(#.*)?$")
 _LINE_KEY = re.compile(r"\s*((?:[\"']?[A-Za-z0-9_-]+[\"']?\s*\.\s*)*[\"']?[A-Za-z0-9_-]+[\"']?)\s*=")
 _INLINE_KEY = re.compile(r"[{,]\s*[\"']?([A-Za-z0-9_-]+)[\"']?\s*=")
 _MISSING = object()
+_LARGEST = sys.float_info.max
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 
@@ -47,7 +49,8 @@ class TomlTable:
             raise DataError(f"{file}: cannot be read ({error.strerror})") from error
         except UnicodeDecodeError as error:
             raise DataError(f"{file}: is not UTF-8 text (byte {error.start}). Save it as UTF-8.") from error
-        except tomllib.TOMLDecodeError as error:
+        except (ValueError, RecursionError) as error:
+            # Numbers of thousands of digits and brackets in thousands of brackets are not the parser's own errors.
             raise DataError(f"{file}: is not valid TOML: {error}") from error
 
     def where(self, key: str | None = None) -> str:
@@ -97,7 +100,7 @@ class TomlTable:
     def number(self, key: str, default: float) -> float:
         """A finite number."""
         value = self.values.get(key, default)
-        if not isinstance(value, int | float) or isinstance(value, bool) or not abs(value) < float("inf"):
+        if not isinstance(value, int | float) or isinstance(value, bool) or not abs(value) <= _LARGEST:
             raise self._wrong(key, value, "a finite number")
         return float(value)
 

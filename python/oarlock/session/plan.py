@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from os import PathLike
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from oarlock.errors import DataError
+from oarlock.session import step_values as values
 from oarlock.shipped import model_folder
 from oarlock.suggest import did_you_mean
 
@@ -22,6 +23,23 @@ FORMAT = 1
 KINDS = ("still", "turn", "pose", "move", "mark", "sign")
 POSTURE_STD_RAD = float(np.radians(3.0))
 """How well a person who was shown a posture takes it up, each direction."""
+
+_CHECKS: dict[str, Callable[[object, str], object]] = {
+    "kind": values.text,
+    "start_s": values.finite,
+    "end_s": values.finite,
+    "pose": values.posture,
+    "joints": values.names,
+    "axis": values.axis,
+    "first": values.one_way,
+    "stream": values.text,
+    "value": values.finite,
+    "other": values.text,
+    "sign": values.one_way,
+    "posture_std_rad": values.posture_std,
+    "say": values.text,
+}
+_MAY_BE_NONE = ("start_s", "end_s", "axis", "posture_std_rad")
 
 
 @dataclass(frozen=True)
@@ -66,16 +84,17 @@ class SessionStep:
     say: str = ""
 
     def __post_init__(self) -> None:
-        where = f'plan, step "{self.name}"'
+        where = f'plan, step "{values.text(self.name, "plan, name of a step")}"'
+        for name, check in _CHECKS.items():
+            if (given := getattr(self, name)) is not None or name not in _MAY_BE_NONE:
+                object.__setattr__(self, name, check(given, f"{where}: {name}"))
+        object.__setattr__(self, "pose", MappingProxyType(dict(self.pose)))
         if self.kind not in KINDS:
-            raise DataError(f"{where}: kind = {self.kind!r}. {did_you_mean(str(self.kind), KINDS)}")
+            raise DataError(f"{where}: kind = {self.kind!r}. {did_you_mean(self.kind, KINDS)}")
         if (self.start_s is None) != (self.end_s is None):
             raise DataError(f"{where}: give both start_s and end_s, or neither")
         if self.start_s is not None and self.end_s is not None and not self.start_s < self.end_s:
             raise DataError(f"{where}: lasts from {self.start_s} to {self.end_s} s; the end must be later")
-        for name in ("first", "sign"):
-            if getattr(self, name) not in (1, -1):
-                raise DataError(f"{where}: {name} = {getattr(self, name)!r}; expected 1 or -1")
         if self.kind == "move" and not self.joints:
             raise DataError(f'{where}: a move needs joints, such as joints = ["elbow_flexion"]')
         if self.kind in ("mark", "sign") and not self.stream:
@@ -84,8 +103,6 @@ class SessionStep:
             raise DataError(f"{where}: a mark needs start_s and end_s: nothing in the data shows where it is")
         if self.kind == "sign" and not self.other:
             raise DataError(f"{where}: a sign needs other, the stream that it is held against")
-        object.__setattr__(self, "pose", MappingProxyType(dict(self.pose)))
-        object.__setattr__(self, "joints", tuple(self.joints))
 
     @property
     def span_s(self) -> tuple[float, float] | None:
@@ -108,14 +125,16 @@ class SessionPlan:
     posture_std_rad: float = POSTURE_STD_RAD
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "steps", tuple(self.steps))
+        where = f'plan "{values.text(self.name, "plan, name")}"'
+        given: object = self.steps
+        steps = tuple(given) if isinstance(given, Iterable) else (given,)
+        if not all(isinstance(step, SessionStep) for step in steps):
+            raise DataError(f"{where}: steps are oarlock.SessionStep(...), one after the other")
+        object.__setattr__(self, "steps", steps)
         if not self.steps:
-            raise DataError(f'plan "{self.name}": has no steps')
-        if not (0.0 < self.posture_std_rad < 1.0):
-            raise DataError(
-                f'plan "{self.name}": posture_std_rad = {self.posture_std_rad}; expected radians between 0 and 1, '
-                f"for example {POSTURE_STD_RAD:.3f} (3 deg)"
-            )
+            raise DataError(f"{where}: has no steps")
+        std_rad = values.posture_std(self.posture_std_rad, f"{where}: posture_std_rad")
+        object.__setattr__(self, "posture_std_rad", std_rad)
 
     def check(self, model: Model) -> None:
         """Refuse names that the model does not have.
@@ -173,9 +192,9 @@ def load_session_plan(file: str | PathLike[str]) -> SessionPlan:
         table.check_keys(known)
         table.string("name")
         table.string("kind")
-        values: dict[str, Any] = dict(table.values)
+        keys: dict[str, Any] = dict(table.values)
         try:
-            steps.append(SessionStep(**values))
+            steps.append(SessionStep(**keys))
         except DataError as error:
             raise DataError(f"{table.where()}: {error}") from None
     name = top.string("name", Path(file).stem)

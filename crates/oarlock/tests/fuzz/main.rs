@@ -12,5 +12,7 @@ mod findings;
 mod models;
 mod mutate;
 mod numbers;
+mod odd_models;
 mod settings;
 mod streams;
+mod timing;

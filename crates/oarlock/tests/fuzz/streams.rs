@@ -16,7 +16,7 @@ use oarlock::track::{Calibration, Status, Tracker};
 use oarlock::Error;
 use std::fmt::Write;
 
-fn is_sound(belief: &Belief) -> bool {
+pub fn is_sound(belief: &Belief) -> bool {
     let n = belief.mean.len();
     let mut variances = (0..n).map(|i| belief.covariance.at(i, i));
     belief.mean.iter().all(|x| x.is_finite()) && variances.all(|v| v > 0.0 && v.is_finite())
