@@ -44,7 +44,7 @@ def test_levers_found_serve_as_well_as_those_of_the_file(trial):
 
 
 @pytest.mark.parametrize("mounted", ["rigid", "foam"])
-def test_mounts_and_lengths_found_serve_as_well_as_nominal_ones(mounted):
+def test_places_and_lengths_found_serve_as_well_as_nominal_ones_at_the_hinges(mounted):
     trial = local_folder("data/diodem_arm") / "trial1"
     recording, reference = read_diodem(trial, mounted), later(read_diodem_reference(trial), CAMERAS_LATE_S)
     hinges = [("seg2", "seg3"), ("seg3", "seg4"), ("seg4", "seg5")]

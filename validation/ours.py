@@ -25,7 +25,7 @@ from .estimate import Estimate, NotRunError
 NAMES = ("Oarlock", "Oarlock, smoothed")
 FOUND = "calibration found"
 FOUND_NAMES = tuple(f"{name}, {FOUND}" for name in NAMES)
-"""The same with mounts, places and lengths that were found from the recording itself."""
+"""The same with a calibration that was found from the recording itself."""
 
 WINDOW_S: Mapping[str, float] = {"rigid": 0.2, "foam": 0.4}
 """Over which joints are sought, as docs/mounts.md advises for each kind of mounting."""
@@ -62,22 +62,20 @@ def track_dfjimu_found(recording: Recording) -> Iterator[Estimate]:
 
 
 def track_diodem_found(recording: Recording, mounted: str) -> Iterator[Estimate]:
-    """Mounts from `calibrate_hinge_axes`, then places and lengths from `calibrate_joint_centers`."""
-    found = _from_motion("diodem_arm", recording, WINDOW_S[mounted])
+    """Places and lengths from `calibrate_joint_centers`; mounts stay nominal: one hinge turns off its axis."""
+    model = oarlock.load_model("diodem_arm")
+    known = _known(recording, model)
+    found = oarlock.calibrate_joint_centers(model, known, window_s=WINDOW_S[mounted])
     return _named_found(_tracked("diodem_arm", recording, SEGMENTS, found, WITH_LENGTHS))
 
 
 def track_openaxes_found(recording: Recording) -> Iterator[Estimate]:
-    """As `track_diodem_found`, from nominal mounts."""
-    found = _from_motion("openaxes_ur5", recording, WINDOW_S["rigid"])
-    return _named_found(_tracked("openaxes_ur5", recording, LINKS, found))
-
-
-def _from_motion(name: str, recording: Recording, window_s: float) -> Calibration:
-    model = oarlock.load_model(name)
+    """The hinge's axis turns the nominal mounts, then units are placed."""
+    model = oarlock.load_model("openaxes_ur5")
     known = _known(recording, model)
-    turned = oarlock.calibrate_hinge_axes(model, known, window_s=window_s / 2.0)
-    return oarlock.calibrate_joint_centers(model, known, calibration=turned, window_s=window_s)
+    turned = oarlock.calibrate_hinge_axes(model, known)
+    found = oarlock.calibrate_joint_centers(model, known, calibration=turned)
+    return _named_found(_tracked("openaxes_ur5", recording, LINKS, found))
 
 
 def _named_found(estimates: Iterator[Estimate]) -> Iterator[Estimate]:
