@@ -94,6 +94,7 @@ def _outcomes(recording: Recording, reference: Reference) -> list[Outcome]:
     rows = others.at_rows(recording)
     return [
         *attempt(ours.NAMES, lambda: ours.track_dfjimu(recording)),
+        *attempt(ours.FOUND_NAMES, lambda: ours.track_dfjimu_found(recording)),
         *attempt(others.DFJIMU_NAMES, lambda: others.dfjimu(rows, joint)),
         *attempt(HEADED, lambda: _headed(rows, reference)),
     ]

@@ -70,7 +70,7 @@ def run(data_folder: Path) -> SetResult:
         found = limits(recording, plain)
         known.put(mounted, found.figures)
         removed = found.removed_from(plain)
-        outcomes = _outcomes(recording)
+        outcomes = _outcomes(recording, mounted)
         exact = [punctual(recording, o) if isinstance(o, Estimate) else o for o in outcomes]
         for text, compared, reference in ((PLAIN, outcomes, plain), (REMOVED, exact, removed)):
             collected = Collected()
@@ -82,8 +82,9 @@ def run(data_folder: Path) -> SetResult:
     return SetResult(FOLDER, TITLE, TEXT, tuple(tables), tuple(p for p in plots if p is not None))
 
 
-def _outcomes(recording: Recording) -> list[Outcome]:
+def _outcomes(recording: Recording, mounted: Mounted) -> list[Outcome]:
     outcomes = attempt(ours.NAMES, lambda: ours.track_diodem(recording))
+    outcomes += attempt(ours.FOUND_NAMES, lambda: ours.track_diodem_found(recording, mounted))
     singles = attempt(others.VQF_NAMES, lambda: others.vqf(recording))
     outcomes += singles
     outcomes += attempt(others.IMUFUSION_NAMES, lambda: others.imufusion(recording))

@@ -112,6 +112,7 @@ def _run(
 def _outcomes(recording: Recording) -> list[Outcome]:
     return [
         *attempt(ours.NAMES, lambda: ours.track_openaxes(recording)),
+        *attempt(ours.FOUND_NAMES, lambda: ours.track_openaxes_found(recording)),
         *attempt(others.VQF_WITHOUT_MAG, lambda: _on_links(others.vqf(recording, others.VQF_WITHOUT_MAG))),
         *attempt(
             others.IMUFUSION_WITHOUT_MAG,

@@ -23,6 +23,13 @@ from oarlock.io.openaxes import LINKS
 from .estimate import Estimate, NotRunError
 
 NAMES = ("Oarlock", "Oarlock, smoothed")
+FOUND = "calibration found"
+FOUND_NAMES = tuple(f"{name}, {FOUND}" for name in NAMES)
+"""The same with a calibration that was found from the recording itself."""
+
+WINDOW_S: Mapping[str, float] = {"rigid": 0.2, "foam": 0.4}
+"""Over which joints are sought, as docs/mounts.md advises for each kind of mounting."""
+
 ARM = ("upper_arm", "forearm")
 
 WITH_LENGTHS = Config(estimate=("gyro_bias", "accel_bias", "lengths"))
@@ -45,6 +52,34 @@ def track_diodem(recording: Recording) -> Iterator[Estimate]:
 def track_openaxes(recording: Recording) -> Iterator[Estimate]:
     """Two neighbouring links of the robot; the model holds how the units sit on them."""
     return _tracked("openaxes_ur5", recording, LINKS)
+
+
+def track_dfjimu_found(recording: Recording) -> Iterator[Estimate]:
+    """Lever arms from `calibrate_joint_centers`; those of the files are not looked at."""
+    model = oarlock.load_model("dfjimu")
+    found = oarlock.calibrate_joint_centers(model, _known(recording, model))
+    return _named_found(_tracked("dfjimu", recording, BODIES, found, WITH_LENGTHS))
+
+
+def track_diodem_found(recording: Recording, mounted: str) -> Iterator[Estimate]:
+    """Places and lengths from `calibrate_joint_centers`; mounts stay nominal: one hinge turns off its axis."""
+    model = oarlock.load_model("diodem_arm")
+    known = _known(recording, model)
+    found = oarlock.calibrate_joint_centers(model, known, window_s=WINDOW_S[mounted])
+    return _named_found(_tracked("diodem_arm", recording, SEGMENTS, found, WITH_LENGTHS))
+
+
+def track_openaxes_found(recording: Recording) -> Iterator[Estimate]:
+    """The hinge's axis turns the nominal mounts, then units are placed."""
+    model = oarlock.load_model("openaxes_ur5")
+    known = _known(recording, model)
+    turned = oarlock.calibrate_hinge_axes(model, known)
+    found = oarlock.calibrate_joint_centers(model, known, calibration=turned)
+    return _named_found(_tracked("openaxes_ur5", recording, LINKS, found))
+
+
+def _named_found(estimates: Iterator[Estimate]) -> Iterator[Estimate]:
+    return (replace(estimate, name=f"{estimate.name}, {FOUND}") for estimate in estimates)
 
 
 def track_broad(recording: Recording) -> Iterator[Estimate]:
