@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import oarlock
+from exact_recording import load_excerpt
+from exact_recording import sculler as exact_sculler
 from oarlock import rowing
 
 UNITS = ("back", "r_upperarm", "r_forearm", "l_upperarm", "l_forearm")
@@ -12,6 +14,8 @@ SILENT_FROM_S = 4.0
 DURATION_S = 10.0
 # Two seconds after the sensors' return the filter is as good as if nothing had been: 0.02 deg, with room for chance.
 RECOVERED_DEG = 0.04
+# One second after, with readings of one sample to begin from.
+FOUND_DEG = 0.5
 
 
 @pytest.fixture(scope="module")
@@ -26,11 +30,11 @@ def rowed(sculler):
     )
 
 
-def without(recording, silent_s, names):
-    """The recording without the rows of `names` from SILENT_FROM_S on."""
+def without(recording, silent_s, names, from_s=SILENT_FROM_S):
+    """The recording without the rows of `names` from `from_s` on."""
     streams = []
     for stream in recording.streams:
-        gap = (stream.time_s >= SILENT_FROM_S) & (stream.time_s < SILENT_FROM_S + silent_s)
+        gap = (stream.time_s >= from_s) & (stream.time_s < from_s + silent_s)
         kept = ~gap if stream.name in names else np.ones(len(stream), dtype=bool)
         values = {field: rows[kept] for field, rows in stream.values.items()}
         streams.append(type(stream)(stream.name, stream.time_s[kept], **values))
@@ -50,6 +54,18 @@ def test_posture_is_found_again(sculler, rowed, silent_s, names):
     track = oarlock.track(sculler, without(recording, silent_s, names or recording.names))
     after = track.time_s > SILENT_FROM_S + silent_s + 2.0
     assert np.sqrt(np.mean(errors_deg(track, truth)[after] ** 2)) < RECOVERED_DEG
+
+
+@pytest.mark.parametrize(
+    ("from_s", "silent_s"), [(3.3, 0.5), (3.5, 0.5), (6.2, 0.5), (6.4, 0.5), (6.2, 0.6), (6.6, 0.6)]
+)
+def test_a_posture_of_nobody_is_not_taken(from_s, silent_s):
+    """The belief is wide by then; a fit from its mean ends in a mirror image, or far off."""
+    exact = load_excerpt()
+    recording = without(exact.recording, silent_s, exact.recording.names, from_s)
+    track = oarlock.track(exact_sculler(), recording.slice(from_s - 1.5, from_s + silent_s + 1.5))
+    after = track.time_s > from_s + silent_s + 1.0
+    assert np.sqrt(np.mean(errors_deg(track, exact.truth)[after] ** 2)) < FOUND_DEG
 
 
 def test_bands_widen_meanwhile(sculler, rowed):
