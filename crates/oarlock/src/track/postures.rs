@@ -49,7 +49,6 @@ impl Tracker {
         evidence: &[Evidence<Moment>],
         starts: &[(&'a Guess, Vec<f64>)],
     ) -> Option<Found<'a>> {
-        let readings = evidence.iter().flat_map(|e| e.z).filter(|z| !z.is_nan()).count();
         let hinges: Vec<(&Axis, usize)> = self.free_hinges().collect();
         let mut best: Option<Found> = None;
         let given =
@@ -59,7 +58,7 @@ impl Tracker {
             (1..=TRIES).map(move |k| (BLURS[BLURS.len() - 1], *guess, scattered(from, hinges, k)))
         });
         for (k, (blurs, guess, from)) in given.chain(anywhere).enumerate() {
-            let astray = best.as_ref().is_none_or(|b| self.rank(&b.fit) > ASTRAY_COST * readings as f64);
+            let astray = best.as_ref().is_none_or(|b| self.rank(&b.fit) > ASTRAY_COST * readings(evidence));
             if k >= BLURS.len() * starts.len() && !astray {
                 break;
             }
@@ -68,7 +67,7 @@ impl Tracker {
             let contorted = first.as_ref().filter(|fit| self.is_contorted(&fit.mean));
             let eased = contorted.and_then(|fit| problem.fit_sharpening(&self.eased(&fit.mean), blurs));
             for fit in [first, eased].into_iter().flatten().filter(|fit| fit.mean.iter().all(|x| x.is_finite())) {
-                let good = fit.cost < GOOD_COST * readings as f64 && !self.is_contorted(&fit.mean);
+                let good = self.is_good(&fit, evidence);
                 if good || best.as_ref().is_none_or(|b| self.rank(&fit) < self.rank(&b.fit)) {
                     best = Some(Found { fit, guess, good });
                 }
@@ -78,6 +77,13 @@ impl Tracker {
             }
         }
         best
+    }
+
+    /// Whether a fit explains the readings in a posture for a body.
+    pub(super) fn is_good(&self, fit: &Fit, evidence: &[Evidence<Moment>]) -> bool {
+        fit.mean.iter().all(|x| x.is_finite())
+            && fit.cost < GOOD_COST * readings(evidence)
+            && !self.is_contorted(&fit.mean)
     }
 
     /// Cost, and more of it for a posture that is none for a body.
@@ -144,6 +150,11 @@ impl Tracker {
         let hinges = joints.filter(|j| j.kind == JointKind::Hinge && !self.is_encoded(&j.name));
         hinges.filter_map(|j| Some((&self.body.axes[j.first], self.body.layout.coordinates[j.first]?.q)))
     }
+}
+
+/// How many there are.
+fn readings(evidence: &[Evidence<Moment>]) -> f64 {
+    evidence.iter().flat_map(|e| e.z).filter(|z| !z.is_nan()).count() as f64
 }
 
 /// How far an angle is beyond a hinge's limits, as a share of what lies between them; negative inside.

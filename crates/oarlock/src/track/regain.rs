@@ -8,7 +8,7 @@
 use super::Tracker;
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::{evidence, SourceInfo, Verdict};
-use crate::estimate::start::{Evidence, Fit, Guess};
+use crate::estimate::start::{Evidence, Fit, Guess, Problem};
 use crate::model::Axis;
 use std::f64::consts::TAU;
 
@@ -103,7 +103,12 @@ impl Tracker {
         let rest = posture(|axis| axis.rest);
         let middle = posture(|axis| if axis.turns { axis.rest } else { 0.5 * (axis.limits[0] + axis.limits[1]) });
         let starts = [belief.mean.clone(), rest, middle].map(|first| (&guess, first));
-        self.seek(&evidence, &starts).map(|found| found.fit)
+        // One sample tells little: of good fits the best is taken, not the first.
+        let fits = starts.iter().filter_map(|(_, first)| {
+            Problem::new(&self.body, &evidence, &self.std, &guess).fit(first).filter(|fit| self.is_good(fit, &evidence))
+        });
+        let best = fits.min_by(|a, b| a.cost.total_cmp(&b.cost));
+        best.or_else(|| self.seek(&evidence, &starts).map(|found| found.fit))
     }
 
     /// The fit used all rows that were there, and has no innovation to speak of.
