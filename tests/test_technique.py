@@ -37,8 +37,8 @@ LEAN_RAD, PLANE_RAD = np.radians(4.0), np.radians(5.0)
 """What is asked of recordings in which the model is wrong, root mean square over a recording."""
 COVERED = 0.75
 """Of a recording's strokes in their 95 % bands: its errors last, so few recordings are few draws."""
-DRAWS, LIKE_DRAWN = 48, (0.7, 1.4)
-"""48 draws tell a standard deviation to 10 %; the rest is what is not linear."""
+DRAWS, LIKE_DRAWN = 48, (0.65, 1.5)
+"""48 draws tell a standard deviation to 10 %, the worst of fifty to 25 %; the rest is what is not linear."""
 
 
 @cache
@@ -202,8 +202,8 @@ def test_bands_are_those_of_drawn_errors():
         if not any(part in name for part in skipped) and np.isfinite(spread).all():
             ratios[name] = float(np.sqrt(np.mean((found.strokes.std(name) / spread) ** 2)))
     assert len(ratios) > 40
-    # Seat and legs have noise of their track beside what is drawn.
-    most = {n: np.inf if n == "legs_peak_speed_m_s" else LIKE_DRAWN[1] for n in ratios}
+    # Speeds have the noise of their track beside what is drawn.
+    most = {n: np.inf if "peak_speed" in n else LIKE_DRAWN[1] for n in ratios}
     outside = {n: r for n, r in ratios.items() if not LIKE_DRAWN[0] < r < most[n]}
     assert not outside
 
@@ -214,9 +214,11 @@ def drawn_track(track: Track, std: Floats, found: Technique, rng: np.random.Gene
     knots = np.ravel(np.stack([table["catch_time_s"], table["finish_time_s"]], axis=1))
     turn = np.interp(track.time_s, knots, np.pi * np.arange(len(knots)))[:, None]
     arm = np.array([not n.startswith(("seat", "trunk")) for n in track.coordinate_names])
-    a, b, c = rng.standard_normal((3, len(std)))
-    a, b, c = np.where(arm, np.sqrt(1.5) * a, a), np.where(arm, 0.0, b), np.where(arm, 0.0, c)
-    q = track.q + std * (a + np.sqrt(0.5) * (b * np.cos(turn) + c * np.sin(turn)))
+    a, b, c, d, f = rng.standard_normal((5, len(std)))
+    body = np.sqrt(0.5) * (b * np.cos(turn) + c * np.sin(turn)) + 0.3 * (
+        d * np.cos(4 * turn) + f * np.sin(4 * turn)
+    )
+    q = track.q + std * np.where(arm, np.sqrt(1.59) * a, a + body)
     for name in track.coordinate_names:
         if "oar" in name:
             q[:, track.coordinate_names.index(name)] += found.found.zero_std * rng.standard_normal()
