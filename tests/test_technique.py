@@ -171,7 +171,7 @@ def test_lean_and_arm_plane_of_another_authors_wild_recording():
 
 @pytest.mark.timeout(400)
 def test_lean_and_arm_plane_in_the_field():
-    trial = simulate_field(sculler(), FieldEffects.wild(), duration_s=25.0, rate_spm=26.0, seed=203)
+    trial = simulate_field(sculler(), FieldEffects.wild(), duration_s=15.0, rate_spm=26.0, seed=203)
     check_wild(field_errors(oarlock.track(sculler(), trial.recording), trial.truth, WILD))
 
 
