@@ -244,6 +244,18 @@ def test_one_oar_is_enough_and_noted():
     assert set(rows.kinds) <= {"rowing", "start"}
 
 
+def test_a_frozen_encoder_is_no_turn_and_degrees_are_refused():
+    recording = rowed((Part(8, 24.0),), 2).recording(50.0, 2)
+    right = recording["r_oar_phi"]
+    frozen = oarlock.ScalarStream("l_oar_phi", right.time_s, np.full(len(right), 0.2))
+    rows = find_strokes(oarlock.Recording([right, frozen]))
+    assert len(rows) == 8 and "turn" not in rows.kinds
+    assert any("left (starboard) oar never moved" in note for note in rows.notes)
+    degrees = oarlock.ScalarStream("r_oar_phi", right.time_s, np.degrees(right.value))
+    with pytest.raises(DataError, match="Degrees"):
+        find_strokes(oarlock.Recording([degrees]))
+
+
 def test_a_silent_oar_is_no_turn_and_a_long_silence_breaks_strokes():
     recording = rowed((Part(20, 24.0),), 4).recording(50.0, 4)
     right, left = recording["r_oar_phi"], recording["l_oar_phi"]

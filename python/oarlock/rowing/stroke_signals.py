@@ -19,6 +19,7 @@ SOURCES = ("oars", "handle", "seat", "trunk", "trunk_gyro")
 _LEAK_S = 20.0
 _HALF_WINDOW_S = 0.15
 _ENOUGH_SHARE = 0.02
+_NO_OAR_RAD = 3.5
 _SIDED = {"r_oar_phi": "r", "l_oar_phi": "l", "oar_phi": ""}
 
 
@@ -86,6 +87,17 @@ def signals_of(data: Track | Recording, source: str | None, model: Model | None)
     )
 
 
+def moving(signals: list[Signal]) -> tuple[list[Signal], list[Signal]]:
+    """Those that move, and, of two oars, one that stands still while the other rows."""
+    if len(signals) < 2:
+        return signals, []
+    swings = [float(np.ptp(np.percentile(s.value, [1.0, 99.0]))) for s in signals]
+    still = [s for s, swing in zip(signals, swings, strict=True) if swing < KINDS[s.source].least / 10.0]
+    if len(still) != 1 or max(swings) < KINDS[signals[0].source].least:
+        return signals, []
+    return [s for s in signals if s is not still[0]], still
+
+
 def _of_source(data: Track | Recording, source: str, model: Model | None) -> list[Signal]:
     if source == "trunk_gyro":
         return _trunk_gyro(data, model) if isinstance(data, Recording) else []
@@ -130,6 +142,11 @@ def _of_recording(recording: Recording, source: str, name: str, side: str) -> li
         raise DataError(f"strokes: the stream '{name}' is {stream.kind}, expected one number over time")
     rows = np.isfinite(stream.value)
     value = KINDS[source].sign * stream.value[rows]
+    if source == "oars" and len(value) and float(np.percentile(np.abs(value), 95)) > _NO_OAR_RAD:
+        raise DataError(
+            f"strokes: the stream '{name}' goes to {np.abs(value).max():.3g} rad; an oar stays within 1.6. Degrees? "
+            "Convert them to rad"
+        )
     return [Signal(source, side, stream.time_s[rows], value, np.zeros(len(value)))]
 
 

@@ -164,7 +164,7 @@ def _arm(posture: Posture, side: str) -> Values:
     across = np.cross(upper, fore)
     flexion = np.arctan2(np.linalg.norm(across, axis=-1), np.sum(upper * fore, axis=-1))
     bent = np.where(flexion < BENT_RAD, np.nan, 1.0)
-    plane = np.arcsin(np.clip(-_unit(across)[..., 0], -1.0, 1.0)) * bent
+    plane = np.arcsin(np.clip(-arm_normal(shoulder, elbow, wrist)[..., 0], -1.0, 1.0)) * bent
     outward = np.arcsin(np.clip(upper[..., 0], -1.0, 1.0)) * (1.0 if side == "l" else -1.0)
     rise = np.arcsin(np.clip(fore[..., 1], -1.0, 1.0))
     values = {
@@ -178,6 +178,11 @@ def _arm(posture: Posture, side: str) -> Values:
         values[f"{side}_{event}_elbow_flexion_rad"] = flexion[:, place]
         values |= _shoulder_angles(posture, side, event, place)
     return values
+
+
+def arm_normal(shoulder: Floats, elbow: Floats, wrist: Floats) -> Floats:
+    """Unit normal (..., 3) of the plane of upper arm and forearm, (E - S) x (W - E); NaN of an arm that is a line."""
+    return _unit(np.cross(elbow - shoulder, wrist - elbow))
 
 
 def _shoulder_angles(posture: Posture, side: str, event: str, place: int) -> Values:
