@@ -5,8 +5,10 @@ from __future__ import annotations
 from oarlock.rowing.anthropometry import anthropometry
 from oarlock.rowing.boat import Boat, HullMotion
 from oarlock.rowing.ergometer import ErgometerShape, Machine, ergometer_piece
+from oarlock.rowing.features import FEATURES, Feature
 from oarlock.rowing.field import FieldEffects, FieldTrial, simulate_field
 from oarlock.rowing.hull import HullRotation, on_hull
+from oarlock.rowing.live_strokes import LiveStrokes, StrokeEvent
 from oarlock.rowing.motion import Piece, row_piece, sculling
 from oarlock.rowing.noise import CONDITIONS, TABLE_4_NOISE, ImuNoise, SimulatedCondition
 from oarlock.rowing.pitch import HullForm, HullPitch, hull_pitch
@@ -16,15 +18,19 @@ from oarlock.rowing.shapes import rowing_look
 from oarlock.rowing.simulators import SIMULATORS, FieldSimulator, ScullingSimulator
 from oarlock.rowing.stretcher import adjusted_stretcher
 from oarlock.rowing.stroke import StrokeShape
+from oarlock.rowing.stroke_table import StrokeTable
+from oarlock.rowing.strokes import Strokes, find_strokes
 from oarlock.rowing.sweep import SweepShape, sweep_piece, sweeping
 from oarlock.rowing.timing import StrokeTiming
 
 __all__ = [
     "CONDITIONS",
+    "FEATURES",
     "SIMULATORS",
     "TABLE_4_NOISE",
     "Boat",
     "ErgometerShape",
+    "Feature",
     "FieldEffects",
     "FieldSimulator",
     "FieldTrial",
@@ -33,16 +39,21 @@ __all__ = [
     "HullPitch",
     "HullRotation",
     "ImuNoise",
+    "LiveStrokes",
     "Machine",
     "Piece",
     "ScullingSimulator",
     "SimulatedCondition",
+    "StrokeEvent",
     "StrokeShape",
+    "StrokeTable",
     "StrokeTiming",
+    "Strokes",
     "SweepShape",
     "adjusted_stretcher",
     "anthropometry",
     "ergometer_piece",
+    "find_strokes",
     "hull_pitch",
     "on_hull",
     "on_unknown_rail",

@@ -1,0 +1,74 @@
+"""What each number of a stroke means: the one place that explains them, read from `features.toml`."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from math import pi
+from types import MappingProxyType
+
+SIDES = {"r": "right hand (port)", "l": "left hand (starboard)"}
+"""A side is a prefix of a column's name: the rower faces the stern."""
+_SCALES = {
+    ("rad", "deg"): 180.0 / pi,
+    ("rad/s", "deg/s"): 180.0 / pi,
+    ("s", "ms"): 1e3,
+    ("m", "cm"): 1e2,
+    ("m", "mm"): 1e3,
+    ("1", "%"): 1e2,
+    ("m2", "cm2"): 1e4,
+}
+
+
+@dataclass(frozen=True)
+class Feature:
+    """What a number of a stroke means.
+
+    Attributes:
+        name: of the column, with its unit.
+        label: for people, short.
+        unit: in which it is held: SI and radians, "1" of shares.
+        shown_unit: in which it is shown to people: "deg", "ms", "%".
+        sign: which way is positive, "" where it has no sign.
+        definition: how it is found.
+        source: who defined it; "own" where nobody else did.
+    """
+
+    name: str
+    label: str
+    unit: str
+    shown_unit: str
+    sign: str
+    definition: str
+    source: str
+
+    @property
+    def shown_scale(self) -> float:
+        """A value times this is in `shown_unit`."""
+        return 1.0 if self.unit == self.shown_unit else _SCALES[self.unit, self.shown_unit]
+
+    @property
+    def in_words(self) -> str:
+        """All of it in one line, but for the name."""
+        unit = "" if self.unit == "1" else f", {self.unit}"
+        sign = f" Positive: {self.sign}." if self.sign else ""
+        return f"{self.label}{unit}. {self.definition}{sign} Source: {self.source}."
+
+
+def _features() -> Iterator[Feature]:
+    text = files("oarlock.rowing").joinpath("features.toml").read_text(encoding="utf-8")
+    for name, table in tomllib.loads(text).items():
+        sides = table.pop("sides", "no")
+        table.setdefault("shown_unit", table["unit"])
+        table.setdefault("sign", "")
+        if sides != "only":
+            yield Feature(name, **table)
+        if sides != "no":
+            for side, who in SIDES.items():
+                yield Feature(f"{side}_{name}", **table | {"label": f"{table['label']}, {who}"})
+
+
+FEATURES: Mapping[str, Feature] = MappingProxyType({feature.name: feature for feature in _features()})
+"""By the name of the column; a side is a prefix: `r_` and `l_` are the rower's right (port) and left (starboard)."""
