@@ -65,7 +65,7 @@ def machine_shapes(rower: Rower) -> Surroundings:
         rower.carried(
             "root", box([0.0, 0.5 * (rail + floor), front], [0.42, rail - floor, 0.05]), "frame", "leg"
         ),
-        rower.carried("root", wheel, "shell", "flywheel"),
+        rower.carried("root", wheel, "frame", "flywheel"),
         *rower.seat_and_stretcher(),
     ]
     if {"r_handle", "l_handle", "bar"} <= set(rower.names):

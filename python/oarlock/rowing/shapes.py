@@ -33,7 +33,8 @@ _LIMB_M = 0.032
 _LEG_M = 0.045
 _NEEDED = ("seat", "r_shoulder", "l_shoulder", "r_hand", "l_hand")
 _TRUNK_FRAMES = {"seat", "trunk_leaned", "trunk_bent", "chest", "r_shoulder", "l_shoulder"}
-_SHOWN_BY_SHAPES = _TRUNK_FRAMES | {"r_handle", "l_handle", "bar"}
+_CHAIN_FRAMES = {"chain_swung", "chain_raised", "chain_end"}
+_SHOWN_BY_SHAPES = _TRUNK_FRAMES | _CHAIN_FRAMES | {"r_handle", "l_handle", "bar"}
 _FIRST_CURVES = ("oar_phi", "handle", "seat", "trunk", "elbow_flexion")
 _VIEWPOINTS = (
     Viewpoint("side", (-1.0, 0.16, 0.0)),
@@ -64,7 +65,7 @@ def rowing_look(track: Track) -> Look | None:
     ]
     return Look(
         shapes=(*rower.trunk_and_head(), *parts.shapes),
-        strands=rower.legs(),
+        strands=(*rower.legs(), *rower.chain()),
         viewpoints=_VIEWPOINTS if rower.afloat else _on_land(_VIEWPOINTS),
         ground_m=parts.ground_m,
         ground="water" if rower.afloat else "ground",
@@ -153,6 +154,13 @@ class Rower:
             in_root = np.einsum("tij,tkj->tki", boat[:, :3, :3], chain) + boat[:, None, :3, 3]
             strands.append(Strand(in_root, _LEG_M * self.scale, "body", f"{side} leg"))
         return tuple(strands)
+
+    def chain(self) -> tuple[Strand, ...]:
+        """An ergometer's chain, from where it leaves the machine to the handle."""
+        if not set(self.names) >= {"chain_raised", "bar"}:
+            return ()
+        ends = [self.over_time(frame)[:, :3, 3] for frame in ("chain_raised", "bar")]
+        return (Strand(np.stack(ends, axis=1), 0.006, "tool", "chain"),)
 
     def _stretcher(self) -> Floats:
         """Where the ankles stand in the boat's axes: legs are just straight where the seat is furthest back."""
