@@ -183,7 +183,10 @@ def test_rowing_stands_on_the_public_face_only():
     allowed = {f"oarlock.{name}" for name in public_names()} | {"oarlock"}
     for path in sorted((PACKAGE / "rowing").rglob("*.py")):
         for name in imported(path):
-            parts = any(within(name, part) for part in ("oarlock.rowing", "oarlock.errors", "oarlock.motion"))
+            parts = any(
+                within(name, part)
+                for part in ("oarlock.rowing", "oarlock.errors", "oarlock.motion", "oarlock.shapes")
+            )
             assert parts or name in allowed, f"{path.name} imports {name}, which is not public"
 
 

@@ -25,6 +25,7 @@ from oarlock.cli import (
     strokes,
     study,
     track,
+    view,
 )
 
 # plain help: examples keep their lines, and it reads the same in a file, a pager and a narrow window
@@ -70,6 +71,7 @@ evaluate.add_to(app)
 compare.add_to(app)
 report.add_to(app)
 export.add_to(app)
+view.add_to(app)
 reproduce.add_to(app)
 strokes.add_to(app)
 study.add_to(app)

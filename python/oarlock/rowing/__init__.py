@@ -15,6 +15,7 @@ from oarlock.rowing.noise import CONDITIONS, TABLE_4_NOISE, ImuNoise, SimulatedC
 from oarlock.rowing.pitch import HullForm, HullPitch, hull_pitch
 from oarlock.rowing.rail import on_unknown_rail
 from oarlock.rowing.session_skin import session_skin
+from oarlock.rowing.shapes import rowing_look, stroke_marks
 from oarlock.rowing.simulators import SIMULATORS, FieldSimulator, ScullingSimulator
 from oarlock.rowing.stretcher import adjusted_stretcher
 from oarlock.rowing.stroke import StrokeShape
@@ -73,10 +74,12 @@ __all__ = [
     "on_hull",
     "on_unknown_rail",
     "row_piece",
+    "rowing_look",
     "save_strokes",
     "sculling",
     "session_skin",
     "simulate_field",
+    "stroke_marks",
     "summarise_strokes",
     "sweep_piece",
     "sweeping",
