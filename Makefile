@@ -19,7 +19,7 @@ export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 
 RUST_SOURCES := Cargo.toml Cargo.lock $(wildcard crates/*/Cargo.toml) $(shell find crates/*/src -name '*.rs')
 
-.PHONY: help demo test fuzz bench bench-others bench-page robustness-page lint format docs validation lock clean
+.PHONY: help demo test fuzz bench bench-others bench-page robustness-page player lint format docs validation lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -53,6 +53,9 @@ bench-page: ## put the table of the last `make bench` into docs/performance.md
 robustness-page: $(VENV)/.package ## run the study of faults, and put its table and picture into docs/robustness.md
 	$(BIN)/python -m bench.robustness --page docs/robustness.md
 
+player: ## build the 3D player from viewer/ with npm, into python/oarlock/viewer/
+	cd viewer && npm ci --no-audit --no-fund --silent && npm run --silent build
+
 lint: $(VENV)/.dev ## ruff, mypy, clippy and rustfmt, changing nothing
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -84,7 +87,7 @@ lock: $(VENV)/.created ## compute the pinned versions in requirements/ again
 	$(COMPILE) --constraint requirements/dev.txt --extra bench --output-file requirements/bench.txt pyproject.toml
 
 clean: ## remove everything that was built or installed
-	rm -rf $(VENV) target dist out .pytest_cache .mypy_cache .ruff_cache .hypothesis python/oarlock/*.so
+	rm -rf $(VENV) target dist out viewer/node_modules .pytest_cache .mypy_cache .ruff_cache .hypothesis python/oarlock/*.so
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Stamps: a step is done again only if what it depends on has changed.
