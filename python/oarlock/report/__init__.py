@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import DataError
 from ..evaluate import Evaluation, evaluate
 from ..evaluate.tracklike import TrackLike
 from .page import render
+from .section import KeyFigure, Section
 
-__all__ = ["write_report"]
+__all__ = ["KeyFigure", "Section", "write_report"]
 
 
 def write_report(
@@ -18,8 +20,9 @@ def write_report(
     evaluation: Evaluation | None = None,
     truth: TrackLike | None = None,
     title: str | None = None,
+    sections: Sequence[Section] = (),
 ) -> Path:
-    """Write a report that works offline: no script, no request, readable on paper and on a telephone.
+    """Write a report that works offline: no request, no script but that of `sections`, readable on paper and telephone.
 
     Args:
         track: the result to report.
@@ -27,12 +30,13 @@ def write_report(
         evaluation: scores against truth; computed if only ``truth`` is given.
         truth: reference that is drawn beside the estimate.
         title: heading; default names the model.
+        sections: parts of a field's own, before those of any body.
 
     Returns:
         Path: the file written.
 
     Raises:
-        DataError: the track has no samples, or does not overlap with the truth.
+        DataError: the track has no samples, or does not overlap with the truth, or two sections share a key.
     """
     if not len(track.time_s):
         raise DataError("nothing to report: the track has no samples. Was the recording empty?")
@@ -42,7 +46,7 @@ def write_report(
     if target.is_dir():
         target = target / "report.html"
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(render(track, evaluation, truth, title), encoding="utf-8")
+    target.write_text(render(track, evaluation, truth, title, sections), encoding="utf-8")
     return target
 
 
