@@ -8,10 +8,32 @@ from pathlib import Path
 from ..errors import DataError
 from ..evaluate import Evaluation, evaluate
 from ..evaluate.tracklike import TrackLike
+from .chart import Series
+from .course import Axis, Mark, Zone, course_chart, plane_chart, row_chart
 from .page import render
 from .section import KeyFigure, Section
+from .sortable import Column, sort_script, sortable_table, value_cell
+from .tables import table as plain_table
+from .text import fixed
 
-__all__ = ["KeyFigure", "Section", "write_report"]
+__all__ = [
+    "Axis",
+    "Column",
+    "KeyFigure",
+    "Mark",
+    "Section",
+    "Series",
+    "Zone",
+    "course_chart",
+    "fixed",
+    "plain_table",
+    "plane_chart",
+    "row_chart",
+    "sort_script",
+    "sortable_table",
+    "value_cell",
+    "write_report",
+]
 
 
 def write_report(

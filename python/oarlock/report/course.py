@@ -14,7 +14,8 @@ from .plot import Floats, Panel
 from .text import breakable, number
 
 WIDTH, HEIGHT = 400.0, 214.0
-PLACE = (46.0, 14.0, 346.0, 156.0)
+PLACE = (40.0, 14.0, 354.0, 160.0)
+TALLEST = 250.0
 
 
 @dataclass(frozen=True)
@@ -36,11 +37,12 @@ class Zone:
 
 @dataclass(frozen=True)
 class Axis:
-    """What an axis shows, its unit, and a range where the values should not choose it."""
+    """What an axis shows, its unit, a range where the values should not choose it, and the least that it spans."""
 
     name: str
     unit: str
     span: tuple[float, float] | None = None
+    least: float = 1e-6
 
     @property
     def in_words(self) -> str:
@@ -61,7 +63,9 @@ def course_chart(
     """Series with bands over one axis; marks and zones behind them. One series has no legend."""
     reach = [v for s in series for v in (s.y, s.low, s.high) if v is not None]
     reach += [np.array([zone.low, zone.high]) for zone in zones]
-    panel = Panel(*PLACE, x.span or _extent([s.x for s in series]), y.span or plot.padded(reach, least=1e-6))
+    panel = Panel(
+        *PLACE, x.span or _extent([s.x for s in series]), y.span or plot.padded(reach, least=y.least)
+    )
     content = "".join(
         [
             "".join(_zone(panel, zone) for zone in zones),
@@ -70,11 +74,11 @@ def course_chart(
             "".join(_mark(panel, mark) for mark in marks),
             "".join(_band(panel, s, k) for k, s in enumerate(series)),
             "".join(plot.line(panel, s.x, s.y, f"series s{k % LINES}") for k, s in enumerate(series)),
-            _axis_names(panel, x, y),
+            _axis_name(panel, x),
         ]
     )
     words = f"{y.in_words} over {x.in_words}. {_ends(series, y.unit)}"
-    return _figure(key, caption, y.unit, fact, _drawn(key, (WIDTH, HEIGHT), caption, words, content), series)
+    return _figure(key, caption, y, fact, _drawn(key, (WIDTH, HEIGHT), caption, words, content), series)
 
 
 def plane_chart(
@@ -84,17 +88,29 @@ def plane_chart(
     x: Axis,
     y: Axis,
     points: Sequence[tuple[float, float, str]] = (),
+    faint: Sequence[Series] = (),
+    taller: float = 1.0,
     fact: str = "",
 ) -> str:
-    """Paths in a plane, one scale on both axes; a path's band is that of its `low` and `high` in y."""
-    across = x.span or plot.padded([s.x for s in series], least=0.02)
-    up = y.span or plot.padded([v for s in series for v in (s.y, s.low, s.high) if v is not None], least=0.02)
+    """Paths in a plane, with named points; a path's band is that of its `low` and `high` in y.
+
+    `faint` paths lie behind, thin and without names. Both axes have one scale, or that of y is `taller` times as large.
+    """
+    shown = [*series, *faint]
+    across = x.span or plot.padded([s.x for s in shown], least=0.02)
+    up = y.span or plot.padded([v for s in shown for v in (s.y, s.low, s.high) if v is not None], least=0.02)
     left, top, width, _ = PLACE
-    height = min(max(width * (up[1] - up[0]) / abs(across[1] - across[0]), 60.0), 340.0)
-    wanted = height / width * abs(across[1] - across[0])
-    slack = max(0.0, wanted - (up[1] - up[0])) / 2
-    panel = Panel(left, top, width, height, across, (up[0] - slack, up[1] + slack))
+    height = min(max(taller * width * (up[1] - up[0]) / (across[1] - across[0]), 70.0), TALLEST)
+    panel = Panel(
+        left,
+        top,
+        width,
+        height,
+        _widened(across, taller * width / height * (up[1] - up[0])),
+        _widened(up, height / width * (across[1] - across[0]) / taller),
+    )
     parts = [plot.axes(panel, x_unit=x.unit, wanted=(5, 3))]
+    parts += [plot.line(panel, s.x, s.y, "faint") for s in faint]
     for k, s in enumerate(series):
         parts.append(_band(panel, s, k))
         parts.append(plot.line(panel, s.x, s.y, f"series s{k % LINES}"))
@@ -106,10 +122,11 @@ def plane_chart(
                 float(panel.x(px)), float(panel.y(py)) + (-7 if k % 2 == 0 else 15), name, "halo", "middle"
             )
         )
-    parts.append(_axis_names(panel, x, y))
-    words = f"{y.in_words} over {x.in_words}, one scale. {_ends(series, y.unit)}"
+    parts.append(_axis_name(panel, x))
+    scales = "one scale" if taller == 1.0 else f"{y.name} drawn {taller:g} times as large"
+    words = f"{y.in_words} over {x.in_words}, {scales}. {_ends(series, y.unit)}"
     size = (WIDTH, top + height + 44.0)
-    return _figure(key, caption, y.unit, fact, _drawn(key, size, caption, words, "".join(parts)), series)
+    return _figure(key, caption, y, fact, _drawn(key, size, caption, words, "".join(parts)), series)
 
 
 def row_chart(
@@ -124,10 +141,13 @@ def row_chart(
     """Values one after another as dots, each with a bar from `low` to `high`."""
     reach = [v for s in series for v in (s.y, s.low, s.high) if v is not None]
     reach += [np.array([zone.low, zone.high]) for zone in zones]
-    panel = Panel(
-        *PLACE, x.span or plot.padded([s.x for s in series], least=1.0, share=0.04), plot.padded(reach, 1e-6)
-    )
-    parts = ["".join(_zone(panel, zone) for zone in zones), plot.axes(panel, x_unit=x.unit, wanted=(6, 4))]
+    across = x.span or plot.padded([s.x for s in series], least=1.0, share=0.04)
+    panel = Panel(*PLACE, across, y.span or plot.padded(reach, least=y.least))
+    wanted = min(6, max(1, int(across[1] - across[0]) // 2))
+    parts = [
+        "".join(_zone(panel, zone) for zone in zones),
+        plot.axes(panel, x_unit=x.unit, wanted=(wanted, 4)),
+    ]
     for k, s in enumerate(series):
         bars = [] if s.low is None or s.high is None else list(zip(s.x, s.low, s.high, strict=True))
         parts += [
@@ -141,10 +161,16 @@ def row_chart(
             for at, value in zip(s.x, s.y, strict=True)
             if np.isfinite(value)
         ]
-    parts.append(_axis_names(panel, x, y))
+    parts.append(_axis_name(panel, x))
     words = f"{y.in_words} over {x.in_words}. {_ends(series, y.unit)}"
     svg = _drawn(key, (WIDTH, HEIGHT), caption, words, "".join(parts))
-    return _figure(key, caption, y.unit, fact, svg, series)
+    return _figure(key, caption, y, fact, svg, series)
+
+
+def _widened(span: tuple[float, float], least: float) -> tuple[float, float]:
+    """A range at least so wide, about its middle."""
+    more = max(0.0, least - (span[1] - span[0])) / 2
+    return span[0] - more, span[1] + more
 
 
 def _extent(values: Sequence[Floats]) -> tuple[float, float]:
@@ -179,14 +205,9 @@ def _zone(panel: Panel, zone: Zone) -> str:
     return shape + plot.label(panel.left + panel.width - 4, high - 3, zone.name, "small halo", "end")
 
 
-def _axis_names(panel: Panel, x: Axis, y: Axis) -> str:
+def _axis_name(panel: Panel, x: Axis) -> str:
     middle, bottom = panel.left + panel.width / 2, panel.top + panel.height
-    upright = panel.top + panel.height / 2
-    return (
-        plot.label(middle, bottom + 29, x.in_words, "axis-name", "middle")
-        + f'<text x="10" y="{upright:.1f}" text-anchor="middle" class="axis-name" '
-        f'transform="rotate(-90 10 {upright:.1f})">{escape(y.in_words)}</text>'
-    )
+    return plot.label(middle, bottom + 29, x.in_words, "axis-name", "middle")
 
 
 def _ends(series: Sequence[Series], unit: str) -> str:
@@ -206,8 +227,8 @@ def _drawn(key: str, size: tuple[float, float], caption: str, words: str, conten
     return plot.drawing(f"{key}-svg", size, caption, words, content)
 
 
-def _figure(key: str, caption: str, unit: str, fact: str, svg: str, series: Sequence[Series]) -> str:
-    head = f'<span class="name">{breakable(caption)}</span> <span class="unit">{escape(unit)}</span>'
+def _figure(key: str, caption: str, y: Axis, fact: str, svg: str, series: Sequence[Series]) -> str:
+    head = f'<span class="name">{breakable(caption)}</span> <span class="unit">{escape(y.in_words)}</span>'
     head += f'<span class="fact">{fact}</span>' if fact else ""
     return f'<figure id="{key}"><figcaption>{head}</figcaption>{svg}{_legend(series)}</figure>'
 

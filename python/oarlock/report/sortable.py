@@ -39,7 +39,7 @@ def sortable_table(
     """A table whose first column is a row header; cells are markup. `foot` stays below; `muted` rows are grey."""
     heads = "".join(
         f'<th scope="col" title="{escape(column.meaning)}">{escape(column.name)}'
-        f'{f" <small>{escape(column.unit)}</small>" if column.unit else ""}</th>'
+        f"{f' <small>{escape(column.unit)}</small>' if column.unit else ''}</th>"
         for column in columns
     )
     body = "".join(_row(cells, "muted" if i in set(muted) else "") for i, cells in enumerate(rows))
