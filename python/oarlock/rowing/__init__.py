@@ -8,6 +8,7 @@ from oarlock.rowing.ergometer import ErgometerShape, Machine, ergometer_piece
 from oarlock.rowing.features import FEATURES, Feature
 from oarlock.rowing.field import FieldEffects, FieldTrial, simulate_field
 from oarlock.rowing.hull import HullRotation, on_hull
+from oarlock.rowing.live_strokes import LiveStrokes, StrokeEvent
 from oarlock.rowing.motion import Piece, row_piece, sculling
 from oarlock.rowing.noise import CONDITIONS, TABLE_4_NOISE, ImuNoise, SimulatedCondition
 from oarlock.rowing.pitch import HullForm, HullPitch, hull_pitch
@@ -17,6 +18,7 @@ from oarlock.rowing.simulators import SIMULATORS, FieldSimulator, ScullingSimula
 from oarlock.rowing.stretcher import adjusted_stretcher
 from oarlock.rowing.stroke import StrokeShape
 from oarlock.rowing.stroke_table import StrokeTable
+from oarlock.rowing.strokes import Strokes, find_strokes
 from oarlock.rowing.sweep import SweepShape, sweep_piece, sweeping
 from oarlock.rowing.timing import StrokeTiming
 
@@ -36,17 +38,21 @@ __all__ = [
     "HullPitch",
     "HullRotation",
     "ImuNoise",
+    "LiveStrokes",
     "Machine",
     "Piece",
     "ScullingSimulator",
     "SimulatedCondition",
+    "StrokeEvent",
     "StrokeShape",
     "StrokeTable",
     "StrokeTiming",
+    "Strokes",
     "SweepShape",
     "adjusted_stretcher",
     "anthropometry",
     "ergometer_piece",
+    "find_strokes",
     "hull_pitch",
     "on_hull",
     "on_unknown_rail",
