@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from oarlock.rowing.features import FEATURES, Feature
-from oarlock.rowing.stroke_table import Floats, StrokeTable
+from oarlock.rowing.stroke_means import FeatureMean
+from oarlock.rowing.stroke_table import StrokeTable
 
 SIGMAS_95 = 1.96
 """Half the width of a 95 % interval of a normal distribution, in standard deviations."""
@@ -16,27 +16,22 @@ SIGMAS_95 = 1.96
 
 @dataclass(frozen=True)
 class Average:
-    """A number of the strokes, over the strokes: SI and radians.
+    """A number over the strokes that count, SI and radians.
 
     Attributes:
         feature: what it is.
-        count: strokes that have it.
-        mean: over them.
-        sd: between them; NaN of a single stroke.
-        low: the least.
-        high: the largest.
-        std: standard deviation of one stroke's number by the track's bands, root mean square; NaN where unknown.
+        over: its mean, spread and what averaging does not remove.
         reason: why no stroke has it, "" where one has.
     """
 
     feature: Feature
-    count: int
-    mean: float
-    sd: float
-    low: float
-    high: float
-    std: float
+    over: FeatureMean
     reason: str = ""
+
+    @property
+    def known(self) -> bool:
+        """Whether any stroke that counts has it."""
+        return self.over.count > 0
 
     @property
     def uncertainty(self) -> float:
@@ -45,13 +40,18 @@ class Average:
         What the bands say of a stroke may be the same error in all of them (a mount, a length), so it is not divided
         by the number of strokes; what differs between strokes is. NaN where the bands say nothing.
         """
-        scatter = self.sd**2 / self.count if self.count > 1 else 0.0
-        return math.sqrt(self.std**2 + scatter)
+        scatter = self.over.sd**2 / self.over.count if self.over.count > 1 else 0.0
+        return math.sqrt(self.over.std**2 + scatter)
+
+    @property
+    def beyond_zero(self) -> bool | None:
+        """Of a difference: whether it is more than its uncertainty explains, at 95 %; None where that is unknown."""
+        return beyond(self.over.mean, self.uncertainty)
 
 
 @dataclass(frozen=True)
 class Difference:
-    """Of two averages of one feature, second minus first."""
+    """Of two averages of one feature, this minus the other."""
 
     feature: Feature
     value: float
@@ -60,55 +60,34 @@ class Difference:
     @property
     def beyond(self) -> bool | None:
         """Whether it is larger than both uncertainties together explain, at 95 %; None where these are unknown."""
-        if not (math.isfinite(self.value) and math.isfinite(self.uncertainty)):
-            return None
-        return abs(self.value) > SIGMAS_95 * self.uncertainty
+        return beyond(self.value, self.uncertainty)
+
+
+def beyond(value: float, uncertainty: float) -> bool | None:
+    """Whether a value lies outside the 95 % interval about 0; None where either is unknown."""
+    if not (math.isfinite(value) and math.isfinite(uncertainty)):
+        return None
+    return abs(value) > SIGMAS_95 * uncertainty
 
 
 def feature_of(name: str) -> Feature:
     """What is known of a column; of a foreign one its name alone."""
-    return FEATURES.get(name) or Feature(
-        name, name.replace("_", " "), "", "", "", "", "the file it came from"
-    )
+    return FEATURES.get(name) or Feature(name, name.replace("_", " "), "", "", "", "", "the file it came from")
 
 
-def counted(table: StrokeTable) -> Floats:
-    """Which strokes count in averages, (N,) as booleans in floats: all, where the table does not say."""
-    return table["in_averages"] if "in_averages" in table else np.ones(len(table))
+def averages(table: StrokeTable, means: Mapping[str, FeatureMean]) -> dict[str, Average]:
+    """By name, with the reason where no stroke has the number."""
+    return {name: Average(feature_of(name), mean, _reason(table, name, mean)) for name, mean in means.items()}
 
 
-def average(table: StrokeTable, name: str) -> Average:
-    """Of one column, over the strokes that count."""
-    used = (counted(table) > 0.5) & np.isfinite(table[name])
-    values, stds = table[name][used], table.std(name)[used]
-    if not len(values):
-        told = [reason for reason in table.reason(name) if reason]
-        nothing = (math.nan,) * 5
-        return Average(feature_of(name), 0, *nothing, told[0] if told else "not known")
-    known = stds[np.isfinite(stds)]
-    return Average(
-        feature_of(name),
-        len(values),
-        float(values.mean()),
-        float(values.std(ddof=1)) if len(values) > 1 else math.nan,
-        float(values.min()),
-        float(values.max()),
-        float(np.sqrt(np.mean(known**2))) if len(known) else math.nan,
-    )
+def difference(this: Average, other: Average) -> Difference:
+    """This minus the other."""
+    apart = this.over.mean - other.over.mean
+    return Difference(this.feature, apart, math.hypot(this.uncertainty, other.uncertainty))
 
 
-def averages(table: StrokeTable) -> dict[str, Average]:
-    """Of every column that is not a time on the clock or a mark, by name."""
-    return {name: average(table, name) for name in table.columns if not _is_stamp(name)}
-
-
-def difference(first: Average, second: Average) -> Difference:
-    """Second minus first."""
-    return Difference(
-        first.feature, second.mean - first.mean, math.hypot(first.uncertainty, second.uncertainty)
-    )
-
-
-def _is_stamp(name: str) -> bool:
-    plain = name.removeprefix("r_").removeprefix("l_")
-    return plain in {"catch_time_s", "finish_time_s", "end_time_s", "in_averages"}
+def _reason(table: StrokeTable, name: str, mean: FeatureMean) -> str:
+    if mean.count:
+        return ""
+    told = [reason for reason in table.reason(name) if reason]
+    return told[0] if told else "no stroke that counts has it"

@@ -17,9 +17,9 @@ MOST_TOLD = 4
 def differences(this: Piece, other: Piece) -> dict[str, tuple[Average, Average, Difference]]:
     """Of every number that both pieces have: this, the other, this minus the other."""
     return {
-        name: (mine, other.averages[name], difference(other.averages[name], mine))
+        name: (mine, other.averages[name], difference(mine, other.averages[name]))
         for name, mine in this.averages.items()
-        if mine.count and name in other.averages and other.averages[name].count
+        if mine.known and name in other.averages and other.averages[name].known
     }
 
 
@@ -78,11 +78,11 @@ def sentences(this: Piece, other: Piece) -> list[str]:
 
 def _told(mine: Average, theirs: Average, between: Difference) -> str:
     change = with_unit(between.feature, between.value, signed=True)
-    now, then = (with_unit(one.feature, one.mean) for one in (mine, theirs))
+    now, then = (with_unit(one.feature, one.over.mean) for one in (mine, theirs))
     return escape(f"{mine.feature.label} {now} instead of {then} ({change})")
 
 
 def _mean(one: Average) -> str:
-    text = value_cell(one.mean * one.feature.shown_scale, shown(one.feature, one.mean))
+    text = value_cell(one.over.mean * one.feature.shown_scale, shown(one.feature, one.over.mean))
     known = spread(one.feature, one.uncertainty)
     return f'{text} <span class="spread">{PLUS_MINUS} {known}</span>'

@@ -7,6 +7,7 @@ from html import escape
 
 from oarlock.report import plain_table
 from oarlock.rowing.features import FEATURES, Feature
+from oarlock.rowing.report.tables import anchor
 
 
 def definitions(names: Iterable[str]) -> str:
@@ -28,9 +29,9 @@ def definitions(names: Iterable[str]) -> str:
 
 
 def _row(feature: Feature, names: list[str]) -> list[str]:
-    anchors = "".join(f'<span id="def-{name.replace("_", "-")}"></span>' for name in names)
+    anchors = "".join(f'<span id="{anchor(name)}"></span>' for name in names)
     columns = "<br>".join(f"<code>{escape(name).replace('_', '_<wbr>')}</code>" for name in names)
-    label = feature.label.partition(",")[0] if names[0].startswith(("r_", "l_")) else feature.label
+    label = feature.label.rpartition(",")[0] if names[0].startswith(("r_", "l_")) else feature.label
     unit = feature.shown_unit if feature.shown_unit != "1" else "–"
     held = f" (held in {feature.unit})" if feature.unit not in {feature.shown_unit, "1"} else ""
     return [

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from oarlock.rowing.report.averages import counted
 from oarlock.rowing.stroke_table import Floats, StrokeTable
 
 if TYPE_CHECKING:
@@ -22,35 +22,28 @@ HULL = "hull"
 
 @dataclass(frozen=True)
 class Stack:
-    """The strokes of a piece at the same shares.
+    """The strokes of a piece at the same shares of their time.
 
     Attributes:
-        percent: (POINTS,) of the time from catch to next catch.
         time_s: (N, POINTS) when each stroke was there, s.
         q: (N, POINTS, n_coordinates) posture then.
-        finish_percent: mean share at which the drive ends; NaN where no finish is known.
     """
 
-    percent: Floats
     time_s: Floats
     q: Floats
-    finish_percent: float
 
     def __len__(self) -> int:
         return len(self.time_s)
 
 
-def stack(track: Track, table: StrokeTable) -> Stack:
-    """The strokes that count in averages and lie in the track."""
-    percent = np.linspace(0.0, 100.0, POINTS)
-    start, end, finish = (table[name] for name in ("catch_time_s", "end_time_s", "finish_time_s"))
-    inside = (counted(table) > 0.5) & (start >= track.time_s[0]) & (end <= track.time_s[-1])
-    start, end, finish = start[inside], end[inside], finish[inside]
-    time_s = start[:, None] + (end - start)[:, None] * percent / 100.0
+def stack(track: Track, table: StrokeTable, counted: NDArray[np.bool_]) -> Stack:
+    """The strokes that count and lie in the track."""
+    start, end = table["catch_time_s"], table["end_time_s"]
+    inside = counted & (start >= track.time_s[0]) & (end <= track.time_s[-1])
+    start, end = start[inside], end[inside]
+    time_s = start[:, None] + (end - start)[:, None] * np.linspace(0.0, 1.0, POINTS)
     flat = [np.interp(time_s.ravel(), track.time_s, column) for column in track.q.T]
-    q = np.stack(flat, axis=-1).reshape(*time_s.shape, -1)
-    share = 100.0 * (finish - start) / (end - start)
-    return Stack(percent, time_s, q, float(np.nanmean(share)) if np.isfinite(share).any() else float("nan"))
+    return Stack(time_s, np.stack(flat, axis=-1).reshape(*time_s.shape, -1))
 
 
 def frame_courses(track: Track, strokes: Stack, frames: Sequence[str]) -> dict[str, Floats]:

@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from oarlock.rowing.features import Feature
-from oarlock.rowing.report.averages import Average, counted, difference, feature_of
+from oarlock.rowing.report.averages import feature_of
+from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import shown, unit_of, with_unit
-from oarlock.rowing.stroke_table import Floats, StrokeTable
+from oarlock.rowing.stroke_table import Floats
 
 LEAST = {
     "deg": 2.0,
@@ -47,11 +48,11 @@ class _Column:
     numbers: Floats
 
 
-def findings(table: StrokeTable, averages: dict[str, Average]) -> list[Finding]:
+def findings(piece: Piece) -> list[Finding]:
     """Most telling first; empty where nothing stands out."""
-    columns = [_column(table, name) for name in averages if feature_of(name).shown_unit in LEAST]
+    columns = [_column(piece, name) for name in piece.averages if feature_of(name).shown_unit in LEAST]
     enough = [column for column in columns if len(column.values) >= FEWEST_STROKES]
-    found = [*_sides(averages), *_drifts(enough), *_odd_strokes(enough)]
+    found = [*_sides(piece), *_drifts(enough), *_odd_strokes(enough)]
     return sorted(found, key=lambda finding: -finding.weight)
 
 
@@ -60,32 +61,23 @@ def least(feature: Feature) -> float:
     return LEAST.get(feature.shown_unit, float("nan")) / feature.shown_scale
 
 
-def _column(table: StrokeTable, name: str) -> _Column:
-    good = (counted(table) > 0.5) & np.isfinite(table[name])
-    time_s = table["catch_time_s"] if "catch_time_s" in table else np.arange(len(table), dtype=np.float64)
-    return _Column(
-        feature_of(name),
-        table[name][good],
-        time_s[good],
-        np.asarray(np.flatnonzero(good) + 1, dtype=np.float64),
-    )
+def _column(piece: Piece, name: str) -> _Column:
+    good = piece.counted & np.isfinite(piece.table[name])
+    numbers = np.asarray(np.flatnonzero(good) + 1, dtype=np.float64)
+    return _Column(feature_of(name), piece.table[name][good], piece.table["catch_time_s"][good], numbers)
 
 
-def _sides(averages: dict[str, Average]) -> list[Finding]:
+def _sides(piece: Piece) -> list[Finding]:
     """Numbers of the right hand that differ from those of the left beyond what is known of both."""
     found = []
-    for name, right in averages.items():
-        left = averages.get(f"l_{name.removeprefix('r_')}")
-        if not name.startswith("r_") or left is None or not (right.count and left.count):
+    for name, apart in piece.sides.items():
+        weight = abs(apart.over.mean) / least(apart.feature)
+        if not weight > 1.0 or not apart.beyond_zero:
             continue
-        between = difference(left, right)
-        weight = abs(between.value) / least(right.feature)
-        if not weight > 1.0 or between.beyond is False:
-            continue
-        label = right.feature.label.partition(",")[0]
-        sure = "" if between.beyond else ", how surely is not known"
-        shown_right, shown_left = (with_unit(side.feature, side.mean) for side in (right, left))
-        found.append(Finding(weight, f"{label}: right {shown_right}, left {shown_left}{sure}."))
+        label = apart.feature.label.rpartition(",")[0]
+        right, left = (piece.averages[f"{side}_{name}"] for side in "rl")
+        shown_right, shown_left = (with_unit(one.feature, one.over.mean) for one in (right, left))
+        found.append(Finding(weight, f"{label}: right {shown_right}, left {shown_left}."))
     return found
 
 

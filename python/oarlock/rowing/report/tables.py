@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
 import numpy as np
 
 from oarlock.report import Column, fixed, sortable_table, value_cell
 from oarlock.rowing.features import FEATURES
-from oarlock.rowing.report.averages import Average, average, counted, difference, feature_of
+from oarlock.rowing.report.averages import Average, feature_of
+from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import PLUS_MINUS, shown, spread, unit_of
 from oarlock.rowing.stroke_table import StrokeTable
 
@@ -21,10 +22,10 @@ FIRST_COLUMNS = (
     "catch_angle_rad",
     "finish_angle_rad",
     "arc_rad",
-    "seat_travel_m",
     "handle_travel_m",
+    "seat_travel_m",
     "catch_factor_s",
-    "rowing_style_factor",
+    "style_factor",
     "catch_lean_rad",
     "finish_lean_rad",
     "power_w",
@@ -35,40 +36,41 @@ FIRST_COLUMNS = (
 
 def link(name: str, label: str) -> str:
     """A label that leads to its definition."""
-    return f'<a class="term" href="#def-{name.replace("_", "-")}">{escape(label)}</a>'
+    return f'<a class="term" href="#{anchor(name)}">{escape(label)}</a>' if name in FEATURES else escape(label)
 
 
-def strokes_table(table: StrokeTable, key: str = "strokes") -> str:
+def anchor(name: str) -> str:
+    """Where a number is explained in the page."""
+    return f"def-{name.replace('_', '-')}"
+
+
+def strokes_table(piece: Piece, key: str) -> str:
     """A row a stroke, sortable; below it means, scatter and what the track's bands say of one stroke."""
+    table, kept = piece.table, piece.counted
     names = [name for name in FIRST_COLUMNS if name in table and np.isfinite(table[name]).any()]
+    features = [feature_of(name) for name in names]
     columns = [Column("stroke"), Column("at", "s", FEATURES["catch_time_s"].in_words)]
-    columns += [
-        Column(feature_of(name).label, unit_of(feature_of(name)), feature_of(name).in_words) for name in names
-    ]
-    kept = counted(table) > 0.5
+    columns += [Column(feature.label, unit_of(feature), feature.in_words) for feature in features]
     rows = [_stroke_row(table, names, row, bool(kept[row])) for row in range(len(table))]
-    means = {name: average(table, name) for name in names}
+    means = [piece.averages[name] for name in names]
     foot = [
-        ["mean", "", *(shown(means[name].feature, means[name].mean) for name in names)],
-        ["SD", "", *(spread(means[name].feature, means[name].sd) for name in names)],
-        [f"{PLUS_MINUS} of one", "", *(spread(means[name].feature, means[name].std) for name in names)],
+        ["mean", "", *(shown(one.feature, one.over.mean) for one in means)],
+        ["SD", "", *(spread(one.feature, one.over.sd) for one in means)],
+        [f"{PLUS_MINUS} of one", "", *(spread(one.feature, one.over.std) for one in means)],
     ]
     left_out = [row for row in range(len(table)) if not kept[row]]
     caption = "One row a stroke. SD: standard deviation between strokes. "
-    caption += (
-        f"{PLUS_MINUS} of one: what the track's own bands say of a single stroke, one standard deviation."
-    )
+    caption += f"{PLUS_MINUS} of one: what the track's own bands say of a single stroke, one standard deviation."
     if left_out:
         caption += " Grey: left out of all averages, for the reason beside its number."
     return sortable_table(key, caption, columns, rows, foot, muted=left_out)
 
 
 def _stroke_row(table: StrokeTable, names: Sequence[str], row: int, kept: bool) -> list[str]:
-    why = table.reason("in_averages")[row] if "in_averages" in table else ""
     head = value_cell(row + 1.0, str(row + 1))
     if not kept:
-        head += f' <span class="mark">{escape(why or "left out")}</span>'
-    start = float(table["catch_time_s"][row]) if "catch_time_s" in table else math.nan
+        head += f' <span class="mark">{escape(table.reason("in_averages")[row] or "left out")}</span>'
+    start = float(table["catch_time_s"][row])
     cells = [head, value_cell(start, fixed(start, 2))]
     for name in names:
         value = float(table[name][row])
@@ -80,62 +82,67 @@ def _stroke_row(table: StrokeTable, names: Sequence[str], row: int, kept: bool) 
     return cells
 
 
-def averages_table(
-    key: str, caption: str, found: Iterable[Average], targets: dict[str, str] | None = None
-) -> str:
-    """A row a number: mean, how well it is known, SD between strokes, range; with targets what others published."""
+def averages_table(key: str, caption: str, found: Iterable[Average], published: Mapping[str, str]) -> str:
+    """A row a number: mean, how well it is known, SD between strokes, range; beside it what others published."""
     columns = [
         Column("number"),
         Column("unit"),
         Column("mean"),
         Column(
-            PLUS_MINUS,
-            meaning="One standard deviation of the mean: the track's bands, and the scatter of strokes.",
+            PLUS_MINUS, meaning="One standard deviation of the mean: the track's bands, and the scatter of strokes."
         ),
         Column("SD", meaning="Standard deviation between strokes."),
         Column("least"),
         Column("largest"),
-        Column("strokes", meaning="How many strokes have this number."),
+        Column("strokes", meaning="How many strokes that count have this number."),
     ]
-    if targets:
-        columns.append(Column("published"))
-    rows, muted = [], []
-    for row, one in enumerate(found):
-        cells = [link(one.feature.name, one.feature.label), escape(unit_of(one.feature))]
-        if not one.count:
-            muted.append(row)
-            cells += [f'<span class="why">{escape(one.reason)}</span>', *[""] * 4, "0"]
-        else:
-            cells += [
-                _value(one, one.mean),
-                spread(one.feature, one.uncertainty),
-                spread(one.feature, one.sd),
-            ]
-            cells += [_value(one, one.low), _value(one, one.high), value_cell(one.count, str(one.count))]
-        if targets:
-            cells.append(targets.get(one.feature.name, ""))
-        rows.append(cells)
-    return sortable_table(key, caption, columns, rows, muted=muted)
+    columns += [Column("published")] if published else []
+    rows = [
+        [*_average_cells(one), *([published.get(one.feature.name, "")] if published else [])]
+        for one in found
+        if one.known
+    ]
+    return sortable_table(key, caption, columns, rows)
 
 
-def sides_table(key: str, averages: dict[str, Average]) -> str:
+def _average_cells(one: Average) -> list[str]:
+    over = one.over
+    return [
+        link(one.feature.name, one.feature.label),
+        escape(unit_of(one.feature)),
+        _value(one, over.mean),
+        spread(one.feature, one.uncertainty),
+        spread(one.feature, over.sd),
+        _value(one, over.least),
+        _value(one, over.most),
+        value_cell(over.count, str(over.count)),
+    ]
+
+
+def unknown_list(found: Iterable[Average]) -> str:
+    """What no stroke tells, by reason; "" where all is known."""
+    reasons: dict[str, list[str]] = {}
+    for one in found:
+        if not one.known:
+            reasons.setdefault(one.reason, []).append(link(one.feature.name, one.feature.label))
+    items = "".join(f"<li>{escape(reason)}: {', '.join(names)}</li>" for reason, names in reasons.items())
+    return f'<details><summary>Not known, and why</summary><ul class="notes">{items}</ul></details>' if items else ""
+
+
+def sides_table(key: str, piece: Piece) -> str:
     """Right and left side by side with their difference; empty where no number has two sides."""
     rows = []
-    for name, right in averages.items():
-        left = averages.get(f"l_{name.removeprefix('r_')}")
-        if not name.startswith("r_") or left is None or not (right.count or left.count):
-            continue
-        label = right.feature.label.partition(",")[0]
-        between = difference(left, right)
+    for name, apart in piece.sides.items():
+        right, left = (piece.averages[f"{side}_{name}"] for side in "rl")
         rows.append(
             [
-                link(name, label),
+                link(right.feature.name, right.feature.label.rpartition(",")[0]),
                 escape(unit_of(right.feature)),
-                _value(right, right.mean),
-                _value(left, left.mean),
-                value_cell(between.value, shown(right.feature, between.value, signed=True)),
-                spread(right.feature, between.uncertainty),
-                beyond_words(between.beyond),
+                _value(right, right.over.mean),
+                _value(left, left.over.mean),
+                value_cell(apart.over.mean, shown(right.feature, apart.over.mean, signed=True)),
+                spread(right.feature, apart.uncertainty),
+                beyond_words(apart.beyond_zero),
             ]
         )
     if not rows:
@@ -147,9 +154,7 @@ def sides_table(key: str, averages: dict[str, Average]) -> str:
         Column("left", "starboard"),
         Column("right − left"),
         Column(PLUS_MINUS, meaning="One standard deviation of the difference."),
-        Column(
-            "beyond both uncertainties", meaning="Larger than 1.96 standard deviations of the difference."
-        ),
+        Column("beyond both uncertainties", meaning="Larger than 1.96 standard deviations of the difference."),
     ]
     caption = (
         "Means over the strokes. The rower faces the stern: the right hand holds the port oar, the left hand the "
