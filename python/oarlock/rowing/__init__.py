@@ -17,9 +17,12 @@ from oarlock.rowing.session_skin import session_skin
 from oarlock.rowing.simulators import SIMULATORS, FieldSimulator, ScullingSimulator
 from oarlock.rowing.stretcher import adjusted_stretcher
 from oarlock.rowing.stroke import StrokeShape
+from oarlock.rowing.stroke_means import FeatureMean, PhaseCurve
 from oarlock.rowing.stroke_table import StrokeTable
 from oarlock.rowing.strokes import Strokes, find_strokes
 from oarlock.rowing.sweep import SweepShape, sweep_piece, sweeping
+from oarlock.rowing.targets import TARGET_CLASSES, Target, load_targets
+from oarlock.rowing.technique import Technique, technique
 from oarlock.rowing.timing import StrokeTiming
 
 __all__ = [
@@ -27,9 +30,11 @@ __all__ = [
     "FEATURES",
     "SIMULATORS",
     "TABLE_4_NOISE",
+    "TARGET_CLASSES",
     "Boat",
     "ErgometerShape",
     "Feature",
+    "FeatureMean",
     "FieldEffects",
     "FieldSimulator",
     "FieldTrial",
@@ -40,6 +45,7 @@ __all__ = [
     "ImuNoise",
     "LiveStrokes",
     "Machine",
+    "PhaseCurve",
     "Piece",
     "ScullingSimulator",
     "SimulatedCondition",
@@ -49,11 +55,14 @@ __all__ = [
     "StrokeTiming",
     "Strokes",
     "SweepShape",
+    "Target",
+    "Technique",
     "adjusted_stretcher",
     "anthropometry",
     "ergometer_piece",
     "find_strokes",
     "hull_pitch",
+    "load_targets",
     "on_hull",
     "on_unknown_rail",
     "row_piece",
@@ -62,4 +71,5 @@ __all__ = [
     "simulate_field",
     "sweep_piece",
     "sweeping",
+    "technique",
 ]

@@ -57,18 +57,24 @@ class Feature:
         return f"{self.label}{unit}. {self.definition}{sign} Source: {self.source}."
 
 
-def _features() -> Iterator[Feature]:
+def _features() -> Iterator[tuple[str, Feature]]:
+    """Kind and feature."""
     text = files("oarlock.rowing").joinpath("features.toml").read_text(encoding="utf-8")
     for name, table in tomllib.loads(text).items():
-        sides = table.pop("sides", "no")
+        sides, kind = table.pop("sides", "no"), table.pop("kind", "")
         table.setdefault("shown_unit", table["unit"])
         table.setdefault("sign", "")
         if sides != "only":
-            yield Feature(name, **table)
+            yield kind, Feature(name, **table)
         if sides != "no":
             for side, who in SIDES.items():
-                yield Feature(f"{side}_{name}", **table | {"label": f"{table['label']}, {who}"})
+                yield kind, Feature(f"{side}_{name}", **table | {"label": f"{table['label']}, {who}"})
 
 
-FEATURES: Mapping[str, Feature] = MappingProxyType({feature.name: feature for feature in _features()})
+_KINDS = tuple(_features())
+FEATURES: Mapping[str, Feature] = MappingProxyType({feature.name: feature for _, feature in _KINDS})
 """By the name of the column; a side is a prefix: `r_` and `l_` are the rower's right (port) and left (starboard)."""
+NUMBERS = tuple(feature.name for kind, feature in _KINDS if kind == "technique")
+"""Columns of every table of technique."""
+CURVES = tuple(feature.name for kind, feature in _KINDS if kind == "curve")
+"""Curves of technique over the stroke."""

@@ -1,0 +1,138 @@
+"""A track at the same phases of every stroke: from catch to finish and on to the next catch, in even steps each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
+from scipy.signal import savgol_filter
+
+from oarlock import Track
+
+Floats = NDArray[np.float64]
+
+STEPS = 60
+"""Of the drive, and of the recovery."""
+POINTS = 2 * STEPS + 1
+CATCH, FINISH, END = 0, STEPS, 2 * STEPS
+DRIVE = slice(0, STEPS + 1)
+RECOVERY = slice(STEPS, POINTS)
+LAST_FIFTH = slice(STEPS - STEPS // 5, STEPS + 1)
+"""Of the drive: the finish window."""
+FIRST_FIFTH = STEPS // 5
+MIDDLE = (slice(STEPS // 5, STEPS - STEPS // 5 + 1), slice(STEPS + STEPS // 5, 2 * STEPS - STEPS // 5 + 1))
+"""Middle three fifths of drive and recovery."""
+
+_SILENT_S = 0.15
+_RATE_WINDOW_S = 0.14
+_FEWEST = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Times (N, POINTS), s; NaN where a stroke has no recovery that ended in a catch."""
+
+    time_s: Floats
+
+    @staticmethod
+    def of(catch_s: Floats, finish_s: Floats, end_s: Floats) -> Grid:
+        share = np.linspace(0.0, 1.0, STEPS + 1)
+        drive = catch_s[:, None] + share * (finish_s - catch_s)[:, None]
+        recovery = finish_s[:, None] + share[1:] * (end_s - finish_s)[:, None]
+        return Grid(np.concatenate([drive, recovery], axis=1))
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @cached_property
+    def phase(self) -> Floats:
+        """Share of the cycle passed (N, POINTS); NaN where there is no next catch."""
+        start, end = self.time_s[:, :1], self.time_s[:, END:]
+        return np.asarray((self.time_s - start) / (end - start))
+
+    def slope(self, values: Floats) -> Floats:
+        """Derivative over time (N, POINTS) of what is known at the grid's points; the two halves meet at the finish."""
+        found = np.full(values.shape, np.nan)
+        for part in (RECOVERY, DRIVE):
+            steps = self.time_s[:, part]
+            step = (steps[:, -1] - steps[:, 0]) / STEPS
+            found[:, part] = np.gradient(values[:, part], axis=1) / step[:, None]
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """The track's coordinates in continuous time: values, rates and standard deviations."""
+
+    track: Track
+
+    def at(self, grid: Grid) -> tuple[Floats, Floats, Floats, Floats]:
+        """Values, rates and their standard deviations, (N, POINTS, n_coordinates) each; NaN where nothing was read."""
+        shape = (*grid.time_s.shape, len(self.track.coordinate_names))
+        values, rates = np.full(shape, np.nan), np.full(shape, np.nan)
+        stds, rate_stds = np.zeros(shape), np.zeros(shape)
+        known = np.isfinite(grid.time_s)
+        times = np.clip(grid.time_s[known], self.track.time_s[0], self.track.time_s[-1])
+        outside = np.abs(times - grid.time_s[known]) > _SILENT_S
+        for column, (value, rate) in enumerate(self._curves):
+            read, slope = value(times), rate(times)
+            read[outside] = slope[outside] = np.nan
+            values[known, column], rates[known, column] = read, slope
+            stds[known, column] = np.interp(times, self.track.time_s, self._std(self.track.q_std, column))
+            rate_stds[known, column] = np.interp(
+                times, self.track.time_s, self._std(self.track.qd_std, column)
+            )
+        return values, rates, stds, rate_stds
+
+    def _std(self, stds: Floats, column: int) -> Floats:
+        return np.nan_to_num(stds[:, column])
+
+    @cached_property
+    def _curves(self) -> list[tuple[object, object]]:
+        return [self._curve(column) for column in range(len(self.track.coordinate_names))]  # type: ignore[misc]
+
+    def _curve(self, column: int):  # type: ignore[no-untyped-def]
+        time_s, value, rate = self.track.time_s, self.track.q[:, column], self.track.qd[:, column]
+        rows = np.isfinite(value)
+        if rows.sum() < _FEWEST:
+            return _Nothing(), _Nothing()
+        if np.isfinite(rate[rows]).all() and not self._turns(column):
+            curve = CubicHermiteSpline(time_s[rows], value[rows], rate[rows])
+            return curve, curve.derivative()
+        return _Read.of(time_s[rows], value[rows])
+
+    def _turns(self, column: int) -> bool:
+        """A rotation vector's rate is an angular velocity, not its derivative."""
+        return "." in self.track.coordinate_names[column]
+
+
+class _Nothing:
+    def __call__(self, time_s: Floats) -> Floats:
+        return np.full(len(time_s), np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class _Read:
+    """Readings between which is interpolated, but not across a silence."""
+
+    time_s: Floats
+    value: Floats
+
+    @staticmethod
+    def of(time_s: Floats, value: Floats) -> tuple[_Read, _Read]:
+        step = float(np.median(np.diff(time_s)))
+        even = np.arange(time_s[0], time_s[-1] + step, step)
+        window = max(5, 2 * round(0.5 * _RATE_WINDOW_S / step) + 1)
+        values = np.interp(even, time_s, value)
+        if len(even) <= window:
+            return _Read(time_s, value), _Read(time_s, np.gradient(value, time_s))
+        rate = savgol_filter(values, window, 3, deriv=1, delta=step)
+        return _Read(time_s, value), _Read(time_s, np.interp(time_s, even, rate))
+
+    def __call__(self, time_s: Floats) -> Floats:
+        after = np.clip(np.searchsorted(self.time_s, time_s), 1, len(self.time_s) - 1)
+        silent = self.time_s[after] - self.time_s[after - 1] > _SILENT_S
+        return np.where(silent, np.nan, np.interp(time_s, self.time_s, self.value))
