@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from oarlock.report import Axis, Series, plane_chart
-from oarlock.rowing.report.drawings import SIDES
+from oarlock.rowing.report.drawings import SIDES, pairs
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.stroke_table import Floats
 
@@ -47,12 +47,12 @@ def arms_at_finish(pieces: Sequence[Piece]) -> str:
                 key, caption, series, across, Axis("above the seat's rail, one scale", "m"), points, faint
             )
         )
-    return f'<div class="pair-figures">{"".join(figures)}</div>'
+    return pairs(figures)
 
 
 def _arms(piece: Piece) -> dict[str, Floats]:
     """By side, (N, 3 joints, 3) m at the finish."""
-    finish = piece.strokes.finish_percent
+    finish = piece.finish_percent
     if math.isnan(finish):
         return {}
     at = round(finish)

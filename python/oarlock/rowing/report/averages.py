@@ -72,7 +72,9 @@ def beyond(value: float, uncertainty: float) -> bool | None:
 
 def feature_of(name: str) -> Feature:
     """What is known of a column; of a foreign one its name alone."""
-    return FEATURES.get(name) or Feature(name, name.replace("_", " "), "", "", "", "", "the file it came from")
+    return FEATURES.get(name) or Feature(
+        name, name.replace("_", " "), "", "", "", "", "the file it came from"
+    )
 
 
 def averages(table: StrokeTable, means: Mapping[str, FeatureMean]) -> dict[str, Average]:

@@ -51,8 +51,8 @@ def comparison_table(key: str, this: Piece, other: Piece) -> str:
     caption = (
         f"Means over the strokes, each {PLUS_MINUS} one standard deviation; the difference is {this.name} minus "
         f"{other.name}. Beyond both uncertainties: larger than 1.96 standard deviations of the difference, in which "
-        "the track's bands are taken as one error of the whole piece, and the scatter between strokes is divided by the "
-        "square root of their number. Where both pieces share their sensors' wearing, less may already be real."
+        "the track's bands are taken as one error of the whole piece, and the scatter between strokes is divided by "
+        "the square root of their number. Where both pieces share their sensors' wearing, less may already be real."
     )
     return sortable_table(key, caption, columns, rows)
 

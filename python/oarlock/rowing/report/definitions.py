@@ -33,11 +33,15 @@ def _row(feature: Feature, names: list[str]) -> list[str]:
     columns = "<br>".join(f"<code>{escape(name).replace('_', '_<wbr>')}</code>" for name in names)
     label = feature.label.rpartition(",")[0] if names[0].startswith(("r_", "l_")) else feature.label
     unit = feature.shown_unit if feature.shown_unit != "1" else "–"
-    held = f" (held in {feature.unit})" if feature.unit not in {feature.shown_unit, "1"} else ""
+    held = (
+        f"<br><small>in the file {feature.unit}</small>"
+        if feature.unit not in {feature.shown_unit, "1"}
+        else ""
+    )
     return [
         f"{anchors}{escape(label)}<br>{columns}",
         escape(feature.definition),
-        escape(unit + held),
+        escape(unit) + held,
         escape(feature.sign or "–"),
         escape(feature.source),
     ]

@@ -1,153 +1,181 @@
-"""The piece as drawings: numbers over the strokes, curves over a stroke, paths of the hands, arms at the finish."""
+"""The piece as drawings: numbers over the strokes, curves and speeds over a stroke, paths of the hands."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from oarlock.report import Axis, Mark, Series, Zone, course_chart, plane_chart, row_chart
-from oarlock.rowing.report.averages import SIGMAS_95, counted, feature_of
+from oarlock.rowing.features import Feature
+from oarlock.rowing.report.averages import SIGMAS_95, feature_of
 from oarlock.rowing.report.phase import mean_and_sd
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import unit_of
 from oarlock.rowing.report.standing_out import LEAST
 from oarlock.rowing.stroke_table import Floats
 
-DEGREES = 180.0 / math.pi
 TALLER = 3.0
 """A hand rises and falls by a tenth of its way: heights are drawn larger."""
 WIDEST = 4.0
 """A drawing over the strokes spans at least so many times what is worth telling: noise is not blown up."""
-STROKE = Axis("share of the stroke, from catch to catch", "%", (0.0, 100.0))
-TRENDS = ("rate_per_min", "rhythm", "catch_angle_rad", "finish_angle_rad", "arc_rad", "catch_factor_s")
+STROKE = Axis("share of the stroke, from catch to next catch", "%", (0.0, 100.0))
+TRENDS = (
+    "rate_per_min",
+    "rhythm",
+    "catch_angle_rad",
+    "finish_angle_rad",
+    "arc_rad",
+    "handle_travel_m",
+    "catch_factor_s",
+    "catch_lean_rad",
+    "finish_lean_rad",
+)
+CURVES = (
+    "oar_angle_rad",
+    "seat_position_m",
+    "lean_rad",
+    "elbow_flexion_rad",
+    "handle_height_m",
+    "oar_vertical_rad",
+    "boat_acceleration_m_s2",
+    "boat_speed_m_s",
+)
+SPEEDS = {
+    "handle_speed_m_s": "handle",
+    "legs_speed_m_s": "legs",
+    "trunk_speed_m_s": "trunk",
+    "arms_speed_m_s": "arms",
+}
 SIDES = {"r": "right (port)", "l": "left (starboard)"}
 
 
-class Curve(NamedTuple):
-    """A course to draw: caption, what its axis says, unit, factor from SI, and joints; of two sides both."""
-
-    caption: str
-    says: str
-    unit: str
-    factor: float
-    joints: tuple[str, ...]
-
-
-CURVES = (
-    Curve("Oar angle", "catch negative, finish positive", "deg", DEGREES, ("r_oar_phi", "l_oar_phi")),
-    Curve("Oar angle", "catch negative, finish positive", "deg", DEGREES, ("oar_phi",)),
-    Curve("Handle", "toward the rower", "m", 1.0, ("handle",)),
-    Curve("Seat", "toward the feet", "m", 1.0, ("seat",)),
-    Curve("Trunk lean", "back is positive", "deg", DEGREES, ("trunk",)),
-    Curve("Elbow flexion", "bent is positive", "deg", DEGREES, ("r_elbow_flexion", "l_elbow_flexion")),
-    Curve("Shoulder flexion", "arm forward", "deg", DEGREES, ("r_shoulder_flexion", "l_shoulder_flexion")),
-    Curve(
-        "Shoulder abduction",
-        "away from the body",
-        "deg",
-        DEGREES,
-        ("r_shoulder_abduction", "l_shoulder_abduction"),
-    ),
-    Curve("Oar height angle", "handle up is positive", "deg", DEGREES, ("r_oar_alpha", "l_oar_alpha")),
-)
-
-
 def grid(figures: Sequence[str]) -> str:
-    """Drawings beside each other."""
-    return f'<div class="grid-figures">{"".join(figures)}</div>'
+    """Drawings beside each other; "" where there are none."""
+    return f'<div class="grid-figures">{"".join(figures)}</div>' if any(figures) else ""
 
 
-def trends(pieces: Sequence[Piece], zones: dict[str, Zone]) -> str:
+def pairs(figures: Sequence[str]) -> str:
+    """Larger drawings, two beside each other; "" where there are none."""
+    return f'<div class="pair-figures">{"".join(figures)}</div>' if any(figures) else ""
+
+
+def trends(pieces: Sequence[Piece], zones: Mapping[str, Zone]) -> str:
     """Numbers stroke by stroke with the 95 % interval of each."""
     figures = []
     for name in TRENDS:
-        held = [piece for piece in pieces if name in piece.table and np.isfinite(piece.table[name]).any()]
+        held = [piece for piece in pieces if name in piece.averages and piece.averages[name].known]
         if held:
             feature = feature_of(name)
-            series = [_over_strokes(piece, name) for piece in held]
-            zone = (zones[name],) if name in zones else ()
+            axis = Axis("", unit_of(feature), least=WIDEST * LEAST.get(feature.shown_unit, 0.0))
             figures.append(
                 row_chart(
-                    f"trend-{name.replace('_', '-')}",
+                    f"trend-{_key(name)}",
                     feature.label.capitalize(),
-                    series,
+                    [_over_strokes(piece, name) for piece in held],
                     Axis("stroke", ""),
-                    Axis("", unit_of(feature), least=WIDEST * LEAST.get(feature.shown_unit, 0.0)),
-                    zone,
+                    axis,
+                    [zones[name]] if name in zones else (),
                 )
             )
     return grid(figures)
 
 
+def _key(name: str) -> str:
+    return name.replace("_", "-")
+
+
 def _over_strokes(piece: Piece, name: str) -> Series:
-    feature, kept = feature_of(name), counted(piece.table) > 0.5
+    feature, kept = feature_of(name), piece.counted
     value = piece.table[name][kept] * feature.shown_scale
     half = SIGMAS_95 * piece.table.std(name)[kept] * feature.shown_scale
-    return Series(
-        piece.name, np.asarray(np.flatnonzero(kept) + 1, dtype=np.float64), value, value - half, value + half
-    )
+    number = np.asarray(np.flatnonzero(kept) + 1, dtype=np.float64)
+    return Series(piece.name, number, value, value - half, value + half)
 
 
 def curves(pieces: Sequence[Piece]) -> str:
-    """Mean and SD over the strokes: both sides of one piece in a drawing, or both pieces."""
+    """Mean and SD over the strokes: both sides of one piece in a drawing, or both pieces, a side in each."""
     figures = []
-    for k, curve in enumerate(CURVES):
-        for j, joints in enumerate([curve.joints] if len(pieces) == 1 else [(n,) for n in curve.joints]):
-            series = [found for piece in pieces for name in joints if (found := _course(piece, name, curve))]
-            if series:
-                side = SIDES.get(joints[0][0], "") if len(joints) == 1 and joints[0][1] == "_" else ""
-                figures.append(
-                    course_chart(
-                        f"curve-{k}-{j}",
-                        f"{curve.caption}{f', {side}' if side else ''}",
-                        series,
-                        STROKE,
-                        Axis(curve.says, curve.unit),
-                        marks(pieces),
-                    )
-                )
+    for name in CURVES:
+        both = (f"r_{name}", f"l_{name}")
+        sided = [n for n in both if any(n in piece.technique.curves for piece in pieces)]
+        plain = [name] if any(name in piece.technique.curves for piece in pieces) else []
+        apart = [(n,) for n in plain or sided]
+        groups: list[tuple[str, ...]] = (
+            [tuple(sided)] if sided and not plain and len(pieces) == 1 else [*apart]
+        )
+        figures += [_curve_figure(pieces, names) for names in groups]
     return grid(figures)
 
 
-def _course(piece: Piece, joint: str, curve: Curve) -> Series | None:
-    found = piece.joint(joint)
+def _curve_figure(pieces: Sequence[Piece], names: tuple[str, ...]) -> str:
+    feature = feature_of(names[0])
+    label = feature.label.rpartition(",")[0] if len(names) > 1 else feature.label
+    series = [found for piece in pieces for name in names if (found := _course(piece, name))]
+    says = f"{feature.sign} is positive" if feature.sign else ""
+    return course_chart(
+        f"curve-{_key(names[0])}",
+        label.capitalize(),
+        series,
+        STROKE,
+        Axis(says, unit_of(feature)),
+        marks(pieces),
+    )
+
+
+def _course(piece: Piece, name: str, label: str = "") -> Series | None:
+    found = piece.technique.curves.get(name)
     if found is None:
         return None
-    side = SIDES.get(joint[0], "") if joint[1] == "_" else ""
-    mean, sd = found.mean * curve.factor, found.sd * curve.factor
-    return Series(piece.name or side, found.percent, mean, mean - sd, mean + sd)
+    scale = feature_of(name).shown_scale
+    mean, sd = found.mean * scale, found.sd * scale
+    return Series(label or piece.name or SIDES.get(name[0], ""), found.percent, mean, mean - sd, mean + sd)
+
+
+def speeds(pieces: Sequence[Piece]) -> list[str]:
+    """Speeds of handle, legs, trunk and arms: all of a piece in one drawing; of two also each beside the other's."""
+    figures = []
+    for k, piece in enumerate(pieces):
+        series = [found for name, label in SPEEDS.items() if (found := _course(piece, name, label))]
+        if series:
+            caption = f"Who moves the handle{f', {piece.name}' if piece.name else ''}"
+            axis = Axis("toward the bow, as in the drive", "m/s")
+            figures.append(course_chart(f"speeds-{k}", caption, series, STROKE, axis, marks([piece])))
+    if len(pieces) > 1:
+        held = [name for name in SPEEDS if any(name in piece.technique.curves for piece in pieces)]
+        figures += [_curve_figure(pieces, (name,)) for name in held]
+    return figures
 
 
 def marks(pieces: Sequence[Piece]) -> list[Mark]:
     """Where the drive ends on average."""
     names = ["finish"] if len(pieces) == 1 else [f"finish {k + 1}" for k in range(len(pieces))]
-    return [Mark(piece.strokes.finish_percent, name) for piece, name in zip(pieces, names, strict=True)]
+    return [Mark(piece.finish_percent, name) for piece, name in zip(pieces, names, strict=True)]
 
 
 def hand_paths(pieces: Sequence[Piece]) -> str:
     """Paths of the handles from the side and from above, mean and SD over the strokes."""
     held = [(piece, piece.frames(_handles(piece))) for piece in pieces]
-    bow = Axis("toward the bow", "m")
     seen = [
-        (piece, found, side, hand if len(pieces) == 1 else f"{piece.name}, {hand}")
+        (piece, _path(path), SIDES[side] if len(pieces) == 1 else f"{piece.name}, {SIDES[side]}")
         for piece, found in held
-        for side, hand in SIDES.items()
-        if _has(found, side)
+        for side in SIDES
+        for name, path in found.items()
+        if name.startswith(f"{side}_") and np.isfinite(path).all()
     ]
     if not seen:
         return ""
-    aside = [_drawn(found, side, name, 1) for _, found, side, name in seen]
-    above = [_drawn(found, side, name, 2) for _, found, side, name in seen]
+    bow = Axis("toward the bow", "m")
     heights = Axis(f"above the seat's rail, drawn {TALLER:g} times as large", "m")
-    events = _events(*seen[0][:3]) if len(pieces) == 1 else ()
-    figures = [
-        plane_chart("path-side", "From the side", aside, bow, heights, events, taller=TALLER),
-        plane_chart("path-above", "From above", above, bow, Axis("toward port, one scale", "m")),
-    ]
-    return f'<div class="pair-figures">{"".join(figures)}</div>'
+    events = _events(*seen[0][:2]) if len(pieces) == 1 else ()
+    aside, above = ([_drawn(path, name, axis) for _, path, name in seen] for axis in (1, 2))
+    return pairs(
+        [
+            plane_chart("path-side", "From the side", aside, bow, heights, events, taller=TALLER),
+            plane_chart("path-above", "From above", above, bow, Axis("toward port, one scale", "m")),
+        ]
+    )
 
 
 def _handles(piece: Piece) -> tuple[str, str]:
@@ -155,27 +183,25 @@ def _handles(piece: Piece) -> tuple[str, str]:
     return ("r_handle", "l_handle") if "r_handle" in frames else ("r_hand", "l_hand")
 
 
-def _has(found: dict[str, Floats], side: str) -> bool:
-    return any(name.startswith(f"{side}_") and np.isfinite(path).all() for name, path in found.items())
-
-
-def _path(found: dict[str, Floats], side: str) -> tuple[Floats, Floats]:
+def _path(path: Floats) -> tuple[Floats, Floats]:
     """Mean and SD, (POINTS, 3) each: toward the bow, up, toward port."""
-    path = next(path for name, path in found.items() if name.startswith(f"{side}_"))
     mean, sd = mean_and_sd(path)
-    seen = mean[:, [2, 1, 0]] * np.array([-1.0, 1.0, -1.0])
-    return seen, sd[:, [2, 1, 0]]
+    return mean[:, [2, 1, 0]] * np.array([-1.0, 1.0, -1.0]), sd[:, [2, 1, 0]]
 
 
-def _drawn(found: dict[str, Floats], side: str, name: str, axis: int) -> Series:
+def _drawn(path: tuple[Floats, Floats], name: str, axis: int) -> Series:
     """A path over the bow's direction: its height (axis 1) or how far it is toward port (2)."""
-    mean, sd = _path(found, side)
+    mean, sd = path
     across, up = mean[:, 0], mean[:, axis]
     return Series(name, across, up, up - sd[:, axis], up + sd[:, axis])
 
 
-def _events(piece: Piece, found: dict[str, Floats], side: str) -> list[tuple[float, float, str]]:
-    mean, _ = _path(found, side)
-    finish = piece.strokes.finish_percent
-    told = [(0, "catch")] + ([] if math.isnan(finish) else [(round(finish), "finish")])
-    return [(float(mean[k, 0]), float(mean[k, 1]), name) for k, name in told]
+def _events(piece: Piece, path: tuple[Floats, Floats]) -> list[tuple[float, float, str]]:
+    finish = piece.finish_percent
+    told = [(0, "catch"), *([] if math.isnan(finish) else [(round(finish), "finish")])]
+    return [(float(path[0][k, 0]), float(path[0][k, 1]), name) for k, name in told]
+
+
+def zone_of(feature: Feature, low: float, high: float, source: str) -> Zone:
+    """A published range in the unit that is shown."""
+    return Zone(low * feature.shown_scale, high * feature.shown_scale, source)

@@ -7,7 +7,20 @@ import math
 from oarlock.report import fixed
 from oarlock.rowing.features import Feature
 
-DECIMALS = {"deg": 1, "ms": 0, "s": 2, "%": 1, "m": 2, "cm": 1, "mm": 0, "1/min": 1, "N": 0, "J": 0, "W": 0}
+DECIMALS = {
+    "deg": 1,
+    "ms": 0,
+    "s": 2,
+    "%": 1,
+    "m": 2,
+    "cm": 1,
+    "mm": 0,
+    "cm2": 0,
+    "1/min": 1,
+    "N": 0,
+    "J": 0,
+    "W": 0,
+}
 """Of numbers in tables by the unit in which they are shown."""
 PLUS_MINUS = "\N{PLUS-MINUS SIGN}"
 
@@ -34,11 +47,16 @@ def spread(feature: Feature, value: float) -> str:
 
 def unit_of(feature: Feature) -> str:
     """The unit for people; nothing of a plain number."""
-    return "" if feature.shown_unit in {"1", ""} else feature.shown_unit
+    unit = feature.shown_unit
+    return "" if unit == "1" else unit.replace("2", "\N{SUPERSCRIPT TWO}")
+
+
+def joined_unit(feature: Feature) -> str:
+    """The unit as it stands behind a number in a sentence: `°`, `/min`, ` cm`."""
+    unit = unit_of(feature)
+    return {"deg": "°", "1/min": "/min"}.get(unit, f" {unit}" if unit else "")
 
 
 def with_unit(feature: Feature, value: float, signed: bool = False) -> str:
     """A value with its unit: `-62.1°`, `24.1/min`, `33 %`."""
-    unit = unit_of(feature)
-    joined = {"deg": "°", "1/min": "/min"}.get(unit, f" {unit}" if unit else "")
-    return shown(feature, value, signed) + (joined if math.isfinite(value) else "")
+    return shown(feature, value, signed) + (joined_unit(feature) if math.isfinite(value) else "")

@@ -10,7 +10,7 @@ import numpy as np
 from oarlock.rowing.features import Feature
 from oarlock.rowing.report.averages import feature_of
 from oarlock.rowing.report.piece import Piece
-from oarlock.rowing.report.shown import shown, unit_of, with_unit
+from oarlock.rowing.report.shown import with_unit
 from oarlock.rowing.stroke_table import Floats
 
 LEAST = {
@@ -50,7 +50,8 @@ class _Column:
 
 def findings(piece: Piece) -> list[Finding]:
     """Most telling first; empty where nothing stands out."""
-    columns = [_column(piece, name) for name in piece.averages if feature_of(name).shown_unit in LEAST]
+    own = [name for name in piece.averages if not name.startswith(SIDED)]
+    columns = [_column(piece, name) for name in own if feature_of(name).shown_unit in LEAST]
     enough = [column for column in columns if len(column.values) >= FEWEST_STROKES]
     found = [*_sides(piece), *_drifts(enough), *_odd_strokes(enough)]
     return sorted(found, key=lambda finding: -finding.weight)
@@ -77,7 +78,7 @@ def _sides(piece: Piece) -> list[Finding]:
         label = apart.feature.label.rpartition(",")[0]
         right, left = (piece.averages[f"{side}_{name}"] for side in "rl")
         shown_right, shown_left = (with_unit(one.feature, one.over.mean) for one in (right, left))
-        found.append(Finding(weight, f"{label}: right {shown_right}, left {shown_left}."))
+        found.append(Finding(weight, f"{_capital(label)}: right {shown_right}, left {shown_left}."))
     return found
 
 
@@ -85,8 +86,6 @@ def _drifts(columns: list[_Column]) -> list[Finding]:
     """Columns whose last third differs from their first beyond the scatter of strokes."""
     found = []
     for column in columns:
-        if column.feature.name.startswith(SIDED):
-            continue
         third = max(len(column.values) // 3, 2)
         first, last = column.values[:third], column.values[-third:]
         change = float(last.mean() - first.mean())
@@ -94,7 +93,7 @@ def _drifts(columns: list[_Column]) -> list[Finding]:
         weight = abs(change) / least(column.feature)
         if weight > 1.0 and abs(change) > 3.0 * scatter:
             began, ended = (with_unit(column.feature, float(part.mean())) for part in (first, last))
-            label = column.feature.label
+            label = _capital(column.feature.label)
             found.append(Finding(weight, f"{label} went from {began} to {ended} over the piece."))
     return found
 
@@ -114,9 +113,12 @@ def _odd_strokes(columns: list[_Column]) -> list[Finding]:
 
 
 def _odd(column: _Column, k: int, middle: float) -> str:
-    value, usual = shown(column.feature, float(column.values[k])), with_unit(column.feature, middle)
-    unit = unit_of(column.feature)
+    value, usual = (with_unit(column.feature, number) for number in (float(column.values[k]), middle))
     return (
         f"Stroke {column.numbers[k]:.0f} (at {column.time_s[k]:.1f} s) is unlike the others: {column.feature.label} "
-        f"{value}{f' {unit}' if unit else ''}, where {usual} is their median."
+        f"{value}, where their median is {usual}."
     )
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -8,7 +8,7 @@ from html import escape
 
 import numpy as np
 
-from oarlock.report import Column, fixed, sortable_table, value_cell
+from oarlock.report import Column, fixed, plain_table, sortable_table, value_cell
 from oarlock.rowing.features import FEATURES
 from oarlock.rowing.report.averages import Average, feature_of
 from oarlock.rowing.report.piece import Piece
@@ -33,10 +33,20 @@ FIRST_COLUMNS = (
 )
 """Of the strokes table, where they are known; all columns are in strokes.csv."""
 
+SHARES = {
+    "part of the handle travel": "travel_m",
+    "share of it": "share",
+    "peak speed": "peak_speed_m_s",
+    "place of the peak": "peak_position",
+}
+DASH = "\N{EN DASH}"
+
 
 def link(name: str, label: str) -> str:
     """A label that leads to its definition."""
-    return f'<a class="term" href="#{anchor(name)}">{escape(label)}</a>' if name in FEATURES else escape(label)
+    return (
+        f'<a class="term" href="#{anchor(name)}">{escape(label)}</a>' if name in FEATURES else escape(label)
+    )
 
 
 def anchor(name: str) -> str:
@@ -60,7 +70,9 @@ def strokes_table(piece: Piece, key: str) -> str:
     ]
     left_out = [row for row in range(len(table)) if not kept[row]]
     caption = "One row a stroke. SD: standard deviation between strokes. "
-    caption += f"{PLUS_MINUS} of one: what the track's own bands say of a single stroke, one standard deviation."
+    caption += (
+        f"{PLUS_MINUS} of one: what the track's own bands say of a single stroke, one standard deviation."
+    )
     if left_out:
         caption += " Grey: left out of all averages, for the reason beside its number."
     return sortable_table(key, caption, columns, rows, foot, muted=left_out)
@@ -83,13 +95,18 @@ def _stroke_row(table: StrokeTable, names: Sequence[str], row: int, kept: bool) 
 
 
 def averages_table(key: str, caption: str, found: Iterable[Average], published: Mapping[str, str]) -> str:
-    """A row a number: mean, how well it is known, SD between strokes, range; beside it what others published."""
+    """A row a number: mean, how well it is known, SD between strokes, range; beside it what others published.
+
+    Averages that no stroke has are left to `unknown_list`.
+    """
+    found = [one for one in found if one.known]
     columns = [
         Column("number"),
         Column("unit"),
         Column("mean"),
         Column(
-            PLUS_MINUS, meaning="One standard deviation of the mean: the track's bands, and the scatter of strokes."
+            PLUS_MINUS,
+            meaning="One standard deviation of the mean: the track's bands, and the scatter of strokes.",
         ),
         Column("SD", meaning="Standard deviation between strokes."),
         Column("least"),
@@ -98,9 +115,7 @@ def averages_table(key: str, caption: str, found: Iterable[Average], published: 
     ]
     columns += [Column("published")] if published else []
     rows = [
-        [*_average_cells(one), *([published.get(one.feature.name, "")] if published else [])]
-        for one in found
-        if one.known
+        [*_average_cells(one), *([published.get(one.feature.name, "")] if published else [])] for one in found
     ]
     return sortable_table(key, caption, columns, rows)
 
@@ -126,7 +141,30 @@ def unknown_list(found: Iterable[Average]) -> str:
         if not one.known:
             reasons.setdefault(one.reason, []).append(link(one.feature.name, one.feature.label))
     items = "".join(f"<li>{escape(reason)}: {', '.join(names)}</li>" for reason, names in reasons.items())
-    return f'<details><summary>Not known, and why</summary><ul class="notes">{items}</ul></details>' if items else ""
+    return (
+        f'<details><summary>Not known, and why</summary><ul class="notes">{items}</ul></details>'
+        if items
+        else ""
+    )
+
+
+def shares_table(key: str, piece: Piece) -> str:
+    """What legs, trunk and arms do for the handle, a column each; "" where nothing is known of them."""
+    parts = ("legs", "trunk", "arms")
+    rows = []
+    for words, ending in SHARES.items():
+        found = [piece.averages.get(f"{part}_{ending}") for part in parts]
+        if any(one is not None and one.known for one in found):
+            unit = next(unit_of(one.feature) for one in found if one is not None)
+            cells = [_with_scatter(one) if one is not None and one.known else DASH for one in found]
+            rows.append([link(f"legs_{ending}", words), escape(unit), *cells])
+    if not rows:
+        return ""
+    whose = f", {piece.name}" if piece.name else ""
+    caption = (
+        f"What each does for the handle in the drive{whose}; small: the standard deviation between strokes."
+    )
+    return f'<div class="shares">{plain_table(key, caption, ["in the drive", "unit", *parts], rows)}</div>'
 
 
 def sides_table(key: str, piece: Piece) -> str:
@@ -138,8 +176,8 @@ def sides_table(key: str, piece: Piece) -> str:
             [
                 link(right.feature.name, right.feature.label.rpartition(",")[0]),
                 escape(unit_of(right.feature)),
-                _value(right, right.over.mean),
-                _value(left, left.over.mean),
+                _with_scatter(right),
+                _with_scatter(left),
                 value_cell(apart.over.mean, shown(right.feature, apart.over.mean, signed=True)),
                 spread(right.feature, apart.uncertainty),
                 beyond_words(apart.beyond_zero),
@@ -154,11 +192,13 @@ def sides_table(key: str, piece: Piece) -> str:
         Column("left", "starboard"),
         Column("right − left"),
         Column(PLUS_MINUS, meaning="One standard deviation of the difference."),
-        Column("beyond both uncertainties", meaning="Larger than 1.96 standard deviations of the difference."),
+        Column(
+            "beyond both uncertainties", meaning="Larger than 1.96 standard deviations of the difference."
+        ),
     ]
     caption = (
-        "Means over the strokes. The rower faces the stern: the right hand holds the port oar, the left hand the "
-        "starboard oar."
+        "Means over the strokes; small: the standard deviation between strokes. The rower faces the stern: the right "
+        "hand holds the port oar, the left hand the starboard oar."
     )
     return sortable_table(key, caption, columns, rows)
 
@@ -168,6 +208,10 @@ def beyond_words(beyond: bool | None) -> str:
     if beyond is None:
         return '<span class="mark">not known</span>'
     return "<b>yes</b>" if beyond else "no"
+
+
+def _with_scatter(one: Average) -> str:
+    return f'{_value(one, one.over.mean)} <span class="spread">SD {spread(one.feature, one.over.sd)}</span>'
 
 
 def _value(one: Average, value: float) -> str:

@@ -7,9 +7,9 @@ from html import escape
 import numpy as np
 
 from oarlock.report import KeyFigure
-from oarlock.rowing.report.averages import Average, counted
+from oarlock.rowing.report.averages import Average
 from oarlock.rowing.report.piece import Piece
-from oarlock.rowing.report.shown import PLUS_MINUS, shown, spread, unit_of, with_unit
+from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread, with_unit
 from oarlock.rowing.report.standing_out import findings
 
 MOST_FINDINGS = 4
@@ -23,24 +23,22 @@ def summary(piece: Piece) -> list[str]:
 
 def key_figures(piece: Piece) -> list[KeyFigure]:
     """Strokes, rate and the angles that people look for first."""
-    kept = int((counted(piece.table) > 0.5).sum())
-    left_out = len(piece.table) - kept
+    left_out = int((~piece.counted).sum())
     detail = f"{left_out} left out of averages" if left_out else "all count in averages"
     figures = [KeyFigure("strokes", str(len(piece.table)), detail)]
     for name in TILES:
         found = piece.averages.get(name)
-        if found is not None and found.count:
+        if found is not None and found.known:
             figures.append(
-                KeyFigure(found.feature.label, with_unit(found.feature, found.mean), _scatter(found))
+                KeyFigure(found.feature.label, with_unit(found.feature, found.over.mean), _scatter(found))
             )
     return figures
 
 
 def _scatter(found: Average) -> str:
-    if np.isnan(found.sd):
+    if np.isnan(found.over.sd):
         return "of a single stroke"
-    unit = unit_of(found.feature)
-    return f"{PLUS_MINUS} {spread(found.feature, found.sd)}{f' {unit}' if unit else ''} between strokes"
+    return f"{PLUS_MINUS} {spread(found.feature, found.over.sd)}{joined_unit(found.feature)} between strokes"
 
 
 def _strokes(piece: Piece) -> str:
@@ -48,21 +46,22 @@ def _strokes(piece: Piece) -> str:
     duration = float(piece.track.time_s[-1] - piece.track.time_s[0])
     text = f"<b>{count} {'stroke' if count == 1 else 'strokes'}</b> in {duration:.0f} s"
     rate = piece.averages.get("rate_per_min")
-    if rate is not None and rate.count:
-        text += f" at <b>{escape(with_unit(rate.feature, rate.mean))}</b>"
-        if rate.count > 1:
-            text += f", from {shown(rate.feature, rate.low)} to {shown(rate.feature, rate.high)}"
-    left_out = int((counted(piece.table) < 0.5).sum())
-    if left_out:
-        text += f"; {left_out} of them count in no average: {escape(_why_left_out(piece))}"
+    if rate is not None and rate.known:
+        text += f" at <b>{escape(with_unit(rate.feature, rate.over.mean))}</b>"
+        if rate.over.count > 1:
+            text += f", from {shown(rate.feature, rate.over.least)} to {shown(rate.feature, rate.over.most)}"
+    if not piece.counted.all():
+        text += (
+            f"; {int((~piece.counted).sum())} of them count in no average ({escape(_why_left_out(piece))})"
+        )
     return f"{text}."
 
 
 def _why_left_out(piece: Piece) -> str:
     reasons = piece.table.reason("in_averages")
-    told = [reasons[row] or "left out" for row in np.flatnonzero(counted(piece.table) < 0.5)]
+    told = [reasons[row] or "left out" for row in np.flatnonzero(~piece.counted)]
     counts = {reason: told.count(reason) for reason in dict.fromkeys(told)}
-    return "; ".join(f"{count} {reason}" for reason, count in counts.items())
+    return "; ".join(f"{count} times {reason}" if count > 1 else reason for reason, count in counts.items())
 
 
 def _length(piece: Piece) -> str:
@@ -70,20 +69,18 @@ def _length(piece: Piece) -> str:
         piece.averages.get(name) for name in ("arc_rad", "catch_angle_rad", "finish_angle_rad", "rhythm")
     )
     parts = []
-    if arc is not None and arc.count and catch is not None and finish is not None:
-        parts.append(
-            f"The handle sweeps <b>{with_unit(arc.feature, arc.mean)}</b>, from "
-            f"{with_unit(catch.feature, catch.mean)} at the catch to {with_unit(finish.feature, finish.mean, True)} "
-            "at the finish"
-        )
-    if rhythm is not None and rhythm.count:
-        share = with_unit(rhythm.feature, rhythm.mean)
+    if arc is not None and arc.known and catch is not None and finish is not None:
+        swept, caught = (with_unit(one.feature, one.over.mean) for one in (arc, catch))
+        ended = with_unit(finish.feature, finish.over.mean, signed=True)
+        parts.append(f"The oar sweeps <b>{swept}</b>, from {caught} at the catch to {ended} at the finish")
+    if rhythm is not None and rhythm.known:
+        share = with_unit(rhythm.feature, rhythm.over.mean)
         parts.append(f"{'the' if parts else 'The'} drive takes {share} of the stroke")
     return f"{'; '.join(parts)}." if parts else ""
 
 
 def _standing_out(piece: Piece) -> str:
-    found = findings(piece.table, piece.averages)
+    found = findings(piece)
     if not found:
         return (
             "<strong>What stands out:</strong> nothing. Right and left agree, no stroke is unlike the others, and "
@@ -96,4 +93,4 @@ def _standing_out(piece: Piece) -> str:
 
 
 def _notes(piece: Piece) -> list[str]:
-    return [escape(note) for note in dict.fromkeys((*piece.notes, *piece.table.notes))]
+    return [escape(note) for note in piece.technique.found.notes]
