@@ -39,6 +39,7 @@ from oarlock.pose_mounts import calibrate_pose
 from oarlock.recording import ImuStream, Recording, ScalarStream, VectorStream, load_recording
 from oarlock.session import SessionPlan, SessionStep, calibrate_session, default_plan, load_session_plan
 from oarlock.session_simulation import SessionErrors, SessionTrial, simulate_session
+from oarlock.shapes import Look, Shape, Strand, Viewpoint
 from oarlock.simulate import simulate
 from oarlock.study import (
     FaultSweep,
@@ -70,6 +71,7 @@ __all__ = [
     "FaultSweep",
     "ImuStream",
     "Info",
+    "Look",
     "MarkerEvaluation",
     "Markers",
     "Model",
@@ -83,6 +85,8 @@ __all__ = [
     "SessionPlan",
     "SessionStep",
     "SessionTrial",
+    "Shape",
+    "Strand",
     "Study",
     "StudyKey",
     "StudyResult",
@@ -92,6 +96,7 @@ __all__ = [
     "Track",
     "Tracker",
     "VectorStream",
+    "Viewpoint",
     "__version__",
     "attach_markers",
     "calibrate_clocks",

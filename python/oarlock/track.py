@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from oarlock.angle_sequence import DEFAULT_SEQUENCE
 from oarlock.coordinates import angle_sequences, coordinate_units, joint_columns, joint_units
 from oarlock.errors import DataError
+from oarlock.frame_places import PositionSpread, model_of, poses_of, position_spreads, relative_positions
 from oarlock.joint_series import BallSeries, FreeSeries, JointSeries
 from oarlock.rotation import continuous_quat, quat_from_matrix
 from oarlock.suggest import did_you_mean
@@ -184,15 +185,34 @@ class Track:
     def frame_positions(self, frame: str, relative_to: str = "root") -> Floats:
         """Origin of a frame over time, (T, 3) in m, in the axes of frame `relative_to`.
 
-        A joint that no stream ever told (the turn of a grip, say) is taken at 0; where a reading that was needed is
-        missing, the position is NaN.
+        Lengths that were estimated along the way are those of each sample. A joint that no stream ever told (the turn
+        of a grip, say) is taken at 0; where a reading that was needed is missing, the position is NaN.
 
         Raises:
             DataError: no such frame, or the track has no model.
         """
-        away, reference = self._frame_poses("frame_positions", frame, relative_to)
-        moved: Floats = np.einsum("tji,tj->ti", reference[:, :3, :3], away[:, :3, 3] - reference[:, :3, 3])
-        return moved
+        own, reference = self._frames("frame_positions", frame, relative_to)
+        return relative_positions(poses_of(self), [own], reference)[:, 0]
+
+    def frame_position_spread(self, frame: str, relative_to: str = "root") -> PositionSpread:
+        """How uncertain `frame_positions` is: covariances (T, 3, 3) in m2, and what they were made from.
+
+        Raises:
+            DataError: no such frame, or the track has no model.
+        """
+        own, reference = self._frames("frame_position_spread", frame, relative_to)
+        covariance, source = position_spreads(self, [own], reference)
+        return PositionSpread(covariance[:, 0], source)
+
+    def frame_position_stds(self, frame: str, relative_to: str = "root") -> Floats:
+        """Standard deviations of `frame_positions` along its three axes, (T, 3) in m.
+
+        `frame_position_spread` has the covariance, and says whether correlations were known.
+
+        Raises:
+            DataError: no such frame, or the track has no model.
+        """
+        return self.frame_position_spread(frame, relative_to).std_m
 
     def frame_quat_wxyz(self, frame: str, relative_to: str = "root") -> Floats:
         """Orientation of a frame over time, (T, 4): the rotation `relative_to`-from-`frame`, signs continuous.
@@ -202,21 +222,18 @@ class Track:
         Raises:
             DataError: no such frame, or the track has no model.
         """
-        own, reference = self._frame_poses("frame_quat_wxyz", frame, relative_to)
-        turned = np.einsum("tji,tjk->tik", reference[:, :3, :3], own[:, :3, :3])
+        own, reference = self._frames("frame_quat_wxyz", frame, relative_to)
+        poses = poses_of(self)[..., :3, :3]
+        turned = np.einsum("tji,tjk->tik", poses[:, reference], poses[:, own])
         return continuous_quat(quat_from_matrix(turned))
 
-    def _frame_poses(self, asked: str, frame: str, relative_to: str) -> tuple[Floats, Floats]:
-        """Poses (T, 4, 4) in root axes of two frames."""
-        if self.model is None:
-            raise DataError(f"{asked}: this track was loaded without its model; load the model file again")
-        names = self.model.frame_names
-        for name in (frame, relative_to):
+    def _frames(self, asked: str, *frames: str) -> list[int]:
+        """Numbers of frames in the model."""
+        names = model_of(self, asked).frame_names
+        for name in frames:
             if name not in names:
                 raise DataError(f"{asked}: no frame '{name}'. {did_you_mean(name, names)}")
-        q = np.where(np.isnan(self.q).all(axis=0), 0.0, self.q)
-        poses = self.model.forward_kinematics(q)
-        return poses[:, names.index(frame)], poses[:, names.index(relative_to)]
+        return [names.index(name) for name in frames]
 
     def columns(self) -> dict[str, Floats]:
         """Every array under a plain column name with its unit, (T,) each, `time_s` first.

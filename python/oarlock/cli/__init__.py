@@ -23,6 +23,7 @@ from oarlock.cli import (
     simulate,
     study,
     track,
+    view,
 )
 
 # plain help: examples keep their lines, and it reads the same in a file, a pager and a narrow window
@@ -67,6 +68,7 @@ track.add_to(app)
 evaluate.add_to(app)
 compare.add_to(app)
 report.add_to(app)
+view.add_to(app)
 reproduce.add_to(app)
 study.add_to(app)
 model.add_to(app)

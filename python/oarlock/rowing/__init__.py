@@ -14,6 +14,7 @@ from oarlock.rowing.noise import CONDITIONS, TABLE_4_NOISE, ImuNoise, SimulatedC
 from oarlock.rowing.pitch import HullForm, HullPitch, hull_pitch
 from oarlock.rowing.rail import on_unknown_rail
 from oarlock.rowing.session_skin import session_skin
+from oarlock.rowing.shapes import rowing_look
 from oarlock.rowing.simulators import SIMULATORS, FieldSimulator, ScullingSimulator
 from oarlock.rowing.stretcher import adjusted_stretcher
 from oarlock.rowing.stroke import StrokeShape
@@ -66,6 +67,7 @@ __all__ = [
     "on_hull",
     "on_unknown_rail",
     "row_piece",
+    "rowing_look",
     "sculling",
     "session_skin",
     "simulate_field",

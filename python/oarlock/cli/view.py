@@ -1,0 +1,110 @@
+"""`oarlock view`: a track as a moving figure beside its curves, in a browser."""
+
+from __future__ import annotations
+
+import webbrowser
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from oarlock.cli.options import Json, example
+from oarlock.cli.terminal import UsageError, print_json, progress, say, verb
+
+if TYPE_CHECKING:
+    from oarlock import Track
+
+LONGEST_S = 180.0
+"""What is shown of a longer track unless --start and --end say otherwise: a browser holds it without effort."""
+
+
+def add_to(app: typer.Typer) -> None:
+    """Registers the verb."""
+    app.command(
+        "view",
+        short_help="Show a track as a moving figure beside its curves.",
+        epilog=example(
+            "oarlock view out",
+            "oarlock view out --ghost before",
+            "oarlock view out --start 60 --end 90 --to piece.html --no-open",
+        ),
+    )(view)
+
+
+@verb
+def view(
+    out: Annotated[Path, typer.Argument(metavar="TRACK", help="A folder that `oarlock track` wrote.")],
+    ghost: Annotated[
+        Path | None, typer.Option("--ghost", metavar="TRACK", help="Another track, laid over this one.")
+    ] = None,
+    start_s: Annotated[
+        float | None, typer.Option("--start", metavar="S", help="Begin of what is shown, s.")
+    ] = None,
+    end_s: Annotated[float | None, typer.Option("--end", metavar="S", help="Its end, s.")] = None,
+    every_s: Annotated[
+        float | None, typer.Option("--every", metavar="S", help="Time between shown samples, s; else 0.025.")
+    ] = None,
+    to: Annotated[
+        Path | None, typer.Option("--to", metavar="FILE", help="The file to write; else TRACK/view.html.")
+    ] = None,
+    no_open: Annotated[bool, typer.Option("--no-open", help="Write the file, and open no browser.")] = False,
+    json_output: Json = False,
+) -> None:
+    """Write view.html and open it: one file that works offline.
+
+    Keys in the page: space plays, arrows step, Shift with arrows turns, 1 to 9 are the views, [ and ] set a loop,
+    n shows names, u uncertainty.
+    """
+    from oarlock import load_track
+    from oarlock.viewer import page
+
+    track = load_track(out)
+    other = load_track(ghost) if ghost is not None else None
+    shown_s, cut = _stretch(track, start_s, end_s)
+    with progress("drawing"):
+        drawn = _scene(track, other, shown_s, every_s, str(ghost or ""))
+        text = page(drawn, f"{drawn['model']}: {out.resolve().name}")
+    target = to or out / "view.html"
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_text(text, encoding="utf-8")
+    opened = not (no_open or json_output) and webbrowser.open(target.resolve().as_uri())
+    if json_output:
+        samples = drawn["places_m"]["rows"]
+        print_json(
+            {"view": target, "bytes": len(text.encode()), "shown_s": shown_s, "samples": samples, "cut": cut}
+        )
+        return
+    say(f"Wrote {target}")
+    if cut:
+        say(f"It shows {shown_s[0]:.0f} to {shown_s[1]:.0f} s of a longer track; --start and --end choose.")
+    if not opened and not no_open:
+        say("No browser could be opened here; open the file in one.")
+
+
+def _stretch(track: Track, start_s: float | None, end_s: float | None) -> tuple[tuple[float, float], bool]:
+    """What is shown, s, and whether that is less than was asked for."""
+    if not len(track):
+        raise UsageError("view: the track has no samples")
+    first = float(track.time_s[0]) if start_s is None else start_s
+    last = float(track.time_s[-1]) if end_s is None else end_s
+    if first >= last:
+        raise UsageError(f"view: --start {first:g} is not before --end {last:g}")
+    cut = end_s is None and last - first > LONGEST_S
+    return (first, first + LONGEST_S if cut else last), cut
+
+
+def _scene(
+    track: Track, other: Track | None, shown_s: tuple[float, float], every_s: float | None, ghost_name: str
+) -> dict[str, Any]:
+    from oarlock.rowing import rowing_look
+    from oarlock.viewer import scene
+
+    ghost = None
+    if other is not None:
+        # the ghost brings its lines, not its surroundings
+        look = rowing_look(other)
+        bare = None if look is None else look.bare()
+        ghost = scene(other, every_s=every_s, look=bare, title=ghost_name)
+    start_s, end_s = shown_s
+    look = rowing_look(track)
+    return scene(track, ghost=ghost, every_s=every_s, start_s=start_s, end_s=end_s, look=look)

@@ -1,0 +1,64 @@
+// The time that everything in a player shows; it runs while playing and turns back at the end of its loop.
+
+export class Clock {
+  constructor(start_s, end_s, told) {
+    this.whole = { start_s, end_s };
+    this.loop = null;
+    this.time_s = start_s;
+    this.speed = 1;
+    this.playing = false;
+    this.told = told;
+    this.before = null;
+  }
+
+  get range() {
+    return this.loop ?? this.whole;
+  }
+
+  seek(time_s) {
+    if (!Number.isFinite(time_s)) return;
+    this.time_s = Math.min(Math.max(time_s, this.whole.start_s), this.whole.end_s);
+    this.told();
+  }
+
+  setLoop(span) {
+    this.loop = span && { start_s: Math.max(span.start_s, this.whole.start_s), end_s: Math.min(span.end_s, this.whole.end_s), label: span.label };
+    if (this.loop && (this.time_s < this.loop.start_s || this.time_s > this.loop.end_s)) this.seek(this.loop.start_s);
+    else this.told();
+  }
+
+  play() {
+    if (this.playing) return;
+    this.playing = true;
+    this.before = null;
+    if (this.time_s >= this.range.end_s) this.time_s = this.range.start_s;
+    const frame = (now) => {
+      if (!this.playing) return;
+      const step = this.before === null ? 0 : (now - this.before) / 1000;
+      this.before = now;
+      this.advance(Math.min(step, 0.25) * this.speed);
+      requestAnimationFrame(frame);
+    };
+    requestAnimationFrame(frame);
+    this.told();
+  }
+
+  pause() {
+    this.playing = false;
+    this.told();
+  }
+
+  /** Time passes; the whole is played once, a loop again and again. */
+  advance(by_s) {
+    const { start_s, end_s } = this.range;
+    let next = this.time_s + by_s;
+    if (next >= end_s) {
+      if (this.loop) next = start_s + ((next - start_s) % (end_s - start_s));
+      else {
+        next = end_s;
+        this.playing = false;
+      }
+    }
+    this.seek(next);
+  }
+}

@@ -1,0 +1,36 @@
+// Names of the points over the picture; one that would cover another waits.
+
+import { element } from "./dom.js";
+
+const WIDE_PX = 6.4;
+const HIGH_PX = 15;
+
+export class Labels {
+  constructor(figure) {
+    this.layer = element("div", { class: "op-names", "aria-hidden": "true" });
+    this.shown = false;
+    this.figure = figure;
+    this.items = figure.points.map((point, k) => ({ k, words: point.name.replaceAll("_", " "), side: point.side, named: point.frames.length > 0 })).filter((item) => item.named);
+    for (const item of this.items) {
+      item.tag = element("span", { class: item.side ? `op-${item.side}` : "", text: item.words });
+      this.layer.append(item.tag);
+    }
+  }
+
+  draw(project, time_s, width, height) {
+    this.layer.hidden = !this.shown;
+    if (!this.shown) return;
+    const places = this.figure.placesAt(time_s);
+    const taken = [];
+    for (const item of this.items) {
+      const [x, y, depth] = project([places[3 * item.k], places[3 * item.k + 1], places[3 * item.k + 2]]);
+      const box = [x + 8, y - HIGH_PX, x + 12 + WIDE_PX * item.words.length, y + 3];
+      const fits = depth > 0.05 && box[0] > 0 && box[2] < width && box[1] > 0 && box[3] < height;
+      const free = fits && taken.every((other) => box[0] > other[2] || box[2] < other[0] || box[1] > other[3] || box[3] < other[1]);
+      item.tag.hidden = !free;
+      if (!free) continue;
+      taken.push(box);
+      item.tag.style.transform = `translate(${box[0].toFixed(1)}px, ${box[1].toFixed(1)}px)`;
+    }
+  }
+}

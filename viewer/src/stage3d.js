@@ -1,0 +1,122 @@
+// The picture in space, drawn by three.js.
+
+import { AmbientLight, BufferAttribute, BufferGeometry, CircleGeometry, Color, DirectionalLight, Fog, HemisphereLight, LineBasicMaterial, LineSegments, Mesh, MeshLambertMaterial, PCFShadowMap, PerspectiveCamera, Quaternion, Scene, Vector3, WebGLRenderer } from "three";
+
+import { Solids } from "./solids.js";
+
+const REACH = 14;
+const SHADOW_PX = 1024;
+
+export class SpaceStage {
+  /** Throws where the browser has no WebGL. */
+  constructor(canvas, view, figure, ghost) {
+    this.renderer = new WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true, powerPreference: "low-power" });
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = PCFShadowMap;
+    this.canvas = canvas;
+    this.view = view;
+    this.figure = figure;
+    this.ghost = ghost;
+    this.eye = new PerspectiveCamera(view.camera.fieldOfViewDeg, 1, 0.02, 500);
+    this.eye.up.fromArray(view.camera.up);
+    this.recolour();
+  }
+
+  /** Everything again in today's colours: the page may turn dark, or be printed. */
+  recolour() {
+    const { colours, radius_m } = this.view;
+    this.world = new Scene();
+    this.world.background = new Color(colours.sky);
+    this.solids = new Solids(this.figure, radius_m, colours);
+    this.world.add(this.solids.group);
+    this.ghostSolids = this.ghost && new Solids(this.ghost, radius_m, colours, true);
+    if (this.ghostSolids) this.world.add(this.ghostSolids.group);
+    this.addLights();
+    this.addGround();
+  }
+
+  addLights() {
+    const { camera, bounds } = this.view;
+    const up = new Vector3().fromArray(camera.up);
+    const sky = new HemisphereLight(0xffffff, 0xb8bec6, 1.5);
+    sky.position.copy(up);
+    const sun = new DirectionalLight(0xffffff, 2.0);
+    const size = Math.max(...bounds.half) * 1.5;
+    const centre = new Vector3().fromArray(bounds.centre);
+    const side = new Vector3().fromArray(camera.left).multiplyScalar(-0.55).addScaledVector(new Vector3().fromArray(camera.forward), 0.45);
+    sun.position.copy(centre).addScaledVector(up, 3 * size).addScaledVector(side, 2 * size);
+    sun.target.position.copy(centre);
+    sun.castShadow = true;
+    sun.shadow.mapSize.set(SHADOW_PX, SHADOW_PX);
+    sun.shadow.bias = -0.0004;
+    sun.shadow.normalBias = 0.01;
+    Object.assign(sun.shadow.camera, { left: -size, right: size, top: size, bottom: -size, near: 0.1 * size, far: 8 * size });
+    this.world.add(sky, sun, sun.target, new AmbientLight(0xffffff, 0.35));
+  }
+
+  addGround() {
+    const { camera, bounds, ground, colours, radius_m } = this.view;
+    const reach = REACH * Math.max(...bounds.half);
+    const water = ground.kind === "water";
+    const plane = new Mesh(new CircleGeometry(reach, 64), new MeshLambertMaterial({ color: water ? colours.water : colours.ground, transparent: water, opacity: water ? 0.82 : 1 }));
+    plane.receiveShadow = true;
+    const up = new Vector3().fromArray(camera.up);
+    const level = new Vector3().fromArray(bounds.centre);
+    level.addScaledVector(up, ground.height_m - level.dot(up));
+    const tilt = new Quaternion().setFromUnitVectors(new Vector3(0, 0, 1), up);
+    plane.position.copy(level);
+    plane.quaternion.copy(tilt);
+    const lines = new LineSegments(this.gridGeometry(reach), new LineBasicMaterial({ color: water ? colours.wave : colours.grid }));
+    lines.position.copy(level).addScaledVector(up, 0.02 * radius_m + 0.001);
+    this.world.add(plane, lines);
+    this.world.fog = new Fog(colours.sky, 1, 2);
+  }
+
+  /** Lines half a metre apart where the figure is that large; a power of ten finer where it is smaller. */
+  gridGeometry(reach) {
+    const { camera, ground, bounds } = this.view;
+    const step = ground.step_m;
+    const count = Math.min(60, Math.floor(reach / step));
+    const forward = new Vector3().fromArray(camera.forward);
+    const left = new Vector3().fromArray(camera.left);
+    const offset = (axis) => Math.round(axis.dot(new Vector3().fromArray(bounds.centre)) / step) * step - axis.dot(new Vector3().fromArray(bounds.centre));
+    const [f0, l0] = [offset(forward), offset(left)];
+    const ends = [];
+    const at = (f, l) => new Vector3().addScaledVector(forward, f).addScaledVector(left, l).toArray();
+    for (let k = -count; k <= count; k++) {
+      ends.push(...at(f0 + k * step, l0 - count * step), ...at(f0 + k * step, l0 + count * step));
+      ends.push(...at(f0 - count * step, l0 + k * step), ...at(f0 + count * step, l0 + k * step));
+    }
+    return new BufferGeometry().setAttribute("position", new BufferAttribute(new Float32Array(ends), 3));
+  }
+
+  resize(width, height, ratio) {
+    this.renderer.setPixelRatio(ratio);
+    this.renderer.setSize(width, height, false);
+    this.eye.aspect = width / height;
+  }
+
+  draw(time_s, ghost_s, magnified) {
+    const { camera } = this.view;
+    this.solids.magnified = magnified;
+    this.solids.showAt(time_s);
+    if (this.ghostSolids) {
+      this.ghostSolids.group.visible = ghost_s !== null;
+      this.ghostSolids.magnified = magnified;
+      if (ghost_s !== null) this.ghostSolids.showAt(ghost_s);
+    }
+    const distance = camera.distance();
+    this.world.fog.near = 1.1 * distance;
+    this.world.fog.far = 3.2 * distance + 2;
+    Object.assign(this.eye, { near: distance / 60, far: 12 * distance });
+    this.eye.position.fromArray(camera.eye());
+    this.eye.up.fromArray(camera.axes().above);
+    this.eye.lookAt(...camera.centre);
+    this.eye.updateProjectionMatrix();
+    this.renderer.render(this.world, this.eye);
+  }
+
+  dispose() {
+    this.renderer.dispose();
+  }
+}
