@@ -9,7 +9,8 @@ once round with the stroke, in equal shares,
 that is, at one time alike, half a stroke later unrelated. It does not shrink when many samples are averaged. Errors of
 different joints are taken as unrelated. With f0, f+ and f- a number as it is and with one source moved by plus and
 minus one deviation, and c = f+ + f- - 2 f0 its curvature, the source adds ((f+ - f-) / 2)^2 + 0.75 c^2 to the mean
-square error: exact for a quadratic function of a normal error, also for one at the top of a maximum.
+square error: exact for a quadratic function of a normal error, also for one at the top of a maximum. Errors of rates are
+quicker: they come and go within a quarter of a stroke.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ _STEP = 1e-4
 _ROUND = 2.0 * np.pi * np.arange(POINTS) / (POINTS - 1)
 SHAPES = (np.full(POINTS, np.sqrt(0.5)), np.sqrt(0.5) * np.cos(_ROUND), np.sqrt(0.5) * np.sin(_ROUND))
 """Of the three parts of an error over a stroke, (POINTS,) each."""
+_QUICK = (np.cos(4.0 * _ROUND), np.sin(4.0 * _ROUND))
+"""Of errors of rates, which come and go within a quarter of a stroke."""
 _TOGETHER = ("l_cl", "l_ua", "l_fa", "l_ha")
 
 
@@ -100,7 +103,7 @@ class Scatter:
         names = list(self.rower.model.coordinate_names)
         body = [name for name in ("seat", *self.rower.trunk_joints) if name in names]
         arms = zip(self.rower.arm_joints("r"), self.rower.arm_joints("l"), strict=True)
-        groups = [((name,), shape) for name in body for shape in SHAPES]
+        groups: list[tuple[tuple[str, ...], Floats]] = [((name,), shape) for name in body for shape in SHAPES]
         groups += [(pair, np.ones(POINTS)) for pair in arms]
         groups += [((name,), np.ones(POINTS)) for name in self.rower.handle_joints]
         for group, shape in groups:
@@ -137,7 +140,11 @@ class Scatter:
             std = rate_stds[..., column] / _STEP
             seat = std * (along_m(ahead["seat"]) - along_m(posture.places["seat"]))
             shoulder = std * (along_m(shoulders(ahead)) - along_m(shoulders(posture.places)))
-            yield _faster(posture, seat, shoulder), _faster(posture, -seat, -shoulder)
+            for shape in _QUICK:
+                more, less = (
+                    _faster(posture, sign * seat * shape, sign * shoulder * shape) for sign in (1.0, -1.0)
+                )
+                yield more, less
 
 
 def _length_groups(stds: dict[str, float]) -> list[list[str]]:

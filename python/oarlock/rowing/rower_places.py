@@ -14,7 +14,6 @@ from oarlock.errors import DataError
 Floats = NDArray[np.float64]
 
 PARTS = ("shoulder", "elbow", "wrist", "hand", "handle")
-_SHOULDER_FRAMES = ("shoulder",)
 NEEDED = ("seat", "r_shoulder", "l_shoulder")
 
 
@@ -72,11 +71,11 @@ class Rower:
         """
         model = self.model if model is None else model
         names = list(model.frame_names)
-        unread = np.isnan(q).all(axis=tuple(range(q.ndim - 1)))
+        unread = np.atleast_1d(np.isnan(q).all(axis=tuple(range(q.ndim - 1))))
         poses = model.forward_kinematics(np.where(unread, 0.0, q))
         found = {name: poses[..., names.index(name), :3, 3] for name in self._frames(names)}
         if unread.any():
-            self._forget(found, [n for n, gone in zip(model.coordinate_names, unread, strict=True) if gone])
+            self._forget(found, [model.coordinate_names[k] for k in np.flatnonzero(unread)])
         if "hull" in names:
             hull = poses[..., names.index("hull"), :, :]
             found = {name: _aboard(hull, place) for name, place in found.items()}

@@ -7,8 +7,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
-from scipy.signal import savgol_filter
+from scipy.signal import savgol_coeffs, savgol_filter
 
 from oarlock import Track
 
@@ -29,6 +28,8 @@ MIDDLE = (slice(STEPS // 5, STEPS - STEPS // 5 + 1), slice(STEPS + STEPS // 5, 2
 _SILENT_S = 0.15
 _RATE_WINDOW_S = 0.14
 _FEWEST = 4
+_LASTING = 3.0
+"""How much more than white noise what a track leaves over moves a slope: it lasts for several samples."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +40,7 @@ class Grid:
 
     @staticmethod
     def of(catch_s: Floats, finish_s: Floats, end_s: Floats) -> Grid:
+        """Of strokes with these events, (N,) each, s."""
         share = np.linspace(0.0, 1.0, STEPS + 1)
         drive = catch_s[:, None] + share * (finish_s - catch_s)[:, None]
         recovery = finish_s[:, None] + share[1:] * (end_s - finish_s)[:, None]
@@ -65,7 +67,11 @@ class Grid:
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """The track's coordinates in continuous time: values, rates and standard deviations."""
+    """The track's coordinates in continuous time: values, rates and standard deviations.
+
+    Rates are slopes of the values over 0.14 s (Savitzky and Golay 1964): a filter's own rates jump from sample to
+    sample where its model is wrong, and a peak would be one of these jumps.
+    """
 
     track: Track
 
@@ -77,62 +83,53 @@ class Course:
         known = np.isfinite(grid.time_s)
         times = np.clip(grid.time_s[known], self.track.time_s[0], self.track.time_s[-1])
         outside = np.abs(times - grid.time_s[known]) > _SILENT_S
-        for column, (value, rate) in enumerate(self._curves):
-            read, slope = value(times), rate(times)
-            read[outside] = slope[outside] = np.nan
-            values[known, column], rates[known, column] = read, slope
-            stds[known, column] = np.interp(times, self.track.time_s, self._std(self.track.q_std, column))
-            rate_stds[known, column] = np.interp(
-                times, self.track.time_s, self._std(self.track.qd_std, column)
-            )
+        for column, read in enumerate(self._read):
+            if read is None:
+                continue
+            value, rate = read.at(times)
+            value[outside] = rate[outside] = np.nan
+            values[known, column], rates[known, column] = value, rate
+            std = np.nan_to_num(self.track.q_std[:, column])
+            stds[known, column] = np.interp(times, self.track.time_s, std)
+            rate_stds[known, column] = read.rate_std
         return values, rates, stds, rate_stds
 
-    def _std(self, stds: Floats, column: int) -> Floats:
-        return np.nan_to_num(stds[:, column])
-
     @cached_property
-    def _curves(self) -> list[tuple[object, object]]:
-        return [self._curve(column) for column in range(len(self.track.coordinate_names))]  # type: ignore[misc]
-
-    def _curve(self, column: int):  # type: ignore[no-untyped-def]
-        time_s, value, rate = self.track.time_s, self.track.q[:, column], self.track.qd[:, column]
-        rows = np.isfinite(value)
-        if rows.sum() < _FEWEST:
-            return _Nothing(), _Nothing()
-        if np.isfinite(rate[rows]).all() and not self._turns(column):
-            curve = CubicHermiteSpline(time_s[rows], value[rows], rate[rows])
-            return curve, curve.derivative()
-        return _Read.of(time_s[rows], value[rows])
-
-    def _turns(self, column: int) -> bool:
-        """A rotation vector's rate is an angular velocity, not its derivative."""
-        return "." in self.track.coordinate_names[column]
-
-
-class _Nothing:
-    def __call__(self, time_s: Floats) -> Floats:
-        return np.full(len(time_s), np.nan)
+    def _read(self) -> list[_Read | None]:
+        columns = (self.track.q[:, column] for column in range(len(self.track.coordinate_names)))
+        return [_Read.of(self.track.time_s, column) for column in columns]
 
 
 @dataclass(frozen=True, eq=False)
 class _Read:
-    """Readings between which is interpolated, but not across a silence."""
+    """Values between which is interpolated, but not across a silence; and their rate at the same times."""
 
     time_s: Floats
     value: Floats
+    rate: Floats
+    rate_std: float
 
     @staticmethod
-    def of(time_s: Floats, value: Floats) -> tuple[_Read, _Read]:
+    def of(time_s: Floats, value: Floats) -> _Read | None:
+        rows = np.isfinite(value)
+        if rows.sum() < _FEWEST:
+            return None
+        time_s, value = time_s[rows], value[rows]
         step = float(np.median(np.diff(time_s)))
         even = np.arange(time_s[0], time_s[-1] + step, step)
         window = max(5, 2 * round(0.5 * _RATE_WINDOW_S / step) + 1)
-        values = np.interp(even, time_s, value)
         if len(even) <= window:
-            return _Read(time_s, value), _Read(time_s, np.gradient(value, time_s))
+            return None
+        values = np.interp(even, time_s, value)
         rate = savgol_filter(values, window, 3, deriv=1, delta=step)
-        return _Read(time_s, value), _Read(time_s, np.interp(time_s, even, rate))
+        left = values - savgol_filter(values, window, 3)
+        noise = 1.4826 * float(np.median(np.abs(left - np.median(left))))
+        gain = float(np.linalg.norm(savgol_coeffs(window, 3, deriv=1, delta=step)))
+        return _Read(time_s, value, np.interp(time_s, even, rate), _LASTING * noise * gain)
 
-    def __call__(self, time_s: Floats) -> Floats:
+    def at(self, time_s: Floats) -> tuple[Floats, Floats]:
         after = np.clip(np.searchsorted(self.time_s, time_s), 1, len(self.time_s) - 1)
         silent = self.time_s[after] - self.time_s[after - 1] > _SILENT_S
-        return np.where(silent, np.nan, np.interp(time_s, self.time_s, self.value))
+        value, rate = (np.interp(time_s, self.time_s, own) for own in (self.value, self.rate))
+        value[silent] = rate[silent] = np.nan
+        return value, rate

@@ -32,7 +32,7 @@ EVENTS = {"catch": CATCH, "finish": FINISH}
 
 @dataclass(frozen=True, eq=False)
 class Posture:
-    """What the numbers come from: places (N, POINTS, 3), speeds toward the bow (N, POINTS) of seat, shoulders, handles."""
+    """What the numbers come from: places (N, POINTS, 3); speeds toward the bow (N, POINTS)."""
 
     rower: Rower
     grid: Grid
@@ -104,7 +104,7 @@ def _range(values: Floats) -> Floats:
     """Over the stroke, or its drive where there is no more."""
     drive = values[:, DRIVE].max(axis=1) - values[:, DRIVE].min(axis=1)
     whole = values.max(axis=1) - values.min(axis=1)
-    return np.where(np.isfinite(whole), whole, drive)
+    return np.asarray(np.where(np.isfinite(whole), whole, drive))
 
 
 def _peak(part: str, speed: Floats) -> Values:
@@ -201,7 +201,7 @@ def _shoulder_angles(posture: Posture, side: str, event: str, place: int) -> Val
 
 def _unit(vectors: Floats) -> Floats:
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.divide(vectors, length, out=np.full_like(vectors, np.nan), where=length > 1e-12)
+    return np.asarray(np.divide(vectors, length, out=np.full_like(vectors, np.nan), where=length > 1e-12))
 
 
 def _hand_path(posture: Posture, side: str, grip: Floats) -> Values:

@@ -34,7 +34,7 @@ def reasons(track: Track, found: Strokes, columns: Mapping[str, Floats]) -> dict
 def _never(track: Track, found: Strokes, name: str) -> str:
     """Why nobody can know it of this track; "" if one may."""
     joints = track.coordinate_names
-    oars = [n for n in ("r_oar_phi", "l_oar_phi", "oar_phi") if n in joints]
+    oars: list[str] = [n for n in ("r_oar_phi", "l_oar_phi", "oar_phi") if n in joints]
     if any(part in name for part in ("boat_", "check")) and "surge" not in track.slow:
         return "the boat's acceleration is not in the track: estimate surge"
     if any(part in name for part in _OARS) or name.startswith(_SIDE_TIMES):
