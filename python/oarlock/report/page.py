@@ -15,7 +15,7 @@ from .section import Section, refuse_doubles, tiles
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 """What a browser may load for this page: nothing from outside."""
-WITH_SCRIPT = f"{POLICY}; script-src 'unsafe-inline'"
+WITH_SCRIPT = f"{POLICY} blob:; script-src 'unsafe-inline'"
 """The same where the page runs scripts of its own."""
 
 

@@ -50,7 +50,7 @@ def write_rowing_report(
         path: the file to write, or an existing folder, which gets `report.html`.
         evaluation: scores against truth; computed if only `truth` is given.
         truth: reference that is drawn beside the estimate.
-        title: heading; default names the model.
+        title: heading; default says how many strokes of which model, or names the pieces.
         other: a second piece, laid beside the first.
         names: of the two pieces, for people.
         targets: a boat class of `oarlock.rowing.TARGET_CLASSES` or a file: what others aim at is drawn behind.
@@ -73,7 +73,8 @@ def write_rowing_report(
         ]
     tables = [_beside(target, k) for k in range(len(pieces))]
     sections = sections_of(pieces, [table.name for table in tables])
-    written = write_report(track, target, evaluation, truth, title, sections)
+    heading = title or _heading(pieces)
+    written = write_report(track, target, evaluation, truth, heading, sections)
     for piece, table in zip(pieces, tables, strict=True):
         piece.table.to_csv(table)
     return [written, *tables]
@@ -87,6 +88,16 @@ def _pieces(
     shown = names if names[0] != names[1] else (f"{names[0]} (first)".strip(), f"{names[1]} (second)".strip())
     both = zip(shown, (track, other), strict=True)
     return [Piece(name, one, technique(one, targets=targets)) for name, one in both]
+
+
+def _heading(pieces: list[Piece]) -> str:
+    model = pieces[0].track.model
+    body = model.name if model is not None else "a rower"
+    return (
+        f"{len(pieces[0].table)} strokes of {body}"
+        if len(pieces) == 1
+        else " beside ".join(p.name for p in pieces)
+    )
 
 
 def _beside(report: Path, place: int) -> Path:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.tables import stroke_label
 from oarlock.rowing.shapes import rowing_look
 from oarlock.viewer import embed, joint_curves, scene
 
@@ -21,14 +22,16 @@ SHOWN = ("oar_phi", "handle", "seat", "trunk", "elbow_flexion", "shoulder_flexio
 def player(pieces: Sequence[Piece]) -> str:
     """Markup with figure, curves and strokes; a second piece is its ghost."""
     start_s, end_s = _stretch(pieces[0])
-    ghost = _scene(pieces[1], *_stretch(pieces[1]), None) if len(pieces) > 1 else None
+    ghost = _scene(pieces[1], *_stretch(pieces[1]), bare=True) if len(pieces) > 1 else None
     shown = _scene(pieces[0], start_s, end_s, ghost)
     return f'<p class="hint">{_hint(pieces, start_s, end_s)}</p>{embed(shown, "player")}'
 
 
-def _scene(piece: Piece, start_s: float, end_s: float, ghost: Any) -> Any:
-    track = piece.track
-    curves = [curve for curve in joint_curves(track) if curve.key.removeprefix("r_").removeprefix("l_") in SHOWN]
+def _scene(piece: Piece, start_s: float, end_s: float, ghost: Any = None, bare: bool = False) -> Any:
+    track, look = piece.track, rowing_look(piece.track)
+    curves = [
+        curve for curve in joint_curves(track) if curve.key.removeprefix("r_").removeprefix("l_") in SHOWN
+    ]
     return scene(
         track,
         marks=_marks(piece, start_s, end_s),
@@ -36,7 +39,7 @@ def _scene(piece: Piece, start_s: float, end_s: float, ghost: Any) -> Any:
         ghost=ghost,
         start_s=start_s,
         end_s=end_s,
-        look=rowing_look(track),
+        look=look.bare() if look is not None and bare else look,
         title=piece.name,
     )
 
@@ -62,7 +65,7 @@ def _marks(piece: Piece, start_s: float, end_s: float) -> list[tuple[float, str]
             continue
         found += [(float(catch), "catch"), (float(finish), "finish")]
         if np.isfinite(end):
-            found.append((float(catch), float(end), f"stroke {k + 1}"))
+            found.append((float(catch), float(end), stroke_label(k)))
     return found
 
 

@@ -16,6 +16,7 @@ from oarlock.rowing.report.compared import comparison_table, sentences
 from oarlock.rowing.report.definitions import definitions
 from oarlock.rowing.report.drawings import curves, hand_paths, pairs, speeds, trends, zone_of
 from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.player import player
 from oarlock.rowing.report.shown import places
 from oarlock.rowing.report.tables import (
     averages_table,
@@ -37,6 +38,7 @@ def sections_of(pieces: Sequence[Piece], csv_names: Sequence[str]) -> list[Secti
     }
     parts = [
         ("compared-pieces", "Side by side", _compared(pieces)),
+        ("moving", "The strokes, moving", player(pieces)),
         ("strokes", "Strokes", _strokes(pieces, csv_names)),
         ("trends", "Over the piece", _trends(pieces, zones)),
         ("courses", "Over a stroke", _hinted(f"Means over the strokes. {BAND}", curves(pieces))),
@@ -54,13 +56,15 @@ def sections_of(pieces: Sequence[Piece], csv_names: Sequence[str]) -> list[Secti
 def _speaking(section: Section, pieces: Sequence[Piece]) -> Section:
     """The first section with all that is said above it, and what the page needs once."""
     told = sentences(pieces[0], pieces[1]) if len(pieces) > 1 else []
-    style = files(__package__).joinpath("style.css").read_text(encoding="utf-8")
+    style, script = (
+        files(__package__).joinpath(name).read_text("utf-8") for name in ("style.css", "strokes.js")
+    )
     return replace(
         section,
         sentences=(*told, *words.summary(pieces[0])),
         figures=tuple(words.key_figures(pieces[0])),
         style=style,
-        script=sort_script(),
+        script=sort_script() + script,
     )
 
 
@@ -77,7 +81,8 @@ def _strokes(pieces: Sequence[Piece], csv_names: Sequence[str]) -> str:
     for k, (piece, csv_name) in enumerate(zip(pieces, csv_names, strict=True)):
         beside = (
             '<p class="files">All columns, with their standard deviations, are in '
-            f"<code>{escape(csv_name)}</code> beside this page. A click on a head sorts.</p>"
+            f"<code>{escape(csv_name)}</code> beside this page. A click on a head sorts; one on "
+            "a stroke's number repeats that stroke in the player.</p>"
         )
         parts.append(
             _heading(piece) + beside + strokes_table(piece, "strokes" if k == 0 else f"strokes-{k + 1}")

@@ -49,6 +49,11 @@ def link(name: str, label: str) -> str:
     )
 
 
+def stroke_label(row: int) -> str:
+    """What a stroke is called in the player."""
+    return f"stroke {row + 1}"
+
+
 def anchor(name: str) -> str:
     """Where a number is explained in the page."""
     return f"def-{name.replace('_', '-')}"
@@ -79,7 +84,8 @@ def strokes_table(piece: Piece, key: str) -> str:
 
 
 def _stroke_row(table: StrokeTable, names: Sequence[str], row: int, kept: bool) -> list[str]:
-    head = value_cell(row + 1.0, str(row + 1))
+    number = f'<a class="term" href="#moving" data-stroke="{stroke_label(row)}">{row + 1}</a>'
+    head = f'<data value="{row + 1}">{number}</data>'
     if not kept:
         head += f' <span class="mark">{escape(table.reason("in_averages")[row] or "left out")}</span>'
     start = float(table["catch_time_s"][row])
