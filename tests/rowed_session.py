@@ -23,7 +23,6 @@ Floats = NDArray[np.float64]
 KNOTS_HZ = 400.0
 NEAR_S = 0.12
 MIDDLE_RAD = np.radians(-9.5)
-ANYTHING = [(0, 0.0, 1.0, 1.0)]
 
 
 @dataclass(frozen=True)
@@ -47,6 +46,7 @@ class Rowed:
     lows: dict[str, Floats]
     highs: dict[str, Floats]
     parts: tuple[Part, ...]
+    timing: StrokeTiming
 
     def recording(self, rate_hz: float, seed: int, noise_rad: float = np.radians(0.1)) -> oarlock.Recording:
         """Encoders of the oars and the seat."""
@@ -101,7 +101,7 @@ def rowed(parts: tuple[Part, ...], seed: int, variation: float = 1.0, lead_s: fl
     lows = {name: _zeros(splines[name], timing, 0.0, 1.0) for name in ("r_oar_phi", "l_oar_phi")}
     lows["seat"] = _zeros(splines["seat"], timing, 0.0, -1.0)
     highs = {name: _zeros(splines[name], timing, 0.5, -1.0) for name in ("r_oar_phi", "l_oar_phi")}
-    return Rowed(splines, float(time_s[-1]), lows, highs, parts)
+    return Rowed(splines, float(time_s[-1]), lows, highs, parts, timing)
 
 
 def _laid_out(

@@ -2,14 +2,16 @@
 
 A track's deviations are of single angles at single times. Over time errors last: mounts are askew, a tape measure is
 off, skin slides with the posture. So an angle's error e is taken as a part that stays the same and a part that goes
-once round with the stroke, in equal shares,
+once round with the stroke,
 
-    e = std(t) (a + b cos u + c sin u) / sqrt 2,   u = 0 at the catch, pi at the finish,   a, b, c of variance 1, 1, 1
+    e = std(t) (a + (b cos u + c sin u) / sqrt 2),   u = 0 at the catch, pi at the finish,   a, b, c of variance 1
 
-that is, at one time alike, half a stroke later unrelated. It does not shrink when many samples are averaged. Errors of
-different joints are taken as unrelated. With f0, f+ and f- a number as it is and with one source moved by plus and
+It does not shrink when many samples are averaged. Its mean square is 1.5 std^2: the bands of a track hold over a whole
+stroke, but numbers are read at its ends, and there squared errors over squared deviations were 1.5 times as large
+(finish, nine joints, ten simulated recordings in which the model is wrong). Errors of different joints are taken as
+unrelated. With f0, f+ and f- a number as it is and with one source moved by plus and
 minus one deviation, and c = f+ + f- - 2 f0 its curvature, the source adds ((f+ - f-) / 2)^2 + 0.75 c^2 to the mean
-square error: exact for a quadratic function of a normal error, also for one at the top of a maximum. Errors of rates are
+square error: exact for a quadratic function of a normal error, also at the top of a maximum. Errors of rates are
 quicker: they come and go within a quarter of a stroke.
 """
 
@@ -31,8 +33,10 @@ Floats = NDArray[np.float64]
 _STEP_S = 1e-3
 _STEP = 1e-4
 _ROUND = 2.0 * np.pi * np.arange(POINTS) / (POINTS - 1)
-SHAPES = (np.full(POINTS, np.sqrt(0.5)), np.sqrt(0.5) * np.cos(_ROUND), np.sqrt(0.5) * np.sin(_ROUND))
+SHAPES = (np.ones(POINTS), np.sqrt(0.5) * np.cos(_ROUND), np.sqrt(0.5) * np.sin(_ROUND))
 """Of the three parts of an error over a stroke, (POINTS,) each."""
+_AT_ONE_TIME = np.sqrt(1.5)
+"""All three together, of joints whose numbers are of one time."""
 _QUICK = (np.cos(4.0 * _ROUND), np.sin(4.0 * _ROUND))
 """Of errors of rates, which come and go within a quarter of a stroke."""
 _TOGETHER = ("l_cl", "l_ua", "l_fa", "l_ha")
@@ -104,7 +108,7 @@ class Scatter:
         body = [name for name in ("seat", *self.rower.trunk_joints) if name in names]
         arms = zip(self.rower.arm_joints("r"), self.rower.arm_joints("l"), strict=True)
         groups: list[tuple[tuple[str, ...], Floats]] = [((name,), shape) for name in body for shape in SHAPES]
-        groups += [(pair, np.ones(POINTS)) for pair in arms]
+        groups += [(pair, np.full(POINTS, _AT_ONE_TIME)) for pair in arms]
         groups += [((name,), np.ones(POINTS)) for name in self.rower.handle_joints]
         for group, shape in groups:
             error = np.zeros_like(posture.q)

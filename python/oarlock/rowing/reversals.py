@@ -127,6 +127,8 @@ class _Fit:
             left = y - powers @ solution
             spread = 1.4826 * float(np.median(np.abs(left[kept])))
             kept = np.abs(left) <= max(_OUTLIER * spread, 1e-12)
+            if kept.all():
+                break
             if kept.sum() <= _DEGREE + 2:
                 return None
         variance = float(np.sum(left[kept] ** 2)) / (int(kept.sum()) - _DEGREE - 1)

@@ -55,7 +55,7 @@ def told_apart(strokes: Sequence[Stroke], signals: Sequence[Signal]) -> Told:
     usual_cycle = float(np.median(cycles[np.isfinite(cycles)])) if np.isfinite(cycles).any() else 3.0
     longest_s = max(_LONGEST_CYCLE_S, _LONG_CYCLE * usual_cycle)
     following = _to_next(strokes, signals)
-    paused = np.array([gap > longest_s for gap in following])
+    paused = np.array([gap > longest_s for gap in following], dtype=bool)
     for place, stroke in enumerate(strokes):
         if following[place] <= longest_s and _stood_still(
             stroke.finish[0], following[place], stroke, signals
@@ -155,7 +155,7 @@ def _kinds(
 
 def _groups(paused: NDArray[np.bool_]) -> list[tuple[int, int]]:
     ends = [int(k) + 1 for k in np.flatnonzero(paused)]
-    if len(paused) and (not ends or ends[-1] != len(paused)):
+    if not ends or ends[-1] != len(paused):
         ends.append(len(paused))
     return list(zip([0, *ends[:-1]], ends, strict=True))
 
@@ -164,8 +164,8 @@ def _from_standstill(
     strokes: Sequence[Stroke], signals: Sequence[Signal], begin: int, paused: NDArray[np.bool_]
 ) -> bool:
     """Whether the group of strokes begins after a pause; a recording cut out of a piece does not."""
-    if begin > 0:
-        return bool(paused[begin - 1])
+    if begin > 0 or not strokes:
+        return bool(begin and paused[begin - 1])
     catch_s = strokes[0].catch[0]
     own = [s for s in signals if s.side in strokes[0].sides]
     least = KINDS[own[0].source].least
@@ -217,8 +217,13 @@ def _left_out(
     for place in range(len(strokes)):
         if not found[place] and (paused[place] or np.isnan(cycles[place])):
             found[place] = "no catch followed it"
-    for begin, end in _runs(kinds, paused):
-        _odd_ones(found, strokes, cycles, arcs, begin, end)
+    runs = _runs(kinds, paused)
+    lasted = [strokes[end - 1].finish[0] - strokes[begin].catch[0] for begin, end in runs]
+    for (begin, end), own_s in zip(runs, lasted, strict=True):
+        if own_s < _SHORTEST_PIECE_S <= max(lasted):
+            reason = f"its piece lasts {own_s:.0f} s, less than {_SHORTEST_PIECE_S:.0f} s"
+            found[begin:end] = [before or reason for before in found[begin:end]]
+        _odd_ones(found, cycles, arcs, begin, end)
     return found
 
 
@@ -235,13 +240,7 @@ def _runs(kinds: Sequence[str], paused: NDArray[np.bool_]) -> list[tuple[int, in
     return runs
 
 
-def _odd_ones(
-    found: list[str], strokes: Sequence[Stroke], cycles: Floats, arcs: Floats, begin: int, end: int
-) -> None:
-    lasted = strokes[end - 1].finish[0] - strokes[begin].catch[0]
-    for place in range(begin, end):
-        if not found[place] and lasted < _SHORTEST_PIECE_S:
-            found[place] = f"its piece lasts {lasted:.0f} s, less than {_SHORTEST_PIECE_S:.0f} s"
+def _odd_ones(found: list[str], cycles: Floats, arcs: Floats, begin: int, end: int) -> None:
     for name, values in (("time", cycles), ("arc", arcs)):
         known = np.array([k for k in range(begin, end) if np.isfinite(values[k]) and not found[k]])
         if len(known) < 5:

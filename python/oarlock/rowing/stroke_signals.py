@@ -17,7 +17,9 @@ Floats = NDArray[np.float64]
 SOURCES = ("oars", "handle", "seat", "trunk", "trunk_gyro")
 """In the order of preference."""
 _LEAK_S = 20.0
+_HALF_WINDOW_S = 0.15
 _ENOUGH_SHARE = 0.02
+_NO_OAR_RAD = 3.5
 _SIDED = {"r_oar_phi": "r", "l_oar_phi": "l", "oar_phi": ""}
 
 
@@ -85,6 +87,17 @@ def signals_of(data: Track | Recording, source: str | None, model: Model | None)
     )
 
 
+def moving(signals: list[Signal]) -> tuple[list[Signal], list[Signal]]:
+    """Those that move, and, of two oars, one that stands still while the other rows."""
+    if len(signals) < 2:
+        return signals, []
+    swings = [float(np.ptp(np.percentile(s.value, [1.0, 99.0]))) for s in signals]
+    still = [s for s, swing in zip(signals, swings, strict=True) if swing < KINDS[s.source].least / 10.0]
+    if len(still) != 1 or max(swings) < KINDS[signals[0].source].least:
+        return signals, []
+    return [s for s in signals if s is not still[0]], still
+
+
 def _of_source(data: Track | Recording, source: str, model: Model | None) -> list[Signal]:
     if source == "trunk_gyro":
         return _trunk_gyro(data, model) if isinstance(data, Recording) else []
@@ -107,8 +120,18 @@ def _of_track(track: Track, source: str, name: str, side: str) -> list[Signal]:
     rows = np.isfinite(track.q[:, column]) & track.observed[:, column]
     if rows.mean() < _ENOUGH_SHARE:
         return []
-    rate_std = np.nan_to_num(track.qd_std[rows, column])
+    rate_std = slope_std(track.q_std[rows, column], track.qd_std[rows, column])
     return [Signal(source, side, track.time_s[rows], KINDS[source].sign * track.q[rows, column], rate_std)]
+
+
+def slope_std(value_std: Floats, rate_std: Floats) -> Floats:
+    """What an estimate's slope over the readings around a turn may be off by; 0 where it is no estimate.
+
+    At most what the estimate's own rate may be off by, and at most what an error of the value's size, in the worst case
+    a ramp through the window, makes of a fitted slope: sqrt(3) over half the window.
+    """
+    ramp = np.sqrt(3.0) / _HALF_WINDOW_S * value_std
+    return np.nan_to_num(np.where(np.isnan(rate_std), np.nan, np.fmin(ramp, rate_std)))
 
 
 def _of_recording(recording: Recording, source: str, name: str, side: str) -> list[Signal]:
@@ -119,6 +142,11 @@ def _of_recording(recording: Recording, source: str, name: str, side: str) -> li
         raise DataError(f"strokes: the stream '{name}' is {stream.kind}, expected one number over time")
     rows = np.isfinite(stream.value)
     value = KINDS[source].sign * stream.value[rows]
+    if source == "oars" and len(value) and float(np.percentile(np.abs(value), 95)) > _NO_OAR_RAD:
+        raise DataError(
+            f"strokes: the stream '{name}' goes to {np.abs(value).max():.3g} rad; an oar stays within 1.6. Degrees? "
+            "Convert them to rad"
+        )
     return [Signal(source, side, stream.time_s[rows], value, np.zeros(len(value)))]
 
 

@@ -26,6 +26,7 @@ Values = dict[str, Floats]
 
 BENT_RAD = np.radians(15.0)
 """With a straighter elbow upper arm and forearm span no plane."""
+_FOOT, _SHOULDER_OF_PEAK = 0.85, 0.95
 _SHOULDER = ("abduction", "rotation", "flexion")
 EVENTS = {"catch": CATCH, "finish": FINISH}
 
@@ -108,23 +109,13 @@ def _range(values: Floats) -> Floats:
 
 
 def _peak(part: str, speed: Floats) -> Values:
+    """Largest speed of the drive, and where it is: a flat top has no single highest point, but a middle."""
     drive = speed[:, DRIVE]
-    known = np.isfinite(drive).all(axis=1)
-    place = np.argmax(np.where(np.isfinite(drive), drive, -np.inf), axis=1)
-    return {
-        f"{part}_peak_speed_m_s": np.where(known, drive.max(axis=1), np.nan),
-        f"{part}_peak_position": np.where(known, _parabola(drive, place) / STEPS, np.nan),
-    }
-
-
-def _parabola(drive: Floats, place: NDArray[np.intp]) -> Floats:
-    """The peak between grid points."""
-    inner = np.clip(place, 1, drive.shape[1] - 2)
-    rows = np.arange(len(drive))
-    before, at, after = (drive[rows, inner + shift] for shift in (-1, 0, 1))
-    bend = before - 2.0 * at + after
-    shift = np.divide(0.5 * (before - after), bend, out=np.zeros_like(bend), where=np.abs(bend) > 1e-12)
-    return np.where(inner == place, inner + np.clip(shift, -0.5, 0.5), place)
+    top = drive.max(axis=1)
+    near = np.clip((drive / top[:, None] - _FOOT) / (_SHOULDER_OF_PEAK - _FOOT), 0.0, 1.0)
+    share = np.linspace(0.0, 1.0, STEPS + 1)
+    place = np.where(top > 0.0, np.sum(near * share, axis=1) / np.sum(near, axis=1), np.nan)
+    return {f"{part}_peak_speed_m_s": top, f"{part}_peak_position": place}
 
 
 def _lean(places: dict[str, Floats]) -> Values:
@@ -173,7 +164,7 @@ def _arm(posture: Posture, side: str) -> Values:
     across = np.cross(upper, fore)
     flexion = np.arctan2(np.linalg.norm(across, axis=-1), np.sum(upper * fore, axis=-1))
     bent = np.where(flexion < BENT_RAD, np.nan, 1.0)
-    plane = np.arcsin(np.clip(-_unit(across)[..., 0], -1.0, 1.0)) * bent
+    plane = np.arcsin(np.clip(-arm_normal(shoulder, elbow, wrist)[..., 0], -1.0, 1.0)) * bent
     outward = np.arcsin(np.clip(upper[..., 0], -1.0, 1.0)) * (1.0 if side == "l" else -1.0)
     rise = np.arcsin(np.clip(fore[..., 1], -1.0, 1.0))
     values = {
@@ -187,6 +178,11 @@ def _arm(posture: Posture, side: str) -> Values:
         values[f"{side}_{event}_elbow_flexion_rad"] = flexion[:, place]
         values |= _shoulder_angles(posture, side, event, place)
     return values
+
+
+def arm_normal(shoulder: Floats, elbow: Floats, wrist: Floats) -> Floats:
+    """Unit normal (..., 3) of the plane of upper arm and forearm, (E - S) x (W - E); NaN of an arm that is a line."""
+    return _unit(np.cross(elbow - shoulder, wrist - elbow))
 
 
 def _shoulder_angles(posture: Posture, side: str, event: str, place: int) -> Values:

@@ -14,7 +14,7 @@ from oarlock.rowing.reversals import Reversal
 from oarlock.rowing.stroke_columns import stroke_columns
 from oarlock.rowing.stroke_events import SideStroke, SideStrokes, Stroke, paired
 from oarlock.rowing.stroke_kinds import Stretch, stretches, told_apart
-from oarlock.rowing.stroke_signals import KINDS, Signal, signals_of
+from oarlock.rowing.stroke_signals import KINDS, Signal, moving, signals_of
 
 if TYPE_CHECKING:
     from oarlock import Model, Recording, Track
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
+_OAR = {"r": "right (port)", "l": "left (starboard)"}
 ZERO_STD = 0.005
 """Of an encoder, rad or m: what its zero may be off by where nobody calibrated it (as `Config.consider` takes it)."""
 
@@ -123,7 +124,7 @@ def find_strokes(
     Raises:
         DataError: nothing there that tells strokes.
     """
-    signals = signals_of(data, source, model)
+    signals, still = moving(signals_of(data, source, model))
     strokes = paired({signal.side: _side_strokes(signal) for signal in signals})
     told = told_apart(strokes, signals)
     start_s = min(float(signal.time_s[0]) for signal in signals)
@@ -136,7 +137,7 @@ def find_strokes(
         left_out=told.left_out,
         stretches=stretches(strokes, told, start_s, end_s),
         zero_std=zero_std,
-        notes=tuple(_notes(signals, strokes)),
+        notes=tuple(_notes(signals, strokes, still)),
     )
 
 
@@ -163,7 +164,7 @@ def _with_rate(reversal: Reversal, signal: Signal) -> Reversal:
     )
 
 
-def _notes(signals: Sequence[Signal], strokes: Sequence[Stroke]) -> list[str]:
+def _notes(signals: Sequence[Signal], strokes: Sequence[Stroke], still: Sequence[Signal]) -> list[str]:
     kind = KINDS[signals[0].source]
     notes = []
     if signals[0].source not in ("oars", "handle"):
@@ -171,9 +172,9 @@ def _notes(signals: Sequence[Signal], strokes: Sequence[Stroke]) -> list[str]:
             f"Strokes come from {kind.words}: catch and finish are only roughly known, see their standard deviations."
         )
     if signals[0].source == "oars" and len(signals) == 1 and signals[0].side:
-        notes.append(
-            f"Only the {'right (port)' if signals[0].side == 'r' else 'left (starboard)'} oar was read."
-        )
+        told = "told" if still else "was read"
+        notes.append(f"Only the {_OAR[signals[0].side]} oar {told}.")
+    notes += [f"The {_OAR[s.side]} oar never moved: its encoder is taken for broken." for s in still]
     if not strokes:
         notes.append(f"No stroke: {kind.words} never moved by {kind.least:.2g} {kind.unit} and back.")
     return notes

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock import Track
+from oarlock import Calibration, Track
 from oarlock.errors import DataError
 from oarlock.rowing.features import CURVES, FEATURES, NUMBERS, Feature
 from oarlock.rowing.posture_errors import SHAPES, Events, Scatter
@@ -62,6 +62,7 @@ def technique(
     strokes: Strokes | None = None,
     targets: str | PathLike[str] | None = None,
     *,
+    calibration: Calibration | None = None,
     mean_speed_m_s: float | None = None,
 ) -> Technique:
     """Everything that a track tells of technique.
@@ -74,6 +75,7 @@ def technique(
         track: of a model with a rower's frames (`sculler`, `sweep`, `ergometer` and their like).
         strokes: None finds them in the track.
         targets: a boat class of `oarlock.rowing.TARGET_CLASSES`, such as "sculling_men", or a file of one's own.
+        calibration: with which the track was made, for its lengths' standard deviations; None: the model's.
         mean_speed_m_s: of the boat; without it fluctuations of its speed are in m/s only.
 
     Raises:
@@ -83,7 +85,7 @@ def technique(
         raise DataError("technique: this track was loaded without its model; load the model file again")
     rower = Rower(track.model)
     found = find_strokes(track) if strokes is None else strokes
-    values, stds = _values(track, rower, found, mean_speed_m_s)
+    values, stds = _values(track, rower, found, _lengths_std(rower, calibration), mean_speed_m_s)
     _forget_unobserved(track, rower, found, values, stds)
     table, per_stroke = _table(track, found, values, stds)
     counted = found.in_averages
@@ -114,13 +116,17 @@ def _events(found: Strokes) -> Events:
     )
 
 
+def _lengths_std(rower: Rower, calibration: Calibration | None) -> dict[str, float]:
+    known = {row["name"]: float(row["std"] or 0.0) for row in rower.model.describe()["parameters"]}
+    return known | dict({} if calibration is None else calibration.parameter_stds)
+
+
 def _values(
-    track: Track, rower: Rower, found: Strokes, mean_speed_m_s: float | None
+    track: Track, rower: Rower, found: Strokes, lengths: dict[str, float], mean_speed_m_s: float | None
 ) -> tuple[Values, Values]:
     if len(found) == 0:
         return {}, {}
     course, events = Course(track), _events(found)
-    lengths = {row["name"]: float(row["std"] or 0.0) for row in rower.model.describe()["parameters"]}
     parts = []
     for first in range(0, len(found), _STROKES_AT_ONCE):
         own = events.part(slice(first, first + _STROKES_AT_ONCE))

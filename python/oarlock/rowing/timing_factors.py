@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from oarlock import Track
 from oarlock.rowing.reversals import Reversal, fit_reversal
+from oarlock.rowing.stroke_signals import slope_std
 from oarlock.rowing.strokes import Strokes
 
 Floats = NDArray[np.float64]
@@ -55,6 +56,6 @@ def _turn(track: Track, joint: str, time_s: float) -> Reversal | None:
     turn = fit_reversal(times, values, float(times[top]), True, _REACH[joint])
     if turn is None or abs(turn.time_s - time_s) > _SEARCH_S:
         return None
-    rate_std = float(np.nan_to_num(track.qd_std[rows, column][top]))
+    rate_std = float(slope_std(track.q_std[rows, column], track.qd_std[rows, column])[top])
     std = float(np.hypot(turn.time_std_s, rate_std / abs(turn.curvature)))
     return Reversal(True, turn.time_s, std, turn.value, turn.value_std, turn.curvature)

@@ -11,11 +11,10 @@ from oarlock import Track, load_model
 from oarlock.rowing.experiment import simulate_sculling
 from oarlock.rowing.field import simulate_field
 from oarlock.rowing.reproduce.contents import Floats
+from oarlock.rowing.stroke_values import BENT_RAD, arm_normal
 
 NEAR_FINISH = 0.9
 """The oar is within the last tenth of its sweep."""
-BENT_RAD = np.radians(15.0)
-"""With a straighter elbow the arm has no plane."""
 
 
 @dataclass(frozen=True)
@@ -65,5 +64,4 @@ def _normal(track: Track, side: str) -> Floats:
     shoulder, elbow, wrist = (
         track.frame_positions(f"{side}_{name}") for name in ("shoulder", "elbow", "wrist")
     )
-    normal = np.cross(elbow - shoulder, wrist - elbow)
-    return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
+    return arm_normal(shoulder, elbow, wrist)
