@@ -75,10 +75,12 @@ class Viewpoint:
     Args:
         name: on the button.
         seen_from: (3,) root axes, from the figure towards the eye; its length says nothing.
+        zoom: 1 fills the picture with all that moves; less shows more around it.
     """
 
     name: str
     seen_from: tuple[float, float, float]
+    zoom: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -92,6 +94,7 @@ class Look:
         ground_m: height of the plane below the figure along the world's `up`, m; None: below the lowest point.
         ground: what that plane is.
         limb_radius_m: half the thickness of the lines between frames, m; None: by the figure's size.
+        without_lines: frames whose line to their parent is not drawn, because a shape shows it.
         fixed_lines: draw lines between frames that never move.
         first_curves: names of the joints whose curves are shown at first, without `r_` and `l_`.
         notes: what is drawn and not measured.
@@ -103,6 +106,7 @@ class Look:
     ground_m: float | None = None
     ground: Literal["ground", "water"] = "ground"
     limb_radius_m: float | None = None
+    without_lines: tuple[str, ...] = ()
     fixed_lines: bool = True
     first_curves: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()

@@ -28,13 +28,13 @@ export class Camera {
   }
 
   /** A preset: the direction from the figure to the eye. */
-  seenFrom(direction) {
+  seenFrom(direction, zoom = 1) {
     const [x, y, z] = [dot(direction, this.forward), dot(direction, this.left), dot(direction, this.up)];
     const flat = Math.hypot(x, y);
     // straight from above, forward points to the right of the picture
     this.azimuth = flat > 1e-6 ? Math.atan2(y, x) : -Math.PI / 2;
     this.elevation = Math.max(-HIGHEST_RAD, Math.min(HIGHEST_RAD, Math.atan2(z, flat)));
-    this.zoom = 1;
+    this.zoom = zoom;
   }
 
   turn(azimuth, elevation) {

@@ -72,6 +72,8 @@ export class Controls {
     if (sides.has("left")) items.push(["op-left", "left"]);
     if (scene.loops.length) items.push(["op-loop", "closed loop"]);
     this.ghostKey = element("span", { class: "op-key op-ghost", text: "ghost", hidden: true });
+    this.legendEmpty = items.length === 0;
+    this.legend.hidden = this.legendEmpty;
     this.legend.append(...items.map(([name, text]) => element("span", { class: `op-key ${name}`, text })), this.ghostKey);
   }
 
@@ -120,6 +122,7 @@ export class Controls {
     this.align.select.value = align;
     this.align.select.disabled = !span;
     this.ghostKey.hidden = !figure;
+    this.legend.hidden = this.legendEmpty && !figure;
     this.spread.select.value = String(player.magnified);
   }
 

@@ -9,7 +9,7 @@ export class Figure {
     this.scene = scene;
     this.time_s = times(scene.time_s);
     this.places = table(scene.places_m);
-    this.carriers = table(scene.carriers);
+    this.turns = table(scene.carriers.quat_wxyz);
     this.points = scene.points;
     let column = 0;
     this.columns = this.points.map((point) => (point.still ? -1 : (column += 3) - 3));
@@ -40,13 +40,15 @@ export class Figure {
     return out;
   }
 
-  /** Pose of the carried frame: [x, y, z, qw, qx, qy, qz], the quaternion of unit length. */
+  /** Pose of a carrying frame: [x, y, z, qw, qx, qy, qz], the quaternion of unit length. */
   carrierAt(time_s, carrier) {
     const place = locate(this.time_s, time_s);
-    const pose = Array.from({ length: 7 }, (_, k) => between(this.carriers, place, 7 * carrier + k));
-    const norm = Math.hypot(pose[3], pose[4], pose[5], pose[6]);
-    for (let k = 3; k < 7; k++) pose[k] /= norm;
-    return pose;
+    const origin = this.scene.carriers.points[carrier];
+    const still = this.points[origin].still;
+    const at = still ?? [0, 1, 2].map((axis) => between(this.places, place, this.columns[origin] + axis));
+    const quat = [0, 1, 2, 3].map((k) => between(this.turns, place, 4 * carrier + k));
+    const norm = Math.hypot(...quat);
+    return [...at, ...quat.map((value) => value / norm)];
   }
 
   /** Lower factors [xx, yx, yy, zx, zy, zz], m, of the covariances of the points that have one. */

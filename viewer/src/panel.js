@@ -48,7 +48,8 @@ export class Panel {
     const bands = [];
     for (const series of this.series) {
       const stroke = this.colour(colours, series);
-      lines.push({ label: series.label, stroke, width: 1.8, points: { show: false } });
+      // where both sides are alike, the one beneath still shows
+      lines.push({ label: series.label, stroke, width: this.series.length > 1 && series === this.series[0] ? 3 : 1.5, points: { show: false } });
       if (this.band && series.std) {
         lines.push({ points: { show: false } }, { points: { show: false } });
         bands.push({ series: [lines.length - 1, lines.length - 2], fill: `${stroke}38` });

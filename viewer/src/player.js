@@ -75,12 +75,12 @@ export class Player {
   layOut() {
     this.canvasPlace = element("div", { class: "op-canvas" });
     this.note = element("p", { class: "op-note", role: "status", hidden: true });
-    this.stageBox = element("div", { class: "op-stage" }, this.canvasPlace, this.labels.layer, this.controls.views, this.controls.legend, this.note);
+    this.stageBox = element("div", { class: "op-stage" }, this.canvasPlace, this.labels.layer, this.controls.views, this.controls.legend);
     this.curvesBox = element("div", { class: "op-curves" }, this.controls.chooser, ...this.panels.map((panel) => panel.root));
     this.curvesBox.hidden = this.panels.length === 0;
     const title = this.scene.title ? element("p", { class: "op-title", text: this.scene.title }) : null;
     const notes = this.scene.notes.length ? element("p", { class: "op-drawn", text: `Drawn, not measured: ${this.scene.notes.join("; ")}.` }) : null;
-    const left = element("div", { class: "op-left" }, this.stageBox, this.controls.bar, this.controls.tools, notes);
+    const left = element("div", { class: "op-left" }, this.stageBox, this.note, this.controls.bar, this.controls.tools, notes);
     this.root.replaceChildren(...[title, element("div", { class: `op-columns${this.panels.length ? "" : " op-alone"}` }, left, this.curvesBox)].filter(Boolean));
     this.root.setAttribute("role", "group");
     this.root.setAttribute("aria-label", `Player of ${this.scene.title || this.scene.model}`);
@@ -234,7 +234,7 @@ export class Player {
   preset(number) {
     const viewpoint = this.scene.viewpoints[number];
     if (!viewpoint) return;
-    this.camera.seenFrom(viewpoint.seen_from);
+    this.camera.seenFrom(viewpoint.seen_from, viewpoint.zoom);
     this.viewpoint = viewpoint.name;
     this.refresh();
   }

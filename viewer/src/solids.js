@@ -11,7 +11,7 @@ const UP = new Vector3(0, 1, 0);
 export const ELLIPSOID_95 = 2.7955;
 /** A loop whose sides are further apart is drawn as open, m. */
 const OPEN_M = 0.002;
-const LOOP_SHARE = 1.25;
+const LOOP_SHARE = 1.42;
 const FIXED_SHARE = 0.3;
 
 const direction = new Vector3();
@@ -50,8 +50,8 @@ export class Solids {
     this.places = new Float32Array(3 * figure.points.length);
     this.magnified = 0;
     this.addLimbs();
-    this.addStrands();
-    if (!ghostly) this.addShapes();
+    this.strands = [];
+    if (!ghostly) this.addSurroundings();
     this.addEllipsoids();
   }
 
@@ -82,14 +82,19 @@ export class Solids {
     this.loops = this.ghostly ? [] : loops.map((loop) => ({ ends: loop.ends, ball: this.add(mesh(BALL, this.material("", "loop"))), rod: this.add(mesh(ROD, this.material("", "loop"))) }));
   }
 
+  addSurroundings() {
+    this.addStrands();
+    this.addShapes();
+  }
+
   addStrands() {
     this.strands = this.figure.scene.strands.flatMap((strand) =>
       strand.points.map((point, k) => ({
         point,
         before: k ? strand.points[k - 1] : null,
         radius: strand.radius_m,
-        ball: this.add(mesh(BALL, this.material("", strand.part === "body" ? "skin" : strand.part), !this.ghostly)),
-        rod: k ? this.add(mesh(ROD, this.material("", strand.part === "body" ? "skin" : strand.part), !this.ghostly)) : null,
+        ball: this.add(mesh(BALL, this.material("", strand.part === "body" ? "skin" : strand.part))),
+        rod: k ? this.add(mesh(ROD, this.material("", strand.part === "body" ? "skin" : strand.part))) : null,
       })),
     );
   }
@@ -109,7 +114,7 @@ export class Solids {
 
   addEllipsoids() {
     const spread = this.figure.scene.spread;
-    const material = new MeshLambertMaterial({ color: this.ghostly ? this.colours.ghost : this.colours.spread, transparent: true, opacity: 0.38, depthWrite: false });
+    const material = new MeshLambertMaterial({ color: this.ghostly ? this.colours.ghost : this.colours.spread, transparent: true, opacity: 0.4, depthWrite: false, depthTest: false });
     this.ellipsoids = (spread?.points ?? []).map(() => this.add(mesh(BALL, material, false)));
   }
 

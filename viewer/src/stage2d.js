@@ -3,7 +3,7 @@
 import { ELLIPSOID_95 } from "./solids.js";
 import { coloured } from "./palette.js";
 
-const EDGE = 6;
+const BEHIND_ALL_M = 1000;
 
 export class FlatStage {
   constructor(canvas, view, figure, ghost) {
@@ -63,7 +63,7 @@ export class FlatStage {
       const width = Math.max(1.2, radius * (one[3] + other[3]));
       found.push({ depth: (one[2] + other[2]) / 2, draw: () => this.line(ends, width, ghostly ? colours.ghost : colour, ghostly ? 0.5 : 1) });
     };
-    for (const strand of figure.scene.strands) strand.points.slice(1).forEach((b, k) => rod(strand.points[k], b, strand.radius_m, colours.skin));
+    for (const strand of ghostly ? [] : figure.scene.strands) strand.points.slice(1).forEach((b, k) => rod(strand.points[k], b, strand.radius_m, colours.skin));
     for (const bone of figure.scene.bones) rod(...bone.ends, radius_m * (bone.moves ? 1 : 0.3), bone.moves ? coloured(colours, bone.side) : colours.frame);
     if (!ghostly) for (const loop of figure.scene.loops) rod(...loop.ends, radius_m, colours.loop);
     return found;
@@ -84,7 +84,8 @@ export class FlatStage {
         const [a, b, c] = corners.map((k) => points[k]);
         const normal = cross(minus(b, a), minus(c, a));
         const shade = 0.72 + 0.28 * Math.abs(dot(normal, light) / (Math.hypot(...normal) * Math.hypot(...light) || 1));
-        const depth = corners.reduce((sum, k) => sum + flat[k][2], 0) / 3;
+        // a shell is larger than what stands in it: it is drawn first
+        const depth = corners.reduce((sum, k) => sum + flat[k][2], 0) / 3 + (shape.part === "shell" ? BEHIND_ALL_M : 0);
         const colour = shaded(coloured(colours, shape.part, shape.part === "body" ? "skin" : shape.part), shade);
         faces.push({ depth, draw: () => this.face(corners.map((k) => flat[k]), colour) });
       }
@@ -133,7 +134,7 @@ export class FlatStage {
     pen.beginPath();
     corners.forEach(([x, y], k) => (k ? pen.lineTo(x, y) : pen.moveTo(x, y)));
     pen.closePath();
-    Object.assign(pen, { fillStyle: colour, strokeStyle: colour, lineWidth: 1 / EDGE + 0.6 });
+    Object.assign(pen, { fillStyle: colour, strokeStyle: colour, lineWidth: 0.8 });
     pen.fill();
     pen.stroke();
   }

@@ -38,9 +38,9 @@ export class SpaceStage {
   addLights() {
     const { camera, bounds } = this.view;
     const up = new Vector3().fromArray(camera.up);
-    const sky = new HemisphereLight(0xffffff, 0xb8bec6, 1.5);
+    const sky = new HemisphereLight(0xffffff, 0xa8b0ba, 1.55);
     sky.position.copy(up);
-    const sun = new DirectionalLight(0xffffff, 2.0);
+    const sun = new DirectionalLight(0xffffff, 1.7);
     const size = Math.max(...bounds.half) * 1.5;
     const centre = new Vector3().fromArray(bounds.centre);
     const side = new Vector3().fromArray(camera.left).multiplyScalar(-0.55).addScaledVector(new Vector3().fromArray(camera.forward), 0.45);
@@ -51,7 +51,7 @@ export class SpaceStage {
     sun.shadow.bias = -0.0004;
     sun.shadow.normalBias = 0.01;
     Object.assign(sun.shadow.camera, { left: -size, right: size, top: size, bottom: -size, near: 0.1 * size, far: 8 * size });
-    this.world.add(sky, sun, sun.target, new AmbientLight(0xffffff, 0.35));
+    this.world.add(sky, sun, sun.target, new AmbientLight(0xffffff, 0.25));
   }
 
   addGround() {

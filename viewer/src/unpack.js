@@ -13,16 +13,20 @@ export function times(packet) {
 
 const MISSING = -32768;
 
-/** Values by row: `table.values[row * table.columns + column]`; NaN is missing. */
+/** Values by row: `table.values[row * table.columns + column]`; NaN is missing. Columns of scale 0 have no steps. */
 export function table(packet) {
   const steps = new Int16Array(bytes(packet.data));
-  const columns = packet.scale.length;
-  const values = new Float32Array(steps.length);
-  for (let i = 0; i < steps.length; i++) {
-    const k = i % columns;
-    values[i] = steps[i] === MISSING ? NaN : packet.offset[k] + packet.scale[k] * steps[i];
+  const { rows, scale, offset } = packet;
+  const columns = scale.length;
+  const values = new Float32Array(rows * columns);
+  let next = 0;
+  for (let row = 0; row < rows; row++) {
+    for (let k = 0; k < columns; k++) {
+      const step = scale[k] === 0 ? 0 : steps[next++];
+      values[row * columns + k] = step === MISSING ? NaN : offset[k] + scale[k] * step;
+    }
   }
-  return { values, columns, rows: packet.rows };
+  return { values, columns, rows };
 }
 
 /** Where a time lies between samples: row, and share of the way to the next one. Before and behind: the ends. */

@@ -12,7 +12,10 @@ from oarlock.cli.options import Json, example
 from oarlock.cli.terminal import UsageError, print_json, progress, say, verb
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from oarlock import Track
+    from oarlock.viewer.marks import Mark
 
 LONGEST_S = 180.0
 """What is shown of a longer track unless --start and --end say otherwise: a browser holds it without effort."""
@@ -104,7 +107,27 @@ def _scene(
         # the ghost brings its lines, not its surroundings
         look = rowing_look(other)
         bare = None if look is None else look.bare()
-        ghost = scene(other, every_s=every_s, look=bare, title=ghost_name)
+        ghost = scene(other, marks=_marks(other), every_s=every_s, look=bare, title=ghost_name)
     start_s, end_s = shown_s
-    look = rowing_look(track)
-    return scene(track, ghost=ghost, every_s=every_s, start_s=start_s, end_s=end_s, look=look)
+    return scene(
+        track,
+        marks=_marks(track),
+        ghost=ghost,
+        every_s=every_s,
+        start_s=start_s,
+        end_s=end_s,
+        look=rowing_look(track),
+    )
+
+
+def _marks(track: Track) -> Sequence[Mark]:
+    """A rower's strokes; nothing of other bodies, or where nothing tells them."""
+    from oarlock import DataError
+    from oarlock.rowing import find_strokes, rowing_look, stroke_marks
+
+    if rowing_look(track) is None:
+        return ()
+    try:
+        return stroke_marks(find_strokes(track))
+    except DataError:
+        return ()

@@ -14,7 +14,7 @@ from oarlock.rowing.noise import CONDITIONS, TABLE_4_NOISE, ImuNoise, SimulatedC
 from oarlock.rowing.pitch import HullForm, HullPitch, hull_pitch
 from oarlock.rowing.rail import on_unknown_rail
 from oarlock.rowing.session_skin import session_skin
-from oarlock.rowing.shapes import rowing_look
+from oarlock.rowing.shapes import rowing_look, stroke_marks
 from oarlock.rowing.simulators import SIMULATORS, FieldSimulator, ScullingSimulator
 from oarlock.rowing.stretcher import adjusted_stretcher
 from oarlock.rowing.stroke import StrokeShape
@@ -71,6 +71,7 @@ __all__ = [
     "sculling",
     "session_skin",
     "simulate_field",
+    "stroke_marks",
     "sweep_piece",
     "sweeping",
     "technique",

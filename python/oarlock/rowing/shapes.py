@@ -18,6 +18,7 @@ from oarlock.shapes import Part, box, ellipsoid, loft
 
 if TYPE_CHECKING:
     from oarlock import Model, Track
+    from oarlock.rowing.strokes import Strokes
 
 Floats = NDArray[np.float64]
 Solid = tuple[Floats, NDArray[np.int64]]
@@ -32,12 +33,13 @@ _LEGS_SPARE = 0.985
 _LIMB_M = 0.032
 _LEG_M = 0.045
 _NEEDED = ("seat", "r_shoulder", "l_shoulder", "r_hand", "l_hand")
+_SHOWN_BY_SHAPES = {"seat", "r_shoulder", "l_shoulder", "trunk_bent", "trunk_leaned", "chest", "r_handle", "l_handle", "bar"}
 _FIRST_CURVES = ("oar_phi", "handle", "seat", "trunk", "elbow_flexion")
 _VIEWPOINTS = (
     Viewpoint("side", (-1.0, 0.16, 0.0)),
     Viewpoint("stern", (0.0, 0.22, 1.0)),
-    Viewpoint("above", (0.0, 1.0, 0.0)),
-    Viewpoint("corner", (-1.0, 0.45, 0.9)),
+    Viewpoint("above", (0.0, 1.0, 0.0), 0.5),
+    Viewpoint("corner", (-1.0, 0.45, 0.9), 0.85),
 )
 
 
@@ -64,6 +66,7 @@ def rowing_look(track: Track) -> Look | None:
         ground_m=parts.ground_m,
         ground="water" if rower.afloat else "ground",
         limb_radius_m=_LIMB_M,
+        without_lines=tuple(name for name in model.frame_names if name in _SHOWN_BY_SHAPES),
         fixed_lines=False,
         first_curves=_FIRST_CURVES,
         notes=tuple(drawn),
@@ -71,7 +74,7 @@ def rowing_look(track: Track) -> Look | None:
 
 
 def _on_land(viewpoints: Iterable[Viewpoint]) -> tuple[Viewpoint, ...]:
-    return tuple(Viewpoint("front", v.seen_from) if v.name == "stern" else v for v in viewpoints)
+    return tuple(Viewpoint("front", v.seen_from, v.zoom) if v.name == "stern" else v for v in viewpoints)
 
 
 class Rower:
@@ -124,7 +127,7 @@ class Rower:
             hip + share * (top - hip) + np.column_stack([w * np.sin(turn), np.zeros_like(turn), d * np.cos(turn)])
             for share, w, d in profile
         ]
-        head = ellipsoid(top + [0.0, 0.245 * s, 0.015], [0.075 * s, 0.115 * s, 0.095 * s], 18)
+        head = ellipsoid(top + [0.0, 0.225 * s, 0.015], [0.075 * s, 0.115 * s, 0.095 * s], 18)
         return (
             self.carried(chest, loft(np.stack(rings)), "body", "trunk"),
             self.carried(chest, head, "body", "head"),
@@ -185,3 +188,18 @@ def _knee(hip: Floats, ankle: Floats, thigh_m: float, shank_m: float) -> Floats:
     return knee
 
 
+
+
+def stroke_marks(strokes: Strokes) -> list[tuple[float, float, str] | tuple[float, str]]:
+    """Catches and finishes as instants, and each stroke as a span, for `oarlock.viewer.scene`.
+
+    Args:
+        strokes: what `find_strokes` found; a stroke whose end is not known has no span.
+    """
+    marks: list[tuple[float, float, str] | tuple[float, str]] = []
+    rows = zip(strokes.catch_time_s, strokes.finish_time_s, strokes.end_time_s, strict=True)
+    for number, (catch, finish, end) in enumerate(rows, 1):
+        marks += [(float(time_s), name) for time_s, name in ((catch, "catch"), (finish, "finish")) if np.isfinite(time_s)]
+        if np.isfinite(catch) and np.isfinite(end):
+            marks.append((float(catch), float(end), f"stroke {number}"))
+    return marks

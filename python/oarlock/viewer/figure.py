@@ -52,8 +52,10 @@ class Figure:
         return points, np.concatenate(moving, axis=1) if moving else np.zeros((len(self.places[0]), 0))
 
 
-def add_frames(figure: Figure, description: Mapping[str, Any], poses: Floats) -> list[dict[str, Any]]:
-    """Points of all frames, and the bones from each to its parent."""
+def add_frames(
+    figure: Figure, description: Mapping[str, Any], poses: Floats, look: Look
+) -> list[dict[str, Any]]:
+    """Points of all frames, and the bones from each to its parent, but for those that the look leaves out."""
     frames: Sequence[Mapping[str, Any]] = description["frames"]
     kinds = {joint["name"]: joint["kind"] for joint in description["joints"]}
     number = {frame["name"]: k for k, frame in enumerate(frames)}
@@ -71,9 +73,9 @@ def add_frames(figure: Figure, description: Mapping[str, Any], poses: Floats) ->
         bones += [
             {"ends": [a, b], "moves": frame["name"] in moves, "side": side_of(frame["name"])[0]}
             for a, b in zip(chain, chain[1:], strict=False)
-            if a != b
+            if a != b and frame["name"] not in look.without_lines
         ]
-    return _once(bones)
+    return [bone for bone in _once(bones) if bone["moves"] or look.fixed_lines]
 
 
 def _through_corner(
@@ -122,14 +124,15 @@ def add_strands(figure: Figure, look: Look, rows: NDArray[np.int64]) -> list[dic
 
 
 def carried_shapes(
-    look: Look, frame_names: Sequence[str], poses: Floats
-) -> tuple[list[dict[str, Any]], Floats]:
-    """The look's shapes as plain data, and the poses (T, 7 K) of the frames that carry them: place, then quat_wxyz."""
+    figure: Figure, look: Look, frame_names: Sequence[str], poses: Floats
+) -> tuple[list[dict[str, Any]], Floats, list[int]]:
+    """The look's shapes as plain data, and the frames that carry them: quat_wxyz (T, 4 K), and points (K) at their origins."""
     carriers = list(dict.fromkeys(shape.frame for shape in look.shapes))
-    columns = []
+    columns, origins = [np.zeros((len(poses), 0))], []
     for name in carriers:
         pose = poses[:, frame_names.index(name)]
-        columns += [pose[:, :3, 3], continuous_quat(quat_from_matrix(pose[:, :3, :3]))]
+        columns.append(continuous_quat(quat_from_matrix(pose[:, :3, :3])))
+        origins.append(figure.point(pose[:, :3, 3], name))
     shapes = [
         {
             "carrier": carriers.index(shape.frame),
@@ -140,7 +143,7 @@ def carried_shapes(
         }
         for shape in look.shapes
     ]
-    return shapes, np.concatenate(columns, axis=1) if columns else np.zeros((len(poses), 0))
+    return shapes, np.concatenate(columns, axis=1), origins
 
 
 def _same(one: Floats, other: Floats) -> bool:

@@ -67,11 +67,11 @@ def scene(
     description = model.describe()
     poses = poses_of(track, rows)
     figure = Figure()
-    bones = add_frames(figure, description, poses)
+    bones = add_frames(figure, description, poses, seen)
     loops = add_loops(figure, description, poses)
     framed = len(figure.places)
     strands = add_strands(figure, seen, rows)
-    shapes, carriers = carried_shapes(seen, list(model.frame_names), poses)
+    shapes, turns, origins = carried_shapes(figure, seen, list(model.frame_names), poses)
     points, places = figure.described()
     instants, spans = marks_and_spans(marks)
     times = track.time_s[rows]
@@ -87,11 +87,11 @@ def scene(
         "limb_radius_m": seen.limb_radius_m,
         "points": points,
         "places_m": packed(places),
-        "bones": [bone for bone in bones if bone["moves"] or seen.fixed_lines],
+        "bones": bones,
         "loops": loops,
         "strands": strands,
         "shapes": shapes,
-        "carriers": packed(carriers),
+        "carriers": {"points": origins, "quat_wxyz": packed(turns)},
         "spread": _spread(track, figure, model.frame_names, rows, framed),
         "panels": packed_panels(chosen, rows, len(track.time_s), seen.first_curves),
         "marks": instants,
@@ -172,7 +172,8 @@ def _require_frames(look: Look, names: Sequence[str]) -> None:
 
 
 def _viewpoint(viewpoint: Viewpoint) -> dict[str, Any]:
-    return {"name": viewpoint.name, "seen_from": [float(value) for value in viewpoint.seen_from]}
+    direction = [float(value) for value in viewpoint.seen_from]
+    return {"name": viewpoint.name, "seen_from": direction, "zoom": float(viewpoint.zoom)}
 
 
 def _usual(world: Mapping[str, Any]) -> tuple[Viewpoint, ...]:
