@@ -69,8 +69,15 @@ def write_rowing_report(
         if other is not None or targets is not None:
             raise
         return [
-            write_report(track.with_notes(f"No strokes are told: {error}"), target, evaluation, truth, title)
+            write_report(track.with_notes(f"No stroke is told: {error}"), target, evaluation, truth, title)
         ]
+    empty = [piece for piece in pieces if not len(piece.table)]
+    if empty and other is not None:
+        raise DataError(
+            f"'{empty[0].name}' has no stroke to lay beside another. {' '.join(empty[0].table.notes)}"
+        )
+    if empty:
+        return [write_report(track.with_notes(*empty[0].table.notes), target, evaluation, truth, title)]
     tables = [_beside(target, k) for k in range(len(pieces))]
     sections = sections_of(pieces, [table.name for table in tables])
     heading = title or _heading(pieces)

@@ -43,7 +43,7 @@ def stack(track: Track, table: StrokeTable, counted: NDArray[np.bool_]) -> Stack
     start, end = start[inside], end[inside]
     time_s = start[:, None] + (end - start)[:, None] * np.linspace(0.0, 1.0, POINTS)
     flat = [np.interp(time_s.ravel(), track.time_s, column) for column in track.q.T]
-    return Stack(time_s, np.stack(flat, axis=-1).reshape(*time_s.shape, -1))
+    return Stack(time_s, np.stack(flat, axis=-1).reshape(*time_s.shape, len(flat)))
 
 
 def frame_courses(track: Track, strokes: Stack, frames: Sequence[str]) -> dict[str, Floats]:

@@ -80,6 +80,8 @@ def _length(piece: Piece) -> str:
 
 
 def _standing_out(piece: Piece) -> str:
+    if not piece.counted.any():
+        return "<strong>What stands out:</strong> no stroke counts in averages, so nothing can be said of technique."
     found = findings(piece)
     if not found:
         return (
