@@ -37,8 +37,8 @@ LEAN_RAD, PLANE_RAD = np.radians(4.0), np.radians(5.0)
 """What is asked of recordings in which the model is wrong, root mean square over a recording."""
 COVERED = 0.75
 """Of a recording's strokes in their 95 % bands: its errors last, so few recordings are few draws."""
-DRAWS, LIKE_DRAWN = 48, (0.7, 1.4)
-"""48 draws tell a standard deviation to 10 %; the rest is what is not linear."""
+DRAWS, LIKE_DRAWN = 32, (0.6, 1.6)
+"""32 draws tell a standard deviation to 13 %, the worst of fifty to 30 %; the rest is what is not linear."""
 
 
 @cache
@@ -163,11 +163,13 @@ def check_wild(errors: dict[str, tuple[Floats, Floats]]) -> None:
     assert np.mean(inside) > COVERED
 
 
+@pytest.mark.timeout(400)
 def test_lean_and_arm_plane_of_another_authors_wild_recording():
     wild = read_exact(local_folder("recordings") / "wild_0.npz", "wild")
     check_wild(field_errors(oarlock.track(sculler(), wild.recording), wild.truth, WILD))
 
 
+@pytest.mark.timeout(400)
 def test_lean_and_arm_plane_in_the_field():
     trial = simulate_field(sculler(), FieldEffects.wild(), duration_s=25.0, rate_spm=26.0, seed=203)
     check_wild(field_errors(oarlock.track(sculler(), trial.recording), trial.truth, WILD))
@@ -179,6 +181,7 @@ def certain_lengths(lengths: dict[str, float]) -> Model:
     return Model.from_toml(text, sculler().path, dict(sculler().parameters) | lengths)
 
 
+@pytest.mark.timeout(400)
 def test_bands_are_those_of_drawn_errors():
     """Errors of joints, lengths and zeros drawn as `posture_errors` describes them, for each draw all numbers anew."""
     track, _ = exact()
@@ -202,8 +205,8 @@ def test_bands_are_those_of_drawn_errors():
         if not any(part in name for part in skipped) and np.isfinite(spread).all():
             ratios[name] = float(np.sqrt(np.mean((found.strokes.std(name) / spread) ** 2)))
     assert len(ratios) > 40
-    # Seat and legs have noise of their track beside what is drawn.
-    most = {n: np.inf if n == "legs_peak_speed_m_s" else LIKE_DRAWN[1] for n in ratios}
+    # Speeds have the noise of their track beside what is drawn.
+    most = {n: np.inf if "peak_speed" in n else LIKE_DRAWN[1] for n in ratios}
     outside = {n: r for n, r in ratios.items() if not LIKE_DRAWN[0] < r < most[n]}
     assert not outside
 
@@ -214,9 +217,11 @@ def drawn_track(track: Track, std: Floats, found: Technique, rng: np.random.Gene
     knots = np.ravel(np.stack([table["catch_time_s"], table["finish_time_s"]], axis=1))
     turn = np.interp(track.time_s, knots, np.pi * np.arange(len(knots)))[:, None]
     arm = np.array([not n.startswith(("seat", "trunk")) for n in track.coordinate_names])
-    a, b, c = rng.standard_normal((3, len(std)))
-    a, b, c = np.where(arm, np.sqrt(1.5) * a, a), np.where(arm, 0.0, b), np.where(arm, 0.0, c)
-    q = track.q + std * (a + np.sqrt(0.5) * (b * np.cos(turn) + c * np.sin(turn)))
+    a, b, c, d, f = rng.standard_normal((5, len(std)))
+    body = np.sqrt(0.5) * (b * np.cos(turn) + c * np.sin(turn)) + 0.3 * (
+        d * np.cos(4 * turn) + f * np.sin(4 * turn)
+    )
+    q = track.q + std * np.where(arm, np.sqrt(1.59) * a, a + body)
     for name in track.coordinate_names:
         if "oar" in name:
             q[:, track.coordinate_names.index(name)] += found.found.zero_std * rng.standard_normal()
@@ -242,6 +247,7 @@ def test_every_unknown_has_its_reason():
                 assert np.isfinite(value) or reason, name
 
 
+@pytest.mark.timeout(400)
 def test_the_boats_speed_is_that_of_the_hull():
     piece = row_piece(sculler(), 12.0, 26.0, seed=6)
     _, recording = simulate_sculling(sculler(), "B-B", 12.0, 26.0, seed=6)
@@ -305,6 +311,16 @@ def test_without_oars_the_seat_and_the_hands_tell_the_rest():
     for name in ("finish_lean_rad", "handle_travel_m"):
         error = np.abs(found.strokes[name] - true.strokes[name])
         assert (error < 4.0 * found.strokes.std(name)).all()
+
+
+def test_an_arm_that_no_sensor_tells_is_not_reported():
+    excerpt = load_excerpt()
+    bare = ("r_upperarm", "r_forearm", "r_oar_phi", "r_oar_alpha")
+    recording = oarlock.Recording([s for s in excerpt.recording if s.name not in bare])
+    found = technique(oarlock.track(sculler(), recording)).strokes
+    assert np.isnan(found["r_finish_elbow_flexion_rad"]).all() and np.isnan(found["r_arm_plane_rad"]).all()
+    assert all("no sensor tells the arm" in reason for reason in found.reason("r_finish_elbow_flexion_rad"))
+    assert np.isfinite(found["l_finish_elbow_flexion_rad"]).all()
 
 
 @pytest.mark.parametrize("name", ["sweep", "ergometer"])

@@ -1,12 +1,13 @@
 """What technique's numbers are uncertain by: each source of error moved by its standard deviation, one at a time.
 
 A track's deviations are of single angles at single times. Over time errors last: mounts are askew, a tape measure is
-off, skin slides with the posture. So an angle's error e is taken as a part that stays the same and a part that goes
-once round with the stroke,
+off, skin slides with the posture. So an angle's error e is taken as a part that stays the same, a part that goes once
+round with the stroke, and a small one that is quicker, which matters for speeds,
 
-    e = std(t) (a + (b cos u + c sin u) / sqrt 2),   u = 0 at the catch, pi at the finish,   a, b, c of variance 1
+    e = std(t) (a + (b cos u + c sin u) / sqrt 2 + 0.3 (d cos 4 u + f sin 4 u))
 
-It does not shrink when many samples are averaged. Its mean square is 1.5 std^2: the bands of a track hold over a whole
+with u = 0 at the catch, pi at the finish, and a, b, c, d, f of variance 1.
+It does not shrink when many samples are averaged. Its mean square is 1.6 std^2: the bands of a track hold over a whole
 stroke, but numbers are read at its ends, and there squared errors over squared deviations were 1.5 times as large
 (finish, nine joints, ten simulated recordings in which the model is wrong). Errors of different joints are taken as
 unrelated. With f0, f+ and f- a number as it is and with one source moved by plus and
@@ -33,12 +34,15 @@ Floats = NDArray[np.float64]
 _STEP_S = 1e-3
 _STEP = 1e-4
 _ROUND = 2.0 * np.pi * np.arange(POINTS) / (POINTS - 1)
-SHAPES = (np.ones(POINTS), np.sqrt(0.5) * np.cos(_ROUND), np.sqrt(0.5) * np.sin(_ROUND))
-"""Of the three parts of an error over a stroke, (POINTS,) each."""
-_AT_ONE_TIME = np.sqrt(1.5)
-"""All three together, of joints whose numbers are of one time."""
 _QUICK = (np.cos(4.0 * _ROUND), np.sin(4.0 * _ROUND))
-"""Of errors of rates, which come and go within a quarter of a stroke."""
+SHAPES = (
+    np.ones(POINTS),
+    *(np.sqrt(0.5) * shape for shape in (np.cos(_ROUND), np.sin(_ROUND))),
+    *(0.3 * shape for shape in _QUICK),
+)
+"""Of the parts of an error over a stroke, (POINTS,) each."""
+_AT_ONE_TIME = np.sqrt(1.59)
+"""All together, of joints whose numbers are of one time."""
 _TOGETHER = ("l_cl", "l_ua", "l_fa", "l_ha")
 
 

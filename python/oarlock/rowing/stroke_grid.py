@@ -28,7 +28,7 @@ MIDDLE = (slice(STEPS // 5, STEPS - STEPS // 5 + 1), slice(STEPS + STEPS // 5, 2
 _SILENT_S = 0.15
 _RATE_WINDOW_S = 0.14
 _FEWEST = 4
-_LASTING = 6.0
+_LASTING = 8.0
 """How much more than white noise what a track leaves over moves a slope: it lasts for several samples."""
 
 

@@ -28,6 +28,7 @@ Floats = NDArray[np.float64]
 
 _STROKES_AT_ONCE = 32
 _SEEN_SHARE = 0.5
+_ARM = ("elbow", "shoulder", "arm_plane", "forearm")
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,36 +188,19 @@ def _oars(rower: Rower, course: Course, grid: Grid, zero_std: float) -> tuple[Va
 
 def _forget_unobserved(track: Track, rower: Rower, found: Strokes, values: Values, stds: Values) -> None:
     """What no sensor tells has a value by its prior alone: it is not reported."""
-    names = list(track.coordinate_names)
-    groups = {
-        ("lean", "trunk", "style"): rower.trunk_joints,
-        ("seat", "legs"): ("seat",),
-    }
-    for words, joints in groups.items():
-        _forget(
-            values,
-            stds,
-            _unseen(track, found, [names.index(n) for n in joints if n in names]),
-            words,
-            ("r_", "l_"),
-        )
-    for side in rower.sides:
-        unseen = _unseen(track, found, [names.index(n) for n in rower.arm_joints(side)])
-        arms = [
-            n
-            for n in values
-            if n.startswith(f"{side}_") and any(w in n for w in ("elbow", "shoulder", "arm_plane", "forearm"))
-        ]
-        for name in arms:
-            values[name][unseen], stds[name][unseen] = np.nan, np.nan
-
-
-def _forget(
-    values: Values, stds: Values, unseen: NDArray[np.bool_], words: tuple[str, ...], not_with: tuple[str, ...]
-) -> None:
-    for name in values:
-        if any(word in name for word in words) and not name.startswith(not_with):
-            values[name][unseen], stds[name][unseen] = np.nan, np.nan
+    known = list(track.coordinate_names)
+    told_by = [
+        (("lean", "trunk", "arms_", "finish_factor"), "", rower.trunk_joints),
+        (("seat", "legs", "share", "style", "catch_factor"), "", ("seat",)),
+        *((_ARM, f"{side}_", rower.arm_joints(side)) for side in rower.sides),
+    ]
+    for words, side, joints in told_by:
+        unseen = _unseen(track, found, [known.index(name) for name in joints if name in known])
+        for name in values:
+            sided = name.startswith(("r_", "l_"))
+            own = name.startswith(side) if side else not sided
+            if own and any(word in name for word in words):
+                values[name][unseen], stds[name][unseen] = np.nan, np.nan
 
 
 def _unseen(track: Track, found: Strokes, columns: list[int]) -> NDArray[np.bool_]:
