@@ -82,7 +82,11 @@ def test_deviations_are_those_of_draws_from_the_belief(stretched, pendulum, refe
         stretched,
         time_s=np.arange(DRAWS, dtype=float),
         q=stretched.q[row] + draws[:, :3],
-        slow={names[-1]: replace(stretched.slow[names[-1]], value=stretched.slow[names[-1]].value[row] + draws[:, 3])},
+        slow={
+            names[-1]: replace(
+                stretched.slow[names[-1]], value=stretched.slow[names[-1]].value[row] + draws[:, 3]
+            )
+        },
     )
     drawn = np.cov(whole.frame_positions(frame, reference).T)
     size = np.linalg.norm(drawn)

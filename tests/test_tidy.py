@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 MOST_LINES = 500
 VAGUE_NAMES = {"base", "common", "factory", "helper", "helpers", "manager", "misc", "types", "util", "utils"}
-BUILT = {".git", ".venv", "target", "dist", "out", "__pycache__"}
+BUILT = {".git", ".venv", "node_modules", "target", "dist", "out", "__pycache__"}
 BUILT |= {".hypothesis", ".mypy_cache", ".pytest_cache", ".ruff_cache"}
 TEXT = {
     "",
@@ -22,6 +22,7 @@ TEXT = {
     ".in",
     ".js",
     ".json",
+    ".mjs",
     ".lock",
     ".md",
     ".py",

@@ -32,7 +32,9 @@ await build({
   charset: "utf8",
   legalComments: "none",
   // the licences travel with every copy, pages included
-  banner: { js: `/*!\n${legal.replaceAll("*/", "* /")}*/`, css: "/*! Holds parts of uPlot (MIT licence, Leon Sorokin); the text stands in the script. */" },
+  // and a page that brings the script twice runs it once
+  footer: { js: "}" },
+  banner: { js: `/*!\n${legal.replaceAll("*/", "* /")}*/\nif (!window.oarlock?.fill) {`, css: "/*! Holds parts of uPlot (MIT licence, Leon Sorokin); the text stands in the script. */" },
   loader: { ".css": "css" },
 });
 await writeFile(join(out, "player.licences.txt"), legal);

@@ -88,8 +88,8 @@ def position_spreads(
 ) -> tuple[Floats, Source]:
     """Covariances (T, K, 3, 3) of the frames' places, m2, and where they come from; see `PositionSpread`.
 
-    First order: J P J' with central differences of the model's kinematics (JCGM 100, 2008, eq. 13). Lengths that are not
-    estimated count as exact.
+    First order: J P J' with central differences of the model's kinematics (JCGM 100, 2008, eq. 13). Lengths that are
+    not estimated count as exact.
 
     Raises:
         DataError: the track has no model.
@@ -181,7 +181,9 @@ def _correlations(track: Track, states: Sequence[str]) -> Callable[[Floats], Flo
     own = beliefs.covariance[:, columns][:, :, columns]
     std = np.sqrt(np.diagonal(own, axis1=1, axis2=2))
     scale = std[:, :, None] * std[:, None, :]
-    kept[np.ix_(range(len(kept)), there, there)] = np.where(scale > 0.0, own / np.where(scale > 0, scale, 1.0), 0.0)
+    kept[np.ix_(range(len(kept)), there, there)] = np.where(
+        scale > 0.0, own / np.where(scale > 0, scale, 1.0), 0.0
+    )
     kept[:, range(len(states)), range(len(states))] = 1.0
 
     def at(time_s: Floats) -> Floats:

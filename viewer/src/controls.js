@@ -151,7 +151,8 @@ export class Controls {
     const sizes = player.figure.factorsAt(player.time_s).map(({ point, factor }) => [Math.hypot(...factor), player.figure.points[point].name]);
     const [largest, name] = sizes.reduce((one, other) => (other[0] > one[0] ? other : one), [0, ""]);
     const how = spread.source === "beliefs" ? "" : " Joints are taken as independent.";
-    this.spreadWords.textContent = `Ellipsoids hold 95 %: at most ± ${(1000 * ELLIPSOID_95 * largest).toFixed(1)} mm (${name.replaceAll("_", " ")}).${how}`;
+    const exact = " Lengths that were not estimated count as exact.";
+    this.spreadWords.textContent = `Ellipsoids hold 95 %: at most ± ${(1000 * ELLIPSOID_95 * largest).toFixed(1)} mm (${name.replaceAll("_", " ")}).${how}${exact}`;
   }
 
   key(event) {

@@ -1,4 +1,4 @@
-// Finds the places of players in the page and fills them. A page may bring this script more than once.
+// Finds the places of players in the page and fills them. The build runs this once, however often a page brings it.
 
 import "uplot/dist/uPlot.min.css";
 
@@ -17,8 +17,6 @@ function fill() {
   }
 }
 
-if (!oarlock.fill) {
-  oarlock.fill = fill;
-  if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", fill);
-  else fill();
-}
+oarlock.fill = fill;
+if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", fill);
+else fill();

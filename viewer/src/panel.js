@@ -22,7 +22,7 @@ export class Panel {
     this.band = false;
     this.ghosts = new Map();
     this.values = element("span", { class: "op-values" });
-    this.plot = element("div", { class: "op-plot" });
+    this.plot = element("div", { class: "op-plot", role: "img", "aria-label": `Curve of ${panel.label} over time, ${panel.unit}; the slider moves its line` });
     const hint = this.series.map((series) => series.hint).filter(Boolean).join("; ");
     const name = element("span", { class: "op-panel-name", text: panel.label, title: hint || false });
     this.root = element("figure", { class: "op-panel", "data-panel": panel.key, hidden: !panel.open }, element("figcaption", {}, name, element("span", { class: "op-unit", text: panel.unit }), this.values), this.plot);

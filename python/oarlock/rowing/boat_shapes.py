@@ -56,16 +56,24 @@ def machine_shapes(rower: Rower) -> Surroundings:
     rail = rower.standing("seat")[1] - 0.16
     wheel = _disc(np.array([0.0, rail + 0.14, front + 0.08]), 0.27, 0.09)
     shapes = [
-        rower.carried("root", box([0.0, rail, 0.5 * front - 0.35], [0.07, 0.06, front + 0.9]), "frame", "rail"),
-        rower.carried("root", box([0.0, 0.5 * (rail + floor), -0.72], [0.42, rail - floor, 0.05]), "frame", "leg"),
-        rower.carried("root", box([0.0, 0.5 * (rail + floor), front], [0.42, rail - floor, 0.05]), "frame", "leg"),
+        rower.carried(
+            "root", box([0.0, rail, 0.5 * front - 0.35], [0.07, 0.06, front + 0.9]), "frame", "rail"
+        ),
+        rower.carried(
+            "root", box([0.0, 0.5 * (rail + floor), -0.72], [0.42, rail - floor, 0.05]), "frame", "leg"
+        ),
+        rower.carried(
+            "root", box([0.0, 0.5 * (rail + floor), front], [0.42, rail - floor, 0.05]), "frame", "leg"
+        ),
         rower.carried("root", wheel, "shell", "flywheel"),
         *rower.seat_and_stretcher(),
     ]
     if {"r_handle", "l_handle", "bar"} <= set(rower.names):
         ends = np.stack([rower.standing("r_handle"), rower.standing("l_handle")])
         out = 0.06 * (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
-        shapes.append(rower.carried("bar", tube(ends + [-out, out], 0.016), "tool", "handle"))
+        shapes.append(
+            rower.carried("bar", tube(np.stack([ends[0] - out, ends[1] + out]), 0.016), "tool", "handle")
+        )
     return Surroundings(tuple(shapes), floor)
 
 
@@ -73,7 +81,9 @@ def _oars(rower: Rower) -> list[tuple[str, str, Part | None]]:
     """Frame that carries each oar, its oarlock, and the side by which it is coloured."""
     if "r_oarlock" in rower.names:
         return [("r_handle", "r_oarlock", "right"), ("l_handle", "l_oarlock", "left")]
-    inner = max(("r_handle", "l_handle"), key=lambda name: float(np.linalg.norm(_inboard(rower, name, "oarlock"))))
+    inner = max(
+        ("r_handle", "l_handle"), key=lambda name: float(np.linalg.norm(_inboard(rower, name, "oarlock")))
+    )
     side: Part = "right" if rower.standing("oarlock")[0] < 0.0 else "left"
     return [(inner, "oarlock", side)]
 
@@ -92,8 +102,8 @@ def _oar(rower: Rower, handle: str, oarlock: str) -> tuple[list[tuple[Floats, ND
     start = grip - end * out
     tip = start + length * out
     neck = tip - _BLADE_M * out
-    grips = tube([start, grip + 0.07 * out], 0.019)
-    shaft = tube([grip + 0.07 * out, start + 0.6 * length * out, neck], [0.020, 0.019, 0.014])
+    grips = tube(np.stack([start, grip + 0.07 * out]), 0.019)
+    shaft = tube(np.stack([grip + 0.07 * out, start + 0.6 * length * out, neck]), [0.020, 0.019, 0.014])
     return [grips, shaft, _blade(neck, out)], tip - 0.5 * _BLADE_M * out
 
 
@@ -111,7 +121,7 @@ def _blade(neck: Floats, out: Floats) -> tuple[Floats, NDArray[np.int64]]:
         bend = hollow * (1.0 - np.linspace(-1.0, 1.0, 5) ** 2)
         face = [center + h * up - b * stern for h, b in zip(heights, bend, strict=True)]
         back = [point - 0.008 * stern for point in face[::-1]]
-        rings.append(np.array(face + back))
+        rings.append(np.array([*face, *back]))
     return loft(np.stack(rings))
 
 
@@ -138,7 +148,10 @@ def _hull(rower: Rower, water: float) -> tuple[Shape, ...]:
     rails = [
         rower.carried(
             rower.boat,
-            box([x, rower.standing("seat")[1] - 0.135 * rower.scale, 0.5 * rower.toe_m[2] - 0.12], [0.018, 0.02, 0.85]),
+            box(
+                [x, rower.standing("seat")[1] - 0.135 * rower.scale, 0.5 * rower.toe_m[2] - 0.12],
+                [0.018, 0.02, 0.85],
+            ),
             "frame",
             "rail",
         )
@@ -149,16 +162,23 @@ def _hull(rower: Rower, water: float) -> tuple[Shape, ...]:
 
 def _riggers(rower: Rower, water: float) -> tuple[Shape, ...]:
     """From each pin two stays to the hull, and the pin itself."""
-    found = []
+    found, up = [], np.array([0.0, 1.0, 0.0])
     for name in (n for n in rower.names if n.endswith("oarlock")):
         pin = rower.standing(name)
         side = np.sign(pin[0])
         for along in (-0.38, 0.32):
             root = np.array([side * 0.13, water + 0.13, pin[2] + along])
-            found.append(rower.carried(rower.boat, tube([pin + [0.0, -0.05, 0.0], root], 0.011), "frame", "rigger"))
-        found.append(rower.carried(rower.boat, tube([pin - [0, 0.06, 0], pin + [0, 0.05, 0]], 0.013), "frame", "pin"))
+            found.append(
+                rower.carried(rower.boat, tube(np.stack([pin - 0.05 * up, root]), 0.011), "frame", "rigger")
+            )
+        found.append(
+            rower.carried(
+                rower.boat, tube(np.stack([pin - 0.06 * up, pin + 0.05 * up]), 0.013), "frame", "pin"
+            )
+        )
     return tuple(found)
 
 
 def _disc(center: Floats, radius_m: float, half_width_m: float) -> tuple[Floats, NDArray[np.int64]]:
-    return tube([center - [half_width_m, 0.0, 0.0], center + [half_width_m, 0.0, 0.0]], radius_m, 28)
+    half = np.array([half_width_m, 0.0, 0.0])
+    return tube(np.stack([center - half, center + half]), radius_m, 28)

@@ -1,7 +1,7 @@
 """What a rower, the oars and the boat look like: plain shapes for whoever draws a track.
 
-Only the frames of the model are measured. Trunk, head, legs, hull, blades and water are drawn around them in usual sizes:
-oars and blades after Concept2's and the rigging figures of Row2k, limbs after Winter's (2009) shares of stature.
+Only the frames of the model are measured. Trunk, head, legs, hull, blades and water are drawn around them in usual
+sizes: oars after the makers' lengths (Concept2), limbs after Winter's (2009) shares of stature.
 """
 
 from __future__ import annotations
@@ -23,9 +23,8 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Solid = tuple[Floats, NDArray[np.int64]]
 
-THIGH, SHANK = 0.471, 0.473
-"""Shares of the trunk's and arms' scale: of a stature of 1.81 m, thigh 0.245 and shank 0.246 of it (Winter 2009), less what
-hip and ankle give."""
+THIGH, SHANK = 0.443, 0.445
+"""m, of a rower whose trunk is 0.52 m: 0.245 and 0.246 of a stature of 1.81 m (Winter 2009)."""
 _USUAL_TRUNK_M = 0.520
 _HIP_HALF_WIDTH_M = 0.085
 _ANKLE_BELOW_HIP_M = 0.13
@@ -33,7 +32,8 @@ _LEGS_SPARE = 0.985
 _LIMB_M = 0.032
 _LEG_M = 0.045
 _NEEDED = ("seat", "r_shoulder", "l_shoulder", "r_hand", "l_hand")
-_SHOWN_BY_SHAPES = {"seat", "r_shoulder", "l_shoulder", "trunk_bent", "trunk_leaned", "chest", "r_handle", "l_handle", "bar"}
+_TRUNK_FRAMES = {"seat", "trunk_leaned", "trunk_bent", "chest", "r_shoulder", "l_shoulder"}
+_SHOWN_BY_SHAPES = _TRUNK_FRAMES | {"r_handle", "l_handle", "bar"}
 _FIRST_CURVES = ("oar_phi", "handle", "seat", "trunk", "elbow_flexion")
 _VIEWPOINTS = (
     Viewpoint("side", (-1.0, 0.16, 0.0)),
@@ -47,8 +47,8 @@ def rowing_look(track: Track) -> Look | None:
     """Shapes for a track of a rower: trunk, head, legs, oars, seat, stretcher, hull or machine, and the water.
 
     Args:
-        track: of a model with frames `seat`, `r_shoulder`, `l_shoulder`, `r_hand`, `l_hand`; oars and hull are drawn if it
-            has oarlocks, a machine if it has a chain.
+        track: of a model with frames `seat`, `r_shoulder`, `l_shoulder`, `r_hand`, `l_hand`; oars and hull are drawn
+            if it has oarlocks, a machine if not.
 
     Returns:
         The look, or None for a model that is no rower.
@@ -58,7 +58,10 @@ def rowing_look(track: Track) -> Look | None:
         return None
     rower = Rower(model, track.q)
     parts = (boat_shapes if rower.afloat else machine_shapes)(rower)
-    drawn = ["trunk, head, legs and stretcher", "hull, water and feathering of the blades" if rower.afloat else "machine"]
+    drawn = [
+        "trunk, head, legs and stretcher",
+        "hull, water and feathering of the blades" if rower.afloat else "machine",
+    ]
     return Look(
         shapes=(*rower.trunk_and_head(), *parts.shapes),
         strands=rower.legs(),
@@ -124,10 +127,12 @@ class Rower:
         ]  # fmt: skip
         turn = np.linspace(0.0, 2.0 * np.pi, 20, endpoint=False)
         rings = [
-            hip + share * (top - hip) + np.column_stack([w * np.sin(turn), np.zeros_like(turn), d * np.cos(turn)])
+            hip
+            + share * (top - hip)
+            + np.column_stack([w * np.sin(turn), np.zeros_like(turn), d * np.cos(turn)])
             for share, w, d in profile
         ]
-        head = ellipsoid(top + [0.0, 0.225 * s, 0.015], [0.075 * s, 0.115 * s, 0.095 * s], 18)
+        head = ellipsoid(top + np.array([0.0, 0.225 * s, 0.015]), [0.075 * s, 0.115 * s, 0.095 * s], 18)
         return (
             self.carried(chest, loft(np.stack(rings)), "body", "trunk"),
             self.carried(chest, head, "body", "head"),
@@ -140,8 +145,8 @@ class Rower:
         hip = np.einsum("tji,tj->ti", boat[:, :3, :3], away)
         strands = []
         for side, sign in (("right", -1.0), ("left", 1.0)):
-            start = hip + [sign * _HIP_HALF_WIDTH_M, 0.0, 0.0]
-            ankle = np.broadcast_to(self.toe_m * [0.0, 1.0, 1.0] + [sign * 0.08, 0.0, 0.0], start.shape)
+            start = hip + np.array([sign * _HIP_HALF_WIDTH_M, 0.0, 0.0])
+            ankle = np.broadcast_to(self.toe_m + np.array([sign * 0.08, 0.0, 0.0]), start.shape)
             knee = _knee(start, ankle, THIGH * self.scale, SHANK * self.scale)
             toe = ankle + np.array([0.0, 0.13, 0.10])
             chain = np.stack([start, knee, ankle, toe], axis=1)
@@ -160,7 +165,7 @@ class Rower:
 
     def seat_and_stretcher(self) -> tuple[Shape, ...]:
         """Seat on its rails, and the board that the feet stand on."""
-        under = self.standing("seat") + [0.0, -0.105 * self.scale, 0.0]
+        under = self.standing("seat") - np.array([0.0, 0.105 * self.scale, 0.0])
         board = self.toe_m + np.array([0.0, 0.05, 0.085])
         plate = box([0.0, 0.0, 0.0], [0.30, 0.30, 0.02])
         slope = np.deg2rad(-42.0)  # about 42 deg is usual
@@ -188,8 +193,6 @@ def _knee(hip: Floats, ankle: Floats, thigh_m: float, shank_m: float) -> Floats:
     return knee
 
 
-
-
 def stroke_marks(strokes: Strokes) -> list[tuple[float, float, str] | tuple[float, str]]:
     """Catches and finishes as instants, and each stroke as a span, for `oarlock.viewer.scene`.
 
@@ -199,7 +202,11 @@ def stroke_marks(strokes: Strokes) -> list[tuple[float, float, str] | tuple[floa
     marks: list[tuple[float, float, str] | tuple[float, str]] = []
     rows = zip(strokes.catch_time_s, strokes.finish_time_s, strokes.end_time_s, strict=True)
     for number, (catch, finish, end) in enumerate(rows, 1):
-        marks += [(float(time_s), name) for time_s, name in ((catch, "catch"), (finish, "finish")) if np.isfinite(time_s)]
+        marks += [
+            (float(time_s), name)
+            for time_s, name in ((catch, "catch"), (finish, "finish"))
+            if np.isfinite(time_s)
+        ]
         if np.isfinite(catch) and np.isfinite(end):
             marks.append((float(catch), float(end), f"stroke {number}"))
     return marks

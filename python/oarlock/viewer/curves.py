@@ -132,9 +132,11 @@ def _of_joint(series: JointSeries | BallSeries, label: str) -> Iterator[Curve]:
     if isinstance(series, FreeSeries):
         for k, axis in enumerate("xyz"):
             values, std = 1e3 * series.position_m[:, k], 1e3 * series.std_m[:, k]
-            yield Curve(f"{series.name}.{axis}", f"{plain} {axis}", "mm", values, std, hint=label)
+            yield Curve(f"{series.name}.place_{axis}", f"{plain} {axis}", "mm", values, std, hint=label)
     angles, stds = np.rad2deg(series.angles_rad()), np.rad2deg(series.angles_std_rad())
     for k, letter in enumerate(angle_labels(series.angle_sequence)):
         panel = f"{stem} {letter}" if side else ""
-        name = side or f"{plain} {letter}"
-        yield Curve(f"{series.name}.{letter}", name, "deg", angles[:, k], stds[:, k], panel, side, label)
+        name = side or f"{plain} angle {letter}"
+        yield Curve(
+            f"{series.name}.angle_{letter}", name, "deg", angles[:, k], stds[:, k], panel, side, label
+        )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -72,7 +73,7 @@ def add_frames(
         chain = _through_corner(figure, parent, poses[:, k, :3, 3], kind, frame["name"], end)
         bones += [
             {"ends": [a, b], "moves": frame["name"] in moves, "side": side_of(frame["name"])[0]}
-            for a, b in zip(chain, chain[1:], strict=False)
+            for a, b in itertools.pairwise(chain)
             if a != b and frame["name"] not in look.without_lines
         ]
     return [bone for bone in _once(bones) if bone["moves"] or look.fixed_lines]
@@ -126,7 +127,7 @@ def add_strands(figure: Figure, look: Look, rows: NDArray[np.int64]) -> list[dic
 def carried_shapes(
     figure: Figure, look: Look, frame_names: Sequence[str], poses: Floats
 ) -> tuple[list[dict[str, Any]], Floats, list[int]]:
-    """The look's shapes as plain data, and the frames that carry them: quat_wxyz (T, 4 K), and points (K) at their origins."""
+    """The look's shapes as plain data; of the K frames that carry them quat_wxyz (T, 4 K), and their points."""
     carriers = list(dict.fromkeys(shape.frame for shape in look.shapes))
     columns, origins = [np.zeros((len(poses), 0))], []
     for name in carriers:
@@ -149,7 +150,9 @@ def carried_shapes(
 def _same(one: Floats, other: Floats) -> bool:
     with np.errstate(invalid="ignore"):
         apart = np.abs(one - other)
-    return bool(np.array_equal(np.isnan(one), np.isnan(other)) and np.nanmax(apart, initial=0.0) <= SAME_PLACE_M)
+    return bool(
+        np.array_equal(np.isnan(one), np.isnan(other)) and np.nanmax(apart, initial=0.0) <= SAME_PLACE_M
+    )
 
 
 def _still(place: Floats) -> list[float] | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -18,7 +19,8 @@ def marks_and_spans(marks: Sequence[Mark]) -> tuple[list[dict[str, Any]], list[d
     Raises:
         DataError: neither an instant nor a span, or a span that ends before it begins.
     """
-    instants, spans = [], []
+    instants: list[dict[str, Any]] = []
+    spans: list[dict[str, Any]] = []
     for mark in marks:
         match mark:
             case (float() | int() as time_s, str() as label):
@@ -40,6 +42,6 @@ def _between(instants: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
         times = [instant["time_s"] for instant in instants if instant["label"] == label]
         spans += [
             {"start_s": start, "end_s": end, "label": f"{label} {k}"}
-            for k, (start, end) in enumerate(zip(times, times[1:], strict=False), 1)
+            for k, (start, end) in enumerate(itertools.pairwise(times), 1)
         ]
     return spans

@@ -127,14 +127,16 @@ def shown_rows(time_s: Floats, every_s: float, start_s: float | None, end_s: flo
     return np.union1d(kept, inside[-1:])
 
 
-def _spread(track: Track, figure: Figure, frame_names: Sequence[str], rows: Ints, framed: int) -> Scene | None:
+def _spread(
+    track: Track, figure: Figure, frame_names: Sequence[str], rows: Ints, framed: int
+) -> Scene | None:
     """Square roots (lower Cholesky factors) of the points' covariances, now and then; None where nothing is known."""
     asked = [k for k in range(framed) if figure.frames[k]]
     numbers = [list(frame_names).index(figure.frames[k][0]) for k in asked]
     times = track.time_s[rows]
     few = rows[shown_rows(times, SPREAD_EVERY_S, None, None)]
     covariance, source = position_spreads(track, numbers, 0, few)
-    known = np.isfinite(covariance).all(axis=(2, 3))
+    known = np.asarray(np.isfinite(covariance).all(axis=(2, 3)))
     uncertain = [k for k in range(len(asked)) if known[:, k].any() and np.nanmax(covariance[:, k]) > 0.0]
     if source == "unknown" or not uncertain:
         return None
