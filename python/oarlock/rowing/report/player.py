@@ -6,11 +6,8 @@ from collections.abc import Sequence
 from html import escape
 from typing import Any
 
-import numpy as np
-
 from oarlock.rowing.report.piece import Piece
-from oarlock.rowing.report.tables import stroke_label
-from oarlock.rowing.shapes import rowing_look
+from oarlock.rowing.shapes import rowing_look, stroke_marks
 from oarlock.viewer import embed, joint_curves, scene
 
 LONGEST_S = 60.0
@@ -34,7 +31,7 @@ def _scene(piece: Piece, start_s: float, end_s: float, ghost: Any = None, bare: 
     ]
     return scene(
         track,
-        marks=_marks(piece, start_s, end_s),
+        marks=stroke_marks(piece.technique.found),
         curves=curves,
         ghost=ghost,
         start_s=start_s,
@@ -53,20 +50,6 @@ def _stretch(piece: Piece) -> tuple[float, float]:
     start = float(counted[0]) if len(counted) else first
     start = min(start, last - LONGEST_S)
     return start, start + LONGEST_S
-
-
-def _marks(piece: Piece, start_s: float, end_s: float) -> list[tuple[float, str] | tuple[float, float, str]]:
-    """Catches and finishes, and each stroke from catch to next catch."""
-    table = piece.table
-    found: list[tuple[float, str] | tuple[float, float, str]] = []
-    columns = (table["catch_time_s"], table["finish_time_s"], table["end_time_s"])
-    for k, (catch, finish, end) in enumerate(zip(*columns, strict=True)):
-        if not start_s <= catch <= end_s:
-            continue
-        found += [(float(catch), "catch"), (float(finish), "finish")]
-        if np.isfinite(end):
-            found.append((float(catch), float(end), stroke_label(k)))
-    return found
 
 
 def _hint(pieces: Sequence[Piece], start_s: float, end_s: float) -> str:

@@ -50,7 +50,7 @@ def link(name: str, label: str) -> str:
 
 
 def stroke_label(row: int) -> str:
-    """What a stroke is called in the player."""
+    """What a stroke is called in the player, as `oarlock.rowing.stroke_marks` names it."""
     return f"stroke {row + 1}"
 
 
