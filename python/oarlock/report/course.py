@@ -47,7 +47,7 @@ class Axis:
     @property
     def in_words(self) -> str:
         """Name and unit."""
-        return f"{self.name}, {self.unit}" if self.unit else self.name
+        return ", ".join(part for part in (self.name, self.unit) if part)
 
 
 def course_chart(
@@ -77,7 +77,7 @@ def course_chart(
             _axis_name(panel, x),
         ]
     )
-    words = f"{y.in_words} over {x.in_words}. {_ends(series, y.unit)}"
+    words = f"{y.in_words or caption} over {x.in_words}. {_ends(series, y.unit)}"
     return _figure(key, caption, y, fact, _drawn(key, (WIDTH, HEIGHT), caption, words, content), series)
 
 
@@ -124,7 +124,7 @@ def plane_chart(
         )
     parts.append(_axis_name(panel, x))
     scales = "one scale" if taller == 1.0 else f"{y.name} drawn {taller:g} times as large"
-    words = f"{y.in_words} over {x.in_words}, {scales}. {_ends(series, y.unit)}"
+    words = f"{y.in_words or caption} over {x.in_words}, {scales}. {_ends(series, y.unit)}"
     size = (WIDTH, top + height + 44.0)
     return _figure(key, caption, y, fact, _drawn(key, size, caption, words, "".join(parts)), series)
 
@@ -162,7 +162,7 @@ def row_chart(
             if np.isfinite(value)
         ]
     parts.append(_axis_name(panel, x))
-    words = f"{y.in_words} over {x.in_words}. {_ends(series, y.unit)}"
+    words = f"{y.in_words or caption} over {x.in_words}. {_ends(series, y.unit)}"
     svg = _drawn(key, (WIDTH, HEIGHT), caption, words, "".join(parts))
     return _figure(key, caption, y, fact, svg, series)
 
