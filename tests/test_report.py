@@ -4,60 +4,23 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 
 from fake_track import FakeInfo, noisy_track, true_track, with_beliefs
+from html_page import Page
 from oarlock.errors import DataError
-from oarlock.report import plot, write_report
+from oarlock.report import KeyFigure, Section, plot, write_report
 from oarlock.report.health import smoothed_nis
 from oarlock.report.text import fixed, number
+from oarlock.suspects_text import SUSPECT_NOTE
 
 LARGEST_BYTES = 3_000_000
 """A page that is mailed and opened on a telephone."""
-VOID = {"meta", "br", "wbr", "link", "img", "input", "hr"}
 
 NAMES, UNITS = ("seat", "elbow", "theta"), ("m", "rad", "rad")
 TIME_S = np.arange(1001) * 0.01
-
-
-class Page(HTMLParser):
-    """Checks nesting and collects what is needed."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.errors: list[str] = []
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.words: list[str] = []
-        self.feed(text)
-        self.close()
-        self.errors += [f"{tag} is never closed" for tag in self.open]
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag):
-        if not self.open or self.open.pop() != tag:
-            self.errors.append(f"{tag} closes something else")
-
-    def handle_data(self, data):
-        if not self.open or self.open[-1] != "style":
-            self.words.append(data)
-
-    @property
-    def text(self) -> str:
-        return re.sub(r"\s+", " ", "".join(self.words))
-
-    def all(self, tag: str) -> list[dict[str, str | None]]:
-        return [attributes for name, attributes in self.tags if name == tag]
 
 
 @pytest.fixture
@@ -251,3 +214,49 @@ def test_numbers_read_well(value, text):
 
 def test_a_rounded_zero_has_no_sign():
     assert (fixed(-1e-7, 4), fixed(-0.5, 1)) == ("0.0000", "\N{MINUS SIGN}0.5")
+
+
+def test_sections_of_a_field_come_first_and_bring_their_words_style_and_script(tmp_path, track):
+    own = Section(
+        "teeth",
+        "Teeth",
+        "<p>12 % of gums</p>",
+        ("<b>Two</b> teeth.",),
+        (KeyFigure("teeth", "2", "of 32"),),
+        ".teeth { color: red; }",
+        "window.teeth = 5 % 3;",
+    )
+    read = page(tmp_path, replace(track, notes=(f"{SUSPECT_NOTE}the back is frozen",)), sections=[own])
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert read.errors == []
+    places = [
+        read.text.index(words)
+        for words in ("Suspect: the back is frozen", "Two teeth.", "3 joints of the model")
+    ]
+    assert places == sorted(places)
+    assert ".teeth { color: red; }" in text
+    assert "<script>window.teeth = 5 % 3;</script>" in text
+    assert "script-src 'unsafe-inline'" in text
+    assert next(a["href"] for a in read.all("a")) == "#teeth"
+
+
+def test_a_page_without_sections_runs_no_script(tmp_path, track):
+    page(tmp_path, track)
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "script-src" not in text
+
+
+@pytest.mark.parametrize("key", ["Teeth", "2nd", "a b", ""])
+def test_a_key_that_is_no_anchor_is_refused(key):
+    with pytest.raises(DataError, match="small letters"):
+        Section(key, "Teeth", "")
+
+
+def test_two_sections_with_one_key_are_refused(tmp_path, track):
+    with pytest.raises(DataError, match="already has a section 'joints'"):
+        page(tmp_path, track, sections=[Section("joints", "Joints", "")])
+
+
+def test_a_script_that_would_end_itself_is_refused():
+    with pytest.raises(DataError, match="would end it"):
+        Section("teeth", "Teeth", "", script="'</script>'")

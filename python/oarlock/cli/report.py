@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from oarlock.cli.evaluate import truth_folder
 from oarlock.cli.options import Json, example
-from oarlock.cli.terminal import print_json, say, verb
+from oarlock.cli.terminal import UsageError, print_json, say, verb
+
+if TYPE_CHECKING:
+    from oarlock import Evaluation, Track
 
 
 def add_to(app: typer.Typer) -> None:
@@ -18,7 +21,10 @@ def add_to(app: typer.Typer) -> None:
         "report",
         short_help="Write a track's report.html.",
         epilog=example(
-            "oarlock report out", "oarlock report out --truth trial/truth", "oarlock report out --to a.html"
+            "oarlock report out",
+            "oarlock report out --truth trial/truth",
+            "oarlock report after --compare before",
+            "oarlock report out --to a.html",
         ),
     )(report)
 
@@ -29,18 +35,66 @@ def report(
     truth: Annotated[
         Path | None, typer.Option("--truth", metavar="FOLDER", help="Draw the truth beside the estimate.")
     ] = None,
+    compare: Annotated[
+        Path | None,
+        typer.Option(
+            "--compare",
+            metavar="TRACK2",
+            help="Of rowers: another piece or athlete, or before and after, beside this one.",
+        ),
+    ] = None,
+    targets: Annotated[
+        str | None,
+        typer.Option(
+            "--targets",
+            metavar="NAME|FILE",
+            help="Of rowers: published ranges to draw, of a boat class, or of a file of your own.",
+        ),
+    ] = None,
     to: Annotated[
         Path | None, typer.Option("--to", metavar="FILE", help="The file to write; else TRACK/report.html.")
     ] = None,
     json_output: Json = False,
 ) -> None:
-    """Write report.html: one file, offline, with table, curves and sensor health."""
+    """Write report.html: one file, offline, with what was found, curves and sensor health.
+
+    Where the model is of a rower it begins with the strokes: a summary in words, a player, strokes.csv beside the page,
+    curves, paths of the hands, left and right. What each number means, its unit, its sign and who defined it stands in
+    the page itself, under "What each number means", and in docs/report.md.
+    """
     from oarlock import load_track
-    from oarlock.report import write_report
 
     known = load_track(truth_folder(truth)) if truth is not None else None
-    written = write_report(load_track(out), to or out / "report.html", truth=known)
+    other = load_track(compare) if compare is not None else None
+    track = load_track(out)
+    names = (out.name, compare.name if compare is not None else "")
+    written = write_any_report(
+        track, to or out / "report.html", truth=known, other=other, names=names, targets=targets
+    )
     if json_output:
-        print_json({"report": written})
+        print_json({"report": written[0], "beside": written[1:]})
         return
-    say(f"Wrote {written}")
+    say(f"Wrote {' and '.join(str(path) for path in written)}")
+
+
+def write_any_report(
+    track: Track,
+    path: Path,
+    evaluation: Evaluation | None = None,
+    truth: Track | None = None,
+    other: Track | None = None,
+    names: tuple[str, str] = ("", ""),
+    targets: str | None = None,
+) -> list[Path]:
+    """Writes the report of a body of any kind; of a rower with strokes. The files written, the report first."""
+    from oarlock.report import write_report
+    from oarlock.rowing.report import is_of_rower, write_rowing_report
+
+    if is_of_rower(track):
+        return write_rowing_report(track, path, evaluation, truth, other=other, names=names, targets=targets)
+    for flag, asked in (("--compare", other), ("--targets", targets)):
+        if asked is not None:
+            raise UsageError(
+                f"{flag} is for tracks of rowers; this one has joints {', '.join(track.joint_names[:6])}"
+            )
+    return [write_report(track, path, evaluation, truth)]

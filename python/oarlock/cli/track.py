@@ -286,10 +286,10 @@ def write_folder(
     truth: Track | None = None,
 ) -> Path:
     """Writes the track's tables, run.toml and a report; `csv` adds each table as CSV. The report's path."""
-    from oarlock.report import write_report
+    from oarlock.cli.report import write_any_report
 
     result.save(out)
-    report = write_report(result, out / "report.html", evaluation=evaluation, truth=truth)
+    report = write_any_report(result, out / "report.html", evaluation, truth)[0]
     if csv:
         from pyarrow import csv as arrow_csv
         from pyarrow import parquet

@@ -2,14 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import DataError
 from ..evaluate import Evaluation, evaluate
 from ..evaluate.tracklike import TrackLike
+from .chart import Series
+from .course import Axis, Mark, Zone, course_chart, plane_chart, row_chart
 from .page import render
+from .section import KeyFigure, Section
+from .sortable import Column, sort_script, sortable_table, value_cell
+from .tables import table as plain_table
+from .text import fixed
 
-__all__ = ["write_report"]
+__all__ = [
+    "Axis",
+    "Column",
+    "KeyFigure",
+    "Mark",
+    "Section",
+    "Series",
+    "Zone",
+    "course_chart",
+    "fixed",
+    "plain_table",
+    "plane_chart",
+    "row_chart",
+    "sort_script",
+    "sortable_table",
+    "value_cell",
+    "write_report",
+]
 
 
 def write_report(
@@ -18,8 +42,9 @@ def write_report(
     evaluation: Evaluation | None = None,
     truth: TrackLike | None = None,
     title: str | None = None,
+    sections: Sequence[Section] = (),
 ) -> Path:
-    """Write a report that works offline: no script, no request, readable on paper and on a telephone.
+    """Write a report that works offline: no request, no script but that of `sections`, readable on paper and telephone.
 
     Args:
         track: the result to report.
@@ -27,12 +52,13 @@ def write_report(
         evaluation: scores against truth; computed if only ``truth`` is given.
         truth: reference that is drawn beside the estimate.
         title: heading; default names the model.
+        sections: parts of a field's own, before those of any body.
 
     Returns:
         Path: the file written.
 
     Raises:
-        DataError: the track has no samples, or does not overlap with the truth.
+        DataError: the track has no samples, or does not overlap with the truth, or two sections share a key.
     """
     if not len(track.time_s):
         raise DataError("nothing to report: the track has no samples. Was the recording empty?")
@@ -42,7 +68,7 @@ def write_report(
     if target.is_dir():
         target = target / "report.html"
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(render(track, evaluation, truth, title), encoding="utf-8")
+    target.write_text(render(track, evaluation, truth, title, sections), encoding="utf-8")
     return target
 
 

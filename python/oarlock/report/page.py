@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
@@ -10,28 +11,53 @@ from ..evaluate import Evaluation, SensorScore
 from ..evaluate.consistency import sensor_scores
 from ..evaluate.tracklike import Interval, TrackLike
 from . import curves, health, slow, tables, verdict
+from .section import Section, refuse_doubles, tiles
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 """What a browser may load for this page: nothing from outside."""
+WITH_SCRIPT = f"{POLICY} blob:; script-src 'unsafe-inline'"
+"""The same where the page runs scripts of its own."""
 
 
 def render(
-    track: TrackLike, evaluation: Evaluation | None, truth: TrackLike | None, title: str | None
+    track: TrackLike,
+    evaluation: Evaluation | None,
+    truth: TrackLike | None,
+    title: str | None,
+    handed: Sequence[Section] = (),
 ) -> str:
-    """The whole page as text."""
+    """The whole page as text; `handed` sections come before those of any body."""
     heading = (
         title or f"Track of {getattr(track.model, 'name', None) or track.provenance.get('model', 'a model')}"
     )
     sensors = evaluation.sensors if evaluation else sensor_scores(track, Interval.after(track.time_s, 0.0))
-    sections = _sections(track, evaluation, truth, sensors)
+    own = _sections(track, evaluation, truth, sensors)
+    refuse_doubles(handed, [key for key, _, _ in own])
+    told = [sentence for section in handed for sentence in section.sentences]
+    figures = [figure for section in handed for figure in section.figures]
     lead = (
-        f'<div class="lead">{verdict.summary(track, evaluation, sensors)}</div>'
-        f"{verdict.key_figures(track, evaluation, sensors)}"
+        f'<div class="lead">{verdict.summary(track, evaluation, sensors, told)}</div>'
+        f"{tiles([*figures, *verdict.key_figures(track, evaluation, sensors)])}"
     )
-    return shell(heading, lead, sections, _definitions())
+    sections = [*((section.key, section.name, section.markup) for section in handed), *own]
+    return shell(
+        heading,
+        lead,
+        sections,
+        _definitions(),
+        style="\n".join(dict.fromkeys(section.style for section in handed)),
+        scripts=tuple(dict.fromkeys(section.script for section in handed if section.script)),
+    )
 
 
-def shell(heading: str, lead: str, sections: Sequence[tuple[str, str, str]], definitions: str = "") -> str:
+def shell(
+    heading: str,
+    lead: str,
+    sections: Sequence[tuple[str, str, str]],
+    definitions: str = "",
+    style: str = "",
+    scripts: Sequence[str] = (),
+) -> str:
     """A page with a heading, what it says first, and sections (key, name, markup) with links to them."""
     links = "".join(f'<li><a href="#{key}">{escape(name)}</a></li>' for key, name, _ in sections)
     body = "".join(
@@ -39,16 +65,26 @@ def shell(heading: str, lead: str, sections: Sequence[tuple[str, str, str]], def
         f'<h2 id="{key}-h">{escape(name)}</h2>{content}</section>'
         for key, name, content in sections
     )
-    page = (
+    ending = "".join(f"<script>{script}</script>" for script in scripts)
+    policy = WITH_SCRIPT if scripts or "<script" in body else POLICY
+    return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f'<meta name="color-scheme" content="light dark"><title>{escape(heading)}</title>'
-        f"<style>{_style()}</style></head><body>{definitions}<header><h1>{escape(heading)}</h1>{lead}"
+        f"<style>{_style()}{style}</style></head><body>{definitions}<header><h1>{escape(heading)}</h1>{_unbroken(lead)}"
         f'<nav aria-label="Contents"><ul>{links}</ul></nav></header>'
-        f"<main>{body}</main></body></html>\n"
+        f"<main>{_unbroken(body)}</main>{ending}</body></html>\n"
     )
-    return page.replace(" %", "\N{NO-BREAK SPACE}%")
+
+
+def _unbroken(markup: str) -> str:
+    """No line ends between a number and its percent sign; scripts stay as they are."""
+    pieces = re.split(r"(<script\b.*?</script>)", markup, flags=re.S)
+    return "".join(
+        piece if piece.startswith("<script") else piece.replace(" %", "\N{NO-BREAK SPACE}%")
+        for piece in pieces
+    )
 
 
 def _sections(

@@ -12,6 +12,7 @@ from ..coordinates import joint_columns
 from ..evaluate import Evaluation, SensorScore
 from ..evaluate.tracklike import TrackLike
 from ..suspects_text import SUSPECT_NOTE
+from .section import KeyFigure
 from .text import fixed, listing, number, percent, plural
 
 NARROW_COVERAGE, WIDE_COVERAGE = 0.93, 0.995
@@ -22,10 +23,19 @@ NIS_TOO_LARGE = 1.25
 """NIS per measurement above which a sensor scatters clearly more than the filter expects."""
 
 
-def summary(track: TrackLike, evaluation: Evaluation | None, sensors: tuple[SensorScore, ...]) -> str:
-    """A few sentences: which sensors are suspect, what was tracked, how well, whether to believe the bands."""
+def summary(
+    track: TrackLike,
+    evaluation: Evaluation | None,
+    sensors: tuple[SensorScore, ...],
+    told: Sequence[str] = (),
+) -> str:
+    """A few sentences: which sensors are suspect, what was tracked, how well, whether to believe the bands.
+
+    `told` is what others have to say, markup each; it comes after suspects.
+    """
     sentences = [
         *suspect_sentences(track.notes),
+        *told,
         _what(track),
         _how_well(evaluation),
         _verdict(evaluation, sensors),
@@ -51,36 +61,38 @@ def rate_hz(track: TrackLike) -> float:
     return 1 / float(np.median(np.diff(track.time_s))) if len(track.time_s) > 1 else math.nan
 
 
-def key_figures(track: TrackLike, evaluation: Evaluation | None, sensors: tuple[SensorScore, ...]) -> str:
+def key_figures(
+    track: TrackLike, evaluation: Evaluation | None, sensors: tuple[SensorScore, ...]
+) -> list[KeyFigure]:
     """The few numbers that people look for first."""
     duration = float(track.time_s[-1] - track.time_s[0])
     figures = [
-        (
+        KeyFigure(
             "duration",
             f"{number(duration)} s",
             f"{len(track.time_s):,} samples at {number(rate_hz(track))} Hz",
         ),
-        ("joints observed", f"{len(observed_joints(track))} of {len(track.joint_names)}", _unseen(track)),
+        KeyFigure(
+            "joints observed", f"{len(observed_joints(track))} of {len(track.joint_names)}", _unseen(track)
+        ),
     ]
     if evaluation and evaluation.turning():
         worst = max(evaluation.turning(), key=lambda score: score.rmse)
         detail = f"worst {number(math.degrees(worst.rmse), 2)}°, {worst.name}"
-        figures.append(("mean angle RMSE", f"{number(evaluation.mean_rmse_deg(), 2)}°", detail))
+        figures.append(KeyFigure("mean angle RMSE", f"{number(evaluation.mean_rmse_deg(), 2)}°", detail))
         expected = "95 % is expected" if evaluation.reference == "truth" else evaluation.reference
         name = "truth" if evaluation.reference == "truth" else "reference"
-        figures.append((f"{name} in the 95 % band", percent(evaluation.mean_coverage()), expected))
+        figures.append(KeyFigure(f"{name} in the 95 % band", percent(evaluation.mean_coverage()), expected))
     if sensors:
-        figures.append(("readings used", percent(_used_share(sensors)), _not_used(sensors)))
+        figures.append(KeyFigure("readings used", percent(_used_share(sensors)), _not_used(sensors)))
     speed = track.provenance.get("steps_per_s")
     if isinstance(speed, (int, float)) and math.isfinite(speed):
         figures.append(
-            ("speed", f"{speed:,.0f}/s", f"steps, {number(speed / rate_hz(track), 2)} times real time")
+            KeyFigure(
+                "speed", f"{speed:,.0f}/s", f"steps, {number(speed / rate_hz(track), 2)} times real time"
+            )
         )
-    tiles = "".join(
-        f"<div><dt>{escape(name)}</dt><dd><b>{escape(value)}</b><span>{escape(detail)}</span></dd></div>"
-        for name, value, detail in figures
-    )
-    return f'<dl class="figures">{tiles}</dl>'
+    return figures
 
 
 def _unseen(track: TrackLike) -> str:

@@ -1,0 +1,57 @@
+"""A table whose rows can be put in another order by click or key; without its script it is a table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from importlib.resources import files
+
+
+@dataclass(frozen=True)
+class Column:
+    """A head, what it means (shown on hovering, read aloud), and a unit below it."""
+
+    name: str
+    unit: str = ""
+    meaning: str = ""
+
+
+def sort_script() -> str:
+    """The script that the page needs once for all its sortable tables."""
+    return files(__package__).joinpath("sort.js").read_text(encoding="utf-8")
+
+
+def value_cell(value: float, text: str) -> str:
+    """A cell that is sorted by the number and shows the text; markup of a cell's inside."""
+    return f'<data value="{"nan" if math.isnan(value) else f"{value:.9g}"}">{escape(text)}</data>'
+
+
+def sortable_table(
+    key: str,
+    caption: str,
+    columns: Sequence[Column],
+    rows: Sequence[Sequence[str]],
+    foot: Sequence[Sequence[str]] = (),
+    muted: Sequence[int] = (),
+) -> str:
+    """A table whose first column is a row header; cells are markup. `foot` stays below; `muted` rows are grey."""
+    heads = "".join(
+        f'<th scope="col" title="{escape(column.meaning)}">{escape(column.name)}'
+        f"{f' <small>{escape(column.unit)}</small>' if column.unit else ''}</th>"
+        for column in columns
+    )
+    body = "".join(_row(cells, "muted" if i in set(muted) else "") for i, cells in enumerate(rows))
+    below = f"<tfoot>{''.join(_row(cells, '') for cells in foot)}</tfoot>" if foot else ""
+    return (
+        f'<div class="scroll" tabindex="0" role="region" aria-labelledby="{key}-caption">'
+        f'<table id="{key}-table" class="sortable"><caption id="{key}-caption"><span>{escape(caption)}</span></caption>'
+        f"<thead><tr>{heads}</tr></thead><tbody>{body}</tbody>{below}</table></div>"
+    )
+
+
+def _row(cells: Sequence[str], style: str) -> str:
+    first, *others = cells
+    marked = f' class="{style}"' if style else ""
+    return f'<tr{marked}><th scope="row">{first}</th>{"".join(f"<td>{cell}</td>" for cell in others)}</tr>'

@@ -1,0 +1,88 @@
+"""Two pieces side by side: what differs, by how much, and whether that is more than both uncertainties explain."""
+
+from __future__ import annotations
+
+from html import escape
+
+from oarlock.report import Column, sortable_table, value_cell
+from oarlock.rowing.report.averages import Average, Difference, difference
+from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.shown import PLUS_MINUS, shown, spread, unit_of, with_unit
+from oarlock.rowing.report.standing_out import least
+from oarlock.rowing.report.tables import beyond_words, link
+
+MOST_TOLD = 4
+
+
+def differences(this: Piece, other: Piece) -> dict[str, tuple[Average, Average, Difference]]:
+    """Of every number that both pieces have: this, the other, this minus the other."""
+    return {
+        name: (mine, other.averages[name], difference(mine, other.averages[name]))
+        for name, mine in this.averages.items()
+        if mine.known and name in other.averages and other.averages[name].known
+    }
+
+
+def comparison_table(key: str, this: Piece, other: Piece) -> str:
+    """A row a number with both means, their difference, and whether it is beyond both uncertainties."""
+    rows = []
+    for name, (mine, theirs, between) in differences(this, other).items():
+        feature = mine.feature
+        rows.append(
+            [
+                link(name, feature.label),
+                escape(unit_of(feature)),
+                _mean(mine),
+                _mean(theirs),
+                value_cell(between.value * feature.shown_scale, shown(feature, between.value, signed=True)),
+                spread(feature, between.uncertainty),
+                beyond_words(between.beyond),
+            ]
+        )
+    columns = [
+        Column("number"),
+        Column("unit"),
+        Column(this.name),
+        Column(other.name),
+        Column("difference"),
+        Column(PLUS_MINUS, meaning="One standard deviation of the difference."),
+        Column("beyond both uncertainties"),
+    ]
+    caption = (
+        f"Means over the strokes, each {PLUS_MINUS} one standard deviation; the difference is {this.name} minus "
+        f"{other.name}. Beyond both uncertainties: larger than 1.96 standard deviations of the difference, in which "
+        "the track's bands are taken as one error of the whole piece, and the scatter between strokes is divided by "
+        "the square root of their number. Where both pieces share their sensors' wearing, less may already be real."
+    )
+    return sortable_table(key, caption, columns, rows)
+
+
+def sentences(this: Piece, other: Piece) -> list[str]:
+    """What differs most, as markup."""
+    found = differences(this, other)
+    names = f"<b>{escape(this.name)}</b> beside <b>{escape(other.name)}</b>"
+    if not found:
+        return [f"{names}: they have no number in common."]
+    sure = {
+        name: held for name, held in found.items() if held[2].beyond and not name.startswith(("r_", "l_"))
+    }
+    weights = {name: abs(held[2].value) / least(held[0].feature) for name, held in sure.items()}
+    telling = sorted((name for name in sure if weights[name] > 1.0), key=lambda name: -weights[name])
+    beyond = sum(bool(held[2].beyond) for held in found.values())
+    start = f"{names}: {beyond} of {len(found)} numbers differ by more than both uncertainties explain"
+    if not telling:
+        return [f"{start}, none by as much as a coach would mind."]
+    told = "; ".join(_told(*sure[name]) for name in telling[:MOST_TOLD])
+    return [f"{start}. Most: {told}."]
+
+
+def _told(mine: Average, theirs: Average, between: Difference) -> str:
+    change = with_unit(between.feature, between.value, signed=True)
+    now, then = (with_unit(one.feature, one.over.mean) for one in (mine, theirs))
+    return escape(f"{mine.feature.label} {now} instead of {then} ({change})")
+
+
+def _mean(one: Average) -> str:
+    text = value_cell(one.over.mean * one.feature.shown_scale, shown(one.feature, one.over.mean))
+    known = spread(one.feature, one.uncertainty)
+    return f'{text} <span class="spread">{PLUS_MINUS} {known}</span>'

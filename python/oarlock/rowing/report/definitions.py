@@ -1,0 +1,47 @@
+"""What each number means, in the page itself: its definition, unit, sign and source."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from html import escape
+
+from oarlock.report import plain_table
+from oarlock.rowing.features import FEATURES, Feature
+from oarlock.rowing.report.tables import anchor
+
+
+def definitions(names: Iterable[str]) -> str:
+    """A table of the features with these names; both sides of one share a row."""
+    rows, seen = [], set()
+    wanted = [name for name in dict.fromkeys(names) if name in FEATURES]
+    for name in wanted:
+        plain = name[2:] if name.startswith(("r_", "l_")) else name
+        if plain in seen:
+            continue
+        seen.add(plain)
+        same = [n for n in wanted if n == plain or n in (f"r_{plain}", f"l_{plain}")]
+        rows.append(_row(FEATURES[same[0]], same))
+    caption = (
+        "In the order of the tables. The name in small type is that of the column in strokes.csv, in SI units and "
+        "radians; r_ is the rower's right hand (port), l_ the left (starboard)."
+    )
+    return plain_table("defined", caption, ["number", "definition", "unit", "positive", "source"], rows)
+
+
+def _row(feature: Feature, names: list[str]) -> list[str]:
+    anchors = "".join(f'<span id="{anchor(name)}"></span>' for name in names)
+    columns = "<br>".join(f"<code>{escape(name).replace('_', '_<wbr>')}</code>" for name in names)
+    label = feature.label.rpartition(",")[0] if names[0].startswith(("r_", "l_")) else feature.label
+    unit = feature.shown_unit if feature.shown_unit != "1" else "–"
+    held = (
+        f"<br><small>in the file {feature.unit}</small>"
+        if feature.unit not in {feature.shown_unit, "1"}
+        else ""
+    )
+    return [
+        f"{anchors}{escape(label)}<br>{columns}",
+        escape(feature.definition),
+        escape(unit) + held,
+        escape(feature.sign or "–"),
+        escape(feature.source),
+    ]

@@ -1,0 +1,66 @@
+"""One piece of rowing as the report sees it: a track, its technique, and the strokes' postures laid together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock import Track
+from oarlock.rowing.report.averages import Average, averages, feature_of
+from oarlock.rowing.report.phase import Stack, frame_courses, stack
+from oarlock.rowing.stroke_table import Floats, StrokeTable
+from oarlock.rowing.technique import Technique
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A track with its technique.
+
+    Attributes:
+        name: of the piece, for people; "" where it is the only one.
+        track: what was tracked.
+        technique: its strokes with all that is known of them.
+    """
+
+    name: str
+    track: Track
+    technique: Technique
+
+    @property
+    def table(self) -> StrokeTable:
+        """The strokes."""
+        return self.technique.strokes
+
+    @property
+    def counted(self) -> NDArray[np.bool_]:
+        """Which strokes count in averages, (N,)."""
+        return self.technique.found.in_averages
+
+    @property
+    def finish_percent(self) -> float:
+        """Mean share of the stroke at which the drive ends; NaN where no stroke counts."""
+        return next((curve.finish_percent for curve in self.technique.curves.values()), float("nan"))
+
+    @cached_property
+    def averages(self) -> dict[str, Average]:
+        """Of every number, over the strokes that count."""
+        return averages(self.table, self.technique.summary)
+
+    @cached_property
+    def sides(self) -> dict[str, Average]:
+        """Right minus left of every number that both sides have, by its name without the side."""
+        found = self.technique.symmetry.items()
+        return {name: Average(feature_of(f"r_{name}"), mean) for name, mean in found if mean.count}
+
+    @cached_property
+    def strokes(self) -> Stack:
+        """Postures of the strokes that count, at the same shares of each."""
+        return stack(self.track, self.table, self.counted)
+
+    def frames(self, names: Sequence[str]) -> dict[str, Floats]:
+        """Courses (N, POINTS, 3), m, of those frames that the model has, in the hull's axes; none without strokes."""
+        return frame_courses(self.track, self.strokes, names) if len(self.strokes) else {}

@@ -1,0 +1,62 @@
+"""The piece as a moving figure beside its curves: strokes to loop over, a second piece as a ghost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from typing import Any
+
+from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.shapes import rowing_look, stroke_marks
+from oarlock.viewer import embed, joint_curves, scene
+
+LONGEST_S = 60.0
+"""What the page holds; the whole of a longer piece is for `oarlock view`. A minute is about a megabyte."""
+SHOWN = ("oar_phi", "handle", "seat", "trunk", "elbow_flexion", "shoulder_flexion", "shoulder_abduction")
+"""Joints whose curves stand beside the figure; all are under Curves."""
+
+
+def player(pieces: Sequence[Piece]) -> str:
+    """Markup with figure, curves and strokes; a second piece is its ghost."""
+    start_s, end_s = _stretch(pieces[0])
+    ghost = _scene(pieces[1], *_stretch(pieces[1]), bare=True) if len(pieces) > 1 else None
+    shown = _scene(pieces[0], start_s, end_s, ghost)
+    return f'<p class="hint">{_hint(pieces, start_s, end_s)}</p>{embed(shown, "player")}'
+
+
+def _scene(piece: Piece, start_s: float, end_s: float, ghost: Any = None, bare: bool = False) -> Any:
+    track, look = piece.track, rowing_look(piece.track)
+    curves = [
+        curve for curve in joint_curves(track) if curve.key.removeprefix("r_").removeprefix("l_") in SHOWN
+    ]
+    return scene(
+        track,
+        marks=stroke_marks(piece.technique.found),
+        curves=curves,
+        ghost=ghost,
+        start_s=start_s,
+        end_s=end_s,
+        look=look.bare() if look is not None and bare else look,
+        title=piece.name,
+    )
+
+
+def _stretch(piece: Piece) -> tuple[float, float]:
+    """The whole of a short track; of a longer one a minute from its first stroke that counts."""
+    first, last = float(piece.track.time_s[0]), float(piece.track.time_s[-1])
+    if last - first <= LONGEST_S:
+        return first, last
+    counted = piece.table["catch_time_s"][piece.counted]
+    start = float(counted[0]) if len(counted) else first
+    start = min(start, last - LONGEST_S)
+    return start, start + LONGEST_S
+
+
+def _hint(pieces: Sequence[Piece], start_s: float, end_s: float) -> str:
+    first = pieces[0]
+    text = "What was tracked, moving. The cursor on the curves and the figure go together."
+    if end_s - start_s < float(first.track.time_s[-1] - first.track.time_s[0]) - 1e-9:
+        text += f" It holds {start_s:.0f} to {end_s:.0f} s; <code>oarlock view</code> shows the whole."
+    if len(pieces) > 1:
+        text += f" <b>{escape(first.name)}</b> in colours, <b>{escape(pieces[1].name)}</b> as the ghost."
+    return text

@@ -1,0 +1,157 @@
+"""The sections of a rower's report, from the pieces that it is about."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from html import escape
+from importlib.resources import files
+
+from oarlock.report import Section, Zone, fixed, sort_script
+from oarlock.rowing.features import Feature
+from oarlock.rowing.report import words
+from oarlock.rowing.report.arms import arms_at_finish
+from oarlock.rowing.report.averages import feature_of
+from oarlock.rowing.report.compared import comparison_table, sentences
+from oarlock.rowing.report.definitions import definitions
+from oarlock.rowing.report.drawings import curves, hand_paths, pairs, speeds, trends, zone_of
+from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.player import player
+from oarlock.rowing.report.shown import places
+from oarlock.rowing.report.tables import (
+    averages_table,
+    shares_table,
+    sides_table,
+    strokes_table,
+    unknown_list,
+)
+
+BAND = "Tinted: one standard deviation between strokes, either way."
+
+
+def sections_of(pieces: Sequence[Piece], csv_names: Sequence[str]) -> list[Section]:
+    """Sections of one piece, or of two beside each other; those that have nothing to show are left out."""
+    first = pieces[0]
+    zones = {
+        name: zone_of(feature_of(name), target.low, target.high, target.source)
+        for name, target in first.technique.targets.items()
+    }
+    parts = [
+        ("compared-pieces", "Side by side", _compared(pieces)),
+        ("moving", "The strokes, moving", player(pieces)),
+        ("strokes", "Strokes", _strokes(pieces, csv_names)),
+        ("trends", "Over the piece", _trends(pieces, zones)),
+        ("courses", "Over a stroke", _hinted(f"Means over the strokes. {BAND}", curves(pieces))),
+        ("speeds", "Legs, trunk, arms", _speeds(pieces)),
+        ("paths", "Paths of the hands", _paths(pieces)),
+        ("arms", "Arms at the finish", _arms(pieces)),
+        ("sides", "Right and left", _sides(pieces)),
+        ("numbers", "All numbers", _numbers(pieces, zones)),
+        ("meanings", "What each number means", _meanings(pieces)),
+    ]
+    sections = [Section(key, name, markup) for key, name, markup in parts if markup]
+    return [_speaking(sections[0], pieces), *sections[1:]]
+
+
+def _speaking(section: Section, pieces: Sequence[Piece]) -> Section:
+    """The first section with all that is said above it, and what the page needs once."""
+    told = sentences(pieces[0], pieces[1]) if len(pieces) > 1 else []
+    style, script = (
+        files(__package__).joinpath(name).read_text("utf-8") for name in ("style.css", "strokes.js")
+    )
+    return replace(
+        section,
+        sentences=(*told, *words.summary(pieces[0])),
+        figures=tuple(words.key_figures(pieces[0])),
+        style=style,
+        script=sort_script() + script,
+    )
+
+
+def _hinted(hint: str, content: str) -> str:
+    return f'<p class="hint">{escape(hint)}</p>{content}' if content else ""
+
+
+def _compared(pieces: Sequence[Piece]) -> str:
+    return comparison_table("compared-pieces", pieces[0], pieces[1]) if len(pieces) > 1 else ""
+
+
+def _strokes(pieces: Sequence[Piece], csv_names: Sequence[str]) -> str:
+    parts = []
+    for k, (piece, csv_name) in enumerate(zip(pieces, csv_names, strict=True)):
+        beside = (
+            '<p class="files">All columns, with their standard deviations, are in '
+            f"<code>{escape(csv_name)}</code> beside this page. A click on a head sorts; one on "
+            "a stroke's number repeats that stroke in the player.</p>"
+        )
+        parts.append(
+            _heading(piece) + beside + strokes_table(piece, "strokes" if k == 0 else f"strokes-{k + 1}")
+        )
+    return "".join(parts)
+
+
+def _trends(pieces: Sequence[Piece], zones: dict[str, Zone]) -> str:
+    hint = "Dots: strokes. Bars: the 95 % interval of each, by the track's own bands."
+    if zones:
+        hint += (
+            " Tinted: what others aim at, with their name. No such number is right for everyone: height, rig, "
+            "rate and boat move it."
+        )
+    return _hinted(hint, trends(pieces, zones))
+
+
+def _speeds(pieces: Sequence[Piece]) -> str:
+    hint = (
+        "The speed of the handle along the keel is that of the legs (seat), plus that of the trunk (shoulders over the "
+        f"seat), plus that of the arms (handle over the shoulders). Means over the strokes. {BAND}"
+    )
+    return _hinted(
+        hint, pairs([*speeds(pieces), *[shares_table(f"shares-{k}", p) for k, p in enumerate(pieces)]])
+    )
+
+
+def _paths(pieces: Sequence[Piece]) -> str:
+    hint = (
+        f"Where the handles go, seen from the boat: the bow is at the right. Means over the strokes. {BAND}"
+    )
+    return _hinted(hint, hand_paths(pieces))
+
+
+def _arms(pieces: Sequence[Piece]) -> str:
+    hint = (
+        "Shoulder, elbow and wrist when the handle turns, means over the strokes; thin lines: single strokes. The arm "
+        "plane holds these three points."
+    )
+    return _hinted(hint, arms_at_finish(pieces))
+
+
+def _sides(pieces: Sequence[Piece]) -> str:
+    tables = [(piece, sides_table(f"sides-{k}", piece)) for k, piece in enumerate(pieces)]
+    return "".join(f"{_heading(piece)}{table}" for piece, table in tables if table)
+
+
+def _numbers(pieces: Sequence[Piece], zones: dict[str, Zone]) -> str:
+    published = {name: _published(feature_of(name), zone) for name, zone in zones.items()}
+    parts = []
+    for k, piece in enumerate(pieces):
+        sided = {f"{side}_{name}" for side in "rl" for name in piece.sides}
+        found = [one for name, one in piece.averages.items() if name not in sided]
+        caption = "Means over the strokes. What both sides have stands under Right and left."
+        parts.append(_heading(piece) + averages_table(f"numbers-{k}", caption, found, published))
+        parts.append(unknown_list(found))
+    return "".join(parts)
+
+
+def _heading(piece: Piece) -> str:
+    return f"<h3>{escape(piece.name)}</h3>" if piece.name else ""
+
+
+def _published(feature: Feature, zone: Zone) -> str:
+    low, high = (fixed(end, places(feature)) for end in (zone.low, zone.high))
+    told = low if low == high else f"{low} to {high}"
+    return f'{escape(told)} <span class="mark">{escape(zone.name)}</span>'
+
+
+def _meanings(pieces: Sequence[Piece]) -> str:
+    names = [name for piece in pieces for name in (*piece.table.columns, *piece.technique.curves)]
+    return definitions(names)

@@ -1,0 +1,62 @@
+"""Numbers of strokes as people read them: units, decimals, signs."""
+
+from __future__ import annotations
+
+import math
+
+from oarlock.report import fixed
+from oarlock.rowing.features import Feature
+
+DECIMALS = {
+    "deg": 1,
+    "ms": 0,
+    "s": 2,
+    "%": 1,
+    "m": 2,
+    "cm": 1,
+    "mm": 0,
+    "cm2": 0,
+    "1/min": 1,
+    "N": 0,
+    "J": 0,
+    "W": 0,
+}
+"""Of numbers in tables by the unit in which they are shown."""
+PLUS_MINUS = "\N{PLUS-MINUS SIGN}"
+
+
+def places(feature: Feature) -> int:
+    """Decimals that a number of this kind is shown with."""
+    return DECIMALS.get(feature.shown_unit, 2)
+
+
+def shown(feature: Feature, value: float, signed: bool = False) -> str:
+    """A value held in the feature's unit as text in its shown unit, without the unit; a dash for no number."""
+    text = fixed(value * feature.shown_scale, places(feature))
+    return f"+{text}" if signed and value > 0 and text.strip("0.") else text
+
+
+def spread(feature: Feature, value: float) -> str:
+    """A deviation as text, one more decimal where it would be nothing; a dash where it is unknown."""
+    scaled = value * feature.shown_scale
+    digits = places(feature)
+    if math.isfinite(scaled) and 0 < scaled < 0.5 * 10.0**-digits:
+        digits += 1
+    return fixed(scaled, digits)
+
+
+def unit_of(feature: Feature) -> str:
+    """The unit for people; nothing of a plain number."""
+    unit = feature.shown_unit
+    return "" if unit == "1" else unit.replace("2", "\N{SUPERSCRIPT TWO}")
+
+
+def joined_unit(feature: Feature) -> str:
+    """The unit as it stands behind a number in a sentence: `°`, `/min`, ` cm`."""
+    unit = unit_of(feature)
+    return {"deg": "°", "1/min": "/min"}.get(unit, f" {unit}" if unit else "")
+
+
+def with_unit(feature: Feature, value: float, signed: bool = False) -> str:
+    """A value with its unit: `-62.1°`, `24.1/min`, `33 %`."""
+    return shown(feature, value, signed) + (joined_unit(feature) if math.isfinite(value) else "")

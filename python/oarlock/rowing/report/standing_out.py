@@ -1,0 +1,124 @@
+"""What a coach would be told first of a piece: sides that differ, strokes unlike the others, drift."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from oarlock.rowing.features import Feature
+from oarlock.rowing.report.averages import feature_of
+from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.shown import with_unit
+from oarlock.rowing.stroke_table import Floats
+
+LEAST = {
+    "deg": 2.0,
+    "deg/s": 20.0,
+    "ms": 20.0,
+    "s": 0.05,
+    "%": 3.0,
+    "cm": 2.0,
+    "m": 0.02,
+    "m/s": 0.1,
+    "1/min": 1.0,
+}
+"""In shown units: a smaller difference is not worth a coach's ear, however sure it is. The play of a swivel alone
+is 1.3 deg (Kleshnev, biorow.com/rbn2025_10)."""
+ODD_SIGMAS = 4.0
+"""A stroke is unlike the others when it lies so many robust standard deviations off their median."""
+FEWEST_STROKES = 6
+"""Fewer strokes say nothing of drift or of the odd one out."""
+SIDED = ("r_", "l_")
+
+
+class Finding(NamedTuple):
+    """A sentence (plain text) and how many times its least worth telling it is."""
+
+    weight: float
+    text: str
+
+
+@dataclass(frozen=True)
+class _Column:
+    feature: Feature
+    values: Floats
+    time_s: Floats
+    numbers: Floats
+
+
+def findings(piece: Piece) -> list[Finding]:
+    """Most telling first; empty where nothing stands out."""
+    own = [name for name in piece.averages if not name.startswith(SIDED)]
+    columns = [_column(piece, name) for name in own if feature_of(name).shown_unit in LEAST]
+    enough = [column for column in columns if len(column.values) >= FEWEST_STROKES]
+    found = [*_sides(piece), *_drifts(enough), *_odd_strokes(enough)]
+    return sorted(found, key=lambda finding: -finding.weight)
+
+
+def least(feature: Feature) -> float:
+    """The smallest difference worth telling, in the feature's own unit; NaN where none is named."""
+    return LEAST.get(feature.shown_unit, float("nan")) / feature.shown_scale
+
+
+def _column(piece: Piece, name: str) -> _Column:
+    good = piece.counted & np.isfinite(piece.table[name])
+    numbers = np.asarray(np.flatnonzero(good) + 1, dtype=np.float64)
+    return _Column(feature_of(name), piece.table[name][good], piece.table["catch_time_s"][good], numbers)
+
+
+def _sides(piece: Piece) -> list[Finding]:
+    """Numbers of the right hand that differ from those of the left beyond what is known of both."""
+    found = []
+    for name, apart in piece.sides.items():
+        weight = abs(apart.over.mean) / least(apart.feature)
+        if not weight > 1.0 or not apart.beyond_zero:
+            continue
+        label = apart.feature.label.rpartition(",")[0]
+        right, left = (piece.averages[f"{side}_{name}"] for side in "rl")
+        shown_right, shown_left = (with_unit(one.feature, one.over.mean) for one in (right, left))
+        found.append(Finding(weight, f"{_capital(label)}: right {shown_right}, left {shown_left}."))
+    return found
+
+
+def _drifts(columns: list[_Column]) -> list[Finding]:
+    """Columns whose last third differs from their first beyond the scatter of strokes."""
+    found = []
+    for column in columns:
+        third = max(len(column.values) // 3, 2)
+        first, last = column.values[:third], column.values[-third:]
+        change = float(last.mean() - first.mean())
+        scatter = float(np.hypot(first.std(ddof=1), last.std(ddof=1)) / np.sqrt(third))
+        weight = abs(change) / least(column.feature)
+        if weight > 1.0 and abs(change) > 3.0 * scatter:
+            began, ended = (with_unit(column.feature, float(part.mean())) for part in (first, last))
+            label = _capital(column.feature.label)
+            found.append(Finding(weight, f"{label} went from {began} to {ended} over the piece."))
+    return found
+
+
+def _odd_strokes(columns: list[_Column]) -> list[Finding]:
+    """Strokes far from the median of their piece, each told by the number in which it is farthest."""
+    worst: dict[float, tuple[float, str]] = {}
+    for column in columns:
+        middle = float(np.median(column.values))
+        robust = 1.4826 * float(np.median(np.abs(column.values - middle)))
+        off = np.abs(column.values - middle)
+        for k in np.flatnonzero((off > ODD_SIGMAS * robust) & (off > least(column.feature))):
+            weight, number = float(off[k]) / least(column.feature), float(column.numbers[k])
+            if weight > worst.get(number, (0.0, ""))[0]:
+                worst[number] = weight, _odd(column, int(k), middle)
+    return [Finding(weight, text) for weight, text in worst.values()]
+
+
+def _odd(column: _Column, k: int, middle: float) -> str:
+    value, usual = (with_unit(column.feature, number) for number in (float(column.values[k]), middle))
+    return (
+        f"Stroke {column.numbers[k]:.0f} (at {column.time_s[k]:.1f} s) is unlike the others: {column.feature.label} "
+        f"{value}, where their median is {usual}."
+    )
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

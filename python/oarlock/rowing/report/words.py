@@ -1,0 +1,98 @@
+"""The piece in words: how many strokes, how long, how steady, and what stands out."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+
+from oarlock.report import KeyFigure
+from oarlock.rowing.report.averages import Average
+from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread, with_unit
+from oarlock.rowing.report.standing_out import findings
+
+MOST_FINDINGS = 4
+TILES = ("rate_per_min", "arc_rad", "catch_angle_rad", "finish_angle_rad", "rhythm")
+
+
+def summary(piece: Piece) -> list[str]:
+    """Sentences as markup, the most wanted first."""
+    return [text for text in (_strokes(piece), _length(piece), _standing_out(piece), *_notes(piece)) if text]
+
+
+def key_figures(piece: Piece) -> list[KeyFigure]:
+    """Strokes, rate and the angles that people look for first."""
+    left_out = int((~piece.counted).sum())
+    detail = f"{left_out} left out of averages" if left_out else "all count in averages"
+    figures = [KeyFigure("strokes", str(len(piece.table)), detail)]
+    for name in TILES:
+        found = piece.averages.get(name)
+        if found is not None and found.known:
+            figures.append(
+                KeyFigure(found.feature.label, with_unit(found.feature, found.over.mean), _scatter(found))
+            )
+    return figures
+
+
+def _scatter(found: Average) -> str:
+    if np.isnan(found.over.sd):
+        return "of a single stroke"
+    return f"{PLUS_MINUS} {spread(found.feature, found.over.sd)}{joined_unit(found.feature)} between strokes"
+
+
+def _strokes(piece: Piece) -> str:
+    count = len(piece.table)
+    duration = float(piece.track.time_s[-1] - piece.track.time_s[0])
+    text = f"<b>{count} {'stroke' if count == 1 else 'strokes'}</b> in {duration:.0f} s"
+    rate = piece.averages.get("rate_per_min")
+    if rate is not None and rate.known:
+        text += f" at <b>{escape(with_unit(rate.feature, rate.over.mean))}</b>"
+        if rate.over.count > 1:
+            text += f", from {shown(rate.feature, rate.over.least)} to {shown(rate.feature, rate.over.most)}"
+    if not piece.counted.all():
+        text += (
+            f"; {int((~piece.counted).sum())} of them count in no average ({escape(_why_left_out(piece))})"
+        )
+    return f"{text}."
+
+
+def _why_left_out(piece: Piece) -> str:
+    reasons = piece.table.reason("in_averages")
+    told = [reasons[row] or "left out" for row in np.flatnonzero(~piece.counted)]
+    counts = {reason: told.count(reason) for reason in dict.fromkeys(told)}
+    return "; ".join(f"{count} times {reason}" if count > 1 else reason for reason, count in counts.items())
+
+
+def _length(piece: Piece) -> str:
+    arc, catch, finish, rhythm = (
+        piece.averages.get(name) for name in ("arc_rad", "catch_angle_rad", "finish_angle_rad", "rhythm")
+    )
+    parts = []
+    if arc is not None and arc.known and catch is not None and finish is not None:
+        swept, caught = (with_unit(one.feature, one.over.mean) for one in (arc, catch))
+        ended = with_unit(finish.feature, finish.over.mean, signed=True)
+        parts.append(f"The oar sweeps <b>{swept}</b>, from {caught} at the catch to {ended} at the finish")
+    if rhythm is not None and rhythm.known:
+        share = with_unit(rhythm.feature, rhythm.over.mean)
+        parts.append(f"{'the' if parts else 'The'} drive takes {share} of the stroke")
+    return f"{'; '.join(parts)}." if parts else ""
+
+
+def _standing_out(piece: Piece) -> str:
+    if not piece.counted.any():
+        return "<strong>What stands out:</strong> no stroke counts in averages, so nothing can be said of technique."
+    found = findings(piece)
+    if not found:
+        return (
+            "<strong>What stands out:</strong> nothing. Right and left agree, no stroke is unlike the others, and "
+            "nothing drifted by more than a coach would mind."
+        )
+    told = " ".join(escape(finding.text) for finding in found[:MOST_FINDINGS])
+    more = len(found) - MOST_FINDINGS
+    rest = f" And {more} lesser {'thing' if more == 1 else 'things'}; see below." if more > 0 else ""
+    return f"<strong>What stands out:</strong> {told}{rest}"
+
+
+def _notes(piece: Piece) -> list[str]:
+    return [escape(note) for note in piece.technique.found.notes]

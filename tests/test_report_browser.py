@@ -1,0 +1,148 @@
+"""A rower's report in headless Chromium, without a network: nothing complains, tables sort, figure and curves agree."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import oarlock
+from oarlock.rowing.experiment import simulate_sculling
+from oarlock.rowing.report import write_rowing_report
+from oarlock.rowing.technique import technique
+
+CHROMIUM = shutil.which("chromium")
+SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+NOT_TRIED = "THE REPORT WAS NOT TRIED IN A BROWSER"
+EXPECTED = ("GPU stall",)
+"""Software WebGL says how slowly it reads pixels back."""
+BUSY_MS = 80_000
+"""A busy machine starts a browser slowly; this is no measure of the page."""
+PIXEL_S = 0.06
+"""A pixel of a panel is a hundredth of a second or three."""
+SIDEWAYS_PX = 1
+"""The page itself never scrolls sideways; its tables may."""
+
+
+def rowed(duration_s: float, rate: float, seed: int) -> oarlock.Track:
+    model = oarlock.load_model("sculler")
+    truth = simulate_sculling(model, "S-NB", duration_s, rate_spm=(rate, rate), seed=seed)[0]
+    return replace(truth, q_std=np.full(truth.q.shape, 0.005), qd_std=np.full(truth.q.shape, 0.02))
+
+
+@pytest.fixture(scope="module")
+def track() -> oarlock.Track:
+    return rowed(16.0, 26.0, 1)
+
+
+@pytest.fixture(scope="module")
+def report(track: oarlock.Track, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("both") / "report.html"
+    return write_rowing_report(track, file, other=rowed(12.0, 32.0, 2), names=("after", "before"))[0]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    sync_api = pytest.importorskip("playwright.sync_api", reason=f"{NOT_TRIED}: pip install playwright")
+    if CHROMIUM is None:
+        pytest.skip(f"{NOT_TRIED}: no chromium here (apt-get install chromium)")
+    with sync_api.sync_playwright() as playwright:
+        launched = playwright.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
+        yield launched
+        launched.close()
+
+
+@pytest.fixture
+def opened(browser: Any, report: Path) -> Iterator[Any]:
+    """Opens the report without a network; whatever the console says fails the test."""
+    contexts, complaints = [], []
+
+    def open_(width: int = 1280, height: int = 900, **settings: Any) -> Any:
+        context = browser.new_context(viewport={"width": width, "height": height}, offline=True, **settings)
+        contexts.append(context)
+        tab = context.new_page()
+        tab.set_default_timeout(BUSY_MS)
+        tab.on("console", lambda message: complaints.append(f"{message.type}: {message.text}"))
+        tab.on("pageerror", lambda error: complaints.append(str(error)))
+        tab.on("request", lambda r: r.url.startswith("http") and complaints.append(f"asked for {r.url}"))
+        tab.goto(report.as_uri())
+        return tab
+
+    yield open_
+    for context in contexts:
+        context.close()
+    assert not [text for text in complaints if not any(sign in text for sign in EXPECTED)]
+
+
+def column(tab: Any, table: str, number: int) -> list[float]:
+    cells = tab.locator(f"#{table} tbody tr > :nth-child({number}) data")
+    return [float(cell.get_attribute("value")) for cell in cells.all()]
+
+
+@pytest.mark.timeout(300)
+def test_a_click_and_a_key_sort_the_strokes(opened, track):
+    tab = opened()
+    head = tab.locator("#strokes-table thead th").nth(2)
+    count = len(technique(track).strokes)
+    before = column(tab, "strokes-table", 1)
+    assert before == [k + 1.0 for k in range(count)]
+    head.locator("button").click()
+    assert head.get_attribute("aria-sort") == "ascending"
+    known = [value for value in column(tab, "strokes-table", 3) if np.isfinite(value)]
+    assert known == sorted(known)
+    assert np.isnan(column(tab, "strokes-table", 3)[len(known) :]).all()
+    head.locator("button").focus()
+    tab.keyboard.press("Enter")
+    assert head.get_attribute("aria-sort") == "descending"
+    known = [value for value in column(tab, "strokes-table", 3) if np.isfinite(value)]
+    assert known == sorted(known, reverse=True)
+    assert np.isnan(column(tab, "strokes-table", 3)[len(known) :]).all()
+    tab.locator("#strokes-table thead th button").first.click()
+    assert column(tab, "strokes-table", 1) == before
+    assert tab.locator("#strokes-table [aria-sort]").count() == 1
+
+
+@pytest.mark.timeout(300)
+def test_a_strokes_number_repeats_it_and_figure_and_curves_go_together(opened, track):
+    tab = opened()
+    tab.wait_for_function("window.oarlock.players.length == 1")
+    tab.locator('#strokes-table a[data-stroke="stroke 3"]').click()
+    start_s = float(technique(track).strokes["catch_time_s"][2])
+    assert tab.evaluate("oarlock.players[0].time_s") == pytest.approx(start_s, abs=PIXEL_S)
+    assert tab.evaluate("oarlock.players[0].clock.loop.label") == "stroke 3"
+    where = tab.evaluate("oarlock.players[0].jointPosition('r_handle')")
+    row = int(np.argmin(np.abs(track.time_s - start_s)))
+    assert where == pytest.approx(list(track.frame_positions("r_handle")[row]), abs=0.02)
+    tab.evaluate(f"oarlock.players[0].seek({start_s + 0.8})")
+    tab.evaluate("new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn)))")
+    heads = tab.evaluate("oarlock.players[0].headTimes_s")
+    assert heads
+    assert heads == pytest.approx([start_s + 0.8] * len(heads), abs=PIXEL_S)
+
+
+@pytest.mark.timeout(300)
+def test_the_second_piece_is_the_ghost(opened):
+    tab = opened()
+    tab.wait_for_function("window.oarlock.players.length == 1")
+    tab.evaluate("oarlock.players[0].seek(3.0); oarlock.players[0].setGhost('other')")
+    assert tab.evaluate("oarlock.players[0].ghostPosition('r_handle') !== null")
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize("width", [1280, 390])
+def test_the_page_never_scrolls_sideways(opened, width):
+    tab = opened(width)
+    assert tab.evaluate("document.documentElement.scrollWidth") <= width + SIDEWAYS_PX
+
+
+@pytest.mark.timeout(300)
+def test_without_script_the_tables_are_all_there(opened, track):
+    tab = opened(java_script_enabled=False)
+    assert tab.locator("#strokes-table tbody tr").count() == len(technique(track).strokes)
+    assert tab.locator("#strokes-table thead button").count() == 0
+    assert tab.locator("#compared-pieces-table tbody tr").count() > 10

@@ -1,0 +1,259 @@
+"""The report of a rower: strokes in words and tables, every number explained, two pieces beside each other."""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import oarlock
+from html_page import Page
+from oarlock.errors import DataError
+from oarlock.rowing import FEATURES
+from oarlock.rowing.experiment import simulate_sculling
+from oarlock.rowing.report import is_of_rower, rowing_sections, write_rowing_report
+from oarlock.rowing.report.averages import Average, beyond, difference, feature_of
+from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.standing_out import findings
+from oarlock.rowing.stroke_means import FeatureMean
+from oarlock.rowing.technique import technique
+from oarlock.suspects_text import SUSPECT_NOTE
+
+LARGEST_BYTES = 3_000_000
+"""A page that is mailed and opened on a telephone."""
+DURATION_S, RATES = 40.0, (24.0, 24.0)
+FEWEST_STROKES = 15
+"""In 40 s at 24 a minute: 16, of which the first or last may be cut."""
+
+
+def rowed(duration_s: float, rate: float, seed: int) -> oarlock.Track:
+    """Truth as a track, with deviations as a filter would claim them: half a degree."""
+    model = oarlock.load_model("sculler")
+    truth = simulate_sculling(model, "B-NB", duration_s, rate_spm=(rate, rate), seed=seed)[0]
+    return replace(truth, q_std=np.full(truth.q.shape, 0.005), qd_std=np.full(truth.q.shape, 0.02))
+
+
+@pytest.fixture(scope="module")
+def track() -> oarlock.Track:
+    return rowed(DURATION_S, 24.0, 0)
+
+
+@pytest.fixture(scope="module")
+def other() -> oarlock.Track:
+    return rowed(20.0, 30.0, 5)
+
+
+@pytest.fixture(scope="module")
+def written(track: oarlock.Track, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    return write_rowing_report(track, tmp_path_factory.mktemp("report"), targets="sculling_men")
+
+
+@pytest.fixture(scope="module")
+def text(written: list[Path]) -> str:
+    return written[0].read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def page(text: str) -> Page:
+    return Page(text)
+
+
+@pytest.fixture(scope="module")
+def compared(
+    track: oarlock.Track, other: oarlock.Track, tmp_path_factory: pytest.TempPathFactory
+) -> list[Path]:
+    file = tmp_path_factory.mktemp("two") / "both.html"
+    return write_rowing_report(track, file, other=other, names=("after", "before"))
+
+
+def test_page_is_well_formed_small_and_loads_nothing(page, text):
+    assert page.errors == []
+    links = [value for _, a in page.tags for key, value in a.items() if key in {"src", "href", "xlink:href"}]
+    assert links
+    assert all(value is not None and value.startswith("#") for value in links)
+    assert not {"link", "img", "iframe"} & {tag for tag, _ in page.tags}
+    assert "default-src 'none'" in text
+    assert len(text.encode()) < LARGEST_BYTES
+
+
+def test_ids_are_unique_and_references_lead_somewhere(page):
+    ids = [a["id"] for _, a in page.tags if "id" in a]
+    assert len(ids) == len(set(ids))
+    wanted = [key for _, a in page.tags for key in (a.get("aria-labelledby") or "").split()]
+    wanted += [a["href"].removeprefix("#") for _, a in page.tags if a.get("href")]
+    assert set(wanted) <= set(ids)
+
+
+def test_drawings_and_tables_speak_to_screen_readers(page):
+    drawings = [a for a in page.all("svg") if a.get("aria-hidden") != "true"]
+    assert all(a.get("role") == "img" and a.get("aria-labelledby") for a in drawings)
+    assert len(page.all("desc")) == len(drawings)
+    assert len(page.all("caption")) == len(page.all("table"))
+
+
+def test_summary_says_strokes_rate_and_length_first(page):
+    lead = page.text[: page.text.index("joints of the model")]
+    assert re.search(r"1[567] strokes in 40 s at 2[34]\.\d/min", lead)
+    assert re.search(r"sweeps 10\d\.\d°, from −\d\d\.\d° at the catch to \+\d\d\.\d° at the finish", lead)
+    assert "What stands out:" in lead
+
+
+def test_faults_of_sensors_come_before_the_strokes(track, tmp_path):
+    suspect = track.with_notes(f"{SUSPECT_NOTE}back: it stood still")
+    shown = Page(write_rowing_report(suspect, tmp_path)[0].read_text(encoding="utf-8")).text
+    assert shown.index("Suspect: back: it stood still") < shown.index("strokes in 40 s")
+
+
+def test_strokes_csv_lies_beside_with_a_line_a_stroke(written, track):
+    assert [path.name for path in written] == ["report.html", "strokes.csv"]
+    lines = [line for line in written[1].read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
+    rows = list(csv.DictReader(lines))
+    table = technique(track).strokes
+    assert len(rows) == len(table) >= FEWEST_STROKES
+    assert [float(row["catch_time_s"]) for row in rows] == pytest.approx(list(table["catch_time_s"]))
+
+
+def test_every_number_in_the_page_is_explained_in_the_page(page, track):
+    names = technique(track).strokes.columns
+    ids = {a["id"] for _, a in page.tags if "id" in a}
+    for name in names:
+        assert f"def-{name.replace('_', '-')}" in ids
+        assert FEATURES[name].definition.split(".")[0] in page.text
+        assert FEATURES[name].source in page.text
+    terms = [a["href"] for a in page.all("a") if a.get("class") == "term" and "data-stroke" not in a]
+    assert len(terms) > 50
+    assert all(link.startswith("#def-") for link in terms)
+
+
+def test_tables_are_sortable_with_heads_that_say_what_they_hold(page):
+    heads = [a for a in page.all("th") if a.get("scope") == "col"]
+    assert any("handle turns" in (a.get("title") or "") for a in heads)
+    assert sum("sortable" in (a.get("class") or "") for a in page.all("table")) >= 3
+
+
+def test_strokes_that_count_in_no_average_are_grey_and_say_why(page, track):
+    found = technique(track)
+    left_out = [reason for reason in found.found.left_out if reason]
+    assert left_out
+    for reason in left_out:
+        assert reason in page.text
+
+
+def test_all_sections_are_there(page):
+    ids = {a["id"] for a in page.all("section")}
+    wanted = {
+        "moving",
+        "strokes",
+        "trends",
+        "courses",
+        "speeds",
+        "paths",
+        "arms",
+        "sides",
+        "numbers",
+        "meanings",
+    }
+    assert wanted | {"joints", "curves", "provenance"} <= ids
+
+
+def test_targets_are_drawn_with_their_source_and_never_called_right(page, text, track, tmp_path):
+    assert "RtcNoord (KNRB)" in page.text
+    assert 'class="zone"' in text
+    assert "No such number is right for everyone" in page.text
+    assert "correct" not in page.text.lower()
+    without = write_rowing_report(track, tmp_path)[0].read_text(encoding="utf-8")
+    assert 'class="zone"' not in without
+
+
+def test_a_target_class_that_is_not_there_is_refused(track, tmp_path):
+    with pytest.raises(DataError, match="sculling_men"):
+        write_rowing_report(track, tmp_path, targets="canoes")
+    assert not list(tmp_path.iterdir())
+
+
+def test_two_pieces_stand_beside_each_other(compared):
+    assert [path.name for path in compared] == ["both.html", "both-strokes.csv", "both-strokes-2.csv"]
+    text = compared[0].read_text(encoding="utf-8")
+    read = Page(text)
+    assert read.errors == []
+    assert "after beside before" in read.text
+    assert re.search(r"stroke rate 2\d\.\d/min instead of (29|30)\.\d/min \(−[56]\.\d/min\)", read.text)
+    assert '"ghost":{' in text
+    row = re.search(r">stroke rate</a></th>(.*?)</tr>", text[text.index("compared-pieces-table") :])
+    assert row
+    assert row[1].endswith("<td><b>yes</b></td>")
+
+
+def test_a_piece_beside_itself_differs_in_nothing(track):
+    same = rowing_sections(track, track, names=("a", "b"))[0]
+    assert same.key == "compared-pieces"
+    assert "<b>yes</b>" not in same.markup
+    assert "none by as much as a coach would mind" in same.sentences[0]
+
+
+def test_pieces_of_one_name_are_told_apart(track):
+    sentences = rowing_sections(track, track, names=("out", "out"))[0].sentences
+    assert "out (first)" in sentences[0]
+    assert "out (second)" in sentences[0]
+
+
+def test_a_track_without_strokes_says_so_and_is_reported(track, tmp_path):
+    still = replace(track, q=np.broadcast_to(track.q[:1], track.q.shape).copy(), qd=np.zeros_like(track.qd))
+    files = write_rowing_report(still, tmp_path)
+    read = Page(files[0].read_text(encoding="utf-8"))
+    assert read.errors == []
+    assert "No stroke" in read.text
+    assert len(files) == 1
+
+
+def test_who_is_a_rower(track):
+    assert is_of_rower(track)
+    assert not is_of_rower(replace(track, joint_names=("upper", "lower")))
+
+
+def average(mean: float, sd: float, std: float, count: int = 16) -> Average:
+    return Average(
+        feature_of("catch_angle_rad"),
+        FeatureMean("catch_angle_rad", count, mean, sd, mean, mean, std, np.nan),
+    )
+
+
+def test_a_difference_is_beyond_both_uncertainties_or_not_or_nobody_knows():
+    shared = difference(average(-1.0, 0.0, 0.01), average(-1.02, 0.0, 0.01))
+    assert shared.value == pytest.approx(0.02)
+    assert shared.uncertainty == pytest.approx(0.01 * np.sqrt(2.0))
+    assert shared.beyond is False
+    assert difference(average(-1.0, 0.0, 0.01), average(-1.03, 0.0, 0.01)).beyond is True
+    assert difference(average(-1.0, 0.0, np.nan), average(-2.0, 0.0, 0.01)).beyond is None
+    assert beyond(np.nan, 1.0) is None
+
+
+def test_scatter_of_strokes_shrinks_with_their_number_and_bands_do_not():
+    assert average(-1.0, 0.04, 0.0).uncertainty == pytest.approx(0.01)
+    assert average(-1.0, 0.0, 0.01, 100).uncertainty == pytest.approx(0.01)
+    assert average(-1.0, np.nan, 0.01, 1).uncertainty == pytest.approx(0.01)
+
+
+def changed(track: oarlock.Track, **columns: np.ndarray) -> Piece:
+    """A piece whose table holds other numbers; its averages follow from the summary as before."""
+    found = technique(track)
+    table = replace(found.strokes, columns={**found.strokes.columns, **columns})
+    return Piece("", track, replace(found, strokes=table))
+
+
+def test_an_odd_stroke_and_a_drift_are_found(track):
+    arc = technique(track).strokes["arc_rad"]
+    odd = arc.copy()
+    odd[7] -= np.radians(15.0)
+    told = [finding.text for finding in findings(changed(track, arc_rad=odd))]
+    assert any(text.startswith("Stroke 8 ") and "arc" in text for text in told)
+    drift = arc + np.linspace(0.0, np.radians(12.0), len(arc))
+    told = [finding.text for finding in findings(changed(track, arc_rad=drift))]
+    assert any(text.startswith("Arc went from") for text in told)
+    assert not any(
+        text.startswith(("Arc went", "Stroke")) for text in (f.text for f in findings(changed(track)))
+    )
