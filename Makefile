@@ -19,7 +19,7 @@ export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 
 RUST_SOURCES := Cargo.toml Cargo.lock $(wildcard crates/*/Cargo.toml) $(shell find crates/*/src -name '*.rs')
 
-.PHONY: help demo test fuzz bench bench-others bench-page robustness-page player lint format docs validation lock clean
+.PHONY: help demo test fuzz bench bench-others bench-page robustness-page player pictures lint format docs validation lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -55,6 +55,9 @@ robustness-page: $(VENV)/.package ## run the study of faults, and put its table 
 
 player: ## build the 3D player from viewer/ with npm, into python/oarlock/viewer/
 	cd viewer && npm ci --no-audit --no-fund --silent && npm run --silent build
+
+pictures: $(VENV)/.package $(VENV)/.dev ## make the pictures of the pages anew from the demo; needs Chromium
+	$(BIN)/python docs/pictures/make.py
 
 lint: $(VENV)/.dev ## ruff, mypy, clippy and rustfmt, changing nothing
 	$(BIN)/ruff check .
