@@ -90,7 +90,7 @@ fn text(chance: &mut Chance) -> String {
     if one_in(chance, 6) {
         let always = one_in(chance, 2);
         let push = "[[base_acceleration]]\nname = \"push\"\naxis = \"z\"\ndensity = 50\nstart_std = 3\n";
-        write!(text, "{push}always = {always}\n").unwrap();
+        writeln!(text, "{push}always = {always}").unwrap();
     }
     text
 }
