@@ -29,7 +29,7 @@ demo: $(VENV)/.package ## build, then track a simulated sculler and a real pendu
 
 test: $(VENV)/.package $(VENV)/.dev ## run the tests of the engine and of the package
 	cargo test --locked --quiet --package oarlock
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
 
 # There are eight campaigns in Rust and twenty-six in Python; each gets an equal share of the time.
 FUZZ_MINUTES ?= 60

@@ -178,7 +178,7 @@ fn closure(chance: &mut Chance, parts: &Parts, k: usize, text: &mut String) {
 
 #[test]
 fn odd_models_are_tracked_or_refused() {
-    campaign("odd models", 120, |chance, fed| {
+    campaign("odd models", 20, |chance, fed| {
         *fed = text(chance);
         let Some(model) = answered(Model::from_toml(fed, "odd.toml")) else { return };
         let model = Arc::new(model);

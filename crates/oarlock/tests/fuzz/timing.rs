@@ -101,7 +101,7 @@ fn streams(chance: &mut Chance, model: &Model, merge_s: f64) -> Vec<Stream> {
 #[test]
 fn clocks_that_fit_badly_are_answered() {
     let bodies = [model(CHAIN), model(CHAIN), model(SCULLER)];
-    campaign("timing", 40, |chance, fed| {
+    campaign("timing", 4, |chance, fed| {
         let model = pick(chance, &bodies).clone();
         let config = Config {
             merge_s: *pick(chance, &[0.0005, 0.0005, 1e-9, 0.02]),
