@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
-from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,71 +11,44 @@ import numpy as np
 import pytest
 
 import oarlock
-from oarlock.rowing.experiment import simulate_sculling
+from headless_chromium import CHROMIUM, SOFTWARE, Opened, driver_of_chromium, quiet_tabs
 from oarlock.rowing.report import write_rowing_report
 from oarlock.rowing.technique import technique
+from rowed_truth import rowed
 
-CHROMIUM = shutil.which("chromium")
-SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 NOT_TRIED = "THE REPORT WAS NOT TRIED IN A BROWSER"
 EXPECTED = ("GPU stall",)
 """Software WebGL says how slowly it reads pixels back."""
-BUSY_MS = 80_000
-"""A busy machine starts a browser slowly; this is no measure of the page."""
 PIXEL_S = 0.06
 """A pixel of a panel is a hundredth of a second or three."""
 SIDEWAYS_PX = 1
 """The page itself never scrolls sideways; its tables may."""
 
 
-def rowed(duration_s: float, rate: float, seed: int) -> oarlock.Track:
-    model = oarlock.load_model("sculler")
-    truth = simulate_sculling(model, "S-NB", duration_s, rate_spm=(rate, rate), seed=seed)[0]
-    return replace(truth, q_std=np.full(truth.q.shape, 0.005), qd_std=np.full(truth.q.shape, 0.02))
-
-
 @pytest.fixture(scope="module")
 def track() -> oarlock.Track:
-    return rowed(16.0, 26.0, 1)
+    return rowed("S-NB", 16.0, 26.0, 1)
 
 
 @pytest.fixture(scope="module")
 def report(track: oarlock.Track, tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("both") / "report.html"
-    return write_rowing_report(track, file, other=rowed(12.0, 32.0, 2), names=("after", "before"))[0]
+    return write_rowing_report(track, file, other=rowed("S-NB", 12.0, 32.0, 2), names=("after", "before"))[0]
 
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    sync_api = pytest.importorskip("playwright.sync_api", reason=f"{NOT_TRIED}: pip install playwright")
-    if CHROMIUM is None:
-        pytest.skip(f"{NOT_TRIED}: no chromium here (apt-get install chromium)")
-    with sync_api.sync_playwright() as playwright:
-        launched = playwright.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
+    with driver_of_chromium(NOT_TRIED) as driver:
+        launched = driver.launch(executable_path=CHROMIUM, args=SOFTWARE)
         yield launched
         launched.close()
 
 
 @pytest.fixture
-def opened(browser: Any, report: Path) -> Iterator[Any]:
+def opened(browser: Any, report: Path) -> Iterator[Opened]:
     """Opens the report without a network; whatever the console says fails the test."""
-    contexts, complaints = [], []
-
-    def open_(width: int = 1280, height: int = 900, **settings: Any) -> Any:
-        context = browser.new_context(viewport={"width": width, "height": height}, offline=True, **settings)
-        contexts.append(context)
-        tab = context.new_page()
-        tab.set_default_timeout(BUSY_MS)
-        tab.on("console", lambda message: complaints.append(f"{message.type}: {message.text}"))
-        tab.on("pageerror", lambda error: complaints.append(str(error)))
-        tab.on("request", lambda r: r.url.startswith("http") and complaints.append(f"asked for {r.url}"))
-        tab.goto(report.as_uri())
-        return tab
-
-    yield open_
-    for context in contexts:
-        context.close()
-    assert not [text for text in complaints if not any(sign in text for sign in EXPECTED)]
+    with quiet_tabs(browser, EXPECTED) as open_:
+        yield partial(open_, report)
 
 
 def column(tab: Any, table: str, number: int) -> list[float]:

@@ -14,7 +14,6 @@ import oarlock
 from html_page import Page
 from oarlock.errors import DataError
 from oarlock.rowing import FEATURES
-from oarlock.rowing.experiment import simulate_sculling
 from oarlock.rowing.report import is_of_rower, rowing_sections, write_rowing_report
 from oarlock.rowing.report.averages import Average, beyond, difference, feature_of
 from oarlock.rowing.report.piece import Piece
@@ -22,6 +21,7 @@ from oarlock.rowing.report.standing_out import findings
 from oarlock.rowing.stroke_means import FeatureMean
 from oarlock.rowing.technique import technique
 from oarlock.suspects_text import SUSPECT_NOTE
+from rowed_truth import rowed
 
 LARGEST_BYTES = 3_000_000
 """A page that is mailed and opened on a telephone."""
@@ -30,21 +30,14 @@ FEWEST_STROKES = 15
 """In 40 s at 24 a minute: 16, of which the first or last may be cut."""
 
 
-def rowed(duration_s: float, rate: float, seed: int) -> oarlock.Track:
-    """Truth as a track, with deviations as a filter would claim them: half a degree."""
-    model = oarlock.load_model("sculler")
-    truth = simulate_sculling(model, "B-NB", duration_s, rate_spm=(rate, rate), seed=seed)[0]
-    return replace(truth, q_std=np.full(truth.q.shape, 0.005), qd_std=np.full(truth.q.shape, 0.02))
-
-
 @pytest.fixture(scope="module")
 def track() -> oarlock.Track:
-    return rowed(DURATION_S, 24.0, 0)
+    return rowed("B-NB", DURATION_S, 24.0, 0)
 
 
 @pytest.fixture(scope="module")
 def other() -> oarlock.Track:
-    return rowed(20.0, 30.0, 5)
+    return rowed("B-NB", 20.0, 30.0, 5)
 
 
 @pytest.fixture(scope="module")

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +10,13 @@ import numpy as np
 import pytest
 
 import oarlock
+from headless_chromium import CHROMIUM, SOFTWARE, Opened, driver_of_chromium, quiet_tabs
 from oarlock import Motion
 from oarlock.rowing import find_strokes, rowing_look, stroke_marks
 from oarlock.rowing.experiment import simulate_sculling
 from oarlock.viewer import embed, page, player_assets, scene
 
-CHROMIUM = shutil.which("chromium")
-SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+NOT_TRIED = "THE PLAYER WAS NOT TRIED IN A BROWSER"
 NO_WEBGL = ["--no-sandbox", "--disable-gpu", "--disable-3d-apis"]
 PLACE_M = 1e-4
 """Places are int16 steps of what moves a metre, and single precision in the page."""
@@ -28,21 +27,11 @@ EXPECTED = ("GPU stall", "Context Lost")
 """Software WebGL says how slowly it reads pixels back; three.js says what a test does to it."""
 SPANS = [(1.0, 2.5, "one"), (2.5, 4.5, "two"), (4.5, 5.5, "three")]
 
-BUSY_MS = 80_000
-"""A busy machine starts a browser slowly; this is no measure of the player."""
-
-Opened = Callable[..., Any]
-
 
 @pytest.fixture(scope="module")
 def driver() -> Iterator[Any]:
-    sync_api = pytest.importorskip(
-        "playwright.sync_api", reason="THE PLAYER WAS NOT TRIED IN A BROWSER: pip install playwright"
-    )
-    if CHROMIUM is None:
-        pytest.skip("THE PLAYER WAS NOT TRIED IN A BROWSER: no chromium here (apt-get install chromium)")
-    with sync_api.sync_playwright() as playwright:
-        yield playwright.chromium
+    with driver_of_chromium(NOT_TRIED) as found:
+        yield found
 
 
 @pytest.fixture(scope="module")
@@ -55,25 +44,14 @@ def browser(driver: Any) -> Iterator[Any]:
 @pytest.fixture
 def opened(browser: Any) -> Iterator[Opened]:
     """Opens a file without a network; whatever the console says fails the test."""
-    contexts, complaints = [], []
+    with quiet_tabs(browser, EXPECTED) as open_:
 
-    def open_(file: Path, width: int = 1280, height: int = 900, **settings: Any) -> Any:
-        context = browser.new_context(viewport={"width": width, "height": height}, offline=True, **settings)
-        contexts.append(context)
-        tab = context.new_page()
-        tab.set_default_timeout(BUSY_MS)
-        tab.on("console", lambda message: complaints.append(f"{message.type}: {message.text}"))
-        tab.on("pageerror", lambda error: complaints.append(str(error)))
-        tab.on("request", lambda r: r.url.startswith("http") and complaints.append(f"asked for {r.url}"))
-        tab.goto(file.as_uri())
-        tab.wait_for_function("window.oarlock.players.length > 0")
-        return tab
+        def open_player(file: Path, *size: int, **settings: Any) -> Any:
+            tab = open_(file, *size, **settings)
+            tab.wait_for_function("window.oarlock.players.length > 0")
+            return tab
 
-    yield open_
-    for context in contexts:
-        context.close()
-    loud = [text for text in complaints if not any(sign in text for sign in EXPECTED)]
-    assert not loud
+        yield open_player
 
 
 @pytest.fixture(scope="module")

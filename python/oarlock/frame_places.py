@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock._core import Model
-from oarlock.coordinates import plus, rotation_columns
+from oarlock.coordinates import plus, rotation_columns, with_untold_at_zero
 from oarlock.errors import DataError
 
 if TYPE_CHECKING:
@@ -115,8 +115,7 @@ def position_spreads(
 
 
 def _coordinates(track: Track, rows: Rows) -> Floats:
-    q: Floats = np.where(np.isnan(track.q).all(axis=0), 0.0, track.q[rows])
-    return q
+    return with_untold_at_zero(track.q)[rows]
 
 
 def _lengths(track: Track, model: Model, rows: Rows) -> dict[str, Floats]:

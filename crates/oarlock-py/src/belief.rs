@@ -134,7 +134,8 @@ impl PyBelief {
     }
 
     /// How far what is only considered (mounts, lengths, places of units) may have led astray: a scale, learnt from the innovations, the
-    /// number of parameters and of those that a calibration tells, their shifts of every state, and what the scale is learnt from. Empty where nothing is considered.
+    /// number of parameters and of those that a calibration tells, their shifts of every state, and what the scale is learnt from. Empty
+    /// where nothing is considered.
     #[getter]
     fn doubt<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.belief.doubt)

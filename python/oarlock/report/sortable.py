@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 
+from .tables import framed_table, table_row
+
 
 @dataclass(frozen=True)
 class Column:
@@ -42,16 +44,6 @@ def sortable_table(
         f"{f' <small>{escape(column.unit)}</small>' if column.unit else ''}</th>"
         for column in columns
     )
-    body = "".join(_row(cells, "muted" if i in set(muted) else "") for i, cells in enumerate(rows))
-    below = f"<tfoot>{''.join(_row(cells, '') for cells in foot)}</tfoot>" if foot else ""
-    return (
-        f'<div class="scroll" tabindex="0" role="region" aria-labelledby="{key}-caption">'
-        f'<table id="{key}-table" class="sortable"><caption id="{key}-caption"><span>{escape(caption)}</span></caption>'
-        f"<thead><tr>{heads}</tr></thead><tbody>{body}</tbody>{below}</table></div>"
-    )
-
-
-def _row(cells: Sequence[str], style: str) -> str:
-    first, *others = cells
-    marked = f' class="{style}"' if style else ""
-    return f'<tr{marked}><th scope="row">{first}</th>{"".join(f"<td>{cell}</td>" for cell in others)}</tr>'
+    body = "".join(table_row(cells, "muted" if i in set(muted) else "") for i, cells in enumerate(rows))
+    below = f"<tfoot>{''.join(table_row(cells, '') for cells in foot)}</tfoot>" if foot else ""
+    return framed_table(key, caption, heads, body, below, "sortable")

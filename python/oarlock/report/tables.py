@@ -30,16 +30,23 @@ def table(
 ) -> str:
     """A table whose first column is a row header; cells are markup already. ``styles`` are classes of rows."""
     header = "".join(f'<th scope="col">{escape(name)}</th>' for name in head)
-    body = "".join(_row(cells, (styles or {}).get(i, "")) for i, cells in enumerate(rows))
+    body = "".join(table_row(cells, (styles or {}).get(i, "")) for i, cells in enumerate(rows))
+    return framed_table(key, caption, header, body)
+
+
+def framed_table(key: str, caption: str, heads: str, body: str, foot: str = "", style: str = "") -> str:
+    """Cells and rows, markup already, in a table that scrolls sideways by itself where the page is narrow."""
+    marked = f' class="{style}"' if style else ""
     return (
         f'<div class="scroll" tabindex="0" role="region" aria-labelledby="{key}-caption">'
-        f'<table id="{key}-table"><caption id="{key}-caption"><span>{escape(caption)}</span></caption>'
-        f"<thead><tr>{header}</tr></thead>"
-        f"<tbody>{body}</tbody></table></div>"
+        f'<table id="{key}-table"{marked}><caption id="{key}-caption"><span>{escape(caption)}</span></caption>'
+        f"<thead><tr>{heads}</tr></thead>"
+        f"<tbody>{body}</tbody>{foot}</table></div>"
     )
 
 
-def _row(cells: Sequence[str], style: str) -> str:
+def table_row(cells: Sequence[str], style: str) -> str:
+    """A row whose first cell is its header; cells are markup already."""
     first, *others = cells
     marked = f' class="{style}"' if style else ""
     return f'<tr{marked}><th scope="row">{first}</th>{"".join(f"<td>{cell}</td>" for cell in others)}</tr>'

@@ -25,6 +25,7 @@ const AZIMUTH_STD: f64 = 1.0;
 const AZIMUTH_START_STD: f64 = 0.2;
 /// Without a compass the heading at the start is zero by definition; so little that no update divides by nothing, rad.
 const GAUGE_STD: f64 = 1e-3;
+
 impl Tracker {
     /// The belief at the first of the `window`'s samples, before its update.
     pub(super) fn fit_start(&mut self, window: &[Sample]) -> Result<Belief> {
