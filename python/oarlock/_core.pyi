@@ -147,6 +147,14 @@ def track(
     start: Belief | None,
     progress: Callable[[float], object] | None,
 ) -> Run: ...
+def score_many(
+    model: Model,
+    jobs: Sequence[tuple[Any, Any, Config]],
+    settle_s: float,
+    window_s: float,
+    threads: int | None,
+    progress: Callable[[float], object] | None,
+) -> list[Any]: ...
 def track_many(
     model: Model,
     jobs: Sequence[tuple[Recording, Calibration | None, Config]],

@@ -9,6 +9,7 @@ mod lent;
 mod model;
 mod race;
 mod run;
+mod score;
 mod simulate;
 mod streams;
 mod tracker;
@@ -31,6 +32,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<tracker::PyTracker>()?;
     m.add_function(wrap_pyfunction!(run::track, m)?)?;
     m.add_function(wrap_pyfunction!(run::track_many, m)?)?;
+    m.add_function(wrap_pyfunction!(score::score_many, m)?)?;
     m.add_function(wrap_pyfunction!(race::race, m)?)?;
     m.add_function(wrap_pyfunction!(simulate::imu_signals, m)?)?;
     m.add_function(wrap_pyfunction!(calibrate::find_hinge_chain, m)?)?;

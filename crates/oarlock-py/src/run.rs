@@ -75,7 +75,17 @@ pub fn track(
 }
 
 /// A recording with its calibration and configuration.
-type Wearing<'py> = (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>, Bound<'py, PyConfig>);
+pub type Wearing<'py> = (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>, Bound<'py, PyConfig>);
+
+/// What the engine needs of several recordings.
+pub fn engine_jobs<'py>(model: &Bound<'py, PyModel>, jobs: &[Wearing<'py>], smooth: bool) -> PyResult<Vec<Job>> {
+    let job = |(recording, calibration_, config): &Wearing<'py>| {
+        let (streams, calibration) = (streams(recording)?, calibration(calibration_.as_ref())?);
+        let (model, config) = (model.get().model.clone(), config.get().0.clone());
+        Ok(Job { model, streams, calibration, config, smooth })
+    };
+    jobs.iter().map(job).collect()
+}
 
 /// Tracks several recordings side by side, each given as (recording, calibration, config); see `oarlock.track_many`.
 /// Of each the exception that it ended in, or (run, notes, wall_s, smoothing_wall_s).
@@ -88,12 +98,7 @@ pub fn track_many<'py>(
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyList>> {
-    let job = |(recording, calibration_, config): &Wearing<'py>| {
-        let (streams, calibration) = (streams(recording)?, calibration(calibration_.as_ref())?);
-        let (model, config) = (model.get().model.clone(), config.get().0.clone());
-        PyResult::Ok(Job { model, streams, calibration, config, smooth })
-    };
-    let jobs = jobs.iter().map(job).collect::<PyResult<Vec<Job>>>()?;
+    let jobs = engine_jobs(model, &jobs, smooth)?;
     let results = detached(py, progress, move |p| engine_track_many(jobs, threads, p))?;
     let out = PyList::empty(py);
     for result in results {

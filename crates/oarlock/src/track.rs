@@ -14,6 +14,7 @@ mod postures;
 pub mod regain;
 pub mod rest;
 pub mod run;
+pub mod score;
 mod worn;
 
 use crate::body::posture::Posture;

@@ -13,8 +13,8 @@ from oarlock.calibration import Calibration
 from oarlock.clocks.coarse import coarse_delays
 from oarlock.clocks.devices import most_agree, reference_streams, same_stamps, unknowns
 from oarlock.clocks.lines import after
-from oarlock.clocks.pieces import Tracked
-from oarlock.clocks.search import Clocks, settle, with_clocks
+from oarlock.clocks.scores import bare
+from oarlock.clocks.search import SAME_CLOCK_STDS, Clocks, settle, with_clocks
 from oarlock.errors import DataError
 from oarlock.recording import Recording
 from oarlock.stream_scales import Clock
@@ -22,9 +22,7 @@ from oarlock.tracking import Progress, admit
 
 Floats = NDArray[np.float64]
 
-LARGEST_STD_S = 0.0025
-SAME_CLOCK_STDS = 3.0
-"""Streams that share their stamps to the bit mostly share a clock; one is moved only where it is this clearly off."""
+LARGEST_STD_S = 0.003
 
 
 def calibrate_clocks(
@@ -38,11 +36,11 @@ def calibrate_clocks(
 ) -> Calibration:
     """Find by how much each stream's clock is off and how fast it runs, from ordinary movement.
 
-    Pieces of the recording are tracked and smoothed. In windows of five seconds each stream is held against what the
-    track says it should have read: a reading that is late differs by its delay times the predicted reading's slope. As
-    a track follows its own sensors, it is also tracked with one clock pushed by 10 ms after the other; through what
-    that changes the delays are solved for, a line is laid through the windows, and all is done again until nothing
-    moves. Clocks that are off by up to half a second are first brought near by norms of what streams feel.
+    Pieces of the recording are filtered. How innovations answer to a delay of each stream, directly and through what
+    it has done to the state, goes along with the filter (Friedland 1969); in windows of five seconds the delays that
+    explain the innovations best are solved for, together with mounts, lengths, places of units and zeros. A line is
+    laid through the windows, and all is done again until nothing moves. Clocks that are off by up to half a second are
+    first brought near by norms of what streams feel.
 
     Args:
         model: the body and its sensors.
@@ -72,9 +70,8 @@ def calibrate_clocks(
             "nothing to compare. Name fewer streams as the reference"
         )
     rough = {name: Clock(delay) for name, delay in coarse_delays(measured, fixed).items()}
-    bare = Calibration(known.parameters, known.mounts, mag_offsets_ut=known.mag_offsets_ut)
-    tracked = Tracked(model, bare, threads)
-    near = settle(tracked, with_clocks(measured, rough), groups, bool(fixed), progress or _nobody)
+    start = with_clocks(measured, rough)
+    near = settle(model, start, bare(known), groups, bool(fixed), threads, progress or _nobody)
     found = {name: after(rough.get(name, Clock(0.0)), clock) for name, clock in near.items()}
     if not fixed:
         fixed, found = _by_majority(found, measured)
@@ -109,8 +106,13 @@ def _judged(recording: Recording, found: Clocks, fixed: Sequence[str]) -> tuple[
     for name, clock in found.items():
         shared = any(same_stamps(recording[name], recording[other]) for other in fixed if other in recording)
         way = clock.offset_s + clock.drift * middle
-        in_the_middle = np.sqrt(max(clock.offset_std_s**2 - (middle * clock.drift_std) ** 2, 0.0))
-        if not in_the_middle <= LARGEST_STD_S:
+        in_the_middle = np.sqrt(np.maximum(clock.offset_std_s**2 - (middle * clock.drift_std) ** 2, 0.0))
+        if np.isnan(in_the_middle):
+            refused[name] = (
+                "no piece of the recording could be tracked well enough to tell its clock. Check the wearing first: "
+                "oarlock track says what does not fit"
+            )
+        elif not in_the_middle <= LARGEST_STD_S:
             refused[name] = (
                 f"its movement tells its clock to {1e3 * clock.offset_std_s:.1f} ms only (standard deviation); "
                 f"at most {1e3 * LARGEST_STD_S:g} ms are taken. Record faster movement of its link, or more of it"

@@ -13,7 +13,7 @@ CRYSTAL_DRIFT = 3e-5
 """Standard deviation of a clock's drift before anything is measured: crystals are cut to 20 to 50 ppm."""
 _NO_CRYSTAL = 4.0
 """Standard deviations beyond which a drift is no crystal's, and nothing is expected of it."""
-MODEL_STD_S = 1e-3
+MODEL_STD_S = 2e-3
 """What straps, mounts and a body that is no tree add to an offset, alike in all windows, so that their scatter does
 not show it. The docs' page on clocks has the figures."""
 MODEL_WANDER_S = 3e-4

@@ -5,6 +5,8 @@
 //! nothing. How far off the parameters are as a whole, in their standard deviations, is learnt: where the model is right, innovations
 //! are white, and their low-passed values are as small as those of noise; where it is wrong they last as the slopes foretell.
 
+mod delays;
+mod tally;
 mod twin;
 
 use super::{Calibration, Tracker};
@@ -21,6 +23,9 @@ use crate::estimate::System;
 use crate::lane::arch::{Arch, Kernel};
 use crate::sensor::imu::MountValue;
 use crate::sensor::Quantity;
+use delays::Delays;
+use tally::Tally;
+pub use tally::Window;
 use twin::{twin, Role, Roles, ZERO_STD};
 
 /// Innovations are averaged over this, s: longer than noise and learnt driving remember, and than skin wobbles; shorter than a cycle of movement.
@@ -59,6 +64,12 @@ pub(super) struct Considering {
     /// Parameters whose standard deviation a calibration tells; they come first.
     told: usize,
     how: Consider,
+    /// Of inertial noise and of rough readings, as the update has them: what it learns is for the next.
+    inflated: (f64, f64),
+    /// What is considered, in its order.
+    names: Vec<String>,
+    /// Of clocks that may be late, and normal equations of everything; only to calibrate.
+    score: Option<(Delays, Tally)>,
     /// What an innovation owes to each parameter, row by row.
     answers: Vec<f64>,
     /// J'WB.
@@ -75,14 +86,15 @@ impl Considering {
         config: &Config,
     ) -> Result<Option<Self>> {
         let (twin, told) = twin(body, mounts, known, config)?;
-        let Roles { roles, mut count, told } = Roles::of(body, &twin, known, &told);
-        let joints = body.suite.sources.iter().flat_map(|s| &s.parts).filter(|p| p.quantity == Quantity::Joint);
+        let Roles { roles, mut names, told } = Roles::of(body, &twin, known, &told);
         let mut zeros = vec![None; body.suite.len()];
-        for part in joints {
-            zeros[part.rows.start] = Some(count);
-            count += 1;
+        for source in &body.suite.sources {
+            for part in source.parts.iter().filter(|p| p.quantity == Quantity::Joint) {
+                zeros[part.rows.start] = Some(names.len());
+                names.push(format!("{}.zero", source.name));
+            }
         }
-        if count == 0 {
+        if names.is_empty() {
             return Ok(None);
         }
         let parts = body.suite.sources.iter().flat_map(|s| &s.parts);
@@ -93,7 +105,7 @@ impl Considering {
         for ((_, state), length) in twin.layout.lengths.iter().zip(twin.lengths()) {
             mean[*state] = length;
         }
-        let (n, m, width) = (body.layout.dim(), body.suite.len(), padded(count));
+        let (n, m, width) = (body.layout.dim(), body.suite.len(), padded(names.len()));
         Ok(Some(Considering {
             arch: Arch::best(),
             scratch: Box::new(twin.scratch()),
@@ -107,11 +119,43 @@ impl Considering {
             size: (n, m, width),
             told,
             how: config.consider,
+            inflated: (1.0, 1.0),
+            names,
+            score: None,
             answers: vec![0.0; m * width],
             pull: vec![0.0; n * width],
             scales: Vec::with_capacity(m),
             twin,
         }))
+    }
+
+    /// Sums up what innovations say of everything that is considered and of clocks, in windows, from `settle_s` behind the first update
+    /// on.
+    pub(super) fn keep_score(&mut self, body: &Body, settle_s: f64, window_s: f64) {
+        let (delays, sources) = Delays::new(body, &self.twin, self.names.len());
+        self.names.extend(sources.into_iter().map(|name| format!("{name}.delay")));
+        let (n, m, _) = self.size;
+        let width = padded(self.names.len());
+        self.size.2 = width;
+        self.answers = vec![0.0; m * width];
+        self.pull = vec![0.0; n * width];
+        self.how = Consider::Always;
+        self.score = Some((delays, Tally::new(width, settle_s, window_s)));
+    }
+
+    /// What is considered, with standard deviations that the windows count in, and the windows.
+    pub(super) fn score(&mut self) -> (Vec<(String, f64)>, Vec<Window>) {
+        let mut stds = vec![ZERO_STD; self.names.len()];
+        for (column, role) in self.roles.iter().enumerate() {
+            if let Role::Considered(k, std) = role {
+                // Columns of inputs count in the standard deviation of these.
+                stds[*k] = if column < self.twin.layout.dim() { *std } else { ZERO_STD };
+            }
+        }
+        let delays = self.names.iter().zip(&mut stds).filter(|(name, _)| name.ends_with(".delay"));
+        delays.for_each(|(_, std)| *std = delays::DELAY_STD_S);
+        let windows = self.score.as_mut().map_or(Vec::new(), |(_, tally)| tally.close().to_vec());
+        (self.names.iter().cloned().zip(stds).collect(), windows)
     }
 
     /// A first doubt: nothing has led astray yet. Empty where nothing is to be considered.
@@ -159,7 +203,12 @@ impl Considering {
     }
 
     /// Finds how readings answer at the mean before an update.
-    pub(super) fn look(&mut self, mean: &[f64], moment: &Moment) {
+    pub(super) fn look(&mut self, belief: &Belief, moment: &Moment) {
+        let mean = &belief.mean;
+        self.inflated = (belief.inflation, belief.roughness);
+        if let Some((delays, _)) = &mut self.score {
+            delays.look(belief.time_s, mean);
+        }
         for (own, from) in self.mean.iter_mut().zip(&self.from) {
             if let Some(i) = from {
                 *own = mean[*i];
@@ -170,14 +219,26 @@ impl Considering {
     }
 
     /// Takes in what the update did.
-    pub(super) fn follow(&mut self, doubt: &mut [f64], p: &Square, row_variance: impl Fn(usize) -> Option<f64>) {
+    pub(super) fn follow(
+        &mut self,
+        doubt: &mut [f64],
+        (time_s, p, shift, innovation): (f64, &Square, &[f64], Option<&[f64]>),
+        row_variance: impl Fn(usize) -> Option<f64>,
+    ) {
         let (n, _, width) = self.size;
         self.pull.fill(0.0);
-        for t in 0..self.straight.trios.len() {
-            self.answer(t, &doubt[HEAD..HEAD + n * width], &row_variance);
-        }
+        let counts = innovation.is_some() && self.score.as_mut().is_some_and(|(_, tally)| tally.begin(time_s));
         let slopes = &mut doubt[HEAD..HEAD + n * width];
+        for t in 0..self.straight.trios.len() {
+            self.answer(t, slopes, innovation.filter(|_| counts), &row_variance);
+        }
+        if let Some((_, tally)) = self.score.as_mut().filter(|_| counts) {
+            tally.keep(slopes);
+        }
         self.arch.run(Following { slopes, p, pull: &self.pull, width });
+        if let Some((_, tally)) = self.score.as_mut().filter(|_| counts) {
+            tally.update(&self.pull, slopes, shift);
+        }
         if !slopes.iter().all(|s| s.abs() < ABSURD) {
             slopes.fill(0.0);
         }
@@ -210,7 +271,7 @@ impl Considering {
     }
 
     /// Of a few rows: B = J dx/dp + dh/dp, and their part of J'WB.
-    fn answer(&mut self, t: usize, slopes: &[f64], variance: &impl Fn(usize) -> Option<f64>) {
+    fn answer(&mut self, t: usize, slopes: &[f64], counted: Option<&[f64]>, variance: &impl Fn(usize) -> Option<f64>) {
         let (_, _, width) = self.size;
         let trio = &self.straight.trios[t];
         for i in 0..trio.count {
@@ -238,7 +299,16 @@ impl Considering {
             if let Some(k) = self.zeros[row] {
                 answer[k] += ZERO_STD;
             }
+            if let Some((delays, _)) = &self.score {
+                let felt = &self.straight.slopes[trio.slopes.clone()];
+                if let Some((k, late)) = delays.answer(trio, i, felt, &self.roles) {
+                    answer[k] += late;
+                }
+            }
             let weight = 1.0 / (noise + input_noise);
+            if let (Some((_, tally)), Some(innovation)) = (&mut self.score, counted) {
+                tally.row(answer, weight, innovation[row]);
+            }
             for slope in &self.straight.slopes[trio.slopes.clone()] {
                 if let Role::State(s) = self.roles[slope.state] {
                     let by = weight * slope.rows[i];
@@ -355,7 +425,7 @@ impl Tracker {
     pub(super) fn look_around(&mut self, belief: &Belief) {
         let wanted = self.wants_slopes(belief);
         if let Some(considering) = self.considering.as_mut().filter(|_| wanted) {
-            considering.look(&belief.mean, &self.moment);
+            considering.look(belief, &self.moment);
         }
     }
 
@@ -366,14 +436,14 @@ impl Tracker {
         let (z, std, inertial) = (&self.z, &self.std, &self.inertial_rows);
         let (inflation, roughness, rough) = (belief.inflation, belief.roughness, &self.rough_rows);
         let believed = |r: usize| !z[r].is_nan() && self.info.parts[self.part_of[r]] == Verdict::Believed;
-        let variance = |r: usize| {
+        let inflated = |r: usize, (inflation, roughness): (f64, f64)| {
             let factor = if inertial[r] { inflation } else { 1.0 } * if rough[r] { roughness } else { 1.0 };
             believed(r).then_some(std[r] * std[r] * factor)
         };
         let (squares, count) = considering.leftover(
             &self.rough_rows,
             (&belief.covariance, self.filter.shift(), &self.info.innovation),
-            variance,
+            |r| inflated(r, (inflation, roughness)),
         );
         if count > 0.0 && self.learns && self.filter.is_whole() {
             let (learning, dt) = (self.manner.learning, self.filter.since_s());
@@ -384,7 +454,10 @@ impl Tracker {
         if belief.doubt.is_empty() {
             return;
         }
-        considering.follow(&mut belief.doubt, &belief.covariance, variance);
+        let innovation = self.learns.then_some(&self.info.innovation[..]);
+        let update = (belief.time_s, &belief.covariance, self.filter.shift(), innovation);
+        let now = considering.inflated;
+        considering.follow(&mut belief.doubt, update, |r| inflated(r, now));
         considering.learn(&mut belief.doubt, belief.time_s, &self.info.innovation, believed);
     }
 }

@@ -2,6 +2,7 @@
 
 use super::notes::notes;
 use super::run::{track, Progress, Run};
+use super::score::{score, Score};
 use super::Calibration;
 use crate::config::Config;
 use crate::error::{Error, Result};
@@ -49,18 +50,40 @@ const TELL_EVERY: Duration = Duration::from_millis(50);
 ///
 /// `progress` is told by the calling thread; if it returns false all work ends in `Error::Stopped`.
 pub fn track_many(jobs: Vec<Job>, threads: Option<usize>, progress: Progress) -> Result<Vec<Result<Done>>> {
+    side_by_side(jobs, threads, Job::run, progress)
+}
+
+/// Scores every job on its own, as `track_many`; each one's `smooth` is not looked at.
+pub fn score_many(
+    jobs: Vec<Job>,
+    span_s: (f64, f64),
+    threads: Option<usize>,
+    progress: Progress,
+) -> Result<Vec<Result<Score>>> {
+    let one = |j: Job, p: Progress<'_>| score(j.model, j.streams, &j.calibration, &j.config, span_s, p);
+    side_by_side(jobs, threads, one, progress)
+}
+
+fn side_by_side<T: Send>(
+    jobs: Vec<Job>,
+    threads: Option<usize>,
+    work: impl Fn(Job, Progress<'_>) -> Result<T> + Sync,
+    progress: Progress,
+) -> Result<Vec<Result<T>>> {
     if jobs.is_empty() {
         return Ok(Vec::new());
     }
     let pool = pool(threads, jobs.len())?;
     let watch = Watch::over(jobs.len());
-    let mut results: Vec<Result<Done>> = jobs.iter().map(|_| Err(Error::Stopped)).collect();
+    let mut results: Vec<Result<T>> = jobs.iter().map(|_| Err(Error::Stopped)).collect();
     let (sender, receiver) = channel();
     pool.in_place_scope_fifo(|scope| {
         for (index, job) in jobs.into_iter().enumerate() {
-            let (sender, watch) = (sender.clone(), &watch);
+            let (sender, watch, work) = (sender.clone(), &watch, &work);
             scope.spawn_fifo(move |_| {
-                let result = job.run(&mut |share| watch.go_on(index, share));
+                // Whoever waits in line when the work is stopped does not begin.
+                let go = watch.go_on(index, 0.0);
+                let result = if go { work(job, &mut |share| watch.go_on(index, share)) } else { Err(Error::Stopped) };
                 // It fails only if the one who waits is gone, and then nobody wants it.
                 let _ = sender.send((index, result));
             });
@@ -87,10 +110,6 @@ fn pool(threads: Option<usize>, jobs: usize) -> Result<ThreadPool> {
 
 impl Job {
     fn run(self, progress: Progress) -> Result<Done> {
-        // Whoever waits in line when the work is stopped does not begin.
-        if !progress(0.0) {
-            return Err(Error::Stopped);
-        }
         let part = if self.smooth { 0.5 } else { 1.0 };
         let begun = Instant::now();
         let run = track(self.model, self.streams, &self.calibration, &self.config, None, &mut |s| progress(part * s))?;
@@ -130,7 +149,7 @@ impl Watch {
     }
 
     /// Takes the results as they come, until every worker has sent its own.
-    fn collect(&self, receiver: &Receiver<(usize, Result<Done>)>, results: &mut [Result<Done>], progress: Progress) {
+    fn collect<T>(&self, receiver: &Receiver<(usize, Result<T>)>, results: &mut [Result<T>], progress: Progress) {
         loop {
             match receiver.recv_timeout(TELL_EVERY) {
                 Ok((index, result)) => {

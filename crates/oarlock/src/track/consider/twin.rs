@@ -64,11 +64,11 @@ pub(super) fn twin(
     Ok((Body::new(Arc::new(model), &parameters, &none, &all)?, told))
 }
 
-/// Role of every column of the twin's Jacobian, how many parameters are considered, and of how many of them a calibration tells the
+/// Role of every column of the twin's Jacobian, names of what is considered, and of how many of them a calibration tells the
 /// standard deviation: these come first.
 pub(super) struct Roles {
     pub(super) roles: Vec<Role>,
-    pub(super) count: usize,
+    pub(super) names: Vec<String>,
     pub(super) told: usize,
 }
 
@@ -99,7 +99,10 @@ impl Roles {
             roles[column] = Role::Considered(k, std);
         }
         let told = wanted.iter().filter(|(.., told)| *told).count();
-        Roles { roles, count: wanted.len(), told }
+        let inputs = twin.model.joints.iter().filter(|j| j.input).map(|j| format!("{}.zero", j.name));
+        let columns: Vec<String> = twin.layout.names.iter().cloned().chain(inputs).collect();
+        let names = wanted.iter().map(|&(column, ..)| columns[column].clone()).collect();
+        Roles { roles, names, told }
     }
 }
 

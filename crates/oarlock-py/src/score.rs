@@ -1,0 +1,40 @@
+//! What innovations say of parameters that a filter takes as given.
+
+use crate::errors::raise;
+use crate::model::PyModel;
+use crate::run::{detached, engine_jobs, Wearing};
+use numpy::{PyArray1, PyArrayMethods};
+use oarlock::track::many::score_many as engine_score_many;
+use pyo3::prelude::*;
+use pyo3::types::PyList;
+
+/// Scores several recordings side by side, each given as (recording, calibration, config). Of each the exception that it ended in, or
+/// (parameters with the standard deviations they are counted in, windows); a window is (from_s, to_s, rows, normal, right).
+#[pyfunction]
+pub fn score_many<'py>(
+    py: Python<'py>,
+    model: &Bound<'py, PyModel>,
+    jobs: Vec<Wearing<'py>>,
+    settle_s: f64,
+    window_s: f64,
+    threads: Option<usize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyList>> {
+    let jobs = engine_jobs(model, &jobs, false)?;
+    let results = detached(py, progress, move |p| engine_score_many(jobs, (settle_s, window_s), threads, p))?;
+    let out = PyList::empty(py);
+    for result in results {
+        match result {
+            Err(e) => out.append(raise(py, e).into_value(py))?,
+            Ok(score) => {
+                let windows = PyList::empty(py);
+                for w in score.windows {
+                    let normal = PyArray1::from_vec(py, w.normal).reshape([score.width, score.width])?;
+                    windows.append((w.span_s.0, w.span_s.1, w.rows, normal, PyArray1::from_vec(py, w.right)))?;
+                }
+                out.append((score.parameters, windows))?;
+            }
+        }
+    }
+    Ok(out)
+}

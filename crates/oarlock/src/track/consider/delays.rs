@@ -1,0 +1,76 @@
+//! How readings answer to a late clock: a reading that is `d` late is what was felt `d` before its stamp, so dh/dd = -(J dx/dt).
+
+use super::Role;
+use crate::body::Body;
+use crate::estimate::straight::{Slope, Trio};
+use crate::sensor::Quantity;
+
+/// A delay is counted in these, s.
+pub(super) const DELAY_STD_S: f64 = 0.01;
+/// Accelerations are averaged over this before their slope is taken, s: the state holds none.
+const JERK_S: f64 = 0.03;
+
+/// Delays of all sensors among the parameters that are considered.
+#[derive(Debug, Clone)]
+pub(super) struct Delays {
+    /// Of each row: its sensor's delay.
+    of_row: Vec<Option<usize>>,
+    /// A column of the twin's Jacobian, and the filter's state that says how fast it goes.
+    paces: Vec<(usize, usize)>,
+    /// A column of an acceleration, the filter's state, and its average a moment ago.
+    accelerations: Vec<(usize, usize, f64)>,
+    since_s: f64,
+    /// Of each column of the twin's Jacobian.
+    pace: Vec<f64>,
+}
+
+impl Delays {
+    /// Numbers its delays from `first` on; also their sources' names.
+    pub(super) fn new(body: &Body, twin: &Body, first: usize) -> (Self, Vec<String>) {
+        let (mut of_row, mut names) = (vec![None; body.suite.len()], Vec::new());
+        for source in &body.suite.sources {
+            let felt = source.parts.iter().filter(|p| !matches!(p.quantity, Quantity::Closure | Quantity::Rest));
+            let rows: Vec<usize> = felt.flat_map(|p| p.rows.clone()).collect();
+            if rows.is_empty() {
+                continue;
+            }
+            rows.iter().for_each(|&r| of_row[r] = Some(first + names.len()));
+            names.push(source.name.clone());
+        }
+        let (mut paces, mut accelerations) = (Vec::new(), Vec::new());
+        let coordinates = body.layout.coordinates.iter().zip(&twin.layout.coordinates);
+        for (own, column) in coordinates.filter_map(|(own, column)| own.zip(*column)) {
+            if let (Some((rate, acceleration)), Some((v, a))) = (own.rates, column.rates) {
+                paces.extend([(column.q, rate), (v, acceleration)]);
+                accelerations.push((a, acceleration, f64::NAN));
+            }
+        }
+        let pace = vec![0.0; twin.layout.dim()];
+        (Delays { of_row, paces, accelerations, since_s: f64::NAN, pace }, names)
+    }
+
+    /// Takes a look at how the body goes.
+    pub(super) fn look(&mut self, time_s: f64, mean: &[f64]) {
+        for &(column, state) in &self.paces {
+            self.pace[column] = mean[state];
+        }
+        let dt = time_s - self.since_s;
+        self.since_s = time_s;
+        for (column, state, average) in &mut self.accelerations {
+            if !dt.is_finite() {
+                *average = mean[*state];
+                continue;
+            }
+            let keep = (-dt / JERK_S).exp();
+            self.pace[*column] = (mean[*state] - *average) / JERK_S;
+            *average = mean[*state] + keep * (*average - mean[*state]);
+        }
+    }
+
+    /// Number of the row's delay, and how its reading answers to it.
+    pub(super) fn answer(&self, trio: &Trio, i: usize, slopes: &[Slope], roles: &[Role]) -> Option<(usize, f64)> {
+        let moving = slopes.iter().filter(|s| matches!(roles[s.state], Role::State(_)));
+        let pace: f64 = moving.map(|s| s.rows[i] * self.pace[s.state]).sum();
+        self.of_row[trio.row + i].map(|k| (k, -DELAY_STD_S * pace))
+    }
+}

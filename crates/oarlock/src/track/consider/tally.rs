@@ -1,0 +1,92 @@
+//! Normal equations of parameters by the innovations of a filter that does not estimate them (Friedland 1969).
+//!
+//! With B = J dx/dp + dh/dp the innovations are B p and white noise, of covariance S = J P J' + R. By Woodbury's identity
+//! B'S^-1 B = B'WB - (J'WB)'P+(J'WB) with W = R^-1, and B'S^-1 nu = B'W nu - (J'WB)'dx with the step dx of the update.
+
+use crate::estimate::dense::accumulate;
+
+/// Over a stretch of time.
+#[derive(Debug, Clone, Default)]
+pub struct Window {
+    /// From and to, s.
+    pub span_s: (f64, f64),
+    /// B'S^-1 B, one row behind the other; parameters are in their standard deviations.
+    pub normal: Vec<f64>,
+    /// B'S^-1 nu.
+    pub right: Vec<f64>,
+    /// Rows that were used.
+    pub rows: usize,
+}
+
+/// Windows that are full, and one that fills.
+#[derive(Debug, Clone)]
+pub(super) struct Tally {
+    settle_s: f64,
+    window_s: f64,
+    begun_s: f64,
+    width: usize,
+    now: Window,
+    full: Vec<Window>,
+    before: Vec<f64>,
+}
+
+impl Tally {
+    pub(super) fn new(width: usize, settle_s: f64, window_s: f64) -> Self {
+        let now = Window::default();
+        Tally { settle_s, window_s, begun_s: f64::NAN, width, now, full: Vec::new(), before: Vec::new() }
+    }
+
+    /// Whether rows of this time count.
+    pub(super) fn begin(&mut self, time_s: f64) -> bool {
+        if self.begun_s.is_nan() {
+            self.begun_s = time_s;
+        }
+        if time_s < self.begun_s + self.settle_s {
+            return false;
+        }
+        if self.now.rows == 0 || time_s >= self.now.span_s.0 + self.window_s {
+            self.close();
+            self.now.span_s = (time_s, time_s);
+            self.now.normal = vec![0.0; self.width * self.width];
+            self.now.right = vec![0.0; self.width];
+        }
+        self.now.span_s.1 = time_s;
+        true
+    }
+
+    /// Of one row: its answers B, weight and innovation.
+    pub(super) fn row(&mut self, answer: &[f64], weight: f64, innovation: f64) {
+        self.now.rows += 1;
+        for (row, &a) in self.now.normal.chunks_exact_mut(self.width).zip(answer) {
+            accumulate(row, std::iter::once((weight * a, answer)));
+        }
+        accumulate(&mut self.now.right, std::iter::once((weight * innovation, answer)));
+    }
+
+    /// Slopes before an update.
+    pub(super) fn keep(&mut self, slopes: &[f64]) {
+        self.before.clear();
+        self.before.extend_from_slice(slopes);
+    }
+
+    /// What the update has taken: `pull` is J'WB, slopes have lost P+ J'WB, and the mean has gone by `shift`.
+    pub(super) fn update(&mut self, pull: &[f64], slopes: &[f64], shift: &[f64]) {
+        let width = self.width;
+        self.before.iter_mut().zip(slopes).for_each(|(b, s)| *b -= s);
+        for (state, pulled) in pull.chunks_exact(width).enumerate().filter(|(_, p)| p.iter().any(|x| *x != 0.0)) {
+            let lost = &self.before[state * width..(state + 1) * width];
+            for (row, &p) in self.now.normal.chunks_exact_mut(width).zip(pulled) {
+                accumulate(row, std::iter::once((-p, lost)));
+            }
+            accumulate(&mut self.now.right, std::iter::once((-shift[state], pulled)));
+        }
+    }
+
+    /// All windows.
+    pub(super) fn close(&mut self) -> &[Window] {
+        if self.now.rows > 0 {
+            self.full.push(std::mem::take(&mut self.now));
+        }
+        &self.full
+    }
+}
