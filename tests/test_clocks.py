@@ -15,7 +15,7 @@ from oarlock.clocks.lines import CRYSTAL_DRIFT, MODEL_STD_S, after, line
 from oarlock.rowing.experiment import simulate_sculling
 
 FOUND_S = 5e-4
-"""Where all else is as the model says: ten times what was measured on an arm in 18 s, five times on a sculler in 14 s."""
+"""Where all else is as modelled: ten times what was measured on an arm in 18 s, five times on a sculler in 14 s."""
 COARSE_S = 0.06
 """What the fine search can mend from."""
 SCATTER_S, STDS = 3e-4, 4.0

@@ -17,7 +17,7 @@ from oarlock.rowing import FEATURES
 from oarlock.rowing.report import is_of_rower, rowing_sections, write_rowing_report
 from oarlock.rowing.report.averages import Average, beyond, difference, feature_of
 from oarlock.rowing.report.piece import Piece
-from oarlock.rowing.report.standing_out import findings
+from oarlock.rowing.report.standing_out import ARM, findings
 from oarlock.rowing.stroke_means import FeatureMean
 from oarlock.rowing.technique import technique
 from oarlock.suspects_text import SUSPECT_NOTE
@@ -229,6 +229,14 @@ def test_scatter_of_strokes_shrinks_with_their_number_and_bands_do_not():
     assert average(-1.0, 0.04, 0.0).uncertainty == pytest.approx(0.01)
     assert average(-1.0, 0.0, 0.01, 100).uncertainty == pytest.approx(0.01)
     assert average(-1.0, np.nan, 0.01, 1).uncertainty == pytest.approx(0.01)
+
+
+def test_joints_of_the_arm_are_told_behind_what_oar_and_seat_do(track):
+    arc = technique(track).strokes["arc_rad"]
+    piece = changed(track, arc_rad=arc + np.linspace(0.0, 0.2, len(arc)))
+    of_arm = [any(word in finding.name for word in ARM) for finding in findings(piece)]
+    assert any(of_arm) and not of_arm[0]
+    assert of_arm == sorted(of_arm)
 
 
 def changed(track: oarlock.Track, **columns: np.ndarray) -> Piece:

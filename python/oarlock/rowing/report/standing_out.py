@@ -31,13 +31,16 @@ ODD_SIGMAS = 4.0
 FEWEST_STROKES = 6
 """Fewer strokes say nothing of drift or of the odd one out."""
 SIDED = ("r_", "l_")
+ARM = ("arm_plane", "elbow", "forearm", "shoulder")
+"""Joints of the arm follow from what oar, seat and trunk do, and are known least: they are told behind these."""
 
 
 class Finding(NamedTuple):
-    """A sentence (plain text) and how many times its least worth telling it is."""
+    """A sentence (plain text), the number it is about, and how many times its least worth telling that is."""
 
     weight: float
     text: str
+    name: str
 
 
 @dataclass(frozen=True)
@@ -49,12 +52,12 @@ class _Column:
 
 
 def findings(piece: Piece) -> list[Finding]:
-    """Most telling first; empty where nothing stands out."""
+    """Most telling first, of joints of the arm behind all others; empty where nothing stands out."""
     own = [name for name in piece.averages if not name.startswith(SIDED)]
     columns = [_column(piece, name) for name in own if feature_of(name).shown_unit in LEAST]
     enough = [column for column in columns if len(column.values) >= FEWEST_STROKES]
     found = [*_sides(piece), *_drifts(enough), *_odd_strokes(enough)]
-    return sorted(found, key=lambda finding: -finding.weight)
+    return sorted(found, key=lambda one: (any(word in one.name for word in ARM), -one.weight))
 
 
 def least(feature: Feature) -> float:
@@ -78,7 +81,7 @@ def _sides(piece: Piece) -> list[Finding]:
         label = apart.feature.label.rpartition(",")[0]
         right, left = (piece.averages[f"{side}_{name}"] for side in "rl")
         shown_right, shown_left = (with_unit(one.feature, one.over.mean) for one in (right, left))
-        found.append(Finding(weight, f"{_capital(label)}: right {shown_right}, left {shown_left}."))
+        found.append(Finding(weight, f"{_capital(label)}: right {shown_right}, left {shown_left}.", name))
     return found
 
 
@@ -94,22 +97,24 @@ def _drifts(columns: list[_Column]) -> list[Finding]:
         if weight > 1.0 and abs(change) > 3.0 * scatter:
             began, ended = (with_unit(column.feature, float(part.mean())) for part in (first, last))
             label = _capital(column.feature.label)
-            found.append(Finding(weight, f"{label} went from {began} to {ended} over the piece."))
+            found.append(
+                Finding(weight, f"{label} went from {began} to {ended} over the piece.", column.feature.name)
+            )
     return found
 
 
 def _odd_strokes(columns: list[_Column]) -> list[Finding]:
     """Strokes far from the median of their piece, each told by the number in which it is farthest."""
-    worst: dict[float, tuple[float, str]] = {}
+    worst: dict[float, Finding] = {}
     for column in columns:
         middle = float(np.median(column.values))
         robust = 1.4826 * float(np.median(np.abs(column.values - middle)))
         off = np.abs(column.values - middle)
         for k in np.flatnonzero((off > ODD_SIGMAS * robust) & (off > least(column.feature))):
             weight, number = float(off[k]) / least(column.feature), float(column.numbers[k])
-            if weight > worst.get(number, (0.0, ""))[0]:
-                worst[number] = weight, _odd(column, int(k), middle)
-    return [Finding(weight, text) for weight, text in worst.values()]
+            if number not in worst or weight > worst[number].weight:
+                worst[number] = Finding(weight, _odd(column, int(k), middle), column.feature.name)
+    return list(worst.values())
 
 
 def _odd(column: _Column, k: int, middle: float) -> str:
