@@ -158,6 +158,12 @@ QUALISYS = (
 )
 
 
+def test_a_nexus_export_without_its_rate_is_refused(tmp_path):
+    (tmp_path / "nexus.csv").write_text(NEXUS.replace("\n100\n", "\n\n"))
+    with pytest.raises(DataError, match="after Trajectories stand the rate"):
+        load_markers(tmp_path / "nexus.csv")
+
+
 def test_nexus_export(tmp_path):
     file = tmp_path / "nexus.csv"
     file.write_text(NEXUS, encoding="utf-8")
@@ -210,6 +216,18 @@ def c3d_file(file: Path, labels: list[str], units: str = "mm") -> np.ndarray:
     content["data"]["points"] = points
     content.write(str(file))
     return points[:3].transpose(2, 1, 0)
+
+
+def test_a_damaged_c3d_file_that_would_end_its_reader_is_refused(tmp_path):
+    whole, file = tmp_path / "whole.c3d", tmp_path / "damaged.c3d"
+    c3d_file(whole, ["Bob:A", "Bob:B", "*12"])
+    content = bytearray(whole.read_bytes())
+    # Found by fuzzing: a segmentation fault in ezc3d 1.7.2.
+    for place, byte in ((39, 97), (254, 167), (807, 185)):
+        content[place] = byte
+    file.write_bytes(content)
+    with pytest.raises(DataError, match="damaged"):
+        load_markers(file)
 
 
 @pytest.mark.parametrize(("units", "metres"), [("mm", 1e-3), ("m", 1.0)])

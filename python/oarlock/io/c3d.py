@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import io
+import subprocess
+import sys
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from oarlock.array_gate import FloatArray
 from oarlock.errors import DataError
@@ -14,6 +19,8 @@ from oarlock.io.marker_table import held_unit, markers_of
 
 if TYPE_CHECKING:
     from oarlock.markers.trajectories import Markers
+
+_CHILD = Path(__file__).with_name("c3d_child.py")
 
 
 def read_c3d(file: Path, unit: str | None = None) -> Markers:
@@ -29,60 +36,46 @@ def read_c3d(file: Path, unit: str | None = None) -> Markers:
         DataError: ezc3d is not installed, or the file cannot be read or holds no points.
     """
     content = _content(file)
-    point = content["parameters"]["POINT"]
-    raw = np.asarray(content["data"]["points"], dtype=np.float64)[:3]
+    raw, rate = content["points"], float(content["rate_hz"])
     count, frames = raw.shape[1:]
     if not count or not frames:
         raise DataError(f"{file}: holds {count} points in {frames} frames; nothing to read")
-    residual = np.asarray(content["data"]["meta_points"]["residuals"], dtype=np.float64)[0]
-    position = np.where(_unseen(raw, residual), np.nan, raw)
-    names = _labels(point, count, file)
-    said = str(_first(point, "UNITS") or "")
-    rate = float(content["header"]["points"]["frame_rate"])
+    position = np.where(_unseen(raw, content["residuals"]), np.nan, raw)
+    names = _names(content["labels"], count, file)
     if not rate > 0.0:
         raise DataError(
             f"{file}: the rate of its points is {rate:g} Hz; expected a positive number (POINT:RATE)"
         )
-    first = int(content["header"]["points"]["first_frame"])
-    time_s = (first + np.arange(frames)) / rate
-    held = held_unit(said, unit, f"{file}, POINT:UNITS")
+    time_s = (int(content["first_frame"]) + np.arange(frames)) / rate
+    held = held_unit(str(content["unit"]), unit, f"{file}, POINT:UNITS")
     return markers_of(file, names, time_s, position.transpose(2, 1, 0).reshape(frames, -1), held)
 
 
-def _content(file: Path) -> Any:
-    try:
-        import ezc3d
-    except ImportError:
+def _content(file: Path) -> dict[str, NDArray[Any]]:
+    """What `c3d_child` reads in a process of its own: ezc3d ends the one it runs in on some damaged files."""
+    if find_spec("ezc3d") is None:
         raise DataError(
             f"{file}: C3D files are read with ezc3d: pip install 'oarlock[c3d]' (or export the markers as TRC)"
-        ) from None
+        )
     try:
         check_layout(file.read_bytes(), file)
     except OSError as error:
         raise DataError(f"{file}: cannot be read ({error.strerror})") from error
-    try:
-        return ezc3d.c3d(str(file))
-    except Exception as error:  # ezc3d raises whatever its C++ side throws
-        raise DataError(f"{file}: is no C3D file, or is damaged ({error})") from error
+    # -P: the folder of the script is no place to import from.
+    done = subprocess.run([sys.executable, "-P", str(_CHILD), str(file)], capture_output=True, check=False)
+    if done.returncode != 0:
+        said = done.stderr.decode(errors="replace").strip().splitlines() if done.returncode == 1 else []
+        why = said[-1] if said else f"its reader, ezc3d, ended with status {done.returncode}"
+        raise DataError(f"{file}: is no C3D file, or is damaged ({why})")
+    with np.load(io.BytesIO(done.stdout)) as arrays:
+        return dict(arrays)
 
 
 def _unseen(raw: FloatArray, residual: FloatArray) -> Any:
     return (residual < 0.0) | np.isnan(raw).any(axis=0) | (raw == 0.0).all(axis=0)
 
 
-def _labels(point: Any, count: int, file: Path) -> tuple[str, ...]:
-    """All labels: a C3D parameter holds 255, so large sets go on in LABELS2, LABELS3, ..."""
-    found: list[str] = []
-    for number in range(1, 100):
-        key = "LABELS" if number == 1 else f"LABELS{number}"
-        if key not in point:
-            break
-        found += [str(label).strip() for label in point[key]["value"]]
-    if len(found) < count:
-        raise DataError(f"{file}: has {count} points but {len(found)} labels (POINT:LABELS)")
-    return tuple(label or f"unnamed_{k + 1}" for k, label in enumerate(found[:count]))
-
-
-def _first(point: Any, key: str) -> Any:
-    values = point[key]["value"] if key in point else []
-    return values[0] if len(values) else None
+def _names(labels: NDArray[Any], count: int, file: Path) -> tuple[str, ...]:
+    if len(labels) < count:
+        raise DataError(f"{file}: has {count} points but {len(labels)} labels (POINT:LABELS)")
+    return tuple(str(label) or f"unnamed_{k + 1}" for k, label in enumerate(labels[:count]))

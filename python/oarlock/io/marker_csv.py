@@ -126,7 +126,12 @@ def _read_nexus(file: Path, unit: str | None) -> Markers:
     if start is None:
         raise DataError(f'{file}: no line begins with "Trajectories", as a section of a Nexus export does')
     section = rows[start + 1 : start + 5]
-    if len(section) < 4 or len(section[2].cells) < 2 or section[2].cells[0] != "Frame":
+    if (
+        len(section) < 4
+        or not filled(section[0])
+        or section[2].cells[:1] != ("Frame",)
+        or len(section[2].cells) < 2
+    ):
         raise DataError(
             f"{file}:{rows[start].line}: after Trajectories stand the rate, the names, Frame and Sub Frame, the units"
         )
