@@ -153,6 +153,10 @@ def test_all_sections_are_there(page):
     assert wanted | {"joints", "curves", "provenance"} <= ids
 
 
+def test_targets_that_have_no_number_in_the_piece_are_named(page):
+    assert "Targets without a number in this piece: catch slip, finish wash." in page.text
+
+
 def test_targets_are_drawn_with_their_source_and_never_called_right(page, text, track, tmp_path):
     assert "RtcNoord (KNRB)" in page.text
     assert 'class="zone"' in text

@@ -7,7 +7,7 @@ from html import escape
 import numpy as np
 
 from oarlock.report import KeyFigure
-from oarlock.rowing.report.averages import Average
+from oarlock.rowing.report.averages import Average, feature_of
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread, with_unit
 from oarlock.rowing.report.standing_out import findings
@@ -95,4 +95,11 @@ def _standing_out(piece: Piece) -> str:
 
 
 def _notes(piece: Piece) -> list[str]:
-    return [escape(note) for note in piece.technique.found.notes]
+    return [escape(note) for note in piece.technique.found.notes] + _unmet(piece)
+
+
+def _unmet(piece: Piece) -> list[str]:
+    """Targets for which this piece has no number."""
+    known = {name for name, average in piece.averages.items() if average.known}
+    missing = [feature_of(name).label for name in piece.technique.targets if name not in known]
+    return [f"Targets without a number in this piece: {escape(', '.join(missing))}."] if missing else []
