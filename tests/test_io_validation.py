@@ -267,6 +267,7 @@ def test_a_reference_checks_what_it_is_given():
         ({"quat_wxyz": {}}, "no body"),
         ({"quat_wxyz": {"a": quats[:2]}}, "2 rows"),
         ({"quat_wxyz": {"a": quats * 1.1}}, r"norm 1\.1000"),
+        ({"quat_wxyz": {"a": quats * 1e200}}, "norm inf"),
         ({"quat_wxyz": {"a": np.where([[True, True, True, False]] * 3, quats, np.nan)}}, "lacks part"),
         ({"time_s": [0.0, 1.0, 1.0]}, "repeats"),
         ({"scored": np.ones(2, dtype=bool)}, "scored"),

@@ -88,7 +88,8 @@ class Reference:
 
 
 def _unit(quat_wxyz: FloatArray, where: str) -> FloatArray:
-    norms = np.linalg.norm(quat_wxyz, axis=1)
+    with np.errstate(over="ignore"):  # a norm beyond all numbers is not 1 either
+        norms = np.linalg.norm(quat_wxyz, axis=1)
     gap = np.isnan(quat_wxyz).all(axis=1)
     halves = np.flatnonzero(np.isnan(norms) & ~gap)
     if halves.size:
