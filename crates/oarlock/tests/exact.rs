@@ -11,8 +11,7 @@ use oarlock::track::run::{track, Run};
 use oarlock::track::{Calibration, Status, Tracker};
 use std::sync::Arc;
 use support::chance::Chance;
-use support::record::{punch_holes, streams, times, Scene};
-use support::stroke::Stroke;
+use support::record::{punch_holes, rowed, streams, times};
 use support::{body, model, SCULLER};
 
 struct Case {
@@ -27,16 +26,8 @@ fn case(filter: FilterKind) -> Case {
     let config = Config { filter, ..Config::default() };
     let model = model(SCULLER);
     let body = body(&model, &config);
-    let stroke = Stroke::new(&body, 2.2);
-    let scene = Scene {
-        body: &body,
-        motion: &|t| stroke.at(t),
-        surge: &|t| 2.0 * (2.9 * t).sin(),
-        azimuth_rad: 0.5,
-        noise: 1.0,
-    };
     let mut chance = Chance::new(11);
-    let mut samples = scene.samples(&times(5.0, 0.01, 300), &mut chance);
+    let mut samples = rowed(&body, &times(5.0, 0.01, 300), &mut chance);
     punch_holes(&body, &mut samples[30..], &mut chance);
     // A jolt that the gate refuses, and a magnet.
     samples[100].z[..3].fill(80.0);

@@ -10,19 +10,15 @@ use oarlock::track::Calibration;
 use oarlock::{Config, Error, Model};
 use std::sync::Arc;
 use support::chance::Chance;
-use support::record::{punch_holes, streams, times, Scene};
-use support::stroke::Stroke;
+use support::record::{punch_holes, rowed, streams, times};
 use support::{body, model, SCULLER};
 
 /// Of other lengths, so that workers finish in another order than they began.
 const SAMPLES: [usize; 5] = [260, 90, 200, 60, 130];
 
 fn recording(body: &Body, seed: u64, count: usize) -> Vec<Stream> {
-    let stroke = Stroke::new(body, 2.2);
-    let scene =
-        Scene { body, motion: &|t| stroke.at(t), surge: &|t| 2.0 * (2.9 * t).sin(), azimuth_rad: 0.5, noise: 1.0 };
     let mut chance = Chance::new(seed);
-    let mut samples = scene.samples(&times(5.0, 0.01, count), &mut chance);
+    let mut samples = rowed(body, &times(5.0, 0.01, count), &mut chance);
     punch_holes(body, &mut samples[30..], &mut chance);
     streams(body, &samples)
 }

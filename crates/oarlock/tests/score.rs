@@ -10,8 +10,7 @@ use oarlock::track::Calibration;
 use oarlock::{Config, Error};
 use std::collections::BTreeMap;
 use support::chance::Chance;
-use support::record::{streams, times, Scene};
-use support::stroke::Stroke;
+use support::record::{rowed, streams, times};
 use support::{body, model, SCULLER};
 
 const LATE_S: f64 = 0.004;
@@ -21,15 +20,7 @@ const DELAY_TOLERANCE_S: f64 = 1e-3;
 
 fn stroke() -> Vec<Stream> {
     let body = body(&model(SCULLER), &Config::default());
-    let stroke = Stroke::new(&body, 2.2);
-    let scene = Scene {
-        body: &body,
-        motion: &|t| stroke.at(t),
-        surge: &|t| 2.0 * (2.9 * t).sin(),
-        azimuth_rad: 0.5,
-        noise: 1.0,
-    };
-    streams(&body, &scene.samples(&times(0.0, 0.008, 1500), &mut Chance::new(5)))
+    streams(&body, &rowed(&body, &times(0.0, 0.008, 1500), &mut Chance::new(5)))
 }
 
 fn first(stream: &Stream) -> f64 {

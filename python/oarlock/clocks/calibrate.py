@@ -13,7 +13,7 @@ from oarlock.calibration import Calibration
 from oarlock.clocks.coarse import coarse_delays
 from oarlock.clocks.devices import most_agree, reference_streams, same_stamps, unknowns
 from oarlock.clocks.lines import after
-from oarlock.clocks.scores import bare
+from oarlock.clocks.scores import Filtering, bare
 from oarlock.clocks.search import SAME_CLOCK_STDS, Clocks, settle, with_clocks
 from oarlock.errors import DataError
 from oarlock.recording import Recording
@@ -71,7 +71,8 @@ def calibrate_clocks(
         )
     rough = {name: Clock(delay) for name, delay in coarse_delays(measured, fixed).items()}
     start = with_clocks(measured, rough)
-    near = settle(model, start, bare(known), groups, bool(fixed), threads, progress or _nobody)
+    seen_by = Filtering(model, bare(known), groups, bool(fixed), threads)
+    near = settle(seen_by, start, progress or _nobody)
     found = {name: after(rough.get(name, Clock(0.0)), clock) for name, clock in near.items()}
     if not fixed:
         fixed, found = _by_majority(found, measured)

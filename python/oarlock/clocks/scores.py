@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,35 +67,46 @@ def spans(recording: Recording, most: int) -> list[Span]:
     return [(float(first), float(first + length)) for first in starts]
 
 
-def sights(
-    model: Model,
-    recording: Recording,
-    known: Calibration,
-    pieces: Sequence[Span],
-    clocks: Groups,
-    anchored: bool,
-    threads: int | None,
-) -> list[Sight]:
-    """What each window of each piece says; a piece in which the track was lost says nothing.
+@dataclass(frozen=True)
+class Filtering:
+    """What delays are seen through.
 
-    The filter takes clocks as right. How its innovations answer to a delay of each stream, to mounts, lengths, places
-    and zeros goes along with it (Friedland 1969), and each window's normal equations are solved for all of these
-    together. Without a stream that keeps true time (`anchored`) only differences are told: their mean is nought.
+    Args:
+        model: the body and its sensors.
+        known: what the filter is told of the wearing.
+        groups: streams that have one clock together.
+        anchored: some other stream keeps true time; without one, only differences are told, and their mean is nought.
+        threads: how many pieces are looked at at a time; None takes all cores.
     """
-    config = Config(filter="ekf", estimate=_estimate(recording), merge_s=_MERGE_S)
-    jobs = [(recording.slice(*piece), known, config) for piece in pieces]
-    settle = min(SETTLE_S, 0.25 * (pieces[0][1] - pieces[0][0]))
-    found = []
-    for result in score_many(model, jobs, settle, WINDOW_S, threads, None):
-        if isinstance(result, DataError):
-            raise result
-        if isinstance(result, Exception):
-            continue
-        parameters, windows = result
-        for start, end, _rows, normal, right in windows:
-            if end - start > 0.5 * WINDOW_S:
-                found.append(_solved(0.5 * (start + end), parameters, normal, right, clocks, anchored))
-    return found
+
+    model: Model
+    known: Calibration
+    groups: Groups
+    anchored: bool
+    threads: int | None
+
+    def sights(self, recording: Recording, pieces: Sequence[Span]) -> list[Sight]:
+        """What each window of each piece says; a piece in which the track was lost says nothing.
+
+        The filter takes clocks as right. How its innovations answer to a delay of each stream, to mounts, lengths,
+        places and zeros goes along with it (Friedland 1969), and each window's normal equations are solved for all of
+        these together.
+        """
+        config = Config(filter="ekf", estimate=_estimate(recording), merge_s=_MERGE_S)
+        jobs = [(recording.slice(*piece), self.known, config) for piece in pieces]
+        settle = min(SETTLE_S, 0.25 * (pieces[0][1] - pieces[0][0]))
+        found = []
+        for result in score_many(self.model, jobs, settle, WINDOW_S, self.threads, None):
+            if isinstance(result, DataError):
+                raise result
+            if isinstance(result, Exception):
+                continue
+            parameters, windows = result
+            for start, end, _rows, normal, right in windows:
+                if end - start > 0.5 * WINDOW_S:
+                    middle = 0.5 * (start + end)
+                    found.append(_solved(middle, parameters, normal, right, self.groups, self.anchored))
+        return found
 
 
 def _estimate(recording: Recording) -> tuple[str, ...]:
@@ -135,4 +146,4 @@ def _solved(
 
 def bare(known: Calibration) -> Calibration:
     """What the filter is told: values alone, for it is to doubt them as the model does."""
-    return replace(Calibration(known.parameters, known.mounts), mag_offsets_ut=known.mag_offsets_ut)
+    return Calibration(known.parameters, known.mounts, mag_offsets_ut=known.mag_offsets_ut)

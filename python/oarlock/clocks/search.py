@@ -6,10 +6,9 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from oarlock._core import Model
 from oarlock.calibration import Calibration
 from oarlock.clocks.lines import after, line
-from oarlock.clocks.scores import Groups, Span, sights, spans
+from oarlock.clocks.scores import Filtering, Span, spans
 from oarlock.recording import Recording
 from oarlock.stream_scales import Clock
 
@@ -25,36 +24,25 @@ _NEAR_S = 0.003
 """Closer than this all pieces are used; the first steps do with a few."""
 
 
-def settle(
-    model: Model,
-    recording: Recording,
-    known: Calibration,
-    groups: Groups,
-    anchored: bool,
-    threads: int | None,
-    told: Callable[[float], object],
-) -> Clocks:
+def settle(seen_by: Filtering, recording: Recording, told: Callable[[float], object]) -> Clocks:
     """The clock of each stream of the groups.
 
     Looks at pieces, lays a line through each clock's delays, sets the stamps right, and begins again until no clock
     moves (Gauss and Newton's method).
 
     Args:
-        model: the body and its sensors.
+        seen_by: what delays are seen through.
         recording: stamps are within a tenth of a second of the truth.
-        known: what the filter is told of the wearing.
-        groups: streams that have one clock together.
-        anchored: some other stream keeps true time; without one, only differences are told.
-        threads: how many pieces are looked at at a time; None takes all cores.
         told: called with the share done.
     """
+    groups = seen_by.groups
     clocks = {name: Clock(0.0) for group in groups for name in group}
     one_clock = len({s.time_s.tobytes() for s in recording}) == 1
     few = not one_clock
     for round_ in range(_ROUNDS):
         now = with_clocks(recording, clocks)
         pieces = spans(now, _ROUGH_PIECES if few else _PIECES)
-        steps = _steps(model, now, known, pieces, groups, anchored, threads, clocks)
+        steps = _steps(seen_by, now, pieces, clocks)
         told((round_ + 1) / _ROUNDS)
         if not steps and few:
             few = False
@@ -78,22 +66,13 @@ def with_clocks(recording: Recording, clocks: Mapping[str, Clock]) -> Recording:
     return Calibration(clocks=clocks).corrected(recording)
 
 
-def _steps(
-    model: Model,
-    recording: Recording,
-    known: Calibration,
-    pieces: list[Span],
-    groups: Groups,
-    anchored: bool,
-    threads: int | None,
-    so_far: Clocks,
-) -> Clocks:
-    seen = sights(model, recording, known, pieces, groups, anchored, threads)
+def _steps(seen_by: Filtering, recording: Recording, pieces: list[Span], so_far: Clocks) -> Clocks:
+    seen = seen_by.sights(recording, pieces)
     if not seen:
         return {}
     time_s = np.array([s.time_s for s in seen])
     delay, std = (np.array([getattr(s, key) for s in seen]) for key in ("delay_s", "std_s"))
     return {
         group[0]: line(time_s, delay[:, k], std[:, k], so_far[group[0]].drift)
-        for k, group in enumerate(groups)
+        for k, group in enumerate(seen_by.groups)
     }

@@ -3,7 +3,7 @@
 pub use super::consider::Window;
 use super::run::Progress;
 use super::{Calibration, Tracker};
-use crate::config::{Config, Consider};
+use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::model::Model;
 use crate::recording::{Recording, Stream};
@@ -29,8 +29,7 @@ pub fn score(
     (settle_s, window_s): (f64, f64),
     progress: Progress,
 ) -> Result<Score> {
-    let config = Config { consider: Consider::Always, ..config.clone() };
-    let mut tracker = Tracker::new(model.clone(), calibration, &config)?;
+    let mut tracker = Tracker::new(model.clone(), calibration, config)?;
     let Some(considering) = &mut tracker.considering else {
         return Err(Error::Data(format!("model '{}': nothing is known only roughly", model.name)));
     };

@@ -84,6 +84,13 @@ impl Scene<'_> {
     }
 }
 
+/// Samples of a sculler's strokes on a boat that surges.
+pub fn rowed(body: &Body, times: &[f64], chance: &mut Chance) -> Vec<Sample> {
+    let stroke = Stroke::new(body, 2.2);
+    let surge = |t: f64| 2.0 * (2.9 * t).sin();
+    Scene { body, motion: &|t| stroke.at(t), surge: &surge, azimuth_rad: 0.5, noise: 1.0 }.samples(times, chance)
+}
+
 pub fn times(start_s: f64, step_s: f64, count: usize) -> Vec<f64> {
     (0..count).map(|k| start_s + step_s * k as f64).collect()
 }
