@@ -99,7 +99,7 @@ def test_recipe_of_a_ball_with_pushes_in_place_of_a_free_body(tmp_path):
         file.write_text(text, encoding="utf-8")
         states[name] = oarlock.load_model(file).state_names
     assert {"push_x", "push_y", "push_z"} <= set(states["ball"])
-    assert len(states["free"]) - len(states["ball"]) == 6, "the page says six states less"
+    assert len(states["free"]) - len(states["ball"]) == 3, "the page says three states less"
 
 
 def test_recipe_adds_a_joint(tmp_path):

@@ -38,6 +38,18 @@ def test_a_wrong_length_is_found(pendulum: oarlock.Model) -> None:
     assert abs(found.value[-1] - true_m) < max(5.0 * found.std[-1], 0.006)
 
 
+@pytest.mark.parametrize("told_m", [1e-3, 0.0])
+def test_a_length_starts_with_what_its_calibration_says_of_it(pendulum: oarlock.Model, told_m: float) -> None:
+    known = oarlock.Calibration(parameter_stds={"l_upper": told_m})
+    config = Config(estimate=(*BESIDE, "l_upper"))
+    track = oarlock.track(pendulum, recorded(pendulum), known, config)
+    found = track.slow["parameters.l_upper"]
+    assert np.isfinite(track.q).all()
+    # Readings only sharpen it; what is told to be exact stays.
+    assert (found.std <= max(told_m, 1e-6) * (1.0 + 1e-9)).all()
+    assert abs(found.value - pendulum.parameters["l_upper"]).max() < max(5.0 * told_m, 1e-6)
+
+
 def test_a_mount_askew_about_the_hinges_axis_is_found(pendulum: oarlock.Model) -> None:
     described = pendulum.describe()["sensors"]
     name = described[-1]["name"]

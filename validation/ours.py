@@ -30,6 +30,9 @@ FOUND_NAMES = tuple(f"{name}, {FOUND}" for name in NAMES)
 WINDOW_S: Mapping[str, float] = {"rigid": 0.2, "foam": 0.4}
 """Over which joints are sought, as docs/mounts.md advises for each kind of mounting."""
 
+SCREWED_ON_STD_M = 0.01
+"""As of `dfjimu`'s model file. A fit knows its lever to a millimetre, and a joint is no point."""
+
 ARM = ("upper_arm", "forearm")
 
 WITH_LENGTHS = Config(estimate=("gyro_bias", "accel_bias", "lengths"))
@@ -62,10 +65,15 @@ def track_dfjimu_found(recording: Recording) -> Iterator[Estimate]:
 
 
 def track_diodem_found(recording: Recording, mounted: str) -> Iterator[Estimate]:
-    """Places and lengths from `calibrate_joint_centers`; mounts stay nominal: one hinge turns off its axis."""
+    """Places and lengths from `calibrate_joint_centers`; mounts stay nominal: one hinge turns off its axis.
+
+    What is screwed on stays where it was found, to a centimetre; on foam it moves, as the model file has it.
+    """
     model = oarlock.load_model("diodem_arm")
     known = _known(recording, model)
     found = oarlock.calibrate_joint_centers(model, known, window_s=WINDOW_S[mounted])
+    if mounted == "rigid":
+        found = replace(found, parameter_stds=dict.fromkeys(found.parameters, SCREWED_ON_STD_M))
     return _named_found(_tracked("diodem_arm", recording, SEGMENTS, found, WITH_LENGTHS))
 
 

@@ -65,8 +65,10 @@ def calibrate_joint_centers(
 
     Returns:
         The starting calibration with the offsets of the units, and every length that moves a joint which was
-        found. ``noted`` holds standard deviations, loose directions, residuals, and by how much joints still miss
-        one another because lengths are fixed numbers (``left_m``).
+        found. An offset that the model file writes as three parameters of its own is told by these, so that
+        ``Config(estimate=["lengths"])`` can go on from it. ``noted`` holds standard deviations, loose
+        directions, residuals, and by how much joints still miss one another because lengths are fixed numbers
+        (``left_m``).
 
     Raises:
         DataError: no two units with a joint between them, two units on one body, a stream without gyroscope or
@@ -86,7 +88,10 @@ def calibrate_joint_centers(
     found = [_found(pair, worn, recording, window_s, prior_std_m) for pair in centered]
     tree = Tree.of(worn, centered, prior_std_m)
     solved = tree.solve(found)
-    mounts = {name: (worn.rotations[name], offset) for name, offset in solved.offsets.items()}
+    named = _offset_parameters(worn, solved)
+    told = dict(pair for values in named.values() for pair in values.items())
+    offsets = {name: offset for name, offset in solved.offsets.items() if name not in named}
+    mounts = {name: (worn.rotations[name], offset) for name, offset in offsets.items()}
     noted = {
         "how": "joint centers from motion",
         "joint": {p.label: _joint_note(p, f, solved) for p, f in zip(centered, found, strict=True)},
@@ -96,7 +101,7 @@ def calibrate_joint_centers(
         "kept_nominal": solved.kept,
         "left_out": [name for name in recording.names if name not in names],
     }
-    return worn.calibrated(mounts, noted, solved.parameters)
+    return worn.calibrated(mounts, noted, {**solved.parameters, **told})
 
 
 def _found(
@@ -266,6 +271,35 @@ def _centers(model: Model, pairs: Sequence[LinkPair]) -> FloatArray:
     names = dict.fromkeys(n for pair in pairs for n in pair.units if n != ROOT)
     by_child = {p.child: p.center for p in link_pairs(model, list(names), SEARCH, root_at_rest=True)}
     return np.array([by_child[pair.child] for pair in pairs])
+
+
+def _offset_parameters(worn: Worn, solved: Solved) -> dict[str, dict[str, float]]:
+    """Unit -> its three parameters and what they have to be, where the model file has the offset so."""
+    held = {name: offset for name, offset in solved.offsets.items() if name not in worn.before.mounts}
+    axes: dict[str, dict[int, str]] = {}
+    for name, value in worn.model.parameters.items():
+        moved = _offsets_moved(worn, {name: value + STEP_M})
+        if len(moved) == 1 and name not in solved.parameters:
+            unit, by = next(iter(moved.items()))
+            axis = int(np.argmax(np.abs(by)))
+            if np.abs(by - STEP_M * np.eye(3)[axis]).max() < STRAIGHT:
+                axes.setdefault(unit, {})[axis] = name
+    values = worn.model.parameters
+    return {
+        unit: {
+            axes[unit][k]: values[axes[unit][k]] + float((offset - worn.offsets[unit])[k]) for k in range(3)
+        }
+        for unit, offset in held.items()
+        if len(axes.get(unit, {})) == 3
+    }
+
+
+def _offsets_moved(worn: Worn, parameters: Mapping[str, float]) -> dict[str, FloatArray]:
+    """(3,) m by which other parameters move the offsets of units, of those that they move."""
+    sensors = resized(worn.model, parameters).describe()["sensors"]
+    units = [s for s in sensors if s["kind"] == "imu" and s["name"] not in worn.before.mounts]
+    moved = {s["name"]: np.asarray(s["mount"]["offset"]) - worn.offsets[s["name"]] for s in units}
+    return {name: by for name, by in moved.items() if np.abs(by).max() > STRAIGHT}
 
 
 # --- what is noted ------------------------------------------------------------------------------------

@@ -405,7 +405,9 @@ def _slow_unit(name: str) -> str:
         return "rad"
     if name.startswith("parameters."):
         return "m"
-    return "rad/s" if ".gyro_bias" in name else "m/s2"
+    if ".gyro_bias" in name:
+        return "rad/s"
+    return "m/s3" if name.endswith(".rate") else "m/s2"
 
 
 def _beliefs(run: Run) -> Beliefs:

@@ -12,12 +12,14 @@ pub struct Course {
     walks: Vec<(usize, f64)>,
     /// A state, its density, and the time in which it decays.
     decays: Vec<(usize, f64, f64)>,
+    /// A state and its rate, the density, the time in which the state decays, and the one in which its rate does.
+    rises: Vec<([usize; 2], f64, f64, f64)>,
 }
 
 impl Course {
     /// Of the states that the body's names hold.
     pub fn new(body: &Naive) -> Self {
-        let mut course = Course { driven: Vec::new(), walks: Vec::new(), decays: Vec::new() };
+        let mut course = Course { driven: Vec::new(), walks: Vec::new(), decays: Vec::new(), rises: Vec::new() };
         course.add_coordinates(body);
         let model = body.model;
         let mut walk = |name: &str, density: f64| course.walks.extend(body.place(name).map(|i| (i, density)));
@@ -33,6 +35,10 @@ impl Course {
         }
         for base in &model.base_accelerations {
             match body.place(&base.name) {
+                Some(i) if base.rise_s > 0.0 => {
+                    let rate = body.place(&format!("{}.rate", base.name)).expect("it has one");
+                    course.rises.push(([i, rate], base.density, base.time_s, base.rise_s));
+                }
                 Some(i) if base.time_s.is_finite() => course.decays.push((i, base.density, base.time_s)),
                 Some(i) => course.walks.push((i, base.density)),
                 None => {}
@@ -72,6 +78,9 @@ impl Course {
             f[(i, i)] = keep;
             q[(i, i)] = density.powi(2) * time_s / 2.0 * (1.0 - keep * keep);
         }
+        for &(at, density, time_s, rise_s) in &self.rises {
+            rise(at, dt, density, [time_s, rise_s], &mut f, &mut q);
+        }
         (f, q)
     }
 }
@@ -107,6 +116,26 @@ fn decay(at: [usize; 3], tau: f64, t: f64, density2: f64, f: &mut DMatrix<f64>, 
         for c in 0..3 {
             f[(at[r], at[c])] = way[(r, c)] * unit[r] / unit[c];
             q[(at[r], at[c])] = noise[(r, c)] * unit[r] * unit[c] * t.powi(5) * density2;
+        }
+    }
+}
+
+/// Acceleration that decays and is driven by a rate that does, by Van Loan (1978), with the step as unit of time.
+fn rise(at: [usize; 2], t: f64, density: f64, times: [f64; 2], f: &mut DMatrix<f64>, q: &mut DMatrix<f64>) {
+    let motion = DMatrix::from_row_slice(2, 2, &[-t / times[0], 1.0, 0.0, -t / times[1]]);
+    let mut both = DMatrix::zeros(4, 4);
+    both.view_mut((0, 0), (2, 2)).copy_from(&-&motion);
+    both.view_mut((2, 2), (2, 2)).copy_from(&motion.transpose());
+    both[(1, 3)] = 1.0;
+    let both = both.exp();
+    let way = both.view((2, 2), (2, 2)).transpose();
+    let noise = &way * both.view((0, 2), (2, 2));
+    // Units: 1 of the acceleration, 1 / t of its rate; unit white noise of the rate gathers t^3.
+    let (unit, power) = ([1.0, 1.0 / t], (density / times[1]).powi(2) * t.powi(3));
+    for r in 0..2 {
+        for c in 0..2 {
+            f[(at[r], at[c])] = way[(r, c)] * unit[r] / unit[c];
+            q[(at[r], at[c])] = noise[(r, c)] * unit[r] * unit[c] * power;
         }
     }
 }

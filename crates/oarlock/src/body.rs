@@ -17,13 +17,13 @@ use crate::kinematics::pieces::Pieces;
 use crate::kinematics::{FrameMotion, JointMotion, Tree};
 use crate::lane::{Lane, Real};
 use crate::model::{Axis, Model, Transform, World};
-use crate::motion::{fading, joint_block, push_turn, Now};
+use crate::motion::{joint_block, push_block, push_turn, Now};
 use crate::rotation::turn::{minus, plus, right_jacobian};
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::imu::MountValue;
 use crate::sensor::near::Seats;
 use crate::sensor::{Quantity, Suite, Wearing};
-use crate::state::{Layout, Slots, SlowSlot};
+use crate::state::{Layout, Slots};
 use posture::Posture;
 use read::BodyScratch;
 use std::sync::Arc;
@@ -143,7 +143,7 @@ impl Body {
             }
         }
         let joints = layout.coordinates.iter().flatten().filter_map(|s| s.rates.map(|(_, accel)| accel));
-        let driven = joints.chain(layout.base.iter().flatten().map(|b| b.first)).collect();
+        let driven = joints.chain(layout.pushes.iter().map(|p| p.rate.unwrap_or(p.state))).collect();
         let inputs = || model.joints.iter().filter(|j| j.input);
         let (input_coordinates, input_std) = inputs().map(|j| (j.first, j.input_std)).unzip();
         let tree = Tree::with_lengths(&model, parameters, &estimated);
@@ -247,10 +247,8 @@ impl Body {
     #[inline(always)]
     fn root<T: Real>(&self, state: impl Fn(usize) -> T) -> FrameMotion<T> {
         let mut proper = Vec3::splat(self.field.lift);
-        for (base, slot) in self.model.base_accelerations.iter().zip(&self.layout.base) {
-            if let Some(SlowSlot { first, .. }) = slot {
-                proper += Vec3::splat(base.axis) * state(*first);
-            }
+        for push in &self.layout.pushes {
+            proper += Vec3::splat(self.model.base_accelerations[push.number].axis) * state(push.state);
         }
         FrameMotion::resting(proper)
     }
@@ -382,13 +380,13 @@ impl System for Body {
             out.blocks.push(Block::walk(state, 0.0));
         }
         let first = self.layout.partition.rate;
-        for (i, slot) in self.layout.base.iter().flatten().enumerate() {
+        for (i, slot) in self.layout.pushes.iter().enumerate() {
             let drive = drives.get(first + i).copied().unwrap_or(1.0);
-            out.blocks.push(fading(slot, dt, drive));
+            out.blocks.push(push_block(&self.model.base_accelerations[slot.number], *slot, dt, drive));
         }
         for slot in self.layout.biases() {
             let variance = slot.walk * slot.walk * dt;
-            out.blocks.extend((0..slot.len).map(|i| Block::walk(slot.first + i, variance)));
+            out.blocks.extend((0..3).map(|i| Block::walk(slot.first + i, variance)));
         }
     }
 

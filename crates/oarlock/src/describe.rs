@@ -31,7 +31,7 @@ pub fn describe(body: &Body, path: &str) -> Value {
         "closures": m.closures.iter().map(closure).collect::<Vec<_>>(),
         "base_acceleration": m.base_accelerations.iter().map(|b| json!({"name": b.name, "label": b.label,
             "axis": b.axis, "density": b.density, "start_std": b.start_std,
-            "time_s": finite(b.time_s), "always": b.always})).collect::<Vec<_>>(),
+            "time_s": finite(b.time_s), "rise_s": b.rise_s, "always": b.always})).collect::<Vec<_>>(),
         "state_names": body.layout.names, "measurement_names": body.suite.row_names(),
     })
 }

@@ -305,8 +305,17 @@ pub struct BaseAcceleration {
     pub start_std: f64,
     /// In which it decays, s; infinite: it walks.
     pub time_s: f64,
+    /// In which a push builds up, s; 0: it jumps.
+    pub rise_s: f64,
     /// It is estimated whether `Config.estimate` names it or not.
     pub always: bool,
+}
+
+impl BaseAcceleration {
+    /// Standard deviation of its rate in the long run, m/s3; for one that does not jump.
+    pub fn rate_std(&self) -> f64 {
+        self.density / (2.0 * self.rise_s).sqrt()
+    }
 }
 
 /// Gravity and the magnetic field.

@@ -3,9 +3,9 @@
 
 use crate::config::ProcessNoise;
 use crate::estimate::transition::{Block, Transition, Turning};
-use crate::model::{Axis, ProcessKind};
+use crate::model::{Axis, BaseAcceleration, ProcessKind};
 use crate::rotation::turn::{left_jacobian_inverse, minus, plus, right_jacobian, right_jacobian_inverse};
-use crate::state::{Slots, SlowSlot};
+use crate::state::{PushSlot, Slots};
 
 /// Above this share of its prior's standard deviation a joint counts as not observed and is held by its prior.
 pub const HELD_SHARE: f64 = 0.8;
@@ -44,7 +44,7 @@ pub fn joint_block(axis: &Axis, slots: Slots, now: Now, noise: ProcessNoise) -> 
         (ProcessKind::Singer, _) => {
             let tau = axis.process.time_s;
             block.factor = decaying(tau, dt);
-            decaying_noise(tau, dt).map(|row| row.map(|x| x * density2))
+            gathered(dt, |t| response(tau, t)).map(|row| row.map(|x| x * density2))
         }
         (_, ProcessNoise::Jerk) => white_jerk(dt).map(|row| row.map(|x| x * density2 * dt)),
         (_, ProcessNoise::Paper) => printed(dt).map(|row| row.map(|x| x * density2 * dt)),
@@ -83,16 +83,48 @@ pub fn push_turn(axes: &[Axis], slots: Slots, mean: &[f64], now: [Now; 3], noise
     out.blocks.extend(blocks);
 }
 
-/// A slow state that decays or walks.
-pub fn fading(slot: &SlowSlot, dt: f64, drive: f64) -> Block {
-    let density2 = slot.walk * slot.walk * drive;
-    if slot.time_s.is_infinite() {
-        return Block::walk(slot.first, density2 * dt);
-    }
-    let keep = (-dt / slot.time_s).exp();
-    let mut block = Block::walk(slot.first, density2 * slot.time_s / 2.0 * (1.0 - keep * keep));
-    block.factor[0][0] = keep;
+/// An acceleration of the base that decays or walks: a' = -a / time_s + r, of which r is white or, where a push takes time to
+/// build up, white noise behind a lag of `rise_s`.
+pub fn push_block(base: &BaseAcceleration, slot: PushSlot, dt: f64, drive: f64) -> Block {
+    let (density2, alpha) = (base.density * base.density * drive, 1.0 / base.time_s);
+    let keep = (-alpha * dt).exp();
+    let Some(rate) = slot.rate else {
+        let mut block = Block::walk(slot.state, density2 * faded(2.0 * alpha, dt));
+        block.factor[0][0] = keep;
+        return block;
+    };
+    let beta = 1.0 / base.rise_s;
+    let mut block = Block { index: [slot.state, rate, rate], len: 2, ..Block::walk(slot.state, 0.0) };
+    block.factor = [[keep, risen(alpha, beta, dt), 0.0], [0.0, (-beta * dt).exp(), 0.0], [0.0; 3]];
+    let unit = rising_noise(alpha, beta, dt);
+    block.noise = unit.map(|row| row.map(|x| x * density2 * beta * beta));
     block
+}
+
+/// Integral of exp(-k s) over `t`.
+fn faded(k: f64, t: f64) -> f64 {
+    if k == 0.0 {
+        t
+    } else {
+        -(-k * t).exp_m1() / k
+    }
+}
+
+/// What a unit rate that decays at `beta` has left, `t` later, in an acceleration that decays at `alpha`.
+fn risen(alpha: f64, beta: f64, t: f64) -> f64 {
+    (-alpha * t).exp() * faded(beta - alpha, t)
+}
+
+/// Covariance of acceleration and rate that unit white noise of the rate leaves over `t`.
+fn rising_noise(alpha: f64, beta: f64, t: f64) -> [[f64; 3]; 3] {
+    if beta * t < 0.5 {
+        // The closed form loses its digits here.
+        return gathered(t, |s| [risen(alpha, beta, s), (-beta * s).exp(), 0.0]);
+    }
+    let (slow, both, fast) = (faded(2.0 * alpha, t), faded(alpha + beta, t), faded(2.0 * beta, t));
+    let apart = beta - alpha;
+    let cross = (both - fast) / apart;
+    [[(slow - 2.0 * both + fast) / (apart * apart), cross, 0.0], [cross, fast, 0.0], [0.0; 3]]
 }
 
 /// Constant acceleration.
@@ -125,11 +157,12 @@ const GAUSS: [(f64, f64); 5] = [
     (0.953_089_922_969_332, 0.118_463_442_528_094_5),
 ];
 
-/// Covariance of unit white jerk over `t`, gathered by Gauss' rule: a sum of squares, where the closed form cancels.
-fn decaying_noise(tau: f64, t: f64) -> [[f64; 3]; 3] {
+/// Covariance that unit white noise leaves over `t` where its push has become `response` so much later, by Gauss' rule: a sum
+/// of squares, where closed forms cancel.
+fn gathered(t: f64, response: impl Fn(f64) -> [f64; 3]) -> [[f64; 3]; 3] {
     let mut sum = [[0.0; 3]; 3];
     for (x, weight) in GAUSS {
-        let g = response(tau, x * t);
+        let g = response(x * t);
         for (row, a) in sum.iter_mut().zip(g) {
             row.iter_mut().zip(g).for_each(|(s, b)| *s += weight * t * a * b);
         }
@@ -244,7 +277,7 @@ mod tests {
                 (e2 + 1.0 - 2.0 * e) / (2.0 * a * a),
                 (1.0 - e2) / (2.0 * a),
             ];
-            let q = decaying_noise(tau, t);
+            let q = gathered(t, |t| response(tau, t));
             let found = [q[0][0], q[0][1], q[0][2], q[1][1], q[1][2], q[2][2]];
             for (f, c) in found.iter().zip(closed) {
                 // Gauss' rule of five points is exact to the ninth power.
@@ -253,10 +286,57 @@ mod tests {
         }
     }
 
+    fn push(time_s: f64, rise_s: f64) -> BaseAcceleration {
+        let (name, label) = (String::new(), String::new());
+        BaseAcceleration {
+            name,
+            label,
+            axis: [1.0, 0.0, 0.0],
+            density: 3.0,
+            start_std: 1.0,
+            time_s,
+            rise_s,
+            always: true,
+        }
+    }
+
+    fn both(time_s: f64, rise_s: f64, dt: f64) -> Block {
+        push_block(&push(time_s, rise_s), PushSlot { state: 0, rate: Some(1), number: 0 }, dt, 1.0)
+    }
+
+    /// F and Q of two steps are those of one twice as long, on either side of where the form changes and across it.
+    #[test]
+    fn two_steps_of_a_rising_push_are_one() {
+        for (time_s, rise_s, dt) in
+            [(0.3, 0.02, 0.003), (0.3, 0.02, 0.006), (0.3, 0.02, 0.4), (f64::INFINITY, 0.05, 0.02)]
+        {
+            let (half, whole) = (both(time_s, rise_s, dt), both(time_s, rise_s, 2.0 * dt));
+            for r in 0..2 {
+                for c in 0..2 {
+                    let through = |a: usize, b: usize| half.factor[r][a] * half.noise[a][b] * half.factor[c][b];
+                    let noise: f64 = half.noise[r][c] + (0..2).map(|a| through(a, 0) + through(a, 1)).sum::<f64>();
+                    let factor: f64 = (0..2).map(|k| half.factor[r][k] * half.factor[k][c]).sum();
+                    assert!((factor - whole.factor[r][c]).abs() < 1e-12, "{dt} {r} {c}");
+                    assert!((noise / whole.noise[r][c] - 1.0).abs() < 1e-9, "{dt} {r} {c}: {noise}");
+                }
+            }
+        }
+    }
+
+    /// Long after, a push that rises in no time has the spread of one that jumps, and its rate the one that a start gives it.
+    #[test]
+    fn a_push_that_rises_at_once_jumps() {
+        let (risen, jumped) =
+            (both(0.3, 1e-5, 0.1), push_block(&push(0.3, 0.0), PushSlot { state: 0, rate: None, number: 0 }, 0.1, 1.0));
+        assert!((risen.noise[0][0] / jumped.noise[0][0] - 1.0).abs() < 1e-3);
+        let rate_std = push(0.3, 1e-5).rate_std();
+        assert!((risen.noise[1][1].sqrt() / rate_std - 1.0).abs() < 1e-9);
+    }
+
     #[test]
     fn without_end_to_its_time_an_acceleration_stays() {
         let (long, coast) = (decaying(1e9, 0.02), coasting(0.02));
-        let (noise, white) = (decaying_noise(1e9, 0.02), white_jerk(0.02));
+        let (noise, white) = (gathered(0.02, |t| response(1e9, t)), white_jerk(0.02));
         for r in 0..3 {
             for c in 0..3 {
                 assert!((long[r][c] - coast[r][c]).abs() < 1e-9);

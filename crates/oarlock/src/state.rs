@@ -14,19 +14,26 @@ pub struct Slots {
     pub rates: Option<(usize, usize)>,
 }
 
-/// A slow state that adds to a reading or to the base's acceleration.
+/// A bias: three slow states that add to a reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SlowSlot {
+pub struct BiasSlot {
     /// First index in the state.
     pub first: usize,
-    /// 3 for a bias, 1 for a base acceleration.
-    pub len: usize,
     /// Standard deviation at the start.
     pub start_std: f64,
     /// Per sqrt(s).
     pub walk: f64,
-    /// In which it decays, s; infinite: it walks.
-    pub time_s: f64,
+}
+
+/// An acceleration of the base.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PushSlot {
+    /// Index in the state.
+    pub state: usize,
+    /// Index of the rate at which it is driven, of one that does not jump.
+    pub rate: Option<usize>,
+    /// Which of the model's base accelerations.
+    pub number: usize,
 }
 
 /// Order of the state vector.
@@ -43,11 +50,11 @@ pub struct Layout {
     /// Azimuth of the magnetic field.
     pub azimuth: Option<usize>,
     /// Per sensor of the model.
-    pub gyro_bias: Vec<Option<SlowSlot>>,
+    pub gyro_bias: Vec<Option<BiasSlot>>,
     /// Per sensor of the model.
-    pub accel_bias: Vec<Option<SlowSlot>>,
-    /// Per base acceleration of the model.
-    pub base: Vec<Option<SlowSlot>>,
+    pub accel_bias: Vec<Option<BiasSlot>>,
+    /// Those of the model's base accelerations that are estimated.
+    pub pushes: Vec<PushSlot>,
     /// `trunk`, `trunk.velocity`, `trunk.acceleration`, `azimuth`, `back.gyro_bias_x`, `surge`.
     pub names: Vec<String>,
     /// Sizes of the blocks.
@@ -66,7 +73,7 @@ impl Layout {
             azimuth: None,
             gyro_bias: vec![None; model.sensors.len()],
             accel_bias: vec![None; model.sensors.len()],
-            base: vec![None; model.base_accelerations.len()],
+            pushes: Vec::new(),
             names: Vec::new(),
             partition: Partition { pose: 0, rate: 0, linear: 0 },
         };
@@ -145,15 +152,14 @@ impl Layout {
         }
         for (i, base) in model.base_accelerations.iter().enumerate() {
             if base.always || wants(&base.name) {
-                let first = self.push(base.name.clone());
-                let slot =
-                    SlowSlot { first, len: 1, start_std: base.start_std, walk: base.density, time_s: base.time_s };
-                self.base[i] = Some(slot);
+                let state = self.push(base.name.clone());
+                let rate = (base.rise_s > 0.0).then(|| self.push(format!("{}.rate", base.name)));
+                self.pushes.push(PushSlot { state, rate, number: i });
             }
         }
     }
 
-    fn push_bias(&mut self, sensor: &str, what: &str, noise: &ImuNoise) -> SlowSlot {
+    fn push_bias(&mut self, sensor: &str, what: &str, noise: &ImuNoise) -> BiasSlot {
         let first = self.names.len();
         self.names.extend(["x", "y", "z"].map(|a| format!("{sensor}.{what}_{a}")));
         let (start_std, walk) = if what == "gyro_bias" {
@@ -161,17 +167,12 @@ impl Layout {
         } else {
             (noise.accel_bias_start_std, noise.accel_bias_walk)
         };
-        SlowSlot { first, len: 3, start_std, walk, time_s: f64::INFINITY }
+        BiasSlot { first, start_std, walk }
     }
 
     /// Biases of gyroscopes and accelerometers.
-    pub fn biases(&self) -> impl Iterator<Item = &SlowSlot> {
+    pub fn biases(&self) -> impl Iterator<Item = &BiasSlot> {
         self.gyro_bias.iter().chain(&self.accel_bias).flatten()
-    }
-
-    /// All slow states.
-    pub fn slow(&self) -> impl Iterator<Item = &SlowSlot> {
-        self.biases().chain(self.base.iter().flatten())
     }
 
     /// Dimension of the state.

@@ -37,7 +37,7 @@ use faults::Fault;
 use loops::Loop;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use worn::{check_stds, row_offsets};
+use worn::{as_known, check_stds, row_offsets};
 pub use worn::{mount_values, parameter_values};
 
 /// What is known of one wearing of the sensors.
@@ -49,7 +49,8 @@ pub struct Calibration {
     pub mounts: BTreeMap<String, MountValue>,
     /// Per inertial unit: constant part of its magnetometer's readings, uT in sensor axes.
     pub mag_offsets: BTreeMap<String, [f64; 3]>,
-    /// Standard deviations of parameters, in their unit. They widen the bands; so do the next two.
+    /// Standard deviations of parameters, in their unit: at the start of those that are estimated; else they widen the bands,
+    /// as do the next two.
     pub parameter_stds: BTreeMap<String, f64>,
     /// Per inertial unit: standard deviations of its mount about the link's axes, rad.
     pub mount_stds_rad: BTreeMap<String, [f64; 3]>,
@@ -130,7 +131,7 @@ impl Tracker {
         let parameters = parameter_values(&model, &calibration.parameters)?;
         let mounts = mount_values(&model, &calibration.mounts)?;
         check_stds(&model, calibration)?;
-        let body = Body::new(model, &parameters, &mounts, config)?;
+        let body = Body::new(as_known(model, calibration), &parameters, &mounts, config)?;
         if body.layout.partition.pose == 0 || body.suite.is_empty() {
             return Err(Error::Model(format!(
                 "model '{}': nothing to track: it needs a joint that moves (and is no input) and a sensor",

@@ -399,6 +399,7 @@ mod a_base_acceleration {
         unknown_key: "density = 3.35" => "densty = 3.35", 0, "base_acceleration `surge`: unknown key `densty`; did you mean `density`?";
         no_axis: "name = \"surge\"\naxis = [0, 0, 1]" => "name = \"surge\"", -1, "base_acceleration `surge`: key `axis` is missing";
         no_spread: "start_std = 3.0" => "start_std = -3", 0, "base_acceleration `surge`: start_std: -3 m/s2; expected more than 0 m/s2";
+        slow_to_rise: "start_std = 3.0" => "start_std = 3.0\ntime_s = 0.3\nrise_s = 0.2", 2, "rise_s: 0.2 s; expected at most half of `time_s`, 0.15 s";
         named_as_a_joint: "name = \"surge\"" => "name = \"elbow\"", 0, "base_acceleration `elbow`: the name is taken by the joint of line 19";
         named_azimuth: "name = \"surge\"" => "name = \"azimuth\"", 0, "the name of the magnetic field's direction";
         twice_along_a_line: "start_std = 3.0" => "start_std = 3.0\n[[base_acceleration]]\nname = \"back\"\naxis = \"-z\"\ndensity = 1\nstart_std = 1", 2, "base_acceleration `back`: acts along the same line as `surge`";

@@ -19,6 +19,7 @@ SHOWN_UNITS = {
     "rad/s": (180 / math.pi, "deg/s"),
     "m/s2": (1.0, "m/s²"),
     "m/s^2": (1.0, "m/s²"),
+    "m/s3": (1.0, "m/s³"),
 }
 SETTLED_SHARE = 0.05
 """The vertical range ignores this first share of the time, in which the bands still shrink."""

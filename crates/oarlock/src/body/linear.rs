@@ -43,14 +43,13 @@ impl Body {
     /// Where other numbers stand.
     fn places(&self, from: usize) -> Places {
         let layout = &self.layout;
-        let bases = self.model.base_accelerations.iter().zip(&layout.base);
         Places {
             from,
             coordinates: layout.coordinates.iter().map(|slots| Some((*slots)?.q)).collect(),
             lengths: layout.lengths.iter().map(|l| l.1).collect(),
             mounts: layout.mounts.iter().map(|m| m.1).collect(),
             azimuth: layout.azimuth,
-            bases: bases.filter_map(|(base, slot)| Some(((*slot)?.first, base.axis))).collect(),
+            bases: layout.pushes.iter().map(|p| (p.state, self.model.base_accelerations[p.number].axis)).collect(),
             biases: self.biases.iter().map(|(_, row, state)| (*row, *state)).collect(),
         }
     }

@@ -23,7 +23,7 @@ impl Body {
             let limb = joint_of(&self.model, links[frame]).and_then(|joint| limbs[joint]);
             let mounts = self.layout.mounts.iter().filter(|m| m.0 == s).map(|m| m.1..m.1 + 3);
             let biases = [self.layout.gyro_bias[s], self.layout.accel_bias[s]];
-            let biases = biases.into_iter().flatten().map(|slot| slot.first..slot.first + slot.len);
+            let biases = biases.into_iter().flatten().map(|slot| slot.first..slot.first + 3);
             mounts.chain(biases).flatten().for_each(|state| found[state] = limb);
         }
         let rows = self.states_of_rows();

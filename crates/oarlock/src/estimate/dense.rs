@@ -54,9 +54,9 @@ impl Square {
         &mut self.data[i * self.n..(i + 1) * self.n]
     }
 
-    /// Three different rows.
+    /// Different rows.
     #[inline(always)]
-    pub(super) fn three_rows_mut(&mut self, index: [usize; 3]) -> [&mut [f64]; 3] {
+    pub(super) fn rows_mut<const COUNT: usize>(&mut self, index: [usize; COUNT]) -> [&mut [f64]; COUNT] {
         let n = self.n;
         self.data.get_disjoint_mut(index.map(|i| i * n..(i + 1) * n)).expect("different rows")
     }

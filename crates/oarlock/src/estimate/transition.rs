@@ -12,7 +12,7 @@ use covariance::turn;
 pub struct Block {
     /// Which coordinates; only the first `len` count.
     pub index: [usize; 3],
-    /// 1 or 3.
+    /// 1 to 3.
     pub len: usize,
     /// F.
     pub factor: [[f64; 3]; 3],

@@ -236,8 +236,13 @@ pub(super) fn start_std(body: &Body, widened: f64) -> Vec<f64> {
             std[*first..first + 3].fill(mount.std_rad);
         }
     }
-    for slot in body.layout.slow() {
-        std[slot.first..slot.first + slot.len].fill(slot.start_std);
+    for slot in body.layout.biases() {
+        std[slot.first..slot.first + 3].fill(slot.start_std);
+    }
+    for slot in &body.layout.pushes {
+        let base = &body.model.base_accelerations[slot.number];
+        std[slot.state] = base.start_std;
+        slot.rate.into_iter().for_each(|rate| std[rate] = base.rate_std());
     }
     std
 }

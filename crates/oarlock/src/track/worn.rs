@@ -9,6 +9,7 @@ use crate::rotation::Mat3;
 use crate::sensor::imu::MountValue;
 use crate::sensor::Quantity;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// All parameter values: the model's defaults where `given` says nothing.
 pub fn parameter_values(model: &Model, given: &BTreeMap<String, f64>) -> Result<Vec<f64>> {
@@ -50,6 +51,22 @@ pub(super) fn check_stds(model: &Model, given: &Calibration) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// What is told to be known exactly still has to be a state if it is estimated: relative to what the model's deviation is.
+const LEAST_SHARE: f64 = 1e-6;
+
+/// The model, with a calibration's standard deviations of what the model does not know exactly either.
+pub(super) fn as_known(model: Arc<Model>, given: &Calibration) -> Arc<Model> {
+    if given.parameter_stds.is_empty() {
+        return model;
+    }
+    let mut known = (*model).clone();
+    for parameter in &mut known.parameters {
+        let told = given.parameter_stds.get(&parameter.name);
+        parameter.std = parameter.std.map(|own| told.map_or(own, |told| told.max(LEAST_SHARE * own)));
+    }
+    Arc::new(known)
 }
 
 /// Names of the inertial units.

@@ -138,6 +138,7 @@ axis = [1, 0, 0]
 density = 1.0
 start_std = 0.5
 time_s = 0.7
+rise_s = 0.1
 "#
     );
     head + &core + &leg("r", -0.1) + &leg("l", 0.1)

@@ -77,8 +77,8 @@ impl Scene<'_> {
         if let Some(i) = layout.azimuth {
             x[i] = self.azimuth_rad;
         }
-        if let Some(Some(base)) = layout.base.first() {
-            x[base.first] = (self.surge)(time_s);
+        if let Some(push) = layout.pushes.first().filter(|p| p.number == 0) {
+            x[push.state] = (self.surge)(time_s);
         }
         x
     }

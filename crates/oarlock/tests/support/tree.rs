@@ -109,4 +109,5 @@ name = "heave"
 axis = [0, 0, 1]
 density = 0.5
 start_std = 0.5
+rise_s = 0.05
 "#;

@@ -67,7 +67,14 @@ fn rows<const FUSED: bool>(b: &Block, p: &mut Square) {
     if b.len == 1 {
         return p.row_mut(b.index[0]).iter_mut().for_each(|x| *x *= f[0][0]);
     }
-    let [one, two, three] = p.three_rows_mut(b.index);
+    if b.len == 2 {
+        let [one, two] = p.rows_mut([b.index[0], b.index[1]]);
+        for (x, y) in one.iter_mut().zip(two) {
+            (*x, *y) = (f[0][0] * *x + f[0][1] * *y, f[1][0] * *x + f[1][1] * *y);
+        }
+        return;
+    }
+    let [one, two, three] = p.rows_mut(b.index);
     for ((x, y), z) in one.iter_mut().zip(two).zip(three) {
         let old = [*x, *y, *z];
         let new = |r: usize| madd::<FUSED>(f[r][0], old[0], madd::<FUSED>(f[r][1], old[1], f[r][2] * old[2]));
@@ -88,8 +95,8 @@ fn columns(b: &Block, p: &mut Square) {
             continue;
         }
         let old = index.map(|i| row[i]);
-        for r in 0..3 {
-            row[index[r]] = (0..3).map(|c| f[r][c] * old[c]).sum();
+        for r in 0..b.len {
+            row[index[r]] = (0..b.len).map(|c| f[r][c] * old[c]).sum();
         }
     }
 }

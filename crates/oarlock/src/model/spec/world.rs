@@ -1,7 +1,7 @@
 //! `[world]` and `[[base_acceleration]]`.
 
 use crate::model::section::Section;
-use crate::model::slot::Named;
+use crate::model::slot::{Named, Slot};
 use crate::model::{BaseAcceleration, Expr, World};
 use std::f64::consts::FRAC_PI_2;
 
@@ -15,8 +15,8 @@ const KEYS: [&str; 8] = [
     "azimuth_fixed",
     "azimuth_walk",
 ];
-pub(in crate::model) const BASE_ACCELERATION_KEYS: [&str; 7] =
-    ["name", "label", "axis", "density", "start_std", "time_s", "always"];
+pub(in crate::model) const BASE_ACCELERATION_KEYS: [&str; 8] =
+    ["name", "label", "axis", "density", "start_std", "time_s", "rise_s", "always"];
 
 /// Standard gravity, exact by definition.
 const GRAVITY_M_S2: f64 = 9.80665;
@@ -108,14 +108,27 @@ fn read_field(section: &Section, world: &mut World) -> bool {
 pub(super) fn read_base_acceleration(section: &Section) -> (Named, BaseAcceleration) {
     let name = super::named(section, "\"surge\"");
     let read = |key, example, unit| section.need(key, example).and_then(|s| s.positive(unit)).unwrap_or(1.0);
+    let time_s = section.get("time_s").and_then(|s| s.positive("s")).unwrap_or(f64::INFINITY);
     let acceleration = BaseAcceleration {
         name: name.text.clone(),
         label: section.text_or_empty("label"),
         axis: section.need("axis", "[0, 0, 1]").and_then(|s| s.axis()).unwrap_or([0.0, 0.0, 1.0]),
         density: read("density", "3.35", "m/s2 per sqrt(s)"),
         start_std: read("start_std", "3.0", "m/s2"),
-        time_s: section.get("time_s").and_then(|s| s.positive("s")).unwrap_or(f64::INFINITY),
+        time_s,
+        rise_s: section.get("rise_s").and_then(|s| rise(&s, time_s)).unwrap_or(0.0),
         always: section.flag("always"),
     };
     (name, acceleration)
+}
+
+/// A push that fades as soon as it has risen is another model; closer to one than this, the numbers of the two cancel.
+fn rise(slot: &Slot, time_s: f64) -> Option<f64> {
+    let rise_s = slot.positive("s")?;
+    if rise_s > 0.5 * time_s {
+        let text = format!("{rise_s} s; expected at most half of `time_s`, {} s", 0.5 * time_s);
+        slot.mistake(text);
+        return None;
+    }
+    Some(rise_s)
 }
