@@ -117,6 +117,28 @@ def test_the_page_never_scrolls_sideways(opened, width):
 
 
 @pytest.mark.timeout(300)
+@pytest.mark.parametrize("scripts", [True, False])
+def test_a_name_leads_to_its_meaning_which_is_folded_away_until_then(opened, scripts):
+    tab = opened(java_script_enabled=scripts)
+    folded = tab.locator("#meanings > details")
+    assert folded.get_attribute("open") is None
+    name = tab.locator("#numbers a.term").first
+    meaning = tab.locator(f"#defined-table tr:has([id='{name.get_attribute('href')[1:]}'])")
+    assert not meaning.is_visible()
+    name.click()
+    meaning.wait_for(state="visible")
+    assert folded.get_attribute("open") is not None
+
+
+@pytest.mark.timeout(300)
+def test_what_is_folded_is_printed_all_the_same(opened):
+    tab = opened()
+    tab.emulate_media(media="print")
+    assert tab.locator("#defined-table").bounding_box()["height"] > 1000
+    assert tab.locator("#curves figure").first.is_visible()
+
+
+@pytest.mark.timeout(300)
 def test_without_script_the_tables_are_all_there(opened, track):
     tab = opened(java_script_enabled=False)
     assert tab.locator("#strokes-table tbody tr").count() == len(technique(track).strokes)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from html import escape
 from importlib.resources import files
 
@@ -17,6 +17,8 @@ POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 """What a browser may load for this page: nothing from outside."""
 WITH_SCRIPT = f"{POLICY} blob:; script-src 'unsafe-inline'"
 """The same where the page runs scripts of its own."""
+FOLDED = ("positions", "slow", "provenance")
+"""What few look for, and those few by name."""
 
 
 def render(
@@ -40,11 +42,18 @@ def render(
         f"{tiles([*figures, *verdict.key_figures(track, evaluation, sensors)])}"
     )
     sections = [*((section.key, section.name, section.markup) for section in handed), *own]
+    # A field's own drawings say more than the curves of all joints.
+    folded = [
+        *FOLDED,
+        *(section.key for section in handed if section.folded),
+        *(("curves",) if handed else ()),
+    ]
     return shell(
         heading,
         lead,
         sections,
         _definitions(),
+        folded=folded,
         style="\n".join(dict.fromkeys(section.style for section in handed)),
         scripts=tuple(dict.fromkeys(section.script for section in handed if section.script)),
     )
@@ -57,14 +66,14 @@ def shell(
     definitions: str = "",
     style: str = "",
     scripts: Sequence[str] = (),
+    folded: Collection[str] = (),
 ) -> str:
-    """A page with a heading, what it says first, and sections (key, name, markup) with links to them."""
+    """A page with a heading, what it says first, and sections (key, name, markup) with links to them.
+
+    Sections whose key is among `folded` show their heading until somebody asks for more.
+    """
     links = "".join(f'<li><a href="#{key}">{escape(name)}</a></li>' for key, name, _ in sections)
-    body = "".join(
-        f'<section id="{key}" aria-labelledby="{key}-h">'
-        f'<h2 id="{key}-h">{escape(name)}</h2>{content}</section>'
-        for key, name, content in sections
-    )
+    body = "".join(_section(key, name, content, key in folded) for key, name, content in sections)
     ending = "".join(f"<script>{script}</script>" for script in scripts)
     policy = WITH_SCRIPT if scripts or "<script" in body else POLICY
     return (
@@ -76,6 +85,14 @@ def shell(
         f'<nav aria-label="Contents"><ul>{links}</ul></nav></header>'
         f"<main>{_unbroken(body)}</main>{ending}</body></html>\n"
     )
+
+
+def _section(key: str, name: str, content: str, folded: bool) -> str:
+    head = f'<h2 id="{key}-h">{escape(name)}</h2>'
+    if folded:
+        # A link to what is inside opens it; a link to the whole leads to the head.
+        head, content = "", f'<details class="folded"><summary>{head}</summary>{content}</details>'
+    return f'<section id="{key}" aria-labelledby="{key}-h">{head}{content}</section>'
 
 
 def _unbroken(markup: str) -> str:

@@ -33,6 +33,7 @@ class Section:
         figures: shown large, below the summary.
         style: rules of its own for the page's style sheet.
         script: JavaScript without markup, run once when the page has been read. The page has to be readable without.
+        folded: it shows its heading alone until somebody opens it. Links to what is inside do.
     """
 
     key: str
@@ -42,6 +43,7 @@ class Section:
     figures: tuple[KeyFigure, ...] = ()
     style: str = ""
     script: str = ""
+    folded: bool = False
 
     def __post_init__(self) -> None:
         if not _KEY.fullmatch(self.key):

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from html import escape
 from typing import Any
 
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.shapes import rowing_look, stroke_marks
-from oarlock.viewer import embed, joint_curves, scene
+from oarlock.viewer import Curve, embed, joint_curves, scene
 
 LONGEST_S = 60.0
 """What the page holds; the whole of a longer piece is for `oarlock view`. A minute is about a megabyte."""
 SHOWN = ("oar_phi", "handle", "seat", "trunk", "elbow_flexion", "shoulder_flexion", "shoulder_abduction")
 """Joints whose curves stand beside the figure; all are under Curves."""
+NAMES = {"oar_phi": "oar angle"}
+"""Those that tables and drawings call otherwise than the model file."""
 
 
 def player(pieces: Sequence[Piece]) -> str:
@@ -26,9 +29,7 @@ def player(pieces: Sequence[Piece]) -> str:
 
 def _scene(piece: Piece, start_s: float, end_s: float, ghost: Any = None, bare: bool = False) -> Any:
     track, look = piece.track, rowing_look(piece.track)
-    curves = [
-        curve for curve in joint_curves(track) if curve.key.removeprefix("r_").removeprefix("l_") in SHOWN
-    ]
+    curves = [_as_elsewhere(curve) for curve in joint_curves(track) if _stem(curve) in SHOWN]
     return scene(
         track,
         marks=stroke_marks(piece.technique.found),
@@ -39,6 +40,21 @@ def _scene(piece: Piece, start_s: float, end_s: float, ghost: Any = None, bare: 
         look=look.bare() if look is not None and bare else look,
         title=piece.name,
     )
+
+
+def _stem(curve: Curve) -> str:
+    return curve.key.removeprefix("r_").removeprefix("l_")
+
+
+def _as_elsewhere(curve: Curve) -> Curve:
+    """By the names and in the units of the page's tables."""
+    name = NAMES.get(_stem(curve))
+    if name is not None:
+        curve = replace(curve, panel=name, label=curve.side or name)
+    if curve.unit != "mm":
+        return curve
+    std = None if curve.std is None else 0.1 * curve.std
+    return replace(curve, unit="cm", value=0.1 * curve.value, std=std)
 
 
 def _stretch(piece: Piece) -> tuple[float, float]:

@@ -49,7 +49,7 @@ def sections_of(pieces: Sequence[Piece], csv_names: Sequence[str]) -> list[Secti
         ("numbers", "All numbers", _numbers(pieces, zones)),
         ("meanings", "What each number means", _meanings(pieces)),
     ]
-    sections = [Section(key, name, markup) for key, name, markup in parts if markup]
+    sections = [Section(key, name, markup, folded=key == "meanings") for key, name, markup in parts if markup]
     return [_speaking(sections[0], pieces), *sections[1:]]
 
 
