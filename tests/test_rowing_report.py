@@ -14,6 +14,7 @@ import oarlock
 from html_page import Page
 from oarlock.errors import DataError
 from oarlock.rowing import FEATURES
+from oarlock.rowing.experiment import simulate_sweep
 from oarlock.rowing.report import is_of_rower, rowing_sections, write_rowing_report
 from oarlock.rowing.report.averages import Average, beyond, difference, feature_of
 from oarlock.rowing.report.piece import Piece
@@ -248,6 +249,14 @@ def changed(track: oarlock.Track, **columns: np.ndarray) -> Piece:
     found = technique(track)
     table = replace(found.strokes, columns={**found.strokes.columns, **columns})
     return Piece("", track, replace(found, strokes=table))
+
+
+def test_hands_on_one_oar_are_not_set_against_each_other():
+    model = oarlock.load_model("sweep")
+    swept = simulate_sweep(model, duration_s=20.0, seed=3)[0]
+    piece = Piece("", swept, technique(swept))
+    assert piece.sides
+    assert not {finding.name for finding in findings(piece)} & set(piece.sides)
 
 
 def test_an_odd_stroke_and_a_drift_are_found(track):

@@ -366,3 +366,15 @@ def test_what_is_no_rower_is_refused():
         technique(replace(track, model=oarlock.load_model("pendulum3")))
     with pytest.raises(DataError, match="sculling_women"):
         technique(track, find_strokes(track), "nothing")
+
+
+def test_what_a_filtered_track_says_of_its_first_seconds_counts_in_no_average():
+    track, _ = exact()
+    found, smoothed = technique(track), technique(oarlock.smooth(track))
+    young = found.found.catch_time_s < track.time_s[0] + 2.0
+    assert young.any() and not young.all()
+    assert all("within 2 s" in found.found.left_out[k] for k in np.flatnonzero(young))
+    assert not any(
+        "within 2 s" in reason for reason in (*smoothed.found.left_out, *find_strokes(track).left_out)
+    )
+    assert smoothed.found.in_averages[young].any()

@@ -157,14 +157,22 @@ def row_chart(
             if np.isfinite(low) and np.isfinite(high)
         ]
         parts += [
-            f'<circle class="dot s{k % LINES}" cx="{float(panel.x(at)):.1f}" cy="{float(panel.y(value)):.1f}" r="2.8"/>'
+            _dot(float(panel.x(at)), float(panel.y(value)), k)
             for at, value in zip(s.x, s.y, strict=True)
             if np.isfinite(value)
         ]
     parts.append(_axis_name(panel, x))
     words = f"{y.in_words or caption} over {x.in_words}. {_ends(series, y.unit)}"
     svg = _drawn(key, (WIDTH, HEIGHT), caption, words, "".join(parts))
-    return _figure(key, caption, y, fact, svg, series)
+    return _figure(key, caption, y, fact, svg, series, dots=True)
+
+
+def _dot(x: float, y: float, k: int) -> str:
+    """Series differ in shape as well as in colour."""
+    shape = ("m-2.5-2.5h5v5h-5z", "m0-3.6l3.6 3.6l-3.6 3.6l-3.6-3.6z", "m0-3.3l3.3 5.8h-6.6z")
+    if k % 4 == 0:
+        return f'<circle class="dot s{k % LINES}" cx="{x:.1f}" cy="{y:.1f}" r="2.8"/>'
+    return f'<path class="dot s{k % LINES}" d="M{x:.1f} {y:.1f}{shape[k % 4 - 1]}"/>'
 
 
 def _widened(span: tuple[float, float], least: float) -> tuple[float, float]:
@@ -227,18 +235,24 @@ def _drawn(key: str, size: tuple[float, float], caption: str, words: str, conten
     return plot.drawing(f"{key}-svg", size, caption, words, content)
 
 
-def _figure(key: str, caption: str, y: Axis, fact: str, svg: str, series: Sequence[Series]) -> str:
+def _figure(
+    key: str, caption: str, y: Axis, fact: str, svg: str, series: Sequence[Series], dots: bool = False
+) -> str:
     head = f'<span class="name">{breakable(caption)}</span> <span class="unit">{escape(y.in_words)}</span>'
     head += f'<span class="fact">{fact}</span>' if fact else ""
-    return f'<figure id="{key}"><figcaption>{head}</figcaption>{svg}{_legend(series)}</figure>'
+    return f'<figure id="{key}"><figcaption>{head}</figcaption>{svg}{_legend(series, dots)}</figure>'
 
 
-def _legend(series: Sequence[Series]) -> str:
+def _dash(k: int) -> str:
+    return f'<path class="series s{k % LINES}" d="M0 6H28"/>'
+
+
+def _legend(series: Sequence[Series], dots: bool) -> str:
     if len(series) < 2:
         return ""
     keys = "".join(
         f'<li><svg viewBox="0 0 28 12" width="28" height="12" aria-hidden="true">'
-        f'<path class="series s{k % LINES}" d="M0 6H28"/></svg>{breakable(s.name)}</li>'
+        f"{_dot(14.0, 6.0, k) if dots else _dash(k)}</svg>{breakable(s.name)}</li>"
         for k, s in enumerate(series)
     )
     return f'<ul class="legend">{keys}</ul>'

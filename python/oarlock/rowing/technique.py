@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from types import MappingProxyType
 
@@ -26,6 +26,9 @@ from oarlock.rowing.unknown_features import reasons
 
 Floats = NDArray[np.float64]
 
+SETTLED_S = 2.0
+"""As `evaluate` scores tracks: until then errors are larger than the filter can know."""
+_YOUNG = f"it began within {SETTLED_S:.0f} s of the filter; smoothing counts it"
 _STROKES_AT_ONCE = 32
 _SEEN_SHARE = 0.5
 _ARM = ("elbow", "shoulder", "arm_plane", "forearm")
@@ -85,7 +88,7 @@ def technique(
     if track.model is None:
         raise DataError("technique: this track was loaded without its model; load the model file again")
     rower = Rower(track.model)
-    found = find_strokes(track) if strokes is None else strokes
+    found = _settled(track, find_strokes(track) if strokes is None else strokes)
     values, stds = _values(track, rower, found, _lengths_std(rower, calibration), mean_speed_m_s)
     _forget_unobserved(track, rower, found, values, stds)
     table, per_stroke = _table(track, found, values, stds)
@@ -100,6 +103,17 @@ def technique(
         found=found,
         notes=tuple(dict.fromkeys((*found.notes, *track.notes))),
     )
+
+
+def _settled(track: Track, found: Strokes) -> Strokes:
+    """Of a filtered track, without the strokes that began while the filter did not know its errors yet."""
+    if track.smoothed or not track.info:
+        return found
+    young = found.catch_time_s < track.time_s[0] + SETTLED_S
+    left_out = (
+        (reason or _YOUNG) if begins else reason for reason, begins in zip(found.left_out, young, strict=True)
+    )
+    return replace(found, left_out=tuple(left_out))
 
 
 def _grid(found: Strokes) -> Grid:

@@ -72,7 +72,12 @@ def _column(piece: Piece, name: str) -> _Column:
 
 
 def _sides(piece: Piece) -> list[Finding]:
-    """Numbers of the right hand that differ from those of the left beyond what is known of both."""
+    """Numbers of the right hand that differ from those of the left beyond what is known of both.
+
+    Hands on one oar go different ways by design.
+    """
+    if "oar_phi" in piece.track.joint_names:
+        return []
     found = []
     for name, apart in piece.sides.items():
         weight = abs(apart.over.mean) / least(apart.feature)
