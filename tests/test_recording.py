@@ -89,6 +89,7 @@ def test_masked_entries_are_missing():
         (ROWS[:4].T, ["(3, 4)", "(T, 3)", "Transpose"]),
         (np.float64(1.0), ["()", "(T, 3)"]),
         (np.full((5, 3), 2**53 + 1), ["9007199254740993", "exactly"]),
+        (ROWS.astype(np.longdouble) * np.longdouble(10.0) ** 4000, ["e+4000", "exactly"]),
     ],
 )
 def test_gate_names_stream_and_field(values, words):

@@ -31,7 +31,9 @@ def real_array(value: ArrayLike, shape: Sequence[int | None], where: str) -> Flo
     given = _as_numpy(value, where)
     _check_numeric(given, where)
     _check_shape(given.shape, shape, where)
-    result = np.array(given, dtype=np.float64, order="C", copy=True, subok=False)
+    # What does not fit is refused below, by its place.
+    with np.errstate(over="ignore"):
+        result = np.array(given, dtype=np.float64, order="C", copy=True, subok=False)
     _check_exact(given, result, where)
     if isinstance(given, np.ma.MaskedArray):
         result[np.ma.getmaskarray(given)] = np.nan
