@@ -152,6 +152,6 @@ def _check_exact(given: NDArray[Any], result: FloatArray, where: str) -> None:
     if len(inexact):
         index = tuple(int(i) for i in inexact[0])
         raise DataError(
-            f"{where}{list(index)} = {plain[index]} ({given.dtype}) cannot be held exactly by float64. "
+            f"{where}{list(index)} = {plain[index]!s} ({given.dtype}) cannot be held exactly by float64. "
             "Subtract an offset first, or round it yourself with .astype(np.float64)."
         )
