@@ -81,7 +81,8 @@ def _file(path: str | PathLike[str]) -> Path:
         return Path(path)
     if name not in shipped:
         raise DataError(
-            f"{name}: no shipped study has this name, and there is no such file. {did_you_mean(name, shipped)}"
+            f"{name}: no shipped study has this name, and there is no such file. "
+            + (did_you_mean(name, shipped) if shipped else "They come with a clone of the repository.")
         )
     return shipped[name]
 
