@@ -71,6 +71,11 @@ def test_gate_takes_lists_and_exact_long_doubles():
     assert real_array(ROWS.astype(np.longdouble), (5, 3), "x").tolist() == ROWS.tolist()
 
 
+def test_nobody_looks_at_what_a_mask_hides():
+    hidden = np.ma.masked_array(np.full((5, 3), 2**53 + 1), mask=True)
+    assert np.isnan(real_array(hidden, (5, 3), "x")).all()
+
+
 def test_masked_entries_are_missing():
     masked = np.ma.masked_array(ROWS, mask=ROWS == 4.0)
     assert np.isnan(imu(gyro_rad_s=masked).gyro_rad_s[1, 1])

@@ -143,11 +143,11 @@ def _check_shape(found: tuple[int, ...], shape: Sequence[int | None], where: str
 def _check_exact(given: NDArray[Any], result: FloatArray, where: str) -> None:
     if given.dtype.kind == "f" and given.dtype.itemsize <= 8:
         return
-    plain = np.asarray(given)
+    plain, seen = np.asarray(given), ~np.ma.getmaskarray(given)
     if given.dtype.kind == "f":
-        inexact = np.argwhere((result.astype(plain.dtype) != plain) & ~np.isnan(plain))
+        inexact = np.argwhere((result.astype(plain.dtype) != plain) & ~np.isnan(plain) & seen)
     else:
-        large = np.argwhere((plain > _LARGEST_EXACT_INTEGER) | (plain < -_LARGEST_EXACT_INTEGER))
+        large = np.argwhere(((plain > _LARGEST_EXACT_INTEGER) | (plain < -_LARGEST_EXACT_INTEGER)) & seen)
         inexact = np.array([i for i in large if int(plain[tuple(i)]) != int(result[tuple(i)])])
     if len(inexact):
         index = tuple(int(i) for i in inexact[0])
