@@ -138,6 +138,12 @@ def test_a_study_of_more_seeds_than_anybody_waits_for(tmp_path, seeds):
         oarlock.load_study(file)
 
 
+def test_a_note_that_is_a_type_is_refused_when_it_is_written(tmp_path):
+    noted = oarlock.Calibration(noted={"kind": np.float64})
+    with pytest.raises(DataError, match=r'"noted\.kind" is .*float64.*TOML cannot hold'):
+        noted.save(tmp_path / "cal.toml")
+
+
 @pytest.mark.parametrize(
     "text", ["seeds = " + "1" * 5000, "seeds = " + "[" * 3000, "seeds = " + "{a=" * 3000]
 )

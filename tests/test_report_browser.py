@@ -102,6 +102,14 @@ def test_a_strokes_number_repeats_it_and_figure_and_curves_go_together(opened, t
 
 
 @pytest.mark.timeout(300)
+def test_the_players_curves_have_the_names_and_units_of_the_tables(opened):
+    tab = opened()
+    tab.wait_for_function("window.oarlock.players.length == 1")
+    panels = tab.evaluate("oarlock.players[0].scene.panels.map(p => [p.label, p.unit, p.open])")
+    assert panels[:2] == [["oar angle", "deg", True], ["seat", "cm", True]]
+
+
+@pytest.mark.timeout(300)
 def test_the_second_piece_is_the_ghost(opened):
     tab = opened()
     tab.wait_for_function("window.oarlock.players.length == 1")

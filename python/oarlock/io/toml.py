@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 
+import numpy as np
+
 from oarlock.errors import DataError
 from oarlock.suggest import did_you_mean
 
@@ -221,8 +223,8 @@ def _quoted(text: str) -> str:
 
 
 def _value(value: object, path: tuple[str, ...]) -> str:
-    if hasattr(value, "tolist"):
-        value = value.tolist()  # numpy scalars and arrays
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):

@@ -29,6 +29,8 @@ def player(pieces: Sequence[Piece]) -> str:
 
 def _scene(piece: Piece, start_s: float, end_s: float, ghost: Any = None, bare: bool = False) -> Any:
     track, look = piece.track, rowing_look(piece.track)
+    if look is not None:
+        look = replace(look, first_curves=tuple(NAMES.get(name, name) for name in look.first_curves))
     curves = [_as_elsewhere(curve) for curve in joint_curves(track) if _stem(curve) in SHOWN]
     return scene(
         track,
