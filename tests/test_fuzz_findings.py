@@ -138,6 +138,14 @@ def test_a_study_of_more_seeds_than_anybody_waits_for(tmp_path, seeds):
         oarlock.load_study(file)
 
 
+def test_matrices_whose_products_overflow_are_refused():
+    huge = np.full((3, 3), 1e308)
+    with pytest.raises(DataError, match='mount of "back": rows are not orthonormal'):
+        oarlock.Calibration(mounts={"back": (huge, [0.0, 0.0, 0.0])})
+    with pytest.raises(DataError, match='mag_matrices of "back": has determinant inf'):
+        oarlock.Calibration(mag_matrices={"back": np.diag([1e308, 1e308, 1.0])})
+
+
 def test_a_note_that_is_a_type_is_refused_when_it_is_written(tmp_path):
     noted = oarlock.Calibration(noted={"kind": np.float64})
     with pytest.raises(DataError, match=r'"noted\.kind" is .*float64.*TOML cannot hold'):

@@ -71,8 +71,9 @@ def mag_matrix(value: ArrayLike, name: str) -> FloatArray:
     matrix = real_array(value, (3, 3), where)
     if not np.isfinite(matrix).all():
         raise DataError(f"{where}: is {matrix.tolist()}; expected nine finite numbers")
-    determinant = float(np.linalg.det(matrix))
-    if determinant < LEAST_DETERMINANT:
+    with np.errstate(over="ignore", invalid="ignore"):
+        determinant = float(np.linalg.det(matrix))
+    if not LEAST_DETERMINANT <= determinant < np.inf:
         raise DataError(
             f"{where}: has determinant {determinant:.3g}; expected about 1. Below {LEAST_DETERMINANT:g} it "
             "flattens the field, and a negative one mirrors it"
@@ -95,7 +96,8 @@ def checked_mount(value: object, name: str) -> Mount:
 
 
 def _check_rotation(matrix: FloatArray, where: str) -> None:
-    error = float(np.abs(matrix @ matrix.T - np.eye(3)).max()) if np.isfinite(matrix).all() else np.inf
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
     if not error <= ROTATION_TOLERANCE:
         raise DataError(
             f"{where}: rows are not orthonormal (R R^T is off by {error:.3g}, "
