@@ -19,6 +19,7 @@ from oarlock.rowing.report import is_of_rower, rowing_sections, write_rowing_rep
 from oarlock.rowing.report.averages import Average, beyond, difference, feature_of
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.standing_out import ARM, findings
+from oarlock.rowing.report.words import summary
 from oarlock.rowing.stroke_means import FeatureMean
 from oarlock.rowing.technique import technique
 from oarlock.suspects_text import SUSPECT_NOTE
@@ -257,6 +258,7 @@ def test_hands_on_one_oar_are_not_set_against_each_other():
     piece = Piece("", swept, technique(swept))
     assert piece.sides
     assert not {finding.name for finding in findings(piece)} & set(piece.sides)
+    assert "Right and left" not in " ".join(summary(piece))
 
 
 def test_an_odd_stroke_and_a_drift_are_found(track):

@@ -373,8 +373,18 @@ def test_what_a_filtered_track_says_of_its_first_seconds_counts_in_no_average():
     found, smoothed = technique(track), technique(oarlock.smooth(track))
     young = found.found.catch_time_s < track.time_s[0] + 2.0
     assert young.any() and not young.all()
-    assert all("within 2 s" in found.found.left_out[k] for k in np.flatnonzero(young))
+    assert all("first 2 s" in found.found.left_out[k] for k in np.flatnonzero(young))
     assert not any(
         "within 2 s" in reason for reason in (*smoothed.found.left_out, *find_strokes(track).left_out)
     )
     assert smoothed.found.in_averages[young].any()
+
+
+def test_a_track_that_goes_on_from_a_belief_has_nothing_to_settle():
+    track, _ = exact()
+    cut_s = 4.0
+    recording = load_excerpt().recording
+    before = oarlock.track(sculler(), recording.slice(track.time_s[0], cut_s))
+    after = oarlock.track(sculler(), recording.slice(cut_s, track.time_s[-1]), start=before.last_belief)
+    assert after.provenance["resumed"] and "resumed" not in track.provenance
+    assert not any("first 2 s" in reason for reason in technique(after).found.left_out)

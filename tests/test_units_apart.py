@@ -16,7 +16,7 @@ pytestmark = pytest.mark.data
 
 SETTLED_S = 10.0
 # The headings are found through what both units feel. A spline of readings at 50 Hz has lost some of it; where
-# the push could jump between samples, 2.4 deg became 7 to 22.
+# the push could jump between samples, 2.4 deg became 6 to 22.
 COSTS_DEG = 1.0
 
 

@@ -42,7 +42,8 @@ class Calibration:
         mag_offsets_ut: sensor name -> (3,) constant part of a magnetometer's readings, uT in sensor axes (hard
             iron). `oarlock.track` subtracts it; the recording keeps what was measured. A live `Tracker` takes
             readings as they are given.
-        parameter_stds: parameter name -> standard deviation, in the parameter's unit (m, rad).
+        parameter_stds: parameter name -> standard deviation, in the parameter's unit (m, rad); of a length that is
+            estimated, the one it starts with.
         mount_stds_rad: sensor name -> (3,) standard deviations of the mount's rotation about the link's axes, rad.
         mount_offset_stds_m: sensor name -> (3,) standard deviations of the mount's offset along them, m.
         gyro_biases_rad_s: sensor name -> (3,) constant part of a gyroscope's readings, rad/s in sensor axes.

@@ -18,6 +18,7 @@ from oarlock.corrections import corrected
 from oarlock.errors import DataError
 from oarlock.inertial_units import chosen_units
 from oarlock.link_pairs import ROOT, LinkPair, link_pairs
+from oarlock.offset_parameters import offset_parameters
 from oarlock.plausibility import require_plausible
 from oarlock.recording import Recording
 from oarlock.worn_model import Worn, resized
@@ -65,8 +66,9 @@ def calibrate_joint_centers(
 
     Returns:
         The starting calibration with the offsets of the units, and every length that moves a joint which was
-        found. An offset that the model file writes as three parameters of its own is told by these, so that
-        ``Config(estimate=["lengths"])`` can go on from it. ``noted`` holds standard deviations, loose
+        found. An offset that the model file writes as three parameters of its own is told by these (unless the
+        starting calibration holds the unit's mount), so that ``Config(estimate=["lengths"])`` can go on from it.
+        ``noted`` holds standard deviations, loose
         directions, residuals, and by how much joints still miss one another because lengths are fixed numbers
         (``left_m``).
 
@@ -88,19 +90,11 @@ def calibrate_joint_centers(
     found = [_found(pair, worn, recording, window_s, prior_std_m) for pair in centered]
     tree = Tree.of(worn, centered, prior_std_m)
     solved = tree.solve(found)
-    named = _offset_parameters(worn, solved)
+    named = offset_parameters(worn, solved.offsets, solved.parameters)
     told = dict(pair for values in named.values() for pair in values.items())
     offsets = {name: offset for name, offset in solved.offsets.items() if name not in named}
     mounts = {name: (worn.rotations[name], offset) for name, offset in offsets.items()}
-    noted = {
-        "how": "joint centers from motion",
-        "joint": {p.label: _joint_note(p, f, solved) for p, f in zip(centered, found, strict=True)},
-        "offset_std_m": {name: solved.stds[name].tolist() for name in solved.offsets},
-        "parameter_std_m": {name: float(solved.stds[name][0]) for name in solved.parameters},
-        "without_center": [p.label for p in pairs if p.center is None],
-        "kept_nominal": solved.kept,
-        "left_out": [name for name in recording.names if name not in names],
-    }
+    noted = _noted(recording, names, pairs, dict(zip(centered, found, strict=True)), solved)
     return worn.calibrated(mounts, noted, {**solved.parameters, **told})
 
 
@@ -273,36 +267,25 @@ def _centers(model: Model, pairs: Sequence[LinkPair]) -> FloatArray:
     return np.array([by_child[pair.child] for pair in pairs])
 
 
-def _offset_parameters(worn: Worn, solved: Solved) -> dict[str, dict[str, float]]:
-    """Unit -> its three parameters and what they have to be, where the model file has the offset so."""
-    held = {name: offset for name, offset in solved.offsets.items() if name not in worn.before.mounts}
-    axes: dict[str, dict[int, str]] = {}
-    for name, value in worn.model.parameters.items():
-        moved = _offsets_moved(worn, {name: value + STEP_M})
-        if len(moved) == 1 and name not in solved.parameters:
-            unit, by = next(iter(moved.items()))
-            axis = int(np.argmax(np.abs(by)))
-            if np.abs(by - STEP_M * np.eye(3)[axis]).max() < STRAIGHT:
-                axes.setdefault(unit, {})[axis] = name
-    values = worn.model.parameters
-    return {
-        unit: {
-            axes[unit][k]: values[axes[unit][k]] + float((offset - worn.offsets[unit])[k]) for k in range(3)
-        }
-        for unit, offset in held.items()
-        if len(axes.get(unit, {})) == 3
-    }
-
-
-def _offsets_moved(worn: Worn, parameters: Mapping[str, float]) -> dict[str, FloatArray]:
-    """(3,) m by which other parameters move the offsets of units, of those that they move."""
-    sensors = resized(worn.model, parameters).describe()["sensors"]
-    units = [s for s in sensors if s["kind"] == "imu" and s["name"] not in worn.before.mounts]
-    moved = {s["name"]: np.asarray(s["mount"]["offset"]) - worn.offsets[s["name"]] for s in units}
-    return {name: by for name, by in moved.items() if np.abs(by).max() > STRAIGHT}
-
-
 # --- what is noted ------------------------------------------------------------------------------------
+
+
+def _noted(
+    recording: Recording,
+    names: Sequence[str],
+    pairs: Sequence[LinkPair],
+    found: Mapping[LinkPair, Mapping[str, Any]],
+    solved: Solved,
+) -> dict[str, Any]:
+    return {
+        "how": "joint centers from motion",
+        "joint": {pair.label: _joint_note(pair, joint, solved) for pair, joint in found.items()},
+        "offset_std_m": {name: solved.stds[name].tolist() for name in solved.offsets},
+        "parameter_std_m": {name: float(solved.stds[name][0]) for name in solved.parameters},
+        "without_center": [pair.label for pair in pairs if pair.center is None],
+        "kept_nominal": solved.kept,
+        "left_out": [name for name in recording.names if name not in names],
+    }
 
 
 def _joint_note(pair: LinkPair, joint: Mapping[str, Any], solved: Solved) -> dict[str, Any]:

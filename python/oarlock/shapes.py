@@ -96,7 +96,7 @@ class Look:
         limb_radius_m: half the thickness of the lines between frames, m; None: by the figure's size.
         without_lines: frames whose line to their parent is not drawn, because a shape shows it.
         fixed_lines: draw lines between frames that never move.
-        first_curves: names of the joints whose curves are shown at first, without `r_` and `l_`.
+        first_curves: panels that are shown at first: names of joints without `r_` and `l_`, or a curve's `panel`.
         notes: what is drawn and not measured.
     """
 

@@ -66,7 +66,9 @@ def track(
         add_findings(error, findings)
         raise
     wall_s = time.perf_counter() - began
-    return finished(model, recording, calibration, config, run, run.notes, findings, wall_s)
+    return finished(
+        model, recording, calibration, config, run, run.notes, findings, wall_s, resumed=start is not None
+    )
 
 
 def admit(model: Model, recording: Recording) -> list[Finding]:
@@ -99,6 +101,7 @@ def finished(
     findings: Iterable[Finding],
     wall_s: float,
     smoothing_wall_s: float | None = None,
+    resumed: bool = False,
 ) -> Track:
     """The track of a run, with notes and provenance; `run_notes` are those of the filtered run."""
     provenance = {
@@ -113,6 +116,8 @@ def finished(
         "wall_s": wall_s,
         "steps_per_s": run.steps / wall_s,
     }
+    if resumed:
+        provenance["resumed"] = True
     if smoothing_wall_s is not None:
         provenance["smoothing_wall_s"] = smoothing_wall_s
     if calibration is not None and calibration.parameters:

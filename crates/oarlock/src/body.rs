@@ -17,7 +17,7 @@ use crate::kinematics::pieces::Pieces;
 use crate::kinematics::{FrameMotion, JointMotion, Tree};
 use crate::lane::{Lane, Real};
 use crate::model::{Axis, Model, Transform, World};
-use crate::motion::{joint_block, push_block, push_turn, Now};
+use crate::motion::{base_block, joint_block, push_turn, Now};
 use crate::rotation::turn::{minus, plus, right_jacobian};
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::imu::MountValue;
@@ -382,7 +382,7 @@ impl System for Body {
         let first = self.layout.partition.rate;
         for (i, slot) in self.layout.pushes.iter().enumerate() {
             let drive = drives.get(first + i).copied().unwrap_or(1.0);
-            out.blocks.push(push_block(&self.model.base_accelerations[slot.number], *slot, dt, drive));
+            out.blocks.push(base_block(&self.model.base_accelerations[slot.number], *slot, dt, drive));
         }
         for slot in self.layout.biases() {
             let variance = slot.walk * slot.walk * dt;

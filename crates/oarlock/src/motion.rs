@@ -85,7 +85,7 @@ pub fn push_turn(axes: &[Axis], slots: Slots, mean: &[f64], now: [Now; 3], noise
 
 /// An acceleration of the base that decays or walks: a' = -a / time_s + r, of which r is white or, where a push takes time to
 /// build up, white noise behind a lag of `rise_s`.
-pub fn push_block(base: &BaseAcceleration, slot: PushSlot, dt: f64, drive: f64) -> Block {
+pub fn base_block(base: &BaseAcceleration, slot: PushSlot, dt: f64, drive: f64) -> Block {
     let (density2, alpha) = (base.density * base.density * drive, 1.0 / base.time_s);
     let keep = (-alpha * dt).exp();
     let Some(rate) = slot.rate else {
@@ -300,8 +300,8 @@ mod tests {
         }
     }
 
-    fn both(time_s: f64, rise_s: f64, dt: f64) -> Block {
-        push_block(&push(time_s, rise_s), PushSlot { state: 0, rate: Some(1), number: 0 }, dt, 1.0)
+    fn rising(time_s: f64, rise_s: f64, dt: f64) -> Block {
+        base_block(&push(time_s, rise_s), PushSlot { state: 0, rate: Some(1), number: 0 }, dt, 1.0)
     }
 
     /// F and Q of two steps are those of one twice as long, on either side of where the form changes and across it.
@@ -310,7 +310,7 @@ mod tests {
         for (time_s, rise_s, dt) in
             [(0.3, 0.02, 0.003), (0.3, 0.02, 0.006), (0.3, 0.02, 0.4), (f64::INFINITY, 0.05, 0.02)]
         {
-            let (half, whole) = (both(time_s, rise_s, dt), both(time_s, rise_s, 2.0 * dt));
+            let (half, whole) = (rising(time_s, rise_s, dt), rising(time_s, rise_s, 2.0 * dt));
             for r in 0..2 {
                 for c in 0..2 {
                     let through = |a: usize, b: usize| half.factor[r][a] * half.noise[a][b] * half.factor[c][b];
@@ -326,8 +326,10 @@ mod tests {
     /// Long after, a push that rises in no time has the spread of one that jumps, and its rate the one that a start gives it.
     #[test]
     fn a_push_that_rises_at_once_jumps() {
-        let (risen, jumped) =
-            (both(0.3, 1e-5, 0.1), push_block(&push(0.3, 0.0), PushSlot { state: 0, rate: None, number: 0 }, 0.1, 1.0));
+        let (risen, jumped) = (
+            rising(0.3, 1e-5, 0.1),
+            base_block(&push(0.3, 0.0), PushSlot { state: 0, rate: None, number: 0 }, 0.1, 1.0),
+        );
         assert!((risen.noise[0][0] / jumped.noise[0][0] - 1.0).abs() < 1e-3);
         let rate_std = push(0.3, 1e-5).rate_std();
         assert!((risen.noise[1][1].sqrt() / rate_std - 1.0).abs() < 1e-9);

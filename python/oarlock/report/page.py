@@ -43,11 +43,8 @@ def render(
     )
     sections = [*((section.key, section.name, section.markup) for section in handed), *own]
     # A field's own drawings say more than the curves of all joints.
-    folded = [
-        *FOLDED,
-        *(section.key for section in handed if section.folded),
-        *(("curves",) if handed else ()),
-    ]
+    folded = [key for key, _, _ in own if key in FOLDED or (handed and key == "curves")]
+    folded += [section.key for section in handed if section.folded]
     return shell(
         heading,
         lead,
@@ -72,7 +69,10 @@ def shell(
 
     Sections whose key is among `folded` show their heading until somebody asks for more.
     """
-    links = "".join(f'<li><a href="#{key}">{escape(name)}</a></li>' for key, name, _ in sections)
+    inside = {key: f"{key}-in" for key in folded}
+    links = "".join(
+        f'<li><a href="#{inside.get(key, key)}">{escape(name)}</a></li>' for key, name, _ in sections
+    )
     body = "".join(_section(key, name, content, key in folded) for key, name, content in sections)
     ending = "".join(f"<script>{script}</script>" for script in scripts)
     policy = WITH_SCRIPT if scripts or "<script" in body else POLICY
@@ -90,8 +90,9 @@ def shell(
 def _section(key: str, name: str, content: str, folded: bool) -> str:
     head = f'<h2 id="{key}-h">{escape(name)}</h2>'
     if folded:
-        # A link to what is inside opens it; a link to the whole leads to the head.
-        head, content = "", f'<details class="folded"><summary>{head}</summary>{content}</details>'
+        # A link to what is inside opens it.
+        inside = f'<div id="{key}-in">{content}</div>'
+        head, content = "", f'<details class="folded"><summary>{head}</summary>{inside}</details>'
     return f'<section id="{key}" aria-labelledby="{key}-h">{head}{content}</section>'
 
 

@@ -31,8 +31,7 @@ def slow_section(track: TrackLike, truth: TrackLike | None) -> str:
     """One drawing per quantity, its x, y and z together; truth dashed where it has the same name."""
     groups: dict[str, Lines] = {}
     for name, series in track.slow.items():
-        group, _, axis = name.rpartition("_")
-        group, axis = (group, axis) if axis in {"x", "y", "z"} else (name, "")
+        group, axis = _group(name)
         groups.setdefault(group, []).append((axis, series))
     figures = "".join(
         _figure(k, track.time_s, name, lines, _true_lines(truth, name, lines))
@@ -41,11 +40,18 @@ def slow_section(track: TrackLike, truth: TrackLike | None) -> str:
     return f'<div class="grid-figures">{figures}</div>'
 
 
+def _group(name: str) -> tuple[str, str]:
+    """What is drawn together, and its axis: `push_x.rate` is x of `push.rate`."""
+    stem, dot, rate = name.partition(".rate")
+    group, _, axis = stem.rpartition("_")
+    return (f"{group}{dot}{rate}", axis) if axis in {"x", "y", "z"} else (name, "")
+
+
 def _true_lines(truth: TrackLike | None, group: str, lines: Lines) -> list[tuple[Floats, Floats]]:
     if truth is None:
         return []
-    names = [f"{group}_{axis}" if axis else group for axis, _ in lines]
-    return [(truth.time_s, truth.slow[name].value) for name in names if name in truth.slow]
+    shown = {(group, axis) for axis, _ in lines}
+    return [(truth.time_s, series.value) for name, series in truth.slow.items() if _group(name) in shown]
 
 
 def _figure(key: int, time_s: Floats, name: str, lines: Lines, true: list[tuple[Floats, Floats]]) -> str:

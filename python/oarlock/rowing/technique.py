@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 
 SETTLED_S = 2.0
 """As `evaluate` scores tracks: until then errors are larger than the filter can know."""
-_YOUNG = f"it began within {SETTLED_S:.0f} s of the filter; smoothing counts it"
+_YOUNG = f"it began in the first {SETTLED_S:.0f} s of filtering"
 _STROKES_AT_ONCE = 32
 _SEEN_SHARE = 0.5
 _ARM = ("elbow", "shoulder", "arm_plane", "forearm")
@@ -77,7 +77,7 @@ def technique(
 
     Args:
         track: of a model with a rower's frames (`sculler`, `sweep`, `ergometer` and their like).
-        strokes: None finds them in the track.
+        strokes: None finds them in the track. Of a filtered track those of its first 2 s are left out of averages.
         targets: a boat class of `oarlock.rowing.TARGET_CLASSES`, such as "sculling_men", or a file of one's own.
         calibration: with which the track was made, for its lengths' standard deviations; None: the model's.
         mean_speed_m_s: of the boat; without it fluctuations of its speed are in m/s only.
@@ -107,7 +107,7 @@ def technique(
 
 def _settled(track: Track, found: Strokes) -> Strokes:
     """Of a filtered track, without the strokes that began while the filter did not know its errors yet."""
-    if track.smoothed or not track.info:
+    if track.smoothed or track.info is None or track.provenance.get("resumed", False):
         return found
     young = found.catch_time_s < track.time_s[0] + SETTLED_S
     left_out = (

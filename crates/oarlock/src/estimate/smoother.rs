@@ -200,9 +200,13 @@ fn move_rows<const FUSED: bool>(block: &Block, panel: &mut Panel, column: usize,
         for j in 0..n {
             row[j] = f[0] * x[j];
         }
-        if block.len > 1 {
+        if block.len == 3 {
             for j in 0..n {
                 row[j] = madd::<FUSED>(f[2], z[j], madd::<FUSED>(f[1], y[j], row[j]));
+            }
+        } else if block.len == 2 {
+            for j in 0..n {
+                row[j] = madd::<FUSED>(f[1], y[j], row[j]);
             }
         }
     }

@@ -60,6 +60,11 @@ def findings(piece: Piece) -> list[Finding]:
     return sorted(found, key=lambda one: (any(word in one.name for word in ARM), -one.weight))
 
 
+def compares_sides(piece: Piece) -> bool:
+    """Whether right and left ought to agree; hands on one oar go different ways by design."""
+    return bool(piece.sides) and "oar_phi" not in piece.track.joint_names
+
+
 def least(feature: Feature) -> float:
     """The smallest difference worth telling, in the feature's own unit; NaN where none is named."""
     return LEAST.get(feature.shown_unit, float("nan")) / feature.shown_scale
@@ -72,13 +77,10 @@ def _column(piece: Piece, name: str) -> _Column:
 
 
 def _sides(piece: Piece) -> list[Finding]:
-    """Numbers of the right hand that differ from those of the left beyond what is known of both.
-
-    Hands on one oar go different ways by design.
-    """
-    if "oar_phi" in piece.track.joint_names:
-        return []
-    found = []
+    """Numbers of the right hand that differ from those of the left beyond what is known of both."""
+    found: list[Finding] = []
+    if not compares_sides(piece):
+        return found
     for name, apart in piece.sides.items():
         weight = abs(apart.over.mean) / least(apart.feature)
         if not weight > 1.0 or not apart.beyond_zero:

@@ -10,7 +10,7 @@ from oarlock.report import KeyFigure
 from oarlock.rowing.report.averages import Average, feature_of
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread, with_unit
-from oarlock.rowing.report.standing_out import findings
+from oarlock.rowing.report.standing_out import compares_sides, findings
 
 MOST_FINDINGS = 4
 TILES = ("rate_per_min", "arc_rad", "catch_angle_rad", "finish_angle_rad", "rhythm")
@@ -84,9 +84,10 @@ def _standing_out(piece: Piece) -> str:
         return "<strong>What stands out:</strong> no stroke counts in averages, so nothing can be said of technique."
     found = findings(piece)
     if not found:
+        sides = "Right and left agree, no" if compares_sides(piece) else "No"
         return (
-            "<strong>What stands out:</strong> nothing. Right and left agree, no stroke is unlike the others, and "
-            "nothing drifted by more than a coach would mind."
+            f"<strong>What stands out:</strong> nothing. {sides} stroke is unlike the others, and nothing drifted by "
+            "more than a coach would mind."
         )
     told = " ".join(escape(finding.text) for finding in found[:MOST_FINDINGS])
     more = len(found) - MOST_FINDINGS

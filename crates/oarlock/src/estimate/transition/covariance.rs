@@ -63,40 +63,45 @@ fn rows<const FUSED: bool>(b: &Block, p: &mut Square) {
     if b.stays() {
         return;
     }
+    match b.len {
+        1 => p.row_mut(b.index[0]).iter_mut().for_each(|x| *x *= b.factor[0][0]),
+        2 => rows_of::<FUSED, 2>(b, p),
+        _ => rows_of::<FUSED, 3>(b, p),
+    }
+}
+
+#[inline(always)]
+fn rows_of<const FUSED: bool, const LEN: usize>(b: &Block, p: &mut Square) {
     let f = &b.factor;
-    if b.len == 1 {
-        return p.row_mut(b.index[0]).iter_mut().for_each(|x| *x *= f[0][0]);
-    }
-    if b.len == 2 {
-        let [one, two] = p.rows_mut([b.index[0], b.index[1]]);
-        for (x, y) in one.iter_mut().zip(two) {
-            (*x, *y) = (f[0][0] * *x + f[0][1] * *y, f[1][0] * *x + f[1][1] * *y);
+    let mut rows = p.rows_mut::<LEN>(std::array::from_fn(|r| b.index[r]));
+    for j in 0..rows[0].len() {
+        let old: [f64; LEN] = std::array::from_fn(|r| rows[r][j]);
+        for (r, row) in rows.iter_mut().enumerate() {
+            let last = f[r][LEN - 1] * old[LEN - 1];
+            row[j] = (0..LEN - 1).rev().fold(last, |sum, c| madd::<FUSED>(f[r][c], old[c], sum));
         }
-        return;
-    }
-    let [one, two, three] = p.rows_mut(b.index);
-    for ((x, y), z) in one.iter_mut().zip(two).zip(three) {
-        let old = [*x, *y, *z];
-        let new = |r: usize| madd::<FUSED>(f[r][0], old[0], madd::<FUSED>(f[r][1], old[1], f[r][2] * old[2]));
-        (*x, *y, *z) = (new(0), new(1), new(2));
     }
 }
 
 #[inline(always)]
 fn columns(b: &Block, p: &mut Square) {
-    let (index, f) = (b.index, &b.factor);
     if b.stays() {
         return;
     }
+    match b.len {
+        1 => (0..p.n()).for_each(|i| p.row_mut(i)[b.index[0]] *= b.factor[0][0]),
+        2 => columns_of::<2>(b, p),
+        _ => columns_of::<3>(b, p),
+    }
+}
+
+#[inline(always)]
+fn columns_of<const LEN: usize>(b: &Block, p: &mut Square) {
     for i in 0..p.n() {
         let row = p.row_mut(i);
-        if b.len == 1 {
-            row[index[0]] *= f[0][0];
-            continue;
-        }
-        let old = index.map(|i| row[i]);
-        for r in 0..b.len {
-            row[index[r]] = (0..b.len).map(|c| f[r][c] * old[c]).sum();
+        let old: [f64; LEN] = std::array::from_fn(|c| row[b.index[c]]);
+        for r in 0..LEN {
+            row[b.index[r]] = (0..LEN).map(|c| b.factor[r][c] * old[c]).sum();
         }
     }
 }

@@ -1,0 +1,73 @@
+"""Which parameters of a model file are the place of a unit on its link, and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+
+from oarlock.array_gate import FloatArray
+from oarlock.worn_model import Worn, resized
+
+STEP_M = 0.01
+STRAIGHT = 1e-9
+"""An offset follows its parameter, metre for metre; what departs by more than rounding is something else."""
+
+
+def offset_parameters(
+    worn: Worn, offsets: Mapping[str, FloatArray], taken: Collection[str]
+) -> dict[str, dict[str, float]]:
+    """Unit -> its three parameters and what they have to be for these offsets, where the model file has it so.
+
+    A parameter that moves anything else, one of two on the same axis, and a unit whose mount the calibration holds
+    (which the parameters then do not reach) are left alone.
+
+    Args:
+        worn: the model's values, and what is known.
+        offsets: unit -> (3,) m, in its link's axes.
+        taken: parameters that are told otherwise.
+    """
+    axes: dict[str, dict[int, list[str]]] = {}
+    for name in worn.model.parameters:
+        if name not in taken:
+            for unit, axis in _moved_alone(worn, name):
+                axes.setdefault(unit, {}).setdefault(axis, []).append(name)
+    found = {}
+    for unit, offset in offsets.items():
+        names = [axes.get(unit, {}).get(axis, []) for axis in range(3)]
+        if unit not in worn.before.mounts and all(len(own) == 1 for own in names):
+            moved = offset - worn.offsets[unit]
+            found[unit] = {
+                own[0]: worn.model.parameters[own[0]] + float(moved[k]) for k, own in enumerate(names)
+            }
+    return found
+
+
+def _moved_alone(worn: Worn, name: str) -> list[tuple[str, int]]:
+    """The unit and the axis along which the parameter moves it, metre for metre, and nothing else; else nothing."""
+    value = worn.model.parameters[name]
+    model = worn.model.describe()
+    longer = resized(worn.model, {name: value + STEP_M}).describe()
+    places = [_places(one) for one in (model, longer)]
+    moved = {unit: places[1][unit] - places[0][unit] for unit in places[0]}
+    moved = {unit: by for unit, by in moved.items() if np.abs(by).max() > STRAIGHT}
+    if len(moved) != 1 or _without_places(model) != _without_places(longer):
+        return []
+    ((unit, by),) = moved.items()
+    axis = int(np.argmax(np.abs(by)))
+    follows = np.abs(by - STEP_M * np.eye(3)[axis]).max() < STRAIGHT
+    return [(unit, axis)] if follows else []
+
+
+def _places(model: Mapping[str, Any]) -> dict[str, FloatArray]:
+    return {s["name"]: np.asarray(s["mount"]["offset"]) for s in model["sensors"] if s["kind"] == "imu"}
+
+
+def _without_places(model: Mapping[str, Any]) -> dict[str, Any]:
+    rest = deepcopy({key: part for key, part in model.items() if key != "parameters"})
+    for sensor in rest["sensors"]:
+        if sensor["kind"] == "imu":
+            del sensor["mount"]["offset"]
+    return rest
