@@ -89,7 +89,7 @@ def key_figures(
     if isinstance(speed, (int, float)) and math.isfinite(speed):
         figures.append(
             KeyFigure(
-                "speed", f"{speed:,.0f}/s", f"steps, {number(speed / rate_hz(track), 2)} times real time"
+                "computed", f"{number(speed / rate_hz(track), 2)} ×", f"real time, {speed:,.0f} steps/s"
             )
         )
     return figures
@@ -175,7 +175,7 @@ def _bands(evaluation: Evaluation | None) -> str:
 
 def _readings(loud: list[str]) -> str:
     if not loud:
-        return "No sensor scatters more than the filter expects."
+        return "The sensors fit together: none scatters more than the filter expects."
     return (
         f"More scatter than the filter expects (NIS per measurement above {NIS_TOO_LARGE}) from "
         f"{escape(listing(loud))}: a mount, a length or a noise figure may be wrong."

@@ -52,7 +52,7 @@ class Feature:
     @property
     def in_words(self) -> str:
         """All of it in one line, but for the name."""
-        unit = "" if self.unit == "1" else f", {self.unit}"
+        unit = "" if self.shown_unit == "1" else f", {self.shown_unit}"
         sign = f" Positive: {self.sign}." if self.sign else ""
         return f"{self.label}{unit}. {self.definition}{sign} Source: {self.source}."
 

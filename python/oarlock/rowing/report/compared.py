@@ -52,7 +52,9 @@ def comparison_table(key: str, this: Piece, other: Piece) -> str:
         f"Means over the strokes, each {PLUS_MINUS} one standard deviation; the difference is {this.name} minus "
         f"{other.name}. Beyond both uncertainties: larger than 1.96 standard deviations of the difference, in which "
         "the track's bands are taken as one error of the whole piece, and the scatter between strokes is divided by "
-        "the square root of their number. Where both pieces share their sensors' wearing, less may already be real."
+        "the square root of their number. If the sensors were not moved between the pieces, smaller "
+        "differences may be real "
+        "too. Differences are taken before rounding."
     )
     return sortable_table(key, caption, columns, rows)
 

@@ -7,6 +7,7 @@ from html import escape
 
 from oarlock.report import plain_table
 from oarlock.rowing.features import FEATURES, Feature
+from oarlock.rowing.report.shown import unit_of
 from oarlock.rowing.report.tables import anchor
 
 
@@ -22,7 +23,8 @@ def definitions(names: Iterable[str]) -> str:
         same = [n for n in wanted if n == plain or n in (f"r_{plain}", f"l_{plain}")]
         rows.append(_row(FEATURES[same[0]], same))
     caption = (
-        "In the order of the tables. The name in small type is that of the column in strokes.csv, in SI units and "
+        "In the order of the tables. The name in small type is that of the column in the CSV file of "
+        "strokes, in SI units and "
         "radians; r_ is the rower's right hand (port), l_ the left (starboard)."
     )
     return plain_table("defined", caption, ["number", "definition", "unit", "positive", "source"], rows)
@@ -32,7 +34,7 @@ def _row(feature: Feature, names: list[str]) -> list[str]:
     anchors = "".join(f'<span id="{anchor(name)}"></span>' for name in names)
     columns = "<br>".join(f"<code>{escape(name).replace('_', '_<wbr>')}</code>" for name in names)
     label = feature.label.rpartition(",")[0] if names[0].startswith(("r_", "l_")) else feature.label
-    unit = feature.shown_unit if feature.shown_unit != "1" else "–"
+    unit = unit_of(feature) or "–"
     held = (
         f"<br><small>in the file {feature.unit}</small>"
         if feature.unit not in {feature.shown_unit, "1"}

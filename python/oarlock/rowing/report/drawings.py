@@ -61,6 +61,10 @@ def pairs(figures: Sequence[str]) -> str:
     return f'<div class="pair-figures">{"".join(figures)}</div>' if any(figures) else ""
 
 
+NAMES_APART = 25.0
+"""Percent of the stroke that two names need beside each other."""
+
+
 def trends(pieces: Sequence[Piece], zones: Mapping[str, Zone]) -> str:
     """Numbers stroke by stroke with the 95 % interval of each."""
     figures = []
@@ -149,9 +153,11 @@ def speeds(pieces: Sequence[Piece]) -> list[str]:
 
 
 def marks(pieces: Sequence[Piece]) -> list[Mark]:
-    """Where the drive ends on average."""
-    names = ["finish"] if len(pieces) == 1 else [f"finish {k + 1}" for k in range(len(pieces))]
-    return [Mark(piece.finish_percent, name) for piece, name in zip(pieces, names, strict=True)]
+    """Where the drive ends on average; one name where two would stand on each other."""
+    ends = [piece.finish_percent for piece in pieces]
+    apart = len(ends) > 1 and abs(ends[0] - ends[1]) > NAMES_APART
+    names = [f"finish, {piece.name}" for piece in pieces] if apart else ["finish", ""]
+    return [Mark(end, name) for end, name in zip(ends, names, strict=False)]
 
 
 def hand_paths(pieces: Sequence[Piece]) -> str:

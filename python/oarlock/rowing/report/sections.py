@@ -17,7 +17,7 @@ from oarlock.rowing.report.definitions import definitions
 from oarlock.rowing.report.drawings import curves, hand_paths, pairs, speeds, trends, zone_of
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.player import player
-from oarlock.rowing.report.shown import places
+from oarlock.rowing.report.shown import PLUS_MINUS, places
 from oarlock.rowing.report.tables import (
     averages_table,
     shares_table,
@@ -41,7 +41,14 @@ def sections_of(pieces: Sequence[Piece], csv_names: Sequence[str]) -> list[Secti
         ("moving", "The strokes, moving", player(pieces)),
         ("strokes", "Strokes", _strokes(pieces, csv_names)),
         ("trends", "Over the piece", _trends(pieces, zones)),
-        ("courses", "Over a stroke", _hinted(f"Means over the strokes. {BAND}", curves(pieces))),
+        (
+            "courses",
+            "Over a stroke",
+            _hinted(
+                f"Means over the strokes; 0 % is the catch, the dashed upright line the mean finish. {BAND}",
+                curves(pieces),
+            ),
+        ),
         ("speeds", "Legs, trunk, arms", _speeds(pieces)),
         ("paths", "Paths of the hands", _paths(pieces)),
         ("arms", "Arms at the finish", _arms(pieces)),
@@ -55,7 +62,7 @@ def sections_of(pieces: Sequence[Piece], csv_names: Sequence[str]) -> list[Secti
 
 def _speaking(section: Section, pieces: Sequence[Piece]) -> Section:
     """The first section with all that is said above it, and what the page needs once."""
-    told = sentences(pieces[0], pieces[1]) if len(pieces) > 1 else []
+    told = [*sentences(pieces[0], pieces[1]), _whose(pieces)] if len(pieces) > 1 else []
     style, script = (
         files(__package__).joinpath(name).read_text("utf-8") for name in ("style.css", "strokes.js")
     )
@@ -66,6 +73,15 @@ def _speaking(section: Section, pieces: Sequence[Piece]) -> Section:
         style=style,
         script=sort_script() + script,
     )
+
+
+def _whose(pieces: Sequence[Piece]) -> str:
+    first, second = (f"<b>{escape(piece.name)}</b>" for piece in pieces)
+    text = f"What follows here, and all from Notes on, is about {first}."
+    if pieces[0].track.smoothed != pieces[1].track.smoothed:
+        how = ("smoothed", "filtered") if pieces[0].track.smoothed else ("filtered", "smoothed")
+        text += f" It was {how[0]} and {second} {how[1]}: small differences may come from that."
+    return text
 
 
 def _hinted(hint: str, content: str) -> str:
@@ -81,17 +97,20 @@ def _strokes(pieces: Sequence[Piece], csv_names: Sequence[str]) -> str:
     for k, (piece, csv_name) in enumerate(zip(pieces, csv_names, strict=True)):
         beside = (
             '<p class="files">All columns, with their standard deviations, are in '
-            f"<code>{escape(csv_name)}</code> beside this page. A click on a head sorts; one on "
-            "a stroke's number repeats that stroke in the player.</p>"
+            f"<code>{escape(csv_name)}</code> beside this page. A click on a head sorts"
+            + ("; one on a stroke's number repeats that stroke in the player.</p>" if k == 0 else ".</p>")
         )
-        parts.append(
-            _heading(piece) + beside + strokes_table(piece, "strokes" if k == 0 else f"strokes-{k + 1}")
-        )
+        key = "strokes" if k == 0 else f"strokes-{k + 1}"
+        parts.append(_heading(piece) + beside + strokes_table(piece, key, played=k == 0))
     return "".join(parts)
 
 
 def _trends(pieces: Sequence[Piece], zones: dict[str, Zone]) -> str:
-    hint = "Dots: strokes. Bars: the 95 % interval of each, by the track's own bands."
+    hint = (
+        "Dots: strokes that count in averages. Bars: where the program claims the true value of each to be, "
+        "95 % of the "
+        "time; none is seen where it is smaller than the dot."
+    )
     if zones:
         hint += (
             " Tinted: what others aim at, with their name. No such number is right for everyone: height, rig, "
@@ -119,8 +138,8 @@ def _paths(pieces: Sequence[Piece]) -> str:
 
 def _arms(pieces: Sequence[Piece]) -> str:
     hint = (
-        "Shoulder, elbow and wrist when the handle turns, means over the strokes; thin lines: single strokes. The arm "
-        "plane holds these three points."
+        "Shoulder, elbow and wrist at the finish, means over the strokes"
+        f"{'; thin lines: single strokes' if len(pieces) == 1 else ''}. The arm plane holds these three points."
     )
     return _hinted(hint, arms_at_finish(pieces))
 
@@ -136,7 +155,11 @@ def _numbers(pieces: Sequence[Piece], zones: dict[str, Zone]) -> str:
     for k, piece in enumerate(pieces):
         sided = {f"{side}_{name}" for side in "rl" for name in piece.sides}
         found = [one for name, one in piece.averages.items() if name not in sided]
-        caption = "Means over the strokes. What both sides have stands under Right and left."
+        caption = (
+            f"Means over the strokes. {PLUS_MINUS}: how well the mean is known, one standard deviation; SD: "
+            "how much strokes "
+            "differ from each other. What both sides have stands under Right and left."
+        )
         parts.append(_heading(piece) + averages_table(f"numbers-{k}", caption, found, published))
         parts.append(unknown_list(found))
     return "".join(parts)

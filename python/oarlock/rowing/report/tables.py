@@ -37,7 +37,7 @@ SHARES = {
     "part of the handle travel": "travel_m",
     "share of it": "share",
     "peak speed": "peak_speed_m_s",
-    "place of the peak": "peak_position",
+    "peak after, of the drive time": "peak_position",
 }
 DASH = "\N{EN DASH}"
 
@@ -59,32 +59,39 @@ def anchor(name: str) -> str:
     return f"def-{name.replace('_', '-')}"
 
 
-def strokes_table(piece: Piece, key: str) -> str:
-    """A row a stroke, sortable; below it means, scatter and what the track's bands say of one stroke."""
+def strokes_table(piece: Piece, key: str, played: bool) -> str:
+    """A row a stroke, sortable; below it means, scatter and what the track's bands say of one stroke.
+
+    Where the player shows this piece (`played`), numbers of strokes that it can repeat lead there.
+    """
     table, kept = piece.table, piece.counted
     names = [name for name in FIRST_COLUMNS if name in table and np.isfinite(table[name]).any()]
     features = [feature_of(name) for name in names]
     columns = [Column("stroke"), Column("at", "s", FEATURES["catch_time_s"].in_words)]
     columns += [Column(feature.label, unit_of(feature), feature.in_words) for feature in features]
-    rows = [_stroke_row(table, names, row, bool(kept[row])) for row in range(len(table))]
+    loops = np.isfinite(table["end_time_s"]) & played
+    rows = [_stroke_row(table, names, row, bool(kept[row]), bool(loops[row])) for row in range(len(table))]
     means = [piece.averages[name] for name in names]
     foot = [
         ["mean", "", *(shown(one.feature, one.over.mean) for one in means)],
         ["SD", "", *(spread(one.feature, one.over.sd) for one in means)],
-        [f"{PLUS_MINUS} of one", "", *(spread(one.feature, one.over.std) for one in means)],
+        [f"{PLUS_MINUS} of one stroke", "", *(spread(one.feature, one.over.std) for one in means)],
     ]
     left_out = [row for row in range(len(table)) if not kept[row]]
-    caption = "One row a stroke. SD: standard deviation between strokes. "
-    caption += (
-        f"{PLUS_MINUS} of one: what the track's own bands say of a single stroke, one standard deviation."
+    caption = (
+        f"One row a stroke. SD: how much strokes differ from each other. {PLUS_MINUS} of one stroke: how "
+        "exactly a single "
+        "one was measured (one standard deviation)."
     )
     if left_out:
         caption += " Grey: left out of all averages, for the reason beside its number."
     return sortable_table(key, caption, columns, rows, foot, muted=left_out)
 
 
-def _stroke_row(table: StrokeTable, names: Sequence[str], row: int, kept: bool) -> list[str]:
-    number = f'<a class="term" href="#moving" data-stroke="{stroke_label(row)}">{row + 1}</a>'
+def _stroke_row(table: StrokeTable, names: Sequence[str], row: int, kept: bool, loops: bool) -> list[str]:
+    number = str(row + 1)
+    if loops:
+        number = f'<a class="term" href="#moving" data-stroke="{stroke_label(row)}">{row + 1}</a>'
     head = f'<data value="{row + 1}">{number}</data>'
     if not kept:
         head += f' <span class="mark">{escape(table.reason("in_averages")[row] or "left out")}</span>'
@@ -203,8 +210,11 @@ def sides_table(key: str, piece: Piece) -> str:
         ),
     ]
     caption = (
-        "Means over the strokes; small: the standard deviation between strokes. The rower faces the stern: the right "
-        "hand holds the port oar, the left hand the starboard oar."
+        f"Means over the strokes; small: SD between strokes. {PLUS_MINUS}: one standard deviation of the "
+        "difference; beyond "
+        "both uncertainties: larger than chance explains (95 %). The rower faces the stern: the right hand "
+        "holds the port "
+        "oar, the left hand the starboard oar."
     )
     return sortable_table(key, caption, columns, rows)
 

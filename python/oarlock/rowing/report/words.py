@@ -9,7 +9,7 @@ import numpy as np
 from oarlock.report import KeyFigure
 from oarlock.rowing.report.averages import Average, feature_of
 from oarlock.rowing.report.piece import Piece
-from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread, with_unit
+from oarlock.rowing.report.shown import joined_unit, shown, spread, with_unit
 from oarlock.rowing.report.standing_out import compares_sides, findings
 
 MOST_FINDINGS = 4
@@ -38,7 +38,7 @@ def key_figures(piece: Piece) -> list[KeyFigure]:
 def _scatter(found: Average) -> str:
     if np.isnan(found.over.sd):
         return "of a single stroke"
-    return f"{PLUS_MINUS} {spread(found.feature, found.over.sd)}{joined_unit(found.feature)} between strokes"
+    return f"SD {spread(found.feature, found.over.sd)}{joined_unit(found.feature)} between strokes"
 
 
 def _strokes(piece: Piece) -> str:
@@ -51,9 +51,7 @@ def _strokes(piece: Piece) -> str:
         if rate.over.count > 1:
             text += f", from {shown(rate.feature, rate.over.least)} to {shown(rate.feature, rate.over.most)}"
     if not piece.counted.all():
-        text += (
-            f"; {int((~piece.counted).sum())} of them count in no average ({escape(_why_left_out(piece))})"
-        )
+        text += f"; {int((~piece.counted).sum())} left out of all averages ({escape(_why_left_out(piece))})"
     return f"{text}."
 
 
