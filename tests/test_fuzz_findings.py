@@ -146,6 +146,41 @@ def test_matrices_whose_products_overflow_are_refused():
         oarlock.Calibration(mag_matrices={"back": np.diag([1e308, 1e308, 1.0])})
 
 
+def damaged(file, old, new):
+    data = file.read_bytes()
+    assert old in data and len(old) == len(new)
+    file.write_bytes(data.replace(old, new))
+
+
+def swung(tmp_path):
+    """A recording's folder and a track's."""
+    model = oarlock.load_model("pendulum3")
+    time_s = np.linspace(0.0, 2.0, 201)
+    angles = 0.5 * np.sin(np.outer(time_s, [2.0, 3.0, 4.0]))
+    motion = oarlock.Motion(tuple(model.joint_names), time_s, angles)
+    recording = oarlock.simulate(model, motion, seed=1)[1]
+    oarlock.track(model, recording).save(tmp_path / "track")
+    recording.save(tmp_path / "recording")
+    return tmp_path / "recording", tmp_path / "track"
+
+
+def test_names_of_columns_that_are_no_text_are_refused(tmp_path):
+    recording, track = swung(tmp_path)
+    damaged(recording / "upper.parquet", b"gyro_x_rad_s", b"gyro_x\xf5rad_s")
+    with pytest.raises(DataError, match=r"upper\.parquet: cannot be read as Parquet"):
+        oarlock.load_recording(recording)
+    damaged(track / "sensors.parquet", b"middle.rejected", b"middle.reject\xf5d")
+    with pytest.raises(DataError, match=r"sensors\.parquet: cannot be read.*track the recording again"):
+        oarlock.load_track(track)
+
+
+def test_tables_of_a_track_that_lack_a_column_are_refused(tmp_path):
+    _, track = swung(tmp_path)
+    damaged(track / "sensors.parquet", b"middle.rejected", b"muddle.rejected")
+    with pytest.raises(DataError, match=r"sensors\.parquet: column .*middle\.rejected.* is missing"):
+        oarlock.load_track(track)
+
+
 def test_a_note_that_is_a_type_is_refused_when_it_is_written(tmp_path):
     noted = oarlock.Calibration(noted={"kind": np.float64})
     with pytest.raises(DataError, match=r'"noted\.kind" is .*float64.*TOML cannot hold'):

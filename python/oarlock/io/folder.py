@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 from oarlock.array_gate import FloatArray
 from oarlock.errors import DataError
 from oarlock.io.delimited import Dialect, Layout, numbers
+from oarlock.io.parquet_table import read_table
 from oarlock.io.paths import place_of
 from oarlock.io.toml import TomlTable, write_toml
 from oarlock.recording import ImuStream, Recording, ScalarStream, ScalarUnit, Stream, VectorStream
@@ -234,10 +235,7 @@ def _check_columns(file: Path, found: list[str], names: list[str]) -> None:
 
 
 def _read_parquet(file: Path, names: list[str]) -> dict[str, FloatArray]:
-    try:
-        table = pq.read_table(file)
-    except (OSError, pa.ArrowException) as error:
-        raise DataError(f"{file}: cannot be read as Parquet ({error})") from error
+    table = read_table(file)
     _check_columns(file, table.column_names, names)
     columns = {}
     for name in names:

@@ -14,6 +14,7 @@ from pyarrow import parquet
 
 from oarlock._core import Model
 from oarlock.errors import DataError
+from oarlock.io.parquet_table import columns_of, read_table
 from oarlock.io.paths import place_of
 from oarlock.io.toml import TomlTable, write_toml
 from oarlock.track import Track
@@ -51,11 +52,11 @@ def read_track(folder: str | PathLike[str]) -> Track:
             f"{place}: no track here (run.toml or track.parquet is missing); write one with `oarlock track`"
         )
     top = _read_description(place / "run.toml")
-    table = _read(place / "track.parquet")
+    table = read_table(place / "track.parquet", _AGAIN)
     # tracks of hinges and slides alone were once written without coordinates: theirs are the joints
     coordinates = top.get("coordinates", top["joints"])
     names, units = tuple(coordinates["names"]), tuple(coordinates["units"])
-    try:
+    with columns_of(place / "track.parquet", _AGAIN):
         arrays: dict[str, Any] = {
             field: _stack(table, [column_name(n, u, field) for n, u in zip(names, units, strict=True)])
             for field in FIELDS
@@ -66,10 +67,6 @@ def read_track(folder: str | PathLike[str]) -> Track:
             for name, unit in top["slow"].items()
         }
         time_s = _one(table, "time_s")
-    except KeyError as missing:
-        raise DataError(
-            f"{place / 'track.parquet'}: column {missing} is missing; the file is damaged"
-        ) from None
     return Track(
         model=_model(place, top["provenance"]),
         time_s=time_s,
@@ -129,6 +126,7 @@ def _description(track: Track) -> dict[str, Any]:
     }
 
 
+_AGAIN = "; track the recording again"
 _NONE = "none"
 
 
@@ -168,19 +166,20 @@ def _belief_table(beliefs: Beliefs) -> pa.Table:
 def _info(file: Path, names: tuple[str, ...]) -> SensorInfo | None:
     if not names:
         return None
-    table = _read(file)
-    counts: dict[str, Any] = {
-        kind: _stack(table, [f"{n}.{kind}" for n in names]).astype(np.int64) for kind in _COUNTS
-    }
-    return SensorInfo(
-        sensor_names=names,
-        nis=_stack(table, [f"{n}.nis" for n in names]),
-        inertial_nis=_one(table, "inertial.nis"),
-        inertial_used=_one(table, "inertial.used").astype(np.int64),
-        field=np.stack([_words(table, f"{n}.field", FIELD) for n in names], axis=1),
-        fault=np.stack([_words(table, f"{n}.fault", FAULT) for n in names], axis=1),
-        **counts,
-    )
+    table = read_table(file, _AGAIN)
+    with columns_of(file, _AGAIN):
+        counts: dict[str, Any] = {
+            kind: _stack(table, [f"{n}.{kind}" for n in names]).astype(np.int64) for kind in _COUNTS
+        }
+        return SensorInfo(
+            sensor_names=names,
+            nis=_stack(table, [f"{n}.nis" for n in names]),
+            inertial_nis=_one(table, "inertial.nis"),
+            inertial_used=_one(table, "inertial.used").astype(np.int64),
+            field=np.stack([_words(table, f"{n}.field", FIELD) for n in names], axis=1),
+            fault=np.stack([_words(table, f"{n}.fault", FAULT) for n in names], axis=1),
+            **counts,
+        )
 
 
 def _words(table: pa.Table, name: str, known: tuple[str, ...]) -> NDArray[np.int64]:
@@ -192,12 +191,13 @@ def _words(table: pa.Table, name: str, known: tuple[str, ...]) -> NDArray[np.int
 def _beliefs(file: Path, states: tuple[str, ...]) -> Beliefs | None:
     if not states:
         return None
-    table, n = _read(file), len(states)
-    mean, covariance = (
-        table[name].combine_chunks().flatten().to_numpy(zero_copy_only=False)
-        for name in ("mean", "covariance")
-    )
-    return Beliefs(_one(table, "time_s"), mean.reshape(-1, n), covariance.reshape(-1, n, n), states)
+    table, n = read_table(file, _AGAIN), len(states)
+    with columns_of(file, _AGAIN):
+        mean, covariance = (
+            table[name].combine_chunks().flatten().to_numpy(zero_copy_only=False)
+            for name in ("mean", "covariance")
+        )
+        return Beliefs(_one(table, "time_s"), mean.reshape(-1, n), covariance.reshape(-1, n, n), states)
 
 
 def _model(place: Path, provenance: Mapping[str, Any]) -> Model | None:
@@ -207,13 +207,6 @@ def _model(place: Path, provenance: Mapping[str, Any]) -> Model | None:
     return Model.from_toml(
         file.read_text(encoding="utf-8"), str(file), dict(provenance.get("parameters", {}))
     )
-
-
-def _read(file: Path) -> pa.Table:
-    try:
-        return parquet.read_table(file)
-    except (OSError, pa.ArrowInvalid) as error:
-        raise DataError(f"{file}: cannot be read ({error}); track the recording again") from None
 
 
 def _one(table: pa.Table, name: str) -> NDArray[np.float64]:
