@@ -13,6 +13,7 @@ from oarlock.io.apdm import read_apdm
 from oarlock.io.broad import read_broad
 from oarlock.io.mat import read_mat
 from oarlock.packets import lost_packets
+from oarlock.plausibility import plausibility
 from test_markers_io import NEXUS, c3d_file
 
 
@@ -144,6 +145,28 @@ def test_matrices_whose_products_overflow_are_refused():
         oarlock.Calibration(mounts={"back": (huge, [0.0, 0.0, 0.0])})
     with pytest.raises(DataError, match='mag_matrices of "back": has determinant inf'):
         oarlock.Calibration(mag_matrices={"back": np.diag([1e308, 1e308, 1.0])})
+
+
+def test_a_plans_step_from_the_first_second_on_survives_its_file(tmp_path):
+    steps = [oarlock.SessionStep("rest", "still", start_s=0.0, end_s=5.0)]
+    plan = oarlock.SessionPlan("short", tuple(steps))
+    plan.save(tmp_path / "plan.toml")
+    assert oarlock.load_session_plan(tmp_path / "plan.toml") == plan
+
+
+def test_readings_that_overflow_are_nobodys_warning():
+    time_s, huge = np.arange(5) * 0.01, np.full((5, 3), 1e308)
+    assert np.isinf(oarlock.EncoderScale(0.0, 1e200).value(np.full(3, 1e200))).all()
+    huge[::2] *= -1.0
+    recording = oarlock.Recording([oarlock.ImuStream("back", time_s, gyro_rad_s=huge, accel_m_s2=huge)])
+    assert plausibility(recording)
+
+
+def test_packets_that_are_no_number_are_refused():
+    stream = oarlock.ScalarStream("seat", [0.0, 0.1, 0.2], [0.0, 0.0, 0.0])
+    counted = {"after_s": [0.1], "packets": [-np.inf], "step_s": [0.1]}
+    with pytest.raises(DataError, match="holds what is no number"):
+        lost_packets(oarlock.Recording([stream], {"packets": {"seat": counted}}), stream)
 
 
 def damaged(file, old, new):

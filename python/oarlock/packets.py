@@ -71,6 +71,8 @@ def _counted(found: Mapping[str, ArrayLike], stream: Stream) -> Lost:
     after = real_array(found["after_s"], (None,), f"{where}, after_s")
     packets = real_array(found["packets"], (len(after),), f"{where}, packets")
     (step_s,) = real_array(found["step_s"], (1,), f"{where}, step_s")
+    if not (np.isfinite(after).all() and np.isfinite(packets).all() and np.isfinite(step_s)):
+        raise DataError(f"{where}: holds what is no number; import the recording again")
     inside = (after >= stream.time_s[0]) & (after <= stream.time_s[-1])
     return Lost(after[inside], packets[inside], packets[inside] * step_s, True)
 

@@ -82,8 +82,10 @@ def plausibility(recording: Recording, expected: Collection[str] = ()) -> list[F
     Returns:
         Findings, errors first.
     """
-    findings = [f for stream in recording.streams for f in _stream_findings(recording, stream)]
-    findings += _frozen_findings([s for s in recording.streams if isinstance(s, ImuStream)])
+    # Readings whose sums overflow are among what is looked for.
+    with np.errstate(over="ignore", invalid="ignore"):
+        findings = [f for stream in recording.streams for f in _stream_findings(recording, stream)]
+        findings += _frozen_findings([s for s in recording.streams if isinstance(s, ImuStream)])
     findings += _name_findings(recording, expected)
     return sorted(findings, key=lambda f: ("error", "warning", "note").index(f.severity))
 

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from math import isfinite, isnan, nan
 
+import numpy as np
+
 from oarlock.array_gate import FloatArray
 from oarlock.errors import DataError
 
@@ -75,7 +77,9 @@ class EncoderScale:
 
     def value(self, readings: FloatArray) -> FloatArray:
         """(T,) values of (T,) readings, rad or m; NaN stays NaN."""
-        return self.scale * (readings - self.zero)
+        with np.errstate(over="ignore"):
+            value: FloatArray = self.scale * (readings - self.zero)
+        return value
 
 
 def _number(value: object, where: str) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sized
 from dataclasses import dataclass, field, fields
 from os import PathLike
 from pathlib import Path
@@ -218,6 +218,7 @@ def _told(step: SessionStep) -> dict[str, object]:
     told: dict[str, object] = {}
     for f in fields(SessionStep):
         value = getattr(step, f.name)
-        if f.name in ("name", "kind") or (value and value != f.default):
+        empty = value is None or (isinstance(value, Sized) and not value)
+        if f.name in ("name", "kind") or not (empty or value == f.default):
             told[f.name] = dict(value) if isinstance(value, Mapping) else value
     return told
