@@ -27,12 +27,11 @@ def health_table(scores: tuple[SensorScore, ...]) -> str:
     ]
     caption = (
         "Single readings (channels) of each sensor, and of each closed loop: the rule that two points "
-        "coincide, such as a "
-        "hand and its handle. NIS per measurement is 1 when readings scatter as much as the filter expects; "
-        "above 1 they "
-        "scatter more, below 1 less. Disturbed: share of a magnetometer's "
-        "samples that were not used, by the first test they failed: the field's norm, its dip, the innovation. Faults: "
-        "share of samples at the end of the sensor's range (clipped) or the same to the bit (stuck), not used either."
+        "coincide, such as a hand and its handle. NIS per measurement is 1 when readings scatter as much as "
+        "the filter expects; above 1 they scatter more, below 1 less. Disturbed: share of a magnetometer's "
+        "samples that were not used, by the first test they failed: the field's norm, its dip, the "
+        "innovation. Faults: share of samples at the end of the sensor's range (clipped) or the same to the "
+        "bit (stuck), not used either."
     )
     return table(
         "sensors",

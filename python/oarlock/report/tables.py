@@ -94,11 +94,11 @@ def _joints_caption(evaluation: Evaluation | None, several: bool) -> str:
         return plain + (" Below a ball joint stand its components and its named angles." if several else "")
     reference = "truth" if evaluation.reference == "truth" else "reference"
     return (
-        f"Joints in the order of the model, scored without the first {evaluation.start_s:g} s: hinges in degrees, "
-        "slides in millimetres. Mean std: the error that the program expects of itself; RMSE: the one it "
-        "made; NEES: their "
-        "squares' ratio, 1 when both agree, less when it was too cautious. Grey: no sensor feels this joint. "
-        f"▲ marks a band that holds the {reference} less than {percent(NARROW_COVERAGE)} of the time, "
+        f"Joints in the order of the model, scored without the first {evaluation.start_s:g} s: hinges in "
+        "degrees, slides in millimetres. Mean std: the error that the program expects of itself; RMSE: the "
+        "one it made; NEES: their squares' ratio, 1 when both agree, less when it was too cautious. Grey: no "
+        f"sensor feels this joint. ▲ marks a band that holds the {reference} less than "
+        f"{percent(NARROW_COVERAGE)} of the time, "
         f"▽ one that does so more than {percent(WIDE_COVERAGE)}." + (_SEVERAL if several else "")
     )
 

@@ -49,12 +49,11 @@ def comparison_table(key: str, this: Piece, other: Piece) -> str:
         Column("beyond both uncertainties"),
     ]
     caption = (
-        f"Means over the strokes, each {PLUS_MINUS} one standard deviation; the difference is {this.name} minus "
-        f"{other.name}. Beyond both uncertainties: larger than 1.96 standard deviations of the difference, in which "
-        "the track's bands are taken as one error of the whole piece, and the scatter between strokes is divided by "
-        "the square root of their number. If the sensors were not moved between the pieces, smaller "
-        "differences may be real "
-        "too. Differences are taken before rounding."
+        f"Means over the strokes, each {PLUS_MINUS} one standard deviation; the difference is {this.name} "
+        f"minus {other.name}. Beyond both uncertainties: larger than 1.96 standard deviations of the "
+        "difference, in which the track's bands are taken as one error of the whole piece, and the scatter "
+        "between strokes is divided by the square root of their number. If the sensors were not moved between "
+        "the pieces, smaller differences may be real too. Differences are taken before rounding."
     )
     return sortable_table(key, caption, columns, rows)
 

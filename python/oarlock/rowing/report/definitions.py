@@ -23,9 +23,8 @@ def definitions(names: Iterable[str]) -> str:
         same = [n for n in wanted if n == plain or n in (f"r_{plain}", f"l_{plain}")]
         rows.append(_row(FEATURES[same[0]], same))
     caption = (
-        "In the order of the tables. The name in small type is that of the column in the CSV file of "
-        "strokes, in SI units and "
-        "radians; r_ is the rower's right hand (port), l_ the left (starboard)."
+        "In the order of the tables. The name in small type is that of the column in the CSV file of strokes, "
+        "in SI units and radians; r_ is the rower's right hand (port), l_ the left (starboard)."
     )
     return plain_table("defined", caption, ["number", "definition", "unit", "positive", "source"], rows)
 

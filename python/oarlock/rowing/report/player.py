@@ -74,12 +74,9 @@ def _hint(pieces: Sequence[Piece], start_s: float, end_s: float) -> str:
     first = pieces[0]
     text = (
         "What was tracked, moving; the cursor on the curves and the figure go together. Drag to turn, wheel "
-        "or + and − to "
-        "zoom; space plays, arrows step. Loop repeats a stroke, Ghost lays another one over it; aligned by "
-        "phase both are "
-        "stretched to one length. Uncertainty shows where each joint is with 95 % probability. Closed loop: "
-        "the hand is "
-        "held to the handle."
+        "or + and − to zoom; space plays, arrows step. Loop repeats a stroke, Ghost lays another one over it; "
+        "aligned by phase both are stretched to one length. Uncertainty shows where each joint is with 95 % "
+        "probability. Closed loop: the hand is held to the handle."
     )
     if end_s - start_s < float(first.track.time_s[-1] - first.track.time_s[0]) - 1e-9:
         text += f" It holds {start_s:.0f} to {end_s:.0f} s; <code>oarlock view</code> shows the whole."

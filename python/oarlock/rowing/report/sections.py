@@ -108,8 +108,7 @@ def _strokes(pieces: Sequence[Piece], csv_names: Sequence[str]) -> str:
 def _trends(pieces: Sequence[Piece], zones: dict[str, Zone]) -> str:
     hint = (
         "Dots: strokes that count in averages. Bars: where the program claims the true value of each to be, "
-        "95 % of the "
-        "time; none is seen where it is smaller than the dot."
+        "95 % of the time; none is seen where it is smaller than the dot."
     )
     if zones:
         hint += (
@@ -157,8 +156,7 @@ def _numbers(pieces: Sequence[Piece], zones: dict[str, Zone]) -> str:
         found = [one for name, one in piece.averages.items() if name not in sided]
         caption = (
             f"Means over the strokes. {PLUS_MINUS}: how well the mean is known, one standard deviation; SD: "
-            "how much strokes "
-            "differ from each other. What both sides have stands under Right and left."
+            "how much strokes differ from each other. What both sides have stands under Right and left."
         )
         parts.append(_heading(piece) + averages_table(f"numbers-{k}", caption, found, published))
         parts.append(unknown_list(found))

@@ -80,8 +80,7 @@ def strokes_table(piece: Piece, key: str, played: bool) -> str:
     left_out = [row for row in range(len(table)) if not kept[row]]
     caption = (
         f"One row a stroke. SD: how much strokes differ from each other. {PLUS_MINUS} of one stroke: how "
-        "exactly a single "
-        "one was measured (one standard deviation)."
+        "exactly a single one was measured (one standard deviation)."
     )
     if left_out:
         caption += " Grey: left out of all averages, for the reason beside its number."
@@ -211,10 +210,8 @@ def sides_table(key: str, piece: Piece) -> str:
     ]
     caption = (
         f"Means over the strokes; small: SD between strokes. {PLUS_MINUS}: one standard deviation of the "
-        "difference; beyond "
-        "both uncertainties: larger than chance explains (95 %). The rower faces the stern: the right hand "
-        "holds the port "
-        "oar, the left hand the starboard oar."
+        "difference; beyond both uncertainties: larger than chance explains (95 %). The rower faces the "
+        "stern: the right hand holds the port oar, the left hand the starboard oar."
     )
     return sortable_table(key, caption, columns, rows)
 
