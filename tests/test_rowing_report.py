@@ -12,8 +12,9 @@ import pytest
 
 import oarlock
 from html_page import Page
+from oarlock.cli.report import CLASSES
 from oarlock.errors import DataError
-from oarlock.rowing import FEATURES
+from oarlock.rowing import FEATURES, TARGET_CLASSES
 from oarlock.rowing.experiment import simulate_sweep
 from oarlock.rowing.report import is_of_rower, rowing_sections, write_rowing_report
 from oarlock.rowing.report.averages import Average, beyond, difference, feature_of
@@ -166,6 +167,10 @@ def test_targets_are_drawn_with_their_source_and_never_called_right(page, text, 
     assert "correct" not in page.text.lower()
     without = write_rowing_report(track, tmp_path)[0].read_text(encoding="utf-8")
     assert 'class="zone"' not in without
+
+
+def test_help_names_every_target_class():
+    assert tuple(TARGET_CLASSES) == CLASSES
 
 
 def test_a_target_class_that_is_not_there_is_refused(track, tmp_path):

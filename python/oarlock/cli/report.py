@@ -15,6 +15,18 @@ if TYPE_CHECKING:
     from oarlock import Evaluation, Track
 
 
+CLASSES = (
+    "sculling_men",
+    "sculling_women",
+    "sculling_light_women",
+    "sculling",
+    "sweep_men",
+    "sweep_women",
+    "ergometer",
+)
+"""Those of `oarlock.rowing.TARGET_CLASSES`, which help would be slow to import."""
+
+
 def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
     app.command(
@@ -48,7 +60,8 @@ def report(
         typer.Option(
             "--targets",
             metavar="NAME|FILE",
-            help="Of rowers: published ranges to draw, of a boat class, or of a file of your own.",
+            help="Of rowers: published ranges to draw, of a boat class, or of a file of your own. Classes: "
+            f"{', '.join(CLASSES)}.",
         ),
     ] = None,
     to: Annotated[

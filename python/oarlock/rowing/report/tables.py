@@ -213,6 +213,10 @@ def sides_table(key: str, piece: Piece) -> str:
         "difference; beyond both uncertainties: larger than chance explains (95 %). The rower faces the "
         "stern: the right hand holds the port oar, the left hand the starboard oar."
     )
+    if piece.track.provenance.get("nominal_mounts"):
+        caption += (
+            " Sensors were not calibrated: how they sit may make differences of the arms, of some degrees."
+        )
     return sortable_table(key, caption, columns, rows)
 
 
