@@ -18,7 +18,7 @@ from oarlock.corrections import corrected
 from oarlock.errors import DataError
 from oarlock.inertial_units import chosen_units
 from oarlock.link_pairs import ROOT, LinkPair, link_pairs
-from oarlock.offset_parameters import offset_parameters
+from oarlock.offset_parameters import STEP_M, STRAIGHT, offset_parameters
 from oarlock.plausibility import require_plausible
 from oarlock.recording import Recording
 from oarlock.worn_model import Worn, resized
@@ -30,10 +30,6 @@ SEARCH = "joint centers"
 
 WELL_KNOWN_M = 0.05
 """A direction of the whole tree that is known less well keeps the model's value."""
-
-STEP_M = 0.01
-STRAIGHT = 1e-9
-"""A length moves joints in proportion; what bends by more than rounding is an angle."""
 
 
 def calibrate_joint_centers(
@@ -68,9 +64,8 @@ def calibrate_joint_centers(
         The starting calibration with the offsets of the units, and every length that moves a joint which was
         found. An offset that the model file writes as three parameters of its own is told by these (unless the
         starting calibration holds the unit's mount), so that ``Config(estimate=["lengths"])`` can go on from it.
-        ``noted`` holds standard deviations, loose
-        directions, residuals, and by how much joints still miss one another because lengths are fixed numbers
-        (``left_m``).
+        ``noted`` holds standard deviations, loose directions, residuals, and by how much joints still miss one
+        another because lengths are fixed numbers (``left_m``).
 
     Raises:
         DataError: no two units with a joint between them, two units on one body, a stream without gyroscope or

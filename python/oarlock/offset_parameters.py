@@ -13,7 +13,7 @@ from oarlock.worn_model import Worn, resized
 
 STEP_M = 0.01
 STRAIGHT = 1e-9
-"""An offset follows its parameter, metre for metre; what departs by more than rounding is something else."""
+"""A place follows a length in proportion; what departs by more than rounding is an angle, or something else."""
 
 
 def offset_parameters(
@@ -30,28 +30,27 @@ def offset_parameters(
         taken: parameters that are told otherwise.
     """
     axes: dict[str, dict[int, list[str]]] = {}
-    for name in worn.model.parameters:
+    own = worn.model.describe()
+    for name, value in worn.model.parameters.items():
         if name not in taken:
-            for unit, axis in _moved_alone(worn, name):
+            longer = resized(worn.model, {name: value + STEP_M}).describe()
+            for unit, axis in _moved_alone(own, longer):
                 axes.setdefault(unit, {}).setdefault(axis, []).append(name)
     found = {}
     for unit, offset in offsets.items():
         names = [axes.get(unit, {}).get(axis, []) for axis in range(3)]
-        if unit not in worn.before.mounts and all(len(own) == 1 for own in names):
+        if unit not in worn.before.mounts and all(len(alone) == 1 for alone in names):
             moved = offset - worn.offsets[unit]
             found[unit] = {
-                own[0]: worn.model.parameters[own[0]] + float(moved[k]) for k, own in enumerate(names)
+                name: worn.model.parameters[name] + float(moved[k]) for k, (name,) in enumerate(names)
             }
     return found
 
 
-def _moved_alone(worn: Worn, name: str) -> list[tuple[str, int]]:
-    """The unit and the axis along which the parameter moves it, metre for metre, and nothing else; else nothing."""
-    value = worn.model.parameters[name]
-    model = worn.model.describe()
-    longer = resized(worn.model, {name: value + STEP_M}).describe()
-    places = [_places(one) for one in (model, longer)]
-    moved = {unit: places[1][unit] - places[0][unit] for unit in places[0]}
+def _moved_alone(model: Mapping[str, Any], longer: Mapping[str, Any]) -> list[tuple[str, int]]:
+    """The unit and the axis along which a longer parameter moves it and nothing else, metre for metre; else nothing."""
+    here, there = _places(model), _places(longer)
+    moved = {unit: there[unit] - here[unit] for unit in here}
     moved = {unit: by for unit, by in moved.items() if np.abs(by).max() > STRAIGHT}
     if len(moved) != 1 or _without_places(model) != _without_places(longer):
         return []

@@ -100,42 +100,42 @@ fn drive(at: [usize; 3], t: f64, power: f64, f: &mut DMatrix<f64>, q: &mut DMatr
     }
 }
 
-/// Acceleration that decays in `tau`, by Van Loan (1978): both matrices in one exponential, with the step as unit of time.
-fn decay(at: [usize; 3], tau: f64, t: f64, density2: f64, f: &mut DMatrix<f64>, q: &mut DMatrix<f64>) {
-    let motion = DMatrix::from_row_slice(3, 3, &[0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -t / tau]);
-    let mut both = DMatrix::zeros(6, 6);
-    both.view_mut((0, 0), (3, 3)).copy_from(&-&motion);
-    both.view_mut((3, 3), (3, 3)).copy_from(&motion.transpose());
-    both[(2, 5)] = 1.0;
+/// States each of which is the rate of the one before, the last one driven by white noise of this power: by Van Loan (1978), both
+/// matrices in one exponential, with the step as unit of time. `motion` is in that unit.
+fn van_loan<const N: usize>(
+    at: [usize; N],
+    motion: &DMatrix<f64>,
+    t: f64,
+    power: f64,
+    f: &mut DMatrix<f64>,
+    q: &mut DMatrix<f64>,
+) {
+    let mut both = DMatrix::zeros(2 * N, 2 * N);
+    both.view_mut((0, 0), (N, N)).copy_from(&-motion);
+    both.view_mut((N, N), (N, N)).copy_from(&motion.transpose());
+    both[(N - 1, 2 * N - 1)] = 1.0;
     let both = both.exp();
-    let way = both.view((3, 3), (3, 3)).transpose();
-    let noise = &way * both.view((0, 3), (3, 3));
-    // Units of the values: 1, 1 / t, 1 / t^2 of the first; unit white jerk gathers t^5.
-    let unit = [1.0, 1.0 / t, 1.0 / (t * t)];
-    for r in 0..3 {
-        for c in 0..3 {
+    let way = both.view((N, N), (N, N)).transpose();
+    let noise = &way * both.view((0, N), (N, N));
+    // Units of the values: 1, 1 / t, ... of the first; what drives the last gathers t^(2 N - 1) in the first.
+    let unit: [f64; N] = std::array::from_fn(|r| t.powi(-(r as i32)));
+    let gathered = t.powi(2 * N as i32 - 1) * power;
+    for r in 0..N {
+        for c in 0..N {
             f[(at[r], at[c])] = way[(r, c)] * unit[r] / unit[c];
-            q[(at[r], at[c])] = noise[(r, c)] * unit[r] * unit[c] * t.powi(5) * density2;
+            q[(at[r], at[c])] = noise[(r, c)] * unit[r] * unit[c] * gathered;
         }
     }
 }
 
-/// Acceleration that decays and is driven by a rate that does, by Van Loan (1978), with the step as unit of time.
+/// Acceleration that decays in `tau`.
+fn decay(at: [usize; 3], tau: f64, t: f64, density2: f64, f: &mut DMatrix<f64>, q: &mut DMatrix<f64>) {
+    let motion = DMatrix::from_row_slice(3, 3, &[0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -t / tau]);
+    van_loan(at, &motion, t, density2, f, q);
+}
+
+/// Acceleration that decays and is driven by a rate that does.
 fn rise(at: [usize; 2], t: f64, density: f64, times: [f64; 2], f: &mut DMatrix<f64>, q: &mut DMatrix<f64>) {
     let motion = DMatrix::from_row_slice(2, 2, &[-t / times[0], 1.0, 0.0, -t / times[1]]);
-    let mut both = DMatrix::zeros(4, 4);
-    both.view_mut((0, 0), (2, 2)).copy_from(&-&motion);
-    both.view_mut((2, 2), (2, 2)).copy_from(&motion.transpose());
-    both[(1, 3)] = 1.0;
-    let both = both.exp();
-    let way = both.view((2, 2), (2, 2)).transpose();
-    let noise = &way * both.view((0, 2), (2, 2));
-    // Units: 1 of the acceleration, 1 / t of its rate; unit white noise of the rate gathers t^3.
-    let (unit, power) = ([1.0, 1.0 / t], (density / times[1]).powi(2) * t.powi(3));
-    for r in 0..2 {
-        for c in 0..2 {
-            f[(at[r], at[c])] = way[(r, c)] * unit[r] / unit[c];
-            q[(at[r], at[c])] = noise[(r, c)] * unit[r] * unit[c] * power;
-        }
-    }
+    van_loan(at, &motion, t, (density / times[1]).powi(2), f, q);
 }
