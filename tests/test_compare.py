@@ -19,9 +19,8 @@ from typer.testing import CliRunner, Result
 import oarlock
 from oarlock import Config, DataError, Recording
 from oarlock.cli import app
-from oarlock.evaluation.comparison import estimators
 from oarlock.evaluation.comparison.comparison import Comparison
-from oarlock.evaluation.comparison.estimators import estimator, tree_filters, usual_estimators
+from oarlock.evaluation.comparison.estimators import estimator, estimators, tree_filters, usual_estimators
 from oarlock.evaluation.comparison.scores import best
 from oarlock.rowing.simulation.experiment import simulate_sculling
 

@@ -21,7 +21,8 @@ from oarlock.evaluation.comparison.vector_filter import vector_kf
 from oarlock.model.rotation import quat_from_matrix, quat_inverse, quat_product
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected, correction_notes
-from oarlock.recording.recording import ImuStream, Recording
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 from oarlock.tracking.track import Track, track_without_filter
