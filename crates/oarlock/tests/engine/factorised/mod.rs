@@ -1,7 +1,6 @@
 //! The factorised filter: where a state falls apart, what its small filters make of it, and what that costs.
 
-#[path = "../support/mod.rs"]
-mod support;
+use crate::support;
 
 mod agreement;
 mod apart;

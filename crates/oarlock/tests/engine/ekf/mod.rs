@@ -1,7 +1,6 @@
 //! The filters with analytic Jacobians: the Jacobians, the extended filter, its iterations.
 
-#[path = "../support/mod.rs"]
-mod support;
+use crate::support;
 
 mod agreement;
 mod jacobian;

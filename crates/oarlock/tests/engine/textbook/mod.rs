@@ -1,7 +1,6 @@
 //! The fast filter against a plain one written from the textbook, and either against reference vectors.
 
-#[path = "../support/mod.rs"]
-mod support;
+use crate::support;
 
 mod agreement;
 mod reference;

@@ -1,6 +1,6 @@
 //! What must not depend on how a recording is worked off: live or whole, cut or uncut, once or twice.
 
-mod support;
+use crate::support;
 
 use oarlock::body::Body;
 use oarlock::config::{Config, FilterKind};

@@ -1,7 +1,7 @@
 //! Mounts, lever arms and magnetometer offsets of simulated hinge chains.
 
 mod refusals;
-mod signals;
+pub mod signals;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use oarlock::calibrate::hinge_chain::{mounts, ChainOptions, ChainSensor, FoundMount};

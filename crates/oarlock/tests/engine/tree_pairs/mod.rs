@@ -2,9 +2,7 @@
 
 mod bodies;
 mod rest;
-#[path = "../hinge_chain/signals.rs"]
-#[allow(dead_code)]
-mod signals;
+use crate::hinge_chain::signals;
 
 use bodies::{signals, Bodies, HINGE};
 use nalgebra::{Matrix6, Vector3, Vector6};

@@ -1,6 +1,6 @@
 //! The filter's arithmetic: both sets of instructions agree, and loops that hardly give do not break it.
 
-mod support;
+use crate::support;
 
 use oarlock::config::Config;
 use oarlock::lane::arch::Arch;

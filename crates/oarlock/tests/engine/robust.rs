@@ -1,6 +1,6 @@
 //! Whatever comes in, a step ends with an answer, and what it cannot use changes nothing.
 
-mod support;
+use crate::support;
 
 use oarlock::body::Body;
 use oarlock::config::{Config, FilterKind};

@@ -1,6 +1,6 @@
 //! What innovations say of parameters that the filter takes as given, against parameters that are known to be wrong.
 
-mod support;
+use crate::support;
 
 use nalgebra::{DMatrix, DVector};
 use oarlock::config::FilterKind;

@@ -1,6 +1,6 @@
 //! Rotations, twists and signals obey the equations that define them.
 
-mod support;
+use crate::support;
 
 use oarlock::body::Body;
 use oarlock::kinematics::{FrameMotion, JointMotion};

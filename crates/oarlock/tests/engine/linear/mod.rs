@@ -1,7 +1,6 @@
 //! On a linear system the filter is Kalman's and the smoother is least squares over everything measured.
 
-#[path = "../support/mod.rs"]
-mod support;
+use crate::support;
 
 mod least_squares;
 mod system;

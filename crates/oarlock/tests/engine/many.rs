@@ -1,6 +1,6 @@
 //! Recordings side by side: the same bits as alone on any number of threads, in order, each with its own fate.
 
-mod support;
+use crate::support;
 
 use oarlock::body::Body;
 use oarlock::recording::Stream;

@@ -1,7 +1,7 @@
 //! What units tell that rest: how they are inclined, and the magnetic field.
 
-use crate::bodies::{signals, Bodies, FIELD_UT};
-use crate::signals::{small_turn, Noise, Readings, UP};
+use super::bodies::{signals, Bodies, FIELD_UT};
+use super::signals::{small_turn, Noise, Readings, UP};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use oarlock::calibrate::aligned::{aligned_mount, Sight};
 use oarlock::calibrate::local_field::{local_field, FieldOptions};

@@ -1,6 +1,6 @@
 //! Magnetometers beside iron: every kind of disturbance is told by name and not used; an undisturbed field is.
 
-mod support;
+use crate::support;
 
 use oarlock::body::Body;
 use oarlock::config::{Config, Magnetometer};

@@ -1,7 +1,6 @@
 //! Balls and free joints: kinematics, motion, smoothing, and headings that nothing tells at first.
 
-#[path = "../support/mod.rs"]
-mod support;
+use crate::support;
 
 mod absurd;
 mod gauge;

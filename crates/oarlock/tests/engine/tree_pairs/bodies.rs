@@ -1,6 +1,6 @@
 //! Two bodies on one another that move as told, with a unit on each.
 
-use crate::signals::{readings, Hinge, Noise, Readings, White};
+use super::signals::{readings, Hinge, Noise, Readings, White};
 use nalgebra::{Rotation3, Vector3};
 use oarlock::calibrate::signals::Signals;
 

@@ -5,7 +5,7 @@
 //! one with as many degrees as there were readings. Both must lie in the interval that holds 99.9 % of such a variable;
 //! the seeds are fixed, so a correct filter passes always or never.
 
-mod support;
+use crate::support;
 
 use oarlock::config::Config;
 use oarlock::track::{Calibration, Tracker};
