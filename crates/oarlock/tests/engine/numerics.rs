@@ -115,7 +115,7 @@ fn loops_that_hardly_give_break_nothing() {
 }
 
 #[test]
-#[ignore = "takes a minute"]
+#[ignore = "long"]
 fn loops_that_hardly_give_break_nothing_over_100_000_steps() {
     row(1e-3, 100_000);
     row(1e-6, 100_000);

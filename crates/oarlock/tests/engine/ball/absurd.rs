@@ -71,6 +71,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 30, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
+    #[ignore = "long"]
     fn absurd_samples_are_answered(samples in odd_samples(31, 11), gate in any::<bool>()) {
         let model = model(TREE);
         let config = Config { gate, ..Config::default() };
@@ -90,6 +91,7 @@ proptest! {
 
     /// Hypotheses are alive when the absurdities begin.
     #[test]
+    #[ignore = "long"]
     fn absurd_samples_among_hypotheses_are_answered(samples in odd_samples(12, 6), after in 11_usize..40, gate in any::<bool>()) {
         let mut pair = Pair::new(2.0, 1);
         pair.config.gate = gate;
