@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 import oarlock
 from oarlock.cli import app
-from oarlock.evaluation.study.result import write_rows
+from oarlock.evaluation.study.rows import write_rows
 from oarlock.evaluation.study.told import told_model
 from oarlock.lab.reproduce.chains import Size, built
 from oarlock.lab.reproduce.claim_runs import studies
