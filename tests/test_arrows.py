@@ -194,7 +194,7 @@ def test_rowing_stands_on_the_public_face_only():
     for path in sorted((PACKAGE / "rowing").rglob("*.py")):
         allowed = public | (public_of("report", "viewer") if part_of(path) == "report" else set())
         for name in imported(path):
-            own = ("oarlock.rowing", "oarlock.errors", "oarlock.motion", "oarlock.shapes")
+            own = ("oarlock.rowing", "oarlock.storage.errors", "oarlock.motion", "oarlock.model.shapes")
             parts = any(within(name, part) for part in own)
             assert parts or name in allowed, f"{path.name} imports {name}, which is not public"
 
@@ -203,10 +203,10 @@ def test_rowing_stands_on_the_public_face_only():
 def test_package_arrow(path):
     rims = {
         "oarlock.cli": {"cli", "__main__"},
-        "oarlock.bench": {"bench", "cli"},
+        "oarlock.lab.bench.measure": {"bench", "cli"},
         "oarlock.demo": {"cli", "demo"},
         "oarlock.report": {"cli", "demo", "report"},
-        "oarlock.viewer": {"cli", "demo", "report", "viewer"},
+        "oarlock.report.viewer": {"cli", "demo", "report", "viewer"},
         "oarlock.rowing": MAY_SPEAK_OF_ROWING,
     }
     for rim, users in rims.items():

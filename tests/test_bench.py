@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
-from oarlock.bench import with_biorbd, with_filterpy, with_jax, with_numpy
-from oarlock.bench.plain_kinematics import PlainKinematics
-from oarlock.bench.problem import WARM, Problem, sculling
 from oarlock.cli import app
+from oarlock.lab.bench import with_biorbd, with_filterpy, with_jax, with_numpy
+from oarlock.lab.bench.plain_kinematics import PlainKinematics
+from oarlock.lab.bench.problem import WARM, Problem, sculling
 
 Floats = NDArray[np.float64]
 

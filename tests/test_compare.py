@@ -19,10 +19,11 @@ from typer.testing import CliRunner, Result
 import oarlock
 from oarlock import Config, DataError, Recording
 from oarlock.cli import app
-from oarlock.compare import Comparison, estimator, estimators, usual_estimators
-from oarlock.compare.estimators import tree_filters
-from oarlock.compare.scores import best
-from oarlock.rowing.experiment import simulate_sculling
+from oarlock.evaluation.comparison import estimators
+from oarlock.evaluation.comparison.comparison import Comparison
+from oarlock.evaluation.comparison.estimators import estimator, tree_filters, usual_estimators
+from oarlock.evaluation.comparison.scores import best
+from oarlock.rowing.simulation.experiment import simulate_sculling
 
 BUILT_IN = ("ukf", "limbs", "limbs_open", "vector_kf")
 """One of each family that needs no other package."""

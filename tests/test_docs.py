@@ -104,7 +104,7 @@ def test_recipe_of_a_ball_with_pushes_in_place_of_a_free_body(tmp_path):
 
 def test_recipe_adds_a_joint(tmp_path):
     import oarlock
-    from oarlock.shipped import model_path
+    from oarlock.model.shipped_files import model_path
 
     recipe = next(block for block in blocks(MODEL_PAGE, "toml") if "head_rotation" in block)
     file = tmp_path / "my.toml"
@@ -115,7 +115,7 @@ def test_recipe_adds_a_joint(tmp_path):
 
 
 def test_recipe_sets_a_length_that_exists():
-    from oarlock.shipped import model_path
+    from oarlock.model.shipped_files import model_path
 
     recipe = next(block for block in blocks(MODEL_PAGE, "toml") if block.startswith("l_ua_r"))
     (name,) = tomllib.loads(recipe)

@@ -17,17 +17,17 @@ from typer.testing import CliRunner
 
 import oarlock
 from oarlock.cli import app
+from oarlock.evaluation.study.costs import doses, ranked
+from oarlock.evaluation.study.faults.catalogue import afflicted, faults_of, keys_of_faults
+from oarlock.evaluation.study.keys import with_turns
+from oarlock.evaluation.study.result import StudyResult
+from oarlock.evaluation.study.run import MEAN, SCORES
+from oarlock.evaluation.study.spec import keys_of
+from oarlock.evaluation.study.told import told_model
 from oarlock.report.fault_picture import fault_picture
 from oarlock.report.fault_words import findings
 from oarlock.report.study_page import study_page
 from oarlock.rowing import SIMULATORS
-from oarlock.study.costs import doses, ranked
-from oarlock.study.faults import afflicted, faults_of, keys_of_faults
-from oarlock.study.keys import with_turns
-from oarlock.study.result import StudyResult
-from oarlock.study.run import MEAN, SCORES
-from oarlock.study.spec import keys_of
-from oarlock.study.told import told_model
 
 UNITS = ("back", "r_upperarm", "r_forearm", "l_upperarm", "l_forearm")
 ROUNDING = 1e-9
@@ -337,7 +337,7 @@ def test_a_shipped_study_is_known_by_name():
 
 
 def test_the_shipped_study_has_every_group_of_effects():
-    from oarlock.rowing.field import GROUPS
+    from oarlock.rowing.field.effects import GROUPS
 
     study = oarlock.load_study("robustness", SIMULATORS)
     alone = {name for fault in study.faults for name in fault.meanwhile.get("only_effects", ())}

@@ -6,9 +6,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from oarlock.calibration import Calibration
-from oarlock.models import Base
-from oarlock.recording import Recording
+from oarlock.model.load import Base
+from oarlock.recording.calibration import Calibration
+from oarlock.recording.recording import Recording
 
 Floats = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ fn read(path: &str) -> String {
 
 fn model(name: &str) -> Model {
     let file = format!("{name}.toml");
-    Model::from_toml(&read(&format!("python/oarlock/models/{file}")), &file).unwrap_or_else(|e| panic!("{e}"))
+    Model::from_toml(&read(&format!("python/oarlock/model/shipped/{file}")), &file).unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn vectors(name: &str) -> Value {
@@ -194,7 +194,7 @@ fn sculler_keeps_its_public_names() {
 
 #[test]
 fn oars_may_be_states() {
-    let text = read("python/oarlock/models/sculler.toml").replace("input = true\n", "");
+    let text = read("python/oarlock/model/shipped/sculler.toml").replace("input = true\n", "");
     let model = Model::from_toml(&text, "oars.toml").unwrap_or_else(|e| panic!("{e}"));
     assert!(model.joints.iter().all(|j| !j.input));
 }

@@ -7,14 +7,14 @@ from html import escape
 
 import numpy as np
 
-from ..study import StudyResult
-from ..study.costs import LOST_DEG, Dose, doses, middle, ranked
-from . import fault_charts as charts
-from .fault_words import Curves, findings
-from .page import shell
-from .study_page import failures, settings_section
-from .tables import table
-from .text import breakable, number, percent, plural
+from oarlock.evaluation.study.costs import LOST_DEG, Dose, doses, middle, ranked
+from oarlock.evaluation.study.result import StudyResult
+from oarlock.report import fault_charts as charts
+from oarlock.report.fault_words import Curves, findings
+from oarlock.report.page import shell
+from oarlock.report.study_page import failures, settings_section
+from oarlock.report.tables import table
+from oarlock.report.text import breakable, number, percent, plural
 
 COLUMNS = 3
 """Charts into which a ranking is cut, so that they fit side by side."""

@@ -6,11 +6,11 @@ from html import escape
 
 import numpy as np
 
-from ..study import StudyResult
-from ..study.costs import doses
-from . import fault_charts as charts
-from . import plot
-from .fault_page import by_fault
+from oarlock.evaluation.study.costs import doses
+from oarlock.evaluation.study.result import StudyResult
+from oarlock.report import fault_charts as charts
+from oarlock.report import plot
+from oarlock.report.fault_page import by_fault
 
 COLUMNS = 4
 TILE = (252.0, 214.0)

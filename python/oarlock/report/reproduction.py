@@ -8,11 +8,11 @@ from html import escape
 
 import numpy as np
 
-from ..evaluate.tracklike import Interval
-from ..rowing.reproduce import Cell, Chart, Claim, Curve, Part, Table
-from . import chart, curves
-from .page import shell
-from .text import breakable
+from oarlock.evaluation.tracklike import Interval
+from oarlock.lab.reproduce.contents import Cell, Chart, Claim, Curve, Part, Table
+from oarlock.report import chart, curves
+from oarlock.report.page import shell
+from oarlock.report.text import breakable
 
 _VERDICT_STYLES = {"holds": "good", "holds in part": "partly", "does not hold": "bad", "not checked": "open"}
 _DETAIL_S = 3.0

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from ..study import StudyResult
-from ..study.run import MEAN
-from ..study.spec import shown
-from . import chart
-from .page import shell
-from .tables import table
-from .text import DASH, breakable, fixed, number, percent, plural
+from oarlock.evaluation.study.result import StudyResult
+from oarlock.evaluation.study.run import MEAN
+from oarlock.evaluation.study.spec import shown
+from oarlock.report import chart
+from oarlock.report.page import shell
+from oarlock.report.tables import table
+from oarlock.report.text import DASH, breakable, fixed, number, percent, plural
 
 MOST_LINES = 6
 MOST_INTERVALS = 60
@@ -26,7 +26,7 @@ def study_page(result: StudyResult) -> str:
     """The whole page as text; works offline, on paper and on a telephone."""
     study = result.study
     if study.faults:
-        from .fault_page import fault_page
+        from oarlock.report.fault_page import fault_page
 
         return fault_page(result)
     summary = result.summary()

@@ -16,7 +16,7 @@ const STEP: f64 = 1e-3;
 const SAME_SLOPE: f64 = 1e-10;
 
 fn shipped() -> Vec<(String, String)> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../python/oarlock/models");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../python/oarlock/model/shipped");
     let files = std::fs::read_dir(folder).expect("the models are there").map(|f| f.expect("a file").path());
     let models = files.filter(|f| f.extension().is_some_and(|e| e == "toml"));
     models.map(|f| (f.display().to_string(), std::fs::read_to_string(&f).expect("a text"))).collect()

@@ -14,7 +14,7 @@ use oarlock::Error;
 use std::sync::Arc;
 
 macro_rules! shipped {
-    ($($name:literal),*) => { [$(include_str!(concat!("../../../../python/oarlock/models/", $name, ".toml"))),*] };
+    ($($name:literal),*) => { [$(include_str!(concat!("../../../../python/oarlock/model/shipped/", $name, ".toml"))),*] };
 }
 
 /// Every kind of joint, sensor and loop that model files have.

@@ -21,7 +21,7 @@ use oarlock::estimate::System;
 use oarlock::model::Model;
 use std::sync::Arc;
 
-pub const SCULLER: &str = include_str!("../../../../python/oarlock/models/sculler.toml");
+pub const SCULLER: &str = include_str!("../../../../python/oarlock/model/shipped/sculler.toml");
 
 /// Two links on crossed hinges, one inertial unit each, biases that are known.
 pub const CHAIN: &str = r#"

@@ -1,0 +1,113 @@
+"""What a calibration corrects in the readings and stamps of a recording before the engine sees them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from oarlock.recording.recording import ImuStream, Recording, ScalarStream, Stream, VectorStream
+from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.errors import DataError
+
+if TYPE_CHECKING:
+    from oarlock.recording.calibration import Calibration
+
+Fields = Mapping[str, FloatArray]
+
+OF_UNITS = {
+    "gyro_biases_rad_s": "gyro_rad_s",
+    "accel_biases_m_s2": "accel_m_s2",
+    "accel_scales": "accel_m_s2",
+    "mag_matrices": "mag_ut",
+}
+"""Field of a calibration -> the quantity of an inertial unit that it corrects."""
+
+TOLD = {
+    "gyro_biases_rad_s": "gyroscope biases of {} were subtracted",
+    "accel_biases_m_s2": "accelerometer biases of {} were subtracted",
+    "accel_scales": "accelerometers of {} were scaled",
+    "mag_matrices": "soft iron of {} was undone",
+    "clocks": "clocks of {} were set right",
+    "encoders": "zero and scale of {} were applied",
+    "mag_offsets_ut": "magnetometer offsets of {} were subtracted",
+}
+
+
+def corrected(recording: Recording, calibration: Calibration | None) -> Recording:
+    """See `oarlock.Calibration.corrected`; None corrects nothing."""
+    if calibration is None:
+        return recording
+    streams = [_corrected_stream(stream, calibration) for stream in recording]
+    if all(new is old for new, old in zip(streams, recording, strict=True)):
+        return recording
+    return Recording(streams, recording.meta)
+
+
+def without_mag_offsets(recording: Recording, calibration: Calibration | None) -> Recording:
+    """The recording less `mag_offsets_ut`, for those who read magnetometers without the engine."""
+    offsets = {} if calibration is None else calibration.mag_offsets_ut
+    streams: list[Stream] = []
+    for stream in recording:
+        if isinstance(stream, ImuStream) and stream.mag_ut is not None and stream.name in offsets:
+            values = dict(stream.values) | {"mag_ut": stream.mag_ut - offsets[stream.name]}
+            stream = ImuStream(stream.name, stream.time_s, **values)
+        streams.append(stream)
+    return Recording(streams, recording.meta)
+
+
+def correction_notes(recording: Recording, calibration: Calibration | None) -> tuple[str, ...]:
+    """One sentence for each field of the calibration that changes readings or stamps of this recording."""
+    if calibration is None:
+        return ()
+    notes = []
+    for field, text in TOLD.items():
+        names = [name for name in getattr(calibration, field) if name in recording]
+        if names:
+            notes.append(text.format(", ".join(names)))
+    return tuple(notes)
+
+
+def _corrected_stream(stream: Stream, calibration: Calibration) -> Stream:
+    for field in OF_UNITS:
+        if stream.name in getattr(calibration, field) and not isinstance(stream, ImuStream):
+            raise DataError(
+                f'calibration, {field} of "{stream.name}": the recording\'s stream of that name is a '
+                f"{type(stream).__name__}, not an inertial unit. Rename one of them"
+            )
+    if stream.name in calibration.encoders and not isinstance(stream, ScalarStream):
+        raise DataError(
+            f'calibration, encoders of "{stream.name}": the recording\'s stream of that name is a '
+            f"{type(stream).__name__}, not a ScalarStream. Rename one of them"
+        )
+    clock = calibration.clocks.get(stream.name)
+    time_s = stream.time_s if clock is None else clock.true_s(stream.time_s)
+    if isinstance(stream, ImuStream):
+        return _corrected_unit(stream, time_s, calibration)
+    encoder = calibration.encoders.get(stream.name)
+    if clock is None and encoder is None:
+        return stream
+    if isinstance(stream, VectorStream):
+        return VectorStream(stream.name, time_s, stream.value)
+    value = stream.value if encoder is None else encoder.value(stream.value)
+    return ScalarStream(stream.name, time_s, value, stream.unit)
+
+
+def _corrected_unit(stream: ImuStream, time_s: FloatArray, calibration: Calibration) -> ImuStream:
+    name = stream.name
+    values = dict(stream.values)
+    if (gyro := values.get("gyro_rad_s")) is not None and name in calibration.gyro_biases_rad_s:
+        values["gyro_rad_s"] = gyro - calibration.gyro_biases_rad_s[name]
+    if (accel := values.get("accel_m_s2")) is not None:
+        if name in calibration.accel_biases_m_s2:
+            accel = accel - calibration.accel_biases_m_s2[name]
+        if name in calibration.accel_scales:
+            accel = accel / calibration.accel_scales[name]
+        values["accel_m_s2"] = accel
+    if (mag := values.get("mag_ut")) is not None and name in calibration.mag_matrices:
+        # The engine subtracts the offset later on; it must find it here.
+        offset = calibration.mag_offsets_ut.get(name, np.zeros(3))
+        values["mag_ut"] = (mag - offset) @ calibration.mag_matrices[name].T + offset
+    same = time_s is stream.time_s and all(values[k] is stream.values[k] for k in values)
+    return stream if same else ImuStream(name, time_s, **values)

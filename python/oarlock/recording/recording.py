@@ -1,0 +1,347 @@
+"""Measured streams: what the sensors gave, unchanged, with time stamps and names."""
+
+import copy
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from os import PathLike
+from types import MappingProxyType
+from typing import ClassVar, Literal, TypeAlias
+
+import numpy as np
+
+from oarlock.storage.array_gate import FloatArray, check_no_infinity, real_array, time_array
+from oarlock.storage.errors import DataError
+from oarlock.storage.suggest import did_you_mean
+
+ScalarUnit: TypeAlias = Literal["m", "rad"]
+
+
+class _Stream:
+    """What the three kinds of stream share: a name, stamps, and fields of one row per stamp."""
+
+    kind: ClassVar[str]
+    name: str
+    time_s: FloatArray
+
+    def _admit(self, width: int | None, names: Iterable[str]) -> None:
+        name: object = self.name
+        if not isinstance(name, str) or not name.strip():
+            raise DataError(f"a stream's name must be a text that is not empty, got {name!r}")
+        self._put("time_s", time_array(self.time_s, f"{self._where}, time_s"))
+        for field_name in names:
+            self._put(field_name, self._rows(field_name, width))
+
+    def _rows(self, field_name: str, width: int | None) -> FloatArray:
+        where = f"{self._where}, {field_name}"
+        shape = (None,) if width is None else (None, width)
+        rows = real_array(getattr(self, field_name), shape, where)
+        if len(rows) != len(self.time_s):
+            raise DataError(
+                f"{where}: has {len(rows)} rows, but time_s has {len(self.time_s)}. "
+                "Give one row for each time stamp."
+            )
+        check_no_infinity(rows, self.time_s, where)
+        return rows
+
+    def _put(self, field_name: str, value: object) -> None:
+        object.__setattr__(self, field_name, value)
+
+    @property
+    def _where(self) -> str:
+        return f'stream "{self.name}"'
+
+    @property
+    def values(self) -> Mapping[str, FloatArray]:
+        """The measured arrays by field name, each (T,) or (T, 3); those that are None are left out."""
+        raise NotImplementedError
+
+    @property
+    def rate_hz(self) -> float:
+        """Sample rate in Hz: one over the median step; NaN for a single sample."""
+        return 1.0 / float(np.median(np.diff(self.time_s))) if len(self.time_s) > 1 else float("nan")
+
+    @property
+    def missing_share(self) -> float:
+        """Share of the values that are NaN, 0 to 1."""
+        total = sum(v.size for v in self.values.values())
+        return sum(int(np.isnan(v).sum()) for v in self.values.values()) / total
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        # Through the constructor, so that a copy or an unpickled stream is read-only too.
+        return type(self), tuple(vars(self)[f] for f in type(self).__match_args__)  # type: ignore[attr-defined]
+
+    def __repr__(self) -> str:
+        rate = "one sample" if len(self) == 1 else f"{self.rate_hz:.4g} Hz"
+        return (
+            f"{type(self).__name__}({self.name!r}: {' '.join(self.values)}, {len(self)} samples, {rate}, "
+            f"{self.time_s[0]:.6g} to {self.time_s[-1]:.6g} s, {100 * self.missing_share:.1f} % missing)"
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ImuStream(_Stream):
+    """One inertial unit, in its own axes. Any quantity may be None (absent) or hold NaN (missing).
+
+    Args:
+        name: the sensor's name in the model.
+        time_s: (T,) strictly increasing stamps in s.
+        gyro_rad_s: (T, 3) angular velocity in rad/s.
+        accel_m_s2: (T, 3) specific force in m/s2: about 9.8 upwards at rest.
+        mag_ut: (T, 3) magnetic flux density in uT.
+
+    Raises:
+        DataError: Stamps out of order, another shape, infinite or non-numeric values, or no quantity at all.
+    """
+
+    kind: ClassVar[str] = "imu"
+    name: str
+    time_s: FloatArray
+    gyro_rad_s: FloatArray | None = None
+    accel_m_s2: FloatArray | None = None
+    mag_ut: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        present = [f for f in ("gyro_rad_s", "accel_m_s2", "mag_ut") if getattr(self, f) is not None]
+        self._admit(3, present)
+        if not present:
+            raise DataError(
+                f"{self._where}: has no gyro_rad_s, accel_m_s2 or mag_ut. Give one, or leave it out."
+            )
+
+    @property
+    def values(self) -> Mapping[str, FloatArray]:
+        """The (T, 3) arrays that are present, by field name."""
+        fields = {"gyro_rad_s": self.gyro_rad_s, "accel_m_s2": self.accel_m_s2, "mag_ut": self.mag_ut}
+        return {name: rows for name, rows in fields.items() if rows is not None}
+
+    def between(self, start_s: float, end_s: float) -> "ImuStream | None":
+        """The samples with start_s <= time_s < end_s, stamps unchanged; None if there is none."""
+        rows = _rows_between(self.time_s, start_s, end_s)
+        if rows is None:
+            return None
+        return ImuStream(self.name, self.time_s[rows], **{n: v[rows] for n, v in self.values.items()})
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ScalarStream(_Stream):
+    """One number over time, such as an encoder's.
+
+    Args:
+        name: the sensor's or the input joint's name in the model.
+        time_s: (T,) strictly increasing stamps in s.
+        value: (T,) readings, rad for a hinge and m for a slide; NaN = missing.
+        unit: "rad" or "m" where the source says it, so that a mix-up can be found; None if it does not.
+
+    Raises:
+        DataError: As `ImuStream`, or another unit.
+    """
+
+    kind: ClassVar[str] = "scalar"
+    name: str
+    time_s: FloatArray
+    value: FloatArray
+    unit: ScalarUnit | None = None
+
+    def __post_init__(self) -> None:
+        self._admit(None, ["value"])
+        if self.unit not in (None, "m", "rad"):
+            raise DataError(
+                f'{self._where}: unit is {self.unit!r}; readings are held in "rad" or "m". Convert them.'
+            )
+
+    @property
+    def values(self) -> Mapping[str, FloatArray]:
+        """The (T,) readings under the name "value"."""
+        return {"value": self.value}
+
+    def between(self, start_s: float, end_s: float) -> "ScalarStream | None":
+        """The samples with start_s <= time_s < end_s, stamps unchanged; None if there is none."""
+        rows = _rows_between(self.time_s, start_s, end_s)
+        return None if rows is None else replace(self, time_s=self.time_s[rows], value=self.value[rows])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class VectorStream(_Stream):
+    """A measured position over time.
+
+    Args:
+        name: the sensor's name in the model.
+        time_s: (T,) strictly increasing stamps in s.
+        value: (T, 3) position in m, in root axes; NaN = missing.
+
+    Raises:
+        DataError: As `ImuStream`.
+    """
+
+    kind: ClassVar[str] = "vector"
+    name: str
+    time_s: FloatArray
+    value: FloatArray
+
+    def __post_init__(self) -> None:
+        self._admit(3, ["value"])
+
+    @property
+    def values(self) -> Mapping[str, FloatArray]:
+        """The (T, 3) positions under the name "value"."""
+        return {"value": self.value}
+
+    def between(self, start_s: float, end_s: float) -> "VectorStream | None":
+        """The samples with start_s <= time_s < end_s, stamps unchanged; None if there is none."""
+        rows = _rows_between(self.time_s, start_s, end_s)
+        return None if rows is None else replace(self, time_s=self.time_s[rows], value=self.value[rows])
+
+
+Stream: TypeAlias = ImuStream | ScalarStream | VectorStream
+
+
+@dataclass(frozen=True, init=False, eq=False, repr=False)
+class Recording:
+    """Streams of one trial on one clock. They may differ in rate, start and end.
+
+    Args:
+        streams: the streams, each with its own name.
+        meta: what else is known (``source``, ``athlete`` as a pseudonym, ``rig``, ``clock``); texts, numbers,
+            booleans, lists and tables of them, so that `save` can write it.
+
+    Raises:
+        DataError: No stream, something that is not a stream, or two streams of one name.
+    """
+
+    streams: tuple[Stream, ...]
+    meta: Mapping[str, object] = field(default_factory=dict)
+
+    def __init__(self, streams: Iterable[Stream], meta: Mapping[str, object] | None = None) -> None:
+        object.__setattr__(self, "streams", tuple(streams))
+        object.__setattr__(self, "meta", MappingProxyType(copy.deepcopy(dict(meta or {}))))
+        self._check_streams()
+
+    def _check_streams(self) -> None:
+        if not self.streams:
+            raise DataError("the recording is empty: it has no stream. Give at least one.")
+        seen: dict[str, int] = {}
+        for index, stream in enumerate(self.streams):
+            if not isinstance(stream, ImuStream | ScalarStream | VectorStream):
+                raise DataError(
+                    f"streams[{index}] is a {type(stream).__name__}; "
+                    "expected ImuStream, ScalarStream or VectorStream"
+                )
+            if stream.name in seen:
+                raise DataError(
+                    f'two streams have the name "{stream.name}" '
+                    f"(streams[{seen[stream.name]}] and streams[{index}]). "
+                    "Give each sensor its own name."
+                )
+            seen[stream.name] = index
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The streams' names, in order."""
+        return tuple(s.name for s in self.streams)
+
+    @property
+    def start_s(self) -> float:
+        """Earliest time stamp in s."""
+        return float(min(s.time_s[0] for s in self.streams))
+
+    @property
+    def end_s(self) -> float:
+        """Latest time stamp in s."""
+        return float(max(s.time_s[-1] for s in self.streams))
+
+    @property
+    def duration_s(self) -> float:
+        """From the earliest to the latest stamp in s."""
+        return self.end_s - self.start_s
+
+    def sensor(self, name: str) -> Stream:
+        """The stream of one sensor; a `DataError` names the nearest if there is none."""
+        for stream in self.streams:
+            if stream.name == name:
+                return stream
+        raise DataError(f'the recording has no stream "{name}". {did_you_mean(str(name), self.names)}')
+
+    def __getitem__(self, name: str) -> Stream:
+        return self.sensor(name)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.names
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        return Recording, (self.streams, dict(self.meta))
+
+    def __iter__(self) -> Iterator[Stream]:
+        return iter(self.streams)
+
+    def __len__(self) -> int:
+        return len(self.streams)
+
+    def slice(self, start_s: float = -np.inf, end_s: float = np.inf) -> "Recording":
+        """The samples with start_s <= time_s < end_s; stamps stay as they are.
+
+        A stream with no sample in this span is left out, so two slices that meet share no sample.
+        """
+        cut = [part for s in self.streams if (part := s.between(start_s, end_s)) is not None]
+        if not cut:
+            raise DataError(
+                f"no sample lies in {start_s:g} <= time_s < {end_s:g} s; "
+                f"the recording spans {self.start_s:g} to {self.end_s:g} s"
+            )
+        return Recording(cut, self.meta)
+
+    def only(self, names: Iterable[str]) -> "Recording":
+        """The streams of these names, in the order of the recording; the others are left out.
+
+        Raises:
+            DataError: There is no stream of one of the names, or no name is given.
+        """
+        kept = {self.sensor(name).name for name in ([names] if isinstance(names, str) else names)}
+        return Recording([s for s in self.streams if s.name in kept], self.meta)
+
+    def save(self, folder: str | PathLike[str], file_format: Literal["parquet", "csv"] = "parquet") -> None:
+        """Write a recording folder: recording.toml and one file a stream.
+
+        `load_recording` reads it back exactly. A recording that the folder already holds is replaced.
+
+        Raises:
+            DataError: The folder cannot be written, or `meta` holds what TOML cannot.
+        """
+        from oarlock.recording.folder import write_folder
+
+        write_folder(self, folder, file_format)
+
+    def __repr__(self) -> str:
+        width = max(len(n) for n in self.names)
+        lines = [
+            f"Recording: {len(self)} streams, {self.start_s:.6g} to {self.end_s:.6g} s "
+            f"({self.duration_s:.4g} s)"
+        ]
+        for s in self.streams:
+            rate = "-" if len(s) == 1 else f"{s.rate_hz:.4g}"
+            lines.append(
+                f"  {s.name:<{width}}  {s.kind:<6}  {rate:>6} Hz  {len(s):>8} samples  "
+                f"{100 * s.missing_share:5.1f} % missing  {' '.join(s.values)}"
+            )
+        return "\n".join(lines)
+
+
+def load_recording(path: str | PathLike[str]) -> Recording:
+    """Read a recording folder, as `Recording.save` and ``oarlock import`` write it.
+
+    Args:
+        path: the folder, or its recording.toml.
+
+    Raises:
+        DataError: A file, column or key is missing or unknown, or a unit is not the one held.
+    """
+    from oarlock.recording.folder import read_folder
+
+    return read_folder(path)
+
+
+def _rows_between(time_s: FloatArray, start_s: float, end_s: float) -> slice | None:
+    first, stop = (int(i) for i in np.searchsorted(time_s, [start_s, end_s], side="left"))
+    return slice(first, stop) if stop > first else None

@@ -1,0 +1,180 @@
+"""Strokes of a recording or a track: when catch and finish were, how sure that is, and what kind of rowing it was."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock.rowing.strokes.columns import stroke_columns
+from oarlock.rowing.strokes.events import SideStroke, SideStrokes, Stroke, paired
+from oarlock.rowing.strokes.kinds import Stretch, stretches, told_apart
+from oarlock.rowing.strokes.reversal_finder import ReversalFinder
+from oarlock.rowing.strokes.reversals import Reversal
+from oarlock.rowing.strokes.signals import KINDS, Signal, moving, signals_of
+
+if TYPE_CHECKING:
+    from oarlock import Model, Recording, Track
+    from oarlock.rowing.strokes.table import StrokeTable
+
+Floats = NDArray[np.float64]
+
+_OAR = {"r": "right (port)", "l": "left (starboard)"}
+ZERO_STD = 0.005
+"""Of an encoder, rad or m: what its zero may be off by where nobody calibrated it (as `Config.consider` takes it)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Strokes:
+    """Strokes in time, (N,) each; see `oarlock.rowing.FEATURES` for what a catch and a finish are.
+
+    Attributes:
+        source: what told them: `oars`, `handle` (ergometer), `seat`, `trunk` or `trunk_gyro`.
+        strokes: each with its sides.
+        kinds: of each: `rowing`, `start`, `paddling`, `turn`.
+        left_out: why a stroke counts in no average; "" if it does.
+        stretches: strokes of one kind in a row, and pauses.
+        zero_std: standard deviation of the encoders' zeros, rad or m: it is in the angles' deviations.
+        notes: plain sentences.
+    """
+
+    source: str
+    strokes: tuple[Stroke, ...]
+    kinds: tuple[str, ...]
+    paused: NDArray[np.bool_]
+    left_out: tuple[str, ...]
+    stretches: tuple[Stretch, ...]
+    zero_std: float = ZERO_STD
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.strokes)
+
+    @property
+    def catch_time_s(self) -> Floats:
+        """(N,) s."""
+        return np.array([stroke.catch[0] for stroke in self.strokes])
+
+    @property
+    def catch_time_std_s(self) -> Floats:
+        """(N,) s."""
+        return np.array([stroke.catch[1] for stroke in self.strokes])
+
+    @property
+    def finish_time_s(self) -> Floats:
+        """(N,) s."""
+        return np.array([stroke.finish[0] for stroke in self.strokes])
+
+    @property
+    def finish_time_std_s(self) -> Floats:
+        """(N,) s."""
+        return np.array([stroke.finish[1] for stroke in self.strokes])
+
+    @property
+    def end_time_s(self) -> Floats:
+        """(N,) s: the next catch; NaN where a pause, a silence or the end of the recording came first."""
+        return np.array(
+            [np.nan if still else s.end[0] for s, still in zip(self.strokes, self.paused, strict=True)]
+        )
+
+    @property
+    def end_time_std_s(self) -> Floats:
+        """(N,) s."""
+        return np.array(
+            [np.nan if still else s.end[1] for s, still in zip(self.strokes, self.paused, strict=True)]
+        )
+
+    @property
+    def in_averages(self) -> NDArray[np.bool_]:
+        """(N,) which strokes count in averages."""
+        return np.array([not reason for reason in self.left_out], dtype=bool)
+
+    def table(self) -> StrokeTable:
+        """Times, rate, rhythm and angles as a table, with standard deviations and reasons."""
+        return stroke_columns(self)
+
+    def __repr__(self) -> str:
+        parts = [f"{s.kind} {s.start_s:.1f} to {s.end_s:.1f} s ({s.strokes})" for s in self.stretches]
+        return f"Strokes({len(self)} from {KINDS[self.source].words}: {', '.join(parts)})"
+
+
+def find_strokes(
+    data: Track | Recording,
+    *,
+    source: str | None = None,
+    model: Model | None = None,
+    zero_std: float = ZERO_STD,
+) -> Strokes:
+    """Find all strokes: from oar angles; without them from the seat, then from the trunk.
+
+    A catch is a low of the movement and a finish a high, at least 30 deg (0.4 m of an ergometer's handle, 0.15 m of the
+    seat, 15 deg of the trunk) apart; their times come from a polynomial around the turn (`rowing.strokes.reversals`).
+    From seat or trunk alone some times are only roughly known, and their standard deviations say so.
+
+    Args:
+        data: a track, or a recording as it was made.
+        source: `oars`, `handle`, `seat`, `trunk` (a track's) or `trunk_gyro` (a recording's unit `back`); None takes
+            the first that is there.
+        model: tells how the unit on the back is mounted; without it the axis that it turns about most is taken.
+        zero_std: what the encoders' zeros may be off by, rad or m.
+
+    Raises:
+        DataError: nothing there that tells strokes.
+    """
+    signals, still = moving(signals_of(data, source, model))
+    strokes = paired({signal.side: _side_strokes(signal) for signal in signals})
+    told = told_apart(strokes, signals)
+    start_s = min(float(signal.time_s[0]) for signal in signals)
+    end_s = max(float(signal.time_s[-1]) for signal in signals)
+    return Strokes(
+        source=signals[0].source,
+        strokes=tuple(strokes),
+        kinds=told.kinds,
+        paused=told.paused,
+        left_out=told.left_out,
+        stretches=stretches(strokes, told, start_s, end_s),
+        zero_std=zero_std,
+        notes=tuple(_notes(signals, strokes, still)),
+    )
+
+
+def _side_strokes(signal: Signal) -> list[SideStroke]:
+    kind = KINDS[signal.source]
+    finder, found = ReversalFinder(kind.least, kind.rests), SideStrokes(signal.source)
+    for time_s, value in zip(signal.time_s.tolist(), signal.value.tolist(), strict=True):
+        for reversal in finder.step(time_s, value):
+            found.add(_with_rate(reversal, signal), finder.segment)
+    for reversal in finder.finish():
+        found.add(_with_rate(reversal, signal), finder.segment)
+    return found.strokes()
+
+
+def _with_rate(reversal: Reversal, signal: Signal) -> Reversal:
+    """With what the velocity's own uncertainty moves the reversal by."""
+    near = min(int(np.searchsorted(signal.time_s, reversal.time_s)), len(signal.time_s) - 1)
+    if signal.rate_std[near] == 0.0 or np.isnan(reversal.curvature):
+        return reversal
+    moved = float(signal.rate_std[near]) / abs(reversal.curvature)
+    std = float(np.hypot(reversal.time_std_s, moved))
+    return Reversal(
+        reversal.high, reversal.time_s, std, reversal.value, reversal.value_std, reversal.curvature
+    )
+
+
+def _notes(signals: Sequence[Signal], strokes: Sequence[Stroke], still: Sequence[Signal]) -> list[str]:
+    kind = KINDS[signals[0].source]
+    notes = []
+    if signals[0].source not in ("oars", "handle"):
+        notes.append(
+            f"Strokes come from {kind.words}: catch and finish are only roughly known, see their standard deviations."
+        )
+    if signals[0].source == "oars" and len(signals) == 1 and signals[0].side:
+        told = "told" if still else "was read"
+        notes.append(f"Only the {_OAR[signals[0].side]} oar {told}.")
+    notes += [f"The {_OAR[s.side]} oar never moved: its encoder is taken for broken." for s in still]
+    if not strokes:
+        notes.append(f"No stroke: {kind.words} never moved by {kind.least:.2g} {kind.unit} and back.")
+    return notes
