@@ -11,7 +11,7 @@ ENGINE = ROOT / "crates/oarlock/src"
 BINDING = ROOT / "crates/oarlock-py/src"
 PACKAGE = ROOT / "python/oarlock"
 
-FOUNDATION = {"error", "lane", "rotation", "pose"}
+FOUNDATION = {"error", "kernels", "rotation"}
 BODY = FOUNDATION | {"model", "kinematics"}
 SETTINGS = BODY | {"config", "estimate"}
 
@@ -19,11 +19,10 @@ SETTINGS = BODY | {"config", "estimate"}
 # `estimate` owns the traits of a system; those who describe a body by them name it.
 ENGINE_MAY_USE: dict[str, set[str]] = {
     "error": set(),
-    "lane": set(),
-    "rotation": {"error", "lane"},
-    "pose": {"error", "lane", "rotation"},
+    "kernels": set(),
+    "rotation": {"kernels"},
     "config": {"error"},
-    "estimate": {"error", "lane", "rotation"},
+    "estimate": {"kernels"},
     "model": FOUNDATION,
     "kinematics": FOUNDATION | {"model"},
     "state": SETTINGS,
@@ -131,8 +130,8 @@ def test_the_oracle_knows_descriptions_of_models_and_nothing_of_the_engine(name)
 
 
 def test_arrow_reader_reads_every_way_to_write_an_arrow():
-    code = "use crate::{error::Error, model::{Joint, Body}};\nuse super::sensor::Imu;\ncrate::lane::f()"
-    assert named_from_root(code, ("track",)) == {"error", "model", "sensor", "lane"}
+    code = "use crate::{error::Error, model::{Joint, Body}};\nuse super::sensor::Imu;\ncrate::kernels::f()"
+    assert named_from_root(code, ("track",)) == {"error", "model", "sensor", "kernels"}
     assert named_from_root("use super::gate;", ("estimate", "filter")) == set()
     assert named_from_root("use super::super::model::Model;", ("estimate", "filter")) == {"model"}
 

@@ -3,8 +3,8 @@
 use crate::array::items;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use oarlock::estimate::belief::{Belief, MEMORY};
-use oarlock::estimate::dense::Square;
 use oarlock::estimate::filter::Info;
+use oarlock::kernels::dense::Square;
 use oarlock::track::faults::Fault;
 use oarlock::track::magnetic::Field;
 use pyo3::prelude::*;

@@ -2,24 +2,19 @@
 
 pub mod belief;
 pub mod clique;
-pub mod dense;
 pub mod filter;
-pub mod gate;
 pub mod learn;
-pub mod normal;
 pub mod sigma;
 pub mod smoother;
 pub mod solve;
 pub mod split;
 pub mod star;
 pub mod start;
-pub mod straight;
-pub mod tiles;
 pub mod transition;
 
-use crate::lane::Lane;
+use crate::kernels::lane::Lane;
+use crate::kernels::sparse_jacobian::Straight;
 use split::Split;
-use straight::Straight;
 use transition::{Block, Transition};
 
 /// How the state is ordered: what is linear where decides which sigma points need a twin.

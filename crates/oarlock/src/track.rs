@@ -27,7 +27,7 @@ use crate::estimate::learn::Learning;
 use crate::estimate::sigma::Spread;
 use crate::estimate::transition::Transition;
 use crate::estimate::System;
-use crate::lane::arch::Arch;
+use crate::kernels::arch::Arch;
 use crate::model::Model;
 use crate::recording::Sample;
 use crate::sensor::imu::MountValue;
@@ -76,9 +76,6 @@ const LONGEST_STEP_S: f64 = 0.1;
 const STEP_SHARE: f64 = 0.1;
 /// Readings that feel the body's own motion are odd only far beyond the quantile: a jolt is not a fault.
 const GATE_SLACK: f64 = 10.0;
-
-/// How often `iekf` linearises the readings of a sample, at most: between samples the third time seldom moves the state.
-const ITERATIONS: usize = 3;
 
 /// A belief and its workspace.
 #[derive(Debug, Clone)]
@@ -431,9 +428,8 @@ fn strict(body: &Body, config: &Config) -> Vec<bool> {
 fn filter(body: &Body, groups: &Groups, kind: FilterKind) -> Filter<Body> {
     match kind {
         FilterKind::Ukf => Filter::new(body, groups),
-        FilterKind::Ekf => Filter::extended(body, groups, 1),
+        FilterKind::Ekf => Filter::extended(body, groups),
         FilterKind::Factorised => Filter::factorised(body, groups),
-        FilterKind::Iekf => Filter::extended(body, groups, ITERATIONS),
     }
 }
 

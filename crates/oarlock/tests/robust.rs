@@ -5,7 +5,7 @@ mod support;
 use oarlock::body::Body;
 use oarlock::config::{Config, FilterKind};
 use oarlock::estimate::belief::Belief;
-use oarlock::estimate::dense::Square;
+use oarlock::kernels::dense::Square;
 use oarlock::model::Model;
 use oarlock::recording::{Channel, Sample, Stream};
 use oarlock::sensor::Quantity;
@@ -44,7 +44,7 @@ fn odd() -> impl Strategy<Value = f64> {
 }
 
 fn any_filter() -> impl Strategy<Value = FilterKind> {
-    prop_oneof![Just(FilterKind::Ukf), Just(FilterKind::Ekf), Just(FilterKind::Iekf)]
+    prop_oneof![Just(FilterKind::Ukf), Just(FilterKind::Ekf)]
 }
 
 /// Mostly a next stamp, at times one from another clock.

@@ -2,7 +2,7 @@
 
 use super::posture::Posture;
 use super::{Body, Moment};
-use crate::estimate::straight::Straight;
+use crate::kernels::sparse_jacobian::Straight;
 use crate::kinematics::slopes::{Columns, Slopes};
 use crate::rotation::Mat3;
 use crate::sensor::slopes::{Causes, Moving, Places};

@@ -3,12 +3,12 @@
 use super::linear::LinearScratch;
 use super::posture::Posture;
 use super::{Body, Moment};
-use crate::estimate::straight::Straight;
 use crate::estimate::{Points, Vary};
+use crate::kernels::lane::{Lane, Real};
+use crate::kernels::sparse_jacobian::Straight;
 use crate::kinematics::near::{Apart, Mean, Near, Own, Pass, Wanted};
 use crate::kinematics::slopes::Slopes;
 use crate::kinematics::JointMotion;
-use crate::lane::{Lane, Real};
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::near::{Around, Stand};
 use crate::sensor::slopes::{Causes, Moving};

@@ -1,7 +1,7 @@
 //! What the filter believes at one instant.
 
-use super::dense::Square;
 use super::System;
+use crate::kernels::dense::Square;
 
 /// Time, mean and covariance: the one thing that a step replaces.
 #[derive(Debug, PartialEq)]

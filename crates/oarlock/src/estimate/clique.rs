@@ -1,9 +1,9 @@
 //! Some states of a system and the readings that depend on no others, seen as a system of its own.
 
-use super::straight::Straight;
 use super::transition::Transition;
 use super::{Depth, Partition, Points, System, Vary};
-use crate::lane::{Lane, LANES};
+use crate::kernels::lane::{Lane, LANES};
+use crate::kernels::sparse_jacobian::Straight;
 
 /// Which states, and where their derivatives stand.
 #[derive(Debug, Clone)]

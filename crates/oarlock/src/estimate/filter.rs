@@ -2,24 +2,22 @@
 //!
 //! The update is the unscented one (estimate/sigma.rs) in information form (estimate/solve.rs).
 
-mod judge;
+mod gate;
 mod limbs;
-mod search;
 mod tangent;
 
 use super::belief::Belief;
-use super::dense::{NotPositive, Square};
 use super::learn::{Correction, Learning};
 use super::sigma::{Fan, Look, Spread};
 use super::solve::{Solver, Weighted};
-use super::tiles::{factor, padded, Panel, Sweep, RAISES, VECTOR};
 use super::transition::{carry, Block, Transition};
 use super::System;
-use crate::lane::arch::Arch;
+use crate::kernels::arch::Arch;
+use crate::kernels::dense::{NotPositive, Square};
+use crate::kernels::tiles::{factor, padded, Panel, Sweep, RAISES, VECTOR};
 use limbs::Limbs;
-use search::Search;
 use std::ops::Range;
-use tangent::{At, Tangent};
+use tangent::Tangent;
 
 /// Which rows belong together.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -174,7 +172,7 @@ pub struct Filter<S: System> {
     scratch: S::Scratch,
     fan: Fan,
     /// Of a filter that linearises; without it, sigma points are spread.
-    linear: Option<(Tangent, Search)>,
+    linear: Option<Tangent>,
     /// Of a factorised one, which works limb by limb; the stage of each source and the one that is on.
     limbs: Option<Box<Limbs<S::Scratch, S::Moment>>>,
     stages: Vec<usize>,
@@ -214,11 +212,9 @@ impl<S: System> Filter<S> {
         Self::with(system, groups, Fan::new(system), None)
     }
 
-    /// Room for an extended filter, which linearises the readings up to `rounds` times an update; from two on, it is the
-    /// iterated one.
-    pub fn extended(system: &S, groups: &Groups, rounds: usize) -> Self {
-        let linear = (Tangent::new(system), Search::new(rounds, system.partition().dim()));
-        Self::with(system, groups, Fan::straight(system), Some(linear))
+    /// Room for an extended filter, which linearises the readings at the mean.
+    pub fn extended(system: &S, groups: &Groups) -> Self {
+        Self::with(system, groups, Fan::straight(system), Some(Tangent::new(system)))
     }
 
     /// Room for a factorised filter; where the system does not fall apart it is the unscented one.
@@ -230,7 +226,7 @@ impl<S: System> Filter<S> {
         }
     }
 
-    fn with(system: &S, groups: &Groups, fan: Fan, linear: Option<(Tangent, Search)>) -> Self {
+    fn with(system: &S, groups: &Groups, fan: Fan, linear: Option<Tangent>) -> Self {
         let (n, m) = (system.partition().dim(), system.row_count());
         let mut inertial = vec![false; m];
         groups.inertial.iter().for_each(|&r| inertial[r] = true);
@@ -336,10 +332,9 @@ impl<S: System> Filter<S> {
                 let look = Look { system, moment, mean: &belief.mean, rows: &self.rows, spread: manner.spread };
                 self.fan.spread(self.arch, look, &mut self.scratch, &self.root);
             }
-            Some((tangent, _)) => {
-                tangent.prepare(self.arch, &self.root);
-                let at = At { mean: &belief.mean, carried: &[], rows: &self.rows };
-                tangent.spread(self.arch, &mut self.fan, (system, moment), &mut self.scratch, at);
+            Some(tangent) => {
+                let look = Look { system, moment, mean: &belief.mean, rows: &self.rows, spread: manner.spread };
+                tangent.spread(self.arch, &mut self.fan, look, &mut self.scratch, &self.root);
             }
         }
         self.innovate(sighting, (belief.inflation, belief.roughness), info);
@@ -350,7 +345,6 @@ impl<S: System> Filter<S> {
         self.report(sighting, info);
         belief.covariance.diagonal(&mut self.before);
         self.solve(sighting, info)?;
-        self.iterate(system, moment, &belief.mean, sighting.z)?;
         self.combine(system, belief)?;
         self.learn_noise(belief, manner.learning, info.inertial);
         self.learn(system, belief, manner.learning);

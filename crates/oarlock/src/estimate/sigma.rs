@@ -5,11 +5,11 @@
 //! textbook transform (Wan and van der Merwe 2000) rearranged, equal to it while beta >= alpha^2.
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
-use super::straight::{turn, Straight};
-use super::tiles::{padded, Panel, VECTOR};
 use super::{Depth, Partition, Points, System, Vary};
-use crate::lane::arch::{Arch, Kernel};
-use crate::lane::{Lane, LANES};
+use crate::kernels::arch::{Arch, Kernel};
+use crate::kernels::lane::{Lane, LANES};
+use crate::kernels::sparse_jacobian::{turn, Straight};
+use crate::kernels::tiles::{padded, Panel, VECTOR};
 
 /// Spread of the sigma points.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -15,12 +15,12 @@
 //! The bracket is what P would be if the next state were known. Both terms keep their sign, and nothing is solved backwards.
 
 use super::belief::Belief;
-use super::dense::{semidefinite_factor, NotPositive, Square};
 use super::filter::Lost;
-use super::tiles::{factor, gram, padded, Panel, Rows, Sweep, RAISES, VECTOR};
 use super::transition::{carry, Block, Transition, Turning};
 use super::System;
-use crate::lane::arch::{madd, Arch, Kernel};
+use crate::kernels::arch::{madd, Arch, Kernel};
+use crate::kernels::dense::{semidefinite_factor, NotPositive, Square};
+use crate::kernels::tiles::{factor, gram, padded, Panel, Rows, Sweep, RAISES, VECTOR};
 
 /// Workspace of a smoother.
 #[derive(Debug, Clone)]

@@ -5,11 +5,11 @@
 //! reversed X = V'^-1 (rows of the covariance's factor reversed): x+ = x + X' b, P+ = X'X, NIS = w'w - b'b. P+ cannot lose its
 //! symmetry or its sign. Readings of inertial units stand first, so that sums over them give their joint NIS on the way.
 
-use super::dense::{NotPositive, Square};
 use super::sigma::Fan;
-use super::tiles::{factor, find_starts, gram, padded, Panel, Rows, Sweep, VECTOR};
-use crate::lane::arch::{with_hand, Arch, Kernel};
-use crate::lane::four::{Four, Hand};
+use crate::kernels::arch::{with_hand, Arch, Kernel};
+use crate::kernels::dense::{NotPositive, Square};
+use crate::kernels::registers::{Four, Hand};
+use crate::kernels::tiles::{factor, find_starts, gram, padded, Panel, Rows, Sweep, VECTOR};
 use std::ops::Range;
 
 /// Not among the rows in use.
@@ -205,28 +205,6 @@ impl Solver {
         factor(arch, &mut self.gain, Sweep { n, width: wide + n_pad, starts: &self.starts })?;
         let nis = squares(&self.noise, 0..m, y_at) - squares(&self.gain, 0..n, n);
         Ok(Verdict { nis, inertial: inertial.unwrap_or(nis) })
-    }
-
-    /// Behind `solve`: where the update leads, in units of the factor's rows, last row first.
-    pub fn place(&self, out: &mut [f64]) {
-        self.gain.solve_back(self.states, out);
-    }
-
-    /// Behind `solve`: how long such a step is in standard deviations behind the update.
-    pub fn length(&self, step: &[f64]) -> f64 {
-        let n = self.states;
-        let along = |i: usize| -> f64 { self.gain.row(i)[i..n].iter().zip(&step[i..]).map(|(v, s)| v * s).sum() };
-        (0..n).map(|i| along(i).powi(2)).sum::<f64>().sqrt()
-    }
-
-    /// Behind `solve`: the squares that the update minimises, at such a place.
-    pub fn cost(&self, place: &[f64]) -> f64 {
-        let (h_at, y_at) = (self.states_at(), self.reading_at());
-        let left = |slot: usize| {
-            let row = self.noise.row(slot);
-            row[y_at] - row[h_at..].iter().zip(place).map(|(h, p)| h * p).sum::<f64>()
-        };
-        place.iter().map(|p| p * p).sum::<f64>() + (0..self.used).map(|slot| left(slot).powi(2)).sum::<f64>()
     }
 
     /// X' b into `shift`, X'X into `covariance`.

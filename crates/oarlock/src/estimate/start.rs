@@ -3,11 +3,11 @@
 //! Marquardt 1963, with the scaling by the diagonal. Later samples of the window count less by what the state's own
 //! noise may have done in between.
 
-use super::dense::Square;
-use super::normal::{inverse, Normal};
 use super::transition::Transition;
 use super::System;
-use crate::lane::arch::Arch;
+use crate::kernels::arch::Arch;
+use crate::kernels::dense::Square;
+use crate::kernels::normal_equations::{inverse, Normal};
 
 /// One sample of the start window.
 #[derive(Debug)]

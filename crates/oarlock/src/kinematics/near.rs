@@ -9,7 +9,7 @@ mod step;
 use super::pieces::Pieces;
 use super::slopes::Slopes;
 use super::{FrameMotion, JointMotion, Tree};
-use crate::lane::Real;
+use crate::kernels::lane::Real;
 use crate::model::JointKind;
 use crate::rotation::{Mat3, Vec3};
 

@@ -1,10 +1,10 @@
 //! Readings near a mean: sensors as they sit on their pieces, which need no rotations of the links.
 
 use super::{Reader, Suite, Worn};
+use crate::kernels::lane::{Lane, Real, LANES};
 use crate::kinematics::near::{Apart, Mean, Near, Reach, Wanted};
 use crate::kinematics::pieces::Pieces;
 use crate::kinematics::JointMotion;
-use crate::lane::{Lane, Real, LANES};
 use crate::model::Point;
 use crate::rotation::{Mat3, Vec3};
 

@@ -3,10 +3,10 @@
 
 use super::near::Parts;
 use super::{Reader, Suite, Worn};
-use crate::estimate::straight::Straight;
+use crate::kernels::arch::madd;
+use crate::kernels::sparse_jacobian::Straight;
 use crate::kinematics::slopes::{rigid_acceleration, Kind, Slopes};
 use crate::kinematics::FrameMotion;
-use crate::lane::arch::madd;
 use crate::model::Point;
 use crate::rotation::turn::right_jacobian;
 use crate::rotation::{Mat3, Vec3};

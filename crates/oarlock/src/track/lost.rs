@@ -9,7 +9,7 @@ use super::north::forget_north;
 use super::Tracker;
 use crate::body::three;
 use crate::estimate::belief::Belief;
-use crate::estimate::dense::Square;
+use crate::kernels::dense::Square;
 use crate::model::JointKind;
 use crate::rotation::turn::Turn;
 use crate::rotation::Vec3;

@@ -3,10 +3,10 @@
 use super::support;
 use nalgebra::{DMatrix, DVector};
 use oarlock::estimate::belief::Belief;
-use oarlock::estimate::dense::Square;
 use oarlock::estimate::transition::{Block, Transition};
 use oarlock::estimate::{Partition, Points, System};
-use oarlock::lane::{Lane, Real};
+use oarlock::kernels::dense::Square;
+use oarlock::kernels::lane::{Lane, Real};
 
 pub const STATES: usize = 5;
 pub const ROWS: usize = 4;

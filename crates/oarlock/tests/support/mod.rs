@@ -15,9 +15,9 @@ use nalgebra::{DMatrix, DVector};
 use oarlock::body::Body;
 use oarlock::config::{Config, Consider, Magnetometer};
 use oarlock::estimate::belief::{Belief, MEMORY};
-use oarlock::estimate::dense::Square;
 use oarlock::estimate::transition::Transition;
 use oarlock::estimate::System;
+use oarlock::kernels::dense::Square;
 use oarlock::model::Model;
 use std::sync::Arc;
 

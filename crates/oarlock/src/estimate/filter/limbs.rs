@@ -8,15 +8,15 @@
 use super::{broken, evidence, Filter, Groups, Info, Lost, Manner, Sighting};
 use crate::estimate::belief::Belief;
 use crate::estimate::clique::{Clique, Room, Within};
-use crate::estimate::dense::{NotPositive, Square};
 use crate::estimate::sigma::{Fan, Look};
 use crate::estimate::solve::{Solver, Weighted};
 use crate::estimate::split::Split;
 use crate::estimate::star::{places, Places, Star};
-use crate::estimate::tiles::{padded, Panel, VECTOR};
 use crate::estimate::transition::{carry, Block};
 use crate::estimate::System;
-use crate::lane::arch::Arch;
+use crate::kernels::arch::Arch;
+use crate::kernels::dense::{NotPositive, Square};
+use crate::kernels::tiles::{padded, Panel, VECTOR};
 use std::mem::swap;
 use std::ops::Range;
 

@@ -3,13 +3,12 @@
 //! With P = U'U and the Jacobian J, they are H = J U' and, for every noisy input, J's own column. There are no second-order
 //! ones: what curvature adds to the mean reading and to its variance is left out.
 
-use crate::estimate::dense::accumulate;
-use crate::estimate::sigma::Fan;
-use crate::estimate::straight::{turn, Straight};
-use crate::estimate::tiles::{padded, Panel, VECTOR};
-use crate::estimate::transition::{multiply_transposed, Block};
+use crate::estimate::sigma::{Fan, Look};
 use crate::estimate::System;
-use crate::lane::arch::{Arch, Kernel};
+use crate::kernels::arch::{Arch, Kernel};
+use crate::kernels::dense::accumulate;
+use crate::kernels::sparse_jacobian::{turn, Straight};
+use crate::kernels::tiles::{padded, Panel, VECTOR};
 
 /// Room for linearised readings.
 #[derive(Debug, Clone)]
@@ -25,17 +24,6 @@ pub struct Tangent {
     factor: Panel,
 }
 
-/// Where, and for which readings.
-#[derive(Debug, Clone, Copy)]
-pub struct At<'a> {
-    /// State.
-    pub mean: &'a [f64],
-    /// How the tangent space at the covariance's own mean turns on the way there.
-    pub carried: &'a [Block],
-    /// Readings that are there.
-    pub rows: &'a [usize],
-}
-
 impl Tangent {
     /// For a system of `n` states.
     pub fn new<S: System>(system: &S) -> Self {
@@ -46,33 +34,28 @@ impl Tangent {
         Tangent { n, inputs, straight, jacobian: vec![0.0; size], asked: vec![false; rows], factor }
     }
 
-    /// Takes in the factor of the covariance.
-    pub fn prepare(&mut self, arch: Arch, root: &Panel) {
-        arch.run(Turning { root, n: self.n, turned: &mut self.factor });
-    }
-
-    /// Fills the fan. Allocates nothing.
+    /// Fills the fan; `root` is the factor of the covariance. Allocates nothing.
     pub fn spread<S: System>(
         &mut self,
         arch: Arch,
         fan: &mut Fan,
-        (system, moment): (&S, &S::Moment),
+        look: Look<S>,
         scratch: &mut S::Scratch,
-        at: At,
+        root: &Panel,
     ) {
+        arch.run(Turning { root, n: self.n, turned: &mut self.factor });
         if self.straight.is_none() {
-            system.linearise(moment, scratch, at.mean, &mut fan.center, &mut self.jacobian);
+            look.system.linearise(look.moment, scratch, look.mean, &mut fan.center, &mut self.jacobian);
         }
-        arch.run(Columns { tangent: self, fan, of: (system, moment), scratch, at });
+        arch.run(Columns { tangent: self, fan, look, scratch });
     }
 
     #[inline(always)]
-    fn dense(&mut self, fan: &mut Fan, at: At) {
+    fn dense(&self, fan: &mut Fan, rows: &[usize]) {
         let (n, width) = (self.n, self.n + self.inputs);
-        for &r in at.rows {
-            let (slopes, of_inputs) = self.jacobian[r * width..(r + 1) * width].split_at_mut(n);
+        for &r in rows {
+            let (slopes, of_inputs) = self.jacobian[r * width..(r + 1) * width].split_at(n);
             fan.even.row_mut(r)[..of_inputs.len()].copy_from_slice(of_inputs);
-            multiply_transposed(at.carried.iter(), slopes);
             let row = fan.odd.row_mut(r);
             row.fill(0.0);
             let last = slopes.iter().rposition(|&s| s != 0.0).unwrap_or(0);
@@ -102,9 +85,8 @@ impl Kernel for Turning<'_> {
 struct Columns<'a, S: System> {
     tangent: &'a mut Tangent,
     fan: &'a mut Fan,
-    of: (&'a S, &'a S::Moment),
+    look: Look<'a, S>,
     scratch: &'a mut S::Scratch,
-    at: At<'a>,
 }
 
 impl<S: System> Kernel for Columns<'_, S> {
@@ -112,12 +94,11 @@ impl<S: System> Kernel for Columns<'_, S> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Columns { tangent, fan, of: (system, moment), scratch, at } = self;
-        let Some(straight) = &mut tangent.straight else { return tangent.dense(fan, at) };
-        system.linearise_into::<FUSED>(moment, scratch, at.mean, &mut fan.center, straight);
-        straight.carry(at.carried);
+        let Columns { tangent, fan, look, scratch } = self;
+        let Some(straight) = &mut tangent.straight else { return tangent.dense(fan, look.rows) };
+        look.system.linearise_into::<FUSED>(look.moment, scratch, look.mean, &mut fan.center, straight);
         tangent.asked.fill(false);
-        at.rows.iter().for_each(|&r| tangent.asked[r] = true);
+        look.rows.iter().for_each(|&r| tangent.asked[r] = true);
         straight.times::<FUSED>(&tangent.factor, tangent.n, &tangent.asked, &mut fan.odd);
         straight.inputs(&tangent.asked, tangent.inputs, &mut fan.even);
     }

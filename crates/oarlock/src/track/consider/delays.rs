@@ -2,7 +2,7 @@
 
 use super::Role;
 use crate::body::Body;
-use crate::estimate::straight::{Slope, Trio};
+use crate::kernels::sparse_jacobian::{Slope, Trio};
 use crate::sensor::Quantity;
 
 /// A delay is counted in these, s.

@@ -5,11 +5,11 @@
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
 use super::dense::{NotPositive, Square};
-use crate::lane::arch::{with_hand, Arch, Kernel};
-use crate::lane::four::{Four, Hand, Part, Tile};
+use crate::kernels::arch::{with_hand, Arch, Kernel};
+use crate::kernels::registers::{Four, Hand, Part, Tile};
 use std::ops::Range;
 
-pub use crate::lane::four::VECTOR;
+pub use crate::kernels::registers::VECTOR;
 
 /// The next multiple of a vector's length.
 pub fn padded(n: usize) -> usize {

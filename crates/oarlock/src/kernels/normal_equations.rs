@@ -2,7 +2,7 @@
 
 use super::dense::Square;
 use super::tiles::{factor, gram, padded, Panel, Rows, Sweep, VECTOR};
-use crate::lane::arch::Arch;
+use crate::kernels::arch::Arch;
 
 /// J'WJ, J'Wr and r'Wr over all rows, those of a prior included, and room for those of one sample.
 #[derive(Debug, Clone)]

@@ -2,9 +2,8 @@
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
 use super::tiles::{padded, Panel, VECTOR};
-use super::transition::Block;
-use crate::lane::arch::with_hand;
-use crate::lane::four::{Four, Hand, Part, Tile};
+use crate::kernels::arch::with_hand;
+use crate::kernels::registers::{Four, Hand, Part, Tile};
 use std::ops::Range;
 
 /// How three rows answer to a state.
@@ -77,28 +76,6 @@ impl Straight {
                 row.fill(0.0);
                 let slopes = self.slopes[trio.slopes.clone()].iter();
                 slopes.take_while(|s| s.state >= self.n).for_each(|s| row[s.state - self.n] += s.rows[i]);
-            }
-        }
-    }
-
-    /// J becomes J B with B of these blocks, all of whose states or none a row answers to.
-    pub fn carry(&mut self, blocks: &[Block]) {
-        for b in blocks {
-            for trio in &self.trios {
-                let slopes = &mut self.slopes[trio.slopes.clone()];
-                let mut old = [[0.0; VECTOR]; 3];
-                for slope in slopes.iter_mut() {
-                    if let Some(r) = (0..b.len).find(|&r| b.index[r] == slope.state) {
-                        (0..VECTOR).for_each(|k| old[r][k] += slope.rows[k]);
-                        slope.rows = [0.0; VECTOR];
-                    }
-                }
-                for c in 0..b.len {
-                    let Some(slope) = slopes.iter_mut().find(|s| s.state == b.index[c]) else { continue };
-                    for k in 0..VECTOR {
-                        slope.rows[k] = (0..b.len).map(|r| b.factor[r][c] * old[r][k]).sum();
-                    }
-                }
             }
         }
     }
@@ -177,7 +154,7 @@ pub fn turn(factor: &Panel, n: usize, turned: &mut Panel) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lane::arch::{Arch, Kernel};
+    use crate::kernels::arch::{Arch, Kernel};
 
     /// Of sums of ten numbers of about one.
     const ROUNDING: f64 = 1e-14;
@@ -235,22 +212,5 @@ mod tests {
         let (straight, mut even) = (some(), Panel::zeros(4, VECTOR));
         straight.inputs(&[true; 4], 1, &mut even);
         assert_eq!([0, 1, 2, 3].map(|r| even.at(r, 0)), [number(0, 1), number(0, 2), number(0, 3), 0.0]);
-    }
-
-    #[test]
-    fn a_turned_tangent_space_mixes_columns() {
-        let mut straight = some();
-        let mix = [[0.0, 1.0, 0.5], [2.0, 0.0, 0.0], [0.0, -1.0, 1.0]];
-        straight.carry(&[Block::linear([2, 6, 9], mix)]);
-        let (before, after) = (some().slopes, straight.slopes);
-        // States 2, 6 and 9 are slopes 3, 2 and 1.
-        for k in 0..3 {
-            let old = [3, 2, 1].map(|s| before[s].rows[k]);
-            for c in 0..3 {
-                let wanted: f64 = (0..3).map(|r| mix[r][c] * old[r]).sum();
-                assert!((after[3 - c].rows[k] - wanted).abs() < ROUNDING);
-            }
-        }
-        assert_eq!((after[0], after[4], after[5]), (before[0], before[4], before[5]));
     }
 }

@@ -2,10 +2,21 @@
 
 use super::{Filter, Gate, Groups, Info, Manner, Sighting, Slant, SourceInfo, Verdict, ABSURD_NIS};
 use crate::estimate::belief::Belief;
-use crate::estimate::gate::{self, Test};
-use crate::estimate::tiles::VECTOR;
 use crate::estimate::System;
+use crate::kernels::mahalanobis::{self, InnovationBlock, MAX_ROWS};
+use crate::kernels::tiles::VECTOR;
 use std::ops::Range;
+
+/// Upper quantiles of chi-square at 1e-6 for 1 to 16 degrees of freedom.
+const THRESHOLDS: [f64; MAX_ROWS] = [
+    23.928, 27.631, 30.665, 33.377, 35.888, 38.258, 40.522, 42.701, 44.811, 46.863, 48.866, 50.825, 52.747, 54.635,
+    56.493, 58.324,
+];
+
+/// Quantile of the normalised innovation squared of `rows` readings: exceeded once in a million when all is well.
+fn threshold(rows: usize) -> f64 {
+    THRESHOLDS[rows.clamp(1, MAX_ROWS) - 1]
+}
 
 impl<S: System> Filter<S> {
     pub(super) fn judge(&mut self, sighting: Sighting, manner: Manner, belief: &mut Belief, info: &mut Info) {
@@ -35,13 +46,13 @@ impl<S: System> Filter<S> {
             let absurd = nis.is_nan() || nis >= ABSURD_NIS;
             let nis = if absurd { ABSURD_NIS } else { nis };
             let habit = &mut belief.habit[p];
-            let beyond = gate.on && nis > slack * habit.max(1.0) * gate::threshold(count);
+            let beyond = gate.on && nis > slack * habit.max(1.0) * threshold(count);
             let odd = absurd || (beyond && patient);
             if !(barred || strict && odd) {
                 *habit = manner.learning.habit(*habit, self.since_s, nis / count as f64);
             }
             if odd && !barred {
-                self.rejected_nis += nis.min(slack * gate::threshold(count));
+                self.rejected_nis += nis.min(slack * threshold(count));
                 self.rejected_rows += count;
             }
             if barred || odd {
@@ -86,7 +97,7 @@ impl<S: System> Filter<S> {
         sources: &[Range<usize>],
     ) {
         let (y, used, solver, count) = (&self.y, &self.used, &self.solver, rows.len());
-        let test = |(source, rows): (usize, &Range<usize>)| Test {
+        let test = |(source, rows): (usize, &Range<usize>)| InnovationBlock {
             covariance: solver.block(source),
             first: rows.start - sources[source].start,
             y: &y[rows.clone()],
@@ -99,7 +110,7 @@ impl<S: System> Filter<S> {
             }
             // The last ones may be tested more often than once.
             let four = std::array::from_fn(|i| test(rows.clone().nth((k * VECTOR + i).min(count - 1)).expect("fewer")));
-            tested.copy_from_slice(&gate::nis(self.arch, &four)[..tested.len()]);
+            tested.copy_from_slice(&mahalanobis::nis(self.arch, &four)[..tested.len()]);
         }
     }
 

@@ -78,16 +78,16 @@ macro_rules! with_hand {
     ($fused:expr, |$hand:ident| $body:expr) => {{
         #[cfg(target_arch = "x86_64")]
         if $fused {
-            let $hand = $crate::lane::four::Hand::<$crate::lane::four::Fused>::ready();
+            let $hand = $crate::kernels::registers::Hand::<$crate::kernels::registers::Fused>::ready();
             $body
         } else {
-            let $hand = $crate::lane::four::Hand::<$crate::lane::four::Plain>::ready();
+            let $hand = $crate::kernels::registers::Hand::<$crate::kernels::registers::Plain>::ready();
             $body
         }
         #[cfg(not(target_arch = "x86_64"))]
         {
             let _ = $fused;
-            let $hand = $crate::lane::four::Hand::<$crate::lane::four::Plain>::ready();
+            let $hand = $crate::kernels::registers::Hand::<$crate::kernels::registers::Plain>::ready();
             $body
         }
     }};
