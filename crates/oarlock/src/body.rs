@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::estimate::filter::Groups;
 use crate::estimate::split::Split;
 use crate::estimate::transition::{Block, Transition};
-use crate::estimate::{Depth, Partition, Points, System, Vary};
+use crate::estimate::{Depth, FastSystem, Partition, Points, System, Vary};
 use crate::kernels::lane::{Lane, Real};
 use crate::kernels::sparse_jacobian::Straight;
 use crate::kinematics::near::Reach;
@@ -308,27 +308,6 @@ impl System for Body {
         BodyScratch::new(self)
     }
 
-    fn depth(&self, row: usize) -> Depth {
-        let parts = self.suite.sources.iter().flat_map(|s| &s.parts);
-        match parts.into_iter().find(|p| p.rows.contains(&row)).map(|p| p.quantity) {
-            Some(Quantity::Accel) => Depth::Full,
-            Some(Quantity::Gyro | Quantity::Rest) => Depth::Affine,
-            _ => Depth::Pose,
-        }
-    }
-
-    fn split(&self) -> Split {
-        self.limbs()
-    }
-
-    fn narrow(&self, moment: &Moment, asked: &[bool], out: &mut Moment) {
-        out.inputs.copy_from_slice(&moment.inputs);
-        for (s, source) in self.suite.sources.iter().enumerate() {
-            out.active[s] = moment.active[s] && source.rows.clone().any(|r| asked[r]);
-        }
-        self.mark(out);
-    }
-
     fn input_std(&self) -> &[f64] {
         &self.input_std
     }
@@ -394,6 +373,33 @@ impl System for Body {
         self.read_all(moment, scratch, at, out);
     }
 
+    fn linearise(&self, moment: &Moment, s: &mut BodyScratch, mean: &[f64], center: &mut [f64], jacobian: &mut [f64]) {
+        self.jacobian(moment, &mut s.linear, mean, center, jacobian);
+    }
+}
+
+impl FastSystem for Body {
+    fn split(&self) -> Split {
+        self.limbs()
+    }
+
+    fn narrow(&self, moment: &Moment, asked: &[bool], out: &mut Moment) {
+        out.inputs.copy_from_slice(&moment.inputs);
+        for (s, source) in self.suite.sources.iter().enumerate() {
+            out.active[s] = moment.active[s] && source.rows.clone().any(|r| asked[r]);
+        }
+        self.mark(out);
+    }
+
+    fn depth(&self, row: usize) -> Depth {
+        let parts = self.suite.sources.iter().flat_map(|s| &s.parts);
+        match parts.into_iter().find(|p| p.rows.contains(&row)).map(|p| p.quantity) {
+            Some(Quantity::Accel) => Depth::Full,
+            Some(Quantity::Gyro | Quantity::Rest) => Depth::Affine,
+            _ => Depth::Pose,
+        }
+    }
+
     #[inline(always)]
     fn settle<const FUSED: bool>(&self, moment: &Moment, scratch: &mut BodyScratch, at: Points, out: &mut [Lane]) {
         self.settle_at(moment, scratch, at.mean, out);
@@ -423,10 +429,6 @@ impl System for Body {
     #[inline(always)]
     fn curve<const FUSED: bool>(&self, moment: &Moment, scratch: &mut BodyScratch, delta: &[Lane], out: &mut [Lane]) {
         self.curve_at::<FUSED>(moment, scratch, delta, out);
-    }
-
-    fn linearise(&self, moment: &Moment, s: &mut BodyScratch, mean: &[f64], center: &mut [f64], jacobian: &mut [f64]) {
-        self.jacobian(moment, &mut s.linear, mean, center, jacobian);
     }
 
     fn tangent(&self) -> Option<Straight> {

@@ -4,7 +4,7 @@ use super::bodies::{cases, Case};
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, BenchmarkId, Criterion};
 use oarlock::config::FilterKind;
-use oarlock::estimate::{Points, System, Vary};
+use oarlock::estimate::{FastSystem, Points, System, Vary};
 use oarlock::kernels::arch::{Arch, Kernel};
 use oarlock::kernels::lane::{Lane, LANES};
 use oarlock::recording::Sample;

@@ -2,7 +2,7 @@
 
 use super::Body;
 use crate::estimate::split::Split;
-use crate::estimate::System;
+use crate::estimate::FastSystem;
 use crate::model::{Joint, JointKind, Model, SensorKind};
 
 impl Body {

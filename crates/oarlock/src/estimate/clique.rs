@@ -1,7 +1,7 @@
 //! Some states of a system and the readings that depend on no others, seen as a system of its own.
 
 use super::transition::Transition;
-use super::{Depth, Partition, Points, System, Vary};
+use super::{Depth, FastSystem, Partition, Points, System, Vary};
 use crate::kernels::lane::{Lane, LANES};
 use crate::kernels::sparse_jacobian::Straight;
 
@@ -20,7 +20,7 @@ pub struct Clique {
 
 impl Clique {
     /// Of `states`, on which nothing but `rows` depends; states are in order.
-    pub fn new<S: System>(system: &S, states: Vec<usize>, rows: Vec<bool>) -> Self {
+    pub fn new<S: FastSystem>(system: &S, states: Vec<usize>, rows: Vec<bool>) -> Self {
         let whole = system.partition();
         let count = |end: usize| states.iter().take_while(|&&s| s < end).count();
         let (pose, curved) = (count(whole.pose), count(whole.curved()));
@@ -48,7 +48,7 @@ impl Clique {
 
 /// A system of which one clique may vary, the rest being as it is in the room's mean.
 #[derive(Debug)]
-pub struct Within<'a, S: System> {
+pub struct Within<'a, S: FastSystem> {
     /// The whole.
     pub system: &'a S,
     /// What varies.
@@ -67,7 +67,7 @@ pub struct Room<C> {
 
 impl<C> Room<C> {
     /// For any clique of `system`.
-    pub fn new<S: System<Scratch = C>>(system: &S) -> Self {
+    pub fn new<S: FastSystem<Scratch = C>>(system: &S) -> Self {
         let n = system.partition().dim();
         Room {
             inner: system.scratch(),
@@ -78,7 +78,7 @@ impl<C> Room<C> {
     }
 }
 
-impl<S: System> Within<'_, S> {
+impl<S: FastSystem> Within<'_, S> {
     #[inline(always)]
     fn place(&self, delta: &[Lane], room: &mut Room<S::Scratch>) {
         for (&state, delta) in self.clique.states.iter().zip(delta) {
@@ -88,7 +88,7 @@ impl<S: System> Within<'_, S> {
 }
 
 /// To be looked at: moving is the whole's business.
-impl<S: System> System for Within<'_, S> {
+impl<S: FastSystem> System for Within<'_, S> {
     type Moment = S::Moment;
     type Scratch = Room<S::Scratch>;
 
@@ -108,14 +108,6 @@ impl<S: System> System for Within<'_, S> {
         self.system.input_std()
     }
 
-    fn driven(&self) -> &[usize] {
-        &[]
-    }
-
-    fn depth(&self, row: usize) -> Depth {
-        self.system.depth(row)
-    }
-
     fn transition(&self, _: f64, _: &[f64], _: &[f64], _: &[f64], out: &mut Transition) {
         out.clear();
     }
@@ -126,6 +118,12 @@ impl<S: System> System for Within<'_, S> {
         self.place(at.delta, room);
         let at = Points { mean: &room.mean, delta: &room.delta, off: at.off };
         self.system.readings(moment, &mut room.inner, at, out);
+    }
+}
+
+impl<S: FastSystem> FastSystem for Within<'_, S> {
+    fn depth(&self, row: usize) -> Depth {
+        self.system.depth(row)
     }
 
     #[inline(always)]

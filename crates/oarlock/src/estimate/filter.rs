@@ -11,7 +11,7 @@ use super::learn::{Correction, Learning};
 use super::sigma::{Fan, Look, Spread};
 use super::solve::{Solver, Weighted};
 use super::transition::{carry, Block, Transition};
-use super::System;
+use super::FastSystem;
 use crate::kernels::arch::Arch;
 use crate::kernels::dense::{NotPositive, Square};
 use crate::kernels::tiles::{factor, padded, Panel, Sweep, RAISES, VECTOR};
@@ -167,7 +167,7 @@ pub struct Manner {
 
 /// Workspace of a filter.
 #[derive(Debug, Clone)]
-pub struct Filter<S: System> {
+pub struct Filter<S: FastSystem> {
     arch: Arch,
     scratch: S::Scratch,
     fan: Fan,
@@ -206,7 +206,7 @@ pub struct Filter<S: System> {
     rejected_rows: usize,
 }
 
-impl<S: System> Filter<S> {
+impl<S: FastSystem> Filter<S> {
     /// Room for an unscented filter of `system`.
     pub fn new(system: &S, groups: &Groups) -> Self {
         Self::with(system, groups, Fan::new(system), None)

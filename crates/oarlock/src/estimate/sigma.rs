@@ -5,7 +5,7 @@
 //! textbook transform (Wan and van der Merwe 2000) rearranged, equal to it while beta >= alpha^2.
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
-use super::{Depth, Partition, Points, System, Vary};
+use super::{Depth, FastSystem, Partition, Points, Vary};
 use crate::kernels::arch::{Arch, Kernel};
 use crate::kernels::lane::{Lane, LANES};
 use crate::kernels::sparse_jacobian::{turn, Straight};
@@ -62,7 +62,7 @@ pub struct Fan {
 
 impl Fan {
     /// Room for the readings of `system`.
-    pub fn new<S: System>(system: &S) -> Self {
+    pub fn new<S: FastSystem>(system: &S) -> Self {
         let (part, inputs, rows) = (system.partition(), system.input_std().len(), system.row_count());
         let (n, evens) = (part.dim(), part.curved() + 1 + inputs);
         Fan {
@@ -83,13 +83,13 @@ impl Fan {
     }
 
     /// The same where all readings are straight: `odd` and the columns of the inputs alone.
-    pub fn straight<S: System>(system: &S) -> Self {
+    pub fn straight<S: FastSystem>(system: &S) -> Self {
         let (inputs, rows) = (system.input_std().len().max(1), system.row_count());
         Fan { even: Panel::zeros(rows, padded(inputs)), evens: inputs, ..Fan::new(system) }
     }
 
     /// Spreads the points along the rows of `factor` and takes the readings of `rows`. Allocates nothing.
-    pub fn spread<S: System>(&mut self, arch: Arch, look: Look<S>, scratch: &mut S::Scratch, factor: &Panel) {
+    pub fn spread<S: FastSystem>(&mut self, arch: Arch, look: Look<S>, scratch: &mut S::Scratch, factor: &Panel) {
         let (n, pose, curved, inputs) = (self.part.dim(), self.part.pose, self.part.curved(), self.off.len());
         self.delta.fill(Lane([0.0; LANES]));
         self.off.fill(Lane([0.0; LANES]));
@@ -120,7 +120,14 @@ impl Fan {
         arch.run(Averaging { fan: self, rows: look.rows, spread: look.spread });
     }
 
-    fn read<S: System>(&mut self, arch: Arch, look: Look<S>, scratch: &mut S::Scratch, factor: &Panel, points: Batch) {
+    fn read<S: FastSystem>(
+        &mut self,
+        arch: Arch,
+        look: Look<S>,
+        scratch: &mut S::Scratch,
+        factor: &Panel,
+        points: Batch,
+    ) {
         let reach = look.spread.reach(self.part.dim());
         arch.run(Reading { fan: self, look, scratch, factor, reach, points });
     }
@@ -239,7 +246,12 @@ impl Fan {
 
     /// H of all that readings are straight in.
     #[inline(always)]
-    fn straighten<const FUSED: bool, S: System>(&mut self, look: Look<S>, scratch: &mut S::Scratch, factor: &Panel) {
+    fn straighten<const FUSED: bool, S: FastSystem>(
+        &mut self,
+        look: Look<S>,
+        scratch: &mut S::Scratch,
+        factor: &Panel,
+    ) {
         let Some(straight) = &mut self.straight else { return };
         look.system.straighten::<FUSED>(look.moment, scratch, straight);
         turn(factor, self.part.dim(), &mut self.turned);
@@ -300,7 +312,7 @@ enum Batch {
     Inputs(usize, usize),
 }
 
-struct Reading<'a, S: System> {
+struct Reading<'a, S: FastSystem> {
     fan: &'a mut Fan,
     look: Look<'a, S>,
     scratch: &'a mut S::Scratch,
@@ -309,7 +321,7 @@ struct Reading<'a, S: System> {
     points: Batch,
 }
 
-impl<S: System> Kernel for Reading<'_, S> {
+impl<S: FastSystem> Kernel for Reading<'_, S> {
     type Output = ();
 
     #[inline(always)]
@@ -349,14 +361,14 @@ impl<S: System> Kernel for Reading<'_, S> {
     }
 }
 
-struct Straightening<'a, S: System> {
+struct Straightening<'a, S: FastSystem> {
     fan: &'a mut Fan,
     look: Look<'a, S>,
     scratch: &'a mut S::Scratch,
     factor: &'a Panel,
 }
 
-impl<S: System> Kernel for Straightening<'_, S> {
+impl<S: FastSystem> Kernel for Straightening<'_, S> {
     type Output = ();
 
     #[inline(always)]
@@ -365,7 +377,7 @@ impl<S: System> Kernel for Straightening<'_, S> {
     }
 }
 
-struct Bending<'a, S: System> {
+struct Bending<'a, S: FastSystem> {
     fan: &'a mut Fan,
     look: Look<'a, S>,
     scratch: &'a mut S::Scratch,
@@ -373,7 +385,7 @@ struct Bending<'a, S: System> {
     count: usize,
 }
 
-impl<S: System> Kernel for Bending<'_, S> {
+impl<S: FastSystem> Kernel for Bending<'_, S> {
     type Output = ();
 
     #[inline(always)]
@@ -418,7 +430,7 @@ fn put<const N: usize>(out: &mut [f64], values: &[f64; N], count: usize) {
 
 /// What is looked at, and how.
 #[derive(Debug)]
-pub struct Look<'a, S: System> {
+pub struct Look<'a, S: FastSystem> {
     /// That reads.
     pub system: &'a S,
     /// Its inputs, and which readings are there.
@@ -431,10 +443,10 @@ pub struct Look<'a, S: System> {
     pub spread: Spread,
 }
 
-impl<S: System> Clone for Look<'_, S> {
+impl<S: FastSystem> Clone for Look<'_, S> {
     fn clone(&self) -> Self {
         *self
     }
 }
 
-impl<S: System> Copy for Look<'_, S> {}
+impl<S: FastSystem> Copy for Look<'_, S> {}

@@ -16,7 +16,7 @@ use crate::error::Result;
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::Verdict;
 use crate::estimate::transition::Transition;
-use crate::estimate::System;
+use crate::estimate::{FastSystem, System};
 use crate::kernels::arch::{Arch, Kernel};
 use crate::kernels::dense::{accumulate, Square};
 use crate::kernels::sparse_jacobian::Straight;

@@ -4,6 +4,7 @@
 mod support;
 
 mod least_squares;
+mod oscillator;
 mod system;
 
 use nalgebra::{DMatrix, DVector};

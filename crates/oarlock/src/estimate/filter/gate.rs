@@ -2,7 +2,7 @@
 
 use super::{Filter, Gate, Groups, Info, Manner, Sighting, Slant, SourceInfo, Verdict, ABSURD_NIS};
 use crate::estimate::belief::Belief;
-use crate::estimate::System;
+use crate::estimate::FastSystem;
 use crate::kernels::mahalanobis::{self, InnovationBlock, MAX_ROWS};
 use crate::kernels::tiles::VECTOR;
 use std::ops::Range;
@@ -18,7 +18,7 @@ fn threshold(rows: usize) -> f64 {
     THRESHOLDS[rows.clamp(1, MAX_ROWS) - 1]
 }
 
-impl<S: System> Filter<S> {
+impl<S: FastSystem> Filter<S> {
     pub(super) fn judge(&mut self, sighting: Sighting, manner: Manner, belief: &mut Belief, info: &mut Info) {
         let gate = manner.gate;
         let groups = sighting.groups;

@@ -13,7 +13,7 @@ use crate::estimate::solve::{Solver, Weighted};
 use crate::estimate::split::Split;
 use crate::estimate::star::{places, Places, Star};
 use crate::estimate::transition::{carry, Block};
-use crate::estimate::System;
+use crate::estimate::FastSystem;
 use crate::kernels::arch::Arch;
 use crate::kernels::dense::{NotPositive, Square};
 use crate::kernels::tiles::{padded, Panel, VECTOR};
@@ -38,7 +38,7 @@ struct Stage {
 }
 
 impl Stage {
-    fn new<S: System>(system: &S, groups: &Groups, split: &Split, limb: usize, rows: Vec<bool>) -> Self {
+    fn new<S: FastSystem>(system: &S, groups: &Groups, split: &Split, limb: usize, rows: Vec<bool>) -> Self {
         let own = &split.limbs[limb];
         let mut states = [&split.core[..], own].concat();
         states.sort_unstable();
@@ -84,7 +84,7 @@ pub(super) struct Limbs<C, M> {
 
 impl<C, M> Limbs<C, M> {
     /// `None` if the system does not fall apart. The stage of each source besides.
-    pub fn new<S: System<Scratch = C, Moment = M>>(system: &S, groups: &Groups) -> Option<(Self, Vec<usize>)> {
+    pub fn new<S: FastSystem<Scratch = C, Moment = M>>(system: &S, groups: &Groups) -> Option<(Self, Vec<usize>)> {
         let split = system.split();
         if split.limbs.is_empty() {
             return None;
@@ -142,7 +142,12 @@ impl<C, M> Limbs<C, M> {
     }
 
     /// Behind the update of stage `k`: moves all states, and sees what is known from there.
-    fn pass_on<S: System<Scratch = C, Moment = M>>(&mut self, k: usize, with: (&S, &mut Filter<S>), mean: &mut [f64]) {
+    fn pass_on<S: FastSystem<Scratch = C, Moment = M>>(
+        &mut self,
+        k: usize,
+        with: (&S, &mut Filter<S>),
+        mean: &mut [f64],
+    ) {
         let (system, filter) = with;
         let stage = &mut self.stages[k];
         self.shift.fill(0.0);
@@ -165,7 +170,7 @@ impl<C, M> Limbs<C, M> {
     }
 }
 
-impl<S: System> Filter<S> {
+impl<S: FastSystem> Filter<S> {
     /// Takes in the readings of one instant, limb by limb.
     pub(super) fn update_limbs(
         &mut self,

@@ -4,7 +4,7 @@
 //! ones: what curvature adds to the mean reading and to its variance is left out.
 
 use crate::estimate::sigma::{Fan, Look};
-use crate::estimate::System;
+use crate::estimate::FastSystem;
 use crate::kernels::arch::{Arch, Kernel};
 use crate::kernels::dense::accumulate;
 use crate::kernels::sparse_jacobian::{turn, Straight};
@@ -26,7 +26,7 @@ pub struct Tangent {
 
 impl Tangent {
     /// For a system of `n` states.
-    pub fn new<S: System>(system: &S) -> Self {
+    pub fn new<S: FastSystem>(system: &S) -> Self {
         let (n, inputs, rows) = (system.partition().dim(), system.input_std().len(), system.row_count());
         let straight = system.tangent();
         let size = if straight.is_some() { 0 } else { rows * (n + inputs) };
@@ -35,7 +35,7 @@ impl Tangent {
     }
 
     /// Fills the fan; `root` is the factor of the covariance. Allocates nothing.
-    pub fn spread<S: System>(
+    pub fn spread<S: FastSystem>(
         &mut self,
         arch: Arch,
         fan: &mut Fan,
@@ -82,14 +82,14 @@ impl Kernel for Turning<'_> {
     }
 }
 
-struct Columns<'a, S: System> {
+struct Columns<'a, S: FastSystem> {
     tangent: &'a mut Tangent,
     fan: &'a mut Fan,
     look: Look<'a, S>,
     scratch: &'a mut S::Scratch,
 }
 
-impl<S: System> Kernel for Columns<'_, S> {
+impl<S: FastSystem> Kernel for Columns<'_, S> {
     type Output = ();
 
     #[inline(always)]
