@@ -3,17 +3,17 @@
 pub mod belief;
 pub mod clique;
 pub mod filter;
+pub mod information;
 pub mod learn;
 pub mod sigma;
 pub mod smoother;
-pub mod solve;
 pub mod split;
 pub mod star;
 pub mod start;
 pub mod transition;
 
 use crate::kernels::lane::Lane;
-use crate::kernels::sparse_jacobian::Straight;
+use crate::kernels::sparse_jacobian::SparseJacobian;
 use split::Split;
 use transition::{Block, Transition};
 
@@ -62,7 +62,7 @@ impl Points<'_> {
 
 /// Of which states a reading is which function.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Depth {
+pub enum Dependence {
     /// Of poses alone.
     Pose,
     /// Affine in rates and in the linear block, at fixed poses.
@@ -73,7 +73,7 @@ pub enum Depth {
 
 /// In what some points may differ from the mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Vary {
+pub struct PerturbedStates {
     /// In states from this one on.
     pub from: usize,
     /// In inputs.
@@ -129,7 +129,7 @@ pub trait System {
         out.iter_mut().zip(to.iter().zip(from)).for_each(|(o, (t, f))| *o = t - f);
     }
     /// Jacobian of the change of tangent space when the mean moves by `delta`, in blocks by which a covariance is carried along.
-    fn carry(&self, _delta: &[f64], _out: &mut Vec<Block>) {}
+    fn reset_jacobian(&self, _delta: &[f64], _out: &mut Vec<Block>) {}
 }
 
 /// What a system may tell of its structure to make an update cheaper. Every default is right for any system.
@@ -144,12 +144,12 @@ pub trait FastSystem: System {
         out.clone_from(moment);
     }
     /// Which states row `row` depends on, and how.
-    fn depth(&self, _row: usize) -> Depth {
-        Depth::Full
+    fn dependence(&self, _row: usize) -> Dependence {
+        Dependence::Full
     }
     /// h(x) at the mean, in the first lane; may keep intermediate results for `readings_near` and what follows it.
     #[inline(always)]
-    fn settle<const FUSED: bool>(
+    fn readings_at_mean<const FUSED: bool>(
         &self,
         moment: &Self::Moment,
         scratch: &mut Self::Scratch,
@@ -160,42 +160,49 @@ pub trait FastSystem: System {
     }
     /// h(x) for points that differ from the mean of the last `settle` only as `vary` says.
     #[inline(always)]
-    fn readings_near<const FUSED: bool>(
+    fn readings_near_mean<const FUSED: bool>(
         &self,
         moment: &Self::Moment,
         scratch: &mut Self::Scratch,
         at: Points,
-        vary: Vary,
+        perturbed: PerturbedStates,
         out: &mut [Lane],
     ) {
-        let _ = vary;
+        let _ = perturbed;
         self.readings(moment, scratch, at, out);
     }
     /// Pattern of the Jacobian by rates and linear block, if `straighten` computes it; sigma points are spread there otherwise.
     /// Rows of [`Depth::Pose`] are no part of it.
-    fn straight(&self) -> Option<Straight> {
+    fn linear_pattern(&self) -> Option<SparseJacobian> {
         None
     }
     /// Fills in that Jacobian, at the mean of the last `settle`.
     #[inline(always)]
-    fn straighten<const FUSED: bool>(&self, _: &Self::Moment, _: &mut Self::Scratch, _: &mut Straight) {}
+    fn linear_jacobian<const FUSED: bool>(&self, _: &Self::Moment, _: &mut Self::Scratch, _: &mut SparseJacobian) {}
     /// Second-order term of a change `delta` of the rates alone, for each row of [`Depth::Full`], at the mean of the last `settle`.
     /// Needed where `straight` is given.
     #[inline(always)]
-    fn curve<const FUSED: bool>(&self, _: &Self::Moment, _: &mut Self::Scratch, _delta: &[Lane], _out: &mut [Lane]) {}
+    fn second_order<const FUSED: bool>(
+        &self,
+        _: &Self::Moment,
+        _: &mut Self::Scratch,
+        _delta: &[Lane],
+        _out: &mut [Lane],
+    ) {
+    }
     /// Pattern of the whole Jacobian, inputs behind the states, if `linearise_into` computes it.
-    fn tangent(&self) -> Option<Straight> {
+    fn jacobian_pattern(&self) -> Option<SparseJacobian> {
         None
     }
     /// As [`System::linearise`], into that pattern.
     #[inline(always)]
-    fn linearise_into<const FUSED: bool>(
+    fn linearise_sparse<const FUSED: bool>(
         &self,
         _: &Self::Moment,
         _: &mut Self::Scratch,
         _mean: &[f64],
         _center: &mut [f64],
-        _straight: &mut Straight,
+        _straight: &mut SparseJacobian,
     ) {
     }
 }

@@ -140,7 +140,7 @@ fn samples_and_beliefs_of_another_model_are_refused() {
     let mut few = good.clone();
     few.covariance = Square::zeros(n - 1);
     let mut unlearnt = good.clone();
-    unlearnt.habit.clear();
+    unlearnt.usual_nis.clear();
     for bad in [few, unlearnt] {
         assert!(matches!(chained.resume(bad), Err(Error::Data(_))));
     }

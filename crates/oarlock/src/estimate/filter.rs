@@ -4,24 +4,24 @@
 
 mod gate;
 mod limbs;
-mod tangent;
+mod linearised;
 
 use super::belief::Belief;
+use super::information::{InformationUpdate, WeightedReadings};
 use super::learn::{Correction, Learning};
-use super::sigma::{Fan, Look, Spread};
-use super::solve::{Solver, Weighted};
-use super::transition::{carry, Block, Transition};
+use super::sigma::{PredictedReadings, ReadingContext, Spread};
+use super::transition::{congruence, Block, Transition};
 use super::FastSystem;
 use crate::kernels::arch::Arch;
 use crate::kernels::dense::{NotPositive, Square};
 use crate::kernels::tiles::{factor, padded, Panel, Sweep, RAISES, VECTOR};
 use limbs::Limbs;
+use linearised::Linearised;
 use std::ops::Range;
-use tangent::Tangent;
 
 /// Which rows belong together.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Groups {
+pub struct RowGroups {
     /// Accepted or rejected together.
     pub parts: Vec<Range<usize>>,
     /// Reported together; each covers whole parts.
@@ -51,13 +51,13 @@ pub enum Verdict {
     /// Not there.
     Missing,
     /// Used.
-    Believed,
+    Accepted,
     /// Not to be believed whatever the belief.
-    Barred,
+    Excluded,
     /// Too far off in the direction of its slant.
-    Slanted,
+    WrongDirection,
     /// Too large an innovation.
-    Odd,
+    Outlier,
     /// Kept from the filter: its field has turned.
     Turned,
     /// Some or all of its rows kept from the filter: at the end of the range.
@@ -80,14 +80,14 @@ pub struct Info {
     /// In the order of the parts.
     pub parts: Vec<Verdict>,
     /// How well the readings fit, as the logarithm of a likelihood; what was rejected counts as just tolerable.
-    pub evidence: f64,
+    pub log_likelihood: f64,
     /// The belief was given up before, because its sensors contradicted it.
     pub lost: bool,
 }
 
 impl Info {
     /// Room for `groups`.
-    pub fn new(groups: &Groups, rows: usize) -> Self {
+    pub fn new(groups: &RowGroups, rows: usize) -> Self {
         let none = SourceInfo { nis: f64::NAN, used: 0, rejected: 0, missing: 0 };
         Info {
             innovation: vec![f64::NAN; rows],
@@ -95,7 +95,7 @@ impl Info {
             inertial: (f64::NAN, 0),
             sources: vec![none; groups.sources.len()],
             parts: vec![Verdict::Missing; groups.parts.len()],
-            evidence: 0.0,
+            log_likelihood: 0.0,
             lost: false,
         }
     }
@@ -103,14 +103,14 @@ impl Info {
 
 /// The belief is no longer a belief.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Lost {
+pub struct Diverged {
     /// What broke.
     pub what: String,
 }
 
 /// A direction in which a part is tested by itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Slant {
+pub struct DirectionTest {
     /// Unit vector over the part's three rows, which have the same noise.
     pub along: [f64; 3],
     /// How far off the part is in this direction.
@@ -123,19 +123,19 @@ pub struct Slant {
 
 /// What an update is told.
 #[derive(Debug, Clone, Copy)]
-pub struct Sighting<'a> {
+pub struct Measurement<'a> {
     /// Readings; NaN is missing.
     pub z: &'a [f64],
     /// Standard deviation of each row's noise.
     pub std: &'a [f64],
     /// Parts that are not to be believed whatever the innovation says.
-    pub barred: &'a [bool],
+    pub excluded: &'a [bool],
     /// Parts that pass at the bare quantile or not at all, and whose oddities are no habit.
     pub strict: &'a [bool],
     /// Of parts that are tested in one direction by itself.
-    pub slants: &'a [Option<Slant>],
+    pub direction_tests: &'a [Option<DirectionTest>],
     /// Rows that belong together.
-    pub groups: &'a Groups,
+    pub groups: &'a RowGroups,
 }
 
 /// How innovations are tested.
@@ -156,7 +156,7 @@ const ABSURD_NIS: f64 = 1e12;
 
 /// How an update is done.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Manner {
+pub struct UpdateSettings {
     /// Of the sigma points.
     pub spread: Spread,
     /// Of innovations.
@@ -170,14 +170,14 @@ pub struct Manner {
 pub struct Filter<S: FastSystem> {
     arch: Arch,
     scratch: S::Scratch,
-    fan: Fan,
+    predicted: PredictedReadings,
     /// Of a filter that linearises; without it, sigma points are spread.
-    linear: Option<Tangent>,
+    linear: Option<Linearised>,
     /// Of a factorised one, which works limb by limb; the stage of each source and the one that is on.
     limbs: Option<Box<Limbs<S::Scratch, S::Moment>>>,
     stages: Vec<usize>,
     stage: usize,
-    solver: Solver,
+    information: InformationUpdate,
     /// U with U'U = P.
     root: Panel,
     /// Starts of its columns.
@@ -200,7 +200,7 @@ pub struct Filter<S: FastSystem> {
     before: Vec<f64>,
     fresh: Vec<f64>,
     since_s: f64,
-    carried: Vec<Block>,
+    reset: Vec<Block>,
     /// Of what the last update rejected.
     rejected_nis: f64,
     rejected_rows: usize,
@@ -208,17 +208,17 @@ pub struct Filter<S: FastSystem> {
 
 impl<S: FastSystem> Filter<S> {
     /// Room for an unscented filter of `system`.
-    pub fn new(system: &S, groups: &Groups) -> Self {
-        Self::with(system, groups, Fan::new(system), None)
+    pub fn new(system: &S, groups: &RowGroups) -> Self {
+        Self::with(system, groups, PredictedReadings::new(system), None)
     }
 
     /// Room for an extended filter, which linearises the readings at the mean.
-    pub fn extended(system: &S, groups: &Groups) -> Self {
-        Self::with(system, groups, Fan::straight(system), Some(Tangent::new(system)))
+    pub fn extended(system: &S, groups: &RowGroups) -> Self {
+        Self::with(system, groups, PredictedReadings::straight(system), Some(Linearised::new(system)))
     }
 
     /// Room for a factorised filter; where the system does not fall apart it is the unscented one.
-    pub fn factorised(system: &S, groups: &Groups) -> Self {
+    pub fn factorised(system: &S, groups: &RowGroups) -> Self {
         let whole = Self::new(system, groups);
         match Limbs::new(system, groups) {
             Some((limbs, stages)) => Filter { limbs: Some(Box::new(limbs)), stages, ..whole },
@@ -226,12 +226,12 @@ impl<S: FastSystem> Filter<S> {
         }
     }
 
-    fn with(system: &S, groups: &Groups, fan: Fan, linear: Option<Tangent>) -> Self {
+    fn with(system: &S, groups: &RowGroups, predicted: PredictedReadings, linear: Option<Linearised>) -> Self {
         let (n, m) = (system.partition().dim(), system.row_count());
         let mut inertial = vec![false; m];
         groups.inertial.iter().for_each(|&r| inertial[r] = true);
         let mut order: Vec<usize> = (0..m).collect();
-        order.sort_by_key(|&r| (!inertial[r], system.depth(r)));
+        order.sort_by_key(|&r| (!inertial[r], system.dependence(r)));
         let source_of = |part: &Range<usize>| groups.sources.iter().take_while(|s| s.end <= part.start).count();
         Filter {
             arch: Arch::best(),
@@ -240,8 +240,8 @@ impl<S: FastSystem> Filter<S> {
             limbs: None,
             stages: vec![0; groups.sources.len()],
             stage: 0,
-            solver: Solver::new(m, fan.evens, n, &groups.sources),
-            fan,
+            information: InformationUpdate::new(m, predicted.e_columns, n, &groups.sources),
+            predicted,
             root: Panel::zeros(n, padded(n)),
             starts: vec![0; padded(n) / VECTOR],
             order,
@@ -258,7 +258,7 @@ impl<S: FastSystem> Filter<S> {
             before: vec![0.0; n],
             fresh: vec![0.0; n],
             since_s: 0.0,
-            carried: Vec::with_capacity(n),
+            reset: Vec::with_capacity(n),
             rejected_nis: 0.0,
             rejected_rows: 0,
         }
@@ -311,47 +311,49 @@ impl<S: FastSystem> Filter<S> {
         system: &S,
         moment: &S::Moment,
         belief: &mut Belief,
-        sighting: Sighting,
-        manner: Manner,
+        measured: Measurement,
+        settings: UpdateSettings,
         info: &mut Info,
-    ) -> Result<(), Lost> {
-        if sighting.z.iter().all(|z| z.is_nan()) {
-            self.report_missing(sighting, info);
+    ) -> Result<(), Diverged> {
+        if measured.z.iter().all(|z| z.is_nan()) {
+            self.report_missing(measured, info);
             return Ok(());
         }
         info.innovation.fill(f64::NAN);
         if let Some(mut limbs) = self.limbs.take() {
-            let done = self.update_limbs(&mut limbs, (system, moment), belief, sighting, manner, info);
+            let done = self.update_limbs(&mut limbs, (system, moment), belief, measured, settings, info);
             self.limbs = Some(limbs);
             return done;
         }
-        self.list_rows(sighting.z, |_| true);
+        self.list_rows(measured.z, |_| true);
         self.factorise(&belief.covariance)?;
         match &mut self.linear {
             None => {
-                let look = Look { system, moment, mean: &belief.mean, rows: &self.rows, spread: manner.spread };
-                self.fan.spread(self.arch, look, &mut self.scratch, &self.root);
+                let context =
+                    ReadingContext { system, moment, mean: &belief.mean, rows: &self.rows, spread: settings.spread };
+                self.predicted.spread(self.arch, context, &mut self.scratch, &self.root);
             }
-            Some(tangent) => {
-                let look = Look { system, moment, mean: &belief.mean, rows: &self.rows, spread: manner.spread };
-                tangent.spread(self.arch, &mut self.fan, look, &mut self.scratch, &self.root);
+            Some(linearised) => {
+                let context =
+                    ReadingContext { system, moment, mean: &belief.mean, rows: &self.rows, spread: settings.spread };
+                linearised.spread(self.arch, &mut self.predicted, context, &mut self.scratch, &self.root);
             }
         }
-        self.innovate(sighting, (belief.inflation, belief.roughness), info);
+        self.innovate(measured, (belief.inflation, belief.roughness), info);
         let (rows, inertial) = (&self.rows, self.inertial_rows);
-        let readings = Weighted { rows, inertial, weight: &self.weight, y: &self.y };
-        self.solver.weigh(self.arch, &self.fan, readings);
-        self.judge(sighting, manner, belief, info);
-        self.report(sighting, info);
+        let readings = WeightedReadings { rows, inertial, weight: &self.weight, y: &self.y };
+        self.information.whiten(self.arch, &self.predicted, readings);
+        self.gate_parts(measured, settings, belief, info);
+        self.report(measured, info);
         belief.covariance.diagonal(&mut self.before);
-        self.solve(sighting, info)?;
+        self.solve(measured, info)?;
         self.combine(system, belief)?;
-        self.learn_noise(belief, manner.learning, info.inertial);
-        self.learn(system, belief, manner.learning);
+        self.learn_noise(belief, settings.learning, info.inertial);
+        self.learn(system, belief, settings.learning);
         Ok(())
     }
 
-    fn factorise(&mut self, covariance: &Square) -> Result<(), Lost> {
+    fn factorise(&mut self, covariance: &Square) -> Result<(), Diverged> {
         let n = covariance.n();
         let sweep = Sweep { n, width: padded(n), starts: &self.starts };
         let mut done = Ok(());
@@ -362,7 +364,7 @@ impl<S: FastSystem> Filter<S> {
                 break;
             }
         }
-        done.map_err(|e| Lost {
+        done.map_err(|e| Diverged {
             what: format!("the covariance lost its sign (state {}, pivot {:.2e})", e.row, e.pivot),
         })
     }
@@ -392,56 +394,56 @@ impl<S: FastSystem> Filter<S> {
         }
         let ratio = nis / used as f64;
         belief.inflation = learning.inflation(belief.inflation, belief.surprise, self.since_s, ratio);
-        belief.surprise = learning.habit(belief.surprise, self.since_s, ratio);
+        belief.surprise = learning.usual_nis(belief.surprise, self.since_s, ratio);
     }
 
-    fn innovate(&mut self, sighting: Sighting, (inflation, roughness): (f64, f64), info: &mut Info) {
-        self.weight.iter_mut().zip(sighting.std).for_each(|(w, std)| *w = 1.0 / std);
+    fn innovate(&mut self, measured: Measurement, (inflation, roughness): (f64, f64), info: &mut Info) {
+        self.weight.iter_mut().zip(measured.std).for_each(|(w, std)| *w = 1.0 / std);
         if inflation > 1.0 {
             let factor = 1.0 / inflation.sqrt();
-            sighting.groups.inertial.iter().for_each(|&r| self.weight[r] *= factor);
+            measured.groups.inertial.iter().for_each(|&r| self.weight[r] *= factor);
         }
         if roughness > 1.0 {
             let factor = 1.0 / roughness.sqrt();
-            sighting.groups.rough.iter().for_each(|&r| self.weight[r] *= factor);
+            measured.groups.rough.iter().for_each(|&r| self.weight[r] *= factor);
         }
         self.used.fill(false);
         self.y.fill(0.0);
         for &r in &self.rows {
-            let v = sighting.z[r] - self.fan.center[r] - self.fan.bend[r];
+            let v = measured.z[r] - self.predicted.h0[r] - self.predicted.d[r];
             info.innovation[r] = v;
             self.y[r] = v * self.weight[r];
             self.used[r] = true;
         }
     }
 
-    fn solve(&mut self, sighting: Sighting, info: &mut Info) -> Result<(), Lost> {
-        let verdict = self.solver.solve(self.arch, &self.root).map_err(broken)?;
-        let inertial = sighting.groups.inertial.iter().filter(|&&r| self.used[r]).count();
+    fn solve(&mut self, measured: Measurement, info: &mut Info) -> Result<(), Diverged> {
+        let verdict = self.information.solve(self.arch, &self.root).map_err(broken)?;
+        let inertial = measured.groups.inertial.iter().filter(|&&r| self.used[r]).count();
         info.inertial = (if inertial == 0 { f64::NAN } else { verdict.inertial }, inertial);
         info.nis = verdict.nis;
         let rows = self.used.iter().filter(|&&used| used).count() + self.rejected_rows;
-        info.evidence = evidence(info.nis + self.rejected_nis, rows);
+        info.log_likelihood = log_likelihood(info.nis + self.rejected_nis, rows);
         Ok(())
     }
 
-    fn combine(&mut self, system: &S, belief: &mut Belief) -> Result<(), Lost> {
-        self.solver.posterior(self.arch, &mut self.shift, &mut belief.covariance);
+    fn combine(&mut self, system: &S, belief: &mut Belief) -> Result<(), Diverged> {
+        self.information.posterior(self.arch, &mut self.shift, &mut belief.covariance);
         system.shift(&mut belief.mean, &self.shift);
-        self.carried.clear();
-        system.carry(&self.shift, &mut self.carried);
-        self.carried.iter().for_each(|block| carry(self.arch, block, &mut belief.covariance));
+        self.reset.clear();
+        system.reset_jacobian(&self.shift, &mut self.reset);
+        self.reset.iter().for_each(|block| congruence(self.arch, block, &mut belief.covariance));
         let finite = belief.mean.iter().all(|x| x.is_finite());
         if finite {
             Ok(())
         } else {
-            Err(Lost { what: "the estimate is not a number".into() })
+            Err(Diverged { what: "the estimate is not a number".into() })
         }
     }
 }
 
-fn broken(e: NotPositive) -> Lost {
-    Lost { what: format!("the update broke (row {}, pivot {:.2e})", e.row, e.pivot) }
+fn broken(e: NotPositive) -> Diverged {
+    Diverged { what: format!("the update broke (row {}, pivot {:.2e})", e.row, e.pivot) }
 }
 
 /// So many samples in a row say the same: what a model gets wrong lasts.
@@ -449,7 +451,7 @@ const SAMPLES_ALIKE: f64 = 4.0;
 
 /// Of a Student distribution with as many degrees of freedom as rows, so that a jolt decides nothing. Its determinant is
 /// left out: while a body rests it would favour whatever posture predicts least motion.
-pub fn evidence(nis: f64, rows: usize) -> f64 {
+pub fn log_likelihood(nis: f64, rows: usize) -> f64 {
     let rows = rows.max(1) as f64;
     -0.5 * rows * (nis / rows).ln_1p() / SAMPLES_ALIKE
 }

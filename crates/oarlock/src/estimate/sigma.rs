@@ -5,10 +5,10 @@
 //! textbook transform (Wan and van der Merwe 2000) rearranged, equal to it while beta >= alpha^2.
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
-use super::{Depth, FastSystem, Partition, Points, Vary};
+use super::{Dependence, FastSystem, Partition, PerturbedStates, Points};
 use crate::kernels::arch::{Arch, Kernel};
 use crate::kernels::lane::{Lane, LANES};
-use crate::kernels::sparse_jacobian::{turn, Straight};
+use crate::kernels::sparse_jacobian::{turn, SparseJacobian};
 use crate::kernels::tiles::{padded, Panel, VECTOR};
 
 /// Spread of the sigma points.
@@ -35,23 +35,23 @@ const PAIRS: usize = LANES / 2;
 /// Readings around the mean, not yet divided by noise. Whoever fills `center`, `bend`, `odd` and `even` has said all that an
 /// update asks for.
 #[derive(Debug, Clone)]
-pub struct Fan {
+pub struct PredictedReadings {
     /// At the mean.
-    pub center: Vec<f64>,
+    pub h0: Vec<f64>,
     /// d: what curvature adds to the mean reading.
-    pub bend: Vec<f64>,
+    pub d: Vec<f64>,
     /// One row a reading: H with its columns reversed.
-    pub odd: Panel,
+    pub h: Panel,
     /// One row a reading: D, E of the rates and of the poses, sqrt(beta - alpha^2) d: fewest readings have a part in the first. D has
     /// a column for each noisy input, which is what the readings change by when that input is off by its standard deviation:
     /// D D' adds to R.
-    pub even: Panel,
+    pub e: Panel,
     /// Columns of `even`.
-    pub evens: usize,
+    pub e_columns: usize,
     part: Partition,
-    depth: Vec<Depth>,
+    dependence: Vec<Dependence>,
     /// Of systems that tell how they answer to rates and linear block.
-    straight: Option<Straight>,
+    straight: Option<SparseJacobian>,
     /// Row k is column k of the factor, reversed.
     turned: Panel,
     asked: Vec<bool>,
@@ -60,20 +60,20 @@ pub struct Fan {
     out: Vec<Lane>,
 }
 
-impl Fan {
+impl PredictedReadings {
     /// Room for the readings of `system`.
     pub fn new<S: FastSystem>(system: &S) -> Self {
         let (part, inputs, rows) = (system.partition(), system.input_std().len(), system.row_count());
-        let (n, evens) = (part.dim(), part.curved() + 1 + inputs);
-        Fan {
-            center: vec![0.0; rows],
-            bend: vec![0.0; rows],
-            odd: Panel::zeros(rows, padded(n)),
-            even: Panel::zeros(rows, padded(evens)),
-            evens,
+        let (n, e_columns) = (part.dim(), part.curved() + 1 + inputs);
+        PredictedReadings {
+            h0: vec![0.0; rows],
+            d: vec![0.0; rows],
+            h: Panel::zeros(rows, padded(n)),
+            e: Panel::zeros(rows, padded(e_columns)),
+            e_columns,
             part,
-            depth: (0..rows).map(|r| system.depth(r)).collect(),
-            straight: system.straight(),
+            dependence: (0..rows).map(|r| system.dependence(r)).collect(),
+            straight: system.linear_pattern(),
             turned: Panel::zeros(n, padded(n) + LANES),
             asked: vec![false; rows],
             off: vec![Lane([0.0; LANES]); inputs],
@@ -85,57 +85,63 @@ impl Fan {
     /// The same where all readings are straight: `odd` and the columns of the inputs alone.
     pub fn straight<S: FastSystem>(system: &S) -> Self {
         let (inputs, rows) = (system.input_std().len().max(1), system.row_count());
-        Fan { even: Panel::zeros(rows, padded(inputs)), evens: inputs, ..Fan::new(system) }
+        PredictedReadings { e: Panel::zeros(rows, padded(inputs)), e_columns: inputs, ..PredictedReadings::new(system) }
     }
 
     /// Spreads the points along the rows of `factor` and takes the readings of `rows`. Allocates nothing.
-    pub fn spread<S: FastSystem>(&mut self, arch: Arch, look: Look<S>, scratch: &mut S::Scratch, factor: &Panel) {
+    pub fn spread<S: FastSystem>(
+        &mut self,
+        arch: Arch,
+        context: ReadingContext<S>,
+        scratch: &mut S::Scratch,
+        factor: &Panel,
+    ) {
         let (n, pose, curved, inputs) = (self.part.dim(), self.part.pose, self.part.curved(), self.off.len());
         self.delta.fill(Lane([0.0; LANES]));
         self.off.fill(Lane([0.0; LANES]));
         self.asked.fill(false);
-        look.rows.iter().for_each(|&r| self.asked[r] = true);
-        self.read(arch, look, scratch, factor, Batch::Mean);
+        context.rows.iter().for_each(|&r| self.asked[r] = true);
+        self.read(arch, context, scratch, factor, Batch::Mean);
         let told = self.straight.is_some();
         if told {
-            arch.run(Straightening { fan: &mut *self, look, scratch: &mut *scratch, factor });
+            arch.run(Straightening { predicted: &mut *self, context, scratch: &mut *scratch, factor });
             for first in (pose..curved).step_by(LANES) {
                 let count = LANES.min(curved - first);
-                arch.run(Bending { fan: &mut *self, look, scratch: &mut *scratch, first, count });
+                arch.run(Bending { predicted: &mut *self, context, scratch: &mut *scratch, first, count });
             }
         }
         for block in [0..pose, pose..curved].into_iter().take(if told { 1 } else { 2 }) {
             // From the last, which may be a few: whatever it writes too much is written again by those before it.
             for first in block.clone().step_by(PAIRS).rev() {
                 let (count, alone) = (PAIRS.min(block.end - first), first == block.start);
-                self.read(arch, look, scratch, factor, Batch::Pairs { first, count, alone });
+                self.read(arch, context, scratch, factor, Batch::Pairs { first, count, alone });
             }
         }
         for first in (curved..n).step_by(LANES).filter(|_| !told) {
-            self.read(arch, look, scratch, factor, Batch::Singles(first, LANES.min(n - first)));
+            self.read(arch, context, scratch, factor, Batch::Singles(first, LANES.min(n - first)));
         }
         for first in (0..inputs).step_by(LANES) {
-            self.read(arch, look, scratch, factor, Batch::Inputs(first, LANES.min(inputs - first)));
+            self.read(arch, context, scratch, factor, Batch::Inputs(first, LANES.min(inputs - first)));
         }
-        arch.run(Averaging { fan: self, rows: look.rows, spread: look.spread });
+        arch.run(Averaging { predicted: self, rows: context.rows, spread: context.spread });
     }
 
     fn read<S: FastSystem>(
         &mut self,
         arch: Arch,
-        look: Look<S>,
+        context: ReadingContext<S>,
         scratch: &mut S::Scratch,
         factor: &Panel,
         points: Batch,
     ) {
-        let reach = look.spread.reach(self.part.dim());
-        arch.run(Reading { fan: self, look, scratch, factor, reach, points });
+        let reach = context.spread.reach(self.part.dim());
+        arch.run(Reading { predicted: self, context, scratch, factor, reach, points });
     }
 
     #[inline(always)]
     fn gather_mean(&mut self, rows: &[usize]) {
         for &r in rows {
-            self.center[r] = self.out[r].0[0];
+            self.h0[r] = self.out[r].0[0];
         }
     }
 
@@ -186,25 +192,25 @@ impl Fan {
     #[inline(always)]
     fn gather_pairs<const WHOLE: bool>(&mut self, first: usize, count: usize, half: f64) {
         let rates = first >= self.part.pose;
-        let (odd_at, curved) = (self.part.dim() - first - count, self.part.curved());
+        let (h_at, curved) = (self.part.dim() - first - count, self.part.curved());
         // E of the rates stands before E of the poses.
-        let even_at = self.off.len() + curved - first - count;
-        let read = self.out.iter().zip(&self.center).zip(&self.depth);
-        let kept = self.odd.rows_mut().zip(self.even.rows_mut());
-        for ((((out, h0), depth), (odd_row, even_row)), asked) in read.zip(kept).zip(&self.asked) {
-            if !asked || (rates && *depth == Depth::Pose) {
+        let e_at = self.off.len() + curved - first - count;
+        let read = self.out.iter().zip(&self.h0).zip(&self.dependence);
+        let kept = self.h.rows_mut().zip(self.e.rows_mut());
+        for ((((out, h0), dependence), (h_row, e_row)), asked) in read.zip(kept).zip(&self.asked) {
+            if !asked || (rates && *dependence == Dependence::Pose) {
                 continue;
             }
-            let (mut odd, mut even) = ([0.0; PAIRS], [0.0; PAIRS]);
+            let (mut h, mut e) = ([0.0; PAIRS], [0.0; PAIRS]);
             for j in 0..PAIRS {
                 let (plus, minus) = (out.0[j] - h0, out.0[PAIRS + j] - h0);
-                odd[j] = (plus - minus) * half;
-                even[j] = (plus + minus) * half;
+                h[j] = (plus - minus) * half;
+                e[j] = (plus + minus) * half;
             }
             let count = if WHOLE { PAIRS } else { count };
-            put(&mut odd_row[odd_at..], &odd, count);
-            if !rates || *depth != Depth::Affine {
-                put(&mut even_row[even_at..], &even, count);
+            put(&mut h_row[h_at..], &h, count);
+            if !rates || *dependence != Dependence::Affine {
+                put(&mut e_row[e_at..], &e, count);
             }
         }
     }
@@ -213,14 +219,14 @@ impl Fan {
     fn gather_singles(&mut self, rows: &[usize], first: usize, count: usize, one: f64) {
         let at = self.part.dim() - first - count;
         for &r in rows {
-            if self.depth[r] == Depth::Pose {
+            if self.dependence[r] == Dependence::Pose {
                 continue;
             }
-            let mut odd = self.out[r].0;
-            for x in &mut odd {
-                *x = (*x - self.center[r]) * one;
+            let mut h = self.out[r].0;
+            for x in &mut h {
+                *x = (*x - self.h0[r]) * one;
             }
-            put(&mut self.odd.row_mut(r)[at..], &odd, count);
+            put(&mut self.h.row_mut(r)[at..], &h, count);
         }
     }
 
@@ -235,8 +241,8 @@ impl Fan {
 
     #[inline(always)]
     fn gather_inputs(&mut self, first: usize, count: usize) {
-        let read = self.out.iter().zip(&self.center).zip(&self.asked);
-        for (((out, h0), asked), row) in read.zip(self.even.rows_mut()) {
+        let read = self.out.iter().zip(&self.h0).zip(&self.asked);
+        for (((out, h0), asked), row) in read.zip(self.e.rows_mut()) {
             if *asked {
                 let column: [f64; LANES] = std::array::from_fn(|j| out.0[j] - h0);
                 put(&mut row[first..], &column, count);
@@ -246,17 +252,17 @@ impl Fan {
 
     /// H of all that readings are straight in.
     #[inline(always)]
-    fn straighten<const FUSED: bool, S: FastSystem>(
+    fn linear_jacobian<const FUSED: bool, S: FastSystem>(
         &mut self,
-        look: Look<S>,
+        context: ReadingContext<S>,
         scratch: &mut S::Scratch,
         factor: &Panel,
     ) {
         let Some(straight) = &mut self.straight else { return };
-        look.system.straighten::<FUSED>(look.moment, scratch, straight);
+        context.system.linear_jacobian::<FUSED>(context.moment, scratch, straight);
         turn(factor, self.part.dim(), &mut self.turned);
         let count = self.part.dim() - self.part.pose;
-        straight.times::<FUSED>(&self.turned, count, &self.asked, &mut self.odd);
+        straight.times::<FUSED>(&self.turned, count, &self.asked, &mut self.h);
     }
 
     /// Lane j lies along column `first + count - 1 - j`, one standard deviation out.
@@ -272,9 +278,9 @@ impl Fan {
     #[inline(always)]
     fn gather_bends(&mut self, rows: &[usize], first: usize, count: usize, reach: f64) {
         let at = self.off.len() + self.part.curved() - first - count;
-        for &r in rows.iter().filter(|&&r| self.depth[r] == Depth::Full) {
-            let even = self.out[r].0.map(|x| x * reach);
-            put(&mut self.even.row_mut(r)[at..], &even, count);
+        for &r in rows.iter().filter(|&&r| self.dependence[r] == Dependence::Full) {
+            let e = self.out[r].0.map(|x| x * reach);
+            put(&mut self.e.row_mut(r)[at..], &e, count);
         }
     }
 
@@ -283,7 +289,7 @@ impl Fan {
         let outer = (spread.beta - spread.alpha * spread.alpha).max(0.0).sqrt();
         let (inputs, curved) = (self.off.len(), self.part.curved());
         for &r in rows {
-            let row = &mut self.even.row_mut(r)[inputs..];
+            let row = &mut self.e.row_mut(r)[inputs..];
             let (vectors, rest) = row[..curved].as_chunks::<VECTOR>();
             let mut sums = [0.0; VECTOR];
             for v in vectors {
@@ -292,8 +298,8 @@ impl Fan {
                 }
             }
             let sum = (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest.iter().sum::<f64>();
-            self.bend[r] = sum / reach;
-            row[curved] = outer * self.bend[r];
+            self.d[r] = sum / reach;
+            row[curved] = outer * self.d[r];
         }
     }
 }
@@ -313,8 +319,8 @@ enum Batch {
 }
 
 struct Reading<'a, S: FastSystem> {
-    fan: &'a mut Fan,
-    look: Look<'a, S>,
+    predicted: &'a mut PredictedReadings,
+    context: ReadingContext<'a, S>,
     scratch: &'a mut S::Scratch,
     factor: &'a Panel,
     reach: f64,
@@ -326,44 +332,44 @@ impl<S: FastSystem> Kernel for Reading<'_, S> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let (fan, look, reach) = (self.fan, self.look, self.reach);
+        let (predicted, context, reach) = (self.predicted, self.context, self.reach);
         let from = match self.points {
             Batch::Mean => {
-                let at = Points { mean: look.mean, delta: &fan.delta, off: &fan.off };
-                look.system.settle::<FUSED>(look.moment, self.scratch, at, &mut fan.out);
-                return fan.gather_mean(look.rows);
+                let at = Points { mean: context.mean, delta: &predicted.delta, off: &predicted.off };
+                context.system.readings_at_mean::<FUSED>(context.moment, self.scratch, at, &mut predicted.out);
+                return predicted.gather_mean(context.rows);
             }
             Batch::Pairs { first, count, .. } => {
-                fan.place_pairs(self.factor, first, count, reach);
+                predicted.place_pairs(self.factor, first, count, reach);
                 first
             }
             Batch::Singles(first, count) => {
-                fan.place_singles(self.factor, first, count, reach);
+                predicted.place_singles(self.factor, first, count, reach);
                 first
             }
             Batch::Inputs(first, count) => {
-                fan.place_inputs(look.system.input_std(), first, count);
-                fan.part.dim()
+                predicted.place_inputs(context.system.input_std(), first, count);
+                predicted.part.dim()
             }
         };
-        let at = Points { mean: look.mean, delta: &fan.delta, off: &fan.off };
-        let vary = Vary { from, inputs: matches!(self.points, Batch::Inputs(..)) };
-        look.system.readings_near::<FUSED>(look.moment, self.scratch, at, vary, &mut fan.out);
+        let at = Points { mean: context.mean, delta: &predicted.delta, off: &predicted.off };
+        let perturbed = PerturbedStates { from, inputs: matches!(self.points, Batch::Inputs(..)) };
+        context.system.readings_near_mean::<FUSED>(context.moment, self.scratch, at, perturbed, &mut predicted.out);
         match self.points {
             Batch::Pairs { first, count, alone: true } if count < PAIRS => {
-                fan.gather_pairs::<false>(first, count, 0.5 / reach);
+                predicted.gather_pairs::<false>(first, count, 0.5 / reach);
             }
-            Batch::Pairs { first, count, .. } => fan.gather_pairs::<true>(first, count, 0.5 / reach),
-            Batch::Singles(first, count) => fan.gather_singles(look.rows, first, count, 1.0 / reach),
-            Batch::Inputs(first, count) => fan.gather_inputs(first, count),
+            Batch::Pairs { first, count, .. } => predicted.gather_pairs::<true>(first, count, 0.5 / reach),
+            Batch::Singles(first, count) => predicted.gather_singles(context.rows, first, count, 1.0 / reach),
+            Batch::Inputs(first, count) => predicted.gather_inputs(first, count),
             Batch::Mean => {}
         }
     }
 }
 
 struct Straightening<'a, S: FastSystem> {
-    fan: &'a mut Fan,
-    look: Look<'a, S>,
+    predicted: &'a mut PredictedReadings,
+    context: ReadingContext<'a, S>,
     scratch: &'a mut S::Scratch,
     factor: &'a Panel,
 }
@@ -373,13 +379,13 @@ impl<S: FastSystem> Kernel for Straightening<'_, S> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        self.fan.straighten::<FUSED, S>(self.look, self.scratch, self.factor);
+        self.predicted.linear_jacobian::<FUSED, S>(self.context, self.scratch, self.factor);
     }
 }
 
 struct Bending<'a, S: FastSystem> {
-    fan: &'a mut Fan,
-    look: Look<'a, S>,
+    predicted: &'a mut PredictedReadings,
+    context: ReadingContext<'a, S>,
     scratch: &'a mut S::Scratch,
     first: usize,
     count: usize,
@@ -390,15 +396,15 @@ impl<S: FastSystem> Kernel for Bending<'_, S> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Bending { fan, look, scratch, first, count } = self;
-        fan.place_bends(first, count);
-        look.system.curve::<FUSED>(look.moment, scratch, &fan.delta, &mut fan.out);
-        fan.gather_bends(look.rows, first, count, look.spread.reach(fan.part.dim()));
+        let Bending { predicted, context, scratch, first, count } = self;
+        predicted.place_bends(first, count);
+        context.system.second_order::<FUSED>(context.moment, scratch, &predicted.delta, &mut predicted.out);
+        predicted.gather_bends(context.rows, first, count, context.spread.reach(predicted.part.dim()));
     }
 }
 
 struct Averaging<'a> {
-    fan: &'a mut Fan,
+    predicted: &'a mut PredictedReadings,
     rows: &'a [usize],
     spread: Spread,
 }
@@ -408,7 +414,7 @@ impl Kernel for Averaging<'_> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        self.fan.bend_mean(self.rows, self.spread.reach(self.fan.part.dim()), self.spread);
+        self.predicted.bend_mean(self.rows, self.spread.reach(self.predicted.part.dim()), self.spread);
     }
 }
 
@@ -430,7 +436,7 @@ fn put<const N: usize>(out: &mut [f64], values: &[f64; N], count: usize) {
 
 /// What is looked at, and how.
 #[derive(Debug)]
-pub struct Look<'a, S: FastSystem> {
+pub struct ReadingContext<'a, S: FastSystem> {
     /// That reads.
     pub system: &'a S,
     /// Its inputs, and which readings are there.
@@ -443,10 +449,10 @@ pub struct Look<'a, S: FastSystem> {
     pub spread: Spread,
 }
 
-impl<S: FastSystem> Clone for Look<'_, S> {
+impl<S: FastSystem> Clone for ReadingContext<'_, S> {
     fn clone(&self) -> Self {
         *self
     }
 }
 
-impl<S: FastSystem> Copy for Look<'_, S> {}
+impl<S: FastSystem> Copy for ReadingContext<'_, S> {}

@@ -15,8 +15,8 @@
 //! The bracket is what P would be if the next state were known. Both terms keep their sign, and nothing is solved backwards.
 
 use super::belief::Belief;
-use super::filter::Lost;
-use super::transition::{carry, Block, Transition, Turning};
+use super::filter::Diverged;
+use super::transition::{congruence, Block, Transition, Turning};
 use super::System;
 use crate::kernels::arch::{madd, Arch, Kernel};
 use crate::kernels::dense::{semidefinite_factor, NotPositive, Square};
@@ -42,7 +42,7 @@ pub struct Smoother {
     zeros: Vec<usize>,
     step: Vec<f64>,
     shift: Vec<f64>,
-    carried: Vec<Block>,
+    reset: Vec<Block>,
     rows: [Vec<f64>; 3],
 }
 
@@ -63,7 +63,7 @@ impl Smoother {
             zeros: vec![0; width / VECTOR],
             step: vec![0.0; n],
             shift: vec![0.0; n],
-            carried: Vec::with_capacity(n),
+            reset: Vec::with_capacity(n),
             rows: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
         }
     }
@@ -83,25 +83,25 @@ impl Smoother {
         transition: &Transition,
         predicted: &Belief,
         next: &Belief,
-    ) -> Result<(), Lost> {
+    ) -> Result<(), Diverged> {
         system.difference(&next.mean, &predicted.mean, &mut self.step);
         self.take_next(system, next)?;
         self.factorise(&filtered.covariance, transition, &predicted.covariance)?;
         self.add_squares(&mut filtered.covariance);
         system.shift(&mut filtered.mean, &self.shift);
-        self.carried.clear();
-        system.carry(&self.shift, &mut self.carried);
-        self.carried.iter().for_each(|block| carry(self.arch, block, &mut filtered.covariance));
+        self.reset.clear();
+        system.reset_jacobian(&self.shift, &mut self.reset);
+        self.reset.iter().for_each(|block| congruence(self.arch, block, &mut filtered.covariance));
         Ok(())
     }
 
     /// X with X'X = Pn, seen from the predicted mean.
-    fn take_next<S: System>(&mut self, system: &S, next: &Belief) -> Result<(), Lost> {
+    fn take_next<S: System>(&mut self, system: &S, next: &Belief) -> Result<(), Diverged> {
         self.shift.iter_mut().zip(&self.step).for_each(|(back, x)| *back = -*x);
-        self.carried.clear();
-        system.carry(&self.shift, &mut self.carried);
+        self.reset.clear();
+        system.reset_jacobian(&self.shift, &mut self.reset);
         self.next.clone_from(&next.covariance);
-        self.carried.iter().for_each(|block| carry(self.arch, block, &mut self.next));
+        self.reset.iter().for_each(|block| congruence(self.arch, block, &mut self.next));
         let sweep = Sweep { n: self.n, width: padded(self.n), starts: &self.zeros };
         self.root.copy_upper(&self.next);
         if factor(self.arch, &mut self.root, sweep).is_err() {
@@ -112,7 +112,7 @@ impl Smoother {
         Ok(())
     }
 
-    fn factorise(&mut self, filtered: &Square, transition: &Transition, predicted: &Square) -> Result<(), Lost> {
+    fn factorise(&mut self, filtered: &Square, transition: &Transition, predicted: &Square) -> Result<(), Diverged> {
         let (arch, n) = (self.arch, self.n);
         let mut done = Ok(());
         for share in RAISES {
@@ -147,8 +147,8 @@ impl Smoother {
     }
 }
 
-fn broken(e: NotPositive) -> Lost {
-    Lost { what: format!("smoothing met a covariance without sign (state {}, pivot {:.2e})", e.row, e.pivot) }
+fn broken(e: NotPositive) -> Diverged {
+    Diverged { what: format!("smoothing met a covariance without sign (state {}, pivot {:.2e})", e.row, e.pivot) }
 }
 
 /// Fills in all but the first part of the sweep.

@@ -11,7 +11,7 @@
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
 use super::split::Split;
-use super::transition::{carry, Block};
+use super::transition::{congruence, Block};
 use crate::kernels::arch::{Arch, Kernel};
 use crate::kernels::dense::{accumulate, NotPositive, Square};
 use crate::kernels::tiles::{factor, padded, Panel, Sweep, RAISES};
@@ -162,7 +162,7 @@ impl Star {
         for block in blocks {
             if let Some(places) = places(&limb.states, block) {
                 let local = Block { index: places, ..*block };
-                carry(arch, &local, &mut limb.rest);
+                congruence(arch, &local, &mut limb.rest);
                 for row in limb.slope.chunks_mut(width) {
                     let old = places.map(|i| row[i]);
                     for r in 0..block.len {

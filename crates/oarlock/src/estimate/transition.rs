@@ -4,7 +4,7 @@ mod covariance;
 
 use crate::kernels::arch::Arch;
 use crate::kernels::dense::Square;
-pub use covariance::carry;
+pub use covariance::congruence;
 use covariance::turn;
 
 /// Up to three coordinates that move together: x <- F x + offset, with added covariance Q.

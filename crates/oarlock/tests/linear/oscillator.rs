@@ -5,7 +5,7 @@ use super::support::worse;
 use super::{OPEN, SAME_SIGMA};
 use nalgebra::{Matrix2, RowVector2, Vector2};
 use oarlock::estimate::belief::Belief;
-use oarlock::estimate::filter::{Filter, Groups, Info, Sighting};
+use oarlock::estimate::filter::{Filter, Info, Measurement, RowGroups};
 use oarlock::estimate::transition::{Block, Transition};
 use oarlock::estimate::{FastSystem, Partition, Points, System};
 use oarlock::kernels::dense::Square;
@@ -71,7 +71,7 @@ fn start() -> Belief {
         mean: vec![1.0, 0.0],
         covariance: Square::from_rows(2, vec![x, 0.0, 0.0, v]).expect("square"),
         drive: Vec::new(),
-        habit: vec![1.0],
+        usual_nis: vec![1.0],
         rejected_since_s: vec![f64::NAN],
         ..super::start()
     }
@@ -84,9 +84,9 @@ fn a_system_needs_six_methods() {
     assert_is_kalmans("factorised", Filter::factorised);
 }
 
-fn assert_is_kalmans(what: &str, make: fn(&Oscillator, &Groups) -> Filter<Oscillator>) {
+fn assert_is_kalmans(what: &str, make: fn(&Oscillator, &RowGroups) -> Filter<Oscillator>) {
     let one = || std::iter::once(0..1).collect::<Vec<_>>();
-    let groups = Groups { parts: one(), sources: one(), inertial: vec![], rough: vec![] };
+    let groups = RowGroups { parts: one(), sources: one(), inertial: vec![], rough: vec![] };
     let (mut filter, mut info) = (make(&Oscillator, &groups), Info::new(&groups, 1));
     let (mut belief, mut chance, mut transition) = (start(), Chance::new(7), Transition::default());
     let (mut mean, mut covariance) = (Vector2::new(1.0, 0.0), Matrix2::from_diagonal(&START_VARIANCE.into()));
@@ -100,9 +100,15 @@ fn assert_is_kalmans(what: &str, make: fn(&Oscillator, &Groups) -> Filter<Oscill
         let f = Matrix2::new(position[0], position[1], velocity[0], velocity[1]);
         (mean, covariance) = (f * mean, f * covariance * f.transpose() + q);
         let z = [chance.normal()];
-        let sighting =
-            Sighting { z: &z, std: &[STD], barred: &[false], strict: &[false], slants: &[None], groups: &groups };
-        filter.update(&Oscillator, &(), &mut belief, sighting, OPEN, &mut info).unwrap();
+        let measured = Measurement {
+            z: &z,
+            std: &[STD],
+            excluded: &[false],
+            strict: &[false],
+            direction_tests: &[None],
+            groups: &groups,
+        };
+        filter.update(&Oscillator, &(), &mut belief, measured, OPEN, &mut info).unwrap();
         let variance = (h * covariance * h.transpose())[0] + STD * STD;
         let gain = covariance * h.transpose() / variance;
         mean += gain * (z[0] - (h * mean)[0]);

@@ -125,7 +125,7 @@ pub fn start() -> Belief {
         mean: vec![0.4, -0.3, 0.2, 1.0, 0.5],
         covariance,
         drive: vec![1.0],
-        habit: vec![1.0; 2],
+        usual_nis: vec![1.0; 2],
         inflation: 1.0,
         surprise: 1.0,
         roughness: 1.0,

@@ -1,6 +1,8 @@
 //! Which readings an update believes, and what it reports of each source.
 
-use super::{Filter, Gate, Groups, Info, Manner, Sighting, Slant, SourceInfo, Verdict, ABSURD_NIS};
+use super::{
+    DirectionTest, Filter, Gate, Info, Measurement, RowGroups, SourceInfo, UpdateSettings, Verdict, ABSURD_NIS,
+};
 use crate::estimate::belief::Belief;
 use crate::estimate::FastSystem;
 use crate::kernels::mahalanobis::{self, InnovationBlock, MAX_ROWS};
@@ -19,9 +21,15 @@ fn threshold(rows: usize) -> f64 {
 }
 
 impl<S: FastSystem> Filter<S> {
-    pub(super) fn judge(&mut self, sighting: Sighting, manner: Manner, belief: &mut Belief, info: &mut Info) {
-        let gate = manner.gate;
-        let groups = sighting.groups;
+    pub(super) fn gate_parts(
+        &mut self,
+        measured: Measurement,
+        settings: UpdateSettings,
+        belief: &mut Belief,
+        info: &mut Info,
+    ) {
+        let gate = settings.gate;
+        let groups = measured.groups;
         (self.rejected_nis, self.rejected_rows) = (0.0, 0);
         self.test_parts(groups);
         for (p, rows) in groups.parts.iter().enumerate() {
@@ -36,8 +44,9 @@ impl<S: FastSystem> Filter<S> {
             }
             let first = rows.start - groups.sources[source].start;
             let weight = self.weight[rows.start];
-            let slanted = sighting.slants[p].is_some_and(|s| self.is_slanted(source, first, weight, s));
-            let (barred, strict) = (sighting.barred[p] || slanted, sighting.strict[p]);
+            let wrong_direction =
+                measured.direction_tests[p].is_some_and(|s| self.is_wrong_direction(source, first, weight, s));
+            let (excluded, strict) = (measured.excluded[p] || wrong_direction, measured.strict[p]);
             let slack = if strict { 1.0 } else { gate.slack };
             let since = &mut belief.rejected_since_s[p];
             let patience_s = if strict { gate.strict_patience_s } else { self.patience_s(gate) };
@@ -45,27 +54,27 @@ impl<S: FastSystem> Filter<S> {
             let nis = self.tested[p];
             let absurd = nis.is_nan() || nis >= ABSURD_NIS;
             let nis = if absurd { ABSURD_NIS } else { nis };
-            let habit = &mut belief.habit[p];
-            let beyond = gate.on && nis > slack * habit.max(1.0) * threshold(count);
+            let usual_nis = &mut belief.usual_nis[p];
+            let beyond = gate.on && nis > slack * usual_nis.max(1.0) * threshold(count);
             let odd = absurd || (beyond && patient);
-            if !(barred || strict && odd) {
-                *habit = manner.learning.habit(*habit, self.since_s, nis / count as f64);
+            if !(excluded || strict && odd) {
+                *usual_nis = settings.learning.usual_nis(*usual_nis, self.since_s, nis / count as f64);
             }
-            if odd && !barred {
+            if odd && !excluded {
                 self.rejected_nis += nis.min(slack * threshold(count));
                 self.rejected_rows += count;
             }
-            if barred || odd {
+            if excluded || odd {
                 self.used[rows.clone()].fill(false);
-                rows.clone().for_each(|r| self.solver.reject(r));
+                rows.clone().for_each(|r| self.information.reject(r));
             }
-            info.parts[p] = match (sighting.barred[p], slanted, odd) {
-                (true, ..) => Verdict::Barred,
-                (_, true, _) => Verdict::Slanted,
-                (.., true) => Verdict::Odd,
-                _ => Verdict::Believed,
+            info.parts[p] = match (measured.excluded[p], wrong_direction, odd) {
+                (true, ..) => Verdict::Excluded,
+                (_, true, _) => Verdict::WrongDirection,
+                (.., true) => Verdict::Outlier,
+                _ => Verdict::Accepted,
             };
-            let doubted = if strict { (absurd || beyond) && !barred } else { odd };
+            let doubted = if strict { (absurd || beyond) && !excluded } else { odd };
             *since = match (doubted, since.is_nan()) {
                 (true, true) => belief.time_s,
                 (true, false) => *since,
@@ -75,14 +84,14 @@ impl<S: FastSystem> Filter<S> {
     }
 
     /// Whether a part whose rows of their source begin at `first` is farther off in its direction than tolerance and belief allow.
-    fn is_slanted(&self, source: usize, first: usize, weight: f64, slant: Slant) -> bool {
-        let block = self.solver.block(source);
-        let along = slant.along;
+    fn is_wrong_direction(&self, source: usize, first: usize, weight: f64, direction: DirectionTest) -> bool {
+        let block = self.information.innovation_covariance(source);
+        let along = direction.along;
         let term = |i: usize, j: usize| along[i] * along[j] * block.at(first + i.min(j), first + i.max(j));
         let all: f64 = (0..3).map(|i| (0..3).map(|j| term(i, j)).sum::<f64>()).sum();
         // The block counts the noise too, which is 1.
         let spread = (all - 1.0).max(0.0).sqrt();
-        (slant.off * weight).abs() > (slant.tolerance * weight).max(slant.sigmas * spread)
+        (direction.off * weight).abs() > (direction.tolerance * weight).max(direction.sigmas * spread)
     }
 
     /// How long a part may be rejected before it is believed; at low rates a few samples at least.
@@ -96,9 +105,9 @@ impl<S: FastSystem> Filter<S> {
         rows: impl ExactSizeIterator<Item = (usize, &'a Range<usize>)> + Clone,
         sources: &[Range<usize>],
     ) {
-        let (y, used, solver, count) = (&self.y, &self.used, &self.solver, rows.len());
+        let (y, used, information, count) = (&self.y, &self.used, &self.information, rows.len());
         let test = |(source, rows): (usize, &Range<usize>)| InnovationBlock {
-            covariance: solver.block(source),
+            covariance: information.innovation_covariance(source),
             first: rows.start - sources[source].start,
             y: &y[rows.clone()],
             used: &used[rows.clone()],
@@ -114,14 +123,14 @@ impl<S: FastSystem> Filter<S> {
         }
     }
 
-    fn test_parts(&mut self, groups: &Groups) {
+    fn test_parts(&mut self, groups: &RowGroups) {
         let sources = std::mem::take(&mut self.part_sources);
         self.test(sources.iter().copied().zip(&groups.parts), &groups.sources);
         self.part_sources = sources;
     }
 
-    pub(super) fn report(&mut self, sighting: Sighting, info: &mut Info) {
-        let sources = &sighting.groups.sources;
+    pub(super) fn report(&mut self, measured: Measurement, info: &mut Info) {
+        let sources = &measured.groups.sources;
         self.test(sources.iter().enumerate(), sources);
         for (s, rows) in sources.iter().enumerate().filter(|(s, _)| self.stages[*s] == self.stage) {
             let there = rows.clone().filter(|&r| !info.innovation[r].is_nan()).count();
@@ -132,13 +141,13 @@ impl<S: FastSystem> Filter<S> {
         }
     }
 
-    pub(super) fn report_missing(&mut self, sighting: Sighting, info: &mut Info) {
+    pub(super) fn report_missing(&mut self, measured: Measurement, info: &mut Info) {
         info.innovation.fill(f64::NAN);
         info.nis = f64::NAN;
         info.inertial = (f64::NAN, 0);
-        info.evidence = 0.0;
+        info.log_likelihood = 0.0;
         info.parts.fill(Verdict::Missing);
-        for (source, rows) in info.sources.iter_mut().zip(&sighting.groups.sources) {
+        for (source, rows) in info.sources.iter_mut().zip(&measured.groups.sources) {
             *source = SourceInfo { nis: f64::NAN, used: 0, rejected: 0, missing: rows.len() as u8 };
         }
     }

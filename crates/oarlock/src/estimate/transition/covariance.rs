@@ -6,7 +6,7 @@ use crate::kernels::dense::Square;
 use crate::kernels::registers::VECTOR;
 
 /// P <- B P B' for one block without noise, exactly symmetric.
-pub fn carry(arch: Arch, block: &Block, p: &mut Square) {
+pub fn congruence(arch: Arch, block: &Block, p: &mut Square) {
     turn(arch, std::slice::from_ref(block), p);
     p.mirror_upper();
 }

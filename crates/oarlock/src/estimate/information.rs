@@ -5,10 +5,10 @@
 //! reversed X = V'^-1 (rows of the covariance's factor reversed): x+ = x + X' b, P+ = X'X, NIS = w'w - b'b. P+ cannot lose its
 //! symmetry or its sign. Readings of inertial units stand first, so that sums over them give their joint NIS on the way.
 
-use super::sigma::Fan;
-use crate::kernels::arch::{with_hand, Arch, Kernel};
+use super::sigma::PredictedReadings;
+use crate::kernels::arch::{with_simd, Arch, Kernel};
 use crate::kernels::dense::{NotPositive, Square};
-use crate::kernels::registers::{Four, Hand};
+use crate::kernels::registers::{F64x4, Simd};
 use crate::kernels::tiles::{factor, find_starts, gram, padded, Panel, Rows, Sweep, VECTOR};
 use std::ops::Range;
 
@@ -17,7 +17,7 @@ const NOWHERE: usize = usize::MAX;
 
 /// Room for the algebra.
 #[derive(Debug, Clone)]
-pub struct Solver {
+pub struct InformationUpdate {
     states: usize,
     /// Place of each reading among those in use.
     slots: Vec<usize>,
@@ -51,12 +51,12 @@ pub struct Verdict {
     pub inertial: f64,
 }
 
-impl Solver {
+impl InformationUpdate {
     /// Room for readings, columns of E and states; `sources` are rows whose covariance is wanted.
     pub fn new(rows: usize, evens: usize, states: usize, sources: &[Range<usize>]) -> Self {
         let (m, n, wide) = (padded(rows), padded(states), padded(states + 1));
         let first = |v: usize| states.saturating_sub(VECTOR * (v + 1));
-        Solver {
+        InformationUpdate {
             states,
             slots: vec![NOWHERE; rows],
             used: 0,
@@ -89,16 +89,16 @@ impl Solver {
     }
 
     /// Takes in readings.
-    pub fn weigh(&mut self, arch: Arch, fan: &Fan, readings: Weighted) {
-        arch.run(Dividing { solver: self, fan, readings });
+    pub fn whiten(&mut self, arch: Arch, predicted: &PredictedReadings, readings: WeightedReadings) {
+        arch.run(Dividing { information: self, predicted, readings });
         let m = self.used;
-        find_starts(arch, &self.even, fan.evens, 0..padded(m), &mut self.starts);
-        let g = Rows { panel: &self.even, rows: 0..fan.evens, column: 0, starts: &self.starts };
+        find_starts(arch, &self.even, predicted.e_columns, 0..padded(m), &mut self.starts);
+        let g = Rows { panel: &self.even, rows: 0..predicted.e_columns, column: 0, starts: &self.starts };
         gram(arch, &mut self.noise, [m, padded(m)], g, true);
         for i in 0..m {
             self.noise.row_mut(i)[i] += 1.0;
         }
-        arch.run(Blocks { solver: self });
+        arch.run(Blocks { information: self });
         let y_at = self.reading_at();
         for (slot, &r) in readings.rows.iter().enumerate() {
             self.noise.row_mut(slot)[y_at] = readings.y[r];
@@ -106,35 +106,40 @@ impl Solver {
     }
 
     #[inline(always)]
-    fn divide<F: Four>(&mut self, hand: Hand<F>, fan: &Fan, Weighted { rows, inertial, weight, .. }: Weighted) {
+    fn divide<F: F64x4>(
+        &mut self,
+        simd: Simd<F>,
+        predicted: &PredictedReadings,
+        WeightedReadings { rows, inertial, weight, .. }: WeightedReadings,
+    ) {
         (self.used, self.inertial) = (rows.len(), inertial);
         self.slots.fill(NOWHERE);
         let (h_at, n_pad) = (self.states_at(), padded(self.states));
         for (slot, &r) in rows.iter().enumerate() {
             self.slots[r] = slot;
             let row = &mut self.noise.row_mut(slot)[h_at..];
-            hand.scale(fan.odd.row(r), weight[r], row);
-            self.firsts[slot] = hand.leading_zeros(&row[..n_pad]) * VECTOR;
+            simd.scale(predicted.h.row(r), weight[r], row);
+            self.firsts[slot] = simd.leading_zeros(&row[..n_pad]) * VECTOR;
         }
-        self.turn_even(hand, fan, rows, weight);
+        self.turn_even(simd, predicted, rows, weight);
     }
 
     /// E' from rows of E, four by four.
     #[inline(always)]
-    fn turn_even<F: Four>(&mut self, hand: Hand<F>, fan: &Fan, rows: &[usize], weight: &[f64]) {
+    fn turn_even<F: F64x4>(&mut self, simd: Simd<F>, predicted: &PredictedReadings, rows: &[usize], weight: &[f64]) {
         for (v, four) in rows.chunks(VECTOR).enumerate() {
             let last = four[four.len() - 1];
             let from: [usize; VECTOR] = std::array::from_fn(|k| four.get(k).copied().unwrap_or(last));
             let scale: [f64; VECTOR] = std::array::from_fn(|k| if k < four.len() { weight[from[k]] } else { 0.0 });
-            let from = from.map(|r| fan.even.row(r));
-            for i in (0..fan.evens).step_by(VECTOR) {
-                self.even.put_turned(hand, [i, v * VECTOR], from, i, scale);
+            let from = from.map(|r| predicted.e.row(r));
+            for i in (0..predicted.e_columns).step_by(VECTOR) {
+                self.even.put_turned(simd, [i, v * VECTOR], from, i, scale);
             }
         }
     }
 
     #[inline(always)]
-    fn fill_blocks<F: Four>(&mut self, hand: Hand<F>) {
+    fn fill_blocks<F: F64x4>(&mut self, simd: Simd<F>) {
         let (h_at, end) = (self.states_at(), self.states_at() + padded(self.states));
         let (noise, firsts) = (&self.noise, &self.firsts);
         for (block, rows) in self.blocks.iter_mut().zip(&self.sources) {
@@ -147,7 +152,7 @@ impl Solver {
                         |three: [usize; 3]| three.map(|slot| firsts[slot]).into_iter().fold(end - h_at, usize::min);
                     let from = h_at + first(own).max(first(other));
                     let row = |slot: usize| &noise.row(slot)[from..end];
-                    let products = hand.products(own.map(row), other.map(row));
+                    let products = simd.products(own.map(row), other.map(row));
                     for (p, a) in own.into_iter().enumerate().take(slots.len() - 3 * i) {
                         let from = if i == j { p } else { 0 };
                         let out = block.row_mut(3 * i + p)[3 * j..].iter_mut();
@@ -162,7 +167,7 @@ impl Solver {
     }
 
     /// Covariance of the innovations of source `s`, divided by the noise; of its missing rows it says nothing.
-    pub fn block(&self, s: usize) -> &Square {
+    pub fn innovation_covariance(&self, s: usize) -> &Square {
         &self.blocks[s]
     }
 
@@ -226,7 +231,7 @@ impl Solver {
 
 /// Readings that an update takes in.
 #[derive(Debug, Clone, Copy)]
-pub struct Weighted<'a> {
+pub struct WeightedReadings<'a> {
     /// Which, those of inertial units first.
     pub rows: &'a [usize],
     /// How many are of inertial units.
@@ -238,9 +243,9 @@ pub struct Weighted<'a> {
 }
 
 struct Dividing<'a> {
-    solver: &'a mut Solver,
-    fan: &'a Fan,
-    readings: Weighted<'a>,
+    information: &'a mut InformationUpdate,
+    predicted: &'a PredictedReadings,
+    readings: WeightedReadings<'a>,
 }
 
 impl Kernel for Dividing<'_> {
@@ -248,7 +253,7 @@ impl Kernel for Dividing<'_> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        with_hand!(FUSED, |hand| self.solver.divide(hand, self.fan, self.readings));
+        with_simd!(FUSED, |simd| self.information.divide(simd, self.predicted, self.readings));
     }
 }
 
@@ -265,19 +270,19 @@ impl Kernel for Filling<'_> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        with_hand!(FUSED, |hand| {
+        with_simd!(FUSED, |simd| {
             for k in 0..self.n {
                 let known = self.inner.row(k);
                 let (left, right) = self.gain.row_mut(k).split_at_mut(known.len());
-                hand.copy(known, left);
-                hand.copy(self.root.row(self.n - 1 - k), right);
+                simd.copy(known, left);
+                simd.copy(self.root.row(self.n - 1 - k), right);
             }
         });
     }
 }
 
 struct Blocks<'a> {
-    solver: &'a mut Solver,
+    information: &'a mut InformationUpdate,
 }
 
 impl Kernel for Blocks<'_> {
@@ -285,7 +290,7 @@ impl Kernel for Blocks<'_> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        with_hand!(FUSED, |hand| self.solver.fill_blocks(hand));
+        with_simd!(FUSED, |simd| self.information.fill_blocks(simd));
     }
 }
 
