@@ -179,7 +179,7 @@ pub struct Filter<S: FastSystem> {
     stage: usize,
     information: InformationUpdate,
     /// U with U'U = P.
-    root: Panel,
+    l_transposed: Panel,
     /// Starts of its columns.
     starts: Vec<usize>,
     /// All rows in the order in which they are worked off, inertial units first, and of these, how many there are.
@@ -242,7 +242,7 @@ impl<S: FastSystem> Filter<S> {
             stage: 0,
             information: InformationUpdate::new(m, predicted.e_columns, n, &groups.sources),
             predicted,
-            root: Panel::zeros(n, padded(n)),
+            l_transposed: Panel::zeros(n, padded(n)),
             starts: vec![0; padded(n) / VECTOR],
             order,
             inertial,
@@ -331,12 +331,12 @@ impl<S: FastSystem> Filter<S> {
             None => {
                 let context =
                     ReadingContext { system, moment, mean: &belief.mean, rows: &self.rows, spread: settings.spread };
-                self.predicted.spread(self.arch, context, &mut self.scratch, &self.root);
+                self.predicted.spread(self.arch, context, &mut self.scratch, &self.l_transposed);
             }
             Some(linearised) => {
                 let context =
                     ReadingContext { system, moment, mean: &belief.mean, rows: &self.rows, spread: settings.spread };
-                linearised.spread(self.arch, &mut self.predicted, context, &mut self.scratch, &self.root);
+                linearised.spread(self.arch, &mut self.predicted, context, &mut self.scratch, &self.l_transposed);
             }
         }
         self.innovate(measured, (belief.inflation, belief.roughness), info);
@@ -358,8 +358,8 @@ impl<S: FastSystem> Filter<S> {
         let sweep = Sweep { n, width: padded(n), starts: &self.starts };
         let mut done = Ok(());
         for share in RAISES {
-            self.root.copy_raised(covariance, share);
-            done = factor(self.arch, &mut self.root, sweep);
+            self.l_transposed.copy_raised(covariance, share);
+            done = factor(self.arch, &mut self.l_transposed, sweep);
             if done.is_ok() {
                 break;
             }
@@ -418,7 +418,7 @@ impl<S: FastSystem> Filter<S> {
     }
 
     fn solve(&mut self, measured: Measurement, info: &mut Info) -> Result<(), Diverged> {
-        let verdict = self.information.solve(self.arch, &self.root).map_err(broken)?;
+        let verdict = self.information.solve(self.arch, &self.l_transposed).map_err(broken)?;
         let inertial = measured.groups.inertial.iter().filter(|&&r| self.used[r]).count();
         info.inertial = (if inertial == 0 { f64::NAN } else { verdict.inertial }, inertial);
         info.nis = verdict.nis;

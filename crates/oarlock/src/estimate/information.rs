@@ -24,13 +24,13 @@ pub struct InformationUpdate {
     used: usize,
     inertial: usize,
     /// E', one row a column.
-    even: Panel,
+    e_transposed: Panel,
     /// [S | H | y].
-    noise: Panel,
+    s_h_y: Panel,
     /// [1 + W'W | W'w | rows of the factor reversed].
-    gain: Panel,
+    v_b_x: Panel,
     /// The same of inertial units alone; behind the update, X'X.
-    inner: Panel,
+    inertial_v: Panel,
     starts: Vec<usize>,
     /// Of the rows of the factor, reversed, and of the one column that stands for itself.
     reversed: Vec<usize>,
@@ -44,7 +44,7 @@ pub struct InformationUpdate {
 
 /// What the readings said.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Verdict {
+pub struct Nis {
     /// Normalised innovation squared of all rows.
     pub nis: f64,
     /// Of the inertial ones.
@@ -53,7 +53,7 @@ pub struct Verdict {
 
 impl InformationUpdate {
     /// Room for readings, columns of E and states; `sources` are rows whose covariance is wanted.
-    pub fn new(rows: usize, evens: usize, states: usize, sources: &[Range<usize>]) -> Self {
+    pub fn new(rows: usize, e_columns: usize, states: usize, sources: &[Range<usize>]) -> Self {
         let (m, n, wide) = (padded(rows), padded(states), padded(states + 1));
         let first = |v: usize| states.saturating_sub(VECTOR * (v + 1));
         InformationUpdate {
@@ -61,10 +61,10 @@ impl InformationUpdate {
             slots: vec![NOWHERE; rows],
             used: 0,
             inertial: 0,
-            even: Panel::zeros(padded(evens), m),
-            noise: Panel::zeros(rows, m + wide),
-            gain: Panel::zeros(states, wide + n),
-            inner: Panel::zeros(states, wide),
+            e_transposed: Panel::zeros(padded(e_columns), m),
+            s_h_y: Panel::zeros(rows, m + wide),
+            v_b_x: Panel::zeros(states, wide + n),
+            inertial_v: Panel::zeros(states, wide),
             starts: vec![0; (m.max(wide) + wide) / VECTOR],
             reversed: (0..n / VECTOR).map(first).collect(),
             zeros: vec![0; n / VECTOR + 1],
@@ -92,16 +92,16 @@ impl InformationUpdate {
     pub fn whiten(&mut self, arch: Arch, predicted: &PredictedReadings, readings: WeightedReadings) {
         arch.run(Dividing { information: self, predicted, readings });
         let m = self.used;
-        find_starts(arch, &self.even, predicted.e_columns, 0..padded(m), &mut self.starts);
-        let g = Rows { panel: &self.even, rows: 0..predicted.e_columns, column: 0, starts: &self.starts };
-        gram(arch, &mut self.noise, [m, padded(m)], g, true);
+        find_starts(arch, &self.e_transposed, predicted.e_columns, 0..padded(m), &mut self.starts);
+        let g = Rows { panel: &self.e_transposed, rows: 0..predicted.e_columns, column: 0, starts: &self.starts };
+        gram(arch, &mut self.s_h_y, [m, padded(m)], g, true);
         for i in 0..m {
-            self.noise.row_mut(i)[i] += 1.0;
+            self.s_h_y.row_mut(i)[i] += 1.0;
         }
         arch.run(Blocks { information: self });
         let y_at = self.reading_at();
         for (slot, &r) in readings.rows.iter().enumerate() {
-            self.noise.row_mut(slot)[y_at] = readings.y[r];
+            self.s_h_y.row_mut(slot)[y_at] = readings.y[r];
         }
     }
 
@@ -117,23 +117,23 @@ impl InformationUpdate {
         let (h_at, n_pad) = (self.states_at(), padded(self.states));
         for (slot, &r) in rows.iter().enumerate() {
             self.slots[r] = slot;
-            let row = &mut self.noise.row_mut(slot)[h_at..];
+            let row = &mut self.s_h_y.row_mut(slot)[h_at..];
             simd.scale(predicted.h.row(r), weight[r], row);
             self.firsts[slot] = simd.leading_zeros(&row[..n_pad]) * VECTOR;
         }
-        self.turn_even(simd, predicted, rows, weight);
+        self.transpose_e(simd, predicted, rows, weight);
     }
 
     /// E' from rows of E, four by four.
     #[inline(always)]
-    fn turn_even<F: F64x4>(&mut self, simd: Simd<F>, predicted: &PredictedReadings, rows: &[usize], weight: &[f64]) {
+    fn transpose_e<F: F64x4>(&mut self, simd: Simd<F>, predicted: &PredictedReadings, rows: &[usize], weight: &[f64]) {
         for (v, four) in rows.chunks(VECTOR).enumerate() {
             let last = four[four.len() - 1];
             let from: [usize; VECTOR] = std::array::from_fn(|k| four.get(k).copied().unwrap_or(last));
             let scale: [f64; VECTOR] = std::array::from_fn(|k| if k < four.len() { weight[from[k]] } else { 0.0 });
             let from = from.map(|r| predicted.e.row(r));
             for i in (0..predicted.e_columns).step_by(VECTOR) {
-                self.even.put_turned(simd, [i, v * VECTOR], from, i, scale);
+                self.e_transposed.put_turned(simd, [i, v * VECTOR], from, i, scale);
             }
         }
     }
@@ -141,7 +141,7 @@ impl InformationUpdate {
     #[inline(always)]
     fn fill_blocks<F: F64x4>(&mut self, simd: Simd<F>) {
         let (h_at, end) = (self.states_at(), self.states_at() + padded(self.states));
-        let (noise, firsts) = (&self.noise, &self.firsts);
+        let (s_h_y, firsts) = (&self.s_h_y, &self.firsts);
         for (block, rows) in self.blocks.iter_mut().zip(&self.sources) {
             let slots = &self.slots[rows.clone()];
             for (i, own) in slots.chunks(3).enumerate() {
@@ -151,14 +151,14 @@ impl InformationUpdate {
                     let first =
                         |three: [usize; 3]| three.map(|slot| firsts[slot]).into_iter().fold(end - h_at, usize::min);
                     let from = h_at + first(own).max(first(other));
-                    let row = |slot: usize| &noise.row(slot)[from..end];
+                    let row = |slot: usize| &s_h_y.row(slot)[from..end];
                     let products = simd.products(own.map(row), other.map(row));
                     for (p, a) in own.into_iter().enumerate().take(slots.len() - 3 * i) {
                         let from = if i == j { p } else { 0 };
                         let out = block.row_mut(3 * i + p)[3 * j..].iter_mut();
                         for (q, out) in out.enumerate().take(3).skip(from) {
                             let b = other[q];
-                            *out = noise.at(a.min(b), a.max(b)) + products[p][q];
+                            *out = s_h_y.at(a.min(b), a.max(b)) + products[p][q];
                         }
                     }
                 }
@@ -177,13 +177,13 @@ impl InformationUpdate {
         if slot == NOWHERE {
             return;
         }
-        (0..slot).for_each(|i| self.noise.row_mut(i)[slot] = 0.0);
-        self.noise.row_mut(slot)[slot..].fill(0.0);
-        self.noise.row_mut(slot)[slot] = 1.0;
+        (0..slot).for_each(|i| self.s_h_y.row_mut(i)[slot] = 0.0);
+        self.s_h_y.row_mut(slot)[slot..].fill(0.0);
+        self.s_h_y.row_mut(slot)[slot] = 1.0;
     }
 
     /// Factors everything; `root` is the covariance's factor, upper triangular.
-    pub fn solve(&mut self, arch: Arch, root: &Panel) -> Result<Verdict, NotPositive> {
+    pub fn solve(&mut self, arch: Arch, l_transposed: &Panel) -> Result<Nis, NotPositive> {
         let (h_at, y_at) = (self.states_at(), self.reading_at());
         let (n, m) = (self.states, self.used);
         let (n_pad, wide) = (padded(n), self.wide());
@@ -191,39 +191,39 @@ impl InformationUpdate {
         let (symmetric, right) = self.starts.split_at_mut(h_at / VECTOR);
         symmetric.fill(NOWHERE);
         // Readings whose noise knows nothing of each other's stay apart.
-        find_starts(arch, &self.noise, m, 0..padded(m), symmetric);
+        find_starts(arch, &self.s_h_y, m, 0..padded(m), symmetric);
         starts_of(&self.firsts[..m], &mut right[..wide / VECTOR]);
-        factor(arch, &mut self.noise, Sweep { n: m, width, starts: &self.starts })?;
+        factor(arch, &mut self.s_h_y, Sweep { n: m, width, starts: &self.starts })?;
         let all =
-            Rows { panel: &self.noise, rows: 0..self.inertial, column: h_at, starts: &self.starts[h_at / VECTOR..] };
-        gram(arch, &mut self.inner, [n, wide], all.clone(), true);
-        (0..n).for_each(|i| self.inner.row_mut(i)[i] += 1.0);
-        arch.run(Filling { gain: &mut self.gain, inner: &self.inner, root, n });
+            Rows { panel: &self.s_h_y, rows: 0..self.inertial, column: h_at, starts: &self.starts[h_at / VECTOR..] };
+        gram(arch, &mut self.inertial_v, [n, wide], all.clone(), true);
+        (0..n).for_each(|i| self.inertial_v.row_mut(i)[i] += 1.0);
+        arch.run(Filling { v_b_x: &mut self.v_b_x, inertial_v: &self.inertial_v, l_transposed, n });
         let mut inertial = None;
         if 0 < self.inertial && self.inertial < m {
-            factor(arch, &mut self.inner, Sweep { n, width: wide, starts: &self.zeros })?;
-            inertial = Some(squares(&self.noise, 0..self.inertial, y_at) - squares(&self.inner, 0..n, n));
+            factor(arch, &mut self.inertial_v, Sweep { n, width: wide, starts: &self.zeros })?;
+            inertial = Some(squares(&self.s_h_y, 0..self.inertial, y_at) - squares(&self.inertial_v, 0..n, n));
         }
-        gram(arch, &mut self.gain, [n, wide], Rows { rows: self.inertial..m, ..all }, false);
+        gram(arch, &mut self.v_b_x, [n, wide], Rows { rows: self.inertial..m, ..all }, false);
         self.starts[..wide / VECTOR].fill(0);
         self.starts[wide / VECTOR..][..n_pad / VECTOR].copy_from_slice(&self.reversed);
-        factor(arch, &mut self.gain, Sweep { n, width: wide + n_pad, starts: &self.starts })?;
-        let nis = squares(&self.noise, 0..m, y_at) - squares(&self.gain, 0..n, n);
-        Ok(Verdict { nis, inertial: inertial.unwrap_or(nis) })
+        factor(arch, &mut self.v_b_x, Sweep { n, width: wide + n_pad, starts: &self.starts })?;
+        let nis = squares(&self.s_h_y, 0..m, y_at) - squares(&self.v_b_x, 0..n, n);
+        Ok(Nis { nis, inertial: inertial.unwrap_or(nis) })
     }
 
     /// X' b into `shift`, X'X into `covariance`.
     pub fn posterior(&mut self, arch: Arch, shift: &mut [f64], covariance: &mut Square) {
         let (n, n_pad) = (self.states, padded(self.states));
         let at = self.wide();
-        let x = Rows { panel: &self.gain, rows: 0..n, column: at, starts: &self.reversed };
-        gram(arch, &mut self.inner, [n, n_pad], x, true);
-        self.inner.copy_to(covariance);
+        let x = Rows { panel: &self.v_b_x, rows: 0..n, column: at, starts: &self.reversed };
+        gram(arch, &mut self.inertial_v, [n, n_pad], x, true);
+        self.inertial_v.copy_to(covariance);
         shift.fill(0.0);
-        let rows = |k: usize| &self.gain.row(k)[at + n - 1 - k..at + n];
+        let rows = |k: usize| &self.v_b_x.row(k)[at + n - 1 - k..at + n];
         for k in 0..n {
             // From the last state on: each row begins one state before the one above.
-            let b = self.gain.at(k, n);
+            let b = self.v_b_x.at(k, n);
             shift[n - 1 - k..].iter_mut().zip(rows(k)).for_each(|(s, x)| *s += b * x);
         }
     }
@@ -259,9 +259,9 @@ impl Kernel for Dividing<'_> {
 
 /// What is known of inertial units goes into `gain`, and behind it the rows of the factor in reverse.
 struct Filling<'a> {
-    gain: &'a mut Panel,
-    inner: &'a Panel,
-    root: &'a Panel,
+    v_b_x: &'a mut Panel,
+    inertial_v: &'a Panel,
+    l_transposed: &'a Panel,
     n: usize,
 }
 
@@ -272,10 +272,10 @@ impl Kernel for Filling<'_> {
     fn run<const FUSED: bool>(self) {
         with_simd!(FUSED, |simd| {
             for k in 0..self.n {
-                let known = self.inner.row(k);
-                let (left, right) = self.gain.row_mut(k).split_at_mut(known.len());
+                let known = self.inertial_v.row(k);
+                let (left, right) = self.v_b_x.row_mut(k).split_at_mut(known.len());
                 simd.copy(known, left);
-                simd.copy(self.root.row(self.n - 1 - k), right);
+                simd.copy(self.l_transposed.row(self.n - 1 - k), right);
             }
         });
     }

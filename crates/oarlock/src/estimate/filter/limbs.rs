@@ -30,7 +30,7 @@ struct Stage {
     limb_at: Vec<usize>,
     predicted: PredictedReadings,
     information: InformationUpdate,
-    root: Panel,
+    l_transposed: Panel,
     starts: Vec<usize>,
     covariance: Square,
     mean: Vec<f64>,
@@ -53,7 +53,7 @@ impl Stage {
             limb_at,
             information: InformationUpdate::new(system.row_count(), predicted.e_columns, n, &groups.sources),
             predicted,
-            root: Panel::zeros(n, padded(n)),
+            l_transposed: Panel::zeros(n, padded(n)),
             starts: vec![0; padded(n) / VECTOR],
             covariance: Square::zeros(n),
             mean: vec![0.0; n],
@@ -222,7 +222,7 @@ impl<S: FastSystem> Filter<S> {
     fn exchange(&mut self, stage: &mut Stage) {
         swap(&mut self.predicted, &mut stage.predicted);
         swap(&mut self.information, &mut stage.information);
-        swap(&mut self.root, &mut stage.root);
+        swap(&mut self.l_transposed, &mut stage.l_transposed);
         swap(&mut self.starts, &mut stage.starts);
     }
 
@@ -260,7 +260,7 @@ impl<S: FastSystem> Filter<S> {
             rows: &self.rows,
             spread: settings.spread,
         };
-        self.predicted.spread(self.arch, context, room, &self.root);
+        self.predicted.spread(self.arch, context, room, &self.l_transposed);
         self.innovate(measured, (belief.inflation, belief.roughness), info);
         let readings =
             WeightedReadings { rows: &self.rows, inertial: self.inertial_rows, weight: &self.weight, y: &self.y };

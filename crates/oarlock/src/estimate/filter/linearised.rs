@@ -41,9 +41,9 @@ impl Linearised {
         predicted: &mut PredictedReadings,
         context: ReadingContext<S>,
         scratch: &mut S::Scratch,
-        root: &Panel,
+        l_transposed: &Panel,
     ) {
-        arch.run(Turning { root, n: self.n, turned: &mut self.factor });
+        arch.run(Turning { l_transposed, n: self.n, turned: &mut self.factor });
         if self.straight.is_none() {
             context.system.linearise(context.moment, scratch, context.mean, &mut predicted.h0, &mut self.jacobian);
         }
@@ -68,7 +68,7 @@ impl Linearised {
 }
 
 struct Turning<'a> {
-    root: &'a Panel,
+    l_transposed: &'a Panel,
     n: usize,
     turned: &'a mut Panel,
 }
@@ -78,7 +78,7 @@ impl Kernel for Turning<'_> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        turn(self.root, self.n, self.turned);
+        turn(self.l_transposed, self.n, self.turned);
     }
 }
 
