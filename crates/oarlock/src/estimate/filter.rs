@@ -1,10 +1,13 @@
-//! One filter: predict exactly, update with every reading of a sample at once. Allocates nothing after it is made.
+//! The filter: prediction, update and learning of noise, for the tracker. Allocates nothing after it is made.
 //!
-//! The update is the unscented one (estimate/sigma.rs) in information form (estimate/solve.rs).
+//! Equation numbers are those of ARCHITECTURE.md, "The estimator on one page". U1 to U4 are computed in `estimate::sigma` (U9 in
+//! `linearised`), U5 to U8 in `estimate::information`, the gate in `gate`, the factorised update in `limbs`.
 
 mod gate;
 mod limbs;
 mod linearised;
+mod measurement;
+mod report;
 
 use super::belief::Belief;
 use super::information::{InformationUpdate, WeightedReadings};
@@ -17,153 +20,9 @@ use crate::kernels::dense::{NotPositive, Square};
 use crate::kernels::tiles::{factor, padded, Panel, Sweep, RAISES, VECTOR};
 use limbs::Limbs;
 use linearised::Linearised;
+pub use measurement::{DirectionTest, Gate, Measurement, RowGroups, UpdateSettings};
+pub use report::{Diverged, Info, SourceInfo, Verdict};
 use std::ops::Range;
-
-/// Which rows belong together.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct RowGroups {
-    /// Accepted or rejected together.
-    pub parts: Vec<Range<usize>>,
-    /// Reported together; each covers whole parts.
-    pub sources: Vec<Range<usize>>,
-    /// All rows of inertial units, whose joint consistency is reported.
-    pub inertial: Vec<usize>,
-    /// Those of them whose noise is learnt by itself, beside that of all.
-    pub rough: Vec<usize>,
-}
-
-/// What an update did with one source.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SourceInfo {
-    /// Normalised innovation squared over the used rows; NaN if none was used.
-    pub nis: f64,
-    /// Rows used.
-    pub used: u8,
-    /// Rows there but not believed.
-    pub rejected: u8,
-    /// Rows not there.
-    pub missing: u8,
-}
-
-/// What became of a part of the measurement.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
-    /// Not there.
-    Missing,
-    /// Used.
-    Accepted,
-    /// Not to be believed whatever the belief.
-    Excluded,
-    /// Too far off in the direction of its slant.
-    WrongDirection,
-    /// Too large an innovation.
-    Outlier,
-    /// Kept from the filter: its field has turned.
-    Turned,
-    /// Some or all of its rows kept from the filter: at the end of the range.
-    Clipped,
-    /// Kept from the filter: it repeats itself.
-    Stuck,
-}
-
-/// The report of one update.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Info {
-    /// Reading minus predicted reading, NaN where missing.
-    pub innovation: Vec<f64>,
-    /// Of all used rows together.
-    pub nis: f64,
-    /// Of all used rows of inertial units together, and how many there were.
-    pub inertial: (f64, usize),
-    /// In the order of the sources.
-    pub sources: Vec<SourceInfo>,
-    /// In the order of the parts.
-    pub parts: Vec<Verdict>,
-    /// How well the readings fit, as the logarithm of a likelihood; what was rejected counts as just tolerable.
-    pub log_likelihood: f64,
-    /// The belief was given up before, because its sensors contradicted it.
-    pub lost: bool,
-}
-
-impl Info {
-    /// Room for `groups`.
-    pub fn new(groups: &RowGroups, rows: usize) -> Self {
-        let none = SourceInfo { nis: f64::NAN, used: 0, rejected: 0, missing: 0 };
-        Info {
-            innovation: vec![f64::NAN; rows],
-            nis: f64::NAN,
-            inertial: (f64::NAN, 0),
-            sources: vec![none; groups.sources.len()],
-            parts: vec![Verdict::Missing; groups.parts.len()],
-            log_likelihood: 0.0,
-            lost: false,
-        }
-    }
-}
-
-/// The belief is no longer a belief.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Diverged {
-    /// What broke.
-    pub what: String,
-}
-
-/// A direction in which a part is tested by itself.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DirectionTest {
-    /// Unit vector over the part's three rows, which have the same noise.
-    pub along: [f64; 3],
-    /// How far off the part is in this direction.
-    pub off: f64,
-    /// How far it may be off.
-    pub tolerance: f64,
-    /// ... or so many standard deviations of the belief, where these are more.
-    pub sigmas: f64,
-}
-
-/// What an update is told.
-#[derive(Debug, Clone, Copy)]
-pub struct Measurement<'a> {
-    /// Readings; NaN is missing.
-    pub z: &'a [f64],
-    /// Standard deviation of each row's noise.
-    pub std: &'a [f64],
-    /// Parts that are not to be believed whatever the innovation says.
-    pub excluded: &'a [bool],
-    /// Parts that pass at the bare quantile or not at all, and whose oddities are no habit.
-    pub strict: &'a [bool],
-    /// Of parts that are tested in one direction by itself.
-    pub direction_tests: &'a [Option<DirectionTest>],
-    /// Rows that belong together.
-    pub groups: &'a RowGroups,
-}
-
-/// How innovations are tested.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Gate {
-    /// Test at all.
-    pub on: bool,
-    /// A part is odd when its normalised innovation squared exceeds the 1e-6 quantile this many times.
-    pub slack: f64,
-    /// A part rejected for longer than this is believed again, s: the belief may be wrong, not the sensor.
-    pub patience_s: f64,
-    /// The same of a strict part, which is believed from then on until it fits.
-    pub strict_patience_s: f64,
-}
-
-/// No belief is so wrong that a reading may be a million standard deviations off: that is no reading.
-const ABSURD_NIS: f64 = 1e12;
-
-/// How an update is done.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct UpdateSettings {
-    /// Of the sigma points.
-    pub spread: Spread,
-    /// Of innovations.
-    pub gate: Gate,
-    /// Of driving noise.
-    pub learning: Learning,
-}
 
 /// Workspace of a filter.
 #[derive(Debug, Clone)]
@@ -171,53 +30,61 @@ pub struct Filter<S: FastSystem> {
     arch: Arch,
     scratch: S::Scratch,
     predicted: PredictedReadings,
-    /// Of a filter that linearises; without it, sigma points are spread.
+    /// Of an extended filter; without it, sigma points are used.
     linear: Option<Linearised>,
-    /// Of a factorised one, which works limb by limb; the stage of each source and the one that is on.
+    /// Of a factorised filter, which updates limb by limb; the stage of each source and the current one.
     limbs: Option<Box<Limbs<S::Scratch, S::Moment>>>,
     stages: Vec<usize>,
     stage: usize,
     information: InformationUpdate,
-    /// U with U'U = P.
+    /// L' of U1, upper triangular.
     l_transposed: Panel,
-    /// Starts of its columns.
+    /// First row of each of its vectors of columns that is not zero.
     starts: Vec<usize>,
-    /// All rows in the order in which they are worked off, inertial units first, and of these, how many there are.
+    /// All rows in the order of the update: inertial units first.
     order: Vec<usize>,
+    /// Per row: whether it belongs to an inertial unit.
     inertial: Vec<bool>,
-    /// Those of them that are there.
+    /// Rows present in this update, and how many of them belong to inertial units; they come first.
     rows: Vec<usize>,
     inertial_rows: usize,
+    /// Innovations divided by their noise.
     y: Vec<f64>,
     used: Vec<bool>,
-    /// Source of each part; what the last tests said, of each part or source.
+    /// Source of each part.
     part_sources: Vec<usize>,
+    /// NIS of each part or source in the last tests.
     tested: Vec<f64>,
+    /// Per row: one over the standard deviation of its noise.
     weight: Vec<f64>,
+    /// x+ - x.
     shift: Vec<f64>,
     variance: Vec<f64>,
-    /// Variance of each state before the update, and what the last prediction added to it.
+    /// Variance of each state before the update.
     before: Vec<f64>,
+    /// Variance that process noise has added since the last update.
     fresh: Vec<f64>,
+    /// Time since the last update, s.
     since_s: f64,
+    /// Jr(delta) of P3.
     reset: Vec<Block>,
-    /// Of what the last update rejected.
+    /// NIS and number of the rows that the last update rejected.
     rejected_nis: f64,
     rejected_rows: usize,
 }
 
 impl<S: FastSystem> Filter<S> {
-    /// Room for an unscented filter of `system`.
+    /// Workspace of an unscented filter of `system`.
     pub fn new(system: &S, groups: &RowGroups) -> Self {
         Self::with(system, groups, PredictedReadings::new(system), None)
     }
 
-    /// Room for an extended filter, which linearises the readings at the mean.
+    /// Workspace of an extended filter, which linearises the readings at the mean.
     pub fn extended(system: &S, groups: &RowGroups) -> Self {
-        Self::with(system, groups, PredictedReadings::straight(system), Some(Linearised::new(system)))
+        Self::with(system, groups, PredictedReadings::linear(system), Some(Linearised::new(system)))
     }
 
-    /// Room for a factorised filter; where the system does not fall apart it is the unscented one.
+    /// Workspace of a factorised filter; it is the unscented one if the system has no limbs.
     pub fn factorised(system: &S, groups: &RowGroups) -> Self {
         let whole = Self::new(system, groups);
         match Limbs::new(system, groups) {
@@ -264,18 +131,18 @@ impl<S: FastSystem> Filter<S> {
         }
     }
 
-    /// Uses these instructions instead of the best ones; to compare.
+    /// Sets the instruction set, for comparisons.
     #[doc(hidden)]
     pub fn use_arch(&mut self, arch: Arch) {
         self.arch = arch;
     }
 
-    /// Whether all readings of an update are taken at once, so that innovations and shift belong together.
+    /// Whether all readings are used in one update, so that innovations and shift belong together; false for the factorised filter.
     pub fn is_whole(&self) -> bool {
         self.limbs.is_none()
     }
 
-    /// By how much the last update moved the mean.
+    /// x+ - x of the last update.
     pub fn shift(&self) -> &[f64] {
         &self.shift
     }
@@ -285,13 +152,13 @@ impl<S: FastSystem> Filter<S> {
         self.since_s
     }
 
-    /// Forgets what earlier predictions added: a new sample is awaited.
+    /// Starts a new sample: forgets the process noise of earlier predictions.
     pub fn await_sample(&mut self) {
         self.fresh.fill(0.0);
         self.since_s = 0.0;
     }
 
-    /// Moves the belief on to `to_s`; `transition` tells how it moved.
+    /// Predicts the belief at `to_s` (P1, P2); `transition` is the motion that was used.
     pub fn predict(&mut self, system: &S, belief: &mut Belief, to_s: f64, transition: &mut Transition) {
         belief.covariance.diagonal(&mut self.variance);
         let dt = to_s - belief.time_s;
@@ -305,7 +172,7 @@ impl<S: FastSystem> Filter<S> {
         self.since_s += dt;
     }
 
-    /// Takes in the readings of one instant.
+    /// Updates the belief with the readings of one instant.
     pub fn update(
         &mut self,
         system: &S,
@@ -326,33 +193,33 @@ impl<S: FastSystem> Filter<S> {
             return done;
         }
         self.list_rows(measured.z, |_| true);
-        self.factorise(&belief.covariance)?;
-        match &mut self.linear {
-            None => {
-                let context =
-                    ReadingContext { system, moment, mean: &belief.mean, rows: &self.rows, spread: settings.spread };
-                self.predicted.spread(self.arch, context, &mut self.scratch, &self.l_transposed);
-            }
-            Some(linearised) => {
-                let context =
-                    ReadingContext { system, moment, mean: &belief.mean, rows: &self.rows, spread: settings.spread };
-                linearised.spread(self.arch, &mut self.predicted, context, &mut self.scratch, &self.l_transposed);
-            }
-        }
-        self.innovate(measured, (belief.inflation, belief.roughness), info);
+        self.factorise(&belief.covariance)?; // U1: L'
+        self.predict_readings(system, moment, &belief.mean, settings.spread); // U1, U2: h0, H, E, d
+        self.innovate(measured, (belief.inflation, belief.roughness), info); // U3: y
         let (rows, inertial) = (&self.rows, self.inertial_rows);
         let readings = WeightedReadings { rows, inertial, weight: &self.weight, y: &self.y };
-        self.information.whiten(self.arch, &self.predicted, readings);
+        self.information.whiten(self.arch, &self.predicted, readings); // U5: S
         self.gate_parts(measured, settings, belief, info);
         self.report(measured, info);
         belief.covariance.diagonal(&mut self.before);
-        self.solve(measured, info)?;
-        self.combine(system, belief)?;
+        self.solve(measured, info)?; // U6, U7: W, w, V, b, X
+        self.combine(system, belief)?; // U8, P3: x+, P+
         self.learn_noise(belief, settings.learning, info.inertial);
         self.learn(system, belief, settings.learning);
         Ok(())
     }
 
+    /// h0, H, E and d: from sigma points (U1, U2), or linearised (U9).
+    fn predict_readings(&mut self, system: &S, moment: &S::Moment, mean: &[f64], spread: Spread) {
+        let context = ReadingContext { system, moment, mean, rows: &self.rows, spread };
+        let (arch, scratch, l_transposed) = (self.arch, &mut self.scratch, &self.l_transposed);
+        match &mut self.linear {
+            None => self.predicted.from_sigma_points(arch, context, scratch, l_transposed),
+            Some(linearised) => linearised.fill(arch, &mut self.predicted, context, scratch, l_transposed),
+        }
+    }
+
+    /// L' of U1. Where rounding took the sign of a pivot, the diagonal is raised by a relative 1e-12.
     fn factorise(&mut self, covariance: &Square) -> Result<(), Diverged> {
         let n = covariance.n();
         let sweep = Sweep { n, width: padded(n), starts: &self.starts };
@@ -369,13 +236,14 @@ impl<S: FastSystem> Filter<S> {
         })
     }
 
-    /// Rows that are there and asked for.
+    /// Lists the rows that are present and belong to the stage.
     fn list_rows(&mut self, z: &[f64], asked: impl Fn(usize) -> bool) {
         self.rows.clear();
         self.rows.extend(self.order.iter().copied().filter(|&r| !z[r].is_nan() && asked(r)));
         self.inertial_rows = self.rows.iter().take_while(|&&r| self.inertial[r]).count();
     }
 
+    /// Factors on the process noise, from corrections.
     fn learn(&mut self, system: &S, belief: &mut Belief, learning: Learning) {
         if self.since_s == 0.0 {
             return;
@@ -387,7 +255,7 @@ impl<S: FastSystem> Filter<S> {
         }
     }
 
-    /// From the innovations of all inertial units together: what units say of each other shows in no single one.
+    /// From the joint innovation of all inertial units: contradictions between units show in no single one.
     fn learn_noise(&self, belief: &mut Belief, learning: Learning, (nis, used): (f64, usize)) {
         if used == 0 || !nis.is_finite() {
             return;
@@ -397,6 +265,7 @@ impl<S: FastSystem> Filter<S> {
         belief.surprise = learning.usual_nis(belief.surprise, self.since_s, ratio);
     }
 
+    /// U3, divided by the noise.
     fn innovate(&mut self, measured: Measurement, (inflation, roughness): (f64, f64), info: &mut Info) {
         self.weight.iter_mut().zip(measured.std).for_each(|(w, std)| *w = 1.0 / std);
         if inflation > 1.0 {
@@ -417,6 +286,7 @@ impl<S: FastSystem> Filter<S> {
         }
     }
 
+    /// U6 and U7, and what they say of the readings.
     fn solve(&mut self, measured: Measurement, info: &mut Info) -> Result<(), Diverged> {
         let verdict = self.information.solve(self.arch, &self.l_transposed).map_err(broken)?;
         let inertial = measured.groups.inertial.iter().filter(|&&r| self.used[r]).count();
@@ -427,6 +297,7 @@ impl<S: FastSystem> Filter<S> {
         Ok(())
     }
 
+    /// U8 and P3.
     fn combine(&mut self, system: &S, belief: &mut Belief) -> Result<(), Diverged> {
         self.information.posterior(self.arch, &mut self.shift, &mut belief.covariance);
         system.shift(&mut belief.mean, &self.shift);
@@ -446,10 +317,10 @@ fn broken(e: NotPositive) -> Diverged {
     Diverged { what: format!("the update broke (row {}, pivot {:.2e})", e.row, e.pivot) }
 }
 
-/// So many samples in a row say the same: what a model gets wrong lasts.
+/// Model errors last for several samples, so a sample counts as this share of an independent one.
 const SAMPLES_ALIKE: f64 = 4.0;
 
-/// Of a Student distribution with as many degrees of freedom as rows, so that a jolt decides nothing. Its determinant is
+/// Log-likelihood of a hypothesis: Student's, with as many degrees of freedom as rows, so that one jolt does not decide. The determinant is
 /// left out: while a body rests it would favour whatever posture predicts least motion.
 pub fn log_likelihood(nis: f64, rows: usize) -> f64 {
     let rows = rows.max(1) as f64;

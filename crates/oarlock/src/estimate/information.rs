@@ -1,9 +1,7 @@
-//! The algebra of an update: from a fan and innovations to the new covariance, in information form.
+//! Update in information form, for the filter: from predicted readings and innovations to correction, covariance and NIS.
 //!
-//! With everything divided by the noise, S = 1 + EE' (E holds whatever adds to R) is factored in the space of readings, S = U'U,
-//! together with H and y: W = U'^-1 H, w = U'^-1 y. Then 1 + W'W = V'V in the space of states, b = V'^-1 W'w, and with H's columns
-//! reversed X = V'^-1 (rows of the covariance's factor reversed): x+ = x + X' b, P+ = X'X, NIS = w'w - b'b. P+ cannot lose its
-//! symmetry or its sign. Readings of inertial units stand first, so that sums over them give their joint NIS on the way.
+//! Equations U5 to U8 of ARCHITECTURE.md. P+ = X'X cannot lose its symmetry or its sign. Readings of inertial units stand first, so that
+//! partial sums give their joint NIS.
 
 use super::sigma::PredictedReadings;
 use crate::kernels::arch::{with_simd, Arch, Kernel};
@@ -12,47 +10,47 @@ use crate::kernels::registers::{F64x4, Simd};
 use crate::kernels::tiles::{factor, find_starts, gram, padded, Panel, Rows, Sweep, VECTOR};
 use std::ops::Range;
 
-/// Not among the rows in use.
+/// Slot of a row that is not in use.
 const NOWHERE: usize = usize::MAX;
 
-/// Room for the algebra.
+/// Workspace of the update.
 #[derive(Debug, Clone)]
 pub struct InformationUpdate {
     states: usize,
-    /// Place of each reading among those in use.
+    /// Position of each reading among those in use.
     slots: Vec<usize>,
     used: usize,
     inertial: usize,
-    /// E', one row a column.
+    /// E', a row for each column of E.
     e_transposed: Panel,
-    /// [S | H | y].
+    /// [S | H | y] of U5; behind U6, [U | W | w].
     s_h_y: Panel,
-    /// [1 + W'W | W'w | rows of the factor reversed].
+    /// [1 + W'W | W'w | rows of L' reversed]; behind U7, [V | b | X].
     v_b_x: Panel,
-    /// The same of inertial units alone; behind the update, X'X.
+    /// [1 + W'W | W'w] of inertial units alone; behind U8, P+.
     inertial_v: Panel,
     starts: Vec<usize>,
-    /// Of the rows of the factor, reversed, and of the one column that stands for itself.
+    /// Per vector of columns of X: the first row that is not zero.
     reversed: Vec<usize>,
     zeros: Vec<usize>,
-    /// Column of H that is the first of each slot to hold something, rounded down to a vector.
+    /// Per slot: first column of H that is not zero, rounded down to a vector.
     firsts: Vec<usize>,
-    /// Per source, the covariance of its innovations over that of its noise.
+    /// Per source: covariance S + H H' of its innovations, divided by the noise.
     blocks: Vec<Square>,
     sources: Vec<Range<usize>>,
 }
 
-/// What the readings said.
+/// Normalised innovation squared of the used rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Nis {
-    /// Normalised innovation squared of all rows.
+    /// Of all rows.
     pub nis: f64,
-    /// Of the inertial ones.
+    /// Of the rows of inertial units.
     pub inertial: f64,
 }
 
 impl InformationUpdate {
-    /// Room for readings, columns of E and states; `sources` are rows whose covariance is wanted.
+    /// For so many rows, columns of E and states; `sources` are the rows whose innovation covariance is wanted.
     pub fn new(rows: usize, e_columns: usize, states: usize, sources: &[Range<usize>]) -> Self {
         let (m, n, wide) = (padded(rows), padded(states), padded(states + 1));
         let first = |v: usize| states.saturating_sub(VECTOR * (v + 1));
@@ -88,7 +86,7 @@ impl InformationUpdate {
         padded(self.states + 1)
     }
 
-    /// Takes in readings.
+    /// U5: S, H and y, divided by the noise, and the innovation covariance of each source.
     pub fn whiten(&mut self, arch: Arch, predicted: &PredictedReadings, readings: WeightedReadings) {
         arch.run(Dividing { information: self, predicted, readings });
         let m = self.used;
@@ -166,12 +164,12 @@ impl InformationUpdate {
         }
     }
 
-    /// Covariance of the innovations of source `s`, divided by the noise; of its missing rows it says nothing.
+    /// Innovation covariance of source `s`, divided by the noise; entries of missing rows are undefined.
     pub fn innovation_covariance(&self, s: usize) -> &Square {
         &self.blocks[s]
     }
 
-    /// A reading that is not to be believed: it then says nothing.
+    /// Takes a row out of the update: it becomes a row of the unit matrix with H = 0 and y = 0.
     pub fn reject(&mut self, row: usize) {
         let slot = self.slots[row];
         if slot == NOWHERE {
@@ -182,7 +180,7 @@ impl InformationUpdate {
         self.s_h_y.row_mut(slot)[slot] = 1.0;
     }
 
-    /// Factors everything; `root` is the covariance's factor, upper triangular.
+    /// U6 and U7.
     pub fn solve(&mut self, arch: Arch, l_transposed: &Panel) -> Result<Nis, NotPositive> {
         let (h_at, y_at) = (self.states_at(), self.reading_at());
         let (n, m) = (self.states, self.used);
@@ -190,7 +188,7 @@ impl InformationUpdate {
         let width = h_at + wide;
         let (symmetric, right) = self.starts.split_at_mut(h_at / VECTOR);
         symmetric.fill(NOWHERE);
-        // Readings whose noise knows nothing of each other's stay apart.
+        // S is sparse: rows without common second-order terms do not meet.
         find_starts(arch, &self.s_h_y, m, 0..padded(m), symmetric);
         starts_of(&self.firsts[..m], &mut right[..wide / VECTOR]);
         factor(arch, &mut self.s_h_y, Sweep { n: m, width, starts: &self.starts })?;
@@ -212,7 +210,7 @@ impl InformationUpdate {
         Ok(Nis { nis, inertial: inertial.unwrap_or(nis) })
     }
 
-    /// X' b into `shift`, X'X into `covariance`.
+    /// U8: X'b into `shift`, X'X into `covariance`.
     pub fn posterior(&mut self, arch: Arch, shift: &mut [f64], covariance: &mut Square) {
         let (n, n_pad) = (self.states, padded(self.states));
         let at = self.wide();
@@ -222,23 +220,23 @@ impl InformationUpdate {
         shift.fill(0.0);
         let rows = |k: usize| &self.v_b_x.row(k)[at + n - 1 - k..at + n];
         for k in 0..n {
-            // From the last state on: each row begins one state before the one above.
+            // X is triangular with its columns in state order: row k begins at state n - 1 - k.
             let b = self.v_b_x.at(k, n);
             shift[n - 1 - k..].iter_mut().zip(rows(k)).for_each(|(s, x)| *s += b * x);
         }
     }
 }
 
-/// Readings that an update takes in.
+/// Readings of an update.
 #[derive(Debug, Clone, Copy)]
 pub struct WeightedReadings<'a> {
-    /// Which, those of inertial units first.
+    /// Rows in use, those of inertial units first.
     pub rows: &'a [usize],
-    /// How many are of inertial units.
+    /// How many of them belong to inertial units.
     pub inertial: usize,
-    /// One over each reading's noise.
+    /// Per row: one over the standard deviation of its noise.
     pub weight: &'a [f64],
-    /// Innovations times that.
+    /// Per row: innovation times weight.
     pub y: &'a [f64],
 }
 
@@ -257,7 +255,7 @@ impl Kernel for Dividing<'_> {
     }
 }
 
-/// What is known of inertial units goes into `gain`, and behind it the rows of the factor in reverse.
+/// [1 + W'W | W'w] of inertial units into `v_b_x`, and the rows of L' in reverse behind it.
 struct Filling<'a> {
     v_b_x: &'a mut Panel,
     inertial_v: &'a Panel,
@@ -294,14 +292,14 @@ impl Kernel for Blocks<'_> {
     }
 }
 
-/// The slots of up to three readings; one that is there stands in for one that is not. `None` if none is there.
+/// Slots of up to three readings; a present one fills the place of a missing one. `None` if all are missing.
 #[inline(always)]
 fn three(slots: &[usize]) -> Option<[usize; 3]> {
     let there = *slots.iter().find(|slot| **slot != NOWHERE)?;
     Some(std::array::from_fn(|k| slots.get(k).copied().filter(|slot| *slot != NOWHERE).unwrap_or(there)))
 }
 
-/// For each vector of columns, the last of which holds y too: the first row that may hold something, given where each begins to.
+/// For each vector of columns of H, the last of which contains y: the first row that may be nonzero.
 fn starts_of(firsts: &[usize], starts: &mut [usize]) {
     let mut open = starts.len();
     for (slot, first) in firsts.iter().enumerate() {

@@ -1,8 +1,7 @@
-//! The scaled unscented transform in its odd/even form, which has no negative weight.
+//! Predicted readings and their columns from sigma points, for the update: h0, H, E and d of equations U1 and U2.
 //!
-//! With P = U'U, g = alpha sqrt(n + kappa) and h+- = h(x +- g u_i): H_i = (h+ - h-) / 2g, E_i = (h+ + h- - 2 h0) / 2g and
-//! d = sum E_i / g. Then the innovation is z - h0 - d and Pzz = H H' + E E' + (beta - alpha^2) d d' + R, Pxz = U' H': the
-//! textbook transform (Wan and van der Merwe 2000) rearranged, equal to it while beta >= alpha^2.
+//! Equation numbers are those of ARCHITECTURE.md. It is the scaled unscented transform (Wan and van der Merwe 2000) rearranged into odd and
+//! even parts; no weight is negative while beta >= alpha^2.
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
 use super::{Dependence, FastSystem, Partition, PerturbedStates, Points};
@@ -11,7 +10,7 @@ use crate::kernels::lane::{Lane, LANES};
 use crate::kernels::sparse_jacobian::{turn, SparseJacobian};
 use crate::kernels::tiles::{padded, Panel, VECTOR};
 
-/// Spread of the sigma points.
+/// Scaling of the sigma points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread {
     /// Scale of the points, in (0, 1].
@@ -23,37 +22,35 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// How far out the points lie, in standard deviations.
+    /// g of U1: distance of the points from the mean, in standard deviations.
     pub fn reach(&self, n: usize) -> f64 {
         self.alpha * (n as f64 + self.kappa).sqrt()
     }
 }
 
-/// Twins side by side: plus in the lower half of the lanes, minus in the upper.
+/// Pairs in one lane: plus points in its lower half, minus points in its upper half.
 const PAIRS: usize = LANES / 2;
 
-/// Readings around the mean, not yet divided by noise. Whoever fills `center`, `bend`, `odd` and `even` has said all that an
-/// update asks for.
+/// Predicted readings with their first- and second-order columns, not yet divided by noise: all that an update needs of a system.
 #[derive(Debug, Clone)]
 pub struct PredictedReadings {
-    /// At the mean.
+    /// h0 = h(x).
     pub h0: Vec<f64>,
-    /// d: what curvature adds to the mean reading.
+    /// d: second-order shift of the mean reading.
     pub d: Vec<f64>,
-    /// One row a reading: H with its columns reversed.
+    /// H, a row for each reading, its columns in reverse order.
     pub h: Panel,
-    /// One row a reading: D, E of the rates and of the poses, sqrt(beta - alpha^2) d: fewest readings have a part in the first. D has
-    /// a column for each noisy input, which is what the readings change by when that input is off by its standard deviation:
-    /// D D' adds to R.
+    /// [D | E of rates | E of poses | sqrt(beta - alpha^2) d], a row for each reading. D has a column for each noisy input: the change of
+    /// the readings when that input is off by its standard deviation. The block in which fewest readings have entries comes first.
     pub e: Panel,
-    /// Columns of `even`.
+    /// Columns of `e` in use.
     pub e_columns: usize,
     part: Partition,
     dependence: Vec<Dependence>,
-    /// Of systems that tell how they answer to rates and linear block.
-    straight: Option<SparseJacobian>,
-    /// Row k is column k of the factor, reversed.
-    turned: Panel,
+    /// Jacobian by rates and linear block, of systems that compute it.
+    linear: Option<SparseJacobian>,
+    /// Row k is row k of L, reversed.
+    l_reversed: Panel,
     asked: Vec<bool>,
     off: Vec<Lane>,
     delta: Vec<Lane>,
@@ -61,7 +58,7 @@ pub struct PredictedReadings {
 }
 
 impl PredictedReadings {
-    /// Room for the readings of `system`.
+    /// Workspace for the readings of `system`.
     pub fn new<S: FastSystem>(system: &S) -> Self {
         let (part, inputs, rows) = (system.partition(), system.input_std().len(), system.row_count());
         let (n, e_columns) = (part.dim(), part.curved() + 1 + inputs);
@@ -73,8 +70,8 @@ impl PredictedReadings {
             e_columns,
             part,
             dependence: (0..rows).map(|r| system.dependence(r)).collect(),
-            straight: system.linear_pattern(),
-            turned: Panel::zeros(n, padded(n) + LANES),
+            linear: system.linear_pattern(),
+            l_reversed: Panel::zeros(n, padded(n) + LANES),
             asked: vec![false; rows],
             off: vec![Lane([0.0; LANES]); inputs],
             delta: vec![Lane([0.0; LANES]); n],
@@ -82,48 +79,48 @@ impl PredictedReadings {
         }
     }
 
-    /// The same where all readings are straight: `odd` and the columns of the inputs alone.
-    pub fn straight<S: FastSystem>(system: &S) -> Self {
+    /// The same for linearised readings (U9): H, and D in place of E.
+    pub fn linear<S: FastSystem>(system: &S) -> Self {
         let (inputs, rows) = (system.input_std().len().max(1), system.row_count());
         PredictedReadings { e: Panel::zeros(rows, padded(inputs)), e_columns: inputs, ..PredictedReadings::new(system) }
     }
 
-    /// Spreads the points along the rows of `factor` and takes the readings of `rows`. Allocates nothing.
-    pub fn spread<S: FastSystem>(
+    /// U1 and U2 for the rows of `context`. Allocates nothing.
+    pub fn from_sigma_points<S: FastSystem>(
         &mut self,
         arch: Arch,
         context: ReadingContext<S>,
         scratch: &mut S::Scratch,
-        factor: &Panel,
+        l_transposed: &Panel,
     ) {
         let (n, pose, curved, inputs) = (self.part.dim(), self.part.pose, self.part.curved(), self.off.len());
         self.delta.fill(Lane([0.0; LANES]));
         self.off.fill(Lane([0.0; LANES]));
         self.asked.fill(false);
         context.rows.iter().for_each(|&r| self.asked[r] = true);
-        self.read(arch, context, scratch, factor, Batch::Mean);
-        let told = self.straight.is_some();
-        if told {
-            arch.run(Straightening { predicted: &mut *self, context, scratch: &mut *scratch, factor });
+        self.read(arch, context, scratch, l_transposed, Batch::Mean);
+        let has_jacobian = self.linear.is_some();
+        if has_jacobian {
+            arch.run(LinearColumns { predicted: &mut *self, context, scratch: &mut *scratch, l_transposed });
             for first in (pose..curved).step_by(LANES) {
                 let count = LANES.min(curved - first);
-                arch.run(Bending { predicted: &mut *self, context, scratch: &mut *scratch, first, count });
+                arch.run(SecondOrderColumns { predicted: &mut *self, context, scratch: &mut *scratch, first, count });
             }
         }
-        for block in [0..pose, pose..curved].into_iter().take(if told { 1 } else { 2 }) {
-            // From the last, which may be a few: whatever it writes too much is written again by those before it.
+        for block in [0..pose, pose..curved].into_iter().take(if has_jacobian { 1 } else { 2 }) {
+            // Backwards: the last batch may be incomplete, and what it writes too much is overwritten by the ones before it.
             for first in block.clone().step_by(PAIRS).rev() {
                 let (count, alone) = (PAIRS.min(block.end - first), first == block.start);
-                self.read(arch, context, scratch, factor, Batch::Pairs { first, count, alone });
+                self.read(arch, context, scratch, l_transposed, Batch::Pairs { first, count, alone });
             }
         }
-        for first in (curved..n).step_by(LANES).filter(|_| !told) {
-            self.read(arch, context, scratch, factor, Batch::Singles(first, LANES.min(n - first)));
+        for first in (curved..n).step_by(LANES).filter(|_| !has_jacobian) {
+            self.read(arch, context, scratch, l_transposed, Batch::Singles(first, LANES.min(n - first)));
         }
         for first in (0..inputs).step_by(LANES) {
-            self.read(arch, context, scratch, factor, Batch::Inputs(first, LANES.min(inputs - first)));
+            self.read(arch, context, scratch, l_transposed, Batch::Inputs(first, LANES.min(inputs - first)));
         }
-        arch.run(Averaging { predicted: self, rows: context.rows, spread: context.spread });
+        arch.run(MeanShift { predicted: self, rows: context.rows, spread: context.spread });
     }
 
     fn read<S: FastSystem>(
@@ -131,11 +128,11 @@ impl PredictedReadings {
         arch: Arch,
         context: ReadingContext<S>,
         scratch: &mut S::Scratch,
-        factor: &Panel,
+        l_transposed: &Panel,
         points: Batch,
     ) {
-        let reach = context.spread.reach(self.part.dim());
-        arch.run(Reading { predicted: self, context, scratch, factor, reach, points });
+        let g = context.spread.reach(self.part.dim());
+        arch.run(Reading { predicted: self, context, scratch, l_transposed, g, points });
     }
 
     #[inline(always)]
@@ -145,15 +142,15 @@ impl PredictedReadings {
         }
     }
 
-    /// Lane j and its twin lie along column `first + count - 1 - j`: columns are kept in reverse.
+    /// x +- g L_i: lanes j and j + 4 lie along column `first + count - 1 - j`, since columns stand in reverse order.
     #[inline(always)]
-    fn place_pairs(&mut self, factor: &Panel, first: usize, count: usize, reach: f64) {
+    fn place_pairs(&mut self, l_transposed: &Panel, first: usize, count: usize, g: f64) {
         self.delta[..first].fill(Lane([0.0; LANES]));
-        if self.straight.is_some() {
-            return self.place_turned(first, count, reach);
+        if self.linear.is_some() {
+            return self.place_pairs_reversed(first, count, g);
         }
-        let rows: [&[f64]; PAIRS] = std::array::from_fn(|j| factor.row(first + (count - 1).saturating_sub(j)));
-        let steps: [f64; PAIRS] = std::array::from_fn(|j| if j < count { reach } else { 0.0 });
+        let rows: [&[f64]; PAIRS] = std::array::from_fn(|j| l_transposed.row(first + (count - 1).saturating_sub(j)));
+        let steps: [f64; PAIRS] = std::array::from_fn(|j| if j < count { g } else { 0.0 });
         for (i, delta) in self.delta.iter_mut().enumerate().skip(first) {
             for j in 0..PAIRS {
                 let step = steps[j] * rows[j][i];
@@ -163,12 +160,12 @@ impl PredictedReadings {
         }
     }
 
-    /// The same, of a factor that has been turned.
+    /// The same from `l_reversed`, whose rows are contiguous.
     #[inline(always)]
-    fn place_turned(&mut self, first: usize, count: usize, reach: f64) {
+    fn place_pairs_reversed(&mut self, first: usize, count: usize, g: f64) {
         let at = self.part.dim() - first - count;
-        let steps: [f64; PAIRS] = std::array::from_fn(|j| if j < count { reach } else { 0.0 });
-        for (delta, row) in self.delta.iter_mut().zip(self.turned.rows()).skip(first) {
+        let steps: [f64; PAIRS] = std::array::from_fn(|j| if j < count { g } else { 0.0 });
+        for (delta, row) in self.delta.iter_mut().zip(self.l_reversed.rows()).skip(first) {
             let along = &row[at..at + PAIRS];
             for j in 0..PAIRS {
                 delta.0[j] = steps[j] * along[j];
@@ -178,10 +175,10 @@ impl PredictedReadings {
     }
 
     #[inline(always)]
-    fn place_singles(&mut self, factor: &Panel, first: usize, count: usize, reach: f64) {
+    fn place_singles(&mut self, l_transposed: &Panel, first: usize, count: usize, g: f64) {
         self.delta[..first].fill(Lane([0.0; LANES]));
-        let rows: [&[f64]; LANES] = std::array::from_fn(|j| factor.row(first + (count - 1).saturating_sub(j)));
-        let steps: [f64; LANES] = std::array::from_fn(|j| if j < count { reach } else { 0.0 });
+        let rows: [&[f64]; LANES] = std::array::from_fn(|j| l_transposed.row(first + (count - 1).saturating_sub(j)));
+        let steps: [f64; LANES] = std::array::from_fn(|j| if j < count { g } else { 0.0 });
         for (i, delta) in self.delta.iter_mut().enumerate().skip(first) {
             for j in 0..LANES {
                 delta.0[j] = steps[j] * rows[j][i];
@@ -201,7 +198,7 @@ impl PredictedReadings {
             if !asked || (rates && *dependence == Dependence::Pose) {
                 continue;
             }
-            let (mut h, mut e) = ([0.0; PAIRS], [0.0; PAIRS]);
+            let (mut h, mut e) = ([0.0; PAIRS], [0.0; PAIRS]); // U2
             for j in 0..PAIRS {
                 let (plus, minus) = (out.0[j] - h0, out.0[PAIRS + j] - h0);
                 h[j] = (plus - minus) * half;
@@ -250,43 +247,44 @@ impl PredictedReadings {
         }
     }
 
-    /// H of all that readings are straight in.
+    /// H of rates and linear block: the exact Jacobian times L, without sigma points.
     #[inline(always)]
     fn linear_jacobian<const FUSED: bool, S: FastSystem>(
         &mut self,
         context: ReadingContext<S>,
         scratch: &mut S::Scratch,
-        factor: &Panel,
+        l_transposed: &Panel,
     ) {
-        let Some(straight) = &mut self.straight else { return };
-        context.system.linear_jacobian::<FUSED>(context.moment, scratch, straight);
-        turn(factor, self.part.dim(), &mut self.turned);
+        let Some(linear) = &mut self.linear else { return };
+        context.system.linear_jacobian::<FUSED>(context.moment, scratch, linear);
+        turn(l_transposed, self.part.dim(), &mut self.l_reversed);
         let count = self.part.dim() - self.part.pose;
-        straight.times::<FUSED>(&self.turned, count, &self.asked, &mut self.h);
+        linear.times::<FUSED>(&self.l_reversed, count, &self.asked, &mut self.h);
     }
 
-    /// Lane j lies along column `first + count - 1 - j`, one standard deviation out.
+    /// Rates of column `first + count - 1 - j` of L in lane j.
     #[inline(always)]
-    fn place_bends(&mut self, first: usize, count: usize) {
+    fn place_rates(&mut self, first: usize, count: usize) {
         let at = self.part.dim() - first - count;
         for k in self.part.pose..self.part.curved() {
-            self.delta[k].0.copy_from_slice(&self.turned.row(k)[at..at + LANES]);
+            self.delta[k].0.copy_from_slice(&self.l_reversed.row(k)[at..at + LANES]);
         }
     }
 
-    /// E of rates.
+    /// E of the rates, in which readings are quadratic.
     #[inline(always)]
-    fn gather_bends(&mut self, rows: &[usize], first: usize, count: usize, reach: f64) {
+    fn gather_second_order(&mut self, rows: &[usize], first: usize, count: usize, g: f64) {
         let at = self.off.len() + self.part.curved() - first - count;
         for &r in rows.iter().filter(|&&r| self.dependence[r] == Dependence::Full) {
-            let e = self.out[r].0.map(|x| x * reach);
+            let e = self.out[r].0.map(|x| x * g);
             put(&mut self.e.row_mut(r)[at..], &e, count);
         }
     }
 
+    /// d of U2, and its column of `e`.
     #[inline(always)]
-    fn bend_mean(&mut self, rows: &[usize], reach: f64, spread: Spread) {
-        let outer = (spread.beta - spread.alpha * spread.alpha).max(0.0).sqrt();
+    fn fill_d(&mut self, rows: &[usize], g: f64, spread: Spread) {
+        let weight = (spread.beta - spread.alpha * spread.alpha).max(0.0).sqrt();
         let (inputs, curved) = (self.off.len(), self.part.curved());
         for &r in rows {
             let row = &mut self.e.row_mut(r)[inputs..];
@@ -298,17 +296,17 @@ impl PredictedReadings {
                 }
             }
             let sum = (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest.iter().sum::<f64>();
-            self.d[r] = sum / reach;
-            row[curved] = outer * self.d[r];
+            self.d[r] = sum / g;
+            row[curved] = weight * self.d[r];
         }
     }
 }
 
-/// Points that are read together: which columns, from one on, and how many.
+/// Points of one pass through the system, by their columns of L.
 #[derive(Debug, Clone, Copy)]
 enum Batch {
     Mean,
-    /// With `alone`, no others will be read into the columns behind these.
+    /// `alone`: no later batch overwrites the columns behind these.
     Pairs {
         first: usize,
         count: usize,
@@ -322,8 +320,8 @@ struct Reading<'a, S: FastSystem> {
     predicted: &'a mut PredictedReadings,
     context: ReadingContext<'a, S>,
     scratch: &'a mut S::Scratch,
-    factor: &'a Panel,
-    reach: f64,
+    l_transposed: &'a Panel,
+    g: f64,
     points: Batch,
 }
 
@@ -332,7 +330,7 @@ impl<S: FastSystem> Kernel for Reading<'_, S> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let (predicted, context, reach) = (self.predicted, self.context, self.reach);
+        let (predicted, context, g) = (self.predicted, self.context, self.g);
         let from = match self.points {
             Batch::Mean => {
                 let at = Points { mean: context.mean, delta: &predicted.delta, off: &predicted.off };
@@ -340,11 +338,11 @@ impl<S: FastSystem> Kernel for Reading<'_, S> {
                 return predicted.gather_mean(context.rows);
             }
             Batch::Pairs { first, count, .. } => {
-                predicted.place_pairs(self.factor, first, count, reach);
+                predicted.place_pairs(self.l_transposed, first, count, g);
                 first
             }
             Batch::Singles(first, count) => {
-                predicted.place_singles(self.factor, first, count, reach);
+                predicted.place_singles(self.l_transposed, first, count, g);
                 first
             }
             Batch::Inputs(first, count) => {
@@ -357,33 +355,33 @@ impl<S: FastSystem> Kernel for Reading<'_, S> {
         context.system.readings_near_mean::<FUSED>(context.moment, self.scratch, at, perturbed, &mut predicted.out);
         match self.points {
             Batch::Pairs { first, count, alone: true } if count < PAIRS => {
-                predicted.gather_pairs::<false>(first, count, 0.5 / reach);
+                predicted.gather_pairs::<false>(first, count, 0.5 / g);
             }
-            Batch::Pairs { first, count, .. } => predicted.gather_pairs::<true>(first, count, 0.5 / reach),
-            Batch::Singles(first, count) => predicted.gather_singles(context.rows, first, count, 1.0 / reach),
+            Batch::Pairs { first, count, .. } => predicted.gather_pairs::<true>(first, count, 0.5 / g),
+            Batch::Singles(first, count) => predicted.gather_singles(context.rows, first, count, 1.0 / g),
             Batch::Inputs(first, count) => predicted.gather_inputs(first, count),
             Batch::Mean => {}
         }
     }
 }
 
-struct Straightening<'a, S: FastSystem> {
+struct LinearColumns<'a, S: FastSystem> {
     predicted: &'a mut PredictedReadings,
     context: ReadingContext<'a, S>,
     scratch: &'a mut S::Scratch,
-    factor: &'a Panel,
+    l_transposed: &'a Panel,
 }
 
-impl<S: FastSystem> Kernel for Straightening<'_, S> {
+impl<S: FastSystem> Kernel for LinearColumns<'_, S> {
     type Output = ();
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        self.predicted.linear_jacobian::<FUSED, S>(self.context, self.scratch, self.factor);
+        self.predicted.linear_jacobian::<FUSED, S>(self.context, self.scratch, self.l_transposed);
     }
 }
 
-struct Bending<'a, S: FastSystem> {
+struct SecondOrderColumns<'a, S: FastSystem> {
     predicted: &'a mut PredictedReadings,
     context: ReadingContext<'a, S>,
     scratch: &'a mut S::Scratch,
@@ -391,34 +389,34 @@ struct Bending<'a, S: FastSystem> {
     count: usize,
 }
 
-impl<S: FastSystem> Kernel for Bending<'_, S> {
+impl<S: FastSystem> Kernel for SecondOrderColumns<'_, S> {
     type Output = ();
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Bending { predicted, context, scratch, first, count } = self;
-        predicted.place_bends(first, count);
+        let SecondOrderColumns { predicted, context, scratch, first, count } = self;
+        predicted.place_rates(first, count);
         context.system.second_order::<FUSED>(context.moment, scratch, &predicted.delta, &mut predicted.out);
-        predicted.gather_bends(context.rows, first, count, context.spread.reach(predicted.part.dim()));
+        predicted.gather_second_order(context.rows, first, count, context.spread.reach(predicted.part.dim()));
     }
 }
 
-struct Averaging<'a> {
+struct MeanShift<'a> {
     predicted: &'a mut PredictedReadings,
     rows: &'a [usize],
     spread: Spread,
 }
 
-impl Kernel for Averaging<'_> {
+impl Kernel for MeanShift<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        self.predicted.bend_mean(self.rows, self.spread.reach(self.predicted.part.dim()), self.spread);
+        self.predicted.fill_d(self.rows, self.spread.reach(self.predicted.part.dim()), self.spread);
     }
 }
 
-/// The first `count` of a few numbers, by copies whose lengths are known beforehand.
+/// Copies the first `count` values, in pieces whose lengths the compiler knows.
 #[inline(always)]
 fn put<const N: usize>(out: &mut [f64], values: &[f64; N], count: usize) {
     if count == N {
@@ -434,18 +432,18 @@ fn put<const N: usize>(out: &mut [f64], values: &[f64; N], count: usize) {
     }
 }
 
-/// What is looked at, and how.
+/// What readings are predicted of, and with which sigma points.
 #[derive(Debug)]
 pub struct ReadingContext<'a, S: FastSystem> {
-    /// That reads.
+    /// The system.
     pub system: &'a S,
-    /// Its inputs, and which readings are there.
+    /// Its inputs, and which rows are present.
     pub moment: &'a S::Moment,
-    /// In the middle.
+    /// The mean x.
     pub mean: &'a [f64],
-    /// Readings that are asked for.
+    /// Rows to predict.
     pub rows: &'a [usize],
-    /// How far around.
+    /// Scaling of the sigma points.
     pub spread: Spread,
 }
 

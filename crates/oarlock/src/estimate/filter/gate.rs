@@ -1,8 +1,6 @@
-//! Which readings an update believes, and what it reports of each source.
+//! Innovation gate of the filter: which parts of a measurement are used, and the report of each source.
 
-use super::{
-    DirectionTest, Filter, Gate, Info, Measurement, RowGroups, SourceInfo, UpdateSettings, Verdict, ABSURD_NIS,
-};
+use super::{DirectionTest, Filter, Gate, Info, Measurement, RowGroups, SourceInfo, UpdateSettings, Verdict};
 use crate::estimate::belief::Belief;
 use crate::estimate::FastSystem;
 use crate::kernels::mahalanobis::{self, InnovationBlock, MAX_ROWS};
@@ -15,12 +13,16 @@ const THRESHOLDS: [f64; MAX_ROWS] = [
     56.493, 58.324,
 ];
 
-/// Quantile of the normalised innovation squared of `rows` readings: exceeded once in a million when all is well.
+/// Quantile of the NIS of `rows` readings: a consistent filter exceeds it once in a million.
 fn threshold(rows: usize) -> f64 {
     THRESHOLDS[rows.clamp(1, MAX_ROWS) - 1]
 }
 
+/// No belief is so wrong that a reading is a million standard deviations off: such a number is no reading.
+const ABSURD_NIS: f64 = 1e12;
+
 impl<S: FastSystem> Filter<S> {
+    /// Tests every part of the current stage; the rows of a rejected part are taken out of the update.
     pub(super) fn gate_parts(
         &mut self,
         measured: Measurement,
@@ -56,25 +58,25 @@ impl<S: FastSystem> Filter<S> {
             let nis = if absurd { ABSURD_NIS } else { nis };
             let usual_nis = &mut belief.usual_nis[p];
             let beyond = gate.on && nis > slack * usual_nis.max(1.0) * threshold(count);
-            let odd = absurd || (beyond && patient);
-            if !(excluded || strict && odd) {
+            let outlier = absurd || (beyond && patient);
+            if !(excluded || strict && outlier) {
                 *usual_nis = settings.learning.usual_nis(*usual_nis, self.since_s, nis / count as f64);
             }
-            if odd && !excluded {
+            if outlier && !excluded {
                 self.rejected_nis += nis.min(slack * threshold(count));
                 self.rejected_rows += count;
             }
-            if excluded || odd {
+            if excluded || outlier {
                 self.used[rows.clone()].fill(false);
                 rows.clone().for_each(|r| self.information.reject(r));
             }
-            info.parts[p] = match (measured.excluded[p], wrong_direction, odd) {
+            info.parts[p] = match (measured.excluded[p], wrong_direction, outlier) {
                 (true, ..) => Verdict::Excluded,
                 (_, true, _) => Verdict::WrongDirection,
                 (.., true) => Verdict::Outlier,
                 _ => Verdict::Accepted,
             };
-            let doubted = if strict { (absurd || beyond) && !excluded } else { odd };
+            let doubted = if strict { (absurd || beyond) && !excluded } else { outlier };
             *since = match (doubted, since.is_nan()) {
                 (true, true) => belief.time_s,
                 (true, false) => *since,
@@ -83,23 +85,23 @@ impl<S: FastSystem> Filter<S> {
         }
     }
 
-    /// Whether a part whose rows of their source begin at `first` is farther off in its direction than tolerance and belief allow.
+    /// Whether a part fails its direction test; its rows begin at row `first` of their source.
     fn is_wrong_direction(&self, source: usize, first: usize, weight: f64, direction: DirectionTest) -> bool {
         let block = self.information.innovation_covariance(source);
         let along = direction.along;
         let term = |i: usize, j: usize| along[i] * along[j] * block.at(first + i.min(j), first + i.max(j));
         let all: f64 = (0..3).map(|i| (0..3).map(|j| term(i, j)).sum::<f64>()).sum();
-        // The block counts the noise too, which is 1.
+        // S contains the noise, which is 1 here.
         let spread = (all - 1.0).max(0.0).sqrt();
         (direction.off * weight).abs() > (direction.tolerance * weight).max(direction.sigmas * spread)
     }
 
-    /// How long a part may be rejected before it is believed; at low rates a few samples at least.
+    /// How long a part may be rejected before it is accepted again, s: three samples at least.
     pub fn patience_s(&self, gate: Gate) -> f64 {
         gate.patience_s.max(3.0 * self.since_s)
     }
 
-    /// Normalised innovation squared of what is used of some rows, each of one source.
+    /// NIS of the used rows of some groups, each within one source, into `tested`.
     fn test<'a>(
         &mut self,
         rows: impl ExactSizeIterator<Item = (usize, &'a Range<usize>)> + Clone,
@@ -117,7 +119,7 @@ impl<S: FastSystem> Filter<S> {
             if !rows.clone().skip(k * VECTOR).take(VECTOR).any(|one| on(&one)) {
                 continue;
             }
-            // The last ones may be tested more often than once.
+            // The last group fills the lanes that are left.
             let four = std::array::from_fn(|i| test(rows.clone().nth((k * VECTOR + i).min(count - 1)).expect("fewer")));
             tested.copy_from_slice(&mahalanobis::nis(self.arch, &four)[..tested.len()]);
         }

@@ -1,9 +1,9 @@
-//! The factorised update: a small filter for each limb with the core, one after the other.
+//! The factorised update of [`Filter`]: one unscented update for each limb with the core, in turn. Equations in docs/filters.md.
 //!
-//! Each is the unscented update of its own states with its own readings, those of the core going with the first limb. What it learns of the core goes on to the next limb, and
-//! back to those before, by the slope of each limb on the core (estimate/star.rs): messages on a junction tree (Lauritzen and
-//! Spiegelhalter 1988), each node of which is the core with a limb. For straight readings that is one update of all states with all readings.
-//! What limbs have in common beyond the core, which moving on in time brings about, is dropped (Boyen and Koller 1998).
+//! Each uses the readings of its limb; readings of the core alone go with the first. The correction of the core reaches the other limbs through
+//! their regression on the core (`estimate::star`): messages on a junction tree (Lauritzen and Spiegelhalter 1988), whose nodes are the core
+//! with a limb. For linear readings the result is one update of all states with all readings. Correlations between limbs beyond the core,
+//! which prediction brings about, are dropped (Boyen and Koller 1998).
 
 use super::{broken, log_likelihood, Diverged, Filter, Info, Measurement, RowGroups, UpdateSettings};
 use crate::estimate::belief::Belief;
@@ -67,23 +67,23 @@ impl Stage {
     }
 }
 
-/// Room for a factorised update.
+/// Workspace of a factorised update.
 #[derive(Debug, Clone)]
 pub(super) struct Limbs<C, M> {
     split: Split,
     stages: Vec<Stage>,
     star: Star,
     room: CliqueScratch<C>,
-    /// What a stage is told; made at the first sample.
+    /// The moment restricted to a stage's rows; made at the first sample.
     moment: Option<M>,
-    /// How far the stage moved the core, and all states; how far all stages did.
+    /// Correction of the core by the stage, of all states by the stage, and of all states by all stages.
     step: Vec<f64>,
     shift: Vec<f64>,
     total: Vec<f64>,
 }
 
 impl<C, M> Limbs<C, M> {
-    /// `None` if the system does not fall apart. The stage of each source besides.
+    /// With the stage of each source; `None` if the system has no limbs.
     pub fn new<S: FastSystem<Scratch = C, Moment = M>>(system: &S, groups: &RowGroups) -> Option<(Self, Vec<usize>)> {
         let split = system.split();
         if split.limbs.is_empty() {
@@ -111,8 +111,8 @@ impl<C, M> Limbs<C, M> {
         Some((made, limbs))
     }
 
-    /// What is known of core and limb before the update of stage `k`.
-    fn look_at(&mut self, k: usize, arch: Arch, whole: &Square) {
+    /// Covariance of core and limb before the update of stage `k`.
+    fn take_covariance(&mut self, k: usize, arch: Arch, whole: &Square) {
         let stage = &mut self.stages[k];
         if k > 0 {
             let at = Places { core: &stage.core_at, limb: &stage.limb_at };
@@ -123,8 +123,8 @@ impl<C, M> Limbs<C, M> {
         }
     }
 
-    /// ... and behind it, for when the core moves again; behind the last stage it does not.
-    fn remember(&mut self, k: usize, arch: Arch) -> Result<(), NotPositive> {
+    /// Keeps the regression of stage `k` on the core after its update, for later stages that correct the core.
+    fn keep_regression(&mut self, k: usize, arch: Arch) -> Result<(), NotPositive> {
         if k + 1 == self.stages.len() {
             return Ok(());
         }
@@ -141,8 +141,8 @@ impl<C, M> Limbs<C, M> {
         self.star.close(arch, &stage.covariance, stage.places(), whole);
     }
 
-    /// Behind the update of stage `k`: moves all states, and sees what is known from there.
-    fn pass_on<S: FastSystem<Scratch = C, Moment = M>>(
+    /// After the update of stage `k`: corrects all states, and transforms covariances to the new mean.
+    fn correct_others<S: FastSystem<Scratch = C, Moment = M>>(
         &mut self,
         k: usize,
         with: (&S, &mut Filter<S>),
@@ -171,7 +171,7 @@ impl<C, M> Limbs<C, M> {
 }
 
 impl<S: FastSystem> Filter<S> {
-    /// Takes in the readings of one instant, limb by limb.
+    /// Updates the belief with the readings of one instant, limb by limb.
     pub(super) fn update_limbs(
         &mut self,
         limbs: &mut Limbs<S::Scratch, S::Moment>,
@@ -188,16 +188,16 @@ impl<S: FastSystem> Filter<S> {
         let (mut nis, mut inertial, mut rejected) = (0.0, (0.0, 0), (0.0, 0));
         for k in 0..limbs.stages.len() {
             self.stage = k;
-            limbs.look_at(k, self.arch, &belief.covariance);
-            self.exchange(&mut limbs.stages[k]);
+            limbs.take_covariance(k, self.arch, &belief.covariance);
+            self.swap_workspace(&mut limbs.stages[k]);
             let done = self.update_stage(limbs, k, of, belief, measured, settings, info);
-            self.exchange(&mut limbs.stages[k]);
-            let is_new = done?;
-            if is_new {
-                limbs.pass_on(k, (of.0, self), &mut belief.mean);
+            self.swap_workspace(&mut limbs.stages[k]);
+            let has_readings = done?;
+            if has_readings {
+                limbs.correct_others(k, (of.0, self), &mut belief.mean);
             }
-            limbs.remember(k, self.arch).map_err(broken)?;
-            if is_new {
+            limbs.keep_regression(k, self.arch).map_err(broken)?;
+            if has_readings {
                 nis += info.nis;
                 let (own, count) = info.inertial;
                 inertial = if count > 0 { (inertial.0 + own, inertial.1 + count) } else { inertial };
@@ -218,15 +218,15 @@ impl<S: FastSystem> Filter<S> {
         Ok(())
     }
 
-    /// Works in a stage's room, or no longer.
-    fn exchange(&mut self, stage: &mut Stage) {
+    /// Exchanges the workspace of the filter with that of a stage.
+    fn swap_workspace(&mut self, stage: &mut Stage) {
         swap(&mut self.predicted, &mut stage.predicted);
         swap(&mut self.information, &mut stage.information);
         swap(&mut self.l_transposed, &mut stage.l_transposed);
         swap(&mut self.starts, &mut stage.starts);
     }
 
-    /// Whether there was anything to take in.
+    /// U1 to U8 for one stage; false if it had no reading.
     #[allow(clippy::too_many_arguments)]
     fn update_stage(
         &mut self,
@@ -260,7 +260,7 @@ impl<S: FastSystem> Filter<S> {
             rows: &self.rows,
             spread: settings.spread,
         };
-        self.predicted.spread(self.arch, context, room, &self.l_transposed);
+        self.predicted.from_sigma_points(self.arch, context, room, &self.l_transposed);
         self.innovate(measured, (belief.inflation, belief.roughness), info);
         let readings =
             WeightedReadings { rows: &self.rows, inertial: self.inertial_rows, weight: &self.weight, y: &self.y };

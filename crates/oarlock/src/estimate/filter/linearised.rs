@@ -1,7 +1,6 @@
-//! Readings taken as straight lines through one state: the columns of an extended Kalman filter.
+//! Linearised readings for the extended Kalman filter, in place of sigma points: equation U9 of ARCHITECTURE.md.
 //!
-//! With P = U'U and the Jacobian J, they are H = J U' and, for every noisy input, J's own column. There are no second-order
-//! ones: what curvature adds to the mean reading and to its variance is left out.
+//! H = J L with the Jacobian J of the readings at the mean, and a column of J for every noisy input. There is no E and no d.
 
 use crate::estimate::sigma::{PredictedReadings, ReadingContext};
 use crate::estimate::FastSystem;
@@ -10,32 +9,32 @@ use crate::kernels::dense::accumulate;
 use crate::kernels::sparse_jacobian::{turn, SparseJacobian};
 use crate::kernels::tiles::{padded, Panel, VECTOR};
 
-/// Room for linearised readings.
+/// Workspace for linearised readings.
 #[derive(Debug, Clone)]
 pub struct Linearised {
     n: usize,
     inputs: usize,
-    /// Of systems that give it without zeros.
-    straight: Option<SparseJacobian>,
-    /// Else a row for each reading: states, then noisy inputs.
+    /// J without its zeros, of systems that compute it so.
+    sparse: Option<SparseJacobian>,
+    /// J of other systems, row by row: states, then noisy inputs.
     jacobian: Vec<f64>,
     asked: Vec<bool>,
-    /// Row j is column j of the factor of the covariance, reversed.
-    factor: Panel,
+    /// Row k is row k of L, reversed.
+    l_reversed: Panel,
 }
 
 impl Linearised {
-    /// For a system of `n` states.
+    /// For `system`.
     pub fn new<S: FastSystem>(system: &S) -> Self {
         let (n, inputs, rows) = (system.partition().dim(), system.input_std().len(), system.row_count());
-        let straight = system.jacobian_pattern();
-        let size = if straight.is_some() { 0 } else { rows * (n + inputs) };
-        let factor = Panel::zeros(n, padded(n));
-        Linearised { n, inputs, straight, jacobian: vec![0.0; size], asked: vec![false; rows], factor }
+        let sparse = system.jacobian_pattern();
+        let size = if sparse.is_some() { 0 } else { rows * (n + inputs) };
+        let l_reversed = Panel::zeros(n, padded(n));
+        Linearised { n, inputs, sparse, jacobian: vec![0.0; size], asked: vec![false; rows], l_reversed }
     }
 
-    /// Fills the fan; `root` is the factor of the covariance. Allocates nothing.
-    pub fn spread<S: FastSystem>(
+    /// Fills in h0, H and D. Allocates nothing.
+    pub fn fill<S: FastSystem>(
         &mut self,
         arch: Arch,
         predicted: &mut PredictedReadings,
@@ -43,8 +42,8 @@ impl Linearised {
         scratch: &mut S::Scratch,
         l_transposed: &Panel,
     ) {
-        arch.run(Turning { l_transposed, n: self.n, turned: &mut self.factor });
-        if self.straight.is_none() {
+        arch.run(Turning { l_transposed, n: self.n, turned: &mut self.l_reversed });
+        if self.sparse.is_none() {
             context.system.linearise(context.moment, scratch, context.mean, &mut predicted.h0, &mut self.jacobian);
         }
         arch.run(Columns { linearised: self, predicted, context, scratch });
@@ -61,8 +60,8 @@ impl Linearised {
             let last = slopes.iter().rposition(|&s| s != 0.0).unwrap_or(0);
             // From the beginning of a vector.
             let start = (n - 1 - last) / VECTOR * VECTOR;
-            let factor = &self.factor;
-            accumulate(&mut row[start..], (0..=last).map(|j| (slopes[j], &factor.row(j)[start..])));
+            let l_reversed = &self.l_reversed;
+            accumulate(&mut row[start..], (0..=last).map(|j| (slopes[j], &l_reversed.row(j)[start..])));
         }
     }
 }
@@ -95,11 +94,11 @@ impl<S: FastSystem> Kernel for Columns<'_, S> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
         let Columns { linearised, predicted, context, scratch } = self;
-        let Some(straight) = &mut linearised.straight else { return linearised.dense(predicted, context.rows) };
-        context.system.linearise_sparse::<FUSED>(context.moment, scratch, context.mean, &mut predicted.h0, straight);
+        let Some(sparse) = &mut linearised.sparse else { return linearised.dense(predicted, context.rows) };
+        context.system.linearise_sparse::<FUSED>(context.moment, scratch, context.mean, &mut predicted.h0, sparse);
         linearised.asked.fill(false);
         context.rows.iter().for_each(|&r| linearised.asked[r] = true);
-        straight.times::<FUSED>(&linearised.factor, linearised.n, &linearised.asked, &mut predicted.h);
-        straight.inputs(&linearised.asked, linearised.inputs, &mut predicted.e);
+        sparse.times::<FUSED>(&linearised.l_reversed, linearised.n, &linearised.asked, &mut predicted.h);
+        sparse.inputs(&linearised.asked, linearised.inputs, &mut predicted.e);
     }
 }
