@@ -8,8 +8,8 @@ from checks import arrows, engine_arrows, links, portability, project_files, reg
 
 def test_arrow_reader_reads_every_way_to_write_an_arrow():
     read = engine_arrows.named_from_root
-    code = "use crate::{error::Error, model::{Joint, Body}};\nuse super::sensor::Imu;\ncrate::lane::f()"
-    assert read(code, ("track",)) == {"error", "model", "sensor", "lane"}
+    code = "use crate::{error::Error, model::{Joint, Body}};\nuse super::sensor::Imu;\ncrate::kernels::f()"
+    assert read(code, ("track",)) == {"error", "model", "sensor", "kernels"}
     assert read("use super::gate;", ("estimate", "filter")) == set()
     assert read("use super::super::model::Model;", ("estimate", "filter")) == {"model"}
 

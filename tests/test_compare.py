@@ -113,7 +113,7 @@ def test_a_calibration_reaches_all_of_them(
 
 
 def test_the_engine_says_which_trees_there_are() -> None:
-    assert {"ukf", "ekf", "iekf"} <= set(tree_filters())
+    assert {"ukf", "ekf"} <= set(tree_filters())
     for name in tree_filters():
         assert Config(filter=name).filter == name
         assert estimator(name + "_open").config.closures is False

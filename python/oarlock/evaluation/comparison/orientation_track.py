@@ -150,7 +150,7 @@ def _complete_units(worn: Worn, recording: Recording) -> tuple[dict[str, _Unit],
         raise DataError(
             "track_orientations: no inertial unit of the model was recorded with gyroscope, accelerometer and "
             f"magnetometer, which give a single unit its heading ({'; '.join(notes) or 'the model has no unit'}). "
-            "Take ukf, ekf or iekf: they need no magnetometer."
+            "Take ukf or ekf: they need no magnetometer."
         )
     return units, notes
 
