@@ -38,7 +38,7 @@ pub fn race<'py>(
             all.len()
         )));
     }
-    let (n, m) = (first.body.layout.dim(), first.body.suite.len());
+    let (n, m) = (first.body().layout.dim(), first.body().suite.len());
     let (before, behind) = all.split_at(warm);
     let times: Times = detached(py, None, |told| {
         for tracker in &mut trackers {

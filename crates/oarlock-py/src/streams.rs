@@ -20,7 +20,7 @@ pub fn streams(recording: &Bound<'_, PyAny>) -> PyResult<Vec<Stream>> {
 
 /// The samples of a Recording, streams merged.
 pub fn samples(py: Python<'_>, tracker: &Tracker, merge_s: f64, recording: &Bound<'_, PyAny>) -> PyResult<Vec<Sample>> {
-    let body = &tracker.body;
+    let body = tracker.body();
     let recording = Recording::new(&body.model, &body.suite, streams(recording)?, merge_s);
     let recording = recording.map_err(|e| raise(py, e))?;
     let (mut cursor, mut sample, mut all) = (recording.start(), tracker.empty_sample(), Vec::new());

@@ -57,10 +57,10 @@ impl PyTracker {
         let calibration = calibration(calibration_)?;
         let mut tracker = Tracker::new(model.get().model.clone(), &calibration, &config).map_err(|e| raise(py, e))?;
         if let Some(belief) = belief {
-            tracker.resume(belief.get().belief.clone()).map_err(|e| raise(py, e))?;
+            tracker.resume(belief.get().known.clone()).map_err(|e| raise(py, e))?;
         }
-        let names = tracker.body.layout.names.clone();
-        let sensors = tracker.body.suite.sources.iter().map(|s| s.name.clone()).collect();
+        let names = tracker.body().layout.names.clone();
+        let sensors = tracker.body().suite.sources.iter().map(|s| s.name.clone()).collect();
         let sample = tracker.empty_sample();
         Ok(PyTracker { tracker, config, sample, names, sensors })
     }
@@ -114,7 +114,7 @@ impl PyTracker {
     /// What is believed now; None until the start window is full.
     #[getter]
     fn belief(&self) -> Option<PyBelief> {
-        self.tracker.belief().map(|b| PyBelief { belief: b.clone(), names: self.names.clone() })
+        self.tracker.hypothesis().map(|one| PyBelief { known: one.clone(), names: self.names.clone() })
     }
 
     #[getter]
@@ -123,7 +123,7 @@ impl PyTracker {
     }
 
     fn __repr__(&self) -> String {
-        format!("Tracker(model='{}', {} states)", self.tracker.body.model.name, self.names.len())
+        format!("Tracker(model='{}', {} states)", self.tracker.body().model.name, self.names.len())
     }
 }
 
@@ -154,7 +154,7 @@ impl PyTracker {
     }
 
     fn put(&self, sample: &mut Sample, name: &str, field: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
-        let body = &self.tracker.body;
+        let body = self.tracker.body();
         if let Some(joint) = input_joint(&body.model, name) {
             sample.inputs[body.model.joints[joint].first] = one_number(value, &format!("sample, {name}"))?;
             return Ok(());
