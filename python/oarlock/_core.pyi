@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from oarlock.calibration import Calibration
+from oarlock.calibration import Calibration, Clock, EncoderScale
 from oarlock.models import Base
 from oarlock.recording import Recording
 
@@ -118,6 +118,7 @@ class Tracker:
     belief: Belief | None
     state_names: list[str]
     def sample(self, time_s: float, readings: Mapping[str, Any]) -> Sample: ...
+    def corrected_time_s(self, stream: str, time_s: float) -> float: ...
     def samples(self, recording: Recording) -> list[Sample]: ...
     def step(
         self, sample: Sample | float, readings: Mapping[str, Any] | None = None
@@ -139,6 +140,11 @@ class Run:
     def beliefs(self) -> list[tuple[float, Floats, Floats]]: ...
     def smooth(self, room: int, progress: Callable[[float], object] | None) -> Run: ...
 
+def true_times_s(clock_: Clock, stamps_s: ArrayLike) -> Floats: ...
+def encoder_values(encoder_: EncoderScale, readings: ArrayLike) -> Floats: ...
+def corrected_readings(
+    calibration: Calibration, unit: str, field: str, readings: ArrayLike
+) -> Floats | None: ...
 def track(
     model: Model,
     recording: Recording,

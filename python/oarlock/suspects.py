@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import isfinite, nan
 from typing import TYPE_CHECKING
 
-from oarlock.corrections import corrected
+from oarlock.corrections import corrected, for_corrected
 from oarlock.plausibility import Finding, plausibility
 from oarlock.recording import Recording
 from oarlock.suspects_fit import USUAL, Judge
@@ -106,7 +106,7 @@ def suspects(
     alone = [_of_finding(f) for f in plausibility(measured) if f.severity == "error" or f.kind]
     if known is None:
         return tuple(alone)
-    by_tracking = _by_tracking(model, known, calibration, config, seconds)
+    by_tracking = _by_tracking(model, known, for_corrected(calibration), config, seconds)
     named = {name for suspect in by_tracking if suspect.fault != "untold" for name in suspect.streams}
     return (*by_tracking, *(suspect for suspect in alone if not named.intersection(suspect.streams)))
 

@@ -3,6 +3,7 @@
 mod bank;
 mod begin;
 mod consider;
+mod entry;
 pub mod faults;
 pub mod hypothesis;
 pub mod loops;
@@ -23,6 +24,7 @@ mod worn;
 
 use crate::body::Body;
 use crate::config::{Config, FilterKind};
+use crate::corrections::Corrections;
 use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::{Filter, Gate, Info, Lost, Manner};
@@ -36,6 +38,7 @@ use crate::recording::Sample;
 use crate::sensor::imu::MountValue;
 use consider::Considering;
 pub use consider::Doubt;
+use entry::Entry;
 use faults::{Fault, Faults};
 use hypothesis::Hypothesis;
 use loops::Loops;
@@ -46,7 +49,7 @@ use rest::Rest;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use subject::Subject;
-use worn::{as_known, check_stds, row_offsets};
+use worn::{as_known, check_stds};
 pub use worn::{mount_values, parameter_values};
 
 /// What is known of one wearing of the sensors.
@@ -56,8 +59,8 @@ pub struct Calibration {
     pub parameters: BTreeMap<String, f64>,
     /// Per inertial unit: link from sensor, and its origin in the link, m.
     pub mounts: BTreeMap<String, MountValue>,
-    /// Per inertial unit: constant part of its magnetometer's readings, uT in sensor axes.
-    pub mag_offsets: BTreeMap<String, [f64; 3]>,
+    /// Of stamps and readings.
+    pub corrections: Corrections,
     /// Standard deviations of parameters, in their unit: at the start of those that are estimated; else they widen the bands,
     /// as do the next two.
     pub parameter_stds: BTreeMap<String, f64>,
@@ -95,8 +98,9 @@ pub struct Tracker {
     manner: Manner,
     /// Per part: a magnetometer, which is no judge of motion.
     strict: Vec<bool>,
-    /// What is subtracted from each row before use.
-    offset: Vec<f64>,
+    entry: Entry,
+    /// The sample that was last stepped with, as it is used.
+    corrected: Sample,
     readings: Readings,
     faults: Faults,
     rest: Rest,
@@ -128,14 +132,15 @@ impl Tracker {
             )));
         }
         let considering = Considering::new(&body, &mounts, calibration, config)?;
-        let offset = row_offsets(&body, &calibration.mag_offsets)?;
+        let entry = Entry::new(&body, &calibration.corrections)?;
         let subject = Subject::new(body);
         Ok(Tracker {
             manner: manner(config),
             strict: magnetic::strict(&subject, config.magnetometer),
-            offset,
+            corrected: Sample::empty(&subject.body.model, &subject.body.suite),
             readings: Readings::new(&subject.body),
-            faults: Faults::new(&subject),
+            faults: Faults::new(&subject, &entry),
+            entry,
             rest: Rest::new(&subject.body),
             loops: Loops::new(&subject, config.closures),
             magnetic: Magnetic::new(&subject, config.magnetometer),
@@ -250,6 +255,10 @@ impl Tracker {
                 self.subject.body.model.name
             )));
         }
+        self.check_finite(sample)
+    }
+
+    fn check_finite(&self, sample: &Sample) -> Result<()> {
         if let Some(row) = sample.z.iter().position(|z| z.is_infinite()) {
             let names = self.subject.body.suite.row_names();
             return Err(Error::Data(format!(

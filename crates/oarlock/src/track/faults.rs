@@ -5,16 +5,16 @@
 //! rest do repeat themselves, and so does a chip that is slower than its unit; the longest run that ended by itself is remembered.
 //! A magnetometer's repeated reading is an old one, and counts once.
 
+use super::entry::Entry;
 use super::hypothesis::SourceMemory;
 use super::readings::Readings;
 use super::subject::Subject;
 use crate::body::Body;
 use crate::estimate::filter::{Info, Verdict};
 use crate::model::SensorKind;
-use crate::recording::Sample;
 use crate::sensor::Quantity;
 
-/// A reading beyond this share of the range is at its end: calibration may have scaled it.
+/// A reading beyond this share of the range is at its end: a logger may have scaled it.
 const END_OF_RANGE: f64 = 0.98;
 /// Repeated for longer than this a gyroscope or accelerometer is stuck, s.
 const STUCK_S: f64 = 0.2;
@@ -100,8 +100,8 @@ impl FaultState {
 /// Finds readings that are no measurements.
 #[derive(Debug, Clone)]
 pub(super) struct Faults {
-    /// Per row: the largest that its sensor can read.
-    range: Vec<f64>,
+    /// Per row: from which corrected readings on, downwards and upwards, its sensor is at the end of its range.
+    ends: Vec<[f64; 2]>,
     /// Per part: what is wrong with it in this sample.
     found: Vec<Fault>,
 }
@@ -138,17 +138,22 @@ pub(super) fn by_source<'a>(subject: &'a Subject, info: &'a Info) -> impl Iterat
 }
 
 impl Faults {
-    pub fn new(subject: &Subject) -> Self {
-        Faults { range: ranges(&subject.body), found: vec![Fault::None; subject.groups.parts.len()] }
+    pub fn new(subject: &Subject, entry: &Entry) -> Self {
+        let ends = |(row, range): (usize, &f64)| [-1.0, 1.0].map(|sign| entry.along(row, sign * END_OF_RANGE * range));
+        let ends = ranges(&subject.body).iter().enumerate().map(ends).collect();
+        Faults { ends, found: vec![Fault::None; subject.groups.parts.len()] }
     }
 
-    /// Silences rows at the end of their range, as the sensor gave them in `sample`.
-    pub fn silence_clipped(&mut self, subject: &Subject, sample: &Sample, readings: &mut Readings) {
+    /// Silences rows at the end of their range.
+    pub fn silence_clipped(&mut self, subject: &Subject, readings: &mut Readings) {
         for (fault, rows) in self.found.iter_mut().zip(&subject.groups.parts) {
             *fault = Fault::None;
-            for r in rows.clone().filter(|&r| sample.z[r].abs() >= END_OF_RANGE * self.range[r]) {
-                readings.z[r] = f64::NAN;
-                *fault = Fault::Clipped;
+            for r in rows.clone() {
+                let [low, high] = self.ends[r];
+                if readings.z[r] <= low || readings.z[r] >= high {
+                    readings.z[r] = f64::NAN;
+                    *fault = Fault::Clipped;
+                }
             }
         }
     }

@@ -19,10 +19,9 @@ impl Readings {
         Readings { z: vec![f64::NAN; body.suite.len()], moment: body.moment() }
     }
 
-    /// Takes in the readings of a sample, less `offset`.
-    pub fn take(&mut self, sample: &Sample, offset: &[f64]) {
-        let readings = sample.z.iter().zip(offset);
-        self.z.iter_mut().zip(readings).for_each(|(z, (reading, offset))| *z = reading - offset);
+    /// Takes in the readings of a sample.
+    pub fn take(&mut self, sample: &Sample) {
+        self.z.copy_from_slice(&sample.z);
         for (input, &value) in self.moment.inputs.iter_mut().zip(&sample.inputs) {
             *input = if value.is_nan() { 0.0 } else { value };
         }

@@ -79,7 +79,8 @@ pub fn track(
     progress: Progress,
 ) -> Result<Run> {
     let mut tracker = Tracker::new(model.clone(), calibration, config)?;
-    let recording = Recording::new(&model, &tracker.body().suite, streams, config.merge_s)?;
+    let recording =
+        Recording::new(&model, &tracker.body().suite, streams, &calibration.corrections.clocks, config.merge_s)?;
     if let Some(start) = start {
         tracker.resume(start)?;
     }

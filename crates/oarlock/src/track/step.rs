@@ -23,9 +23,19 @@ impl Tracker {
         self.step_with(sample, &mut |_, _, _| {})
     }
 
-    /// Takes in one sample, and those that waited for the start window to be full; `sink` is told of each.
+    /// Takes in one sample, and those that waited for the start window to be full; `sink` is told of each, corrected.
     pub fn step_with(&mut self, sample: &Sample, sink: Sink) -> Result<Status> {
         self.check(sample)?;
+        let mut corrected = std::mem::take(&mut self.corrected);
+        corrected.clone_from(sample);
+        self.entry.correct(&mut corrected);
+        let done = self.check_finite(&corrected).and_then(|()| self.take_in(&corrected, sink));
+        self.corrected = corrected;
+        done
+    }
+
+    /// Takes in a sample that is corrected.
+    fn take_in(&mut self, sample: &Sample, sink: Sink) -> Result<Status> {
         let Some(mut one) = self.hypothesis.take() else {
             return self.gather(sample, sink);
         };
@@ -189,8 +199,8 @@ impl Tracker {
     /// Fills in inputs and loops, silences what is no measurement, and bars disturbed magnetometers.
     fn prepare(&mut self, sample: &Sample) {
         let Tracker { subject, readings, .. } = self;
-        readings.take(sample, &self.offset);
-        self.faults.silence_clipped(subject, sample, readings);
+        readings.take(sample);
+        self.faults.silence_clipped(subject, readings);
         self.loops.fill(subject, sample, readings);
         readings.silence_what_needs_missing_inputs(subject, sample);
         self.magnetic.judge_norms(subject, readings);

@@ -114,6 +114,7 @@ impl Stretch {
             if sample.time_s <= one.belief.time_s {
                 continue;
             }
+            tracker.entry.correct(&mut sample);
             tracker.learns = !run.partings.iter().any(|p| p.from_s < sample.time_s && sample.time_s <= p.to_s);
             let first = self.used;
             self.begin(&one.belief, row.take());
