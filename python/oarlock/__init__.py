@@ -146,4 +146,6 @@ __all__ = [
 
 def _config_from_dict(keys: dict[str, object]) -> Config:
     """Unpickle a Config; in one of 0.1.0 that names the iterated filter, `ekf` takes its place."""
-    return Config(**{key: "ekf" if (key, value) == ("filter", "iekf") else value for key, value in keys.items()})
+    return Config(
+        **{key: "ekf" if (key, value) == ("filter", "iekf") else value for key, value in keys.items()}
+    )

@@ -49,7 +49,7 @@ pub fn race(
 }
 
 fn textbook_steps(from: &Tracker, config: &Config, samples: &[Sample], spent: &mut Vec<f64>) {
-    let (Some(belief), body) = (from.belief(), &from.body) else {
+    let (Some(belief), body) = (from.belief(), from.body()) else {
         return;
     };
     let (std, spread) = (body.suite.std(), [config.alpha, config.beta, config.kappa]);
@@ -69,9 +69,9 @@ fn textbook_steps(from: &Tracker, config: &Config, samples: &[Sample], spent: &m
 
 /// Readings in which closed loops, if they count, read zero.
 fn with_loops(tracker: &Tracker, config: &Config, sample: &Sample) -> Vec<f64> {
-    let (mut z, sources) = (sample.z.clone(), &tracker.body.suite.sources);
+    let (mut z, sources) = (sample.z.clone(), &tracker.body().suite.sources);
     if config.closures {
-        let loops = sources.len() - tracker.body.model.closures.len();
+        let loops = sources.len() - tracker.body().model.closures.len();
         sources[loops..].iter().for_each(|source| z[source.rows.clone()].fill(0.0));
     }
     z

@@ -1,12 +1,15 @@
 //! Belief and Info.
 
 use crate::array::items;
+use crate::errors::DataError;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
-use oarlock::estimate::belief::{Belief, MEMORY};
+use oarlock::estimate::belief::Belief;
 use oarlock::estimate::filter::Info;
 use oarlock::kernels::dense::Square;
 use oarlock::track::faults::Fault;
+use oarlock::track::hypothesis::{Hypothesis, SourceMemory, MEMORY};
 use oarlock::track::magnetic::Field;
+use oarlock::track::Doubt;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -14,7 +17,7 @@ use pyo3::types::{PyDict, PyTuple};
 #[pyclass(frozen, name = "Belief", module = "oarlock")]
 #[derive(Clone)]
 pub struct PyBelief {
-    pub belief: Belief,
+    pub known: Hypothesis,
     pub names: Vec<String>,
 }
 
@@ -51,12 +54,14 @@ impl PyBelief {
         let drive = crate::array::reals(drive, "drive")?.values;
         let habit = crate::array::reals(habit, "habit")?.values;
         let covariance = Square::from_rows(n, covariance.values)
-            .ok_or_else(|| crate::errors::DataError::new_err("covariance: expected one (n, n) matrix"))?;
-        let rivals = rivals.iter().map(|r| r.belief.clone()).collect();
-        let ((line, score), mean) = (hypothesis, mean.values);
+            .ok_or_else(|| DataError::new_err("covariance: expected one (n, n) matrix"))?;
+        if seen_s.len() != memory.len() {
+            let (seen, kept) = (seen_s.len(), memory.len());
+            return Err(DataError::new_err(format!("memory: {kept} sources, but {seen} in seen_s; expected as many")));
+        }
         let belief = Belief {
             time_s,
-            mean,
+            mean: mean.values,
             covariance,
             drive,
             usual_nis: habit,
@@ -64,54 +69,52 @@ impl PyBelief {
             surprise: inflation.1,
             roughness: inflation.2,
             leftover: inflation.3,
-            seen_s,
             rejected_since_s,
-            memory,
-            doubt,
-            line,
-            score,
-            rivals,
         };
-        Ok(PyBelief { belief, names: state_names })
+        let sources = seen_s.iter().zip(&memory).map(|(&seen_s, flat)| SourceMemory::from_flat(seen_s, flat)).collect();
+        let doubt = doubt_from(&doubt, n)?;
+        let rivals = rivals.iter().map(|r| r.known.clone()).collect();
+        let (line, score) = hypothesis;
+        Ok(PyBelief { known: Hypothesis { belief, sources, doubt, line, score, rivals }, names: state_names })
     }
 
     #[getter]
     fn time_s(&self) -> f64 {
-        self.belief.time_s
+        self.known.belief.time_s
     }
 
     #[getter]
     fn mean<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.belief.mean)
+        PyArray1::from_slice(py, &self.known.belief.mean)
     }
 
     #[getter]
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        matrix(py, &self.belief.covariance)
+        matrix(py, &self.known.belief.covariance)
     }
 
     /// Per driven state: factor on the variance of its driving noise, as learnt.
     #[getter]
     fn drive<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.belief.drive)
+        PyArray1::from_slice(py, &self.known.belief.drive)
     }
 
     /// Per part of the measurement: usual size of its innovations, as a factor on what is expected (variance).
     #[getter]
     fn habit<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.belief.usual_nis)
+        PyArray1::from_slice(py, &self.known.belief.usual_nis)
     }
 
     /// Per sensor and closure: when it last said anything, s.
     #[getter]
     fn seen_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.belief.seen_s)
+        PyArray1::from_vec(py, self.known.sources.iter().map(|s| s.seen_s).collect())
     }
 
     /// Per part of the measurement: since when it has been rejected without a break, s; NaN if it is not.
     #[getter]
     fn rejected_since_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.belief.rejected_since_s)
+        PyArray1::from_slice(py, &self.known.belief.rejected_since_s)
     }
 
     #[getter]
@@ -123,14 +126,14 @@ impl PyBelief {
     /// as a factor on what is expected (variances), as learnt.
     #[getter]
     fn inflation(&self) -> (f64, f64, f64, f64) {
-        let Belief { inflation, surprise, roughness, leftover, .. } = self.belief;
+        let Belief { inflation, surprise, roughness, leftover, .. } = self.known.belief;
         (inflation, surprise, roughness, leftover)
     }
 
-    /// Per sensor and closure: smoothed readings by which rest is told.
+    /// Per sensor and closure: what is remembered of its readings to recognise rest, faults and a field that has turned.
     #[getter]
     fn memory(&self) -> Vec<[f64; MEMORY]> {
-        self.belief.memory.clone()
+        self.known.sources.iter().map(|s| s.to_flat()).collect()
     }
 
     /// How far what is only considered (mounts, lengths, places of units) may have led astray: a scale, learnt from the innovations, the
@@ -138,26 +141,26 @@ impl PyBelief {
     /// where nothing is considered.
     #[getter]
     fn doubt<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.belief.doubt)
+        PyArray1::from_vec(py, self.flat_doubt())
     }
 
     /// Standard deviations (n,), what is only considered included.
     #[getter]
     fn std<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_vec(py, self.belief.own_spread())
+        PyArray1::from_vec(py, self.known.own_spread())
     }
 
     /// Which hypothesis this is, and the logarithm of its likelihood against the others'.
     #[getter]
     fn hypothesis(&self) -> (u64, f64) {
-        (self.belief.line, self.belief.score)
+        (self.known.line, self.known.score)
     }
 
     /// Other hypotheses that are still alive, each a Belief.
     #[getter]
     fn rivals(&self) -> Vec<PyBelief> {
-        let alone = |b: &Belief| PyBelief { belief: b.clone(), names: self.names.clone() };
-        self.belief.rivals.iter().map(alone).collect()
+        let alone = |one: &Hypothesis| PyBelief { known: one.clone(), names: self.names.clone() };
+        self.known.rivals.iter().map(alone).collect()
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
@@ -166,7 +169,7 @@ impl PyBelief {
         let (hypothesis, rivals) = (b.hypothesis(), b.rivals());
         let (mean, covariance, names) = (b.mean(py), b.covariance(py)?, b.names.clone());
         let parts = (
-            b.belief.time_s,
+            b.known.belief.time_s,
             mean,
             covariance,
             drive,
@@ -180,13 +183,33 @@ impl PyBelief {
             rivals,
         );
         // A tuple of more than twelve in one piece cannot be made.
-        let (parts, doubt) = (parts.into_pyobject(py)?, (b.belief.doubt.clone(),).into_pyobject(py)?);
+        let (parts, doubt) = (parts.into_pyobject(py)?, (b.flat_doubt(),).into_pyobject(py)?);
         Ok((py.get_type::<Self>().into_any(), parts.as_sequence().concat(doubt.as_sequence())?.to_tuple()?))
     }
 
     fn __repr__(&self) -> String {
-        format!("Belief(time_s={}, {} states)", self.belief.time_s, self.names.len())
+        format!("Belief(time_s={}, {} states)", self.known.belief.time_s, self.names.len())
     }
+}
+
+impl PyBelief {
+    fn flat_doubt(&self) -> Vec<f64> {
+        self.known.doubt.as_ref().map_or_else(Vec::new, Doubt::to_flat)
+    }
+}
+
+/// The doubt of a belief of so many states; empty where nothing is considered.
+fn doubt_from(flat: &[f64], states: usize) -> PyResult<Option<Doubt>> {
+    if flat.is_empty() {
+        return Ok(None);
+    }
+    let doubt = Doubt::from_flat(flat, states).ok_or_else(|| {
+        let count = flat.len();
+        DataError::new_err(format!(
+            "doubt: {count} numbers that do not belong to {states} states; take those of a belief"
+        ))
+    });
+    doubt.map(Some)
 }
 
 /// Report of one update.

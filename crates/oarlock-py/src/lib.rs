@@ -4,6 +4,7 @@ mod array;
 mod belief;
 mod calibrate;
 mod config;
+mod corrections;
 mod errors;
 mod lent;
 mod model;
@@ -30,6 +31,9 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<run::PyRun>()?;
     m.add_class::<tracker::PySample>()?;
     m.add_class::<tracker::PyTracker>()?;
+    m.add_function(wrap_pyfunction!(corrections::true_times_s, m)?)?;
+    m.add_function(wrap_pyfunction!(corrections::encoder_values, m)?)?;
+    m.add_function(wrap_pyfunction!(corrections::corrected_readings, m)?)?;
     m.add_function(wrap_pyfunction!(run::track, m)?)?;
     m.add_function(wrap_pyfunction!(run::track_many, m)?)?;
     m.add_function(wrap_pyfunction!(score::score_many, m)?)?;

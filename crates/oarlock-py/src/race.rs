@@ -10,6 +10,7 @@ use oarlock::track::{Calibration, Tracker};
 use oarlock_oracle::race::{race as engine_race, Times};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 /// Steps of each configuration and of the textbook's unscented filter, timed in turn for `seconds` once `warm` samples are
@@ -31,14 +32,14 @@ pub fn race<'py>(
         return Err(DataError::new_err("race: no configuration; give one at least"));
     };
     let config = config.get().0.clone();
-    let all = samples(py, first, config.merge_s, recording)?;
+    let all = samples(py, first, &BTreeMap::new(), config.merge_s, recording)?;
     if all.len() <= warm {
         return Err(DataError::new_err(format!(
             "race: {} samples, of which {warm} only warm up: give more",
             all.len()
         )));
     }
-    let (n, m) = (first.body.layout.dim(), first.body.suite.len());
+    let (n, m) = (first.body().layout.dim(), first.body().suite.len());
     let (before, behind) = all.split_at(warm);
     let times: Times = detached(py, None, |told| {
         for tracker in &mut trackers {

@@ -69,7 +69,7 @@ pub fn track(
 ) -> PyResult<PyRun> {
     let (streams, calibration) = (streams(recording)?, calibration(calibration_)?);
     let (model, config) = (model.get().model.clone(), config.get().0.clone());
-    let start = start.map(|b| b.get().belief.clone());
+    let start = start.map(|b| b.get().known.clone());
     let run = detached(py, progress, move |p| engine_track(model, streams, &calibration, &config, start, p))?;
     Ok(PyRun::new(run))
 }
@@ -180,7 +180,7 @@ impl PyRun {
         std: bool,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let run = self.whole(py)?;
-        let (series, n) = (&run.series, run.tracker().body.layout.dim());
+        let (series, n) = (&run.series, run.tracker().body().layout.dim());
         let rows = if std { &series.std } else { &series.mean }.chunks_exact(n);
         let value = |row: &[f64], c: &Option<usize>| c.and_then(|i| row.get(i).copied()).unwrap_or(f64::NAN);
         let mut values = Vec::with_capacity(columns.len() * series.time_s.len());
@@ -233,17 +233,17 @@ impl PyRun {
     #[getter]
     fn last_belief(&self) -> Option<PyBelief> {
         let names = self.state_names();
-        self.run().last_belief().map(|b| PyBelief { belief: b.clone(), names })
+        self.run().last().map(|one| PyBelief { known: one.clone(), names })
     }
 
     #[getter]
     fn state_names(&self) -> Vec<String> {
-        self.run().tracker().body.layout.names.clone()
+        self.run().tracker().body().layout.names.clone()
     }
 
     #[getter]
     fn source_names(&self) -> Vec<String> {
-        self.run().tracker().body.suite.sources.iter().map(|s| s.name.clone()).collect()
+        self.run().tracker().body().suite.sources.iter().map(|s| s.name.clone()).collect()
     }
 
     #[getter]

@@ -1,8 +1,10 @@
 //! Recordings and calibrations on their way in.
 
 use crate::array::items;
+use crate::corrections::corrections;
 use crate::errors::{raise, DataError};
 use crate::lent::column;
+use oarlock::corrections::Clock;
 use oarlock::recording::{Channel, Recording, Sample, Stream};
 use oarlock::rotation::Mat3;
 use oarlock::sensor::Quantity;
@@ -10,7 +12,8 @@ use oarlock::track::{Calibration, Tracker};
 use pyo3::prelude::*;
 use std::collections::BTreeMap;
 
-const CHANNELS: [(&str, Quantity); 3] =
+/// Fields of an inertial unit's stream.
+pub const CHANNELS: [(&str, Quantity); 3] =
     [("gyro_rad_s", Quantity::Gyro), ("accel_m_s2", Quantity::Accel), ("mag_ut", Quantity::Mag)];
 
 /// Every stream of a Recording.
@@ -18,10 +21,16 @@ pub fn streams(recording: &Bound<'_, PyAny>) -> PyResult<Vec<Stream>> {
     recording.getattr("streams")?.try_iter()?.map(|s| stream(&s?)).collect()
 }
 
-/// The samples of a Recording, streams merged.
-pub fn samples(py: Python<'_>, tracker: &Tracker, merge_s: f64, recording: &Bound<'_, PyAny>) -> PyResult<Vec<Sample>> {
-    let body = &tracker.body;
-    let recording = Recording::new(&body.model, &body.suite, streams(recording)?, merge_s);
+/// The samples of a Recording, streams merged by true time.
+pub fn samples(
+    py: Python<'_>,
+    tracker: &Tracker,
+    clocks: &BTreeMap<String, Clock>,
+    merge_s: f64,
+    recording: &Bound<'_, PyAny>,
+) -> PyResult<Vec<Sample>> {
+    let body = tracker.body();
+    let recording = Recording::new(&body.model, &body.suite, streams(recording)?, clocks, merge_s);
     let recording = recording.map_err(|e| raise(py, e))?;
     let (mut cursor, mut sample, mut all) = (recording.start(), tracker.empty_sample(), Vec::new());
     while recording.next(&mut cursor, &mut sample) {
@@ -69,7 +78,7 @@ pub fn calibration(object: Option<&Bound<'_, PyAny>>) -> PyResult<Calibration> {
         let rotation = matrix(&r.values).ok_or_else(|| DataError::new_err(format!("mount '{name}': one matrix")))?;
         out.mounts.insert(name, (rotation, [o.values[0], o.values[1], o.values[2]]));
     }
-    out.mag_offsets = threes(object, "mag_offsets_ut")?;
+    out.corrections = corrections(object)?;
     out.parameter_stds =
         object.getattr("parameter_stds")?.call_method0("items")?.try_iter()?.map(pair).collect::<PyResult<_>>()?;
     out.mount_stds_rad = threes(object, "mount_stds_rad")?;
@@ -82,7 +91,7 @@ fn pair(item: PyResult<Bound<'_, PyAny>>) -> PyResult<(String, f64)> {
 }
 
 /// Three numbers by name.
-fn threes(object: &Bound<'_, PyAny>, field: &str) -> PyResult<BTreeMap<String, [f64; 3]>> {
+pub fn threes(object: &Bound<'_, PyAny>, field: &str) -> PyResult<BTreeMap<String, [f64; 3]>> {
     let mut out = BTreeMap::new();
     for pair in object.getattr(field)?.call_method0("items")?.try_iter()? {
         let (name, three): (String, Bound<'_, PyAny>) = pair?.extract()?;

@@ -6,12 +6,13 @@ use crate::config::PyConfig;
 use crate::errors::{raise, DataError};
 use crate::model::PyModel;
 use crate::streams::{calibration, samples};
+use oarlock::corrections::Clock;
 use oarlock::recording::{input_joint, Sample};
 use oarlock::sensor::Quantity;
 use oarlock::track::{Status, Tracker};
-use oarlock::Config;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::collections::BTreeMap;
 
 /// Everything measured at one instant.
 #[pyclass(frozen, name = "Sample", module = "oarlock")]
@@ -31,11 +32,13 @@ impl PySample {
     }
 }
 
-/// A belief and its workspace: `step(sample)` for live use.
+/// A belief and its workspace: `step(sample)` for live use. Readings are given as the sensors gave them: the calibration corrects them
+/// on the way in. Stamps are true times; `corrected_time_s` gives those of a clock of its own.
 #[pyclass(name = "Tracker", module = "oarlock")]
 pub struct PyTracker {
     tracker: Tracker,
-    config: Config,
+    merge_s: f64,
+    clocks: BTreeMap<String, Clock>,
     /// Filled in anew for each sample that comes as a dictionary.
     sample: Sample,
     names: Vec<String>,
@@ -57,24 +60,36 @@ impl PyTracker {
         let calibration = calibration(calibration_)?;
         let mut tracker = Tracker::new(model.get().model.clone(), &calibration, &config).map_err(|e| raise(py, e))?;
         if let Some(belief) = belief {
-            tracker.resume(belief.get().belief.clone()).map_err(|e| raise(py, e))?;
+            tracker.resume(belief.get().known.clone()).map_err(|e| raise(py, e))?;
         }
-        let names = tracker.body.layout.names.clone();
-        let sensors = tracker.body.suite.sources.iter().map(|s| s.name.clone()).collect();
+        let names = tracker.body().layout.names.clone();
+        let sensors = tracker.body().suite.sources.iter().map(|s| s.name.clone()).collect();
         let sample = tracker.empty_sample();
-        Ok(PyTracker { tracker, config, sample, names, sensors })
+        let clocks = calibration.corrections.clocks;
+        Ok(PyTracker { tracker, merge_s: config.merge_s, clocks, sample, names, sensors })
     }
 
-    /// A sample from readings by sensor: `{"back": {"gyro_rad_s": (3,), ...}, "seat": 0.31}`; what is absent is missing.
+    /// A sample at a true time from readings by sensor as they were measured: `{"back": {"gyro_rad_s": (3,), ...}, "seat": 0.31}`; what is absent is missing.
     fn sample(&self, time_s: &Bound<'_, PyAny>, readings: &Bound<'_, PyDict>) -> PyResult<PySample> {
         let mut sample = self.tracker.empty_sample();
         self.fill(&mut sample, one_number(time_s, "sample, time_s")?, readings)?;
         Ok(PySample(sample))
     }
 
-    /// The samples of a recording, merged as `oarlock.track` merges them.
+    /// True time, s, of a stamp of a stream's own clock, as the calibration has it; the stamp itself where that says nothing.
+    fn corrected_time_s(&self, stream: &str, time_s: f64) -> PyResult<f64> {
+        let body = self.tracker.body();
+        let is_known =
+            body.suite.sources.iter().any(|s| s.name == stream) || input_joint(&body.model, stream).is_some();
+        if !is_known {
+            return Err(DataError::new_err(format!("corrected_time_s: no stream '{stream}'; {}", self.hint(stream))));
+        }
+        Ok(self.clocks.get(stream).copied().unwrap_or_default().true_s(time_s))
+    }
+
+    /// The samples of a recording as measured, merged by true time as `oarlock.track` merges them.
     fn samples(&self, py: Python<'_>, recording: &Bound<'_, PyAny>) -> PyResult<Vec<PySample>> {
-        let all = samples(py, &self.tracker, self.config.merge_s, recording)?;
+        let all = samples(py, &self.tracker, &self.clocks, self.merge_s, recording)?;
         Ok(all.into_iter().map(PySample).collect())
     }
 
@@ -114,7 +129,7 @@ impl PyTracker {
     /// What is believed now; None until the start window is full.
     #[getter]
     fn belief(&self) -> Option<PyBelief> {
-        self.tracker.belief().map(|b| PyBelief { belief: b.clone(), names: self.names.clone() })
+        self.tracker.hypothesis().map(|one| PyBelief { known: one.clone(), names: self.names.clone() })
     }
 
     #[getter]
@@ -123,7 +138,7 @@ impl PyTracker {
     }
 
     fn __repr__(&self) -> String {
-        format!("Tracker(model='{}', {} states)", self.tracker.body.model.name, self.names.len())
+        format!("Tracker(model='{}', {} states)", self.tracker.body().model.name, self.names.len())
     }
 }
 
@@ -153,8 +168,16 @@ impl PyTracker {
         Ok(())
     }
 
+    /// Which stream may have been meant.
+    fn hint(&self, name: &str) -> String {
+        let model = &self.tracker.body().model;
+        let inputs = model.joints.iter().filter(|j| j.input).map(|j| j.name.as_str());
+        let known: Vec<&str> = model.sensors.iter().map(|s| s.name.as_str()).chain(inputs).collect();
+        oarlock::model::suggest::hint(name, &known)
+    }
+
     fn put(&self, sample: &mut Sample, name: &str, field: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
-        let body = &self.tracker.body;
+        let body = self.tracker.body();
         if let Some(joint) = input_joint(&body.model, name) {
             sample.inputs[body.model.joints[joint].first] = one_number(value, &format!("sample, {name}"))?;
             return Ok(());
@@ -168,10 +191,7 @@ impl PyTracker {
         let source = body.suite.sources.iter().find(|s| s.name == name);
         let part = source.and_then(|s| s.parts.iter().find(|p| fits(p.quantity)));
         let Some(part) = part else {
-            let inputs = body.model.joints.iter().filter(|j| j.input).map(|j| j.name.as_str());
-            let sensors = body.model.sensors.iter().map(|s| s.name.as_str());
-            let known: Vec<&str> = sensors.chain(inputs).collect();
-            let hint = oarlock::model::suggest::hint(name, &known);
+            let hint = self.hint(name);
             return Err(DataError::new_err(format!("sample: '{name}' has no '{field}' in this model; {hint}")));
         };
         let label = format!("sample, {name}.{field}");

@@ -3,6 +3,7 @@
 pub mod body;
 pub mod calibrate;
 pub mod config;
+pub mod corrections;
 pub mod describe;
 pub mod error;
 pub mod estimate;

@@ -2,11 +2,13 @@
 
 pub mod column;
 
+use crate::corrections::Clock;
 use crate::error::{Error, Result};
 use crate::model::suggest::hint;
 use crate::model::{Model, SensorKind};
 use crate::sensor::{Quantity, Suite};
 use column::Column;
+use std::collections::BTreeMap;
 
 /// One quantity of a stream, rows laid end to end; NaN is missing.
 #[derive(Debug, Clone)]
@@ -29,7 +31,7 @@ pub struct Stream {
 }
 
 /// Everything measured at one instant.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, PartialEq, Default)]
 pub struct Sample {
     /// On the recording's clock, s.
     pub time_s: f64,
@@ -37,6 +39,20 @@ pub struct Sample {
     pub z: Vec<f64>,
     /// Per coordinate of the model: readings of input joints, NaN where missing.
     pub inputs: Vec<f64>,
+}
+
+impl Clone for Sample {
+    fn clone(&self) -> Self {
+        Sample { time_s: self.time_s, z: self.z.clone(), inputs: self.inputs.clone() }
+    }
+
+    /// Into the memory that is there: a step allocates nothing.
+    fn clone_from(&mut self, from: &Self) {
+        let Sample { time_s, z, inputs } = self;
+        *time_s = from.time_s;
+        z.clone_from(&from.z);
+        inputs.clone_from(&from.inputs);
+    }
 }
 
 impl Sample {
@@ -52,6 +68,20 @@ impl Sample {
     }
 }
 
+/// A stream and its clock.
+#[derive(Debug, Clone)]
+struct Clocked {
+    stream: Stream,
+    clock: Clock,
+}
+
+impl Clocked {
+    /// True time of a row, s.
+    fn true_s(&self, row: usize) -> Option<f64> {
+        self.stream.time_s.get(row).map(|stamp_s| self.clock.true_s(stamp_s))
+    }
+}
+
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Target {
     Row(usize),
@@ -61,7 +91,7 @@ enum Target {
 /// Streams that belong to a model.
 #[derive(Debug, Clone)]
 pub struct Recording {
-    streams: Vec<Stream>,
+    streams: Vec<Clocked>,
     /// Per stream and channel.
     targets: Vec<Vec<Target>>,
     merge_s: f64,
@@ -74,14 +104,22 @@ pub struct Recording {
 pub struct Cursor(Vec<usize>);
 
 impl Recording {
-    /// Checks stamps, lengths and names.
-    pub fn new(model: &Model, suite: &Suite, streams: Vec<Stream>, merge_s: f64) -> Result<Self> {
+    /// Checks stamps, lengths and names. Streams are merged by true time, as `clocks` (by stream) have it.
+    pub fn new(
+        model: &Model,
+        suite: &Suite,
+        streams: Vec<Stream>,
+        clocks: &BTreeMap<String, Clock>,
+        merge_s: f64,
+    ) -> Result<Self> {
         let mut recording = Recording { streams: Vec::new(), targets: Vec::new(), merge_s, notes: Vec::new() };
         for stream in streams {
-            check(&stream)?;
-            let targets = recording.targets_of(model, suite, &stream)?;
+            let clock = clocks.get(&stream.name).copied().unwrap_or_default();
+            let clocked = Clocked { stream, clock };
+            check(&clocked)?;
+            let targets = recording.targets_of(model, suite, &clocked.stream)?;
             recording.targets.push(targets);
-            recording.streams.push(stream);
+            recording.streams.push(clocked);
         }
         Ok(recording)
     }
@@ -114,30 +152,31 @@ impl Recording {
 
     /// Names of the streams.
     pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.streams.iter().map(|s| s.name.as_str())
+        self.streams.iter().map(|s| s.stream.name.as_str())
     }
 
-    /// First and last stamp, s; `None` if there is no row.
+    /// First and last true time, s; `None` if there is no row.
     pub fn span_s(&self) -> Option<(f64, f64)> {
-        let first = self.streams.iter().filter_map(|s| s.time_s.get(0)).reduce(f64::min)?;
-        let last = self.streams.iter().filter_map(|s| s.time_s.get(s.time_s.len().checked_sub(1)?)).reduce(f64::max)?;
+        let first = self.streams.iter().filter_map(|s| s.true_s(0)).reduce(f64::min)?;
+        let last = self.streams.iter().filter_map(|s| s.true_s(s.stream.time_s.len().checked_sub(1)?));
+        let last = last.reduce(f64::max)?;
         Some((first, last))
     }
 
     /// Reads the next sample, all rows within `merge_s` of the earliest; false at the end. Allocates nothing.
     pub fn next(&self, cursor: &mut Cursor, sample: &mut Sample) -> bool {
-        let heads = self.streams.iter().zip(&cursor.0).filter_map(|(s, &at)| s.time_s.get(at));
+        let heads = self.streams.iter().zip(&cursor.0).filter_map(|(s, &at)| s.true_s(at));
         let Some(time_s) = heads.reduce(f64::min) else {
             return false;
         };
         sample.clear();
         sample.time_s = time_s;
         for ((stream, targets), at) in self.streams.iter().zip(&self.targets).zip(&mut cursor.0) {
-            let here = stream.time_s.get(*at).is_some_and(|t| t - time_s < self.merge_s);
+            let here = stream.true_s(*at).is_some_and(|t| t - time_s < self.merge_s);
             if !here {
                 continue;
             }
-            for (channel, target) in stream.channels.iter().zip(targets) {
+            for (channel, target) in stream.stream.channels.iter().zip(targets) {
                 let width = width(channel.quantity);
                 match *target {
                     Target::Row(usize::MAX) => {}
@@ -183,15 +222,17 @@ fn width(quantity: Quantity) -> usize {
     }
 }
 
-fn check(stream: &Stream) -> Result<()> {
+fn check(clocked: &Clocked) -> Result<()> {
+    let stream = &clocked.stream;
     let t = &stream.time_s;
-    if let Some((i, time_s)) = t.iter().enumerate().find(|(_, x)| !x.is_finite()) {
+    let times = || t.iter().map(|stamp_s| clocked.clock.true_s(stamp_s));
+    if let Some((i, time_s)) = times().enumerate().find(|(_, x)| !x.is_finite()) {
         return Err(Error::Data(format!(
             "stream '{}': time_s[{i}] = {time_s}: stamps must be finite seconds; drop that row",
             stream.name
         )));
     }
-    let pairs = t.iter().zip(t.iter().skip(1)).enumerate();
+    let pairs = times().zip(times().skip(1)).enumerate();
     if let Some((i, (before, here))) = { pairs }.find(|(_, (before, here))| here <= before) {
         return Err(Error::Data(format!(
             "stream '{}': time_s[{}] = {here} s does not come after time_s[{i}] = {before} s; stamps must increase: \

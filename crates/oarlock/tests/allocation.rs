@@ -164,7 +164,7 @@ fn assert_steps_with_balls_allocate_nothing(filter: FilterKind) {
         assert_eq!(tracker.step(sample).unwrap(), Status::Tracking);
     }
     let requests = REQUESTS.get() - before;
-    assert!(tracker.belief().unwrap().rivals.is_empty());
+    assert!(tracker.hypothesis().unwrap().rivals.is_empty());
     println!("300 steps with balls: {requests} allocations");
     assert_eq!(requests, 0);
 }

@@ -13,9 +13,7 @@ import numpy as np
 from oarlock.evaluation.consistency import sensor_scores, state_score
 from oarlock.evaluation.errors import landmark_frames, position_scores
 from oarlock.evaluation.joints import joint_scores
-from oarlock.evaluation.scores import (
-    Evaluation,
-)
+from oarlock.evaluation.scores import Evaluation
 from oarlock.evaluation.tracklike import Interval, TrackLike
 from oarlock.storage.errors import DataError
 

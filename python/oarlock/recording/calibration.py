@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from os import PathLike
 from pathlib import Path
@@ -22,7 +22,7 @@ from oarlock.recording.calibration_values import (
     parameter_std,
     std_three,
 )
-from oarlock.recording.corrections import corrected
+from oarlock.recording.corrections import CORRECTING, corrected
 from oarlock.recording.stream_scales import Clock, EncoderScale
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
@@ -43,8 +43,7 @@ class Calibration:
         mounts: sensor name -> (link_from_sensor (3, 3) rotation, offset (3,) in m in the link's axes).
         noted: how the values were found, for the report; free keys.
         mag_offsets_ut: sensor name -> (3,) constant part of a magnetometer's readings, uT in sensor axes (hard
-            iron). `oarlock.track` subtracts it; the recording keeps what was measured. A live `Tracker` takes
-            readings as they are given.
+            iron). `oarlock.track` and a live `Tracker` subtract it; the recording keeps what was measured.
         parameter_stds: parameter name -> standard deviation, in the parameter's unit (m, rad); of a length that is
             estimated, the one it starts with.
         mount_stds_rad: sensor name -> (3,) standard deviations of the mount's rotation about the link's axes, rad.
@@ -91,9 +90,10 @@ class Calibration:
     def corrected(self, recording: Recording) -> Recording:
         """The recording with true stamps and readings, as far as this calibration knows them.
 
-        Applies clocks, encoders, biases and scales of gyroscopes and accelerometers, and `mag_matrices`. What the
-        engine takes itself stays: parameters, mounts, `mag_offsets_ut` (a corrected magnetometer still holds its
-        offset). Nothing is resampled; streams that are not named, and those that a recording lacks, are passed over.
+        `oarlock.track` and `oarlock.Tracker` do this themselves: they take what was measured. Applies clocks, encoders,
+        biases and scales of gyroscopes and accelerometers, and `mag_matrices`; a corrected magnetometer still holds
+        `mag_offsets_ut`. Nothing is resampled; streams that are not named, and those that a recording lacks, are passed
+        over.
 
         Args:
             recording: as measured. It does not change.
@@ -153,3 +153,8 @@ _CHECKS: dict[str, Callable[[Any, str], object]] = {
     "clocks": partial(_instance, Clock, "clocks"),
     "encoders": partial(_instance, EncoderScale, "encoders"),
 }
+
+
+def for_corrected(calibration: Calibration | None) -> Calibration | None:
+    """What of a calibration still holds for the recording that `corrected` gives."""
+    return None if calibration is None else replace(calibration, **{key: {} for key in CORRECTING})

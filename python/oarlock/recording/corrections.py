@@ -1,12 +1,14 @@
-"""What a calibration corrects in the readings and stamps of a recording before the engine sees them."""
+"""A recording with a calibration's corrections, for those who look at readings apart from the engine.
+
+The engine applies the same corrections to what it is given: it takes recordings and samples as they were measured.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Protocol
 
-import numpy as np
-
+from oarlock import _core
 from oarlock.recording.recording import Recording
 from oarlock.recording.stream_scales import Clock, EncoderScale
 from oarlock.recording.streams import ImuStream, ScalarStream, Stream, VectorStream
@@ -43,6 +45,9 @@ OF_UNITS = {
 }
 """Field of a calibration -> the quantity of an inertial unit that it corrects."""
 
+CORRECTING = (*OF_UNITS, "clocks", "encoders")
+"""Fields that change readings or stamps, but for `mag_offsets_ut`."""
+
 TOLD = {
     "gyro_biases_rad_s": "gyroscope biases of {} were subtracted",
     "accel_biases_m_s2": "accelerometer biases of {} were subtracted",
@@ -62,6 +67,12 @@ def corrected(recording: Recording, calibration: Corrections | None) -> Recordin
     if all(new is old for new, old in zip(streams, recording, strict=True)):
         return recording
     return Recording(streams, recording.meta)
+
+
+def true_readings(calibration: Corrections, unit: str, field: str, readings: FloatArray) -> FloatArray:
+    """Readings (T, 3) of one quantity of an inertial unit as the engine uses them, without magnetometer offsets too."""
+    found = _core.corrected_readings(calibration, unit, field, readings)
+    return readings if found is None else found
 
 
 def without_mag_offsets(recording: Recording, calibration: Corrections | None) -> Recording:
@@ -115,18 +126,15 @@ def _corrected_stream(stream: Stream, calibration: Corrections) -> Stream:
 
 def _corrected_unit(stream: ImuStream, time_s: FloatArray, calibration: Corrections) -> ImuStream:
     name = stream.name
-    values = dict(stream.values)
-    if (gyro := values.get("gyro_rad_s")) is not None and name in calibration.gyro_biases_rad_s:
-        values["gyro_rad_s"] = gyro - calibration.gyro_biases_rad_s[name]
-    if (accel := values.get("accel_m_s2")) is not None:
-        if name in calibration.accel_biases_m_s2:
-            accel = accel - calibration.accel_biases_m_s2[name]
-        if name in calibration.accel_scales:
-            accel = accel / calibration.accel_scales[name]
-        values["accel_m_s2"] = accel
-    if (mag := values.get("mag_ut")) is not None and name in calibration.mag_matrices:
-        # The engine subtracts the offset later on; it must find it here.
-        offset = calibration.mag_offsets_ut.get(name, np.zeros(3))
-        values["mag_ut"] = (mag - offset) @ calibration.mag_matrices[name].T + offset
-    same = time_s is stream.time_s and all(values[k] is stream.values[k] for k in values)
-    return stream if same else ImuStream(name, time_s, **values)
+    corrected = {f: _corrected_values(name, f, v, calibration) for f, v in stream.values.items()}
+    same = time_s is stream.time_s and all(corrected[f] is v for f, v in stream.values.items())
+    return stream if same else ImuStream(name, time_s, **corrected)
+
+
+def _corrected_values(unit: str, field: str, values: FloatArray, calibration: Corrections) -> FloatArray:
+    if field == "mag_ut" and unit not in calibration.mag_matrices:
+        return values
+    found = true_readings(calibration, unit, field, values)
+    # The offset stays: `mag_offsets_ut` still holds for what comes out.
+    kept = calibration.mag_offsets_ut.get(unit) if field == "mag_ut" else None
+    return found if kept is None else found + kept

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from math import isfinite, isnan, nan
 
-import numpy as np
-
+from oarlock import _core
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
 
@@ -45,7 +44,7 @@ class Clock:
 
     def true_s(self, stamps_s: FloatArray) -> FloatArray:
         """(T,) true times, s, of (T,) stamps, s; the same bits where offset and drift are zero."""
-        return (stamps_s - self.offset_s) / (1.0 + self.drift)
+        return _core.true_times_s(self, stamps_s)
 
     def stamps_s(self, true_s: FloatArray) -> FloatArray:
         """(T,) what the clock reads, s, at (T,) true times, s."""
@@ -77,9 +76,7 @@ class EncoderScale:
 
     def value(self, readings: FloatArray) -> FloatArray:
         """(T,) values of (T,) readings, rad or m; NaN stays NaN."""
-        with np.errstate(over="ignore"):
-            value: FloatArray = self.scale * (readings - self.zero)
-        return value
+        return _core.encoder_values(self, readings)
 
 
 def _number(value: object, where: str) -> float:

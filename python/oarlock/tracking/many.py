@@ -111,18 +111,15 @@ def outcomes(
     """
     results: dict[str, Track | Failure] = {}
     findings: dict[str, list[Finding]] = {}
-    measured: dict[str, Job] = {}
-    for label, (recording, calibration, config) in jobs.items():
+    for label, (recording, calibration, _) in jobs.items():
         try:
             require_recording(recording)
-            mended = corrected(recording, calibration)
-            findings[label] = admit(model, mended)
-            measured[label] = mended, calibration, config
+            findings[label] = admit(model, corrected(recording, calibration))
         except DataError as error:
             results[label] = refused = _named(error, label)
             if stop_on_refusal:
                 raise refused from None
-    runs = _core.track_many(model, [measured[label] for label in findings], smooth, threads, progress)
+    runs = _core.track_many(model, [jobs[label] for label in findings], smooth, threads, progress)
     for (label, odd), run in zip(findings.items(), runs, strict=True):
         results[label] = _result(model, label, jobs[label], run, odd)
     return [results[label] for label in jobs]

@@ -44,8 +44,8 @@ def track(
     Args:
         model: the body and its sensors.
         recording: measured streams; absent streams and NaN are missing data.
-        calibration: of this wearing: lengths and mounts, and what `Calibration.corrected` mends on the way in; None
-            takes the model's nominal values, and says so.
+        calibration: of this wearing: lengths and mounts, and what is wrong with stamps and readings, which the engine
+            corrects on the way in; None takes the model's nominal values, and says so.
         config: tuning; None is the default.
         start: go on from this belief (`Track.last_belief`) instead of fitting the first samples.
         progress: called now and then with the share done, 0 to 1.
@@ -57,11 +57,10 @@ def track(
     """
     config = config if config is not None else Config()
     require_recording(recording)
-    measured = corrected(recording, calibration)
-    findings = admit(model, measured)
+    findings = admit(model, corrected(recording, calibration))
     began = time.perf_counter()
     try:
-        run = _core.track(model, measured, calibration, config, start, progress)
+        run = _core.track(model, recording, calibration, config, start, progress)
     except DivergedError as error:
         add_findings(error, findings)
         raise

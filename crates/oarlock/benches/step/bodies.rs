@@ -3,10 +3,10 @@
 use super::support::chance::Chance;
 use super::support::record::{times, Scene};
 use super::support::stroke::{Posture, Stroke};
-use super::support::{belief, body, start_std, SCULLER};
+use super::support::{body, fresh, start_std, SCULLER};
 use oarlock::config::FilterKind;
-use oarlock::estimate::belief::Belief;
 use oarlock::recording::Sample;
+use oarlock::track::hypothesis::Hypothesis;
 use oarlock::track::{Calibration, Tracker};
 use oarlock::{Config, Model};
 use std::fmt::Write;
@@ -22,7 +22,7 @@ pub struct Case {
     pub name: &'static str,
     pub model: Arc<Model>,
     pub config: Config,
-    pub start: Belief,
+    pub start: Hypothesis,
     pub samples: Vec<Sample>,
 }
 
@@ -46,7 +46,7 @@ impl Case {
         let motion = |t: f64| stroke.as_ref().map_or_else(|| sway(&model, t), |stroke| stroke.at(t));
         let scene = Scene { body: &body, motion: &motion, surge: &|_| 0.0, azimuth_rad: 0.3, noise: 1.0 };
         let samples = scene.samples(&times(1.0 / RATE_HZ, 1.0 / RATE_HZ, SAMPLES), &mut Chance::new(1));
-        let start = belief(&body, 0.0, scene.state(0.0), &start_std(&body));
+        let start = fresh(&body, 0.0, scene.state(0.0), &start_std(&body));
         Case { name, model, config: config.clone(), start, samples }
     }
 

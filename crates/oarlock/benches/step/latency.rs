@@ -22,7 +22,7 @@ pub fn of_live_steps(_: &mut Criterion) {
             [("ukf", FilterKind::Ukf), ("ekf", FilterKind::Ekf), ("factorised", FilterKind::Factorised)]
         {
             let (start, samples) = case.running(filter);
-            let (mut tracker, n) = (start.clone(), start.body.layout.dim());
+            let (mut tracker, n) = (start.clone(), start.body().layout.dim());
             let mut times = Vec::with_capacity(STEPS);
             while times.len() < STEPS {
                 tracker.clone_from(&start);

@@ -18,7 +18,7 @@ pub fn steps(c: &mut Criterion) {
     for case in cases() {
         let (start, samples) = case.running(FilterKind::Ukf);
         let (mut tracker, mut next) = (start.clone(), 0);
-        group.bench_function(BenchmarkId::from_parameter(start.body.layout.dim()), |b| {
+        group.bench_function(BenchmarkId::from_parameter(start.body().layout.dim()), |b| {
             b.iter_custom(|steps| {
                 let mut spent = Duration::ZERO;
                 for _ in 0..steps {
@@ -42,7 +42,7 @@ pub fn updates(c: &mut Criterion) {
         let (start, samples) = case.running(FilterKind::Ukf);
         let mut next = samples[0].clone();
         next.time_s = start.belief().expect("it runs").time_s + 1e-9;
-        group.bench_function(BenchmarkId::from_parameter(start.body.layout.dim()), |b| {
+        group.bench_function(BenchmarkId::from_parameter(start.body().layout.dim()), |b| {
             b.iter_custom(|steps| (0..steps).map(|_| timed_step(&mut start.clone(), &next)).sum())
         });
     }
@@ -70,7 +70,7 @@ impl Kernel for Batch<'_> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
         let perturbed = PerturbedStates { from: 0, inputs: true };
-        self.tracker.body.readings_near_mean::<FUSED>(self.moment, self.scratch, self.at, perturbed, self.out);
+        self.tracker.body().readings_near_mean::<FUSED>(self.moment, self.scratch, self.at, perturbed, self.out);
     }
 }
 
@@ -85,7 +85,7 @@ pub fn kinematics(c: &mut Criterion) {
 
 fn one_batch(c: &mut BenchmarkGroup<WallTime>, case: &Case) {
     let tracker = case.running(FilterKind::Ukf).0;
-    let body = &tracker.body;
+    let body = tracker.body();
     let (n, mut scratch, mut moment) = (body.layout.dim(), body.scratch(), body.moment());
     moment.active.fill(true);
     moment.needed.fill(true);

@@ -33,7 +33,7 @@ pub fn of_steps(_: &mut Criterion) {
 
 fn ratios(case: &Case) -> Vec<Value> {
     let (ukf, samples) = case.running(FilterKind::Ukf);
-    let (n, m) = (ukf.body.layout.dim(), ukf.body.suite.len());
+    let (n, m) = (ukf.body().layout.dim(), ukf.body().suite.len());
     let mut portable = ukf.clone();
     portable.use_arch(Arch::PORTABLE);
     let names = ["ukf", "ekf", "factorised", "ukf, portable instructions"];

@@ -10,7 +10,7 @@ use std::hint::black_box;
 
 /// As many for every size as end in time.
 fn count(case: &Case) -> usize {
-    4_000 / case.start.mean.len()
+    4_000 / case.start.belief.mean.len()
 }
 
 /// Filtered from a known start, streams merged and results kept, as `oarlock.track` does.
@@ -30,7 +30,7 @@ fn each(c: &mut Criterion, what: &str, bench: &mut dyn FnMut(&Case, &mut criteri
     let mut group = c.benchmark_group(what);
     group.sample_size(10);
     for case in cases() {
-        let n = case.start.mean.len();
+        let n = case.start.belief.mean.len();
         group.throughput(Throughput::Elements(count(&case) as u64));
         group.bench_function(BenchmarkId::from_parameter(n), |b| bench(&case, b));
     }
@@ -38,8 +38,8 @@ fn each(c: &mut Criterion, what: &str, bench: &mut dyn FnMut(&Case, &mut criteri
 }
 
 fn run(case: &Case) -> Run {
-    let body = case.tracker(FilterKind::Ukf).body;
-    let streams = streams(&body, &case.samples[..count(case)]);
+    let tracker = case.tracker(FilterKind::Ukf);
+    let streams = streams(tracker.body(), &case.samples[..count(case)]);
     let start = Some(case.start.clone());
     track(case.model.clone(), streams, &Calibration::default(), &case.config, start, &mut |_| true)
         .expect("these readings fit the model")

@@ -1,15 +1,16 @@
 //! The start: a fit of the first samples from several guesses, and how far to trust it.
 
-use super::consider::Considering;
-use super::Tracker;
+use super::consider::Doubt;
+use super::hypothesis::Hypothesis;
+use super::postures::Postures;
+use super::subject::Subject;
 use crate::body::{three, Body, Moment};
 use crate::error::{Error, Result};
-use crate::estimate::belief::{Belief, MEMORY};
+use crate::estimate::belief::Belief;
 use crate::estimate::start::{Fit, Prior, StartFit, StartSample};
 use crate::estimate::System;
 use crate::kernels::dense::Square;
 use crate::model::{JointKind, SensorKind};
-use crate::recording::Sample;
 use crate::rotation::turn::{plus, Turn};
 use crate::rotation::Vec3;
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
@@ -26,44 +27,61 @@ const AZIMUTH_START_STD: f64 = 0.2;
 /// Without a compass the heading at the start is zero by definition; so little that no update divides by nothing, rad.
 const GAUGE_STD: f64 = 1e-3;
 
-impl Tracker {
-    /// The belief at the first of the `window`'s samples, before its update.
-    pub(super) fn fit_start(&mut self, window: &[Sample]) -> Result<Belief> {
-        let seen = {
-            let all = window.iter().map(|s| self.as_evidence(s)).collect();
-            self.thinned(all)
-        };
-        let evidence: Vec<StartSample<Moment>> = seen
-            .iter()
-            .map(|(time_s, moment, z)| StartSample { after_s: time_s - window[0].time_s, moment, z })
-            .collect();
+/// A sample of the start window, without what is barred.
+#[derive(Debug)]
+pub(super) struct Seen {
+    pub time_s: f64,
+    pub moment: Moment,
+    pub z: Vec<f64>,
+}
+
+/// What a start is fitted for.
+#[derive(Debug)]
+pub(super) struct Start<'s> {
+    pub subject: &'s Subject,
+    /// The posture asked for.
+    pub initial_q: Option<&'s [f64]>,
+    /// What every hypothesis begins with.
+    pub doubt: Option<Doubt>,
+}
+
+impl Start<'_> {
+    /// The hypothesis at the first sample of a window, before its update.
+    pub fn fit(&self, window: Vec<Seen>) -> Result<Hypothesis> {
+        let (subject, postures) = (self.subject, Postures { subject: self.subject });
+        let begin_s = window.first().map_or(f64::NAN, |first| first.time_s);
+        let seen = self.thinned(window);
+        let evidence: Vec<StartSample<Moment>> =
+            seen.iter().map(|s| StartSample { after_s: s.time_s - begin_s, moment: &s.moment, z: &s.z }).collect();
         let guesses = self.guesses()?;
         let starts: Vec<(&Prior, Vec<f64>)> = guesses.iter().map(|guess| (guess, guess.mean.clone())).collect();
-        let found = self.seek(&evidence, &starts).ok_or_else(|| {
-            let t = window[0].time_s;
-            let text = format!("no start found at {t:.3} s: the first readings are not numbers for this model");
-            Error::Diverged { time_s: t, text }
+        let found = postures.seek(&evidence, &starts).ok_or_else(|| {
+            let text = format!("no start found at {begin_s:.3} s: the first readings are not numbers for this model");
+            Error::Diverged { time_s: begin_s, text }
         })?;
         let (fit, others) = match found.good {
-            true => self.all_postures(&mut StartFit::new(&self.body, &evidence, &self.std, found.guess), found.fit),
+            true => {
+                let mut problem = StartFit::new(&subject.body, &evidence, &subject.std, found.guess);
+                postures.all_postures(&mut problem, found.fit)
+            }
             false => (found.fit, Vec::new()),
         };
         let cost = fit.cost;
-        let compass = seen.iter().any(|(_, _, z)| self.magnetic_rows().any(|r| !z[r].is_nan()));
-        let mut belief = self.belief_from(fit, window[0].time_s, compass);
+        let compass = seen.iter().any(|s| subject.magnetic_rows().any(|r| !s.z[r].is_nan()));
+        let mut first = self.hypothesis(fit, begin_s, compass);
         for (other, line) in others.into_iter().zip(1..) {
             let score = -0.5 * (other.cost - cost);
-            let rival = self.belief_from(other, window[0].time_s, compass);
-            belief.rivals.push(Belief { score, line, ..rival });
+            let rival = self.hypothesis(other, begin_s, compass);
+            first.rivals.push(Hypothesis { score, line, ..rival });
         }
-        Ok(belief)
+        Ok(first)
     }
 
     /// Of every source not many more than `MOST_SAMPLES`, spread evenly: units with clocks of their own give samples of one unit each.
-    fn thinned(&self, all: Vec<(f64, Moment, Vec<f64>)>) -> Vec<(f64, Moment, Vec<f64>)> {
-        let sources = &self.groups.sources;
+    fn thinned(&self, all: Vec<Seen>) -> Vec<Seen> {
+        let sources = &self.subject.groups.sources;
         let speaks = |z: &[f64], s: usize| sources[s].clone().any(|r| !z[r].is_nan());
-        let count = |s: usize| all.iter().filter(|(.., z)| speaks(z, s)).count();
+        let count = |s: usize| all.iter().filter(|seen| speaks(&seen.z, s)).count();
         let strides: Vec<usize> = (0..sources.len()).map(|s| count(s).div_ceil(MOST_SAMPLES).max(1)).collect();
         let mut heard = vec![0usize; sources.len()];
         let mut wanted = |z: &[f64]| {
@@ -74,26 +92,17 @@ impl Tracker {
             }
             due
         };
-        all.into_iter().filter(|(.., z)| wanted(z)).collect()
-    }
-
-    fn as_evidence(&mut self, sample: &Sample) -> (f64, Moment, Vec<f64>) {
-        self.prepare(sample);
-        let mut z = self.z.clone();
-        for (rows, _) in self.groups.parts.iter().zip(&self.excluded).filter(|(_, &excluded)| excluded) {
-            z[rows.clone()].fill(f64::NAN);
-        }
-        (sample.time_s, self.moment.clone(), z)
+        all.into_iter().filter(|seen| wanted(&seen.z)).collect()
     }
 
     /// The posture asked for, if any, the rest posture, the zero posture and the middle of all limits, each with the field, or the body,
     /// from four sides. What was asked for comes first; where it leads to no good fit it may be wrong itself.
     fn guesses(&self) -> Result<Vec<Prior>> {
-        let body = &self.body;
+        let body = &self.subject.body;
         let rest: Vec<f64> = body.axes.iter().map(|axis| axis.rest).collect();
         let count = rest.len();
-        let asked = match &self.config.initial_q {
-            Some(q) if q.len() == count && q.iter().all(|x| x.is_finite()) => Some(q.clone()),
+        let asked = match self.initial_q {
+            Some(q) if q.len() == count && q.iter().all(|x| x.is_finite()) => Some(q.to_vec()),
             Some(q) => {
                 return Err(Error::Data(format!(
                     "config: initial_q holds {} numbers; expected {count} finite ones, a value (rad or m) per coordinate of '{}'",
@@ -112,16 +121,16 @@ impl Tracker {
         Ok(postures.iter().flat_map(|p| (0..sides).map(move |side| guess(p, side))).collect())
     }
 
-    fn belief_from(&self, mut fit: Fit, time_s: f64, compass: bool) -> Belief {
-        let layout = &self.body.layout;
-        let mut std = start_std(&self.body, 1.0);
+    fn hypothesis(&self, mut fit: Fit, time_s: f64, compass: bool) -> Hypothesis {
+        let (body, layout) = (&self.subject.body, &self.subject.body.layout);
+        let mut std = start_std(body, 1.0);
         let fitted = |i: usize| fit.covariance.at(i, i).max(0.0).sqrt();
-        let hinges = self.body.model.joints.iter().filter(|j| j.kind.width() == 1);
+        let hinges = body.model.joints.iter().filter(|j| j.kind.width() == 1);
         for (joint, slots) in hinges.filter_map(|j| Some((j, layout.coordinates[j.first]?))) {
             // What the first samples do not tell is known from the joint's own start or its limits alone.
-            let axis = &self.body.axes[joint.first];
+            let axis = &body.axes[joint.first];
             std[slots.q] = std[slots.q].max(fitted(slots.q).min(axis.start_spread()));
-            if joint.kind == JointKind::Hinge && !self.is_encoded(&joint.name) {
+            if joint.kind == JointKind::Hinge && !self.subject.is_encoded(&joint.name) {
                 fit.mean[slots.q] = axis.nearest(fit.mean[slots.q]);
             }
         }
@@ -134,41 +143,36 @@ impl Tracker {
             *covariance.at_mut(i, i) = s * s;
         }
         self.place_turns(&fit, compass, &mut covariance);
-        let parts = self.groups.parts.len();
-        Belief {
+        let parts = self.subject.groups.parts.len();
+        let belief = Belief {
             time_s,
             mean: fit.mean,
             covariance,
-            drive: vec![1.0; self.body.driven().len()],
+            drive: vec![1.0; body.driven().len()],
             usual_nis: vec![1.0; parts],
             inflation: 1.0,
             surprise: 1.0,
             roughness: 1.0,
             leftover: 1.0,
-            seen_s: vec![time_s; self.groups.sources.len()],
             rejected_since_s: vec![f64::NAN; parts],
-            memory: vec![[f64::NAN; MEMORY]; self.groups.sources.len()],
-            doubt: self.considering.as_ref().map_or_else(Vec::new, Considering::fresh),
-            line: 0,
-            score: 0.0,
-            rivals: Vec::new(),
-        }
+        };
+        Hypothesis { doubt: self.doubt.clone(), ..Hypothesis::new(belief, self.subject.groups.sources.len()) }
     }
 
     /// Rotations: each direction as far as the fit knows it, between the start's own deviation and the prior's. Where the joint itself
     /// says how far it starts from rest, that is both.
     fn place_turns(&self, fit: &Fit, compass: bool, covariance: &mut Square) {
-        for (c, slots) in &self.body.layout.turns {
-            let axis = &self.body.axes[*c];
+        for (c, slots) in &self.subject.body.layout.turns {
+            let axis = &self.subject.body.axes[*c];
             let block = Matrix3::from_fn(|i, j| fit.covariance.at(slots.q + i, slots.q + j));
             let mut eigen = SymmetricEigen::new(block);
             let (least, most) = (axis.process.start_std[0], axis.start_spread());
             eigen.eigenvalues.apply(|v| *v = v.clamp(least.min(most).powi(2), most * most));
             let mut block = eigen.recompose();
-            if let Some((_, outer)) = self.body.floating.iter().find(|(f, _)| f == c).filter(|_| !compass) {
+            if let Some((_, outer)) = self.subject.body.floating.iter().find(|(f, _)| f == c).filter(|_| !compass) {
                 let up = outer
                     .then(&Turn::exp(three(&fit.mean, slots.q)).matrix())
-                    .apply_transposed(Vec3(self.body.model.world.up));
+                    .apply_transposed(Vec3(self.subject.body.model.world.up));
                 let up = Vector3::from(up.0);
                 let level = Matrix3::identity() - up * up.transpose();
                 block = level * block * level + up * up.transpose() * (GAUGE_STD * GAUGE_STD);
@@ -179,13 +183,6 @@ impl Tracker {
                 }
             }
         }
-    }
-
-    /// Whether an encoder tells whole turns of a joint.
-    pub(super) fn is_encoded(&self, joint: &str) -> bool {
-        let model = &self.body.model;
-        let reads = |s: &crate::model::Sensor| matches!(s.kind, SensorKind::Encoder { joint: j, .. } if model.joints[j].name == joint);
-        model.sensors.iter().any(reads)
     }
 }
 

@@ -6,15 +6,20 @@
 //! are white, and their low-passed values are as small as those of noise; where it is wrong they last as the slopes foretell.
 
 mod delays;
+mod doubt;
 mod tally;
 mod twin;
 
-use super::{Calibration, Tracker};
+use super::hypothesis::Hypothesis;
+use super::readings::Readings;
+use super::subject::Subject;
+use super::Calibration;
 use crate::body::{Body, Moment};
 use crate::config::{Config, Consider};
 use crate::error::Result;
 use crate::estimate::belief::Belief;
-use crate::estimate::filter::Verdict;
+use crate::estimate::filter::{Filter, Info, Verdict};
+use crate::estimate::learn::Learning;
 use crate::estimate::transition::Transition;
 use crate::estimate::{FastSystem, System};
 use crate::kernels::arch::{Arch, Kernel};
@@ -24,6 +29,8 @@ use crate::kernels::tiles::padded;
 use crate::sensor::imu::MountValue;
 use crate::sensor::Quantity;
 use delays::Delays;
+pub use doubt::Doubt;
+use doubt::RowAverages;
 use tally::Tally;
 pub use tally::Window;
 use twin::{twin, Role, Roles, ZERO_STD};
@@ -36,12 +43,6 @@ const MEMORY_S: f64 = 5.0;
 const CHANCE: f64 = 1.5;
 /// Slopes beyond this say that the recursion is no longer one.
 const ABSURD: f64 = 1e3;
-/// Numbers kept of each row: its average innovation, the last one, when that was, how many there were, and the mean squares of average,
-/// white noise and expectation.
-const PER_ROW: usize = 7;
-/// Scale, how many numbers there are of each state, and how many of these are of parameters whose standard deviation a calibration tells.
-const HEAD: usize = 3;
-
 /// Room for the slopes of a body.
 #[derive(Debug, Clone)]
 pub(super) struct Considering {
@@ -158,48 +159,15 @@ impl Considering {
         (self.names.iter().cloned().zip(stds).collect(), windows)
     }
 
-    /// A first doubt: nothing has led astray yet. Empty where nothing is to be considered.
-    pub(super) fn fresh(&self) -> Vec<f64> {
-        if self.how == Consider::Off {
-            return Vec::new();
-        }
-        let mut doubt = vec![0.0; self.len()];
+    /// A first doubt: nothing has led astray yet. `None` where nothing is to be considered.
+    pub(super) fn fresh(&self) -> Option<Doubt> {
         let scale = f64::from(u8::from(self.how == Consider::Always));
-        doubt[..HEAD].copy_from_slice(&[scale, self.size.2 as f64, self.told as f64]);
-        let (_, rows, _) = self.parts(&mut doubt);
-        rows.chunks_mut(PER_ROW).for_each(|row| row[2] = f64::NAN);
-        doubt
+        (self.how != Consider::Off).then(|| Doubt::new(scale, self.size, self.told))
     }
 
-    /// How many numbers that are.
-    pub(super) fn len(&self) -> usize {
-        let (n, m, width) = self.size;
-        HEAD + n * width + m * (PER_ROW + width)
-    }
-
-    /// Slopes, what is kept of each row, and its expected averages.
-    fn parts<'a>(&self, doubt: &'a mut [f64]) -> (&'a mut [f64], &'a mut [f64], &'a mut [f64]) {
-        let (n, m, width) = self.size;
-        let (slopes, rest) = doubt[HEAD..].split_at_mut(n * width);
-        let (rows, expected) = rest.split_at_mut(m * PER_ROW);
-        (slopes, rows, expected)
-    }
-
-    /// Takes the slopes on as the error of the mean goes.
-    pub(super) fn predict(&self, transition: &Transition, doubt: &mut [f64]) {
-        let (n, _, width) = self.size;
-        if doubt.is_empty() {
-            return;
-        }
-        transition.apply_to_rows(&mut doubt[HEAD..HEAD + n * width], width);
-    }
-
-    /// Forgets where the belief has been led: it was fitted anew.
-    pub(super) fn forget(&self, doubt: &mut [f64]) {
-        let (n, _, width) = self.size;
-        if !doubt.is_empty() {
-            doubt[HEAD..HEAD + n * width].fill(0.0);
-        }
+    /// Whether a doubt is one of these parameters.
+    pub(super) fn fits(&self, doubt: &Doubt) -> bool {
+        doubt.size() == self.size && doubt.told == self.told
     }
 
     /// Finds how readings answer at the mean before an update.
@@ -219,16 +187,15 @@ impl Considering {
     }
 
     /// Takes in what the update did.
-    pub(super) fn follow(
+    fn follow(
         &mut self,
-        doubt: &mut [f64],
+        doubt: &mut Doubt,
         (time_s, p, shift, innovation): (f64, &Square, &[f64], Option<&[f64]>),
         row_variance: impl Fn(usize) -> Option<f64>,
     ) {
-        let (n, _, width) = self.size;
+        let (width, slopes) = (self.size.2, &mut doubt.slopes[..]);
         self.pull.fill(0.0);
         let counts = innovation.is_some() && self.score.as_mut().is_some_and(|(_, tally)| tally.begin(time_s));
-        let slopes = &mut doubt[HEAD..HEAD + n * width];
         for t in 0..self.straight.triples.len() {
             self.answer(t, slopes, innovation.filter(|_| counts), &row_variance);
         }
@@ -325,57 +292,120 @@ impl Considering {
     }
 
     /// How far off the parameters are as a whole, from innovations that last.
-    pub(super) fn learn(&mut self, doubt: &mut [f64], time_s: f64, innovation: &[f64], told: impl Fn(usize) -> bool) {
+    fn learn(&mut self, doubt: &mut Doubt, time_s: f64, innovation: &[f64], told: impl Fn(usize) -> bool) {
         if self.how == Consider::Always {
             return;
         }
         let (_, m, width) = self.size;
-        let mut scales = std::mem::take(&mut self.scales);
-        scales.clear();
-        let (_, rows, expected) = self.parts(doubt);
+        self.scales.clear();
         for r in (0..m).filter(|&r| self.telling[r]) {
-            let kept: &mut [f64; PER_ROW] = rows[r * PER_ROW..].first_chunk_mut().expect("kept of each row");
-            let expected = &mut expected[r * width..(r + 1) * width];
+            let (row, range) = (&mut doubt.rows[r], r * width..(r + 1) * width);
             if told(r) {
-                average(kept, expected, &self.answers[r * width..(r + 1) * width], (time_s, innovation[r]));
+                row.take(&mut doubt.expected[range.clone()], &self.answers[range], (time_s, innovation[r]));
             }
-            let [.., power, white, share] = *kept;
-            if share > white && white > 0.0 {
-                scales.push((power - CHANCE * white) / share);
+            if row.share > row.white && row.white > 0.0 {
+                self.scales.push((row.power - CHANCE * row.white) / row.share);
             }
         }
-        let middle = scales.len() / 2;
-        if !scales.is_empty() {
-            let (_, &mut median, _) = scales.select_nth_unstable_by(middle, f64::total_cmp);
-            doubt[0] = median.max(0.0).sqrt();
+        let middle = self.scales.len() / 2;
+        if !self.scales.is_empty() {
+            let (_, &mut median, _) = self.scales.select_nth_unstable_by(middle, f64::total_cmp);
+            doubt.scale = median.max(0.0).sqrt();
         }
-        self.scales = scales;
+    }
+
+    /// Behind an update: how much rougher accelerometers are than the model says, and how much farther what is considered has led astray.
+    pub(super) fn take_update(&mut self, subject: &Subject, update: &Update, one: &mut Hypothesis) {
+        let Hypothesis { belief, doubt, .. } = one;
+        let believed = |r: usize| update.believes(subject, r);
+        let now = (belief.inflation, belief.roughness);
+        let left =
+            self.leftover(&subject.rough_rows, (&belief.covariance, update.shift, &update.info.innovation), |r| {
+                believed(r).then(|| subject.noise_variance(r, now))
+            });
+        learn_roughness(belief, left, update);
+        let Some(doubt) = doubt else { return };
+        let innovation = update.learning.map(|_| &update.info.innovation[..]);
+        let before = self.inflated;
+        let noise = |r: usize| believed(r).then(|| subject.noise_variance(r, before));
+        self.follow(doubt, (belief.time_s, &belief.covariance, update.shift, innovation), noise);
+        self.learn(doubt, belief.time_s, &update.info.innovation, believed);
     }
 }
 
-/// Takes one innovation and what it owes to each parameter into their averages.
-fn average(kept: &mut [f64; PER_ROW], expected: &mut [f64], answers: &[f64], (time_s, innovation): (f64, f64)) {
-    let [low, last, last_s, count, power, white, share] = kept;
-    let dt = time_s - *last_s;
-    if !dt.is_finite() {
-        (*last, *last_s) = (innovation, time_s);
-        return;
+/// What an update did.
+pub(super) struct Update<'a> {
+    z: &'a [f64],
+    info: &'a Info,
+    shift: &'a [f64],
+    since_s: f64,
+    /// Whether all readings were taken at once.
+    whole: bool,
+    /// `None` while several hypotheses compete.
+    learning: Option<Learning>,
+}
+
+impl<'a> Update<'a> {
+    pub(super) fn new(
+        readings: &'a Readings,
+        info: &'a Info,
+        filter: &'a Filter<Body>,
+        learning: Option<Learning>,
+    ) -> Self {
+        let (shift, since_s, whole) = (filter.shift(), filter.since_s(), filter.is_whole());
+        Update { z: &readings.z, info, shift, since_s, whole, learning }
     }
-    let pace = (dt / AVERAGE_S).min(1.0);
-    *low += pace * (innovation - *low);
-    let mut owed = 0.0;
-    for (e, a) in expected.iter_mut().zip(answers) {
-        *e += pace * (a - *e);
-        owed += *e * *e;
+
+    fn believes(&self, subject: &Subject, row: usize) -> bool {
+        !self.z[row].is_nan() && self.info.parts[subject.part_of_row[row]] == Verdict::Accepted
     }
-    *count += 1.0;
-    let keep = (dt / MEMORY_S).max(1.0 / *count).min(1.0);
-    let jump = innovation - *last;
-    let floor = pace / (2.0 - pace) * 0.5 * jump * jump;
-    *power += keep * (*low * *low - *power);
-    *white += keep * (floor - *white);
-    *share += keep * (owed - *share);
-    (*last, *last_s) = (innovation, time_s);
+}
+
+/// `squares` is what an update has left of accelerometers, for `count` readings.
+fn learn_roughness(belief: &mut Belief, (squares, count): (f64, f64), update: &Update) {
+    let Some(learning) = update.learning.filter(|_| count > 0.0 && update.whole) else { return };
+    let (dt, ratio) = (update.since_s, squares / count);
+    let roughness = learning.inflation(belief.roughness, belief.leftover, dt, ratio);
+    belief.leftover = learning.usual_nis(belief.leftover, dt, ratio);
+    belief.roughness = roughness;
+}
+
+impl Doubt {
+    /// Takes the slopes on as the error of the mean goes.
+    pub(super) fn predict(&mut self, transition: &Transition) {
+        transition.apply_to_rows(&mut self.slopes, self.width);
+    }
+
+    /// Forgets where the belief has been led: it was fitted anew.
+    pub(super) fn forget(&mut self) {
+        self.slopes.fill(0.0);
+    }
+}
+
+impl RowAverages {
+    /// Takes one innovation and what it owes to each parameter into their averages.
+    fn take(&mut self, expected: &mut [f64], answers: &[f64], (time_s, innovation): (f64, f64)) {
+        let dt = time_s - self.last_s;
+        if !dt.is_finite() {
+            (self.last, self.last_s) = (innovation, time_s);
+            return;
+        }
+        let pace = (dt / AVERAGE_S).min(1.0);
+        self.low += pace * (innovation - self.low);
+        let mut owed = 0.0;
+        for (e, a) in expected.iter_mut().zip(answers) {
+            *e += pace * (a - *e);
+            owed += *e * *e;
+        }
+        self.count += 1.0;
+        let keep = (dt / MEMORY_S).max(1.0 / self.count).min(1.0);
+        let jump = innovation - self.last;
+        let floor = pace / (2.0 - pace) * 0.5 * jump * jump;
+        self.power += keep * (self.low * self.low - self.power);
+        self.white += keep * (floor - self.white);
+        self.share += keep * (owed - self.share);
+        (self.last, self.last_s) = (innovation, time_s);
+    }
 }
 
 struct Looking<'a> {
@@ -413,52 +443,5 @@ impl Kernel for Following<'_> {
             let terms = self.p.row(i).iter().zip(self.pull.chunks_exact(self.width));
             accumulate(row, terms.map(|(p, pull)| (-p, pull)));
         }
-    }
-}
-
-impl Tracker {
-    /// Whether anything is made of the slopes: of noise that is learnt, or of what is considered.
-    fn wants_slopes(&self, belief: &Belief) -> bool {
-        !belief.doubt.is_empty() || self.settings.learning.memory_s.is_finite()
-    }
-
-    /// Before an update.
-    pub(super) fn look_around(&mut self, belief: &Belief) {
-        let wanted = self.wants_slopes(belief);
-        if let Some(considering) = self.considering.as_mut().filter(|_| wanted) {
-            considering.look(belief, &self.moment);
-        }
-    }
-
-    /// Behind an update: what is considered has led the belief so much farther astray.
-    pub(super) fn follow_doubt(&mut self, belief: &mut Belief) {
-        let wanted = self.wants_slopes(belief);
-        let Some(considering) = self.considering.as_mut().filter(|_| wanted) else { return };
-        let (z, std, inertial) = (&self.z, &self.std, &self.inertial_rows);
-        let (inflation, roughness, rough) = (belief.inflation, belief.roughness, &self.rough_rows);
-        let believed = |r: usize| !z[r].is_nan() && self.info.parts[self.part_of[r]] == Verdict::Accepted;
-        let inflated = |r: usize, (inflation, roughness): (f64, f64)| {
-            let factor = if inertial[r] { inflation } else { 1.0 } * if rough[r] { roughness } else { 1.0 };
-            believed(r).then_some(std[r] * std[r] * factor)
-        };
-        let (squares, count) = considering.leftover(
-            &self.rough_rows,
-            (&belief.covariance, self.filter.shift(), &self.info.innovation),
-            |r| inflated(r, (inflation, roughness)),
-        );
-        if count > 0.0 && self.learns && self.filter.is_whole() {
-            let (learning, dt) = (self.settings.learning, self.filter.since_s());
-            let roughness = learning.inflation(belief.roughness, belief.leftover, dt, squares / count);
-            belief.leftover = learning.usual_nis(belief.leftover, dt, squares / count);
-            belief.roughness = roughness;
-        }
-        if belief.doubt.is_empty() {
-            return;
-        }
-        let innovation = self.learns.then_some(&self.info.innovation[..]);
-        let update = (belief.time_s, &belief.covariance, self.filter.shift(), innovation);
-        let now = considering.inflated;
-        considering.follow(&mut belief.doubt, update, |r| inflated(r, now));
-        considering.learn(&mut belief.doubt, belief.time_s, &self.info.innovation, believed);
     }
 }

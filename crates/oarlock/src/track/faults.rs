@@ -5,15 +5,16 @@
 //! rest do repeat themselves, and so does a chip that is slower than its unit; the longest run that ended by itself is remembered.
 //! A magnetometer's repeated reading is an old one, and counts once.
 
-use super::Tracker;
+use super::entry::Entry;
+use super::hypothesis::SourceMemory;
+use super::readings::Readings;
+use super::subject::Subject;
 use crate::body::Body;
-use crate::estimate::belief::{Belief, MEMORY};
 use crate::estimate::filter::{Info, Verdict};
 use crate::model::SensorKind;
-use crate::recording::Sample;
 use crate::sensor::Quantity;
 
-/// A reading beyond this share of the range is at its end: calibration may have scaled it.
+/// A reading beyond this share of the range is at its end: a logger may have scaled it.
 const END_OF_RANGE: f64 = 0.98;
 /// Repeated for longer than this a gyroscope or accelerometer is stuck, s.
 const STUCK_S: f64 = 0.2;
@@ -47,23 +48,66 @@ impl Fault {
     }
 }
 
-/// The place in a source's memory at which a quantity's latest reading begins; behind it, when it came, how often it was repeated, the
-/// smallest change and the longest run so far.
-fn place(quantity: Quantity) -> Option<usize> {
-    match quantity {
-        Quantity::Gyro => Some(8),
-        Quantity::Accel => Some(15),
-        Quantity::Mag => Some(22),
-        _ => None,
+/// The latest reading of a sensor and how it has repeated itself; NaN where there is nothing yet.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Repeats {
+    pub reading: [f64; 3],
+    /// When it came, s.
+    pub came_s: f64,
+    /// How often it was repeated since.
+    pub repeated: f64,
+    /// Smallest change so far.
+    pub quantum: f64,
+    /// Longest run of repeats that ended by itself, s.
+    pub longest_s: f64,
+}
+
+/// What is remembered of an inertial unit to tell whether it is stuck.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct FaultState {
+    pub gyro: Repeats,
+    pub accel: Repeats,
+    pub mag: Repeats,
+}
+
+impl FaultState {
+    pub const NONE: FaultState = FaultState { gyro: Repeats::NONE, accel: Repeats::NONE, mag: Repeats::NONE };
+
+    fn of(&self, quantity: Quantity) -> Option<&Repeats> {
+        match quantity {
+            Quantity::Gyro => Some(&self.gyro),
+            Quantity::Accel => Some(&self.accel),
+            Quantity::Mag => Some(&self.mag),
+            _ => None,
+        }
+    }
+
+    fn of_mut(&mut self, quantity: Quantity) -> Option<&mut Repeats> {
+        match quantity {
+            Quantity::Gyro => Some(&mut self.gyro),
+            Quantity::Accel => Some(&mut self.accel),
+            Quantity::Mag => Some(&mut self.mag),
+            _ => None,
+        }
+    }
+
+    /// When a quantity's reading last changed; NaN if it never spoke.
+    pub fn changed_s(&self, quantity: Quantity) -> f64 {
+        self.of(quantity).map_or(f64::NAN, |repeats| repeats.came_s)
     }
 }
-const CAME: usize = 3;
-const REPEATED: usize = 4;
-const QUANTUM: usize = 5;
-const LONGEST: usize = 6;
+
+/// Finds readings that are no measurements.
+#[derive(Debug, Clone)]
+pub(super) struct Faults {
+    /// Per row: from which corrected readings on, downwards and upwards, its sensor is at the end of its range.
+    ends: Vec<[f64; 2]>,
+    /// Per part: what is wrong with it in this sample.
+    found: Vec<Fault>,
+}
 
 /// The largest reading of every row that its sensor can give.
-pub(super) fn ranges(body: &Body) -> Vec<f64> {
+fn ranges(body: &Body) -> Vec<f64> {
     let mut ranges = vec![f64::INFINITY; body.suite.len()];
     for sensor in &body.model.sensors {
         let SensorKind::Imu { noise, .. } = &sensor.kind else { continue };
@@ -80,142 +124,131 @@ pub(super) fn ranges(body: &Body) -> Vec<f64> {
     ranges
 }
 
-impl Tracker {
-    /// Of every source, what was wrong with its reading.
-    pub fn source_faults<'a>(&'a self, info: &'a Info) -> impl Iterator<Item = Fault> + 'a {
-        self.groups.sources.iter().map(|source| {
-            let parts = self.groups.parts.iter().zip(&info.parts).filter(|(rows, _)| source.contains(&rows.start));
-            let fault = |verdict: &Verdict| match verdict {
-                Verdict::Clipped => Fault::Clipped,
-                Verdict::Stuck => Fault::Stuck,
-                _ => Fault::None,
-            };
-            parts.map(|(_, verdict)| fault(verdict)).max().unwrap_or(Fault::None)
-        })
+/// Of every source, what was wrong with its reading.
+pub(super) fn by_source<'a>(subject: &'a Subject, info: &'a Info) -> impl Iterator<Item = Fault> + 'a {
+    (0..subject.groups.sources.len()).map(|s| {
+        let parts = subject.source_of_part.iter().zip(&info.parts).filter(move |(source, _)| **source == s);
+        let fault = |verdict: &Verdict| match verdict {
+            Verdict::Clipped => Fault::Clipped,
+            Verdict::Stuck => Fault::Stuck,
+            _ => Fault::None,
+        };
+        parts.map(|(_, verdict)| fault(verdict)).max().unwrap_or(Fault::None)
+    })
+}
+
+impl Faults {
+    pub fn new(subject: &Subject, entry: &Entry) -> Self {
+        let ends = |(row, range): (usize, &f64)| [-1.0, 1.0].map(|sign| entry.along(row, sign * END_OF_RANGE * range));
+        let ends = ranges(&subject.body).iter().enumerate().map(ends).collect();
+        Faults { ends, found: vec![Fault::None; subject.groups.parts.len()] }
     }
 
-    /// Silences rows at the end of their range. Called with the readings alone in `z`.
-    pub(super) fn notice_clipping(&mut self, sample: &Sample) {
-        for (fault, rows) in self.faults.iter_mut().zip(&self.groups.parts) {
+    /// Silences rows at the end of their range.
+    pub fn silence_clipped(&mut self, subject: &Subject, readings: &mut Readings) {
+        for (fault, rows) in self.found.iter_mut().zip(&subject.groups.parts) {
             *fault = Fault::None;
-            for r in rows.clone().filter(|&r| sample.z[r].abs() >= END_OF_RANGE * self.range[r]) {
-                self.z[r] = f64::NAN;
-                *fault = Fault::Clipped;
+            for r in rows.clone() {
+                let [low, high] = self.ends[r];
+                if readings.z[r] <= low || readings.z[r] >= high {
+                    readings.z[r] = f64::NAN;
+                    *fault = Fault::Clipped;
+                }
             }
         }
     }
 
     /// Silences sensors that repeat themselves.
-    pub(super) fn notice_faults(&mut self, belief: &mut Belief) {
+    pub fn silence_stuck(
+        &mut self,
+        subject: &Subject,
+        sources: &mut [SourceMemory],
+        readings: &mut Readings,
+        time_s: f64,
+    ) {
         let mut silenced = false;
-        for s in 0..self.body.suite.sources.len() {
-            for k in 0..self.body.suite.sources[s].parts.len() {
-                let (rows, quantity) = {
-                    let part = &self.body.suite.sources[s].parts[k];
-                    (part.rows.clone(), part.quantity)
-                };
-                let Some(first) = place(quantity) else { continue };
-                let reading = [self.z[rows.start], self.z[rows.start + 1], self.z[rows.start + 2]];
-                if reading.iter().any(|x| x.is_nan()) {
-                    continue;
-                }
-                let memory = &mut belief.memory[s];
-                if !repeats(memory, first, reading, belief.time_s) || memory[first + QUANTUM] >= self.std[rows.start] {
-                    continue;
-                }
-                let stuck = is_stuck(memory, first, quantity, belief.time_s) && self.others_go_on(belief, s, first);
-                if stuck {
-                    let p = self.groups.parts.iter().position(|part| *part == rows);
-                    p.into_iter().for_each(|p| self.faults[p] = Fault::Stuck);
-                }
-                if stuck || quantity == Quantity::Mag {
-                    self.z[rows].fill(f64::NAN);
-                    silenced = true;
-                }
+        for (p, rows) in subject.groups.parts.iter().enumerate() {
+            let (s, quantity) = (subject.source_of_part[p], subject.quantities[p]);
+            let Some(memory) = sources[s].faults.of_mut(quantity) else { continue };
+            let reading = readings.three(rows.start);
+            if reading.iter().any(|x| x.is_nan()) {
+                continue;
+            }
+            if !memory.take(reading, time_s) || memory.quantum >= subject.std[rows.start] {
+                continue;
+            }
+            let memory = *memory;
+            let stuck = memory.is_stuck(quantity, time_s) && others_go_on(sources, memory.came_s, time_s);
+            if stuck {
+                self.found[p] = Fault::Stuck;
+            }
+            if stuck || quantity == Quantity::Mag {
+                readings.silence(rows);
+                silenced = true;
             }
         }
         if silenced {
-            self.mark_active();
+            readings.mark_active(subject);
         }
-    }
-
-    /// Marks who has something to say.
-    pub(super) fn mark_active(&mut self) {
-        for (i, source) in self.body.suite.sources.iter().enumerate() {
-            self.moment.active[i] = self.z[source.rows.clone()].iter().any(|z| !z.is_nan());
-        }
-        self.body.mark(&mut self.moment);
-    }
-
-    /// Whether another inertial reading has changed since a part's did, for a good part of the time.
-    fn others_go_on(&self, belief: &Belief, source: usize, first: usize) -> bool {
-        let since_s = belief.memory[source][first + CAME];
-        let late_s = since_s + OTHERS_SHARE * (belief.time_s - since_s);
-        let came = |memory: &[f64; MEMORY]| [8, 15].iter().any(|place| memory[place + CAME] > late_s);
-        belief.memory.iter().any(came)
-    }
-
-    /// When a part's reading last changed; NaN if it never spoke.
-    pub(super) fn changed_s(&self, belief: &Belief, part: usize) -> f64 {
-        let first = self.groups.parts[part].start;
-        let source = self.groups.sources.iter().position(|s| s.contains(&first));
-        let place = place(self.quantities[part]);
-        source.zip(place).map_or(f64::NAN, |(s, place)| belief.memory[s][place + CAME])
     }
 
     /// Puts into the report what was kept from the filter.
-    pub(super) fn report_faults(&mut self) {
-        for p in 0..self.faults.len() {
-            let verdict = &mut self.info.parts[p];
-            match self.faults[p] {
-                Fault::None => {
-                    if self.turned[p] && *verdict == Verdict::Excluded {
-                        *verdict = Verdict::Turned;
-                    }
-                    continue;
-                }
-                Fault::Clipped => *verdict = Verdict::Clipped,
-                Fault::Stuck => *verdict = Verdict::Stuck,
-            }
-            let rows = &self.groups.parts[p];
-            let kept = rows.clone().filter(|&r| self.z[r].is_nan()).count() as u8;
-            let source = self.groups.sources.iter().position(|s| s.contains(&rows.start));
-            if let Some(info) = source.map(|s| &mut self.info.sources[s]) {
-                let kept = kept.min(info.missing);
-                info.missing -= kept;
-                info.rejected += kept;
-            }
+    pub fn report(&self, subject: &Subject, readings: &Readings, info: &mut Info) {
+        for (p, fault) in self.found.iter().enumerate() {
+            info.parts[p] = match fault {
+                Fault::None => continue,
+                Fault::Clipped => Verdict::Clipped,
+                Fault::Stuck => Verdict::Stuck,
+            };
+            let kept = subject.groups.parts[p].clone().filter(|&r| readings.z[r].is_nan()).count() as u8;
+            let source = &mut info.sources[subject.source_of_part[p]];
+            let kept = kept.min(source.missing);
+            source.missing -= kept;
+            source.rejected += kept;
         }
     }
 }
 
-/// Takes in a reading; whether it is the last one again.
-fn repeats(memory: &mut [f64; MEMORY], first: usize, reading: [f64; 3], time_s: f64) -> bool {
-    let memory = &mut memory[first..];
-    let change = |(x, before): (&f64, &f64)| Some((x - before).abs()).filter(|change| *change > 0.0);
-    let smallest = reading.iter().zip(&memory[..3]).filter_map(change).fold(f64::INFINITY, f64::min);
-    if memory[CAME].is_nan() {
-        (memory[QUANTUM], memory[LONGEST]) = (f64::INFINITY, 0.0);
-    } else if smallest == f64::INFINITY {
-        memory[REPEATED] += 1.0;
-        return true;
-    } else {
-        memory[QUANTUM] = memory[QUANTUM].min(smallest);
-        let run_s = time_s - memory[CAME];
-        if memory[REPEATED] > 0.0 && run_s < STUCK_S {
-            memory[LONGEST] = memory[LONGEST].max(run_s);
-        }
-    }
-    memory[..3].copy_from_slice(&reading);
-    (memory[CAME], memory[REPEATED]) = (time_s, 0.0);
-    false
+/// Whether another gyroscope or accelerometer has changed since one's reading came, for a good part of the time.
+fn others_go_on(sources: &[SourceMemory], since_s: f64, time_s: f64) -> bool {
+    let late_s = since_s + OTHERS_SHARE * (time_s - since_s);
+    sources.iter().any(|s| s.faults.gyro.came_s > late_s || s.faults.accel.came_s > late_s)
 }
 
-fn is_stuck(memory: &[f64; MEMORY], first: usize, quantity: Quantity, time_s: f64) -> bool {
-    let memory = &memory[first..];
-    let least_s = if quantity == Quantity::Mag { MAG_STUCK_S } else { STUCK_S };
-    let for_s = time_s - memory[CAME];
-    memory[REPEATED] >= REPEATS && for_s > least_s.max(LONGER * memory[LONGEST])
+impl Repeats {
+    const NONE: Repeats = Repeats {
+        reading: [f64::NAN; 3],
+        came_s: f64::NAN,
+        repeated: f64::NAN,
+        quantum: f64::NAN,
+        longest_s: f64::NAN,
+    };
+
+    /// Takes in a reading; whether it is the last one again.
+    fn take(&mut self, reading: [f64; 3], time_s: f64) -> bool {
+        let change = |(x, before): (&f64, &f64)| Some((x - before).abs()).filter(|change| *change > 0.0);
+        let smallest = reading.iter().zip(&self.reading).filter_map(change).fold(f64::INFINITY, f64::min);
+        if self.came_s.is_nan() {
+            (self.quantum, self.longest_s) = (f64::INFINITY, 0.0);
+        } else if smallest == f64::INFINITY {
+            self.repeated += 1.0;
+            return true;
+        } else {
+            self.quantum = self.quantum.min(smallest);
+            let run_s = time_s - self.came_s;
+            if self.repeated > 0.0 && run_s < STUCK_S {
+                self.longest_s = self.longest_s.max(run_s);
+            }
+        }
+        (self.reading, self.came_s, self.repeated) = (reading, time_s, 0.0);
+        false
+    }
+
+    fn is_stuck(&self, quantity: Quantity, time_s: f64) -> bool {
+        let least_s = if quantity == Quantity::Mag { MAG_STUCK_S } else { STUCK_S };
+        let for_s = time_s - self.came_s;
+        self.repeated >= REPEATS && for_s > least_s.max(LONGER * self.longest_s)
+    }
 }
 
 #[cfg(test)]
@@ -224,11 +257,10 @@ mod tests {
 
     /// Share of samples found stuck of a unit at 100 Hz whose reading is `value(k)`.
     fn stuck(samples: usize, value: impl Fn(usize) -> f64) -> usize {
-        let mut memory = [f64::NAN; MEMORY];
+        let mut unit = Repeats::NONE;
         let said = |k: &usize| {
             let time_s = 0.01 * *k as f64;
-            let same = repeats(&mut memory, 8, [value(*k), 0.0, 1.0], time_s);
-            same && is_stuck(&memory, 8, Quantity::Gyro, time_s)
+            unit.take([value(*k), 0.0, 1.0], time_s) && unit.is_stuck(Quantity::Gyro, time_s)
         };
         (0..samples).filter(said).count()
     }

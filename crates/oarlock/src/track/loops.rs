@@ -1,6 +1,8 @@
 //! Which joints a source feels, and when a closed loop has something to say.
 
-use super::Tracker;
+use super::hypothesis::SourceMemory;
+use super::readings::Readings;
+use super::subject::Subject;
 use crate::body::Body;
 use crate::kinematics::{FrameMotion, JointMotion};
 use crate::model::SensorKind;
@@ -62,16 +64,59 @@ pub fn readings_from(
     out
 }
 
-impl Tracker {
-    /// A reading that depends on an input says nothing while that input is not there.
-    pub(super) fn silence_what_needs_missing_inputs(&mut self, sample: &Sample) {
-        let joints = &self.body.model.joints;
-        for (source, depends) in self.body.suite.sources.iter().zip(&self.depends) {
-            let mut needed = (0..joints.len()).filter(|&j| joints[j].input && depends[j]);
-            if needed.any(|j| sample.inputs[joints[j].first].is_nan()) {
-                self.z[source.rows.clone()].fill(f64::NAN);
+/// A source that says nothing for longer than this was silent, s.
+pub(super) const SILENCE_S: f64 = 0.2;
+
+/// The closed loops, whose readings are zero by definition.
+#[derive(Debug, Clone)]
+pub(super) struct Loops {
+    all: Vec<Loop>,
+    on: bool,
+}
+
+impl Loops {
+    pub fn new(subject: &Subject, on: bool) -> Self {
+        Loops { all: loops(&subject.body, &subject.depends), on }
+    }
+
+    /// Fills in the rows of the loops.
+    pub fn fill(&self, subject: &Subject, sample: &Sample, readings: &mut Readings) {
+        for l in &self.all {
+            let speaks = self.on && l.speaks(sample);
+            let rows = subject.body.suite.sources[l.source].rows.clone();
+            readings.z[rows].fill(if speaks { 0.0 } else { f64::NAN });
+        }
+    }
+
+    /// Silences the loops that would have to find more joints than they have equations: their ends then meet in many
+    /// postures, and linearised at one of them a loop would claim to know it.
+    pub fn hush(&self, subject: &Subject, sources: &[SourceMemory], time_s: f64, readings: &mut Readings) {
+        let joints = &subject.body.model.joints;
+        let heard = |source: usize| time_s - sources[source].seen_s <= SILENCE_S;
+        for l in &self.all {
+            let rows = &subject.body.suite.sources[l.source].rows;
+            // Two directions in space differ by two angles, told by three numbers.
+            let equations = if rows.len() > 3 { rows.len() - 1 } else { rows.len() };
+            let felt = (0..joints.len()).filter(|&j| subject.depends[l.source][j]);
+            let alone = felt.filter(|&j| self.is_alone_with(subject, j, heard));
+            let alone: usize = alone.map(|j| joints[j].kind.width()).sum();
+            if alone > equations {
+                readings.moment.active[l.source] = false;
+                readings.silence(rows);
             }
         }
+    }
+
+    /// Whether a source is a loop.
+    pub fn contain(&self, source: usize) -> bool {
+        self.all.iter().any(|l| l.source == source)
+    }
+
+    /// Whether a joint that is a state is felt by loops only, of all sources that were heard.
+    fn is_alone_with(&self, subject: &Subject, joint: usize, heard: impl Fn(usize) -> bool) -> bool {
+        let feels = |s: &usize| subject.depends[*s][joint] && heard(*s);
+        let felt = (0..subject.depends.len()).filter(feels).any(|s| !self.contain(s));
+        subject.body.layout.coordinates[subject.body.model.joints[joint].first].is_some() && !felt
     }
 }
 

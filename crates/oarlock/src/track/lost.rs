@@ -5,8 +5,10 @@
 //! coincide may move a thousand standard deviations at each update, and farther each time.
 
 use super::begin::{start_std, WIDENED};
-use super::north::forget_north;
-use super::Tracker;
+use super::hypothesis::Hypothesis;
+use super::north::NorthState;
+use super::readings::Readings;
+use super::subject::Subject;
 use crate::body::three;
 use crate::estimate::belief::Belief;
 use crate::kernels::dense::Square;
@@ -23,83 +25,91 @@ const RECENT: f64 = 4.0;
 /// covariance claims: near a pose without a free direction that is as wrong as what led astray.
 const DOUBT: f64 = 0.1;
 
-impl Tracker {
-    /// Whether most gyroscopes and accelerometers that spoke recently have been rejected up to now, one that speaks in this sample
-    /// beyond patience. What counts is each one's last verdict: units with clocks of their own speak one in a sample.
-    pub(super) fn is_lost(&self, belief: &Belief) -> bool {
-        let patience_s = self.filter.patience_s(self.settings.gate);
-        let feels_motion = |q: Quantity| matches!(q, Quantity::Gyro | Quantity::Accel);
-        let parts = self.groups.parts.iter().zip(&belief.rejected_since_s).enumerate();
-        let (mut there, mut rejected, mut waited) = (0, 0, false);
-        for (p, (rows, since_s)) in parts.filter(|(p, _)| feels_motion(self.quantities[*p])) {
-            let speaks = self.z[rows.clone()].iter().any(|z| !z.is_nan());
-            let spoke = speaks || belief.time_s - self.changed_s(belief, p) <= RECENT * patience_s;
-            there += usize::from(spoke);
-            rejected += usize::from(spoke && !since_s.is_nan());
-            waited |= speaks && belief.time_s - since_s > patience_s;
+/// Whether most gyroscopes and accelerometers that spoke recently have been rejected up to now, one that speaks in this sample
+/// beyond patience. What counts is each one's last verdict: units with clocks of their own speak one in a sample.
+pub(super) fn is_lost(subject: &Subject, readings: &Readings, one: &Hypothesis, patience_s: f64) -> bool {
+    let belief = &one.belief;
+    let (mut there, mut rejected, mut waited) = (0, 0, false);
+    for (p, since_s) in belief.rejected_since_s.iter().enumerate() {
+        let quantity = subject.quantities[p];
+        if !matches!(quantity, Quantity::Gyro | Quantity::Accel) {
+            continue;
         }
-        self.config.gate && waited && 2 * rejected > there
+        let speaks = readings.speak(&subject.groups.parts[p]);
+        let changed_s = one.sources[subject.source_of_part[p]].faults.changed_s(quantity);
+        let spoke = speaks || belief.time_s - changed_s <= RECENT * patience_s;
+        there += usize::from(spoke);
+        rejected += usize::from(spoke && !since_s.is_nan());
+        waited |= speaks && belief.time_s - since_s > patience_s;
     }
+    waited && 2 * rejected > there
+}
 
-    /// Posture and motion become as little known as before the first sample, around the posture that was believed; what was learnt
-    /// is forgotten. Slow states, lengths and mounts stay.
-    pub(super) fn give_up(&self, belief: &mut Belief) {
-        let std = start_std(&self.body, WIDENED);
-        let heading = self.headings(belief);
-        for joint in &self.body.model.joints {
-            let wraps = joint.kind == JointKind::Hinge && !self.is_encoded(&joint.name);
-            for c in joint.coordinates() {
-                let (axis, Some(slots)) = (&self.body.axes[c], self.body.layout.coordinates[c]) else { continue };
-                let value = belief.mean[slots.q];
-                belief.mean[slots.q] = match (wraps, axis.turns) {
-                    (true, _) => axis.nearest(value),
-                    (false, true) => value,
-                    (false, false) => value.clamp(axis.limits[0], axis.limits[1]),
-                };
-                forget(&mut belief.covariance, slots.q, axis.prior_std());
-                for state in slots.rates.into_iter().flat_map(|(rate, accel)| [rate, accel]) {
-                    belief.mean[state] = 0.0;
-                    forget(&mut belief.covariance, state, std[state]);
-                }
+/// Posture and motion become as little known as before the first sample, around the posture that was believed; what was learnt
+/// is forgotten. Slow states, lengths and mounts stay.
+pub(super) fn give_up(subject: &Subject, readings: &Readings, one: &mut Hypothesis) {
+    let (body, belief) = (&subject.body, &mut one.belief);
+    let std = start_std(body, WIDENED);
+    let heading = headings(subject, readings, belief);
+    for joint in &body.model.joints {
+        let wraps = joint.kind == JointKind::Hinge && !subject.is_encoded(&joint.name);
+        for c in joint.coordinates() {
+            let (axis, Some(slots)) = (&body.axes[c], body.layout.coordinates[c]) else { continue };
+            let value = belief.mean[slots.q];
+            belief.mean[slots.q] = match (wraps, axis.turns) {
+                (true, _) => axis.nearest(value),
+                (false, true) => value,
+                (false, false) => value.clamp(axis.limits[0], axis.limits[1]),
+            };
+            forget(&mut belief.covariance, slots.q, axis.prior_std());
+            for state in slots.rates.into_iter().flat_map(|(rate, accel)| [rate, accel]) {
+                belief.mean[state] = 0.0;
+                forget(&mut belief.covariance, state, std[state]);
             }
         }
-        for (q, up, variance) in heading {
-            keep_heading(&mut belief.covariance, q, up, variance + HEADING_STD * HEADING_STD);
-        }
-        belief.drive.fill(1.0);
-        belief.usual_nis.fill(1.0);
-        (belief.inflation, belief.surprise) = (1.0, 1.0);
-        (belief.roughness, belief.leftover) = (1.0, 1.0);
-        belief.rejected_since_s.fill(f64::NAN);
+    }
+    for (q, up, variance) in heading {
+        keep_heading(&mut belief.covariance, q, up, variance + HEADING_STD * HEADING_STD);
+    }
+    forget_what_was_learnt(belief);
+    for source in &mut one.sources {
         // Whoever speaks next is heard as after a silence: with clocks of their own, one unit in a sample.
-        belief.seen_s.fill(f64::NEG_INFINITY);
-        belief.memory.iter_mut().for_each(forget_north);
+        (source.seen_s, source.north) = (f64::NEG_INFINITY, NorthState::NONE);
     }
+}
 
-    /// Behind a fit that began anew.
-    pub(super) fn doubt(&self, belief: &mut Belief) {
-        for (_, axis, slots) in self.body.moving() {
-            let std = DOUBT * axis.prior_std();
-            *belief.covariance.at_mut(slots.q, slots.q) += std * std;
-        }
-    }
+fn forget_what_was_learnt(belief: &mut Belief) {
+    belief.drive.fill(1.0);
+    belief.usual_nis.fill(1.0);
+    (belief.inflation, belief.surprise) = (1.0, 1.0);
+    (belief.roughness, belief.leftover) = (1.0, 1.0);
+    belief.rejected_since_s.fill(f64::NAN);
+}
 
-    /// Of every rotation vector that turns the whole body, while no compass speaks: its state, the vertical in its axes and
-    /// the variance about it.
-    fn headings(&self, belief: &Belief) -> Vec<(usize, Vec3<f64>, f64)> {
-        if self.magnetic_rows().any(|r| !self.z[r].is_nan()) {
-            return Vec::new();
-        }
-        let heading = |(c, outer): &(usize, crate::rotation::Mat3<f64>)| {
-            let q = self.body.layout.coordinates[*c]?.q;
-            let turned = outer.then(&Turn::exp(three(&belief.mean, q)).matrix());
-            let up = turned.apply_transposed(Vec3(self.body.model.world.up));
-            let pairs = (0..3).flat_map(|i| (0..3).map(move |j| (i, j)));
-            let variance = pairs.map(|(i, j)| up.0[i] * up.0[j] * belief.covariance.at(q + i, q + j)).sum();
-            Some((q, up, variance))
-        };
-        self.body.floating.iter().filter_map(heading).collect()
+/// Behind a fit that began anew.
+pub(super) fn doubt_fit(subject: &Subject, belief: &mut Belief) {
+    for (_, axis, slots) in subject.body.moving() {
+        let std = DOUBT * axis.prior_std();
+        *belief.covariance.at_mut(slots.q, slots.q) += std * std;
     }
+}
+
+/// Of every rotation vector that turns the whole body, while no compass speaks: its state, the vertical in its axes and
+/// the variance about it.
+fn headings(subject: &Subject, readings: &Readings, belief: &Belief) -> Vec<(usize, Vec3<f64>, f64)> {
+    let body = &subject.body;
+    if subject.magnetic_rows().any(|r| !readings.z[r].is_nan()) {
+        return Vec::new();
+    }
+    let heading = |(c, outer): &(usize, crate::rotation::Mat3<f64>)| {
+        let q = body.layout.coordinates[*c]?.q;
+        let turned = outer.then(&Turn::exp(three(&belief.mean, q)).matrix());
+        let up = turned.apply_transposed(Vec3(body.model.world.up));
+        let pairs = (0..3).flat_map(|i| (0..3).map(move |j| (i, j)));
+        let variance = pairs.map(|(i, j)| up.0[i] * up.0[j] * belief.covariance.at(q + i, q + j)).sum();
+        Some((q, up, variance))
+    };
+    body.floating.iter().filter_map(heading).collect()
 }
 
 /// Nothing is known of a state but its standard deviation.

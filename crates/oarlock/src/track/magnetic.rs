@@ -6,9 +6,10 @@
 //! little a field is to be trusted. What passes them is held against the belief in full. A disturbance lasts
 //! while a body walks past it; so the belief is trusted longer than against other sensors, and what is rejected is no habit.
 
-use super::Tracker;
+use super::readings::Readings;
+use super::subject::Subject;
+use crate::body::posture::Posture;
 use crate::config::Magnetometer;
-use crate::estimate::belief::Belief;
 use crate::estimate::filter::{DirectionTest, Info, Verdict};
 use crate::rotation::Vec3;
 use crate::sensor::Quantity;
@@ -48,38 +49,46 @@ impl Field {
     }
 }
 
-impl Tracker {
-    /// Of every source, what its magnetometer's reading was.
-    pub fn fields<'a>(&'a self, info: &'a Info) -> impl Iterator<Item = Field> + 'a {
-        self.groups.sources.iter().map(|source| {
-            let parts = self.groups.parts.iter().zip(&self.quantities).zip(&info.parts);
-            let mut own = parts.filter(|((rows, &q), _)| q == Quantity::Mag && source.contains(&rows.start));
-            own.next().map_or(Field::Missing, |(_, verdict)| match verdict {
-                Verdict::Missing | Verdict::Stuck => Field::Missing,
-                Verdict::Accepted | Verdict::Clipped => Field::Undisturbed,
-                Verdict::Excluded => Field::Norm,
-                Verdict::WrongDirection => Field::Dip,
-                Verdict::Outlier | Verdict::Turned => Field::Innovation,
-            })
+/// Of every source, what its magnetometer's reading was.
+pub(super) fn by_source<'a>(subject: &'a Subject, info: &'a Info) -> impl Iterator<Item = Field> + 'a {
+    (0..subject.groups.sources.len()).map(|s| {
+        let mut own = subject.parts_of(Quantity::Mag).filter(|&p| subject.source_of_part[p] == s);
+        own.next().map_or(Field::Missing, |p| match info.parts[p] {
+            Verdict::Missing | Verdict::Stuck => Field::Missing,
+            Verdict::Accepted | Verdict::Clipped => Field::Undisturbed,
+            Verdict::Excluded => Field::Norm,
+            Verdict::WrongDirection => Field::Dip,
+            Verdict::Outlier | Verdict::Turned => Field::Innovation,
         })
-    }
+    })
+}
 
-    /// Rows of magnetometers.
-    pub(super) fn magnetic_rows(&self) -> impl Iterator<Item = usize> + '_ {
-        let parts = self.groups.parts.iter().zip(&self.quantities);
-        parts.filter(|(_, &q)| q == Quantity::Mag).flat_map(|(rows, _)| rows.clone())
+/// Tests magnetometers before an update.
+#[derive(Debug, Clone)]
+pub(super) struct Magnetic {
+    usage: Magnetometer,
+    /// Per part: not to be believed in this sample.
+    pub excluded: Vec<bool>,
+    /// Per part: how far its field is off the world's dip.
+    pub direction_tests: Vec<Option<DirectionTest>>,
+    /// Room for the belief's mean.
+    posture: Posture<f64>,
+}
+
+impl Magnetic {
+    pub fn new(subject: &Subject, usage: Magnetometer) -> Self {
+        let parts = subject.groups.parts.len();
+        let posture = Posture::new(&subject.body);
+        Magnetic { usage, excluded: vec![false; parts], direction_tests: vec![None; parts], posture }
     }
 
     /// Silences magnetometers that are not to be used, and bars those whose norm is wrong.
-    pub(super) fn judge_norms(&mut self) {
-        let norm = self.body.field.norm_ut;
-        for (p, rows) in self.groups.parts.iter().enumerate() {
-            self.excluded[p] = false;
-            if self.quantities[p] != Quantity::Mag {
-                continue;
-            }
-            let z = &mut self.z[rows.clone()];
-            match self.config.magnetometer {
+    pub fn judge_norms(&mut self, subject: &Subject, readings: &mut Readings) {
+        let norm = subject.body.field.norm_ut;
+        self.excluded.fill(false);
+        for p in subject.parts_of(Quantity::Mag) {
+            let z = &mut readings.z[subject.groups.parts[p].clone()];
+            match self.usage {
                 Magnetometer::On => {}
                 Magnetometer::Off => z.fill(f64::NAN),
                 Magnetometer::Gated => {
@@ -90,22 +99,31 @@ impl Tracker {
         }
     }
 
-    /// Measures the dip of every field against the horizon of the belief; the filter knows how certain that is.
-    pub(super) fn measure_dips(&mut self, belief: &Belief) {
+    /// Measures the dip of every field against the horizon of a mean; the filter knows how certain that is.
+    pub fn measure_dips(&mut self, subject: &Subject, readings: &Readings, mean: &[f64]) {
         self.direction_tests.fill(None);
-        let gated = self.config.magnetometer == Magnetometer::Gated;
-        if !gated || self.magnetic_rows().all(|r| self.z[r].is_nan()) {
+        let gated = self.usage == Magnetometer::Gated;
+        if !gated || subject.magnetic_rows().all(|r| readings.z[r].is_nan()) {
             return;
         }
-        self.body.lower_up(&belief.mean, &self.moment, &mut self.posture);
-        for (p, rows) in self.groups.parts.iter().enumerate().filter(|(p, _)| self.quantities[*p] == Quantity::Mag) {
-            let source = self.groups.sources.iter().position(|s| s.contains(&rows.start));
-            let up = source.and_then(|s| self.body.up_seen_by(s, &self.posture));
-            let measured = Vec3([self.z[rows.start], self.z[rows.start + 1], self.z[rows.start + 2]]);
-            self.direction_tests[p] =
-                up.and_then(|up| direction(measured, up, self.body.field.norm_ut, self.body.field.dip_rad));
+        let body = &subject.body;
+        body.lower_up(mean, &readings.moment, &mut self.posture);
+        for p in subject.parts_of(Quantity::Mag) {
+            let up = self.up_seen_by(subject, subject.source_of_part[p]);
+            let measured = Vec3(readings.three(subject.groups.parts[p].start));
+            self.direction_tests[p] = up.and_then(|up| direction(measured, up, body.field.norm_ut, body.field.dip_rad));
         }
     }
+
+    /// The vertical in the axes of a source, in the posture in which dips were last measured.
+    pub fn up_seen_by(&self, subject: &Subject, source: usize) -> Option<Vec3<f64>> {
+        subject.body.up_seen_by(source, &self.posture)
+    }
+}
+
+/// Parts that are no judge of motion: magnetometers, unless they are to be used whatever they read.
+pub(super) fn strict(subject: &Subject, usage: Magnetometer) -> Vec<bool> {
+    subject.quantities.iter().map(|&q| usage == Magnetometer::Gated && q == Quantity::Mag).collect()
 }
 
 /// How far a measured field (uT) lies from the world's dip (rad), all in sensor axes; `None` for no field at all.

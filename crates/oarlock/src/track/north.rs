@@ -4,11 +4,12 @@
 //! led slowly follows; either way no single reading is odd. So the direction of north that each unit sees by the belief is held
 //! against its own mean over some seconds: it is far off when it has moved, for a while, much farther than it usually does.
 
-use super::magnetic::PATIENCE_S;
-use super::Tracker;
-use crate::config::Magnetometer;
-use crate::estimate::belief::{Belief, MEMORY};
-use crate::estimate::filter::Verdict;
+use super::hypothesis::{Hypothesis, SourceMemory};
+use super::magnetic::{Magnetic, PATIENCE_S};
+use super::readings::Readings;
+use super::subject::Subject;
+use crate::config::{Config, Magnetometer};
+use crate::estimate::filter::{Info, Verdict};
 use crate::rotation::Vec3;
 use crate::sensor::Quantity;
 use std::f64::consts::{PI, TAU};
@@ -28,68 +29,89 @@ const SCATTERS: f64 = 4.0;
 /// It is back when it is within this share of what made it turned.
 const BACK: f64 = 0.5;
 
-/// Places in a source's memory: north as usual and now, mean square of their difference, when it last spoke, for how long it has,
-/// since when it is turned.
-const USUAL: usize = 29;
-const NOW: usize = 30;
-const SCATTER: usize = 31;
-const SPOKE: usize = 32;
-const AGE: usize = 33;
-const SINCE: usize = 34;
+/// What is remembered of the north that a unit sees; NaN where there is nothing yet.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct NorthState {
+    /// Usual direction, and the one now, rad.
+    pub usual_rad: f64,
+    pub now_rad: f64,
+    /// Mean square of their difference.
+    pub scatter_rad2: f64,
+    /// When it was last followed, s.
+    pub spoke_s: f64,
+    /// For how long it has been, s.
+    pub age_s: f64,
+    /// Since when north is turned, s; NaN while it is not.
+    pub since_s: f64,
+}
 
-impl Tracker {
+/// Finds the magnetometers whose north has turned.
+#[derive(Debug, Clone)]
+pub(super) struct North {
+    /// Whether turned fields are barred, and whether north is followed.
+    bars: bool,
+    follows: bool,
+    /// Per part: its field seems to have turned.
+    turned: Vec<bool>,
+}
+
+impl North {
+    pub fn new(subject: &Subject, config: &Config) -> Self {
+        let bars = config.magnetometer == Magnetometer::Gated;
+        North { bars, follows: config.gate, turned: vec![false; subject.groups.parts.len()] }
+    }
+
     /// Bars magnetometers whose north has turned.
-    pub(super) fn bar_turned(&mut self, belief: &Belief) {
-        for p in 0..self.turned.len() {
-            self.turned[p] = false;
-            if self.quantities[p] != Quantity::Mag || self.config.magnetometer != Magnetometer::Gated {
-                continue;
-            }
-            let first = self.groups.parts[p].start;
-            let since_s = self.source_of(first).map_or(f64::NAN, |s| belief.memory[s][SINCE]);
-            if belief.time_s - since_s <= PATIENCE_S && !self.excluded[p] {
-                (self.turned[p], self.excluded[p]) = (true, true);
+    pub fn bar_turned(&mut self, subject: &Subject, sources: &[SourceMemory], time_s: f64, excluded: &mut [bool]) {
+        self.turned.fill(false);
+        for p in subject.parts_of(Quantity::Mag).filter(|_| self.bars) {
+            let since_s = sources[subject.source_of_part[p]].north.since_s;
+            if time_s - since_s <= PATIENCE_S && !excluded[p] {
+                (self.turned[p], excluded[p]) = (true, true);
             }
         }
     }
 
     /// Follows the north of every unit, behind an update.
-    pub(super) fn watch_north(&self, belief: &mut Belief) {
-        if !self.config.gate {
-            return;
-        }
-        for p in (0..self.turned.len()).filter(|&p| self.direction_tests[p].is_some()) {
-            let first = self.groups.parts[p].start;
-            let Some(s) = self.source_of(first) else { continue };
-            match self.info.parts[p] {
+    pub fn watch(
+        &self,
+        subject: &Subject,
+        magnetic: &Magnetic,
+        readings: &Readings,
+        info: &Info,
+        one: &mut Hypothesis,
+    ) {
+        let Hypothesis { belief, sources, .. } = one;
+        for p in (0..self.turned.len()).filter(|&p| self.follows && magnetic.direction_tests[p].is_some()) {
+            let (first, s) = (subject.groups.parts[p].start, subject.source_of_part[p]);
+            match info.parts[p] {
                 // The gate has it, and will believe it after its own patience.
                 Verdict::Outlier if belief.time_s - belief.rejected_since_s[p] > USUAL_S => {
-                    forget_north(&mut belief.memory[s]);
+                    sources[s].north = NorthState::NONE;
                     continue;
                 }
                 Verdict::Accepted => {}
                 _ if self.turned[p] => {}
                 _ => continue,
             }
-            let Some(up) = self.body.up_seen_by(s, &self.posture) else { continue };
-            let three = |v: &[f64]| Vec3([v[first], v[first + 1], v[first + 2]]);
-            let measured = three(&self.z);
-            let expected = measured - three(&self.info.innovation);
-            let azimuth = self.body.layout.azimuth.map_or(0.0, |i| belief.mean[i]);
+            let Some(up) = magnetic.up_seen_by(subject, s) else { continue };
+            let measured = Vec3(readings.three(first));
+            let expected = measured - Vec3([0, 1, 2].map(|k| info.innovation[first + k]));
+            let azimuth = subject.body.layout.azimuth.map_or(0.0, |i| belief.mean[i]);
             if let Some(off) = turned_by(expected, measured, up) {
-                follow(&mut belief.memory[s], azimuth + off, belief.time_s);
+                sources[s].north.follow(azimuth + off, belief.time_s);
             }
         }
     }
 
-    fn source_of(&self, row: usize) -> Option<usize> {
-        self.groups.sources.iter().position(|s| s.contains(&row))
+    /// Names in the report the fields that were barred because they have turned.
+    pub fn report(&self, info: &mut Info) {
+        for (verdict, _) in info.parts.iter_mut().zip(&self.turned).filter(|(_, &turned)| turned) {
+            if *verdict == Verdict::Excluded {
+                *verdict = Verdict::Turned;
+            }
+        }
     }
-}
-
-/// Nothing is usual any more.
-pub(super) fn forget_north(memory: &mut [f64; MEMORY]) {
-    memory[USUAL..=SINCE].fill(f64::NAN);
 }
 
 /// By how much one field is turned against another about the vertical, rad; `None` where either has no horizontal part.
@@ -106,34 +128,46 @@ fn wrapped(angle: f64) -> f64 {
     (angle + PI).rem_euclid(TAU) - PI
 }
 
-/// Takes in where a unit sees north, rad.
-fn follow(memory: &mut [f64; MEMORY], north: f64, time_s: f64) {
-    if memory[SPOKE].is_nan() {
-        (memory[USUAL], memory[NOW], memory[SCATTER]) = (north, north, 0.0);
-        (memory[SPOKE], memory[AGE]) = (time_s, 0.0);
-        return;
-    }
-    let dt = (time_s - memory[SPOKE]).clamp(0.0, 1.0);
-    memory[SPOKE] = time_s;
-    memory[AGE] += dt;
-    // At first the mean of all there was.
-    let share = |constant_s: f64| 1.0 - (-dt / constant_s.min(memory[AGE]).max(dt)).exp();
-    let (now, usual, scatter) = (share(NOW_S), share(USUAL_S), share(SCATTER_S));
-    memory[NOW] = wrapped(memory[NOW] + now * wrapped(north - memory[NOW]));
-    let away = wrapped(memory[NOW] - memory[USUAL]);
-    let bound = TURNED_RAD.max(SCATTERS * memory[SCATTER].sqrt());
-    if memory[SINCE].is_nan() {
-        if away.abs() > bound && memory[AGE] > AFTER_S {
-            memory[SINCE] = time_s;
+impl NorthState {
+    pub const NONE: NorthState = NorthState {
+        usual_rad: f64::NAN,
+        now_rad: f64::NAN,
+        scatter_rad2: f64::NAN,
+        spoke_s: f64::NAN,
+        age_s: f64::NAN,
+        since_s: f64::NAN,
+    };
+
+    /// Takes in where a unit sees north, rad.
+    fn follow(&mut self, north_rad: f64, time_s: f64) {
+        if self.spoke_s.is_nan() {
+            (self.usual_rad, self.now_rad, self.scatter_rad2) = (north_rad, north_rad, 0.0);
+            (self.spoke_s, self.age_s) = (time_s, 0.0);
             return;
         }
-        memory[USUAL] = wrapped(memory[USUAL] + usual * away);
-        memory[SCATTER] += scatter * (away * away - memory[SCATTER]);
-    } else if away.abs() < BACK * bound {
-        memory[SINCE] = f64::NAN;
-    } else if time_s - memory[SINCE] > PATIENCE_S {
-        // So long is no passing by: this is the field here.
-        (memory[USUAL], memory[SINCE]) = (memory[NOW], f64::NAN);
+        let dt = (time_s - self.spoke_s).clamp(0.0, 1.0);
+        self.spoke_s = time_s;
+        self.age_s += dt;
+        // At first the mean of all there was.
+        let age_s = self.age_s;
+        let share = |constant_s: f64| 1.0 - (-dt / constant_s.min(age_s).max(dt)).exp();
+        let (now, usual, scatter) = (share(NOW_S), share(USUAL_S), share(SCATTER_S));
+        self.now_rad = wrapped(self.now_rad + now * wrapped(north_rad - self.now_rad));
+        let away = wrapped(self.now_rad - self.usual_rad);
+        let bound = TURNED_RAD.max(SCATTERS * self.scatter_rad2.sqrt());
+        if self.since_s.is_nan() {
+            if away.abs() > bound && self.age_s > AFTER_S {
+                self.since_s = time_s;
+                return;
+            }
+            self.usual_rad = wrapped(self.usual_rad + usual * away);
+            self.scatter_rad2 += scatter * (away * away - self.scatter_rad2);
+        } else if away.abs() < BACK * bound {
+            self.since_s = f64::NAN;
+        } else if time_s - self.since_s > PATIENCE_S {
+            // So long is no passing by: this is the field here.
+            (self.usual_rad, self.since_s) = (self.now_rad, f64::NAN);
+        }
     }
 }
 
@@ -152,12 +186,12 @@ mod tests {
 
     /// When north counts as turned, of a minute at 50 Hz.
     fn told(north: impl Fn(f64) -> f64) -> (f64, f64) {
-        let mut memory = [f64::NAN; MEMORY];
+        let mut unit = NorthState::NONE;
         let (mut first, mut total) = (f64::NAN, 0.0);
         for k in 0..3000 {
             let t = 0.02 * f64::from(k);
-            follow(&mut memory, north(t), t);
-            if !memory[SINCE].is_nan() {
+            unit.follow(north(t), t);
+            if !unit.since_s.is_nan() {
                 first = if first.is_nan() { t } else { first };
                 total += 0.02;
             }

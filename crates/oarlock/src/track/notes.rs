@@ -38,11 +38,11 @@ pub fn notes(run: &Run) -> Vec<String> {
 
 /// Bands that are wider than the readings' noise alone would make them.
 fn widened(run: &Run) -> Option<String> {
-    let (body, belief) = (&run.tracker().body, run.last_belief()?);
+    let (body, last) = (run.tracker().body(), run.last()?);
     let slides = |c: usize| body.model.joints.iter().any(|j| j.first == c && j.kind == JointKind::Slide);
     let turning = body.moving().filter(|(c, axis, _)| !axis.place && !slides(*c));
     let (joint, most) = turning
-        .map(|(c, _, slots)| (c, belief.doubted(slots.q).sqrt().to_degrees()))
+        .map(|(c, _, slots)| (c, last.doubted(slots.q).sqrt().to_degrees()))
         .max_by(|a, b| a.1.total_cmp(&b.1))?;
     (most > WORTH_A_WORD_DEG).then(|| {
         format!(
@@ -56,7 +56,7 @@ fn widened(run: &Run) -> Option<String> {
 
 /// Inertial units that are taken to sit where the model file says.
 pub fn at_nominal_mounts(run: &Run) -> Vec<String> {
-    let model = &run.tracker().body.model;
+    let model = &run.tracker().body().model;
     let imu = |s: &&crate::model::Sensor| matches!(s.kind, crate::model::SensorKind::Imu { .. });
     let streams: Vec<&str> = run.recording().names().collect();
     let nominal = model.sensors.iter().filter(imu).map(|s| s.name.clone());
@@ -72,7 +72,7 @@ fn nominal_mounts(run: &Run) -> Option<String> {
 }
 
 fn absent_streams(run: &Run) -> Option<String> {
-    let model = &run.tracker().body.model;
+    let model = &run.tracker().body().model;
     let there: Vec<&str> = run.recording().names().collect();
     let sources = model.sensors.iter().map(|s| s.name.as_str());
     let absent: Vec<&str> = sources.filter(|s| !is_there(model, &there, s)).collect();
@@ -85,8 +85,8 @@ fn is_there(model: &Model, streams: &[&str], sensor: &str) -> bool {
 }
 
 fn silent_loops(run: &Run) -> Vec<String> {
-    let model = &run.tracker().body.model;
-    let sources = run.tracker().body.suite.sources.len();
+    let model = &run.tracker().body().model;
+    let sources = run.tracker().body().suite.sources.len();
     let first = sources - model.closures.len();
     let rows = run.series.time_s.len();
     let spoke = |s: usize| (0..rows).filter(|r| run.series.reports[r * sources + s].used > 0).count();
@@ -107,7 +107,7 @@ fn silent_loops(run: &Run) -> Vec<String> {
 }
 
 fn rejections(run: &Run) -> Vec<String> {
-    let body = &run.tracker().body;
+    let body = run.tracker().body();
     let count = body.suite.sources.len();
     let describe = |(s, source): (usize, &crate::sensor::Source)| {
         let infos = run.series.reports.iter().skip(s).step_by(count);
@@ -133,7 +133,7 @@ const LONGEST_SAMPLE_S: f64 = 1.0;
 
 /// How long each magnetometer was disturbed, and by which test.
 fn disturbances(run: &Run) -> Vec<String> {
-    let body = &run.tracker().body;
+    let body = run.tracker().body();
     let count = body.suite.sources.len();
     let describe = |(s, source): (usize, &crate::sensor::Source)| {
         let fields = run.series.reports.iter().skip(s).step_by(count).map(|r| r.field);
@@ -165,7 +165,7 @@ fn disturbances(run: &Run) -> Vec<String> {
 
 /// Which sensors were at the end of their range or stuck, and for how long.
 fn faults(run: &Run) -> Vec<String> {
-    let sources = &run.tracker().body.suite.sources;
+    let sources = &run.tracker().body().suite.sources;
     let describe = |(s, source): (usize, &crate::sensor::Source)| {
         let reports = run.series.reports.iter().skip(s).step_by(sources.len());
         let (mut seconds, mut whole_s, mut last_s) = ([0.0; 3], 0.0, f64::NAN);
@@ -190,7 +190,7 @@ fn faults(run: &Run) -> Vec<String> {
 
 /// Joints that readings have taken where bodies seldom go. Limits bend no joint that is observed, so this shows what is wrong elsewhere.
 fn contortions(run: &Run) -> Vec<String> {
-    let body = &run.tracker().body;
+    let body = run.tracker().body();
     let (n, coordinates, rows) = (body.layout.dim(), body.model.coordinate_count(), run.series.time_s.len());
     let names = body.model.coordinate_names();
     let describe = |(c, axis, slots): (usize, &crate::model::Axis, crate::state::Slots)| {
@@ -242,7 +242,7 @@ fn losses(run: &Run) -> Option<String> {
 }
 
 fn unobserved(run: &Run) -> Vec<String> {
-    let body = &run.tracker().body;
+    let body = run.tracker().body();
     let depends = dependence(body);
     let sources = body.suite.sources.len();
     let ever_used = |s: usize| run.series.reports.iter().skip(s).step_by(sources).any(|i| i.used > 0);

@@ -5,10 +5,10 @@
 //! Where a link carries no sensor, two points a link apart are told and what lies between them can bend to either side: two postures fit the
 //! first samples alike, or nearly so, and only movement tells which one it is. Both are tracked until it has.
 
-use super::Tracker;
+use super::subject::Subject;
 use crate::body::{Body, Moment};
 use crate::estimate::start::{Fit, Prior, StartFit, StartSample};
-use crate::model::{Axis, JointKind};
+use crate::model::Axis;
 
 /// A cost per reading below which other guesses need not be tried.
 const GOOD_COST: f64 = 2.0;
@@ -41,7 +41,13 @@ pub(super) struct Found<'a> {
     pub(super) good: bool,
 }
 
-impl Tracker {
+/// Seeks postures of a subject.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Postures<'s> {
+    pub(super) subject: &'s Subject,
+}
+
+impl Postures<'_> {
     /// The first good fit from these starts, each with what is known before; else from starts scattered between all limits; else the one
     /// that costs least.
     pub(super) fn seek<'a>(
@@ -49,7 +55,7 @@ impl Tracker {
         evidence: &[StartSample<Moment>],
         starts: &[(&'a Prior, Vec<f64>)],
     ) -> Option<Found<'a>> {
-        let hinges: Vec<(&Axis, usize)> = self.free_hinges().collect();
+        let hinges: Vec<(&Axis, usize)> = self.subject.free_hinges().collect();
         let mut best: Option<Found> = None;
         let given =
             BLURS.iter().flat_map(|blurs| starts.iter().map(move |(guess, from)| (*blurs, *guess, from.clone())));
@@ -62,7 +68,7 @@ impl Tracker {
             if k >= BLURS.len() * starts.len() && !astray {
                 break;
             }
-            let mut problem = StartFit::new(&self.body, evidence, &self.std, guess);
+            let mut problem = StartFit::new(&self.subject.body, evidence, &self.subject.std, guess);
             let first = problem.fit_with_decreasing_noise(&from, blurs);
             let contorted = first.as_ref().filter(|fit| self.is_contorted(&fit.mean));
             let eased = contorted.and_then(|fit| problem.fit_with_decreasing_noise(&self.eased(&fit.mean), blurs));
@@ -94,13 +100,13 @@ impl Tracker {
     /// Whether a hinge stands where hardly a body gets it: readings may as well come from the mirror image of a posture, in which hinges in
     /// a row reach the same place from the other side.
     pub(super) fn is_contorted(&self, mean: &[f64]) -> bool {
-        self.free_hinges().any(|(axis, q)| beyond(axis, mean[q]) > CONTORTED)
+        self.subject.free_hinges().any(|(axis, q)| beyond(axis, mean[q]) > CONTORTED)
     }
 
     /// The same with every hinge that is beyond its limits in the middle of them.
     fn eased(&self, mean: &[f64]) -> Vec<f64> {
         let mut eased = mean.to_vec();
-        for (axis, q) in self.free_hinges().filter(|(axis, q)| beyond(axis, mean[*q]) > 0.0) {
+        for (axis, q) in self.subject.free_hinges().filter(|(axis, q)| beyond(axis, mean[*q]) > 0.0) {
             eased[q] = 0.5 * (axis.limits[0] + axis.limits[1]);
         }
         eased
@@ -109,9 +115,10 @@ impl Tracker {
     /// A fit, or a better one of another posture, and those others that are nearly as good, each in a valley of its own.
     pub(super) fn all_postures(&self, problem: &mut StartFit<Body>, fit: Fit) -> (Fit, Vec<Fit>) {
         let std = |q: usize| fit.covariance.at(q, q).sqrt();
-        let doubtful: Vec<(&Axis, usize)> = self.free_hinges().filter(|(_, q)| std(*q) > UNCERTAIN_STD).collect();
+        let doubtful: Vec<(&Axis, usize)> =
+            self.subject.free_hinges().filter(|(_, q)| std(*q) > UNCERTAIN_STD).collect();
         // A hinge that only walks is told by loops alone, and hardly ever well at the first sample.
-        let driven = |q: usize| self.body.moving().any(|(_, _, slots)| slots.q == q && slots.rates.is_some());
+        let driven = |q: usize| self.subject.body.moving().any(|(_, _, slots)| slots.q == q && slots.rates.is_some());
         if !doubtful.iter().any(|(_, q)| driven(*q)) {
             return (fit, Vec::new());
         }
@@ -141,14 +148,7 @@ impl Tracker {
 
     /// Whether two states are of different postures of the hinges.
     pub(super) fn differ(&self, a: &[f64], b: &[f64]) -> bool {
-        self.free_hinges().any(|(axis, q)| (axis.nearest(a[q]) - axis.nearest(b[q])).abs() > SAME)
-    }
-
-    /// Hinges that no encoder reads, and their states.
-    pub(super) fn free_hinges(&self) -> impl Iterator<Item = (&Axis, usize)> + '_ {
-        let joints = self.body.model.joints.iter();
-        let hinges = joints.filter(|j| j.kind == JointKind::Hinge && !self.is_encoded(&j.name));
-        hinges.filter_map(|j| Some((&self.body.axes[j.first], self.body.layout.coordinates[j.first]?.q)))
+        self.subject.free_hinges().any(|(axis, q)| (axis.nearest(a[q]) - axis.nearest(b[q])).abs() > SAME)
     }
 }
 

@@ -3,9 +3,11 @@
 //! The rule and its thresholds are those of VQF (Laidig and Seel 2023, section 3.4), but for the waiting time: rest is not
 //! taken as certain, only as a reading of zero with a standard deviation, so that a shorter wait does no harm.
 
-use super::Tracker;
-use crate::estimate::belief::{Belief, MEMORY};
-use crate::sensor::Quantity;
+use super::hypothesis::SourceMemory;
+use super::readings::Readings;
+use crate::body::Body;
+use crate::sensor::{Quantity, Source};
+use std::ops::Range;
 
 /// Time constant of the low-pass that readings are compared with, s.
 const SMOOTHED_OVER_S: f64 = 0.5;
@@ -17,58 +19,88 @@ const ACCEL_M_S2: f64 = 0.5;
 /// Readings of rest are no more frequent than this, s: neighbours say the same.
 const EVERY_S: f64 = 0.1;
 
-/// Places in a source's memory: smoothed gyroscope, smoothed accelerometer, since when it rests, when that was last used.
-const GYRO: usize = 0;
-const ACCEL: usize = 3;
-const SINCE: usize = 6;
-const USED: usize = 7;
+/// What is remembered of a unit to tell whether it rests; NaN where there is nothing yet.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct RestState {
+    /// Low-passed readings, rad/s and m/s2.
+    pub gyro: [f64; 3],
+    pub accel: [f64; 3],
+    /// Since when it rests, s.
+    pub since_s: f64,
+    /// When that was last used, s.
+    pub used_s: f64,
+}
 
-impl Tracker {
+/// Finds the units that rest.
+#[derive(Debug, Clone)]
+pub(super) struct Rest(Vec<Unit>);
+
+/// An inertial unit whose rest is a reading: its source, and its rows.
+#[derive(Debug, Clone)]
+struct Unit {
+    source: usize,
+    rest: Range<usize>,
+    gyro: Range<usize>,
+    accel: Range<usize>,
+}
+
+impl Rest {
+    pub fn new(body: &Body) -> Self {
+        let unit = |(source, s): (usize, &Source)| {
+            let rows = |q: Quantity| s.parts.iter().find(|p| p.quantity == q).map(|p| p.rows.clone());
+            let (rest, gyro, accel) = (rows(Quantity::Rest)?, rows(Quantity::Gyro)?, rows(Quantity::Accel)?);
+            Some(Unit { source, rest, gyro, accel })
+        };
+        Rest(body.suite.sources.iter().enumerate().filter_map(unit).collect())
+    }
+
     /// Fills in the rows of units that rest.
-    pub(super) fn notice_rest(&mut self, belief: &mut Belief) {
-        for s in 0..self.body.suite.sources.len() {
-            let source = &self.body.suite.sources[s];
-            let rows = |q: Quantity| source.parts.iter().find(|p| p.quantity == q).map(|p| p.rows.clone());
-            let (Some(rest), Some(gyro), Some(accel)) =
-                (rows(Quantity::Rest), rows(Quantity::Gyro), rows(Quantity::Accel))
-            else {
-                continue;
-            };
-            let readings = [&self.z[gyro], &self.z[accel]];
-            let rests = remember(&mut belief.memory[s], readings, belief.time_s, belief.time_s - belief.seen_s[s]);
-            self.z[rest].fill(if rests { 0.0 } else { f64::NAN });
+    pub fn notice(&self, sources: &mut [SourceMemory], readings: &mut Readings, time_s: f64) {
+        for unit in &self.0 {
+            let of_unit = [&readings.z[unit.gyro.clone()], &readings.z[unit.accel.clone()]];
+            let SourceMemory { rest, seen_s, .. } = &mut sources[unit.source];
+            let rests = rest.remember(of_unit, time_s, time_s - *seen_s);
+            readings.z[unit.rest.clone()].fill(if rests { 0.0 } else { f64::NAN });
         }
     }
 }
 
-/// Takes in a unit's readings; whether it rests and has not said so just now.
-fn remember(memory: &mut [f64; MEMORY], [gyro, accel]: [&[f64]; 2], time_s: f64, dt: f64) -> bool {
-    if gyro.iter().chain(accel).any(|x| x.is_nan()) {
-        return false;
-    }
-    let share = if memory[GYRO].is_nan() { 1.0 } else { 1.0 - (-dt.max(0.0) / SMOOTHED_OVER_S).exp() };
-    let mut follow = |first: usize, reading: &[f64]| {
-        let mut away: f64 = 0.0;
-        for (m, x) in memory[first..first + 3].iter_mut().zip(reading) {
-            *m = if share == 1.0 { *x } else { *m + share * (x - *m) };
-            away += (x - *m) * (x - *m);
+impl RestState {
+    pub const NONE: RestState =
+        RestState { gyro: [f64::NAN; 3], accel: [f64::NAN; 3], since_s: f64::NAN, used_s: f64::NAN };
+
+    /// Takes in a unit's readings; whether it rests and has not said so just now.
+    fn remember(&mut self, [gyro, accel]: [&[f64]; 2], time_s: f64, dt: f64) -> bool {
+        if gyro.iter().chain(accel).any(|x| x.is_nan()) {
+            return false;
         }
-        away.sqrt()
-    };
-    let calm = follow(GYRO, gyro) < GYRO_RAD_S && follow(ACCEL, accel) < ACCEL_M_S2;
-    if !calm || gyro.iter().any(|w| w.abs() > GYRO_RAD_S) {
-        memory[SINCE] = f64::NAN;
-        return false;
+        let share = if self.gyro[0].is_nan() { 1.0 } else { 1.0 - (-dt.max(0.0) / SMOOTHED_OVER_S).exp() };
+        let calm =
+            follow(&mut self.gyro, gyro, share) < GYRO_RAD_S && follow(&mut self.accel, accel, share) < ACCEL_M_S2;
+        if !calm || gyro.iter().any(|w| w.abs() > GYRO_RAD_S) {
+            self.since_s = f64::NAN;
+            return false;
+        }
+        if self.since_s.is_nan() {
+            self.since_s = time_s;
+        }
+        let due = self.used_s.is_nan() || time_s - self.used_s >= EVERY_S;
+        let rests = due && time_s - self.since_s >= AFTER_S;
+        if rests {
+            self.used_s = time_s;
+        }
+        rests
     }
-    if memory[SINCE].is_nan() {
-        memory[SINCE] = time_s;
+}
+
+/// Moves a low-passed reading by a share of its distance to the reading; how far away it is then.
+fn follow(smoothed: &mut [f64; 3], reading: &[f64], share: f64) -> f64 {
+    let mut away: f64 = 0.0;
+    for (m, x) in smoothed.iter_mut().zip(reading) {
+        *m = if share == 1.0 { *x } else { *m + share * (x - *m) };
+        away += (x - *m) * (x - *m);
     }
-    let due = memory[USED].is_nan() || time_s - memory[USED] >= EVERY_S;
-    let rests = due && time_s - memory[SINCE] >= AFTER_S;
-    if rests {
-        memory[USED] = time_s;
-    }
-    rests
+    away.sqrt()
 }
 
 #[cfg(test)]
@@ -76,9 +108,9 @@ mod tests {
     use super::*;
 
     fn still_for(seconds: f64, gyro: [f64; 3]) -> usize {
-        let mut memory = [f64::NAN; MEMORY];
+        let mut unit = RestState::NONE;
         let samples = (seconds * 100.0) as usize;
-        (0..samples).filter(|&k| remember(&mut memory, [&gyro, &[0.0, 0.0, 9.8]], k as f64 * 0.01, 0.01)).count()
+        (0..samples).filter(|&k| unit.remember([&gyro, &[0.0, 0.0, 9.8]], k as f64 * 0.01, 0.01)).count()
     }
 
     #[test]
@@ -94,9 +126,9 @@ mod tests {
 
     #[test]
     fn a_move_ends_rest_and_a_gap_does_not() {
-        let mut memory = [f64::NAN; MEMORY];
+        let mut unit = RestState::NONE;
         let still = [0.0, 0.0, 9.8];
-        let mut at = |t: f64, gyro: [f64; 3]| remember(&mut memory, [&gyro, &still], t, 0.01);
+        let mut at = |t: f64, gyro: [f64; 3]| unit.remember([&gyro, &still], t, 0.01);
         assert!(!at(0.0, [0.0; 3]));
         assert!(at(0.6, [0.0; 3]));
         assert!(!at(0.7, [f64::NAN; 3]));

@@ -4,7 +4,9 @@ mod back;
 mod packed;
 mod series;
 
+use super::hypothesis::Hypothesis;
 use super::{Calibration, Status, Tracker};
+use crate::body::Body;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
@@ -20,10 +22,10 @@ use std::sync::Arc;
 /// Told how much is done (0 to 1); false stops the work.
 pub type Progress<'a> = &'a mut dyn FnMut(f64) -> bool;
 
-/// A full belief that was kept, and where the recording stood.
+/// What was known and kept, and where the recording stood.
 #[derive(Debug, Clone)]
 struct Checkpoint {
-    belief: Packed,
+    known: Packed,
     cursor: Cursor,
     /// How many rows of output there were before this sample's.
     row: usize,
@@ -62,7 +64,7 @@ pub struct Run {
     pub losses_s: Vec<f64>,
     /// Coordinates of joints that are inputs.
     inputs: Vec<usize>,
-    last: Option<Belief>,
+    last: Option<Hypothesis>,
 }
 
 const PROGRESS_EVERY: usize = 64;
@@ -73,13 +75,14 @@ pub fn track(
     streams: Vec<Stream>,
     calibration: &Calibration,
     config: &Config,
-    start: Option<Belief>,
+    start: Option<Hypothesis>,
     progress: Progress,
 ) -> Result<Run> {
     let mut tracker = Tracker::new(model.clone(), calibration, config)?;
-    let recording = Recording::new(&model, &tracker.body.suite, streams, config.merge_s)?;
-    if let Some(belief) = start {
-        tracker.resume(belief)?;
+    let recording =
+        Recording::new(&model, &tracker.body().suite, streams, &calibration.corrections.clocks, config.merge_s)?;
+    if let Some(start) = start {
+        tracker.resume(start)?;
     }
     let mut run = Run {
         recording: Arc::new(recording),
@@ -113,7 +116,7 @@ impl Run {
         let mut count = 0;
         while recording.next(&mut cursor, &mut sample) {
             keeper.cursors.push_back(cursor.clone());
-            let status = tracker.step_with(&sample, &mut |s, b, i| keeper.keep(s, b, i))?;
+            let status = tracker.step_with(&sample, &mut |sample, known, info| keeper.keep(sample, known, info))?;
             if status == Status::OutOfOrder {
                 keeper.cursors.pop_back();
                 keeper.run.refused += 1;
@@ -123,8 +126,8 @@ impl Run {
                 return Err(Error::Stopped);
             }
         }
-        tracker.finish(&mut |s, b, i| keeper.keep(s, b, i))?;
-        self.last = tracker.belief().cloned();
+        tracker.finish(&mut |sample, known, info| keeper.keep(sample, known, info))?;
+        self.last = tracker.hypothesis().cloned();
         Ok(())
     }
 
@@ -170,31 +173,36 @@ impl Run {
         &self.recording
     }
 
-    /// The belief behind the last sample, to go on from.
-    pub fn last_belief(&self) -> Option<&Belief> {
+    /// What was known behind the last sample, to go on from.
+    pub fn last(&self) -> Option<&Hypothesis> {
         self.last.as_ref()
     }
 
     /// Full beliefs, one every `belief_interval_s`.
     pub fn beliefs(&self) -> impl Iterator<Item = Belief> + '_ {
-        self.checkpoints.iter().map(|c| c.belief.whole())
+        self.checkpoints.iter().map(|c| c.known.whole().belief)
     }
 
-    fn write(&mut self, row: usize, belief: &Belief) {
-        let n = belief.mean.len();
-        let body = &self.tracker.body;
-        self.series.mean[row * n..(row + 1) * n].copy_from_slice(&belief.mean);
-        let std = &mut self.series.std[row * n..(row + 1) * n];
-        belief.variances(body, std);
+    /// Writes the estimates of a filtered row.
+    fn write(&mut self, row: usize, known: &Hypothesis) {
+        self.write_variances(row, &known.belief.mean, |body, variance| known.variances(body, variance));
+        known.widen(self.series.std_of(row, known.belief.mean.len()));
+    }
+
+    /// Writes a row's mean and what is observed; `std` holds what `variances` gives, still to be made standard deviations.
+    fn write_variances(&mut self, row: usize, mean: &[f64], variances: impl FnOnce(&Body, &mut [f64])) {
+        let (n, body) = (mean.len(), self.tracker.body());
+        self.series.mean[row * n..(row + 1) * n].copy_from_slice(mean);
+        let variance = &mut self.series.std[row * n..(row + 1) * n];
+        variances(body, variance);
         let first = row * body.axes.len();
         for (c, axis, slots) in body.moving() {
-            self.series.observed[first + c] = u8::from(is_observed(axis, std[slots.q]));
+            self.series.observed[first + c] = u8::from(is_observed(axis, variance[slots.q]));
         }
         for (c, slots) in &body.layout.turns {
-            let variance = std[slots.q..slots.q + 3].iter().sum();
-            self.series.observed[first + c..first + c + 3].fill(u8::from(is_observed(&body.axes[*c], variance)));
+            let turned = variance[slots.q..slots.q + 3].iter().sum();
+            self.series.observed[first + c..first + c + 3].fill(u8::from(is_observed(&body.axes[*c], turned)));
         }
-        belief.widen(std);
     }
 
     /// Coordinates of joints that are inputs, in the order of `Series::inputs`.
@@ -222,54 +230,55 @@ struct Keeper<'a> {
 }
 
 impl Keeper<'_> {
-    fn keep(&mut self, sample: &Sample, belief: &Belief, info: &Info) {
+    fn keep(&mut self, sample: &Sample, known: &Hypothesis, info: &Info) {
+        let time_s = known.belief.time_s;
         let cursor = self.cursors.pop_front().expect("one for each sample");
         let run = &mut *self.run;
         run.steps += 1;
-        run.note_partings(belief);
-        run.losses_s.extend(info.lost.then_some(belief.time_s));
+        run.note_partings(known);
+        run.losses_s.extend(info.lost.then_some(time_s));
         // By the stamp alone, so that a run cut in two keeps the same rows; a hair late still counts as on time.
         let slot = |time_s: f64| run.config.output_rate_hz.map_or(f64::NAN, |rate| (time_s * rate + 1e-6).floor());
-        let is_row = slot(belief.time_s) != slot(self.kept_s);
+        let is_row = slot(time_s) != slot(self.kept_s);
         let row = run.series.time_s.len();
         let due = run.checkpoints.last().is_none_or(|c| {
             // A whole number of intervals up to rounding counts as reached.
-            belief.time_s - c.belief.time_s() >= run.config.belief_interval_s * (1.0 - 1e-9)
+            time_s - c.known.time_s() >= run.config.belief_interval_s * (1.0 - 1e-9)
         });
         if due {
-            run.checkpoints.push(Checkpoint { belief: Packed::of(belief), cursor, row, is_row });
+            run.checkpoints.push(Checkpoint { known: Packed::of(known), cursor, row, is_row });
         }
         if is_row {
-            self.kept_s = belief.time_s;
+            self.kept_s = time_s;
             run.grow(sample, info);
-            run.write(row, belief);
+            run.write(row, known);
         }
     }
 }
 
 impl Run {
-    fn note_partings(&mut self, belief: &Belief) {
-        let (time_s, several) = (belief.time_s, !belief.rivals.is_empty());
+    fn note_partings(&mut self, known: &Hypothesis) {
+        let (time_s, several) = (known.belief.time_s, !known.rivals.is_empty());
         match self.partings.last_mut().filter(|p| p.to_s.is_infinite()) {
             Some(now) => {
-                now.winner = belief.line;
+                now.winner = known.line;
                 now.to_s = if several { f64::INFINITY } else { time_s };
             }
             None if several => {
-                self.partings.push(Parting { from_s: time_s, to_s: f64::INFINITY, winner: belief.line });
+                self.partings.push(Parting { from_s: time_s, to_s: f64::INFINITY, winner: known.line });
             }
             None => {}
         }
     }
 
-    /// The hypothesis of a belief that proved right, alone.
-    fn proven(&self, belief: &Belief) -> Belief {
-        let parting = self.partings.iter().rfind(|p| p.from_s <= belief.time_s);
-        belief.alone(parting.map_or(belief.line, |p| p.winner))
+    /// The hypothesis that proved right, alone.
+    fn proven(&self, known: &Hypothesis) -> Hypothesis {
+        let parting = self.partings.iter().rfind(|p| p.from_s <= known.belief.time_s);
+        known.alone(parting.map_or(known.line, |p| p.winner))
     }
 
     fn grow(&mut self, sample: &Sample, info: &Info) {
-        let (n, s) = (self.tracker.body.layout.dim(), &mut self.series);
+        let (n, s) = (self.tracker.body().layout.dim(), &mut self.series);
         s.time_s.push(sample.time_s);
         s.mean.resize(s.mean.len() + n, 0.0);
         s.std.resize(s.std.len() + n, 0.0);

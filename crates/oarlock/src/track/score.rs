@@ -33,8 +33,9 @@ pub fn score(
     let Some(considering) = &mut tracker.considering else {
         return Err(Error::Data(format!("model '{}': nothing is known only roughly", model.name)));
     };
-    considering.keep_score(&tracker.body, settle_s, window_s);
-    let recording = Recording::new(&model, &tracker.body.suite, streams, config.merge_s)?;
+    considering.keep_score(&tracker.subject.body, settle_s, window_s);
+    let recording =
+        Recording::new(&model, &tracker.body().suite, streams, &calibration.corrections.clocks, config.merge_s)?;
     let Some((begin, end)) = recording.span_s() else {
         return Err(Error::Data("the recording holds no row: nothing to track".into()));
     };

@@ -1,13 +1,11 @@
 //! What a calibration says, checked against the model.
 
 use super::Calibration;
-use crate::body::Body;
 use crate::error::{Error, Result};
 use crate::model::suggest::hint;
 use crate::model::{Model, SensorKind};
 use crate::rotation::Mat3;
 use crate::sensor::imu::MountValue;
-use crate::sensor::Quantity;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -73,29 +71,6 @@ pub(super) fn as_known(model: Arc<Model>, given: &Calibration) -> Arc<Model> {
 fn units(model: &Model) -> Vec<&str> {
     let is_imu = |s: &&crate::model::Sensor| matches!(s.kind, SensorKind::Imu { .. });
     model.sensors.iter().filter(is_imu).map(|s| s.name.as_str()).collect()
-}
-
-/// Per row, what is subtracted: the constant part of magnetometers.
-pub(super) fn row_offsets(body: &Body, given: &BTreeMap<String, [f64; 3]>) -> Result<Vec<f64>> {
-    let mut offsets = vec![0.0; body.suite.len()];
-    for (name, offset) in given {
-        let source = body.suite.sources.iter().find(|s| s.name == *name);
-        let part = source.and_then(|s| s.parts.iter().find(|p| p.quantity == Quantity::Mag));
-        let Some(part) = part else {
-            let with_mag = body.suite.sources.iter().filter(|s| s.parts.iter().any(|p| p.quantity == Quantity::Mag));
-            let known: Vec<&str> = with_mag.map(|s| s.name.as_str()).collect();
-            return Err(Error::Data(format!(
-                "magnetometer offset '{name}': model '{}' has no magnetometer of that name; {}",
-                body.model.name,
-                hint(name, &known)
-            )));
-        };
-        if offset.iter().any(|x| !x.is_finite()) {
-            return Err(Error::Data(format!("magnetometer offset '{name}': {offset:?} uT must be finite")));
-        }
-        offsets[part.rows.clone()].copy_from_slice(offset);
-    }
-    Ok(offsets)
 }
 
 /// Mounts per sensor of the model; `None` is the model's own.

@@ -4,9 +4,9 @@ use crate::support;
 
 use oarlock::body::Body;
 use oarlock::config::{Config, FilterKind};
-use oarlock::estimate::belief::Belief;
 use oarlock::model::Model;
 use oarlock::recording::{Sample, Stream};
+use oarlock::track::hypothesis::Hypothesis;
 use oarlock::track::run::{track, Run};
 use oarlock::track::{Calibration, Status, Tracker};
 use std::sync::Arc;
@@ -35,13 +35,9 @@ fn case(filter: FilterKind) -> Case {
     Case { model, body, config, samples }
 }
 
-fn whole(case: &Case, streams: Vec<Stream>, start: Option<Belief>) -> Run {
+fn whole(case: &Case, streams: Vec<Stream>, start: Option<Hypothesis>) -> Run {
     let nominal = Calibration::default();
     track(case.model.clone(), streams, &nominal, &case.config, start, &mut |_| true).unwrap()
-}
-
-fn std_of(belief: &Belief) -> Vec<f64> {
-    belief.own_spread()
 }
 
 fn bits(x: &[f64]) -> Vec<u64> {
@@ -62,10 +58,10 @@ fn assert_live_is_whole(case: &Case) {
     let (mut times, mut mean, mut std) = (Vec::new(), Vec::new(), Vec::new());
     let mut nis = Vec::new();
     for sample in &case.samples {
-        let mut keep = |s: &Sample, b: &Belief, i: &oarlock::estimate::filter::Info| {
+        let mut keep = |s: &Sample, b: &Hypothesis, i: &oarlock::estimate::filter::Info| {
             times.push(s.time_s);
-            mean.extend_from_slice(&b.mean);
-            std.extend(std_of(b));
+            mean.extend_from_slice(&b.belief.mean);
+            std.extend(b.own_spread());
             nis.extend(i.sources.iter().map(|s| s.nis));
         };
         assert_ne!(tracker.step_with(sample, &mut keep).unwrap(), Status::OutOfOrder);
@@ -89,13 +85,13 @@ fn assert_cut_is_uncut(case: &Case) {
     // Once inside and once behind what the gate refuses.
     for cut in [101, 170] {
         let first = whole(case, streams(&case.body, &case.samples[..cut]), None);
-        let belief = first.last_belief().unwrap().clone();
-        let second = whole(case, streams(&case.body, &case.samples[cut..]), Some(belief));
+        let last = first.last().unwrap().clone();
+        let second = whole(case, streams(&case.body, &case.samples[cut..]), Some(last));
         let both = |f: fn(&Run) -> &Vec<f64>| bits(&[f(&first).as_slice(), f(&second)].concat());
         assert_eq!(bits(&uncut.series.mean), both(|r| &r.series.mean));
         assert_eq!(bits(&uncut.series.std), both(|r| &r.series.std));
         // Compared as text, where a missing time equals another.
-        let ends = [&uncut, &second].map(|r| format!("{:?}", r.last_belief()));
+        let ends = [&uncut, &second].map(|r| format!("{:?}", r.last()));
         assert_eq!(ends[0], ends[1]);
     }
 }

@@ -114,7 +114,7 @@ impl Head {
         for sample in samples {
             tracker
                 .step_with(sample, &mut |s, b, i| {
-                    let error = so3::minus(so3::three(&self.wave.at(s.time_s).q, 0), so3::three(&b.mean, 0));
+                    let error = so3::minus(so3::three(&self.wave.at(s.time_s).q, 0), so3::three(&b.belief.mean, 0));
                     seen.push((s.time_s, teller.fields(i).next().unwrap(), error.norm()));
                 })
                 .unwrap();

@@ -53,10 +53,7 @@ fn alone(job: &Job) -> Run {
 fn print(run: &Run) -> (Vec<u64>, String) {
     let s = &run.series;
     let numbers = s.time_s.iter().chain(&s.mean).chain(&s.std);
-    (
-        numbers.map(|x| x.to_bits()).collect(),
-        format!("{:?} {:?} {:?} {:?}", s.nis, s.reports, run.last_belief(), run.smoothed),
-    )
+    (numbers.map(|x| x.to_bits()).collect(), format!("{:?} {:?} {:?} {:?}", s.nis, s.reports, run.last(), run.smoothed))
 }
 
 #[test]

@@ -11,7 +11,7 @@ use support::record::{punch_holes, times, Scene};
 use support::stroke::Stroke;
 use support::tree::TREE;
 use support::wave::Wave;
-use support::{belief, body, model, plain, start_std, worse, SCULLER};
+use support::{body, fresh, model, plain, start_std, worse, SCULLER};
 
 /// As for the textbook filter: roundings, through covariances that lose eight of sixteen digits.
 const SAME_FILTER_SIGMA: f64 = 1e-8;
@@ -48,7 +48,7 @@ fn started(text: &str, config: &Config, arch: Arch) -> Tracker {
         let scene = Scene { body: &body, motion: &|t| stroke.at(t), surge: &|_| 0.0, azimuth_rad: 0.5, noise: 1.0 };
         mean = scene.state(0.0);
     }
-    let start = belief(&body, 0.0, mean, &std);
+    let start = fresh(&body, 0.0, mean, &std);
     let mut tracker = Tracker::new(model, &Calibration::default(), config).unwrap();
     tracker.use_arch(arch);
     tracker.resume(start).unwrap();
@@ -103,7 +103,7 @@ fn row(std: f64, steps: usize) {
     let belief = tracker.belief().unwrap();
     let variances = (0..belief.mean.len()).map(|i| belief.covariance.at(i, i));
     assert!(variances.into_iter().all(|v| v > 0.0 && v.is_finite()));
-    let truth = Stroke::new(&tracker.body, PERIOD as f64 * STEP_S).at(steps as f64 * STEP_S);
+    let truth = Stroke::new(tracker.body(), PERIOD as f64 * STEP_S).at(steps as f64 * STEP_S);
     // A hundredth of a radian is many of its standard deviations, and far less than a stroke moves it.
     assert!((belief.mean[1] - truth.q[1]).abs() < 0.01, "{} {}", belief.mean[1], truth.q[1]);
 }

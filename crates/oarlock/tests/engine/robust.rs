@@ -18,7 +18,7 @@ use support::chance::Chance;
 use support::record::{times, Scene};
 use support::stroke::Stroke;
 use support::wave::Wave;
-use support::{belief, body, model, plain, start_std, worse, CHAIN, SCULLER};
+use support::{body, fresh, model, plain, start_std, worse, CHAIN, SCULLER};
 
 fn tracker(model: &Arc<Model>, config: &Config) -> Tracker {
     Tracker::new(model.clone(), &Calibration::default(), config).unwrap()
@@ -88,7 +88,7 @@ proptest! {
         let mut resumed = tracker(&model, &config);
         let body = body(&model, &config);
         let n = body.layout.dim();
-        resumed.resume(belief(&body, 0.0, vec![0.0; n], &start_std(&body))).unwrap();
+        resumed.resume(fresh(&body, 0.0, vec![0.0; n], &start_std(&body))).unwrap();
         step_through(&mut resumed, &samples);
     }
 
@@ -111,7 +111,7 @@ proptest! {
         let streams = vec![stream("upper", Quantity::Gyro), stream("lower", Quantity::Accel)];
         let config = Config::default();
         if let Ok(run) = track(model, streams, &Calibration::default(), &config, None, &mut |_| true) {
-            prop_assert!(run.last_belief().is_none_or(is_sound));
+            prop_assert!(run.last().is_none_or(|one| is_sound(&one.belief)));
             let _ = run.smooth(&mut |_| true);
         }
     }
@@ -136,11 +136,11 @@ fn samples_and_beliefs_of_another_model_are_refused() {
     assert!(matches!(chained.step(&sample), Err(Error::Data(_))));
     let body = body(&chain, &config);
     let n = body.layout.dim();
-    let good = belief(&body, 0.0, vec![0.0; n], &start_std(&body));
+    let good = fresh(&body, 0.0, vec![0.0; n], &start_std(&body));
     let mut few = good.clone();
-    few.covariance = Square::zeros(n - 1);
+    few.belief.covariance = Square::zeros(n - 1);
     let mut unlearnt = good.clone();
-    unlearnt.usual_nis.clear();
+    unlearnt.belief.usual_nis.clear();
     for bad in [few, unlearnt] {
         assert!(matches!(chained.resume(bad), Err(Error::Data(_))));
     }
@@ -179,7 +179,7 @@ impl Way {
         let motion = |t| self.stroke.at(t);
         let mean = self.scene(&motion, 1.0).state(0.0);
         let mut tracker = tracker(&self.model, &self.config);
-        tracker.resume(belief(&self.body, 0.0, mean, &start_std(&self.body))).unwrap();
+        tracker.resume(fresh(&self.body, 0.0, mean, &start_std(&self.body))).unwrap();
         tracker
     }
 
@@ -202,7 +202,7 @@ fn a_late_sample_changes_nothing() {
         }
         let timeless = Sample { time_s: f64::NAN, ..sample.clone() };
         assert_eq!(other.step(&timeless).unwrap(), Status::OutOfOrder);
-        assert_eq!(format!("{:?}", one.belief()), format!("{:?}", other.belief()));
+        assert_eq!(format!("{:?}", one.hypothesis()), format!("{:?}", other.hypothesis()));
         assert_eq!(format!("{:?}", one.info()), format!("{:?}", other.info()));
     }
 }
@@ -293,7 +293,7 @@ fn armless() -> Arc<Model> {
 
 /// The trunk's angle and its standard deviation, rad.
 fn trunk(tracker: &Tracker) -> (f64, f64) {
-    let (at, now) = (tracker.body.layout.coordinates[1].unwrap().q, tracker.belief().unwrap());
+    let (at, now) = (tracker.body().layout.coordinates[1].unwrap().q, tracker.belief().unwrap());
     (now.mean[at], now.covariance.at(at, at).sqrt())
 }
 
@@ -305,8 +305,8 @@ fn unobserved_joints_stay_bounded_and_harmless() {
     let motion = |t| way.stroke.at(t);
     let (scene, mut chance) = (way.scene(&motion, 1.0), Chance::new(4));
     let mut bare = tracker(&armless(), &way.config);
-    let start = Scene { body: &bare.body, ..way.scene(&motion, 1.0) }.state(0.0);
-    bare.resume(belief(&bare.body, 0.0, start, &start_std(&bare.body))).unwrap();
+    let start = Scene { body: bare.body(), ..way.scene(&motion, 1.0) }.state(0.0);
+    bare.resume(fresh(bare.body(), 0.0, start, &start_std(bare.body()))).unwrap();
     let seat = way.body.suite.sources.iter().find(|s| s.name == "seat").unwrap().rows.start;
     let (mut narrow, mut early, mut late, mut harm) = (0.0, 0.0, 0.0, 0.0_f64);
     for k in 1..=12_000 {
@@ -353,9 +353,9 @@ fn a_plain_tracker_needs_no_gate_to_refuse_infinity() {
     samples[5].z[4] = f64::INFINITY;
     let before: Vec<Status> = samples[..5].iter().map(|s| tracker.step(s).unwrap()).collect();
     assert!(before.iter().all(|&s| s == Status::Tracking));
-    let belief = format!("{:?}", tracker.belief());
+    let known = format!("{:?}", tracker.hypothesis());
     assert!(matches!(tracker.step(&samples[5]), Err(Error::Data(_))));
-    assert_eq!(belief, format!("{:?}", tracker.belief()), "a refusal loses nothing");
+    assert_eq!(known, format!("{:?}", tracker.hypothesis()), "a refusal loses nothing");
     assert_eq!(tracker.step(&samples[6]).unwrap(), Status::Tracking);
 }
 
@@ -375,7 +375,7 @@ fn a_belief_that_its_sensors_contradict_is_given_up() {
         mean[slots.rates.unwrap().0] += 5.0;
     }
     let mut tracker = tracker(&chain, &config);
-    tracker.resume(belief(&body, 0.0, mean, &vec![1e-4; body.layout.dim()])).unwrap();
+    tracker.resume(fresh(&body, 0.0, mean, &vec![1e-4; body.layout.dim()])).unwrap();
     let (mut lost_s, mut worst) = (Vec::new(), 0.0_f64);
     for sample in &scene.samples(&times(0.01, 0.01, 200), &mut Chance::new(3)) {
         tracker.step(sample).unwrap();

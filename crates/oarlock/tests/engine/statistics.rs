@@ -13,7 +13,7 @@ use support::chance::Chance;
 use support::chi_square::interval_999;
 use support::nature::{nees, Nature};
 use support::tree::narrow;
-use support::{belief, body, model, plain, start_std, CHAIN};
+use support::{body, fresh, model, plain, start_std, CHAIN};
 
 const RUNS: usize = 100;
 const STEPS: usize = 150;
@@ -41,7 +41,7 @@ fn simulate(text: &str, config: &Config) -> Sums {
         let mean = vec![0.0; n];
         let mut nature = Nature::about(&body, &mean, &std, Chance::new(1_000 + run as u64));
         let mut tracker = Tracker::new(model.clone(), &Calibration::default(), config).unwrap();
-        tracker.resume(belief(&body, 0.0, mean, &std)).unwrap();
+        tracker.resume(fresh(&body, 0.0, mean, &std)).unwrap();
         for k in 1..=STEPS {
             nature.live(STEP_S);
             tracker.step(&nature.read(k as f64 * STEP_S)).unwrap();

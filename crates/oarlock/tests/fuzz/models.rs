@@ -56,7 +56,7 @@ fn model_files_are_read_or_refused() {
             assert_eq!(told["joints"].as_array().map(Vec::len), Some(model.joints.len()));
         }
         let Some(mut tracker) = answered(Tracker::new(model, &Calibration::default(), &config)) else { return };
-        if tracker.body.suite.len() < 40 || one_in(chance, 8) {
+        if tracker.body().suite.len() < 40 || one_in(chance, 8) {
             let samples = samples(chance, &tracker, 6);
             step_through(&mut tracker, &samples);
         }

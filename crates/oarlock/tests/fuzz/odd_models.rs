@@ -188,7 +188,7 @@ fn odd_models_are_tracked_or_refused() {
             _ => Config::default(),
         };
         let Some(mut tracker) = answered(Tracker::new(model, &Calibration::default(), &chosen)) else { return };
-        let count = if tracker.body.layout.dim() > 60 { 3 } else { 12 };
+        let count = if tracker.body().layout.dim() > 60 { 3 } else { 12 };
         let samples = samples(chance, &tracker, count);
         write!(fed, "{chosen:?}\n{samples:?}").unwrap();
         step_through(&mut tracker, &samples);

@@ -107,7 +107,7 @@ fn calibrations_are_used_or_refused() {
             let offset = [0; 3].map(|_| if one_in(chance, 10) { odd(chance) } else { chance.normal() });
             calibration.mounts.insert(format!("{}{wrong}", s.name), (rotation(chance), offset));
             if one_in(chance, 3) {
-                calibration.mag_offsets.insert(s.name.clone(), [0; 3].map(|_| odd(chance)));
+                calibration.corrections.mag_offsets.insert(s.name.clone(), [0; 3].map(|_| odd(chance)));
             }
         }
         write!(fed, "{} {calibration:?}", model.name).unwrap();

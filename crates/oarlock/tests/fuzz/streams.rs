@@ -80,7 +80,7 @@ pub fn step_through(tracker: &mut Tracker, samples: &[Sample]) {
             Err(other) => panic!("{other}"),
         }
     }
-    if let Err(error) = tracker.finish(&mut |_, belief, _| assert!(is_sound(belief))) {
+    if let Err(error) = tracker.finish(&mut |_, one, _| assert!(is_sound(&one.belief))) {
         assert!(matches!(error, Error::Diverged { .. } | Error::Data(_)), "{error}");
     }
 }
@@ -138,7 +138,7 @@ fn recordings_are_answered() {
         write!(fed, "{} {config:?}\n{streams:?}", model.name).unwrap();
         let run = track(model, streams, &Calibration::default(), &config, None, &mut |_| true);
         let Some(run) = answered(run) else { return };
-        assert!(run.last_belief().is_none_or(is_sound));
+        assert!(run.last().is_none_or(|one| is_sound(&one.belief)));
         assert!(run.series.mean.iter().all(|x| x.is_finite()));
         if let Some(smooth) = answered(run.smooth(&mut |_| true)) {
             assert!(smooth.series.mean.iter().all(|x| x.is_finite()));

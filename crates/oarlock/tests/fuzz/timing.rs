@@ -114,7 +114,7 @@ fn clocks_that_fit_badly_are_answered() {
         write!(fed, "{} {config:?}\n{streams:?}", model.name).unwrap();
         let run = track(model, streams, &Calibration::default(), &config, None, &mut |_| true);
         let Some(run) = answered(run) else { return };
-        assert!(run.last_belief().is_none_or(is_sound));
+        assert!(run.last().is_none_or(|one| is_sound(&one.belief)));
         assert!(run.series.time_s.windows(2).all(|pair| pair[0] < pair[1]), "{:?}", run.series.time_s);
         assert!(run.series.mean.iter().all(|x| x.is_finite()));
         if let Some(smooth) = answered(run.smooth(&mut |_| true)) {

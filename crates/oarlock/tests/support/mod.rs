@@ -14,11 +14,12 @@ pub use oarlock_oracle::so3;
 use nalgebra::{DMatrix, DVector};
 use oarlock::body::Body;
 use oarlock::config::{Config, Consider, Magnetometer};
-use oarlock::estimate::belief::{Belief, MEMORY};
+use oarlock::estimate::belief::Belief;
 use oarlock::estimate::transition::Transition;
 use oarlock::estimate::System;
 use oarlock::kernels::dense::Square;
 use oarlock::model::Model;
+use oarlock::track::hypothesis::Hypothesis;
 use std::sync::Arc;
 
 pub const SCULLER: &str = include_str!("../../../../python/oarlock/model/shipped/sculler.toml");
@@ -124,14 +125,13 @@ pub fn belief(body: &Body, time_s: f64, mean: Vec<f64>, std: &[f64]) -> Belief {
         surprise: 1.0,
         roughness: 1.0,
         leftover: 1.0,
-        seen_s: vec![time_s; body.suite.sources.len()],
         rejected_since_s: vec![f64::NAN; parts],
-        memory: vec![[f64::NAN; MEMORY]; body.suite.sources.len()],
-        line: 0,
-        score: 0.0,
-        doubt: Vec::new(),
-        rivals: Vec::new(),
     }
+}
+
+/// The same, with nothing remembered of its sources.
+pub fn fresh(body: &Body, time_s: f64, mean: Vec<f64>, std: &[f64]) -> Hypothesis {
+    Hypothesis::new(belief(body, time_s, mean, std), body.suite.sources.len())
 }
 
 /// Standard deviations to start with: those of the model, walking joints and azimuth at 0.2 rad.

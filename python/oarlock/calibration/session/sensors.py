@@ -16,6 +16,7 @@ from oarlock.calibration.session.plan import SessionPlan
 from oarlock.calibration.session.timing import stills_of
 from oarlock.calibration.session.unit_rows import Span, UnitRows
 from oarlock.recording.calibration import Calibration
+from oarlock.recording.corrections import true_readings
 
 NOISE_LIMIT = 3.0
 """A unit this many times as noisy as the model says."""
@@ -52,15 +53,10 @@ class SensorSearch:
 
     def corrected(self, calibration: Calibration) -> UnitRows:
         """The rows, as the calibration mends them."""
-        rows, name = self.rows, self.rows.name
-        zero, one = np.zeros(3), np.ones(3)
-        gyro = rows.gyro - calibration.gyro_biases_rad_s.get(name, zero)
-        accel = rows.accel - calibration.accel_biases_m_s2.get(name, zero)
-        accel = accel / calibration.accel_scales.get(name, one)
-        mag = rows.mag
-        if mag is not None:
-            mag = mag - calibration.mag_offsets_ut.get(name, zero)
-            mag = mag @ calibration.mag_matrices.get(name, np.eye(3)).T
+        rows = self.rows
+        gyro = true_readings(calibration, rows.name, "gyro_rad_s", rows.gyro)
+        accel = true_readings(calibration, rows.name, "accel_m_s2", rows.accel)
+        mag = None if rows.mag is None else true_readings(calibration, rows.name, "mag_ut", rows.mag)
         return replace(rows, gyro=gyro, accel=accel, mag=mag)
 
     def checks(self, described: Mapping[str, Any]) -> list[Check]:

@@ -1,7 +1,6 @@
 //! Going back over a run with the smoother.
 
 use super::super::{diverged, Tracker};
-use super::packed::Packed;
 use super::{Progress, Run};
 use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
@@ -20,11 +19,11 @@ impl Run {
     /// The same in the place of the filtered estimates, which takes half the memory.
     pub fn into_smooth(mut self, progress: Progress) -> Result<Run> {
         self.check_smoothable()?;
-        let Some(mut next) = self.last.as_ref().map(|belief| belief.alone(belief.line)) else {
+        let Some(mut next) = self.last.as_ref().map(|known| known.belief.clone()) else {
             return Err(Error::Data("nothing was tracked: nothing to smooth".into()));
         };
         let mut tracker = self.tracker.clone();
-        let (mut smoother, mut stretch) = (Smoother::new(tracker.body.layout.dim()), Stretch::default());
+        let (mut smoother, mut stretch) = (Smoother::new(tracker.body().layout.dim()), Stretch::default());
         let (all, mut doubt) = (self.checkpoints.len(), Vec::new());
         for k in (0..all).rev() {
             stretch.refilter(&self, &mut tracker, k)?;
@@ -33,15 +32,14 @@ impl Run {
                 if let Some(row) = node.row {
                     self.note_doubt(row, belief, &mut doubt);
                 }
-                let done = smoother.back(&tracker.body, belief, &node.transition, &node.predicted, &next);
+                let done = smoother.back(tracker.body(), belief, &node.transition, &node.predicted, &next);
                 done.map_err(|lost| diverged(lost, belief.time_s))?;
                 if let Some(row) = node.row {
-                    self.write(row, belief);
-                    self.widen(row, &doubt);
+                    self.write_smoothed(row, belief, &doubt);
                 }
                 std::mem::swap(&mut next, belief);
             }
-            self.checkpoints[k].belief = Packed::of(&next);
+            self.checkpoints[k].known.replace(&next);
             if !progress(1.0 - k as f64 / all as f64) {
                 return Err(Error::Stopped);
             }
@@ -65,10 +63,13 @@ impl Run {
         doubt.extend(self.series.std[row * n..(row + 1) * n].iter().enumerate().map(excess));
     }
 
-    fn widen(&mut self, row: usize, doubt: &[f64]) {
-        let n = doubt.len();
-        for (std, d) in self.series.std[row * n..(row + 1) * n].iter_mut().zip(doubt).filter(|(_, d)| **d > 0.0) {
-            *std = (*std * *std + d).sqrt();
+    fn write_smoothed(&mut self, row: usize, belief: &Belief, doubt: &[f64]) {
+        self.write_variances(row, &belief.mean, |_, variance| belief.variances(variance));
+        for (std, d) in self.series.std_of(row, belief.mean.len()).iter_mut().zip(doubt) {
+            *std = std.sqrt();
+            if *d > 0.0 {
+                *std = (*std * *std + d).sqrt();
+            }
         }
     }
 
@@ -105,26 +106,27 @@ impl Stretch {
         let (from, to) = (&run.checkpoints[checkpoint], run.checkpoints.get(checkpoint + 1));
         let stop = to.map(|c| &c.cursor);
         let (mut cursor, mut sample) = (from.cursor.clone(), tracker.empty_sample());
-        let mut belief = run.proven(&from.belief.whole());
+        let mut one = run.proven(&from.known.whole());
         let mut row = from.is_row.then_some(from.row);
         let mut next_row = from.row + usize::from(from.is_row);
         self.used = 0;
         while stop != Some(&cursor) && run.recording.next(&mut cursor, &mut sample) {
-            if sample.time_s <= belief.time_s {
+            if sample.time_s <= one.belief.time_s {
                 continue;
             }
+            tracker.entry.correct(&mut sample);
             tracker.learns = !run.partings.iter().any(|p| p.from_s < sample.time_s && sample.time_s <= p.to_s);
             let first = self.used;
-            self.begin(&belief, row.take());
-            tracker.advance(&mut belief, &sample, &mut |transition, predicted| {
+            self.begin(&one.belief, row.take());
+            tracker.advance(&mut one, &sample, &mut |transition, predicted| {
                 if self.used > first {
                     self.go_on();
                 }
                 self.end(transition, predicted);
             })?;
             if run.partings.iter().any(|p| p.from_s == sample.time_s) {
-                tracker.open_bank(&mut belief);
-                belief = run.proven(&belief);
+                tracker.open_bank(&mut one);
+                one = run.proven(&one);
             }
             if run.series.time_s.get(next_row) == Some(&sample.time_s) {
                 row = Some(next_row);

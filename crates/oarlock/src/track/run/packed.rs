@@ -1,30 +1,39 @@
-//! A belief that is kept for later, in half the room.
+//! What is known at one instant, kept for later in half the room.
 
 use crate::estimate::belief::Belief;
 use crate::kernels::dense::Square;
+use crate::track::hypothesis::Hypothesis;
 
-/// A belief whose covariance, which is exactly symmetric, is kept by its upper triangle.
+/// A hypothesis whose covariance, which is exactly symmetric, is kept by its upper triangle.
 #[derive(Debug, Clone)]
 pub(super) struct Packed {
     /// All but the covariance, and without doubt: what is considered moves no estimate.
-    belief: Belief,
+    known: Hypothesis,
     upper: Vec<f64>,
 }
 
 impl Packed {
-    pub(super) fn of(belief: &Belief) -> Self {
-        let n = belief.mean.len();
-        let upper = (0..n).flat_map(|i| &belief.covariance.row(i)[i..]).copied().collect();
-        let belief = Belief { covariance: Square::zeros(0), doubt: Vec::new(), ..belief.clone() };
-        Packed { belief, upper }
+    pub(super) fn of(known: &Hypothesis) -> Self {
+        let upper = upper(&known.belief.covariance);
+        let Hypothesis { belief, sources, rivals, .. } = known;
+        let belief = Belief { covariance: Square::zeros(0), ..belief.clone() };
+        let (sources, rivals) = (sources.clone(), rivals.clone());
+        Packed { known: Hypothesis { belief, sources, doubt: None, rivals, ..*known }, upper }
+    }
+
+    /// Puts a smoothed belief in the place of the filtered ones.
+    pub(super) fn replace(&mut self, smoothed: &Belief) {
+        self.upper = upper(&smoothed.covariance);
+        self.known.belief = Belief { covariance: Square::zeros(0), ..smoothed.clone() };
+        self.known.rivals.clear();
     }
 
     pub(super) fn time_s(&self) -> f64 {
-        self.belief.time_s
+        self.known.belief.time_s
     }
 
-    pub(super) fn whole(&self) -> Belief {
-        let n = self.belief.mean.len();
+    pub(super) fn whole(&self) -> Hypothesis {
+        let n = self.known.belief.mean.len();
         let (mut covariance, mut rest) = (Square::zeros(n), self.upper.as_slice());
         for i in 0..n {
             let (row, below) = rest.split_at(n - i);
@@ -32,6 +41,12 @@ impl Packed {
             rest = below;
         }
         covariance.mirror_upper();
-        Belief { covariance, ..self.belief.clone() }
+        let mut whole = self.known.clone();
+        whole.belief.covariance = covariance;
+        whole
     }
+}
+
+fn upper(covariance: &Square) -> Vec<f64> {
+    (0..covariance.n()).flat_map(|i| &covariance.row(i)[i..]).copied().collect()
 }

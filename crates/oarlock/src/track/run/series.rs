@@ -69,6 +69,11 @@ impl Series {
         Series { mean, std, observed: self.observed.clone(), ..self.read() }
     }
 
+    /// Standard deviations of a row of `width` states.
+    pub(super) fn std_of(&mut self, row: usize, width: usize) -> &mut [f64] {
+        &mut self.std[row * width..(row + 1) * width]
+    }
+
     /// Bytes of the estimates.
     pub fn bytes(&self) -> usize {
         std::mem::size_of_val(&*self.mean) + std::mem::size_of_val(&*self.std)

@@ -2,11 +2,11 @@
 
 use super::hypotheses::{Pair, PAIR};
 use super::support::tree::TREE;
-use super::support::{belief, body, model, start_std};
+use super::support::{body, fresh, model, start_std};
 use oarlock::config::Config;
-use oarlock::estimate::belief::Belief;
 use oarlock::model::Model;
 use oarlock::recording::Sample;
+use oarlock::track::hypothesis::Hypothesis;
 use oarlock::track::{Calibration, Status, Tracker};
 use oarlock::Error;
 use proptest::prelude::*;
@@ -17,15 +17,16 @@ fn tracker(model: &Arc<Model>, config: &Config) -> Tracker {
 }
 
 /// Finite, with variances, and rotation vectors no longer than half a turn.
-fn is_sound(tracker: &Tracker, belief: &Belief) -> bool {
+fn is_sound(tracker: &Tracker, one: &Hypothesis) -> bool {
+    let belief = &one.belief;
     let n = belief.mean.len();
     let variances = (0..n).map(|i| belief.covariance.at(i, i));
-    let turns = tracker.body.layout.turns.iter();
+    let turns = tracker.body().layout.turns.iter();
     let length = |q: usize| belief.mean[q..q + 3].iter().map(|x| x * x).sum::<f64>().sqrt();
     belief.mean.iter().all(|x| x.is_finite())
         && variances.into_iter().all(|v| v > 0.0 && v.is_finite())
         && turns.into_iter().all(|(_, slots)| length(slots.q) < std::f64::consts::PI + 1e-9)
-        && belief.rivals.iter().all(|rival| rival.rivals.is_empty() && is_sound(tracker, rival))
+        && one.rivals.iter().all(|rival| rival.rivals.is_empty() && is_sound(tracker, rival))
 }
 
 /// Numbers as they come from broken cables and wrong units.
@@ -60,7 +61,7 @@ fn odd_samples(rows: usize, inputs: usize) -> impl Strategy<Value = Vec<Sample>>
 fn step_through(tracker: &mut Tracker, samples: &[Sample]) {
     for sample in samples {
         match tracker.step(sample) {
-            Ok(Status::Tracking) => assert!(is_sound(tracker, tracker.belief().unwrap())),
+            Ok(Status::Tracking) => assert!(is_sound(tracker, tracker.hypothesis().unwrap())),
             Ok(_) | Err(Error::Diverged { .. } | Error::Data(_)) => {}
             Err(other) => panic!("{other}"),
         }
@@ -78,7 +79,7 @@ proptest! {
         step_through(&mut tracker(&model, &config), &samples);
         let mut resumed = tracker(&model, &config);
         let body = body(&model, &config);
-        let start = belief(&body, 0.0, vec![0.0; body.layout.dim()], &start_std(&body));
+        let start = fresh(&body, 0.0, vec![0.0; body.layout.dim()], &start_std(&body));
         resumed.resume(start).unwrap();
         step_through(&mut resumed, &samples);
     }
@@ -112,7 +113,7 @@ fn huge_readings_do_not_break_the_contest() {
     let samples = pair.samples(0.5);
     let mut tracker = pair.tracker();
     step_through(&mut tracker, &samples[..15]);
-    assert!(tracker.belief().unwrap().rivals.len() > 3);
+    assert!(tracker.hypothesis().unwrap().rivals.len() > 3);
     for exponent in 0..300 {
         for row in [0, 4, 8, 11] {
             let mut tracker = tracker.clone();
@@ -130,14 +131,14 @@ fn rivals_of_another_model_are_refused() {
     let mut tracker = pair.tracker();
     let samples = pair.samples(0.3);
     step_through(&mut tracker, &samples[..15]);
-    let good = tracker.belief().unwrap().clone();
+    let good = tracker.hypothesis().unwrap().clone();
     assert!(good.rivals.len() > 3);
     let mut short = good.clone();
-    short.rivals[1].mean.pop();
+    short.rivals[1].belief.mean.pop();
     let mut broken = good.clone();
-    broken.rivals[0].mean[2] = f64::NAN;
+    broken.rivals[0].belief.mean[2] = f64::NAN;
     let mut other = good.clone();
-    other.rivals[2].seen_s.clear();
+    other.rivals[2].sources.clear();
     for bad in [short, broken, other] {
         assert!(matches!(pair.tracker().resume(bad), Err(Error::Data(_))));
     }
@@ -157,7 +158,7 @@ fn long_gaps_are_survived() {
         }
         let sample = Sample { time_s: sample.time_s + shift, ..sample.clone() };
         match tracker.step(&sample) {
-            Ok(Status::Tracking) => assert!(is_sound(&tracker, tracker.belief().unwrap()), "{k}"),
+            Ok(Status::Tracking) => assert!(is_sound(&tracker, tracker.hypothesis().unwrap()), "{k}"),
             Ok(_) | Err(Error::Diverged { .. }) => {}
             Err(other) => panic!("{other}"),
         }
@@ -177,7 +178,7 @@ fn nothing_at_all_is_no_number_short() {
         for k in 0..300 {
             let sample = Sample { time_s: 0.05 * f64::from(k), ..tracker.empty_sample() };
             match tracker.step(&sample).unwrap() {
-                Status::Tracking => assert!(is_sound(&tracker, tracker.belief().unwrap()), "{k}"),
+                Status::Tracking => assert!(is_sound(&tracker, tracker.hypothesis().unwrap()), "{k}"),
                 other => assert!(other == Status::Starting, "{k}: {other:?}"),
             }
         }

@@ -5,6 +5,7 @@ use super::support::{so3, worse};
 use nalgebra::{Matrix3, Vector3};
 use oarlock::body::Body;
 use oarlock::estimate::belief::Belief;
+use oarlock::track::hypothesis::Hypothesis;
 use std::f64::consts::{PI, TAU};
 
 /// Standard deviation of the trunk's heading and the largest of its inclination, rad.
@@ -32,10 +33,10 @@ fn heading_starts_at_nothing_and_grows_while_inclination_stays_sharp() {
     let (mut headings, mut sharp, mut misses, mut tilt) = (Vec::new(), 0.0, 0.0, 0.0);
     let mut turned = 0.0;
     for sample in &pair.samples(20.0) {
-        let mut see = |s: &oarlock::recording::Sample, b: &Belief, _: &oarlock::estimate::filter::Info| {
-            let (heading, inclination) = heading_and_inclination(&pair.body, b);
+        let mut see = |s: &oarlock::recording::Sample, b: &Hypothesis, _: &oarlock::estimate::filter::Info| {
+            let (heading, inclination) = heading_and_inclination(&pair.body, &b.belief);
             headings.push((s.time_s, heading));
-            let found = so3::exp(so3::three(&b.mean, 0));
+            let found = so3::exp(so3::three(&b.belief.mean, 0));
             let truth = pair.trunk(s.time_s);
             let [a, b] = [found, truth].map(|r| r.transpose() * Vector3::z());
             if s.time_s > 5.0 {

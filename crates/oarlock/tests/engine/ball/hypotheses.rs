@@ -7,11 +7,11 @@ use super::support::{body, model, so3};
 use nalgebra::{Matrix3, Vector3};
 use oarlock::body::Body;
 use oarlock::config::{Config, FilterKind};
-use oarlock::estimate::belief::Belief;
 use oarlock::kinematics::FrameMotion;
 use oarlock::model::Model;
 use oarlock::recording::Sample;
 use oarlock::rotation::Vec3;
+use oarlock::track::hypothesis::Hypothesis;
 use oarlock::track::loops::readings_from;
 use oarlock::track::run::{track, Run};
 use oarlock::track::{Calibration, Tracker};
@@ -136,16 +136,16 @@ impl Pair {
         Tracker::new(self.model.clone(), &Calibration::default(), &self.config).unwrap()
     }
 
-    pub fn run(&self, samples: &[Sample], start: Option<Belief>) -> Run {
+    pub fn run(&self, samples: &[Sample], start: Option<Hypothesis>) -> Run {
         let streams = streams(&self.body, samples);
         track(self.model.clone(), streams, &Calibration::default(), &self.config, start, &mut |_| true).unwrap()
     }
 }
 
 /// Standard deviations, those of all hypotheses together.
-fn spread(body: &Body, belief: &Belief) -> Vec<f64> {
-    let mut std = vec![0.0; belief.mean.len()];
-    belief.spread(body, &mut std);
+fn spread(body: &Body, one: &Hypothesis) -> Vec<f64> {
+    let mut std = vec![0.0; one.belief.mean.len()];
+    one.spread(body, &mut std);
     std
 }
 
@@ -171,8 +171,8 @@ fn assert_every_heading_is_found(filter: FilterKind) {
             let mut tracker = pair.tracker();
             let (mut found_s, mut alone_s, mut worst, mut most, mut last) = (0.0, 0.0, 0.0_f64, 0, 0.0);
             for sample in &pair.samples(6.0) {
-                let mut see = |s: &Sample, b: &Belief, _: &oarlock::estimate::filter::Info| {
-                    let error = pair.error(&b.mean, s.time_s).norm();
+                let mut see = |s: &Sample, b: &Hypothesis, _: &oarlock::estimate::filter::Info| {
+                    let error = pair.error(&b.belief.mean, s.time_s).norm();
                     let std = spread(&pair.body, b);
                     let total = std[3..6].iter().map(|s| s * s).sum::<f64>().sqrt();
                     worst = worst.max(error / total);
@@ -207,8 +207,8 @@ fn live_is_whole_while_hypotheses_are_alive() {
     let mut tracker = pair.tracker();
     let (mut mean, mut std, mut several) = (Vec::new(), Vec::new(), 0);
     for sample in &samples {
-        let mut keep = |_: &Sample, b: &Belief, _: &oarlock::estimate::filter::Info| {
-            mean.extend_from_slice(&b.mean);
+        let mut keep = |_: &Sample, b: &Hypothesis, _: &oarlock::estimate::filter::Info| {
+            mean.extend_from_slice(&b.belief.mean);
             std.extend(spread(&pair.body, b));
             several += usize::from(!b.rivals.is_empty());
         };
@@ -227,13 +227,13 @@ fn cut_is_uncut_while_hypotheses_are_alive() {
     let mut alive = 0;
     for cut in [12, 20, 45, 150] {
         let first = pair.run(&samples[..cut], None);
-        let belief = first.last_belief().unwrap().clone();
-        alive += usize::from(!belief.rivals.is_empty());
-        let second = pair.run(&samples[cut..], Some(belief));
+        let last = first.last().unwrap().clone();
+        alive += usize::from(!last.rivals.is_empty());
+        let second = pair.run(&samples[cut..], Some(last));
         let both = |f: fn(&Run) -> &Vec<f64>| bits(&[f(&first).as_slice(), f(&second)].concat());
         assert_eq!(bits(&uncut.series.mean), both(|r| &r.series.mean), "cut at {cut}");
         assert_eq!(bits(&uncut.series.std), both(|r| &r.series.std), "cut at {cut}");
-        let ends = [&uncut, &second].map(|r| format!("{:?}", r.last_belief()));
+        let ends = [&uncut, &second].map(|r| format!("{:?}", r.last()));
         assert_eq!(ends[0], ends[1], "cut at {cut}");
     }
     assert!(alive >= 2, "some cuts were meant to fall among hypotheses: {alive}");
@@ -290,7 +290,7 @@ fn hypotheses_open_again_and_again() {
     let samples: Vec<Sample> = samples.iter().filter(speaks).cloned().collect();
     let (mut tracker, mut openings, mut several) = (pair.tracker(), 0, false);
     for sample in &samples {
-        let mut see = |_: &Sample, b: &Belief, _: &oarlock::estimate::filter::Info| {
+        let mut see = |_: &Sample, b: &Hypothesis, _: &oarlock::estimate::filter::Info| {
             openings += usize::from(!several && !b.rivals.is_empty());
             several = !b.rivals.is_empty();
         };
@@ -320,7 +320,7 @@ fn a_start_that_is_known_opens_no_bank() {
         let mut tracker = Tracker::new(model, &Calibration::default(), &pair.config).unwrap();
         let mut seen = Vec::new();
         for sample in &samples {
-            let mut see = |_: &Sample, b: &Belief, _: &oarlock::estimate::filter::Info| {
+            let mut see = |_: &Sample, b: &Hypothesis, _: &oarlock::estimate::filter::Info| {
                 seen.push((b.rivals.len() + 1, spread(&pair.body, b)[3..6].iter().map(|s| s * s).sum::<f64>().sqrt()));
             };
             tracker.step_with(sample, &mut see).unwrap();

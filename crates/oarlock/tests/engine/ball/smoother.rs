@@ -5,20 +5,20 @@ use super::support::chi_square::interval_999;
 use super::support::nature::{error, nees, Nature};
 use super::support::record::streams;
 use super::support::tree::narrow;
-use super::support::{belief, body, model, plain, so3, start_std, worse};
+use super::support::{body, fresh, model, plain, so3, start_std, worse};
 use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector3};
 use oarlock::body::Body;
 use oarlock::config::Config;
-use oarlock::estimate::belief::Belief;
 use oarlock::model::Model;
 use oarlock::recording::Sample;
+use oarlock::track::hypothesis::Hypothesis;
 use oarlock::track::run::{track, Run};
 use oarlock::track::Calibration;
 use std::sync::Arc;
 
 const STEP_S: f64 = 0.01;
 
-fn tracked(model: &Arc<Model>, body: &Body, config: &Config, samples: &[Sample], start: Belief) -> Run {
+fn tracked(model: &Arc<Model>, body: &Body, config: &Config, samples: &[Sample], start: Hypothesis) -> Run {
     let (streams, nominal) = (streams(body, samples), Calibration::default());
     track(model.clone(), streams, &nominal, config, Some(start), &mut |_| true).unwrap()
 }
@@ -51,7 +51,7 @@ fn smoothed_errors_are_smaller_and_as_large_as_said() {
             samples.push(nature.read(k as f64 * STEP_S));
             truth.push(nature.state.clone());
         }
-        let filtered = tracked(&model, &body, &config, &samples, belief(&body, 0.0, mean, &std));
+        let filtered = tracked(&model, &body, &config, &samples, fresh(&body, 0.0, mean, &std));
         let smooth = filtered.smooth(&mut |_| true).unwrap();
         let row = |run: &Run, k: usize| run.series.mean[k * n..(k + 1) * n].to_vec();
         assert_eq!(row(&smooth, STEPS - 1), row(&filtered, STEPS - 1), "the end is as it was");
@@ -240,7 +240,7 @@ fn assert_least_squares(what: &str, start: [f64; 9]) {
         nature.live(STEP_S);
         samples.push(nature.read(k as f64 * STEP_S));
     }
-    let filtered = tracked(&model, &body, &config, &samples, belief(&body, 0.0, start.to_vec(), &std));
+    let filtered = tracked(&model, &body, &config, &samples, fresh(&body, 0.0, start.to_vec(), &std));
     let smooth = filtered.smooth(&mut |_| true).unwrap();
     let (states, covariance) = batch(&State::from(start), &std, &samples);
     let (mut worst, mut moved, mut bands) = (0.0, 0.0, 0.0);

@@ -7,7 +7,7 @@ use super::support::record::{punch_holes, times, with_loops, Scene};
 use super::support::stroke::{Posture, Stroke};
 use super::support::tree::TREE;
 use super::support::wave::Wave;
-use super::support::{belief, body, model, plain, start_std, worse, SCULLER};
+use super::support::{body, fresh, model, plain, start_std, worse, SCULLER};
 use super::ukf::{Ukf, Weights};
 use nalgebra::{DMatrix, DVector};
 use oarlock::body::Body;
@@ -35,7 +35,7 @@ fn run_both(body: &Body, motion: &dyn Fn(f64) -> Posture, config: &Config, steps
     );
     plain.mean = plain.at(&DVector::from_vec(std.iter().map(|s| 0.5 * s * chance.normal()).collect()));
     let mut tracker = Tracker::new(body.model.clone(), &Calibration::default(), config).unwrap();
-    tracker.resume(belief(body, 0.0, plain.mean.as_slice().to_vec(), &std)).unwrap();
+    tracker.resume(fresh(body, 0.0, plain.mean.as_slice().to_vec(), &std)).unwrap();
     let noise = plain.body.std();
     let (mut means, mut covariances, mut before) = (0.0, 0.0, 0.0);
     for sample in &samples {

@@ -5,7 +5,7 @@ use super::support::chi_square::interval_999;
 use super::support::nature::{nees, Nature};
 use super::support::record::{on_a_stroke, times, Scene};
 use super::support::stroke::Stroke;
-use super::support::{belief, body, model, plain, start_std, worse, CHAIN, SCULLER};
+use super::support::{body, fresh, model, plain, start_std, worse, CHAIN, SCULLER};
 use oarlock::body::Body;
 use oarlock::config::{Config, FilterKind};
 use oarlock::estimate::System;
@@ -37,7 +37,7 @@ fn nees_of(text: &str, config: &Config, std: &dyn Fn(&Body) -> Vec<f64>, steps: 
         let mean = vec![0.0; n];
         let mut nature = Nature::about(&body, &mean, &std, Chance::new(500 + run as u64));
         let mut tracker = Tracker::new(model.clone(), &Calibration::default(), config).unwrap();
-        tracker.resume(belief(&body, 0.0, mean, &std)).unwrap();
+        tracker.resume(fresh(&body, 0.0, mean, &std)).unwrap();
         for k in 1..=steps {
             nature.live(0.01);
             tracker.step(&nature.read(k as f64 * 0.01)).unwrap();

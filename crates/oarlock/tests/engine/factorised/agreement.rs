@@ -7,7 +7,7 @@ use super::support::chance::Chance;
 use super::support::record::{punch_holes, times, with_loops, Scene};
 use super::support::stroke::{Posture, Stroke};
 use super::support::wave::Wave;
-use super::support::{belief, body, model, plain, start_std, worse, SCULLER};
+use super::support::{body, fresh, model, plain, start_std, worse, SCULLER};
 use super::ukf::{Ukf, Weights};
 use nalgebra::{DMatrix, DVector};
 use oarlock::body::Body;
@@ -41,7 +41,7 @@ fn run_both(body: &Body, motion: &dyn Fn(f64) -> Posture, config: &Config, steps
     );
     plain.mean = plain.at(&DVector::from_vec(std.iter().map(|s| 0.2 * s * chance.normal()).collect()));
     let mut tracker = Tracker::new(body.model.clone(), &Calibration::default(), config).unwrap();
-    tracker.resume(belief(body, 0.0, plain.mean.as_slice().to_vec(), &std)).unwrap();
+    tracker.resume(fresh(body, 0.0, plain.mean.as_slice().to_vec(), &std)).unwrap();
     let (noise, parts) = (plain.body.std(), parts(body));
     let (mut worst, mut before) = ([0.0; 2], 0.0);
     for sample in &samples {

@@ -4,7 +4,7 @@ use super::bodies::chains;
 use super::support::chance::Chance;
 use super::support::record::{punch_holes, times, Scene};
 use super::support::wave::Wave;
-use super::support::{belief, body, model, plain, start_std, worse, CHAIN};
+use super::support::{body, fresh, model, plain, start_std, worse, CHAIN};
 use oarlock::body::Body;
 use oarlock::config::{Config, FilterKind};
 use oarlock::estimate::belief::Belief;
@@ -27,7 +27,7 @@ fn samples(body: &Body, steps: usize, seed: u64) -> (Vec<Sample>, Vec<f64>) {
 
 fn tracker(body: &Body, config: &Config, mean: Vec<f64>) -> Tracker {
     let mut tracker = Tracker::new(body.model.clone(), &Calibration::default(), config).unwrap();
-    tracker.resume(belief(body, 0.0, mean, &start_std(body))).unwrap();
+    tracker.resume(fresh(body, 0.0, mean, &start_std(body))).unwrap();
     tracker
 }
 

@@ -4,7 +4,7 @@ use super::bodies::walker;
 use super::support::chance::Chance;
 use super::support::nature::{nees, Nature};
 use super::support::record::on_a_stroke;
-use super::support::{belief, body, model, plain, start_std};
+use super::support::{body, fresh, model, plain, start_std};
 use oarlock::config::{Config, FilterKind};
 use oarlock::track::{Calibration, Tracker};
 
@@ -38,7 +38,7 @@ fn consistency(filter: FilterKind) -> [f64; 2] {
         let mean = vec![0.0; n];
         let mut nature = Nature::about(&body, &mean, &std, Chance::new(500 + run as u64));
         let mut tracker = Tracker::new(model.clone(), &Calibration::default(), &config).unwrap();
-        tracker.resume(belief(&body, 0.0, mean, &std)).unwrap();
+        tracker.resume(fresh(&body, 0.0, mean, &std)).unwrap();
         for k in 1..=100 {
             nature.live(0.01);
             tracker.step(&nature.read(k as f64 * 0.01)).unwrap();

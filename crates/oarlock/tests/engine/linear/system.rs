@@ -130,13 +130,7 @@ pub fn start() -> Belief {
         surprise: 1.0,
         roughness: 1.0,
         leftover: 1.0,
-        seen_s: Vec::new(),
         rejected_since_s: vec![f64::NAN; 2],
-        memory: Vec::new(),
-        line: 1,
-        score: 0.0,
-        doubt: Vec::new(),
-        rivals: Vec::new(),
     }
 }
 

@@ -10,6 +10,7 @@ use oarlock::config::Config;
 use oarlock::estimate::belief::Belief;
 use oarlock::motion::is_observed;
 use oarlock::recording::Sample;
+use oarlock::track::hypothesis::Hypothesis;
 use oarlock::track::{Calibration, Status, Tracker};
 
 /// Rounding differs between the two forms of the same equations, and closures of 2 mm beside accelerations of 5 rad/s2
@@ -65,7 +66,7 @@ pub fn side_by_side<'a>(
     see: &mut dyn FnMut(&Belief),
 ) -> (Worst, Ukf<'a>) {
     let mut tracker = Tracker::new(body.model.clone(), &Calibration::default(), config).unwrap();
-    tracker.resume(start.clone()).unwrap();
+    tracker.resume(Hypothesis::new(start.clone(), body.suite.sources.len())).unwrap();
     let mut textbook = textbook_from(start, body, config);
     let noise = textbook.body.std();
     assert_eq!(noise, body.suite.std());

@@ -1,0 +1,148 @@
+//! What parameters that are only considered may have done to a mean.
+
+/// The shift dx/dp of the mean by one standard deviation of each parameter, and what the scale of all of them is learnt from.
+#[derive(Debug, PartialEq)]
+pub struct Doubt {
+    /// How far off the parameters are as a whole, in their standard deviations.
+    pub(super) scale: f64,
+    /// Numbers of each state and row: the parameters, padded.
+    pub(super) width: usize,
+    /// Parameters whose standard deviation a calibration tells; they come first, and the scale applies to them only beyond 1.
+    pub(super) told: usize,
+    /// Per state.
+    pub(super) slopes: Vec<f64>,
+    /// Per row of the measurement vector.
+    pub(super) rows: Vec<RowAverages>,
+    /// Per row: its expected average innovation by each parameter.
+    pub(super) expected: Vec<f64>,
+}
+
+/// How the innovations of one row last.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct RowAverages {
+    /// Average innovation, and the last one.
+    pub low: f64,
+    pub last: f64,
+    /// When that was, s; NaN if there was none.
+    pub last_s: f64,
+    /// How many there were.
+    pub count: f64,
+    /// Mean squares of the average, of the average of white noise, and of the expected average.
+    pub power: f64,
+    pub white: f64,
+    pub share: f64,
+}
+
+/// Scale, width and number of told parameters, which stand first in the flat form.
+const HEAD: usize = 3;
+const PER_ROW: usize = 7;
+
+impl Clone for Doubt {
+    fn clone(&self) -> Self {
+        let Doubt { slopes, rows, expected, .. } = self;
+        Doubt { slopes: slopes.clone(), rows: rows.clone(), expected: expected.clone(), ..*self }
+    }
+
+    fn clone_from(&mut self, from: &Self) {
+        let Doubt { scale, width, told, slopes, rows, expected } = self;
+        (*scale, *width, *told) = (from.scale, from.width, from.told);
+        slopes.clone_from(&from.slopes);
+        rows.clone_from(&from.rows);
+        expected.clone_from(&from.expected);
+    }
+}
+
+impl Doubt {
+    /// Nothing has led astray yet.
+    pub(super) fn new(scale: f64, (states, rows, width): (usize, usize, usize), told: usize) -> Self {
+        let none =
+            RowAverages { low: 0.0, last: 0.0, last_s: f64::NAN, count: 0.0, power: 0.0, white: 0.0, share: 0.0 };
+        Doubt {
+            scale,
+            width,
+            told,
+            slopes: vec![0.0; states * width],
+            rows: vec![none; rows],
+            expected: vec![0.0; rows * width],
+        }
+    }
+
+    /// States, rows and padded parameters.
+    pub(super) fn size(&self) -> (usize, usize, usize) {
+        (self.slopes.len() / self.width.max(1), self.rows.len(), self.width)
+    }
+
+    /// Variance of a state by what is only considered.
+    pub(in crate::track) fn variance(&self, state: usize) -> f64 {
+        if self.scale == 0.0 && self.told == 0 {
+            return 0.0;
+        }
+        let (told, rest) = self.slopes[state * self.width..(state + 1) * self.width].split_at(self.told);
+        let square = |slopes: &[f64]| slopes.iter().map(|s| s * s).sum::<f64>();
+        // What a calibration tells is known no better than it says, whatever the innovations.
+        self.scale.max(1.0).powi(2) * square(told) + self.scale * self.scale * square(rest)
+    }
+
+    /// As a saved or pickled belief holds it, in the order of version 0.1.0.
+    pub fn to_flat(&self) -> Vec<f64> {
+        let head = [self.scale, self.width as f64, self.told as f64];
+        let rows = self.rows.iter().flat_map(|row| row.to_flat());
+        head.into_iter().chain(self.slopes.iter().copied()).chain(rows).chain(self.expected.iter().copied()).collect()
+    }
+
+    /// From what `to_flat` gave for so many states; `None` if these are not such numbers.
+    pub fn from_flat(flat: &[f64], states: usize) -> Option<Self> {
+        let (&[scale, width, told], rest) = flat.split_first_chunk::<HEAD>()?;
+        let (width, told) = (count(width, flat.len())?, count(told, flat.len())?);
+        let (slopes, rest) = rest.split_at_checked(states.checked_mul(width)?)?;
+        let count = rest.len() / (PER_ROW + width);
+        let (rows, expected) = rest.split_at(count * PER_ROW);
+        let (rows, []) = rows.as_chunks::<PER_ROW>() else { return None };
+        let fits = told <= width && expected.len() == count * width;
+        let rows = rows.iter().map(RowAverages::from_flat).collect();
+        fits.then(|| Doubt { scale, width, told, slopes: slopes.to_vec(), rows, expected: expected.to_vec() })
+    }
+}
+
+/// A whole number that is at most `most`.
+fn count(number: f64, most: usize) -> Option<usize> {
+    (number >= 0.0 && number <= most as f64 && number.fract() == 0.0).then_some(number as usize)
+}
+
+impl RowAverages {
+    fn to_flat(self) -> [f64; PER_ROW] {
+        let RowAverages { low, last, last_s, count, power, white, share } = self;
+        [low, last, last_s, count, power, white, share]
+    }
+
+    fn from_flat(&[low, last, last_s, count, power, white, share]: &[f64; PER_ROW]) -> Self {
+        RowAverages { low, last, last_s, count, power, white, share }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_flat_form_leads_back() {
+        // 3 states and 2 rows of 7 averages, with 4 parameters each.
+        let flat: Vec<f64> = [0.5, 4.0, 1.0].into_iter().chain((0..34).map(f64::from)).collect();
+        let doubt = Doubt::from_flat(&flat, 3).unwrap();
+        assert_eq!(doubt.size(), (3, 2, 4));
+        assert_eq!((doubt.rows[1].low, doubt.expected[0]), (19.0, 26.0));
+        assert_eq!(doubt.to_flat(), flat);
+    }
+
+    #[test]
+    fn other_numbers_are_no_doubt() {
+        let whole = Doubt::new(1.0, (3, 2, 4), 1).to_flat();
+        assert!(Doubt::from_flat(&whole, 3).is_some());
+        assert!(Doubt::from_flat(&whole[..whole.len() - 1], 3).is_none());
+        for (place, wrong) in [(1, 5.0), (1, -4.0), (1, 4.5), (1, f64::NAN), (2, 5.0), (2, f64::INFINITY)] {
+            let mut flat = whole.clone();
+            flat[place] = wrong;
+            assert!(Doubt::from_flat(&flat, 3).is_none(), "{place} {wrong}");
+        }
+    }
+}

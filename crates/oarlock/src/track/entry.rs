@@ -1,0 +1,84 @@
+//! Where a sample enters: its readings are corrected as the calibration says, once and before all else.
+
+use crate::body::Body;
+use crate::corrections::{Corrections, EncoderScale, Triad};
+use crate::error::{Error, Result};
+use crate::model::suggest::hint;
+use crate::model::SensorKind;
+use crate::recording::Sample;
+use crate::sensor::{Quantity, Source};
+use std::ops::Range;
+
+/// The corrections that concern a body, by the places of its samples.
+#[derive(Debug, Clone)]
+pub(super) struct Entry {
+    triads: Vec<(Range<usize>, Triad)>,
+    /// Rows of encoders, and coordinates of inputs.
+    encoders: Vec<(usize, EncoderScale)>,
+    inputs: Vec<(usize, EncoderScale)>,
+}
+
+impl Entry {
+    pub fn new(body: &Body, corrections: &Corrections) -> Result<Self> {
+        corrections.check()?;
+        check_magnetometers(body, corrections)?;
+        let parts = || body.suite.sources.iter().flat_map(|s| s.parts.iter().map(move |part| (&s.name, part)));
+        let triad = |(name, part): (&String, &crate::sensor::Part)| {
+            Some((part.rows.clone(), corrections.triad(name, part.quantity)?))
+        };
+        let encoder = |(name, part): (&String, &crate::sensor::Part)| {
+            let scale = corrections.encoders.get(name).filter(|_| part.quantity == Quantity::Joint)?;
+            Some((part.rows.start, *scale))
+        };
+        Ok(Entry {
+            triads: parts().filter_map(triad).collect(),
+            encoders: parts().filter_map(encoder).collect(),
+            inputs: inputs(body, corrections),
+        })
+    }
+
+    /// Readings as the sensors gave them become true ones.
+    pub fn correct(&self, sample: &mut Sample) {
+        for (rows, triad) in &self.triads {
+            triad.correct(&mut sample.z[rows.clone()]);
+        }
+        for (row, scale) in &self.encoders {
+            sample.z[*row] = scale.value(sample.z[*row]);
+        }
+        for (coordinate, scale) in &self.inputs {
+            sample.inputs[*coordinate] = scale.value(sample.inputs[*coordinate]);
+        }
+    }
+
+    /// What a reading of a row becomes, without what its unit's other axes have to do with it.
+    pub fn along(&self, row: usize, reading: f64) -> f64 {
+        let triad = self.triads.iter().find(|(rows, _)| rows.contains(&row));
+        triad.map_or(reading, |(rows, triad)| triad.along(row - rows.start, reading))
+    }
+}
+
+/// An input joint takes the stream of its own name, or that of an encoder on it.
+fn inputs(body: &Body, corrections: &Corrections) -> Vec<(usize, EncoderScale)> {
+    let model = &body.model;
+    let inputs = model.joints.iter().enumerate().filter(|(_, j)| j.input);
+    let scale = |(i, joint): (usize, &crate::model::Joint)| {
+        let reads = |s: &&crate::model::Sensor| matches!(s.kind, SensorKind::Encoder { joint, .. } if joint == i);
+        let encoders = model.sensors.iter().filter(reads).map(|s| &s.name);
+        let scale = std::iter::once(&joint.name).chain(encoders).find_map(|name| corrections.encoders.get(name))?;
+        Some((joint.first, *scale))
+    };
+    inputs.filter_map(scale).collect()
+}
+
+fn check_magnetometers(body: &Body, corrections: &Corrections) -> Result<()> {
+    let is_magnetometer = |s: &&Source| s.parts.iter().any(|p| p.quantity == Quantity::Mag);
+    let known: Vec<&str> = body.suite.sources.iter().filter(is_magnetometer).map(|s| s.name.as_str()).collect();
+    match corrections.mag_offsets.keys().find(|name| !known.contains(&name.as_str())) {
+        Some(name) => Err(Error::Data(format!(
+            "magnetometer offset '{name}': model '{}' has no magnetometer of that name; {}",
+            body.model.name,
+            hint(name, &known)
+        ))),
+        None => Ok(()),
+    }
+}

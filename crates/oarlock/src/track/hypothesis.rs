@@ -1,0 +1,134 @@
+//! A hypothesis: a belief of the filter, what the stages of a step remember with it, and how likely it is.
+
+mod flat;
+
+use super::consider::Doubt;
+use super::faults::FaultState;
+use super::north::NorthState;
+use super::rest::RestState;
+use crate::estimate::belief::Belief;
+use crate::estimate::System;
+pub use flat::MEMORY;
+
+/// All that a tracker knows at one instant: the next step depends on nothing else.
+#[derive(Debug, PartialEq)]
+pub struct Hypothesis {
+    /// Of the filter.
+    pub belief: Belief,
+    /// What is remembered of each source.
+    pub sources: Vec<SourceMemory>,
+    /// What parameters that are only considered may have done to the mean; `None` if nothing is considered.
+    pub doubt: Option<Doubt>,
+    /// Its number among the hypotheses into which the belief last parted.
+    pub line: u64,
+    /// Logarithm of its likelihood, against that of the others.
+    pub score: f64,
+    /// Other hypotheses that are still alive, none of them with rivals of its own.
+    pub rivals: Vec<Hypothesis>,
+}
+
+/// What is remembered of one source between samples.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SourceMemory {
+    /// When it last said anything, s; NaN if it never did.
+    pub seen_s: f64,
+    pub(super) rest: RestState,
+    pub(super) faults: FaultState,
+    pub(super) north: NorthState,
+}
+
+impl SourceMemory {
+    /// Nothing is remembered but when it was last heard.
+    pub fn new(seen_s: f64) -> Self {
+        SourceMemory { seen_s, rest: RestState::NONE, faults: FaultState::NONE, north: NorthState::NONE }
+    }
+}
+
+impl Clone for Hypothesis {
+    fn clone(&self) -> Self {
+        Hypothesis {
+            belief: self.belief.clone(),
+            sources: self.sources.clone(),
+            doubt: self.doubt.clone(),
+            rivals: self.rivals.clone(),
+            ..*self
+        }
+    }
+
+    fn clone_from(&mut self, from: &Self) {
+        let Hypothesis { belief, sources, doubt, line, score, rivals } = self;
+        belief.clone_from(&from.belief);
+        sources.clone_from(&from.sources);
+        doubt.clone_from(&from.doubt);
+        rivals.clone_from(&from.rivals);
+        (*line, *score) = (from.line, from.score);
+    }
+}
+
+impl Hypothesis {
+    /// A belief with nothing remembered of its `sources`, all heard just now, and without rivals.
+    pub fn new(belief: Belief, sources: usize) -> Self {
+        let sources = vec![SourceMemory::new(belief.time_s); sources];
+        Hypothesis { belief, sources, doubt: None, line: 0, score: 0.0, rivals: Vec::new() }
+    }
+
+    /// The hypothesis `line` alone; this one if there is none of that number.
+    pub fn alone(&self, line: u64) -> Hypothesis {
+        let chosen = std::iter::once(self).chain(&self.rivals).find(|one| one.line == line).unwrap_or(self);
+        let Hypothesis { belief, sources, doubt, .. } = chosen;
+        Hypothesis {
+            belief: belief.clone(),
+            sources: sources.clone(),
+            doubt: doubt.clone(),
+            rivals: Vec::new(),
+            ..*chosen
+        }
+    }
+
+    /// Variances into `variance`, of noise alone; while there are rivals, those of all together about this one's mean.
+    pub fn variances<S: System>(&self, system: &S, variance: &mut [f64]) {
+        self.belief.covariance.diagonal(variance);
+        if !self.rivals.is_empty() {
+            self.mix(system, variance);
+        }
+        variance.iter_mut().for_each(|x| *x = x.max(0.0));
+    }
+
+    /// Variances of noise alone into standard deviations with what is only considered.
+    pub fn widen(&self, variance: &mut [f64]) {
+        variance.iter_mut().enumerate().for_each(|(i, x)| *x = (*x + self.doubted(i)).sqrt());
+    }
+
+    /// Standard deviations into `std`; while there are rivals, those of all together about this one's mean.
+    pub fn spread<S: System>(&self, system: &S, std: &mut [f64]) {
+        self.variances(system, std);
+        self.widen(std);
+    }
+
+    /// Standard deviations of this hypothesis alone.
+    pub fn own_spread(&self) -> Vec<f64> {
+        let mut std = vec![0.0; self.belief.mean.len()];
+        self.belief.variances(&mut std);
+        self.widen(&mut std);
+        std
+    }
+
+    /// Variance of a state by what is only considered.
+    pub fn doubted(&self, state: usize) -> f64 {
+        self.doubt.as_ref().map_or(0.0, |doubt| doubt.variance(state))
+    }
+
+    fn mix<S: System>(&self, system: &S, variance: &mut [f64]) {
+        let weight = |one: &Hypothesis| (one.score - self.score).min(0.0).exp();
+        let total = 1.0 + self.rivals.iter().map(weight).sum::<f64>();
+        let mut away = vec![0.0; variance.len()];
+        variance.iter_mut().for_each(|v| *v /= total);
+        for rival in &self.rivals {
+            system.difference(&rival.belief.mean, &self.belief.mean, &mut away);
+            let share = weight(rival) / total;
+            for (i, (v, d)) in variance.iter_mut().zip(&away).enumerate() {
+                *v += share * (rival.belief.covariance.at(i, i) + d * d);
+            }
+        }
+    }
+}

@@ -1,0 +1,66 @@
+//! What a source's memory is in a saved or pickled belief: plain numbers in the order of version 0.1.0.
+
+use super::SourceMemory;
+use crate::track::faults::Repeats;
+
+/// How many there are.
+pub const MEMORY: usize = 35;
+
+impl SourceMemory {
+    /// Without the time at which the source was last heard, which is saved by itself.
+    pub fn to_flat(mut self) -> [f64; MEMORY] {
+        let mut flat = [f64::NAN; MEMORY];
+        flat.iter_mut().zip(self.numbers()).for_each(|(to, from)| *to = *from);
+        flat
+    }
+
+    /// From what `to_flat` gave.
+    pub fn from_flat(seen_s: f64, flat: &[f64; MEMORY]) -> Self {
+        let mut memory = SourceMemory::new(seen_s);
+        memory.numbers().zip(flat).for_each(|(to, from)| *to = *from);
+        memory
+    }
+
+    fn numbers(&mut self) -> impl Iterator<Item = &mut f64> {
+        let SourceMemory { rest, faults, north, .. } = self;
+        let rest = rest.gyro.iter_mut().chain(&mut rest.accel).chain([&mut rest.since_s, &mut rest.used_s]);
+        let faults = [&mut faults.gyro, &mut faults.accel, &mut faults.mag].into_iter().flat_map(repeats);
+        let north = [
+            &mut north.usual_rad,
+            &mut north.now_rad,
+            &mut north.scatter_rad2,
+            &mut north.spoke_s,
+            &mut north.age_s,
+            &mut north.since_s,
+        ];
+        rest.chain(faults).chain(north)
+    }
+}
+
+fn repeats(of: &mut Repeats) -> impl Iterator<Item = &mut f64> {
+    let Repeats { reading, came_s, repeated, quantum, longest_s } = of;
+    reading.iter_mut().chain([came_s, repeated, quantum, longest_s])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_number_keeps_its_place() {
+        let flat: [f64; MEMORY] = std::array::from_fn(|i| i as f64);
+        let memory = SourceMemory::from_flat(7.5, &flat);
+        assert_eq!(memory.to_flat(), flat);
+        assert_eq!((memory.seen_s, memory.rest.accel, memory.rest.used_s), (7.5, [3.0, 4.0, 5.0], 7.0));
+        assert_eq!(
+            (memory.faults.gyro.came_s, memory.faults.accel.repeated, memory.faults.mag.quantum),
+            (11.0, 19.0, 27.0)
+        );
+        assert_eq!((memory.north.usual_rad, memory.north.since_s), (29.0, 34.0));
+    }
+
+    #[test]
+    fn nothing_remembered_is_saved_as_no_numbers() {
+        assert!(SourceMemory::new(0.0).to_flat().iter().all(|x| x.is_nan()));
+    }
+}

@@ -1,0 +1,78 @@
+//! A sample on its way into the filter: stages silence what is no measurement.
+
+use super::hypothesis::SourceMemory;
+use super::subject::Subject;
+use crate::body::{Body, Moment};
+use crate::recording::Sample;
+use std::ops::Range;
+
+/// Readings of one sample, and what the model's readings depend on besides the state.
+#[derive(Debug, Clone)]
+pub(super) struct Readings {
+    /// In the order of the measurement vector; what is missing or silenced is NaN.
+    pub z: Vec<f64>,
+    pub moment: Moment,
+}
+
+impl Readings {
+    pub fn new(body: &Body) -> Self {
+        Readings { z: vec![f64::NAN; body.suite.len()], moment: body.moment() }
+    }
+
+    /// Takes in the readings of a sample.
+    pub fn take(&mut self, sample: &Sample) {
+        self.z.copy_from_slice(&sample.z);
+        for (input, &value) in self.moment.inputs.iter_mut().zip(&sample.inputs) {
+            *input = if value.is_nan() { 0.0 } else { value };
+        }
+    }
+
+    /// Whether a row of these says anything.
+    pub fn speak(&self, rows: &Range<usize>) -> bool {
+        self.z[rows.clone()].iter().any(|z| !z.is_nan())
+    }
+
+    pub fn silence(&mut self, rows: &Range<usize>) {
+        self.z[rows.clone()].fill(f64::NAN);
+    }
+
+    /// Three rows from `first` on.
+    pub fn three(&self, first: usize) -> [f64; 3] {
+        [self.z[first], self.z[first + 1], self.z[first + 2]]
+    }
+
+    /// A reading that depends on an input says nothing while that input is not there.
+    pub fn silence_what_needs_missing_inputs(&mut self, subject: &Subject, sample: &Sample) {
+        let joints = &subject.body.model.joints;
+        for (source, depends) in subject.body.suite.sources.iter().zip(&subject.depends) {
+            let mut needed = (0..joints.len()).filter(|&j| joints[j].input && depends[j]);
+            if needed.any(|j| sample.inputs[joints[j].first].is_nan()) {
+                self.silence(&source.rows);
+            }
+        }
+    }
+
+    /// Marks who has something to say.
+    pub fn mark_active(&mut self, subject: &Subject) {
+        for (i, source) in subject.body.suite.sources.iter().enumerate() {
+            self.moment.active[i] = self.speak(&source.rows);
+        }
+        subject.body.mark(&mut self.moment);
+    }
+
+    /// Remembers who spoke.
+    pub fn mark_seen(&self, sources: &mut [SourceMemory], time_s: f64) {
+        for (source, _) in sources.iter_mut().zip(&self.moment.active).filter(|(_, &active)| active) {
+            source.seen_s = time_s;
+        }
+    }
+
+    /// Readings without the parts that are barred.
+    pub fn without(&self, subject: &Subject, excluded: &[bool]) -> Vec<f64> {
+        let mut z = self.z.clone();
+        for (rows, _) in subject.groups.parts.iter().zip(excluded).filter(|(_, &excluded)| excluded) {
+            z[rows.clone()].fill(f64::NAN);
+        }
+        z
+    }
+}
