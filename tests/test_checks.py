@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-
 from checks import engine_arrows, links, portability, project_files, registered, rowing_words, sizes
 
 
@@ -44,7 +43,9 @@ def test_loose_pins_are_found():
 
 def test_links_that_lead_nowhere_are_found(tmp_path):
     page = tmp_path / "page.md"
-    page.write_text("# One title\n[a](#one-title) [b](#two) [c](page.md#one-title) [d](gone.md) [e](https://x.org)\n")
+    page.write_text(
+        "# One title\n[a](#one-title) [b](#two) [c](page.md#one-title) [d](gone.md) [e](https://x.org)\n"
+    )
     assert links.broken_links(page) == ["no title for #two in page.md", "gone.md does not exist"]
 
 
