@@ -19,21 +19,10 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     session.config.stash[RUN] = frozenset(item.nodeid for item in session.items)
 
 
-class Workers:
-    """Hooks of pytest-xdist: every worker collects the same tests."""
-
-    def __init__(self, config: pytest.Config) -> None:
-        self.config = config
-
-    def pytest_xdist_node_collection_finished(self, ids: list[str]) -> None:
-        """Keep what is run by workers."""
-        self.config.stash[RUN] = frozenset(ids)
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    """Register the hooks of pytest-xdist where it is loaded."""
-    if config.pluginmanager.hasplugin("dsession"):
-        config.pluginmanager.register(Workers(config))
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_node_collection_finished(node: Any, ids: list[str]) -> None:
+    """Keep what is run by workers, each of which collects all."""
+    node.config.stash[RUN] = frozenset(ids)
 
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:

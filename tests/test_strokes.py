@@ -212,7 +212,10 @@ def test_live_from_the_trunks_gyroscope():
 
 @pytest.mark.parametrize(
     ("seed", "rate", "effects"),
-    [(21, 20.0, FieldEffects()), (22, (20.0, 34.0), FieldEffects.wild())],
+    [
+        pytest.param(21, 20.0, FieldEffects(), marks=pytest.mark.long),
+        (22, (20.0, 34.0), FieldEffects.wild()),
+    ],
 )
 @pytest.mark.parametrize("source", ["seat", "trunk_gyro"])
 def test_seat_and_trunk_say_how_little_they_know(seed, rate, effects, source):
