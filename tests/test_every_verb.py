@@ -13,8 +13,8 @@ import typer
 from typer.testing import CliRunner
 
 import oarlock
+from exact_recording import at_rate, load_excerpt
 from oarlock.cli import app
-from oarlock.rowing import FieldEffects, simulate_field
 
 LEAF = {
     "bench": "test_bench.test_text_names_the_filters_and_the_paper",
@@ -94,9 +94,7 @@ def test_demo(tmp_path):
 
 
 def test_calibrate_motion(tmp_path):
-    effects = FieldEffects.misfit()
-    trial = simulate_field(oarlock.load_model("sculler"), effects, duration_s=9.0, rate_spm=30.0, seed=4)
-    trial.recording.save(tmp_path / "rec")
+    at_rate(load_excerpt().recording, 20.0).save(tmp_path / "rec")
     out = tmp_path / "cal.toml"
     shown = run("calibrate", "motion", tmp_path / "rec", "--model", "sculler", "--out", out)
     assert "oarlock track" in shown
