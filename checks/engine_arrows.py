@@ -8,7 +8,7 @@ from checks.project_files import ROOT, text_of
 ENGINE = ROOT / "crates/oarlock/src"
 ORACLE = ROOT / "crates/oarlock-oracle/src"
 
-FOUNDATION = {"error", "lane", "rotation", "pose"}
+FOUNDATION = {"error", "kernels", "rotation"}
 BODY = FOUNDATION | {"model", "kinematics"}
 SETTINGS = BODY | {"config", "estimate"}
 
@@ -16,11 +16,10 @@ SETTINGS = BODY | {"config", "estimate"}
 # `estimate` owns the traits of a system; those who describe a body by them name it.
 ENGINE_MAY_USE: dict[str, set[str]] = {
     "error": set(),
-    "lane": set(),
-    "rotation": {"error", "lane"},
-    "pose": {"error", "lane", "rotation"},
+    "kernels": set(),
+    "rotation": {"kernels"},
     "config": {"error"},
-    "estimate": {"error", "lane", "rotation"},
+    "estimate": {"kernels"},
     "model": FOUNDATION,
     "kinematics": FOUNDATION | {"model"},
     "state": SETTINGS,

@@ -4,15 +4,48 @@ import re
 from pathlib import Path
 
 import pytest
-from checks import engine_arrows, links, portability, project_files, registered, rowing_words, sizes
+from checks import arrows, engine_arrows, links, portability, project_files, registered, rowing_words, sizes
 
 
 def test_arrow_reader_reads_every_way_to_write_an_arrow():
     read = engine_arrows.named_from_root
-    code = "use crate::{error::Error, model::{Joint, Body}};\nuse super::sensor::Imu;\ncrate::lane::f()"
-    assert read(code, ("track",)) == {"error", "model", "sensor", "lane"}
+    code = "use crate::{error::Error, model::{Joint, Body}};\nuse super::sensor::Imu;\ncrate::kernels::f()"
+    assert read(code, ("track",)) == {"error", "model", "sensor", "kernels"}
     assert read("use super::gate;", ("estimate", "filter")) == set()
     assert read("use super::super::model::Model;", ("estimate", "filter")) == {"model"}
+
+
+def planted(folder: Path, **texts: str) -> Path:
+    """A package `oarlock` whose modules have these texts; two underscores in a name stand for a folder."""
+    package = folder / "oarlock"
+    for name, text in texts.items():
+        file = package.joinpath(*name.split("__")).with_suffix(".py")
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+    return package
+
+
+@pytest.mark.parametrize(
+    "back",
+    [
+        "from oarlock.model import a",
+        "def f():\n    from oarlock.model.a import g\n",
+        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from .a import A\n",
+    ],
+)
+def test_a_circle_of_imports_is_found_wherever_it_is_written(back, tmp_path):
+    package = planted(tmp_path, model__a="from oarlock.model.b import h", model__b=back)
+    found = arrows.circles(arrows.imports_of(package))
+    assert len(found) == 1 and "oarlock.model.a" in found[0] and "oarlock.model.b" in found[0]
+    assert not arrows.circles(arrows.imports_of(planted(tmp_path, model__b="import numpy")))
+
+
+def test_an_import_of_a_room_above_and_a_room_without_a_layer_are_found(tmp_path):
+    package = planted(
+        tmp_path, model__a="", storage__b="def f():\n    from oarlock.model.a import g\n", attic__c=""
+    )
+    found = arrows.upward(arrows.imports_of(package))
+    assert len(found) == 2 and "'attic'" in found[0] and "oarlock.storage.b must not import" in found[1]
 
 
 def test_an_arrow_that_runs_upwards_is_found():

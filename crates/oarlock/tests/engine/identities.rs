@@ -3,8 +3,8 @@
 use crate::support;
 
 use oarlock::body::Body;
+use oarlock::kernels::lane::{Lane, Real, LANES};
 use oarlock::kinematics::{FrameMotion, JointMotion};
-use oarlock::lane::{Lane, Real, LANES};
 use oarlock::rotation::{Mat3, Vec3};
 use oarlock::simulate::{signals, Around, Spot, STENCIL};
 use oarlock::track::loops::readings_from;

@@ -3,7 +3,7 @@
 use crate::support;
 
 use oarlock::config::Config;
-use oarlock::lane::arch::Arch;
+use oarlock::kernels::arch::Arch;
 use oarlock::recording::Sample;
 use oarlock::track::{Calibration, Status, Tracker};
 use support::chance::Chance;

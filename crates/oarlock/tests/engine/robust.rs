@@ -5,7 +5,7 @@ use crate::support;
 use oarlock::body::Body;
 use oarlock::config::{Config, FilterKind};
 use oarlock::estimate::belief::Belief;
-use oarlock::estimate::dense::Square;
+use oarlock::kernels::dense::Square;
 use oarlock::model::Model;
 use oarlock::recording::{Channel, Sample, Stream};
 use oarlock::sensor::Quantity;
@@ -44,7 +44,7 @@ fn odd() -> impl Strategy<Value = f64> {
 }
 
 fn any_filter() -> impl Strategy<Value = FilterKind> {
-    prop_oneof![Just(FilterKind::Ukf), Just(FilterKind::Ekf), Just(FilterKind::Iekf)]
+    prop_oneof![Just(FilterKind::Ukf), Just(FilterKind::Ekf)]
 }
 
 /// Mostly a next stamp, at times one from another clock.
@@ -140,7 +140,7 @@ fn samples_and_beliefs_of_another_model_are_refused() {
     let mut few = good.clone();
     few.covariance = Square::zeros(n - 1);
     let mut unlearnt = good.clone();
-    unlearnt.habit.clear();
+    unlearnt.usual_nis.clear();
     for bad in [few, unlearnt] {
         assert!(matches!(chained.resume(bad), Err(Error::Data(_))));
     }

@@ -33,7 +33,7 @@ pub fn config(chance: &mut Chance, coordinates: usize) -> Config {
         closures: one_in(chance, 2),
         process_noise: *pick(chance, &[ProcessNoise::Jerk, ProcessNoise::Paper]),
         magnetometer: *pick(chance, &[Magnetometer::Off, Magnetometer::Gated, Magnetometer::On]),
-        filter: *pick(chance, &[FilterKind::Ukf, FilterKind::Ekf, FilterKind::Iekf, FilterKind::Factorised]),
+        filter: *pick(chance, &[FilterKind::Ukf, FilterKind::Ekf, FilterKind::Factorised]),
         initial_q: one_in(chance, 4).then(|| guess(chance)),
         alpha: number(chance, 1e-4, 1.0),
         beta: number(chance, 1.0, 4.0),

@@ -5,10 +5,10 @@ use super::support::{belief, body, model, plain, so3, start_std, worse};
 use nalgebra::{DMatrix, SMatrix, SVector, Vector3};
 use oarlock::body::Body;
 use oarlock::estimate::belief::Belief;
-use oarlock::estimate::dense::Square;
 use oarlock::estimate::transition::Transition;
 use oarlock::estimate::System;
-use oarlock::lane::arch::Arch;
+use oarlock::kernels::arch::Arch;
+use oarlock::kernels::dense::Square;
 
 /// A single ball with an inertial unit; `process` is its motion.
 fn ball(process: &str, more: &str) -> Body {

@@ -6,7 +6,7 @@ use super::support::tree::TREE;
 use super::support::{body, model, plain, worse, CHAIN};
 use oarlock::body::{Body, Moment};
 use oarlock::estimate::{Points, System};
-use oarlock::lane::{Lane, LANES};
+use oarlock::kernels::lane::{Lane, LANES};
 use std::f64::consts::PI;
 use std::path::Path;
 

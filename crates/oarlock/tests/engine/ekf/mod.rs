@@ -1,4 +1,4 @@
-//! The filters with analytic Jacobians: the Jacobians, the extended filter, its iterations.
+//! The extended filter and its analytic Jacobians.
 
 use crate::support;
 

@@ -1,5 +1,5 @@
-//! The extended filter as every textbook has it (Jazwinski 1970, section 8.3), and its iterations (Bell and Cathey 1993): dense and
-//! plain, the Jacobian from differences. Prediction, and how rotations are moved, are those of the plain unscented filter.
+//! The extended filter as in textbooks (Jazwinski 1970, section 8.3), for comparison: dense, its Jacobian from differences. Prediction and
+//! the manifold of rotations are those of the plain unscented filter.
 
 use super::ukf::Ukf;
 use nalgebra::{DMatrix, DVector};
@@ -24,13 +24,13 @@ fn linearised(at: &dyn Fn(&DVector<f64>) -> DVector<f64>, place: &DVector<f64>) 
     (here, jacobian)
 }
 
-/// One update of `filter`'s belief, linearised up to `rounds` times; how often it was.
+/// One update of `filter`'s belief, linearised at its mean.
 ///
 /// Noisy inputs are states of their own here, with the variance of their readings, forgotten afterwards.
-pub fn update(filter: &mut Ukf, z: &[f64], std: &[f64], inputs: &[f64], rounds: usize) -> usize {
+pub fn update(filter: &mut Ukf, z: &[f64], std: &[f64], inputs: &[f64]) {
     let rows: Vec<usize> = (0..z.len()).filter(|&r| !z[r].is_nan()).collect();
     if rows.is_empty() {
-        return 0;
+        return;
     }
     let n = filter.mean.len();
     let joints = filter.body.model.joints.iter();
@@ -45,38 +45,12 @@ pub fn update(filter: &mut Ukf, z: &[f64], std: &[f64], inputs: &[f64], rounds: 
     };
     let measured = DVector::from_vec(rows.iter().map(|&r| z[r]).collect());
     let noise = DMatrix::from_diagonal(&DVector::from_vec(rows.iter().map(|&r| std[r] * std[r]).collect()));
-    let mut place = DVector::zeros(all);
-    let (mut covariance, mut cost, mut kept) = (prior.clone(), f64::INFINITY, None);
-    let mut round = 0;
-    while round < rounds {
-        round += 1;
-        let mut at = place.clone();
-        // What an input was off by is not known while the readings are predicted.
-        at.rows_mut(n, noisy.len()).fill(0.0);
-        let (h, jacobian) = linearised(&read, &at);
-        let left = &measured - &h - jacobian.columns(n, noisy.len()) * place.rows(n, noisy.len());
-        let there = place.clone().dot(&prior.clone().cholesky().expect("positive").solve(&place))
-            + left.dot(&noise.clone().cholesky().expect("positive").solve(&left));
-        if let Some((next, before)) = kept.take().filter(|_| there >= cost) {
-            // Uphill: the round before stands.
-            (place, covariance) = (next, before);
-            break;
-        }
-        cost = there;
-        let inner = &jacobian * &prior * jacobian.transpose() + &noise;
-        let gain = inner.cholesky().expect("positive").solve(&(&jacobian * &prior)).transpose();
-        let next = &gain * (&measured - h + &jacobian * at);
-        let keep = DMatrix::identity(all, all) - &gain * jacobian;
-        covariance = &keep * &prior * keep.transpose() + &gain * &noise * gain.transpose();
-        let step = &next - &place;
-        kept = Some((next.clone(), covariance.clone()));
-        place = next;
-        let length = covariance.clone().cholesky().expect("positive").solve(&step).dot(&step);
-        if length.sqrt() < 0.01 {
-            break;
-        }
-    }
+    let (h, jacobian) = linearised(&read, &DVector::zeros(all));
+    let inner = &jacobian * &prior * jacobian.transpose() + &noise;
+    let gain = inner.cholesky().expect("positive").solve(&(&jacobian * &prior)).transpose();
+    let shift = &gain * (&measured - h);
+    let keep = DMatrix::identity(all, all) - &gain * jacobian;
+    let covariance = &keep * &prior * keep.transpose() + &gain * &noise * gain.transpose();
     filter.covariance = covariance.view((0, 0), (n, n)).into_owned();
-    filter.shift(&place.rows(0, n).into_owned());
-    round
+    filter.shift(&shift.rows(0, n).into_owned());
 }

@@ -3,7 +3,7 @@
 use super::bodies::{chains, limb_of, walker};
 use super::support::{body, model, plain, CHAIN, SCULLER};
 use oarlock::body::Body;
-use oarlock::estimate::System;
+use oarlock::estimate::FastSystem;
 
 const ALL: [&str; 3] = ["gyro_bias", "accel_bias", "surge"];
 

@@ -3,11 +3,12 @@
 use crate::support;
 
 mod least_squares;
+mod oscillator;
 mod system;
 
 use nalgebra::{DMatrix, DVector};
 use oarlock::estimate::belief::Belief;
-use oarlock::estimate::filter::{Filter, Gate, Groups, Info, Manner, Sighting};
+use oarlock::estimate::filter::{Filter, Gate, Info, Measurement, RowGroups, UpdateSettings};
 use oarlock::estimate::learn::Learning;
 use oarlock::estimate::sigma::Spread;
 use oarlock::estimate::smoother::Smoother;
@@ -20,7 +21,7 @@ use system::{dense, matrix, start, Linear, ROWS, STATES};
 /// costs some digits more.
 const SAME_SIGMA: f64 = 1e-10;
 
-const OPEN: Manner = Manner {
+const OPEN: UpdateSettings = UpdateSettings {
     spread: Spread { alpha: 0.3, beta: 2.0, kappa: 0.0 },
     gate: Gate { on: false, slack: 1.0, patience_s: 1.0, strict_patience_s: 1.0 },
     learning: Learning { memory_s: f64::INFINITY },
@@ -51,7 +52,7 @@ fn samples(count: usize, seed: u64) -> Vec<Sample> {
     (0..count).map(one).collect()
 }
 
-type Make = fn(&Linear, &Groups) -> Filter<Linear>;
+type Make = fn(&Linear, &RowGroups) -> Filter<Linear>;
 
 /// The filter's way over the samples: per step the transition, the prediction and what came of it.
 struct Way {
@@ -65,14 +66,15 @@ fn filtered(system: &Linear, samples: &[Sample]) -> Way {
 
 fn filtered_by(make: Make, system: &Linear, samples: &[Sample]) -> Way {
     let groups =
-        Groups { parts: vec![0..2, 2..ROWS], sources: vec![0..2, 2..ROWS], inertial: vec![0, 1], rough: vec![] };
+        RowGroups { parts: vec![0..2, 2..ROWS], sources: vec![0..2, 2..ROWS], inertial: vec![0, 1], rough: vec![] };
     let mut filter = make(system, &groups);
     let mut info = Info::new(&groups, ROWS);
     let mut belief = start();
     let mut update = |filter: &mut Filter<Linear>, belief: &mut Belief, z: &[f64]| {
         let (std, no, level) = (system.noise_std, [false; 2], [None; 2]);
-        let sighting = Sighting { z, std: &std, barred: &no, strict: &no, slants: &level, groups: &groups };
-        filter.update(system, &(), belief, sighting, OPEN, &mut info).unwrap();
+        let measured =
+            Measurement { z, std: &std, excluded: &no, strict: &no, direction_tests: &level, groups: &groups };
+        filter.update(system, &(), belief, measured, OPEN, &mut info).unwrap();
     };
     update(&mut filter, &mut belief, &samples[0].z);
     let first = belief.clone();
@@ -129,8 +131,7 @@ fn apart(ours: &Belief, mean: &DVector<f64>, covariance: &DMatrix<f64>) -> f64 {
 #[test]
 fn every_filter_is_kalmans() {
     assert_is_kalmans("unscented", Filter::new);
-    assert_is_kalmans("extended", |system, groups| Filter::extended(system, groups, 1));
-    assert_is_kalmans("iterated", |system, groups| Filter::extended(system, groups, 3));
+    assert_is_kalmans("extended", Filter::extended);
 }
 
 fn assert_is_kalmans(what: &str, make: Make) {

@@ -3,10 +3,10 @@
 use super::support;
 use nalgebra::{DMatrix, DVector};
 use oarlock::estimate::belief::Belief;
-use oarlock::estimate::dense::Square;
 use oarlock::estimate::transition::{Block, Transition};
-use oarlock::estimate::{Partition, Points, System};
-use oarlock::lane::{Lane, Real};
+use oarlock::estimate::{FastSystem, Partition, Points, System};
+use oarlock::kernels::dense::Square;
+use oarlock::kernels::lane::{Lane, Real};
 
 pub const STATES: usize = 5;
 pub const ROWS: usize = 4;
@@ -85,10 +85,6 @@ impl System for Linear {
         out.blocks.extend([drawn, driven, Block::walk(4, 0.01 * t)]);
     }
 
-    fn input_std(&self) -> &[f64] {
-        &[]
-    }
-
     fn linearise(&self, _: &(), _: &mut (), mean: &[f64], center: &mut [f64], jacobian: &mut [f64]) {
         for (r, center) in center.iter_mut().enumerate() {
             let terms = self.readings[r].iter().zip(mean);
@@ -104,6 +100,8 @@ impl System for Linear {
         }
     }
 }
+
+impl FastSystem for Linear {}
 
 /// F, offset and Q over `dt`.
 pub fn dense(system: &Linear, dt: f64) -> (DMatrix<f64>, DVector<f64>, DMatrix<f64>) {
@@ -127,7 +125,7 @@ pub fn start() -> Belief {
         mean: vec![0.4, -0.3, 0.2, 1.0, 0.5],
         covariance,
         drive: vec![1.0],
-        habit: vec![1.0; 2],
+        usual_nis: vec![1.0; 2],
         inflation: 1.0,
         surprise: 1.0,
         roughness: 1.0,

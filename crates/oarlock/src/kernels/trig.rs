@@ -2,6 +2,7 @@
 //!
 //! The angle is brought within an eighth of a turn of a multiple of a quarter turn, which is subtracted in three parts whose
 //! products are exact (Cody and Waite 1980); there Taylor's series end below rounding.
+#![allow(clippy::needless_range_loop)] // several arrays go in step
 
 use super::arch::madd;
 use std::f64::consts::FRAC_2_PI;
@@ -81,7 +82,7 @@ fn near_zero<const FUSED: bool>(r: f64) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::super::arch::{Arch, Kernel};
-    use super::super::LANES;
+    use super::super::lane::LANES;
     use super::*;
 
     struct Of([f64; LANES]);

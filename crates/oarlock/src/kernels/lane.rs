@@ -1,11 +1,8 @@
 //! One number or eight side by side: the kinematics run on either.
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
-pub mod arch;
-pub mod four;
-mod trig;
-
-use arch::madd;
+use super::arch::madd;
+use super::trig;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 /// What the kinematics need of a number.

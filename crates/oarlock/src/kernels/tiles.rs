@@ -5,11 +5,11 @@
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
 use super::dense::{NotPositive, Square};
-use crate::lane::arch::{with_hand, Arch, Kernel};
-use crate::lane::four::{Four, Hand, Part, Tile};
+use crate::kernels::arch::{with_simd, Arch, Kernel};
+use crate::kernels::registers::{F64x4, Part, Simd, Tile};
 use std::ops::Range;
 
-pub use crate::lane::four::VECTOR;
+pub use crate::kernels::registers::VECTOR;
 
 /// The next multiple of a vector's length.
 pub fn padded(n: usize) -> usize {
@@ -97,27 +97,27 @@ impl Panel {
 
     /// Puts a tile at (i, j).
     #[inline(always)]
-    pub(super) fn put<F: Four, const R: usize, const V: usize>(
+    pub(super) fn put<F: F64x4, const R: usize, const V: usize>(
         &mut self,
-        hand: Hand<F>,
+        simd: Simd<F>,
         tile: Tile<F, R, V>,
         i: usize,
         j: usize,
     ) {
-        hand.store(tile, &mut self.data, i * self.stride + j, self.stride);
+        simd.store(tile, &mut self.data, i * self.stride + j, self.stride);
     }
 
     /// Puts four rows, each times its scale and from column `at` on, as four columns into the rows from `i` on.
     #[inline(always)]
-    pub fn put_turned<F: Four>(
+    pub fn put_turned<F: F64x4>(
         &mut self,
-        hand: Hand<F>,
+        simd: Simd<F>,
         [i, j]: [usize; 2],
         rows: [&[f64]; 4],
         at: usize,
         scale: [f64; 4],
     ) {
-        hand.turn(rows, scale, at, &mut self.data, i * self.stride + j, self.stride);
+        simd.turn(rows, scale, at, &mut self.data, i * self.stride + j, self.stride);
     }
 
     /// Takes over the upper triangle.
@@ -219,21 +219,21 @@ impl Kernel for Factoring<'_> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) -> Self::Output {
-        with_hand!(FUSED, |hand| self.factor(hand))
+        with_simd!(FUSED, |simd| self.factor(simd))
     }
 }
 
 impl Factoring<'_> {
     #[inline(always)]
-    fn factor<F: Four>(self, hand: Hand<F>) -> Result<(), NotPositive> {
+    fn factor<F: F64x4>(self, simd: Simd<F>) -> Result<(), NotPositive> {
         let (a, sweep) = (self.a, self.sweep);
-        let mut corner = open(hand, a, 0, sweep)?;
+        let mut corner = open(simd, a, 0, sweep)?;
         for first in (0..sweep.n).step_by(VECTOR) {
             let next = match sweep.n - first {
-                1 => factor_rows::<F, 1>(hand, a, first, sweep, &corner)?,
-                2 => factor_rows::<F, 2>(hand, a, first, sweep, &corner)?,
-                3 => factor_rows::<F, 3>(hand, a, first, sweep, &corner)?,
-                _ => factor_rows::<F, 4>(hand, a, first, sweep, &corner)?,
+                1 => factor_rows::<F, 1>(simd, a, first, sweep, &corner)?,
+                2 => factor_rows::<F, 2>(simd, a, first, sweep, &corner)?,
+                3 => factor_rows::<F, 3>(simd, a, first, sweep, &corner)?,
+                _ => factor_rows::<F, 4>(simd, a, first, sweep, &corner)?,
             };
             match next {
                 Some(next) => corner = next,
@@ -246,27 +246,27 @@ impl Factoring<'_> {
 
 /// The corner of the rows from `first` on, of which all rows above are done.
 #[inline(always)]
-fn open<F: Four>(hand: Hand<F>, a: &mut Panel, first: usize, sweep: Sweep) -> Result<Corner, NotPositive> {
+fn open<F: F64x4>(simd: Simd<F>, a: &mut Panel, first: usize, sweep: Sweep) -> Result<Corner, NotPositive> {
     match sweep.n - first {
-        1 => open_rows::<F, 1>(hand, a, first, sweep),
-        2 => open_rows::<F, 2>(hand, a, first, sweep),
-        3 => open_rows::<F, 3>(hand, a, first, sweep),
-        _ => open_rows::<F, 4>(hand, a, first, sweep),
+        1 => open_rows::<F, 1>(simd, a, first, sweep),
+        2 => open_rows::<F, 2>(simd, a, first, sweep),
+        3 => open_rows::<F, 3>(simd, a, first, sweep),
+        _ => open_rows::<F, 4>(simd, a, first, sweep),
     }
 }
 
 #[inline(always)]
-fn open_rows<F: Four, const R: usize>(
-    hand: Hand<F>,
+fn open_rows<F: F64x4, const R: usize>(
+    simd: Simd<F>,
     a: &mut Panel,
     first: usize,
     sweep: Sweep,
 ) -> Result<Corner, NotPositive> {
     // Rows above that hold nothing in these columns take nothing away.
     let own = least(sweep.starts, first, 1).min(first);
-    let tile: Tile<F, R, 1> = hand.load(a.part(first, first));
-    let tile = hand.multiply::<true, R, 1>(tile, a.part(own, first), a.part(own, first), first - own);
-    a.put(hand, tile, first, first);
+    let tile: Tile<F, R, 1> = simd.load(a.part(first, first));
+    let tile = simd.multiply::<true, R, 1>(tile, a.part(own, first), a.part(own, first), first - own);
+    a.put(simd, tile, first, first);
     let upper = |i: usize, j: usize| match (i < R, j < R) {
         (true, true) if i <= j => a.at(first + i, first + j),
         _ => f64::from(i == j),
@@ -280,8 +280,8 @@ const UNIT: [[f64; VECTOR]; VECTOR] =
 
 /// The corner of the next rows is opened as soon as it can be: what waits for it there, waits beside the rest of these.
 #[inline(always)]
-fn factor_rows<F: Four, const R: usize>(
-    hand: Hand<F>,
+fn factor_rows<F: F64x4, const R: usize>(
+    simd: Simd<F>,
     a: &mut Panel,
     first: usize,
     sweep: Sweep,
@@ -290,23 +290,23 @@ fn factor_rows<F: Four, const R: usize>(
     let own = least(sweep.starts, first, 1).min(first);
     if own == first && corner.u == UNIT {
         let more = R == VECTOR && first + VECTOR < sweep.n;
-        return if more { open(hand, a, first + VECTOR, sweep).map(Some) } else { Ok(None) };
+        return if more { open(simd, a, first + VECTOR, sweep).map(Some) } else { Ok(None) };
     }
     let row = Row { first, own, sweep, corner };
     if R < VECTOR {
         // Columns to the right may share the last vector.
-        let tile: Tile<F, R, 1> = hand.load(a.part(first, first));
-        a.put(hand, hand.substitute(tile, &corner.unit, &corner.inverse), first, first);
+        let tile: Tile<F, R, 1> = simd.load(a.part(first, first));
+        a.put(simd, simd.substitute(tile, &corner.unit, &corner.inverse), first, first);
     }
     for (r, u) in corner.u.iter().enumerate().take(R) {
         a.row_mut(first + r)[first..][..R].copy_from_slice(&u[..R]);
     }
     let (near, mut next) = ((first + 3 * VECTOR).min(sweep.width), None);
-    over_columns!(first + VECTOR..near, |j, V| { row.substitute::<F, R, V>(hand, a, j) });
+    over_columns!(first + VECTOR..near, |j, V| { row.substitute::<F, R, V>(simd, a, j) });
     if R == VECTOR && first + VECTOR < sweep.n {
-        next = Some(open(hand, a, first + VECTOR, sweep)?);
+        next = Some(open(simd, a, first + VECTOR, sweep)?);
     }
-    over_columns!(near..sweep.width, |j, V| { row.substitute::<F, R, V>(hand, a, j) });
+    over_columns!(near..sweep.width, |j, V| { row.substitute::<F, R, V>(simd, a, j) });
     Ok(next)
 }
 
@@ -320,13 +320,13 @@ struct Row<'a> {
 
 impl Row<'_> {
     #[inline(always)]
-    fn substitute<F: Four, const R: usize, const V: usize>(&self, hand: Hand<F>, a: &mut Panel, j: usize) {
+    fn substitute<F: F64x4, const R: usize, const V: usize>(&self, simd: Simd<F>, a: &mut Panel, j: usize) {
         let (first, start) = (self.first, least(self.sweep.starts, j, V));
         if start < first + R {
             let start = start.max(self.own).min(first);
-            let tile: Tile<F, R, V> = hand.load(a.part(first, j));
-            let tile = hand.multiply::<true, R, V>(tile, a.part(start, first), a.part(start, j), first - start);
-            a.put(hand, hand.substitute(tile, &self.corner.unit, &self.corner.inverse), first, j);
+            let tile: Tile<F, R, V> = simd.load(a.part(first, j));
+            let tile = simd.multiply::<true, R, V>(tile, a.part(start, first), a.part(start, j), first - start);
+            a.put(simd, simd.substitute(tile, &self.corner.unit, &self.corner.inverse), first, j);
         }
     }
 }
@@ -369,34 +369,34 @@ impl Kernel for Multiplying<'_> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        with_hand!(FUSED, |hand| self.multiply(hand))
+        with_simd!(FUSED, |simd| self.multiply(simd))
     }
 }
 
 impl Multiplying<'_> {
     #[inline(always)]
-    fn multiply<F: Four>(mut self, hand: Hand<F>) {
+    fn multiply<F: F64x4>(mut self, simd: Simd<F>) {
         let whole = self.n / VECTOR * VECTOR;
         for first in (0..whole).step_by(VECTOR) {
-            self.rows::<F, 4>(hand, first);
+            self.rows::<F, 4>(simd, first);
         }
         match self.n - whole {
-            3 => self.rows::<F, 3>(hand, whole),
-            2 => self.rows::<F, 2>(hand, whole),
-            1 => self.rows::<F, 1>(hand, whole),
+            3 => self.rows::<F, 3>(simd, whole),
+            2 => self.rows::<F, 2>(simd, whole),
+            1 => self.rows::<F, 1>(simd, whole),
             _ => {}
         }
     }
 
     #[inline(always)]
-    fn rows<F: Four, const R: usize>(&mut self, hand: Hand<F>, first: usize) {
+    fn rows<F: F64x4, const R: usize>(&mut self, simd: Simd<F>, first: usize) {
         let (g, own) = (&self.g, self.g.start(first, 1));
         over_columns!(first..self.width, |j, V| {
             let start = g.start(j, V).max(own);
-            let tile: Tile<F, R, V> = if self.fresh { hand.zero() } else { hand.load(self.out.part(first, j)) };
+            let tile: Tile<F, R, V> = if self.fresh { simd.zero() } else { simd.load(self.out.part(first, j)) };
             let from = |column: usize| g.panel.part(start, g.column + column);
-            let tile = hand.multiply::<false, R, V>(tile, from(first), from(j), g.rows.end - start);
-            self.out.put(hand, tile, first, j);
+            let tile = simd.multiply::<false, R, V>(tile, from(first), from(j), g.rows.end - start);
+            self.out.put(simd, tile, first, j);
         });
     }
 }
@@ -418,9 +418,9 @@ impl Kernel for Finding<'_> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        with_hand!(FUSED, |hand| {
+        with_simd!(FUSED, |simd| {
             for (start, column) in self.starts.iter_mut().zip(self.columns.step_by(VECTOR)) {
-                *start = hand.empty_rows(self.panel.part(0, column), self.rows);
+                *start = simd.empty_rows(self.panel.part(0, column), self.rows);
             }
         })
     }

@@ -56,7 +56,7 @@ impl Square {
 
     /// Different rows.
     #[inline(always)]
-    pub(super) fn rows_mut<const COUNT: usize>(&mut self, index: [usize; COUNT]) -> [&mut [f64]; COUNT] {
+    pub(crate) fn rows_mut<const COUNT: usize>(&mut self, index: [usize; COUNT]) -> [&mut [f64]; COUNT] {
         let n = self.n;
         self.data.get_disjoint_mut(index.map(|i| i * n..(i + 1) * n)).expect("different rows")
     }

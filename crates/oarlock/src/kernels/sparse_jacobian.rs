@@ -2,9 +2,8 @@
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
 use super::tiles::{padded, Panel, VECTOR};
-use super::transition::Block;
-use crate::lane::arch::with_hand;
-use crate::lane::four::{Four, Hand, Part, Tile};
+use crate::kernels::arch::with_simd;
+use crate::kernels::registers::{F64x4, Part, Simd, Tile};
 use std::ops::Range;
 
 /// How three rows answer to a state.
@@ -18,7 +17,7 @@ pub struct Slope {
 
 /// Up to three neighbouring rows that answer to the same states.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Trio {
+pub struct RowTriple {
     /// The first.
     pub row: usize,
     /// How many there are.
@@ -31,11 +30,11 @@ pub struct Trio {
 
 /// Derivatives of readings where they are not zero.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Straight {
+pub struct SparseJacobian {
     /// Of the state.
     pub n: usize,
     /// Rows that have any.
-    pub trios: Vec<Trio>,
+    pub triples: Vec<RowTriple>,
     /// From the last state to the first in every trio.
     pub slopes: Vec<Slope>,
 }
@@ -43,27 +42,27 @@ pub struct Straight {
 /// Columns that are worked off together.
 const BLOCK: usize = 2 * VECTOR;
 
-impl Straight {
+impl SparseJacobian {
     /// Adds some rows that answer to `states`, the last state first; the numbers themselves come later.
     pub fn push(&mut self, row: usize, count: usize, states: &[usize], added: Option<usize>) {
         let first = self.slopes.len();
         self.slopes.extend(states.iter().map(|&state| Slope { state, rows: [0.0; VECTOR] }));
-        self.trios.push(Trio { row, count, slopes: first..self.slopes.len(), added });
+        self.triples.push(RowTriple { row, count, slopes: first..self.slopes.len(), added });
     }
 
     /// Slopes of some rows.
     #[inline(always)]
-    pub fn rows_of(&mut self, trio: usize) -> &mut [Slope] {
-        &mut self.slopes[self.trios[trio].slopes.clone()]
+    pub fn rows_of(&mut self, triple: usize) -> &mut [Slope] {
+        &mut self.slopes[self.triples[triple].slopes.clone()]
     }
 
     /// Adds the slopes of some rows to a Jacobian that has them all.
-    pub fn scatter(&self, trio: usize, width: usize, jacobian: &mut [f64]) {
-        let trio = &self.trios[trio];
-        for i in 0..trio.count {
-            let row = &mut jacobian[(trio.row + i) * width..(trio.row + i + 1) * width];
-            self.slopes[trio.slopes.clone()].iter().for_each(|s| row[s.state] += s.rows[i]);
-            if let Some(first) = trio.added {
+    pub fn scatter(&self, triple: usize, width: usize, jacobian: &mut [f64]) {
+        let triple = &self.triples[triple];
+        for i in 0..triple.count {
+            let row = &mut jacobian[(triple.row + i) * width..(triple.row + i + 1) * width];
+            self.slopes[triple.slopes.clone()].iter().for_each(|s| row[s.state] += s.rows[i]);
+            if let Some(first) = triple.added {
                 row[first + i] += 1.0;
             }
         }
@@ -71,34 +70,12 @@ impl Straight {
 
     /// Columns behind those of the states, which are inputs.
     pub fn inputs(&self, asked: &[bool], count: usize, even: &mut Panel) {
-        for trio in &self.trios {
-            for i in (0..trio.count).filter(|i| asked[trio.row + i]) {
-                let row = &mut even.row_mut(trio.row + i)[..count];
+        for triple in &self.triples {
+            for i in (0..triple.count).filter(|i| asked[triple.row + i]) {
+                let row = &mut even.row_mut(triple.row + i)[..count];
                 row.fill(0.0);
-                let slopes = self.slopes[trio.slopes.clone()].iter();
+                let slopes = self.slopes[triple.slopes.clone()].iter();
                 slopes.take_while(|s| s.state >= self.n).for_each(|s| row[s.state - self.n] += s.rows[i]);
-            }
-        }
-    }
-
-    /// J becomes J B with B of these blocks, all of whose states or none a row answers to.
-    pub fn carry(&mut self, blocks: &[Block]) {
-        for b in blocks {
-            for trio in &self.trios {
-                let slopes = &mut self.slopes[trio.slopes.clone()];
-                let mut old = [[0.0; VECTOR]; 3];
-                for slope in slopes.iter_mut() {
-                    if let Some(r) = (0..b.len).find(|&r| b.index[r] == slope.state) {
-                        (0..VECTOR).for_each(|k| old[r][k] += slope.rows[k]);
-                        slope.rows = [0.0; VECTOR];
-                    }
-                }
-                for c in 0..b.len {
-                    let Some(slope) = slopes.iter_mut().find(|s| s.state == b.index[c]) else { continue };
-                    for k in 0..VECTOR {
-                        slope.rows[k] = (0..b.len).map(|r| b.factor[r][c] * old[r][k]).sum();
-                    }
-                }
             }
         }
     }
@@ -107,45 +84,45 @@ impl Straight {
     /// is overwritten.
     #[inline(always)]
     pub fn times<const FUSED: bool>(&self, turned: &Panel, count: usize, asked: &[bool], odd: &mut Panel) {
-        with_hand!(FUSED, |hand| self.multiply(hand, turned, count, asked, odd));
+        with_simd!(FUSED, |simd| self.multiply(simd, turned, count, asked, odd));
     }
 
     #[inline(always)]
-    fn multiply<F: Four>(&self, hand: Hand<F>, turned: &Panel, count: usize, asked: &[bool], odd: &mut Panel) {
+    fn multiply<F: F64x4>(&self, simd: Simd<F>, turned: &Panel, count: usize, asked: &[bool], odd: &mut Panel) {
         let width = padded(count);
-        for trio in &self.trios {
-            if !asked[trio.rows()].contains(&true) {
+        for triple in &self.triples {
+            if !asked[triple.rows()].contains(&true) {
                 continue;
             }
-            let slopes = &self.slopes[trio.slopes.clone()];
+            let slopes = &self.slopes[triple.slopes.clone()];
             for at in (0..width).step_by(BLOCK) {
                 if at + BLOCK <= width {
-                    trio.columns::<F, 2>(hand, slopes, (turned, self.n), at, odd);
+                    triple.columns::<F, 2>(simd, slopes, (turned, self.n), at, odd);
                 } else {
-                    trio.columns::<F, 1>(hand, slopes, (turned, self.n), at, odd);
+                    triple.columns::<F, 1>(simd, slopes, (turned, self.n), at, odd);
                 }
             }
         }
     }
 }
 
-impl Trio {
+impl RowTriple {
     fn rows(&self) -> Range<usize> {
         self.row..self.row + self.count
     }
 
     #[inline(always)]
-    fn columns<F: Four, const V: usize>(
+    fn columns<F: F64x4, const V: usize>(
         &self,
-        hand: Hand<F>,
+        simd: Simd<F>,
         slopes: &[Slope],
         (turned, n): (&Panel, usize),
         at: usize,
         odd: &mut Panel,
     ) {
         let mut sums: Tile<F, 3, V> = match self.added {
-            Some(first) => hand.load(turned.part(first, at)),
-            None => hand.zero(),
+            Some(first) => simd.load(turned.part(first, at)),
+            None => simd.zero(),
         };
         // Column c holds numbers in the rows from n - 1 - c on.
         let first = n.saturating_sub(at + V * VECTOR);
@@ -154,12 +131,12 @@ impl Trio {
                 break;
             }
             let rows = Part { data: &slope.rows, from: 0, stride: 0 };
-            sums = hand.multiply::<false, 3, V>(sums, rows, turned.part(slope.state, at), 1);
+            sums = simd.multiply::<false, 3, V>(sums, rows, turned.part(slope.state, at), 1);
         }
         match (self.count, sums) {
-            (1, [a, ..]) => odd.put::<F, 1, V>(hand, [a], self.row, at),
-            (2, [a, b, _]) => odd.put::<F, 2, V>(hand, [a, b], self.row, at),
-            (_, all) => odd.put::<F, 3, V>(hand, all, self.row, at),
+            (1, [a, ..]) => odd.put::<F, 1, V>(simd, [a], self.row, at),
+            (2, [a, b, _]) => odd.put::<F, 2, V>(simd, [a, b], self.row, at),
+            (_, all) => odd.put::<F, 3, V>(simd, all, self.row, at),
         }
     }
 }
@@ -177,7 +154,7 @@ pub fn turn(factor: &Panel, n: usize, turned: &mut Panel) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lane::arch::{Arch, Kernel};
+    use crate::kernels::arch::{Arch, Kernel};
 
     /// Of sums of ten numbers of about one.
     const ROUNDING: f64 = 1e-14;
@@ -187,7 +164,7 @@ mod tests {
         (1.7 * i as f64 + 0.9 * j as f64 * j as f64).sin()
     }
 
-    struct Times<'a>(&'a Straight, &'a Panel, usize, &'a mut Panel);
+    struct Times<'a>(&'a SparseJacobian, &'a Panel, usize, &'a mut Panel);
 
     impl Kernel for Times<'_> {
         type Output = ();
@@ -199,8 +176,8 @@ mod tests {
     }
 
     /// Three rows that answer to some states, an addition and an input, and one row that answers to one state twice.
-    fn some() -> Straight {
-        let mut straight = Straight { n: STATES, ..Straight::default() };
+    fn some() -> SparseJacobian {
+        let mut straight = SparseJacobian { n: STATES, ..SparseJacobian::default() };
         straight.push(0, 3, &[STATES, 9, 6, 2, 0], Some(4));
         straight.push(3, 1, &[5, 5], None);
         for (k, slope) in straight.slopes.iter_mut().enumerate() {
@@ -217,7 +194,7 @@ mod tests {
         turn(&factor, STATES, &mut turned);
         let width = STATES + 1;
         let mut jacobian = vec![0.0; 4 * width];
-        (0..2).for_each(|trio| straight.scatter(trio, width, &mut jacobian));
+        (0..2).for_each(|triple| straight.scatter(triple, width, &mut jacobian));
         for arch in [Arch::PORTABLE, Arch::best()] {
             let mut odd = Panel::zeros(4, padded(STATES));
             arch.run(Times(&straight, &turned, STATES, &mut odd));
@@ -235,22 +212,5 @@ mod tests {
         let (straight, mut even) = (some(), Panel::zeros(4, VECTOR));
         straight.inputs(&[true; 4], 1, &mut even);
         assert_eq!([0, 1, 2, 3].map(|r| even.at(r, 0)), [number(0, 1), number(0, 2), number(0, 3), 0.0]);
-    }
-
-    #[test]
-    fn a_turned_tangent_space_mixes_columns() {
-        let mut straight = some();
-        let mix = [[0.0, 1.0, 0.5], [2.0, 0.0, 0.0], [0.0, -1.0, 1.0]];
-        straight.carry(&[Block::linear([2, 6, 9], mix)]);
-        let (before, after) = (some().slopes, straight.slopes);
-        // States 2, 6 and 9 are slopes 3, 2 and 1.
-        for k in 0..3 {
-            let old = [3, 2, 1].map(|s| before[s].rows[k]);
-            for c in 0..3 {
-                let wanted: f64 = (0..3).map(|r| mix[r][c] * old[r]).sum();
-                assert!((after[3 - c].rows[k] - wanted).abs() < ROUNDING);
-            }
-        }
-        assert_eq!((after[0], after[4], after[5]), (before[0], before[4], before[5]));
     }
 }

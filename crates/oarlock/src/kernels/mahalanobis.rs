@@ -1,13 +1,16 @@
-//! Which readings are believed: innovation tests, part by part.
+//! Squared Mahalanobis distances y' S^-1 y of four small vectors side by side, for the innovation tests of a filter.
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
-use super::dense::Square;
-use crate::lane::arch::{madd, Arch, Kernel};
-use crate::lane::four::VECTOR;
+use crate::kernels::arch::{madd, Arch, Kernel};
+use crate::kernels::dense::Square;
+use crate::kernels::registers::VECTOR;
 
-/// Rows that are tested together.
+/// Most rows of one vector.
+pub const MAX_ROWS: usize = 16;
+
+/// A vector and the block of a matrix that is its covariance.
 #[derive(Debug, Clone, Copy)]
-pub struct Test<'a> {
+pub struct InnovationBlock<'a> {
     /// S, read in its upper triangle.
     pub covariance: &'a Square,
     /// Its row that belongs to the first of `y`.
@@ -20,11 +23,11 @@ pub struct Test<'a> {
 
 /// Normalised innovation squared y' S^-1 y of four tests side by side; NaN where the matrix is not positive definite: a reading
 /// is not a number.
-pub fn nis(arch: Arch, tests: &[Test; VECTOR]) -> [f64; VECTOR] {
+pub fn nis(arch: Arch, tests: &[InnovationBlock; VECTOR]) -> [f64; VECTOR] {
     arch.run(SideBySide(tests))
 }
 
-struct SideBySide<'a>(&'a [Test<'a>; VECTOR]);
+struct SideBySide<'a>(&'a [InnovationBlock<'a>; VECTOR]);
 
 impl Kernel for SideBySide<'_> {
     type Output = [f64; VECTOR];
@@ -109,20 +112,6 @@ impl SideBySide<'_> {
     }
 }
 
-/// Most rows that a source may have.
-pub const MAX_ROWS: usize = 16;
-
-/// Upper quantiles of chi-square at 1e-6 for 1 to 16 degrees of freedom.
-const THRESHOLDS: [f64; MAX_ROWS] = [
-    23.928, 27.631, 30.665, 33.377, 35.888, 38.258, 40.522, 42.701, 44.811, 46.863, 48.866, 50.825, 52.747, 54.635,
-    56.493, 58.324,
-];
-
-/// Quantile of the normalised innovation squared of `rows` readings: exceeded once in a million when all is well.
-pub fn threshold(rows: usize) -> f64 {
-    THRESHOLDS[rows.clamp(1, MAX_ROWS) - 1]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -140,7 +129,7 @@ mod tests {
     }
 
     /// With a library's inverse.
-    fn plainly(test: &Test) -> f64 {
+    fn plainly(test: &InnovationBlock) -> f64 {
         let used: Vec<usize> = (0..test.y.len()).filter(|&i| test.used[i]).collect();
         let at = |i: usize, j: usize| {
             let (i, j) = (test.first + used[i.min(j)], test.first + used[i.max(j)]);
@@ -157,7 +146,7 @@ mod tests {
         const USED: [bool; 12] = [true, true, false, true, true, true, true, true, false, true, true, true];
         const ALL: [bool; 12] = [true; 12];
         for most in [1usize, 3, 6, 9, 12] {
-            let test = |first: usize, len: usize, used: &'static [bool; 12]| Test {
+            let test = |first: usize, len: usize, used: &'static [bool; 12]| InnovationBlock {
                 covariance: &s,
                 first,
                 y: &y[..len],
@@ -183,7 +172,8 @@ mod tests {
         *bad.at_mut(1, 1) = -1.0;
         *worse.at_mut(0, 0) = f64::NAN;
         let y = [1.0, 2.0, 3.0];
-        let tests = [&good, &bad, &worse, &good].map(|s| Test { covariance: s, first: 0, y: &y, used: &[true; 3] });
+        let tests =
+            [&good, &bad, &worse, &good].map(|s| InnovationBlock { covariance: s, first: 0, y: &y, used: &[true; 3] });
         let [a, b, c, d] = nis(Arch::best(), &tests);
         assert!(b.is_nan() && c.is_nan());
         assert!((a - plainly(&tests[0])).abs() < ROUNDING && a == d);

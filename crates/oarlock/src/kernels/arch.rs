@@ -74,22 +74,22 @@ pub fn madd<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {
 }
 
 /// Runs `$body` with the hand that fits `$fused`.
-macro_rules! with_hand {
-    ($fused:expr, |$hand:ident| $body:expr) => {{
+macro_rules! with_simd {
+    ($fused:expr, |$simd:ident| $body:expr) => {{
         #[cfg(target_arch = "x86_64")]
         if $fused {
-            let $hand = $crate::lane::four::Hand::<$crate::lane::four::Fused>::ready();
+            let $simd = $crate::kernels::registers::Simd::<$crate::kernels::registers::Fused>::ready();
             $body
         } else {
-            let $hand = $crate::lane::four::Hand::<$crate::lane::four::Plain>::ready();
+            let $simd = $crate::kernels::registers::Simd::<$crate::kernels::registers::Plain>::ready();
             $body
         }
         #[cfg(not(target_arch = "x86_64"))]
         {
             let _ = $fused;
-            let $hand = $crate::lane::four::Hand::<$crate::lane::four::Plain>::ready();
+            let $simd = $crate::kernels::registers::Simd::<$crate::kernels::registers::Plain>::ready();
             $body
         }
     }};
 }
-pub(crate) use with_hand;
+pub(crate) use with_simd;

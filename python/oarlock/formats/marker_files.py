@@ -1,4 +1,4 @@
-"""Marker trajectories from and into files: C3D, TRC, CSV, and the exports of Vicon Nexus and Qualisys."""
+"""Marker trajectories from files: C3D, TRC, CSV, and the exports of Vicon Nexus and Qualisys."""
 
 from __future__ import annotations
 
@@ -9,10 +9,13 @@ from pathlib import Path
 from numpy.typing import ArrayLike
 
 from oarlock.evaluation.markers.trajectories import Markers, NamedAxes
-from oarlock.formats.units import LENGTH, plain_unit, unknown_unit_text
+from oarlock.formats.c3d import read_c3d
+from oarlock.formats.marker_csv import read_marker_csv
+from oarlock.formats.trc import read_trc
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 from oarlock.storage.suggest import did_you_mean
+from oarlock.storage.units import LENGTH, plain_unit, unknown_unit_text
 
 ENDINGS = (".c3d", ".trc", ".csv", ".tsv", ".txt")
 
@@ -49,43 +52,13 @@ def load_markers(
     return chosen if axes is None else chosen.turned(axes)
 
 
-def save_markers(markers: Markers, path: str | PathLike[str]) -> None:
-    """Write a `.trc` or `.csv` file in m; what is read back is equal to the last bit.
-
-    Raises:
-        DataError: another ending, or the file cannot be written.
-    """
-    file = Path(path)
-    ending = file.suffix.lower()
-    if ending == ".trc":
-        from oarlock.formats.trc import trc_text
-
-        text = trc_text(markers, file)
-    elif ending == ".csv":
-        from oarlock.formats.marker_csv import csv_text
-
-        text = csv_text(markers, file)
-    else:
-        raise DataError(f"{file}: markers are written as .trc or .csv")
-    try:
-        file.write_text(text, encoding="utf-8", newline="")
-    except OSError as error:
-        raise DataError(f"{file}: cannot be written ({error.strerror})") from error
-
-
 def _read(file: Path, unit: str | None) -> Markers:
     ending = file.suffix.lower()
     if ending == ".c3d":
-        from oarlock.formats.c3d import read_c3d
-
         return read_c3d(file, unit)
     if ending == ".trc":
-        from oarlock.formats.trc import read_trc
-
         return read_trc(file, unit)
     if ending in ENDINGS:
-        from oarlock.formats.marker_csv import read_marker_csv
-
         return read_marker_csv(file, unit)
     raise DataError(f'{file}: markers are not read from "{ending}" files. Known: {", ".join(ENDINGS)}.')
 

@@ -2,11 +2,11 @@
 
 use super::dense::Square;
 use super::tiles::{factor, gram, padded, Panel, Rows, Sweep, VECTOR};
-use crate::lane::arch::Arch;
+use crate::kernels::arch::Arch;
 
 /// J'WJ, J'Wr and r'Wr over all rows, those of a prior included, and room for those of one sample.
 #[derive(Debug, Clone)]
-pub struct Normal {
+pub struct NormalEquations {
     arch: Arch,
     n: usize,
     /// [J | r], each row divided by its noise.
@@ -21,11 +21,11 @@ pub struct Normal {
     pub cost: f64,
 }
 
-impl Normal {
+impl NormalEquations {
     /// Room for `n` unknowns and so many rows at a time.
     pub fn new(n: usize, rows: usize) -> Self {
         let width = padded(n) + VECTOR;
-        Normal {
+        NormalEquations {
             arch: Arch::best(),
             n,
             rows: Panel::zeros(rows, width),
@@ -144,7 +144,7 @@ mod tests {
 
     #[test]
     fn a_line_through_points_and_a_prior_is_where_the_squares_are_least() {
-        let mut normal = Normal::new(2, 2);
+        let mut normal = NormalEquations::new(2, 2);
         let prior = Square::from_rows(2, vec![0.25, 0.0, 0.0, 1.0]).unwrap();
         let away = [1.0, -1.0];
         normal.begin(&prior, &away);

@@ -17,7 +17,7 @@ pub const VECTOR: usize = 4;
 ///
 /// # Safety
 /// Only a [`Hand`] may use one: its making has asked the processor.
-pub unsafe trait Four: Copy {
+pub unsafe trait F64x4: Copy {
     /// Whether this machine has it.
     fn is_here() -> bool;
     /// All the same.
@@ -45,7 +45,7 @@ pub unsafe trait Four: Copy {
 pub struct Plain([f64; VECTOR]);
 
 // SAFETY: plain numbers are everywhere.
-unsafe impl Four for Plain {
+unsafe impl F64x4 for Plain {
     #[inline(always)]
     fn is_here() -> bool {
         true
@@ -95,7 +95,7 @@ pub struct Fused(__m256d);
 
 #[cfg(target_arch = "x86_64")]
 // SAFETY: a hand is only made where `is_here`.
-unsafe impl Four for Fused {
+unsafe impl F64x4 for Fused {
     #[inline(always)]
     fn is_here() -> bool {
         Arch::best() != Arch::PORTABLE
@@ -161,7 +161,7 @@ pub struct Part<'a> {
 
 /// What works on tiles with one kind of register.
 #[derive(Debug, Clone, Copy)]
-pub struct Hand<F>(std::marker::PhantomData<F>);
+pub struct Simd<F>(std::marker::PhantomData<F>);
 
 /// The end of `rows` rows, `stride` apart, of `width` numbers.
 #[inline(always)]
@@ -169,12 +169,12 @@ fn end(from: usize, rows: usize, stride: usize, width: usize) -> usize {
     from + rows.saturating_sub(1) * stride + width
 }
 
-impl<F: Four> Hand<F> {
+impl<F: F64x4> Simd<F> {
     /// Asks the processor.
     #[inline(always)]
     pub fn ready() -> Self {
         assert!(F::is_here(), "this machine lacks these instructions");
-        Hand(std::marker::PhantomData)
+        Simd(std::marker::PhantomData)
     }
 
     /// All zero.
@@ -365,12 +365,12 @@ impl<F: Four> Hand<F> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::arch::{with_hand, Arch, Kernel};
+    use super::super::arch::{with_simd, Arch, Kernel};
     use super::*;
 
     /// Runs a check with each hand that this machine has.
     trait Check {
-        fn check<F: Four>(&self, hand: Hand<F>);
+        fn check<F: F64x4>(&self, simd: Simd<F>);
 
         fn everywhere(&self)
         where
@@ -387,7 +387,7 @@ mod tests {
 
         #[inline(always)]
         fn run<const FUSED: bool>(self) {
-            with_hand!(FUSED, |hand| self.0.check(hand));
+            with_simd!(FUSED, |simd| self.0.check(simd));
         }
     }
 
@@ -398,10 +398,10 @@ mod tests {
     struct Products;
 
     impl Check for Products {
-        fn check<F: Four>(&self, hand: Hand<F>) {
+        fn check<F: F64x4>(&self, simd: Simd<F>) {
             let rows: Vec<Vec<f64>> = (0..6).map(|r| (0..12).map(|k| number(r * 12 + k)).collect()).collect();
             let three = |first: usize| std::array::from_fn(|k| rows[first + k].as_slice());
-            let products = hand.products(three(0), three(3));
+            let products = simd.products(three(0), three(3));
             for i in 0..3 {
                 for j in 0..3 {
                     let plain: f64 = rows[i].iter().zip(&rows[3 + j]).map(|(a, b)| a * b).sum();
@@ -420,19 +420,19 @@ mod tests {
     struct Moving;
 
     impl Check for Moving {
-        fn check<F: Four>(&self, hand: Hand<F>) {
+        fn check<F: F64x4>(&self, simd: Simd<F>) {
             let rows: Vec<Vec<f64>> = (0..4).map(|r| (0..9).map(|k| number(r * 9 + k)).collect()).collect();
             let mut out = vec![0.0; 40];
-            hand.turn(std::array::from_fn(|r| rows[r].as_slice()), [1.0, 2.0, 3.0, 4.0], 5, &mut out, 2, 10);
+            simd.turn(std::array::from_fn(|r| rows[r].as_slice()), [1.0, 2.0, 3.0, 4.0], 5, &mut out, 2, 10);
             for i in 0..4 {
                 for j in 0..4 {
                     assert_eq!(out[2 + 10 * i + j], rows[j][5 + i] * (j + 1) as f64);
                 }
             }
             let mut scaled = [7.0; 9];
-            hand.scale(&rows[0], 2.0, &mut scaled);
+            simd.scale(&rows[0], 2.0, &mut scaled);
             assert_eq!((scaled[7], scaled[8]), (2.0 * rows[0][7], 7.0));
-            hand.copy(&rows[1], &mut scaled);
+            simd.copy(&rows[1], &mut scaled);
             assert_eq!((scaled[0], scaled[7], scaled[8]), (rows[1][0], rows[1][7], 7.0));
         }
     }
@@ -445,12 +445,12 @@ mod tests {
     struct Zeros;
 
     impl Check for Zeros {
-        fn check<F: Four>(&self, hand: Hand<F>) {
+        fn check<F: F64x4>(&self, simd: Simd<F>) {
             for (last, zeros) in [(0.0, 3), (-0.0, 3), (f64::MIN_POSITIVE / 4.0, 2), (f64::NAN, 2)] {
                 let row = [0.0, -0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, last, 0.0, 0.0];
-                assert_eq!(hand.leading_zeros(&row), zeros, "{last}");
+                assert_eq!(simd.leading_zeros(&row), zeros, "{last}");
                 let part = Part { data: &row, from: 0, stride: 4 };
-                assert_eq!(hand.empty_rows(part, 3), zeros, "{last}");
+                assert_eq!(simd.empty_rows(part, 3), zeros, "{last}");
             }
         }
     }
@@ -463,9 +463,9 @@ mod tests {
     struct Beyond;
 
     impl Check for Beyond {
-        fn check<F: Four>(&self, hand: Hand<F>) {
+        fn check<F: F64x4>(&self, simd: Simd<F>) {
             let data = [0.0; 10];
-            let _: Tile<F, 2, 1> = hand.load(Part { data: &data, from: 3, stride: 4 });
+            let _: Tile<F, 2, 1> = simd.load(Part { data: &data, from: 3, stride: 4 });
         }
     }
 
