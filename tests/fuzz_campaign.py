@@ -18,7 +18,7 @@ from hypothesis.strategies import SearchStrategy
 
 from oarlock.storage.errors import DataError, ModelError
 
-EXAMPLES = 60
+EXAMPLES = 25
 EXAMPLES_A_ROUND = 100
 # Of the processor: the slowest of an hour take about two seconds, which a crowded machine may spread over minutes.
 HANG_S = 60
