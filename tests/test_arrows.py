@@ -164,7 +164,7 @@ def within(name: str, module: str) -> bool:
     return name == module or name.startswith(module + ".")
 
 
-def public_names(file: Path = PACKAGE / "__init__.py") -> set[str]:
+def public_names(file: Path = PACKAGE / "__init__.pyi") -> set[str]:
     tree = ast.parse(file.read_text(encoding="utf-8"))
     for node in tree.body:
         if isinstance(node, ast.Assign | ast.AnnAssign):

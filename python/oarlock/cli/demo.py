@@ -57,7 +57,6 @@ def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
     app.command(
         "demo",
-        short_help="Track a simulated sculler and a real pendulum.",
         epilog=example("oarlock demo", "oarlock demo --out here", "oarlock demo --json"),
     )(demo)
 

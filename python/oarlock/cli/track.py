@@ -67,7 +67,6 @@ def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
     app.command(
         "track",
-        short_help="Turn a recording into joint angles with uncertainty.",
         epilog=example(
             "oarlock track trial --model sculler --out out",
             "oarlock track trial --model my.toml --set l_ua_r=0.31 --smooth --csv --out out",
