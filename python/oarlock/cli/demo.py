@@ -22,7 +22,7 @@ from oarlock.cli.terminal import (
     table,
     verb,
 )
-from oarlock.cli.track import run_filter, write_folder
+from oarlock.cli.track_folder import run_filter, write_folder
 from oarlock.rowing.simulation import paper
 
 if TYPE_CHECKING:
