@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.stats import chi2
 
+from oarlock.evaluation.consistency import chi2_quantile
 from oarlock.evaluation.scores import SensorScore
 from oarlock.evaluation.tracklike import Floats, InfoLike, TrackLike, info_of
 from oarlock.report import plot
@@ -130,5 +130,5 @@ def _expected(degrees: Floats) -> tuple[Floats, Floats]:
     """Bounds that hold the smoothed NIS of a consistent filter 95 % of the time."""
     distinct, index = np.unique(degrees, return_inverse=True)
     rows = np.maximum(distinct, 1.0)
-    low, high = (np.where(distinct > 0, chi2.ppf(p, rows) / rows, np.nan) for p in (0.025, 0.975))
+    low, high = (np.where(distinct > 0, chi2_quantile(p, rows) / rows, np.nan) for p in (0.025, 0.975))
     return low[index], high[index]
