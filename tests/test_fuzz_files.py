@@ -192,7 +192,7 @@ def test_matlab_files(name, tmp_path):
         for read in MATLAB[name]:
             answered(lambda read=read: read(file))
 
-    campaign(check, byte_wounds)
+    campaign(check, byte_wounds, count=12)
 
 
 READERS = {
