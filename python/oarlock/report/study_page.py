@@ -13,8 +13,8 @@ from oarlock.evaluation.study.result import StudyResult
 from oarlock.evaluation.study.run import MEAN
 from oarlock.evaluation.study.spec import shown
 from oarlock.report import chart
+from oarlock.report.markup import grid, notes_list, table
 from oarlock.report.page import shell
-from oarlock.report.tables import table
 from oarlock.report.text import DASH, breakable, fixed, number, percent, plural
 
 MOST_LINES = 6
@@ -110,7 +110,7 @@ def _charts(summary: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> str:
             for k, (item, unit) in enumerate(items[:MOST_SMALL]):
                 rows = [row for row in summary if row["item"] == item and row["unit"] == unit]
                 drawn.append(_chart(f"{key}-{k}", rows, key, item, unit))
-        blocks.append(f'<h3>{breakable(key)}</h3><div class="grid-figures">{"".join(drawn)}</div>')
+        blocks.append(f"<h3>{breakable(key)}</h3>{grid(drawn)}")
     hint = '<p class="hint">Mean over seeds; tinted: its 95 % interval. Lines are named below the first drawing.</p>'
     return hint + "".join(blocks)
 
@@ -151,10 +151,8 @@ def _intervals(summary: Sequence[Mapping[str, Any]]) -> str:
         drawn.append(chart.interval_chart(rows[:MOST_INTERVALS], f"intervals-{k}", item, unit))
     more = max((sum(r["item"] == MEAN for r in summary) - MOST_INTERVALS, 0))
     hint = f'<p class="hint">The first {MOST_INTERVALS} scenarios; the table has all.</p>' if more else ""
-    first = f'<div class="grid-figures">{"".join(drawn[:1])}</div>'
-    others = f'<div class="grid-figures">{"".join(drawn[1:])}</div>'
-    rest = f"<details><summary>Each joint and frame</summary>{others}</details>"
-    return hint + first + (rest if len(drawn) > 1 else "")
+    rest = f"<details><summary>Each joint and frame</summary>{grid(drawn[1:])}</details>"
+    return hint + grid(drawn[:1]) + (rest if len(drawn) > 1 else "")
 
 
 # --- what was run -------------------------------------------------------------------------------------
@@ -162,11 +160,7 @@ def _intervals(summary: Sequence[Mapping[str, Any]]) -> str:
 
 def failures(result: StudyResult) -> str:
     """A list of the runs that failed, and why."""
-    items = "".join(
-        f"<li>{escape(row['name'])}, seed {row['seed']}: {escape(row['error'])}</li>"
-        for row in result.complaints[:50]
-    )
-    return f'<ul class="notes">{items}</ul>'
+    return notes_list(f"{row['name']}, seed {row['seed']}: {row['error']}" for row in result.complaints[:50])
 
 
 def settings_section(result: StudyResult) -> str:
