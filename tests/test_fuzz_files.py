@@ -160,7 +160,7 @@ def test_c3d(tmp_path):
         file.write_bytes(wounded_bytes(content, harm))
         answered(lambda: oarlock.load_markers(file))
 
-    campaign(check, byte_wounds)
+    campaign(check, byte_wounds, count=30)
 
 
 def matlab_files(folder):

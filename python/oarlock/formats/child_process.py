@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -39,7 +40,11 @@ def arrays_of(kind: Literal["c3d", "mat"], file: Path) -> dict[str, NDArray[Any]
     )
     if done.returncode != 0:
         said = done.stderr.decode(errors="replace").strip().splitlines() if done.returncode == 1 else []
-        why = said[-1] if said else f"its reader ended with status {done.returncode}"
+        why = said[-1] if said else f"its reader {_end(done.returncode)}"
         raise DataError(f"{file}: is no {_NAMES[kind]} file, or is damaged ({why})")
     with np.load(io.BytesIO(done.stdout)) as arrays:
         return dict(arrays)
+
+
+def _end(status: int) -> str:
+    return f"was ended by {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
