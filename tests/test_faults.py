@@ -230,7 +230,7 @@ def test_a_sweep_runs_each_fault_alone_under_every_setting(swung, tmp_path):
     ]
     result = oarlock.study(study, jobs=1)
     assert not result.complaints
-    found = doses(result)
+    found = doses(result.study, result.rows)
     usual = {(d.fault.name if d.fault else "", d.label): d for d in found if d.setting == "default"}
     little, much = usual["unit turned", "1 deg"], usual["unit turned", "20 deg"]
     assert 0.0 < little.cost_deg < much.cost_deg and much.noticed
@@ -276,7 +276,7 @@ def test_what_is_lost_is_counted_and_drags_no_mean():
             ("bad", "20 ms"): [50.0, math.nan, math.nan],
         }
     )
-    found = doses(result)
+    found = doses(result.study, result.rows)
     by_name = {(d.fault.name, d.label): d for d in found if d.fault}
     assert by_name["bad", "10 ms"].median_deg == 2.0 and by_name["bad", "10 ms"].lost == 1
     assert by_name["bad", "20 ms"].lost == 3 and math.isinf(by_name["bad", "20 ms"].median_deg)

@@ -28,7 +28,6 @@ from oarlock.evaluation.markers.attachments import (
     save_attachments,
 )
 from oarlock.evaluation.markers.body_fit import fit_body
-from oarlock.evaluation.markers.files import load_markers
 from oarlock.evaluation.markers.gaps import fill_gaps
 from oarlock.evaluation.markers.inverse_kinematics import inverse_kinematics
 from oarlock.evaluation.markers.low_pass import low_pass
@@ -45,10 +44,12 @@ from oarlock.evaluation.study.sweeps import FaultSweep
 from oarlock.evaluation.study.trial import StudySimulator, StudyTrial
 from oarlock.evaluation.suspects.suspects import Suspect, suspects
 from oarlock.formats.export.export import Export, export
+from oarlock.formats.marker_files import load_markers
 from oarlock.model.load import Base, load_model
 from oarlock.model.shapes import Look, Shape, Strand, Viewpoint
 from oarlock.recording.calibration import Calibration, Clock, EncoderScale, load_calibration
-from oarlock.recording.recording import ImuStream, Recording, ScalarStream, VectorStream, load_recording
+from oarlock.recording.recording import Recording, load_recording
+from oarlock.recording.streams import ImuStream, ScalarStream, VectorStream
 from oarlock.simulation.motion import Motion
 from oarlock.simulation.session import SessionErrors, SessionTrial, simulate_session
 from oarlock.simulation.simulate import simulate
@@ -144,5 +145,5 @@ __all__ = [
 
 
 def _config_from_dict(keys: dict[str, object]) -> Config:
-    """Unpickles a Config."""
-    return Config(**keys)
+    """Unpickle a Config; in one of 0.1.0 that names the iterated filter, `ekf` takes its place."""
+    return Config(**{key: "ekf" if (key, value) == ("filter", "iekf") else value for key, value in keys.items()})

@@ -22,8 +22,7 @@ from oarlock.cli.terminal import (
     table,
     verb,
 )
-from oarlock.evaluation.comparison.estimators import estimators
-from oarlock.evaluation.comparison.estimators import estimator
+from oarlock.evaluation.comparison.estimators import estimator, estimators
 
 if TYPE_CHECKING:
     from oarlock.evaluation.comparison.comparison import Comparison

@@ -175,8 +175,8 @@ def _pendulum(folder: Path) -> Pendulum:
     """Finds the mounts of a real three-link pendulum, tracks it and scores it against the vendor."""
     import oarlock
     from oarlock.evaluation.orientations import angles_from_orientations
-    from oarlock.formats import examples
     from oarlock.formats.apdm import read_apdm, read_apdm_orientations
+    from oarlock.storage import examples
 
     file = examples.path("pendulum") / "imuData01.csv"
     recording = read_apdm(file)

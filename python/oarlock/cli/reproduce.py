@@ -106,8 +106,8 @@ def reproduce(
 def write_reproduction(parts: list[Part], out: Path, seeds: tuple[int, ...], duration_s: float) -> Path:
     """The page, the tables and run.toml; the page's path."""
     from oarlock import __version__
-    from oarlock.evaluation.study.result import write_rows
-    from oarlock.report.reproduction import reproduction_page
+    from oarlock.evaluation.study.rows import write_rows
+    from oarlock.lab.reproduce.page import reproduction_page
     from oarlock.storage.toml import write_toml
 
     for part in parts:

@@ -127,14 +127,14 @@ def _of_faults(result: StudyResult, report: Path) -> dict[str, object]:
     from oarlock.evaluation.study.costs import doses
 
     failed = len(result.failures)
-    rows = [dose.row() for dose in doses(result)]
+    rows = [dose.row() for dose in doses(result.study, result.rows)]
     return {"report": report, "runs": result.study.run_count, "failed": failed, "faults": rows}
 
 
 def _write_faults(result: StudyResult) -> None:
     from oarlock.evaluation.study.costs import doses, ranked
 
-    study, found = result.study, doses(result)
+    study, found = result.study, doses(result.study, result.rows)
     setting = found[0].setting
     heading(
         study.title,

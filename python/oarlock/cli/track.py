@@ -124,7 +124,7 @@ def track(
         typer.Option(
             "--filter",
             metavar="NAME",
-            help="Sigma points (ukf); linearised once, faster (ekf), or until it settles (iekf). To compare with: "
+            help="Sigma points (ukf), or linearised, which is faster (ekf). To compare with: "
             f"one filter per limb (limbs); one per inertial unit, then inverse kinematics "
             f"({', '.join(ORIENTATION_FILTERS)}).",
         ),

@@ -9,7 +9,8 @@ nothing says what it is.
 from os import PathLike
 
 from oarlock.formats.mat import matrix, read_mat, same_length, structure
-from oarlock.recording.recording import ImuStream, Recording
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import time_array
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
@@ -11,10 +10,11 @@ import numpy as np
 
 from oarlock.evaluation.study.result import StudyResult
 from oarlock.evaluation.study.run import MEAN
-from oarlock.evaluation.study.spec import shown
 from oarlock.report import chart
-from oarlock.report.markup import grid, notes_list, table
+from oarlock.report.fault_page import fault_page
+from oarlock.report.markup import grid, table
 from oarlock.report.page import shell
+from oarlock.report.study_sections import failures, settings_section
 from oarlock.report.text import DASH, breakable, fixed, number, percent, plural
 
 MOST_LINES = 6
@@ -26,8 +26,6 @@ def study_page(result: StudyResult) -> str:
     """The whole page as text; works offline, on paper and on a telephone."""
     study = result.study
     if study.faults:
-        from oarlock.report.fault_page import fault_page
-
         return fault_page(result)
     summary = result.summary()
     sections = [("scenarios", "Scenarios", _scenarios(result, summary))]
@@ -153,47 +151,3 @@ def _intervals(summary: Sequence[Mapping[str, Any]]) -> str:
     hint = f'<p class="hint">The first {MOST_INTERVALS} scenarios; the table has all.</p>' if more else ""
     rest = f"<details><summary>Each joint and frame</summary>{grid(drawn[1:])}</details>"
     return hint + grid(drawn[:1]) + (rest if len(drawn) > 1 else "")
-
-
-# --- what was run -------------------------------------------------------------------------------------
-
-
-def failures(result: StudyResult) -> str:
-    """A list of the runs that failed, and why."""
-    return notes_list(f"{row['name']}, seed {row['seed']}: {row['error']}" for row in result.complaints[:50])
-
-
-def settings_section(result: StudyResult) -> str:
-    """Keys with the values that they took, model, simulator and seeds."""
-    study = result.study
-    keys = study.keys
-    rows = []
-    used = (key for scenario in study.expanded() for key in scenario.values)
-    for key in dict.fromkeys([*study.fixed, *study.swept, *used]):
-        values = [scenario.values[key] for scenario in study.expanded() if key in scenario.values]
-        texts = list(dict.fromkeys(shown(value) for value in values))
-        if not texts:
-            continue
-        about = keys[key].about if key in keys else ""
-        rows.append([breakable(key), escape(", ".join(texts)), escape(about)])
-    facts = [
-        ["model", escape(study.model.name), ""],
-        ["simulator", escape(repr(study.simulator)), ""],
-        ["seeds", escape(", ".join(map(str, study.seeds))), ""],
-        ["scored from", f"{study.start_s:g} s on", ""],
-    ]
-    tables = "<code>runs</code>, <code>summary</code>"
-    return table(
-        "settings",
-        "Keys that were set; all others are at their defaults.",
-        ["key", "values", ""],
-        [*facts, *rows],
-    ) + (
-        f'<p class="hint">Tables beside this page, as CSV and Parquet: {tables}; run.toml holds the study.</p>'
-    )
-
-
-def mean_text(row: Mapping[str, Any]) -> str:
-    """`0.123 ± 0.004`."""
-    sd = row["rmse_sd"]
-    return number(row["rmse_mean"]) + (f" ± {number(sd, 2)}" if math.isfinite(sd) else "")

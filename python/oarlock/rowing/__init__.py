@@ -26,8 +26,9 @@ from oarlock.rowing.simulation.stroke_shape import StrokeShape
 from oarlock.rowing.simulation.sweep import SweepShape, sweep_piece, sweeping
 from oarlock.rowing.simulation.timing import StrokeTiming
 from oarlock.rowing.strokes.files import save_strokes
+from oarlock.rowing.strokes.find_strokes import find_strokes
 from oarlock.rowing.strokes.live_strokes import LiveStrokes, StrokeEvent
-from oarlock.rowing.strokes.strokes import Strokes, find_strokes
+from oarlock.rowing.strokes.strokes import Strokes
 from oarlock.rowing.strokes.table import StrokeTable
 
 __all__ = [
