@@ -25,7 +25,6 @@ from .evaluation.markers.attachments import (
     save_attachments,
 )
 from .evaluation.markers.body_fit import fit_body
-from .evaluation.markers.files import load_markers
 from .evaluation.markers.gaps import fill_gaps
 from .evaluation.markers.inverse_kinematics import inverse_kinematics
 from .evaluation.markers.low_pass import low_pass
@@ -42,6 +41,7 @@ from .evaluation.study.sweeps import FaultSweep
 from .evaluation.study.trial import StudySimulator, StudyTrial
 from .evaluation.suspects.suspects import Suspect, suspects
 from .formats.export.export import Export, export
+from .formats.marker_files import load_markers
 from .model.load import Base, load_model
 from .model.shapes import Look, Shape, Strand, Viewpoint
 from .recording.calibration import Calibration, Clock, EncoderScale, load_calibration
