@@ -41,16 +41,16 @@ pub enum Consider {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FilterKind {
-    /// Unscented: readings at sigma points, right to second order.
+    /// Unscented: readings at sigma points, correct to second order.
     Ukf,
-    /// Extended: readings linearised at the mean by their exact Jacobian. About 1.7 times as fast as `ukf`, and as good
-    /// to a few per cent while readings are straight over the spread of the belief, as they are at 100 Hz with loops of some millimetres. It
-    /// takes curvature for information. From 0.5 rad of ignorance its first update is off by more than it says, 1.6 times as far as
-    /// that of `ukf`; with loops of 0.1 mm it goes astray where `ukf` does not.
+    /// Extended: readings linearised at the mean by their exact Jacobian. About 1.7 times as fast as `ukf`, and as accurate to a few per
+    /// cent while readings are nearly linear over the spread of the belief, as at 100 Hz with loops of some millimetres. It neglects
+    /// curvature: with a prior of 0.5 rad its first update is overconfident, 1.6 times as much as that of `ukf`; with loops of 0.1 mm it
+    /// loses the posture where `ukf` does not.
     Ekf,
-    /// Factorised, in the manner of Ruffaldi et al. (2014): small unscented filters along the tree, one for the trunk and one for each
-    /// limb with it, pass messages to each other. What limbs have in common beyond the trunk is dropped after every sample. Nearly as
-    /// good as `ukf`, and cheaper the more limbs there are; the same filter where the tree does not branch.
+    /// Factorised, in the manner of Ruffaldi et al. (2014): one small unscented filter for each limb together with the trunk, which pass
+    /// messages to each other. Correlations between limbs beyond the trunk are dropped after every sample. Nearly as accurate as `ukf`, and
+    /// cheaper the more limbs there are; the same filter where the tree does not branch.
     Factorised,
 }
 

@@ -1,4 +1,6 @@
-//! Sigma-point estimation. Knows states, readings and time, and nothing of bodies or sensors.
+//! The filter, the smoother and the start fit, for any system of states and readings; `body` and `track` use them. No bodies or sensors.
+//!
+//! What is estimated is a [`System`]; [`FastSystem`] adds what makes its updates cheaper.
 
 pub mod belief;
 pub mod clique;
@@ -17,10 +19,10 @@ use crate::kernels::sparse_jacobian::SparseJacobian;
 use split::Split;
 use transition::{Block, Transition};
 
-/// How the state is ordered: what is linear where decides which sigma points need a twin.
+/// Order of the state: where readings are linear, no sigma points are needed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Partition {
-    /// First block: whatever moves a frame or turns a reading. Readings are curved in it.
+    /// First block: whatever moves a frame or turns a reading. Readings are nonlinear in it.
     pub pose: usize,
     /// Second block: rates. Readings are quadratic in them.
     pub rate: usize,
@@ -34,25 +36,25 @@ impl Partition {
         self.pose + self.rate + self.linear
     }
 
-    /// How many columns need a plus and a minus point.
+    /// Number of states in which readings are nonlinear.
     pub fn curved(&self) -> usize {
         self.pose + self.rate
     }
 }
 
-/// Eight states side by side, around one mean.
+/// Eight states in the lanes, given by their differences from one mean.
 #[derive(Debug, Clone, Copy)]
 pub struct Points<'a> {
-    /// In the middle.
+    /// The mean.
     pub mean: &'a [f64],
-    /// From there, in the tangent space.
+    /// Difference of each point from the mean, in the tangent space.
     pub delta: &'a [Lane],
-    /// How far every input is off what the moment says.
+    /// Error of every noisy input.
     pub off: &'a [Lane],
 }
 
 impl Points<'_> {
-    /// A coordinate that simply adds.
+    /// Coordinate `i` of all points; not for coordinates on a manifold.
     #[inline(always)]
     pub fn at(&self, i: usize) -> Lane {
         let mean = self.mean[i];
@@ -60,23 +62,23 @@ impl Points<'_> {
     }
 }
 
-/// Of which states a reading is which function.
+/// How a reading depends on the blocks of the state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Dependence {
-    /// Of poses alone.
+    /// Function of poses alone.
     Pose,
     /// Affine in rates and in the linear block, at fixed poses.
     Affine,
-    /// Of everything.
+    /// Nonlinear in poses, quadratic in rates, linear in the rest.
     Full,
 }
 
-/// In what some points may differ from the mean.
+/// In which states and inputs some points differ from the mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PerturbedStates {
-    /// In states from this one on.
+    /// States from this one on.
     pub from: usize,
-    /// In inputs.
+    /// Inputs too.
     pub inputs: bool,
 }
 
@@ -128,7 +130,7 @@ pub trait System {
     fn difference(&self, to: &[f64], from: &[f64], out: &mut [f64]) {
         out.iter_mut().zip(to.iter().zip(from)).for_each(|(o, (t, f))| *o = t - f);
     }
-    /// Jacobian of the change of tangent space when the mean moves by `delta`, in blocks by which a covariance is carried along.
+    /// Jacobian of the change of tangent space when the mean moves by `delta`, in blocks: a covariance P becomes J P J' (P3).
     fn reset_jacobian(&self, _delta: &[f64], _out: &mut Vec<Block>) {}
 }
 
@@ -147,7 +149,7 @@ pub trait FastSystem: System {
     fn dependence(&self, _row: usize) -> Dependence {
         Dependence::Full
     }
-    /// h(x) at the mean, in the first lane; may keep intermediate results for `readings_near` and what follows it.
+    /// h(x) at the mean, in the first lane; may keep intermediate results for the methods below.
     #[inline(always)]
     fn readings_at_mean<const FUSED: bool>(
         &self,
@@ -158,7 +160,7 @@ pub trait FastSystem: System {
     ) {
         self.readings(moment, scratch, at, out);
     }
-    /// h(x) for points that differ from the mean of the last `settle` only as `vary` says.
+    /// h(x) for points that differ from the mean of the last `readings_at_mean` only as `perturbed` says.
     #[inline(always)]
     fn readings_near_mean<const FUSED: bool>(
         &self,
@@ -171,16 +173,16 @@ pub trait FastSystem: System {
         let _ = perturbed;
         self.readings(moment, scratch, at, out);
     }
-    /// Pattern of the Jacobian by rates and linear block, if `straighten` computes it; sigma points are spread there otherwise.
-    /// Rows of [`Depth::Pose`] are no part of it.
+    /// Pattern of the Jacobian by rates and linear block, if `linear_jacobian` computes it; sigma points are used there otherwise.
+    /// Rows of [`Dependence::Pose`] are no part of it.
     fn linear_pattern(&self) -> Option<SparseJacobian> {
         None
     }
-    /// Fills in that Jacobian, at the mean of the last `settle`.
+    /// Fills in that Jacobian, at the mean of the last `readings_at_mean`.
     #[inline(always)]
     fn linear_jacobian<const FUSED: bool>(&self, _: &Self::Moment, _: &mut Self::Scratch, _: &mut SparseJacobian) {}
-    /// Second-order term of a change `delta` of the rates alone, for each row of [`Depth::Full`], at the mean of the last `settle`.
-    /// Needed where `straight` is given.
+    /// Second-order term of a change `delta` of the rates alone, for each row of [`Dependence::Full`], at the mean of the last
+    /// `readings_at_mean`. Needed where `linear_pattern` is given.
     #[inline(always)]
     fn second_order<const FUSED: bool>(
         &self,
@@ -190,7 +192,7 @@ pub trait FastSystem: System {
         _out: &mut [Lane],
     ) {
     }
-    /// Pattern of the whole Jacobian, inputs behind the states, if `linearise_into` computes it.
+    /// Pattern of the whole Jacobian, inputs behind the states, if `linearise_sparse` computes it.
     fn jacobian_pattern(&self) -> Option<SparseJacobian> {
         None
     }

@@ -1,25 +1,25 @@
-//! Some states of a system and the readings that depend on no others, seen as a system of its own.
+//! Some states of a system and the readings that depend on no others, as a system of its own; for the factorised filter.
 
 use super::transition::Transition;
 use super::{Dependence, FastSystem, Partition, PerturbedStates, Points, System};
 use crate::kernels::lane::{Lane, LANES};
 use crate::kernels::sparse_jacobian::SparseJacobian;
 
-/// Which states, and where their derivatives stand.
+/// Core and one limb: their states, rows and derivatives.
 #[derive(Debug, Clone)]
 pub struct Clique {
-    /// In the order of the whole.
+    /// States, in the order of the whole system.
     pub states: Vec<usize>,
-    /// Of every row of the whole: whether it is read here.
+    /// Per row of the whole: whether it belongs to this clique.
     pub rows: Vec<bool>,
     part: Partition,
     straight: Option<SparseJacobian>,
-    /// Of every slope, its number in the whole's.
+    /// Per slope: its number in the pattern of the whole.
     slopes: Vec<usize>,
 }
 
 impl Clique {
-    /// Of `states`, on which nothing but `rows` depends; states are in order.
+    /// `states` in order, on which only `rows` depend.
     pub fn new<S: FastSystem>(system: &S, states: Vec<usize>, rows: Vec<bool>) -> Self {
         let whole = system.partition();
         let count = |end: usize| states.iter().take_while(|&&s| s < end).count();
@@ -40,33 +40,33 @@ impl Clique {
         Clique { states, rows, part, straight, slopes }
     }
 
-    /// These coordinates of the whole.
+    /// Picks the states of the clique out of a vector of the whole.
     pub fn gather(&self, whole: &[f64], out: &mut [f64]) {
         out.iter_mut().zip(&self.states).for_each(|(o, &s)| *o = whole[s]);
     }
 }
 
-/// A system of which one clique may vary, the rest being as it is in the room's mean.
+/// A system in which only one clique varies; the other states are those of the scratch's mean.
 #[derive(Debug)]
 pub struct CliqueSystem<'a, S: FastSystem> {
     /// The whole.
     pub system: &'a S,
-    /// What varies.
+    /// The states that vary.
     pub clique: &'a Clique,
 }
 
-/// Room for the whole.
+/// Workspace, for any clique of a system.
 #[derive(Debug, Clone)]
 pub struct CliqueScratch<C> {
     inner: C,
-    /// Of the whole; whoever looks has filled in what does not vary.
+    /// Mean of the whole; the caller fills in the states outside the clique.
     pub mean: Vec<f64>,
     delta: Vec<Lane>,
     straight: Option<SparseJacobian>,
 }
 
 impl<C> CliqueScratch<C> {
-    /// For any clique of `system`.
+    /// Workspace for `system`.
     pub fn new<S: FastSystem<Scratch = C>>(system: &S) -> Self {
         let n = system.partition().dim();
         CliqueScratch {
@@ -87,7 +87,7 @@ impl<S: FastSystem> CliqueSystem<'_, S> {
     }
 }
 
-/// To be looked at: moving is the whole's business.
+/// For updates only: the whole system predicts, so there is no transition and no dense Jacobian.
 impl<S: FastSystem> System for CliqueSystem<'_, S> {
     type Moment = S::Moment;
     type Scratch = CliqueScratch<S::Scratch>;

@@ -1,39 +1,39 @@
-//! Learning from the innovations how strongly the state is driven and how large innovations usually are.
+//! Learning of noise from innovations, for the filter: process noise, measurement noise and the usual size of innovations.
 //!
-//! When all is well, the squared correction of a coordinate is on average the variance that the update took away
-//! (covariance matching; Mehra 1972). Where corrections are larger, the driving noise was too small, and the other way
-//! round. The pace is set by that share of the coordinate's variance which is fresh and which the readings tell.
+//! In a consistent filter the squared correction of a coordinate is on average the variance that the update removed (covariance matching;
+//! Mehra 1972). Larger corrections mean that the process noise was too small. The pace is set by the share of the variance that is new since
+//! the last update and observed by the readings.
 
-/// How noise is learnt.
+/// Settings of the learning.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Learning {
-    /// Time over which it forgets, s; infinite learns nothing.
+    /// Time constant, s; infinite learns nothing.
     pub memory_s: f64,
 }
 
-/// A single surprise counts as at most this many times the expected one: a jolt is no habit. A Gaussian exceeds it (3.7
-/// standard deviations) twice in ten thousand.
+/// Largest ratio of a squared innovation to its expectation that counts: one jolt must not teach much. A Gaussian exceeds it (3.7 standard
+/// deviations) twice in ten thousand.
 const LARGEST_RATIO: f64 = 14.0;
-/// Squared innovations this many times as large as expected, on average, are no chance.
+/// Mean squared innovations this many times as large as expected are not chance.
 const OUT_OF_PROPORTION: f64 = 3.0;
 /// Range of the factor on the variance.
 const RANGE: (f64, f64) = (0.1, 1e4);
 
-/// What one update did to one driven coordinate.
+/// Correction of one driven coordinate by one update.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Correction {
-    /// What it added.
+    /// Change of the mean.
     pub shift: f64,
     /// Variance before.
     pub before: f64,
     /// Variance after.
     pub after: f64,
-    /// Variance that the driving noise had added since the last update.
+    /// Variance added by process noise since the last update.
     pub fresh: f64,
 }
 
 impl Learning {
-    /// The factor on the driving variance behind an update `dt` seconds after the last.
+    /// New factor on the process noise, after an update `dt` seconds after the last.
     pub fn drive(&self, drive: f64, dt: f64, c: Correction) -> f64 {
         let taken = c.before - c.after;
         if !(taken > 0.0 && c.fresh > 0.0) {
@@ -44,14 +44,14 @@ impl Learning {
         (drive * (self.rate(dt) * share * (ratio - 1.0)).exp()).clamp(RANGE.0, RANGE.1)
     }
 
-    /// The usual size of a part's innovation, as a factor on what is expected of it, behind one more innovation.
+    /// New usual NIS of a part, per row, after one more innovation with this ratio of NIS to rows.
     pub fn usual_nis(&self, usual_nis: f64, dt: f64, ratio: f64) -> f64 {
         let ratio = ratio.min(LARGEST_RATIO * usual_nis.max(1.0));
         usual_nis + self.rate(dt) * (ratio - usual_nis)
     }
 
-    /// How much larger noise is than the model says, behind one more innovation. It sets in only where innovations are
-    /// usually out of all proportion, and never says that a sensor is better than the model says.
+    /// New factor on the measurement noise, after one more innovation. It rises only where innovations are usually far too large, and is never
+    /// below 1.
     pub fn inflation(&self, inflation: f64, usual: f64, dt: f64, ratio: f64) -> f64 {
         if inflation == 1.0 && usual < OUT_OF_PROPORTION {
             return 1.0;

@@ -1,18 +1,19 @@
-//! Rauch-Tung-Striebel smoother (Rauch, Tung and Striebel 1965), one step back at a time. Allocates nothing after it is made.
+//! Rauch-Tung-Striebel smoother (1965), one step back at a time, for `track::run`. Allocates nothing after it is made.
 //!
-//! With P the covariance at k, Pp = F P F' + Q the predicted one at k + 1 and Pn = X'X the smoothed one there, one sweep gives
-//!
-//! ```text
-//! Pp = U'U    G = U'^-1 X'    W = U'^-1 F P    s = U'^-1 (how far the smoothed mean lies from the predicted one)
-//! ```
-//!
-//! and with them, for the gain K = P F' Pp^-1 = W' U'^-1, what the smoother adds to the mean and makes of the covariance:
+//! Equations S1 and S2 of ARCHITECTURE.md. With P the covariance at k, Pp = F P F' + Q the predicted one at k + 1 and Pn = X'X the smoothed
+//! one there, one sweep gives
 //!
 //! ```text
-//! K (xn - xp) = W's        P + K (Pn - Pp) K' = (P - W'W) + Y'Y,    Y = G'W
+//! Pp = U'U    G = U'^-1 X'    W = U'^-1 F P    s = U'^-1 (xn - xp)                      (S1)
 //! ```
 //!
-//! The bracket is what P would be if the next state were known. Both terms keep their sign, and nothing is solved backwards.
+//! and with the gain K = P F' Pp^-1 = W' U'^-1 the corrections are
+//!
+//! ```text
+//! K (xn - xp) = W's        P + K (Pn - Pp) K' = (P - W'W) + Y'Y,    Y = G'W            (S2)
+//! ```
+//!
+//! The bracket is P given that the next state is known. Both terms keep their sign, and there is no backward substitution.
 
 use super::belief::Belief;
 use super::filter::Diverged;
@@ -27,17 +28,17 @@ use crate::kernels::tiles::{factor, gram, padded, Panel, Rows, Sweep, RAISES, VE
 pub struct Smoother {
     arch: Arch,
     n: usize,
-    /// Pn as it is seen from the predicted mean.
+    /// Pn in the tangent space at the predicted mean (P3).
     next: Square,
     /// X, upper triangular.
     x: Panel,
     /// [Pp | X' | F P | step] becomes [U | G | W | s].
     u_g_w_s: Panel,
-    /// Of each vector of its columns, the first row that holds something.
+    /// Per vector of its columns: the first row that is not zero.
     starts: Vec<usize>,
-    /// [G'G | Y]; of the first, whose upper triangle comes along, no use is made.
+    /// [G'G | Y]; G'G is not used.
     y: Panel,
-    /// What P becomes.
+    /// P_s.
     covariance: Panel,
     zeros: Vec<usize>,
     step: Vec<f64>,
@@ -47,7 +48,7 @@ pub struct Smoother {
 }
 
 impl Smoother {
-    /// Room for `n` states.
+    /// Workspace for `n` states.
     pub fn new(n: usize) -> Self {
         let width = padded(n);
         let own = |v: usize| if (width..2 * width).contains(&(v * VECTOR)) { v * VECTOR - width } else { 0 };
@@ -68,14 +69,14 @@ impl Smoother {
         }
     }
 
-    /// Uses these instructions instead of the machine's best; to compare.
+    /// Sets the instruction set, for comparisons.
     #[doc(hidden)]
     pub fn use_arch(&mut self, arch: Arch) {
         self.arch = arch;
     }
 
-    /// Turns `filtered` (at k) into the smoothed belief at k, given how it moved to `predicted` (at k + 1) and the
-    /// smoothed belief `next` at k + 1.
+    /// Turns `filtered` (at k) into the smoothed belief at k, given the transition to `predicted` (at k + 1) and the smoothed belief `next`
+    /// at k + 1.
     pub fn back<S: System>(
         &mut self,
         system: &S,
@@ -95,7 +96,7 @@ impl Smoother {
         Ok(())
     }
 
-    /// X with X'X = Pn, seen from the predicted mean.
+    /// X of S1.
     fn take_next<S: System>(&mut self, system: &S, next: &Belief) -> Result<(), Diverged> {
         self.shift.iter_mut().zip(&self.step).for_each(|(back, x)| *back = -*x);
         self.reset.clear();
@@ -105,13 +106,14 @@ impl Smoother {
         let sweep = Sweep { n: self.n, width: padded(self.n), starts: &self.zeros };
         self.x.copy_upper(&self.next);
         if factor(self.arch, &mut self.x, sweep).is_err() {
-            // Nothing divides by X, so a direction in which nothing is left to know may be nought in it.
+            // Nothing divides by X, so a direction without variance may be zero in it.
             semidefinite_factor(&mut self.next).map_err(broken)?;
             self.x.copy_upper(&self.next);
         }
         Ok(())
     }
 
+    /// S1.
     fn factorise(&mut self, filtered: &Square, transition: &Transition, predicted: &Square) -> Result<(), Diverged> {
         let (arch, n) = (self.arch, self.n);
         let mut done = Ok(());
@@ -127,7 +129,7 @@ impl Smoother {
         done
     }
 
-    /// Behind the sweep: W's into `shift`, and (P - W'W) + Y'Y in the place of P.
+    /// S2: W's into `shift`, P_s in the place of P.
     fn add_squares(&mut self, covariance: &mut Square) {
         let (arch, n, width) = (self.arch, self.n, padded(self.n));
         let own = &self.starts[width / VECTOR..];
@@ -151,7 +153,7 @@ fn broken(e: NotPositive) -> Diverged {
     Diverged { what: format!("smoothing met a covariance without sign (state {}, pivot {:.2e})", e.row, e.pivot) }
 }
 
-/// Fills in all but the first part of the sweep.
+/// Fills in [X' | F P | xn - xp].
 struct Filling<'a> {
     smoother: &'a mut Smoother,
     filtered: &'a Square,
@@ -212,7 +214,7 @@ fn move_rows<const FUSED: bool>(block: &Block, panel: &mut Panel, column: usize,
     }
 }
 
-/// W's into the shift; P - W'W.
+/// W's into the shift, and P - W'W (S2).
 struct Subtracting<'a> {
     smoother: &'a mut Smoother,
     from: &'a Square,

@@ -1,19 +1,19 @@
-//! How a state falls apart: a core, and limbs that have nothing to do with each other but through it.
+//! Core and limbs of a state, for the factorised filter: limbs are coupled through the core only.
 
-/// States of a core and of the limbs that hang on it, and whose every reading is.
+/// States of the core and of each limb, and the limb of each reading.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Split {
-    /// In order.
+    /// States of the core, in order.
     pub core: Vec<usize>,
-    /// Of each limb, in order; none, or two and more.
+    /// States of each limb, in order; no limbs, or at least two.
     pub limbs: Vec<Vec<usize>>,
-    /// Of every row of the measurement vector: the limb on which it depends beside the core.
+    /// Per row of the measurement vector: the limb on which it depends beside the core.
     pub row_limbs: Vec<Option<usize>>,
 }
 
 impl Split {
-    /// From the limb of every state, if it is not in the core, and the states on which each row depends. Limbs that meet in a row are
-    /// one, for it ties them together: a closed loop does. A single limb is no limb.
+    /// From the limb of every state (`None` in the core) and the states on which each row depends. Limbs that share a row, such as that of a
+    /// closed loop, are merged. A single limb counts as none.
     pub fn new(limb_of: &[Option<usize>], rows: &[Vec<usize>]) -> Self {
         let mut labels = limb_of.to_vec();
         for states in rows {
@@ -45,7 +45,7 @@ impl Split {
         }
     }
 
-    /// All of `n` states in the core.
+    /// All states in the core.
     pub fn whole(n: usize, rows: usize) -> Self {
         Split { core: (0..n).collect(), limbs: Vec::new(), row_limbs: vec![None; rows] }
     }

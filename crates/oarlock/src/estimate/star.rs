@@ -1,13 +1,13 @@
-//! A covariance in which limbs have something in common only by what each shares with the core.
+//! Covariance of core and limbs for the factorised filter: given the core, limbs are uncorrelated.
 //!
-//! With P0 the core's covariance, a limb is c = B' x0 + what the core does not tell, whose covariance is C:
+//! With P0 the covariance of the core, a limb is its regression on the core, B' x0, and a residual of covariance C:
 //!
 //! ```text
 //! B = P0^-1 P0c    C = Pcc - P0c' B        P0c = P0 B    Pcc = C + B' P0 B    Pcd = B' P0 D
 //! ```
 //!
-//! Whatever becomes of the core, B and C stay: they are the limb's message to the core and the core's to the limb. Of all beliefs
-//! that know of limbs only through the core, this is the nearest to one with the same P0, P0c and Pcc (Lauritzen 1996, section 5.2).
+//! B and C do not change when the core is updated. Of all Gaussians with this structure it is the nearest to the given one: it has the same
+//! P0, P0c and Pcc (Lauritzen 1996, section 5.2).
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
 use super::split::Split;
@@ -17,7 +17,7 @@ use crate::kernels::dense::{accumulate, NotPositive, Square};
 use crate::kernels::tiles::{factor, padded, Panel, Sweep, RAISES};
 use nalgebra::Matrix3;
 
-/// How a limb answers to the core.
+/// Regression of a limb on the core.
 #[derive(Debug, Clone)]
 struct Limb {
     states: Vec<usize>,
@@ -27,7 +27,7 @@ struct Limb {
     rest: Square,
     /// P0 B.
     cross: Vec<f64>,
-    /// Room for a row of any limb.
+    /// Workspace: one row of any limb.
     row: Vec<f64>,
 }
 
@@ -43,7 +43,7 @@ pub struct Star {
     zeros: Vec<usize>,
 }
 
-/// Where core and limb stand in a matrix.
+/// Positions of core and limb in a matrix.
 #[derive(Debug, Clone, Copy)]
 pub struct Places<'a> {
     /// The core's states.
@@ -53,7 +53,7 @@ pub struct Places<'a> {
 }
 
 impl Star {
-    /// Room for these.
+    /// Workspace for this split.
     pub fn new(split: &Split) -> Self {
         let core = split.core.len();
         let widest = split.limbs.iter().map(Vec::len).max().unwrap_or(0);
@@ -74,8 +74,8 @@ impl Star {
         }
     }
 
-    /// Takes in a covariance of all states, but for the first limb, which is the first to be looked at, and what limbs have in
-    /// common beyond the core.
+    /// Takes a covariance of all states apart, without the first limb, whose stage comes first and needs no regression. Drops correlations
+    /// between limbs beyond the core.
     pub fn open(&mut self, arch: Arch, p: &Square) -> Result<(), NotPositive> {
         let core = std::mem::take(&mut self.core);
         self.take_center(p, &core);
@@ -89,19 +89,19 @@ impl Star {
         done
     }
 
-    /// Takes in what is new of the core.
+    /// Takes the covariance of the core.
     pub fn take_center(&mut self, p: &Square, at: &[usize]) {
         for (i, &row) in at.iter().enumerate() {
             at.iter().enumerate().for_each(|(j, &column)| *self.center.at_mut(i, j) = p.at(row, column));
         }
     }
 
-    /// Takes in how limb `k` answers to the core, whose covariance is the newest.
+    /// Regression of limb `k` on the core, whose covariance was taken last.
     pub fn take_limb(&mut self, arch: Arch, k: usize, p: &Square, at: Places) -> Result<(), NotPositive> {
         let (n, column) = (at.core.len(), padded(at.core.len()));
         let width = column + padded(at.limb.len());
         let mut done = Ok(());
-        // Without a core there is nothing to divide by.
+        // An empty core has no factor.
         for share in RAISES.into_iter().filter(|_| n > 0) {
             for (i, &row) in at.core.iter().enumerate() {
                 let (from, right) = (p.row(row), &mut self.sweep.row_mut(i)[column..width]);
@@ -119,7 +119,7 @@ impl Star {
         Ok(())
     }
 
-    /// Covariance of core and limb `k` as they are now.
+    /// Covariance of core and limb `k`.
     pub fn assemble(&mut self, arch: Arch, k: usize, at: Places, out: &mut Square) {
         for (i, &row) in at.core.iter().enumerate() {
             at.core.iter().enumerate().for_each(|(j, &column)| *out.at_mut(row, column) = self.center.at(i, j));
@@ -127,7 +127,7 @@ impl Star {
         arch.run(Assembling { center: &self.center, limb: &mut self.limbs[k], at, out });
     }
 
-    /// Covariance of all states but the last limb's, whose own with the core, `last`, has been looked at last.
+    /// Puts the covariance of all states together, but for the last limb, whose covariance with the core is `last`.
     pub fn close(&mut self, arch: Arch, last: &Square, at: Places, out: &mut Square) {
         let Some(end) = self.limbs.len().checked_sub(1) else { return };
         let width = at.limb.len();
@@ -146,7 +146,7 @@ impl Star {
         }
     }
 
-    /// Where limb `k` goes when the core moves by `step`: into the `shift` of all states.
+    /// Correction of limb `k`, B' `step`, when the core is corrected by `step`; added to the `shift` of all states.
     pub fn follow(&self, k: usize, step: &[f64], shift: &mut [f64]) {
         let limb = &self.limbs[k];
         let rows = limb.slope.chunks(limb.states.len().max(1));
@@ -155,7 +155,7 @@ impl Star {
         }
     }
 
-    /// Sees limb `k` from a mean that has moved, where the tangent space has turned so.
+    /// Transforms limb `k` to the tangent space at a new mean (P3).
     pub fn carry(&mut self, arch: Arch, k: usize, blocks: &[Block]) {
         let limb = &mut self.limbs[k];
         let width = limb.states.len();
@@ -176,13 +176,13 @@ impl Star {
     }
 }
 
-/// Where a block's coordinates stand among these states.
+/// Positions of a block's coordinates among these states.
 pub fn places(states: &[usize], block: &Block) -> Option<[usize; 3]> {
     let found = block.index.map(|i| states.binary_search(&i).ok());
     Some([found[0]?, found[1]?, found[2]?])
 }
 
-/// B answers to a core that is seen as J times as much: it becomes J'^-1 B.
+/// B becomes J'^-1 B when the coordinates of the core are transformed by J.
 fn turn_rows(slope: &mut [f64], width: usize, places: [usize; 3], block: &Block) {
     let inside = |r: usize, c: usize| r < block.len && c < block.len;
     let j = Matrix3::from_fn(|r, c| if inside(r, c) { block.factor[r][c] } else { f64::from(r == c) });
@@ -259,7 +259,7 @@ impl Kernel for Assembling<'_> {
     }
 }
 
-/// A row and the column that is the same.
+/// Writes a row and the column equal to it.
 #[inline(always)]
 fn put(row: &[f64], place: usize, at: &[usize], out: &mut Square) {
     let to = out.row_mut(place);

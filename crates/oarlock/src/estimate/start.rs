@@ -1,7 +1,6 @@
-//! Where to begin: the state that best explains the first samples, by Levenberg-Marquardt.
+//! Start fit for the tracker: the state that best explains the first samples, by Levenberg-Marquardt.
 //!
-//! Marquardt 1963, with the scaling by the diagonal. Later samples of the window count less by what the state's own
-//! noise may have done in between.
+//! Marquardt 1963, with the scaling by the diagonal. The noise of later samples is enlarged by the process noise since the start.
 
 use super::transition::Transition;
 use super::System;
@@ -9,18 +8,18 @@ use crate::kernels::arch::Arch;
 use crate::kernels::dense::Square;
 use crate::kernels::normal_equations::{inverse, NormalEquations};
 
-/// One sample of the start window.
+/// A sample of the start window.
 #[derive(Debug)]
 pub struct StartSample<'a, M> {
     /// Since the instant whose state is sought, s.
     pub after_s: f64,
-    /// Its inputs.
+    /// Inputs of the sample.
     pub moment: &'a M,
     /// Readings; NaN is missing.
     pub z: &'a [f64],
 }
 
-/// A guess and how far to trust it.
+/// Prior mean and information of the fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prior {
     /// State.
@@ -30,7 +29,7 @@ pub struct Prior {
 }
 
 impl Prior {
-    /// States that know nothing of each other.
+    /// Uncorrelated states with these standard deviations.
     pub fn uncorrelated(mean: Vec<f64>, std: &[f64]) -> Self {
         let mut information = Square::zeros(std.len());
         for (i, s) in std.iter().enumerate() {
@@ -39,28 +38,28 @@ impl Prior {
         Prior { mean, information }
     }
 
-    /// A belief's mean and covariance; `None` if that is not positive definite.
+    /// From mean and covariance; `None` if the covariance is not positive definite.
     pub fn of(mean: &[f64], covariance: &Square) -> Option<Self> {
         Some(Prior { mean: mean.to_vec(), information: inverse(Arch::best(), covariance)? })
     }
 }
 
-/// What came out.
+/// Result of the fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fit {
     /// State at the sought instant.
     pub mean: Vec<f64>,
-    /// After the fit, linearised there.
+    /// Covariance of that state, linearised there.
     pub covariance: Square,
-    /// Sum of squared residuals in standard deviations, the guess's included.
+    /// Sum of squared normalised residuals, the prior's included.
     pub cost: f64,
 }
 
 const MAX_ITERATIONS: usize = 40;
-/// Relative fall of the cost below which the fit has settled.
-const SETTLED: f64 = 1e-6;
+/// Relative decrease of the cost at which the fit has converged.
+const CONVERGED: f64 = 1e-6;
 
-/// A system, its evidence and room to work in.
+/// The fit: a system, its samples, the prior and a workspace.
 pub struct StartFit<'a, S: System> {
     system: &'a S,
     samples: &'a [StartSample<'a, S::Moment>],
@@ -73,12 +72,12 @@ pub struct StartFit<'a, S: System> {
     away: Vec<f64>,
     at: Vec<f64>,
     certain: Vec<f64>,
-    /// The noise counts so many times.
+    /// Factor on the standard deviation of the noise.
     noise_factor: f64,
 }
 
 impl<'a, S: System> StartFit<'a, S> {
-    /// `noise_std` is that of each row, `guess` a prior.
+    /// `noise_std` is the standard deviation of each row.
     pub fn new(
         system: &'a S,
         samples: &'a [StartSample<'a, S::Moment>],
@@ -102,10 +101,10 @@ impl<'a, S: System> StartFit<'a, S> {
         }
     }
 
-    /// As `fit`, with noise that is `blurs` times as large before it is what it is; each fit begins where the last one ended.
+    /// As `fit`, first with noise that is larger by each of `noise_factors` in turn; each fit begins where the last one ended.
     ///
-    /// Graduated non-convexity (Blake and Zisserman 1987). With their own noise readings cut bent, narrow valleys into the cost, in
-    /// which a fit from afar creeps or ends; under blurred ones the guess's prior counts and may lead to the right one.
+    /// Graduated non-convexity (Blake and Zisserman 1987). Precise readings make narrow, curved valleys in the cost, in which a fit from far
+    /// away stops; with larger noise the prior counts and can lead to the right valley.
     pub fn fit_with_decreasing_noise(&mut self, first: &[f64], noise_factors: &[f64]) -> Option<Fit> {
         let mut from = first.to_vec();
         for &noise_factor in noise_factors {
@@ -116,7 +115,7 @@ impl<'a, S: System> StartFit<'a, S> {
         self.fit(&from)
     }
 
-    /// The best state from `first`; `None` if the readings are not numbers there.
+    /// Minimum of the cost, starting from `first`; `None` if the readings there are not finite.
     pub fn fit(&mut self, first: &[f64]) -> Option<Fit> {
         let (n, m) = (first.len(), self.noise_std.len());
         let (mut here, mut there) = (NormalEquations::new(n, m), NormalEquations::new(n, m));
@@ -131,11 +130,11 @@ impl<'a, S: System> StartFit<'a, S> {
             self.system.shift(&mut trial, &step);
             self.linearise(&trial, &mut there);
             if there.cost < here.cost {
-                let settled = here.cost - there.cost <= SETTLED * here.cost;
+                let converged = here.cost - there.cost <= CONVERGED * here.cost;
                 (mean, trial) = (trial, mean);
                 (here, there) = (there, here);
                 damping = (damping * 0.2_f64).max(1e-12);
-                if settled {
+                if converged {
                     break;
                 }
             } else {
@@ -165,7 +164,7 @@ impl<'a, S: System> StartFit<'a, S> {
         self.system.linearise(moment, &mut self.scratch, &self.at, &mut self.center, &mut self.jacobian);
         let (n, width) = (mean.len(), mean.len() + self.system.input_std().len());
         for (r, slopes) in self.jacobian.chunks_exact_mut(width).enumerate() {
-            // Rows that are not there were not written.
+            // The prediction of a missing row is undefined.
             let residual = z[r] - self.center[r];
             if residual.is_nan() {
                 continue;

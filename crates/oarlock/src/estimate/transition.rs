@@ -1,4 +1,4 @@
-//! Exact linear motion of the state over a time step, in blocks of up to three coordinates.
+//! Prediction of mean and covariance over a time step (P1, P2 of ARCHITECTURE.md), in blocks of up to three coordinates; for filter and smoother.
 
 mod covariance;
 
@@ -23,7 +23,7 @@ pub struct Block {
 }
 
 impl Block {
-    /// One coordinate that stays where it is and gathers `variance`.
+    /// One coordinate that is constant but for process noise of this variance.
     pub fn walk(index: usize, variance: f64) -> Self {
         let mut block =
             Block { index: [index; 3], len: 1, factor: [[0.0; 3]; 3], offset: [0.0; 3], noise: [[0.0; 3]; 3] };
@@ -32,7 +32,7 @@ impl Block {
         block
     }
 
-    /// Three coordinates that go through a matrix and gather nothing.
+    /// Three coordinates multiplied by a matrix, without noise.
     pub fn linear(index: [usize; 3], factor: [[f64; 3]; 3]) -> Self {
         Block { index, len: 3, factor, offset: [0.0; 3], noise: [[0.0; 3]; 3] }
     }
@@ -42,12 +42,12 @@ impl Block {
     }
 }
 
-/// A rotation vector on its way: its coordinates go into a chart, move there by their blocks, and come out again.
+/// Prediction of a rotation (P2): its coordinates go into a chart, move there by their blocks, and come out again.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Turning {
     /// Coordinates of the mean in the chart, before it moves.
     pub chart: [f64; 3],
-    /// The mean's rotation vector behind the move.
+    /// Rotation vector of the mean after the step.
     pub value: [f64; 3],
     /// Derivative of the way into the chart.
     pub before: Block,

@@ -1,12 +1,12 @@
-//! Which instructions the hot part of a step may use, found out once.
+//! Choice of the instruction set at run time, for all kernels.
 //!
-//! A kernel is written once. It is compiled for the machine that every build must run on, and again with AVX2 and fused
-//! multiply-adds; whatever it calls is inlined into either. The two differ in the last bits; one process uses one of them.
-#![allow(unsafe_code)] // calling what was compiled for a processor needs a look at the processor, which is here
+//! A kernel is written once and compiled twice: for every machine, and with AVX2 and fused multiply-adds. Whatever it calls is inlined into
+//! both. The two differ in the last bits; a process uses one of them.
+#![allow(unsafe_code)] // code compiled for a processor may be called only after asking the processor, which happens here
 
 use std::sync::OnceLock;
 
-/// Instructions to use.
+/// An instruction set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Arch(Kind);
 
@@ -17,19 +17,19 @@ enum Kind {
     Fused,
 }
 
-/// Something to compute, whose multiply-adds are fused if `FUSED`.
+/// A computation whose multiply-adds are fused if `FUSED`.
 pub trait Kernel {
-    /// What comes out.
+    /// Result.
     type Output;
     /// Computes it; must be `#[inline(always)]`, like all that it calls.
     fn run<const FUSED: bool>(self) -> Self::Output;
 }
 
 impl Arch {
-    /// What every build can use.
+    /// Available on every machine.
     pub const PORTABLE: Arch = Arch(Kind::Portable);
 
-    /// The best that this machine has.
+    /// The best of this machine.
     pub fn best() -> Arch {
         static BEST: OnceLock<Arch> = OnceLock::new();
         *BEST.get_or_init(Self::find)
@@ -46,7 +46,7 @@ impl Arch {
         Arch::PORTABLE
     }
 
-    /// Runs a kernel on these instructions.
+    /// Runs a kernel with this instruction set.
     pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self.0 {
             Kind::Portable => kernel.run::<false>(),
@@ -73,7 +73,7 @@ pub fn madd<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {
     }
 }
 
-/// Runs `$body` with the hand that fits `$fused`.
+/// Runs `$body` with the [`super::registers::Simd`] token that fits `$fused`.
 macro_rules! with_simd {
     ($fused:expr, |$simd:ident| $body:expr) => {{
         #[cfg(target_arch = "x86_64")]

@@ -1,6 +1,4 @@
-//! Dense kernels of the filter. Matrices are square, row-major; factors are upper triangular with A = U'U.
-//!
-//! Each row of a result is built in one place from multiples of other rows, which plain loops turn into vector code.
+//! Square row-major matrices and plain loops over their rows, for covariances. Factors are upper triangular, A = U'U.
 
 /// A square matrix.
 #[derive(Debug, PartialEq)]
@@ -14,7 +12,7 @@ impl Clone for Square {
         Square { n: self.n, data: self.data.clone() }
     }
 
-    /// Into the room that is there.
+    /// Without allocating if the size is the same.
     fn clone_from(&mut self, from: &Self) {
         self.n = from.n;
         self.data.clone_from(&from.data);
@@ -119,8 +117,8 @@ pub struct NotPositive {
     pub pivot: f64,
 }
 
-/// Overwrites the upper triangle of `a` by U with A = U'U. Reads the upper triangle only. Rounding may have left `a` without a sign
-/// in some directions: rows of U whose pivot is not above zero are nought. Refuses only what is no number.
+/// Overwrites the upper triangle of `a` by U with A = U'U. Reads the upper triangle only. Rows of U with a pivot of zero or, by rounding, less
+/// are zero. The only error is a pivot that is not finite.
 pub fn semidefinite_factor(a: &mut Square) -> Result<(), NotPositive> {
     for i in 0..a.n {
         let n = a.n;

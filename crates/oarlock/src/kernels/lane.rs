@@ -1,21 +1,21 @@
-//! One number or eight side by side: the kinematics run on either.
+//! Numbers for the kinematics: one `f64`, or eight in the lanes of vector registers behind the same trait.
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
 use super::arch::madd;
 use super::trig;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
-/// What the kinematics need of a number.
+/// Arithmetic that the kinematics need.
 pub trait Real:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self> + AddAssign
 {
-    /// What fits in one register, if there are more lanes than that.
+    /// As many lanes as fit in one register.
     type Half: Real;
-    /// How many of those make the whole.
+    /// Number of halves.
     const HALVES: usize;
-    /// One of them.
+    /// Reads one half.
     fn half(&self, half: usize) -> Self::Half;
-    /// Puts one of them.
+    /// Writes one half.
     fn set_half(&mut self, half: usize, x: Self::Half);
     /// The same value in every lane.
     fn splat(x: f64) -> Self;
@@ -82,26 +82,26 @@ fn series(t2: f64) -> (f64, f64) {
     (1.0 - t2 / 6.0 * (1.0 - t2 / 20.0 * (1.0 - t2 / 42.0)), 0.5 - t2 / 24.0 * (1.0 - t2 / 30.0 * (1.0 - t2 / 56.0)))
 }
 
-/// How many sigma points run side by side.
+/// Sigma points in one pass.
 pub const LANES: usize = 8;
 
-/// Eight doubles that move together; multiply-adds round once if `FUSED`, which only kernels for such a machine should ask for.
+/// Eight doubles; multiply-adds round once if `FUSED`, for kernels compiled with such instructions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(align(64))]
 pub struct Lane<const FUSED: bool = false>(pub [f64; LANES]);
 
 impl<const FUSED: bool> Lane<FUSED> {
-    /// The same numbers, reckoned with in another way.
+    /// The same numbers for the other instruction set.
     #[inline(always)]
     pub fn cast<const OTHER: bool>(self) -> Lane<OTHER> {
         Lane(self.0)
     }
 }
 
-/// Numbers of a register.
+/// Doubles in one register.
 const HALF: usize = LANES / 2;
 
-/// Half of a lane's numbers, which fit in one register.
+/// Half of a lane, which fits in one register.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(align(32))]
 pub struct Half<const FUSED: bool = false>(pub [f64; HALF]);
@@ -144,7 +144,7 @@ macro_rules! lanewise {
 lanewise!(Lane, LANES, Add, add, +; Sub, sub, -; Mul, mul, *);
 lanewise!(Half, HALF, Add, add, +; Sub, sub, -; Mul, mul, *);
 
-/// What all numbers side by side have in common.
+/// Implementation shared by [`Lane`] and [`Half`].
 macro_rules! lanes_of_reals {
     ($type:ident, $count:ident) => {
         #[inline(always)]

@@ -1,10 +1,10 @@
-//! Normal equations of a fit, gathered from rows of its Jacobian.
+//! Normal equations of a least-squares fit, summed from rows of its Jacobian; for the start fit.
 
 use super::dense::Square;
 use super::tiles::{factor, gram, padded, Panel, Rows, Sweep, VECTOR};
 use crate::kernels::arch::Arch;
 
-/// J'WJ, J'Wr and r'Wr over all rows, those of a prior included, and room for those of one sample.
+/// J'WJ, J'Wr and r'Wr over all rows, the prior's included, with a workspace for the rows of one sample.
 #[derive(Debug, Clone)]
 pub struct NormalEquations {
     arch: Arch,
@@ -22,7 +22,7 @@ pub struct NormalEquations {
 }
 
 impl NormalEquations {
-    /// Room for `n` unknowns and so many rows at a time.
+    /// For `n` unknowns and at most `rows` rows at a time.
     pub fn new(n: usize, rows: usize) -> Self {
         let width = padded(n) + VECTOR;
         NormalEquations {
@@ -37,7 +37,7 @@ impl NormalEquations {
         }
     }
 
-    /// Begins with a prior of this information that lies `away`.
+    /// Starts with a prior of this information whose mean lies `away`.
     pub fn begin(&mut self, information: &Square, away: &[f64]) {
         self.equations.copy_upper(information);
         self.cost = 0.0;
@@ -50,7 +50,7 @@ impl NormalEquations {
         }
     }
 
-    /// A row with the variance of its noise.
+    /// Adds a row; `noise` is its variance.
     pub fn push(&mut self, slopes: &[f64], residual: f64, noise: f64) {
         let weight = 1.0 / noise.sqrt();
         let row = self.rows.row_mut(self.used);
@@ -62,7 +62,7 @@ impl NormalEquations {
         self.used += 1;
     }
 
-    /// Adds up the rows since the last time.
+    /// Adds the rows since the last call to the sums.
     pub fn gather(&mut self) {
         let (n, width) = (self.n, padded(self.n) + VECTOR);
         let rows = Rows { panel: &self.rows, rows: 0..self.used, column: 0, starts: &self.zeros };
@@ -70,7 +70,7 @@ impl NormalEquations {
         self.used = 0;
     }
 
-    /// The step to where the squares are least, with the diagonal raised by a share; false if there is none.
+    /// Step of Levenberg and Marquardt, the diagonal raised by the share `damping`; false if J'WJ is not positive definite.
     pub fn damped_step(&mut self, damping: f64, step: &mut [f64]) -> bool {
         let (n, right) = (self.n, padded(self.n));
         self.solved.copy_rows(&self.equations, n);

@@ -1,6 +1,6 @@
-//! Four doubles that move together in one register.
+//! Tiles of four-number registers, for the kernels in `tiles` and `sparse_jacobian`.
 //!
-//! A [`Hand`] can only be had where its instructions run; all that it does checks its bounds first, once for a whole tile.
+//! A [`Simd`] token can only be made on a machine that has its instructions. Its methods check bounds once for a whole tile.
 #![allow(unsafe_code)] // registers are filled from memory whose bounds were checked once
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 #![allow(clippy::missing_safety_doc)] // said once of the whole trait
@@ -13,18 +13,18 @@ use std::arch::x86_64::*;
 /// Numbers in a register.
 pub const VECTOR: usize = 4;
 
-/// A register of four.
+/// A register of four doubles.
 ///
 /// # Safety
-/// Only a [`Hand`] may use one: its making has asked the processor.
+/// Only a [`Simd`] may use one: it is made after asking the processor.
 pub unsafe trait F64x4: Copy {
-    /// Whether this machine has it.
+    /// Whether this machine has the instructions.
     fn is_here() -> bool;
     /// All the same.
     unsafe fn splat(x: f64) -> Self;
-    /// Four numbers behind `at`.
+    /// Reads four numbers from `at` on.
     unsafe fn load(at: *const f64) -> Self;
-    /// To the place behind `at`.
+    /// Writes four numbers from `at` on.
     unsafe fn store(self, at: *mut f64);
     /// `self + a b`.
     unsafe fn plus(self, a: Self, b: Self) -> Self;
@@ -94,7 +94,7 @@ unsafe impl F64x4 for Plain {
 pub struct Fused(__m256d);
 
 #[cfg(target_arch = "x86_64")]
-// SAFETY: a hand is only made where `is_here`.
+// SAFETY: a `Simd` is only made where `is_here`.
 unsafe impl F64x4 for Fused {
     #[inline(always)]
     fn is_here() -> bool {
@@ -159,7 +159,7 @@ pub struct Part<'a> {
     pub stride: usize,
 }
 
-/// What works on tiles with one kind of register.
+/// Token of an instruction set, with the operations on tiles.
 #[derive(Debug, Clone, Copy)]
 pub struct Simd<F>(std::marker::PhantomData<F>);
 
@@ -170,7 +170,7 @@ fn end(from: usize, rows: usize, stride: usize, width: usize) -> usize {
 }
 
 impl<F: F64x4> Simd<F> {
-    /// Asks the processor.
+    /// Asks the processor; panics if it lacks the instructions.
     #[inline(always)]
     pub fn ready() -> Self {
         assert!(F::is_here(), "this machine lacks these instructions");
@@ -180,7 +180,7 @@ impl<F: F64x4> Simd<F> {
     /// All zero.
     #[inline(always)]
     pub fn zero<const R: usize, const V: usize>(self) -> Tile<F, R, V> {
-        // SAFETY: the hand was made where its instructions run.
+        // SAFETY: the `Simd` was made where its instructions run.
         unsafe { [[F::splat(0.0); V]; R] }
     }
 
@@ -261,7 +261,7 @@ impl<F: F64x4> Simd<F> {
         unit: &[[f64; VECTOR]; VECTOR],
         scale: &[f64; VECTOR],
     ) -> Tile<F, R, V> {
-        // SAFETY: the hand was made where its instructions run.
+        // SAFETY: the `Simd` was made where its instructions run.
         unsafe {
             for r in 1..R {
                 for above in 0..r {
@@ -368,7 +368,7 @@ mod tests {
     use super::super::arch::{with_simd, Arch, Kernel};
     use super::*;
 
-    /// Runs a check with each hand that this machine has.
+    /// Runs a check with each instruction set that this machine has.
     trait Check {
         fn check<F: F64x4>(&self, simd: Simd<F>);
 

@@ -1,4 +1,5 @@
-//! Readings that are straight in some states: their derivatives there are columns enough.
+//! A Jacobian without its zeros, times the factor of a covariance: H = J L for states in which readings are linear, and for the extended
+//! filter. Built by `sensor::slopes`.
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
 use super::tiles::{padded, Panel, VECTOR};
@@ -6,57 +7,57 @@ use crate::kernels::arch::with_simd;
 use crate::kernels::registers::{F64x4, Part, Simd, Tile};
 use std::ops::Range;
 
-/// How three rows answer to a state.
+/// Derivative of up to three rows by one state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Slope {
     /// The state.
     pub state: usize,
-    /// Of each row; the last number is none.
+    /// Per row; the last number is padding.
     pub rows: [f64; VECTOR],
 }
 
-/// Up to three neighbouring rows that answer to the same states.
+/// Up to three neighbouring rows that depend on the same states.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RowTriple {
-    /// The first.
+    /// First row.
     pub row: usize,
-    /// How many there are.
+    /// Number of rows.
     pub count: usize,
-    /// Which slopes are theirs.
+    /// Their slopes.
     pub slopes: Range<usize>,
-    /// The first of three states that add to them one by one.
+    /// First of three states that add to the rows one by one, such as a bias.
     pub added: Option<usize>,
 }
 
-/// Derivatives of readings where they are not zero.
+/// The nonzero derivatives of the readings.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SparseJacobian {
-    /// Of the state.
+    /// Dimension of the state.
     pub n: usize,
-    /// Rows that have any.
+    /// Rows with derivatives.
     pub triples: Vec<RowTriple>,
-    /// From the last state to the first in every trio.
+    /// In each triple from the last state to the first.
     pub slopes: Vec<Slope>,
 }
 
-/// Columns that are worked off together.
+/// Columns of one tile.
 const BLOCK: usize = 2 * VECTOR;
 
 impl SparseJacobian {
-    /// Adds some rows that answer to `states`, the last state first; the numbers themselves come later.
+    /// Adds rows that depend on `states`, the last state first; their derivatives are filled in later.
     pub fn push(&mut self, row: usize, count: usize, states: &[usize], added: Option<usize>) {
         let first = self.slopes.len();
         self.slopes.extend(states.iter().map(|&state| Slope { state, rows: [0.0; VECTOR] }));
         self.triples.push(RowTriple { row, count, slopes: first..self.slopes.len(), added });
     }
 
-    /// Slopes of some rows.
+    /// Slopes of a triple.
     #[inline(always)]
     pub fn rows_of(&mut self, triple: usize) -> &mut [Slope] {
         &mut self.slopes[self.triples[triple].slopes.clone()]
     }
 
-    /// Adds the slopes of some rows to a Jacobian that has them all.
+    /// Adds a triple to a dense Jacobian.
     pub fn scatter(&self, triple: usize, width: usize, jacobian: &mut [f64]) {
         let triple = &self.triples[triple];
         for i in 0..triple.count {
@@ -68,7 +69,7 @@ impl SparseJacobian {
         }
     }
 
-    /// Columns behind those of the states, which are inputs.
+    /// Columns of noisy inputs, which stand behind those of the states.
     pub fn inputs(&self, asked: &[bool], count: usize, even: &mut Panel) {
         for triple in &self.triples {
             for i in (0..triple.count).filter(|i| asked[triple.row + i]) {
@@ -80,8 +81,8 @@ impl SparseJacobian {
         }
     }
 
-    /// H = J U' of the first `count` columns: row k of `turned` is column k of U, reversed. What lies behind them in the last vector
-    /// is overwritten.
+    /// H = J L for its first `count` columns in reverse order; row k of `turned` is row k of L, reversed. The rest of the last vector is
+    /// overwritten.
     #[inline(always)]
     pub fn times<const FUSED: bool>(&self, turned: &Panel, count: usize, asked: &[bool], odd: &mut Panel) {
         with_simd!(FUSED, |simd| self.multiply(simd, turned, count, asked, odd));
@@ -124,7 +125,7 @@ impl RowTriple {
             Some(first) => simd.load(turned.part(first, at)),
             None => simd.zero(),
         };
-        // Column c holds numbers in the rows from n - 1 - c on.
+        // L is triangular: column c is zero in the rows before n - 1 - c.
         let first = n.saturating_sub(at + V * VECTOR);
         for slope in slopes.iter().skip_while(|s| s.state >= n) {
             if slope.state < first {

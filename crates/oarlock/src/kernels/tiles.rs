@@ -1,7 +1,7 @@
-//! Products and triangular factors in tiles of four rows, for whole panels of columns at once.
+//! Cholesky factors, forward substitutions and Gram matrices, in tiles of four rows; for the update, the smoother and the start fit.
 //!
 //! A panel is a row-major matrix whose rows are padded to vectors of four. `factor` turns [A | B] into [U | U'^-1 B] with A = U'U:
-//! Cholesky's factor and a forward substitution are one sweep. Tiles that are known to be zero are left out.
+//! Cholesky's factor and the forward substitution are one sweep. Tiles that are known to be zero are skipped.
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
 use super::dense::{NotPositive, Square};
@@ -60,20 +60,20 @@ impl Panel {
         self.data[i * self.stride + j]
     }
 
-    /// Takes over the upper triangle with its diagonal raised by a share.
+    /// Copies the upper triangle, with the diagonal raised by a share.
     pub fn copy_raised(&mut self, a: &Square, share: f64) {
         self.copy_upper(a);
         (0..a.n()).for_each(|i| self.row_mut(i)[i] *= 1.0 + share);
     }
 
-    /// Gives its upper triangle away, as a symmetric matrix.
+    /// Copies the upper triangle into a symmetric matrix.
     pub fn copy_to(&self, out: &mut Square) {
         let n = out.n();
         (0..n).for_each(|i| out.row_mut(i)[i..].copy_from_slice(&self.row(i)[i..n]));
         out.mirror_upper();
     }
 
-    /// Behind `factor`, with b in a column of what was [A | B]: solves A x = b.
+    /// After `factor` of [A | b]: solves A x = b, with b in column `column`.
     pub fn solve_back(&self, column: usize, x: &mut [f64]) {
         let n = x.len();
         for i in (0..n).rev() {
@@ -89,13 +89,13 @@ impl Panel {
         self.data[..end].copy_from_slice(&other.data[..end]);
     }
 
-    /// From (i, j) on.
+    /// The part from (i, j) on.
     #[inline(always)]
     pub(super) fn part(&self, i: usize, j: usize) -> Part<'_> {
         Part { data: &self.data, from: i * self.stride + j, stride: self.stride }
     }
 
-    /// Puts a tile at (i, j).
+    /// Writes a tile at (i, j).
     #[inline(always)]
     pub(super) fn put<F: F64x4, const R: usize, const V: usize>(
         &mut self,
@@ -107,7 +107,7 @@ impl Panel {
         simd.store(tile, &mut self.data, i * self.stride + j, self.stride);
     }
 
-    /// Puts four rows, each times its scale and from column `at` on, as four columns into the rows from `i` on.
+    /// Writes four rows, each times its scale and from column `at` on, as four columns at (i, j).
     #[inline(always)]
     pub fn put_turned<F: F64x4>(
         &mut self,
@@ -120,7 +120,7 @@ impl Panel {
         simd.turn(rows, scale, at, &mut self.data, i * self.stride + j, self.stride);
     }
 
-    /// Takes over the upper triangle.
+    /// Copies the upper triangle.
     #[inline(always)]
     pub fn copy_upper(&mut self, a: &Square) {
         for i in 0..a.n() {
@@ -131,8 +131,8 @@ impl Panel {
     }
 }
 
-/// Runs `$body` over tiles of two vectors of columns, and what is left. Four rows of two are what a core keeps in flight; of three,
-/// the compiler moves the sums from register to register.
+/// Runs `$body` over tiles of two vectors of columns, then over the rest. Four rows by two vectors fit in the registers; with three, the
+/// compiler moves sums between registers.
 macro_rules! over_columns {
     ($columns:expr, |$j:ident, $v:ident| $body:block) => {{
         let (mut $j, end) = ($columns.start, $columns.end);
@@ -148,15 +148,15 @@ macro_rules! over_columns {
     }};
 }
 
-/// The factor U of one diagonal block, what it is with ones on its diagonal, and the reciprocals of that. Of fewer than four
-/// rows, the rest stand for themselves.
+/// Factor U of a diagonal block, U scaled to a unit diagonal, and the reciprocals of its diagonal. A block of fewer than four rows is padded
+/// with the unit matrix.
 struct Corner {
     u: [[f64; VECTOR]; VECTOR],
     unit: [[f64; VECTOR]; VECTOR],
     inverse: [f64; VECTOR],
 }
 
-/// Roots stay out of the chain of pivots, which wait for each other.
+/// Square roots are computed after the pivots, since each pivot waits for the one before.
 #[inline(always)]
 fn corner(mut u: [[f64; VECTOR]; VECTOR], first: usize) -> Result<Corner, NotPositive> {
     let (mut unit, mut inverse) = ([[0.0; VECTOR]; VECTOR], [0.0; VECTOR]);
@@ -183,22 +183,22 @@ fn corner(mut u: [[f64; VECTOR]; VECTOR], first: usize) -> Result<Corner, NotPos
     Ok(Corner { u, unit, inverse })
 }
 
-/// Shares by which a covariance's diagonal is raised until it can be factored: rounding can leave a constant's pivot a hair below
-/// zero, and a relative 1e-12 is far below any sensor's say.
+/// Shares by which the diagonal of a covariance is raised until it can be factored: rounding can make the pivot of a constant negative, and a
+/// relative 1e-12 is far below the noise of any sensor.
 pub const RAISES: [f64; 2] = [0.0, 1e-12];
 
-/// In a panel, what `factor` works on.
+/// Size and pattern of a panel for `factor`.
 #[derive(Debug, Clone, Copy)]
 pub struct Sweep<'a> {
     /// Rows, and columns of the symmetric part, whose upper triangle is read.
     pub n: usize,
     /// Columns of everything.
     pub width: usize,
-    /// Of each vector of columns: rows before this one hold nothing.
+    /// Per vector of columns: rows before this one are zero.
     pub starts: &'a [usize],
 }
 
-/// The least of a few.
+/// The least start of some neighbouring vectors.
 #[inline(always)]
 fn least(starts: &[usize], column: usize, vectors: usize) -> usize {
     starts[column / VECTOR..][..vectors].iter().copied().fold(usize::MAX, usize::min)
@@ -244,7 +244,7 @@ impl Factoring<'_> {
     }
 }
 
-/// The corner of the rows from `first` on, of which all rows above are done.
+/// Factor of the diagonal block of the rows from `first` on, once all rows above are done.
 #[inline(always)]
 fn open<F: F64x4>(simd: Simd<F>, a: &mut Panel, first: usize, sweep: Sweep) -> Result<Corner, NotPositive> {
     match sweep.n - first {
@@ -262,7 +262,7 @@ fn open_rows<F: F64x4, const R: usize>(
     first: usize,
     sweep: Sweep,
 ) -> Result<Corner, NotPositive> {
-    // Rows above that hold nothing in these columns take nothing away.
+    // Rows above that are zero in these columns are skipped.
     let own = least(sweep.starts, first, 1).min(first);
     let tile: Tile<F, R, 1> = simd.load(a.part(first, first));
     let tile = simd.multiply::<true, R, 1>(tile, a.part(own, first), a.part(own, first), first - own);
@@ -274,11 +274,11 @@ fn open_rows<F: F64x4, const R: usize>(
     corner(std::array::from_fn(|i| std::array::from_fn(|j| upper(i, j))), first)
 }
 
-/// Rows that begin with this, and of which nothing is taken away, stay as they are.
+/// Rows that begin with the unit matrix and have no rows above do not change.
 const UNIT: [[f64; VECTOR]; VECTOR] =
     [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
 
-/// The corner of the next rows is opened as soon as it can be: what waits for it there, waits beside the rest of these.
+/// The next diagonal block is factored as soon as its columns are done, so that its pivots overlap with the tiles to the right.
 #[inline(always)]
 fn factor_rows<F: F64x4, const R: usize>(
     simd: Simd<F>,
@@ -294,7 +294,7 @@ fn factor_rows<F: F64x4, const R: usize>(
     }
     let row = Row { first, own, sweep, corner };
     if R < VECTOR {
-        // Columns to the right may share the last vector.
+        // The last vector may contain columns of B.
         let tile: Tile<F, R, 1> = simd.load(a.part(first, first));
         a.put(simd, simd.substitute(tile, &corner.unit, &corner.inverse), first, first);
     }
@@ -310,7 +310,7 @@ fn factor_rows<F: F64x4, const R: usize>(
     Ok(next)
 }
 
-/// Rows from `first` on, whose own columns hold nothing above row `own`.
+/// Rows from `first` on, whose diagonal block has zeros above row `own`.
 struct Row<'a> {
     first: usize,
     own: usize,
@@ -331,16 +331,16 @@ impl Row<'_> {
     }
 }
 
-/// What `gram` multiplies: rows of a panel, from a column on.
+/// Rows of a panel from a column on, for `gram`.
 #[derive(Debug, Clone)]
 pub struct Rows<'a> {
-    /// Where they stand.
+    /// The panel.
     pub panel: &'a Panel,
-    /// Which.
+    /// Which rows.
     pub rows: Range<usize>,
     /// First column.
     pub column: usize,
-    /// Of each vector of columns: rows before this one hold nothing.
+    /// Per vector of columns: rows before this one are zero.
     pub starts: &'a [usize],
 }
 
@@ -401,7 +401,7 @@ impl Multiplying<'_> {
     }
 }
 
-/// For each vector of columns of some rows: the first row that holds something.
+/// For each vector of columns of some rows: the first row that is not zero.
 pub fn find_starts(arch: Arch, panel: &Panel, rows: usize, columns: Range<usize>, starts: &mut [usize]) {
     arch.run(Finding { panel, rows, columns, starts });
 }

@@ -77,11 +77,7 @@ impl<S: FastSystem> Filter<S> {
                 _ => Verdict::Accepted,
             };
             let doubted = if strict { (absurd || beyond) && !excluded } else { outlier };
-            *since = match (doubted, since.is_nan()) {
-                (true, true) => belief.time_s,
-                (true, false) => *since,
-                _ => f64::NAN,
-            };
+            *since = if doubted { since.min(belief.time_s) } else { f64::NAN };
         }
     }
 

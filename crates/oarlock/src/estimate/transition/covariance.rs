@@ -5,7 +5,7 @@ use crate::kernels::arch::{madd, Arch, Kernel};
 use crate::kernels::dense::Square;
 use crate::kernels::registers::VECTOR;
 
-/// P <- B P B' for one block without noise, exactly symmetric.
+/// P <- B P B' for one block without noise (P3), exactly symmetric.
 pub fn congruence(arch: Arch, block: &Block, p: &mut Square) {
     turn(arch, std::slice::from_ref(block), p);
     p.mirror_upper();
@@ -41,8 +41,8 @@ impl Kernel for Turn<'_> {
     }
 }
 
-/// How many blocks, up to a vector, have each coordinate next to the same one of the block before, the first coordinates before
-/// all second ones and these before all third ones, and room behind them for a whole vector.
+/// Number of blocks, up to a vector, whose coordinates are neighbours: each one next to the same coordinate of the block before, first,
+/// second and third coordinates in separate ranges, with space for a whole vector behind them.
 #[inline(always)]
 fn neighbours(blocks: &[Block], n: usize) -> usize {
     let [a, b, c] = blocks[0].index;
@@ -106,7 +106,7 @@ fn columns_of<const LEN: usize>(b: &Block, p: &mut Square) {
     }
 }
 
-/// What stands behind fewer blocks than fill a vector stays as it is.
+/// Columns of neighbouring blocks together; numbers behind an incomplete vector do not change.
 #[inline(always)]
 fn columns_of_some<const FUSED: bool>(blocks: &[Block], p: &mut Square) {
     let index = blocks[0].index;
@@ -121,7 +121,7 @@ fn columns_of_some<const FUSED: bool>(blocks: &[Block], p: &mut Square) {
             for k in 0..VECTOR {
                 new[k] = madd::<FUSED>(f[0][k], old[0][k], madd::<FUSED>(f[1][k], old[1][k], f[2][k] * old[2][k]));
             }
-            // In this order: what a later coordinate rightly changed was behind an earlier one.
+            // The order matters: vectors of an earlier coordinate may overlap those of a later one.
             row[at..at + VECTOR].copy_from_slice(&new);
         }
     }
