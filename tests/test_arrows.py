@@ -31,8 +31,9 @@ ENGINE_MAY_USE: dict[str, set[str]] = {
     "sensor": SETTINGS | {"state"},
     "body": SETTINGS | {"state", "motion", "sensor"},
     "describe": BODY | {"body"},
-    "recording": BODY | {"sensor"},
-    "track": SETTINGS | {"state", "motion", "sensor", "body", "recording"},
+    "corrections": FOUNDATION | {"sensor"},
+    "recording": BODY | {"corrections", "sensor"},
+    "track": SETTINGS | {"state", "motion", "sensor", "corrections", "body", "recording"},
     "simulate": BODY | {"state", "motion", "track"},
     "calibrate": BODY,
 }

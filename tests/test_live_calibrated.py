@@ -1,4 +1,4 @@
-"""A live tracker and a whole recording take what was measured, and correct it alike: bit for bit, with all of a session's calibration."""
+"""With a session's whole calibration a live tracker gives the same bits as the track of the recording as measured."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LOGGER = ("back", "r_upperarm", "r_forearm")
 """Units with a clock of their own."""
 
 CORRECTED_RAD = 1e-6
-"""Readings that were spoilt and corrected differ from the true ones by rounding, which a second of filtering may amplify."""
+"""Readings that were spoilt and corrected differ from the true ones by rounding, which the filter may amplify."""
 
 
 def of_units(number: float, three: tuple[float, float, float]) -> dict[str, list[float]]:
@@ -125,7 +125,7 @@ def test_a_clock_of_no_stream_is_named(calibration):
     tracker = oarlock.Tracker(sculler(), calibration)
     assert tracker.corrected_time_s("back", 0.137) == 0.0
     assert oarlock.Tracker(sculler()).corrected_time_s("back", 1.5) == 1.5
-    with pytest.raises(oarlock.DataError, match="no stream 'bac'.*back"):
+    with pytest.raises(oarlock.DataError, match=r"no stream 'bac'.*back"):
         tracker.corrected_time_s("bac", 0.0)
 
 
