@@ -11,7 +11,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from oarlock.bench import measure
+from oarlock.lab.bench.measure import measure
 
 from .memory import peaks
 from .table import into_page, write

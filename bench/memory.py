@@ -12,7 +12,7 @@ _CHILD = """
 import resource, sys
 import oarlock
 model = oarlock.load_model("sculler")
-import oarlock.io.folder
+import oarlock.recording.folder
 parts = sys.argv[2].split(",")
 if "load" in parts:
     recording = oarlock.load_recording(sys.argv[1])
@@ -33,7 +33,7 @@ _PARTS = {"imports": "", "recording": "load", "track": "load,track", "smooth": "
 def peaks(duration_s: float) -> list[dict[str, Any]]:
     """Peak resident memory, MiB: imports, the recording, tracked, smoothed too; and what each minute adds."""
     import oarlock
-    from oarlock.rowing.experiment import simulate_sculling
+    from oarlock.rowing.simulation.experiment import simulate_sculling
 
     _, recording = simulate_sculling(oarlock.load_model("sculler"), "B-B", duration_s, seed=2)
     rows = []

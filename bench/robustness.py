@@ -14,14 +14,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import oarlock
+from oarlock.evaluation.study.costs import Dose, middle
+from oarlock.evaluation.study.result import StudyResult
 from oarlock.report.fault_page import by_fault, usual_row
 from oarlock.report.fault_picture import fault_picture
 from oarlock.report.fault_words import findings
 from oarlock.report.study_page import study_page
 from oarlock.report.text import number, percent
 from oarlock.rowing import SIMULATORS
-from oarlock.study import StudyResult
-from oarlock.study.costs import Dose, middle
 
 from .table import into_page
 

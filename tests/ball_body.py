@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from oarlock.coordinates import angle_sequences, coordinate_units, joint_columns, joint_units
-from oarlock.motion import Motion
-from oarlock.rotation import quat_from_rotvec, quat_product, rotvec_from_quat
-from oarlock.track import Track
-from oarlock.track_records import Beliefs
+from oarlock.model.coordinates import angle_sequences, coordinate_units, joint_columns, joint_units
+from oarlock.model.rotation import quat_from_rotvec, quat_product, rotvec_from_quat
+from oarlock.simulation.motion import Motion
+from oarlock.tracking.records import Beliefs
+from oarlock.tracking.track import Track
 
 Floats = NDArray[np.float64]
 

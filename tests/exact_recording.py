@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import oarlock
 from local_data import local_folder
-from oarlock.track import joint_units
+from oarlock.tracking.track import joint_units
 
 Floats = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 from hypothesis.strategies import SearchStrategy
 
-from oarlock.errors import DataError, ModelError
+from oarlock.storage.errors import DataError, ModelError
 
 EXAMPLES = 60
 EXAMPLES_A_ROUND = 100

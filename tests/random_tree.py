@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import oarlock
-from oarlock.io.toml import toml_text
+from oarlock.storage.toml import toml_text
 
 Floats = NDArray[np.float64]
 GRAVITY_M_S2 = 9.80665

@@ -15,8 +15,8 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import brentq
 
 import oarlock
-from oarlock.rowing.stroke import StrokeShape, body_and_oars
-from oarlock.rowing.timing import StrokeTiming, warp
+from oarlock.rowing.simulation.stroke_shape import StrokeShape, body_and_oars
+from oarlock.rowing.simulation.timing import StrokeTiming, warp
 
 Floats = NDArray[np.float64]
 

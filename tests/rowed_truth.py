@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 import oarlock
-from oarlock.rowing.experiment import simulate_sculling
+from oarlock.rowing.simulation.experiment import simulate_sculling
 
 
 def rowed(condition: str, duration_s: float, rate: float, seed: int) -> oarlock.Track:

@@ -11,14 +11,16 @@ from typer.testing import CliRunner
 
 import oarlock
 from ball_body import BallBody
-from oarlock.chain_geometry import posture as rest_posture
 from oarlock.cli import app, model_sheet
 from oarlock.cli.model import posture
 from oarlock.cli.terminal import WIDTH, UsageError
-from oarlock.evaluate import evaluate_frame_orientations
-from oarlock.model_layout import blocks, rows_of
-from oarlock.pose_picture import draw_svg, draw_text, skeleton
-from oarlock.rotation import quat_from_rotvec, rotvec_between
+from oarlock.evaluation.frames import evaluate_frame_orientations
+from oarlock.model.chain_geometry import posture as rest_posture
+from oarlock.model.layout import blocks, rows_of
+from oarlock.model.rotation import quat_from_rotvec, rotvec_between
+from oarlock.report.pose_picture.skeleton import skeleton
+from oarlock.report.pose_picture.svg import draw_svg
+from oarlock.report.pose_picture.text import draw_text
 
 # As in test_simulate: the simulator differentiates poses, the model multiplies rates out.
 GYRO_AGREES_RAD_S = 1e-9

@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 
 import oarlock
 from ball_body import BallBody, noisy, true_track
-from oarlock.angle_sequence import quat_from_angles
-from oarlock.io.toml import TomlTable, write_toml
-from oarlock.joint_series import BallSeries, FreeSeries, JointSeries
-from oarlock.rotation import matrix_from_quat, quat_from_rotvec, rotvec_between
-from oarlock.track_summary import summarize
+from oarlock.evaluation.summary import summarize
+from oarlock.model.angle_sequence import quat_from_angles
+from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec, rotvec_between
+from oarlock.storage.toml import TomlTable, write_toml
+from oarlock.tracking.joint_series import BallSeries, FreeSeries, JointSeries
 
 ROUNDING = 1e-12
 STD = np.linspace(0.01, 0.03, 12)

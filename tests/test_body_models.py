@@ -7,7 +7,7 @@ import pytest
 
 import oarlock
 from exact_recording import ELEVEN, SETTLED_S, load_excerpt, sculler
-from oarlock.rotation import quat_from_matrix, rotvec_between, rotvec_from_quat
+from oarlock.model.rotation import quat_from_matrix, rotvec_between, rotvec_from_quat
 
 SHOULDER = ("abduction", "rotation", "flexion")
 FRAMES = ("r_elbow", "r_wrist", "r_hand", "l_elbow", "l_wrist", "l_hand", "r_handle", "l_handle")

@@ -6,10 +6,10 @@ from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 import oarlock
+from oarlock.calibration.static.link_pairs import ROOT, link_pairs
 from oarlock.cli import app
-from oarlock.errors import DataError
-from oarlock.link_pairs import ROOT, link_pairs
 from oarlock.rowing import row_piece
+from oarlock.storage.errors import DataError
 from tree_body import UNITS, place, recorded, tree, turn, waving
 
 # Three to four times the largest standard deviation that is reported.

@@ -3,8 +3,8 @@ import copy
 import numpy as np
 import pytest
 
-from oarlock.calibration import Calibration, load_calibration
-from oarlock.errors import DataError
+from oarlock.recording.calibration import Calibration, load_calibration
+from oarlock.storage.errors import DataError
 
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 

@@ -9,8 +9,8 @@ import pytest
 
 import oarlock
 from oarlock import Calibration, Clock, EncoderScale, ImuStream, Recording, ScalarStream, VectorStream
-from oarlock.errors import DataError
-from oarlock.worn_model import Worn
+from oarlock.calibration.static.worn_model import Worn
+from oarlock.storage.errors import DataError
 
 # Correcting what was spoilt is a few roundings of numbers up to 100.
 ROUNDING = 1e-12

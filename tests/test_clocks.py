@@ -8,11 +8,11 @@ from typer.testing import CliRunner
 
 import oarlock
 from oarlock import Calibration, Clock, ImuStream, Motion, Recording, ScalarStream
+from oarlock.calibration.clocks.coarse import coarse_delays
+from oarlock.calibration.clocks.devices import most_agree, reference_streams, unknowns
+from oarlock.calibration.clocks.lines import CRYSTAL_DRIFT, MODEL_STD_S, after, line
 from oarlock.cli import app
-from oarlock.clocks.coarse import coarse_delays
-from oarlock.clocks.devices import most_agree, reference_streams, unknowns
-from oarlock.clocks.lines import CRYSTAL_DRIFT, MODEL_STD_S, after, line
-from oarlock.rowing.experiment import simulate_sculling
+from oarlock.rowing.simulation.experiment import simulate_sculling
 
 FOUND_S = 5e-4
 """Where all else is as modelled: ten times what was measured on an arm in 18 s, five times on a sculler in 14 s."""

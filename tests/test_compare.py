@@ -19,10 +19,10 @@ from typer.testing import CliRunner, Result
 import oarlock
 from oarlock import Config, DataError, Recording
 from oarlock.cli import app
-from oarlock.compare import Comparison, estimator, estimators, usual_estimators
-from oarlock.compare.estimators import tree_filters
-from oarlock.compare.scores import best
-from oarlock.rowing.experiment import simulate_sculling
+from oarlock.evaluation.comparison.comparison import Comparison
+from oarlock.evaluation.comparison.estimators import estimator, estimators, tree_filters, usual_estimators
+from oarlock.evaluation.comparison.scores import best
+from oarlock.rowing.simulation.experiment import simulate_sculling
 
 BUILT_IN = ("ukf", "limbs", "limbs_open", "vector_kf")
 """One of each family that needs no other package."""
@@ -113,7 +113,7 @@ def test_a_calibration_reaches_all_of_them(
 
 
 def test_the_engine_says_which_trees_there_are() -> None:
-    assert {"ukf", "ekf", "iekf"} <= set(tree_filters())
+    assert {"ukf", "ekf"} <= set(tree_filters())
     for name in tree_filters():
         assert Config(filter=name).filter == name
         assert estimator(name + "_open").config.closures is False

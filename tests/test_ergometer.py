@@ -7,10 +7,10 @@ import pytest
 
 import oarlock
 from exact_recording import ELEVEN
-from oarlock.errors import DataError
 from oarlock.rowing import ErgometerShape, Machine, ergometer_piece
-from oarlock.rowing.boat import rower_centre_of_mass
-from oarlock.rowing.experiment import simulate_ergometer, simulate_rowing
+from oarlock.rowing.simulation.boat import rower_centre_of_mass
+from oarlock.rowing.simulation.experiment import simulate_ergometer, simulate_rowing
+from oarlock.storage.errors import DataError
 
 SAME = 1e-12
 HELD_M = 1e-6

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from fake_track import FakeModel, noisy_track, true_track, with_beliefs
-from oarlock.errors import DataError
-from oarlock.evaluate import evaluate
-from oarlock.evaluate.errors import landmark_frames, wrap
-from oarlock.evaluate.resample import resample
+from oarlock.evaluation.errors import landmark_frames, wrap
+from oarlock.evaluation.evaluate import evaluate
+from oarlock.evaluation.resample import resample
+from oarlock.storage.errors import DataError
 
 EXACT = 1e-12
 """Rounding only."""

@@ -11,10 +11,11 @@ import pytest
 import oarlock
 from ball_body import BallBody, noisy, plus, true_track, with_beliefs
 from oarlock.cli.tables import write_evaluation
-from oarlock.evaluate import evaluate, evaluate_frame_orientations
-from oarlock.io.reference import Reference
+from oarlock.evaluation.evaluate import evaluate
+from oarlock.evaluation.frames import evaluate_frame_orientations
+from oarlock.evaluation.reference import Reference
+from oarlock.model.rotation import quat_from_rotvec, quat_inverse, quat_product, rotvec_from_quat
 from oarlock.report import write_report
-from oarlock.rotation import quat_from_rotvec, quat_inverse, quat_product, rotvec_from_quat
 from test_report import Page
 
 EXACT = 1e-9

@@ -15,8 +15,8 @@ from typer.testing import CliRunner, Result
 
 import oarlock
 from oarlock.cli import app
-from oarlock.export import FORMATS, files_of
-from oarlock.export.plain_names import PlainNames, plain_name
+from oarlock.formats.export.export import FORMATS, files_of
+from oarlock.formats.export.plain_names import PlainNames, plain_name
 from oarlock.rowing import sculling
 
 SIZES = {name: set(files) for name, files in files_of().items()}

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import oarlock
+from oarlock.model.shipped_files import model_names
 from oarlock.rowing import ergometer_piece, sculling, sweeping
-from oarlock.shipped import model_names
 from opensim_reader import OpensimReader, opensim
 from random_tree import load_tree, random_tree
 

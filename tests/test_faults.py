@@ -17,17 +17,17 @@ from typer.testing import CliRunner
 
 import oarlock
 from oarlock.cli import app
+from oarlock.evaluation.study.costs import doses, ranked
+from oarlock.evaluation.study.faults.catalogue import afflicted, faults_of, keys_of_faults
+from oarlock.evaluation.study.keys import with_turns
+from oarlock.evaluation.study.result import StudyResult
+from oarlock.evaluation.study.run import MEAN, SCORES
+from oarlock.evaluation.study.spec import keys_of
+from oarlock.evaluation.study.told import told_model
 from oarlock.report.fault_picture import fault_picture
 from oarlock.report.fault_words import findings
 from oarlock.report.study_page import study_page
 from oarlock.rowing import SIMULATORS
-from oarlock.study.costs import doses, ranked
-from oarlock.study.faults import afflicted, faults_of, keys_of_faults
-from oarlock.study.keys import with_turns
-from oarlock.study.result import StudyResult
-from oarlock.study.run import MEAN, SCORES
-from oarlock.study.spec import keys_of
-from oarlock.study.told import told_model
 
 UNITS = ("back", "r_upperarm", "r_forearm", "l_upperarm", "l_forearm")
 ROUNDING = 1e-9
@@ -230,7 +230,7 @@ def test_a_sweep_runs_each_fault_alone_under_every_setting(swung, tmp_path):
     ]
     result = oarlock.study(study, jobs=1)
     assert not result.complaints
-    found = doses(result)
+    found = doses(result.study, result.rows)
     usual = {(d.fault.name if d.fault else "", d.label): d for d in found if d.setting == "default"}
     little, much = usual["unit turned", "1 deg"], usual["unit turned", "20 deg"]
     assert 0.0 < little.cost_deg < much.cost_deg and much.noticed
@@ -276,7 +276,7 @@ def test_what_is_lost_is_counted_and_drags_no_mean():
             ("bad", "20 ms"): [50.0, math.nan, math.nan],
         }
     )
-    found = doses(result)
+    found = doses(result.study, result.rows)
     by_name = {(d.fault.name, d.label): d for d in found if d.fault}
     assert by_name["bad", "10 ms"].median_deg == 2.0 and by_name["bad", "10 ms"].lost == 1
     assert by_name["bad", "20 ms"].lost == 3 and math.isinf(by_name["bad", "20 ms"].median_deg)
@@ -337,7 +337,7 @@ def test_a_shipped_study_is_known_by_name():
 
 
 def test_the_shipped_study_has_every_group_of_effects():
-    from oarlock.rowing.field import GROUPS
+    from oarlock.rowing.field.effects import GROUPS
 
     study = oarlock.load_study("robustness", SIMULATORS)
     alone = {name for fault in study.faults for name in fault.meanwhile.get("only_effects", ())}

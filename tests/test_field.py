@@ -9,11 +9,11 @@ import pytest
 
 import oarlock
 from oarlock import Config, ImuStream, Motion, Recording
-from oarlock.errors import DataError
-from oarlock.evaluate.consistency import sensor_scores
-from oarlock.evaluate.tracklike import Interval
+from oarlock.evaluation.consistency import sensor_scores
+from oarlock.evaluation.tracklike import Interval
 from oarlock.report import write_report
-from oarlock.track_records import DISTURBED, FIELD
+from oarlock.storage.errors import DataError
+from oarlock.tracking.records import DISTURBED, FIELD
 
 HEAD = """
 format = 1

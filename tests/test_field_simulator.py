@@ -17,9 +17,9 @@ from exact_recording import ENCODERS, UNITS, sculler
 from field_trial import DURATION_S, SEED, SILENT, changed, of_all_units, trial, with_only
 from mujoco_body import MujocoBody, recorded
 from oarlock.rowing import FieldEffects, simulate_field
-from oarlock.rowing.experiment import simulate_sculling
-from oarlock.rowing.field import GROUPS
-from oarlock.rowing.motion import sculling
+from oarlock.rowing.field.effects import GROUPS
+from oarlock.rowing.simulation.experiment import simulate_sculling
+from oarlock.rowing.simulation.motion import sculling
 
 STEP_S = 2e-3
 LARGEST_WAY_M = 2.5
@@ -308,7 +308,7 @@ def test_it_knows_nothing_of_filter_or_engine():
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "oarlock":
                 names = {alias.name for alias in node.names}
-                fine = node.module == "oarlock.errors" or node.module.startswith("oarlock.rowing")
+                fine = node.module == "oarlock.storage.errors" or node.module.startswith("oarlock.rowing")
                 assert fine or (node.module == "oarlock" and names <= ALLOWED), (
                     path.name,
                     node.module,

@@ -9,8 +9,8 @@ import pytest
 
 import oarlock
 from oarlock import Config, Motion
-from oarlock.track import track_without_filter
-from oarlock.track_records import Beliefs
+from oarlock.tracking.records import Beliefs
+from oarlock.tracking.track import track_without_filter
 
 TIME_S = np.linspace(0.0, 12.0, 601)
 SWING = np.stack(

@@ -7,7 +7,7 @@ from hypothesis.extra import numpy as hnp
 
 import oarlock
 from fuzz_campaign import answered, campaign
-from oarlock.array_gate import real_array, time_array
+from oarlock.storage.array_gate import real_array, time_array
 
 DTYPES = st.one_of(
     hnp.floating_dtypes(endianness="?", sizes=(16, 32, 64)),

@@ -11,14 +11,13 @@ from scipy.io import savemat
 import oarlock
 from fuzz_campaign import answered, campaign
 from fuzz_wounds import byte_wounds, wounded, wounded_bytes, wounds
-from oarlock.io.apdm import read_apdm, read_apdm_orientations
-from oarlock.io.broad import read_broad, read_broad_reference
-from oarlock.io.csv import read_csv
-from oarlock.io.dfjimu import read_dfjimu, read_dfjimu_reference
-from oarlock.io.qmt import read_qmt
-from oarlock.markers import save_markers
+from oarlock.formats.apdm import read_apdm, read_apdm_orientations
+from oarlock.formats.broad import read_broad, read_broad_reference
+from oarlock.formats.csv import read_csv
+from oarlock.formats.dfjimu import read_dfjimu, read_dfjimu_reference
+from oarlock.formats.qmt import read_qmt
+from oarlock.model.shipped_files import model_path
 from oarlock.rowing import SIMULATORS
-from oarlock.shipped import model_path
 from test_io_folder import example
 from test_markers_io import NEXUS, QUALISYS, c3d_file
 
@@ -56,7 +55,7 @@ def test_marker_tables(name, tmp_path):
         markers = answered(lambda: oarlock.load_markers(tmp_path / name, unit))
         if markers is not None:
             assert markers.position_m.shape == (len(markers.time_s), len(markers.names), 3)
-            answered(lambda: save_markers(markers, tmp_path / "again.csv"))
+            answered(lambda: markers.save(tmp_path / "again.csv"))
 
     campaign(check, wounds, st.sampled_from([None, "m", "mm", "inch"]))
 

@@ -8,12 +8,12 @@ from scipy.io import loadmat, savemat
 from scipy.sparse import csc_array
 
 import oarlock
-from oarlock.errors import DataError
-from oarlock.io.apdm import read_apdm
-from oarlock.io.broad import read_broad
-from oarlock.io.mat import read_mat
-from oarlock.packets import lost_packets
-from oarlock.plausibility import plausibility
+from oarlock.formats.apdm import read_apdm
+from oarlock.formats.broad import read_broad
+from oarlock.formats.mat import read_mat
+from oarlock.recording.packets import lost_packets
+from oarlock.recording.plausibility import plausibility
+from oarlock.storage.errors import DataError
 from test_markers_io import NEXUS, c3d_file
 
 

@@ -9,10 +9,10 @@ from hypothesis.extra import numpy as hnp
 import oarlock
 from fuzz_campaign import answered, campaign
 from fuzz_wounds import wounded, wounds
-from oarlock.io.csv import read_csv
-from oarlock.packets import lost_packets
-from oarlock.plausibility import plausibility
-from oarlock.shipped import model_folder
+from oarlock.formats.csv import read_csv
+from oarlock.model.shipped_files import model_folder
+from oarlock.recording.packets import lost_packets
+from oarlock.recording.plausibility import plausibility
 from test_fuzz_arrays import SCALARS
 
 MODEL = oarlock.load_model("pendulum3")

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 import oarlock
 from exact_recording import ELEVEN
-from oarlock.errors import DataError
-from oarlock.motion import Motion
 from oarlock.rowing import (
     Boat,
     HullForm,
@@ -23,9 +21,11 @@ from oarlock.rowing import (
     on_hull,
     row_piece,
 )
-from oarlock.rowing.experiment import simulate_sculling
-from oarlock.rowing.hull import HULL_JOINTS, turning_hull
-from oarlock.rowing.timing import stroke_timing
+from oarlock.rowing.simulation.experiment import simulate_sculling
+from oarlock.rowing.simulation.hull import HULL_JOINTS, turning_hull
+from oarlock.rowing.simulation.timing import stroke_timing
+from oarlock.simulation.motion import Motion
+from oarlock.storage.errors import DataError
 
 Floats = NDArray[np.float64]
 

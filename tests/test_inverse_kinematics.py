@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 import oarlock
 from oarlock import rowing
-from oarlock.compare.inverse_kinematics import Measured, solve
-from oarlock.compare.turning_axes import TurningAxes
-from oarlock.rotation import quat_from_matrix, quat_from_rotvec, quat_product, rotvec_between
+from oarlock.evaluation.comparison.inverse_kinematics import Measured, solve
+from oarlock.evaluation.comparison.turning_axes import TurningAxes
+from oarlock.model.rotation import quat_from_matrix, quat_from_rotvec, quat_product, rotvec_between
 
 Floats = NDArray[np.float64]
 

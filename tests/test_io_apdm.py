@@ -4,8 +4,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from oarlock.errors import DataError
-from oarlock.io.apdm import read_apdm, read_apdm_orientations
+from oarlock.formats.apdm import read_apdm, read_apdm_orientations
+from oarlock.storage.errors import DataError
 
 PENDULUM = Path(__file__).parents[1] / "examples/pendulum/imuData01.csv"
 # Vendor and accelerometer find the vertical on their own; at rest they agree to its bias, 0.2 m/s2 or 1.2 deg.

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from oarlock.errors import DataError
-from oarlock.io.csv import read_csv
-from oarlock.io.units import STANDARD_GRAVITY_M_S2
-from oarlock.plausibility import plausibility
+from oarlock.formats.csv import read_csv
+from oarlock.recording.plausibility import plausibility
+from oarlock.storage.errors import DataError
+from oarlock.storage.units import STANDARD_GRAVITY_M_S2
 
 ROOT = Path(__file__).parents[1]
 CLUB = ROOT / "examples/club_csv"

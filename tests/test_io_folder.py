@@ -6,9 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from oarlock.errors import DataError
-from oarlock.io.toml import TomlTable, toml_text
-from oarlock.recording import ImuStream, Recording, ScalarStream, VectorStream, load_recording
+from oarlock.recording.recording import Recording, load_recording
+from oarlock.recording.streams import ImuStream, ScalarStream, VectorStream
+from oarlock.storage.errors import DataError
+from oarlock.storage.toml import TomlTable, toml_text
 
 TIME_S = np.arange(5) / 128.0
 ROWS = np.linspace(-1.0, 1.0, 15).reshape(5, 3)

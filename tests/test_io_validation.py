@@ -9,13 +9,13 @@ from typer.testing import CliRunner
 
 from oarlock import load_recording
 from oarlock.cli import app
-from oarlock.errors import DataError
-from oarlock.io.broad import read_broad, read_broad_reference
-from oarlock.io.dfjimu import read_dfjimu, read_dfjimu_reference
-from oarlock.io.diodem import SEGMENTS, read_diodem, read_diodem_reference
-from oarlock.io.openaxes import LINK_FROM_SENSOR, openaxes_runs, read_openaxes, read_openaxes_reference
-from oarlock.io.qmt import read_qmt
-from oarlock.io.reference import Reference
+from oarlock.evaluation.reference import Reference
+from oarlock.formats.broad import read_broad, read_broad_reference
+from oarlock.formats.dfjimu import read_dfjimu, read_dfjimu_reference
+from oarlock.formats.diodem import SEGMENTS, read_diodem, read_diodem_reference
+from oarlock.formats.openaxes import LINK_FROM_SENSOR, openaxes_runs, read_openaxes, read_openaxes_reference
+from oarlock.formats.qmt import read_qmt
+from oarlock.storage.errors import DataError
 
 ROWS = 6
 TURNED = [0.6, 0.0, 0.8, 0.0]

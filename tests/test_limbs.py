@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 import oarlock
 from exact_recording import at_rate
 from oarlock import Config, DataError, Recording
-from oarlock.compare.limbs import SHARED, Limb, cut_into_limbs
-from oarlock.rowing.experiment import simulate_sculling
+from oarlock.evaluation.comparison.limbs import SHARED, Limb, cut_into_limbs
+from oarlock.rowing.simulation.experiment import simulate_sculling
 
 Floats = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import pytest
 
 import oarlock
 from exact_recording import UNITS, load_excerpt, lossy, sculler
-from oarlock.track_records import FIELD
+from oarlock.tracking.records import FIELD
 
 SPAN_S = 3.0
 CUT_S = 1.304  # a stamp of the recording

@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 import oarlock
 from exact_recording import ENCODERS, UNITS, load_excerpt, sculler
-from oarlock.corrections import for_corrected
 from test_live import assert_same_belief, assert_step_is_row, readings_at
 
 SPAN_S = 3.0
@@ -107,7 +106,7 @@ def test_side_by_side_gives_the_same_bits(measured, calibration, track):
 
 
 def test_what_is_corrected_tracks_as_what_was_right(true, calibration, track):
-    right = oarlock.track(sculler(), true, replace(for_corrected(calibration), mag_offsets_ut={}))
+    right = oarlock.track(sculler(), true, replace(calibration.for_corrected(), mag_offsets_ut={}))
     assert right.time_s == pytest.approx(track.time_s, abs=1e-12)
     for one, other in ((right, track), (oarlock.smooth(right), oarlock.smooth(track))):
         np.testing.assert_allclose(one.q, other.q, atol=CORRECTED_RAD)
@@ -116,7 +115,7 @@ def test_what_is_corrected_tracks_as_what_was_right(true, calibration, track):
 
 def test_without_corrections_the_same_readings_lead_astray(measured, calibration, track):
     units = measured.only(["l_upperarm", "l_forearm"])
-    blind = oarlock.track(sculler(), units, for_corrected(calibration))
+    blind = oarlock.track(sculler(), units, calibration.for_corrected())
     corrected = oarlock.track(sculler(), units, calibration)
     assert np.nanmax(np.abs(blind.q - corrected.q)) > 100 * CORRECTED_RAD
 

@@ -7,9 +7,9 @@ from scipy.optimize import least_squares
 import oarlock
 from marker_bodies import arm_motion, clusters, markers_on, postures, with_gaps
 from oarlock import Attachment, DataError, Markers, fill_gaps, inverse_kinematics, low_pass
-from oarlock.markers.point_tree import PointTree
-from oarlock.rotation import quat_from_rotvec, rotvec_between
-from oarlock.shipped import model_names
+from oarlock.evaluation.markers.point_tree import PointTree
+from oarlock.model.rotation import quat_from_rotvec, rotvec_between
+from oarlock.model.shipped_files import model_names
 
 EXACT_RAD = 1e-9  # rounding of positions of a metre, over levers of 5 cm
 DIFFERENCE = 1e-8  # central differences of 1e-6

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from oarlock import DataError, Motion
-from oarlock.coordinates import joint_columns, parts
-from oarlock.rotation import quat_from_rotvec, quat_product, rotvec_between
+from oarlock.model.coordinates import joint_columns, parts
+from oarlock.model.rotation import quat_from_rotvec, quat_product, rotvec_between
 
 ROUNDING = 1e-9
 KNOT_S = 0.05

@@ -11,9 +11,9 @@ import oarlock
 from exact_recording import ELEVEN, UNITS, load_excerpt, sculler
 from field_trial import angle_rad
 from local_data import local_folder
-from oarlock.motion_calibration.constants import OBSERVABLE_SHARE, Constants
-from oarlock.motion_calibration.hypothesis import RIGID, SOFT
-from oarlock.motion_calibration.searched_model import searched_model
+from oarlock.calibration.motion.constants import OBSERVABLE_SHARE, Constants
+from oarlock.calibration.motion.hypothesis import RIGID, SOFT
+from oarlock.calibration.motion.searched_model import searched_model
 from oarlock.rowing import FieldEffects, anthropometry, simulate_field
 
 SAME = 1e-9

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import oarlock
-from oarlock.offset_parameters import offset_parameters
-from oarlock.worn_model import Worn
+from oarlock.calibration.static.offset_parameters import offset_parameters
+from oarlock.calibration.static.worn_model import Worn
 
 PLACE = 'mount.offset = ["r2_x", "r2_y", "r2_z"]'
 FOUND = {"body1": np.array([0.1, 0.02, 0.0]), "body2": np.array([0.0, 0.03, -0.1])}

@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 import oarlock
 from oarlock import DataError, ImuStream, Motion, Recording
-from oarlock.compare.orientation_track import ORIENTATION_FILTERS, root_from_north_west_up
-from oarlock.compare.single_units import orientations, stretches
-from oarlock.rotation import matrix_from_quat, rotvec_between
+from oarlock.evaluation.comparison.orientation_track import ORIENTATION_FILTERS, root_from_north_west_up
+from oarlock.evaluation.comparison.single_units import orientations, stretches
+from oarlock.model.rotation import matrix_from_quat, rotvec_between
 
 Floats = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from typer.testing import CliRunner
 
 from oarlock import ImuStream, Recording, load_recording
 from oarlock.cli import app
-from oarlock.errors import DataError
-from oarlock.io.csv import read_csv
-from oarlock.packets import lost_packets, missing_packets
-from oarlock.plausibility import plausibility
+from oarlock.formats.csv import read_csv
+from oarlock.recording.packets import lost_packets, missing_packets
+from oarlock.recording.plausibility import plausibility
+from oarlock.storage.errors import DataError
 
 RATE_HZ = 100
 MAPPING = """format = 1

@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 
 import oarlock
 from oarlock import Calibration, DataError, ImuStream, Motion, Recording
-from oarlock.chain_geometry import hinge_links, posture
 from oarlock.cli import app
-from oarlock.evaluate.orientations import angles_from_orientations
-from oarlock.io.apdm import read_apdm, read_apdm_orientations
+from oarlock.evaluation.orientations import angles_from_orientations
+from oarlock.formats.apdm import read_apdm, read_apdm_orientations
+from oarlock.model.chain_geometry import hinge_links, posture
 
 FILE = Path(__file__).parents[1] / "examples/pendulum/imuData01.csv"
 UNITS = ("upper", "middle", "lower")

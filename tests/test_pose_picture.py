@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from oarlock import load_model
-from oarlock.model_layout import blocks, quantities, rows_of
-from oarlock.pose_picture import Skeleton, draw_svg, draw_text, skeleton
-from oarlock.pose_picture.skeleton import views
+from oarlock.model.layout import blocks, quantities, rows_of
+from oarlock.report.pose_picture.skeleton import Skeleton, skeleton, views
+from oarlock.report.pose_picture.svg import draw_svg
+from oarlock.report.pose_picture.text import draw_text
 
 SHIPPED = ("sculler", "pendulum3")
 

@@ -7,9 +7,9 @@ import pytest
 
 import oarlock
 from exact_recording import ELEVEN
-from oarlock.errors import DataError
 from oarlock.rowing import on_unknown_rail
-from oarlock.rowing.experiment import simulate_sculling
+from oarlock.rowing.simulation.experiment import simulate_sculling
+from oarlock.storage.errors import DataError
 
 SAME = 1e-12
 TWO_DEG = float(np.radians(2.0))

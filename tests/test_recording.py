@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 import oarlock
-from oarlock.array_gate import real_array
-from oarlock.errors import DataError
-from oarlock.recording import ImuStream, Recording, ScalarStream, VectorStream
-from oarlock.rowing.experiment import simulate_sculling
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream, ScalarStream, VectorStream
+from oarlock.rowing.simulation.experiment import simulate_sculling
+from oarlock.storage.array_gate import real_array
+from oarlock.storage.errors import DataError
 
 TIME_S = np.arange(5) / 100.0
 ROWS = np.arange(15.0).reshape(5, 3)

@@ -10,11 +10,11 @@ import pytest
 
 from fake_track import FakeInfo, noisy_track, true_track, with_beliefs
 from html_page import Page
-from oarlock.errors import DataError
+from oarlock.evaluation.suspects.text import SUSPECT_NOTE
 from oarlock.report import KeyFigure, Section, plot, write_report
 from oarlock.report.health import smoothed_nis
 from oarlock.report.text import fixed, number
-from oarlock.suspects_text import SUSPECT_NOTE
+from oarlock.storage.errors import DataError
 
 LARGEST_BYTES = 3_000_000
 """A page that is mailed and opened on a telephone."""

@@ -12,8 +12,8 @@ import pytest
 
 import oarlock
 from headless_chromium import CHROMIUM, SOFTWARE, Opened, driver_of_chromium, quiet_tabs
-from oarlock.rowing.report import write_rowing_report
-from oarlock.rowing.technique import technique
+from oarlock.rowing.analysis.technique import technique
+from oarlock.rowing.report.write import write_rowing_report
 from rowed_truth import rowed
 
 NOT_TRIED = "THE REPORT WAS NOT TRIED IN A BROWSER"

@@ -14,18 +14,19 @@ from typer.testing import CliRunner
 
 import oarlock
 from oarlock.cli import app
-from oarlock.report.reproduction import reproduction_page
-from oarlock.rowing import paper
-from oarlock.rowing.reproduce import PARTS, Part, reproduce
-from oarlock.rowing.reproduce.chains import Size, built
-from oarlock.rowing.reproduce.claim_runs import studies
-from oarlock.rowing.reproduce.cost import formula, power
-from oarlock.rowing.reproduce.discussion import printed_growth_percent
-from oarlock.rowing.reproduce.estimators import ELEVEN, ESTIMATORS
-from oarlock.rowing.reproduce.places import place_band
-from oarlock.rowing.reproduce.table5 import scores_of, table5_study, target_rows
-from oarlock.study.result import write_rows
-from oarlock.study.told import told_model
+from oarlock.evaluation.study.rows import write_rows
+from oarlock.evaluation.study.told import told_model
+from oarlock.lab.reproduce.chains import Size, built
+from oarlock.lab.reproduce.claim_runs import studies
+from oarlock.lab.reproduce.contents import Part
+from oarlock.lab.reproduce.cost import formula, power
+from oarlock.lab.reproduce.discussion import printed_growth_percent
+from oarlock.lab.reproduce.estimators import ELEVEN, ESTIMATORS
+from oarlock.lab.reproduce.page import reproduction_page
+from oarlock.lab.reproduce.places import place_band
+from oarlock.lab.reproduce.reproduce import PARTS, reproduce
+from oarlock.lab.reproduce.table5 import scores_of, table5_study, target_rows
+from oarlock.rowing.simulation import paper
 
 SHORT_S = 6.0
 UNSEEN = 7919

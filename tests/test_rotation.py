@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from oarlock.angle_sequence import (
+from oarlock.model.angle_sequence import (
     NEAR_SINGULAR_RAD,
     SEQUENCES,
     angle_labels,
@@ -18,8 +18,7 @@ from oarlock.angle_sequence import (
     near_singular,
     quat_from_angles,
 )
-from oarlock.errors import DataError
-from oarlock.rotation import (
+from oarlock.model.rotation import (
     body_rates,
     continuous_quat,
     matrix_from_quat,
@@ -32,6 +31,7 @@ from oarlock.rotation import (
     unit_quats,
     wrap,
 )
+from oarlock.storage.errors import DataError
 
 ROUNDING = 1e-12
 AT_A_POLE = 1e-7

@@ -9,16 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 import oarlock
-from oarlock.errors import DataError
-from oarlock.motion import Motion
-from oarlock.rowing import (
-    Boat,
-    Piece,
-    StrokeShape,
-    adjusted_stretcher,
-    row_piece,
-    sculling,
-)
+from oarlock.rowing import Boat, Piece, StrokeShape, adjusted_stretcher, row_piece, sculling
+from oarlock.simulation.motion import Motion
+from oarlock.storage.errors import DataError
 
 HOLDS_M = 1e-6  # what a motion promises; the splines reach 1e-9
 HOLDS_AXIS = 1e-6

@@ -13,17 +13,17 @@ import pytest
 import oarlock
 from html_page import Page
 from oarlock.cli.report import CLASSES
-from oarlock.errors import DataError
+from oarlock.evaluation.suspects.text import SUSPECT_NOTE
 from oarlock.rowing import FEATURES, TARGET_CLASSES
-from oarlock.rowing.experiment import simulate_sweep
-from oarlock.rowing.report import is_of_rower, rowing_sections, write_rowing_report
+from oarlock.rowing.analysis.stroke_means import FeatureMean
+from oarlock.rowing.analysis.technique import technique
 from oarlock.rowing.report.averages import Average, beyond, difference, feature_of
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.standing_out import ARM, findings
 from oarlock.rowing.report.words import summary
-from oarlock.rowing.stroke_means import FeatureMean
-from oarlock.rowing.technique import technique
-from oarlock.suspects_text import SUSPECT_NOTE
+from oarlock.rowing.report.write import is_of_rower, rowing_sections, write_rowing_report
+from oarlock.rowing.simulation.experiment import simulate_sweep
+from oarlock.storage.errors import DataError
 from rowed_truth import rowed
 
 LARGEST_BYTES = 3_000_000

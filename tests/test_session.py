@@ -17,7 +17,7 @@ from oarlock import (
     SessionPlan,
     SessionStep,
 )
-from oarlock.session.encoders import encoder_scales
+from oarlock.calibration.session.encoders import encoder_scales
 
 # What users are promised, for a person who takes up postures to about a degree.
 MOUNT_RAD = np.radians(3.0)

@@ -10,7 +10,6 @@ import pytest
 from typer.testing import CliRunner
 
 from oarlock.cli import app
-from oarlock.errors import DataError
 from oarlock.rowing import (
     EXPORT_FORMATS,
     FEATURES,
@@ -19,6 +18,7 @@ from oarlock.rowing import (
     save_strokes,
     summarise_strokes,
 )
+from oarlock.storage.errors import DataError
 
 EXAMPLES = Path(__file__).parents[1] / "examples/strokes"
 # file, format, strokes counted by hand

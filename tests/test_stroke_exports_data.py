@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from local_data import local_folder
-from oarlock.errors import DataError
 from oarlock.rowing import FEATURES, load_stroke_export
+from oarlock.storage.errors import DataError
 
 # strokes, counted without the package: rows of the table, or distinct counts where rows are in time
 STROKES = {

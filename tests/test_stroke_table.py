@@ -10,7 +10,7 @@ import pytest
 
 from oarlock import DataError
 from oarlock.rowing import FEATURES, TARGET_CLASSES, StrokeTable, load_targets
-from oarlock.rowing.features import feature_table
+from oarlock.rowing.analysis.features import feature_table
 
 DOCS = Path(__file__).parents[1] / "docs/technique.md"
 

@@ -13,13 +13,13 @@ from typer.testing import CliRunner
 
 import oarlock
 from oarlock.cli import app
+from oarlock.evaluation.study.degrade import degraded, keys_of_streams
+from oarlock.evaluation.study.pool import UNFINISHED, identity
+from oarlock.evaluation.study.rows import write_rows
+from oarlock.evaluation.study.run import groups, run_group
+from oarlock.evaluation.study.told import calibration_told, keys_of_told, told_model
 from oarlock.report.study_page import study_page
 from oarlock.rowing import SIMULATORS
-from oarlock.study.degrade import degraded, keys_of_streams
-from oarlock.study.pool import UNFINISHED, identity
-from oarlock.study.result import write_rows
-from oarlock.study.run import groups, run_group
-from oarlock.study.told import calibration_told, keys_of_told, told_model
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples/studies").glob("*.toml"))

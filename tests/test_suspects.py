@@ -12,11 +12,11 @@ import pytest
 import oarlock
 from exact_recording import sculler
 from oarlock import ImuStream, Recording, ScalarStream
-from oarlock.frozen_signals import clipped_texts, stuck_texts
+from oarlock.evaluation.suspects.changes import MIRRORS, PROPER, turns
+from oarlock.evaluation.suspects.fit import USUAL
+from oarlock.recording.frozen_signals import clipped_texts, stuck_texts
 from oarlock.report import write_report
 from oarlock.rowing import FieldEffects, simulate_field
-from oarlock.suspects_changes import MIRRORS, PROPER, turns
-from oarlock.suspects_fit import USUAL
 
 SEEDS = (41, 42, 43)
 FROM_S = 1.2

@@ -13,9 +13,9 @@ from typer.testing import CliRunner
 
 import oarlock
 from oarlock.cli import app
-from oarlock.errors import DataError
 from oarlock.rowing import SweepShape, sweep_piece, sweeping
-from oarlock.rowing.experiment import simulate_sweep
+from oarlock.rowing.simulation.experiment import simulate_sweep
+from oarlock.storage.errors import DataError
 
 SIDES = ("sweep", "sweep_starboard")
 HOLDS_M = 1e-6  # what a motion promises; the splines reach 1e-9

@@ -24,7 +24,7 @@ from oarlock.rowing import (
     simulate_field,
     technique,
 )
-from oarlock.rowing.experiment import simulate_ergometer, simulate_sculling, simulate_sweep
+from oarlock.rowing.simulation.experiment import simulate_ergometer, simulate_sculling, simulate_sweep
 
 Floats = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from typer.testing import CliRunner, Result
 
 import oarlock
 from oarlock.cli import app
-from oarlock.rowing.experiment import simulate_sculling
+from oarlock.rowing.simulation.experiment import simulate_sculling
 
 # Of other lengths, so that they end in another order than they began.
 DURATIONS_S = (3.0, 1.0, 2.0, 1.5)
@@ -65,7 +65,7 @@ def test_smoothed_is_what_smooth_gives_alone() -> None:
 
 
 def test_a_track_that_gave_its_room_is_filtered_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("oarlock.tracking.ROOM_TO_GIVE_BYTES", 0)
+    monkeypatch.setattr("oarlock.tracking.tracking.ROOM_TO_GIVE_BYTES", 0)
     given, asked = (oarlock.track(model(), recordings()[1]) for _ in range(2))
     expected = alone()[1]
     assert np.array_equal(asked.q, expected.q, equal_nan=True)
@@ -125,7 +125,7 @@ def test_of_several_errors_the_first_in_order_is_raised() -> None:
 
 
 def test_an_error_of_divergence_keeps_its_time_and_notes() -> None:
-    from oarlock.parallel_tracking import _named
+    from oarlock.tracking.many import _named
 
     lost = oarlock.DivergedError("lost at 3.000 s")
     lost.time_s = 3.0

@@ -11,8 +11,8 @@ import pytest
 
 import oarlock
 from exact_recording import ELEVEN, HANDS, sculler
-from oarlock.io.toml import toml_text
 from oarlock.rowing import sculling
+from oarlock.storage.toml import toml_text
 
 pytestmark = pytest.mark.slow
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import oarlock
 from exact_recording import oars_as_states
-from oarlock.io.toml import toml_text
+from oarlock.storage.toml import toml_text
 
 VECTORS = Path(__file__).parent / "vectors"
 POSE = 1e-12  # a product of 25 matrices of numbers near 1: a few hundred roundings

@@ -12,9 +12,9 @@ import pytest
 import oarlock
 from headless_chromium import CHROMIUM, SOFTWARE, Opened, driver_of_chromium, quiet_tabs
 from oarlock import Motion
+from oarlock.report.viewer import embed, page, player_assets, scene
 from oarlock.rowing import find_strokes, rowing_look, stroke_marks
-from oarlock.rowing.experiment import simulate_sculling
-from oarlock.viewer import embed, page, player_assets, scene
+from oarlock.rowing.simulation.experiment import simulate_sculling
 
 NOT_TRIED = "THE PLAYER WAS NOT TRIED IN A BROWSER"
 NO_WEBGL = ["--no-sandbox", "--disable-gpu", "--disable-3d-apis"]

@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "viewer"
-BUNDLED = ROOT / "python/oarlock/viewer"
+BUNDLED = ROOT / "python/oarlock/report/viewer"
 BUILT = ("player.js", "player.css", "player.licences.txt")
 MOST_LINES = 500
 LARGEST_BYTES = 700_000

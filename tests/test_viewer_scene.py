@@ -11,14 +11,14 @@ import pytest
 
 import oarlock
 from oarlock import DataError, Look, Motion, Shape
+from oarlock.model.shapes import PARTS, box, ellipsoid, loft, tube
+from oarlock.report.viewer import Curve, embed, page, player_assets, scene
+from oarlock.report.viewer.marks import marks_and_spans
+from oarlock.report.viewer.packing import packed, packed_times, unpacked, unpacked_times
+from oarlock.report.viewer.scene import shown_rows
 from oarlock.rowing import find_strokes, rowing_look, stroke_marks
-from oarlock.rowing.experiment import simulate_sculling
-from oarlock.shapes import PARTS, box, ellipsoid, loft, tube
-from oarlock.track import track_without_filter
-from oarlock.viewer import Curve, embed, page, player_assets, scene
-from oarlock.viewer.marks import marks_and_spans
-from oarlock.viewer.packing import packed, packed_times, unpacked, unpacked_times
-from oarlock.viewer.scene import shown_rows
+from oarlock.rowing.simulation.experiment import simulate_sculling
+from oarlock.tracking.track import track_without_filter
 
 HALF_STEP = 0.5 / 65534
 """Of a column's span: what rounding to int16 costs."""

@@ -9,8 +9,8 @@ from typing import cast
 import numpy as np
 
 from oarlock import Recording
-from oarlock.io.dfjimu import BODIES, read_dfjimu, read_dfjimu_reference
-from oarlock.io.reference import Reference
+from oarlock.evaluation.reference import Reference
+from oarlock.formats.dfjimu import BODIES, read_dfjimu, read_dfjimu_reference
 
 from . import others, ours
 from .estimate import Estimate, Outcome, attempt

@@ -15,10 +15,10 @@ from scipy.spatial.transform import Rotation
 
 import oarlock
 from oarlock import Calibration, Config, Recording, Track
-from oarlock.io.broad import BODY
-from oarlock.io.dfjimu import BODIES
-from oarlock.io.diodem import SEGMENTS
-from oarlock.io.openaxes import LINKS
+from oarlock.formats.broad import BODY
+from oarlock.formats.dfjimu import BODIES
+from oarlock.formats.diodem import SEGMENTS
+from oarlock.formats.openaxes import LINKS
 
 from .estimate import Estimate, NotRunError
 

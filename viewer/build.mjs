@@ -5,7 +5,7 @@ import { join } from "node:path";
 import { fileURLToPath } from "node:url";
 
 const here = fileURLToPath(new URL(".", import.meta.url));
-const out = process.argv[2] ?? join(here, "../python/oarlock/viewer");
+const out = process.argv[2] ?? join(here, "../python/oarlock/report/viewer");
 
 const INSIDE = ["three", "uplot"];
 

@@ -1,16 +1,61 @@
 """The compiled engine. Arrays are float64; time in s, angles in rad, lengths in m."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from oarlock.calibration import Calibration, Clock, EncoderScale
-from oarlock.models import Base
-from oarlock.recording import Recording
-
 Floats = NDArray[np.float64]
+
+# What the engine reads of the package's own objects. The stub names no module above it.
+class _Base(Protocol):
+    @property
+    def rotation(self) -> ArrayLike: ...
+    @property
+    def angular_velocity_rad_s(self) -> ArrayLike: ...
+    @property
+    def angular_acceleration_rad_s2(self) -> ArrayLike: ...
+    @property
+    def acceleration_m_s2(self) -> ArrayLike: ...
+
+class _Clock(Protocol):
+    @property
+    def offset_s(self) -> float: ...
+    @property
+    def drift(self) -> float: ...
+
+class _EncoderScale(Protocol):
+    @property
+    def zero(self) -> float: ...
+    @property
+    def scale(self) -> float: ...
+
+class _Corrections(Protocol):
+    @property
+    def gyro_biases_rad_s(self) -> Mapping[str, Floats]: ...
+    @property
+    def accel_biases_m_s2(self) -> Mapping[str, Floats]: ...
+    @property
+    def accel_scales(self) -> Mapping[str, Floats]: ...
+    @property
+    def mag_offsets_ut(self) -> Mapping[str, Floats]: ...
+    @property
+    def mag_matrices(self) -> Mapping[str, Floats]: ...
+    @property
+    def clocks(self) -> Mapping[str, _Clock]: ...
+    @property
+    def encoders(self) -> Mapping[str, _EncoderScale]: ...
+
+class _Calibration(_Corrections, Protocol):
+    @property
+    def parameters(self) -> Mapping[str, float]: ...
+    @property
+    def mounts(self) -> Mapping[str, tuple[Floats, Floats]]: ...
+
+class _Recording(Protocol):
+    @property
+    def streams(self) -> Sequence[Any]: ...
 
 __version__: str
 
@@ -38,7 +83,7 @@ class Model:
     def describe(self) -> dict[str, Any]: ...
     def forward_kinematics(self, q: ArrayLike) -> Floats: ...
     def predict_measurements(
-        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, base: Base | None = None
+        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, base: _Base | None = None
     ) -> Floats: ...
 
 class Config:
@@ -111,7 +156,7 @@ class Tracker:
     def __init__(
         self,
         model: Model,
-        calibration: Calibration | None = None,
+        calibration: _Calibration | None = None,
         config: Config | None = None,
         belief: Belief | None = None,
     ) -> None: ...
@@ -119,7 +164,7 @@ class Tracker:
     state_names: list[str]
     def sample(self, time_s: float, readings: Mapping[str, Any]) -> Sample: ...
     def corrected_time_s(self, stream: str, time_s: float) -> float: ...
-    def samples(self, recording: Recording) -> list[Sample]: ...
+    def samples(self, recording: _Recording) -> list[Sample]: ...
     def step(
         self, sample: Sample | float, readings: Mapping[str, Any] | None = None
     ) -> tuple[Belief | None, Info]: ...
@@ -140,15 +185,15 @@ class Run:
     def beliefs(self) -> list[tuple[float, Floats, Floats]]: ...
     def smooth(self, room: int, progress: Callable[[float], object] | None) -> Run: ...
 
-def true_times_s(clock_: Clock, stamps_s: ArrayLike) -> Floats: ...
-def encoder_values(encoder_: EncoderScale, readings: ArrayLike) -> Floats: ...
+def true_times_s(clock_: _Clock, stamps_s: ArrayLike) -> Floats: ...
+def encoder_values(encoder_: _EncoderScale, readings: ArrayLike) -> Floats: ...
 def corrected_readings(
-    calibration: Calibration, unit: str, field: str, readings: ArrayLike
+    calibration: _Corrections, unit: str, field: str, readings: ArrayLike
 ) -> Floats | None: ...
 def track(
     model: Model,
-    recording: Recording,
-    calibration: Calibration | None,
+    recording: _Recording,
+    calibration: _Calibration | None,
     config: Config,
     start: Belief | None,
     progress: Callable[[float], object] | None,
@@ -163,17 +208,17 @@ def score_many(
 ) -> list[Any]: ...
 def track_many(
     model: Model,
-    jobs: Sequence[tuple[Recording, Calibration | None, Config]],
+    jobs: Sequence[tuple[_Recording, _Calibration | None, Config]],
     smooth: bool,
     threads: int | None,
     progress: Callable[[float], object] | None,
 ) -> list[tuple[Run, list[str], float, float | None] | ModelError | DataError | DivergedError]: ...
 def race(
-    model: Model, recording: Recording, configs: Sequence[Config], warm: int, seconds: float
+    model: Model, recording: _Recording, configs: Sequence[Config], warm: int, seconds: float
 ) -> dict[str, Any]: ...
 def imu_signals(
     model: Model,
-    calibration: Calibration | None,
+    calibration: _Calibration | None,
     q: ArrayLike,
     step_s: float,
     root_acceleration: ArrayLike,

@@ -1,4 +1,4 @@
-// Reads what oarlock.viewer.packing wrote, and looks values up between samples.
+// Reads what oarlock.report.viewer.packing wrote, and looks values up between samples.
 
 function bytes(text) {
   const raw = atob(text);

@@ -4,8 +4,8 @@ use crate::array::items;
 use crate::errors::DataError;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use oarlock::estimate::belief::Belief;
-use oarlock::estimate::dense::Square;
 use oarlock::estimate::filter::Info;
+use oarlock::kernels::dense::Square;
 use oarlock::track::faults::Fault;
 use oarlock::track::hypothesis::{Hypothesis, SourceMemory, MEMORY};
 use oarlock::track::magnetic::Field;
@@ -64,7 +64,7 @@ impl PyBelief {
             mean: mean.values,
             covariance,
             drive,
-            habit,
+            usual_nis: habit,
             inflation: inflation.0,
             surprise: inflation.1,
             roughness: inflation.2,
@@ -102,7 +102,7 @@ impl PyBelief {
     /// Per part of the measurement: usual size of its innovations, as a factor on what is expected (variance).
     #[getter]
     fn habit<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.known.belief.habit)
+        PyArray1::from_slice(py, &self.known.belief.usual_nis)
     }
 
     /// Per sensor and closure: when it last said anything, s.

@@ -27,12 +27,12 @@ use crate::config::{Config, FilterKind};
 use crate::corrections::Corrections;
 use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
-use crate::estimate::filter::{Filter, Gate, Info, Lost, Manner};
+use crate::estimate::filter::{Diverged, Filter, Gate, Info, UpdateSettings};
 use crate::estimate::learn::Learning;
 use crate::estimate::sigma::Spread;
 use crate::estimate::transition::Transition;
 use crate::estimate::System;
-use crate::lane::arch::Arch;
+use crate::kernels::arch::Arch;
 use crate::model::Model;
 use crate::recording::Sample;
 use crate::sensor::imu::MountValue;
@@ -84,9 +84,6 @@ pub enum Status {
 /// Readings that feel the body's own motion are odd only far beyond the quantile: a jolt is not a fault.
 const GATE_SLACK: f64 = 10.0;
 
-/// How often `iekf` linearises the readings of a sample, at most: between samples the third time seldom moves the state.
-const ITERATIONS: usize = 3;
-
 /// Told of every sample that was worked off, with what is known and the report behind it.
 pub type Sink<'a> = &'a mut dyn FnMut(&Sample, &Hypothesis, &Info);
 
@@ -95,7 +92,7 @@ pub type Sink<'a> = &'a mut dyn FnMut(&Sample, &Hypothesis, &Info);
 pub struct Tracker {
     subject: Subject,
     config: Config,
-    manner: Manner,
+    settings: UpdateSettings,
     /// Per part: a magnetometer, which is no judge of motion.
     strict: Vec<bool>,
     entry: Entry,
@@ -135,7 +132,7 @@ impl Tracker {
         let entry = Entry::new(&body, &calibration.corrections)?;
         let subject = Subject::new(body);
         Ok(Tracker {
-            manner: manner(config),
+            settings: update_settings(config),
             strict: magnetic::strict(&subject, config.magnetometer),
             corrected: Sample::empty(&subject.body.model, &subject.body.suite),
             readings: Readings::new(&subject.body),
@@ -174,7 +171,7 @@ impl Tracker {
         let fits = n == own
             && belief.covariance.n() == own
             && belief.drive.len() == body.driven().len()
-            && belief.habit.len() == parts
+            && belief.usual_nis.len() == parts
             && belief.rejected_since_s.len() == parts
             && start.sources.len() == groups.sources.len()
             && start.doubt.as_ref().is_none_or(is_doubt);
@@ -186,7 +183,7 @@ impl Tracker {
         }
         let scalars =
             [belief.time_s, belief.inflation, belief.surprise, belief.roughness, belief.leftover, start.score];
-        let lists = [&belief.mean, belief.covariance.as_slice(), &belief.drive, &belief.habit, &scalars];
+        let lists = [&belief.mean, belief.covariance.as_slice(), &belief.drive, &belief.usual_nis, &scalars];
         if !lists.into_iter().flatten().all(|x| x.is_finite()) {
             return Err(Error::Data(format!(
                 "belief at {} s holds numbers that are not finite: start without it, or from an earlier one",
@@ -281,14 +278,13 @@ fn filter(subject: &Subject, kind: FilterKind) -> Filter<Body> {
     let Subject { body, groups, .. } = subject;
     match kind {
         FilterKind::Ukf => Filter::new(body, groups),
-        FilterKind::Ekf => Filter::extended(body, groups, 1),
+        FilterKind::Ekf => Filter::extended(body, groups),
         FilterKind::Factorised => Filter::factorised(body, groups),
-        FilterKind::Iekf => Filter::extended(body, groups, ITERATIONS),
     }
 }
 
-fn manner(c: &Config) -> Manner {
-    Manner {
+fn update_settings(c: &Config) -> UpdateSettings {
+    UpdateSettings {
         spread: Spread { alpha: c.alpha, beta: c.beta, kappa: c.kappa },
         gate: Gate {
             on: c.gate,
@@ -300,7 +296,7 @@ fn manner(c: &Config) -> Manner {
     }
 }
 
-fn diverged(lost: Lost, time_s: f64) -> Error {
+fn diverged(lost: Diverged, time_s: f64) -> Error {
     let text = format!(
         "the filter lost the track at {time_s:.3} s: {}. Check mounts and lengths, units and clocks of the streams, \
          or try wider noise in the model file",

@@ -11,13 +11,13 @@ from oarlock.cli.options import Json, example
 from oarlock.cli.terminal import UsageError, heading, pairs, print_json, progress, say, table, verb
 
 if TYPE_CHECKING:
-    from oarlock.bench import Bench
-    from oarlock.bench.own import Race
+    from oarlock.lab.bench.measure import Bench
+    from oarlock.lab.bench.own import Race
 
 _KEYS = """\
 Keys of --json (times in us are medians, each filter's steps are 1e6 / time):
   n, m                         states and readings of the sculler, joints and azimuth alone
-  ukf_steps_s, ekf_steps_s, iekf_steps_s, factorised_steps_s    steps per second inside the engine, one core
+  ukf_steps_s, ekf_steps_s, factorised_steps_s    steps per second inside the engine, one core
   ukf_us, ukf_us_p10, ...      time of a step: half, and a tenth of all steps are shorter
   textbook_us, textbook_us_p10                 the textbook's unscented filter, same process
   ukf_ratio_to_textbook, ...   textbook_us divided by the filter's
@@ -55,7 +55,7 @@ def bench(
     json_output: Json = False,
 ) -> None:
     """Measure steps per second, latency and threads here, beside the textbook's filter and other software."""
-    from oarlock.bench import measure
+    from oarlock.lab.bench.measure import measure
 
     if not 0.0 < seconds < 3600.0:
         raise UsageError(f"--seconds {seconds:g}: expected more than 0 and less than 3600, for example 20")
@@ -71,7 +71,7 @@ def _told(what: str) -> AbstractContextManager[object]:
 
 
 def _write(found: Bench) -> None:
-    from oarlock.bench import machine
+    from oarlock.lab.bench.measure import machine
 
     here = machine()
     say("What this machine reaches", style="bold")
@@ -106,8 +106,8 @@ def _write_race(timed: Race) -> None:
 
 
 def _write_live(found: Bench) -> None:
-    from oarlock.bench import USUAL_TEXTBOOK_US
-    from oarlock.bench.problem import RATE_HZ
+    from oarlock.lab.bench.measure import USUAL_TEXTBOOK_US
+    from oarlock.lab.bench.problem import RATE_HZ
 
     say(
         f"the textbook's: the same filter, written plainly in dense matrices; {USUAL_TEXTBOOK_US:.0f} us at 41 states\n"
@@ -138,8 +138,8 @@ def _write_live(found: Bench) -> None:
 
 
 def _write_others(found: Bench) -> None:
-    from oarlock.bench import PAPER
-    from oarlock.bench.others import INSTALL
+    from oarlock.lab.bench.measure import PAPER
+    from oarlock.lab.bench.others import INSTALL
 
     heading("Beside it")
     timed = found.joints

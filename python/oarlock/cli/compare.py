@@ -22,10 +22,12 @@ from oarlock.cli.terminal import (
     table,
     verb,
 )
-from oarlock.compare import estimator, estimators
+from oarlock.evaluation.comparison.estimators import estimator, estimators
 
 if TYPE_CHECKING:
-    from oarlock.compare import Comparison, Estimator, Score
+    from oarlock.evaluation.comparison.comparison import Comparison
+    from oarlock.evaluation.comparison.estimators import Estimator
+    from oarlock.evaluation.comparison.scores import Score
 
 COMPARE_FILE = "compare.toml"
 ALL = "all"

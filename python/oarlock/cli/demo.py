@@ -23,7 +23,7 @@ from oarlock.cli.terminal import (
     verb,
 )
 from oarlock.cli.track import run_filter, write_folder
-from oarlock.rowing import paper
+from oarlock.rowing.simulation import paper
 
 if TYPE_CHECKING:
     from oarlock import Calibration, Evaluation, Track
@@ -89,7 +89,7 @@ def demo(
 def _sculler(folder: Path) -> tuple[Scored, Scored]:
     """Simulates, tracks, smooths and scores; the filter's and the smoother's result."""
     import oarlock
-    from oarlock.rowing.experiment import simulate_sculling
+    from oarlock.rowing.simulation.experiment import simulate_sculling
 
     model = oarlock.load_model("sculler")
     with progress("simulating a sculler"):
@@ -108,7 +108,7 @@ def _sculler(folder: Path) -> tuple[Scored, Scored]:
 
 
 def _write_sculler(filtered: Scored, smoothed: Scored) -> None:
-    from oarlock.track_summary import summarize
+    from oarlock.evaluation.summary import summarize
 
     summary = summarize(filtered.track)
     page().rule("1  A sculler, simulated", align="left", style="dim")
@@ -174,9 +174,9 @@ def _mean(scored: Scored) -> str:
 def _pendulum(folder: Path) -> Pendulum:
     """Finds the mounts of a real three-link pendulum, tracks it and scores it against the vendor."""
     import oarlock
-    from oarlock.evaluate.orientations import angles_from_orientations
-    from oarlock.io import examples
-    from oarlock.io.apdm import read_apdm, read_apdm_orientations
+    from oarlock.evaluation.orientations import angles_from_orientations
+    from oarlock.formats.apdm import read_apdm, read_apdm_orientations
+    from oarlock.storage import examples
 
     file = examples.path("pendulum") / "imuData01.csv"
     recording = read_apdm(file)
@@ -200,7 +200,7 @@ def _pendulum(folder: Path) -> Pendulum:
 
 
 def _write_pendulum(result: Pendulum) -> None:
-    from oarlock.track_summary import summarize
+    from oarlock.evaluation.summary import summarize
 
     track, evaluation, report = result.scored
     summary = summarize(track)
@@ -263,7 +263,7 @@ def _two(scored: Scored) -> tuple[str, str]:
 
 
 def _document(filtered: Scored, smoothed: Scored, pendulum: Pendulum) -> dict[str, object]:
-    from oarlock.track_summary import summarize
+    from oarlock.evaluation.summary import summarize
 
     return {
         "sculler": {

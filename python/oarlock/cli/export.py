@@ -9,7 +9,7 @@ import typer
 
 from oarlock.cli.options import Force, Json, example, names
 from oarlock.cli.terminal import UsageError, fresh_folder, heading, print_json, say, steps, table, verb
-from oarlock.export import FORMATS, SUMMARY, files_of
+from oarlock.formats.export.export import FORMATS, SUMMARY, files_of
 
 if TYPE_CHECKING:
     from oarlock import Export

@@ -30,7 +30,7 @@ def apdm(
     json_output: Json = False,
 ) -> None:
     """Import an APDM export: gyroscope, accelerometer, magnetometer of every sensor."""
-    from oarlock.io.apdm import read_apdm
+    from oarlock.formats.apdm import read_apdm
 
     _write(read_apdm(file), file, out, force, json_output)
 
@@ -47,7 +47,7 @@ def csv(
     json_output: Json = False,
 ) -> None:
     """Import CSV files by a mapping file: decimal commas, clock times and epoch milliseconds are read."""
-    from oarlock.io.csv import read_csv
+    from oarlock.formats.csv import read_csv
 
     _write(read_csv(mapping), mapping, out, force, json_output)
 
@@ -61,7 +61,7 @@ def dfjimu(
     json_output: Json = False,
 ) -> None:
     """Import a dfjimu recording: two inertial units on two bodies that a ball joint connects."""
-    from oarlock.io.dfjimu import read_dfjimu
+    from oarlock.formats.dfjimu import read_dfjimu
 
     _write(read_dfjimu(file), file, out, force, json_output)
 
@@ -80,7 +80,7 @@ def diodem(
     json_output: Json = False,
 ) -> None:
     """Import a DIODEM trial: five inertial units on a chain of five links."""
-    from oarlock.io.diodem import read_diodem
+    from oarlock.formats.diodem import read_diodem
 
     recording = read_diodem(folder, mounted, mag_unit_ut)  # type: ignore[arg-type]
     _write(recording, folder, out, force, json_output)
@@ -98,7 +98,7 @@ def openaxes(
     json_output: Json = False,
 ) -> None:
     """Import an OpenAXES run: two inertial units on the links of a robot."""
-    from oarlock.io.openaxes import read_openaxes
+    from oarlock.formats.openaxes import read_openaxes
 
     _write(read_openaxes(folder, run), folder, out, force, json_output)
 
@@ -112,7 +112,7 @@ def broad(
     json_output: Json = False,
 ) -> None:
     """Import a BROAD trial: one inertial unit with magnetometer."""
-    from oarlock.io.broad import read_broad
+    from oarlock.formats.broad import read_broad
 
     _write(read_broad(file), file, out, force, json_output)
 
@@ -126,13 +126,13 @@ def qmt(
     json_output: Json = False,
 ) -> None:
     """Import the full-body example of qmt: an inertial unit on each of sixteen segments."""
-    from oarlock.io.qmt import read_qmt
+    from oarlock.formats.qmt import read_qmt
 
     _write(read_qmt(file), file, out, force, json_output)
 
 
 def _write(recording: Recording, source: Path, out: Path, force: bool, json_output: bool) -> None:
-    from oarlock.packets import lost_packets, missing_packets
+    from oarlock.recording.packets import lost_packets, missing_packets
 
     new_folder(out, force)
     recording.save(out)

@@ -25,7 +25,9 @@ from oarlock.cli.terminal import (
 
 if TYPE_CHECKING:
     from oarlock import Markers, Model
-    from oarlock.markers import BodyFit, Gap, MarkerStudy
+    from oarlock.evaluation.markers.body_fit import BodyFit
+    from oarlock.evaluation.markers.gaps import Gap
+    from oarlock.evaluation.markers.simulated import MarkerStudy
 
 group = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Optical markers: C3D, TRC, CSV.")
 

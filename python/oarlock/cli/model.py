@@ -9,16 +9,7 @@ import typer
 
 from oarlock.cli import model_sheet
 from oarlock.cli.options import Json, Settings, assignments, example
-from oarlock.cli.terminal import (
-    EXIT_DATA,
-    UsageError,
-    page,
-    print_json,
-    say,
-    steps,
-    table,
-    verb,
-)
+from oarlock.cli.terminal import EXIT_DATA, UsageError, page, print_json, say, steps, table, verb
 
 group = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Look at, check and start model files.")
 
@@ -35,7 +26,7 @@ def add_to(app: typer.Typer) -> None:
 def list_(json_output: Json = False) -> None:
     """The models that come with oarlock."""
     from oarlock import load_model
-    from oarlock.shipped import model_names, model_path
+    from oarlock.model.shipped_files import model_names, model_path
 
     models = [(name, load_model(name).describe()) for name in model_names()]
     if json_output:
@@ -90,7 +81,9 @@ def show(
 ) -> None:
     """Frames, joints, sensors, parameters, layout of state and measurement, and the pose, drawn."""
     from oarlock import load_model
-    from oarlock.pose_picture import draw_svg, draw_text, skeleton
+    from oarlock.report.pose_picture.skeleton import skeleton
+    from oarlock.report.pose_picture.svg import draw_svg
+    from oarlock.report.pose_picture.text import draw_text
 
     loaded = load_model(model, parameters=assignments(settings, "--set"))
     description = loaded.describe()
@@ -124,7 +117,7 @@ def posture(description: dict[str, Any], given: dict[str, float], flag: str) -> 
                 f"{flag} {name}: this joint has several coordinates: {', '.join(several[name])}."
             )
         if name not in resting:
-            from oarlock.suggest import did_you_mean
+            from oarlock.storage.suggest import did_you_mean
 
             raise UsageError(f"{flag} {name}: the model has no such joint. {did_you_mean(name, resting)}")
     return [given.get(name, rest) for name, rest in resting.items()]
@@ -172,8 +165,8 @@ def copy(
     json_output: Json = False,
 ) -> None:
     """Start a model file of your own from a shipped one."""
-    from oarlock.shipped import model_names, model_path
-    from oarlock.suggest import did_you_mean
+    from oarlock.model.shipped_files import model_names, model_path
+    from oarlock.storage.suggest import did_you_mean
 
     if name not in model_names():
         raise UsageError(f"no shipped model is called '{name}'. {did_you_mean(name, model_names())}")

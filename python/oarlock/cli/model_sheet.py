@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from oarlock.angle_sequence import angle_labels
 from oarlock.cli.terminal import heading, number, say, table
-from oarlock.evaluate import presentation
-from oarlock.model_layout import blocks, parts_of, quantities, rows_of
+from oarlock.evaluation.scores import presentation
+from oarlock.model.angle_sequence import angle_labels
+from oarlock.model.layout import blocks, parts_of, quantities, rows_of
 
 Described = dict[str, Any]
 _SI = {"hinge": "rad", "slide": "m"}

@@ -101,7 +101,7 @@ def write_any_report(
 ) -> list[Path]:
     """Writes the report of a body of any kind; of a rower with strokes. The files written, the report first."""
     from oarlock.report import write_report
-    from oarlock.rowing.report import is_of_rower, write_rowing_report
+    from oarlock.rowing.report.write import is_of_rower, write_rowing_report
 
     if is_of_rower(track):
         return write_rowing_report(track, path, evaluation, truth, other=other, names=names, targets=targets)

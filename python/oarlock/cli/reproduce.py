@@ -22,7 +22,7 @@ from oarlock.cli.terminal import (
 )
 
 if TYPE_CHECKING:
-    from oarlock.rowing.reproduce import Part
+    from oarlock.lab.reproduce.contents import Part
 
 RUN_FILE = "run.toml"
 PAIRS, WIDEST = 5, 6
@@ -82,8 +82,8 @@ def reproduce(
     json_output: Json = False,
 ) -> None:
     """Run experiments of the paper again: one report with its values and ours, and the tables behind it."""
-    from oarlock.rowing.reproduce import PARTS
-    from oarlock.rowing.reproduce import reproduce as run
+    from oarlock.lab.reproduce.reproduce import PARTS
+    from oarlock.lab.reproduce.reproduce import reproduce as run
 
     chosen = PARTS if What.all in what else tuple(part.value for part in what)
     if len(set(chosen)) < len(chosen):
@@ -106,9 +106,9 @@ def reproduce(
 def write_reproduction(parts: list[Part], out: Path, seeds: tuple[int, ...], duration_s: float) -> Path:
     """The page, the tables and run.toml; the page's path."""
     from oarlock import __version__
-    from oarlock.io.toml import write_toml
-    from oarlock.report.reproduction import reproduction_page
-    from oarlock.study.result import write_rows
+    from oarlock.evaluation.study.rows import write_rows
+    from oarlock.lab.reproduce.page import reproduction_page
+    from oarlock.storage.toml import write_toml
 
     for part in parts:
         for name, rows in part.data.items():

@@ -96,7 +96,7 @@ def simulate(
 ) -> None:
     """Simulate a rower: write a recording, and the truth into its folder truth/."""
     from oarlock import load_model
-    from oarlock.rowing.experiment import simulate_rowing
+    from oarlock.rowing.simulation.experiment import simulate_rowing
 
     if session:
         simulate_guided_session(

@@ -103,7 +103,7 @@ def simulate_in_the_field(
 
 
 def _tell(trial: FieldTrial, written: dict[str, Path], out: Path, named: str) -> None:
-    from oarlock.rowing.field import GROUPS, FieldEffects
+    from oarlock.rowing.field.effects import GROUPS, FieldEffects
 
     say(f"Wrote {out}", style="bold")
     recording = trial.recording

@@ -23,7 +23,7 @@ from oarlock.cli.terminal import (
 
 if TYPE_CHECKING:
     from oarlock import Study, StudyResult
-    from oarlock.study.costs import Dose
+    from oarlock.evaluation.study.costs import Dose
 
 RUN_FILE = "run.toml"
 
@@ -66,10 +66,10 @@ def study(
     Stopped by Ctrl-C it keeps the runs that are done, and the same command goes on from there.
     """
     from oarlock import load_study
-    from oarlock import study as run
+    from oarlock.evaluation.study.pool import UNFINISHED
+    from oarlock.evaluation.study.study import study as run
     from oarlock.report.study_page import study_page
     from oarlock.rowing import SIMULATORS
-    from oarlock.study.pool import UNFINISHED
 
     given = load_study(file, SIMULATORS, None if seeds is None else range(seeds))
     if keys:
@@ -124,17 +124,17 @@ def _write(result: StudyResult) -> None:
 
 
 def _of_faults(result: StudyResult, report: Path) -> dict[str, object]:
-    from oarlock.study.costs import doses
+    from oarlock.evaluation.study.costs import doses
 
     failed = len(result.failures)
-    rows = [dose.row() for dose in doses(result)]
+    rows = [dose.row() for dose in doses(result.study, result.rows)]
     return {"report": report, "runs": result.study.run_count, "failed": failed, "faults": rows}
 
 
 def _write_faults(result: StudyResult) -> None:
-    from oarlock.study.costs import doses, ranked
+    from oarlock.evaluation.study.costs import doses, ranked
 
-    study, found = result.study, doses(result)
+    study, found = result.study, doses(result.study, result.rows)
     setting = found[0].setting
     heading(
         study.title,
@@ -152,7 +152,7 @@ def _write_faults(result: StudyResult) -> None:
 
 
 def _cells(dose: Dose) -> tuple[str, str, str, str]:
-    from oarlock.study.costs import middle
+    from oarlock.evaluation.study.costs import middle
 
     worst = number(dose.range_deg[1], ".3f", "lost")
     inside = number(100.0 * middle(dose.coverage), ".0f")
@@ -165,6 +165,6 @@ def _write_keys(study: Study, as_json: bool) -> None:
         print_json({name: {"default": key.default, "about": key.about} for name, key in keys.items()})
         return
     heading("Keys", "beside config.*, parameters.* and model.*")
-    from oarlock.study.spec import shown
+    from oarlock.evaluation.study.spec import shown
 
     table(["key", "default", "what"], [(name, shown(key.default), key.about) for name, key in keys.items()])

@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from oarlock.cli.terminal import heading, number, pairs, say, table
-from oarlock.evaluate import Evaluation, SensorScore, presentation
-from oarlock.evaluate.marker_scores import MarkerEvaluation
-from oarlock.evaluate.tracklike import TrackLike
-from oarlock.suspects_text import SUSPECT_NOTE
-from oarlock.track_summary import TrackSummary, summarize
+from oarlock.evaluation.marker_scores import MarkerEvaluation
+from oarlock.evaluation.scores import Evaluation, SensorScore, presentation
+from oarlock.evaluation.summary import TrackSummary, summarize
+from oarlock.evaluation.suspects.text import SUSPECT_NOTE
+from oarlock.evaluation.tracklike import TrackLike
 
 # digits behind the point for an error in this unit
 _DIGITS = {"deg": ".3f", "mm": ".2f"}

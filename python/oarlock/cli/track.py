@@ -15,8 +15,8 @@ from oarlock.cli.options import Force, Json, ModelName, OutFolder, Settings, ass
 from oarlock.cli.suspects import explained, look_for_suspects, write_suspects
 from oarlock.cli.tables import write_summary
 from oarlock.cli.terminal import UsageError, fresh_folder, print_json, progress, say, steps, verb
-from oarlock.compare.estimators import LIMB_FILTER, tree_filters
-from oarlock.compare.orientation_track import ORIENTATION_FILTERS
+from oarlock.evaluation.comparison.estimators import LIMB_FILTER, tree_filters
+from oarlock.evaluation.comparison.orientation_track import ORIENTATION_FILTERS
 
 if TYPE_CHECKING:
     from oarlock import Calibration, Evaluation, Model, Recording, Suspect, Track
@@ -124,7 +124,7 @@ def track(
         typer.Option(
             "--filter",
             metavar="NAME",
-            help="Sigma points (ukf); linearised once, faster (ekf), or until it settles (iekf). To compare with: "
+            help="Sigma points (ukf), or linearised, which is faster (ekf). To compare with: "
             f"one filter per limb (limbs); one per inertial unit, then inverse kinematics "
             f"({', '.join(ORIENTATION_FILTERS)}).",
         ),
@@ -183,7 +183,7 @@ def track(
 ) -> None:
     """Track a recording: write joint angles with uncertainty, run.toml and report.html into a folder."""
     from oarlock import load_model, load_recording
-    from oarlock.calibration import load_calibration
+    from oarlock.recording.calibration import load_calibration
 
     if filter_name not in _FILTERS:
         raise UsageError(f"--filter {filter_name}: choose one of {', '.join(_FILTERS)}")
@@ -307,7 +307,7 @@ def _beside(result: Track) -> list[str]:
 
 def document(result: Track, out: Path, found: Sequence[Suspect] = ()) -> dict[str, object]:
     """The summary for machines; `found` are the suspects of the recording."""
-    from oarlock.track_summary import summarize
+    from oarlock.evaluation.summary import summarize
 
     summary = summarize(result)
     return {

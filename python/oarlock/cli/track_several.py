@@ -29,7 +29,7 @@ from oarlock.cli.track import RECORDING_FILE, RUN_FILE, document, write_folder
 
 if TYPE_CHECKING:
     from oarlock import Calibration, Config, Model, Recording, Suspect, Track
-    from oarlock.parallel_tracking import Failure, Job
+    from oarlock.tracking.many import Failure, Job
 
 
 def folders_for(recordings: Sequence[Path], out: Path, force: bool) -> dict[Path, Path]:
@@ -107,7 +107,7 @@ def _results(
     told: Told,
 ) -> Iterator[tuple[Path, Track | Failure, tuple[Suspect, ...]]]:
     """As many at a time as there are threads, so that no more is in memory than is worked on."""
-    from oarlock.parallel_tracking import outcomes
+    from oarlock.tracking.many import outcomes
 
     width = threads or os.cpu_count() or 1
     for first in range(0, len(paths), width):
@@ -147,7 +147,7 @@ def _loaded(
 
 
 def _row(out: Path, result: Track) -> tuple[object, ...]:
-    from oarlock.track_summary import summarize
+    from oarlock.evaluation.summary import summarize
 
     summary = summarize(result)
     return out.name, summary.samples, number(summary.duration_s, ".1f"), speed(summary), len(summary.notes)

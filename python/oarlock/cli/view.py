@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from oarlock import Track
-    from oarlock.viewer.marks import Mark
+    from oarlock.report.viewer.marks import Mark
 
 LONGEST_S = 180.0
 """What is shown of a longer track unless --start and --end say otherwise: a browser holds it without effort."""
@@ -59,7 +59,7 @@ def view(
     n shows names, u uncertainty.
     """
     from oarlock import load_track
-    from oarlock.viewer import page
+    from oarlock.report.viewer import page
 
     track = load_track(out)
     other = load_track(ghost) if ghost is not None else None
@@ -99,8 +99,8 @@ def _stretch(track: Track, start_s: float | None, end_s: float | None) -> tuple[
 def _scene(
     track: Track, other: Track | None, shown_s: tuple[float, float], every_s: float | None, ghost_name: str
 ) -> dict[str, Any]:
+    from oarlock.report.viewer import scene
     from oarlock.rowing import rowing_look
-    from oarlock.viewer import scene
 
     ghost = None
     if other is not None:

@@ -1,20 +1,15 @@
-"""One HTML file that says what was tracked, how well, and how far it can be believed."""
+"""One HTML file that says what was tracked, how well, and how far it can be believed.
 
-from __future__ import annotations
+These names are what a field of use builds its own sections from.
+"""
 
-from collections.abc import Sequence
-from pathlib import Path
-
-from ..errors import DataError
-from ..evaluate import Evaluation, evaluate
-from ..evaluate.tracklike import TrackLike
-from .chart import Series
-from .course import Axis, Mark, Zone, course_chart, plane_chart, row_chart
-from .page import render
-from .section import KeyFigure, Section
-from .sortable import Column, sort_script, sortable_table, value_cell
-from .tables import table as plain_table
-from .text import fixed
+from oarlock.report.chart import Series
+from oarlock.report.course import Axis, Mark, Zone, course_chart, plane_chart, row_chart
+from oarlock.report.section import KeyFigure, Section
+from oarlock.report.sortable import Column, sort_script, sortable_table, value_cell
+from oarlock.report.tables import table as plain_table
+from oarlock.report.text import fixed
+from oarlock.report.write import write_report
 
 __all__ = [
     "Axis",
@@ -34,44 +29,3 @@ __all__ = [
     "value_cell",
     "write_report",
 ]
-
-
-def write_report(
-    track: TrackLike,
-    path: str | Path,
-    evaluation: Evaluation | None = None,
-    truth: TrackLike | None = None,
-    title: str | None = None,
-    sections: Sequence[Section] = (),
-) -> Path:
-    """Write a report that works offline: no request, no script but that of `sections`, readable on paper and telephone.
-
-    Args:
-        track: the result to report.
-        path: the file to write, or an existing folder, which gets ``report.html``. Missing parents are made.
-        evaluation: scores against truth; computed if only ``truth`` is given.
-        truth: reference that is drawn beside the estimate.
-        title: heading; default names the model.
-        sections: parts of a field's own, before those of any body.
-
-    Returns:
-        Path: the file written.
-
-    Raises:
-        DataError: the track has no samples, or does not overlap with the truth, or two sections share a key.
-    """
-    if not len(track.time_s):
-        raise DataError("nothing to report: the track has no samples. Was the recording empty?")
-    if evaluation is None and truth is not None:
-        evaluation = evaluate(track, truth, start_s=_settling_s(track))
-    target = Path(path)
-    if target.is_dir():
-        target = target / "report.html"
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(render(track, evaluation, truth, title, sections), encoding="utf-8")
-    return target
-
-
-def _settling_s(track: TrackLike) -> float:
-    """The usual 2 s, or a tenth of a recording too short for that, s."""
-    return min(2.0, 0.1 * float(track.time_s[-1] - track.time_s[0]))

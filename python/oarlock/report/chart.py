@@ -9,9 +9,9 @@ from html import escape
 
 import numpy as np
 
-from . import plot
-from .plot import Floats, Panel
-from .text import breakable, number
+from oarlock.report import plot
+from oarlock.report.plot import Floats, Panel
+from oarlock.report.text import breakable, number
 
 SIZE = (400.0, 232.0)
 PLACE = (46.0, 8.0, 344.0, 176.0)

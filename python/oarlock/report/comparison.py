@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .page import POLICY
-from .plot import Panel, drawing, label
-from .tables import table
-from .text import DASH, breakable, number, percent
+from oarlock.report.page import POLICY
+from oarlock.report.plot import Panel, drawing, label
+from oarlock.report.tables import table
+from oarlock.report.text import DASH, breakable, number, percent
 
 if TYPE_CHECKING:
-    from oarlock.compare import Comparison, Score
+    from oarlock.evaluation.comparison.comparison import Comparison
+    from oarlock.evaluation.comparison.scores import Score
 
 FAMILIES = ("tree", "limbs", "single units")
 _MEANING = {

@@ -8,10 +8,10 @@ from html import escape
 
 import numpy as np
 
-from . import plot
-from .chart import LINES, Series
-from .plot import Floats, Panel
-from .text import breakable, number
+from oarlock.report import plot
+from oarlock.report.chart import LINES, Series
+from oarlock.report.plot import Floats, Panel
+from oarlock.report.text import breakable, number
 
 WIDTH, HEIGHT = 400.0, 214.0
 PLACE = (40.0, 14.0, 354.0, 160.0)

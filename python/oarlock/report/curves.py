@@ -8,14 +8,14 @@ from html import escape
 
 import numpy as np
 
-from ..coordinates import Part, parts
-from ..evaluate import Evaluation, JointScore, presentation
-from ..evaluate.angles import angle_error, named_angles
-from ..evaluate.errors import BAND_95, part_error
-from ..evaluate.joints import part_unit
-from ..evaluate.tracklike import Bools, Floats, Interval, TrackLike
-from . import plot
-from .text import MINUS, breakable, number, percent
+from oarlock.evaluation.angles import angle_error, named_angles
+from oarlock.evaluation.errors import BAND_95, part_error
+from oarlock.evaluation.joints import part_unit
+from oarlock.evaluation.scores import Evaluation, JointScore, presentation
+from oarlock.evaluation.tracklike import Bools, Floats, Interval, TrackLike
+from oarlock.model.coordinates import Part, parts
+from oarlock.report import plot
+from oarlock.report.text import MINUS, breakable, number, percent
 
 WIDTH, LEFT, RIGHT = 400.0, 44.0, 8.0
 CURVE_TOP, CURVE_HEIGHT, STRIP_GAP, STRIP_HEIGHT, FOOT = 6.0, 118.0, 40.0, 62.0, 20.0

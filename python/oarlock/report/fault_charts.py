@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..study.costs import Dose, middle
-from ..study.sweeps import FaultSweep
-from . import plot
-from .plot import Panel
-from .text import breakable, number, plural
+from oarlock.evaluation.study.costs import Dose, middle
+from oarlock.evaluation.study.sweeps import FaultSweep
+from oarlock.report import plot
+from oarlock.report.plot import Panel
+from oarlock.report.text import breakable, number, plural
 
 SIZE = (400.0, 250.0)
 PLACE = (40.0, 10.0, 352.0, 148.0)

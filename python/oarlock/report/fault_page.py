@@ -7,14 +7,14 @@ from html import escape
 
 import numpy as np
 
-from ..study import StudyResult
-from ..study.costs import LOST_DEG, Dose, doses, middle, ranked
-from . import fault_charts as charts
-from .fault_words import Curves, findings
-from .page import shell
-from .study_page import failures, settings_section
-from .tables import table
-from .text import breakable, number, percent, plural
+from oarlock.evaluation.study.costs import LOST_DEG, Dose, doses, middle, ranked
+from oarlock.evaluation.study.result import StudyResult
+from oarlock.report import fault_charts as charts
+from oarlock.report.fault_words import Curves, findings
+from oarlock.report.page import shell
+from oarlock.report.study_sections import failures, settings_section
+from oarlock.report.tables import table
+from oarlock.report.text import breakable, number, percent, plural
 
 COLUMNS = 3
 """Charts into which a ranking is cut, so that they fit side by side."""
@@ -26,7 +26,7 @@ def fault_page(result: StudyResult) -> str:
     """The whole page as text; works offline, on paper and on a telephone."""
     study = result.study
     clean, curves = by_fault(result)
-    scale = charts.Scale(doses(result))
+    scale = charts.Scale(doses(result.study, result.rows))
     legend = charts.legend(list(clean), len(study.seeds))
     sections = [
         ("ranking", "What hurts most", _ranking(clean, curves, scale, legend)),
@@ -45,7 +45,7 @@ def fault_page(result: StudyResult) -> str:
 
 def by_fault(result: StudyResult) -> tuple[dict[str, Dose], Curves]:
     """What is found without a fault, by setting; and doses by fault and setting, the dearest fault first."""
-    found = doses(result)
+    found = doses(result.study, result.rows)
     clean = {dose.setting: dose for dose in found if dose.fault is None}
     curves: dict[str, dict[str, list[Dose]]] = {fault.name: {} for fault in ranked(found)}
     for dose in found:

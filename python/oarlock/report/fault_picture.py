@@ -6,11 +6,11 @@ from html import escape
 
 import numpy as np
 
-from ..study import StudyResult
-from ..study.costs import doses
-from . import fault_charts as charts
-from . import plot
-from .fault_page import by_fault
+from oarlock.evaluation.study.costs import doses
+from oarlock.evaluation.study.result import StudyResult
+from oarlock.report import fault_charts as charts
+from oarlock.report import plot
+from oarlock.report.fault_page import by_fault
 
 COLUMNS = 4
 TILE = (252.0, 214.0)
@@ -36,7 +36,7 @@ _DASHES = ("", "8 2", "4 2", "9 2 2 2")
 def fault_picture(result: StudyResult) -> str:
     """All faults from weak to strong, the dearest first, as an SVG file on white."""
     clean, curves = by_fault(result)
-    scale = charts.Scale(doses(result))
+    scale = charts.Scale(doses(result.study, result.rows))
     rows = -(-len(curves) // COLUMNS)
     size = (2 * MARGIN + COLUMNS * TILE[0], MARGIN + HEAD + rows * TILE[1])
     parts = [_legend(list(clean))]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
-from ..study.costs import Dose, middle
-from .fault_charts import cost_text
-from .text import number, percent
+from oarlock.evaluation.study.costs import Dose, middle
+from oarlock.report.fault_charts import cost_text
+from oarlock.report.text import number, percent
 
 DEAREST, MOST_NAMED, EXAMPLES = 8, 12, 3
 TELLS = 1.5

@@ -8,11 +8,11 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.stats import chi2
 
-from ..evaluate.scores import SensorScore
-from ..evaluate.tracklike import Floats, InfoLike, TrackLike, info_of
-from . import plot
-from .tables import table
-from .text import DASH, breakable, fixed
+from oarlock.evaluation.scores import SensorScore
+from oarlock.evaluation.tracklike import Floats, InfoLike, TrackLike, info_of
+from oarlock.report import plot
+from oarlock.report.tables import table
+from oarlock.report.text import DASH, breakable, fixed
 
 WIDTH, LEFT, RIGHT, TOP, HEIGHT, FOOT = 400.0, 44.0, 8.0, 6.0, 84.0, 20.0
 SMOOTHING_S = 0.5

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ..coordinates import coordinate_units
-from ..evaluate import presentation
-from ..evaluate.errors import BAND_95
-from ..evaluate.tracklike import Bools, Floats
-from ..markers import Gap, MarkerStudy
-from ..markers.gaps import stretches
-from . import page, plot
-from .tables import table
-from .text import breakable, fixed, percent, plural
+from oarlock.evaluation.errors import BAND_95
+from oarlock.evaluation.markers.gaps import Gap, stretches
+from oarlock.evaluation.markers.simulated import MarkerStudy
+from oarlock.evaluation.scores import presentation
+from oarlock.evaluation.tracklike import Bools, Floats
+from oarlock.model.coordinates import coordinate_units
+from oarlock.report import page, plot
+from oarlock.report.tables import table
+from oarlock.report.text import breakable, fixed, percent, plural
 
 WIDTH, HEIGHT, FOOT = 400.0, 96.0, 20.0
 PLACE = (44.0, 6.0, WIDTH - 52.0, HEIGHT)

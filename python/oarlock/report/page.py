@@ -7,11 +7,11 @@ from collections.abc import Collection, Sequence
 from html import escape
 from importlib.resources import files
 
-from ..evaluate import Evaluation, SensorScore
-from ..evaluate.consistency import sensor_scores
-from ..evaluate.tracklike import Interval, TrackLike
-from . import curves, health, slow, tables, verdict
-from .section import Section, refuse_doubles, tiles
+from oarlock.evaluation.consistency import sensor_scores
+from oarlock.evaluation.scores import Evaluation, SensorScore
+from oarlock.evaluation.tracklike import Interval, TrackLike
+from oarlock.report import curves, health, slow, tables, verdict
+from oarlock.report.section import Section, refuse_doubles, tiles
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 """What a browser may load for this page: nothing from outside."""

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from .text import MINUS
+from oarlock.report.text import MINUS
 
 Floats = NDArray[np.float64]
 

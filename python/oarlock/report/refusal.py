@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
-from .page import shell
-from .verdict import suspect_sentences
+from oarlock.report.page import shell
+from oarlock.report.verdict import suspect_sentences
 
 __all__ = ["write_refusal"]
 

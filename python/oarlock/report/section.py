@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import NamedTuple
 
-from ..errors import DataError
+from oarlock.storage.errors import DataError
 
 _KEY = re.compile(r"[a-z][a-z0-9-]*")
 

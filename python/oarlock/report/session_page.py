@@ -8,11 +8,11 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from ..calibration import Calibration
-from ..errors import DataError
-from .page import shell
-from .tables import table
-from .text import DASH, breakable, fixed, listing, number, plural
+from oarlock.recording.calibration import Calibration
+from oarlock.report.page import shell
+from oarlock.report.tables import table
+from oarlock.report.text import DASH, breakable, fixed, listing, number, plural
+from oarlock.storage.errors import DataError
 
 STYLES = {"pass": "good", "redo": "bad", "kept": "open"}
 WORDS = {"pass": "pass", "redo": "do again", "kept": "kept"}

@@ -7,10 +7,10 @@ from html import escape
 
 import numpy as np
 
-from ..evaluate.errors import BAND_95
-from ..evaluate.tracklike import Floats, SlowLike, TrackLike
-from . import plot
-from .text import breakable, number
+from oarlock.evaluation.errors import BAND_95
+from oarlock.evaluation.tracklike import Floats, SlowLike, TrackLike
+from oarlock.report import plot
+from oarlock.report.text import breakable, number
 
 WIDTH, HEIGHT, FOOT = 400.0, 84.0, 20.0
 PLACE = (44.0, 6.0, WIDTH - 52.0, HEIGHT)

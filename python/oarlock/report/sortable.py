@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 
-from .tables import framed_table, table_row
+from oarlock.report.tables import framed_table, table_row
 
 
 @dataclass(frozen=True)

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
 import numpy as np
 
-from ..study import StudyResult
-from ..study.run import MEAN
-from ..study.spec import shown
-from . import chart
-from .page import shell
-from .tables import table
-from .text import DASH, breakable, fixed, number, percent, plural
+from oarlock.evaluation.study.result import StudyResult
+from oarlock.evaluation.study.run import MEAN
+from oarlock.report import chart
+from oarlock.report.fault_page import fault_page
+from oarlock.report.page import shell
+from oarlock.report.study_sections import failures, settings_section
+from oarlock.report.tables import table
+from oarlock.report.text import DASH, breakable, fixed, number, percent, plural
 
 MOST_LINES = 6
 MOST_INTERVALS = 60
@@ -26,8 +26,6 @@ def study_page(result: StudyResult) -> str:
     """The whole page as text; works offline, on paper and on a telephone."""
     study = result.study
     if study.faults:
-        from .fault_page import fault_page
-
         return fault_page(result)
     summary = result.summary()
     sections = [("scenarios", "Scenarios", _scenarios(result, summary))]
@@ -155,51 +153,3 @@ def _intervals(summary: Sequence[Mapping[str, Any]]) -> str:
     others = f'<div class="grid-figures">{"".join(drawn[1:])}</div>'
     rest = f"<details><summary>Each joint and frame</summary>{others}</details>"
     return hint + first + (rest if len(drawn) > 1 else "")
-
-
-# --- what was run -------------------------------------------------------------------------------------
-
-
-def failures(result: StudyResult) -> str:
-    """A list of the runs that failed, and why."""
-    items = "".join(
-        f"<li>{escape(row['name'])}, seed {row['seed']}: {escape(row['error'])}</li>"
-        for row in result.complaints[:50]
-    )
-    return f'<ul class="notes">{items}</ul>'
-
-
-def settings_section(result: StudyResult) -> str:
-    """Keys with the values that they took, model, simulator and seeds."""
-    study = result.study
-    keys = study.keys
-    rows = []
-    used = (key for scenario in study.expanded() for key in scenario.values)
-    for key in dict.fromkeys([*study.fixed, *study.swept, *used]):
-        values = [scenario.values[key] for scenario in study.expanded() if key in scenario.values]
-        texts = list(dict.fromkeys(shown(value) for value in values))
-        if not texts:
-            continue
-        about = keys[key].about if key in keys else ""
-        rows.append([breakable(key), escape(", ".join(texts)), escape(about)])
-    facts = [
-        ["model", escape(study.model.name), ""],
-        ["simulator", escape(repr(study.simulator)), ""],
-        ["seeds", escape(", ".join(map(str, study.seeds))), ""],
-        ["scored from", f"{study.start_s:g} s on", ""],
-    ]
-    tables = "<code>runs</code>, <code>summary</code>"
-    return table(
-        "settings",
-        "Keys that were set; all others are at their defaults.",
-        ["key", "values", ""],
-        [*facts, *rows],
-    ) + (
-        f'<p class="hint">Tables beside this page, as CSV and Parquet: {tables}; run.toml holds the study.</p>'
-    )
-
-
-def mean_text(row: Mapping[str, Any]) -> str:
-    """`0.123 ± 0.004`."""
-    sd = row["rmse_sd"]
-    return number(row["rmse_mean"]) + (f" ± {number(sd, 2)}" if math.isfinite(sd) else "")

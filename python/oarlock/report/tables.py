@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from ..coordinates import Part, parts
-from ..evaluate import Evaluation, JointScore, PositionScore, StateScore, presentation
-from ..evaluate.angles import named_angles
-from ..evaluate.errors import seen
-from ..evaluate.joints import part_unit
-from ..evaluate.tracklike import Bools, Floats, TrackLike
-from ..rotation import mean_quat, quat_from_rotvec, rotvec_between
-from .text import DASH, breakable, decimals, fixed, number, percent, plural
-from .verdict import NARROW_COVERAGE, WIDE_COVERAGE
+from oarlock.evaluation.angles import named_angles
+from oarlock.evaluation.errors import seen
+from oarlock.evaluation.joints import part_unit
+from oarlock.evaluation.scores import Evaluation, JointScore, PositionScore, StateScore, presentation
+from oarlock.evaluation.tracklike import Bools, Floats, TrackLike
+from oarlock.model.coordinates import Part, parts
+from oarlock.model.rotation import mean_quat, quat_from_rotvec, rotvec_between
+from oarlock.report.text import DASH, breakable, decimals, fixed, number, percent, plural
+from oarlock.report.verdict import NARROW_COVERAGE, WIDE_COVERAGE
 
 
 def table(

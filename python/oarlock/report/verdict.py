@@ -8,12 +8,12 @@ from html import escape
 
 import numpy as np
 
-from ..coordinates import joint_columns
-from ..evaluate import Evaluation, SensorScore
-from ..evaluate.tracklike import TrackLike
-from ..suspects_text import SUSPECT_NOTE
-from .section import KeyFigure
-from .text import fixed, listing, number, percent, plural
+from oarlock.evaluation.scores import Evaluation, SensorScore
+from oarlock.evaluation.suspects.text import SUSPECT_NOTE
+from oarlock.evaluation.tracklike import TrackLike
+from oarlock.model.coordinates import joint_columns
+from oarlock.report.section import KeyFigure
+from oarlock.report.text import fixed, listing, number, percent, plural
 
 NARROW_COVERAGE, WIDE_COVERAGE = 0.93, 0.995
 """Share of samples in the 95 % band below which a band is too narrow, above which it is wider than needed."""

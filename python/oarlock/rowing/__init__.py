@@ -2,32 +2,34 @@
 
 from __future__ import annotations
 
-from oarlock.rowing.anthropometry import anthropometry
-from oarlock.rowing.boat import Boat, HullMotion
-from oarlock.rowing.ergometer import ErgometerShape, Machine, ergometer_piece
-from oarlock.rowing.exports import EXPORT_FORMATS, ExportFormat, load_stroke_export
-from oarlock.rowing.features import FEATURES, Feature
-from oarlock.rowing.field import FieldEffects, FieldTrial, simulate_field
-from oarlock.rowing.hull import HullRotation, on_hull
-from oarlock.rowing.live_strokes import LiveStrokes, StrokeEvent
-from oarlock.rowing.motion import Piece, row_piece, sculling
-from oarlock.rowing.noise import CONDITIONS, TABLE_4_NOISE, ImuNoise, SimulatedCondition
-from oarlock.rowing.pitch import HullForm, HullPitch, hull_pitch
-from oarlock.rowing.rail import on_unknown_rail
-from oarlock.rowing.session_skin import session_skin
-from oarlock.rowing.shapes import rowing_look, stroke_marks
-from oarlock.rowing.simulators import SIMULATORS, FieldSimulator, ScullingSimulator
-from oarlock.rowing.stretcher import adjusted_stretcher
-from oarlock.rowing.stroke import StrokeShape
-from oarlock.rowing.stroke_files import save_strokes
-from oarlock.rowing.stroke_means import FeatureMean, PhaseCurve
-from oarlock.rowing.stroke_summary import SummaryRow, summarise_strokes
-from oarlock.rowing.stroke_table import StrokeTable
-from oarlock.rowing.strokes import Strokes, find_strokes
-from oarlock.rowing.sweep import SweepShape, sweep_piece, sweeping
-from oarlock.rowing.targets import TARGET_CLASSES, Target, load_targets
-from oarlock.rowing.technique import Technique, technique
-from oarlock.rowing.timing import StrokeTiming
+from oarlock.rowing.analysis.features import FEATURES, Feature
+from oarlock.rowing.analysis.stroke_means import FeatureMean, PhaseCurve
+from oarlock.rowing.analysis.stroke_summary import SummaryRow, summarise_strokes
+from oarlock.rowing.analysis.targets import TARGET_CLASSES, Target, load_targets
+from oarlock.rowing.analysis.technique import Technique, technique
+from oarlock.rowing.exports.load import EXPORT_FORMATS, ExportFormat, load_stroke_export
+from oarlock.rowing.field.effects import FieldEffects
+from oarlock.rowing.field.trial import FieldTrial, simulate_field
+from oarlock.rowing.figure.shapes import rowing_look, stroke_marks
+from oarlock.rowing.simulation.anthropometry import anthropometry
+from oarlock.rowing.simulation.boat import Boat, HullMotion
+from oarlock.rowing.simulation.ergometer import ErgometerShape, Machine, ergometer_piece
+from oarlock.rowing.simulation.hull import HullRotation, on_hull
+from oarlock.rowing.simulation.motion import Piece, row_piece, sculling
+from oarlock.rowing.simulation.noise import CONDITIONS, TABLE_4_NOISE, ImuNoise, SimulatedCondition
+from oarlock.rowing.simulation.pitch import HullForm, HullPitch, hull_pitch
+from oarlock.rowing.simulation.rail import on_unknown_rail
+from oarlock.rowing.simulation.session_skin import session_skin
+from oarlock.rowing.simulation.simulators import SIMULATORS, FieldSimulator, ScullingSimulator
+from oarlock.rowing.simulation.stretcher import adjusted_stretcher
+from oarlock.rowing.simulation.stroke_shape import StrokeShape
+from oarlock.rowing.simulation.sweep import SweepShape, sweep_piece, sweeping
+from oarlock.rowing.simulation.timing import StrokeTiming
+from oarlock.rowing.strokes.files import save_strokes
+from oarlock.rowing.strokes.find_strokes import find_strokes
+from oarlock.rowing.strokes.live_strokes import LiveStrokes, StrokeEvent
+from oarlock.rowing.strokes.strokes import Strokes
+from oarlock.rowing.strokes.table import StrokeTable
 
 __all__ = [
     "CONDITIONS",

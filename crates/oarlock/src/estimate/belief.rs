@@ -1,6 +1,6 @@
 //! What the filter believes at one instant.
 
-use super::dense::Square;
+use crate::kernels::dense::Square;
 
 /// Time, mean and covariance, and what was learnt of noise: the one thing that an update replaces.
 #[derive(Debug, PartialEq)]
@@ -14,7 +14,7 @@ pub struct Belief {
     /// Per driven coordinate (`System::driven`): how much stronger its driving noise is than the model says (variance).
     pub drive: Vec<f64>,
     /// Per part of the measurement vector: usual size of its innovations, as a factor on what is expected (variance).
-    pub habit: Vec<f64>,
+    pub usual_nis: Vec<f64>,
     /// How much larger the noise of inertial units is than the model says (variance).
     pub inflation: f64,
     /// Usual size of the innovations of all inertial units together, as a factor on what is expected (variance).
@@ -34,7 +34,7 @@ impl Clone for Belief {
             mean: self.mean.clone(),
             covariance: self.covariance.clone(),
             drive: self.drive.clone(),
-            habit: self.habit.clone(),
+            usual_nis: self.usual_nis.clone(),
             rejected_since_s: self.rejected_since_s.clone(),
             ..*self
         }
@@ -48,7 +48,7 @@ impl Clone for Belief {
             mean,
             covariance,
             drive,
-            habit,
+            usual_nis,
             inflation,
             surprise,
             roughness,
@@ -58,7 +58,7 @@ impl Clone for Belief {
         mean.clone_from(&from.mean);
         covariance.clone_from(&from.covariance);
         drive.clone_from(&from.drive);
-        habit.clone_from(&from.habit);
+        usual_nis.clone_from(&from.usual_nis);
         rejected_since_s.clone_from(&from.rejected_since_s);
         (*time_s, *inflation, *surprise) = (from.time_s, from.inflation, from.surprise);
         (*roughness, *leftover) = (from.roughness, from.leftover);

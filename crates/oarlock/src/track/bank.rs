@@ -12,10 +12,10 @@ use super::subject::Subject;
 use crate::body::{three, Moment};
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::Info;
-use crate::estimate::transition::{carry, Block};
+use crate::estimate::transition::{congruence, Block};
 use crate::estimate::System;
+use crate::kernels::arch::Arch;
 use crate::kinematics::FrameMotion;
-use crate::lane::arch::Arch;
 use crate::rotation::turn::{norm, plus, Turn};
 use crate::rotation::{Mat3, Vec3};
 use crate::state::Slots;
@@ -160,7 +160,7 @@ impl Bank<'_> {
         let (q, belief) = (slots.q, &mut one.belief);
         let outer = |i: usize, j: usize| direction[i] * direction[j];
         let across = [0, 1, 2].map(|i| [0, 1, 2].map(|j| f64::from(i == j) - outer(i, j)));
-        carry(Arch::best(), &Block::linear([q, q + 1, q + 2], across), &mut belief.covariance);
+        congruence(Arch::best(), &Block::linear([q, q + 1, q + 2], across), &mut belief.covariance);
         let step = TAU / BRANCHES as f64;
         for i in 0..3 {
             for j in 0..3 {

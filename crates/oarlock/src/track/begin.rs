@@ -7,9 +7,9 @@ use super::subject::Subject;
 use crate::body::{three, Body, Moment};
 use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
-use crate::estimate::dense::Square;
-use crate::estimate::start::{Evidence, Fit, Guess, Problem};
+use crate::estimate::start::{Fit, Prior, StartFit, StartSample};
 use crate::estimate::System;
+use crate::kernels::dense::Square;
 use crate::model::{JointKind, SensorKind};
 use crate::rotation::turn::{plus, Turn};
 use crate::rotation::Vec3;
@@ -27,7 +27,7 @@ const AZIMUTH_START_STD: f64 = 0.2;
 /// Without a compass the heading at the start is zero by definition; so little that no update divides by nothing, rad.
 const GAUGE_STD: f64 = 1e-3;
 
-/// A sample of the start window, without what is barred.
+/// A sample of the start window, without what is excluded.
 #[derive(Debug)]
 pub(super) struct Seen {
     pub time_s: f64,
@@ -51,17 +51,17 @@ impl Start<'_> {
         let (subject, postures) = (self.subject, Postures { subject: self.subject });
         let begin_s = window.first().map_or(f64::NAN, |first| first.time_s);
         let seen = self.thinned(window);
-        let evidence: Vec<Evidence<Moment>> =
-            seen.iter().map(|s| Evidence { after_s: s.time_s - begin_s, moment: &s.moment, z: &s.z }).collect();
+        let evidence: Vec<StartSample<Moment>> =
+            seen.iter().map(|s| StartSample { after_s: s.time_s - begin_s, moment: &s.moment, z: &s.z }).collect();
         let guesses = self.guesses()?;
-        let starts: Vec<(&Guess, Vec<f64>)> = guesses.iter().map(|guess| (guess, guess.mean.clone())).collect();
+        let starts: Vec<(&Prior, Vec<f64>)> = guesses.iter().map(|guess| (guess, guess.mean.clone())).collect();
         let found = postures.seek(&evidence, &starts).ok_or_else(|| {
             let text = format!("no start found at {begin_s:.3} s: the first readings are not numbers for this model");
             Error::Diverged { time_s: begin_s, text }
         })?;
         let (fit, others) = match found.good {
             true => {
-                let mut problem = Problem::new(&subject.body, &evidence, &subject.std, found.guess);
+                let mut problem = StartFit::new(&subject.body, &evidence, &subject.std, found.guess);
                 postures.all_postures(&mut problem, found.fit)
             }
             false => (found.fit, Vec::new()),
@@ -97,7 +97,7 @@ impl Start<'_> {
 
     /// The posture asked for, if any, the rest posture, the zero posture and the middle of all limits, each with the field, or the body,
     /// from four sides. What was asked for comes first; where it leads to no good fit it may be wrong itself.
-    fn guesses(&self) -> Result<Vec<Guess>> {
+    fn guesses(&self) -> Result<Vec<Prior>> {
         let body = &self.subject.body;
         let rest: Vec<f64> = body.axes.iter().map(|axis| axis.rest).collect();
         let count = rest.len();
@@ -149,7 +149,7 @@ impl Start<'_> {
             mean: fit.mean,
             covariance,
             drive: vec![1.0; body.driven().len()],
-            habit: vec![1.0; parts],
+            usual_nis: vec![1.0; parts],
             inflation: 1.0,
             surprise: 1.0,
             roughness: 1.0,
@@ -192,7 +192,7 @@ fn wrapped(angle: f64) -> f64 {
 }
 
 /// A posture before anything is measured, with the field and floating bodies turned by `side` rad about the vertical.
-fn guess(body: &Body, posture: &[f64], side: f64) -> Guess {
+fn guess(body: &Body, posture: &[f64], side: f64) -> Prior {
     let mut mean = vec![0.0; body.layout.dim()];
     let mut std = start_std(body, WIDENED);
     for (c, axis, slots) in body.moving() {
@@ -214,7 +214,7 @@ fn guess(body: &Body, posture: &[f64], side: f64) -> Guess {
         mean[i] = body.model.world.magnetic_azimuth_rad + side;
         std[i] = AZIMUTH_STD;
     }
-    Guess::apart(mean, &std)
+    Prior::uncorrelated(mean, &std)
 }
 
 /// Standard deviations at the start, those of the rates `widened`.

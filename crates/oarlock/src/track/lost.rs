@@ -11,7 +11,7 @@ use super::readings::Readings;
 use super::subject::Subject;
 use crate::body::three;
 use crate::estimate::belief::Belief;
-use crate::estimate::dense::Square;
+use crate::kernels::dense::Square;
 use crate::model::JointKind;
 use crate::rotation::turn::Turn;
 use crate::rotation::Vec3;
@@ -80,7 +80,7 @@ pub(super) fn give_up(subject: &Subject, readings: &Readings, one: &mut Hypothes
 
 fn forget_what_was_learnt(belief: &mut Belief) {
     belief.drive.fill(1.0);
-    belief.habit.fill(1.0);
+    belief.usual_nis.fill(1.0);
     (belief.inflation, belief.surprise) = (1.0, 1.0);
     (belief.roughness, belief.leftover) = (1.0, 1.0);
     belief.rejected_since_s.fill(f64::NAN);

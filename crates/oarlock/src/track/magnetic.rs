@@ -10,7 +10,7 @@ use super::readings::Readings;
 use super::subject::Subject;
 use crate::body::posture::Posture;
 use crate::config::Magnetometer;
-use crate::estimate::filter::{Info, Slant, Verdict};
+use crate::estimate::filter::{DirectionTest, Info, Verdict};
 use crate::rotation::Vec3;
 use crate::sensor::Quantity;
 
@@ -55,10 +55,10 @@ pub(super) fn by_source<'a>(subject: &'a Subject, info: &'a Info) -> impl Iterat
         let mut own = subject.parts_of(Quantity::Mag).filter(|&p| subject.source_of_part[p] == s);
         own.next().map_or(Field::Missing, |p| match info.parts[p] {
             Verdict::Missing | Verdict::Stuck => Field::Missing,
-            Verdict::Believed | Verdict::Clipped => Field::Undisturbed,
-            Verdict::Barred => Field::Norm,
-            Verdict::Slanted => Field::Dip,
-            Verdict::Odd | Verdict::Turned => Field::Innovation,
+            Verdict::Accepted | Verdict::Clipped => Field::Undisturbed,
+            Verdict::Excluded => Field::Norm,
+            Verdict::WrongDirection => Field::Dip,
+            Verdict::Outlier | Verdict::Turned => Field::Innovation,
         })
     })
 }
@@ -68,9 +68,9 @@ pub(super) fn by_source<'a>(subject: &'a Subject, info: &'a Info) -> impl Iterat
 pub(super) struct Magnetic {
     usage: Magnetometer,
     /// Per part: not to be believed in this sample.
-    pub barred: Vec<bool>,
+    pub excluded: Vec<bool>,
     /// Per part: how far its field is off the world's dip.
-    pub slants: Vec<Option<Slant>>,
+    pub direction_tests: Vec<Option<DirectionTest>>,
     /// Room for the belief's mean.
     posture: Posture<f64>,
 }
@@ -79,13 +79,13 @@ impl Magnetic {
     pub fn new(subject: &Subject, usage: Magnetometer) -> Self {
         let parts = subject.groups.parts.len();
         let posture = Posture::new(&subject.body);
-        Magnetic { usage, barred: vec![false; parts], slants: vec![None; parts], posture }
+        Magnetic { usage, excluded: vec![false; parts], direction_tests: vec![None; parts], posture }
     }
 
     /// Silences magnetometers that are not to be used, and bars those whose norm is wrong.
     pub fn judge_norms(&mut self, subject: &Subject, readings: &mut Readings) {
         let norm = subject.body.field.norm_ut;
-        self.barred.fill(false);
+        self.excluded.fill(false);
         for p in subject.parts_of(Quantity::Mag) {
             let z = &mut readings.z[subject.groups.parts[p].clone()];
             match self.usage {
@@ -93,7 +93,7 @@ impl Magnetic {
                 Magnetometer::Off => z.fill(f64::NAN),
                 Magnetometer::Gated => {
                     let measured = z.iter().map(|x| x * x).sum::<f64>().sqrt();
-                    self.barred[p] = (measured - norm).abs() > NORM_TOLERANCE * norm;
+                    self.excluded[p] = (measured - norm).abs() > NORM_TOLERANCE * norm;
                 }
             }
         }
@@ -101,7 +101,7 @@ impl Magnetic {
 
     /// Measures the dip of every field against the horizon of a mean; the filter knows how certain that is.
     pub fn measure_dips(&mut self, subject: &Subject, readings: &Readings, mean: &[f64]) {
-        self.slants.fill(None);
+        self.direction_tests.fill(None);
         let gated = self.usage == Magnetometer::Gated;
         if !gated || subject.magnetic_rows().all(|r| readings.z[r].is_nan()) {
             return;
@@ -111,7 +111,7 @@ impl Magnetic {
         for p in subject.parts_of(Quantity::Mag) {
             let up = self.up_seen_by(subject, subject.source_of_part[p]);
             let measured = Vec3(readings.three(subject.groups.parts[p].start));
-            self.slants[p] = up.and_then(|up| slant(measured, up, body.field.norm_ut, body.field.dip_rad));
+            self.direction_tests[p] = up.and_then(|up| direction(measured, up, body.field.norm_ut, body.field.dip_rad));
         }
     }
 
@@ -127,7 +127,7 @@ pub(super) fn strict(subject: &Subject, usage: Magnetometer) -> Vec<bool> {
 }
 
 /// How far a measured field (uT) lies from the world's dip (rad), all in sensor axes; `None` for no field at all.
-fn slant(measured: Vec3<f64>, up: Vec3<f64>, norm_ut: f64, dip_rad: f64) -> Option<Slant> {
+fn direction(measured: Vec3<f64>, up: Vec3<f64>, norm_ut: f64, dip_rad: f64) -> Option<DirectionTest> {
     let dot = |a: Vec3<f64>, b: Vec3<f64>| -> f64 { a.0.iter().zip(b.0).map(|(a, b)| a * b).sum() };
     let length = dot(measured, measured).sqrt();
     if !(length > 0.0 && length.is_finite()) {
@@ -140,7 +140,7 @@ fn slant(measured: Vec3<f64>, up: Vec3<f64>, norm_ut: f64, dip_rad: f64) -> Opti
     // Where the field moves when it dips further.
     let along = level * -dip_rad.sin() + up * -dip_rad.cos();
     let off = norm_ut * (down.clamp(-1.0, 1.0).asin() - dip_rad);
-    Some(Slant { along: along.0, off, tolerance: norm_ut * DIP_TOLERANCE_RAD, sigmas: HORIZON_SIGMAS })
+    Some(DirectionTest { along: along.0, off, tolerance: norm_ut * DIP_TOLERANCE_RAD, sigmas: HORIZON_SIGMAS })
 }
 
 #[cfg(test)]
@@ -155,11 +155,11 @@ mod tests {
         for off in [-0.3, 0.0, 0.2] {
             let dip: f64 = dip_rad + off;
             let field = turn.apply(Vec3([dip.cos() * 0.6, dip.cos() * 0.8, -dip.sin()])) * 50.0;
-            let found = slant(field, up, 48.0, dip_rad).unwrap();
+            let found = direction(field, up, 48.0, dip_rad).unwrap();
             assert!((found.off - 48.0 * off).abs() < 1e-9, "{}", found.off);
             let step = turn.apply(Vec3([-dip_rad.sin() * 0.6, -dip_rad.sin() * 0.8, -dip_rad.cos()]));
             assert!(found.along.iter().zip(step.0).all(|(a, b)| (a - b).abs() < 1e-9));
         }
-        assert!(slant(Vec3([0.0; 3]), up, 48.0, dip_rad).is_none());
+        assert!(direction(Vec3([0.0; 3]), up, 48.0, dip_rad).is_none());
     }
 }

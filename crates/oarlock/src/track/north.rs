@@ -48,7 +48,7 @@ pub(super) struct NorthState {
 /// Finds the magnetometers whose north has turned.
 #[derive(Debug, Clone)]
 pub(super) struct North {
-    /// Whether turned fields are barred, and whether north is followed.
+    /// Whether turned fields are excluded, and whether north is followed.
     bars: bool,
     follows: bool,
     /// Per part: its field seems to have turned.
@@ -62,12 +62,12 @@ impl North {
     }
 
     /// Bars magnetometers whose north has turned.
-    pub fn bar_turned(&mut self, subject: &Subject, sources: &[SourceMemory], time_s: f64, barred: &mut [bool]) {
+    pub fn bar_turned(&mut self, subject: &Subject, sources: &[SourceMemory], time_s: f64, excluded: &mut [bool]) {
         self.turned.fill(false);
         for p in subject.parts_of(Quantity::Mag).filter(|_| self.bars) {
             let since_s = sources[subject.source_of_part[p]].north.since_s;
-            if time_s - since_s <= PATIENCE_S && !barred[p] {
-                (self.turned[p], barred[p]) = (true, true);
+            if time_s - since_s <= PATIENCE_S && !excluded[p] {
+                (self.turned[p], excluded[p]) = (true, true);
             }
         }
     }
@@ -82,15 +82,15 @@ impl North {
         one: &mut Hypothesis,
     ) {
         let Hypothesis { belief, sources, .. } = one;
-        for p in (0..self.turned.len()).filter(|&p| self.follows && magnetic.slants[p].is_some()) {
+        for p in (0..self.turned.len()).filter(|&p| self.follows && magnetic.direction_tests[p].is_some()) {
             let (first, s) = (subject.groups.parts[p].start, subject.source_of_part[p]);
             match info.parts[p] {
                 // The gate has it, and will believe it after its own patience.
-                Verdict::Odd if belief.time_s - belief.rejected_since_s[p] > USUAL_S => {
+                Verdict::Outlier if belief.time_s - belief.rejected_since_s[p] > USUAL_S => {
                     sources[s].north = NorthState::NONE;
                     continue;
                 }
-                Verdict::Believed => {}
+                Verdict::Accepted => {}
                 _ if self.turned[p] => {}
                 _ => continue,
             }
@@ -104,10 +104,10 @@ impl North {
         }
     }
 
-    /// Names in the report the fields that were barred because they have turned.
+    /// Names in the report the fields that were excluded because they have turned.
     pub fn report(&self, info: &mut Info) {
         for (verdict, _) in info.parts.iter_mut().zip(&self.turned).filter(|(_, &turned)| turned) {
-            if *verdict == Verdict::Barred {
+            if *verdict == Verdict::Excluded {
                 *verdict = Verdict::Turned;
             }
         }

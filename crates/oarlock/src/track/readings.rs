@@ -67,10 +67,10 @@ impl Readings {
         }
     }
 
-    /// Readings without the parts that are barred.
-    pub fn without(&self, subject: &Subject, barred: &[bool]) -> Vec<f64> {
+    /// Readings without the parts that are excluded.
+    pub fn without(&self, subject: &Subject, excluded: &[bool]) -> Vec<f64> {
         let mut z = self.z.clone();
-        for (rows, _) in subject.groups.parts.iter().zip(barred).filter(|(_, &barred)| barred) {
+        for (rows, _) in subject.groups.parts.iter().zip(excluded).filter(|(_, &excluded)| excluded) {
             z[rows.clone()].fill(f64::NAN);
         }
         z

@@ -11,8 +11,8 @@ use super::postures::Postures;
 use super::readings::Readings;
 use super::subject::Subject;
 use crate::estimate::belief::Belief;
-use crate::estimate::filter::{evidence, Info, SourceInfo, Verdict};
-use crate::estimate::start::{Evidence, Fit, Guess, Problem};
+use crate::estimate::filter::{log_likelihood, Info, SourceInfo, Verdict};
+use crate::estimate::start::{Fit, Prior, StartFit, StartSample};
 use crate::model::Axis;
 use std::f64::consts::TAU;
 
@@ -41,8 +41,8 @@ fn is_uncertain(subject: &Subject, belief: &Belief, joint: usize) -> bool {
 }
 
 /// Fits this sample; the report on it, or `None` if that leads nowhere, and the belief is as it was.
-pub(super) fn regain(subject: &Subject, readings: &Readings, barred: &[bool], belief: &mut Belief) -> Option<Info> {
-    let z = readings.without(subject, barred);
+pub(super) fn regain(subject: &Subject, readings: &Readings, excluded: &[bool], belief: &mut Belief) -> Option<Info> {
+    let z = readings.without(subject, excluded);
     let mut fit = best_fit(subject, readings, belief, &z)?;
     // A fit from afar may have come round by whole turns; where limits leave one of them only, that is the angle.
     for (axis, q) in subject.free_hinges().filter(|(axis, _)| axis.limits[1] - axis.limits[0] < TAU) {
@@ -50,13 +50,13 @@ pub(super) fn regain(subject: &Subject, readings: &Readings, barred: &[bool], be
     }
     belief.mean = fit.mean;
     belief.covariance = fit.covariance;
-    Some(report(subject, readings, barred, &z, fit.cost))
+    Some(report(subject, readings, excluded, &z, fit.cost))
 }
 
 fn best_fit(subject: &Subject, readings: &Readings, belief: &Belief, z: &[f64]) -> Option<Fit> {
     let (body, postures) = (&subject.body, Postures { subject });
-    let guess = Guess::of(&belief.mean, &belief.covariance)?;
-    let evidence = [Evidence { after_s: 0.0, moment: &readings.moment, z }];
+    let guess = Prior::of(&belief.mean, &belief.covariance)?;
+    let evidence = [StartSample { after_s: 0.0, moment: &readings.moment, z }];
     let posture = |value: fn(&Axis) -> f64| {
         let mut mean = belief.mean.clone();
         body.moving().for_each(|(_, axis, slots)| mean[slots.q] = value(axis));
@@ -67,7 +67,7 @@ fn best_fit(subject: &Subject, readings: &Readings, belief: &Belief, z: &[f64]) 
     let starts = [belief.mean.clone(), rest, middle].map(|first| (&guess, first));
     // One sample tells little: of good fits the best is taken, not the first.
     let fits = starts.iter().filter_map(|(_, first)| {
-        let fit = Problem::new(body, &evidence, &subject.std, &guess).fit(first);
+        let fit = StartFit::new(body, &evidence, &subject.std, &guess).fit(first);
         fit.filter(|fit| postures.is_good(fit, &evidence))
     });
     let best = fits.min_by(|a, b| a.cost.total_cmp(&b.cost));
@@ -75,21 +75,21 @@ fn best_fit(subject: &Subject, readings: &Readings, belief: &Belief, z: &[f64]) 
 }
 
 /// The fit used all rows that were there, and has no innovation to speak of.
-fn report(subject: &Subject, readings: &Readings, barred: &[bool], z: &[f64], cost: f64) -> Info {
+fn report(subject: &Subject, readings: &Readings, excluded: &[bool], z: &[f64], cost: f64) -> Info {
     let groups = &subject.groups;
     let mut info = Info::new(groups, subject.rows());
-    info.evidence = evidence(cost, z.iter().filter(|z| !z.is_nan()).count());
+    info.log_likelihood = log_likelihood(cost, z.iter().filter(|z| !z.is_nan()).count());
     for (source, rows) in info.sources.iter_mut().zip(&groups.sources) {
         let used = z[rows.clone()].iter().filter(|z| !z.is_nan()).count();
         let there = readings.z[rows.clone()].iter().filter(|z| !z.is_nan()).count();
         let (used, there, all) = (used as u8, there as u8, rows.len() as u8);
         *source = SourceInfo { nis: f64::NAN, used, rejected: there - used, missing: all - there };
     }
-    for ((part, rows), &barred) in info.parts.iter_mut().zip(&groups.parts).zip(barred) {
-        *part = match (readings.speak(rows), barred) {
+    for ((part, rows), &excluded) in info.parts.iter_mut().zip(&groups.parts).zip(excluded) {
+        *part = match (readings.speak(rows), excluded) {
             (false, _) => Verdict::Missing,
-            (true, true) => Verdict::Barred,
-            (true, false) => Verdict::Believed,
+            (true, true) => Verdict::Excluded,
+            (true, false) => Verdict::Accepted,
         };
     }
     info

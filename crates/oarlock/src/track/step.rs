@@ -7,7 +7,7 @@ use super::hypothesis::Hypothesis;
 use super::{diverged, lost, regain, Sink, Status, Tracker};
 use crate::error::Result;
 use crate::estimate::belief::Belief;
-use crate::estimate::filter::{Lost, Manner, Sighting};
+use crate::estimate::filter::{Diverged, Measurement, UpdateSettings};
 use crate::estimate::learn::Learning;
 use crate::estimate::transition::Transition;
 use crate::recording::Sample;
@@ -93,7 +93,7 @@ impl Tracker {
     fn fit_start(&mut self, samples: &[Sample]) -> Result<Hypothesis> {
         let see = |sample: &Sample| {
             self.prepare(sample);
-            let z = self.readings.without(&self.subject, &self.magnetic.barred);
+            let z = self.readings.without(&self.subject, &self.magnetic.excluded);
             Seen { time_s: sample.time_s, moment: self.readings.moment.clone(), z }
         };
         let window = samples.iter().map(see).collect();
@@ -136,7 +136,7 @@ impl Tracker {
         for mut one in std::iter::once(leader.clone()).chain(rivals) {
             match go(self, &mut one) {
                 Ok(()) => {
-                    one.score += self.info.evidence;
+                    one.score += self.info.log_likelihood;
                     alive.push((one, self.info.clone()));
                 }
                 Err(e) => failed = Some(e),
@@ -145,7 +145,7 @@ impl Tracker {
         match (self.bank().settle(alive), failed) {
             (Some((likeliest, info)), _) => (*leader, self.info) = (likeliest, info),
             (None, Some(e)) => return Err(e),
-            (None, None) => return Err(diverged(Lost { what: "no hypothesis fits".into() }, leader.belief.time_s)),
+            (None, None) => return Err(diverged(Diverged { what: "no hypothesis fits".into() }, leader.belief.time_s)),
         }
         Ok(())
     }
@@ -179,7 +179,7 @@ impl Tracker {
                 continue;
             }
             self.prepare(sample);
-            let patience_s = self.filter.patience_s(self.manner.gate);
+            let patience_s = self.filter.patience_s(self.settings.gate);
             let is_lost = self.config.gate && lost::is_lost(&self.subject, &self.readings, one, patience_s);
             if is_lost {
                 lost::give_up(&self.subject, &self.readings, one);
@@ -225,8 +225,8 @@ impl Tracker {
 
     /// Fits the posture anew to the prepared sample; false if that leads nowhere.
     fn regain(&mut self, one: &mut Hypothesis, is_lost: bool) -> bool {
-        let barred = &self.magnetic.barred;
-        let Some(info) = regain::regain(&self.subject, &self.readings, barred, &mut one.belief) else {
+        let excluded = &self.magnetic.excluded;
+        let Some(info) = regain::regain(&self.subject, &self.readings, excluded, &mut one.belief) else {
             return false;
         };
         self.info = info;
@@ -248,27 +248,27 @@ impl Tracker {
         readings.mark_seen(&mut one.sources, time_s);
         magnetic.measure_dips(subject, readings, &one.belief.mean);
         // Slopes are of use to noise that is learnt, and to what is considered.
-        let wants_slopes = one.doubt.is_some() || self.manner.learning.memory_s.is_finite();
+        let wants_slopes = one.doubt.is_some() || self.settings.learning.memory_s.is_finite();
         let mut considering = self.considering.as_mut().filter(|_| wants_slopes);
         if let Some(considering) = &mut considering {
             considering.look(&one.belief, &readings.moment);
         }
-        self.north.bar_turned(subject, &one.sources, time_s, &mut magnetic.barred);
-        let sighting = Sighting {
+        self.north.bar_turned(subject, &one.sources, time_s, &mut magnetic.excluded);
+        let measured = Measurement {
             z: &readings.z,
             std: &subject.std,
-            barred: &magnetic.barred,
+            excluded: &magnetic.excluded,
             strict: &self.strict,
-            slants: &magnetic.slants,
+            direction_tests: &magnetic.direction_tests,
             groups: &subject.groups,
         };
-        let learning = if self.learns { self.manner.learning } else { Learning { memory_s: f64::INFINITY } };
-        let manner = Manner { learning, ..self.manner };
+        let learning = if self.learns { self.settings.learning } else { Learning { memory_s: f64::INFINITY } };
+        let settings = UpdateSettings { learning, ..self.settings };
         let moment = &readings.moment;
-        let done = self.filter.update(&subject.body, moment, &mut one.belief, sighting, manner, &mut self.info);
+        let done = self.filter.update(&subject.body, moment, &mut one.belief, measured, settings, &mut self.info);
         done.map_err(|lost| diverged(lost, time_s))?;
         if let Some(considering) = considering {
-            let learning = self.learns.then_some(self.manner.learning);
+            let learning = self.learns.then_some(self.settings.learning);
             considering.take_update(subject, &Update::new(readings, &self.info, &self.filter, learning), one);
         }
         self.north.watch(subject, magnetic, readings, &self.info, one);

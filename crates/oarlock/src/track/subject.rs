@@ -2,7 +2,7 @@
 
 use super::loops::dependence;
 use crate::body::Body;
-use crate::estimate::filter::Groups;
+use crate::estimate::filter::RowGroups;
 use crate::model::{Axis, JointKind, SensorKind};
 use crate::sensor::Quantity;
 
@@ -11,7 +11,7 @@ use crate::sensor::Quantity;
 pub(super) struct Subject {
     /// The model with its numbers.
     pub body: Body,
-    pub groups: Groups,
+    pub groups: RowGroups,
     /// Per part.
     pub quantities: Vec<Quantity>,
     /// Per source and joint: whether the source feels the joint.

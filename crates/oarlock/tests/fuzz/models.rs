@@ -14,7 +14,7 @@ use oarlock::Error;
 use std::sync::Arc;
 
 macro_rules! shipped {
-    ($($name:literal),*) => { [$(include_str!(concat!("../../../../python/oarlock/models/", $name, ".toml"))),*] };
+    ($($name:literal),*) => { [$(include_str!(concat!("../../../../python/oarlock/model/shipped/", $name, ".toml"))),*] };
 }
 
 /// Every kind of joint, sensor and loop that model files have.
@@ -44,7 +44,7 @@ pub fn answered<T>(result: oarlock::Result<T>) -> Option<T> {
 
 #[test]
 fn model_files_are_read_or_refused() {
-    campaign("models", 400, |chance, fed| {
+    campaign("models", 150, |chance, fed| {
         let text = pick(chance, &TEXTS);
         *fed = mutated(chance, text, &TEXTS);
         let Some(model) = answered(Model::from_toml(fed, "wounded.toml")) else { return };

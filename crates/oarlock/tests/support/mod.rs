@@ -15,14 +15,14 @@ use nalgebra::{DMatrix, DVector};
 use oarlock::body::Body;
 use oarlock::config::{Config, Consider, Magnetometer};
 use oarlock::estimate::belief::Belief;
-use oarlock::estimate::dense::Square;
 use oarlock::estimate::transition::Transition;
 use oarlock::estimate::System;
+use oarlock::kernels::dense::Square;
 use oarlock::model::Model;
 use oarlock::track::hypothesis::Hypothesis;
 use std::sync::Arc;
 
-pub const SCULLER: &str = include_str!("../../../../python/oarlock/models/sculler.toml");
+pub const SCULLER: &str = include_str!("../../../../python/oarlock/model/shipped/sculler.toml");
 
 /// Two links on crossed hinges, one inertial unit each, biases that are known.
 pub const CHAIN: &str = r#"
@@ -120,7 +120,7 @@ pub fn belief(body: &Body, time_s: f64, mean: Vec<f64>, std: &[f64]) -> Belief {
         mean,
         covariance,
         drive: vec![1.0; body.driven().len()],
-        habit: vec![1.0; parts],
+        usual_nis: vec![1.0; parts],
         inflation: 1.0,
         surprise: 1.0,
         roughness: 1.0,

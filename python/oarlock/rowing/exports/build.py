@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from oarlock.errors import DataError
 from oarlock.rowing.exports.cells import Column, Floats, derived, durations, numbers
 from oarlock.rowing.exports.grid import Rows
-from oarlock.rowing.stroke_table import StrokeTable
+from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.errors import DataError
 
 _MOST_NAMED = 5
 

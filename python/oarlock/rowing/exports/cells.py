@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.errors import DataError
 from oarlock.rowing.exports.grid import Rows
+from oarlock.storage.errors import DataError
 
 Floats = NDArray[np.float64]
 DEGREE_RAD = np.pi / 180.0

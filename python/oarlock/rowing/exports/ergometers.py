@@ -11,7 +11,7 @@ import numpy as np
 from oarlock.rowing.exports.build import Gathered, Wanted, left_out_note, many, twice_note
 from oarlock.rowing.exports.cells import POUND_FORCE_N, listed
 from oarlock.rowing.exports.grid import Grid, Rows
-from oarlock.rowing.stroke_table import StrokeTable
+from oarlock.rowing.strokes.table import StrokeTable
 
 _MS = 1e-3
 _CM = 0.01

@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from oarlock.errors import DataError
+from oarlock.storage.errors import DataError
 
 _BYTE_ORDER_MARKS = (b"\xff\xfe", b"\xfe\xff")
 _MOST_BYTES = 200_000_000

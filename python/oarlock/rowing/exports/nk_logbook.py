@@ -8,7 +8,7 @@ from oarlock.rowing.exports.build import Gathered, Wanted, left_out_note, many, 
 from oarlock.rowing.exports.cells import DEGREE_RAD, is_missing
 from oarlock.rowing.exports.empower import add_arcs, told_angles
 from oarlock.rowing.exports.grid import Grid, Rows
-from oarlock.rowing.stroke_table import StrokeTable
+from oarlock.rowing.strokes.table import StrokeTable
 
 TITLE = "NK Logbook, strokes (CSV)"
 MARKS = ("sessionIntervalId", "elapsedTime", "strokeCount", "gpsInstaSpeed")

@@ -7,12 +7,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from oarlock.errors import DataError
 from oarlock.rowing.exports.build import Gathered, Wanted, left_out_note, many, twice_note
 from oarlock.rowing.exports.cells import DEGREE_RAD, POUND_FORCE_N, Column, is_missing
 from oarlock.rowing.exports.empower import add_arcs, told_angles
 from oarlock.rowing.exports.grid import Grid, Rows, plain_name
-from oarlock.rowing.stroke_table import StrokeTable
+from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.errors import DataError
 
 TITLE = "NK SpeedCoach, strokes (CSV of NK LiNK)"
 MARKS = ("Interval", "Elapsed Time", "Stroke Rate")

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.errors import DataError
 from oarlock.rowing.exports.build import Gathered, Wanted
 from oarlock.rowing.exports.cells import DEGREE_RAD, Column, Floats, listed
 from oarlock.rowing.exports.grid import Grid, Rows
-from oarlock.rowing.stroke_table import StrokeTable
+from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.errors import DataError
 
 TITLE = "Quiske, strokes (CSV)"
 MARKS = ("timestamp(s)", "stroke angle (deg)", "oar angle velocity curve", "seat curve")

@@ -7,7 +7,7 @@ import numpy as np
 from oarlock.rowing.exports.build import Gathered, Wanted, left_out_note, many
 from oarlock.rowing.exports.cells import Floats, listed
 from oarlock.rowing.exports.grid import Grid
-from oarlock.rowing.stroke_table import StrokeTable
+from oarlock.rowing.strokes.table import StrokeTable
 
 TITLE = "RP3 or RowPerfect, strokes (CSV)"
 MARKS = ("workout_interval_id", "stroke_number", "stroke_length", "peak_force_pos", "curve_data")

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from oarlock.errors import DataError
-from oarlock.rowing.grip import ARM_JOINTS, SIDES
+from oarlock.rowing.simulation.grip import ARM_JOINTS, SIDES
+from oarlock.storage.errors import DataError
 
 Array = NDArray[np.float64]
 Pose = tuple[Array, Array]

@@ -7,10 +7,10 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.rowing.curves import PeriodicCurve, Variation
 from oarlock.rowing.field.effects import FieldEffects
-from oarlock.rowing.grip import SIDES
-from oarlock.rowing.timing import StrokeTiming
+from oarlock.rowing.simulation.curves import PeriodicCurve, Variation
+from oarlock.rowing.simulation.grip import SIDES
+from oarlock.rowing.simulation.timing import StrokeTiming
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 from math import inf, isfinite, radians
 from types import MappingProxyType
 
-from oarlock.errors import DataError
+from oarlock.storage.errors import DataError
 
 GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
-from oarlock.errors import DataError
-from oarlock.rowing.arms import WEIGHTS, preferred_arms
-from oarlock.rowing.boat import Boat, hull_motion
 from oarlock.rowing.field.anatomy import Anatomy, apply, rotation_about
 from oarlock.rowing.field.courses import body_courses, generator, hull_courses
 from oarlock.rowing.field.effects import FieldEffects
-from oarlock.rowing.grip import GripSolver
-from oarlock.rowing.stroke import StrokeShape, body_and_oars
-from oarlock.rowing.timing import StrokeTiming, stroke_timing
+from oarlock.rowing.simulation.arms import WEIGHTS, preferred_arms
+from oarlock.rowing.simulation.boat import Boat, hull_motion
+from oarlock.rowing.simulation.grip import GripSolver
+from oarlock.rowing.simulation.stroke_shape import StrokeShape, body_and_oars
+from oarlock.rowing.simulation.timing import StrokeTiming, stroke_timing
+from oarlock.storage.errors import DataError
 
 Array = NDArray[np.float64]
 

@@ -19,8 +19,8 @@ from oarlock.rowing.field.anatomy import Anatomy, apply
 from oarlock.rowing.field.courses import generator, wander
 from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.wearing import Unit, direction
-from oarlock.rowing.grip import SIDES
-from oarlock.rowing.timing import StrokeTiming
+from oarlock.rowing.simulation.grip import SIDES
+from oarlock.rowing.simulation.timing import StrokeTiming
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.errors import DataError
 from oarlock.rowing.field.anatomy import apply
 from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.electronics import gap, read_encoder, read_unit, stamped
@@ -20,8 +19,9 @@ from oarlock.rowing.field.session import Session, rowed
 from oarlock.rowing.field.signals import REACH, STEP_S, Surroundings, felt
 from oarlock.rowing.field.skin import Course, Skin, bone_force, skin_of, units_of
 from oarlock.rowing.field.wearing import Clock, Encoder, Unit, clock, encoder, true_parameters, worn_unit
-from oarlock.rowing.grip import SIDES
-from oarlock.rowing.noise import SimulatedCondition, condition_named
+from oarlock.rowing.simulation.grip import SIDES
+from oarlock.rowing.simulation.noise import SimulatedCondition, condition_named
+from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
     from oarlock import Calibration, ImuStream, Markers, Model, Recording, ScalarStream, Track

@@ -10,7 +10,7 @@ import numpy as np
 from oarlock.report import Axis, Series, plane_chart
 from oarlock.rowing.report.drawings import SIDES, pairs
 from oarlock.rowing.report.piece import Piece
-from oarlock.rowing.stroke_table import Floats
+from oarlock.rowing.strokes.table import Floats
 
 JOINTS = ("shoulder", "elbow", "wrist")
 MOST_FAINT = 40

@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from oarlock.rowing.features import FEATURES, Feature
-from oarlock.rowing.stroke_means import FeatureMean
-from oarlock.rowing.stroke_table import StrokeTable
+from oarlock.rowing.analysis.features import FEATURES, Feature
+from oarlock.rowing.analysis.stroke_means import FeatureMean
+from oarlock.rowing.strokes.table import StrokeTable
 
 SIGMAS_95 = 1.96
 """Half the width of a 95 % interval of a normal distribution, in standard deviations."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from html import escape
 
 from oarlock.report import plain_table
-from oarlock.rowing.features import FEATURES, Feature
+from oarlock.rowing.analysis.features import FEATURES, Feature
 from oarlock.rowing.report.shown import unit_of
 from oarlock.rowing.report.tables import anchor
 

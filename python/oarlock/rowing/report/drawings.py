@@ -8,13 +8,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from oarlock.report import Axis, Mark, Series, Zone, course_chart, plane_chart, row_chart
-from oarlock.rowing.features import Feature
+from oarlock.rowing.analysis.features import Feature
 from oarlock.rowing.report.averages import SIGMAS_95, feature_of
 from oarlock.rowing.report.phase import mean_and_sd
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import unit_of
 from oarlock.rowing.report.standing_out import LEAST
-from oarlock.rowing.stroke_table import Floats
+from oarlock.rowing.strokes.table import Floats
 
 TALLER = 3.0
 """A hand rises and falls by a tenth of its way: heights are drawn larger."""

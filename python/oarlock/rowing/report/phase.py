@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.rowing.stroke_table import Floats, StrokeTable
+from oarlock.rowing.strokes.table import Floats, StrokeTable
 
 if TYPE_CHECKING:
     from oarlock import Track

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock import Track
+from oarlock.rowing.analysis.technique import Technique
 from oarlock.rowing.report.averages import Average, averages, feature_of
 from oarlock.rowing.report.phase import Stack, frame_courses, stack
-from oarlock.rowing.stroke_table import Floats, StrokeTable
-from oarlock.rowing.technique import Technique
+from oarlock.rowing.strokes.table import Floats, StrokeTable
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from dataclasses import replace
 from html import escape
 from typing import Any
 
+from oarlock.report.viewer import Curve, embed, joint_curves, scene
+from oarlock.rowing.figure.shapes import rowing_look, stroke_marks
 from oarlock.rowing.report.piece import Piece
-from oarlock.rowing.shapes import rowing_look, stroke_marks
-from oarlock.viewer import Curve, embed, joint_curves, scene
 
 LONGEST_S = 60.0
 """What the page holds; the whole of a longer piece is for `oarlock view`. A minute is about a megabyte."""

@@ -8,7 +8,7 @@ from html import escape
 from importlib.resources import files
 
 from oarlock.report import Section, Zone, fixed, sort_script
-from oarlock.rowing.features import Feature
+from oarlock.rowing.analysis.features import Feature
 from oarlock.rowing.report import words
 from oarlock.rowing.report.arms import arms_at_finish
 from oarlock.rowing.report.averages import feature_of

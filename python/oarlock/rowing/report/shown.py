@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from oarlock.report import fixed
-from oarlock.rowing.features import Feature
+from oarlock.rowing.analysis.features import Feature
 
 DECIMALS = {
     "deg": 1,

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from oarlock.rowing.features import Feature
+from oarlock.rowing.analysis.features import Feature
 from oarlock.rowing.report.averages import feature_of
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import with_unit
-from oarlock.rowing.stroke_table import Floats
+from oarlock.rowing.strokes.table import Floats
 
 LEAST = {
     "deg": 2.0,

@@ -9,11 +9,11 @@ from html import escape
 import numpy as np
 
 from oarlock.report import Column, fixed, plain_table, sortable_table, value_cell
-from oarlock.rowing.features import FEATURES
+from oarlock.rowing.analysis.features import FEATURES
 from oarlock.rowing.report.averages import Average, feature_of
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import PLUS_MINUS, shown, spread, unit_of
-from oarlock.rowing.stroke_table import StrokeTable
+from oarlock.rowing.strokes.table import StrokeTable
 
 FIRST_COLUMNS = (
     "rate_per_min",

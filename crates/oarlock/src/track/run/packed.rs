@@ -1,7 +1,7 @@
 //! What is known at one instant, kept for later in half the room.
 
 use crate::estimate::belief::Belief;
-use crate::estimate::dense::Square;
+use crate::kernels::dense::Square;
 use crate::track::hypothesis::Hypothesis;
 
 /// A hypothesis whose covariance, which is exactly symmetric, is kept by its upper triangle.

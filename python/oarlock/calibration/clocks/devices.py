@@ -1,0 +1,78 @@
+"""Which streams have one clock, and which of these clocks the others are held against."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from oarlock.recording.recording import Recording
+from oarlock.recording.stream_scales import Clock
+from oarlock.recording.streams import ImuStream, Stream
+from oarlock.storage.errors import DataError
+
+_SAME_SHARE = 0.9
+"""Two clocks never agree to the last bit; a stream that lost packets has some of another's stamps."""
+_AGREE_S = 0.002
+_AGREE_STDS = 2.0
+
+
+def same_stamps(one: Stream, other: Stream) -> bool:
+    """Whether nearly all stamps of the shorter stream are stamps of the other, to the bit."""
+    short, long = sorted((one.time_s, other.time_s), key=len)
+    return float(np.mean(np.isin(short, long))) > _SAME_SHARE
+
+
+def reference_streams(recording: Recording, asked: Iterable[str] | None) -> tuple[str, ...]:
+    """Names of the streams that keep true time; none if that has to be found from what the clocks agree on.
+
+    Without a wish these are the most streams that share their stamps; where all do, those that are no inertial unit.
+
+    Raises:
+        DataError: a stream is asked for that is not there.
+    """
+    if asked is not None:
+        names = [asked] if isinstance(asked, str) else list(asked)
+        if not names:
+            raise DataError("calibrate_clocks: reference names no stream. Leave it out, or name one")
+        return tuple(recording[name].name for name in names)
+    groups = _groups(recording)
+    largest = max(groups, key=len)
+    if len(largest) == len(recording):
+        return tuple(s.name for s in recording if not isinstance(s, ImuStream))
+    return tuple(largest) if len(largest) > 1 else ()
+
+
+def unknowns(recording: Recording, reference: Iterable[str]) -> list[tuple[str, ...]]:
+    """Streams whose clock is sought, those with one clock together: encoders that share their stamps."""
+    rest = [s for s in recording if s.name not in set(reference)]
+    units = [(s.name,) for s in rest if isinstance(s, ImuStream)]
+    others = [s for s in rest if not isinstance(s, ImuStream)]
+    return units + ([tuple(g) for g in _groups(Recording(others))] if others else [])
+
+
+def most_agree(clocks: Mapping[str, Clock], middle_s: float) -> tuple[str, ...]:
+    """The largest set of streams whose clocks read alike in the middle of a recording."""
+    found: tuple[str, ...] = ()
+    for clock in clocks.values():
+        near = tuple(n for n, c in clocks.items() if _apart(clock, c, middle_s) <= 1.0)
+        found = max(found, near, key=len)
+    return found
+
+
+def _apart(one: Clock, other: Clock, middle_s: float) -> float:
+    way = one.offset_s - other.offset_s + (one.drift - other.drift) * middle_s
+    std = np.hypot(one.offset_std_s, other.offset_std_s)
+    return abs(way) / (_AGREE_S + _AGREE_STDS * float(std))
+
+
+def _groups(recording: Recording) -> list[list[str]]:
+    groups: list[list[Stream]] = []
+    for stream in recording:
+        for group in groups:
+            if same_stamps(group[0], stream):
+                group.append(stream)
+                break
+        else:
+            groups.append([stream])
+    return [[s.name for s in group] for group in groups]

@@ -1,0 +1,115 @@
+"""The search itself: hypotheses, each fitted to the first part and judged on the rest; the better one stays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from oarlock.calibration.motion.constants import Constants
+from oarlock.calibration.motion.hypothesis import RIGID, SOFT, TIMID, Hypothesis
+from oarlock.calibration.motion.notes import noted
+from oarlock.calibration.motion.stretch import Stretch
+from oarlock.recording.calibration import Calibration
+from oarlock.storage.errors import DivergedError
+
+if TYPE_CHECKING:
+    from oarlock._core import Model
+    from oarlock.recording.recording import Recording
+
+RIGID_NIS = 3.0
+"""Innovations of a rigid body are as large as the sensors' noise; three times that in variance is something else."""
+BETTER = 0.98
+"""What is kept has to be better than before by more than chance: by 2 % on hundreds of samples."""
+MOST_SURPRISE = 2.0
+"""Prior standard deviations, root mean square of all constants: further off is not how a unit is worn."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A calibration, and its innovations on the part that it was not fitted to."""
+
+    hypothesis: Hypothesis
+    constants: Constants
+    calibration: Calibration
+    score: float
+    own_score: float
+
+
+def calibrate_motion(
+    model: Model,
+    recording: Recording,
+    calibration: Calibration | None = None,
+    *,
+    start_s: float | None = None,
+    end_s: float | None = None,
+    held_out: float = 1.0 / 3.0,
+) -> Calibration:
+    """Find mounts, lengths, places and zeros from ordinary movement, while closed loops hold the body together.
+
+    All constants of a wearing are states of the tracking filter, with priors: maximum a posteriori in one sweep. Two
+    hypotheses are tried. "rigid": readings are the model's, on a root that may rock; it stands if the innovations on
+    held-out samples are as small as the sensors' noise. Otherwise "soft": sensors on skin, with errors that last, of
+    which a hundred samples count as one. A result is kept only if held-out samples contradict it less than what was
+    known before. What the movement does not tell is left as it was.
+
+    Args:
+        model: the body and its sensors; parameters in metres with a `std` are sought.
+        recording: ordinary movement, some cycles of it. Twenty seconds do, minutes are better.
+        calibration: what is known already; its standard deviations are priors.
+        start_s: begin of the stretch to use, s; None is the recording's.
+        end_s: its end, s.
+        held_out: share of the stretch, at its end, by which results are judged.
+
+    Returns:
+        A calibration for `track`. Its `noted` holds `kept` ("rigid", "soft" or "before"), the `scores`, prior, value,
+        standard deviation and share told of each constant, and `not_told`.
+
+    Raises:
+        DataError: a stretch of less than 8 s, no inertial unit, no closure, or an odd `held_out`.
+        DivergedError: the plain filter loses the track of the stretch.
+    """
+    known = Calibration() if calibration is None else calibration
+    edges = [(start_s, recording.start_s), (end_s, recording.end_s)]
+    first_s, last_s = (edge if given is None else given for given, edge in edges)
+    stretch = Stretch.of(model, known, recording.slice(first_s, last_s), held_out)
+    before = stretch.held_out_nis(SOFT, known)
+    scores, kept = {"before": before}, None
+    for hypothesis in (RIGID, SOFT, TIMID):
+        found = candidate(stretch, hypothesis, stretch.first)
+        scores[hypothesis.name] = found.score if found else float("inf")
+        if found and acceptable(found, before):
+            kept = with_all_samples(stretch, found)
+            break
+    notes = noted(kept.constants if kept else None, kept.hypothesis.name if kept else "before", scores)
+    span = {"stretch_s": [first_s, last_s], "held_out_s": [stretch.rest.start_s, stretch.rest.end_s]}
+    older = {"before": dict(known.noted)} if known.noted else {}
+    return replace(kept.calibration if kept else known, noted=notes | span | older)
+
+
+def candidate(stretch: Stretch, hypothesis: Hypothesis, part: Recording) -> Candidate | None:
+    """What a hypothesis makes of a part; none if the filter is lost under it."""
+    try:
+        searched, belief = stretch.search(hypothesis, part)
+    except DivergedError:
+        return None
+    constants = Constants.of(belief, searched, hypothesis.samples_per_error).without_the_untold()
+    parameters = set(stretch.model.parameters)
+    calibration = constants.calibration(searched, stretch.known, parameters)
+    own = stretch.held_out_nis(hypothesis, calibration)
+    score = stretch.held_out_nis(SOFT, calibration) if hypothesis is RIGID else own
+    honest = constants.inflated(hypothesis.variance_factor * max(1.0, own))
+    calibration = honest.calibration(searched, stretch.known, parameters)
+    return Candidate(hypothesis, honest, calibration, score, own)
+
+
+def acceptable(found: Candidate, before: float) -> bool:
+    """Whether held-out samples and common sense are for it."""
+    right = found.hypothesis is not RIGID or found.own_score <= RIGID_NIS
+    return right and found.score < BETTER * before and found.constants.surprise() <= MOST_SURPRISE
+
+
+def with_all_samples(stretch: Stretch, found: Candidate) -> Candidate:
+    """The same from the whole stretch, unless that contradicts the held-out part more."""
+    again = candidate(stretch, found.hypothesis, stretch.whole)
+    stands = again is not None and acceptable(again, found.score / BETTER**2)
+    return again if again is not None and stands else found

@@ -1,0 +1,185 @@
+"""The constants of a wearing as a search left them: moved how far, how well known, and which were told at all."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock._core import Model
+from oarlock.calibration.motion.searched_model import PLACE, ZERO
+from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
+from oarlock.recording.calibration import Calibration, EncoderScale
+
+if TYPE_CHECKING:
+    from oarlock._core import Belief
+
+Floats = NDArray[np.float64]
+
+OBSERVABLE_SHARE = 0.1
+"""A constant of which the movement took less than this share of the prior variance stays where it was."""
+
+_MOUNT = re.compile(r"(?P<unit>.+)\.mount_r[xyz]")
+
+
+@dataclass(frozen=True, eq=False)
+class Constants:
+    """What was found of parameters, places, mounts and zeros.
+
+    Args:
+        names: as the engine names its states.
+        units: "m" or "rad" of each.
+        start: (n,) where the search began: values of parameters (m), else 0.
+        moved: (n,) how far from there, m or rad.
+        covariance: (n, n) of it.
+        prior_std: (n,) before the search.
+        refused: names of what the movement did not tell, and which stays.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    start: Floats
+    moved: Floats
+    covariance: Floats
+    prior_std: Floats
+    refused: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, belief: Belief, searched: Model, samples_per_error: float) -> Constants:
+        """From the last belief of a search, whose covariances weigh all samples so many times too little."""
+        document = tomllib.loads(searched.text)
+        found = [(i, n) for i, n in enumerate(belief.state_names) if _is_constant(n)]
+        rows, names = [i for i, _ in found], tuple(n for _, n in found)
+        start = np.array([_start(name, searched) for name in names])
+        weight = np.sqrt(samples_per_error)
+        prior = weight * np.array([_prior(name, document) for name in names])
+        covariance = samples_per_error * belief.covariance[np.ix_(rows, rows)]
+        units = tuple(_unit(name, document) for name in names)
+        return cls(names, units, start, belief.mean[rows] - start, covariance, prior)
+
+    @property
+    def std(self) -> Floats:
+        """(n,) standard deviations."""
+        deviations: Floats = np.sqrt(np.diag(self.covariance))
+        return deviations
+
+    @property
+    def share(self) -> Floats:
+        """(n,) of the prior variance, what the movement took away."""
+        told: Floats = 1.0 - np.diag(self.covariance) / self.prior_std**2
+        return told
+
+    def surprise(self) -> float:
+        """How far the told constants moved: root mean square in standard deviations of the prior."""
+        told = self.share >= OBSERVABLE_SHARE
+        return float(np.sqrt(np.mean((self.moved / self.prior_std)[told] ** 2))) if told.any() else 0.0
+
+    def without_the_untold(self) -> Constants:
+        """Untold constants back where they were; the others as they then have to be (conditional Gaussian)."""
+        untold = self.share < OBSERVABLE_SHARE
+        if not untold.any():
+            return self
+        told = ~untold
+        gain = self.covariance[np.ix_(told, untold)] @ np.linalg.inv(self.covariance[np.ix_(untold, untold)])
+        moved, covariance = np.zeros_like(self.moved), np.diag(self.prior_std**2)
+        moved[told] = self.moved[told] - gain @ self.moved[untold]
+        # What is not known of the untold is not known of what hangs on it either: the marginal stays.
+        covariance[np.ix_(told, told)] = self.covariance[np.ix_(told, told)]
+        refused = tuple(n for n, gone in zip(self.names, untold, strict=True) if gone)
+        return replace(self, moved=moved, covariance=covariance, refused=refused)
+
+    def inflated(self, factor: float) -> Constants:
+        """With variances so many times as large, and never above the prior's."""
+        spread = np.minimum(np.sqrt(factor), self.prior_std / self.std)
+        return replace(self, covariance=self.covariance * np.outer(spread, spread))
+
+    def calibration(self, searched: Model, before: Calibration, parameters: set[str]) -> Calibration:
+        """What was known before, with what was found; `parameters` are those of the user's model."""
+        at = {name: i for i, name in enumerate(self.names)}
+        values = {n.removeprefix("parameters."): v for n, v in self._values() if n.startswith("parameters.")}
+        sized = Model.from_toml(searched.text, searched.path, searched.parameters | values)
+        units = {s["name"]: s["mount"] for s in sized.describe()["sensors"] if s["kind"] == "imu"}
+        turns = {unit: [at[f"{unit}.mount_r{a}"] for a in "xyz"] for unit in units}
+        turned = {u: np.asarray(m["rotation"]) @ _turned(self.moved[turns[u]]) for u, m in units.items()}
+        places = {u: [at[f"parameters.{PLACE}_{u}_{a}"] for a in "xyz"] for u in units}
+        return replace(
+            before,
+            parameters={**before.parameters, **{n: v for n, v in values.items() if n in parameters}},
+            mounts={
+                **before.mounts,
+                **{u: (nearest_rotation(turned[u]), np.asarray(m["offset"])) for u, m in units.items()},
+            },
+            parameter_stds={
+                **before.parameter_stds,
+                **{n: float(self.std[at[f"parameters.{n}"]]) for n in values if n in parameters},
+            },
+            mount_stds_rad={
+                **before.mount_stds_rad,
+                **{
+                    u: _std_in_link(turned[u], self.covariance[np.ix_(rows, rows)])
+                    for u, rows in turns.items()
+                },
+            },
+            mount_offset_stds_m={
+                **before.mount_offset_stds_m,
+                **{u: self.std[rows] for u, rows in places.items()},
+            },
+            encoders={**before.encoders, **self._encoders(before)},
+        )
+
+    def _values(self) -> list[tuple[str, float]]:
+        return [(n, float(v)) for n, v in zip(self.names, self.start + self.moved, strict=True)]
+
+    def _encoders(self, before: Calibration) -> dict[str, EncoderScale]:
+        """The joint stands `moved` beyond what its encoder says, after what was known of it."""
+        found = {}
+        for name, moved in zip(self.names, self.moved, strict=True):
+            if name.startswith(f"{ZERO}_"):
+                encoder = name.removeprefix(f"{ZERO}_")
+                older = before.encoders.get(encoder, EncoderScale(0.0))
+                found[encoder] = EncoderScale(older.zero - float(moved) / older.scale, older.scale)
+        return {name: scale for name, scale in found.items() if scale != EncoderScale(0.0)}
+
+
+def nearest_rotation(matrix: Floats) -> Floats:
+    """The rotation nearest to a matrix that is nearly one."""
+    left, _, right = np.linalg.svd(matrix)
+    rotation: Floats = left @ right
+    return rotation
+
+
+def _std_in_link(rotation: Floats, covariance: Floats) -> Floats:
+    deviations: Floats = np.sqrt(np.diag(rotation @ covariance @ rotation.T))
+    return deviations
+
+
+def _is_constant(name: str) -> bool:
+    return name.startswith("parameters.") or bool(_MOUNT.fullmatch(name)) or name.startswith(f"{ZERO}_")
+
+
+def _unit(name: str, document: dict[str, Any]) -> str:
+    kinds = {joint["name"]: joint["kind"] for joint in document["joint"]}
+    return "m" if name.startswith("parameters.") or kinds.get(name) == "slide" else "rad"
+
+
+def _start(name: str, searched: Model) -> float:
+    parameter = name.removeprefix("parameters.")
+    return searched.parameters[parameter] if parameter != name else 0.0
+
+
+def _prior(name: str, document: dict[str, Any]) -> float:
+    if name.startswith("parameters."):
+        return float(document["parameters"][name.removeprefix("parameters.")]["std"])
+    if match := _MOUNT.fullmatch(name):
+        units = {s["name"]: s for s in document["sensor"]}
+        return float(units[match["unit"]]["mount"]["std_rad"])
+    return next(float(j["process"]["start_std"][0]) for j in document["joint"] if j["name"] == name)
+
+
+def _turned(rotvec_rad: Floats) -> Floats:
+    rotation: Floats = matrix_from_quat(quat_from_rotvec(rotvec_rad))
+    return rotation

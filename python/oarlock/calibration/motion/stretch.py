@@ -1,0 +1,151 @@
+"""A stretch of movement in two parts: one to search in, one to judge by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from oarlock._core import Config, Model
+from oarlock.calibration.motion.hypothesis import Hypothesis
+from oarlock.calibration.motion.searched_model import searched_model
+from oarlock.recording.calibration import Calibration
+from oarlock.storage.errors import DataError, DivergedError
+from oarlock.tracking.tracking import track
+
+if TYPE_CHECKING:
+    from oarlock._core import Belief
+    from oarlock.recording.recording import Recording
+    from oarlock.tracking.track import Track
+
+LEAST_S = 8.0
+"""Some cycles of the movement to search in, and one or two to judge by."""
+SETTLED_S = 1.0
+"""What comes before is the start's."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """What was recorded, and what the plain filter says of it.
+
+    Args:
+        model: as the user has it.
+        known: before the search.
+        whole: all of the stretch, as measured.
+        first: what is searched in.
+        rest: what is held out.
+        azimuth_rad: of the magnetic field by the plain filter; None without magnetometers.
+        postures: at the start and where the held-out part begins, by the plain filter, rad or m; None if a joint has
+            no single value.
+    """
+
+    model: Model
+    known: Calibration
+    whole: Recording
+    first: Recording
+    rest: Recording
+    azimuth_rad: float | None
+    postures: tuple[tuple[float, ...], tuple[float, ...]] | None
+
+    @classmethod
+    def of(cls, model: Model, known: Calibration, whole: Recording, held_out: float) -> Stretch:
+        """The stretch, tracked once as it would be without a search.
+
+        Raises:
+            DataError: it is too short, has no inertial unit or no loop, or `held_out` is odd.
+            DivergedError: the plain filter loses it.
+        """
+        _check(model, whole, held_out)
+        cut_s = whole.end_s - held_out * whole.duration_s
+        first, rest = whole.slice(end_s=cut_s), whole.slice(start_s=cut_s)
+        plain = track(model, whole, known)
+        azimuth = plain.slow["azimuth"].value if "azimuth" in plain.slow else None
+        scalar = plain.q.shape[1] == len(model.joint_names)
+        rows = (0, min(int(np.searchsorted(plain.time_s, cut_s)), len(plain) - 1))
+        begun, cut = (tuple(float(x) for x in np.nan_to_num(plain.q[row])) for row in rows)
+        return cls(
+            model,
+            known,
+            whole,
+            first,
+            rest,
+            None if azimuth is None else float(np.median(azimuth)),
+            (begun, cut) if scalar else None,
+        )
+
+    def search(self, hypothesis: Hypothesis, part: Recording) -> tuple[Model, Belief]:
+        """The model with all constants as unknowns, and the belief after a part.
+
+        Raises:
+            DivergedError: the filter loses the track.
+        """
+        encoders = [s["name"] for s in self.model.describe()["sensors"] if s["kind"] == "encoder"]
+        zeros = [name for name in encoders if name in part]
+        searched = searched_model(
+            self.model, self.known, hypothesis, azimuth_rad=self.azimuth_rad, zeros_of=zeros
+        )
+        pushes = [base["name"] for base in searched.describe()["base_acceleration"]]
+        estimate = ("gyro_bias", "accel_bias", *pushes, "mounts", "lengths")
+        config = Config(estimate=estimate, initial_q=self._posture(searched, 0))
+        corrections = replace(
+            self.known,
+            parameters={},
+            mounts={},
+            parameter_stds={},
+            mount_stds_rad={},
+            mount_offset_stds_m={},
+        )
+        belief = track(searched, part, corrections, config).last_belief
+        if belief is None:
+            raise DivergedError("calibrate motion: the search ended without a belief")
+        return searched, belief
+
+    def _posture(self, searched: Model, part: int) -> list[float] | None:
+        if self.postures is None:
+            return None
+        begun = dict(zip(self.model.joint_names, self.postures[part], strict=True))
+        return [begun.get(name, 0.0) for name in searched.joint_names]
+
+    def held_out_nis(self, hypothesis: Hypothesis, calibration: Calibration) -> float:
+        """Squared innovations over their variance, per reading of the held-out part; infinite if the filter is lost.
+
+        Noise is what the hypothesis says and not learnt, so that calibrations compare.
+        """
+        judge = searched_model(
+            self.model, Calibration(), hypothesis, azimuth_rad=self.azimuth_rad, constants=False
+        )
+        config = Config(learning_memory_s=None, initial_q=self._posture(judge, 1))
+        try:
+            tracked = track(judge, self.rest, calibration, config)
+        except DivergedError:
+            return float("inf")
+        return _nis_per_reading(tracked)
+
+
+def _nis_per_reading(tracked: Track) -> float:
+    info, settled = tracked.info, tracked.time_s >= tracked.time_s[0] + SETTLED_S
+    if info is None:
+        return float("inf")
+    nis, used = info.nis[settled], info.used[settled]
+    heard = np.isfinite(nis) & (used > 0)
+    return float(nis[heard].sum() / used[heard].sum()) if heard.any() else float("inf")
+
+
+def _check(model: Model, whole: Recording, held_out: float) -> None:
+    described = model.describe()
+    if not described["closures"]:
+        raise DataError(
+            f'calibrate motion: model "{model.name}" has no closure. Only a closed loop tells mounts and lengths '
+            "while the body moves as it likes; see oarlock calibrate axes, joints and pose"
+        )
+    units = [s["name"] for s in described["sensors"] if s["kind"] == "imu" and s["name"] in whole]
+    if not units:
+        raise DataError(f"calibrate motion: the recording has no inertial unit of the model ({model.name})")
+    if not 0.1 <= held_out <= 0.5:
+        raise DataError(f"calibrate motion: held_out = {held_out:g}; expected a share of 0.1 to 0.5")
+    if not whole.duration_s >= LEAST_S:
+        raise DataError(
+            f"calibrate motion: the stretch lasts {whole.duration_s:.1f} s; expected at least {LEAST_S:g} s of "
+            "movement, better 20 s to some minutes"
+        )

@@ -1,0 +1,73 @@
+"""Bias and scale of an accelerometer from several attitudes at rest: gravity has one norm (Ferraris et al. 1995)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from oarlock.calibration.session.robust_fit import robust_fit
+from oarlock.calibration.session.unit_rows import Span, UnitRows
+from oarlock.storage.array_gate import FloatArray
+
+BIAS_PRIOR_M_S2 = 0.3
+SCALE_PRIOR = 0.02
+REST_STD_M_S2 = 0.01
+BIAS_LIMIT_M_S2 = 0.05
+LEAST_ATTITUDES = 6
+APART = np.cos(np.radians(20.0))
+
+
+@dataclass(frozen=True, eq=False)
+class AccelRest:
+    """Bias (3,) m/s2, scale (3,), stds of both, number of attitudes, and the worst norm's error before and after."""
+
+    bias_m_s2: FloatArray
+    scale: FloatArray
+    bias_std_m_s2: FloatArray
+    scale_std: FloatArray
+    attitudes: int
+    before_m_s2: float
+    after_m_s2: float
+
+    @property
+    def known(self) -> bool:
+        """Whether the attitudes tell all three axes."""
+        return self.attitudes >= LEAST_ATTITUDES and bool((self.bias_std_m_s2 <= BIAS_LIMIT_M_S2).all())
+
+
+def accel_rest(unit: UnitRows, stills: Sequence[tuple[Span, bool]], gravity_m_s2: float) -> AccelRest | None:
+    """``reading = scale * true + bias``, so that ``|true|`` is gravity wherever the unit rests."""
+    means = [unit.accel[rows].mean(axis=0) for s, _ in stills if len(unit.accel[rows := unit.rows(s)]) >= 8]
+    if not means:
+        return None
+    forces = np.array(means)
+
+    def misses(p: FloatArray) -> FloatArray:
+        norms = np.linalg.norm((forces - p[:3]) / (1.0 + p[3:]), axis=1)
+        prior = np.concatenate([p[:3] / BIAS_PRIOR_M_S2, p[3:] / SCALE_PRIOR])
+        return np.concatenate([(norms - gravity_m_s2) / REST_STD_M_S2, prior])
+
+    found, covariance = robust_fit(misses, np.zeros(6))
+    std = np.sqrt(np.diag(covariance))
+    left = misses(found)[: len(forces)] * REST_STD_M_S2
+    before = np.linalg.norm(forces, axis=1) - gravity_m_s2
+    return AccelRest(
+        found[:3],
+        1.0 + found[3:],
+        std[:3],
+        std[3:],
+        _attitudes(forces),
+        float(np.abs(before).max()),
+        float(np.abs(left).max()),
+    )
+
+
+def _attitudes(forces: FloatArray) -> int:
+    """How many directions lie 20 deg or more apart."""
+    kept: list[FloatArray] = []
+    for up in forces / np.linalg.norm(forces, axis=1, keepdims=True):
+        if all(up @ other < APART for other in kept):
+            kept.append(up)
+    return len(kept)

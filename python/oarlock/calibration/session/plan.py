@@ -1,0 +1,224 @@
+"""What a guided session consists of: steps that somebody reads out, and what is known of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sized
+from dataclasses import dataclass, field, fields
+from os import PathLike
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from oarlock.calibration.session import step_values as values
+from oarlock.model.shipped_files import model_folder
+from oarlock.storage.errors import DataError
+from oarlock.storage.suggest import did_you_mean
+
+if TYPE_CHECKING:
+    from oarlock._core import Model
+
+FORMAT = 1
+KINDS = ("still", "turn", "pose", "move", "mark", "sign")
+POSTURE_STD_RAD = float(np.radians(3.0))
+"""How well a person who was shown a posture takes it up, each direction."""
+
+_CHECKS: dict[str, Callable[[object, str], object]] = {
+    "kind": values.text,
+    "start_s": values.finite,
+    "end_s": values.finite,
+    "pose": values.posture,
+    "joints": values.names,
+    "axis": values.axis,
+    "first": values.one_way,
+    "stream": values.text,
+    "value": values.finite,
+    "other": values.text,
+    "sign": values.one_way,
+    "posture_std_rad": values.posture_std,
+    "say": values.text,
+}
+_MAY_BE_NONE = ("start_s", "end_s", "axis", "posture_std_rad")
+
+
+@dataclass(frozen=True)
+class SessionStep:
+    """One step of a session.
+
+    Args:
+        name: as people call it.
+        kind: `still` (units lie still, anyhow), `turn` (units are laid on their sides one after the other), `pose` (the
+            body holds a known posture), `move` (the body turns about one joint), `mark` (a scalar stream is held at
+            a known value), `sign` (two scalar streams rise together, or against each other).
+        start_s: when it begins, s of the recording; None: found by itself, which `mark` and `sign` cannot.
+        end_s: when it ends, s.
+        pose: the posture held, or that in which a movement begins, by coordinate (rad, m); the others as at rest.
+        joints: of a `move`: the joints that turn, at the same time, one for each side.
+        axis: (3,) of a `move` of ball joints: the axis, in the axes of the joint's parent.
+        first: of a `move`: 1 if the first clear turn is positive, -1 if negative.
+        stream: of a `mark` or `sign`: the scalar stream.
+        value: of a `mark`: what it should read, rad or m.
+        other: of a `sign`: the stream that it is held against.
+        sign: of a `sign`: 1 if both rise together, -1 if one falls as the other rises.
+        posture_std_rad: how well the posture is taken up, rad; None: the plan's.
+        say: what to tell the person.
+
+    Raises:
+        DataError: a value that does not fit the kind.
+    """
+
+    name: str
+    kind: str
+    start_s: float | None = None
+    end_s: float | None = None
+    pose: Mapping[str, float] = field(default_factory=dict)
+    joints: tuple[str, ...] = ()
+    axis: tuple[float, float, float] | None = None
+    first: int = 1
+    stream: str = ""
+    value: float = 0.0
+    other: str = ""
+    sign: int = 1
+    posture_std_rad: float | None = None
+    say: str = ""
+
+    def __post_init__(self) -> None:
+        where = f'plan, step "{values.text(self.name, "plan, name of a step")}"'
+        for name, check in _CHECKS.items():
+            if (given := getattr(self, name)) is not None or name not in _MAY_BE_NONE:
+                object.__setattr__(self, name, check(given, f"{where}: {name}"))
+        object.__setattr__(self, "pose", MappingProxyType(dict(self.pose)))
+        if self.kind not in KINDS:
+            raise DataError(f"{where}: kind = {self.kind!r}. {did_you_mean(self.kind, KINDS)}")
+        if (self.start_s is None) != (self.end_s is None):
+            raise DataError(f"{where}: give both start_s and end_s, or neither")
+        if self.start_s is not None and self.end_s is not None and not self.start_s < self.end_s:
+            raise DataError(f"{where}: lasts from {self.start_s} to {self.end_s} s; the end must be later")
+        if self.kind == "move" and not self.joints:
+            raise DataError(f'{where}: a move needs joints, such as joints = ["elbow_flexion"]')
+        if self.kind in ("mark", "sign") and not self.stream:
+            raise DataError(f"{where}: a {self.kind} needs stream, the name of a scalar stream")
+        if self.kind == "mark" and self.start_s is None:
+            raise DataError(f"{where}: a mark needs start_s and end_s: nothing in the data shows where it is")
+        if self.kind == "sign" and not self.other:
+            raise DataError(f"{where}: a sign needs other, the stream that it is held against")
+
+    @property
+    def span_s(self) -> tuple[float, float] | None:
+        """(start, end) in s where both are given."""
+        return None if self.start_s is None or self.end_s is None else (self.start_s, self.end_s)
+
+
+@dataclass(frozen=True)
+class SessionPlan:
+    """The steps of a session in the order in which they are done.
+
+    Args:
+        name: of the protocol.
+        steps: its steps.
+        posture_std_rad: how well postures are taken up, rad, each direction.
+    """
+
+    name: str
+    steps: tuple[SessionStep, ...]
+    posture_std_rad: float = POSTURE_STD_RAD
+
+    def __post_init__(self) -> None:
+        where = f'plan "{values.text(self.name, "plan, name")}"'
+        given: object = self.steps
+        steps = tuple(given) if isinstance(given, Iterable) else (given,)
+        if not all(isinstance(step, SessionStep) for step in steps):
+            raise DataError(f"{where}: steps are oarlock.SessionStep(...), one after the other")
+        object.__setattr__(self, "steps", steps)
+        if not self.steps:
+            raise DataError(f"{where}: has no steps")
+        std_rad = values.posture_std(self.posture_std_rad, f"{where}: posture_std_rad")
+        object.__setattr__(self, "posture_std_rad", std_rad)
+
+    def check(self, model: Model) -> None:
+        """Refuse names that the model does not have.
+
+        Raises:
+            DataError: a joint or coordinate of no such name; it names the nearest.
+        """
+        joints = {j["name"]: j["kind"] for j in model.describe()["joints"]}
+        for step in self.steps:
+            where = f'plan, step "{step.name}"'
+            for name in step.pose:
+                if name not in model.coordinate_names:
+                    hint = did_you_mean(name, model.coordinate_names)
+                    raise DataError(f'{where}: the model "{model.name}" has no coordinate "{name}". {hint}')
+            for name in step.joints:
+                if name not in joints:
+                    hint = did_you_mean(name, tuple(joints))
+                    raise DataError(f'{where}: the model "{model.name}" has no joint "{name}". {hint}')
+                if joints[name] in ("ball", "free") and step.axis is None:
+                    raise DataError(
+                        f'{where}: "{name}" is a {joints[name]} joint; say about which axis it turns'
+                    )
+                if joints[name] not in ("ball", "free", "hinge"):
+                    raise DataError(f'{where}: "{name}" is a {joints[name]} joint and does not turn')
+
+    def save(self, file: str | PathLike[str]) -> None:
+        """Write as TOML; `load_session_plan` reads it back."""
+        from oarlock.storage.toml import write_toml
+
+        write_toml(
+            Path(file),
+            {
+                "format": FORMAT,
+                "name": self.name,
+                "posture_std_rad": self.posture_std_rad,
+                "step": [_told(step) for step in self.steps],
+            },
+        )
+
+
+def load_session_plan(file: str | PathLike[str]) -> SessionPlan:
+    """Read a plan.
+
+    Raises:
+        DataError: the file cannot be read, a key is unknown, or a step does not make sense; with file and line.
+    """
+    from oarlock.storage.toml import TomlTable
+
+    top = TomlTable.read(Path(file))
+    top.check_format(FORMAT)
+    top.check_keys({"format", "name", "posture_std_rad", "step"})
+    known = {f.name for f in fields(SessionStep)}
+    steps = []
+    for table in top.tables("step"):
+        table.check_keys(known)
+        table.string("name")
+        table.string("kind")
+        keys: dict[str, Any] = dict(table.values)
+        try:
+            steps.append(SessionStep(**keys))
+        except DataError as error:
+            raise DataError(f"{table.where()}: {error}") from None
+    name = top.string("name", Path(file).stem)
+    return SessionPlan(name, tuple(steps), top.number("posture_std_rad", POSTURE_STD_RAD))
+
+
+def default_plan(model: Model) -> SessionPlan:
+    """The protocol that ships with a model, or a plain one: stand still, turn about each hinge, stand still."""
+    shipped = model_folder() / "plans" / f"{model.name}.toml"
+    if shipped.is_file():
+        return load_session_plan(shipped)
+    hinges = [j["name"] for j in model.describe()["joints"] if j["kind"] == "hinge" and not j["input"]]
+    moves = [SessionStep(f"turn {name}", "move", joints=(name,)) for name in hinges]
+    rest = [SessionStep(f"rest posture {k}", "pose") for k in range(len(moves) + 1)]
+    paired = [step for both in zip(rest, [*moves, rest[-1]], strict=True) for step in both][:-1]
+    return SessionPlan(f"{model.name}, hinge by hinge", tuple(paired))
+
+
+def _told(step: SessionStep) -> dict[str, object]:
+    """The keys of a step that are not as by default."""
+    told: dict[str, object] = {}
+    for f in fields(SessionStep):
+        value = getattr(step, f.name)
+        empty = value is None or (isinstance(value, Sized) and not value)
+        if f.name in ("name", "kind") or not (empty or value == f.default):
+            told[f.name] = dict(value) if isinstance(value, Mapping) else value
+    return told

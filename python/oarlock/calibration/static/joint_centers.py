@@ -1,0 +1,298 @@
+"""Where joints lie between bodies that carry an inertial unit each: the engine's search for a whole model.
+
+The search itself is the engine's (`calibrate::joint_centers`); docs/mounts.md explains it and shows an example.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from oarlock import _core
+from oarlock.calibration.static.link_pairs import ROOT, LinkPair, link_pairs
+from oarlock.calibration.static.offset_parameters import STEP_M, STRAIGHT, offset_parameters
+from oarlock.calibration.static.worn_model import Worn, resized
+from oarlock.recording.calibration import Calibration
+from oarlock.recording.corrections import corrected
+from oarlock.recording.inertial_units import chosen_units
+from oarlock.recording.plausibility import require_plausible
+from oarlock.recording.recording import Recording
+from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.errors import DataError
+
+if TYPE_CHECKING:
+    from oarlock._core import Model
+
+SEARCH = "joint centers"
+
+WELL_KNOWN_M = 0.05
+"""A direction of the whole tree that is known less well keeps the model's value."""
+
+
+def calibrate_joint_centers(
+    model: Model,
+    recording: Recording,
+    *,
+    sensors: Iterable[str] | None = None,
+    calibration: Calibration | None = None,
+    window_s: float = 0.2,
+    prior_std_m: float = 0.3,
+    root_at_rest: bool | None = None,
+) -> Calibration:
+    """Find where joints lie from motion alone: offsets of the units, and lengths between joints.
+
+    For every two bodies with a unit each and a joint between them, gyroscopes and accelerometers tell the vector
+    from the joint to each unit, in the unit's own axes. The mounts' rotations bring it to the links. What the
+    motion does not tell keeps the model's value: always a hinge's place along its axis.
+
+    Args:
+        model: says which joints lie between which units. A unit without a joint above it keeps its offset if
+            three lengths can place a joint below it; that is found from there.
+        recording: gyroscope and accelerometer of the units, moving in all directions.
+        sensors: the units to use, one a body; None takes all of the model that were recorded.
+        calibration: mounts and lengths to start from; None takes the model's.
+        window_s: over which readings are averaged, s. Soft mounting asks for 0.2 to 0.4, a quick hand for 0.1.
+        prior_std_m: how well the model knows each coordinate before the motion is seen, m. A parameter that has a
+            standard deviation of its own in the model file keeps to that.
+        root_at_rest: whether joints between the root and the first units are found too; None: if the model has
+            neither a base acceleration nor a free joint.
+
+    Returns:
+        The starting calibration with the offsets of the units, and every length that moves a joint which was
+        found. An offset that the model file writes as three parameters of its own is told by these (unless the
+        starting calibration holds the unit's mount), so that ``Config(estimate=["lengths"])`` can go on from it.
+        ``noted`` holds standard deviations, loose directions, residuals, and by how much joints still miss one
+        another because lengths are fixed numbers (``left_m``).
+
+    Raises:
+        DataError: no two units with a joint between them, two units on one body, a stream without gyroscope or
+            accelerometer, or no common stretch of time; with names and figures.
+    """
+    names = chosen_units(model, recording, sensors, SEARCH)
+    recording = corrected(recording, calibration)
+    require_plausible(recording.only(names))
+    worn = Worn.of(model, calibration)
+    pairs = link_pairs(worn.model, names, SEARCH, root_at_rest)
+    centered = [pair for pair in pairs if pair.center is not None]
+    if not centered:
+        raise DataError(
+            f"{SEARCH}: no joint with a centre lies between two of the units {', '.join(names)} of "
+            f'"{model.name}". Put a unit on both sides of a joint, or name other sensors.'
+        )
+    found = [_found(pair, worn, recording, window_s, prior_std_m) for pair in centered]
+    tree = Tree.of(worn, centered, prior_std_m)
+    solved = tree.solve(found)
+    named = offset_parameters(worn, solved.offsets, solved.parameters)
+    told = dict(pair for values in named.values() for pair in values.items())
+    offsets = {name: offset for name, offset in solved.offsets.items() if name not in named}
+    mounts = {name: (worn.rotations[name], offset) for name, offset in offsets.items()}
+    noted = _noted(recording, names, pairs, dict(zip(centered, found, strict=True)), solved)
+    return worn.calibrated(mounts, noted, {**solved.parameters, **told})
+
+
+def _found(
+    pair: LinkPair, worn: Worn, recording: Recording, window_s: float, prior_std_m: float
+) -> dict[str, Any]:
+    """The engine's finding, with the expectation of the model in sensor axes."""
+    first, second = worn.read(pair, recording)
+    turned = _turned(pair, worn)
+    expected = (turned.T @ _levers(pair, worn)).reshape(2, 3)
+    return _core.find_joint_center(first, second, expected.tolist(), window_s, prior_std_m)
+
+
+def _levers(pair: LinkPair, worn: Worn) -> FloatArray:
+    """(6,) from the joint to the parent's unit and to the child's, in the axes of their links, m."""
+    assert pair.center is not None
+    return np.concatenate([worn.offsets[name] for name in pair.units]) - pair.center
+
+
+def _turned(pair: LinkPair, worn: Worn) -> FloatArray:
+    """(6, 6): both sensors' axes to those of their links."""
+    turned = np.zeros((6, 6))
+    for i, name in enumerate(pair.units):
+        turned[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = worn.rotations[name]
+    return turned
+
+
+# --- one tree from all joints -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Offsets (3,) m, parameters, standard deviations (n,) m of each, what joints still miss (6,) m, what was kept."""
+
+    offsets: Mapping[str, FloatArray]
+    parameters: Mapping[str, float]
+    stds: Mapping[str, FloatArray]
+    left: Mapping[str, FloatArray]
+    kept: list[str]
+
+
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """The unknowns of a tree of bodies, and how each joint's two levers follow from them.
+
+    A lever is the unit's offset less the joint's centre in its link; centres move with the model's lengths.
+
+    Args:
+        worn: the model's values.
+        pairs: joints with a centre.
+        columns: unit or length -> its unknowns.
+        slopes: length -> (n_pairs, 6) how the centres move with it, m per m.
+        prior: (size,) standard deviations of the model's values, m.
+    """
+
+    worn: Worn
+    pairs: Sequence[LinkPair]
+    columns: Mapping[str, slice]
+    slopes: Mapping[str, FloatArray]
+    prior: FloatArray
+
+    @classmethod
+    def of(cls, worn: Worn, pairs: Sequence[LinkPair], prior_std_m: float) -> Tree:
+        """Unknown are the offsets of the units and the lengths that move a centre."""
+        slopes = _slopes(worn.model, pairs)
+        stds = {p["name"]: p["std"] or prior_std_m for p in worn.model.describe()["parameters"]}
+        columns: dict[str, slice] = {}
+        prior: list[float] = []
+        for name in _unknown_units(pairs, slopes):
+            columns[name] = slice(len(prior), len(prior) + 3)
+            prior += [prior_std_m] * 3
+        for name in slopes:
+            columns[name] = slice(len(prior), len(prior) + 1)
+            prior.append(stds[name])
+        return cls(worn, pairs, columns, slopes, np.array(prior))
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return len(self.prior)
+
+    def design(self, pair: LinkPair) -> FloatArray:
+        """(6, size) slopes of a joint's levers."""
+        rows = np.zeros((6, self.size))
+        for i, name in enumerate(pair.units):
+            if name in self.columns:
+                rows[3 * i : 3 * i + 3, self.columns[name]] = np.eye(3)
+        for name, slope in self.slopes.items():
+            rows[:, self.columns[name]] -= slope[self.pairs.index(pair)][:, None]
+        return rows
+
+    def solve(self, found: Sequence[Mapping[str, Any]]) -> Solved:
+        """Weighted least squares about the model's values; directions that stay loose keep them."""
+        information = np.diag(self.prior**-2)
+        vector = np.zeros(self.size)
+        missing, known = {}, {}
+        for pair, joint in zip(self.pairs, found, strict=True):
+            turned, rows = _turned(pair, self.worn), self.design(pair)
+            told = turned @ np.concatenate([joint["first_m"], joint["second_m"]]) - _levers(pair, self.worn)
+            covariance = np.asarray(turned @ np.asarray(joint["covariance_m2"]) @ turned.T)
+            weight = np.linalg.inv(covariance)
+            information += rows.T @ weight @ rows
+            vector += rows.T @ weight @ told
+            missing[pair.label], known[pair.label] = told, _tight(covariance)
+        covariance = np.asarray(np.linalg.inv(information))
+        moved = _tight(covariance) @ covariance @ vector
+        return self._solved(moved, np.sqrt(np.diag(covariance)), missing, known)
+
+    def _solved(
+        self,
+        moved: FloatArray,
+        std: FloatArray,
+        told: Mapping[str, FloatArray],
+        tight: Mapping[str, FloatArray],
+    ) -> Solved:
+        units = [name for name in self.columns if name not in self.slopes]
+        offsets = {name: self.worn.offsets[name] + moved[self.columns[name]] for name in units}
+        parameters = {
+            name: self.worn.model.parameters[name] + float(moved[self.columns[name]][0])
+            for name in self.slopes
+        }
+        stds = {name: std[part] for name, part in self.columns.items()}
+        left = {p.label: tight[p.label] @ (told[p.label] - self.design(p) @ moved) for p in self.pairs}
+        kept = [
+            f"{name}: offset along {axis} of its link"
+            for name in units
+            for axis, known in zip("xyz", stds[name] <= WELL_KNOWN_M, strict=True)
+            if not known
+        ]
+        kept += [name for name in parameters if stds[name][0] > WELL_KNOWN_M]
+        return Solved(offsets, parameters, stds, left, kept)
+
+
+def _tight(covariance: FloatArray) -> FloatArray:
+    """Projection on the directions that are well known; the others are independent of them."""
+    variances, directions = np.linalg.eigh(covariance)
+    kept = directions[:, variances < WELL_KNOWN_M**2]
+    return np.asarray(kept @ kept.T)
+
+
+def _unknown_units(pairs: Sequence[LinkPair], slopes: Mapping[str, FloatArray]) -> list[str]:
+    """Units whose offset is to be found: those below a joint, and those above joints that no lengths place freely.
+
+    Where lengths can place one, the unit's own place would only shift all that hangs on it.
+    """
+    moves = np.array(list(slopes.values())).reshape(-1, len(pairs), 6)
+    free = [bool(np.linalg.matrix_rank(moves[:, i, :3]) == 3) for i in range(len(pairs))]
+    anchored = {pair.parent for pair, placed in zip(pairs, free, strict=True) if placed} | {ROOT}
+    below = [pair.child for pair in pairs]
+    above = [pair.parent for pair in pairs if pair.parent not in anchored]
+    return list(dict.fromkeys(below + above))
+
+
+def _slopes(model: Model, pairs: Sequence[LinkPair]) -> dict[str, FloatArray]:
+    """(n_pairs, 6) of each length that moves a centre, in proportion."""
+    here = _centers(model, pairs)
+    slopes = {}
+    for name, value in model.parameters.items():
+        low, high = (_centers(resized(model, {name: value + step}), pairs) for step in (-STEP_M, STEP_M))
+        moves = np.abs(high - low).max() > STRAIGHT
+        if moves and np.abs(high - 2.0 * here + low).max() < STRAIGHT:
+            slopes[name] = (high - low) / (2.0 * STEP_M)
+    return slopes
+
+
+def _centers(model: Model, pairs: Sequence[LinkPair]) -> FloatArray:
+    """(n_pairs, 6) m."""
+    names = dict.fromkeys(n for pair in pairs for n in pair.units if n != ROOT)
+    by_child = {p.child: p.center for p in link_pairs(model, list(names), SEARCH, root_at_rest=True)}
+    return np.array([by_child[pair.child] for pair in pairs])
+
+
+# --- what is noted ------------------------------------------------------------------------------------
+
+
+def _noted(
+    recording: Recording,
+    names: Sequence[str],
+    pairs: Sequence[LinkPair],
+    found: Mapping[LinkPair, Mapping[str, Any]],
+    solved: Solved,
+) -> dict[str, Any]:
+    return {
+        "how": "joint centers from motion",
+        "joint": {pair.label: _joint_note(pair, joint, solved) for pair, joint in found.items()},
+        "offset_std_m": {name: solved.stds[name].tolist() for name in solved.offsets},
+        "parameter_std_m": {name: float(solved.stds[name][0]) for name in solved.parameters},
+        "without_center": [pair.label for pair in pairs if pair.center is None],
+        "kept_nominal": solved.kept,
+        "left_out": [name for name in recording.names if name not in names],
+    }
+
+
+def _joint_note(pair: LinkPair, joint: Mapping[str, Any], solved: Solved) -> dict[str, Any]:
+    """Texts, numbers and tables only, so that a file can hold them."""
+    figures = {k: v for k, v in joint.items() if k != "covariance_m2"}
+    if pair.parent == ROOT:
+        # A unit at rest tells nothing of its own place.
+        figures["loose"] = [way for way in joint["loose"] if np.linalg.norm(way["second"]) > 0.1]
+    left = solved.left[pair.label]
+    return {
+        "parent": pair.parent,
+        "child": pair.child,
+        **figures,
+        "left_m": [float(np.linalg.norm(part)) for part in (left[:3], left[3:])],
+    }

@@ -1,0 +1,72 @@
+"""Which parameters of a model file are the place of a unit on its link, and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+
+from oarlock.calibration.static.worn_model import Worn, resized
+from oarlock.storage.array_gate import FloatArray
+
+STEP_M = 0.01
+STRAIGHT = 1e-9
+"""A place follows a length in proportion; what departs by more than rounding is an angle, or something else."""
+
+
+def offset_parameters(
+    worn: Worn, offsets: Mapping[str, FloatArray], taken: Collection[str]
+) -> dict[str, dict[str, float]]:
+    """Unit -> its three parameters and what they have to be for these offsets, where the model file has it so.
+
+    A parameter that moves anything else, one of two on the same axis, and a unit whose mount the calibration holds
+    (which the parameters then do not reach) are left alone.
+
+    Args:
+        worn: the model's values, and what is known.
+        offsets: unit -> (3,) m, in its link's axes.
+        taken: parameters that are told otherwise.
+    """
+    axes: dict[str, dict[int, list[str]]] = {}
+    own = worn.model.describe()
+    for name, value in worn.model.parameters.items():
+        if name not in taken:
+            longer = resized(worn.model, {name: value + STEP_M}).describe()
+            for unit, axis in _moved_alone(own, longer):
+                axes.setdefault(unit, {}).setdefault(axis, []).append(name)
+    found = {}
+    for unit, offset in offsets.items():
+        names = [axes.get(unit, {}).get(axis, []) for axis in range(3)]
+        if unit not in worn.before.mounts and all(len(alone) == 1 for alone in names):
+            moved = offset - worn.offsets[unit]
+            found[unit] = {
+                name: worn.model.parameters[name] + float(moved[k]) for k, (name,) in enumerate(names)
+            }
+    return found
+
+
+def _moved_alone(model: Mapping[str, Any], longer: Mapping[str, Any]) -> list[tuple[str, int]]:
+    """The unit and the axis along which a longer parameter moves it and nothing else, metre for metre; else nothing."""
+    here, there = _places(model), _places(longer)
+    moved = {unit: there[unit] - here[unit] for unit in here}
+    moved = {unit: by for unit, by in moved.items() if np.abs(by).max() > STRAIGHT}
+    if len(moved) != 1 or _without_places(model) != _without_places(longer):
+        return []
+    ((unit, by),) = moved.items()
+    axis = int(np.argmax(np.abs(by)))
+    follows = np.abs(by - STEP_M * np.eye(3)[axis]).max() < STRAIGHT
+    return [(unit, axis)] if follows else []
+
+
+def _places(model: Mapping[str, Any]) -> dict[str, FloatArray]:
+    return {s["name"]: np.asarray(s["mount"]["offset"]) for s in model["sensors"] if s["kind"] == "imu"}
+
+
+def _without_places(model: Mapping[str, Any]) -> dict[str, Any]:
+    rest = deepcopy({key: part for key, part in model.items() if key != "parameters"})
+    for sensor in rest["sensors"]:
+        if sensor["kind"] == "imu":
+            del sensor["mount"]["offset"]
+    return rest

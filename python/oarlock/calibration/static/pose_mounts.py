@@ -1,0 +1,128 @@
+"""How units are inclined on their links, from a still stretch in a known posture.
+
+The search itself is the engine's (`calibrate::pose_mounts`); docs/mounts.md explains it and shows an example.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from oarlock import _core
+from oarlock.calibration.static.worn_model import Worn
+from oarlock.model.chain_geometry import posture
+from oarlock.recording.calibration import Calibration
+from oarlock.recording.corrections import corrected
+from oarlock.recording.inertial_units import chosen_units, readings
+from oarlock.recording.plausibility import require_plausible
+from oarlock.recording.recording import Recording
+from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.errors import DataError
+
+if TYPE_CHECKING:
+    from oarlock._core import Model
+
+SEARCH = "pose"
+
+
+def calibrate_pose(
+    model: Model,
+    recording: Recording,
+    pose: Mapping[str, float] | ArrayLike | None = None,
+    start_s: float | None = None,
+    end_s: float | None = None,
+    *,
+    sensors: Iterable[str] | None = None,
+    calibration: Calibration | None = None,
+    posture_std_rad: float = np.radians(3.0),
+) -> Calibration:
+    """Turn mounts so that a still posture agrees with gravity.
+
+    While the body stands still, each accelerometer shows how its unit is inclined. A mount is turned by the least
+    angle that makes up agree; its heading, the turn about the vertical, stays nominal.
+
+    Args:
+        model: its poses give each link's axes in the posture.
+        recording: gyroscope and accelerometer of the units.
+        pose: the posture, by coordinate (the others as at rest) or (n_coordinates,), rad and m; None is the
+            model's rest posture.
+        start_s: where the still stretch begins, s; None finds the longest that all units share.
+        end_s: where it ends; with `start_s` alone it lasts to the end of the recording.
+        sensors: the units to use; None takes all of the model that were recorded.
+        calibration: mounts and lengths to start from; None takes the model's.
+        posture_std_rad: how well the posture is taken up, rad.
+
+    Returns:
+        The starting calibration with turned mounts. ``noted`` holds by how much each was turned, its standard
+        deviation, the gyroscope's bias and the norm of gravity as the unit saw it.
+
+    Raises:
+        DataError: no still stretch, a named one in which a unit moves, a posture of another shape, a stream without
+            gyroscope or accelerometer; with sensor and figures.
+    """
+    names = chosen_units(model, recording, sensors, SEARCH)
+    recording = corrected(recording, calibration)
+    require_plausible(recording.only(names))
+    still_s = _stretch(recording, start_s, end_s)
+    worn = Worn.of(model, calibration)
+    q = rest_posture(worn.model, pose)
+    described = worn.model.describe()
+    frames = {
+        s["name"]: worn.model.frame_names.index(s["frame"])
+        for s in described["sensors"]
+        if s["kind"] == "imu"
+    }
+    poses = worn.model.forward_kinematics(q)
+    units = [
+        readings(recording[name])
+        | {
+            "link_from_sensor": worn.rotations[name].tolist(),
+            "world_from_link": poses[frames[name], :3, :3].tolist(),
+        }
+        for name in names
+    ]
+    found = _core.find_pose_mounts(units, described["world"]["up"], still_s, float(posture_std_rad))
+    mounts = {m["name"]: (np.array(m["link_from_sensor"]), worn.offsets[m["name"]]) for m in found}
+    noted = {
+        "how": "a still posture",
+        "still_s": found[0]["still_s"],
+        "pose": dict(zip(model.coordinate_names, q.tolist(), strict=True)),
+        "sensor": {m["name"]: _figures(m) for m in found},
+        "left_out": [name for name in recording.names if name not in names],
+    }
+    return worn.calibrated(mounts, noted)
+
+
+def rest_posture(model: Model, pose: Mapping[str, float] | ArrayLike | None) -> FloatArray:
+    """Coordinates (n_coordinates,) in rad or m: those given, and the model's rest posture for the others.
+
+    Raises:
+        DataError: as `oarlock.model.chain_geometry.posture`.
+    """
+    rest = np.concatenate([np.ravel(j["rest"]) for j in model.describe()["joints"]] or [np.zeros(0)])
+    if pose is None:
+        return posture(model, rest)
+    if not isinstance(pose, Mapping):
+        return posture(model, pose)
+    posture(model, pose)
+    at_rest = dict(zip(model.coordinate_names, rest.tolist(), strict=True))
+    return posture(model, at_rest | dict(pose))
+
+
+def _stretch(recording: Recording, start_s: float | None, end_s: float | None) -> tuple[float, float] | None:
+    if start_s is None and end_s is None:
+        return None
+    start = recording.start_s if start_s is None else float(start_s)
+    end = recording.end_s if end_s is None else float(end_s)
+    if not start < end:
+        raise DataError(
+            f"{SEARCH}: the still stretch from {start} to {end} s; expected a start and a later end in s"
+        )
+    return start, end
+
+
+def _figures(mount: Mapping[str, Any]) -> dict[str, Any]:
+    return {k: v for k, v in mount.items() if k not in ("name", "link_from_sensor", "still_s")}

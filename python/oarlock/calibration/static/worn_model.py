@@ -1,0 +1,91 @@
+"""A model as worn: with what a calibration already holds, and with what a search adds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from oarlock import _core
+from oarlock.calibration.static.link_pairs import ROOT, LinkPair
+from oarlock.recording.calibration import Calibration
+from oarlock.recording.inertial_units import readings
+from oarlock.recording.recording import Recording
+from oarlock.storage.array_gate import FloatArray
+
+if TYPE_CHECKING:
+    from oarlock._core import Model
+    from oarlock.recording.calibration import Mount
+
+
+@dataclass(frozen=True, eq=False)
+class Worn:
+    """A model and the mounts of all its inertial units.
+
+    Args:
+        model: with the calibration's parameters.
+        rotations: unit, and `ROOT` -> (3, 3), link from sensor.
+        offsets: unit -> (3,) m, in the link's axes.
+        before: what was known.
+    """
+
+    model: Model
+    rotations: Mapping[str, FloatArray]
+    offsets: Mapping[str, FloatArray]
+    before: Calibration
+
+    @classmethod
+    def of(cls, model: Model, calibration: Calibration | None) -> Worn:
+        """The model's own mounts where the calibration has none."""
+        before = Calibration() if calibration is None else calibration
+        sized = resized(model, before.parameters)
+        mounts = {s["name"]: s["mount"] for s in sized.describe()["sensors"] if s["kind"] == "imu"}
+        rotations = {name: np.asarray(m["rotation"]) for name, m in mounts.items()}
+        offsets = {name: np.asarray(m["offset"]) for name, m in mounts.items()}
+        for name, (rotation, offset) in before.mounts.items():
+            rotations[name], offsets[name] = rotation, offset
+        rotations[ROOT], offsets[ROOT] = np.eye(3), np.zeros(3)
+        return cls(sized, rotations, offsets, before)
+
+    def read(self, pair: LinkPair, recording: Recording) -> tuple[dict[str, Any], dict[str, Any]]:
+        """The columns of both units of a pair; the root's are those of a unit at rest."""
+        child = readings(recording[pair.child])
+        if pair.parent != ROOT:
+            return readings(recording[pair.parent]), child
+        world = self.model.describe()["world"]
+        rest = np.zeros((len(child["time_s"]), 3))
+        up = rest + np.asarray(world["up"]) * world["gravity_m_s2"]
+        return child | {"name": ROOT, "gyro_rad_s": rest, "accel_m_s2": up, "mag_ut": None}, child
+
+    def calibrated(
+        self,
+        mounts: Mapping[str, Mount],
+        noted: Mapping[str, Any],
+        parameters: Mapping[str, float] | None = None,
+    ) -> Calibration:
+        """What was known before, with what was found in its place; `noted` keeps the older notes under ``before``.
+
+        Standard deviations of what is replaced by another value go with it.
+        """
+        before, sized = self.before, parameters or {}
+        older = {"before": dict(before.noted)} if before.noted else {}
+        turned = {n for n, (r, _) in mounts.items() if not np.array_equal(r, self.rotations[n])}
+        moved = {n for n, (_, o) in mounts.items() if not np.array_equal(o, self.offsets[n])}
+        return replace(
+            before,
+            parameters={**before.parameters, **sized},
+            mounts={**before.mounts, **mounts},
+            noted={**noted, **older},
+            parameter_stds={n: s for n, s in before.parameter_stds.items() if n not in sized},
+            mount_stds_rad={n: s for n, s in before.mount_stds_rad.items() if n not in turned},
+            mount_offset_stds_m={n: s for n, s in before.mount_offset_stds_m.items() if n not in moved},
+        )
+
+
+def resized(model: Model, parameters: Mapping[str, float]) -> Model:
+    """The model with other parameters."""
+    if not parameters:
+        return model
+    return _core.Model.from_toml(model.text, model.path, model.parameters | dict(parameters))

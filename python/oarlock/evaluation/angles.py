@@ -1,0 +1,50 @@
+"""The named angles of a ball or free joint, and their errors away from the poles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from oarlock.evaluation.errors import true_values
+from oarlock.evaluation.tracklike import Bools, Floats, TrackLike
+from oarlock.model.angle_sequence import angle_labels, angles_near, near_singular
+from oarlock.model.coordinates import Part
+from oarlock.model.rotation import wrap
+
+
+@dataclass(frozen=True)
+class NamedAngles:
+    """Angles and standard deviations (T, 3), rad, by name, and where they are near singular (T,)."""
+
+    names: tuple[str, ...]
+    value: Floats
+    std: Floats
+    near_singular: Bools
+
+
+def named_angles(track: TrackLike, part: Part) -> NamedAngles:
+    """The angles of a rotation by the model's own sequence: `shoulder YXY y1`, `pelvis.rotation ZXY z`."""
+    series = track[part.joint]
+    sequence = series.angle_sequence
+    return NamedAngles(
+        names=tuple(f"{part.name} {sequence} {label}" for label in angle_labels(sequence)),
+        value=series.angles_rad(),
+        std=series.angles_std_rad(),
+        near_singular=series.near_singular(),
+    )
+
+
+def angle_error(track: TrackLike, truth: TrackLike, part: Part) -> Floats:
+    """Estimate minus truth at the track's stamps, (T, 3) rad; NaN without truth, and near a pole of either.
+
+    Of the triples that mean the true rotation the one nearest to the estimate's is taken.
+    """
+    series = track[part.joint]
+    sequence, true = series.angle_sequence, true_values(track, truth, part)
+    value = series.angles_rad()
+    error = np.full(value.shape, np.nan)
+    good = np.isfinite(value).all(axis=1) & np.isfinite(true).all(axis=1)
+    good[good] = ~(series.near_singular()[good] | near_singular(true[good], sequence))
+    error[good] = wrap(value[good] - angles_near(true[good], sequence, value[good]))
+    return error

@@ -1,0 +1,196 @@
+"""The estimators that can be compared: what each is called, assumes and goes back to, and how it is run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+from oarlock._core import Config, Tracker
+from oarlock.evaluation.comparison.limb_track import track_limbs
+from oarlock.evaluation.comparison.orientation_track import ORIENTATION_FILTERS, track_orientations
+from oarlock.recording.calibration import Calibration
+from oarlock.recording.recording import Recording
+from oarlock.storage.errors import DataError
+from oarlock.storage.suggest import did_you_mean
+from oarlock.tracking.track import Track
+from oarlock.tracking.tracking import track
+
+if TYPE_CHECKING:
+    from oarlock._core import Model
+
+TREE, LIMBS, UNITS = "tree", "limbs", "single units"
+OPEN, PLAIN = "_open", "_plain"
+LIMB_FILTER: Final = "limbs"
+
+
+@dataclass(frozen=True)
+class Estimator:
+    """One way from a recording to joint variables.
+
+    Args:
+        name: what `--filter` calls it.
+        family: `tree`, `limbs` or `single units`: what is filtered as one.
+        title: in a few words.
+        assumes: what it takes for granted, or cannot use.
+        source: where it comes from.
+        package: the optional package that it needs; "" for none.
+        config: of the engine's filter; None where a unit is filtered by itself.
+    """
+
+    name: str
+    family: str
+    title: str
+    assumes: str
+    source: str
+    package: str = ""
+    config: Config | None = None
+
+    @property
+    def live(self) -> bool:
+        """Whether it can go sample by sample."""
+        return self.family == TREE
+
+    def track(
+        self,
+        model: Model,
+        recording: Recording,
+        calibration: Calibration | None = None,
+        *,
+        progress: Callable[[float], object] | None = None,
+    ) -> Track:
+        """Track a recording.
+
+        Raises:
+            DataError: as `oarlock.track`, `track_limbs` and `track_orientations`.
+        """
+        if self.config is None:
+            return track_orientations(model, recording, self.name, calibration, progress=progress)
+        way = track_limbs if self.family == LIMBS else track
+        return way(model, recording, calibration, self.config, progress=progress)
+
+    def tracker(self, model: Model, calibration: Calibration | None = None) -> Tracker:
+        """For live steps.
+
+        Raises:
+            DataError: this estimator goes over whole recordings.
+        """
+        if not self.live:
+            raise DataError(
+                f"{self.name}: goes over a whole recording and cannot step live. "
+                f"Filters that can: {', '.join(e.name for e in estimators() if e.live)}"
+            )
+        return Tracker(model, calibration, self.config)
+
+
+_TREE_TITLES = {
+    "ukf": ("unscented Kalman filter on the tree", "E. A. Wan and R. van der Merwe (2000); the default"),
+    "ekf": (
+        "extended Kalman filter on the tree",
+        "Y. Bar-Shalom, X. R. Li and T. Kirubarajan (2001), section 10.3",
+    ),
+    "factorised": (
+        "small coupled filters along the tree",
+        "E. Ruffaldi, L. Peppoloni, A. Filippeschi and C. A. Avizzano (2014)",
+    ),
+}
+_UNIT_TITLES = {
+    "vqf": ("VQF", "D. Laidig and T. Seel (2023)", "vqf", "finds biases at rest and in motion"),
+    "madgwick": ("Madgwick's gradient descent", "S. O. H. Madgwick (2010)", "ahrs", "no biases"),
+    "quaternion_ekf": (
+        "extended Kalman filter on the quaternion",
+        "A. M. Sabatini (2011), as in ahrs",
+        "ahrs",
+        "no biases",
+    ),
+    "quest_ekf": (
+        "QUEST, then a Kalman filter on rates and quaternion",
+        "in the manner of X. Yun and E. R. Bachmann (2006)",
+        "ahrs",
+        "no biases",
+    ),
+    "vector_kf": (
+        "linear Kalman filter on the vectors of gravity and field",
+        "in the manner of R. Zhu and Z. Zhou (2004)",
+        "",
+        "no biases",
+    ),
+}
+
+
+def tree_filters() -> tuple[str, ...]:
+    """The engine's own filters: those of `_TREE_TITLES` that `Config.filter` accepts."""
+    return tuple(name for name in _TREE_TITLES if _accepted(name))
+
+
+def estimators() -> tuple[Estimator, ...]:
+    """All that this version has, whether or not the packages that some need are installed.
+
+    The tree's filters and the limbs' come in four: with closures and slow states; `_open` without closures; `_plain`
+    without biases and base acceleration; `_open_plain` without both.
+    """
+    found: list[Estimator] = []
+    for name in tree_filters():
+        title, source = _TREE_TITLES[name]
+        found += _four(Estimator(name, TREE, title, "", source, config=Config(filter=name)))
+    source = "in the manner of L. Peppoloni, A. Filippeschi, E. Ruffaldi and C. A. Avizzano (2013)"
+    limbs = Estimator(
+        LIMB_FILTER, LIMBS, "an unscented Kalman filter on each limb", "", source, config=Config()
+    )
+    found += _four(limbs)
+    for name in ORIENTATION_FILTERS:
+        title, source, package, own = _UNIT_TITLES[name]
+        assumes = f"{own}; heading told; no lengths, no closures, no base acceleration"
+        found.append(Estimator(name, UNITS, title, assumes, source, package))
+    return tuple(found)
+
+
+def estimator(name: str) -> Estimator:
+    """The estimator of this name.
+
+    Raises:
+        DataError: there is none.
+    """
+    known = {e.name: e for e in estimators()}
+    if name not in known:
+        raise DataError(f"no filter '{name}'. {did_you_mean(name, list(known))}")
+    return known[name]
+
+
+def usual_estimators() -> tuple[Estimator, ...]:
+    """What `compare` runs if nothing is said: each family's own, and what closures and slow states give the default."""
+    left_out = {name + suffix for name in tree_filters() if name != "ukf" for suffix in _SUFFIXES}
+    left_out |= {LIMB_FILTER + suffix for suffix in (PLAIN, OPEN + PLAIN)}
+    return tuple(e for e in estimators() if e.name not in left_out)
+
+
+_SUFFIXES = (OPEN, PLAIN, OPEN + PLAIN)
+
+
+def _four(whole: Estimator) -> Iterable[Estimator]:
+    assert whole.config is not None
+    keys = whole.config.to_dict()
+    yield replace(whole, assumes="closures, biases and base acceleration as states")
+    yield replace(
+        whole, name=whole.name + OPEN, assumes="no closures", config=Config(**keys | {"closures": False})
+    )
+    yield replace(
+        whole,
+        name=whole.name + PLAIN,
+        assumes="no biases, no base acceleration",
+        config=Config(**keys | {"estimate": ()}),
+    )
+    yield replace(
+        whole,
+        name=whole.name + OPEN + PLAIN,
+        assumes="no closures, no biases, no base acceleration",
+        config=Config(**keys | {"closures": False, "estimate": ()}),
+    )
+
+
+def _accepted(name: str) -> bool:
+    try:
+        Config(filter=name)
+    except DataError:
+        return False
+    return True

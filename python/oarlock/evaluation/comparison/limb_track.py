@@ -1,0 +1,208 @@
+"""Each limb of a tree by its own filter, and one track of them all."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock._core import Config
+from oarlock.calibration.static.worn_model import resized
+from oarlock.evaluation.comparison.direct_readings import direct_readings
+from oarlock.evaluation.comparison.limbs import SHARED, Limb, cut_into_limbs
+from oarlock.evaluation.resample import resample, resample_rotation
+from oarlock.model.coordinates import angle_sequences, coordinate_units, joint_columns, joint_units, parts
+from oarlock.model.rotation import quat_from_rotvec, rotvec_from_quat
+from oarlock.recording.calibration import Calibration
+from oarlock.recording.corrections import corrected
+from oarlock.recording.recording import Recording
+from oarlock.storage.errors import DataError
+from oarlock.tracking.records import Beliefs
+from oarlock.tracking.track import Track
+from oarlock.tracking.tracking import admit, track
+
+if TYPE_CHECKING:
+    from oarlock._core import Model
+
+Floats = NDArray[np.float64]
+
+_ESTIMATES = ("q", "qd", "qdd", "q_std", "qd_std", "qdd_std")
+
+
+def track_limbs(
+    model: Model,
+    recording: Recording,
+    calibration: Calibration | None = None,
+    config: Config | None = None,
+    *,
+    progress: Callable[[float], object] | None = None,
+) -> Track:
+    """Track every limb by a filter of its own on its own chain, as before whole trees were filtered.
+
+    After L. Peppoloni, A. Filippeschi, E. Ruffaldi and C. A. Avizzano (2013), "A novel 7 degrees of freedom model
+    for upper limb kinematic reconstruction based on wearable sensors", IEEE SISY: one arm, one filter. Where
+    several limbs stand on joints that they share, a filter without limbs tells those joints, and each limb carries
+    them along as states to know how its own base moves; what it makes of them is thrown away. Nothing that one
+    filter learns reaches another: beliefs are block-diagonal.
+
+    Args:
+        model: a tree with at least two limbs.
+        recording: measured streams; each filter gets those of its own sensors.
+        calibration: of this wearing.
+        config: of every filter; `closures = False` lets the limbs end freely, as in the source.
+        progress: called now and then with the share done, 0 to 1.
+
+    Raises:
+        DataError: the model has one limb or none, or nothing was recorded of one of its parts.
+        DivergedError: a filter lost the track.
+    """
+    config = Config() if config is None else config
+    admit(model, corrected(recording, calibration))
+    limbs = cut_into_limbs(model, config.closures)
+    tracks, cpu_s = [], 0.0
+    for i, limb in enumerate(limbs):
+        told = None if progress is None else _share(progress, i, len(limbs))
+        part = _streams_of(limb, recording)
+        began_s = time.thread_time()
+        tracks.append(track(limb.model, part, _worn(limb, calibration), config, progress=told))
+        cpu_s += time.thread_time() - began_s
+    return _merged(model, recording, calibration, limbs, tracks, cpu_s)
+
+
+def _share(progress: Callable[[float], object], i: int, count: int) -> Callable[[float], object]:
+    return lambda done: progress((i + done) / count)
+
+
+def _streams_of(limb: Limb, recording: Recording) -> Recording:
+    inputs = [j["name"] for j in limb.model.describe()["joints"] if j["input"]]
+    known = {*limb.model.sensor_names, *inputs}
+    names = [name for name in recording.names if name in known]
+    if not names:
+        raise DataError(
+            f'limb "{limb.name}": the recording has no stream of its sensors ({", ".join(sorted(known)) or "none"}). '
+            "Take ukf, which tracks the whole."
+        )
+    return recording.only(names)
+
+
+def _worn(limb: Limb, calibration: Calibration | None) -> Calibration | None:
+    """What of a calibration concerns the limb."""
+    if calibration is None:
+        return None
+    names = set(limb.model.sensor_names)
+    mounts = {name: mount for name, mount in calibration.mounts.items() if name in names}
+    offsets = {name: offset for name, offset in calibration.mag_offsets_ut.items() if name in names}
+    # Of the rest, a limb's recording and model take what they know.
+    return replace(calibration, mounts=mounts, mag_offsets_ut=offsets)
+
+
+def _merged(
+    model: Model,
+    recording: Recording,
+    calibration: Calibration | None,
+    limbs: tuple[Limb, ...],
+    tracks: list[Track],
+    cpu_s: float,
+) -> Track:
+    """One track at the stamps of the longest; the others' estimates by splines through theirs."""
+    time_s = max((t.time_s for t in tracks), key=len)
+    n = len(model.coordinate_names)
+    arrays: dict[str, Floats] = {name: np.full((len(time_s), n), np.nan) for name in _ESTIMATES}
+    observed = np.zeros((len(time_s), n), dtype=bool)
+    whole = joint_columns(model.coordinate_names)
+    for limb, part in zip(limbs, tracks, strict=True):
+        own = joint_columns(part.coordinate_names)
+        to = [c for joint in limb.own for c in whole[joint]]
+        from_ = [c for joint in limb.own for c in own[joint]]
+        for name in _ESTIMATES:
+            arrays[name][:, to] = _at(part, name, time_s)[:, from_]
+        nearest = np.clip(np.searchsorted(part.time_s, time_s), 0, len(part) - 1)
+        observed[:, to] = part.observed[nearest][:, from_]
+    joints = model.describe()["joints"]
+    answered = {joint for limb in limbs for joint in limb.own}
+    inputs = {joint["name"] for joint in joints if joint["input"]} - answered
+    for name, value in direct_readings(model, corrected(recording, calibration), time_s)[0].items():
+        if name in inputs:
+            arrays["q"][:, whole[name][0]] = value
+    steps, wall_s = max(len(t) for t in tracks), sum(t.provenance["wall_s"] for t in tracks)
+    sized = resized(model, calibration.parameters) if calibration is not None else model
+    made: dict[str, Any] = dict(arrays)
+    return Track(
+        model=sized,
+        time_s=time_s.copy(),
+        joint_names=tuple(model.joint_names),
+        joint_units=joint_units(model, joints),
+        coordinate_names=tuple(model.coordinate_names),
+        coordinate_units=coordinate_units(model, joints),
+        angle_sequences=angle_sequences(model, joints),
+        **made,
+        observed=observed,
+        beliefs=_beliefs(limbs, tracks),
+        notes=_notes(limbs, tracks),
+        provenance={
+            **{key: tracks[0].provenance[key] for key in ("oarlock", "config")},
+            "model": model.name,
+            "parameters": dict(sized.parameters),
+            "filter": "limbs",
+            "limbs": {limb.name: list(limb.own) for limb in limbs},
+            "steps": steps,
+            "wall_s": wall_s,
+            "filter_cpu_s": cpu_s,
+            "steps_per_s": steps / wall_s,
+        },
+    )
+
+
+def _at(part: Track, name: str, time_s: Floats) -> Floats:
+    """An array (T, n) of a track at other stamps."""
+    values: Floats = getattr(part, name)
+    if len(part.time_s) == len(time_s) and np.array_equal(part.time_s, time_s):
+        return values
+    found = np.stack([resample(part.time_s, column, time_s) for column in values.T], axis=1)
+    for piece in parts(part.coordinate_names) if name == "q" else ():
+        if piece.kind == "rotation":
+            columns = list(piece.columns)
+            turned = resample_rotation(part.time_s, quat_from_rotvec(values[:, columns]), time_s)
+            found[:, columns] = rotvec_from_quat(turned)
+    return found
+
+
+def _beliefs(limbs: tuple[Limb, ...], tracks: list[Track]) -> Beliefs | None:
+    """Beliefs of the joints side by side, without any covariance between limbs, where all were kept at one time."""
+    kept = [t.beliefs for t in tracks]
+    if any(b is None for b in kept):
+        return None
+    told = [b for b in kept if b is not None]
+    first = told[0].time_s
+    if any(len(b.time_s) != len(first) or np.abs(b.time_s - first).max(initial=0.0) > 1e-9 for b in told):
+        return None
+    chosen = [_own_states(limb, b) for limb, b in zip(limbs, told, strict=True)]
+    mean = np.hstack([b.mean[:, rows] for rows, b in zip(chosen, told, strict=True)])
+    covariance = np.zeros((len(first), mean.shape[1], mean.shape[1]))
+    at = 0
+    for rows, b in zip(chosen, told, strict=True):
+        covariance[:, at : at + len(rows), at : at + len(rows)] = b.covariance[:, rows][:, :, rows]
+        at += len(rows)
+    names = [b.state_names[i] for rows, b in zip(chosen, told, strict=True) for i in rows]
+    return Beliefs(first, mean, covariance, tuple(names))
+
+
+def _own_states(limb: Limb, beliefs: Beliefs) -> list[int]:
+    sensors = set(limb.model.sensor_names) - set(limb.own)
+    return [
+        i
+        for i, name in enumerate(beliefs.state_names)
+        if name.partition(".")[0] in limb.own and name.partition(".")[0] not in sensors and "bias" not in name
+    ]
+
+
+def _notes(limbs: tuple[Limb, ...], tracks: list[Track]) -> tuple[str, ...]:
+    names = ", ".join("what they share" if limb.name == SHARED else limb.name for limb in limbs)
+    told: list[str] = [f"each limb by a filter of its own: {names}"]
+    for limb, part in zip(limbs, tracks, strict=True):
+        told += [f"{limb.name}: {note}" for note in part.notes]
+    return tuple(dict.fromkeys(told))

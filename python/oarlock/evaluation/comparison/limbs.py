@@ -1,0 +1,177 @@
+"""A tree cut into limbs: sub-models of the joints that lead to one limb, and of those that several limbs share."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from oarlock import _core
+from oarlock.storage.errors import DataError
+from oarlock.storage.toml import toml_text
+
+if TYPE_CHECKING:
+    from oarlock._core import Model
+
+SHARED = "shared"
+
+
+@dataclass(frozen=True, eq=False)
+class Limb:
+    """A part of a tree that is tracked by itself.
+
+    Args:
+        name: that of its first own joint, or `shared`.
+        model: the sub-model: its own joints, those below it down to the root, and their sensors.
+        own: the joints that this part answers for in the whole, in the order of the model.
+    """
+
+    name: str
+    model: Model
+    own: tuple[str, ...]
+
+
+def cut_into_limbs(model: Model, closures: bool = True) -> tuple[Limb, ...]:
+    """The part that limbs share, if there is one, and each limb.
+
+    A joint is shared if inertial units stand on two or more branches above it. Branches above shared joints that
+    carry a unit are limbs. A closure, and the joints that hold its other end, go with the limb that alone moves
+    it; one that binds two limbs to each other can go with neither and is dropped.
+
+    Args:
+        model: the whole.
+        closures: False drops them all.
+
+    Raises:
+        DataError: the tree has fewer than two limbs.
+    """
+    tree = _JointTree(model)
+    roots = tree.limb_roots()
+    if len(roots) < 2:
+        raise DataError(
+            f'model "{model.name}": its inertial units stand on {"one chain" if roots else "no joint"}, so there '
+            "are no limbs to cut it into. Take ukf, which tracks the whole."
+        )
+    limbs = [_limb(model, tree, root, closures) for root in roots]
+    covered = {joint for limb in limbs for joint in limb.own}
+    shared = tuple(j for j in tree.order if tree.is_shared(j))
+    rest = tuple(j for j in tree.order if j not in covered)
+    if not shared:
+        return tuple(limbs)
+    # what belongs to no limb and moves with the shared part
+    kept = {j for j in rest if set(tree.down(j)) <= set(rest) and tree.moves_with(j, shared)}
+    return (Limb(SHARED, sub_model(model, kept, set()), tuple(j for j in rest if j in kept)), *limbs)
+
+
+def _limb(model: Model, tree: _JointTree, root: str, closures: bool) -> Limb:
+    own = tree.above(root)
+    kept = own | set(tree.down(root))
+    bound: set[str] = set()
+    for closure in model.describe()["closures"] if closures else ():
+        ends = [tree.joints_under(closure[end]) for end in ("frame_a", "frame_b")]
+        if any(own & set(end) for end in ends) and not any(tree.other_limbs(end, root) for end in ends):
+            bound.add(closure["name"])
+            kept |= set(ends[0]) | set(ends[1])
+    answers = own | {j for j in kept if not tree.is_shared(j) and not tree.carries_unit(j)}
+    return Limb(root, sub_model(model, kept, bound), tuple(j for j in tree.order if j in answers))
+
+
+def sub_model(model: Model, joints: set[str], closures: set[str]) -> Model:
+    """The model with some of its joints and closures: frames behind other joints go, with all that stands on them.
+
+    What is left predicts the same measurements as the whole, for none of it hangs on what was dropped.
+    """
+    document = tomllib.loads(model.text)
+    joint_of = {f["name"]: f["joint"] for f in model.describe()["frames"]}
+    parent_of = {f["name"]: f["parent"] for f in model.describe()["frames"]}
+
+    def stays(frame: str) -> bool:
+        at: str | None = frame
+        while at is not None:
+            if joint_of[at] is not None and joint_of[at] not in joints:
+                return False
+            at = parent_of[at]
+        return True
+
+    def measures(sensor: Mapping[str, Any]) -> bool:
+        return sensor["joint"] in joints if "joint" in sensor else stays(sensor.get("frame", "root"))
+
+    chosen: dict[str, Callable[[Mapping[str, Any]], bool]] = {
+        "joint": lambda entry: entry["name"] in joints,
+        "frame": lambda entry: stays(entry["name"]),
+        "sensor": measures,
+        "closure": lambda entry: entry["name"] in closures,
+    }
+    left: dict[str, object] = {}
+    for key, value in document.items():
+        if key not in chosen:
+            left[key] = value
+        elif entries := [entry for entry in value if chosen[key](entry)]:
+            left[key] = entries
+    return _core.Model.from_toml(toml_text(left), model.path, dict(model.parameters))
+
+
+class _JointTree:
+    """Which joint stands on which, and which carry inertial units."""
+
+    def __init__(self, model: Model) -> None:
+        described = model.describe()
+        self.order = tuple(model.joint_names)
+        self._frames = {f["name"]: f for f in described["frames"]}
+        self._below: dict[str, tuple[str, ...]] = {}
+        for frame in described["frames"]:
+            joint = frame["joint"]
+            if joint is not None and joint not in self._below:
+                self._below[joint] = self.joints_under(frame["name"])[1:]
+        imus = [s for s in described["sensors"] if s["kind"] == "imu"]
+        self._unit_chains = [self.joints_under(s["frame"]) for s in imus]
+
+    def joints_under(self, frame: str) -> tuple[str, ...]:
+        """Joints from a frame down to the root, nearest first."""
+        found = []
+        at: str | None = frame
+        while at is not None:
+            if self._frames[at]["joint"] is not None:
+                found.append(self._frames[at]["joint"])
+            at = self._frames[at]["parent"]
+        return tuple(found)
+
+    def down(self, joint: str) -> tuple[str, ...]:
+        """A joint and those between it and the root."""
+        return (joint, *self._below.get(joint, ()))
+
+    def above(self, joint: str) -> set[str]:
+        """A joint and all that stand on it."""
+        return {j for j in self.order if joint in self.down(j)}
+
+    def carries_unit(self, joint: str) -> bool:
+        """Whether an inertial unit feels the joint."""
+        return any(joint in chain for chain in self._unit_chains)
+
+    def _branches(self, joint: str | None) -> list[str]:
+        """Joints right on a joint, or on the root, that carry units."""
+        right_on = [j for j in self.order if (self.down(j)[1:2] or (None,))[0] == joint]
+        return [j for j in right_on if self.carries_unit(j)]
+
+    def is_shared(self, joint: str) -> bool:
+        """Whether two branches with units stand on the joint or on one above it."""
+        return any(len(self._branches(j)) > 1 for j in self.above(joint))
+
+    def limb_roots(self) -> list[str]:
+        """The first joint of each limb, in the order of the model."""
+        return [
+            j
+            for j in self.order
+            if self.carries_unit(j)
+            and not self.is_shared(j)
+            and all(self.is_shared(other) for other in self.down(j)[1:])
+        ]
+
+    def other_limbs(self, chain: tuple[str, ...], root: str) -> bool:
+        """Whether a chain runs through a limb other than that of `root`."""
+        return any(j != root and j in self.limb_roots() for j in chain)
+
+    def moves_with(self, joint: str, shared: tuple[str, ...]) -> bool:
+        """Whether the joint is a shared one or stands on one."""
+        return any(j in shared for j in self.down(joint))

@@ -1,0 +1,171 @@
+"""Do the errors and the innovations agree with the covariances that the filter claims?
+
+Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, "Estimation with Applications to Tracking and Navigation", Wiley
+2001, section 5.4: the normalised estimation error squared (NEES) and the normalised innovation squared (NIS) of a
+consistent filter are chi-square distributed with as many degrees of freedom as states or measurements. Both are
+given here per state and per measurement, so that 1 is what is expected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.stats import chi2
+
+from oarlock.evaluation.resample import resample, resample_rotation
+from oarlock.evaluation.scores import SensorScore, StateScore
+from oarlock.evaluation.tracklike import (
+    BeliefsLike,
+    Bools,
+    Floats,
+    InfoLike,
+    Interval,
+    TrackLike,
+    beliefs_of,
+    info_of,
+)
+from oarlock.model.coordinates import Kind, parts
+from oarlock.model.rotation import quat_from_rotvec, rotvec_between, wrap
+from oarlock.tracking.records import DISTURBED, FAULT, FIELD
+
+
+def interval_95(degrees: float) -> tuple[float, float]:
+    """Bounds that hold a chi-square variable over its degrees of freedom 95 % of the time; NaN for none."""
+    if degrees <= 0:
+        return float("nan"), float("nan")
+    return float(chi2.ppf(0.025, degrees)) / degrees, float(chi2.ppf(0.975, degrees)) / degrees
+
+
+def sensor_scores(track: TrackLike, window: Interval) -> tuple[SensorScore, ...]:
+    """NIS per measurement of every sensor and closure: sum of NIS over sum of used rows in the window.
+
+    The last one, `all inertial`, takes all inertial units of a sample as one measurement with their joint covariance:
+    units on one body share the body's uncertainty, so only this one is expected at 1; each alone stays below it where
+    the body's motion is less certain than its sensors. Source: Bar-Shalom et al. 2001, section 5.4.2.
+    """
+    info = info_of(track)
+    if info is None:
+        return ()
+    kept = window.of(track.time_s)
+    scores = []
+    for k, name in enumerate(info.sensor_names):
+        nis, used = info.nis[kept, k], info.used[kept, k]
+        counted = np.isfinite(nis) & (used > 0)
+        degrees = int(used[counted].sum())
+        scores.append(
+            SensorScore(
+                name=name,
+                nis=float(nis[counted].sum() / degrees) if degrees else float("nan"),
+                interval_95=interval_95(degrees),
+                used=int(used.sum()),
+                rejected=int(info.rejected[kept, k].sum()),
+                missing=int(info.missing[kept, k].sum()),
+                disturbed=_disturbed(info.field[kept, k]),
+                faults=_faults(info.fault[kept, k], info.missing[kept, k] < _rows(info, k)),
+            )
+        )
+    return (*scores, *_inertial_score(info, kept))
+
+
+def _disturbed(field: NDArray[Any]) -> dict[str, float]:
+    there = np.count_nonzero(field != FIELD.index("missing"))
+    failed = {test: np.count_nonzero(field == FIELD.index(test)) for test in DISTURBED}
+    return {test: count / there for test, count in failed.items() if count}
+
+
+def _rows(info: InfoLike, k: int) -> int:
+    """How many rows a sample of the sensor may hold."""
+    return int((info.used[:, k] + info.rejected[:, k] + info.missing[:, k]).max(initial=0))
+
+
+def _faults(fault: NDArray[Any], there: Bools) -> dict[str, float]:
+    found = {name: np.count_nonzero(fault == FAULT.index(name)) for name in FAULT[1:]}
+    return {name: count / np.count_nonzero(there) for name, count in found.items() if count}
+
+
+def _inertial_score(info: InfoLike, kept: Bools) -> tuple[SensorScore, ...]:
+    nis, used = info.inertial_nis[kept], info.inertial_used[kept]
+    counted = np.isfinite(nis) & (used > 0)
+    degrees = int(used[counted].sum())
+    if not degrees:
+        return ()
+    value = float(nis[counted].sum() / degrees)
+    return (SensorScore("all inertial", value, interval_95(degrees), degrees, 0, 0, joint=True),)
+
+
+def state_score(
+    track: TrackLike, truth: TrackLike, window: Interval, joints: Sequence[str]
+) -> StateScore | None:
+    """NEES per state of the given joints' angles, velocities and accelerations, with their full covariance.
+
+    ``joints`` are named as their scores are (`pelvis.rotation`). The error of a rotation is the turn from truth to
+    mean in the child's axes, those of its covariance; rates in the child's axes are subtracted. A state enters where
+    truth knows it. Beliefs whose covariance is not positive definite are counted and left out. None: the track keeps
+    no beliefs in the window. Source: Bar-Shalom et al. 2001, section 5.4.2.
+    """
+    beliefs = beliefs_of(track)
+    if beliefs is None:
+        return None
+    error = _state_errors(beliefs, track, truth, joints)
+    total, degrees, count, singular = 0.0, 0, 0, 0
+    for b in np.flatnonzero(window.of(beliefs.time_s)):
+        known = np.flatnonzero(np.isfinite(error[b]))
+        if not len(known):
+            continue
+        nees = _nees(error[b, known], beliefs.covariance[b][np.ix_(known, known)])
+        if np.isnan(nees):
+            singular += 1
+            continue
+        total, degrees, count = total + nees, degrees + len(known), count + 1
+    if not degrees and not singular:
+        return None
+    value = total / degrees if degrees else float("nan")
+    return StateScore(value, interval_95(degrees), count, degrees, singular)
+
+
+def _state_errors(beliefs: BeliefsLike, track: TrackLike, truth: TrackLike, joints: Sequence[str]) -> Floats:
+    """Mean minus truth, (B, n); NaN for states that truth does not know."""
+    error = np.full(beliefs.mean.shape, np.nan)
+    states = list(beliefs.state_names)
+    known = {part.name: part for part in parts(truth.coordinate_names)}
+    for part in parts(track.coordinate_names):
+        other = known.get(part.name)
+        if part.name not in joints or other is None or other.kind != part.kind:
+            continue
+        turns = track[part.joint].unit != "m" and part.kind != "position"
+        for suffix, values in (("", truth.q), (".velocity", truth.qd), (".acceleration", truth.qdd)):
+            names = [f"{track.coordinate_names[column]}{suffix}" for column in part.columns]
+            if set(names) <= set(states):
+                rows = [states.index(name) for name in names]
+                true = (truth.time_s, values[:, list(other.columns)])
+                kind = part.kind if not suffix and turns else "position"
+                error[:, rows] = _minus(beliefs.mean[:, rows], beliefs.time_s, *true, kind)
+    return error
+
+
+def _minus(mean: Floats, at_s: Floats, time_s: Floats, true: Floats, kind: Kind) -> Floats:
+    """Mean (B, k) minus truth (T, k); a scalar is taken as an angle, what lies on no circle as a position."""
+    if kind == "rotation":
+        expected = resample_rotation(time_s, quat_from_rotvec(true), at_s)
+        return -rotvec_between(quat_from_rotvec(mean), expected)
+    circular = kind == "scalar"
+    error = mean - np.stack([resample(time_s, column, at_s, circular=circular) for column in true.T], axis=1)
+    return wrap(error) if circular else error
+
+
+def _nees(error: Floats, covariance: Floats) -> float:
+    """The quadratic form e' P^-1 e; NaN if P is not positive definite. Scaled to unit variance: units differ."""
+    variance = np.diag(covariance)
+    if not np.all(np.isfinite(covariance)) or np.any(variance <= 0):
+        return float("nan")
+    scale = 1 / np.sqrt(variance)
+    unit_error = error * scale
+    try:
+        factor = cho_factor(covariance * np.outer(scale, scale), lower=True)
+    except LinAlgError:
+        return float("nan")
+    return float(unit_error @ cho_solve(factor, unit_error))

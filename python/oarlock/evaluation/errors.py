@@ -1,0 +1,137 @@
+"""Errors of joints, scores of frame positions, and the statistics of both."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock.evaluation.resample import resample, resample_rotation
+from oarlock.evaluation.scores import JointScore, PositionScore
+from oarlock.evaluation.tracklike import Floats, Interval, TrackLike
+from oarlock.model.coordinates import Part, parts
+from oarlock.model.rotation import quat_from_rotvec, rotvec_between, wrap
+
+LANDMARKS = frozenset({"shoulder", "elbow", "wrist", "hand"})
+"""Words in a frame's name that mark it as one people ask for."""
+
+BAND_95 = 1.96
+"""Half-width of the 95 % band in standard deviations."""
+
+CONSTANT = 1e-9
+"""A signal that moves less than this (rad or m) is constant: its correlation has no meaning."""
+
+
+def true_values(track: TrackLike, truth: TrackLike, part: Part) -> Floats:
+    """Truth at the track's stamps, (T, 1), a position (T, 3) or quat_wxyz (T, 4); NaN where there is none."""
+    other = next((p for p in parts(truth.coordinate_names) if p.name == part.name), None)
+    if other is None or other.kind != part.kind:
+        return np.full((len(track.time_s), 4 if part.kind == "rotation" else len(part.columns)), np.nan)
+    values = truth.q[:, list(other.columns)]
+    if part.kind == "rotation":
+        return resample_rotation(truth.time_s, quat_from_rotvec(values), track.time_s)
+    hinge = part.kind == "scalar" and track[part.joint].unit == "rad"
+    columns = [resample(truth.time_s, column, track.time_s, circular=hinge) for column in values.T]
+    return np.stack(columns, axis=1)
+
+
+def part_error(track: TrackLike, truth: TrackLike, part: Part) -> Floats:
+    """Estimate minus truth at the track's stamps, rad or m; NaN where either is missing.
+
+    (T, 1) of a hinge, rad in (-pi, pi], and of a slide; (T, 3) of a position, in its axes; of a rotation -e (T, 3) with
+    e = Log(R_est' R_true), in the child's axes, as `Track.q_std` means it.
+    """
+    value, true = track.q[:, list(part.columns)], true_values(track, truth, part)
+    if part.kind == "rotation":
+        return -rotvec_between(quat_from_rotvec(value), true)
+    error = value - true
+    return wrap(error) if part.kind == "scalar" and track[part.joint].unit == "rad" else error
+
+
+def seen(track: TrackLike, part: Part, kept: NDArray[np.bool_]) -> bool:
+    """Whether the sensors pin the part down at least half of the time, of the samples (T,) that are kept."""
+    return bool(np.mean(track.observed[kept][:, list(part.columns)].all(axis=1)) >= 0.5)
+
+
+def scalar_score(
+    name: str, unit: str, error: Floats, std: Floats, correlated: float, note: str = ""
+) -> JointScore:
+    """The score of errors (N,), N > 0, with the standard deviations (N,) that were claimed for them."""
+    banded = np.isfinite(std) & (std > 0)
+    ratio = error[banded] / std[banded]
+    return JointScore(
+        name=name,
+        unit=unit,
+        observed=True,
+        note=note,
+        samples=len(error),
+        rmse=rms(error),
+        bias=float(np.mean(error)),
+        correlation=correlated,
+        coverage=mean_of(np.abs(ratio) <= BAND_95),
+        nees=mean_of(ratio**2),
+        mean_std=mean_of(std[banded]),
+    )
+
+
+def landmark_frames(track: TrackLike, truth: TrackLike) -> tuple[str, ...]:
+    """Frames called shoulder, elbow, wrist or hand; if there are none, the frames that carry no other."""
+    if track.model is None or truth.model is None:
+        return ()
+    names = tuple(track.model.frame_names)
+    known = set(truth.model.frame_names)
+    landmarks = tuple(name for name in names if LANDMARKS & set(name.split("_")))
+    return tuple(name for name in landmarks or _leaves(track, names) if name in known)
+
+
+def _leaves(track: TrackLike, names: Sequence[str]) -> tuple[str, ...]:
+    carrying = {frame["parent"] for frame in track.model.describe()["frames"]}
+    return tuple(name for name in names if name not in carrying)
+
+
+def position_scores(
+    track: TrackLike, truth: TrackLike, window: Interval, frames: Sequence[str]
+) -> tuple[PositionScore, ...]:
+    """One score per frame, positions in root axes; frames without any common finite sample are left out."""
+    kept = window.of(track.time_s)
+    scores = (_position_score(track, truth, frame, kept) for frame in frames)
+    return tuple(score for score in scores if score.samples)
+
+
+def _position_score(track: TrackLike, truth: TrackLike, frame: str, kept: NDArray[np.bool_]) -> PositionScore:
+    at_s, estimate, true = (
+        track.time_s[kept],
+        track.frame_positions(frame)[kept],
+        truth.frame_positions(frame),
+    )
+    reference = np.stack([resample(truth.time_s, true[:, k], at_s) for k in range(3)], axis=1)
+    good = np.isfinite(estimate).all(axis=1) & np.isfinite(reference).all(axis=1)
+    error = estimate[good] - reference[good]
+    pairs = zip(estimate[good].T, reference[good].T, strict=True)
+    x, y, z = (rms(error[:, k]) for k in range(3))
+    cx, cy, cz = (correlation(a, b) for a, b in pairs)
+    return PositionScore(
+        frame=frame,
+        samples=int(good.sum()),
+        rmse_m=float(np.sqrt(x * x + y * y + z * z)),
+        axis_rmse_m=(x, y, z),
+        axis_correlation=(cx, cy, cz),
+    )
+
+
+def rms(error: Floats) -> float:
+    """Root mean square, in the unit of the error; NaN of nothing."""
+    return float(np.sqrt(np.mean(error**2))) if len(error) else float("nan")
+
+
+def correlation(a: Floats, b: Floats) -> float:
+    """Pearson's correlation of two (N,) signals; NaN where either is constant."""
+    if len(a) < 2 or np.ptp(a) <= CONSTANT or np.ptp(b) <= CONSTANT:
+        return float("nan")
+    return float(np.corrcoef(a, b)[0, 1])
+
+
+def mean_of(values: NDArray[np.float64] | NDArray[np.bool_]) -> float:
+    """Mean; NaN of nothing."""
+    return float(np.mean(values)) if len(values) else float("nan")

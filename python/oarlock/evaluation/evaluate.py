@@ -1,0 +1,78 @@
+"""How good a track is against truth, and whether its uncertainty can be believed.
+
+Every score is computed at the track's own time stamps. Inside everything is SI and radians; ``rows`` and ``table``
+show degrees for hinges and millimetres for slides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from oarlock.evaluation.consistency import sensor_scores, state_score
+from oarlock.evaluation.errors import landmark_frames, position_scores
+from oarlock.evaluation.joints import joint_scores
+from oarlock.evaluation.scores import (
+    Evaluation,
+)
+from oarlock.evaluation.tracklike import Interval, TrackLike
+from oarlock.storage.errors import DataError
+
+
+def evaluate(
+    track: TrackLike, truth: TrackLike, start_s: float = 2.0, frames: Sequence[str] | None = None
+) -> Evaluation:
+    """Score a track against truth.
+
+    Args:
+        track: the estimate, with standard deviations and, where it has them, beliefs and sensor infos.
+        truth: the reference. Its stamps may differ: it is interpolated (cubic spline) at the track's stamps,
+            inside its range and not across gaps; where stamps coincide within 1e-9 s its value is taken as it is.
+        start_s: seconds after the track's first stamp that are left out, s; the filter settles in them.
+        frames: frames whose position in root axes is scored. Default: those called shoulder, elbow, wrist or
+            hand; if there are none, the ends of the tree.
+
+    Returns:
+        Evaluation: per joint RMSE, bias, correlation, coverage of the 95 % band and NEES, of ball and free joints
+        also per component and named angle (see `JointScore`); RMSE and correlation of frame positions; NEES per
+        state over the track's beliefs; NIS per measurement of each sensor. NEES and NIS as in Bar-Shalom, Li,
+        Kirubarajan (2001), "Estimation with Applications to Tracking and Navigation", section 5.4.
+
+    Raises:
+        DataError: no sample of the track lies after ``start_s`` or inside the time span of the truth.
+    """
+    window = Interval.after(track.time_s, start_s)
+    _require_overlap(track, truth, window)
+    names = landmark_frames(track, truth) if frames is None else tuple(frames)
+    joints = joint_scores(track, truth, window)
+    scored = tuple(score.name for score in joints if score.observed)
+    return Evaluation(
+        joints=joints,
+        positions=position_scores(track, truth, window, names),
+        states=state_score(track, truth, window, scored),
+        sensors=sensor_scores(track, window),
+        start_s=float(start_s),
+        samples=int(np.count_nonzero(window.of(track.time_s))),
+    )
+
+
+def _require_overlap(track: TrackLike, truth: TrackLike, window: Interval) -> None:
+    inside = Interval(float(truth.time_s[0]), float(truth.time_s[-1])) if len(truth.time_s) else None
+    kept = window.of(track.time_s)
+    if not kept.any():
+        raise DataError(
+            f"nothing to evaluate: the track covers {_span(track)} and scoring starts at "
+            f"{window.start_s:.3f} s. Try a smaller start_s."
+        )
+    if inside is None or not (kept & inside.of(track.time_s)).any():
+        raise DataError(
+            f"track and truth do not overlap: the track covers {_span(track)}, the truth {_span(truth)}, and "
+            f"scoring starts at {window.start_s:.3f} s. Check that both use the same clock."
+        )
+
+
+def _span(track: TrackLike) -> str:
+    if not len(track.time_s):
+        return "no samples"
+    return f"{track.time_s[0]:.3f} to {track.time_s[-1]:.3f} s"

@@ -1,0 +1,1 @@
+"""Optical markers as a reference: trajectories, gaps, smoothing, inverse kinematics, body fits."""

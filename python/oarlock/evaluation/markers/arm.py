@@ -1,0 +1,315 @@
+"""Closed-form inverse kinematics of an arm: three hinges in the shoulder, one at the elbow, three in the wrist."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from oarlock.evaluation.markers.attachments import Attachment, check_frames
+from oarlock.evaluation.markers.hinge_triple import Line, hinge_angle, hinge_triple, turn
+from oarlock.evaluation.markers.point_tree import PointTree
+from oarlock.evaluation.markers.trajectories import Bools
+from oarlock.storage.array_gate import FloatArray, real_array
+from oarlock.storage.errors import DataError
+
+if TYPE_CHECKING:
+    from oarlock._core import Model
+
+_MEET_M: Final = 1e-6
+"""How closely the axes of shoulder and wrist must meet."""
+_STRETCHED: Final = 1e-3
+"""Radius of the elbow's circle against the upper arm: below, a millimetre at the elbow turns the arm by radians."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArmPostures:
+    """Joint values of an arm over time.
+
+    Args:
+        joint_names: the arm's joints from the shoulder down: four, five (with the forearm's turn) or seven.
+        q: (T, joints) rad.
+        reachable: (T,) whether shoulder and wrist are no further apart, and no closer, than the arm allows. Else the
+            arm is stretched, or folded, toward the target.
+        miss_m: (T,) by how much the target is out of reach, m; 0 where reachable.
+        stretched: (T,) whether elbow and wrist lie on one line with the shoulder: which way the elbow points is then
+            not determined and taken from `swivel_rad` 0.
+        pole: (T,) whether the shoulder's first and third hinge (or the forearm's and the hand's last) lie on one line.
+        swivel_rad: (T,) angle of the elbow on its circle about the line from shoulder to wrist, from the lowest point
+            on; right-handed about that line. NaN where stretched.
+    """
+
+    joint_names: tuple[str, ...]
+    q: FloatArray
+    reachable: Bools
+    miss_m: FloatArray
+    stretched: Bools
+    pole: Bools
+    swivel_rad: FloatArray
+
+
+class Arm:
+    """An arm of a model: hinges that meet in the shoulder, one at the elbow, up to three that meet in the wrist.
+
+    With the wrist's place, the hand's orientation and one number more (where the elbow is on its circle), everything
+    follows without a search: the elbow's angle by the law of cosines, the shoulder's rotation from two directions, and
+    each triple of hinges from its rotation. Of two postures that differ only in the way a hinge triple or the elbow
+    gets there, the one nearer to the middle of the soft limits is given.
+
+    Source: D. Tolani, A. Goswami, N. I. Badler 2000, "Real-time inverse kinematics techniques for anthropomorphic
+    limbs", Graphical Models 62(5). Ours takes any axes that meet, not only those along coordinate axes, and a measured
+    elbow in place of the swivel angle.
+
+    Args:
+        model: with the person's lengths.
+        base: frame that carries the shoulder, such as `r_shoulder`.
+        tip: last frame of the arm, such as `r_hand`, or `r_wrist` for an arm without the hand's joints.
+
+    Raises:
+        DataError: no such frames, another number or kind of joints, or axes that do not meet.
+    """
+
+    def __init__(self, model: Model, base: str = "shoulder", tip: str = "hand") -> None:
+        check_frames(model, (base, tip), "arm")
+        self.model, self.base, self.tip = model, base, tip
+        joints = _hinges_between(model, base, tip)
+        self.joint_names = tuple(joints)
+        self._lines = _lines(model, base, joints)
+        self._middle, self._width = _habits(model, joints)
+        self._shoulder = _meeting(self._lines[:3], f"arm from {base}: the first three hinges")
+        self._wrist = self._wrist_point()
+        elbow = self._lines[3]
+        # the point of the elbow's axis that is nearest to the shoulder stands for the elbow
+        self._elbow = elbow.point + elbow.axis * (elbow.axis @ (self._shoulder - elbow.point))
+        rest = model.forward_kinematics(np.zeros(len(model.coordinate_names)))
+        self._root_from_base = rest[model.frame_names.index(base)]
+        self._rest_rotation = (np.linalg.inv(self._root_from_base) @ rest[model.frame_names.index(tip)])[
+            :3, :3
+        ]
+        up = np.asarray(model.describe()["world"]["up"])
+        self._down = -self._root_from_base[:3, :3].T @ up
+        self._reach = _cosine(self._lines[3], self._wrist, self._shoulder)
+
+    @property
+    def reach_m(self) -> tuple[float, float]:
+        """Least and greatest distance from shoulder to wrist, m."""
+        middle, swing, _ = self._reach
+        return float(np.sqrt(max(middle - swing, 0.0))), float(np.sqrt(middle + swing))
+
+    def solve(
+        self,
+        wrist_m: ArrayLike,
+        elbow_m: ArrayLike | None = None,
+        *,
+        swivel_rad: ArrayLike | None = None,
+        tip_rotation: ArrayLike | None = None,
+        root_from_base: ArrayLike | None = None,
+    ) -> ArmPostures:
+        """Joint values that bring the wrist to its place.
+
+        Args:
+            wrist_m: (T, 3) or (3,) root axes, m.
+            elbow_m: of the same shape: near which point of its circle the elbow lies, such as a measured elbow.
+            swivel_rad: (T,) or one number instead of `elbow_m`; see `ArmPostures`.
+            tip_rotation: (T, 3, 3) or (3, 3) root-from-tip; without it the joints behind the elbow are left out.
+            root_from_base: (T, 4, 4) or (4, 4) pose of the base frame; None is the model's at rest.
+
+        Raises:
+            DataError: another shape, or not exactly one of `elbow_m` and `swivel_rad`.
+        """
+        if (elbow_m is None) == (swivel_rad is None):
+            raise DataError(
+                "arm: give either elbow_m or swivel_rad, which say where the elbow is on its circle"
+            )
+        pose = (
+            self._root_from_base if root_from_base is None else np.asarray(root_from_base, dtype=np.float64)
+        )
+        wrist = _in_base(pose, _rows(wrist_m, 3, "wrist_m"))
+        along = wrist - self._shoulder
+        q4, miss = self._elbow_angle(np.linalg.norm(along, axis=1))
+        unit = along / np.linalg.norm(along, axis=1, keepdims=True)
+        low, side = self._circle(unit)
+        if elbow_m is not None:
+            out = _in_base(pose, _rows(elbow_m, 3, "elbow_m")) - self._shoulder
+            swivel = np.arctan2(np.sum(out * side, axis=1), np.sum(out * low, axis=1))
+        else:
+            swivel = np.broadcast_to(np.asarray(swivel_rad, dtype=np.float64), (len(wrist),))
+        bent_wrist = turn(self._lines[3], q4, self._wrist) - self._shoulder
+        elbow = np.broadcast_to(self._elbow - self._shoulder, bent_wrist.shape)
+        radius = np.linalg.norm(np.cross(elbow, bent_wrist), axis=1) / np.linalg.norm(bent_wrist, axis=1)
+        stretched = radius < _STRETCHED * np.linalg.norm(self._elbow - self._shoulder)
+        swivel = np.where(stretched, 0.0, swivel)
+        outward = np.cos(swivel)[:, None] * low + np.sin(swivel)[:, None] * side
+        shoulder = _from_two(unit, outward) @ np.swapaxes(
+            _from_two(bent_wrist, self._outward(elbow, bent_wrist)), 1, 2
+        )
+        first, pole = self._triple(shoulder, slice(0, 3))
+        q, pole_below = self._below_elbow(shoulder, q4, tip_rotation, pose, len(wrist))
+        return ArmPostures(
+            joint_names=self.joint_names[: 4 + q.shape[1]],
+            q=np.column_stack([first, q4, q]),
+            reachable=np.asarray(miss == 0.0),
+            miss_m=miss,
+            stretched=stretched,
+            pole=pole | pole_below,
+            swivel_rad=np.where(stretched, np.nan, swivel),
+        )
+
+    def _wrist_point(self) -> FloatArray:
+        """Where the axes below the elbow meet; with one axis alone, the tip's origin."""
+        if len(self._lines) >= 7:
+            return _meeting(self._lines[4:7], f"arm to {self.tip}: the last three hinges")
+        tree = PointTree(self.model, [Attachment("tip", self.tip, np.zeros(3))])
+        at = tree.at(np.zeros((1, len(self.model.coordinate_names))))[0, 0]
+        pose = self.model.forward_kinematics(np.zeros(len(self.model.coordinate_names)))
+        return np.asarray(_in_base(pose[self.model.frame_names.index(self.base)], at[None])[0])
+
+    def _elbow_angle(self, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Law of cosines: d^2 = middle + swing cos(q - turned). Also by how much a distance is out of reach."""
+        middle, swing, turned = self._reach
+        nearest, furthest = self.reach_m
+        # rounding of a target made from a stretched arm is no miss
+        miss = np.maximum(np.maximum(distance - furthest, nearest - distance), 0.0)
+        miss[miss < 1e-12] = 0.0
+        bend = np.arccos(np.clip((distance**2 - middle) / swing, -1.0, 1.0))
+        both = np.stack([turned + bend, turned - bend], axis=1)
+        return self._nearer(both[:, :, None], slice(3, 4))[:, 0], miss
+
+    def _circle(self, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Directions from the circle's centre to its lowest point, and a quarter turn on."""
+        down = np.broadcast_to(self._down, unit.shape)
+        # straight down or up any direction would do; forward is the model's
+        upright = np.linalg.norm(np.cross(unit, down), axis=1) < 1e-9
+        forward = self._root_from_base[:3, :3].T @ np.asarray(self.model.describe()["world"]["forward"])
+        reference = np.where(upright[:, None], forward, down)
+        low = reference - unit * np.sum(reference * unit, axis=1, keepdims=True)
+        low /= np.linalg.norm(low, axis=1, keepdims=True)
+        return low, np.cross(unit, low)
+
+    def _outward(self, elbow: FloatArray, wrist: FloatArray) -> FloatArray:
+        unit = wrist / np.linalg.norm(wrist, axis=1, keepdims=True)
+        out = elbow - unit * np.sum(elbow * unit, axis=1, keepdims=True)
+        length = np.linalg.norm(out, axis=1, keepdims=True)
+        # a stretched arm has no outside: across the elbow's axis serves as well as any
+        across = np.cross(np.broadcast_to(self._lines[3].axis, unit.shape), unit)
+        return np.asarray(np.where(length > 1e-12, out, across))
+
+    def _triple(self, rotation: FloatArray, which: slice) -> tuple[FloatArray, Bools]:
+        both, pole = hinge_triple(rotation, *(line.axis for line in self._lines[which]))
+        return self._nearer(both, which), pole
+
+    def _below_elbow(
+        self,
+        shoulder: FloatArray,
+        q4: FloatArray,
+        tip_rotation: ArrayLike | None,
+        pose: FloatArray,
+        rows: int,
+    ) -> tuple[FloatArray, Bools]:
+        if tip_rotation is None or len(self._lines) == 4:
+            return np.empty((rows, 0)), np.zeros(rows, dtype=bool)
+        given = np.asarray(tip_rotation, dtype=np.float64)
+        if given.shape not in ((3, 3), (rows, 3, 3)):
+            raise DataError(f"arm: tip_rotation has shape {given.shape}; expected (3, 3) or ({rows}, 3, 3)")
+        wanted = np.swapaxes(pose[..., :3, :3], -1, -2) @ given @ self._rest_rotation.T
+        bent = np.swapaxes(turn(self._lines[3], q4), 1, 2) @ np.swapaxes(shoulder, 1, 2)
+        left = np.broadcast_to(bent @ wanted, (rows, 3, 3))
+        if len(self._lines) == 5:
+            return hinge_angle(left, self._lines[4].axis)[:, None], np.zeros(rows, dtype=bool)
+        return self._triple(left, slice(4, 7))
+
+    def _nearer(self, both: FloatArray, which: slice) -> FloatArray:
+        """Of two solutions (T, 2, n), wrapped, the one nearer to the middle of the soft limits, (T, n)."""
+        middle, width = self._middle[which], self._width[which]
+        wrapped = middle + np.mod(both - middle + np.pi, 2.0 * np.pi) - np.pi
+        away = np.sum(((wrapped - middle) / width) ** 2, axis=2)
+        return np.asarray(wrapped[np.arange(len(both)), np.argmin(away, axis=1)])
+
+
+def _rows(value: ArrayLike, width: int, name: str) -> FloatArray:
+    given = np.atleast_2d(np.asarray(value, dtype=np.float64))
+    return real_array(given, (None, width), f"arm, {name}")
+
+
+def _in_base(pose: FloatArray, points: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("...ji,...j->...i", pose[..., :3, :3], points - pose[..., :3, 3]))
+
+
+def _from_two(main: FloatArray, other: FloatArray) -> FloatArray:
+    """Right-handed axes (T, 3, 3): the first along `main`, the second toward `other`."""
+    x = main / np.linalg.norm(main, axis=1, keepdims=True)
+    z = np.cross(x, other)
+    z /= np.linalg.norm(z, axis=1, keepdims=True)
+    return np.stack([x, np.cross(z, x), z], axis=2)
+
+
+def _cosine(line: Line, wrist: FloatArray, shoulder: FloatArray) -> tuple[float, float, float]:
+    """Squared distance of shoulder and wrist as middle + swing cos(q - turned), from three angles of the elbow."""
+    places = turn(line, np.array([0.0, 0.5 * np.pi, np.pi]), wrist) - shoulder
+    zero, quarter, half = np.sum(places**2, axis=1)
+    middle = 0.5 * (zero + half)
+    return (
+        middle,
+        float(np.hypot(zero - middle, quarter - middle)),
+        float(np.arctan2(quarter - middle, zero - middle)),
+    )
+
+
+def _hinges_between(model: Model, base: str, tip: str) -> list[str]:
+    described = model.describe()
+    frames = {f["name"]: f for f in described["frames"]}
+    kinds = {j["name"]: j["kind"] for j in described["joints"]}
+    found: list[str] = []
+    here = tip
+    while here != base:
+        frame = frames[here]
+        if frame["parent"] is None:
+            raise DataError(f'arm: frame "{tip}" does not hang on "{base}"')
+        if frame["joint"] is not None and kinds[frame["joint"]] != "fixed":
+            found.insert(0, frame["joint"])
+        here = frame["parent"]
+    if len(found) not in (4, 5, 7) or any(kinds[joint] != "hinge" for joint in found):
+        raise DataError(
+            f'arm from "{base}" to "{tip}": joints are {", ".join(f"{j} ({kinds[j]})" for j in found)}; expected '
+            "hinges: three in the shoulder, one at the elbow, and none, one or three behind it"
+        )
+    return found
+
+
+def _lines(model: Model, base: str, joints: list[str]) -> tuple[Line, ...]:
+    """The hinges' axes in axes of the base frame, all coordinates 0, by half turns: exact, without differences."""
+    tip = np.zeros((1, len(model.coordinate_names)))
+    pose = model.forward_kinematics(tip)[0]
+    base_pose = pose[model.frame_names.index(base)]
+    frames = model.describe()["frames"]
+    found = []
+    for joint in joints:
+        frame = next(f for f in frames if f["joint"] == joint)
+        parent = pose[model.frame_names.index(frame["parent"])]
+        before = frame["before"] or {"rotation": np.eye(3), "translation": np.zeros(3)}
+        axis = parent[:3, :3] @ np.asarray(before["rotation"])[:, 2] * frame["sign"]
+        point = parent[:3, :3] @ np.asarray(before["translation"]) + parent[:3, 3]
+        found.append(Line(base_pose[:3, :3].T @ axis, _in_base(base_pose, point[None])[0]))
+    return tuple(found)
+
+
+def _meeting(lines: tuple[Line, ...], what: str) -> FloatArray:
+    """The point where axes meet."""
+    across = [np.eye(3) - np.outer(line.axis, line.axis) for line in lines]
+    point = np.linalg.solve(sum(across), sum(a @ line.point for a, line in zip(across, lines, strict=True)))
+    apart = max(
+        float(np.linalg.norm(a @ (point - line.point))) for a, line in zip(across, lines, strict=True)
+    )
+    if apart > _MEET_M:
+        raise DataError(
+            f"{what} miss each other by {2e3 * apart:.3g} mm; the closed form takes axes that meet"
+        )
+    return np.asarray(point)
+
+
+def _habits(model: Model, joints: list[str]) -> tuple[FloatArray, FloatArray]:
+    limits = {j["name"]: j["limits"] for j in model.describe()["joints"]}
+    both = np.array([limits[joint] for joint in joints], dtype=np.float64)
+    return both.mean(axis=1), np.diff(both, axis=1)[:, 0]

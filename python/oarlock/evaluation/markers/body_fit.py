@@ -1,0 +1,366 @@
+"""A person's lengths, marker places and the place of the measuring system, from a trial of markers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from oarlock.evaluation.markers.attachments import Attachment, GivenAttachments, attachments_of, check_frames
+from oarlock.evaluation.markers.least_squares import Prior, Sight, with_prior
+from oarlock.evaluation.markers.point_tree import PointTree
+from oarlock.evaluation.markers.start import anchor_postures, body_prior, first_posture
+from oarlock.evaluation.markers.trajectories import Markers
+from oarlock.model.chain_geometry import posture
+from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
+from oarlock.recording.calibration import Calibration
+from oarlock.storage.array_gate import FloatArray, real_array
+from oarlock.storage.errors import DataError
+from oarlock.storage.suggest import did_you_mean
+
+if TYPE_CHECKING:
+    from oarlock._core import Model
+
+_MOST_ROUNDS: Final = 40
+_ROUNDS_A_HEADING: Final = 10
+_HEADINGS: Final = 8
+_LENGTH_STEP_M: Final = 1e-5
+_PLACE_STD: Final = np.array([10.0, 10.0, 10.0, 3.0, 3.0, 3.0])
+"""Prior of the measuring system's pose, m and rad: next to nothing, but it holds what a free root leaves open."""
+_OFFSET_STD_M: Final = 0.1
+_UNKNOWN_STD_M: Final = 0.1
+"""Prior of a length whose model file gives no standard deviation."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodyFit:
+    """What `fit_body` found.
+
+    Args:
+        parameters: the model's parameters that were estimated, m.
+        parameter_std: their standard deviations, from the normal equations and the residuals.
+        attachments: all of them, those asked for in their new places.
+        root_from_markers: (4, 4) pose of the measuring system in root axes.
+        rms_m: root mean square distance of markers and model points in the frames that were used, m.
+        frames: how many that were.
+        notes: parameters that the trial tells no better than was known before.
+    """
+
+    parameters: Mapping[str, float]
+    parameter_std: Mapping[str, float]
+    attachments: tuple[Attachment, ...]
+    root_from_markers: FloatArray
+    rms_m: float
+    frames: int
+    notes: tuple[str, ...]
+
+    def calibration(self) -> Calibration:
+        """The lengths as a calibration, for `oarlock.track`."""
+        noted = {"markers": {"rms_m": self.rms_m, "frames": self.frames, "std_m": dict(self.parameter_std)}}
+        return Calibration(parameters=self.parameters, noted=noted)
+
+
+@dataclass(frozen=True, eq=False)
+class _Guess:
+    """Everything that is sought: lengths, points, pose, and the postures of the frames."""
+
+    lengths: FloatArray
+    points: FloatArray
+    pose: FloatArray
+    q: FloatArray
+
+
+class _Problem:
+    """Residuals of chosen frames, and their slopes by everything that is constant."""
+
+    def __init__(
+        self,
+        model: Model,
+        markers: Markers,
+        used: Sequence[Attachment],
+        names: Sequence[str],
+        free: Sequence[int],
+        place: bool,
+    ) -> None:
+        self.model, self.names, self.free, self.place = model, tuple(names), tuple(free), place
+        self.used, self.weight = tuple(used), markers.seen / np.array([a.std_m for a in used])
+        # the last one built: a round asks for it many times
+        self._trees: dict[Any, PointTree] = {}
+        self.position = np.nan_to_num(markers.position_m)
+        self.mean, self.std = body_prior(model)
+        self.start_lengths = np.array([model.parameters[name] for name in names])
+        self.length_std = np.array([_known_std(model, name) for name in names])
+        self.start_points = np.array([a.point_m for a in used])
+        self.constant_std = np.concatenate(
+            [self.length_std, np.full(3 * len(free), _OFFSET_STD_M), _PLACE_STD if place else np.empty(0)]
+        )
+
+    def tree(self, guess: _Guess, name: str = "", step: float = 0.0) -> PointTree:
+        """The model's points at a guess, one length changed by a step."""
+        key = (guess.lengths.tobytes(), guess.points.tobytes(), name, step)
+        if key not in self._trees:
+            self._trees.clear()
+            self._trees[key] = self._built(guess, name, step)
+        return self._trees[key]
+
+    def _built(self, guess: _Guess, name: str, step: float) -> PointTree:
+        values = dict(zip(self.names, guess.lengths, strict=True))
+        if name:
+            values[name] += step
+        model = type(self.model).from_toml(self.model.text, self.model.path, self.model.parameters | values)
+        return PointTree(model, [replace(a, point_m=p) for a, p in zip(self.used, guess.points, strict=True)])
+
+    def sight(self, guess: _Guess) -> Sight:
+        """The markers in root axes."""
+        return Sight(self.position @ guess.pose[:3, :3].T + guess.pose[:3, 3], self.weight)
+
+    def residual(self, guess: _Guess) -> FloatArray:
+        """(T, n, 3) in standard deviations; 0 where not seen."""
+        sight = self.sight(guess)
+        return np.asarray((sight.place_m - self.tree(guess).at(guess.q)) * sight.weight[..., None])
+
+    def constant_residual(self, guess: _Guess) -> FloatArray:
+        """Distances of lengths and points from where they were, in standard deviations; the pose has none."""
+        moved = (guess.points - self.start_points)[list(self.free)].ravel() / _OFFSET_STD_M
+        return np.concatenate([(guess.lengths - self.start_lengths) / self.length_std, moved])
+
+    def cost(self, guess: _Guess) -> float:
+        """Squares of residuals, postures' distances from the prior, and constants' from theirs."""
+        away = self.tree(guess).minus(guess.q, np.tile(self.mean, (len(guess.q), 1))) / self.std
+        parts = (self.residual(guess), away, self.constant_residual(guess))
+        return float(sum(np.sum(part**2) for part in parts))
+
+    def slopes(self, guess: _Guess) -> tuple[FloatArray, FloatArray]:
+        """By postures (T, 3 n, c) and by constants (T, 3 n, k), each in standard deviations of its prior."""
+        rows = len(guess.q)
+        _, by_q = self.tree(guess).with_slopes(guess.q)
+        weight = self.weight[..., None, None]
+        columns = [self._by_length(guess, name) for name in self.names]
+        columns += [column for marker in self.free for column in self._by_point(guess, marker)]
+        columns += self._by_pose(guess) if self.place else []
+        by_constant = np.stack(columns, axis=-1) if columns else np.zeros((*by_q.shape[:3], 0))
+        scaled = by_constant * weight * self.constant_std
+        return (by_q * weight * self.std).reshape(rows, -1, guess.q.shape[1]), scaled.reshape(
+            rows, by_q.shape[1] * 3, -1
+        )
+
+    def moved(self, guess: _Guess, constants: FloatArray, q: FloatArray) -> _Guess:
+        """A guess after steps in standard deviations."""
+        step = constants * self.constant_std
+        lengths, points = len(self.names), guess.points.copy()
+        points[list(self.free)] += step[lengths : lengths + 3 * len(self.free)].reshape(-1, 3)
+        pose = guess.pose
+        if self.place:
+            pose = np.eye(4)
+            turn = matrix_from_quat(quat_from_rotvec(step[-3:]))
+            middle = self._middle(guess)
+            pose[:3, :3] = turn @ guess.pose[:3, :3]
+            pose[:3, 3] = middle + turn @ (guess.pose[:3, 3] - middle) + step[-6:-3]
+        moved_q = self.tree(guess).plus(guess.q, q * self.std)
+        return _Guess(guess.lengths + step[:lengths], points, pose, moved_q)
+
+    def _by_length(self, guess: _Guess, name: str) -> FloatArray:
+        ahead, behind = (
+            self._built(guess, name, step).at(guess.q) for step in (_LENGTH_STEP_M, -_LENGTH_STEP_M)
+        )
+        return np.asarray((ahead - behind) / (2.0 * _LENGTH_STEP_M))
+
+    def _by_point(self, guess: _Guess, marker: int) -> list[FloatArray]:
+        frame = self.model.frame_names.index(self.used[marker].frame)
+        axes = self.tree(guess).model.forward_kinematics(guess.q)[:, frame, :3, :3]
+        found = []
+        for k in range(3):
+            column = np.zeros((len(guess.q), len(self.used), 3))
+            column[:, marker] = axes[:, :, k]
+            found.append(column)
+        return found
+
+    def _by_pose(self, guess: _Guess) -> list[FloatArray]:
+        # a residual grows with the marker: the model's point would have to go the other way
+        places = self.sight(guess).place_m
+        shifts = [np.broadcast_to(-axis, places.shape) for axis in np.eye(3)]
+        return [*shifts, *(-np.cross(axis, places - self._middle(guess)) for axis in np.eye(3))]
+
+    def _middle(self, guess: _Guess) -> FloatArray:
+        seen = self.weight > 0.0
+        return np.asarray(self.sight(guess).place_m[seen].mean(axis=0))
+
+
+def fit_body(
+    model: Model,
+    markers: Markers,
+    attachments: GivenAttachments,
+    *,
+    parameters: Iterable[str] = (),
+    offsets: Iterable[str] = (),
+    place_root: bool = False,
+    root_from_markers: ArrayLike | None = None,
+    start_q: Mapping[str, float] | ArrayLike | None = None,
+    frames: int = 60,
+) -> BodyFit:
+    """Lengths, marker places and the measuring system's pose that fit a trial best, all joints moving.
+
+    One least-squares problem over the postures of some frames and everything that is constant; postures are
+    eliminated frame by frame (Schur complement), so it takes seconds. Lengths keep to the model file's standard
+    deviations, marker places to 0.1 m around where they were said to be.
+
+    Args:
+        model: to start from.
+        markers: a trial that moves every joint; gaps are no harm.
+        attachments: to start from.
+        parameters: names of the model's lengths to estimate.
+        offsets: names of the markers whose places to estimate, or `("all",)`.
+        place_root: estimate where the measuring system stands in root axes. It is searched for in eight headings about
+            the vertical; turn the markers so that up is up first (`Markers.turned`).
+        root_from_markers: (4, 4) to start from, or to keep; None is unity.
+        start_q: as `inverse_kinematics`.
+        frames: how many are used, evenly over the trial.
+
+    Raises:
+        DataError: an unknown name, nothing to estimate, or fewer frames with markers than it takes.
+    """
+    used = tuple(a for a in attachments_of(attachments) if a.marker in markers.names)
+    names, free = tuple(parameters), _free_markers(used, tuple(offsets))
+    check_frames(model, [a.frame for a in used], "attachments")
+    for name in names:
+        if name not in model.parameters:
+            raise DataError(f'fit_body: no parameter "{name}". {did_you_mean(name, model.parameters)}')
+    if not (names or free or place_root):
+        raise DataError("fit_body: nothing to estimate; name parameters or offsets, or set place_root=True")
+    chosen = _chosen(markers.select([a.marker for a in used]), frames) if used else markers
+    problem = _Problem(model, chosen, used, names, free, place_root)
+    pose = (
+        np.eye(4) if root_from_markers is None else real_array(root_from_markers, (4, 4), "root_from_markers")
+    )
+    guess = _first(problem, pose, None if start_q is None else posture(model, start_q))
+    return _body(problem, _best(problem, guess), attachments)
+
+
+def _free_markers(used: Sequence[Attachment], offsets: tuple[str, ...]) -> list[int]:
+    names = [a.marker for a in used]
+    if offsets == ("all",):
+        return list(range(len(names)))
+    for name in offsets:
+        if name not in names:
+            raise DataError(f'fit_body: no attached marker "{name}". {did_you_mean(name, names)}')
+    return [names.index(name) for name in offsets]
+
+
+def _chosen(markers: Markers, frames: int) -> Markers:
+    """Frames evenly over those that see at least two markers in three of the most."""
+    seen = markers.seen.sum(axis=1)
+    good = np.flatnonzero(seen >= max(1, int(2 * seen.max() / 3)))
+    if seen.max() == 0 or len(good) < 2:
+        raise DataError("fit_body: hardly any frame has a marker that is attached; check the names")
+    rows = np.unique(good[np.linspace(0, len(good) - 1, min(frames, len(good))).astype(int)])
+    return Markers(markers.names, markers.time_s[rows], markers.position_m[rows])
+
+
+def _first(problem: _Problem, pose: FloatArray, start: FloatArray | None) -> _Guess:
+    """Postures from the starting constants; with an unknown pose, in the best of eight headings."""
+    rows = len(problem.weight)
+    guess = _Guess(problem.start_lengths, problem.start_points, pose, np.tile(problem.mean, (rows, 1)))
+    if problem.place:
+        guess = min((_heading(problem, guess, k, start) for k in range(_HEADINGS)), key=lambda item: item[0])[
+            1
+        ]
+    tree, prior = problem.tree(guess), Prior(guess.q, problem.std)
+    q = anchor_postures(tree, problem.sight(guess), prior, np.arange(rows), start, None)
+    return replace(guess, q=with_prior(tree, problem.sight(guess), Prior(q, problem.std), q))
+
+
+def _heading(problem: _Problem, guess: _Guess, k: int, start: FloatArray | None) -> tuple[float, _Guess]:
+    up = np.asarray(problem.model.describe()["world"]["up"])
+    turn = matrix_from_quat(quat_from_rotvec(up * 2.0 * np.pi * k / _HEADINGS))
+    pose = np.eye(4)
+    pose[:3, :3] = turn @ guess.pose[:3, :3]
+    tree = problem.tree(guess)
+    seed = int(np.argmax((problem.weight > 0.0).sum(axis=1)))
+    seen = problem.weight[seed] > 0.0
+    here = start[None] if start is not None else problem.mean[None]
+    pose[:3, 3] = tree.at(here)[0][seen].mean(axis=0) - pose[:3, :3] @ problem.position[seed][seen].mean(
+        axis=0
+    )
+    placed = replace(guess, pose=pose)
+    one = _Problem.__new__(_Problem)
+    one.__dict__ = problem.__dict__ | {
+        "_trees": {},
+        "weight": problem.weight[[seed]],
+        "position": problem.position[[seed]],
+    }
+    prior = Prior(problem.mean[None], problem.std)
+    q = first_posture(tree, one.sight(placed), prior, start)
+    found = _best(one, replace(placed, q=q), _ROUNDS_A_HEADING)
+    return one.cost(found), replace(found, q=guess.q)
+
+
+def _best(problem: _Problem, guess: _Guess, rounds: int = _MOST_ROUNDS) -> _Guess:
+    """Levenberg and Marquardt over constants and postures together."""
+    damping, cost = 1e-3, problem.cost(guess)
+    for _ in range(rounds):
+        constants, q = _step(problem, guess, damping)[:2]
+        tried = problem.moved(guess, constants, q)
+        new_cost = problem.cost(tried)
+        small = max(np.abs(constants).max(initial=0.0), np.abs(q).max()) < 1e-9
+        if new_cost <= cost:
+            gain, guess, cost, damping = cost - new_cost, tried, new_cost, max(damping * 0.1, 1e-12)
+            if small or gain <= 1e-12 * new_cost:
+                break
+        else:
+            damping *= 10.0
+            if small or damping > 1e9:
+                break
+    return guess
+
+
+def _step(problem: _Problem, guess: _Guess, damping: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Steps of constants (k,) and postures (T, c), in standard deviations, and the constants' information (k, k)."""
+    rows, width = guess.q.shape
+    residual = problem.residual(guess).reshape(rows, -1)
+    by_q, by_constant = problem.slopes(guess)
+    away = problem.tree(guess).minus(guess.q, np.tile(problem.mean, (rows, 1))) / problem.std
+    within = np.einsum("trc,trd->tcd", by_q, by_q) + np.eye(width)
+    damped = within + damping * np.einsum("tcc->tc", within)[:, :, None] * np.eye(width)
+    pull_q = np.einsum("trc,tr->tc", by_q, residual) - away
+    across = np.einsum("trc,trk->tck", by_q, by_constant)
+    solved = np.linalg.solve(damped, np.concatenate([across, pull_q[..., None]], axis=2))
+    own = np.einsum("trk,trl->kl", by_constant, by_constant) + np.eye(by_constant.shape[2])
+    information = own - np.einsum("tck,tcl->kl", across, solved[..., :-1])
+    prior_pull = np.zeros(len(own))
+    constant = problem.constant_residual(guess)
+    prior_pull[: len(constant)] = constant
+    pull = np.einsum("trk,tr->k", by_constant, residual) - prior_pull
+    pull = pull - np.einsum("tck,tc->k", across, solved[..., -1])
+    constants = np.linalg.solve(information + damping * np.diag(np.diag(own)), pull)
+    q = solved[..., -1] - np.einsum("tck,k->tc", solved[..., :-1], constants)
+    return constants, q, information
+
+
+def _body(problem: _Problem, guess: _Guess, attachments: GivenAttachments) -> BodyFit:
+    residual = problem.residual(guess)
+    information = _step(problem, guess, 0.0)[2]
+    seen = int((problem.weight > 0.0).sum())
+    free = max(1, 3 * seen - guess.q.size - len(information))
+    scale = max(1.0, float(np.sqrt(np.sum(residual**2) / free)))
+    std = np.sqrt(np.diag(np.linalg.inv(information)))[: len(problem.names)]
+    loose = [name for name, s in zip(problem.names, std, strict=True) if s > 0.5]
+    notes = (f"hardly told by this trial, so close to the model's own: {', '.join(loose)}",) if loose else ()
+    placed = {a.marker: replace(a, point_m=p) for a, p in zip(problem.used, guess.points, strict=True)}
+    metres = (problem.sight(guess).place_m - problem.tree(guess).at(guess.q))[problem.weight > 0.0]
+    return BodyFit(
+        parameters=dict(zip(problem.names, map(float, guess.lengths), strict=True)),
+        parameter_std=dict(zip(problem.names, map(float, std * problem.length_std * scale), strict=True)),
+        attachments=tuple(placed.get(a.marker, a) for a in attachments_of(attachments)),
+        root_from_markers=guess.pose,
+        rms_m=float(np.sqrt(np.mean(np.sum(metres**2, axis=1)))),
+        frames=len(guess.q),
+        notes=notes,
+    )
+
+
+def _known_std(model: Model, name: str) -> float:
+    std = next(p["std"] for p in model.describe()["parameters"] if p["name"] == name)
+    return float(std) if std else _UNKNOWN_STD_M

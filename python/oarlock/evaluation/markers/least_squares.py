@@ -1,0 +1,185 @@
+"""Damped least squares of many postures side by side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from oarlock.evaluation.markers.point_tree import PointTree
+from oarlock.evaluation.markers.trajectories import Bools
+from oarlock.storage.array_gate import FloatArray
+
+_MOST_ROUNDS: Final = 60
+_SETTLED: Final = 1e-12
+"""Step of a round in standard deviations of the prior: below, only rounding moves."""
+_LOOSE: Final = 1e-5
+_TOLD: Final = 25.0
+"""Information of a direction against its prior: the data tell it, if they know it five times better."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """What was seen in some frames.
+
+    Args:
+        place_m: (T, n, 3), anything where not seen.
+        weight: (T, n) one over the standard deviation in m; 0 where not seen.
+    """
+
+    place_m: FloatArray
+    weight: FloatArray
+
+    def rows(self, kept: Any) -> Sight:
+        """Some of the frames."""
+        return Sight(self.place_m[kept], self.weight[kept])
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """What is known of a posture before it is seen: mean (T, c) and standard deviation (c,)."""
+
+    mean: FloatArray
+    std: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Postures.
+
+    Args:
+        q: (T, c).
+        std: (T, c) of small steps, from the normal equations, data and prior together.
+        told: (T, c) whether the data tell the coordinate; the prior holds the rest.
+        settled: (T,) whether the search came to an end.
+        cost: (T,) sum of the squared residuals in standard deviations.
+    """
+
+    q: FloatArray
+    std: FloatArray
+    told: Bools
+    settled: Bools
+    cost: FloatArray
+
+
+def found_postures(tree: PointTree, sight: Sight, prior: Prior, start: FloatArray) -> Found:
+    """The postures that fit best what was seen; where that tells nothing, nearest to the prior.
+
+    First Levenberg and Marquardt with the prior, which no posture can fail; then Gauss and Newton without it, in the
+    directions that the data tell: so the prior leaves no bias in them, and exact data are met exactly.
+    """
+    q = with_prior(tree, sight, prior, start, _LOOSE)
+    q, settled = _without_prior(tree, sight, prior, q)
+    residual, size, shapes = _directions(tree, sight, prior, q)
+    told = size > _TOLD
+    variance = np.einsum("tck,tk->tc", shapes**2, 1.0 / (np.maximum(size, 0.0) + 1.0))
+    untold_share = np.einsum("tck,tk->tc", shapes**2, 1.0 - told)
+    return Found(q, prior.std * np.sqrt(variance), untold_share < 0.01, settled, _square(residual))
+
+
+def with_prior(
+    tree: PointTree, sight: Sight, prior: Prior, start: FloatArray, tolerance: float = _LOOSE
+) -> FloatArray:
+    """Postures (T, c) of least cost, residuals and distance from the prior together."""
+    q, damping = np.array(start), np.full(len(start), 1e-3)
+    cost = _cost(tree, sight, prior, q)
+    active = np.ones(len(q), dtype=bool)
+    for _ in range(_MOST_ROUNDS):
+        rows = np.flatnonzero(active)
+        if not rows.size:
+            break
+        near, here = sight.rows(rows), Prior(prior.mean[rows], prior.std)
+        residual, slopes = _linear(tree, near, here, q[rows])
+        away = tree.minus(q[rows], here.mean) / here.std
+        normal = np.einsum("trc,trd->tcd", slopes, slopes) + np.eye(q.shape[1])
+        pull = np.einsum("trc,tr->tc", slopes, residual) - away
+        diagonal = np.einsum("tcc->tc", normal)
+        damped = normal + (damping[rows, None] * diagonal)[:, :, None] * np.eye(q.shape[1])
+        step = np.linalg.solve(damped, pull[..., None])[..., 0]
+        tried = tree.plus(q[rows], step * here.std)
+        new_cost = _cost(tree, near, here, tried)
+        better = new_cost <= cost[rows]
+        q[rows[better]] = tried[better]
+        gain = cost[rows] - new_cost
+        cost[rows[better]] = new_cost[better]
+        damping[rows] = np.clip(np.where(better, damping[rows] * 0.1, damping[rows] * 10.0), 1e-12, 1e12)
+        small = (np.abs(step).max(axis=1) < tolerance) | (better & (gain <= 1e-9 * new_cost))
+        active[rows[small | (damping[rows] >= 1e12)]] = False
+    return q
+
+
+def _without_prior(
+    tree: PointTree, sight: Sight, prior: Prior, start: FloatArray
+) -> tuple[FloatArray, Bools]:
+    """Gauss and Newton in the directions that the data tell; a round that makes the fit worse is halved, then left."""
+    q = np.array(start)
+    active = np.ones(len(q), dtype=bool)
+    settled = np.zeros(len(q), dtype=bool)
+    for _ in range(_MOST_ROUNDS):
+        rows = np.flatnonzero(active)
+        if not rows.size:
+            break
+        near, here = sight.rows(rows), Prior(prior.mean[rows], prior.std)
+        residual, slopes = _linear(tree, near, here, q[rows])
+        size, shapes = np.linalg.eigh(np.einsum("trc,trd->tcd", slopes, slopes))
+        pull = np.einsum("trc,tr->tc", slopes, residual)
+        along = np.einsum("tck,tc->tk", shapes, pull) * (size > _TOLD) / np.maximum(size, _TOLD)
+        step = np.einsum("tck,tk->tc", shapes, along)
+        before = _square(residual)
+        better, tried = _halved(tree, near, here, q[rows], step, before)
+        q[rows[better]] = tried[better]
+        small = np.abs(step).max(axis=1) < _SETTLED
+        # no step, however short, makes the fit better: rounding is all that is left
+        stuck = ~better
+        settled[rows[small | (stuck & (np.abs(step).max(axis=1) < _LOOSE))]] = True
+        active[rows[small | stuck]] = False
+    return q, settled
+
+
+def _halved(
+    tree: PointTree, sight: Sight, prior: Prior, q: FloatArray, step: FloatArray, before: FloatArray
+) -> tuple[Bools, FloatArray]:
+    tried, better = np.array(q), np.zeros(len(q), dtype=bool)
+    for share in (1.0, 0.5, 0.25, 0.125):
+        rows = np.flatnonzero(~better)
+        if not rows.size:
+            break
+        candidate = tree.plus(q[rows], share * step[rows] * prior.std)
+        residual = _residual(tree, sight.rows(rows), candidate)
+        good = _square(residual) < before[rows]
+        tried[rows[good]] = candidate[good]
+        better[rows[good]] = True
+    return better, tried
+
+
+def _directions(
+    tree: PointTree, sight: Sight, prior: Prior, q: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    residual, slopes = _linear(tree, sight, prior, q)
+    size, shapes = np.linalg.eigh(np.einsum("trc,trd->tcd", slopes, slopes))
+    return residual, size, shapes
+
+
+def _linear(tree: PointTree, sight: Sight, prior: Prior, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Residuals (T, 3 n) in standard deviations, and slopes (T, 3 n, c) by steps in those of the prior."""
+    places, slopes = tree.with_slopes(q)
+    weight = sight.weight[..., None]
+    residual = np.where(weight > 0.0, sight.place_m - places, 0.0) * weight
+    scaled = slopes * weight[..., None] * prior.std
+    return residual.reshape(len(q), -1), scaled.reshape(len(q), -1, q.shape[1])
+
+
+def _residual(tree: PointTree, sight: Sight, q: FloatArray) -> FloatArray:
+    weight = sight.weight[..., None]
+    residual = np.where(weight > 0.0, sight.place_m - tree.at(q), 0.0) * weight
+    return np.asarray(residual.reshape(len(q), -1))
+
+
+def _cost(tree: PointTree, sight: Sight, prior: Prior, q: FloatArray) -> FloatArray:
+    away = tree.minus(q, prior.mean) / prior.std
+    return _square(_residual(tree, sight, q)) + _square(away)
+
+
+def _square(rows: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("tr,tr->t", rows, rows))

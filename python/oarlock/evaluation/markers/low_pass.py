@@ -1,0 +1,90 @@
+"""Zero-phase low-pass of marker trajectories."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final, overload
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from oarlock.evaluation.markers.gaps import FilledMarkers, stretches
+from oarlock.evaluation.markers.trajectories import Markers
+from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.errors import DataError
+
+_FEWEST_FRAMES_A_PERIOD: Final = 2.5
+_MOST_JITTER: Final = 0.25
+"""Of a step against the usual one: stamps rounded to milliseconds stay below, a dropped frame does not."""
+
+
+@overload
+def low_pass(markers: Markers, cutoff_hz: float = ..., order: int = ...) -> Markers: ...
+
+
+@overload
+def low_pass(markers: FilledMarkers, cutoff_hz: float = ..., order: int = ...) -> FilledMarkers: ...
+
+
+def low_pass(
+    markers: Markers | FilledMarkers, cutoff_hz: float = 10.0, order: int = 4
+) -> Markers | FilledMarkers:
+    """Butterworth low-pass, forward and backward: no delay.
+
+    Each stretch between gaps is filtered alone, so nothing leaks across; a marker seen in a single frame stays as it
+    is. The ends of a stretch are continued by odd reflection over one period of the cut-off, or as much as there is.
+
+    Args:
+        markers: evenly sampled; NaN where not seen. Fill short gaps first: what `fill_gaps` gives may stand here too,
+            and comes back with its markers filtered.
+        cutoff_hz: where the amplitude falls to 1/sqrt(2) after both passes, Hz.
+        order: of the whole, even: each pass has half of it, and a design cut-off that is higher than `cutoff_hz` by
+            the factor (sqrt(2) - 1)^(-1 / order), 1.25 at order 4, which the second pass takes back.
+
+    Source: D. A. Winter 2009, "Biomechanics and Motor Control of Human Movement", section 3.4.4.2 (factor of two
+    passes); bilinear transform with the frequencies warped.
+
+    Raises:
+        DataError: fewer than 2.5 frames a period of the cut-off, uneven stamps, or an order that is not even.
+    """
+    if isinstance(markers, FilledMarkers):
+        return replace(markers, markers=low_pass(markers.markers, cutoff_hz, order))
+    rate_hz = markers.rate_hz
+    if not (cutoff_hz > 0.0 and np.isfinite(cutoff_hz)):
+        raise DataError(f"low_pass: cutoff_hz = {cutoff_hz}; expected a positive number of Hz")
+    if order < 2 or order % 2:
+        raise DataError(f"low_pass: order = {order}; expected 2, 4, 6 ...: half of it a pass")
+    if not rate_hz >= _FEWEST_FRAMES_A_PERIOD * cutoff_hz:
+        raise DataError(
+            f"low_pass: {rate_hz:.4g} frames/s are too few for a cut-off of {cutoff_hz:g} Hz; it takes "
+            f"{_FEWEST_FRAMES_A_PERIOD:g} a period. Lower the cut-off to "
+            f"{rate_hz / _FEWEST_FRAMES_A_PERIOD:.3g} Hz or less."
+        )
+    _check_even(markers.time_s)
+    sections = _sections(cutoff_hz, rate_hz, order)
+    period = int(np.ceil(rate_hz / cutoff_hz))
+    position = np.array(markers.position_m)
+    for k in range(len(markers.names)):
+        for first, last in stretches(markers.seen[:, k]):
+            if last - first > 1:
+                pad = min(period, last - first - 1)
+                position[first:last, k] = sosfiltfilt(sections, position[first:last, k], axis=0, padlen=pad)
+    return Markers(markers.names, markers.time_s, position)
+
+
+def _sections(cutoff_hz: float, rate_hz: float, order: int) -> FloatArray:
+    """One pass, made so that two of them have the cut-off that is asked for."""
+    twice = (np.sqrt(2.0) - 1.0) ** (-1.0 / order)
+    warped = np.arctan(np.tan(np.pi * cutoff_hz / rate_hz) * twice) / np.pi * rate_hz
+    return np.asarray(butter(order // 2, warped, fs=rate_hz, output="sos"))
+
+
+def _check_even(time_s: FloatArray) -> None:
+    steps = np.diff(time_s)
+    usual = float(np.median(steps))
+    off = np.flatnonzero(np.abs(steps - usual) > _MOST_JITTER * usual)
+    if off.size:
+        raise DataError(
+            f"low_pass: frames are {steps[off[0]]:.4g} s apart at {time_s[off[0]]:.4g} s, {usual:.4g} s elsewhere "
+            f"({off.size} such places); a filter needs even stamps. Put frames of NaN where some are missing."
+        )

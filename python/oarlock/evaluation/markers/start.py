@@ -1,0 +1,122 @@
+"""Where a search for postures begins: many starts for one frame, then from frame to frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from oarlock.evaluation.markers.least_squares import Prior, Sight, with_prior
+from oarlock.evaluation.markers.point_tree import PointTree
+from oarlock.model.rotation import continuous_quat, quat_from_rotvec, rotvec_from_quat
+from oarlock.storage.array_gate import FloatArray
+
+if TYPE_CHECKING:
+    from oarlock._core import Model
+
+ANCHOR_S: Final = 0.1
+"""From one posture that starts a search to the next: limbs turn by less than a right angle meanwhile."""
+_TRIES: Final = 48
+_PLACE_STD_M: Final = 10.0
+"""Of a free joint in a laboratory."""
+
+
+def body_prior(model: Model) -> tuple[FloatArray, FloatArray]:
+    """Mean and standard deviation (c,) of a posture: soft limits lie two standard deviations from their middle."""
+    mean, std = [], []
+    for joint in model.describe()["joints"]:
+        width = len(joint["coordinates"])
+        if not width:
+            continue
+        low, high = joint["limits"]
+        if width == 1:
+            mean.append(0.5 * (low + high))
+            std.append(0.25 * (high - low))
+            continue
+        mean += list(joint["rest"])
+        std += [_PLACE_STD_M] * (width - 3) + [0.25 * (high - low)] * 3
+    return np.array(mean), np.array(std)
+
+
+def first_posture(tree: PointTree, sight: Sight, prior: Prior, given: FloatArray | None) -> FloatArray:
+    """The best of many searches in one frame, (1, c): one from the prior's mean, others around it.
+
+    Tries are the same in every run: they come from a seed of their own.
+    """
+    if given is not None:
+        return with_prior(tree, sight, prior, given[None])
+    random = np.random.default_rng(0)
+    width = prior.mean.shape[1]
+    mean = _placed_mean(tree, sight, prior)
+    spread = np.concatenate([np.zeros((1, width)), random.standard_normal((_TRIES - 1, width))])
+    starts = tree.plus(np.tile(mean, (_TRIES, 1)), spread * np.minimum(prior.std, 1.0))
+    many = Sight(np.repeat(sight.place_m, _TRIES, axis=0), np.repeat(sight.weight, _TRIES, axis=0))
+    wide = Prior(np.repeat(mean, _TRIES, axis=0), prior.std)
+    q = with_prior(tree, many, wide, starts)
+    away = tree.minus(q, wide.mean) / wide.std
+    residual = np.where(many.weight[..., None] > 0.0, many.place_m - tree.at(q), 0.0) * many.weight[..., None]
+    cost = np.sum(residual**2, axis=(1, 2)) + np.sum(away**2, axis=1)
+    best = int(np.argmin(cost))
+    return np.asarray(q[best : best + 1])
+
+
+def anchor_postures(
+    tree: PointTree,
+    sight: Sight,
+    prior: Prior,
+    frames: Any,
+    given: FloatArray | None,
+    told: Callable[[float], object] | None,
+) -> FloatArray:
+    """Postures (A, c) of some frames, each sought from its neighbour's, beginning where most markers are seen.
+
+    What a frame does not tell stays as its neighbour had it: the prior's mean goes along.
+    """
+    seen = (sight.weight[frames] > 0.0).sum(axis=1)
+    seed = int(np.argmax(seen))
+    rows = sight.rows(frames)
+    q = np.tile(prior.mean[0], (len(frames), 1))
+    q[seed] = first_posture(tree, rows.rows(slice(seed, seed + 1)), Prior(prior.mean[:1], prior.std), given)[
+        0
+    ]
+    done = 0
+    for way in (range(seed + 1, len(frames)), range(seed - 1, -1, -1)):
+        here = q[seed : seed + 1]
+        for k in way:
+            here = with_prior(tree, rows.rows(slice(k, k + 1)), Prior(here, prior.std), here)
+            q[k] = here[0]
+            done += 1
+            if told is not None:
+                told(done / len(frames))
+    return q
+
+
+def between_anchors(tree: PointTree, at_s: FloatArray, anchors_s: FloatArray, q: FloatArray) -> FloatArray:
+    """Postures (T, c) at all stamps: on straight lines between the anchors, rotations on the shorter way."""
+    found = np.stack([np.interp(at_s, anchors_s, q[:, k]) for k in range(q.shape[1])], axis=1)
+    for columns in tree.rotations:
+        quat = continuous_quat(quat_from_rotvec(q[:, columns]))
+        line = np.stack([np.interp(at_s, anchors_s, quat[:, k]) for k in range(4)], axis=1)
+        found[:, columns] = rotvec_from_quat(line / np.linalg.norm(line, axis=1, keepdims=True))
+    return found
+
+
+def _placed_mean(tree: PointTree, sight: Sight, prior: Prior) -> FloatArray:
+    """The prior's mean (1, c), free joints of the root moved to where the markers are."""
+    mean = np.array(prior.mean[:1])
+    places = np.where(sight.weight[..., None] > 0.0, sight.place_m, np.nan)
+    offset = np.nanmean(places - tree.at(mean), axis=(0, 1)) if np.isfinite(places).any() else np.zeros(3)
+    free = [
+        k
+        for k, name in enumerate(tree.model.coordinate_names)
+        if prior.std[k] == _PLACE_STD_M and name[-2:] == ".x"
+    ]
+    for k in free[:1]:
+        _, slopes = tree.with_slopes(mean)
+        seen = sight.weight[0] > 0.0
+        # where the free joint carries everything, its axes in root axes are the slopes of any point
+        axes = slopes[0, int(np.argmax(seen))][:, k : k + 3]
+        if np.linalg.norm(axes) > 0.0:
+            mean[0, k : k + 3] += axes.T @ offset
+    return mean

@@ -1,0 +1,105 @@
+"""What another measuring system, such as cameras or encoders, says of the bodies that carry the sensors."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock.storage.array_gate import FloatArray, real_array, time_array
+from oarlock.storage.errors import DataError
+
+Bools = NDArray[np.bool_]
+
+LARGEST_NORM_ERROR = 0.01
+"""A quaternion whose norm is further from 1 is no rounding, but another quantity or another column."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """Orientations of bodies over time from another system, with a clock of its own.
+
+    Args:
+        source: what measured it, as tables and reports call it: "optical", "encoders".
+        time_s: (T,) strictly increasing stamps in s.
+        quat_wxyz: body -> (T, 4) world_from_body, world with z up; a row of NaN in a gap. Held with norm 1.
+        position_m: body -> (T, 3) a point that is fixed to the body, in world axes, m; NaN in a gap. May be empty.
+        scored: (T,) whether a sample counts in a comparison; all samples if empty. A gap never counts.
+
+    Raises:
+        DataError: No body, stamps out of order, another shape, a norm that is not 1, or a quaternion that
+            is missing in part.
+    """
+
+    source: str
+    time_s: FloatArray
+    quat_wxyz: Mapping[str, FloatArray]
+    position_m: Mapping[str, FloatArray] = field(default_factory=dict)
+    scored: Bools = field(default_factory=lambda: np.ones(0, dtype=np.bool_))
+
+    def __post_init__(self) -> None:
+        time_s = time_array(self.time_s, f"{self.source} reference, time_s")
+        object.__setattr__(self, "time_s", time_s)
+        if not self.quat_wxyz:
+            raise DataError(f"{self.source} reference: has no body")
+        quats = {
+            b: _unit(self._rows("orientation", b, q, 4), self._where(b)) for b, q in self.quat_wxyz.items()
+        }
+        points = {b: self._rows("position", b, p, 3) for b, p in self.position_m.items()}
+        object.__setattr__(self, "quat_wxyz", MappingProxyType(quats))
+        object.__setattr__(self, "position_m", MappingProxyType(points))
+        object.__setattr__(self, "scored", self._scored())
+
+    def _where(self, body: str) -> str:
+        return f'{self.source} reference of "{body}"'
+
+    def _rows(self, quantity: str, body: str, values: FloatArray, width: int) -> FloatArray:
+        where = f"{self._where(body)}, {quantity}"
+        rows = real_array(values, (None, width), where)
+        if len(rows) != len(self.time_s):
+            raise DataError(f"{where}: has {len(rows)} rows, but time_s has {len(self.time_s)}")
+        return rows
+
+    def _scored(self) -> Bools:
+        size = len(self.time_s)
+        scored = np.array(self.scored, dtype=np.bool_) if len(self.scored) else np.ones(size, dtype=np.bool_)
+        if scored.shape != (size,):
+            raise DataError(f"{self.source} reference, scored: has shape {scored.shape}, expected ({size},)")
+        scored.setflags(write=False)
+        return scored
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies, in the order of the file."""
+        return tuple(self.quat_wxyz)
+
+    @property
+    def rate_hz(self) -> float:
+        """Sample rate in Hz: one over the median step; NaN for a single sample."""
+        return 1.0 / float(np.median(np.diff(self.time_s))) if len(self.time_s) > 1 else float("nan")
+
+    def there(self, *bodies: str) -> Bools:
+        """(T,) where all of these bodies (all that there are, if none is named) have an orientation."""
+        there = np.ones(len(self.time_s), dtype=np.bool_)
+        for body in bodies or self.bodies:
+            there &= np.isfinite(self.quat_wxyz[body]).all(axis=1)
+        return there
+
+
+def _unit(quat_wxyz: FloatArray, where: str) -> FloatArray:
+    with np.errstate(over="ignore"):  # a norm beyond all numbers is not 1 either
+        norms = np.linalg.norm(quat_wxyz, axis=1)
+    gap = np.isnan(quat_wxyz).all(axis=1)
+    halves = np.flatnonzero(np.isnan(norms) & ~gap)
+    if halves.size:
+        raise DataError(f"{where}: row {halves[0]} lacks part of its quaternion ({halves.size} rows do)")
+    wrong = np.flatnonzero(np.abs(norms - 1.0) > LARGEST_NORM_ERROR)
+    if wrong.size:
+        raise DataError(
+            f"{where}: row {wrong[0]} has a quaternion of norm {norms[wrong[0]]:.4f} ({wrong.size} rows are not "
+            "of norm 1). Are these the columns w, x, y, z?"
+        )
+    unit: FloatArray = quat_wxyz / norms[:, None]
+    unit.setflags(write=False)
+    return unit

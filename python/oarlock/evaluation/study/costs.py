@@ -1,0 +1,165 @@
+"""What faults cost: the error under each, against that of the same seed without it."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock.evaluation.study.rows import scores_of, write_rows
+from oarlock.evaluation.study.run import Row
+from oarlock.evaluation.study.spec import Study
+from oarlock.evaluation.study.sweeps import NO_FAULT, USUAL_SETTING, FaultSweep
+
+Floats = NDArray[np.float64]
+
+LOST_DEG = 30.0
+"""A posture that is wrong by more than this on average is none: the run counts as lost, as one that ended early."""
+NOTICED_DEG, NOTICED_SHARE = 0.01, 0.1
+"""Less than both, of an angle and of the error without a fault, is nothing that seeds would not do too."""
+
+
+@dataclass(frozen=True, eq=False)
+class Dose:
+    """One fault at one strength under one setting; (S,) over the seeds.
+
+    Args:
+        fault: what is swept; None without a fault.
+        index: which strength.
+        setting: of the filter.
+        error_deg: mean RMSE of the angles; infinite where the run failed.
+        clean_deg: the same without the fault.
+        place_mm: mean RMSE of the scored positions; NaN where none are scored or the run failed.
+        clean_place_mm: the same without the fault.
+        coverage: share of the angles inside their 95 % bands; NaN where the run failed.
+    """
+
+    fault: FaultSweep | None
+    index: int
+    setting: str
+    error_deg: Floats
+    clean_deg: Floats
+    place_mm: Floats
+    clean_place_mm: Floats
+    coverage: Floats
+
+    @property
+    def label(self) -> str:
+        """The strength with its unit."""
+        return self.fault.label(self.index) if self.fault else ""
+
+    @property
+    def median_deg(self) -> float:
+        """Over all seeds; infinite where half of them failed."""
+        return float(np.median(self.error_deg))
+
+    @property
+    def range_deg(self) -> tuple[float, float]:
+        """Best and worst seed."""
+        return float(self.error_deg.min()), float(self.error_deg.max())
+
+    @property
+    def cost_deg(self) -> float:
+        """Median over the seeds of what the fault adds."""
+        with np.errstate(invalid="ignore"):
+            return float(np.median(np.nan_to_num(self.error_deg - self.clean_deg, nan=math.inf)))
+
+    @property
+    def place_cost_mm(self) -> float:
+        """Median over the seeds of what the fault adds to the scored positions; NaN where none are."""
+        return middle(self.place_mm - self.clean_place_mm)
+
+    @property
+    def lost(self) -> int:
+        """Seeds that failed, or whose posture is none."""
+        return int(np.sum(self.error_deg > LOST_DEG))
+
+    @property
+    def noticed(self) -> bool:
+        """Whether the fault can be told from none."""
+        return self.lost > 0 or self.cost_deg > max(
+            NOTICED_DEG, NOTICED_SHARE * float(np.median(self.clean_deg))
+        )
+
+    def row(self) -> dict[str, Any]:
+        """One row of a table."""
+        least, greatest = self.range_deg
+        fault = self.fault
+        return {
+            "fault": fault.name if fault else NO_FAULT,
+            "key": fault.key if fault else "",
+            "strength": self.label,
+            "usual": bool(fault and self.index == fault.usual_index),
+            "setting": self.setting,
+            "seeds": len(self.error_deg),
+            "lost": self.lost,
+            "rmse_median_deg": self.median_deg,
+            "rmse_least_deg": least,
+            "rmse_greatest_deg": greatest,
+            "cost_median_deg": self.cost_deg,
+            "position_median_mm": middle(self.place_mm),
+            "position_cost_median_mm": self.place_cost_mm,
+            "coverage_95_median": middle(self.coverage),
+        }
+
+
+def doses(study: Study, rows: Sequence[Row]) -> tuple[Dose, ...]:
+    """Every fault at every strength under every setting, in the order of the study."""
+    errors = np.nan_to_num(scores_of(study, rows), nan=math.inf)
+    coverage = scores_of(study, rows, score="coverage_95")
+    places = np.array([scores_of(study, rows, frame, kind="frame") for frame in study.frames])
+    place = places.mean(axis=0) if len(places) else np.full_like(errors, math.nan)
+    faults = {fault.name: fault for fault in study.faults}
+    found, clean, before = list[Dose](), 0, ("", 0)
+    for scenario in study.expanded():
+        name, setting = str(scenario.swept["fault"]), str(scenario.swept["setting"])
+        before = (name, before[1] + 1 if before[0] == name else 0)
+        here = scenario.index
+        if name == NO_FAULT:
+            clean = here
+        found.append(
+            Dose(
+                fault=faults.get(name),
+                index=before[1],
+                setting=setting,
+                error_deg=errors[here],
+                clean_deg=errors[clean],
+                place_mm=place[here],
+                clean_place_mm=place[clean],
+                coverage=coverage[here],
+            )
+        )
+    return tuple(found)
+
+
+def ranked(found: Sequence[Dose]) -> list[FaultSweep]:
+    """Faults by what their usual strength costs the first setting, the dearest first."""
+    setting = found[0].setting if found else USUAL_SETTING
+    usual = [d for d in found if d.fault and d.setting == setting and d.index == d.fault.usual_index]
+    usual.sort(key=lambda dose: -dose.cost_deg)
+    return [dose.fault for dose in usual if dose.fault]
+
+
+def middle(values: Floats) -> float:
+    """Median of what is there; NaN of nothing."""
+    there = values[np.isfinite(values)]
+    return float(np.median(there)) if len(there) else math.nan
+
+
+def save_costs(study: Study, rows: Sequence[Row], folder: Path) -> None:
+    """Write what faults cost as faults.csv, faults.parquet and faults.json; what is lost has no number there."""
+    costs = [dose.row() for dose in doses(study, rows)]
+    write_rows(costs, folder / "faults")
+    plain = [{name: plain_number(value) for name, value in row.items()} for row in costs]
+    (folder / "faults.json").write_text(json.dumps(plain, indent=1) + "\n", encoding="utf-8")
+
+
+def plain_number(value: object) -> object:
+    """What JSON can hold: None for what is not finite."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,119 @@
+"""What may happen to a recording between the sensor and the filter: streams missing, late, thinned or with holes."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from oarlock._core import Model
+from oarlock.evaluation.study.faults.fault import Names
+from oarlock.evaluation.study.keys import ONE, StudyKey, Value, by_name, number_for
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream, Stream
+from oarlock.storage.errors import DataError
+
+_QUANTITIES = ("gyro_rad_s", "accel_m_s2", "mag_ut")
+
+
+def keys_of_streams(model: Model) -> dict[str, StudyKey]:
+    """What can be done to the streams of a model, by name."""
+    streams = (*Names.of(model).streams, ONE)
+    return by_name(
+        [
+            StudyKey(
+                "sensors", "names", None, "streams that are worn; none is all", choices=streams, optional=True
+            ),
+            StudyKey("without", "names", [], "streams that are not worn", choices=streams),
+            StudyKey(
+                "without_quantity", "names", [], "what inertial units do not measure", choices=_QUANTITIES
+            ),
+            StudyKey(
+                "delay_s",
+                "by_name",
+                0.0,
+                "stamps later than the truth: of all inertial units against the other streams, or by stream",
+                choices=streams,
+            ),
+            StudyKey(
+                "clock_drift_ppm",
+                "by_name",
+                0.0,
+                "clock too fast by this: of all inertial units, or by stream",
+                choices=streams,
+            ),
+            StudyKey(
+                "keep_every", "by_name", 1.0, "one sample in so many is kept", least=1.0, choices=streams
+            ),
+            StudyKey(
+                "packet_loss",
+                "by_name",
+                0.0,
+                "share of samples of inertial units, or by stream, that never arrive",
+                least=0.0,
+                most=0.99,
+                choices=streams,
+            ),
+            StudyKey(
+                "packet_samples", "integer", 1, "samples that are lost together", least=1.0, most=10_000.0
+            ),
+        ]
+    )
+
+
+def degraded(recording: Recording, values: Mapping[str, Value], seed: int) -> Recording:
+    """The recording as the filter gets it.
+
+    Raises:
+        DataError: nothing would be left.
+    """
+    kept = values["sensors"] if values["sensors"] is not None else recording.names
+    dropped = values["without"]
+    assert isinstance(kept, list | tuple) and isinstance(dropped, list)
+    streams = []
+    for stream in recording.streams:
+        if stream.name in kept and stream.name not in dropped:
+            left = _stream(stream, values, seed)
+            streams += [] if left is None else [left]
+    if not streams:
+        raise DataError("the study leaves no stream: check sensors, without and without_quantity")
+    return Recording(streams, recording.meta)
+
+
+def _stream(stream: Stream, values: Mapping[str, Value], seed: int) -> Stream | None:
+    inertial = isinstance(stream, ImuStream)
+
+    def of(key: str, usual: float) -> float:
+        """A number without a name is meant for inertial units, but for thinning."""
+        value = values[key]
+        if not isinstance(value, Mapping) and not inertial and key != "keep_every":
+            return usual
+        return number_for(value, stream.name, usual)
+
+    rows = np.arange(len(stream))[:: max(1, round(of("keep_every", 1.0)))]
+    loss = of("packet_loss", 0.0)
+    if loss > 0.0:
+        size = values["packet_samples"]
+        assert isinstance(size, int)
+        rows = rows[
+            ~_lost(len(rows), loss, size, np.random.default_rng([seed, zlib.crc32(stream.name.encode())]))
+        ]
+    if not len(rows):
+        return None
+    scale = 1.0 + 1e-6 * of("clock_drift_ppm", 0.0)
+    first = float(stream.time_s[0])
+    time_s = first + scale * (stream.time_s[rows] - first) + of("delay_s", 0.0)
+    if not isinstance(stream, ImuStream):
+        return replace(stream, time_s=time_s, value=stream.value[rows])
+    absent = values["without_quantity"]
+    assert isinstance(absent, list)
+    left = {name: rows_of[rows] for name, rows_of in stream.values.items() if name not in absent}
+    return ImuStream(stream.name, time_s, **left) if left else None
+
+
+def _lost(count: int, share: float, together: int, random: np.random.Generator) -> np.ndarray:
+    """Which of so many samples are lost (count,), in packets."""
+    packets = random.random(-(-count // together)) < share
+    return np.repeat(packets, together)[:count]

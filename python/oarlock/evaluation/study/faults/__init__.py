@@ -1,0 +1,1 @@
+"""Faults of recordings of any body, one file for each family."""

@@ -1,0 +1,157 @@
+"""What a fault is: a key of a study, and what it does to a recording."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock._core import Model
+from oarlock.evaluation.study.keys import StudyKey, Value, number_for
+from oarlock.evaluation.study.trial import StudyTrial
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream, Stream
+from oarlock.storage.errors import DataError
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+MIDDLE_HALF = (0.25, 0.75)
+"""Faults that last a while begin in this part of a recording: the filter has settled, and has time to recover."""
+
+
+@dataclass(frozen=True)
+class Names:
+    """What faults of a model may be told to hit, by name."""
+
+    streams: tuple[str, ...]
+    units: tuple[str, ...]
+    angles: tuple[str, ...]
+    lengths: tuple[str, ...]
+
+    @classmethod
+    def of(cls, model: Model) -> Names:
+        """Streams of sensors and input joints; inertial units; encoders in rad; encoders in m."""
+        described = model.describe()
+        kinds = {joint["name"]: joint["kind"] for joint in described["joints"]}
+        joint_of = {joint["name"]: joint["name"] for joint in described["joints"] if joint["input"]}
+        joint_of |= {s["name"]: s["joint"] for s in described["sensors"] if s["kind"] == "encoder"}
+        units = tuple(s["name"] for s in described["sensors"] if s["kind"] == "imu")
+        return cls(
+            streams=tuple(dict.fromkeys([*model.sensor_names, *joint_of])),
+            units=units,
+            angles=tuple(name for name, joint in joint_of.items() if kinds[joint] == "hinge"),
+            lengths=tuple(name for name, joint in joint_of.items() if kinds[joint] == "slide"),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """What a fault may know: the trial that it befalls, the study's values, and the seed of all that is drawn."""
+
+    trial: StudyTrial
+    values: Mapping[str, Value]
+    seed: int
+
+    def random(self, what: str) -> np.random.Generator:
+        """Draws that do not depend on which other faults there are."""
+        return np.random.default_rng([self.seed, 4, zlib.crc32(what.encode())])
+
+    def sign(self, what: str) -> float:
+        """-1 or 1."""
+        return 1.0 if self.random(what).random() < 0.5 else -1.0
+
+    def number(self, key: str) -> float:
+        """A value of the study that is one number."""
+        return number_for(self.values[key], "")
+
+    def meanwhile(self, time_s: Floats, lasting_s: float) -> Bools:
+        """Which stamps (N,) lie in the stretch of this length that the seed picks; all streams share it."""
+        whole = self.trial.recording
+        begin = self.random("meanwhile").uniform(*MIDDLE_HALF) * whole.duration_s
+        start = whole.start_s + min(begin, max(whole.duration_s - lasting_s, 0.0))
+        return np.asarray((time_s >= start) & (time_s < start + lasting_s))
+
+    def up_in(self, unit: str, time_s: Floats) -> Floats:
+        """The vertical (N, 3) in the axes of an inertial unit, as the truth has it, at stamps (N,)."""
+        true_s = self.trial.truth.time_s
+        between = np.stack([np.interp(time_s, true_s, column) for column in self._up[unit].T], axis=-1)
+        return np.asarray(between / np.linalg.norm(between, axis=1, keepdims=True))
+
+    @cached_property
+    def _up(self) -> dict[str, Floats]:
+        model = self.trial.truth.model
+        assert model is not None
+        described = model.describe()
+        up = np.asarray(described["world"]["up"])
+        poses = model.forward_kinematics(np.nan_to_num(self.trial.truth.q))
+        frames = {name: place for place, name in enumerate(model.frame_names)}
+        return {
+            sensor["name"]: up
+            @ poses[:, frames[sensor["frame"]], :3, :3]
+            @ np.asarray(sensor["mount"]["rotation"])
+            for sensor in described["sensors"]
+            if sensor["kind"] == "imu"
+        }
+
+
+Spoil: TypeAlias = Callable[[Recording, Value, Case], Recording]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One thing that goes wrong with a recording.
+
+    Args:
+        key: how a study names it, with its unit in the name; by its default nothing is wrong.
+        spoil: the recording as it is then; called only where the value is not the default.
+    """
+
+    key: StudyKey
+    spoil: Spoil
+
+
+def of_streams(change: Callable[[Stream, float, Case], Stream | None], all_of: tuple[str, ...]) -> Spoil:
+    """A fault of streams one by one; a number without a name is meant for `all_of`. None takes a stream away."""
+
+    def spoil(recording: Recording, value: Value, case: Case) -> Recording:
+        sizes = value if isinstance(value, Mapping) else dict.fromkeys(all_of, number_for(value, ""))
+        changed = [
+            change(stream, sizes[stream.name], case) if sizes.get(stream.name) else stream
+            for stream in recording.streams
+        ]
+        left = [stream for stream in changed if stream is not None]
+        if not left:
+            raise DataError("the study leaves no stream: a fault took every sample")
+        return Recording(left, recording.meta)
+
+    return spoil
+
+
+def of_units(change: Callable[[ImuStream, float, Case], Stream], units: tuple[str, ...]) -> Spoil:
+    """A fault of inertial units."""
+
+    def only_units(stream: Stream, size: float, case: Case) -> Stream:
+        return change(stream, size, case) if isinstance(stream, ImuStream) else stream
+
+    return of_streams(only_units, units)
+
+
+def with_values(stream: ImuStream, **changed: Floats) -> ImuStream:
+    """The unit with other readings, by field name; fields that it does not have stay away."""
+    return ImuStream(stream.name, stream.time_s, **{n: changed.get(n, v) for n, v in stream.values.items()})
+
+
+def rows_kept(stream: Stream, kept: Bools) -> Stream | None:
+    """The samples of a stream that are left; None if there is none."""
+    if not kept.any():
+        return None
+    if isinstance(stream, ImuStream):
+        rows = {name: values[kept] for name, values in stream.values.items()}
+        return ImuStream(stream.name, stream.time_s[kept], **rows)
+    return replace(stream, time_s=stream.time_s[kept], value=stream.value[kept])

@@ -1,0 +1,49 @@
+"""Readings that never come, or come again and again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from oarlock.evaluation.study.faults.fault import Case, Fault, Names, of_streams, rows_kept, with_values
+from oarlock.evaluation.study.keys import ONE, StudyKey
+from oarlock.recording.streams import ImuStream, Stream
+
+
+def silence(names: Names) -> tuple[Fault, ...]:
+    """Gaps and frozen readings."""
+    choices = (*names.streams, ONE)
+    gap = StudyKey(
+        "gap_s",
+        "by_name",
+        0.0,
+        "every stream, or those named, says nothing for so long",
+        0.0,
+        choices=choices,
+    )
+    stuck = StudyKey(
+        "stuck_s",
+        "by_name",
+        0.0,
+        "every stream, or those named, repeats one reading for so long",
+        0.0,
+        choices=choices,
+    )
+    return (
+        Fault(gap, of_streams(_silent, names.streams)),
+        Fault(stuck, of_streams(_stuck, names.streams)),
+    )
+
+
+def _silent(stream: Stream, lasting_s: float, case: Case) -> Stream | None:
+    return rows_kept(stream, ~case.meanwhile(stream.time_s, lasting_s))
+
+
+def _stuck(stream: Stream, lasting_s: float, case: Case) -> Stream:
+    rows = np.arange(len(stream))
+    held = case.meanwhile(stream.time_s, lasting_s)
+    rows[held] = rows[held].min(initial=len(stream))
+    if isinstance(stream, ImuStream):
+        return with_values(stream, **{name: values[rows] for name, values in stream.values.items()})
+    return replace(stream, value=stream.value[rows])

@@ -1,0 +1,38 @@
+"""Clocks that are not steady. Offset and drift are keys of every stream: `delay_s`, `clock_drift_ppm`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from oarlock.evaluation.study.faults.fault import Case, Fault, Names, of_streams
+from oarlock.evaluation.study.keys import ONE, StudyKey
+from oarlock.recording.streams import ImuStream, Stream
+
+MOST_OF_A_STEP = 0.45
+"""Stamps never overtake each other, whatever the jitter."""
+
+
+def stamps(names: Names) -> tuple[Fault, ...]:
+    """Stamps that are scattered."""
+    jitter = StudyKey(
+        "clock_jitter_s",
+        "by_name",
+        0.0,
+        "standard deviation of the stamps of all inertial units, or by stream; at most 0.45 steps",
+        0.0,
+        choices=(*names.streams, ONE),
+    )
+    return (Fault(jitter, of_streams(_scattered, names.units)),)
+
+
+def _scattered(stream: Stream, std_s: float, case: Case) -> Stream:
+    if len(stream) < 2:
+        return stream
+    most = MOST_OF_A_STEP * float(np.diff(stream.time_s).min())
+    off = std_s * case.random(f"jitter {stream.name}").standard_normal(len(stream))
+    time_s = stream.time_s + np.clip(off, -most, most)
+    if isinstance(stream, ImuStream):
+        return ImuStream(stream.name, time_s, **stream.values)
+    return replace(stream, time_s=time_s)

@@ -1,0 +1,128 @@
+"""What a study may vary: each key with its kind, its bounds and what it means."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from oarlock.storage.errors import DataError
+from oarlock.storage.suggest import did_you_mean
+
+Value: TypeAlias = object
+ONE = "one"
+"""In place of a stream's name: one inertial unit, another one for each seed."""
+Kind: TypeAlias = Literal["number", "numbers", "integer", "boolean", "choice", "names", "by_name"]
+
+
+@dataclass(frozen=True)
+class StudyKey:
+    """One thing that a study can vary.
+
+    Args:
+        name: as it stands in a study file; its unit is part of it.
+        kind: a number; a number or a list of them ("numbers"); a whole number; true or false; a choice; a list of
+            names; a number, or a table of numbers by name ("by_name").
+        default: what holds where the study says nothing.
+        about: what it does, one line.
+        least: smallest number that makes sense.
+        most: largest number that makes sense.
+        choices: the texts of a choice, or the names that a list or a table may hold.
+        optional: None is a value too ("not done").
+    """
+
+    name: str
+    kind: Kind
+    default: Value
+    about: str
+    least: float = -math.inf
+    most: float = math.inf
+    choices: tuple[str, ...] = ()
+    optional: bool = False
+
+    def check(self, value: Value) -> Value:
+        """The value, in the form in which it is used.
+
+        Raises:
+            DataError: a value of another kind or out of bounds; the text says what was expected.
+        """
+        if value is None and self.optional:
+            return None
+        if self.optional and value == "none":
+            return None
+        if self.kind == "boolean":
+            if not isinstance(value, bool):
+                raise DataError(f"is {value!r}; expected true or false")
+            return value
+        if self.kind == "choice":
+            return self._choice(value)
+        if self.kind == "names":
+            return self._names(value)
+        if self.kind == "numbers" and isinstance(value, Sequence) and not isinstance(value, str):
+            return [self._number(one) for one in value]
+        if self.kind == "by_name" and isinstance(value, Mapping):
+            return {self._name(str(name)): self._number(one) for name, one in sorted(value.items())}
+        number = self._number(value)
+        if self.kind == "integer" and number != int(number):
+            raise DataError(f"is {value!r}; expected a whole number")
+        return int(number) if self.kind == "integer" else number
+
+    def _number(self, value: Value) -> float:
+        if not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
+            table = " or a table { name = number }" if self.kind == "by_name" else ""
+            raise DataError(f"is {value!r}; expected a finite number{table}")
+        if not self.least <= value <= self.most:
+            raise DataError(f"is {value:g}; expected {self._bounds()}")
+        return float(value)
+
+    def _bounds(self) -> str:
+        if math.isinf(self.most):
+            return f"{self.least:g} or more"
+        return f"{self.least:g} to {self.most:g}"
+
+    def _choice(self, value: Value) -> str:
+        if not isinstance(value, str) or value not in self.choices:
+            raise DataError(f"is {value!r}. {did_you_mean(str(value), self.choices)}")
+        return value
+
+    def _names(self, value: Value) -> list[str]:
+        if isinstance(value, str) or not isinstance(value, Sequence):
+            raise DataError(f'is {value!r}; expected a list of names, such as ["{self._example()}"]')
+        return [self._name(one) for one in value]
+
+    def _name(self, value: Value) -> str:
+        if not isinstance(value, str):
+            raise DataError(f'holds {value!r}; expected names, such as "{self._example()}"')
+        if self.choices and value not in self.choices:
+            raise DataError(f'holds "{value}". {did_you_mean(value, self.choices)}')
+        return value
+
+    def _example(self) -> str:
+        return self.choices[0] if self.choices else "back"
+
+
+def by_name(keys: Sequence[StudyKey]) -> dict[str, StudyKey]:
+    """Keys under their names."""
+    return {key.name: key for key in keys}
+
+
+def number_for(value: Value, name: str, default: float = 0.0) -> float:
+    """The number of one name: of a table its entry, else the number that holds for all."""
+    if isinstance(value, Mapping):
+        return float(value.get(name, default))
+    return float(value) if isinstance(value, int | float) else default
+
+
+def with_turns(values: Mapping[str, Value], units: Sequence[str], seed: int) -> dict[str, Value]:
+    """Values in which `one` is the inertial unit whose turn it is: as many seeds as units meet each once."""
+    turn = units[seed % len(units)] if units else ONE
+
+    def told(value: Value) -> Value:
+        if isinstance(value, Mapping) and ONE in value:
+            return {turn if name == ONE else name: number for name, number in value.items()}
+        if isinstance(value, list) and ONE in value:
+            return [turn if name == ONE else name for name in value]
+        return value
+
+    return {key: told(value) for key, value in values.items()}

@@ -1,0 +1,153 @@
+"""Groups of runs on several processes. What comes out depends neither on how many there are nor on who ends first."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from multiprocessing.connection import wait as wait_for_any
+from pathlib import Path
+
+from oarlock import _core
+from oarlock.evaluation.study.run import Group, Row, groups, run_group
+from oarlock.evaluation.study.spec import Study, stable_text
+from oarlock.storage.errors import DataError
+
+Progress = Callable[[float], object]
+
+UNFINISHED = "unfinished.jsonl"
+"""Rows of the groups that are done, a line each, while a study runs."""
+
+_OWN: Study | None = None
+
+
+def all_rows(study: Study, jobs: int | None, folder: Path | None, progress: Progress | None) -> list[Row]:
+    """Rows of all runs, by scenario, then seed.
+
+    Args:
+        study: what to run.
+        jobs: processes; None is one for each core.
+        folder: keeps what is done, so that a study that was stopped goes on; None keeps nothing.
+        progress: told the share done.
+
+    Raises:
+        DataError: `jobs` is no positive number.
+    """
+    if jobs is not None and (type(jobs) is not int or jobs < 1):
+        raise DataError(f"study: jobs = {jobs!r}: expected 1 or more, or None for all cores")
+    whole = groups(study)
+    done = _read(study, folder)
+    left = [group for group in whole if _name(group) not in done]
+    count = sum(len(group.scenarios) for group in whole)
+    finished = count - sum(len(group.scenarios) for group in left)
+
+    def tell(more: int) -> None:
+        nonlocal finished
+        finished += more
+        if progress is not None:
+            progress(finished / count)
+
+    # the longest first, so that no core is left with a long one at the end; the order of rows is mended below
+    left.sort(key=lambda group: -len(group.scenarios))
+    for group, rows in _made(study, left, min(jobs or os.cpu_count() or 1, max(len(left), 1)), tell):
+        done[_name(group)] = rows
+        _keep(study, folder, group, rows)
+    rows = [row for group in whole for row in done[_name(group)]]
+    seeds = {seed: place for place, seed in enumerate(study.seeds)}
+    rows.sort(key=lambda row: (row["scenario"], seeds[row["seed"]]))
+    if folder is not None:
+        (folder / UNFINISHED).unlink(missing_ok=True)
+    return rows
+
+
+def _made(
+    study: Study, left: list[Group], jobs: int, tell: Callable[[int], None]
+) -> Iterator[tuple[Group, list[Row]]]:
+    if jobs == 1:
+        for group in left:
+            yield group, run_group(study, group, lambda: tell(1))
+        return
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin, initargs=(study,))
+    try:
+        waiting: dict[Future[list[Row]], Group] = {pool.submit(_one, group): group for group in left}
+        while waiting:
+            ended, _ = wait(waiting, return_when=FIRST_COMPLETED)
+            for future in ended:
+                group = waiting.pop(future)
+                tell(len(group.scenarios))
+                yield group, future.result()
+        pool.shutdown()
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for child in multiprocessing.active_children():
+            child.terminate()
+        raise
+
+
+def _begin(study: Study) -> None:
+    """Ctrl-C is the parent's to answer, and who has lost it ends."""
+    global _OWN
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    _OWN = study
+
+
+def _end_with_parent() -> None:
+    """A parent that is killed cannot tell: its end of a pipe closes, and nobody would read any further row."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait_for_any([parent.sentinel])
+        os._exit(1)
+
+
+def _one(group: Group) -> list[Row]:
+    assert _OWN is not None
+    return run_group(_OWN, group)
+
+
+# --- what is done already -----------------------------------------------------------------------------
+
+
+def identity(study: Study) -> str:
+    """A hash of everything that the rows follow from."""
+    parts = [
+        _core.__version__,
+        study.model.text,
+        stable_text(study.model.parameters),
+        repr(study.simulator),
+        stable_text([[s.name, dict(s.values)] for s in study.expanded()]),
+        stable_text([list(study.seeds), study.start_s, list(study.frames), list(study.joints)]),
+    ]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def _name(group: Group) -> str:
+    return f"{group.seed} {group.key}" + (f" {group.part}" if group.part else "")
+
+
+def _read(study: Study, folder: Path | None) -> dict[str, list[Row]]:
+    if folder is None or not (folder / UNFINISHED).is_file():
+        return {}
+    own, found = identity(study), {}
+    for line in (folder / UNFINISHED).read_text(encoding="utf-8").splitlines():
+        try:
+            kept = json.loads(line)
+        except json.JSONDecodeError:  # stopped while it was written
+            continue
+        if kept["study"] == own:
+            found[kept["group"]] = kept["rows"]
+    return found
+
+
+def _keep(study: Study, folder: Path | None, group: Group, rows: list[Row]) -> None:
+    if folder is None:
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / UNFINISHED).open("a", encoding="utf-8") as file:
+        file.write(json.dumps({"study": identity(study), "group": _name(group), "rows": rows}) + "\n")

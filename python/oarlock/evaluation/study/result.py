@@ -1,0 +1,178 @@
+"""What came out of a study: a row for each run and joint, and their mean and spread over the seeds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from oarlock import _core
+from oarlock.evaluation.study.costs import save_costs
+from oarlock.evaluation.study.pool import identity
+from oarlock.evaluation.study.rows import scores_of, write_rows
+from oarlock.evaluation.study.run import MEAN, SCORES, Row
+from oarlock.evaluation.study.spec import Study, shown
+from oarlock.storage.toml import write_toml
+
+Floats = NDArray[np.float64]
+
+CONFIDENCE = 0.95
+RUN_FILE = "run.toml"
+
+
+@dataclass(frozen=True, eq=False)
+class StudyResult:
+    """A study and its rows.
+
+    Args:
+        study: what was run.
+        rows: one for each run and joint, frame (and axis of it), sensor, and one for the mean of the angles; `error`
+            says why there is none: the run failed (kind "run"), or the mean lacks a joint. RMSE, bias and mean_std are
+            in `unit`: deg or mm.
+    """
+
+    study: Study
+    rows: tuple[Row, ...]
+
+    @property
+    def failures(self) -> tuple[Row, ...]:
+        """Rows of the runs that failed."""
+        return tuple(row for row in self.rows if row["kind"] == "run")
+
+    @property
+    def complaints(self) -> tuple[Row, ...]:
+        """Rows with an error: of runs that failed, and of means over joints that are not all observed."""
+        return tuple(row for row in self.rows if row["error"])
+
+    def table(self) -> list[Row]:
+        """The rows with a column for each swept key."""
+        return [self._flat(row) for row in self.rows]
+
+    def summary(self) -> list[Row]:
+        """One row for each scenario and item: mean, SD and 95 % interval of the RMSE over the seeds.
+
+        The interval is Student's, of the mean; it and the SD are NaN where fewer than two seeds succeeded.
+        """
+        found: dict[tuple[int, str, str], list[Row]] = {}
+        for row in self.rows:
+            if not row["error"]:
+                found.setdefault((row["scenario"], row["kind"], row["item"]), []).append(row)
+        failed = _counted(row["scenario"] for row in self.failures)
+        return [self._summed(rows, failed.get(scenario, 0)) for (scenario, *_), rows in found.items()]
+
+    def scores(self, item: str = MEAN, score: str = "rmse", kind: str | None = None) -> Floats:
+        """One score of one item, (scenarios, seeds); NaN where a run failed or does not have it.
+
+        Args:
+            item: a joint, a frame, an axis of it (`r_wrist.x`), a sensor; left out, the mean over the angles.
+            score: a column of `table`.
+            kind: joint, frame, sensor or mean; None is the first that has this item.
+        """
+        return scores_of(self.study, self.rows, item, score, kind)
+
+    def save(self, folder: str | PathLike[str]) -> None:
+        """Write runs and summary as CSV and Parquet, what faults cost if any were swept, and run.toml."""
+        place = Path(folder)
+        place.mkdir(parents=True, exist_ok=True)
+        write_rows(self.table(), place / "runs")
+        write_rows(self.summary(), place / "summary")
+        if self.study.faults:
+            save_costs(self.study, self.rows, place)
+        write_toml(place / RUN_FILE, _description(self))
+
+    def _flat(self, row: Row) -> Row:
+        swept = {key: _cell(value) for key, value in row["swept"].items()}
+        return {
+            "scenario": row["scenario"],
+            "name": row["name"],
+            **swept,
+            **{key: row[key] for key in ("seed", "kind", "item", "unit", *SCORES, "error")},
+        }
+
+    def _summed(self, rows: Sequence[Row], failed: int) -> Row:
+        first = rows[0]
+        values = np.array([row["rmse"] for row in rows])
+        mean, sd, half = mean_and_interval(values)
+        swept = {key: _cell(value) for key, value in first["swept"].items()}
+        return {
+            "scenario": first["scenario"],
+            "name": first["name"],
+            **swept,
+            **{key: first[key] for key in ("kind", "item", "unit")},
+            "seeds": len(rows),
+            "failed": failed,
+            "rmse_mean": mean,
+            "rmse_sd": sd,
+            "rmse_low_95": mean - half,
+            "rmse_high_95": mean + half,
+            "rmse_worst": float(values.max()),
+            **{f"{key}_mean": _mean(row[key] for row in rows) for key in SCORES if key != "rmse"},
+        }
+
+
+def mean_and_interval(values: Floats) -> tuple[float, float, float]:
+    """Mean, SD and half of the 95 % interval of the mean (Student) of (N,); NaN where N is too small."""
+    finite = values[np.isfinite(values)]
+    count = len(finite)
+    if count == 0:
+        return math.nan, math.nan, math.nan
+    mean = float(finite.mean())
+    if count == 1:
+        return mean, math.nan, math.nan
+    sd = float(finite.std(ddof=1))
+    return mean, sd, float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, count - 1)) * sd / math.sqrt(count)
+
+
+def _cell(value: Any) -> Any:
+    """Numbers stay numbers, None stays empty, all else becomes a text."""
+    if value is None:
+        return None
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else shown(value)
+
+
+def _counted(values: Iterable[int]) -> dict[int, int]:
+    found: dict[int, int] = {}
+    for value in values:
+        found[value] = found.get(value, 0) + 1
+    return found
+
+
+def _mean(values: Iterable[float]) -> float:
+    finite = [value for value in values if math.isfinite(value)]
+    return sum(finite) / len(finite) if finite else math.nan
+
+
+def _description(result: StudyResult) -> dict[str, object]:
+    study = result.study
+    plain = {key: _toml(value) for key, value in study.fixed.items() if value is not None}
+    return {
+        "format": 1,
+        "oarlock": _core.__version__,
+        "title": study.title,
+        "model": study.model.name,
+        "parameters": dict(study.model.parameters),
+        "simulator": repr(study.simulator),
+        "seeds": list(study.seeds),
+        "start_s": study.start_s,
+        "runs": study.run_count,
+        "failed": len(result.failures),
+        "identity_sha256": identity(study),
+        "fixed": plain,
+        "scenario": [
+            {"name": s.name, "values": {k: _toml(v) for k, v in s.values.items() if v is not None}}
+            for s in study.expanded()
+        ],
+    }
+
+
+def _toml(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _toml(one) for key, one in value.items()}
+    return [("none" if one is None else one) for one in value] if isinstance(value, list | tuple) else value

@@ -1,0 +1,236 @@
+"""What the filter is told of the body and its sensors, which may be wrong."""
+
+from __future__ import annotations
+
+import tomllib
+import zlib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from oarlock._core import Config, Model
+from oarlock.evaluation.study.keys import ONE, StudyKey, Value, by_name, number_for
+from oarlock.evaluation.study.trial import QUANTITIES, StudyTrial
+from oarlock.recording.calibration import Calibration
+from oarlock.storage.errors import DataError
+from oarlock.storage.suggest import did_you_mean
+from oarlock.storage.toml import toml_text
+from oarlock.tracking.track import Track
+
+_STD_KEYS = {"gyro": ("gyro_std_rad_s",), "accel": ("accel_std_m_s2",), "mag": ("mag_std_ut",)}
+
+
+def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
+    """How wrong the filter's knowledge is, by name."""
+    described = model.describe()
+    units = tuple(s["name"] for s in described["sensors"] if s["kind"] == "imu")
+    parameters = tuple(p["name"] for p in described["parameters"])
+    return by_name(
+        [
+            StudyKey(
+                "mount_error_deg",
+                "by_name",
+                0.0,
+                "each unit turned by this about an axis of its own, drawn anew for each seed",
+                least=0.0,
+                most=180.0,
+                choices=(*units, ONE),
+            ),
+            StudyKey(
+                "mount_offset_error_m",
+                "by_name",
+                0.0,
+                "each unit moved by this in a direction of its own",
+                least=0.0,
+                choices=(*units, ONE),
+            ),
+            StudyKey(
+                "length_error_percent",
+                "by_name",
+                0.0,
+                f"standard deviation of the error of each length ({', '.join(lengths[:3])} ...)",
+                least=0.0,
+                most=50.0,
+                choices=parameters,
+            ),
+            StudyKey(
+                "parameter_error",
+                "by_name",
+                0.0,
+                "error of each parameter in units of the standard deviation that the model file gives it",
+                least=0.0,
+                choices=parameters,
+            ),
+            StudyKey(
+                "vertical_error_deg",
+                "number",
+                0.0,
+                "the root is tilted by this to a side that the seed draws, and the filter holds it level",
+                least=0.0,
+                most=90.0,
+            ),
+            StudyKey(
+                "start_error_deg",
+                "number",
+                None,
+                "the filter is told the start posture, wrong by this standard deviation; none: not told",
+                least=0.0,
+                optional=True,
+            ),
+            StudyKey(
+                "noise_told",
+                "choice",
+                "true",
+                "whether the filter is told a noise_factor, or believes the model file",
+                choices=("true", "nominal"),
+            ),
+            StudyKey("smooth", "boolean", False, "smooth over the whole recording"),
+        ]
+    )
+
+
+def told_model(model: Model, values: Mapping[str, Value], seed: int) -> Model:
+    """The model file as the filter reads it: `model.*` keys applied, noise as it is, its vertical wrong.
+
+    Raises:
+        ModelError: a changed file is refused.
+        DataError: a key leads nowhere in the file.
+    """
+    edits = {
+        name.removeprefix("model."): value for name, value in values.items() if name.startswith("model.")
+    }
+    factors = _noise_factors(values) if values["noise_told"] == "true" else {}
+    tilt_deg = number_for(values["vertical_error_deg"], "")
+    if not edits and not factors and not tilt_deg:
+        return model
+    document = tomllib.loads(model.text)
+    for path, value in edits.items():
+        _set(document, path, value)
+    if tilt_deg:
+        _tilt(document, model, tilt_deg, seed)
+    for sensor in document.get("sensor", []):
+        for name, factor in factors.items():
+            keys = _STD_KEYS.get(name, ("std", "std_m"))
+            for key in (k for k in keys if k in sensor):
+                sensor[key] = _scaled(sensor[key], factor)
+    for joint in document.get("joint", []):
+        if "std" in joint and "encoder" in factors:
+            joint["std"] = _scaled(joint["std"], factors["encoder"])
+    return Model.from_toml(toml_text(document), model.path, model.parameters)
+
+
+def _tilt(document: dict[str, Any], model: Model, angle_deg: float, seed: int) -> None:
+    """Turns what the file calls up and forward about a level axis."""
+    world = model.describe()["world"]
+    up, forward = np.asarray(world["up"]), np.asarray(world["forward"])
+    side = np.random.default_rng([seed, 5]).uniform(0.0, 2.0 * np.pi)
+    axis = np.cos(side) * forward + np.sin(side) * np.cross(up, forward)
+    turn = Rotation.from_rotvec(np.radians(angle_deg) * axis)
+    document["world"] = document.get("world", {}) | {
+        "up": turn.apply(up).tolist(),
+        "forward": turn.apply(forward).tolist(),
+    }
+
+
+def check_model_key(model: Model, path: str) -> None:
+    """Refuses a path that leads nowhere in the model file.
+
+    Raises:
+        DataError: names the nearest key.
+    """
+    _set(tomllib.loads(model.text), path, None)
+
+
+def _noise_factors(values: Mapping[str, Value]) -> dict[str, float]:
+    whole = number_for(values.get("noise_factor", 1.0), "", 1.0)
+    factors = {
+        name: whole * number_for(values.get(f"{name}_noise_factor", 1.0), "", 1.0) for name in QUANTITIES
+    }
+    # a filter that is told of no noise divides by nought
+    return {name: max(factor, 1e-3) for name, factor in factors.items() if factor != 1.0}
+
+
+def _scaled(value: Any, factor: float) -> Any:
+    return value * factor if isinstance(value, int | float) else f"({value}) * {factor!r}"
+
+
+def _set(document: dict[str, Any], path: str, value: Value) -> None:
+    """Sets a key; an entry of a list of tables is found by its name (`closure.r_grip.std_m`)."""
+    here: Any = document
+    *way, last = path.split(".")
+    for part in way:
+        if isinstance(here, list):
+            names = [entry.get("name", "") for entry in here]
+            if part not in names:
+                raise DataError(f'the model file has no entry "{part}" there. {did_you_mean(part, names)}')
+            here = here[names.index(part)]
+        else:
+            if part not in here:
+                raise DataError(f'the model file has no "{part}" there. {did_you_mean(part, here)}')
+            here = here[part]
+    if not isinstance(here, dict) or last not in here:
+        known = here if isinstance(here, dict) else [entry.get("name", "") for entry in here]
+        raise DataError(f'the model file has no key "{last}" there. {did_you_mean(last, known)}')
+    here[last] = value
+
+
+def calibration_told(
+    model: Model, lengths: tuple[str, ...], values: Mapping[str, Value], seed: int
+) -> Calibration | None:
+    """Lengths and mounts as the filter is told them; None where nothing is wrong.
+
+    Directions and signs follow from the seed alone, so that scenarios of one seed differ in size only.
+    """
+    parameters = _parameters(model, lengths, values, seed)
+    mounts = _mounts(model, values, seed)
+    return Calibration(parameters=parameters, mounts=mounts) if parameters or mounts else None
+
+
+def _parameters(
+    model: Model, lengths: tuple[str, ...], values: Mapping[str, Value], seed: int
+) -> dict[str, float]:
+    percent, factor = values["length_error_percent"], values["parameter_error"]
+    found: dict[str, float] = {}
+    for parameter in model.describe()["parameters"]:
+        name, true = parameter["name"], parameter["value"]
+        draw = np.random.default_rng([seed, 1, zlib.crc32(name.encode())]).standard_normal()
+        listed = isinstance(percent, Mapping) or name in lengths
+        off = 0.01 * number_for(percent, name) * true if listed else 0.0
+        off += number_for(factor, name) * (parameter["std"] or 0.0)
+        if off:
+            found[name] = true + off * float(draw)
+    return found
+
+
+def _mounts(model: Model, values: Mapping[str, Value], seed: int) -> dict[str, tuple[Any, Any]]:
+    found = {}
+    for sensor in model.describe()["sensors"]:
+        name = sensor["name"]
+        angle = np.radians(number_for(values["mount_error_deg"], name))
+        moved = number_for(values["mount_offset_error_m"], name)
+        if sensor["kind"] != "imu" or not (angle or moved):
+            continue
+        draw = np.random.default_rng([seed, 2, zlib.crc32(name.encode())]).standard_normal((2, 3))
+        axis, away = draw / np.linalg.norm(draw, axis=1, keepdims=True)
+        turned = np.asarray(sensor["mount"]["rotation"]) @ Rotation.from_rotvec(angle * axis).as_matrix()
+        found[name] = (turned, np.asarray(sensor["mount"]["offset"]) + moved * away)
+    return found
+
+
+def config_told(model: Model, trial: StudyTrial, values: Mapping[str, Value], seed: int) -> Config:
+    """The configuration of one run."""
+    keys = {name.removeprefix("config."): v for name, v in values.items() if name.startswith("config.")}
+    error = values["start_error_deg"]
+    if error is not None:
+        keys["initial_q"] = start_posture(trial.truth, number_for(error, ""), seed)
+    return Config(**keys)
+
+
+def start_posture(truth: Track, error_deg: float, seed: int) -> list[float]:
+    """Where the truth begins, hinges and balls wrong by a standard deviation, slides as they are."""
+    angles = np.array([unit == "rad" for unit in truth.coordinate_units])
+    draw = np.random.default_rng([seed, 3]).standard_normal(len(angles))
+    start = truth.q[0] + np.where(angles, np.radians(error_deg) * draw, 0.0)
+    return [float(value) for value in start]

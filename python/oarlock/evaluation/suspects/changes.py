@@ -1,0 +1,226 @@
+"""What may be wrong with sensors, each as the change that would put it right."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations, permutations, product
+from math import pi
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from oarlock.evaluation.suspects.text import axes_text, exchange_text, factor_text, stuck_text, turn_text
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream, Stream
+from oarlock.storage.array_gate import FloatArray
+
+if TYPE_CHECKING:
+    from oarlock._core import Model
+
+UNIT_FIELDS = ("gyro_rad_s", "accel_m_s2", "mag_ut")
+GRAVITY_M_S2 = 9.80665
+LESS_USUAL, RARE = 1.1, 1.25
+"""A fault that happens less, or seldom, has to explain a second better than a usual one, by this factor."""
+MOST_DOUBLE = 6
+"""Two exchanges at a time are tried among no more streams than this."""
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """One fault, and how readings would have to be changed if it were there.
+
+    Args:
+        fault: "exchanged", "unit", "sign", "turned", "axes".
+        streams: which streams it is about.
+        text: what they look like, and what to do, as a whole sentence or two.
+        names: stream -> the name it should have.
+        fields: whose values are changed; empty for an exchange.
+        matrix: (3, 3) right axes from recorded ones, or a factor.
+        rarity: 1 for what happens often, more for what seldom does.
+    """
+
+    fault: str
+    streams: tuple[str, ...]
+    text: str
+    names: Mapping[str, str] = field(default_factory=dict)
+    fields: tuple[str, ...] = ()
+    matrix: FloatArray | float = 1.0
+    rarity: float = 1.0
+
+    def applied(self, recording: Recording) -> Recording:
+        """The recording as it would be without the fault."""
+        return Recording([self._mended(s) if s.name in self.streams else s for s in recording.streams])
+
+    def _mended(self, stream: Stream) -> Stream:
+        values = {n: self._right(v) if n in self.fields else v for n, v in stream.values.items()}
+        name = self.names.get(stream.name, stream.name)
+        return type(stream)(name, stream.time_s, **values)  # type: ignore[arg-type]
+
+    def _right(self, rows: FloatArray) -> FloatArray:
+        return np.asarray(rows * self.matrix if isinstance(self.matrix, float) else rows @ self.matrix.T)
+
+
+def exchanges(groups: Iterable[Sequence[str]]) -> Iterator[Change]:
+    """Two streams of a kind in each other's place."""
+    for group in groups:
+        yield from (_exchanged((pair,)) for pair in combinations(group, 2))
+
+
+def exchanges_of_two(groups: Iterable[Sequence[str]]) -> Iterator[Change]:
+    """Two pairs of a kind in each other's place at a time, where streams are few."""
+    for group in groups:
+        doubles = combinations(combinations(group, 2), 2) if len(group) <= MOST_DOUBLE else ()
+        yield from (_exchanged(two) for two in doubles if len({n for pair in two for n in pair}) == 4)
+
+
+def value_changes(angles: Sequence[Stream], places: Sequence[Stream], units: bool) -> Iterator[Change]:
+    """Signs, or `units`, of encoders: one, two or all of a kind at a time. Units are where numbers are large."""
+    for group, factors in ((angles, _ANGLES), (places, _PLACES)):
+        for what, factor, least in factors:
+            if units != (factor != -1.0):
+                continue
+            names = [s.name for s in group if _largest(s.values["value"]) > least]
+            for together in _together(names):
+                text = factor_text(together, "value", what, factor)
+                rarity = 1.0 if len(together) == 1 or units else LESS_USUAL if len(together) == 2 else RARE
+                fault = "unit" if units else "sign"
+                yield Change(fault, together, text, {}, ("value",), factor, rarity)
+
+
+def stuck_values(streams: Sequence[Stream]) -> Iterator[Change]:
+    """Encoders that give one number throughout: their readings are left out."""
+    for stream in streams:
+        values = stream.values["value"]
+        there = values[np.isfinite(values)]
+        if len(there) > 1 and (there == there[0]).all():
+            text = stuck_text(stream.name, float(there[0]))
+            yield Change("stuck", (stream.name,), text, {}, ("value",), float("nan"), RARE)
+
+
+def unit_signs(names: Sequence[str], together: bool) -> Iterator[Change]:
+    """Signs of gyroscopes and accelerometers: of each unit, or of all of them."""
+    for streams in [tuple(names)] if together else [(name,) for name in names]:
+        for quantity, what in _UNIT_SIGNS:
+            yield Change("sign", streams, factor_text(streams, quantity, what, -1.0), {}, (quantity,), -1.0)
+
+
+def unit_factors(units: Sequence[ImuStream]) -> Iterator[Change]:
+    """Units of gyroscopes and accelerometers, where numbers are large or small: of each unit, and of all of them."""
+    for quantity, what, factor, low, high in _UNIT_FACTORS:
+        there = [s for s in units if quantity in s.values and low < _largest(s.values[quantity]) < high]
+        for streams in _alone_and_all([s.name for s in there]):
+            yield Change(
+                "unit", streams, factor_text(streams, quantity, what, factor), {}, (quantity,), factor
+            )
+
+
+def turns(names: Sequence[str], together: bool) -> Iterator[Change]:
+    """A unit turned by quarter turns on what carries it, or with two axes exchanged or one reversed."""
+    for streams in [tuple(names)] if together else [(name,) for name in names]:
+        for matrix in PROPER:
+            half = abs(np.trace(matrix) + 1.0) < 0.5
+            text = turn_text(streams, matrix)
+            yield Change("turned", streams, text, {}, UNIT_FIELDS, matrix, 1.0 if half else LESS_USUAL)
+        for matrix in MIRRORS:
+            yield Change(
+                "axes", streams, axes_text(streams, UNIT_FIELDS, matrix), {}, UNIT_FIELDS, matrix, RARE
+            )
+        for quantity in UNIT_FIELDS[:2]:
+            for matrix in MIRRORS:
+                text = axes_text(streams, (quantity,), matrix)
+                yield Change("axes", streams, text, {}, (quantity,), matrix, RARE)
+
+
+def compass_changes(names: Sequence[str], together: bool) -> Iterator[Change]:
+    """Axes and unit of magnetometers: of each unit, or of all of them."""
+    for streams in [tuple(names)] if together else [(name,) for name in names]:
+        for matrix in (*PROPER, *MIRRORS, -np.eye(3)):
+            text = axes_text(streams, ("mag_ut",), matrix)
+            half = np.count_nonzero(np.diag(matrix)) == 3
+            yield Change("axes", streams, text, {}, ("mag_ut",), matrix, 1.0 if half else LESS_USUAL)
+        for what, factor in _COMPASS_UNITS:
+            text = factor_text(streams, "mag_ut", what, factor)
+            yield Change("unit", streams, text, {}, ("mag_ut",), factor)
+
+
+@dataclass(frozen=True, eq=False)
+class LikeStreams:
+    """Streams of a kind: inertial units, encoders of angles, and those of places."""
+
+    units: tuple[ImuStream, ...]
+    angles: tuple[Stream, ...]
+    places: tuple[Stream, ...]
+
+    @classmethod
+    def of(cls, model: Model, recording: Recording) -> LikeStreams:
+        """By what the model says of the joints that they read."""
+        described = model.describe()
+        slides = {joint["name"] for joint in described["joints"] if joint["kind"] == "slide"}
+        joint_of = {s["name"]: s["joint"] for s in described["sensors"] if s["kind"] == "encoder"}
+        scalars = [s for s in recording.streams if s.kind == "scalar"]
+        places = [s.name for s in scalars if joint_of.get(s.name, s.name) in slides]
+        return cls(
+            tuple(s for s in recording.streams if isinstance(s, ImuStream)),
+            tuple(s for s in scalars if s.name not in places),
+            tuple(s for s in scalars if s.name in places),
+        )
+
+
+def _largest(rows: FloatArray) -> float:
+    """Largest magnitude that is there; 0 without any."""
+    sizes = np.abs(rows) if rows.ndim == 1 else np.sqrt((rows**2).sum(axis=1))
+    sizes = sizes[np.isfinite(sizes)]
+    return float(sizes.max()) if sizes.size else 0.0
+
+
+def _alone_and_all(names: Sequence[str]) -> list[tuple[str, ...]]:
+    return [(name,) for name in names] + ([tuple(names)] if len(names) > 1 else [])
+
+
+def _together(names: Sequence[str]) -> list[tuple[str, ...]]:
+    found: list[tuple[str, ...]] = [(name,) for name in names]
+    if len(names) <= MOST_DOUBLE:
+        found += list(combinations(names, 2))
+    return found + ([tuple(names)] if len(names) > 2 else [])
+
+
+def _exchanged(pairs: Sequence[tuple[str, str]]) -> Change:
+    names = {one: other for a, b in pairs for one, other in ((a, b), (b, a))}
+    streams = tuple(name for pair in pairs for name in pair)
+    return Change("exchanged", streams, exchange_text(pairs), names, rarity=1.0 if len(pairs) == 1 else RARE)
+
+
+def _signed_permutations() -> list[FloatArray]:
+    found = []
+    for order in permutations(range(3)):
+        for signs in product((1.0, -1.0), repeat=3):
+            matrix = np.zeros((3, 3))
+            matrix[range(3), order] = signs
+            found.append(matrix)
+    return found
+
+
+PROPER = tuple(m for m in _signed_permutations() if np.linalg.det(m) > 0 and np.trace(m) < 2.5)
+"""Quarter and half turns about an axis, and thirds about a diagonal: 23."""
+_REFLECTED = [m for m in _signed_permutations() if np.linalg.det(m) < 0]
+MIRRORS = tuple(
+    m for m in _REFLECTED if not (m < 0).any() or ((m < 0).sum() == 1 and np.count_nonzero(np.diag(m)) == 3)
+)
+"""Two axes exchanged, or one reversed: 6."""
+
+# With what a reading has to exceed for a fault to show at all.
+_ANGLES = (("with the wrong sign", -1.0, 0.0), ("in degrees", pi / 180.0, 2.0))
+_PLACES = (("with the wrong sign", -1.0, 0.0), ("in cm", 0.01, 3.0), ("in mm", 0.001, 20.0))
+_UNIT_SIGNS = (
+    ("gyro_rad_s", "with the wrong sign"),
+    ("accel_m_s2", "with the sign of gravity (it reads -9.8 m/s2 upwards at rest)"),
+)
+_UNIT_FACTORS = (
+    ("gyro_rad_s", "in deg/s", pi / 180.0, 5.0, np.inf),
+    ("gyro_rad_s", "converted from deg/s twice", 180.0 / pi, 0.0, 0.6),
+    ("accel_m_s2", "in g", GRAVITY_M_S2, 0.0, 6.0),
+    ("accel_m_s2", "in mg", GRAVITY_M_S2 / 1000.0, 500.0, np.inf),
+    ("accel_m_s2", "converted from g twice", 1.0 / GRAVITY_M_S2, 40.0, np.inf),
+)
+_COMPASS_UNITS = (("in gauss", 100.0), ("in mG", 0.1), ("in nT", 0.001))

@@ -1,0 +1,178 @@
+"""How well a model explains a second of readings, by a filter that expects the errors of the field."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from oarlock import _core
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream, Stream
+from oarlock.storage.toml import toml_text
+
+if TYPE_CHECKING:
+    from oarlock._core import Model, Run
+    from oarlock.recording.calibration import Calibration
+
+# What mounts 5 deg off, lengths 5 % off, soft tissue and iron nearby do to a reading, rather than its noise at rest.
+GYRO_STD_RAD_S = 0.15
+ACCEL_STD_M_S2 = 1.0
+MAG_STD_UT = 6.0
+HINGE_STD_RAD = 0.02
+PLACE_STD_M = 0.02
+CLOSURE_STD_AXIS = 0.1
+# A second may begin in full motion, and is too short to learn how a body is driven.
+RATES_WIDER, DRIVEN_HARDER = 6.0, 5.0
+START_WINDOWS_S = (0.1, 0.25, 0.04)
+# Where many faults are sifted, noise is so large that a start fit ends soon, however wrong the hypothesis.
+SIFTING_NOISE = 4.0
+
+USUAL = 0.5
+"""Misfit that ordinary errors of the field explain."""
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """Squared innovations over what the filter for field errors expects, mean of all readings; and of each source.
+
+    `posture` is the one it began with, rad and m.
+    """
+
+    total: float
+    by_source: Mapping[str, float]
+    posture: tuple[float, ...] = ()
+
+
+LOST = Misfit(float("inf"), {})
+
+
+class Judge:
+    """Tracks short recordings of one model side by side and says how badly each fits."""
+
+    def __init__(self, model: Model, calibration: Calibration | None, closures: bool = True) -> None:
+        described = model.describe()
+        self._model, self._rough = (
+            coarse(model.text, model.path, tuple(model.parameters.items()), noise)
+            for noise in (1.0, SIFTING_NOISE)
+        )
+        self._calibration = calibration
+        self._closures = closures
+        self._bases = [base["name"] for base in described["base_acceleration"]]
+        self._units = {s["name"] for s in described["sensors"] if s["kind"] == "imu"}
+
+    def misfits(self, recordings: Sequence[Recording]) -> list[Misfit]:
+        """Of each recording; a longer start is tried where the first does not fit."""
+        found = self._tracked(self._model, recordings, START_WINDOWS_S[0])
+        for window_s in START_WINDOWS_S[1:]:
+            bad = [i for i, fit in enumerate(found) if fit.total > USUAL]
+            again = self._tracked(self._model, [recordings[i] for i in bad], window_s)
+            for i, fit in zip(bad, again, strict=True):
+                found[i] = min(found[i], fit, key=lambda one: one.total)
+        return found
+
+    def sifted(self, recordings: Sequence[Recording]) -> list[Misfit]:
+        """As `misfits`, quickly, and only to be compared with each other."""
+        return self._tracked(self._rough, recordings, START_WINDOWS_S[0])
+
+    def misfit(self, recording: Recording) -> Misfit:
+        """Of one recording."""
+        return self.misfits([recording])[0]
+
+    def misfits_from(self, recordings: Sequence[Recording], posture: tuple[float, ...]) -> list[Misfit]:
+        """Of each recording, started near this posture."""
+        return self._tracked(self._model, recordings, START_WINDOWS_S[0], posture)
+
+    def _tracked(
+        self, model: Model, recordings: Sequence[Recording], window_s: float, posture: tuple[float, ...] = ()
+    ) -> list[Misfit]:
+        config = self._config(window_s, posture)
+        jobs = [(recording, self._calibration, config) for recording in recordings]
+        runs = _core.track_many(model, jobs, False, None, None) if jobs else []
+        return [self._misfit(run[0]) if isinstance(run, tuple) else LOST for run in runs]
+
+    def _config(self, window_s: float, posture: tuple[float, ...]) -> _core.Config:
+        return _core.Config(
+            estimate=self._bases,
+            closures=self._closures,
+            magnetometer="on",
+            filter="ekf",
+            gate=False,
+            learning_memory_s=None,
+            start_window_s=window_s,
+            initial_q=list(posture) or None,
+        )
+
+    def _misfit(self, run: Run) -> Misfit:
+        infos = run.infos()
+        nis, used = np.nan_to_num(infos["nis"]).sum(axis=0), infos["used"].sum(axis=0)
+        alone = np.array([name not in self._units for name in run.source_names], dtype=bool)
+        total = np.nansum(infos["inertial_nis"]) + nis[alone].sum()
+        rows = infos["inertial_used"].sum() + used[alone].sum()
+        each = zip(run.source_names, nis, used, strict=True)
+        by_source = {name: float(n / u) for name, n, u in each if u}
+        mean = float(total / rows) if rows and np.isfinite(total) else float("inf")
+        return Misfit(mean, by_source, self._posture(run))
+
+    def _posture(self, run: Run) -> tuple[float, ...]:
+        columns = {name: i for i, name in enumerate(run.state_names)}
+        states = run.states([columns.get(name) for name in self._model.coordinate_names], False)
+        return tuple(float(x) for x in np.nan_to_num(states[0])) if len(states) else ()
+
+
+def without_magnetometers(recording: Recording, names: Sequence[str]) -> Recording | None:
+    """The recording without the magnetic fields of these units; None if nothing else is left."""
+    kept: list[Stream] = []
+    for stream in recording.streams:
+        if not isinstance(stream, ImuStream) or stream.name not in names:
+            kept.append(stream)
+        elif stream.gyro_rad_s is not None or stream.accel_m_s2 is not None:
+            kept.append(replace(stream, mag_ut=None))
+    return Recording(kept) if kept else None
+
+
+def has_magnetometers(recording: Recording) -> bool:
+    """Whether any unit has one."""
+    return any(isinstance(s, ImuStream) and s.mag_ut is not None for s in recording.streams)
+
+
+@lru_cache(maxsize=8)
+def coarse(text: str, path: str, parameters: tuple[tuple[str, float], ...], noise: float) -> Model:
+    """The model of this text whose readings err as in the field, times `noise`, and whose start may be in motion."""
+    document = tomllib.loads(text)
+    slides = {joint["name"] for joint in document.get("joint", ()) if joint.get("kind") == "slide"}
+    for sensor in document.get("sensor", ()):
+        _widen(sensor, "gyro_std_rad_s", noise * GYRO_STD_RAD_S)
+        _widen(sensor, "accel_std_m_s2", noise * ACCEL_STD_M_S2)
+        _widen(sensor, "mag_std_ut", noise * MAG_STD_UT)
+        _widen(sensor, "std", noise * (PLACE_STD_M if sensor.get("joint") in slides else HINGE_STD_RAD))
+        _widen(sensor, "std_m", noise * PLACE_STD_M)
+    for closure in document.get("closure", ()):
+        _widen(closure, "std_m", noise * PLACE_STD_M)
+        _widen(closure, "std_axis", noise * CLOSURE_STD_AXIS)
+    processes = list(document.get("process", {}).values())
+    processes += [
+        joint[k] for joint in document.get("joint", ()) for k in ("process", "translation") if k in joint
+    ]
+    for process in processes:
+        _free(process)
+    return _core.Model.from_toml(toml_text(document), path, dict(parameters))
+
+
+def _widen(table: dict[str, Any], key: str, least: float) -> None:
+    if key in table:
+        table[key] = max(table[key], least) if isinstance(table[key], int | float) else least
+
+
+def _free(process: object) -> None:
+    if not isinstance(process, dict):
+        return
+    if isinstance(process.get("density"), int | float):
+        process["density"] *= DRIVEN_HARDER
+    start = process.get("start_std")
+    if isinstance(start, list) and len(start) == 3 and all(isinstance(x, int | float) for x in start):
+        process["start_std"] = [start[0], start[1] * RATES_WIDER, start[2] * RATES_WIDER]

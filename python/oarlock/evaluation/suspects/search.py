@@ -1,0 +1,232 @@
+"""Which change makes a second of readings fit: one fault after the other, at most three."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from oarlock.evaluation.suspects.changes import (
+    Change,
+    LikeStreams,
+    compass_changes,
+    exchanges,
+    exchanges_of_two,
+    stuck_values,
+    turns,
+    unit_factors,
+    unit_signs,
+    value_changes,
+)
+from oarlock.evaluation.suspects.fit import USUAL, Judge, Misfit, has_magnetometers, without_magnetometers
+from oarlock.recording.recording import Recording
+
+if TYPE_CHECKING:
+    from oarlock._core import Model
+
+MOST_FAULTS = 3
+EXPLAINS = 1.8
+"""A change that puts right the last fault makes the misfit smaller by this factor at least."""
+HELPS = 1.3
+"""The same of one after which others are left."""
+ALIKE = 1.25
+"""Changes whose misfits differ by less than this cannot be told apart."""
+STARTS = 4
+FLOOR = 0.1
+"""Misfits far below the usual one are all as good."""
+RATE_HZ, SCREEN_HZ = 50.0, 25.0
+FINALISTS = 5
+SETTLED, SETTLES = 0.7, 4.0
+"""So far below the usual misfit, and so much less than before: nothing else need be tried."""
+UNITS_DOUBTED, CLOSE = 3, 2.0
+"""At most so many units are doubted, and none that leaves the rest with so much more misfit than another does."""
+MOST_EXCHANGED = 8
+"""Exchanges are sought among no more units than this: those that fit worst."""
+
+
+Ranking: TypeAlias = list[tuple[Change, Misfit]]
+
+
+@dataclass(frozen=True, eq=False)
+class Second:
+    """A second of readings on a fine grid, and on a coarse one to sift by."""
+
+    model: Model
+    fine: Recording
+    coarse: Recording
+
+    @property
+    def like(self) -> LikeStreams:
+        """Its streams by kind."""
+        return LikeStreams.of(self.model, self.fine)
+
+    def applied(self, change: Change) -> Second:
+        """As it would be without the fault."""
+        return Second(self.model, change.applied(self.fine), change.applied(self.coarse))
+
+    def without(self, names: Sequence[str]) -> Second | None:
+        """Without these streams; None if nothing is left."""
+        parts = [[s for s in r.streams if s.name not in names] for r in (self.fine, self.coarse)]
+        return Second(self.model, *(Recording(part) for part in parts)) if all(parts) else None
+
+    def without_magnetometers(self, names: Sequence[str]) -> Second | None:
+        """Without the magnetic fields of these units."""
+        fine, coarse = (without_magnetometers(r, names) for r in (self.fine, self.coarse))
+        return Second(self.model, fine, coarse) if fine is not None and coarse is not None else None
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A change, the misfit before and after it, and others that do nearly as well."""
+
+    change: Change
+    before: float
+    after: float
+    others: tuple[Change, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What was found, in order; the misfit that is left, and the stream without which it would be least."""
+
+    found: tuple[Found, ...]
+    misfit: Misfit
+    contradicts: str = ""
+    without_it: float = float("nan")
+
+
+def search(judge: Judge, second: Second) -> Outcome:
+    """Name faults one after the other until the second fits."""
+    found: list[Found] = []
+    first = misfit = judge.misfit(second.fine)
+    left = second
+    while misfit.total > USUAL and len(found) < MOST_FAULTS:
+        ranked = _ranked(judge, left, misfit)
+        misfit = _from_their_starts(judge, left, misfit, ranked)
+        if not found:
+            first = misfit
+        best = _best(misfit, ranked)
+        if misfit.total <= USUAL or best is None:
+            break
+        found.append(best)
+        left = left.applied(best.change)
+        misfit = judge.misfit(left.fine)
+    if first.total <= USUAL:
+        return Outcome((), first)
+    if found and misfit.total <= max(USUAL, first.total / EXPLAINS ** (len(found) + 1)):
+        return Outcome(tuple(found), misfit)
+    return Outcome((), first, *_contradicting(judge, second))
+
+
+def _ranked(judge: Judge, second: Second, misfit: Misfit) -> Ranking:
+    """Changes that help most; rarer kinds are tried only where no usual one settles it."""
+    ranked: Ranking = []
+    for family in (_units, _usual, _rare):
+        changes = _sifted(judge, second, list(family(judge, second, misfit)))
+        fits = judge.misfits([change.applied(second.fine) for change in changes])
+        ranked = sorted(
+            [*ranked, *zip(changes, fits, strict=True)], key=lambda pair: pair[1].total * pair[0].rarity
+        )
+        if ranked and ranked[0][1].total < min(SETTLED * USUAL, misfit.total / SETTLES):
+            break
+    return _from_the_best_start(judge, second, ranked)
+
+
+def _from_the_best_start(judge: Judge, second: Second, ranked: Ranking) -> Ranking:
+    """Again, with all that came near started where the best one did, so that they compete by what they explain."""
+    if not ranked or not ranked[0][1].posture:
+        return ranked
+    rivals = [pair[0] for pair in ranked[1 : 1 + STARTS]]
+    fits = judge.misfits_from([c.applied(second.fine) for c in rivals], ranked[0][1].posture)
+    better = {id(c): fit for c, fit in zip(rivals, fits, strict=True)}
+    again = [(c, min(fit, better.get(id(c), fit), key=lambda one: one.total)) for c, fit in ranked]
+    return sorted(again, key=lambda pair: _weighed(*pair))
+
+
+def _from_their_starts(judge: Judge, second: Second, misfit: Misfit, ranked: Ranking) -> Misfit:
+    """The misfit without any change, from the postures that changes led to: a lucky start is no evidence of a fault."""
+    starts = [fit.posture for _, fit in ranked[:STARTS] if fit.total < misfit.total and fit.posture]
+    tried = [fit for posture in starts for fit in judge.misfits_from([second.fine], posture)]
+    return min([misfit, *tried], key=lambda fit: fit.total)
+
+
+def _best(misfit: Misfit, ranked: Ranking) -> Found | None:
+    if not ranked:
+        return None
+    best, fit = ranked[0]
+    needed = EXPLAINS if fit.total <= USUAL else HELPS
+    if not fit.total * needed * best.rarity < misfit.total:
+        return None
+    near = [
+        c for c, f in ranked[1:] if _weighed(c, f) < ALIKE * _weighed(best, fit) and not _more_than(best, c)
+    ]
+    return Found(best, misfit.total, fit.total, tuple(near))
+
+
+def _weighed(change: Change, fit: Misfit) -> float:
+    return (FLOOR + fit.total) * change.rarity
+
+
+def _more_than(one: Change, other: Change) -> bool:
+    """Whether the other is the same fault of further streams, too."""
+    return one.fault == other.fault and set(one.streams) < set(other.streams)
+
+
+def _units(judge: Judge, second: Second, misfit: Misfit) -> Iterator[Change]:
+    like = second.like
+    yield from unit_factors(like.units)
+    yield from value_changes(like.angles, like.places, units=True)
+
+
+def _usual(judge: Judge, second: Second, misfit: Misfit) -> Iterator[Change]:
+    like = second.like
+    names = [s.name for s in like.units]
+    worst = sorted(names, key=lambda name: -misfit.by_source.get(name, 0.0))[:MOST_EXCHANGED]
+    groups = [[n for n in names if n in worst], [s.name for s in like.angles], [s.name for s in like.places]]
+    yield from exchanges(groups)
+    yield from value_changes(like.angles, like.places, units=False)
+    yield from stuck_values([*like.angles, *like.places])
+    yield from unit_signs(names, together=False)
+    if len(names) > 1:
+        yield from unit_signs(names, together=True)
+
+
+def _rare(judge: Judge, second: Second, misfit: Misfit) -> Iterator[Change]:
+    names = [s.name for s in second.like.units]
+    yield from exchanges_of_two([names, [s.name for s in second.like.angles]])
+    yield from turns(_doubted(judge, second, names, Second.without), together=False)
+    plain = second.without_magnetometers(names)
+    if has_magnetometers(second.fine) and plain and judge.misfit(plain.fine).total <= USUAL:
+        doubted = _doubted(judge, second, names, lambda s, cut: s.without_magnetometers(cut))
+        yield from compass_changes(doubted, together=False)
+        if len(names) > 1:
+            yield from compass_changes(names, together=True)
+
+
+def _doubted(
+    judge: Judge, second: Second, units: Sequence[str], cut: Callable[[Second, Sequence[str]], Second | None]
+) -> list[str]:
+    """Units without which the rest fits best."""
+    left = [(name, rest.coarse) for name in units if (rest := cut(second, [name])) is not None]
+    fits = judge.sifted([recording for _, recording in left])
+    ranked = sorted(zip(left, fits, strict=True), key=lambda pair: pair[1].total)
+    close = [name for (name, _), fit in ranked if fit.total <= CLOSE * ranked[0][1].total]
+    return close[:UNITS_DOUBTED] if left else list(units)
+
+
+def _sifted(judge: Judge, second: Second, changes: Sequence[Change]) -> list[Change]:
+    fits = judge.sifted([change.applied(second.coarse) for change in changes])
+    order = np.argsort([fit.total * c.rarity for fit, c in zip(fits, changes, strict=True)], kind="stable")
+    return [changes[i] for i in order[:FINALISTS] if np.isfinite(fits[i].total)]
+
+
+def _contradicting(judge: Judge, second: Second) -> tuple[str, float]:
+    cuts = [(s.name, second.without([s.name])) for s in second.fine.streams]
+    left = [(name, cut.fine) for name, cut in cuts if cut is not None]
+    if len(left) < 2:
+        return "", float("nan")
+    fits = judge.misfits([recording for _, recording in left])
+    best = min(range(len(left)), key=lambda i: fits[i].total)
+    return left[best][0], fits[best].total

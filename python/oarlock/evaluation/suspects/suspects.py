@@ -1,0 +1,178 @@
+"""Faults of sensors, named from a second of readings: exchanged, upside down, in another unit, with the wrong sign."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite, nan
+from typing import TYPE_CHECKING
+
+from oarlock.evaluation.suspects.fit import USUAL, Judge
+from oarlock.evaluation.suspects.search import RATE_HZ, SCREEN_HZ, Found, Outcome, Second, search
+from oarlock.evaluation.suspects.second import liveliest, on_grid
+from oarlock.evaluation.suspects.text import SUSPECT_NOTE
+from oarlock.recording.corrections import corrected
+from oarlock.recording.plausibility import Finding, plausibility
+from oarlock.recording.recording import Recording
+
+if TYPE_CHECKING:
+    from oarlock._core import Config, Model
+    from oarlock.recording.calibration import Calibration
+
+STILL = 0.1
+"""Liveliness below which signs and units of what moves cannot be told."""
+UNEXPLAINED = 1.5
+"""Misfit from which on a sensor is named that contradicts the others, where no fault explains it."""
+ALONE = 2.5
+"""... if the others fit better without it by this factor."""
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A fault that readings show. Nothing was repaired.
+
+    Args:
+        streams: whose.
+        fault: "exchanged", "unit", "sign", "turned", "axes", "stuck", "clipped", "reading", "contradicts" or
+            "untold".
+        message: what it looks like, and what to change.
+        misfit_before: squared innovations over what ordinary errors of the field explain, as recorded; up to 0.5 is
+            usual. NaN where a stream alone shows the fault.
+        misfit_after: the same if the change were made.
+        start_s: where the second begins that shows it, s.
+        others: other faults that explain it nearly as well.
+    """
+
+    streams: tuple[str, ...]
+    fault: str
+    message: str
+    misfit_before: float = nan
+    misfit_after: float = nan
+    start_s: float = nan
+    others: tuple[str, ...] = ()
+
+    @property
+    def note(self) -> str:
+        """The sentence that a track's notes hold."""
+        return str(self) if self.fault == "untold" else f"{SUSPECT_NOTE}{self}"
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain values for JSON; what is unknown is None."""
+        values = {name: getattr(self, name) for name in ("misfit_before", "misfit_after", "start_s")}
+        known = {name: value if isfinite(value) else None for name, value in values.items()}
+        texts = {"fault": self.fault, "message": self.message, "others": list(self.others)}
+        return {"streams": list(self.streams), **texts, **known}
+
+    def __str__(self) -> str:
+        numbers = ""
+        if isfinite(self.misfit_after):
+            numbers = (
+                f" Misfit {_number(self.misfit_before)} as recorded, {_number(self.misfit_after)} so changed; "
+                f"up to {USUAL} is usual."
+            )
+        others = f" Nearly as well fits: {' Or: '.join(self.others)}" if self.others else ""
+        return f"{self.message}{numbers}{others}"
+
+
+def suspects(
+    model: Model,
+    recording: Recording,
+    calibration: Calibration | None = None,
+    config: Config | None = None,
+    *,
+    seconds: float = 1.0,
+) -> tuple[Suspect, ...]:
+    """What is wrong with the sensors of a recording, by one second of it.
+
+    The liveliest second is tracked by a filter that expects the errors of the field: mounts 5 deg off, soft tissue,
+    iron nearby. If it fits badly, it is tracked again under each of some hundred faults put right, and the
+    fault is named that makes it fit as it should, and better than any other does. Then another one is sought, up to
+    three.
+
+    Args:
+        model: the body and its sensors.
+        recording: measured streams; of a live session, what has come so far.
+        calibration: of this wearing; what it corrects is corrected first.
+        config: whether loops and magnetometers are used; None is the default.
+        seconds: how much is looked at, s.
+
+    Returns:
+        Suspects, the strongest first; none where all fits as it usually does.
+
+    Raises:
+        DataError: as `Calibration.corrected`.
+    """
+    measured = corrected(recording, calibration)
+    known = _known(model, measured)
+    alone = [_of_finding(f) for f in plausibility(measured) if f.severity == "error" or f.kind]
+    if known is None:
+        return tuple(alone)
+    still = None if calibration is None else calibration.for_corrected()
+    by_tracking = _by_tracking(model, known, still, config, seconds)
+    named = {name for suspect in by_tracking if suspect.fault != "untold" for name in suspect.streams}
+    return (*by_tracking, *(suspect for suspect in alone if not named.intersection(suspect.streams)))
+
+
+def _known(model: Model, recording: Recording) -> Recording | None:
+    """The streams that the model has a place for."""
+    names = {*model.sensor_names, *(joint["name"] for joint in model.describe()["joints"] if joint["input"])}
+    kept = [name for name in recording.names if name in names]
+    return recording.only(kept) if kept else None
+
+
+def _by_tracking(
+    model: Model,
+    recording: Recording,
+    calibration: Calibration | None,
+    config: Config | None,
+    seconds: float,
+) -> list[Suspect]:
+    start_s, lively = liveliest(recording, seconds)
+    grids = [on_grid(recording, start_s, seconds, rate) for rate in (RATE_HZ, SCREEN_HZ)]
+    if grids[0] is None or grids[1] is None:
+        return []
+    judge = Judge(model, calibration, config.closures if config is not None else True)
+    outcome = search(judge, Second(model, grids[0], grids[1]))
+    return _told(outcome, start_s, lively)
+
+
+def _told(outcome: Outcome, start_s: float, lively: float) -> list[Suspect]:
+    if outcome.found:
+        return [_of_found(found, start_s) for found in outcome.found]
+    total = outcome.misfit.total
+    if total > UNEXPLAINED and outcome.contradicts and outcome.without_it * ALONE < total:
+        return [
+            Suspect(
+                (outcome.contradicts,),
+                "contradicts",
+                f"{outcome.contradicts} contradicts the other sensors, and no usual fault explains it. Look at how it "
+                "is mounted and at its readings.",
+                total,
+                outcome.without_it,
+                start_s,
+            )
+        ]
+    if lively < STILL:
+        return [
+            Suspect(
+                (),
+                "untold",
+                "the recording hardly moves: whether gyroscopes and encoders have the right unit and sign cannot be "
+                "told yet.",
+                start_s=start_s,
+            )
+        ]
+    return []
+
+
+def _of_found(found: Found, start_s: float) -> Suspect:
+    change = found.change
+    others = tuple(other.text for other in found.others)
+    return Suspect(change.streams, change.fault, change.text, found.before, found.after, start_s, others)
+
+
+def _of_finding(finding: Finding) -> Suspect:
+    return Suspect((finding.sensor,), finding.kind or "reading", str(finding))
+
+
+def _number(value: float) -> str:
+    return f"{value:.2f}" if value < 10.0 else f"{value:.3g}"

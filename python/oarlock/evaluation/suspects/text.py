@@ -1,0 +1,132 @@
+"""What a suspicion says: what it looks like, and what to change in which file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from oarlock.storage.array_gate import FloatArray
+
+SUSPECT_NOTE = "Suspect: "
+"""How a note of a track begins that names a suspect."""
+
+_QUANTITY = {"gyro_rad_s": "gyro", "accel_m_s2": "accel", "mag_ut": "mag", "value": "value"}
+_SENSOR = {"gyro_rad_s": "gyroscope", "accel_m_s2": "accelerometer", "mag_ut": "magnetometer"}
+_MAPPING_UNIT = {
+    "in deg/s": "deg/s",
+    "in g": "g",
+    "in mg": "mg",
+    "in degrees": "deg",
+    "in cm": "cm",
+    "in mm": "mm",
+}
+_MAPPING_UNIT |= {"in gauss": "gauss", "in mG": "mG", "in nT": "nT"}
+
+
+def exchange_text(pairs: Sequence[tuple[str, str]]) -> str:
+    """Streams in each other's place."""
+    looks = "; and ".join(f"{a} and {b} look exchanged" for a, b in pairs)
+    return f"{looks}. Give each the other's name where the recording is imported."
+
+
+def factor_text(streams: Sequence[str], quantity: str, what: str, factor: float) -> str:
+    """Readings in another unit or with the other sign."""
+    key = _QUANTITY[quantity]
+    subject = _of(streams, quantity)
+    if (unit := _MAPPING_UNIT.get(what)) is not None:
+        advice = f'set unit = "{unit}" for {key} in the mapping file, or multiply by {factor:.6g}'
+    elif factor == -1.0 and quantity != "value":
+        advice = f'set axes = ["-x", "-y", "-z"] for {key} in the mapping file'
+    else:
+        advice = f"set scale = {factor:.6g} for {key} in the mapping file"
+    return f"{subject} {_look(streams)} {what}: {advice}."
+
+
+def stuck_text(name: str, value: float) -> str:
+    """An encoder that does not follow."""
+    return f"{name} looks stuck: it reads {value:.5g} throughout. Look at the sensor; leave it out meanwhile."
+
+
+def turn_text(streams: Sequence[str], matrix: FloatArray) -> str:
+    """A unit that sits otherwise on what carries it."""
+    name = streams[0] if len(streams) == 1 else "NAME"
+    upside = ", upside down," if _is_half_turn(matrix) else ""
+    return (
+        f"{_of(streams)} {_look(streams)} mounted{upside} turned by {_angle(matrix)}. Turn {_them(streams)}, or set "
+        f"axes = {_axes(matrix)} for gyro, accel and mag in the mapping file, or put mounts.{name}.rotation times "
+        f"{_rows(matrix)} into the calibration."
+    )
+
+
+def axes_text(streams: Sequence[str], quantities: Sequence[str], matrix: FloatArray) -> str:
+    """Readings in axes of another convention."""
+    one = quantities[0] if len(quantities) == 1 else ""
+    keys = _QUANTITY[one] if one else "gyro, accel and mag"
+    what = f"turned by {_angle(matrix)}" if np.linalg.det(matrix) > 0 else _mirrored(matrix)
+    subject = _of(streams, one)
+    advice = f"set axes = {_axes(matrix)} for {keys} in the mapping file"
+    return f"{subject} {_look(streams)} in other axes ({what}): {advice}."
+
+
+def _of(streams: Sequence[str], quantity: str = "") -> str:
+    names = ", ".join(streams)
+    if quantity in _SENSOR:
+        return f"{_SENSOR[quantity]}{'s' if len(streams) > 1 else ''} of {names}"
+    return names
+
+
+def _look(streams: Sequence[str]) -> str:
+    return "looks" if len(streams) == 1 else "look"
+
+
+def _them(streams: Sequence[str]) -> str:
+    return "it" if len(streams) == 1 else "them"
+
+
+def _is_half_turn(matrix: FloatArray) -> bool:
+    return bool(abs(np.trace(matrix) + 1.0) < 0.5 and np.linalg.det(matrix) > 0)
+
+
+def _angle(matrix: FloatArray) -> str:
+    """`180 deg about its x`; the turn is that of the readings, from recorded to right axes."""
+    cosine = (np.trace(matrix) - 1.0) / 2.0
+    angle = round(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+    if angle == 180:
+        values, vectors = np.linalg.eigh(matrix + matrix.T)
+        axis = vectors[:, np.argmax(values)]
+    else:
+        axis = np.array([matrix[i, j] - matrix[j, i] for i, j in ((2, 1), (0, 2), (1, 0))])
+    axis = axis / np.abs(axis).max()
+    if angle == 180 and axis[np.flatnonzero(np.abs(axis) > 0.5)[0]] < 0:
+        axis = -axis
+    return f"{angle} deg about its {_direction(axis)}"
+
+
+def _direction(axis: FloatArray) -> str:
+    parts = [(value, letter) for value, letter in zip(axis, "xyz", strict=True) if abs(value) > 0.5]
+    if len(parts) == 1:
+        return ("-" if parts[0][0] < 0 else "") + parts[0][1]
+    return "diagonal " + " ".join(("-" if value < 0 else "+") + letter for value, letter in parts)
+
+
+def _mirrored(matrix: FloatArray) -> str:
+    if np.allclose(matrix, -np.eye(3)):
+        return "all three reversed"
+    kept = np.flatnonzero(np.diag(matrix) > 0.5)
+    if len(kept) == 2:
+        return f"{'xyz'[int(np.argmin(np.diag(matrix)))]} reversed"
+    return " and ".join("xyz"[i] for i in range(3) if i not in kept) + " exchanged"
+
+
+def _axes(matrix: FloatArray) -> str:
+    """The mapping file's `axes`: which recorded axis gives each right one."""
+    found = []
+    for row in matrix:
+        column = int(np.argmax(np.abs(row)))
+        found.append(f'"{"-" if row[column] < 0 else ""}{"xyz"[column]}"')
+    return f"[{', '.join(found)}]"
+
+
+def _rows(matrix: FloatArray) -> str:
+    return str([[round(x) for x in row] for row in matrix]).replace(" ", "")

@@ -1,0 +1,1 @@
+"""Readers and writers of other software's files, one file a format."""

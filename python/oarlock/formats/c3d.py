@@ -1,0 +1,81 @@
+"""C3D files, through the library ezc3d."""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock.formats.c3d_layout import check_layout
+from oarlock.formats.marker_table import held_unit, markers_of
+from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.errors import DataError
+
+if TYPE_CHECKING:
+    from oarlock.evaluation.markers.trajectories import Markers
+
+_CHILD = Path(__file__).with_name("c3d_child.py")
+
+
+def read_c3d(file: Path, unit: str | None = None) -> Markers:
+    """Read the points of a C3D file.
+
+    A point counts as not seen where its residual is negative, or all its coordinates are 0 or NaN: writers differ.
+    Names are `POINT:LABELS` with those of `LABELS2` and so on behind them; the unit is `POINT:UNITS`. The stamp of a
+    frame is its number less one over the rate, so a cut file keeps the time of the whole trial.
+
+    Source: The C3D File Format, a technical user guide (Motion Lab Systems 2021), parameter section POINT.
+
+    Raises:
+        DataError: ezc3d is not installed, or the file cannot be read or holds no points.
+    """
+    content = _content(file)
+    raw, rate = content["points"], float(content["rate_hz"])
+    count, frames = raw.shape[1:]
+    if not count or not frames:
+        raise DataError(f"{file}: holds {count} points in {frames} frames; nothing to read")
+    position = np.where(_unseen(raw, content["residuals"]), np.nan, raw)
+    names = _names(content["labels"], count, file)
+    if not rate > 0.0:
+        raise DataError(
+            f"{file}: the rate of its points is {rate:g} Hz; expected a positive number (POINT:RATE)"
+        )
+    time_s = (int(content["first_frame"]) + np.arange(frames)) / rate
+    held = held_unit(str(content["unit"]), unit, f"{file}, POINT:UNITS")
+    return markers_of(file, names, time_s, position.transpose(2, 1, 0).reshape(frames, -1), held)
+
+
+def _content(file: Path) -> dict[str, NDArray[Any]]:
+    """What `c3d_child` reads in a process of its own: ezc3d ends the one it runs in on some damaged files."""
+    if find_spec("ezc3d") is None:
+        raise DataError(
+            f"{file}: C3D files are read with ezc3d: pip install 'oarlock[c3d]' (or export the markers as TRC)"
+        )
+    try:
+        check_layout(file.read_bytes(), file)
+    except OSError as error:
+        raise DataError(f"{file}: cannot be read ({error.strerror})") from error
+    # -P: the folder of the script is no place to import from.
+    done = subprocess.run([sys.executable, "-P", str(_CHILD), str(file)], capture_output=True, check=False)
+    if done.returncode != 0:
+        said = done.stderr.decode(errors="replace").strip().splitlines() if done.returncode == 1 else []
+        why = said[-1] if said else f"its reader, ezc3d, ended with status {done.returncode}"
+        raise DataError(f"{file}: is no C3D file, or is damaged ({why})")
+    with np.load(io.BytesIO(done.stdout)) as arrays:
+        return dict(arrays)
+
+
+def _unseen(raw: FloatArray, residual: FloatArray) -> Any:
+    return (residual < 0.0) | np.isnan(raw).any(axis=0) | (raw == 0.0).all(axis=0)
+
+
+def _names(labels: NDArray[Any], count: int, file: Path) -> tuple[str, ...]:
+    if len(labels) < count:
+        raise DataError(f"{file}: has {count} points but {len(labels)} labels (POINT:LABELS)")
+    return tuple(str(label) or f"unnamed_{k + 1}" for k, label in enumerate(labels[:count]))

@@ -1,0 +1,73 @@
+"""Counters of packets and clocks of devices: they begin again at their modulus, and they show what never arrived."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.errors import DataError
+
+Lost = dict[str, list[float]]
+"""As `recording.packets.META_KEY` says: stamps behind which packets are missing, how many at each, what one takes."""
+
+
+def unwrapped(values: FloatArray, wraps_at: float, places: Sequence[str]) -> FloatArray:
+    """A count that goes on where the device's begins again, (T,).
+
+    A step back by more than half the modulus is a new beginning; a smaller one is left for others to find. A silence of
+    more than half a turn cannot be seen: give such a device's stamps in a unit that does not wrap.
+
+    Args:
+        values: (T,) as the device wrote them.
+        wraps_at: the modulus, such as 65536 or 4294967296.
+        places: file, line and column of each, for errors.
+
+    Raises:
+        DataError: a value below 0, or not below the modulus.
+    """
+    outside = np.flatnonzero((values < 0.0) | (values >= wraps_at))
+    if outside.size:
+        index = int(outside[0])
+        raise DataError(
+            f"{places[index]}: is {values[index]:.15g}, but wraps_at = {wraps_at:.15g}: expected 0 to less than that. "
+            "Correct wraps_at, or leave it out"
+        )
+    turns = np.cumsum(np.diff(values, prepend=values[:1]) < -0.5 * wraps_at)
+    return np.asarray(values + turns * wraps_at)
+
+
+def lost_packets(counter: FloatArray, time_s: FloatArray, places: Sequence[str]) -> Lost:
+    """Where a counter of packets jumps, and by how many.
+
+    Args:
+        counter: (T,) unwrapped.
+        time_s: (T,) stamps in s.
+        places: file, line and column of each, for errors.
+
+    Raises:
+        DataError: a count that is missing, is no whole number, or does not grow.
+    """
+    odd = np.flatnonzero(~(np.isfinite(counter) & (counter == np.round(counter))))
+    if odd.size:
+        raise DataError(
+            f"{places[int(odd[0])]}: the counter reads {counter[odd[0]]:g}; expected a whole number in each row"
+        )
+    steps = np.diff(counter)
+    back = np.flatnonzero(steps <= 0.0)
+    if back.size:
+        index = int(back[0]) + 1
+        raise DataError(
+            f"{places[index]}: the counter reads {counter[index]:.15g} behind {counter[index - 1]:.15g}: a packet "
+            "that is there twice, or out of order. Remove it; if the counter began again, give wraps_at"
+        )
+    usual = float(np.median(steps)) if steps.size else 1.0
+    missing = np.round(steps / usual) - 1.0
+    gaps = np.flatnonzero(missing > 0.0)
+    step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else float("nan")
+    return {
+        "after_s": [float(time_s[k]) for k in gaps],
+        "packets": [float(missing[k]) for k in gaps],
+        "step_s": [step_s],
+    }

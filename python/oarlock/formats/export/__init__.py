@@ -1,0 +1,1 @@
+"""A track for other software: tables with units, and an OpenSim model with its motion."""

@@ -1,0 +1,197 @@
+"""Tracks for other software: CSV, Parquet, and OpenSim's .mot, .sto, .trc and .osim."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+from oarlock._core import __version__
+from oarlock.storage.errors import DataError
+from oarlock.storage.suggest import did_you_mean
+
+if TYPE_CHECKING:
+    from oarlock.tracking.track import Track
+
+Axes = Literal["y-up", "root"]
+Missing = Literal["nan", "drop"]
+
+_FILES: Final[Mapping[str, Mapping[str, str]]] = MappingProxyType(
+    {
+        "csv": {
+            "coordinates.csv": "all estimates, one column each, unit in its name; SI, rad, root axes; empty: no number",
+            "frames.csv": "places of all frames, m, root axes; empty: no number",
+        },
+        "parquet": {
+            "coordinates.parquet": "the same as coordinates.csv; units are metadata, too; NaN: no number",
+            "frames.parquet": "the same as frames.csv",
+        },
+        "mot": {"coordinates.mot": "coordinates of model.osim over time, {angle} and m; nan: no reading"},
+        "sto": {
+            "velocities.sto": "their derivatives in time, {angle} and m per second",
+            "std.sto": "their standard deviations, {angle} and m",
+        },
+        "trc": {"frames.trc": "places of all frames as markers, mm, {ground}; NaN: no place"},
+        "osim": {"model.osim": "one body and one marker a frame, {ground}; masses are placeholders"},
+    }
+)
+FORMATS: Final = tuple(_FILES)
+OPENSIM: Final = ("mot", "sto", "trc", "osim")
+SUMMARY: Final = "export.toml"
+
+
+def files_of(
+    angle: str = "deg (or rad)", ground: str = "OpenSim's ground, Y up"
+) -> dict[str, dict[str, str]]:
+    """What each format writes: a sentence on each file, by the file's name."""
+    return {
+        name: {file: text.format(angle=angle, ground=ground) for file, text in files.items()}
+        for name, files in _FILES.items()
+    }
+
+
+@dataclass(frozen=True)
+class Export:
+    """What was written.
+
+    Args:
+        folder: where.
+        files: what each file holds, by its name in the folder.
+        notes: plain sentences on what these data lack.
+        body_names: body and marker in OpenSim's files, by the name of the frame here.
+    """
+
+    folder: Path
+    files: Mapping[str, str]
+    notes: tuple[str, ...]
+    body_names: Mapping[str, str]
+
+    def to_dict(self) -> dict[str, Any]:
+        """As it stands in export.toml and in `oarlock export --json`."""
+        return {
+            "folder": str(self.folder),
+            "files": dict(self.files),
+            "notes": list(self.notes),
+            "body_names": dict(self.body_names),
+        }
+
+
+def export(
+    track: Track,
+    folder: str | PathLike[str],
+    formats: Sequence[str] = FORMATS,
+    *,
+    degrees: bool = True,
+    axes: Axes = "y-up",
+    missing: Missing = "nan",
+) -> Export:
+    """Write a track for other software, and export.toml, which says what each file holds.
+
+    `csv`: coordinates.csv and frames.csv. `parquet`: the same as .parquet, with the unit of each column in its
+    metadata. `mot`: coordinates.mot. `sto`: velocities.sto and std.sto. `trc`: frames.trc, places of frames as virtual
+    markers, mm. `osim`: model.osim, in which each frame is a body and a marker.
+
+    A ball or free joint has, in OpenSim's files, three angles `NAME_XYZ_x`, `NAME_XYZ_y`, `NAME_XYZ_z`: turns about x,
+    y and z of the joint, each as those before have left it, R = Rx Ry Rz, continuous over time; a free joint also
+    `NAME_tx`, `NAME_ty`, `NAME_tz`. Rates in velocities.sto are derivatives of these angles. A joint that no stream
+    ever told stands at 0; single readings that are missing give NaN.
+
+    Args:
+        track: what to write; without its model it can be written as `csv` and `parquet` alone, without frames.
+        folder: is made; files of the same names are replaced.
+        formats: some of `csv`, `parquet`, `mot`, `sto`, `trc`, `osim`.
+        degrees: angles of .mot and .sto in degrees, else in rad; their headers (`inDegrees`) say which.
+        axes: of OpenSim's ground and of the .trc. `y-up`: the root's axes, turned by the smallest turn that makes the
+            model's `up` Y, none where it is Y; `root`: the root's axes, with gravity along the model's down. Tables are
+            in root axes always.
+        missing: rows of .mot and .sto in which a coordinate has no reading: `nan` keeps them, `drop` leaves them out,
+            as OpenSim's tools with splines need it.
+
+    Raises:
+        DataError: an unknown format, no samples, no model where one is needed, or a folder that cannot be written.
+    """
+    chosen = _checked(track, formats, axes, missing)
+    place = Path(folder)
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+        return _written(track, place, chosen, degrees, axes, missing)
+    except OSError as error:
+        raise DataError(f"export: {place} cannot be written ({error.strerror or error})") from error
+
+
+def _written(
+    track: Track, place: Path, formats: Sequence[str], degrees: bool, axes: Axes, missing: Missing
+) -> Export:
+    from oarlock.formats.export.notes import reading_notes
+    from oarlock.formats.export.write_opensim import write_opensim
+    from oarlock.storage.toml import write_toml
+
+    done = _write_tables(track, place, formats)
+    notes, names = reading_notes(track), {}
+    if set(formats) & set(OPENSIM):
+        opensim = write_opensim(track, place, formats, degrees, axes, missing)
+        done += opensim.files
+        notes, names = (*notes, *opensim.notes), dict(opensim.body_names)
+    texts = files_of("deg" if degrees else "rad", "ground with Y up" if axes == "y-up" else "root axes")
+    held = {file: text for name in formats for file, text in texts[name].items() if file in done}
+    for file in (file for name in formats for file in texts[name] if file not in done):
+        (place / file).unlink(missing_ok=True)  # another track's
+    found = Export(place, held, notes, names)
+    about = {
+        "format": 1,
+        "oarlock": __version__,
+        "model": "" if track.model is None else track.model.name,
+        "settings": {"formats": list(formats), "degrees": degrees, "axes": axes, "missing": missing},
+    }
+    write_toml(place / SUMMARY, about | {k: v for k, v in found.to_dict().items() if k != "folder"})
+    return found
+
+
+def _write_tables(track: Track, place: Path, formats: Sequence[str]) -> list[str]:
+    from oarlock.formats.export.frames import frame_places
+    from oarlock.formats.export.tables import frame_columns, write_csv, write_parquet
+
+    if not {"csv", "parquet"} & set(formats):
+        return []
+    tables = {"coordinates": track.columns()}
+    if track.model is not None:
+        tables["frames"] = frame_columns(frame_places(track))
+    done = []
+    for name, columns in tables.items():
+        if "csv" in formats:
+            write_csv(columns, place / f"{name}.csv")
+            done.append(f"{name}.csv")
+        if "parquet" in formats:
+            about = {"model": "" if track.model is None else track.model.name, "axes": "root"}
+            write_parquet(columns, place / f"{name}.parquet", {**about, "notes": track.notes})
+            done.append(f"{name}.parquet")
+    return done
+
+
+def _checked(track: Track, formats: Sequence[str], axes: str, missing: str) -> tuple[str, ...]:
+    chosen = (formats,) if isinstance(formats, str) else tuple(formats)
+    for given, known in (
+        (chosen, tuple(FORMATS)),
+        ((axes,), ("y-up", "root")),
+        ((missing,), ("nan", "drop")),
+    ):
+        for name in given:
+            if name not in known:
+                raise DataError(f"export: {name!r} is not known. {did_you_mean(str(name), known)}")
+    if not chosen:
+        raise DataError(f"export: no format is given; choose some of {', '.join(FORMATS)}")
+    if not len(track):
+        raise DataError("export: the track has no samples")
+    needing = [name for name in chosen if name in OPENSIM]
+    if track.model is None and needing:
+        raise DataError(
+            f"export: {', '.join(needing)} need the track's model, which was not found when it was loaded; put its "
+            "model.toml back, or choose csv and parquet"
+        )
+    return tuple(dict.fromkeys(chosen))
+
+
+__all__ = ["FORMATS", "Export", "export", "files_of"]

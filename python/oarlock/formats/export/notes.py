@@ -1,0 +1,93 @@
+"""What a reader of exported files should know about these data, in plain sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock.formats.export.opensim_body import SEQUENCE
+from oarlock.model.angle_sequence import near_singular
+from oarlock.model.coordinates import parts
+from oarlock.model.rotation import quat_from_rotvec
+from oarlock.storage.array_gate import FloatArray
+
+if TYPE_CHECKING:
+    from oarlock._core import Model
+    from oarlock.tracking.track import Track
+
+Bools = NDArray[np.bool_]
+
+
+def reading_notes(track: Track) -> tuple[str, ...]:
+    """On joints that were never told, not always told, or told and not observed."""
+    return tuple(
+        sentence
+        for part in parts(track.coordinate_names)
+        for sentence in _on_part(part.name, track, list(part.columns))
+    )
+
+
+def model_notes(model: Model) -> tuple[str, ...]:
+    """On what of a model an OpenSim model leaves out."""
+    closures = model.closure_names
+    if not closures:
+        return ()
+    return (
+        f"closures left out of the OpenSim model: {', '.join(closures)}. The track holds them within its own bands; a "
+        "constraint would move joints to close what is left.",
+    )
+
+
+def pole_notes(track: Track) -> tuple[str, ...]:
+    """On rotations whose three angles are near singular in OpenSim's order."""
+    rotations = [part for part in parts(track.coordinate_names) if part.kind == "rotation"]
+    return tuple(
+        sentence for part in rotations for sentence in _on_pole(part.joint, track.q[:, list(part.columns)])
+    )
+
+
+def left_out_notes(file: str, what: str, names: Sequence[str], there: Sequence[bool]) -> tuple[str, ...]:
+    """On columns that a table does not have because the track does not."""
+    if all(there):
+        return ()
+    if not any(there):
+        return (f"{file} is not written: the track holds no {what}.",)
+    left = [name for name, known in zip(names, there, strict=True) if not known]
+    return (f"{file} leaves out {', '.join(left)}: the track holds no {what} of theirs.",)
+
+
+def _on_part(name: str, track: Track, columns: list[int]) -> Iterator[str]:
+    missing: Bools = np.asarray(np.isnan(track.q[:, columns]).any(axis=1))
+    if missing.all():
+        yield (
+            f"{name}: no stream ever told it. It stands at 0 in coordinates.mot and in the places of frames, and has "
+            "no number in other files."
+        )
+        return
+    if missing.any():
+        yield (
+            f"{name}: no reading in {_share(missing, track)}. There is no number there, nor for frames that it moves."
+        )
+    unseen: Bools = ~track.observed[:, columns].all(axis=1) & ~missing
+    if unseen.any():
+        yield (
+            f"{name}: not observed in {_share(unseen, track)}. A prior holds it there; its standard deviation says how "
+            "well."
+        )
+
+
+def _on_pole(name: str, rotvec_rad: FloatArray) -> Iterator[str]:
+    near = near_singular(quat_from_rotvec(rotvec_rad), SEQUENCE)
+    if near.any():
+        yield (
+            f"{name}: within 15 deg of the pole of the angles {SEQUENCE} in {near.sum()} of {len(near)} rows. The "
+            "posture is right there, but single angles, their rates and their standard deviations are large."
+        )
+
+
+def _share(rows: Bools, track: Track) -> str:
+    times = track.time_s[rows]
+    return f"{rows.sum()} of {len(rows)} rows, the first at {times[0]:.3f} s, the last at {times[-1]:.3f} s"

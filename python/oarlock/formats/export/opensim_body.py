@@ -1,0 +1,214 @@
+"""A model's tree as an OpenSim model: one body a frame, one joint a body.
+
+A frame of Oarlock lies at (before M after) in its parent, M being a turn about z, or a shift along it, by the joint's
+value times a sign. OpenSim's pins turn about z and its sliders shift along x by the value itself, so each joint gets
+axes Q of its own: M = Q N Q', N being OpenSim's movement. Where the sign is negative, Q points z down.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from oarlock._core import Model
+from oarlock.formats.export.plain_names import PlainNames, plain_name
+from oarlock.formats.osim import GROUND, Kind, OsimBody, OsimCoordinate, OsimJoint, OsimModel
+from oarlock.model.angle_sequence import angle_labels, angles_from_quat
+from oarlock.model.coordinates import Part, parts
+from oarlock.model.rotation import quat_from_rotvec
+from oarlock.storage.array_gate import FloatArray
+
+SEQUENCE: Final = "XYZ"
+"""Order of the angles of balls and free joints in OpenSim's files."""
+_TURN: Final = (-np.pi, np.pi)
+_SHIFT_M: Final = (-2.0, 2.0)
+
+Frame = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class CoordinateSource:
+    """Where a coordinate of the OpenSim model gets its value.
+
+    Args:
+        name: in OpenSim.
+        part: of a joint of ours: a value, a position or a rotation.
+        axis: which of the part's three numbers or angles; 0 of a value.
+    """
+
+    name: str
+    part: Part
+    axis: int
+
+
+@dataclass(frozen=True, eq=False)
+class OpensimBody:
+    """An OpenSim model, and how ours is found in it.
+
+    Args:
+        osim: what the file holds.
+        coordinates: of all its joints in their order, also those that follow another one.
+        frames: name of the body, and of the marker at its origin, by the name of our frame.
+    """
+
+    osim: OsimModel
+    coordinates: tuple[CoordinateSource, ...]
+    frames: Mapping[str, str]
+
+
+def opensim_body(model: Model, ground_from_root: FloatArray) -> OpensimBody:
+    """The OpenSim model of `model`, whose root lies in OpenSim's ground at `ground_from_root` (4, 4)."""
+    tree = _Tree(model)
+    tree.weld("root_in_ground", GROUND, "root", ground_from_root)
+    for frame in tree.description["frames"][1:]:
+        tree.add(frame)
+    return tree.finished(ground_from_root)
+
+
+class _Tree:
+    """Grows body by body; a frame's parent is there before it."""
+
+    def __init__(self, model: Model) -> None:
+        self.description = model.describe()
+        frames = self.description["frames"]
+        self.body_names = PlainNames([GROUND])
+        self.bodies = {frame["name"]: self.body_names.give(frame["name"]) for frame in frames}
+        self.joint_names, self.coordinate_names = PlainNames(), PlainNames()
+        self.described = {joint["name"]: joint for joint in self.description["joints"]}
+        self.parts: dict[str, list[Part]] = {}
+        for part in parts(model.coordinate_names):
+            self.parts.setdefault(part.joint, []).append(part)
+        self.twins = _twins(frames)
+        self.joints: list[OsimJoint] = []
+        self.bones: dict[str, list[tuple[FloatArray, FloatArray]]] = {}
+        self.sources: list[CoordinateSource] = []
+        self.couplers: list[tuple[str, str]] = []
+        self.first: dict[str, list[str]] = {}
+        self.moved: dict[tuple[Any, ...], str] = {}
+
+    def weld(self, name: str, parent: str, frame: str, parent_from_frame: FloatArray) -> None:
+        given = self.joint_names.give(name)
+        child = self.bodies[frame]
+        self.joints.append(OsimJoint(given, "weld", parent, child, parent_from_frame, np.eye(4)))
+        if parent != GROUND:
+            self._bone(parent, np.zeros(3), parent_from_frame[:3, 3])
+
+    def add(self, frame: Frame) -> None:
+        parent, name, joint = self.bodies[frame["parent"]], frame["name"], frame["joint"]
+        before, after = _pose(frame["before"]), _pose(frame["after"])
+        if joint is None or self.described[joint]["kind"] == "fixed":
+            self.weld(f"{name}_weld", parent, name, before @ after)
+            return
+        if len(self.twins[_twin_key(frame)]) == 1:
+            self._move(frame, parent, self.bodies[name], before, after)
+            return
+        key = _twin_key(frame)
+        if key not in self.moved:
+            self.moved[key] = self.body_names.give(f"{joint}_moved")
+            self._move(frame, parent, self.moved[key], before, np.eye(4))
+        self.weld(f"{name}_weld", self.moved[key], name, after)
+
+    def _move(self, frame: Frame, parent: str, child: str, before: FloatArray, after: FloatArray) -> None:
+        joint = frame["joint"]
+        kind, axes = _kind_and_axes(self.described[joint]["kind"], frame["sign"])
+        child_from_joint = np.linalg.inv(after) @ axes
+        coordinates = self._coordinates(joint, child)
+        again = joint in self.first
+        name = self.joint_names.give(f"{joint}_{child}" if again else joint)
+        self.joints.append(OsimJoint(name, kind, parent, child, before @ axes, child_from_joint, coordinates))
+        given = [coordinate.name for coordinate in coordinates]
+        first = self.first.setdefault(joint, given)
+        self.couplers += zip(first, given, strict=True) if again else ()
+        self._bone(parent, np.zeros(3), before[:3, 3])
+        self._bone(child, child_from_joint[:3, 3], np.zeros(3))
+
+    def _coordinates(self, joint: str, child: str) -> tuple[OsimCoordinate, ...]:
+        found = []
+        # OpenSim names the angles of a joint before its shifts
+        for part in sorted(self.parts[joint], key=lambda part: part.kind == "position"):
+            for axis, label in enumerate(_labels(part)):
+                wanted = f"{joint}_{label}" if label else joint
+                name = self.coordinate_names.give(f"{wanted}_{child}" if joint in self.first else wanted)
+                self.sources.append(CoordinateSource(name, part, axis))
+                default, span = _default(self.described[joint], part, axis)
+                found.append(OsimCoordinate(name, default, span))
+        return tuple(found)
+
+    def _bone(self, body: str, start: FloatArray, end: FloatArray) -> None:
+        self.bones.setdefault(body, []).append((start, end))
+
+    def finished(self, ground_from_root: FloatArray) -> OpensimBody:
+        world, name = self.description["world"], self.description["name"]
+        down = -world["gravity_m_s2"] * (ground_from_root[:3, :3] @ np.asarray(world["up"]))
+        bodies = tuple(
+            OsimBody(joint.child, np.array(self.bones.get(joint.child, [])).reshape(-1, 2, 3))
+            for joint in self.joints
+        )
+        osim = OsimModel(
+            name=plain_name(name),
+            credits=f"Written by Oarlock from the model {plain_name(name)}.",
+            gravity_m_s2=(float(down[0]), float(down[1]), float(down[2])),
+            bodies=bodies,
+            joints=tuple(self.joints),
+            couplers=tuple(self.couplers),
+            markers=tuple((body, body) for body in self.bodies.values()),
+        )
+        return OpensimBody(osim, tuple(self.sources), self.bodies)
+
+
+def _twin_key(frame: Frame) -> tuple[Any, ...]:
+    before = (_pose(frame["before"]) + 0.0).tobytes()  # -0 is 0
+    return (frame["parent"], frame["joint"], frame["sign"], before)
+
+
+def _twins(frames: Sequence[Frame]) -> dict[tuple[Any, ...], list[str]]:
+    """Frames that one movement of one joint carries: same parent, same place of the joint, same sign."""
+    found: dict[tuple[Any, ...], list[str]] = {}
+    for frame in frames:
+        found.setdefault(_twin_key(frame), []).append(frame["name"])
+    return found
+
+
+def _pose(given: Mapping[str, Any] | None) -> FloatArray:
+    pose = np.eye(4)
+    if given is not None:
+        pose[:3, :3], pose[:3, 3] = given["rotation"], given["translation"]
+    return pose
+
+
+def _kind_and_axes(kind: str, sign: float) -> tuple[Kind, FloatArray]:
+    """OpenSim's joint for one of ours, and its axes Q (4, 4) in ours."""
+    axes = np.eye(4)
+    if kind == "hinge":
+        axes[1, 1] = axes[2, 2] = sign
+        return "pin", axes
+    if kind == "slide":
+        # x of the slider along z times the sign
+        axes[:3, :3] = np.array([[0.0, 0.0, -sign], [0.0, 1.0, 0.0], [sign, 0.0, 0.0]])
+        return "slider", axes
+    return "custom", axes
+
+
+def _labels(part: Part) -> Sequence[str]:
+    if part.kind == "scalar":
+        return ("",)
+    return tuple(f"t{axis}" for axis in "xyz") if part.kind == "position" else _angle_names()
+
+
+def _angle_names() -> tuple[str, ...]:
+    return tuple(f"{SEQUENCE}_{label}" for label in angle_labels(SEQUENCE))
+
+
+def _default(joint: Mapping[str, Any], part: Part, axis: int) -> tuple[float, tuple[float, float]]:
+    """Value at rest and span of one coordinate."""
+    if part.kind == "scalar":
+        low, high = joint["limits"]
+        return float(joint["rest"]), (float(low), float(high))
+    rest = np.asarray(joint["rest"], dtype=np.float64)
+    if part.kind == "position":
+        return float(rest[axis]), _SHIFT_M
+    angles = angles_from_quat(quat_from_rotvec(rest[None, -3:]), SEQUENCE)
+    return float(angles[0, axis]), _TURN

@@ -1,0 +1,43 @@
+"""A track's columns and its frames' places as CSV and Parquet, each column with its unit."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pyarrow as pa
+from pyarrow import csv as arrow_csv
+from pyarrow import parquet
+
+from oarlock._core import __version__
+from oarlock.storage.array_gate import FloatArray
+from oarlock.tracking.columns import unit_of
+
+if TYPE_CHECKING:
+    from oarlock.evaluation.markers.trajectories import Markers
+
+Columns = Mapping[str, FloatArray]
+
+
+def frame_columns(frames: Markers) -> dict[str, FloatArray]:
+    """`time_s`, then `NAME_x_m`, `NAME_y_m`, `NAME_z_m` of each frame, (T,) each."""
+    found = {"time_s": frames.time_s}
+    for k, name in enumerate(frames.names):
+        found |= {f"{name}_{axis}_m": frames.position_m[:, k, i] for i, axis in enumerate("xyz")}
+    return found
+
+
+def write_csv(columns: Columns, file: Path) -> None:
+    """One header line with units in the names; every number with all its digits, an empty cell where there is none."""
+    empty = {name: pa.array(values, from_pandas=True) for name, values in columns.items()}
+    arrow_csv.write_csv(pa.table(empty), file)
+
+
+def write_parquet(columns: Columns, file: Path, about: Mapping[str, str | Sequence[str]]) -> None:
+    """Float64, NaN where there is none; a column carries its `unit`, the table what `about` says (lists as JSON)."""
+    fields = [pa.field(name, pa.float64(), metadata={"unit": unit_of(name)}) for name in columns]
+    said = {key: text if isinstance(text, str) else json.dumps(list(text)) for key, text in about.items()}
+    schema = pa.schema(fields, metadata={"oarlock": __version__, **said})
+    parquet.write_table(pa.table(dict(columns), schema=schema), file)

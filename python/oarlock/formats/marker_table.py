@@ -1,0 +1,150 @@
+"""What the text formats of marker files share: lines, cells, numbers, names."""
+
+from __future__ import annotations
+
+import csv
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from oarlock.evaluation.markers.trajectories import Markers
+from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.errors import DataError
+from oarlock.storage.units import LENGTH, plain_unit, to_held_unit, unknown_unit_text
+
+_MISSING = frozenset({"", "nan", "null", "none", "-nan", "nan(ind)", "-nan(ind)", "---"})
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of a file: its number from 1 and its cells, without spaces around them."""
+
+    line: int
+    cells: tuple[str, ...]
+
+
+def read_rows(file: Path, delimiter: str) -> list[Row]:
+    """All lines, split at a delimiter; of a comma or semicolon quotes are understood.
+
+    Raises:
+        DataError: the file cannot be read, or holds zero bytes and is no text.
+    """
+    text = read_text(file)
+    if delimiter in ",;":
+        split = csv.reader(text.splitlines(), delimiter=delimiter)
+        return [Row(k, tuple(cell.strip() for cell in cells)) for k, cells in enumerate(split, start=1)]
+    lines = text.splitlines()
+    return [
+        Row(k, tuple(cell.strip() for cell in line.split(delimiter))) for k, line in enumerate(lines, start=1)
+    ]
+
+
+def read_text(file: Path) -> str:
+    """A file's text: UTF-8 with or without mark, UTF-16 with mark, else Latin-1, as motion capture software writes it.
+
+    Raises:
+        DataError: the file cannot be read, is empty, or is no text.
+    """
+    try:
+        raw = file.read_bytes()
+    except OSError as error:
+        raise DataError(f"{file}: cannot be read ({error.strerror})") from error
+    if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        text = raw.decode("utf-16", errors="replace")
+    else:
+        try:
+            text = raw.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = raw.decode("latin-1")
+    if "\x00" in text:
+        raise DataError(f"{file}: holds zero bytes, so it is no text. Is it a C3D file with another ending?")
+    if not text.strip():
+        raise DataError(f"{file}: is empty")
+    return text
+
+
+def filled(row: Row) -> bool:
+    """Whether any cell holds something."""
+    return any(row.cells)
+
+
+def numbers(rows: Sequence[Row], start: int, width: int, file: Path) -> FloatArray:
+    """Cells `start` to `start + width` of every row, (rows, width); NaN where missing or where a row ends early.
+
+    Raises:
+        DataError: a cell that is no finite number, or one that is filled beyond the last column.
+    """
+    values = np.full((len(rows), width), np.nan)
+    for k, row in enumerate(rows):
+        if any(row.cells[start + width :]):
+            raise DataError(
+                f"{file}:{row.line}: has {len(row.cells)} cells, but the header leaves room for {start + width}"
+            )
+        for i, cell in enumerate(row.cells[start : start + width]):
+            if cell and cell.lower() not in _MISSING:
+                values[k, i] = number(cell, row.line, start + i + 1, file)
+    return values
+
+
+def number(cell: str, line: int, column: int, file: Path) -> float:
+    """One cell as a finite number.
+
+    Raises:
+        DataError: it is none; says file, line and column.
+    """
+    try:
+        value = float(cell) if "_" not in cell else float("nan")
+    except ValueError:
+        value = float("nan")
+    if not np.isfinite(value):
+        hint = (
+            " Is it a decimal comma? Write it with a point."
+            if cell.replace(",", "", 1).lstrip("-").isdigit()
+            else ""
+        )
+        raise DataError(f'{file}:{line}, column {column}: "{cell}" is no finite number.{hint}')
+    return value
+
+
+def held_unit(said: str, asked: str | None, where: str) -> str:
+    """The unit that counts: what was asked for, else what the file says.
+
+    Raises:
+        DataError: neither names a known unit of length.
+    """
+    if asked is not None:
+        return asked
+    unit = plain_unit(said).lower()
+    spelled = {
+        "meters": "m",
+        "meter": "m",
+        "metres": "m",
+        "millimeters": "mm",
+        "millimetres": "mm",
+        "centimeters": "cm",
+    }
+    unit = spelled.get(unit, unit)
+    if unit not in LENGTH:
+        hint = unknown_unit_text(said, LENGTH) if said else "no unit of length is named."
+        raise DataError(f'{where}: {hint} Say unit="mm" or unit="m".')
+    return unit
+
+
+def short_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Names without the subject before the colon, where that leaves no two alike."""
+    short = tuple(name.rpartition(":")[2].strip() or name for name in names)
+    return short if max(Counter(short).values(), default=0) <= 1 else tuple(names)
+
+
+def markers_of(
+    file: Path, names: Sequence[str], time_s: FloatArray, values: FloatArray, unit: str
+) -> Markers:
+    """Markers from rows of 3 n numbers in `unit`; errors name the file."""
+    position = to_held_unit(values, unit).reshape(len(values), len(names), 3)
+    try:
+        return Markers(short_names(names), time_s, position)
+    except DataError as error:
+        raise DataError(f"{file}: {error}") from error

@@ -1,0 +1,49 @@
+"""OpenSim's tables over time, `.mot` and `.sto`: a header, then columns split by tabs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from oarlock.storage.array_gate import FloatArray
+
+
+def table_text(
+    title: str,
+    labels: Sequence[str],
+    time_s: FloatArray,
+    values: FloatArray,
+    in_degrees: bool,
+    remarks: Sequence[str] = (),
+) -> str:
+    """The file's text, every number with all its digits and `nan` where there is none.
+
+    Args:
+        title: first line; `Coordinates` of a motion, as OpenSim writes it.
+        labels: of the columns, plain ASCII.
+        time_s: (T,) s.
+        values: (T, n), in m and, as `in_degrees` says, degrees or rad.
+        in_degrees: what the header says of angles; OpenSim believes it.
+        remarks: sentences for people; signs of equality and other scripts are replaced, for readers take them for keys.
+    """
+    unit = "degrees" if in_degrees else "radians"
+    head = [
+        title,
+        "version=1",
+        f"nRows={len(time_s)}",
+        f"nColumns={len(labels) + 1}",
+        f"inDegrees={'yes' if in_degrees else 'no'}",
+        "",
+        "Units are S.I. units (second, meters, Newtons, ...)",
+        f"Angles are in {unit}.",
+        *(_plain(remark) for remark in remarks),
+        "",
+        "endheader",
+        "\t".join(["time", *labels]),
+    ]
+    rows = zip(time_s.tolist(), values.tolist(), strict=True)
+    return "\n".join([*head, *("\t".join(map(repr, (time, *row))) for time, row in rows)]) + "\n"
+
+
+def _plain(remark: str) -> str:
+    line = " ".join(remark.split()).replace("=", " is ")
+    return line.encode("ascii", "replace").decode("ascii")

@@ -1,0 +1,45 @@
+"""A person with sixteen inertial units: the full-body example of the toolbox qmt, a .mat file.
+
+Source: examples/full_body_example_data.mat of github.com/dlaidig/qmt, MIT licence. A variable ``t`` (s) and one
+structure for each body segment with ``acc`` (m/s2) and ``gyr`` (rad/s, offset removed by the authors). There is no
+magnetometer and no reference. The field ``quat`` is not read: the toolbox's basic example does not use it, and
+nothing says what it is.
+"""
+
+from os import PathLike
+
+from oarlock.formats.mat import matrix, read_mat, same_length, structure
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream
+from oarlock.storage.array_gate import time_array
+from oarlock.storage.errors import DataError
+from oarlock.storage.paths import place_of
+
+
+def read_qmt(path: str | PathLike[str]) -> Recording:
+    """Read all units.
+
+    Args:
+        path: the .mat file.
+
+    Returns:
+        One stream (gyro and accel) for each segment, named as in the file: ``hip``, ``lower_back``,
+        ``upper_arm_left``, ... The stamps are those of the file.
+
+    Raises:
+        DataError: Not such a file; a part of it is missing or has another shape.
+    """
+    file = place_of(path)
+    variables = read_mat(file)
+    time_s = time_array(matrix(variables, "t", 1, file)[:, 0], f"{file}, t")
+    streams = []
+    for segment in variables:
+        if segment == "t":
+            continue
+        fields = structure(variables, segment, file)
+        gyro, accel = (matrix(fields, f"{segment}.{name}", 3, file) for name in ("gyr", "acc"))
+        same_length(time_s, gyro, ("t", f"{segment}.gyr"), file)
+        streams.append(ImuStream(segment.lower(), time_s, gyro_rad_s=gyro, accel_m_s2=accel))
+    if not streams:
+        raise DataError(f"{file}: has a time but no segment with acc and gyr")
+    return Recording(streams, {"source": {"format": "qmt", "file": file.name}})

@@ -1,0 +1,19 @@
+"""Stamps of files that have none: rows at a steady rate."""
+
+import numpy as np
+
+from oarlock.storage.array_gate import FloatArray
+
+
+def row_times_s(rows: int, rate_hz: float) -> FloatArray:
+    """Rows from 0 s on, (rows,) s."""
+    return np.arange(rows) / rate_hz
+
+
+def interval_middles_s(rows: int, rate_hz: float) -> FloatArray:
+    """Middles of the intervals that end at the rows, (rows,) s; the first lies half a step before 0 s.
+
+    For units that add up fast readings on the device and give each row the mean since the row before: such a reading
+    belongs to the middle of its interval, and an orientation reached with it to the end.
+    """
+    return row_times_s(rows, rate_hz) - 0.5 / rate_hz

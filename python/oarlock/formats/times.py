@@ -1,0 +1,184 @@
+"""Time columns: seconds, epochs, clock times and ISO date-times, brought to seconds on one axis."""
+
+import datetime
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+from types import MappingProxyType
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.errors import DataError
+
+Family: TypeAlias = Literal["relative", "utc", "local", "clock"]
+
+RELATIVE = MappingProxyType({"s": 1.0, "ms": 1e3, "us": 1e6})
+TICKS = "ticks"
+EPOCH = MappingProxyType({"epoch_s": 10**9, "epoch_ms": 10**6, "epoch_us": 10**3, "epoch_ns": 1})
+CLOCK = "HH:MM:SS"
+ISO = "iso"
+COUNTED = (*RELATIVE, TICKS)
+"""Units of numbers that count from an unnamed start."""
+TIME_UNITS = (*COUNTED, *EPOCH, CLOCK, ISO)
+
+_CLOCK_TIME = re.compile(r"(\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,9}))?")
+_DAY_NS = 86_400 * 10**9
+_EPOCH_UTC = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
+_EPOCH_LOCAL = datetime.datetime(1970, 1, 1)
+
+
+@dataclass(frozen=True)
+class Stamps:
+    """Stamps of one file before a common zero is chosen.
+
+    Args:
+        family: what the stamps count from: an unnamed start, UTC, a local calendar, or midnight.
+        seconds: (T,) s, for "relative".
+        nanoseconds: (T,) integers since 1970 or since midnight, for the others: float64 seconds since 1970
+            would round to 0.2 us.
+    """
+
+    family: Family
+    seconds: FloatArray
+    nanoseconds: NDArray[np.int64]
+
+
+def plain_time_unit(unit: str) -> str:
+    """A time unit as Oarlock spells it: "HH:MM:SS.fff" and "clock" give "HH:MM:SS"."""
+    text = unit.strip()
+    if text == "clock" or re.fullmatch(r"HH:MM:SS([.,]f*)?", text, re.IGNORECASE):
+        return CLOCK
+    return ISO if text.casefold() == ISO else text.replace("µ", "u")
+
+
+def relative_stamps(values: FloatArray, unit: str, tick_s: float = 1.0) -> Stamps:
+    """Stamps counted in s, ms, us or ticks of `tick_s` from a start that the file does not name."""
+    seconds = values * tick_s if unit == TICKS else values / RELATIVE[unit]
+    return Stamps("relative", seconds, np.zeros(0, dtype=np.int64))
+
+
+def parsed_stamps(cells: Sequence[str], places: Sequence[str], unit: str) -> Stamps:
+    """Stamps from texts: epochs, clock times, ISO date-times.
+
+    Args:
+        cells: the texts, in order.
+        places: file, line and column of each, for errors.
+        unit: one of EPOCH, CLOCK, ISO.
+
+    Raises:
+        DataError: A text that is not of this unit, or date-times with and without a time zone mixed.
+    """
+    if unit == ISO:
+        return _iso_stamps(cells, places)
+    parse = _clock_ns if unit == CLOCK else _epoch_ns
+    ticks = EPOCH.get(unit, 1)
+    found = np.array([parse(c, ticks, p) for c, p in zip(cells, places, strict=True)], dtype=np.int64)
+    if unit == CLOCK:
+        return Stamps("clock", np.zeros(0), _across_midnight(found))
+    return Stamps("utc", np.zeros(0), found)
+
+
+def on_one_axis(files: Sequence[Stamps], names: Sequence[str]) -> tuple[list[FloatArray], dict[str, object]]:
+    """Seconds of every file on one axis, and a note of what its zero is.
+
+    Relative stamps stay as they are; for the others the earliest stamp becomes 0 s.
+
+    Args:
+        files: the stamps of each file.
+        names: the files' names, for errors.
+
+    Returns:
+        Arrays (T,) of s, one a file; the note for ``Recording.meta["clock"]``.
+
+    Raises:
+        DataError: Files whose clocks have nothing in common.
+    """
+    family = files[0].family
+    for stamps, name in zip(files, names, strict=True):
+        if stamps.family != family:
+            raise DataError(
+                f"{name}: its time is {_FAMILY_TEXT[stamps.family]}, "
+                f"that of {names[0]} is {_FAMILY_TEXT[family]}. "
+                "They cannot be put on one clock; import them on their own, or export one of them again."
+            )
+    if family == "relative":
+        return [s.seconds for s in files], {"kind": "relative"}
+    ticks = [s.nanoseconds for s in files]
+    if family == "clock":
+        ticks = [_nearest_day(t, int(ticks[0][0])) for t in ticks]
+    zero = min(int(t.min()) for t in ticks)
+    return [(t - zero) / 1e9 for t in ticks], {"kind": family, "zero": _zero_text(zero, family)}
+
+
+_FAMILY_TEXT: MappingProxyType[Family, str] = MappingProxyType(
+    {
+        "relative": "counted from an unnamed start",
+        "utc": "UTC",
+        "local": "a local date-time without time zone",
+        "clock": "a time of day without date",
+    }
+)
+
+
+def _epoch_ns(cell: str, ticks: int, place: str) -> int:
+    text = cell.strip().replace(",", ".")
+    try:
+        value = Decimal(text) * ticks
+        if not value.is_finite() or abs(value) >= 2**62:
+            raise InvalidOperation
+        return round(value)
+    except InvalidOperation as error:
+        raise DataError(f'{place}: "{cell}" is not an epoch time') from error
+
+
+def _clock_ns(cell: str, _ticks: int, place: str) -> int:
+    found = _CLOCK_TIME.fullmatch(cell.strip())
+    if found is None or int(found[1]) > 23 or int(found[2]) > 59 or int(found[3]) > 59:
+        raise DataError(f'{place}: "{cell}" is not a clock time such as 14:03:27.250')
+    whole = (int(found[1]) * 60 + int(found[2])) * 60 + int(found[3])
+    return whole * 10**9 + int((found[4] or "0").ljust(9, "0"))
+
+
+def _iso_stamps(cells: Sequence[str], places: Sequence[str]) -> Stamps:
+    found = [_iso(c, p) for c, p in zip(cells, places, strict=True)]
+    zoned = [t.tzinfo is not None for t in found]
+    if any(zoned) and not all(zoned):
+        raise DataError(
+            f"{places[zoned.index(not zoned[0])]}: date-times with and without a time zone are mixed"
+        )
+    start = _EPOCH_UTC if zoned and zoned[0] else _EPOCH_LOCAL
+    steps = [t - start for t in found]
+    ticks = [((d.days * 86_400 + d.seconds) * 10**6 + d.microseconds) * 1000 for d in steps]
+    return Stamps("utc" if zoned and zoned[0] else "local", np.zeros(0), np.array(ticks, dtype=np.int64))
+
+
+def _iso(cell: str, place: str) -> datetime.datetime:
+    try:
+        return datetime.datetime.fromisoformat(cell.strip())
+    except ValueError as error:
+        raise DataError(
+            f'{place}: "{cell}" is not an ISO date-time such as 2024-05-01T14:03:27.250+02:00'
+        ) from error
+
+
+def _across_midnight(ticks: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Adds a day after each step back of more than twelve hours; smaller steps back are left to be found."""
+    days = np.cumsum(np.diff(ticks, prepend=ticks[:1]) < -_DAY_NS // 2)
+    return ticks + days * _DAY_NS
+
+
+def _nearest_day(ticks: NDArray[np.int64], reference: int) -> NDArray[np.int64]:
+    """Shifts by whole days so that the first stamp is within twelve hours of the reference."""
+    return ticks - round((int(ticks[0]) - reference) / _DAY_NS) * _DAY_NS
+
+
+def _zero_text(zero: int, family: Family) -> str:
+    whole, rest = divmod(zero, 10**9)
+    moment = (_EPOCH_UTC if family == "utc" else _EPOCH_LOCAL) + datetime.timedelta(seconds=whole)
+    if family == "clock":
+        return f"{moment:%H:%M:%S}.{rest:09d}"
+    return f"{moment:%Y-%m-%dT%H:%M:%S}.{rest:09d}" + ("Z" if family == "utc" else "")

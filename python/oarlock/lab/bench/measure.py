@@ -1,0 +1,143 @@
+"""What this machine reaches: Oarlock's filters beside the textbook's, the source's figure, and other software."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from typing import Any, Final
+
+from oarlock.lab.bench.others import INSTALL, SOFTWARE, Failure, Figure, Software, missing, time_other
+from oarlock.lab.bench.own import Latency, Race, Threads, live, race, threads
+from oarlock.lab.bench.problem import RATE_HZ, sculling
+from oarlock.rowing.simulation.paper import STEPS_PER_S
+
+
+@dataclass(frozen=True)
+class Printed:
+    """A figure that others have printed."""
+
+    steps_s: float
+    n: int
+    m: int
+    machine: str
+    program: str
+
+
+PAPER: Final = Printed(STEPS_PER_S, 37, 58, "Intel Core i7 M620, 2.66 GHz", "C generated from Simulink")
+"""The source's own figure (Ruffaldi, Peppoloni and Filippeschi, section 5)."""
+
+USUAL_TEXTBOOK_US: Final = 405.0
+"""What the textbook's filter takes at 41 states on one core of a 3.7 GHz Zen 4."""
+
+# shares of the time that is given
+_RACE, _RACE_WITH_BIASES, _LIVE, _THREADS, _OTHER = 0.25, 0.25, 0.15, 0.15, 0.2
+
+Told = Callable[[str], AbstractContextManager[object]]
+
+
+@dataclass(frozen=True)
+class Bench:
+    """All that was measured."""
+
+    joints: Race
+    with_biases: Race
+    latency: Latency
+    latency_with_biases: Latency
+    threads: Threads
+    others: tuple[Figure, ...]
+    failed: tuple[Failure, ...]
+    missing: tuple[Software, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """One document: the joints' figures by name, those with biases under `with_biases`."""
+        times_real_time = 1e6 / self.joints.filters["ukf"].us / RATE_HZ
+        return {
+            **_figures(self.joints, self.latency),
+            "times_real_time": times_real_time,
+            "rate_hz": RATE_HZ,
+            "with_biases": _figures(self.with_biases, self.latency_with_biases),
+            "one_thread_steps_s": self.threads.one_steps_s,
+            "two_threads_steps_s": self.threads.two_steps_s,
+            "two_threads_ratio": self.threads.ratio,
+            "cores": self.threads.cores,
+            "usual_textbook_us": USUAL_TEXTBOOK_US,
+            "paper": vars(PAPER),
+            "others": [vars(figure) for figure in self.others],
+            "failed": [vars(failure) for failure in self.failed],
+            "missing": [software.package for software in self.missing],
+            "install": INSTALL if self.missing else None,
+            "machine": machine(),
+        }
+
+
+def _figures(timed: Race, latency: Latency) -> dict[str, Any]:
+    found: dict[str, Any] = {"n": timed.n, "m": timed.m}
+    for name, step in timed.filters.items():
+        found |= {
+            f"{name}_steps_s": 1e6 / step.us,
+            f"{name}_us": step.us,
+            f"{name}_us_p10": step.us_p10,
+            f"{name}_ratio_to_textbook": timed.ratio(name),
+            f"{name}_ratio_to_textbook_p10": timed.ratio_p10(name),
+        }
+    found |= {"textbook_us": timed.textbook.us, "textbook_us_p10": timed.textbook.us_p10}
+    return found | {
+        "p50_us": latency.p50_us,
+        "p99_us": latency.p99_us,
+        "p99_9_us": latency.p99_9_us,
+        "live_steps": latency.steps,
+    }
+
+
+def machine() -> dict[str, str]:
+    """What it was measured on."""
+    from oarlock import __version__
+
+    return {
+        "processor": _processor(),
+        "system": f"{platform.system()} {platform.machine()}",
+        "python": platform.python_version(),
+        "oarlock": __version__,
+    }
+
+
+def _processor() -> str:
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as lines:
+            return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor() or "unknown"
+
+
+def measure(seconds: float, told: Told = lambda what: nullcontext()) -> Bench:
+    """Measures for about `seconds`, and a few more where other software compiles or is slow.
+
+    Args:
+        seconds: time for all measurements together.
+        told: makes a context around each part, to show what is under way.
+    """
+    with told("simulating"):
+        problem = sculling()
+    with told("racing the textbook's filter"):
+        joints = race(problem, "joints", _RACE * seconds)
+        with_biases = race(problem, "with_biases", _RACE_WITH_BIASES * seconds)
+    with told("stepping live"):
+        lone, biased = (live(problem, name, _LIVE / 2 * seconds) for name in ("joints", "with_biases"))
+    with told("tracking on two threads"):
+        many = threads(problem, _THREADS * seconds)
+    others = tuple(_others(seconds, told))
+    figures = tuple(one for one in others if isinstance(one, Figure))
+    failed = tuple(one for one in others if isinstance(one, Failure))
+    return Bench(joints, with_biases, lone, biased, many, figures, failed, tuple(missing()))
+
+
+def _others(seconds: float, told: Told) -> Iterator[Figure | Failure]:
+    installed = [software for software in SOFTWARE if software.installed()]
+    for software in installed:
+        with told(software.name):
+            yield time_other(software, _OTHER / len(installed) * seconds)
+
+
+__all__ = ["PAPER", "Bench", "machine", "measure"]

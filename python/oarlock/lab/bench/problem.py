@@ -1,0 +1,107 @@
+"""What is timed: the shipped `"sculler"`, simulated with the noise, biases and surge of its source's hardest case."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from oarlock import Config, Model, Recording, Tracker
+
+Floats = NDArray[np.float64]
+
+RATE_HZ: Final = 125.0
+WARM: Final = 100
+"""Samples until the start is found and the belief has settled."""
+
+ESTIMATES: Final[dict[str, tuple[str, ...]]] = {
+    "joints": (),
+    "with_biases": ("gyro_bias", "accel_bias", "surge"),
+}
+"""The joints and the azimuth of the field alone, as the source has it; and all that is estimated by default."""
+
+# Each textbook filter uses every reading as it comes: so does Oarlock where the two are compared.
+_PLAIN: Final[dict[str, Any]] = {
+    "gate": False,
+    "consider": "off",
+    "learning_memory_s": None,
+    "magnetometer": "on",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A model, a recording, and the same readings as rows."""
+
+    model: Model
+    recording: Recording
+    described: dict[str, Any] = field(repr=False)
+
+    def config(self, estimate: str = "joints", filter_name: str = "ukf", plain: bool = False) -> Config:
+        """How to track: `estimate` is a key of `ESTIMATES`; `plain` leaves gates and learning out."""
+        from oarlock import Config
+
+        return Config(estimate=ESTIMATES[estimate], filter=filter_name, **(_PLAIN if plain else {}))
+
+    @cached_property
+    def time_s(self) -> Floats:
+        """Stamps, (T,), s; all streams share them."""
+        return np.asarray(self.recording.streams[0].time_s)
+
+    @cached_property
+    def readings(self) -> Floats:
+        """Readings, (T, m), in the order of the measurement; closed loops read zero."""
+        columns: dict[str, Floats] = {}
+        for stream in self.recording.streams:
+            for name, values in stream.values.items():
+                if name == "value":
+                    columns[stream.name] = values
+                    continue
+                part = name.split("_")[0]
+                columns |= {f"{stream.name}.{part}_{axis}": values[:, k] for k, axis in enumerate("xyz")}
+        zero = np.zeros(len(self.time_s))
+        return np.column_stack([columns.get(name, zero) for name in self.model.measurement_names])
+
+    @cached_property
+    def inputs(self) -> Floats:
+        """Readings of input joints, (T, n_coordinates); zero where a joint is none, or nothing reads it."""
+        found = np.zeros((len(self.time_s), len(self.model.coordinate_names)))
+        for column, joint in enumerate(self.described["joints"]):
+            if joint["input"] and joint["name"] in self.recording:
+                found[:, column] = self.recording[joint["name"]].values["value"]
+        return found
+
+    @cached_property
+    def read_inputs(self) -> list[int]:
+        """Columns of `inputs` that a stream fills."""
+        return [
+            column
+            for column, joint in enumerate(self.described["joints"])
+            if joint["input"] and joint["name"] in self.recording
+        ]
+
+    def started(self) -> tuple[Tracker, Floats, Floats]:
+        """A plain tracker behind the first `WARM` samples, its mean (n,) and covariance (n, n)."""
+        from oarlock import Tracker
+
+        tracker = Tracker(self.model, None, self.config(plain=True))
+        for sample in tracker.samples(self.recording)[:WARM]:
+            tracker.step(sample)
+        belief = tracker.belief
+        if belief is None:
+            raise RuntimeError(f"no start was found within {WARM} samples")
+        return tracker, belief.mean, belief.covariance
+
+
+def sculling(duration_s: float = 10.0, seed: int = 1) -> Problem:
+    """The `"sculler"` over `duration_s` seconds at 125 Hz."""
+    import oarlock
+    from oarlock.rowing.simulation.experiment import simulate_sculling
+
+    model = oarlock.load_model("sculler")
+    _, recording = simulate_sculling(model, "B-B", duration_s, seed=seed)
+    return Problem(model, recording, model.describe())

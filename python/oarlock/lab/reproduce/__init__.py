@@ -1,0 +1,1 @@
+"""Every table and figure of the source paper, run again beside the printed values."""

@@ -1,0 +1,234 @@
+"""The cost of a step, eq. (19): measured on models of growing size, beside O(m^3 + n m^2 + m n^2 + n^3 + n f + n s)."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+import oarlock
+from oarlock import Config, DataError, DivergedError, Model, Recording, load_model
+from oarlock.lab.reproduce.chains import Size, built
+from oarlock.lab.reproduce.contents import Cell, Chart, Floats, Part, Row, Table, shown
+from oarlock.lab.reproduce.runs import Told
+from oarlock.rowing.simulation import paper
+from oarlock.rowing.simulation.experiment import simulate_sculling
+
+FILTERS = ("ukf", "ekf", "factorised")
+SHORT, LONG = 40, 840
+"""Samples of the two recordings whose difference in time is that of the steps between: starts cancel.
+
+Time is the processor's, so that others on the machine do not count."""
+ROUNDS = 7
+UNITS_FIXED, JOINTS_FIXED = 5, 15
+JOINTS = (4, 6, 9, 13, 18, 25, 34)
+UNITS = (2, 3, 5, 8, 12, 17)
+BOTH = ((4, 2), (7, 3), (12, 5), (20, 8), (30, 12))
+_TUNING = {"estimate": (), "gate": False, "learning_memory_s": None, "magnetometer": "on"}
+
+
+@dataclass(frozen=True)
+class Job:
+    """One size with its recordings."""
+
+    sweep: str
+    size: Size
+    model: Model
+    short: Recording
+    long: Recording
+    start: list[float]
+
+
+def cost(told: Told | None) -> Part:
+    """Measures every size with every filter, in turn, and fits powers."""
+    filters = available()
+    jobs = [_job(sweep, size) for sweep, size in _sizes()]
+    times = _measured(jobs, filters, told)
+    rows = [_row(job, filters, times) for job in jobs]
+    sculler = _sculler_rate()
+    return Part(
+        key="cost",
+        title="Equation (19): what a step costs",
+        lead=(
+            "The paper counts O(m^3 + n m^2 + m n^2 + n^3 + n f + n s) for n states, m readings, f frames and s units, "
+            f"and measures {paper.STEPS_PER_S:.0f} steps/s at n = {paper.STATES}, m = "
+            f"{paper.MEASUREMENTS}. Here chains "
+            "and trees of hinges are generated as model files and tracked; a time is the median over "
+            f"{ROUNDS} rounds, in each of which all sizes and filters took their turn, of the difference in processor "
+            f"time between a recording of {LONG} and one of {SHORT} samples.",
+            f"The sculler of 72 states and 58 readings takes {1e6 / sculler:,.0f} us a step as shipped, {sculler:,.0f} "
+            f"steps/s on one core: {sculler / paper.STEPS_PER_S:,.0f} times the paper's 116.",
+        ),
+        tables=(_exponents(rows, filters), _times(rows, filters)),
+        charts=tuple(_chart(rows, filters, sweep) for sweep in ("joints", "units", "both")),
+        notes=(
+            paper.SLIPS["states"],
+            paper.SLIPS["measurements"],
+            "A fitted power is a power over this range of sizes, not a limit: small models pay for what does not grow. "
+            "Where (19) says n^3 the filter spends its time on columns that it can take as linear, and where (19) "
+            "says m^3 it factors in the smaller of two spaces; so the measured powers lie below.",
+        ),
+        data={"cost": rows},
+    )
+
+
+def available() -> tuple[str, ...]:
+    """The filters that this build has."""
+    found = []
+    for name in FILTERS:
+        try:
+            Config(filter=name)
+        except DataError:
+            continue
+        found.append(name)
+    return tuple(found)
+
+
+def _sizes() -> list[tuple[str, Size]]:
+    sizes = [("joints", Size(joints, UNITS_FIXED)) for joints in JOINTS]
+    sizes += [("units", Size(JOINTS_FIXED, units)) for units in UNITS]
+    sizes += [("both", Size(joints, units)) for joints, units in BOTH]
+    return sizes + [("tree", Size(joints, units, arm=4)) for joints, units in BOTH[1:]]
+
+
+def _job(sweep: str, size: Size) -> Job:
+    model, long, start = built(size, LONG)
+    first = long.start_s + (SHORT - 0.5) / 125.0
+    return Job(sweep, size, model, long.slice(end_s=first), long, start)
+
+
+def _measured(
+    jobs: list[Job], filters: tuple[str, ...], told: Told | None
+) -> dict[tuple[str, Size, str], float]:
+    """Median time of a step, s; NaN where the filter loses the chain."""
+    found: dict[tuple[str, Size, str], list[float]] = {}
+    for turn in range(ROUNDS):
+        for k, job in enumerate(jobs):
+            for name in filters:
+                found.setdefault((job.sweep, job.size, name), []).append(_step_s(job, name))
+            if told is not None:
+                told((turn * len(jobs) + k + 1) / (ROUNDS * len(jobs)))
+    return {key: statistics.median(times) for key, times in found.items()}
+
+
+def _step_s(job: Job, name: str) -> float:
+    config = Config(filter=name, initial_q=job.start, **_TUNING)
+    spans = []
+    try:
+        for recording in (job.short, job.long):
+            began = time.process_time()
+            oarlock.track(job.model, recording, config=config)
+            spans.append(time.process_time() - began)
+    except DivergedError:
+        return math.nan
+    return (spans[1] - spans[0]) / (LONG - SHORT)
+
+
+def formula(states: int, readings: int, frames: int, units: int) -> int:
+    """The sum inside eq. (19)."""
+    n, m = states, readings
+    return m**3 + n * m**2 + m * n**2 + n**3 + n * frames + n * units
+
+
+def _row(job: Job, filters: tuple[str, ...], times: dict[tuple[str, Size, str], float]) -> Row:
+    size = job.size
+    return {
+        "sweep": job.sweep,
+        "joints": size.joints,
+        "units": size.units,
+        "n": size.states,
+        "m": size.readings,
+        "frames": size.joints + 1,
+        "formula_19": formula(size.states, size.readings, size.joints + 1, size.units),
+        **{f"{name}_us": 1e6 * times[job.sweep, size, name] for name in filters},
+    }
+
+
+def power(x: Floats, y: Floats) -> float:
+    """Slope of log y over log x, of the points that are positive; NaN of fewer than three."""
+    good = np.isfinite(y) & (y > 0.0)
+    if good.sum() < 3:
+        return math.nan
+    return float(np.polyfit(np.log(x[good]), np.log(y[good]), 1)[0])
+
+
+_SWEEPS = {
+    "joints": ("n", f"joints, {UNITS_FIXED} units"),
+    "units": ("m", f"units, {JOINTS_FIXED} joints"),
+    "both": ("n", "joints and units together, a chain"),
+    "tree": ("n", "the same, trees with arms of four links"),
+}
+
+
+def _columns(rows: list[Row], sweep: str, *names: str) -> list[Floats]:
+    own = [row for row in rows if row["sweep"] == sweep]
+    return [np.array([row[name] for row in own], dtype=np.float64) for name in names]
+
+
+def _exponents(rows: list[Row], filters: tuple[str, ...]) -> Table:
+    found = []
+    for sweep, (axis, label) in _SWEEPS.items():
+        x, expected = _columns(rows, sweep, axis, "formula_19")
+        cells = [Cell(shown(power(x, _columns(rows, sweep, f"{name}_us")[0]), 2)) for name in filters]
+        grown = Cell(f"{axis} {x[0]:g} to {x[-1]:g}")
+        found.append((Cell(label), grown, Cell(shown(power(x, expected), 2)), *cells))
+    return Table(
+        "cost-powers",
+        "By which power of n (or m) the time grows over the range measured; in (19), and for each filter.",
+        ("what grows", "range", "(19)", *filters),
+        tuple(found),
+    )
+
+
+def _times(rows: list[Row], filters: tuple[str, ...]) -> Table:
+    reference = next(row for row in rows if row["sweep"] == "both" and row["joints"] == 12)
+    found = []
+    for row in rows:
+        relative = row["formula_19"] / reference["formula_19"]
+        cells = [
+            Cell(
+                f"{shown(row[f'{name}_us'])} us",
+                spread=f"x {shown(row[f'{name}_us'] / reference[f'{name}_us'], 2)}",
+            )
+            for name in filters
+        ]
+        sizes = [Cell(str(row[key])) for key in ("joints", "units", "n", "m")]
+        found.append((Cell(row["sweep"]), *sizes, Cell(f"x {shown(relative, 2)}"), *cells))
+    return Table(
+        "cost-times",
+        "Median time of a step, and its ratio to that of 12 joints with 5 units (n = 36, m = 45); "
+        "(19) as the same ratio.",
+        ("sweep", "joints", "units", "n", "m", "(19)", *filters),
+        tuple(found),
+        closed=True,
+    )
+
+
+def _chart(rows: list[Row], filters: tuple[str, ...], sweep: str) -> Chart:
+    axis, label = _SWEEPS[sweep]
+    x, expected = _columns(rows, sweep, axis, "formula_19")
+    series = {name: (x, _columns(rows, sweep, f"{name}_us")[0]) for name in filters}
+    # (19) has no constant: drawn through the middle of the first filter's times
+    middle = len(x) // 2
+    series["(19)"] = (x, expected * series[filters[0]][1][middle] / expected[middle])
+    return Chart(f"cost-{sweep}", label, "states n" if axis == "n" else "readings m", "us per step", series)
+
+
+def _sculler_rate() -> float:
+    """Steps per second of processor time, as shipped: the median of three differences between long and short."""
+    model = load_model("sculler")
+    _, recording = simulate_sculling(model, "B-B", 12.0, seed=0)
+    short = recording.slice(end_s=2.0)
+    steps = round((recording.end_s - short.end_s) * 125.0)
+    spans = []
+    for _ in range(3):
+        each = []
+        for part in (short, recording):
+            began = time.process_time()
+            oarlock.track(model, part)
+            each.append(time.process_time() - began)
+        spans.append(each[1] - each[0])
+    return steps / statistics.median(spans)

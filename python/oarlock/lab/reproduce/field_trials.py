@@ -1,0 +1,156 @@
+"""Field recordings as Table 6 and Figures 4 and 5 need them: simulated, tracked, held against their markers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+import oarlock
+from oarlock import Config, Track, load_model
+from oarlock.lab.reproduce.contents import Floats
+from oarlock.lab.reproduce.places import PlaceBand, place_band
+from oarlock.lab.reproduce.runs import Told
+from oarlock.rowing.field.effects import FieldEffects
+from oarlock.rowing.field.trial import FieldTrial, simulate_field
+from oarlock.rowing.simulation import paper
+
+START_S = 2.0
+RATE_HZ = 100.0
+BELIEFS_S = 0.1
+POINTS = tuple(paper.table_6())
+NOT_PUBLIC = (
+    "The paper's recordings are not public. These are simulated: oarlock.rowing.simulate_field moves the skin under "
+    "the sensors, glides the shoulders, bends the spine, lets the grip slip, turns the boat, sets mounts, lengths and "
+    "encoders wrong, adds iron, drift, gaps and clock errors. What it leaves out, nobody has measured here: compare "
+    "the pattern, not the digits."
+)
+_PAPER_CONFIG = {"estimate": (), "learning_memory_s": None, "gate": False, "magnetometer": "on"}
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A way to track: where, how."""
+
+    key: str
+    label: str
+    condition: str
+    effects: FieldEffects
+    config: dict[str, object]
+    smooth: bool = False
+
+
+def _indoor() -> FieldEffects:
+    """On an ergometer that stands still: all but the boat's rotation."""
+    hull = dict.fromkeys(("hull_pitch_rad", "hull_roll_rad", "hull_yaw_rad", "hull_heave_m"), 0.0)
+    return FieldEffects(**hull)
+
+
+SETTINGS = (
+    Setting(
+        "paper_indoor",
+        "indoors, as the paper: fixed noise, no slow states",
+        "S-B",
+        _indoor(),
+        dict(_PAPER_CONFIG),
+    ),
+    Setting("indoor", "indoors, as shipped", "S-B", _indoor(), {}),
+    Setting("indoor_smoothed", "indoors, as shipped, smoothed", "S-B", _indoor(), {}, smooth=True),
+    Setting("water", "on the water, as shipped", "B-B", FieldEffects(), {}),
+    Setting(
+        "water_open",
+        "on the water, without closure",
+        "B-B",
+        FieldEffects(),
+        {"closures": False},
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A trial tracked in one way. `points` holds by name: RMSE (3,) m, 3D RMSE m, correlation (3,), NEES, coverage."""
+
+    setting: Setting
+    seed: int
+    trial: FieldTrial
+    track: Track
+    bands: dict[str, PlaceBand]
+    points: dict[str, dict[str, float]]
+
+
+def field_trials(
+    seeds: Sequence[int], duration_s: float, threads: int | None, told: Told | None, keys: Sequence[str] = ()
+) -> list[Scored]:
+    """Every setting for every seed; a tracker that is lost is left out."""
+    settings = [s for s in SETTINGS if not keys or s.key in keys]
+    model = load_model("sculler")
+    trials: dict[tuple[str, int], FieldTrial] = {}
+    for seed in seeds:
+        for setting in settings:
+            if (setting.condition, seed) not in trials:
+                trials[setting.condition, seed] = simulate_field(
+                    model,
+                    setting.effects,
+                    condition=setting.condition,
+                    duration_s=duration_s,
+                    rate_hz=RATE_HZ,
+                    seed=seed,
+                )
+                if told is not None:
+                    told(0.5 * len(trials) / (len(seeds) * len({s.condition for s in settings})))
+    pairs = [(setting, seed) for setting in settings for seed in seeds]
+    found: list[Scored] = []
+    for smooth in (False, True):
+        own = [(setting, seed) for setting, seed in pairs if setting.smooth == smooth]
+        tracks = oarlock.track_many(
+            model,
+            [trials[setting.condition, seed].recording for setting, seed in own],
+            config=[_config(setting) for setting, seed in own],
+            smooth=smooth,
+            threads=threads,
+            on_error="return",
+        )
+        for (setting, seed), track in zip(own, tracks, strict=True):
+            if isinstance(track, Track):
+                found.append(_scored(setting, seed, trials[setting.condition, seed], track))
+    found.sort(key=lambda scored: [s.key for s in settings].index(scored.setting.key))
+    return found
+
+
+def _config(setting: Setting) -> Config:
+    return Config(belief_interval_s=BELIEFS_S, **setting.config)
+
+
+def _scored(setting: Setting, seed: int, trial: FieldTrial, track: Track) -> Scored:
+    markers = trial.markers
+    scores = oarlock.evaluate_markers(track, markers, align_clock=False, align_frame=False, start_s=START_S)
+    bands = {name: place_band(track, name, START_S) for name in POINTS}
+    points = {}
+    for name in POINTS:
+        score, band = scores.points[name], bands[name]
+        truth = marker_at(trial, name, band.time_s)
+        points[name] = {
+            "rmse_3d_m": float(score.rmse_3d_m),
+            **{f"rmse_{axis}_m": float(v) for axis, v in zip("xyz", score.rmse_m, strict=True)},
+            **{f"r_{axis}": float(v) for axis, v in zip("xyz", score.correlation, strict=True)},
+            "r": mean_r(score.correlation),
+            "nees": band.nees(truth),
+            "coverage_95": band.coverage(truth),
+        }
+    return Scored(setting, seed, trial, track, bands, points)
+
+
+def marker_at(trial: FieldTrial, name: str, time_s: Floats) -> Floats:
+    """Where a marker was (T, 3), m, root axes; NaN outside the recording."""
+    own, k = trial.markers, trial.markers.names.index(name)
+    columns = [np.interp(time_s, own.time_s, own.position_m[:, k, axis], np.nan, np.nan) for axis in range(3)]
+    return np.stack(columns, axis=1)
+
+
+def mean_r(correlation: Floats) -> float:
+    """Mean over the axes: the paper gives one figure and does not say of what."""
+    kept = np.asarray(correlation)[np.isfinite(correlation)]
+    return float(kept.mean()) if len(kept) else math.nan

@@ -1,0 +1,97 @@
+"""Every table and figure of the paper, run again: the printed value and ours beside each other.
+
+Source: E. Ruffaldi, L. Peppoloni, A. Filippeschi, "Sensor fusion for complex articulated body tracking applied in
+rowing", Journal of Sports Engineering and Technology.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from oarlock.lab.reproduce.contents import Part
+from oarlock.lab.reproduce.cost import cost
+from oarlock.lab.reproduce.discussion import discussion
+from oarlock.lab.reproduce.field_trials import Scored, field_trials
+from oarlock.lab.reproduce.figures import fig3, fig4, fig5
+from oarlock.lab.reproduce.runs import Told, share
+from oarlock.lab.reproduce.table5 import table5
+from oarlock.lab.reproduce.table6 import table6
+from oarlock.storage.errors import DataError
+
+PARTS = ("table5", "table6", "fig3", "fig4", "fig5", "discussion", "cost")
+"""What can be asked for, in the order of the paper."""
+
+# how long each takes, roughly, for the progress bar
+_WEIGHTS = {
+    "table5": 5.0,
+    "table6": 2.0,
+    "fig3": 0.3,
+    "fig4": 0.3,
+    "fig5": 0.1,
+    "discussion": 8.0,
+    "cost": 3.0,
+}
+
+
+def reproduce(
+    what: Sequence[str] = PARTS,
+    seeds: Sequence[int] = (0, 1, 2),
+    *,
+    duration_s: float = 40.0,
+    jobs: int | None = None,
+    progress: Told | None = None,
+) -> list[Part]:
+    """Runs parts of the paper again.
+
+    Args:
+        what: of `PARTS`.
+        seeds: of the strokes and of all noise.
+        duration_s: of each recording, s; the paper's lasted 40.
+        jobs: processes and threads; None is one for each core.
+        progress: called now and then with the share done, 0 to 1.
+
+    Returns:
+        The parts asked for, in the order of the paper.
+
+    Raises:
+        DataError: an unknown part, no seed, or a recording too short to be scored.
+    """
+    for name in what:
+        if name not in PARTS:
+            raise DataError(f"reproduce: there is no '{name}'; there are {', '.join(PARTS)}")
+    if not seeds or duration_s < 4.0:
+        raise DataError(
+            f"reproduce: {len(seeds)} seeds of {duration_s:g} s; give one seed or more, and at least 4 s"
+        )
+    chosen = [name for name in PARTS if name in what]
+    whole, done = sum(_WEIGHTS[name] for name in chosen), 0.0
+    found: list[Part] = []
+    trials: list[Scored] | None = None
+    for name in chosen:
+        told = share(progress, done / whole, (done + _WEIGHTS[name]) / whole)
+        done += _WEIGHTS[name]
+        if name in ("table6", "fig4", "fig5") and trials is None:
+            # a figure alone needs one recording, tracked as it is drawn
+            some = () if "table6" in chosen else ("indoor",)
+            trials = field_trials(seeds if "table6" in chosen else seeds[:1], duration_s, jobs, told, some)
+        found.append(_part(name, seeds, duration_s, jobs, told, trials or []))
+    return found
+
+
+def _part(
+    name: str,
+    seeds: Sequence[int],
+    duration_s: float,
+    jobs: int | None,
+    told: Told | None,
+    trials: Sequence[Scored],
+) -> Part:
+    if name == "table5":
+        return table5(seeds, duration_s, jobs, told)
+    if name == "table6":
+        return table6(trials, duration_s)
+    if name == "fig3":
+        return fig3(seeds[0], duration_s)
+    if name in ("fig4", "fig5"):
+        return (fig4 if name == "fig4" else fig5)(trials, duration_s)
+    return discussion(seeds, duration_s, jobs, told) if name == "discussion" else cost(told)

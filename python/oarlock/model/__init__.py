@@ -1,0 +1,1 @@
+"""The body: model files and their loading, coordinates, rotations, shapes of its figure."""

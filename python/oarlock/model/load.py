@@ -1,0 +1,64 @@
+"""Model files, shipped or one's own, and the motion of their root."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from oarlock._core import Model
+from oarlock.model.shipped_files import model_names, model_path
+from oarlock.storage.errors import ModelError
+from oarlock.storage.suggest import did_you_mean
+
+
+@dataclass(frozen=True)
+class Base:
+    """How the root moves, for `Model.predict_measurements`. One motion, or one for each row of q.
+
+    Args:
+        rotation: (..., 3, 3) world from root.
+        angular_velocity_rad_s: (..., 3) in root axes.
+        angular_acceleration_rad_s2: (..., 3) in root axes.
+        acceleration_m_s2: (..., 3) coordinate acceleration of the root's origin, in root axes, without gravity.
+    """
+
+    rotation: ArrayLike
+    angular_velocity_rad_s: ArrayLike = (0.0, 0.0, 0.0)
+    angular_acceleration_rad_s2: ArrayLike = (0.0, 0.0, 0.0)
+    acceleration_m_s2: ArrayLike = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        rows = np.shape(self.rotation)[:-2]
+        for name in ("angular_velocity_rad_s", "angular_acceleration_rad_s2", "acceleration_m_s2"):
+            object.__setattr__(self, name, np.broadcast_to(np.asarray(getattr(self, name)), (*rows, 3)))
+
+
+def load_model(name: str | PathLike[str], parameters: Mapping[str, float] | None = None) -> Model:
+    """Read a model.
+
+    Args:
+        name: a shipped model's name, or the path of a model file.
+        parameters: values (m, rad) that replace the file's defaults.
+
+    Raises:
+        ModelError: there is no such model, or its file is wrong; every mistake is listed with file and line.
+        DataError: a parameter that the model does not have.
+    """
+    shipped = model_names()
+    path = model_path(str(name)) if str(name) in shipped else Path(name)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise ModelError(f"{path}: is not UTF-8 text (byte {error.start}); save it as UTF-8") from None
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) else str(error)
+        raise ModelError(
+            f"{str(name)[:80]}: no shipped model has this name, and no file can be read there ({why}). "
+            f"{did_you_mean(str(name), shipped)}"
+        ) from None
+    return Model.from_toml(text, str(path), dict(parameters or {}))

@@ -1,0 +1,108 @@
+"""The gate of a calibration's values: each is copied read-only, or refused with field, name, figures and unit."""
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from oarlock.storage.array_gate import FloatArray, real_array
+from oarlock.storage.errors import DataError
+
+Mount: TypeAlias = tuple[FloatArray, FloatArray]
+
+# Rotations typed by hand carry four to six digits; a wrong one is off by far more.
+ROTATION_TOLERANCE = 1e-4
+
+LEAST_DETERMINANT = 1e-3
+"""A soft-iron matrix stretches the axes by shares; one this flat has lost an axis."""
+
+
+def finite_parameter(value: ArrayLike, name: str) -> float:
+    """A parameter's value, m or rad."""
+    number = real_array(value, (), f'calibration, parameter "{name}"').item()
+    if not np.isfinite(number):
+        raise DataError(f'calibration, parameter "{name}": is {number}; expected a finite number')
+    return float(number)
+
+
+def parameter_std(value: ArrayLike, name: str) -> float:
+    """A parameter's standard deviation, m or rad."""
+    where = f'calibration, parameter_stds of "{name}"'
+    number = real_array(value, (), where).item()
+    if not (np.isfinite(number) and number >= 0.0):
+        raise DataError(f"{where}: is {number}; expected a finite number, 0 or more, in m or rad")
+    return float(number)
+
+
+def finite_three(value: ArrayLike, field: str, name: str, unit: str) -> FloatArray:
+    """(3,) finite numbers of a unit's field."""
+    where = f'calibration, {field} of "{name}"'
+    three = real_array(value, (3,), where)
+    if not np.isfinite(three).all():
+        raise DataError(f"{where}: is {three.tolist()}; expected three finite numbers in {unit}")
+    return three
+
+
+def std_three(value: ArrayLike, field: str, name: str, unit: str) -> FloatArray:
+    """(3,) standard deviations of a unit's field."""
+    three = finite_three(value, field, name, unit)
+    if (three < 0.0).any():
+        raise DataError(
+            f'calibration, {field} of "{name}": is {three.tolist()}; '
+            f"a standard deviation is 0 or more, in {unit}"
+        )
+    return three
+
+
+def accel_scale(value: ArrayLike, name: str) -> FloatArray:
+    """(3,) what an accelerometer reads per true m/s2, about 1."""
+    three = finite_three(value, "accel_scales", name, "reading per m/s2")
+    if (three <= 0.0).any():
+        raise DataError(
+            f'calibration, accel_scales of "{name}": is {three.tolist()}; expected positive numbers near 1. '
+            "An axis that is turned round belongs into the mount"
+        )
+    return three
+
+
+def mag_matrix(value: ArrayLike, name: str) -> FloatArray:
+    """(3, 3) that undoes soft iron."""
+    where = f'calibration, mag_matrices of "{name}"'
+    matrix = real_array(value, (3, 3), where)
+    if not np.isfinite(matrix).all():
+        raise DataError(f"{where}: is {matrix.tolist()}; expected nine finite numbers")
+    with np.errstate(over="ignore", invalid="ignore"):
+        determinant = float(np.linalg.det(matrix))
+    if not LEAST_DETERMINANT <= determinant < np.inf:
+        raise DataError(
+            f"{where}: has determinant {determinant:.3g}; expected about 1. Below {LEAST_DETERMINANT:g} it "
+            "flattens the field, and a negative one mirrors it"
+        )
+    return matrix
+
+
+def checked_mount(value: object, name: str) -> Mount:
+    """(link_from_sensor (3, 3), offset_m (3,))."""
+    where = f'calibration, mount of "{name}"'
+    if not isinstance(value, tuple | list) or len(value) != 2:
+        raise DataError(f"{where}: expected (link_from_sensor 3x3, offset_m 3), got {value!r}")
+    rotation, offset = value
+    link_from_sensor = real_array(rotation, (3, 3), f"{where}, rotation")
+    offset_m = real_array(offset, (3,), f"{where}, offset_m")
+    if not np.isfinite(offset_m).all():
+        raise DataError(f"{where}: offset_m is {offset_m.tolist()}; expected finite numbers")
+    _check_rotation(link_from_sensor, where)
+    return link_from_sensor, offset_m
+
+
+def _check_rotation(matrix: FloatArray, where: str) -> None:
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
+    if not error <= ROTATION_TOLERANCE:
+        raise DataError(
+            f"{where}: rows are not orthonormal (R R^T is off by {error:.3g}, "
+            f"allowed {ROTATION_TOLERANCE:g}). "
+            "Give more digits, or use the nearest rotation."
+        )
+    if np.linalg.det(matrix) < 0:
+        raise DataError(f"{where}: is a mirror (determinant -1), not a rotation. Check the sign of one axis.")

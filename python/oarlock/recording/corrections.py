@@ -1,0 +1,140 @@
+"""A recording with a calibration's corrections, for those who look at readings apart from the engine.
+
+The engine applies the same corrections to what it is given: it takes recordings and samples as they were measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from oarlock import _core
+from oarlock.recording.recording import Recording
+from oarlock.recording.stream_scales import Clock, EncoderScale
+from oarlock.recording.streams import ImuStream, ScalarStream, Stream, VectorStream
+from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.errors import DataError
+
+Fields = Mapping[str, FloatArray]
+
+
+class Corrections(Protocol):
+    """The fields of `oarlock.Calibration` that change readings or stamps."""
+
+    @property
+    def gyro_biases_rad_s(self) -> Fields: ...
+    @property
+    def accel_biases_m_s2(self) -> Fields: ...
+    @property
+    def accel_scales(self) -> Fields: ...
+    @property
+    def mag_matrices(self) -> Fields: ...
+    @property
+    def mag_offsets_ut(self) -> Fields: ...
+    @property
+    def clocks(self) -> Mapping[str, Clock]: ...
+    @property
+    def encoders(self) -> Mapping[str, EncoderScale]: ...
+
+
+OF_UNITS = {
+    "gyro_biases_rad_s": "gyro_rad_s",
+    "accel_biases_m_s2": "accel_m_s2",
+    "accel_scales": "accel_m_s2",
+    "mag_matrices": "mag_ut",
+}
+"""Field of a calibration -> the quantity of an inertial unit that it corrects."""
+
+CORRECTING = (*OF_UNITS, "clocks", "encoders")
+"""Fields that change readings or stamps, but for `mag_offsets_ut`."""
+
+TOLD = {
+    "gyro_biases_rad_s": "gyroscope biases of {} were subtracted",
+    "accel_biases_m_s2": "accelerometer biases of {} were subtracted",
+    "accel_scales": "accelerometers of {} were scaled",
+    "mag_matrices": "soft iron of {} was undone",
+    "clocks": "clocks of {} were set right",
+    "encoders": "zero and scale of {} were applied",
+    "mag_offsets_ut": "magnetometer offsets of {} were subtracted",
+}
+
+
+def corrected(recording: Recording, calibration: Corrections | None) -> Recording:
+    """See `oarlock.Calibration.corrected`; None corrects nothing."""
+    if calibration is None:
+        return recording
+    streams = [_corrected_stream(stream, calibration) for stream in recording]
+    if all(new is old for new, old in zip(streams, recording, strict=True)):
+        return recording
+    return Recording(streams, recording.meta)
+
+
+def true_readings(calibration: Corrections, unit: str, field: str, readings: FloatArray) -> FloatArray:
+    """Readings (T, 3) of one quantity of an inertial unit as the engine uses them, without magnetometer offsets too."""
+    found = _core.corrected_readings(calibration, unit, field, readings)
+    return readings if found is None else found
+
+
+def without_mag_offsets(recording: Recording, calibration: Corrections | None) -> Recording:
+    """The recording less `mag_offsets_ut`, for those who read magnetometers without the engine."""
+    offsets = {} if calibration is None else calibration.mag_offsets_ut
+    streams: list[Stream] = []
+    for stream in recording:
+        if isinstance(stream, ImuStream) and stream.mag_ut is not None and stream.name in offsets:
+            values = dict(stream.values) | {"mag_ut": stream.mag_ut - offsets[stream.name]}
+            stream = ImuStream(stream.name, stream.time_s, **values)
+        streams.append(stream)
+    return Recording(streams, recording.meta)
+
+
+def correction_notes(recording: Recording, calibration: Corrections | None) -> tuple[str, ...]:
+    """One sentence for each field of the calibration that changes readings or stamps of this recording."""
+    if calibration is None:
+        return ()
+    notes = []
+    for field, text in TOLD.items():
+        names = [name for name in getattr(calibration, field) if name in recording]
+        if names:
+            notes.append(text.format(", ".join(names)))
+    return tuple(notes)
+
+
+def _corrected_stream(stream: Stream, calibration: Corrections) -> Stream:
+    for field in OF_UNITS:
+        if stream.name in getattr(calibration, field) and not isinstance(stream, ImuStream):
+            raise DataError(
+                f'calibration, {field} of "{stream.name}": the recording\'s stream of that name is a '
+                f"{type(stream).__name__}, not an inertial unit. Rename one of them"
+            )
+    if stream.name in calibration.encoders and not isinstance(stream, ScalarStream):
+        raise DataError(
+            f'calibration, encoders of "{stream.name}": the recording\'s stream of that name is a '
+            f"{type(stream).__name__}, not a ScalarStream. Rename one of them"
+        )
+    clock = calibration.clocks.get(stream.name)
+    time_s = stream.time_s if clock is None else clock.true_s(stream.time_s)
+    if isinstance(stream, ImuStream):
+        return _corrected_unit(stream, time_s, calibration)
+    encoder = calibration.encoders.get(stream.name)
+    if clock is None and encoder is None:
+        return stream
+    if isinstance(stream, VectorStream):
+        return VectorStream(stream.name, time_s, stream.value)
+    value = stream.value if encoder is None else encoder.value(stream.value)
+    return ScalarStream(stream.name, time_s, value, stream.unit)
+
+
+def _corrected_unit(stream: ImuStream, time_s: FloatArray, calibration: Corrections) -> ImuStream:
+    name = stream.name
+    corrected = {f: _corrected_values(name, f, v, calibration) for f, v in stream.values.items()}
+    same = time_s is stream.time_s and all(corrected[f] is v for f, v in stream.values.items())
+    return stream if same else ImuStream(name, time_s, **corrected)
+
+
+def _corrected_values(unit: str, field: str, values: FloatArray, calibration: Corrections) -> FloatArray:
+    if field == "mag_ut" and unit not in calibration.mag_matrices:
+        return values
+    found = true_readings(calibration, unit, field, values)
+    # The offset stays: `mag_offsets_ut` still holds for what comes out.
+    kept = calibration.mag_offsets_ut.get(unit) if field == "mag_ut" else None
+    return found if kept is None else found + kept

@@ -1,0 +1,261 @@
+"""A recording as a folder: recording.toml and one Parquet or CSV file a stream, ``time_s`` first."""
+
+import re
+from collections.abc import Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+from types import MappingProxyType
+from typing import Literal, cast
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from oarlock.recording.streams import ImuStream, ScalarStream, ScalarUnit, Stream, VectorStream
+from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.delimited import Dialect, Layout, numbers
+from oarlock.storage.errors import DataError
+from oarlock.storage.parquet_table import read_table
+from oarlock.storage.paths import place_of
+from oarlock.storage.suggest import did_you_mean
+from oarlock.storage.toml import TomlTable, write_toml
+
+FORMAT = 1
+INDEX_FILE = "recording.toml"
+
+# field -> (key in units, unit, columns)
+_IMU_FIELDS: Mapping[str, tuple[str, str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "gyro_rad_s": ("gyro", "rad/s", ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")),
+        "accel_m_s2": ("accel", "m/s2", ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2")),
+        "mag_ut": ("mag", "uT", ("mag_x_ut", "mag_y_ut", "mag_z_ut")),
+    }
+)
+_KINDS = ("imu", "scalar", "vector")
+_VECTOR_COLUMNS = ("x_m", "y_m", "z_m")
+
+
+def write_folder(
+    streams: Sequence[Stream],
+    meta: Mapping[str, object],
+    folder: str | PathLike[str],
+    file_format: Literal["parquet", "csv"] = "parquet",
+) -> None:
+    """Write a recording; one that the folder already holds is replaced.
+
+    recording.toml comes last, so a folder that was cut short is not taken for a whole one.
+
+    Args:
+        streams: of the recording.
+        meta: notes that travel with it.
+        folder: made if it is not there.
+        file_format: of the streams. Both give back every bit.
+
+    Raises:
+        DataError: The folder cannot be written, or `meta` holds what TOML cannot.
+    """
+    if file_format not in ("parquet", "csv"):
+        raise DataError(f'file_format is {file_format!r}; expected "parquet" or "csv"')
+    root = Path(folder)
+    files = _file_names([stream.name for stream in streams], file_format)
+    document = {
+        "format": FORMAT,
+        "stream": [_entry(s, f) for s, f in zip(streams, files, strict=True)],
+        "meta": dict(meta),
+    }
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        _remove_old(root)
+        for stream, file in zip(streams, files, strict=True):
+            _write_columns(root / file, _columns_of(stream))
+    except OSError as error:
+        raise DataError(f"{root}: cannot be written ({error.strerror or error})") from error
+    write_toml(root / INDEX_FILE, document)
+
+
+def read_folder(path: str | PathLike[str]) -> tuple[list[Stream], Mapping[str, object]]:
+    """Read streams and notes that `write_folder` wrote, or what was written by hand in the same form.
+
+    Args:
+        path: the folder, or its recording.toml.
+
+    Raises:
+        DataError: A file, column or key is missing or unknown, or a unit is not the one held.
+    """
+    index = place_of(path)
+    if index.is_dir():
+        index = index / INDEX_FILE
+    if not index.is_file():
+        raise DataError(
+            f'{index}: is not there, so "{path}" is no recording. '
+            "Make one from sensor files with `oarlock import`, or with Recording.save."
+        )
+    top = TomlTable.read(index)
+    top.check_format(FORMAT)
+    top.check_keys({"format", "stream", "meta"})
+    streams = [_read_stream(table, index.parent) for table in top.tables("stream")]
+    # The reader keeps what it used for the next file; of an hour that is a third as much again as the recording.
+    pa.default_memory_pool().release_unused()
+    return streams, top.table("meta", default={}).values
+
+
+def _file_names(stream_names: Sequence[str], file_format: str) -> list[str]:
+    """One name a stream: its own where a file can have it, numbered where two would meet."""
+    taken: set[str] = set()
+    names = []
+    for number, name in enumerate(stream_names, start=1):
+        plain = re.sub(r"[^A-Za-z0-9_.-]", "_", name).strip(".") or "stream"
+        if plain.casefold() in taken:
+            plain = f"{plain}_{number}"
+        taken.add(plain.casefold())
+        names.append(f"{plain}.{file_format}")
+    return names
+
+
+def _entry(stream: Stream, file: str) -> dict[str, object]:
+    entry: dict[str, object] = {"name": stream.name, "kind": stream.kind, "file": file, "rows": len(stream)}
+    if isinstance(stream, ImuStream):
+        entry["units"] = {_IMU_FIELDS[f][0]: _IMU_FIELDS[f][1] for f in stream.values}
+    elif isinstance(stream, VectorStream):
+        entry["units"] = {"value": "m"}
+    elif stream.unit is not None:
+        entry["units"] = {"value": stream.unit}
+    return entry
+
+
+def _columns_of(stream: Stream) -> dict[str, FloatArray]:
+    columns = {"time_s": stream.time_s}
+    if isinstance(stream, ScalarStream):
+        return {**columns, "value": stream.value}
+    for field, rows in stream.values.items():
+        names = _IMU_FIELDS[field][2] if isinstance(stream, ImuStream) else _VECTOR_COLUMNS
+        columns.update({name: rows[:, i] for i, name in enumerate(names)})
+    return columns
+
+
+def _write_columns(file: Path, columns: Mapping[str, FloatArray]) -> None:
+    if file.suffix == ".parquet":
+        table = pa.table({name: pa.array(np.ascontiguousarray(v)) for name, v in columns.items()})
+        pq.write_table(table, file)
+        return
+    with file.open("w", encoding="utf-8", newline="\n") as out:
+        out.write(",".join(columns) + "\n")
+        for row in zip(*(v.tolist() for v in columns.values()), strict=True):
+            out.write(",".join("" if x != x else repr(x) for x in row) + "\n")
+
+
+def _remove_old(root: Path) -> None:
+    """Remove the recording that is there: its stream files, so that none is left over, and its index."""
+    index = root / INDEX_FILE
+    if not index.exists():
+        return
+    try:
+        entries = TomlTable.read(index).tables("stream")
+    except DataError:
+        entries = []
+    for entry in entries:
+        file = entry.values.get("file")
+        if isinstance(file, str) and Path(file).name == file and file.endswith((".parquet", ".csv")):
+            (root / file).unlink(missing_ok=True)
+    index.unlink()
+
+
+def _read_stream(table: TomlTable, root: Path) -> Stream:
+    table.check_keys({"name", "kind", "file", "rows", "units"})
+    name, kind = table.string("name"), table.string("kind")
+    units = table.table("units", default={})
+    columns = _expected_columns(table, kind, units)
+    found = _read_columns(table, root, ["time_s", *(c for group in columns.values() for c in group)])
+    rows = table.integer("rows", len(found["time_s"]))
+    if rows != len(found["time_s"]):
+        raise DataError(
+            f'{table.where("rows")}: says {rows} rows, "{table.string("file")}" has {len(found["time_s"])}. '
+            "The file was cut off or changed; correct the number if it is meant."
+        )
+    fields = {f: np.column_stack([found[c] for c in group]) for f, group in columns.items()}
+    if kind == "imu":
+        return ImuStream(name, found["time_s"], **fields)
+    if kind == "vector":
+        return VectorStream(name, found["time_s"], fields["value"])
+    unit = units.string("value") if "value" in units.values else None
+    return ScalarStream(name, found["time_s"], fields["value"][:, 0], cast(ScalarUnit | None, unit))
+
+
+def _expected_columns(table: TomlTable, kind: str, units: TomlTable) -> dict[str, tuple[str, ...]]:
+    """The columns of each field that the stream's units announce."""
+    if kind not in _KINDS:
+        raise DataError(
+            f"{table.where('kind')}: the kind {kind!r} is not known. {did_you_mean(kind, _KINDS)}"
+        )
+    if kind == "imu":
+        units.check_keys({key for key, _, _ in _IMU_FIELDS.values()})
+        announced = {f: entry for f, entry in _IMU_FIELDS.items() if entry[0] in units.values}
+        for key, unit, _ in announced.values():
+            _check_unit(units, key, (unit,))
+        if not announced:
+            raise DataError(f'{table.where()}: units name no quantity, such as units = {{ gyro = "rad/s" }}')
+        return {field: entry[2] for field, entry in announced.items()}
+    units.check_keys({"value"})
+    if kind == "vector":
+        _check_unit(units, "value", ("m",))
+        return {"value": _VECTOR_COLUMNS}
+    if "value" in units.values:
+        _check_unit(units, "value", ("m", "rad"))
+    return {"value": ("value",)}
+
+
+def _check_unit(units: TomlTable, key: str, held: tuple[str, ...]) -> None:
+    found = units.string(key)
+    if found not in held:
+        raise DataError(
+            f'{units.where(key)}: the unit is "{found}"; a recording folder holds {" or ".join(held)}. '
+            "Convert the numbers, or let `oarlock import csv` do it."
+        )
+
+
+def _read_columns(table: TomlTable, root: Path, names: list[str]) -> dict[str, FloatArray]:
+    """The named columns of the stream's file, which must have these and no other."""
+    given = table.string("file")
+    file = place_of(root / given)
+    if Path(given).is_absolute() or ".." in Path(given).parts:
+        raise DataError(f'{table.where("file")}: "{given}" is not inside the recording\'s folder')
+    if not file.is_file():
+        raise DataError(f'{table.where("file")}: there is no file "{file}"')
+    read = {".parquet": _read_parquet, ".csv": _read_csv}.get(file.suffix)
+    if read is None:
+        raise DataError(f'{table.where("file")}: "{given}" is neither .parquet nor .csv')
+    return read(file, names)
+
+
+def _check_columns(file: Path, found: list[str], names: list[str]) -> None:
+    for name in names:
+        if name not in found:
+            raise DataError(f'{file}: has no column "{name}". {did_you_mean(name, found)}')
+    for name in found:
+        if name not in names:
+            raise DataError(
+                f'{file}: recording.toml does not announce the column "{name}". {did_you_mean(name, names)}'
+            )
+
+
+def _read_parquet(file: Path, names: list[str]) -> dict[str, FloatArray]:
+    table = read_table(file)
+    _check_columns(file, table.column_names, names)
+    columns = {}
+    for name in names:
+        column = table.column(name)
+        if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
+            raise DataError(f'{file}: column "{name}" is of type {column.type}; expected numbers')
+        columns[name] = column.to_numpy()
+    return columns
+
+
+def _read_csv(file: Path, names: list[str]) -> dict[str, FloatArray]:
+    layout = Layout.of(file, Dialect())
+    _check_columns(file, list(layout.names), names)
+    wanted = [layout.index(name) for name in names]
+    parts: list[list[FloatArray]] = [[] for _ in names]
+    for batch in layout.batches(wanted):
+        for position, index in enumerate(wanted):
+            parts[position].append(numbers(layout, batch, position, index))
+    return {n: np.concatenate(p) if p else np.zeros(0) for n, p in zip(names, parts, strict=True)}

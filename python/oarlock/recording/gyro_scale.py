@@ -1,0 +1,81 @@
+"""Does the gyroscope turn as fast as gravity turns in the accelerometer?"""
+
+import numpy as np
+
+from oarlock.recording.streams import ImuStream
+from oarlock.storage.array_gate import FloatArray
+
+# Over this time accelerations of the body average out, and gravity still turns visibly.
+SMOOTHING_S = 0.25
+# Only where |accel| is near its median is its direction that of gravity.
+NEAR_REST = 0.15
+LEAST_ROWS = 50
+# Below this, noise in the accelerometer would decide.
+LEAST_TURN_PER_S = 0.05
+LEAST_CORRELATION = 0.8
+
+
+def gyro_per_gravity_turn(stream: ImuStream) -> float | None:
+    """Angular rate of the gyro over that of gravity in the accel: 1 where both have the right unit.
+
+    In sensor axes a direction u that stands still in the world changes by -gyro x u. The change of accel's
+    direction over a quarter second is compared with the mean of that product, by least squares.
+
+    Args:
+        stream: an inertial unit; the unit and sign of its accel do not matter.
+
+    Returns:
+        The ratio, near 57.3 for a gyro in deg/s, or None where the recording does not tell: a quantity is
+        absent, little motion, or accelerations that hide gravity.
+    """
+    if stream.gyro_rad_s is None or stream.accel_m_s2 is None or len(stream) < LEAST_ROWS:
+        return None
+    width = max(2, round(SMOOTHING_S * stream.rate_hz))
+    norm = row_norms(stream.accel_m_s2)
+    there = norm[np.isfinite(norm)]
+    if len(norm) <= 2 * width or not there.size or (middle := float(np.median(there))) == 0.0:
+        return None
+    direction = stream.accel_m_s2 / np.where(norm > 0.0, norm, np.nan)[:, None]
+    at_rest = np.abs(norm / middle - 1.0) < NEAR_REST
+    duration_s = (stream.time_s[width:] - stream.time_s[:-width])[:, None]
+    seen = (direction[width:] - direction[:-width]) / duration_s
+    told = _running_mean(_cross(direction, stream.gyro_rad_s), width)
+    usable = at_rest[width:] & at_rest[:-width] & np.isfinite(seen + told).all(axis=1)
+    return _slope(seen[usable], told[usable])
+
+
+def row_norms(rows: FloatArray) -> FloatArray:
+    """Length of each row, (T, 3) to (T,)."""
+    lengths: FloatArray = np.sqrt(np.einsum("ij,ij->i", rows, rows))
+    return lengths
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """A x b, row by row; without the axes that numpy's own must sort out first."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+
+
+def _running_mean(rows: FloatArray, width: int) -> FloatArray:
+    """Mean of each `width` steps by the trapezoid rule; NaN only where one of these steps holds NaN."""
+    middle = 0.5 * (rows[1:] + rows[:-1])
+    gone = np.isnan(middle)
+    if not gone.any():
+        sums = np.cumsum(np.vstack([np.zeros((1, 3)), middle]), axis=0)
+        return np.asarray((sums[width:] - sums[:-width]) / width)
+    sums = np.cumsum(np.vstack([np.zeros((1, 3)), np.where(gone, 0.0, middle)]), axis=0)
+    holes = np.cumsum(np.vstack([np.zeros((1, 3)), gone]), axis=0)
+    mean = (sums[width:] - sums[:-width]) / width
+    return np.where(holes[width:] > holes[:-width], np.nan, mean)
+
+
+def _slope(seen: FloatArray, told: FloatArray) -> float | None:
+    """Least-squares ratio told / seen, if both are large enough and agree in shape."""
+    if len(seen) < LEAST_ROWS or float(np.sqrt((seen**2).mean())) < LEAST_TURN_PER_S:
+        return None
+    product, seen_squared, told_squared = (
+        float((a * b).sum()) for a, b in ((seen, told), (seen, seen), (told, told))
+    )
+    if told_squared == 0.0 or product / np.sqrt(seen_squared * told_squared) < LEAST_CORRELATION:
+        return None
+    return told_squared / product

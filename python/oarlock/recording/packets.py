@@ -1,0 +1,96 @@
+"""Packets that never arrived, by the device's counter or by the steps between stamps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import Stream
+from oarlock.storage.array_gate import FloatArray, real_array
+from oarlock.storage.errors import DataError
+
+META_KEY = "packets"
+"""`Recording.meta[META_KEY][stream]` holds what a reader found by counter: `after_s`, `packets`, `step_s`."""
+
+_GAP_STEPS = 1.5
+_REGULAR_SHARE, _REGULAR_STEP = 0.8, 0.3
+"""Steps tell of missing packets only where so many of them are this close, as a share, to the usual one."""
+_LEAST_STEPS = 10
+
+
+@dataclass(frozen=True)
+class Lost:
+    """What is missing of one stream.
+
+    Args:
+        after_s: (G,) stamps behind which packets are missing, s.
+        packets: (G,) how many at each.
+        silent_s: (G,) time without any, beyond the usual step, s.
+        by_counter: the device counted; else told from the stamps.
+    """
+
+    after_s: FloatArray
+    packets: FloatArray
+    silent_s: FloatArray
+    by_counter: bool
+
+    def text(self) -> str:
+        """One sentence, such as "37 packets missing in 5 places, longest 80 ms at 12.3 s"; empty if none is."""
+        if not self.after_s.size:
+            return ""
+        worst, places = int(np.argmax(self.silent_s)), len(self.after_s)
+        length_s, count = float(self.silent_s[worst]), int(self.packets.sum())
+        length = f"{1e3 * length_s:.0f} ms" if length_s < 1.0 else f"{length_s:.3g} s"
+        source = " by its counter" if self.by_counter else ""
+        return (
+            f"{count} {'packet' if count == 1 else 'packets'} missing in {places} "
+            f"{'place' if places == 1 else 'places'}{source}, longest {length} at {self.after_s[worst]:.1f} s."
+        )
+
+
+def lost_packets(recording: Recording, stream: Stream) -> Lost | None:
+    """Gaps of a stream: by counter where a reader found one, else by its stamps; None if these tell nothing.
+
+    Raises:
+        DataError: the recording's `meta` holds something else under the name of counted packets.
+    """
+    counted = recording.meta.get(META_KEY)
+    if isinstance(counted, Mapping) and isinstance(counted.get(stream.name), Mapping):
+        return _counted(counted[stream.name], stream)
+    return _by_steps(stream)
+
+
+def _counted(found: Mapping[str, ArrayLike], stream: Stream) -> Lost:
+    where = f'recording, meta, {META_KEY} of "{stream.name}"'
+    missing = {"after_s", "packets", "step_s"} - set(found)
+    if missing:
+        raise DataError(f"{where}: has no {' and no '.join(sorted(missing))}; import the recording again")
+    after = real_array(found["after_s"], (None,), f"{where}, after_s")
+    packets = real_array(found["packets"], (len(after),), f"{where}, packets")
+    (step_s,) = real_array(found["step_s"], (1,), f"{where}, step_s")
+    if not (np.isfinite(after).all() and np.isfinite(packets).all() and np.isfinite(step_s)):
+        raise DataError(f"{where}: holds what is no number; import the recording again")
+    inside = (after >= stream.time_s[0]) & (after <= stream.time_s[-1])
+    return Lost(after[inside], packets[inside], packets[inside] * step_s, True)
+
+
+def _by_steps(stream: Stream) -> Lost | None:
+    steps = np.diff(stream.time_s)
+    if steps.size < _LEAST_STEPS:
+        return None
+    usual = float(np.median(steps))
+    if np.mean(np.abs(steps - usual) < _REGULAR_STEP * usual) < _REGULAR_SHARE:
+        return None
+    gaps = np.flatnonzero(steps > _GAP_STEPS * usual)
+    packets = np.round(steps[gaps] / usual) - 1.0
+    return Lost(stream.time_s[gaps], packets, steps[gaps] - usual, False)
+
+
+def missing_packets(recording: Recording, stream: Stream) -> int | None:
+    """How many packets of a stream are missing; None if nothing tells."""
+    lost = lost_packets(recording, stream)
+    return None if lost is None else int(lost.packets.sum())

@@ -1,0 +1,333 @@
+"""Wrong units, frozen and clipped signals that show: readings that no sensor on a body can give.
+
+Nothing is repaired. A finding says which sensor, which number, and what to change.
+"""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock.recording.frozen_signals import clipped_texts, moves, stuck_texts
+from oarlock.recording.gyro_scale import gyro_per_gravity_turn, row_norms
+from oarlock.recording.packets import lost_packets
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream, ScalarStream, Stream
+from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.errors import DataError
+from oarlock.storage.suggest import did_you_mean
+
+Severity: TypeAlias = Literal["error", "warning", "note"]
+
+STILL_S = 1.0
+ACCEL_EXPECTED_M_S2 = (5.0, 20.0)
+# Beyond the range of the units that people wear: 2000 deg/s is 34.9 rad/s.
+GYRO_MAX_RAD_S = 40.0
+GYRO_P99_RAD_S = 35.0
+# A limb that turns at more than two turns a second half of the time.
+GYRO_MEDIAN_RAD_S = 15.0
+# The earth's field is 22 to 67 uT; iron nearby halves or triples it.
+MAG_EXPECTED_UT = (1.0, 200.0)
+MAG_USUAL_UT = (10.0, 150.0)
+SCALAR_MAX = 20.0
+GAP_STEPS = 5.0
+GAP_S = 0.1
+
+# lowest and highest |accel| at rest if it were in another unit; 2 % either way covers biases and latitude
+_ACCEL_UNITS = (
+    (0.0078, 0.0118, "km/s2, that is m/s2 divided by 1000 once too often", 'scale = 1000 with unit = "m/s2"'),
+    (0.8, 1.2, "g", 'unit = "g"'),
+    (961.0, 990.0, "cm/s2", 'scale = 10 with unit = "mm/s2"'),
+    (990.0, 1200.0, "mg (thousandths of g)", 'unit = "mg"'),
+    (7845.0, 11768.0, "mm/s2", 'unit = "mm/s2"'),
+)
+_MAG_UNITS = (
+    (1e-5, 2e-4, "T", 'unit = "T"'),
+    (0.15, 0.8, "gauss, or units of the maker's own", 'unit = "gauss"'),
+    (0.8, 1.0, "units of the maker's own, in which the local field is 1", "scale = the local field in uT"),
+    (200.0, 1500.0, "mG", 'unit = "mG"'),
+    (15_000.0, 150_000.0, "nT", 'unit = "nT"'),
+)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that a recording's numbers tell.
+
+    Args:
+        sensor: the stream's name.
+        severity: "error" stops a run, "warning" is shown, "note" tells what is missing.
+        message: a whole sentence or more: number, unit, and what to do.
+        kind: "stuck" or "clipped" where it is that; else empty.
+    """
+
+    sensor: str
+    severity: Severity
+    message: str
+    kind: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.sensor}: {self.message}"
+
+
+def plausibility(recording: Recording, expected: Collection[str] = ()) -> list[Finding]:
+    """Look for wrong units, dead sensors and gaps.
+
+    Args:
+        recording: the recording, unchanged.
+        expected: names that the model has, where one is at hand; a stream that is absent is then noted, and
+            one that no sensor takes is a warning.
+
+    Returns:
+        Findings, errors first.
+    """
+    # Readings whose sums overflow are among what is looked for.
+    with np.errstate(over="ignore", invalid="ignore"):
+        findings = [f for stream in recording.streams for f in _stream_findings(recording, stream)]
+        findings += _frozen_findings([s for s in recording.streams if isinstance(s, ImuStream)])
+    findings += _name_findings(recording, expected)
+    return sorted(findings, key=lambda f: ("error", "warning", "note").index(f.severity))
+
+
+def require_plausible(recording: Recording, expected: Collection[str] = ()) -> list[Finding]:
+    """The warnings and notes of `plausibility`; its errors are raised together.
+
+    Raises:
+        DataError: At least one finding is an error.
+    """
+    findings = plausibility(recording, expected)
+    errors = [str(f) for f in findings if f.severity == "error"]
+    if errors:
+        raise DataError("\n".join(errors))
+    return findings
+
+
+def _stream_findings(recording: Recording, stream: Stream) -> list[Finding]:
+    findings = _gap_findings(recording, stream) + _missing_findings(stream)
+    if isinstance(stream, ImuStream):
+        findings += _accel_findings(stream) + _gyro_findings(stream) + _mag_findings(stream)
+    elif isinstance(stream, ScalarStream):
+        findings += _scalar_findings(stream)
+    return findings
+
+
+def _frozen_findings(units: list[ImuStream]) -> list[Finding]:
+    moving = {unit.name: moves(unit) for unit in units}
+    findings = []
+    for unit in units:
+        others_move = any(moved for name, moved in moving.items() if name != unit.name)
+        texts = {"stuck": stuck_texts(unit, others_move), "clipped": clipped_texts(unit)}
+        findings += [
+            Finding(unit.name, "warning", text, kind) for kind, found in texts.items() for text in found
+        ]
+    return findings
+
+
+def _accel_findings(stream: ImuStream) -> list[Finding]:
+    norms, rows = _norms(stream.accel_m_s2)
+    if norms.size == 0 or stream.accel_m_s2 is None:
+        return []
+    if not norms.any():
+        return [
+            _error(stream, "accel_m_s2 is zero throughout; the accelerometer gave nothing. Leave it out.")
+        ]
+    middle = float(np.median(norms))
+    rest = float(np.median(norms[_stillest(stream.time_s[rows], stream.accel_m_s2[rows])]))
+    for low, high, unit, change in _ACCEL_UNITS:
+        if low <= rest <= high and low <= middle <= high:
+            return [
+                _error(
+                    stream, f"|accel| at rest is {rest:.4g}, expected about 9.8 m/s2. {_looks(unit, change)}"
+                )
+            ]
+    low, high = ACCEL_EXPECTED_M_S2
+    if low <= rest <= high:
+        return []
+    return [
+        _warning(
+            stream,
+            f"|accel| in the stillest second is {rest:.4g} m/s2, expected {low:g} to {high:g}. "
+            "Check its unit, and that gravity has not been taken out.",
+        )
+    ]
+
+
+def _gyro_findings(stream: ImuStream) -> list[Finding]:
+    norms, _ = _norms(stream.gyro_rad_s)
+    if norms.size == 0:
+        return []
+    top, most, middle = float(norms.max()), float(np.quantile(norms, 0.99)), float(np.median(norms))
+    looks = _looks("deg/s", 'unit = "deg/s"')
+    if top > GYRO_MAX_RAD_S or most > GYRO_P99_RAD_S or middle > GYRO_MEDIAN_RAD_S:
+        return [
+            _error(
+                stream,
+                f"|gyro| reaches {top:.4g} rad/s (99 % below {most:.4g}, half below {middle:.4g}); "
+                f"worn units end at about {GYRO_P99_RAD_S:g} rad/s. {looks}",
+            )
+        ]
+    ratio = gyro_per_gravity_turn(stream)
+    if ratio is not None and 0.6 < ratio * np.pi / 180.0 < 1.6:
+        return [
+            _error(stream, f"the gyro turns {ratio:.3g} times as fast as gravity turns in the accel. {looks}")
+        ]
+    if top == 0.0:
+        return [
+            _warning(stream, "gyro_rad_s is zero throughout. If the gyroscope gave nothing, leave it out.")
+        ]
+    return []
+
+
+def _mag_findings(stream: ImuStream) -> list[Finding]:
+    norms, _ = _norms(stream.mag_ut)
+    if norms.size == 0:
+        return []
+    middle = float(np.median(norms))
+    if not norms.any():
+        return [_error(stream, "mag_ut is zero throughout; the magnetometer gave nothing. Leave mag out.")]
+    low, high = MAG_EXPECTED_UT
+    if not low <= middle <= high:
+        fits = [_looks(unit, change) for a, b, unit, change in _MAG_UNITS if a <= middle <= b]
+        advice = fits[0] if fits else 'Check the unit of "mag" in the mapping file.'
+        return [
+            _error(stream, f"the median of |mag| is {middle:.4g} uT, expected 22 to 67 uT on earth. {advice}")
+        ]
+    if not MAG_USUAL_UT[0] <= middle <= MAG_USUAL_UT[1]:
+        return [
+            _warning(
+                stream,
+                f"the median of |mag| is {middle:.4g} uT, expected 22 to 67 uT on earth. "
+                "Check its unit (makers' own units are near 1), its calibration, and iron nearby.",
+            )
+        ]
+    return []
+
+
+def _scalar_findings(stream: ScalarStream) -> list[Finding]:
+    finite = stream.value[np.isfinite(stream.value)]
+    if finite.size == 0 or (top := float(np.abs(finite).max())) <= SCALAR_MAX:
+        return []
+    unit = stream.unit or "rad or m"
+    guess = {"m": '"mm" or "cm"', "rad": '"deg"'}.get(unit, '"deg", "mm" or "cm"')
+    return [
+        _warning(
+            stream,
+            f"the reading reaches {top:.4g} {unit}. If it is in {guess}, set this unit in the mapping file.",
+        )
+    ]
+
+
+def _missing_findings(stream: Stream) -> list[Finding]:
+    findings = []
+    if isinstance(stream, ImuStream):
+        absent = [f for f in ("gyro_rad_s", "accel_m_s2", "mag_ut") if f not in stream.values]
+        if absent:
+            findings.append(_note(stream, f"has no {' and no '.join(absent)}."))
+    for field, rows in stream.values.items():
+        if not np.isnan(rows.sum()):
+            continue  # what is missing would have spoilt the sum
+        missing = np.isnan(rows).reshape(len(rows), -1)
+        if missing.all():
+            findings.append(_warning(stream, f"{field} holds no reading at all (all NaN)."))
+        elif missing.any():
+            findings.append(_note(stream, _missing_text(stream, field, missing)))
+    return findings
+
+
+def _missing_text(stream: Stream, field: str, missing: NDArray[np.bool_]) -> str:
+    gone = np.logical_and.reduce(missing, axis=0)
+    axes = [axis for axis, never in zip("xyz", gone, strict=False) if never]
+    rows = np.logical_or.reduce(missing[:, ~gone], axis=1)
+    parts = [f"{field} has no {' and no '.join(axes)} axis"] if axes else []
+    if rows.any():
+        first, stop = _longest_run(rows)
+        parts.append(
+            f"{field} is missing in {int(rows.sum())} of {len(rows)} samples, "
+            f"longest from {stream.time_s[first]:.3f} to {stream.time_s[stop - 1]:.3f} s"
+        )
+    return "; ".join(parts) + "."
+
+
+def _gap_findings(recording: Recording, stream: Stream) -> list[Finding]:
+    lost = lost_packets(recording, stream)
+    if lost is not None:
+        return [_note(stream, text)] if (text := lost.text()) else []
+    if len(stream) < 3:
+        return []
+    steps = np.diff(stream.time_s)
+    gaps = np.flatnonzero((steps > GAP_STEPS * np.median(steps)) & (steps > GAP_S))
+    if gaps.size == 0:
+        return []
+    worst = int(gaps[np.argmax(steps[gaps])])
+    return [
+        _note(
+            stream,
+            f"has {gaps.size} gaps in time, longest {steps[worst]:.3g} s after {stream.time_s[worst]:.3f} s.",
+        )
+    ]
+
+
+def _name_findings(recording: Recording, expected: Collection[str]) -> list[Finding]:
+    if not expected:
+        return []
+    absent = [
+        Finding(n, "note", "the recording has no stream of this name.")
+        for n in expected
+        if n not in recording
+    ]
+    unused = [
+        Finding(n, "warning", f"the model has no sensor or input of this name. {did_you_mean(n, expected)}")
+        for n in recording.names
+        if n not in expected
+    ]
+    return unused + absent
+
+
+def _norms(rows: FloatArray | None) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Norms of the rows without NaN, and which rows these are. An axis that never reads counts as absent."""
+    if rows is None:
+        return np.zeros(0), np.zeros(0, dtype=np.bool_)
+    # A row with a NaN has no norm, so an axis that never reads leaves none.
+    norms = row_norms(rows)
+    whole = np.isfinite(norms)
+    return norms[whole], whole
+
+
+def _stillest(time_s: FloatArray, rows: FloatArray) -> slice:
+    """The second in which the readings spread least; all of it where the stream is shorter."""
+    step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else STILL_S
+    width = max(2, round(STILL_S / step))
+    if len(rows) <= width:
+        return slice(0, len(rows))
+    centred = rows - np.median(rows, axis=0)
+    sums = np.cumsum(np.vstack([np.zeros((1, 3)), centred]), axis=0)
+    squares = np.cumsum(np.concatenate([[0.0], np.einsum("ij,ij->i", centred, centred)]))
+    mean = (sums[width:] - sums[:-width]) / width
+    spread = (squares[width:] - squares[:-width]) / width - np.einsum("ij,ij->i", mean, mean)
+    first = int(np.argmin(spread))
+    return slice(first, first + width)
+
+
+def _longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    starts, stops = edges[::2], edges[1::2]
+    longest = int(np.argmax(stops - starts))
+    return int(starts[longest]), int(stops[longest])
+
+
+def _looks(unit: str, change: str) -> str:
+    return f"It looks like {unit}: set {change} in the mapping file, or convert the array."
+
+
+def _error(stream: Stream, message: str) -> Finding:
+    return Finding(stream.name, "error", message)
+
+
+def _warning(stream: Stream, message: str) -> Finding:
+    return Finding(stream.name, "warning", message)
+
+
+def _note(stream: Stream, message: str) -> Finding:
+    return Finding(stream.name, "note", message)

@@ -1,0 +1,155 @@
+"""A recording: the streams of one trial, side by side. Made by readers and simulators, tracked by `oarlock.track`."""
+
+import copy
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from os import PathLike
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from oarlock.recording.folder import read_folder, write_folder
+from oarlock.recording.streams import ImuStream, ScalarStream, Stream, VectorStream
+from oarlock.storage.errors import DataError
+from oarlock.storage.suggest import did_you_mean
+
+
+@dataclass(frozen=True, init=False, eq=False, repr=False)
+class Recording:
+    """Streams of one trial on one clock. They may differ in rate, start and end.
+
+    Args:
+        streams: the streams, each with its own name.
+        meta: what else is known (``source``, ``athlete`` as a pseudonym, ``rig``, ``clock``); texts, numbers,
+            booleans, lists and tables of them, so that `save` can write it.
+
+    Raises:
+        DataError: No stream, something that is not a stream, or two streams of one name.
+    """
+
+    streams: tuple[Stream, ...]
+    meta: Mapping[str, object] = field(default_factory=dict)
+
+    def __init__(self, streams: Iterable[Stream], meta: Mapping[str, object] | None = None) -> None:
+        object.__setattr__(self, "streams", tuple(streams))
+        object.__setattr__(self, "meta", MappingProxyType(copy.deepcopy(dict(meta or {}))))
+        self._check_streams()
+
+    def _check_streams(self) -> None:
+        if not self.streams:
+            raise DataError("the recording is empty: it has no stream. Give at least one.")
+        seen: dict[str, int] = {}
+        for index, stream in enumerate(self.streams):
+            if not isinstance(stream, ImuStream | ScalarStream | VectorStream):
+                raise DataError(
+                    f"streams[{index}] is a {type(stream).__name__}; "
+                    "expected ImuStream, ScalarStream or VectorStream"
+                )
+            if stream.name in seen:
+                raise DataError(
+                    f'two streams have the name "{stream.name}" '
+                    f"(streams[{seen[stream.name]}] and streams[{index}]). "
+                    "Give each sensor its own name."
+                )
+            seen[stream.name] = index
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The streams' names, in order."""
+        return tuple(s.name for s in self.streams)
+
+    @property
+    def start_s(self) -> float:
+        """Earliest time stamp in s."""
+        return float(min(s.time_s[0] for s in self.streams))
+
+    @property
+    def end_s(self) -> float:
+        """Latest time stamp in s."""
+        return float(max(s.time_s[-1] for s in self.streams))
+
+    @property
+    def duration_s(self) -> float:
+        """From the earliest to the latest stamp in s."""
+        return self.end_s - self.start_s
+
+    def sensor(self, name: str) -> Stream:
+        """The stream of one sensor; a `DataError` names the nearest if there is none."""
+        for stream in self.streams:
+            if stream.name == name:
+                return stream
+        raise DataError(f'the recording has no stream "{name}". {did_you_mean(str(name), self.names)}')
+
+    def __getitem__(self, name: str) -> Stream:
+        return self.sensor(name)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.names
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        return Recording, (self.streams, dict(self.meta))
+
+    def __iter__(self) -> Iterator[Stream]:
+        return iter(self.streams)
+
+    def __len__(self) -> int:
+        return len(self.streams)
+
+    def slice(self, start_s: float = -np.inf, end_s: float = np.inf) -> "Recording":
+        """The samples with start_s <= time_s < end_s; stamps stay as they are.
+
+        A stream with no sample in this span is left out, so two slices that meet share no sample.
+        """
+        cut = [part for s in self.streams if (part := s.between(start_s, end_s)) is not None]
+        if not cut:
+            raise DataError(
+                f"no sample lies in {start_s:g} <= time_s < {end_s:g} s; "
+                f"the recording spans {self.start_s:g} to {self.end_s:g} s"
+            )
+        return Recording(cut, self.meta)
+
+    def only(self, names: Iterable[str]) -> "Recording":
+        """The streams of these names, in the order of the recording; the others are left out.
+
+        Raises:
+            DataError: There is no stream of one of the names, or no name is given.
+        """
+        kept = {self.sensor(name).name for name in ([names] if isinstance(names, str) else names)}
+        return Recording([s for s in self.streams if s.name in kept], self.meta)
+
+    def save(self, folder: str | PathLike[str], file_format: Literal["parquet", "csv"] = "parquet") -> None:
+        """Write a recording folder: recording.toml and one file a stream.
+
+        `load_recording` reads it back exactly. A recording that the folder already holds is replaced.
+
+        Raises:
+            DataError: The folder cannot be written, or `meta` holds what TOML cannot.
+        """
+        write_folder(self.streams, self.meta, folder, file_format)
+
+    def __repr__(self) -> str:
+        width = max(len(n) for n in self.names)
+        lines = [
+            f"Recording: {len(self)} streams, {self.start_s:.6g} to {self.end_s:.6g} s "
+            f"({self.duration_s:.4g} s)"
+        ]
+        for s in self.streams:
+            rate = "-" if len(s) == 1 else f"{s.rate_hz:.4g}"
+            lines.append(
+                f"  {s.name:<{width}}  {s.kind:<6}  {rate:>6} Hz  {len(s):>8} samples  "
+                f"{100 * s.missing_share:5.1f} % missing  {' '.join(s.values)}"
+            )
+        return "\n".join(lines)
+
+
+def load_recording(path: str | PathLike[str]) -> Recording:
+    """Read a recording folder, as `Recording.save` and ``oarlock import`` write it.
+
+    Args:
+        path: the folder, or its recording.toml.
+
+    Raises:
+        DataError: A file, column or key is missing or unknown, or a unit is not the one held.
+    """
+    return Recording(*read_folder(path))

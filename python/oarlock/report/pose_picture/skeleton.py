@@ -1,0 +1,171 @@
+"""The lines and points of a posture, and the directions from which it is looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from oarlock._core import Model
+
+Vector = NDArray[np.float64]
+
+# shorter than this two points count as one
+SAME_POINT_M = 1e-6
+
+
+@dataclass(frozen=True)
+class Link:
+    """A line between two points in root axes, m; not `moves` when it is fixed to the root."""
+
+    start: Vector
+    end: Vector
+    moves: bool
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A named point in root axes, m; `worn` when a sensor sits on its frame."""
+
+    name: str
+    point: Vector
+    worn: bool
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """What a picture shows of a posture, in root axes, m; `gaps` join the two sides of each closure."""
+
+    links: tuple[Link, ...]
+    spots: tuple[Spot, ...]
+    gaps: tuple[tuple[Vector, Vector], ...]
+    up: Vector
+    forward: Vector
+
+
+@dataclass(frozen=True)
+class View:
+    """A projection: which root axes point right and up in the picture."""
+
+    title: str
+    right: Vector
+    up: Vector
+
+    def project(self, point: Vector) -> tuple[float, float]:
+        """Point in root axes to (right, up), m."""
+        return float(point @ self.right), float(point @ self.up)
+
+    def bounds(self, body: Skeleton) -> Bounds:
+        """The smallest box, sides along right and up, that holds every spot."""
+        flat = np.array([self.project(spot.point) for spot in body.spots])
+        left, bottom = (float(value) for value in flat.min(axis=0))
+        right, top = (float(value) for value in flat.max(axis=0))
+        return Bounds(left, bottom, right, top)
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """A box in a view, m."""
+
+    left: float
+    bottom: float
+    right: float
+    top: float
+
+    @property
+    def width(self) -> float:
+        """Right minus left, m."""
+        return self.right - self.left
+
+    @property
+    def height(self) -> float:
+        """Top minus bottom, m."""
+        return self.top - self.bottom
+
+
+def views(body: Skeleton) -> tuple[View, View]:
+    """Side view and front view of a body."""
+    left = _unit(np.cross(body.up, body.forward))
+    return View("from its right side", body.forward, body.up), View("from the front", left, body.up)
+
+
+def skeleton(model: Model, q: ArrayLike) -> Skeleton:
+    """The lines and points of a model's posture.
+
+    Args:
+        model: the model.
+        q: values of the coordinates (n_coordinates,), rad or m.
+
+    Raises:
+        ValueError: q has the wrong shape.
+    """
+    description = model.describe()
+    frames: Sequence[Mapping[str, Any]] = description["frames"]
+    poses = np.asarray(model.forward_kinematics(np.asarray(q, dtype=np.float64)), dtype=np.float64)
+    place = {frame["name"]: pose for frame, pose in zip(frames, poses, strict=True)}
+    moving = _moving(frames)
+    kinds = {joint["name"]: joint["kind"] for joint in description["joints"]}
+    links = [
+        link
+        for frame in frames
+        for link in _links(frame, place, frame["name"] in moving, kinds.get(frame["joint"], "fixed"))
+    ]
+    return Skeleton(
+        links=tuple(links),
+        spots=_spots(frames, place, {sensor.get("frame") for sensor in description["sensors"]}),
+        gaps=tuple(_gap(closure, place) for closure in description["closures"]),
+        up=_unit(description["world"]["up"]),
+        forward=_unit(description["world"]["forward"]),
+    )
+
+
+def _moving(frames: Sequence[Mapping[str, Any]]) -> set[str]:
+    moving: set[str] = set()
+    for frame in frames:
+        if frame["joint"] is not None or frame["parent"] in moving:
+            moving.add(frame["name"])
+    return moving
+
+
+def _links(frame: Mapping[str, Any], place: Mapping[str, Vector], moves: bool, kind: str) -> list[Link]:
+    # nothing joins a free body to its parent
+    if frame["parent"] is None or kind == "free":
+        return []
+    parent, child = place[frame["parent"]], place[frame["name"]]
+    start, end = parent[:3, 3], child[:3, 3]
+    # a Denavit-Hartenberg row goes along x, then along the joint's z: a spine, then a collar bone
+    corner = end - float((end - start) @ parent[:3, 2]) * parent[:3, 2]
+    ends = (start, corner, end) if kind in ("hinge", "slide") else (start, end)
+    return [Link(a, b, moves) for a, b in pairwise(ends) if float(np.linalg.norm(b - a)) > SAME_POINT_M]
+
+
+def _spots(
+    frames: Sequence[Mapping[str, Any]], place: Mapping[str, Vector], worn: set[str | None]
+) -> tuple[Spot, ...]:
+    spots: list[Spot] = []
+    for frame in frames:
+        point = place[frame["name"]][:3, 3]
+        here = [k for k, spot in enumerate(spots) if np.linalg.norm(spot.point - point) <= SAME_POINT_M]
+        if here:
+            # frames at one point go by the name of the first
+            first = spots[here[0]]
+            spots[here[0]] = Spot(first.name, first.point, first.worn or frame["name"] in worn)
+        else:
+            spots.append(Spot(frame["name"], point, frame["name"] in worn))
+    return tuple(spots)
+
+
+def _gap(closure: Mapping[str, Any], place: Mapping[str, Vector]) -> tuple[Vector, Vector]:
+    a, b = place[closure["frame_a"]], place[closure["frame_b"]]
+    return a[:3, :3] @ closure["point_a"] + a[:3, 3], b[:3, :3] @ closure["point_b"] + b[:3, 3]
+
+
+def _unit(direction: ArrayLike) -> Vector:
+    vector = np.asarray(direction, dtype=np.float64)
+    unit: Vector = vector / float(np.linalg.norm(vector))
+    return unit

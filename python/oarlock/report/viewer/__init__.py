@@ -1,0 +1,15 @@
+"""A track as a moving figure beside its curves, in a page that works offline. It draws any model.
+
+    scene = oarlock.report.viewer.scene(track)
+    Path("track.html").write_text(oarlock.report.viewer.page(scene, "My track"))
+
+The player's source stands in `viewer/` of the project; `player.js` and `player.css` here are built from it.
+"""
+
+from __future__ import annotations
+
+from oarlock.report.viewer.curves import Curve, joint_curves
+from oarlock.report.viewer.page import POLICY, embed, page, player_assets
+from oarlock.report.viewer.scene import scene
+
+__all__ = ["POLICY", "Curve", "embed", "joint_curves", "page", "player_assets", "scene"]

@@ -1,0 +1,173 @@
+"""The points of a figure over time, and which of them are joined: bones, loops, shapes, strands."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock.model.rotation import continuous_quat, quat_from_matrix
+from oarlock.model.shapes import Look
+from oarlock.report.viewer.sides import side_of
+
+Floats = NDArray[np.float64]
+
+SAME_PLACE_M = 1e-6
+"""Closer than this at all times two points are one."""
+STILL_M = 1e-9
+"""A point that moves by less stands still."""
+
+
+@dataclass(eq=False)
+class Figure:
+    """Points (T, 3) each, by number, and what joins them; grown as frames, loops and strands are added."""
+
+    places: list[Floats] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
+    frames: list[list[str]] = field(default_factory=list)
+
+    def point(self, place: Floats, name: str, frame: str | None = None) -> int:
+        """Number of the point at this place (T, 3); the first to stand there gives its name."""
+        found = next((k for k, other in enumerate(self.places) if _same(other, place)), None)
+        if found is None:
+            found = len(self.places)
+            self.places.append(place)
+            self.names.append(name)
+            self.frames.append([])
+        if frame is not None:
+            self.frames[found].append(frame)
+        return found
+
+    def described(self) -> tuple[list[dict[str, Any]], Floats]:
+        """The points as plain data, and the places (T, 3 M) of those that move, one behind the other."""
+        points, moving = [], []
+        for place, name, frames in zip(self.places, self.names, self.frames, strict=True):
+            still = _still(place)
+            points.append({"name": name, "frames": frames, "side": side_of(name)[0], "still": still})
+            if still is None:
+                moving.append(place)
+        return points, np.concatenate(moving, axis=1) if moving else np.zeros((len(self.places[0]), 0))
+
+
+def add_frames(
+    figure: Figure, description: Mapping[str, Any], poses: Floats, look: Look
+) -> list[dict[str, Any]]:
+    """Points of all frames, and the bones from each to its parent, but for those that the look leaves out."""
+    frames: Sequence[Mapping[str, Any]] = description["frames"]
+    kinds = {joint["name"]: joint["kind"] for joint in description["joints"]}
+    number = {frame["name"]: k for k, frame in enumerate(frames)}
+    moves: set[str] = set()
+    bones: list[dict[str, Any]] = []
+    for k, frame in enumerate(frames):
+        end = figure.point(poses[:, k, :3, 3], frame["name"], frame["name"])
+        if frame["joint"] is not None or frame["parent"] in moves:
+            moves.add(frame["name"])
+        kind = kinds.get(frame["joint"], "fixed")
+        if frame["parent"] is None or kind == "free":  # nothing joins a free body to its parent
+            continue
+        parent = poses[:, number[frame["parent"]]]
+        chain = _through_corner(figure, parent, poses[:, k, :3, 3], kind, frame["name"], end)
+        bones += [
+            {"ends": [a, b], "moves": frame["name"] in moves, "side": side_of(frame["name"])[0]}
+            for a, b in itertools.pairwise(chain)
+            if a != b and frame["name"] not in look.without_lines
+        ]
+    return [bone for bone in _once(bones) if bone["moves"] or look.fixed_lines]
+
+
+def _through_corner(
+    figure: Figure, parent: Floats, end_place: Floats, kind: str, name: str, end: int
+) -> list[int]:
+    """A Denavit-Hartenberg row goes along x, then along the joint's z: a spine, then a collar bone."""
+    start_place = parent[:, :3, 3]
+    start = figure.point(start_place, name)
+    if kind not in ("hinge", "slide"):
+        return [start, end]
+    axis = parent[:, :3, 2]
+    along = np.einsum("ti,ti->t", end_place - start_place, axis)
+    corner = figure.point(end_place - along[:, None] * axis, f"{name} (corner)")
+    return [start, corner, end]
+
+
+def add_loops(figure: Figure, description: Mapping[str, Any], poses: Floats) -> list[dict[str, Any]]:
+    """Both sides of each closure as points."""
+    number = {frame["name"]: k for k, frame in enumerate(description["frames"])}
+
+    def side(closure: Mapping[str, Any], which: str) -> int:
+        pose = poses[:, number[closure[f"frame_{which}"]]]
+        place = pose[:, :3, :3] @ np.asarray(closure[f"point_{which}"]) + pose[:, :3, 3]
+        return figure.point(place, f"{closure['name']} ({which})")
+
+    return [
+        {"name": c["name"], "ends": [side(c, "a"), side(c, "b")], "std_m": float(c["std_m"])}
+        for c in description["closures"]
+    ]
+
+
+def add_strands(figure: Figure, look: Look, rows: NDArray[np.int64]) -> list[dict[str, Any]]:
+    """The look's strands, their places as further points."""
+    return [
+        {
+            "points": [
+                figure.point(strand.places_m[rows, k], f"{strand.label} {k + 1}")
+                for k in range(strand.places_m.shape[1])
+            ],
+            "radius_m": strand.radius_m,
+            "part": strand.part,
+            "label": strand.label,
+        }
+        for strand in look.strands
+    ]
+
+
+def carried_shapes(
+    figure: Figure, look: Look, frame_names: Sequence[str], poses: Floats
+) -> tuple[list[dict[str, Any]], Floats, list[int]]:
+    """The look's shapes as plain data; of the K frames that carry them quat_wxyz (T, 4 K), and their points."""
+    carriers = list(dict.fromkeys(shape.frame for shape in look.shapes))
+    columns, origins = [np.zeros((len(poses), 0))], []
+    for name in carriers:
+        pose = poses[:, frame_names.index(name)]
+        columns.append(continuous_quat(quat_from_matrix(pose[:, :3, :3])))
+        origins.append(figure.point(pose[:, :3, 3], name))
+    shapes = [
+        {
+            "carrier": carriers.index(shape.frame),
+            "vertices_mm": np.rint(1e3 * shape.vertices_m).astype(int).ravel().tolist(),
+            "triangles": shape.triangles.ravel().tolist(),
+            "part": shape.part,
+            "label": shape.label,
+        }
+        for shape in look.shapes
+    ]
+    return shapes, np.concatenate(columns, axis=1), origins
+
+
+def _same(one: Floats, other: Floats) -> bool:
+    with np.errstate(invalid="ignore"):
+        apart = np.abs(one - other)
+    return bool(
+        np.array_equal(np.isnan(one), np.isnan(other)) and np.nanmax(apart, initial=0.0) <= SAME_PLACE_M
+    )
+
+
+def _still(place: Floats) -> list[float] | None:
+    if np.isnan(place).any() or np.ptp(place, axis=0).max(initial=0.0) > STILL_M:
+        return None
+    return [float(value) for value in place[0]]
+
+
+def _once(bones: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Two frames at one place share the bone; it moves if one of them does."""
+    found: dict[tuple[int, int], dict[str, Any]] = {}
+    for bone in bones:
+        ends = (min(bone["ends"]), max(bone["ends"]))
+        known = found.setdefault(ends, bone)
+        known["moves"] = known["moves"] or bone["moves"]
+        if known["side"] != bone["side"]:
+            known["side"] = ""
+    return list(found.values())

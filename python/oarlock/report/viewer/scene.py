@@ -1,0 +1,186 @@
+"""A track as plain data that the player draws: points over time, what joins them, how sure they are, curves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock.model.shapes import Look, Viewpoint
+from oarlock.report.viewer.curves import Curve, joint_curves, packed_panels
+from oarlock.report.viewer.figure import Figure, add_frames, add_loops, add_strands, carried_shapes
+from oarlock.report.viewer.marks import Mark, marks_and_spans
+from oarlock.report.viewer.packing import packed, packed_times
+from oarlock.storage.errors import DataError
+from oarlock.tracking.places import model_of, poses_of, position_spreads
+
+if TYPE_CHECKING:
+    from oarlock.tracking.track import Track
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Scene = dict[str, Any]
+
+FORMAT = 1
+SHOWN_EVERY_S = 0.025
+"""As often as a screen need be told; the player goes straight from one shown sample to the next."""
+SPREAD_EVERY_S = 0.1
+"""Ellipsoids change more slowly."""
+
+
+def scene(
+    track: Track,
+    *,
+    marks: Sequence[Mark] = (),
+    curves: Sequence[Curve] | None = None,
+    ghost: Track | Mapping[str, Any] | None = None,
+    every_s: float | None = None,
+    start_s: float | None = None,
+    end_s: float | None = None,
+    look: Look | None = None,
+    title: str = "",
+) -> Scene:
+    """Everything that the player needs of a track, as dictionaries, lists, texts and numbers.
+
+    Samples are chosen, never made: each place is that of `Track.frame_positions` at one of the track's own times.
+
+    Args:
+        track: what to draw; it needs its model.
+        marks: instants `(time_s, label)` and spans `(start_s, end_s, label)`.
+        curves: what is drawn beside the figure; None: every joint.
+        ghost: another track, or the scene of one, to lay over this one.
+        every_s: time between shown samples, s; None: 0.025, or the track's own step if that is longer.
+        start_s: begin of what is shown, s; None is the track's.
+        end_s: its end, s.
+        look: shapes, viewpoints and the ground, as a field of use hands them in.
+        title: a line above the figure.
+
+    Raises:
+        DataError: no model, no samples in the stretch, a shape on a frame that is not there, odd marks or curves.
+    """
+    model = model_of(track, "scene")
+    seen = Look() if look is None else look
+    rows = shown_rows(track.time_s, SHOWN_EVERY_S if every_s is None else every_s, start_s, end_s)
+    _require_frames(seen, model.frame_names)
+    description = model.describe()
+    poses = poses_of(track, rows)
+    figure = Figure()
+    bones = add_frames(figure, description, poses, seen)
+    loops = add_loops(figure, description, poses)
+    framed = len(figure.places)
+    strands = add_strands(figure, seen, rows)
+    shapes, turns, origins = carried_shapes(figure, seen, list(model.frame_names), poses)
+    points, places = figure.described()
+    instants, spans = marks_and_spans(marks)
+    times = track.time_s[rows]
+    chosen = joint_curves(track) if curves is None else tuple(curves)
+    return {
+        "format": FORMAT,
+        "title": title,
+        "model": model.name,
+        "time_s": packed_times(times),
+        "world": {key: [float(v) for v in description["world"][key]] for key in ("up", "forward")},
+        "ground": {"kind": seen.ground, "height_m": seen.ground_m},
+        "viewpoints": [_viewpoint(one) for one in seen.viewpoints or _usual(description["world"])],
+        "limb_radius_m": seen.limb_radius_m,
+        "points": points,
+        "places_m": packed(places),
+        "bones": bones,
+        "loops": loops,
+        "strands": strands,
+        "shapes": shapes,
+        "carriers": {"points": origins, "quat_wxyz": packed(turns)},
+        "spread": _spread(track, figure, model.frame_names, rows, framed),
+        "panels": packed_panels(chosen, rows, len(track.time_s), seen.first_curves),
+        "marks": instants,
+        "spans": [span for span in spans if span["start_s"] < times[-1] and span["end_s"] > times[0]],
+        "notes": list(seen.notes),
+        "ghost": _ghost_scene(ghost, every_s, look),
+    }
+
+
+def shown_rows(time_s: Floats, every_s: float, start_s: float | None, end_s: float | None) -> Ints:
+    """Rows of the track that are shown: the first, then each that is nearest to so much later; the last too.
+
+    Raises:
+        DataError: the stretch holds no sample, or `every_s` is no positive number.
+    """
+    if not every_s > 0.0 or not np.isfinite(every_s):
+        raise DataError(f"scene: every_s is {every_s}; give the time between shown samples, s, above 0")
+    first = -np.inf if start_s is None else start_s
+    last = np.inf if end_s is None else end_s
+    inside = np.flatnonzero((time_s >= first) & (time_s <= last))
+    if not inside.size:
+        span = f"{time_s[0]:.3f} to {time_s[-1]:.3f} s" if len(time_s) else "nothing"
+        raise DataError(f"scene: no sample from {first} to {last} s; the track holds {span}")
+    stretch = time_s[inside]
+    step = float(np.median(np.diff(stretch))) if len(stretch) > 1 else every_s
+    if step >= 0.75 * every_s:
+        return inside
+    slot = np.rint((stretch - stretch[0]) / every_s)
+    off = np.abs(stretch - stretch[0] - slot * every_s)
+    # the nearest sample of each slot: first by slot, then by distance
+    order = np.lexsort((off, slot))
+    kept = inside[np.sort(order[np.unique(slot[order], return_index=True)[1]])]
+    return np.union1d(kept, inside[-1:])
+
+
+def _spread(
+    track: Track, figure: Figure, frame_names: Sequence[str], rows: Ints, framed: int
+) -> Scene | None:
+    """Square roots (lower Cholesky factors) of the points' covariances, now and then; None where nothing is known."""
+    asked = [k for k in range(framed) if figure.frames[k]]
+    numbers = [list(frame_names).index(figure.frames[k][0]) for k in asked]
+    times = track.time_s[rows]
+    few = rows[shown_rows(times, SPREAD_EVERY_S, None, None)]
+    covariance, source = position_spreads(track, numbers, 0, few)
+    known = np.asarray(np.isfinite(covariance).all(axis=(2, 3)))
+    uncertain = [k for k in range(len(asked)) if known[:, k].any() and np.nanmax(covariance[:, k]) > 0.0]
+    if source == "unknown" or not uncertain:
+        return None
+    factors = [_factor(covariance[:, k], known[:, k]) for k in uncertain]
+    return {
+        "points": [asked[k] for k in uncertain],
+        "time_s": packed_times(track.time_s[few]),
+        "factors_m": packed(np.concatenate(factors, axis=1)),
+        "source": source,
+    }
+
+
+def _factor(covariance: Floats, known: NDArray[np.bool_]) -> Floats:
+    """Rows (N, 6) of the lower factor L, C = L L': xx, yx, yy, zx, zy, zz, m; NaN where C is not known."""
+    factors = np.full((len(covariance), 6), np.nan)
+    # a direction without any uncertainty keeps the factor from being unique
+    least = 1e-14 * np.eye(3)
+    factors[known] = np.linalg.cholesky(covariance[known] + least)[:, *np.tril_indices(3)]
+    return factors
+
+
+def _ghost_scene(ghost: Track | Mapping[str, Any] | None, every_s: float | None, look: Look | None) -> Any:
+    if ghost is None or isinstance(ghost, Mapping):
+        return ghost
+    return scene(ghost, every_s=every_s, look=None if look is None else look.bare())
+
+
+def _require_frames(look: Look, names: Sequence[str]) -> None:
+    for shape in look.shapes:
+        if shape.frame not in names:
+            raise DataError(
+                f'scene: shape "{shape.label}" stands on frame "{shape.frame}", which the model does not have; '
+                f"it has {', '.join(names)}"
+            )
+
+
+def _viewpoint(viewpoint: Viewpoint) -> dict[str, Any]:
+    direction = [float(value) for value in viewpoint.seen_from]
+    return {"name": viewpoint.name, "seen_from": direction, "zoom": float(viewpoint.zoom)}
+
+
+def _usual(world: Mapping[str, Any]) -> tuple[Viewpoint, ...]:
+    """From its right side, from the front, and from above."""
+    up, forward = np.asarray(world["up"], dtype=np.float64), np.asarray(world["forward"], dtype=np.float64)
+    right = np.cross(forward, up)
+    directions = {"side": right + 0.12 * up, "front": forward + 0.12 * up, "above": up}
+    return tuple(Viewpoint(name, tuple(float(v) for v in where)) for name, where in directions.items())  # type: ignore[arg-type]

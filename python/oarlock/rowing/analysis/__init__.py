@@ -1,0 +1,1 @@
+"""Rowing technique: what each number means, its value for each stroke, means, and targets."""

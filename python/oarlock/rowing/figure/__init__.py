@@ -1,0 +1,1 @@
+"""How a rower, oars and a boat are drawn in the player."""

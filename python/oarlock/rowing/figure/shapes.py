@@ -1,0 +1,89 @@
+"""What a rower, the oars and the boat look like: plain shapes for whoever draws a track.
+
+Only the frames of the model are measured. Trunk, head, legs, hull, blades and water are drawn around them in usual
+sizes: oars after the makers' lengths (Concept2), limbs after Winter's (2009) shares of stature.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from oarlock import Look, Viewpoint
+from oarlock.rowing.figure.boat_shapes import boat_shapes, machine_shapes
+from oarlock.rowing.figure.rower import Rower
+
+if TYPE_CHECKING:
+    from oarlock import Track
+    from oarlock.rowing.strokes.strokes import Strokes
+
+_LIMB_M = 0.032
+_NEEDED = ("seat", "r_shoulder", "l_shoulder", "r_hand", "l_hand")
+_TRUNK_FRAMES = {"seat", "trunk_leaned", "trunk_bent", "chest", "r_shoulder", "l_shoulder"}
+_CHAIN_FRAMES = {"chain_swung", "chain_raised", "chain_end"}
+_SHOWN_BY_SHAPES = _TRUNK_FRAMES | _CHAIN_FRAMES | {"r_handle", "l_handle", "bar"}
+_FIRST_CURVES = ("oar_phi", "handle", "seat", "trunk", "elbow_flexion")
+_VIEWPOINTS = (
+    Viewpoint("side", (-1.0, 0.16, 0.0)),
+    Viewpoint("stern", (0.0, 0.22, 1.0)),
+    Viewpoint("above", (0.0, 1.0, 0.0), 0.5),
+    Viewpoint("corner", (-1.0, 0.45, 0.9), 0.85),
+)
+
+
+def rowing_look(track: Track) -> Look | None:
+    """Shapes for a track of a rower: trunk, head, legs, oars, seat, stretcher, hull or machine, and the water.
+
+    Args:
+        track: of a model with frames `seat`, `r_shoulder`, `l_shoulder`, `r_hand`, `l_hand`; oars and hull are drawn
+            if it has oarlocks, a machine if not.
+
+    Returns:
+        The look, or None for a model that is no rower.
+    """
+    model = track.model
+    if model is None or not set(_NEEDED) <= set(model.frame_names):
+        return None
+    rower = Rower(model, track.q)
+    parts = (boat_shapes if rower.afloat else machine_shapes)(rower)
+    drawn = [
+        "trunk, head, legs and stretcher",
+        "hull, water and feathering of the blades" if rower.afloat else "machine",
+    ]
+    return Look(
+        shapes=(*rower.trunk_and_head(), *parts.shapes),
+        strands=(*rower.legs(), *rower.chain()),
+        viewpoints=_VIEWPOINTS if rower.afloat else _on_land(_VIEWPOINTS),
+        ground_m=parts.ground_m,
+        ground="water" if rower.afloat else "ground",
+        limb_radius_m=_LIMB_M,
+        without_lines=tuple(name for name in model.frame_names if name in _SHOWN_BY_SHAPES),
+        fixed_lines=False,
+        first_curves=_FIRST_CURVES,
+        notes=tuple(drawn),
+    )
+
+
+def _on_land(viewpoints: Iterable[Viewpoint]) -> tuple[Viewpoint, ...]:
+    return tuple(Viewpoint("front", v.seen_from, v.zoom) if v.name == "stern" else v for v in viewpoints)
+
+
+def stroke_marks(strokes: Strokes) -> list[tuple[float, float, str] | tuple[float, str]]:
+    """Catches and finishes as instants, and each stroke as a span, for `oarlock.report.viewer.scene`.
+
+    Args:
+        strokes: what `find_strokes` found; a stroke whose end is not known has no span.
+    """
+    marks: list[tuple[float, float, str] | tuple[float, str]] = []
+    rows = zip(strokes.catch_time_s, strokes.finish_time_s, strokes.end_time_s, strict=True)
+    for number, (catch, finish, end) in enumerate(rows, 1):
+        marks += [
+            (float(time_s), name)
+            for time_s, name in ((catch, "catch"), (finish, "finish"))
+            if np.isfinite(time_s)
+        ]
+        if np.isfinite(catch) and np.isfinite(end):
+            marks.append((float(catch), float(end), f"stroke {number}"))
+    return marks

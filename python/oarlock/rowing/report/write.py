@@ -1,0 +1,111 @@
+"""The report of a rower: strokes, technique, two pieces beside each other, and what each number means."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+
+from oarlock import DataError, Evaluation, Track
+from oarlock.report import Section, write_report
+from oarlock.rowing.analysis.technique import technique
+from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.sections import sections_of
+
+_ROWER = {"seat", "trunk"}
+
+
+def is_of_rower(track: Track) -> bool:
+    """Whether a track is of a model with a rower's joints: a seat and a trunk."""
+    return set(track.joint_names) >= _ROWER and track.model is not None
+
+
+def rowing_sections(
+    track: Track,
+    other: Track | None = None,
+    names: tuple[str, str] = ("", ""),
+    targets: str | PathLike[str] | None = None,
+    csv_names: tuple[str, ...] = ("strokes.csv", "strokes-2.csv"),
+) -> list[Section]:
+    """What a report says of a rower, for `oarlock.report.write_report`."""
+    return sections_of(_pieces(track, other, names, targets), csv_names[: 1 if other is None else 2])
+
+
+def write_rowing_report(
+    track: Track,
+    path: str | PathLike[str],
+    evaluation: Evaluation | None = None,
+    truth: Track | None = None,
+    *,
+    title: str | None = None,
+    other: Track | None = None,
+    names: tuple[str, str] = ("", ""),
+    targets: str | PathLike[str] | None = None,
+) -> list[Path]:
+    """Write a rower's report, and beside it the strokes as CSV.
+
+    Args:
+        track: what to report, of a model with a rower's joints.
+        path: the file to write, or an existing folder, which gets `report.html`.
+        evaluation: scores against truth; computed if only `truth` is given.
+        truth: reference that is drawn beside the estimate.
+        title: heading; default says how many strokes of which model, or names the pieces.
+        other: a second piece, laid beside the first.
+        names: of the two pieces, for people.
+        targets: a boat class of `oarlock.rowing.TARGET_CLASSES` or a file: what others aim at is drawn behind.
+
+    Returns:
+        list: the files written, the report first. Of a track without strokes there is the report alone, which says why.
+
+    Raises:
+        DataError: the track has no samples, or no strokes can be told of `other`, or no such targets.
+    """
+    target = Path(path)
+    target = target / "report.html" if target.is_dir() else target
+    try:
+        pieces = _pieces(track, other, names, targets)
+    except DataError as error:
+        if other is not None or targets is not None:
+            raise
+        return [
+            write_report(track.with_notes(f"No stroke is told: {error}"), target, evaluation, truth, title)
+        ]
+    empty = [piece for piece in pieces if not len(piece.table)]
+    if empty and other is not None:
+        raise DataError(
+            f"'{empty[0].name}' has no stroke to lay beside another. {' '.join(empty[0].table.notes)}"
+        )
+    if empty:
+        return [write_report(track.with_notes(*empty[0].table.notes), target, evaluation, truth, title)]
+    tables = [_beside(target, k) for k in range(len(pieces))]
+    sections = sections_of(pieces, [table.name for table in tables])
+    heading = title or _heading(pieces)
+    written = write_report(track, target, evaluation, truth, heading, sections)
+    for piece, table in zip(pieces, tables, strict=True):
+        piece.table.to_csv(table)
+    return [written, *tables]
+
+
+def _pieces(
+    track: Track, other: Track | None, names: tuple[str, str], targets: str | PathLike[str] | None
+) -> list[Piece]:
+    if other is None:
+        return [Piece("", track, technique(track, targets=targets))]
+    shown = names if names[0] != names[1] else (f"{names[0]} (first)".strip(), f"{names[1]} (second)".strip())
+    both = zip(shown, (track, other), strict=True)
+    return [Piece(name, one, technique(one, targets=targets)) for name, one in both]
+
+
+def _heading(pieces: list[Piece]) -> str:
+    model = pieces[0].track.model
+    body = model.name if model is not None else "a rower"
+    return (
+        f"{len(pieces[0].table)} strokes of {body}"
+        if len(pieces) == 1
+        else " beside ".join(p.name for p in pieces)
+    )
+
+
+def _beside(report: Path, place: int) -> Path:
+    """`strokes.csv` beside `report.html`; `NAME-strokes.csv` beside `NAME.html`; with `-2` of a second piece."""
+    stem = "strokes" if report.stem == "report" else f"{report.stem}-strokes"
+    return report.with_name(f"{stem}{'-2' if place else ''}.csv")

@@ -1,0 +1,1 @@
+"""Simulated rowing: stroke shapes, sculling, sweep and ergometer motion, the boat, and the published experiment."""

@@ -1,0 +1,162 @@
+"""A plausible sculling motion for any model with the sculler's joints and frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock.rowing.simulation.arms import WEIGHTS, preferred_arms
+from oarlock.rowing.simulation.boat import Boat, HullMotion, hull_motion
+from oarlock.rowing.simulation.grip import Body, GripSolver
+from oarlock.rowing.simulation.holding import Holding
+from oarlock.rowing.simulation.stroke_shape import StrokeShape, body_and_oars
+from oarlock.rowing.simulation.timing import StrokeTiming, stroke_timing
+from oarlock.simulation.motion import Motion
+from oarlock.storage.errors import DataError
+
+Array = NDArray[np.float64]
+
+_SIDE_NAMES = {"r": "right (port oar)", "l": "left (starboard oar)"}
+_MODEL_OF = {"sculling": "sculler", "sweep": "sweep", "ergometer": "ergometer"}
+_WHAT_TO_TRY = (
+    "Move the stretcher (oarlock.rowing.adjusted_stretcher), try a smaller catch angle (phi_rad) or more "
+    "forward lean, or check the lengths of arms and trunk, the pins and the inboard"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A rowed piece: the motion, its strokes, the hull's motion, and how well the hands hold the handles.
+
+    ``closure_m`` and ``closure_axis`` are the largest distance hand to handle, m, and the largest difference
+    of their z axes, over the knots and midway between them. ``hull`` is None without a boat.
+    """
+
+    motion: Motion
+    timing: StrokeTiming
+    hull: HullMotion | None
+    closure_m: float
+    closure_axis: float
+
+
+def sculling(
+    model: Body,
+    duration_s: float = 40.0,
+    rate_spm: float | Sequence[float] = 24.0,
+    *,
+    drive_ratio: float | None = None,
+    shape: StrokeShape | None = None,
+    variation: float = 1.0,
+    boat: Boat | None = None,
+    surge: bool = True,
+    start_s: float = 0.0,
+    seed: int = 0,
+    knots_hz: float = 250.0,
+) -> Motion:
+    """Sculling with a surging boat as joint trajectories; hands hold the handles to 1e-6 m.
+
+    Args:
+        model: the sculler, or a model with the same joint and frame names.
+        duration_s: length, s.
+        rate_spm: strokes per minute; (20, 34) goes evenly from 20 to 34.
+        drive_ratio: drive over cycle; None: 0.36 at 20 spm to 0.45 at 34.
+        shape: seat travel, lean, oar angles and asymmetry; None: a good sculler's.
+        variation: 1 = the stroke-to-stroke variation of a good sculler, 0 = every stroke the same.
+        boat: masses, drag and speed; None: a single scull.
+        surge: False leaves the boat in uniform motion (``base_acceleration_m_s2`` is None).
+        start_s: time of the first knot, which is a catch, s.
+        seed: of the variation.
+        knots_hz: knots of the splines per second.
+
+    Raises:
+        DataError: the hands cannot hold the handles somewhere, or an argument is out of range.
+    """
+    return row_piece(
+        model,
+        duration_s,
+        rate_spm,
+        drive_ratio=drive_ratio,
+        shape=shape,
+        variation=variation,
+        boat=boat,
+        surge=surge,
+        start_s=start_s,
+        seed=seed,
+        knots_hz=knots_hz,
+    ).motion
+
+
+def row_piece(
+    model: Body,
+    duration_s: float = 40.0,
+    rate_spm: float | Sequence[float] = 24.0,
+    *,
+    drive_ratio: float | None = None,
+    shape: StrokeShape | None = None,
+    variation: float = 1.0,
+    boat: Boat | None = None,
+    surge: bool = True,
+    start_s: float = 0.0,
+    seed: int = 0,
+    knots_hz: float = 250.0,
+) -> Piece:
+    """As :func:`sculling`, with the strokes, the boat's speed and the closure residuals beside the motion."""
+    shape = StrokeShape() if shape is None else shape
+    time = knots(duration_s, start_s, knots_hz, variation)
+    streams = np.random.default_rng(seed).spawn(3)
+    timing = stroke_timing(time, rate_spm, drive_ratio, variation, streams[0])
+    fixed = body_and_oars(shape, timing, variation, streams[1])
+    preferred = preferred_arms(timing, shape.asymmetry, variation, streams[2])
+    check_joints(model, fixed, "sculling")
+    holding = Holding(GripSolver(model, WEIGHTS), timing, "sculling", _SIDE_NAMES, _WHAT_TO_TRY)
+    return held_piece(model, fixed, preferred, holding, Boat() if boat is None else boat, surge)
+
+
+def held_piece(
+    model: Body,
+    fixed: Mapping[str, Array],
+    preferred: Array,
+    holding: Holding,
+    boat: Boat,
+    surge: bool,
+) -> Piece:
+    """A piece from the joints that are ``fixed`` (K,) by name, with arms near ``preferred`` (K, 2, 7)."""
+    timing = holding.timing
+    q = np.zeros((timing.time_s.size, len(model.joint_names)))
+    for name, value in fixed.items():
+        q[:, list(model.joint_names).index(name)] = value
+    q = holding.solve(q, preferred)
+    hull = hull_motion(model, q, timing, boat) if surge else None
+    motion = Motion(tuple(model.joint_names), timing.time_s, q, None if hull is None else _along_z(hull))
+    return Piece(motion, timing, hull, *holding.closure_everywhere(motion))
+
+
+def knots(duration_s: float, start_s: float, knots_hz: float, variation: float) -> Array:
+    """Times (K,) of the splines' knots, s; refuses what no piece can have."""
+    if not (np.isfinite([duration_s, start_s, knots_hz]).all() and duration_s > 0.0 and knots_hz >= 50.0):
+        raise DataError(
+            f"rowing: duration_s {duration_s}, start_s {start_s}, knots_hz {knots_hz}; the duration must be "
+            "positive and the knots at least 50 a second"
+        )
+    if not 0.0 <= variation <= 5.0:
+        raise DataError(f"rowing: variation is {variation}; give 0 (every stroke the same) to 5, 1 is usual")
+    return start_s + np.linspace(0.0, duration_s, max(6, int(np.ceil(duration_s * knots_hz)) + 1))
+
+
+def check_joints(model: Body, needed: Iterable[str], activity: str) -> None:
+    """Refuses a model that lacks a joint, before its hands are looked for."""
+    names = list(model.joint_names)
+    for name in needed:
+        if name not in names:
+            raise DataError(
+                f"{activity}: the model has no joint {name!r}; it has {', '.join(names)}. "
+                f"Use the model '{_MODEL_OF[activity]}' or one with the same joint names"
+            )
+
+
+def _along_z(hull: HullMotion) -> Array:
+    zeros = np.zeros_like(hull.acceleration_m_s2)
+    return np.stack([zeros, zeros, hull.acceleration_m_s2], axis=-1)

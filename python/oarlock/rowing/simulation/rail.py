@@ -1,0 +1,67 @@
+"""A seat's rail that slopes, as a state: for whoever has not measured it.
+
+The models carry the slope as the parameter `rail_slope_rad`, positive rising toward the feet. The trunk's angle counts
+from the boat's upright, whatever the rail does.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from oarlock.storage.errors import DataError
+
+if TYPE_CHECKING:
+    from oarlock import Model
+
+RAIL_JOINT = "rail_slope"
+
+_JOINT = """
+[[joint]]
+name = "rail_slope"
+kind = "hinge"
+label = "seat's rail beyond rail_slope_rad, positive rising toward the feet (stern)"
+limits = ["-3*pi/180", "3*pi/180"]
+process = { kind = "walk", density = 1e-4, start_std = [0.025] }
+
+[[frame]]
+name = "rail"
+parent = "PARENT"
+transform = { translation = [0, 0, 0] }
+axis = "-x"
+joint = "rail_slope"
+
+# Turned back, so that the trunk counts from the boat's upright.
+[[frame]]
+name = "hips"
+parent = "seat"
+transform = { translation = [0, 0, 0] }
+axis = "z"
+joint = "rail_slope"
+sign = -1
+"""
+_SEAT = re.compile(r'(name = "seat"\nparent = )"(\w+)"(\ntransform = \{ rpy = \["-pi/2", "rail_slope_rad")')
+_SHOULDER = re.compile(r'(name = "[rl]_shoulder"\nparent = )"seat"')
+
+
+def on_unknown_rail(model: Model) -> Model:
+    """The model with the joint `rail_slope`, a constant that tracking finds; itself if it has one.
+
+    Args:
+        model: `sculler`, `sculler_boat`, `ergometer` or a copy whose frame `seat` is written as theirs.
+
+    Raises:
+        DataError: the model's seat does not slide on a rail of slope `rail_slope_rad`.
+    """
+    from oarlock import Model
+
+    if RAIL_JOINT in model.joint_names:
+        return model
+    seat = _SEAT.search(model.text)
+    if seat is None or len(_SHOULDER.findall(model.text)) != 2:
+        raise DataError(
+            f"model '{model.name}': its seat does not slide along rail_slope_rad with both shoulders on it; "
+            "start from a copy of `sculler`"
+        )
+    text = _SHOULDER.sub(r'\1"hips"', _SEAT.sub(r'\1"rail"\3', model.text))
+    return Model.from_toml(text + _JOINT.replace("PARENT", seat[2]), model.path, model.parameters)

@@ -1,0 +1,54 @@
+"""Soft tissue under the units of a calibration session: the field simulator's skin, for postures that are not rowed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock.rowing.field.anatomy import Anatomy
+from oarlock.rowing.field.effects import FieldEffects
+from oarlock.rowing.field.skin import Course, skin_of
+from oarlock.rowing.field.wearing import worn_unit
+from oarlock.rowing.simulation.timing import StrokeTiming
+
+if TYPE_CHECKING:
+    from oarlock import Model
+
+Array = NDArray[np.float64]
+SessionSkin = Callable[[Mapping[str, Any], Array, Array], Array]
+
+
+def session_skin(model: Model, effects: FieldEffects | None = None, *, seed: int = 0) -> SessionSkin:
+    """Skin that lags behind a limb's turn and muscle that swells under a unit, for `oarlock.simulate_session`.
+
+    Args:
+        model: a sculler with the usual joints and frames.
+        effects: strengths; None is a careful session's. Only `skin_twist` and `skin_tilt_rad` count: what rings and
+            wanders needs strokes.
+        seed: of the directions in which muscles swell.
+
+    Returns:
+        (sensor's description, times (K,) s, coordinates (K, n)) -> (K, 3) turn of the unit against its link, rotation
+        vectors in rad about the link's axes; zero where arms hang.
+
+    Raises:
+        DataError: the model is no sculler.
+    """
+    given = FieldEffects() if effects is None else effects
+    chosen = replace(given, wobble_rad=0.0, wobble_m=0.0, skin_wander_rad=0.0, skin_shift_m=0.0)
+    anatomy = Anatomy(model.describe())
+
+    def turned(sensor: Mapping[str, Any], time_s: Array, q: Array) -> Array:
+        posture = np.zeros((len(q), len(anatomy.joint_names)))
+        posture[:, : q.shape[1]] = q
+        nothing = np.zeros(len(time_s))
+        timing = StrokeTiming(time_s, nothing, nothing, nothing, nothing)
+        unit = worn_unit(sensor, FieldEffects.off(), (0.0, 0.0), seed)
+        course = Course(timing, posture, np.zeros((len(time_s), 3)))
+        return np.asarray(skin_of(sensor["name"], unit, anatomy, course, chosen, seed).at(time_s)[1])
+
+    return turned

@@ -1,0 +1,222 @@
+"""Signals of any model along any motion; inertial ones by differentiating poses, never by the filter's model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock import _core
+from oarlock._core import Model
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream, ScalarStream, Stream, VectorStream
+from oarlock.storage.array_gate import real_array
+from oarlock.storage.errors import DataError
+from oarlock.storage.suggest import did_you_mean
+from oarlock.tracking.track import Track, track_without_filter
+
+if TYPE_CHECKING:
+    from oarlock.recording.calibration import Calibration
+    from oarlock.simulation.motion import Motion
+
+Floats = NDArray[np.float64]
+
+STENCIL = 9
+STEP_S = 2e-3
+"""Spacing of the poses that are differentiated: rounding and truncation are both near 1e-9 of a limb's signals."""
+
+
+def simulate(
+    model: Model,
+    motion: Motion,
+    sensors: Iterable[str] | None = None,
+    seed: int = 0,
+    *,
+    rate_hz: float = 125.0,
+    calibration: Calibration | None = None,
+    noise: bool | Mapping[str, Mapping[str, float]] = True,
+    gyro_bias_rad_s: Mapping[str, Any] | float = 0.0,
+    accel_bias_m_s2: Mapping[str, Any] | float = 0.0,
+    azimuth_rad: float | None = None,
+) -> tuple[Track, Recording]:
+    """Truth and recording of a body that moves as told.
+
+    Args:
+        model: gives frames, mounts and the sensors' noise.
+        motion: joint values over time and the root's acceleration; the truth of a ball joint holds body rates.
+        sensors: names of the sensors (and input joints) to simulate; None is all of them.
+        seed: of the noise; the same seed gives the same recording.
+        rate_hz: of all sensors.
+        calibration: true lengths and mounts where they differ from the model's.
+        noise: white noise as the model file says (True), none (False), or by sensor `{"back": {"gyro_rad_s": 0.01}}`.
+        gyro_bias_rad_s: one number for every axis of every unit, or by sensor (a number or (3,)).
+        accel_bias_m_s2: the same for accelerometers.
+        azimuth_rad: of the magnetic field; None is the model's.
+
+    Returns:
+        The truth as a Track (standard deviations are NaN) and the Recording.
+
+    Raises:
+        DataError: a sensor that the model does not have, or a motion that lacks a joint.
+    """
+    _check_settings(model, noise, gyro_bias_rad_s, accel_bias_m_s2)
+    if calibration is not None and calibration.parameters:
+        model = Model.from_toml(model.text, model.path, model.parameters | dict(calibration.parameters))
+    time_s = _stamps(motion, rate_hz)
+    truth = _truth(model, motion, time_s)
+    names = _chosen(model, sensors)
+    world = model.describe()["world"]
+    azimuth = world["magnetic_azimuth_rad"] if azimuth_rad is None else azimuth_rad
+    signals = _imu_signals(model, motion, time_s, calibration, azimuth)
+    random = np.random.default_rng(seed)
+    streams: list[Stream] = []
+    described = {s["name"]: s for s in model.describe()["sensors"]}
+    units = [name for name, s in described.items() if s["kind"] == "imu"]
+    for name in names:
+        sensor = described.get(name)
+        if sensor is not None and sensor["kind"] == "imu":
+            clean = signals[:, units.index(name)]
+            gyro_bias = _bias(gyro_bias_rad_s, "gyro_bias_rad_s", name)
+            bias = (gyro_bias, _bias(accel_bias_m_s2, "accel_bias_m_s2", name))
+            streams.append(_imu_stream(sensor, time_s, clean, bias, noise, random))
+        elif sensor is not None and sensor["kind"] == "position":
+            streams.append(_position_stream(sensor, truth, noise, random))
+        else:
+            streams.append(_joint_stream(model, name, sensor, truth, noise, random))
+    return truth, Recording(streams)
+
+
+_NOISE_FIELDS = ("gyro_rad_s", "accel_m_s2", "mag_ut", "value")
+
+
+def _check_settings(model: Model, noise: bool | Mapping[str, Mapping[str, float]], *biases: Any) -> None:
+    names = (*model.sensor_names, *model.joint_names)
+    for label, given in (("noise", noise), ("gyro_bias_rad_s", biases[0]), ("accel_bias_m_s2", biases[1])):
+        for name in given if isinstance(given, Mapping) else ():
+            if name not in names:
+                raise DataError(f"simulate, {label}: no sensor '{name}'. {did_you_mean(name, names)}")
+    for name, fields in noise.items() if isinstance(noise, Mapping) else ():
+        for field in fields:
+            if field not in _NOISE_FIELDS:
+                hint = did_you_mean(field, _NOISE_FIELDS)
+                raise DataError(f"simulate, noise of '{name}': no quantity '{field}'. {hint}")
+
+
+def _stamps(motion: Motion, rate_hz: float) -> Floats:
+    if not (rate_hz > 0.0 and np.isfinite(rate_hz)):
+        raise DataError(f"simulate: rate_hz = {rate_hz}; expected a positive number of samples per second")
+    # The spline's first and last interval leave room for the stencil inside the motion.
+    room = STENCIL // 2 * STEP_S
+    first, last = motion.start_s + room, motion.end_s - room
+    count = int(np.floor((last - first) * rate_hz + 1e-9)) + 1
+    if count < 2:
+        raise DataError(f"simulate: the motion lasts {last - first:.3f} s, too short for {rate_hz} Hz")
+    return np.asarray(first + np.arange(count) / rate_hz)
+
+
+def _arranged(model: Model, motion: Motion, values: Floats) -> Floats:
+    missing = [c for c in model.coordinate_names if c not in motion.coordinate_names]
+    if missing:
+        raise DataError(f"simulate: the motion has no values for {', '.join(missing)}")
+    order = [motion.coordinate_names.index(c) for c in model.coordinate_names]
+    return np.asarray(values[..., order])
+
+
+def _truth(model: Model, motion: Motion, time_s: Floats) -> Track:
+    q, qd, qdd = (_arranged(model, motion, x) for x in motion.derivatives(time_s))
+    provenance = {
+        "oarlock": _core.__version__,
+        "model": model.name,
+        "parameters": model.parameters,
+        "simulated": True,
+    }
+    return track_without_filter(model, time_s, q, qd, qdd, provenance=provenance)
+
+
+def _chosen(model: Model, sensors: Iterable[str] | None) -> list[str]:
+    own = list(model.sensor_names)
+    encoded = {s["joint"] for s in model.describe()["sensors"] if s["kind"] == "encoder"}
+    inputs = [j["name"] for j in model.describe()["joints"] if j["input"] and j["name"] not in encoded]
+    if sensors is None:
+        return own
+    chosen = list(sensors)
+    for name in chosen:
+        if name not in own + inputs:
+            raise DataError(f"simulate: the model has no sensor '{name}'. {did_you_mean(name, own + inputs)}")
+    return chosen
+
+
+def _imu_signals(
+    model: Model, motion: Motion, time_s: Floats, calibration: Calibration | None, azimuth_rad: float
+) -> Floats:
+    around = (np.arange(STENCIL) - STENCIL // 2) * STEP_S
+    q = _arranged(model, motion, motion.at(time_s[:, None] + around))
+    base = motion.base_acceleration_at(time_s)
+    return _core.imu_signals(model, calibration, q, STEP_S, base, azimuth_rad)
+
+
+def _bias(given: Mapping[str, Any] | float, label: str, name: str) -> Floats:
+    value = given.get(name, 0.0) if isinstance(given, Mapping) else given
+    if np.shape(value) not in ((), (3,)):
+        shape = np.shape(value)
+        raise DataError(f"simulate, {label} of '{name}': shape {shape}; expected one number or three")
+    return np.broadcast_to(real_array(value, np.shape(value), f"simulate, {label} of '{name}'"), (3,))
+
+
+def _std(noise: bool | Mapping[str, Mapping[str, float]], name: str, field: str, own: float) -> float:
+    if isinstance(noise, Mapping):
+        return float(noise.get(name, {}).get(field, own))
+    return own if noise else 0.0
+
+
+def _imu_stream(
+    sensor: Mapping[str, Any],
+    time_s: Floats,
+    clean: Floats,
+    bias: tuple[Floats, Floats],
+    noise: bool | Mapping[str, Mapping[str, float]],
+    random: np.random.Generator,
+) -> ImuStream:
+    fields: dict[str, Floats | None] = {}
+    quantities = (
+        ("gyro_rad_s", "gyro_std_rad_s", bias[0]),
+        ("accel_m_s2", "accel_std_m_s2", bias[1]),
+        ("mag_ut", "mag_std_ut", np.zeros(3)),
+    )
+    for i, (field, key, offset) in enumerate(quantities):
+        if sensor[key] is not None:
+            std = _std(noise, sensor["name"], field, sensor[key])
+            values = clean[:, 3 * i : 3 * i + 3] + offset
+            fields[field] = values + std * random.standard_normal(values.shape)
+    return ImuStream(sensor["name"], time_s, **fields)
+
+
+def _position_stream(
+    sensor: Mapping[str, Any],
+    truth: Track,
+    noise: bool | Mapping[str, Mapping[str, float]],
+    random: np.random.Generator,
+) -> VectorStream:
+    assert truth.model is not None
+    pose = truth.model.forward_kinematics(truth.q)[:, truth.model.frame_names.index(sensor["frame"])]
+    point = pose[:, :3, 3] + pose[:, :3, :3] @ np.asarray(sensor["point"])
+    std = _std(noise, sensor["name"], "value", sensor["std_m"])
+    return VectorStream(sensor["name"], truth.time_s, point + std * random.standard_normal(point.shape))
+
+
+def _joint_stream(
+    model: Model,
+    name: str,
+    sensor: Mapping[str, Any] | None,
+    truth: Track,
+    noise: bool | Mapping[str, Mapping[str, float]],
+    random: np.random.Generator,
+) -> ScalarStream:
+    joint = name if sensor is None else sensor["joint"]
+    described = next(j for j in model.describe()["joints"] if j["name"] == joint)
+    own = described["std"] if described["input"] else (sensor or {}).get("std")
+    value = truth[joint].value
+    std = _std(noise, name, "value", own or 0.0)
+    return ScalarStream(name, truth.time_s, value + std * random.standard_normal(value.shape))

@@ -1,0 +1,243 @@
+"""TOML files: read with errors that name file, line and key; written so that numbers come back exactly."""
+
+import datetime
+import json
+import re
+import sys
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from oarlock.storage.errors import DataError
+from oarlock.storage.suggest import did_you_mean
+
+_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+_HEADER = re.compile(r"\s*\[{1,2}\s*([^\[\]]+?)\s*\]{1,2}\s*(#.*)?$")
+_LINE_KEY = re.compile(r"\s*((?:[\"']?[A-Za-z0-9_-]+[\"']?\s*\.\s*)*[\"']?[A-Za-z0-9_-]+[\"']?)\s*=")
+_INLINE_KEY = re.compile(r"[{,]\s*[\"']?([A-Za-z0-9_-]+)[\"']?\s*=")
+_MISSING = object()
+_LARGEST = sys.float_info.max
+
+KeyPath: TypeAlias = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class TomlTable:
+    """One table of a TOML file, which knows where it stands.
+
+    Args:
+        values: the table's keys and values.
+        file: the file it was read from.
+        text: the whole file.
+        path: keys and list positions that lead to the table, such as ("file", 0, "sensor", 1).
+    """
+
+    values: Mapping[str, object]
+    file: Path
+    text: str
+    path: KeyPath = ()
+
+    @classmethod
+    def read(cls, file: Path) -> "TomlTable":
+        """Parse a file; a `DataError` tells where it is no TOML."""
+        try:
+            text = file.read_text(encoding="utf-8-sig")
+            return cls(tomllib.loads(text), file, text)
+        except OSError as error:
+            raise DataError(f"{file}: cannot be read ({error.strerror})") from error
+        except UnicodeDecodeError as error:
+            raise DataError(f"{file}: is not UTF-8 text (byte {error.start}). Save it as UTF-8.") from error
+        except (ValueError, RecursionError) as error:
+            # Numbers of thousands of digits and brackets in thousands of brackets are not the parser's own errors.
+            raise DataError(f"{file}: is not valid TOML: {error}") from error
+
+    def where(self, key: str | None = None) -> str:
+        """``file:line, key "name"`` for a key of this table, or the table itself."""
+        line = self._line(key)
+        place = f"{self.file}:{line}" if line else str(self.file)
+        named = ".".join(f"[{p + 1}]" if isinstance(p, int) else p for p in self.path).replace(".[", "[")
+        if key is None:
+            return f"{place}, table [{named}]" if named else place
+        return f'{place}, key "{key}"' + (f" of [{named}]" if named else "")
+
+    def check_keys(self, valid: Iterable[str]) -> None:
+        """Refuse a key that is not in `valid`, naming the nearest one that is."""
+        known = sorted(valid)
+        for key in self.values:
+            if key not in known:
+                raise DataError(f"{self.where(key)}: is not known here. {did_you_mean(key, known)}")
+
+    def check_format(self, supported: int) -> None:
+        """Refuse a file of another format number."""
+        found = self.require("format")
+        if found != supported:
+            raise DataError(
+                f"{self.where('format')}: is {found!r}; this version of Oarlock reads format {supported}"
+            )
+
+    def require(self, key: str) -> object:
+        """The value of a key that must be there."""
+        if key not in self.values:
+            raise DataError(f'{self.where()}: the key "{key}" is missing')
+        return self.values[key]
+
+    def string(self, key: str, default: object = _MISSING) -> str:
+        """A text; required where there is no default."""
+        value = self.require(key) if default is _MISSING else self.values.get(key, default)
+        if not isinstance(value, str):
+            raise self._wrong(key, value, "a text in quotes")
+        return value
+
+    def integer(self, key: str, default: int) -> int:
+        """A whole number that is not negative."""
+        value = self.values.get(key, default)
+        if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+            raise self._wrong(key, value, "a whole number, 0 or more")
+        return value
+
+    def number(self, key: str, default: float) -> float:
+        """A finite number."""
+        value = self.values.get(key, default)
+        if not isinstance(value, int | float) or isinstance(value, bool) or not abs(value) <= _LARGEST:
+            raise self._wrong(key, value, "a finite number")
+        return float(value)
+
+    def boolean(self, key: str, default: bool) -> bool:
+        """True or false."""
+        value = self.values.get(key, default)
+        if not isinstance(value, bool):
+            raise self._wrong(key, value, "true or false")
+        return value
+
+    def table(self, key: str, default: object = _MISSING) -> "TomlTable":
+        """A table inside this one."""
+        value = self.require(key) if default is _MISSING else self.values.get(key, default)
+        if not isinstance(value, dict):
+            raise self._wrong(key, value, "a table, { ... }")
+        return TomlTable(value, self.file, self.text, (*self.path, key))
+
+    def tables(self, key: str) -> list["TomlTable"]:
+        """A list of tables, ``[[key]]``, with at least one entry."""
+        value = self.require(key)
+        if not isinstance(value, list) or not value or not all(isinstance(v, dict) for v in value):
+            raise self._wrong(key, value, "one or more tables [[...]]")
+        return [TomlTable(v, self.file, self.text, (*self.path, key, i)) for i, v in enumerate(value)]
+
+    def _wrong(self, key: str, value: object, expected: str) -> DataError:
+        return DataError(f"{self.where(key)}: is {value!r}; expected {expected}")
+
+    def _line(self, key: str | None) -> int | None:
+        """Line of the key, or of the table; the nearest enclosing header where the text hides it."""
+        path = self.path if key is None else (*self.path, key)
+        lines = _key_lines(self.text)
+        while path and path not in lines:
+            path = path[:-1]
+        return lines.get(path)
+
+
+def _key_lines(text: str) -> dict[KeyPath, int]:
+    """Line of every key that starts a line, and of every table header."""
+    lines: dict[KeyPath, int] = {}
+    counts: dict[KeyPath, int] = {}
+    here: KeyPath = ()
+    owner = here
+    for number, line in enumerate(text.splitlines(), start=1):
+        if header := _HEADER.match(line):
+            here = _resolve(header[1], line.lstrip().startswith("[["), counts)
+            lines.setdefault(here, number)
+            continue
+        bare = line.split("#")[0]
+        if starts := _LINE_KEY.match(bare):
+            owner = (*here, *(part.strip().strip("\"'") for part in starts[1].split(".")))
+            lines.setdefault(owner, number)
+        for key in _INLINE_KEY.findall(bare):
+            lines.setdefault((*owner, key), number)
+    return lines
+
+
+def _resolve(dotted: str, is_list: bool, counts: dict[KeyPath, int]) -> KeyPath:
+    """Path of a header, with the list positions that it implies."""
+    path: KeyPath = ()
+    parts = [p.strip().strip("\"'") for p in dotted.split(".")]
+    for depth, part in enumerate(parts):
+        path = (*path, part)
+        if is_list and depth == len(parts) - 1:
+            counts[path] = counts.get(path, -1) + 1
+        if path in counts:
+            path = (*path, counts[path])
+    return path
+
+
+def write_toml(file: Path, document: Mapping[str, object]) -> None:
+    """Write a document of texts, numbers, booleans, dates, lists and tables.
+
+    Raises:
+        DataError: A value that TOML cannot hold, or the file cannot be written.
+    """
+    text = toml_text(document)
+    try:
+        file.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise DataError(f"{file}: cannot be written ({error.strerror})") from error
+
+
+def toml_text(document: Mapping[str, object]) -> str:
+    """The document as TOML text: plain keys first, then tables, then lists of tables."""
+    lines: list[str] = []
+    _add_table(lines, document, ())
+    return "\n".join(lines).lstrip("\n") + "\n"
+
+
+def _add_table(lines: list[str], table: Mapping[str, object], path: tuple[str, ...]) -> None:
+    nested = {k: v for k, v in table.items() if isinstance(v, Mapping) or _is_table_list(v)}
+    for key, value in table.items():
+        if key not in nested:
+            lines.append(f"{_key(key, path)} = {_value(value, (*path, str(key)))}")
+    for key, value in nested.items():
+        inner = (*path, _key(key, path))
+        if isinstance(value, Mapping):
+            lines += ["", f"[{'.'.join(inner)}]"]
+            _add_table(lines, value, inner)
+        elif isinstance(value, list | tuple):
+            for entry in value:
+                lines += ["", f"[[{'.'.join(inner)}]]"]
+                _add_table(lines, entry, inner)
+
+
+def _is_table_list(value: object) -> bool:
+    return isinstance(value, list | tuple) and len(value) > 0 and all(isinstance(v, Mapping) for v in value)
+
+
+def _key(key: object, path: tuple[str, ...]) -> str:
+    if not isinstance(key, str):
+        raise DataError(f"key {key!r} of [{'.'.join(path)}] is not a text, so it cannot be written")
+    return key if _BARE_KEY.fullmatch(key) else _quoted(key)
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _value(value: object, path: tuple[str, ...]) -> str:
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return _quoted(value)
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, datetime.datetime | datetime.date | datetime.time):
+        return value.isoformat()
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_value(v, path) for v in value) + "]"
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{_key(k, path)} = {_value(v, path)}" for k, v in value.items()) + " }"
+    raise DataError(
+        f'"{".".join(path)}" is {value!r} ({type(value).__name__}), which TOML cannot hold. '
+        "Use texts, numbers, booleans, lists and tables, and leave out what is unknown."
+    )

@@ -1,0 +1,217 @@
+"""A track as a folder: track.parquet, sensors.parquet, beliefs.parquet, the model's text and run.toml."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+from pyarrow import parquet
+
+from oarlock._core import Model
+from oarlock.storage.errors import DataError
+from oarlock.storage.parquet_table import columns_of, read_table
+from oarlock.storage.paths import place_of
+from oarlock.storage.toml import TomlTable, write_toml
+from oarlock.tracking.columns import FIELDS, column_name, observed_name
+from oarlock.tracking.columns import columns_of as track_columns
+from oarlock.tracking.estimates import Estimates
+from oarlock.tracking.records import FAULT, FIELD, Beliefs, SensorInfo, SlowSeries
+
+FORMAT = 1
+_COUNTS = ("used", "rejected", "missing")
+
+
+def write_track(track: Estimates, folder: str | PathLike[str]) -> None:
+    """Write estimates, infos, beliefs, model and provenance; not the samples, nor what a run needs to go on."""
+    place = Path(folder)
+    place.mkdir(parents=True, exist_ok=True)
+    parquet.write_table(pa.table(track_columns(track)), place / "track.parquet")
+    if track.info is not None:
+        parquet.write_table(_sensor_table(track.time_s, track.info), place / "sensors.parquet")
+    if track.beliefs is not None:
+        parquet.write_table(_belief_table(track.beliefs), place / "beliefs.parquet")
+    (place / "model.toml").unlink(missing_ok=True)
+    if track.model is not None:
+        (place / "model.toml").write_text(track.model.text, encoding="utf-8")
+    write_toml(place / "run.toml", _description(track))
+
+
+def read_track(folder: str | PathLike[str]) -> dict[str, Any]:
+    """Read the fields of a track that `write_track` wrote.
+
+    Raises:
+        DataError: the folder holds no track, or a file in it is damaged.
+    """
+    place = place_of(folder)
+    if not (place / "run.toml").is_file() or not (place / "track.parquet").is_file():
+        raise DataError(
+            f"{place}: no track here (run.toml or track.parquet is missing); write one with `oarlock track`"
+        )
+    top = _read_description(place / "run.toml")
+    table = read_table(place / "track.parquet", _AGAIN)
+    # tracks of hinges and slides alone were once written without coordinates: theirs are the joints
+    coordinates = top.get("coordinates", top["joints"])
+    names, units = tuple(coordinates["names"]), tuple(coordinates["units"])
+    with columns_of(place / "track.parquet", _AGAIN):
+        arrays: dict[str, Any] = {
+            field: _stack(table, [column_name(n, u, field) for n, u in zip(names, units, strict=True)])
+            for field in FIELDS
+        }
+        observed = _stack(table, [observed_name(n) for n in names]) > 0.5
+        slow = {
+            name: SlowSeries(_one(table, f"{name} [{unit}]"), _one(table, f"{name} std [{unit}]"), unit)
+            for name, unit in top["slow"].items()
+        }
+        time_s = _one(table, "time_s")
+    return arrays | {
+        "model": _model(place, top["provenance"]),
+        "time_s": time_s,
+        "joint_names": tuple(top["joints"]["names"]),
+        "joint_units": tuple(top["joints"]["units"]),
+        "coordinate_names": names,
+        "coordinate_units": units,
+        "angle_sequences": dict(top.get("angle_sequences", {})),
+        "observed": observed,
+        "slow": slow,
+        "info": _info(place / "sensors.parquet", tuple(top["sensors"])),
+        "beliefs": _beliefs(place / "beliefs.parquet", tuple(top["states"])),
+        "notes": tuple(top["notes"]),
+        "provenance": _with_none_read(top["provenance"]),
+        "smoothed": bool(top["smoothed"]),
+    }
+
+
+def _read_description(file: Path) -> Mapping[str, Any]:
+    top: Mapping[str, Any] = TomlTable.read(file).values
+    expected = {
+        "joints": dict,
+        "slow": dict,
+        "provenance": dict,
+        "sensors": list,
+        "states": list,
+        "notes": list,
+        "smoothed": bool,
+    }
+    for key, kind in expected.items():
+        if not isinstance(top.get(key), kind):
+            raise DataError(
+                f"{file}: key '{key}' is missing or no {kind.__name__}; track the recording again"
+            )
+    for table in ("joints", "coordinates"):
+        given = top.get(table, top["joints"])
+        if not isinstance(given, Mapping) or not {"names", "units"} <= set(given):
+            raise DataError(
+                f"{file}: [{table}] needs the lists 'names' and 'units'; track the recording again"
+            )
+    return top
+
+
+def _description(track: Estimates) -> dict[str, Any]:
+    return {
+        "format": FORMAT,
+        "smoothed": track.smoothed,
+        "notes": list(track.notes),
+        "sensors": list(track.info.sensor_names) if track.info else [],
+        "states": list(track.beliefs.state_names) if track.beliefs else [],
+        "joints": {"names": list(track.joint_names), "units": list(track.joint_units)},
+        "coordinates": {"names": list(track.coordinate_names), "units": list(track.coordinate_units)},
+        "angle_sequences": dict(track.angle_sequences),
+        "slow": {name: slow.unit for name, slow in track.slow.items()},
+        "provenance": _with_none_named(track.provenance),
+    }
+
+
+_AGAIN = "; track the recording again"
+_NONE = "none"
+
+
+def _with_none_named(value: Any) -> Any:
+    """TOML has no null: it is written as the word."""
+    if isinstance(value, Mapping):
+        return {k: _with_none_named(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_with_none_named(v) for v in value]
+    return _NONE if value is None else value
+
+
+def _with_none_read(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {k: _with_none_read(v) for k, v in value.items()}
+    return None if isinstance(value, str) and value == _NONE else value
+
+
+def _sensor_table(time_s: NDArray[np.float64], info: SensorInfo) -> pa.Table:
+    columns: dict[str, Any] = {"time_s": time_s}
+    for i, name in enumerate(info.sensor_names):
+        columns[f"{name}.nis"] = info.nis[:, i]
+        columns |= {f"{name}.{kind}": getattr(info, kind)[:, i] for kind in _COUNTS}
+        columns[f"{name}.field"] = pa.array(np.array(FIELD)[info.field[:, i]]).dictionary_encode()
+        columns[f"{name}.fault"] = pa.array(np.array(FAULT)[info.fault[:, i]]).dictionary_encode()
+    columns |= {"inertial.nis": info.inertial_nis, "inertial.used": info.inertial_used}
+    return pa.table(columns)
+
+
+def _belief_table(beliefs: Beliefs) -> pa.Table:
+    n = len(beliefs.state_names)
+    mean = pa.FixedSizeListArray.from_arrays(pa.array(beliefs.mean.ravel()), max(n, 1))
+    covariance = pa.FixedSizeListArray.from_arrays(pa.array(beliefs.covariance.ravel()), max(n * n, 1))
+    return pa.table({"time_s": beliefs.time_s, "mean": mean, "covariance": covariance})
+
+
+def _info(file: Path, names: tuple[str, ...]) -> SensorInfo | None:
+    if not names:
+        return None
+    table = read_table(file, _AGAIN)
+    with columns_of(file, _AGAIN):
+        counts: dict[str, Any] = {
+            kind: _stack(table, [f"{n}.{kind}" for n in names]).astype(np.int64) for kind in _COUNTS
+        }
+        return SensorInfo(
+            sensor_names=names,
+            nis=_stack(table, [f"{n}.nis" for n in names]),
+            inertial_nis=_one(table, "inertial.nis"),
+            inertial_used=_one(table, "inertial.used").astype(np.int64),
+            field=np.stack([_words(table, f"{n}.field", FIELD) for n in names], axis=1),
+            fault=np.stack([_words(table, f"{n}.fault", FAULT) for n in names], axis=1),
+            **counts,
+        )
+
+
+def _words(table: pa.Table, name: str, known: tuple[str, ...]) -> NDArray[np.int64]:
+    # tracks were once written without it
+    words = table[name].to_pylist() if name in table.column_names else [known[0]] * len(table)
+    return np.array([known.index(word) for word in words], dtype=np.int64)
+
+
+def _beliefs(file: Path, states: tuple[str, ...]) -> Beliefs | None:
+    if not states:
+        return None
+    table, n = read_table(file, _AGAIN), len(states)
+    with columns_of(file, _AGAIN):
+        mean, covariance = (
+            table[name].combine_chunks().flatten().to_numpy(zero_copy_only=False)
+            for name in ("mean", "covariance")
+        )
+        return Beliefs(_one(table, "time_s"), mean.reshape(-1, n), covariance.reshape(-1, n, n), states)
+
+
+def _model(place: Path, provenance: Mapping[str, Any]) -> Model | None:
+    file = place / "model.toml"
+    if not file.is_file():
+        return None
+    return Model.from_toml(
+        file.read_text(encoding="utf-8"), str(file), dict(provenance.get("parameters", {}))
+    )
+
+
+def _one(table: pa.Table, name: str) -> NDArray[np.float64]:
+    return np.array(table[name].to_numpy(), dtype=np.float64)
+
+
+def _stack(table: pa.Table, names: list[str]) -> NDArray[np.float64]:
+    return np.stack([_one(table, name) for name in names], axis=1)

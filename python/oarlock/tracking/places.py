@@ -1,0 +1,194 @@
+"""Where the frames of a track are, with the lengths that it estimated, and how sure it is of that."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock._core import Model
+from oarlock.model.coordinates import plus, rotation_columns, with_untold_at_zero
+from oarlock.storage.errors import DataError
+from oarlock.tracking.estimates import Estimates
+
+Floats = NDArray[np.float64]
+Rows = slice | NDArray[np.int64]
+Source = Literal["beliefs", "deviations", "unknown"]
+
+LENGTH_PREFIX = "parameters."
+LENGTH_STEP_M = 1e-3
+"""Of the slope of a place by a length; exact, because places are linear in lengths."""
+STEP = 1e-5
+"""Of the slope of a place by a coordinate, rad or m: rounding and curvature both stay below 1e-9 m."""
+NO_EFFECT = 1e-8
+"""A coordinate that moves a place by less than this, m per rad or m, does not move it."""
+ALL = slice(None)
+
+
+@dataclass(frozen=True)
+class PositionSpread:
+    """How uncertain the place of a frame is over time.
+
+    Args:
+        covariance_m2: (T, 3, 3) m2, in the axes of the frame that the places are relative to. NaN where a standard
+            deviation that matters is not known.
+        source: "beliefs": the coordinates' deviations at each sample with the correlations of the beliefs that the
+            track keeps, between two beliefs a mixture of both. "deviations": coordinates taken as independent, for want
+            of beliefs. "unknown": no filter made this track.
+    """
+
+    covariance_m2: Floats
+    source: Source
+
+    @property
+    def std_m(self) -> Floats:
+        """Standard deviations along the three axes, (T, 3) m."""
+        variance: Floats = np.diagonal(self.covariance_m2, axis1=1, axis2=2)
+        return np.sqrt(np.maximum(variance, 0.0))
+
+
+def poses_of(track: Estimates, rows: Rows = ALL) -> Floats:
+    """Poses of all frames (T, F, 4, 4) in root axes, of the chosen rows; estimated lengths are those of each row.
+
+    A joint that no stream ever told is taken at 0; where a reading that was needed is missing, there is NaN.
+
+    Raises:
+        DataError: the track has no model.
+    """
+    model = model_of(track, "poses_of")
+    return _poses(model, _coordinates(track, rows), _lengths(track, model, rows))
+
+
+def model_of(track: Estimates, asked: str) -> Model:
+    """The track's model.
+
+    Raises:
+        DataError: the track was loaded without it.
+    """
+    if track.model is None:
+        raise DataError(f"{asked}: this track was loaded without its model; load the model file again")
+    return track.model
+
+
+def relative_positions(poses: Floats, frames: Sequence[int], reference: int) -> Floats:
+    """Origins (T, K, 3) of frames in the axes of a reference frame, m, from poses (T, F, 4, 4)."""
+    own = poses[:, reference]
+    away = poses[:, frames][..., :3, 3] - own[:, None, :3, 3]
+    moved: Floats = away @ own[:, :3, :3]
+    return moved
+
+
+def position_spreads(
+    track: Estimates, frames: Sequence[int], reference: int = 0, rows: Rows = ALL
+) -> tuple[Floats, Source]:
+    """Covariances (T, K, 3, 3) of the frames' places, m2, and where they come from; see `PositionSpread`.
+
+    First order: J P J' with central differences of the model's kinematics (JCGM 100, 2008, eq. 13). Lengths that are
+    not estimated count as exact.
+
+    Raises:
+        DataError: the track has no model.
+    """
+    model = model_of(track, "position_spreads")
+    q, lengths = _coordinates(track, rows), _lengths(track, model, rows)
+
+    def places(poses: Floats) -> Floats:
+        return relative_positions(poses, frames, reference)
+
+    names = [*track.coordinate_names, *lengths]
+    deviations = [track.slow[LENGTH_PREFIX + name].std[rows] for name in lengths]
+    std = np.column_stack([track.q_std[rows], *deviations])
+    slopes = np.stack(_slopes(model, q, lengths, track.coordinate_names, places), axis=-1)
+    slopes[np.abs(slopes) < NO_EFFECT] = 0.0
+    weighted = np.where(slopes == 0.0, 0.0, slopes * std[:, None, None, :])
+    if track.beliefs is None or not len(track.beliefs.time_s):
+        unknown = bool(np.isnan(track.q_std).all())
+        return weighted @ np.swapaxes(weighted, 2, 3), "unknown" if unknown else "deviations"
+    states = [LENGTH_PREFIX + name if name in lengths else name for name in names]
+    mixed = _correlations(track, states)(track.time_s[rows])
+    return weighted @ mixed[:, None] @ np.swapaxes(weighted, 2, 3), "beliefs"
+
+
+def _coordinates(track: Estimates, rows: Rows) -> Floats:
+    return with_untold_at_zero(track.q)[rows]
+
+
+def _lengths(track: Estimates, model: Model, rows: Rows) -> dict[str, Floats]:
+    """Estimated lengths over time, by the parameter's name."""
+    found = ((name.removeprefix(LENGTH_PREFIX), slow) for name, slow in track.slow.items())
+    return {name: slow.value[rows] for name, slow in found if name in model.parameters}
+
+
+def _poses(model: Model, q: Floats, lengths: Mapping[str, Floats]) -> Floats:
+    poses = np.asarray(model.forward_kinematics(q))
+    for name, values in lengths.items():
+        away = (values - model.parameters[name])[:, None, None]
+        poses[..., :3, 3] += away * _length_slope(model, q, name)
+    return poses
+
+
+def _length_slope(model: Model, q: Floats, name: str) -> Floats:
+    """Change of all frames' places (T, F, 3) per metre of a length."""
+
+    def at(by_m: float) -> Floats:
+        parameters = model.parameters | {name: model.parameters[name] + by_m}
+        other = Model.from_toml(model.text, model.path, parameters)
+        return np.asarray(other.forward_kinematics(q))[..., :3, 3]
+
+    slope: Floats = (at(LENGTH_STEP_M) - at(-LENGTH_STEP_M)) / (2.0 * LENGTH_STEP_M)
+    return slope
+
+
+def _slopes(
+    model: Model,
+    q: Floats,
+    lengths: Mapping[str, Floats],
+    coordinate_names: Sequence[str],
+    places: Callable[[Floats], Floats],
+) -> list[Floats]:
+    """Slopes (T, K, 3) of places by each coordinate, then by each length."""
+    rotations = rotation_columns(coordinate_names)
+
+    def moved(k: int, by: float) -> Floats:
+        step = np.zeros_like(q)
+        step[:, k] = by
+        return places(_poses(model, plus(q, step, rotations), lengths))
+
+    def stretched(name: str, by_m: float) -> Floats:
+        return places(_poses(model, q, {**lengths, name: lengths[name] + by_m}))
+
+    by_joints = [(moved(k, STEP) - moved(k, -STEP)) / (2.0 * STEP) for k in range(q.shape[1])]
+    return by_joints + [
+        (stretched(name, LENGTH_STEP_M) - stretched(name, -LENGTH_STEP_M)) / (2.0 * LENGTH_STEP_M)
+        for name in lengths
+    ]
+
+
+def _correlations(track: Estimates, states: Sequence[str]) -> Callable[[Floats], Floats]:
+    """Correlations (T, n, n) of these states at any times; what is no state is independent of all."""
+    beliefs = track.beliefs
+    assert beliefs is not None
+    known = {name: k for k, name in enumerate(beliefs.state_names)}
+    there = [k for k, name in enumerate(states) if name in known]
+    columns = [known[states[k]] for k in there]
+    kept = np.tile(np.eye(len(states)), (len(beliefs.time_s), 1, 1))
+    own = beliefs.covariance[:, columns][:, :, columns]
+    std = np.sqrt(np.diagonal(own, axis1=1, axis2=2))
+    scale = std[:, :, None] * std[:, None, :]
+    kept[np.ix_(range(len(kept)), there, there)] = np.where(
+        scale > 0.0, own / np.where(scale > 0, scale, 1.0), 0.0
+    )
+    kept[:, range(len(states)), range(len(states))] = 1.0
+
+    def at(time_s: Floats) -> Floats:
+        place = np.interp(time_s, beliefs.time_s, np.arange(len(kept), dtype=np.float64))
+        before = np.minimum(place.astype(np.int64), len(kept) - 1)
+        after = np.minimum(before + 1, len(kept) - 1)
+        share = (place - before)[:, None, None]
+        mixed: Floats = (1.0 - share) * kept[before] + share * kept[after]
+        return mixed
+
+    return at

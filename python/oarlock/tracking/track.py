@@ -1,0 +1,267 @@
+"""The result of tracking: arrays over time by name, standard deviations, infos and provenance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from os import PathLike
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from oarlock.model.coordinates import angle_sequences, coordinate_units, joint_units
+from oarlock.model.rotation import continuous_quat, quat_from_matrix
+from oarlock.storage.errors import DataError
+from oarlock.storage.suggest import did_you_mean
+from oarlock.tracking.columns import columns_of
+from oarlock.tracking.estimates import Estimates, Floats, Later
+from oarlock.tracking.folder import read_track, write_track
+from oarlock.tracking.places import PositionSpread, model_of, poses_of, position_spreads, relative_positions
+from oarlock.tracking.records import Beliefs, SensorInfo, SlowSeries
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from oarlock._core import Model, Run
+
+
+class Track(Estimates):
+    """Estimates over `time_s` (T,). Never changes; `oarlock.smooth` gives another one.
+
+    The fields are those of `Estimates`.
+    """
+
+    def with_notes(self, *sentences: str) -> Track:
+        """The same track, whose notes begin with these."""
+        other = object.__new__(Track)
+        other.__dict__.update(self.__dict__)
+        other.__dict__["notes"] = tuple(dict.fromkeys((*sentences, *self.notes)))
+        return other
+
+    def __repr__(self) -> str:
+        kind = "smoothed" if self.smoothed else "filtered" if self.info else "simulated"
+        span = f"{self.time_s[0]:.2f} to {self.time_s[-1]:.2f} s" if len(self) else "empty"
+        return f"Track({kind}, {len(self)} samples, {span}, {len(self.joint_names)} joints)"
+
+    def frame_positions(self, frame: str, relative_to: str = "root") -> Floats:
+        """Origin of a frame over time, (T, 3) in m, in the axes of frame `relative_to`.
+
+        Lengths that were estimated along the way are those of each sample. A joint that no stream ever told (the turn
+        of a grip, say) is taken at 0; where a reading that was needed is missing, the position is NaN.
+
+        Raises:
+            DataError: no such frame, or the track has no model.
+        """
+        own, reference = self._frames("frame_positions", frame, relative_to)
+        return relative_positions(poses_of(self), [own], reference)[:, 0]
+
+    def frame_position_spread(self, frame: str, relative_to: str = "root") -> PositionSpread:
+        """How uncertain `frame_positions` is: covariances (T, 3, 3) in m2, and what they were made from.
+
+        Raises:
+            DataError: no such frame, or the track has no model.
+        """
+        own, reference = self._frames("frame_position_spread", frame, relative_to)
+        covariance, source = position_spreads(self, [own], reference)
+        return PositionSpread(covariance[:, 0], source)
+
+    def frame_position_stds(self, frame: str, relative_to: str = "root") -> Floats:
+        """Standard deviations of `frame_positions` along its three axes, (T, 3) in m.
+
+        `frame_position_spread` has the covariance, and says whether correlations were known.
+
+        Raises:
+            DataError: no such frame, or the track has no model.
+        """
+        return self.frame_position_spread(frame, relative_to).std_m
+
+    def frame_quat_wxyz(self, frame: str, relative_to: str = "root") -> Floats:
+        """Orientation of a frame over time, (T, 4): the rotation `relative_to`-from-`frame`, signs continuous.
+
+        Joints without a reading are treated as in `frame_positions`.
+
+        Raises:
+            DataError: no such frame, or the track has no model.
+        """
+        own, reference = self._frames("frame_quat_wxyz", frame, relative_to)
+        poses = poses_of(self)[..., :3, :3]
+        turned = np.einsum("tji,tjk->tik", poses[:, reference], poses[:, own])
+        return continuous_quat(quat_from_matrix(turned))
+
+    def _frames(self, asked: str, *frames: str) -> list[int]:
+        """Numbers of frames in the model."""
+        names = model_of(self, asked).frame_names
+        for name in frames:
+            if name not in names:
+                raise DataError(f"{asked}: no frame '{name}'. {did_you_mean(name, names)}")
+        return [names.index(name) for name in frames]
+
+    def columns(self) -> dict[str, Floats]:
+        """Every array under a plain column name with its unit, (T,) each, `time_s` first.
+
+        A ball joint has its rotation vector, rates and deviations by coordinate (`shoulder.rx_rad`,
+        `shoulder.rx_velocity_rad_s`), the quaternion (`shoulder_quat_w`), its named angles with their sequence
+        (`shoulder_YXY_y1_rad`, `shoulder_YXY_y1_std_rad`) and where these are near singular.
+        """
+        return columns_of(self)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """All columns as a pandas DataFrame (needs the extra `oarlock[dataframe]`)."""
+        try:
+            import pandas as pd
+        except ImportError:
+            raise DataError("to_dataframe needs pandas: pip install 'oarlock[dataframe]'") from None
+        return pd.DataFrame(self.columns())
+
+    def to_xarray(self) -> xr.Dataset:
+        """All columns over the coordinate `time_s` (needs the extra `oarlock[xarray]`)."""
+        try:
+            import xarray as xr
+        except ImportError:
+            raise DataError("to_xarray needs xarray: pip install 'oarlock[xarray]'") from None
+        columns = self.columns()
+        time_s = columns.pop("time_s")
+        return xr.Dataset({k: ("time_s", v) for k, v in columns.items()}, coords={"time_s": time_s})
+
+    def save(self, folder: str | PathLike[str]) -> None:
+        """Write track.parquet, sensors.parquet, beliefs.parquet, model.toml and run.toml into a folder."""
+        write_track(self, folder)
+
+    @staticmethod
+    def load(folder: str | PathLike[str]) -> Track:
+        """Read what `save` wrote; the same as `oarlock.load_track`."""
+        return load_track(folder)
+
+
+def load_track(folder: str | PathLike[str]) -> Track:
+    """Read a track from a folder that `Track.save` wrote.
+
+    Raises:
+        DataError: the folder holds no track, or a file in it is damaged.
+    """
+    return Track(**read_track(folder))
+
+
+def track_without_filter(
+    model: Model,
+    time_s: Floats,
+    q: Floats,
+    qd: Floats | None = None,
+    qdd: Floats | None = None,
+    *,
+    provenance: Mapping[str, Any],
+) -> Track:
+    """A Track that no filter made, (T, n_coordinates) each: a simulated truth or a reference; deviations are NaN."""
+    unknown, joints = np.full(q.shape, np.nan), model.describe()["joints"]
+    return Track(
+        model=model,
+        time_s=time_s.copy(),
+        joint_names=tuple(model.joint_names),
+        joint_units=joint_units(model, joints),
+        coordinate_names=tuple(model.coordinate_names),
+        coordinate_units=coordinate_units(model, joints),
+        angle_sequences=angle_sequences(model, joints),
+        q=q,
+        qd=unknown if qd is None else qd,
+        qdd=unknown if qdd is None else qdd,
+        q_std=unknown,
+        qd_std=unknown,
+        qdd_std=unknown,
+        observed=np.isfinite(q),
+        provenance=provenance,
+    )
+
+
+def track_of_run(model: Model, run: Run, notes: tuple[str, ...], provenance: Mapping[str, Any]) -> Track:
+    """A Track from what the engine returned; its arrays are made when they are asked for."""
+    states = {name: i for i, name in enumerate(run.state_names)}
+    names, joints = model.coordinate_names, model.describe()["joints"]
+
+    def estimates(suffix: str, std: bool) -> Floats:
+        return run.states([states.get(name + suffix) for name in names], std)
+
+    def q() -> Floats:
+        values = estimates("", False)
+        columns, readings = run.inputs()
+        values[:, columns] = readings
+        return values
+
+    def q_std() -> Floats:
+        values = estimates("", True)
+        columns, readings = run.inputs()
+        known = {joint["name"]: joint["std"] for joint in joints if joint["input"]}
+        values[:, columns] = np.where(np.isnan(readings), np.nan, [known[names[c]] for c in columns])
+        return values
+
+    def later(make: Callable[[], Any]) -> Any:
+        return Later(make)
+
+    return Track(
+        model=model,
+        time_s=run.time_s(),
+        joint_names=tuple(model.joint_names),
+        joint_units=joint_units(model, joints),
+        coordinate_names=tuple(names),
+        coordinate_units=coordinate_units(model, joints),
+        angle_sequences=angle_sequences(model, joints),
+        q=later(q),
+        qd=later(lambda: estimates(".velocity", False)),
+        qdd=later(lambda: estimates(".acceleration", False)),
+        q_std=later(q_std),
+        qd_std=later(lambda: estimates(".velocity", True)),
+        qdd_std=later(lambda: estimates(".acceleration", True)),
+        observed=later(lambda: run.observed().astype(bool)),
+        slow=later(lambda: _slow(run, states, model)),
+        info=later(lambda: _info(run)),
+        beliefs=later(lambda: _beliefs(run)),
+        notes=tuple(dict.fromkeys(notes)),
+        provenance=MappingProxyType(dict(provenance)),
+        smoothed=run.smoothed,
+        last_belief=run.last_belief,
+        run=run,
+    )
+
+
+def _info(run: Run) -> SensorInfo:
+    found = run.infos()
+    counts = {
+        name: found[name].astype(np.int64) for name in ("used", "rejected", "missing", "field", "fault")
+    }
+    return SensorInfo(
+        sensor_names=tuple(run.source_names),
+        nis=found["nis"],
+        inertial_nis=found["inertial_nis"],
+        inertial_used=found["inertial_used"].astype(np.int64),
+        **counts,
+    )
+
+
+def _slow(run: Run, states: Mapping[str, int], model: Model) -> Mapping[str, SlowSeries]:
+    moving = {name + rate for name in model.coordinate_names for rate in ("", ".velocity", ".acceleration")}
+    names = [name for name in states if name not in moving]
+    value, std = (run.states([states[name] for name in names], which) for which in (False, True))
+    return MappingProxyType(
+        {name: SlowSeries(value[:, i], std[:, i], _slow_unit(name)) for i, name in enumerate(names)}
+    )
+
+
+def _slow_unit(name: str) -> str:
+    if name == "azimuth" or ".mount_r" in name:
+        return "rad"
+    if name.startswith("parameters."):
+        return "m"
+    if ".gyro_bias" in name:
+        return "rad/s"
+    return "m/s3" if name.endswith(".rate") else "m/s2"
+
+
+def _beliefs(run: Run) -> Beliefs:
+    beliefs = run.beliefs()
+    n = len(run.state_names)
+    return Beliefs(
+        np.array([b[0] for b in beliefs]),
+        np.array([b[1] for b in beliefs]).reshape(-1, n),
+        np.array([b[2] for b in beliefs]).reshape(-1, n, n),
+        tuple(run.state_names),
+    )

@@ -1,0 +1,207 @@
+"""Tracking and smoothing a recording: the engine's run, turned into a `Track`."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable, Iterable
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from oarlock import _core
+from oarlock._core import Belief, Config, Model, Run
+from oarlock.recording.calibration import Calibration
+from oarlock.recording.corrections import corrected, correction_notes
+from oarlock.recording.plausibility import Finding, require_plausible
+from oarlock.recording.recording import Recording
+from oarlock.storage.errors import DataError, DivergedError
+from oarlock.storage.suggest import did_you_mean
+from oarlock.tracking.track import Track, track_of_run
+
+Progress = Callable[[float], object]
+
+ROOM_TO_GIVE_BYTES = 100 * 2**20
+"""Filtered estimates that fill more than this, and that nobody has asked for, give their room to the smoothed ones."""
+
+
+# A recording never changes; who tracks it again, with other settings, need not look through it again.
+_FINDINGS: WeakKeyDictionary[Recording, tuple[Finding, ...]] = WeakKeyDictionary()
+_HASHES: WeakKeyDictionary[Recording, str] = WeakKeyDictionary()
+
+
+def track(
+    model: Model,
+    recording: Recording,
+    calibration: Calibration | None = None,
+    config: Config | None = None,
+    *,
+    start: Belief | None = None,
+    progress: Progress | None = None,
+) -> Track:
+    """Track a recording: a loop over `Tracker.step`.
+
+    Args:
+        model: the body and its sensors.
+        recording: measured streams; absent streams and NaN are missing data.
+        calibration: of this wearing: lengths and mounts, and what is wrong with stamps and readings, which the engine
+            corrects on the way in; None takes the model's nominal values, and says so.
+        config: tuning; None is the default.
+        start: go on from this belief (`Track.last_belief`) instead of fitting the first samples.
+        progress: called now and then with the share done, 0 to 1.
+
+    Raises:
+        DataError: streams that the model has no sensor for (`Recording.only` leaves them out), stamps out of
+            order, units that are plainly wrong.
+        DivergedError: the filter lost the track; `time_s` says when.
+    """
+    config = config if config is not None else Config()
+    require_recording(recording)
+    findings = admit(model, corrected(recording, calibration))
+    began = time.perf_counter()
+    try:
+        run = _core.track(model, recording, calibration, config, start, progress)
+    except DivergedError as error:
+        add_findings(error, findings)
+        raise
+    wall_s = time.perf_counter() - began
+    return finished(
+        model, recording, calibration, config, run, run.notes, findings, wall_s, resumed=start is not None
+    )
+
+
+def admit(model: Model, recording: Recording) -> list[Finding]:
+    """What is odd about a recording that the model can track.
+
+    Raises:
+        DataError: as `track`.
+    """
+    require_recording(recording)
+    _require_known(model, recording)
+    _require_one_clock(recording)
+    if recording not in _FINDINGS:
+        _FINDINGS[recording] = tuple(require_plausible(recording))
+    return list(_FINDINGS[recording])
+
+
+def add_findings(error: DivergedError, findings: Iterable[Finding]) -> None:
+    """Notes on an error what was odd about the recording from the beginning."""
+    for finding in findings:
+        error.add_note(f"{finding.sensor}: {finding.message}")
+
+
+def finished(
+    model: Model,
+    recording: Recording,
+    calibration: Calibration | None,
+    config: Config,
+    run: Run,
+    run_notes: Iterable[str],
+    findings: Iterable[Finding],
+    wall_s: float,
+    smoothing_wall_s: float | None = None,
+    resumed: bool = False,
+) -> Track:
+    """The track of a run, with notes and provenance; `run_notes` are those of the filtered run."""
+    provenance = {
+        "oarlock": _core.__version__,
+        "model": model.name,
+        "model_sha256": hashlib.sha256(model.text.encode()).hexdigest(),
+        "parameters": model.parameters | dict(calibration.parameters if calibration else {}),
+        "recording_sha256": _hash(recording),
+        "config": config.to_dict(),
+        "nominal_mounts": run.nominal_mounts,
+        "steps": run.steps,
+        "wall_s": wall_s,
+        "steps_per_s": run.steps / wall_s,
+    }
+    if resumed:
+        provenance["resumed"] = True
+    if smoothing_wall_s is not None:
+        provenance["smoothing_wall_s"] = smoothing_wall_s
+    if calibration is not None and calibration.parameters:
+        model = Model.from_toml(model.text, model.path, model.parameters | dict(calibration.parameters))
+    notes = (
+        *run_notes,
+        *correction_notes(recording, calibration),
+        *(f"{f.sensor}: {f.message}" for f in findings),
+    )
+    return track_of_run(model, run, notes, provenance)
+
+
+def smooth(track: Track, *, progress: Progress | None = None) -> Track:
+    """Rauch-Tung-Striebel smoothing (Rauch, Tung and Striebel 1965) over the whole track.
+
+    Each estimate then rests on all samples, those after it included; the last one is unchanged. A long track whose
+    arrays nobody has asked for gives their room to the smoothed one, and filters again, to the same bits, if
+    somebody asks later.
+
+    Raises:
+        DataError: the track is smoothed already, or was read from a folder (its samples are not kept there).
+    """
+    if track.run is None or track.model is None:
+        raise DataError(
+            "smooth: this track holds no samples to go back over (it was loaded from files, or is simulated). "
+            "Track the recording again and smooth that, or use `oarlock track --smooth`"
+        )
+    began = time.perf_counter()
+    run = track.run.smooth(ROOM_TO_GIVE_BYTES, progress)
+    provenance = dict(track.provenance) | {"smoothing_wall_s": time.perf_counter() - began}
+    return track_of_run(track.model, run, track.notes, provenance)
+
+
+def require_recording(given: object) -> None:
+    """Refuse what is no `Recording`."""
+    if not isinstance(given, Recording):
+        kind = type(given).__name__
+        raise DataError(
+            f"track: expected a Recording, got {kind}; oarlock.load_recording reads one from a folder"
+        )
+
+
+def _require_known(model: Model, recording: Recording) -> None:
+    inputs = [j["name"] for j in model.describe()["joints"] if j["input"]]
+    known = [*model.sensor_names, *inputs]
+    unknown = [name for name in recording.names if name not in known]
+    if not unknown:
+        return
+    kept = [name for name in recording.names if name in known]
+    way_out = (
+        f"To leave it out keep the others: recording.only({kept}), or --only {','.join(kept)}"
+        if kept
+        else f"The recording has no stream of this model ({', '.join(recording.names)}): rename them"
+    )
+    raise DataError(
+        f'stream "{unknown[0]}": model "{model.name}" has no sensor or input of that name. '
+        f"{did_you_mean(unknown[0], known)} {way_out}"
+    )
+
+
+def _require_one_clock(recording: Recording) -> None:
+    spans = [(s.name, s.time_s[0], s.time_s[-1]) for s in recording.streams if len(s)]
+    for name, first, last in spans:
+        others = [other for other in spans if other[0] != name]
+        if others and all(first > end or last < begin for _, begin, end in others):
+            other = others[0]
+            raise DataError(
+                f'stream "{name}" lasts from {first:.3f} to {last:.3f} s, where no other stream is '
+                f'("{other[0]}": {other[1]:.3f} to {other[2]:.3f} s): their clocks or units of time differ. '
+                "Bring all streams to one clock, or leave this one out with recording.only(...)"
+            )
+
+
+def _hash(recording: Recording) -> str:
+    if recording not in _HASHES:
+        _HASHES[recording] = _digest(recording)
+    return _HASHES[recording]
+
+
+def _digest(recording: Recording) -> str:
+    digest = hashlib.sha256()
+    for stream in recording.streams:
+        digest.update(stream.name.encode())
+        digest.update(np.ascontiguousarray(stream.time_s).data)
+        for name, values in stream.values.items():
+            digest.update(name.encode())
+            digest.update(np.ascontiguousarray(values).data)
+    return digest.hexdigest()
