@@ -1,4 +1,4 @@
-"""A tracker and a whole recording correct what enters in the same way: bit for bit, with a full session calibration."""
+"""With a session's whole calibration a live tracker gives the same bits as the track of the recording as measured."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 import oarlock
 from exact_recording import ENCODERS, UNITS, load_excerpt, sculler
-from oarlock.recording.calibration import for_corrected
 from test_live import assert_same_belief, assert_step_is_row, readings_at
 
 SPAN_S = 3.0
@@ -18,7 +17,7 @@ LOGGER = ("back", "r_upperarm", "r_forearm")
 """Units with a clock of their own."""
 
 CORRECTED_RAD = 1e-6
-"""Corrupted and corrected readings differ from the true ones by rounding, which a second of filtering may amplify."""
+"""Readings that were spoilt and corrected differ from the true ones by rounding, which the filter may amplify."""
 
 
 def of_units(number: float, three: tuple[float, float, float]) -> dict[str, list[float]]:
@@ -107,7 +106,7 @@ def test_side_by_side_gives_the_same_bits(measured, calibration, track):
 
 
 def test_what_is_corrected_tracks_as_what_was_right(true, calibration, track):
-    right = oarlock.track(sculler(), true, replace(for_corrected(calibration), mag_offsets_ut={}))
+    right = oarlock.track(sculler(), true, replace(calibration.for_corrected(), mag_offsets_ut={}))
     assert right.time_s == pytest.approx(track.time_s, abs=1e-12)
     for one, other in ((right, track), (oarlock.smooth(right), oarlock.smooth(track))):
         np.testing.assert_allclose(one.q, other.q, atol=CORRECTED_RAD)
@@ -116,7 +115,7 @@ def test_what_is_corrected_tracks_as_what_was_right(true, calibration, track):
 
 def test_without_corrections_the_same_readings_lead_astray(measured, calibration, track):
     units = measured.only(["l_upperarm", "l_forearm"])
-    blind = oarlock.track(sculler(), units, for_corrected(calibration))
+    blind = oarlock.track(sculler(), units, calibration.for_corrected())
     corrected = oarlock.track(sculler(), units, calibration)
     assert np.nanmax(np.abs(blind.q - corrected.q)) > 100 * CORRECTED_RAD
 

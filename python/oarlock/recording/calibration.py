@@ -106,6 +106,10 @@ class Calibration:
         """
         return corrected(recording, self)
 
+    def for_corrected(self) -> Calibration:
+        """What of this still holds for the recording that `corrected` gives: all but what was corrected."""
+        return replace(self, **{name: {} for name in CORRECTING})
+
     def save(self, file: str | PathLike[str]) -> None:
         """Write as TOML; `load_calibration` reads it back exactly."""
         write_calibration({f.name: getattr(self, f.name) for f in fields(self)}, Path(file))
@@ -153,8 +157,3 @@ _CHECKS: dict[str, Callable[[Any, str], object]] = {
     "clocks": partial(_instance, Clock, "clocks"),
     "encoders": partial(_instance, EncoderScale, "encoders"),
 }
-
-
-def for_corrected(calibration: Calibration | None) -> Calibration | None:
-    """What of a calibration still holds for the recording that `corrected` gives."""
-    return None if calibration is None else replace(calibration, **{key: {} for key in CORRECTING})

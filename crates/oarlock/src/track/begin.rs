@@ -27,7 +27,7 @@ const AZIMUTH_START_STD: f64 = 0.2;
 /// Without a compass the heading at the start is zero by definition; so little that no update divides by nothing, rad.
 const GAUGE_STD: f64 = 1e-3;
 
-/// A sample of the start window, without what is barred.
+/// A sample of the start window, without what is excluded.
 #[derive(Debug)]
 pub(super) struct Seen {
     pub time_s: f64,

@@ -48,7 +48,7 @@ pub(super) struct NorthState {
 /// Finds the magnetometers whose north has turned.
 #[derive(Debug, Clone)]
 pub(super) struct North {
-    /// Whether turned fields are barred, and whether north is followed.
+    /// Whether turned fields are excluded, and whether north is followed.
     bars: bool,
     follows: bool,
     /// Per part: its field seems to have turned.
@@ -104,7 +104,7 @@ impl North {
         }
     }
 
-    /// Names in the report the fields that were barred because they have turned.
+    /// Names in the report the fields that were excluded because they have turned.
     pub fn report(&self, info: &mut Info) {
         for (verdict, _) in info.parts.iter_mut().zip(&self.turned).filter(|(_, &turned)| turned) {
             if *verdict == Verdict::Excluded {

@@ -67,7 +67,7 @@ impl Readings {
         }
     }
 
-    /// Readings without the parts that are barred.
+    /// Readings without the parts that are excluded.
     pub fn without(&self, subject: &Subject, excluded: &[bool]) -> Vec<f64> {
         let mut z = self.z.clone();
         for (rows, _) in subject.groups.parts.iter().zip(excluded).filter(|(_, &excluded)| excluded) {

@@ -10,7 +10,6 @@ from oarlock.evaluation.suspects.fit import USUAL, Judge
 from oarlock.evaluation.suspects.search import RATE_HZ, SCREEN_HZ, Found, Outcome, Second, search
 from oarlock.evaluation.suspects.second import liveliest, on_grid
 from oarlock.evaluation.suspects.text import SUSPECT_NOTE
-from oarlock.recording.calibration import for_corrected
 from oarlock.recording.corrections import corrected
 from oarlock.recording.plausibility import Finding, plausibility
 from oarlock.recording.recording import Recording
@@ -107,7 +106,8 @@ def suspects(
     alone = [_of_finding(f) for f in plausibility(measured) if f.severity == "error" or f.kind]
     if known is None:
         return tuple(alone)
-    by_tracking = _by_tracking(model, known, for_corrected(calibration), config, seconds)
+    still = None if calibration is None else calibration.for_corrected()
+    by_tracking = _by_tracking(model, known, still, config, seconds)
     named = {name for suspect in by_tracking if suspect.fault != "untold" for name in suspect.streams}
     return (*by_tracking, *(suspect for suspect in alone if not named.intersection(suspect.streams)))
 
