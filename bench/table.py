@@ -113,6 +113,9 @@ def _rest(figures: dict[str, Any]) -> str:
         rows.append(
             [f"peak memory of the process, {row['duration_s'] / 60:.0f} min at n = 72: {row['what']}", text]
         )
+    rows += [
+        [f"processor time of `{what}`", f"{time_s:.2f} s"] for what, time_s in figures["startup"].items()
+    ]
     return _table(["what", "figure"], rows)
 
 
