@@ -121,9 +121,7 @@ def _rest(figures: dict[str, Any]) -> str:
 
 def _others(user: Row) -> str:
     paper = user["paper"]
-    rows = [
-        (f"Oarlock, {name}", user[f"{name}_steps_s"], "") for name in ("ukf", "ekf", "factorised")
-    ]
+    rows = [(f"Oarlock, {name}", user[f"{name}_steps_s"], "") for name in ("ukf", "ekf", "factorised")]
     rows += [
         (f"{row['name']} ({row['package']} {row['version']})", row["steps_s"], row["problem"])
         for row in user["others"]

@@ -117,7 +117,7 @@ def within(name: str, module: str) -> bool:
     return name == module or name.startswith(module + ".")
 
 
-def public_names(file: Path = PACKAGE / "__init__.py") -> set[str]:
+def public_names(file: Path = PACKAGE / "__init__.pyi") -> set[str]:
     """`__all__` of a file."""
     tree = ast.parse(text_of(file))
     for node in tree.body:

@@ -1,12 +1,9 @@
 """Oarlock tracks articulated bodies from wearable and mounted sensors, and says how sure it is.
 
-Everything that is meant to be used is named here; `oarlock.rowing` adds one field of use.
+Everything that is meant to be used is named in `__init__.pyi`; `oarlock.rowing` adds one field of use.
 """
 
-def _config_from_dict(keys: dict[str, object]) -> object:
-    """Unpickle a Config; in one of 0.1.0 that names the iterated filter, `ekf` takes its place."""
-    known = {key: "ekf" if (key, value) == ("filter", "iekf") else value for key, value in keys.items()}
-    return __getattr__("Config")(**known)
+import lazy_loader
 
 # A name loads its module when it is first used: most programs need few of them.
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

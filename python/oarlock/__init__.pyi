@@ -45,7 +45,8 @@ from .formats.marker_files import load_markers
 from .model.load import Base, load_model
 from .model.shapes import Look, Shape, Strand, Viewpoint
 from .recording.calibration import Calibration, Clock, EncoderScale, load_calibration
-from .recording.recording import ImuStream, Recording, ScalarStream, VectorStream, load_recording
+from .recording.recording import Recording, load_recording
+from .recording.streams import ImuStream, ScalarStream, VectorStream
 from .simulation.motion import Motion
 from .simulation.session import SessionErrors, SessionTrial, simulate_session
 from .simulation.simulate import simulate
