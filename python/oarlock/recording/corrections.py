@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +13,6 @@ from oarlock.storage.errors import DataError
 if TYPE_CHECKING:
     from oarlock.recording.calibration import Calibration
 
-Fields = Mapping[str, FloatArray]
 
 OF_UNITS = {
     "gyro_biases_rad_s": "gyro_rad_s",
