@@ -25,7 +25,7 @@ NORM_LIMIT = 0.05
 
 @dataclass(frozen=True, eq=False)
 class MagFit:
-    """Offset (3,) uT, matrix (3, 3), norm uT and dip rad of the field, std of the offset, coverage, scatter of norms."""
+    """Offset (3,) uT, matrix (3, 3), norm uT and dip rad of the field, std of the offset, coverage, scatter."""
 
     offset_ut: FloatArray
     matrix: FloatArray
