@@ -39,11 +39,10 @@ def findings() -> list[str]:
 
 def imports_of(package: Path) -> dict[str, set[str]]:
     """The modules of a package that each of its modules imports, by dotted names."""
-    paths = {".".join(python_module(path, package)): path for path in python_files(package)}
-    return {
-        module: {owner(name, paths) for name in imported(path, package)} - {module}
-        for module, path in paths.items()
-    }
+    names: dict[str, set[str]] = {}
+    for path in python_files(package):  # a module and its stub are one
+        names.setdefault(".".join(python_module(path, package)), set()).update(imported(path, package))
+    return {module: {owner(name, names) for name in used} - {module} for module, used in names.items()}
 
 
 def owner(name: str, modules: Collection[str]) -> str:
@@ -118,7 +117,7 @@ def within(name: str, module: str) -> bool:
     return name == module or name.startswith(module + ".")
 
 
-def public_names(file: Path = PACKAGE / "__init__.py") -> set[str]:
+def public_names(file: Path = PACKAGE / "__init__.pyi") -> set[str]:
     """`__all__` of a file."""
     tree = ast.parse(text_of(file))
     for node in tree.body:

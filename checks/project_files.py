@@ -13,6 +13,7 @@ TEXT = CODE | {
     ".css",
     ".csv",
     ".html",
+    ".j2",
     ".in",
     ".js",
     ".json",

@@ -12,7 +12,6 @@ VAGUE_NAMES = {"base", "common", "factory", "helper", "helpers", "manager", "mis
 
 # Functions that are still longer, with their lines: none may be added, none may grow.
 STILL_LONG = {
-    "python/oarlock/cli/track.py: track": 71,
     "python/oarlock/evaluation/study/told.py: keys_of_told": 65,
 }
 

@@ -65,8 +65,6 @@ def test_figures_fit_together(measured):
             assert 0.0 < part[f"{name}_us_p10"] <= part[f"{name}_us"]
             tenth = part["textbook_us_p10"] / part[f"{name}_us_p10"]
             assert part[f"{name}_ratio_to_textbook_p10"] == pytest.approx(tenth)
-        assert part["ukf_ratio_to_textbook"] > 1.0
-        assert part["ekf_ratio_to_textbook"] > 1.0
         assert part["textbook_us_p10"] <= part["textbook_us"]
         assert 0.0 < part["p50_us"] <= part["p99_us"] <= part["p99_9_us"]
     assert measured["times_real_time"] == pytest.approx(measured["ukf_steps_s"] / 125.0)

@@ -47,7 +47,6 @@ def compared(sculler: oarlock.Model, rowed: tuple[oarlock.Track, Recording]) -> 
     return oarlock.compare(sculler, rowed[1], rowed[0], BUILT_IN)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [41, 42])
 def test_the_tree_is_ahead_of_limbs_and_single_units(sculler: oarlock.Model, seed: int) -> None:
     """Boat surging and biased sensors; seeds that nothing was tuned to."""

@@ -159,7 +159,7 @@ def test_c3d(tmp_path):
         file.write_bytes(wounded_bytes(content, harm))
         answered(lambda: oarlock.load_markers(file))
 
-    campaign(check, byte_wounds)
+    campaign(check, byte_wounds, count=30)
 
 
 def matlab_files(folder):
@@ -191,7 +191,7 @@ def test_matlab_files(name, tmp_path):
         for read in MATLAB[name]:
             answered(lambda read=read: read(file))
 
-    campaign(check, byte_wounds)
+    campaign(check, byte_wounds, count=12)
 
 
 READERS = {

@@ -238,8 +238,7 @@ def test_unknown_parts_are_refused():
     assert set(PARTS) == {"table5", "table6", "fig3", "fig4", "fig5", "discussion", "cost"}
 
 
-@pytest.mark.slow
-@pytest.mark.timeout(900)
+@pytest.mark.long
 def test_targets_hold_on_a_seed_that_nobody_has_seen():
     """40 s of a seed drawn anew each time: mean, worst angle, seat, hands, NEES, NIS, coverage; live and smoothed."""
     seed = int(np.random.default_rng().integers(1_000_000, 2**31))

@@ -36,7 +36,6 @@ def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
     app.command(
         "bench",
-        short_help="Measure what this machine reaches, beside other software.",
         epilog=example(
             "oarlock bench",
             "oarlock bench --seconds 60",

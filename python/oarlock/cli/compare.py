@@ -37,7 +37,6 @@ def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
     app.command(
         "compare",
-        short_help="Set estimators side by side on one recording.",
         epilog=example(
             "oarlock compare trial --model sculler --out compared",
             "oarlock compare trial --model sculler --filter ukf --filter limbs --filter vqf --out compared",

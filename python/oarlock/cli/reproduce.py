@@ -49,7 +49,6 @@ def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
     app.command(
         "reproduce",
-        short_help="Run the paper's tables and figures again, ours beside them.",
         epilog=example(
             "oarlock reproduce table5 --out table5",
             "oarlock reproduce all --out paper",

@@ -32,7 +32,6 @@ def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
     app.command(
         "study",
-        short_help="Sweep sensors, noise, mounts, rates or settings over seeds.",
         epilog=example(
             "oarlock study which_sensors --out sensors",
             "oarlock study robustness_quick --out robust",

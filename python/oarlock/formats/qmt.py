@@ -33,7 +33,7 @@ def read_qmt(path: str | PathLike[str]) -> Recording:
     variables = read_mat(file)
     time_s = time_array(matrix(variables, "t", 1, file)[:, 0], f"{file}, t")
     streams = []
-    for segment in variables:
+    for segment in dict.fromkeys(name.partition(".")[0] for name in variables):
         if segment == "t":
             continue
         fields = structure(variables, segment, file)

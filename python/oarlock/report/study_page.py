@@ -12,9 +12,9 @@ from oarlock.evaluation.study.result import StudyResult
 from oarlock.evaluation.study.run import MEAN
 from oarlock.report import chart
 from oarlock.report.fault_page import fault_page
+from oarlock.report.markup import grid, table
 from oarlock.report.page import shell
 from oarlock.report.study_sections import failures, settings_section
-from oarlock.report.tables import table
 from oarlock.report.text import DASH, breakable, fixed, number, percent, plural
 
 MOST_LINES = 6
@@ -108,7 +108,7 @@ def _charts(summary: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> str:
             for k, (item, unit) in enumerate(items[:MOST_SMALL]):
                 rows = [row for row in summary if row["item"] == item and row["unit"] == unit]
                 drawn.append(_chart(f"{key}-{k}", rows, key, item, unit))
-        blocks.append(f'<h3>{breakable(key)}</h3><div class="grid-figures">{"".join(drawn)}</div>')
+        blocks.append(f"<h3>{breakable(key)}</h3>{grid(drawn)}")
     hint = '<p class="hint">Mean over seeds; tinted: its 95 % interval. Lines are named below the first drawing.</p>'
     return hint + "".join(blocks)
 
@@ -149,7 +149,5 @@ def _intervals(summary: Sequence[Mapping[str, Any]]) -> str:
         drawn.append(chart.interval_chart(rows[:MOST_INTERVALS], f"intervals-{k}", item, unit))
     more = max((sum(r["item"] == MEAN for r in summary) - MOST_INTERVALS, 0))
     hint = f'<p class="hint">The first {MOST_INTERVALS} scenarios; the table has all.</p>' if more else ""
-    first = f'<div class="grid-figures">{"".join(drawn[:1])}</div>'
-    others = f'<div class="grid-figures">{"".join(drawn[1:])}</div>'
-    rest = f"<details><summary>Each joint and frame</summary>{others}</details>"
-    return hint + first + (rest if len(drawn) > 1 else "")
+    rest = f"<details><summary>Each joint and frame</summary>{grid(drawn[1:])}</details>"
+    return hint + grid(drawn[:1]) + (rest if len(drawn) > 1 else "")

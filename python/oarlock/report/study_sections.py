@@ -6,17 +6,13 @@ from html import escape
 
 from oarlock.evaluation.study.result import StudyResult
 from oarlock.evaluation.study.spec import shown
-from oarlock.report.tables import table
+from oarlock.report.markup import notes_list, table
 from oarlock.report.text import breakable
 
 
 def failures(result: StudyResult) -> str:
     """A list of the runs that failed, and why."""
-    items = "".join(
-        f"<li>{escape(row['name'])}, seed {row['seed']}: {escape(row['error'])}</li>"
-        for row in result.complaints[:50]
-    )
-    return f'<ul class="notes">{items}</ul>'
+    return notes_list(f"{row['name']}, seed {row['seed']}: {row['error']}" for row in result.complaints[:50])
 
 
 def settings_section(result: StudyResult) -> str:

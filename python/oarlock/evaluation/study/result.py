@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import stdtrit
 
 from oarlock import _core
 from oarlock.evaluation.study.costs import save_costs
@@ -127,7 +127,7 @@ def mean_and_interval(values: Floats) -> tuple[float, float, float]:
     if count == 1:
         return mean, math.nan, math.nan
     sd = float(finite.std(ddof=1))
-    return mean, sd, float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, count - 1)) * sd / math.sqrt(count)
+    return mean, sd, float(stdtrit(count - 1, 0.5 + 0.5 * CONFIDENCE)) * sd / math.sqrt(count)
 
 
 def _cell(value: Any) -> Any:
