@@ -5,6 +5,7 @@ use crate::config::ProcessNoise;
 use crate::estimate::transition::{Block, Transition, Turning};
 use crate::model::{Axis, BaseAcceleration, ProcessKind};
 use crate::rotation::turn::{left_jacobian_inverse, minus, plus, right_jacobian, right_jacobian_inverse};
+use crate::sensor::SlowError;
 use crate::state::{PushSlot, Slots};
 
 /// Above this share of its prior's standard deviation a joint counts as not observed and is held by its prior.
@@ -98,6 +99,14 @@ pub fn base_block(base: &BaseAcceleration, slot: PushSlot, dt: f64, drive: f64) 
     block.factor = [[keep, risen(alpha, beta, dt), 0.0], [0.0, (-beta * dt).exp(), 0.0], [0.0; 3]];
     let unit = rising_noise(alpha, beta, dt);
     block.noise = unit.map(|row| row.map(|x| x * density2 * beta * beta));
+    block
+}
+
+/// Motion of one axis of a sensor's slow error over `dt`: a random walk, or one that decays.
+pub fn error_block(error: &SlowError, state: usize, dt: f64) -> Block {
+    let (variance, rate) = (error.walk * error.walk, 1.0 / error.time_s);
+    let mut block = Block::walk(state, variance * faded(2.0 * rate, dt));
+    block.factor[0][0] = (-rate * dt).exp();
     block
 }
 

@@ -5,6 +5,7 @@ pub mod column;
 use crate::error::{Error, Result};
 use crate::model::suggest::hint;
 use crate::model::{Model, SensorKind};
+use crate::rotation::turn::Turn;
 use crate::sensor::{Quantity, Suite};
 use column::Column;
 
@@ -13,7 +14,7 @@ use column::Column;
 pub struct Channel {
     /// What it is; encoders of input joints are `Joint` too.
     pub quantity: Quantity,
-    /// `time_s.len()` rows of 1 (joint) or 3 numbers.
+    /// `time_s.len()` rows of 1 (joint, range), 4 (orientation: a quaternion, scalar first) or 3 numbers.
     pub values: Column,
 }
 
@@ -33,7 +34,8 @@ pub struct Stream {
 pub struct Sample {
     /// On the recording's clock, s.
     pub time_s: f64,
-    /// In the order of the measurement vector; NaN is missing. Closures' rows are filled in by the tracker.
+    /// In the order of the measurement vector; NaN is missing. Closures' rows are filled in by the tracker; those of an orientation
+    /// sensor hold the rotation vector of what it measured, rad.
     pub z: Vec<f64>,
     /// Per coordinate of the model: readings of input joints, NaN where missing.
     pub inputs: Vec<f64>,
@@ -95,7 +97,7 @@ impl Recording {
         };
         let mut targets = Vec::new();
         for channel in &stream.channels {
-            match source.parts.iter().find(|p| p.quantity == channel.quantity) {
+            match source.parts.iter().find(|p| p.quantity.is_fed_by(channel.quantity)) {
                 Some(part) => targets.push(Target::Row(part.rows.start)),
                 None => {
                     let what = format!("{:?}", channel.quantity).to_lowercase();
@@ -141,6 +143,11 @@ impl Recording {
                 let width = width(channel.quantity);
                 match *target {
                     Target::Row(usize::MAX) => {}
+                    Target::Row(row) if channel.quantity == Quantity::Orientation => {
+                        let mut quaternion = [0.0; 4];
+                        channel.values.read(*at * width, &mut quaternion);
+                        sample.z[row..row + 3].copy_from_slice(&Turn(quaternion).log());
+                    }
                     Target::Row(row) => channel.values.read(*at * width, &mut sample.z[row..row + width]),
                     Target::Input(coordinate) => {
                         channel.values.read(*at * width, &mut sample.inputs[coordinate..=coordinate]);
@@ -156,7 +163,7 @@ impl Recording {
 /// The input joint that a stream of this name feeds: the joint's own name, or that of an encoder on it.
 pub fn input_joint(model: &Model, name: &str) -> Option<usize> {
     let encoder = model.sensors.iter().find_map(|s| match &s.kind {
-        SensorKind::Encoder { joint, .. } if s.name == name => Some(*joint),
+        SensorKind::Encoder(encoder) if s.name == name => Some(encoder.joint),
         _ => None,
     });
     let joint = encoder.or_else(|| model.joints.iter().position(|j| j.name == name))?;
@@ -176,10 +183,10 @@ fn unknown_stream(model: &Model, name: &str) -> Error {
 
 /// Numbers of a row.
 fn width(quantity: Quantity) -> usize {
-    if quantity == Quantity::Joint {
-        1
-    } else {
-        3
+    match quantity {
+        Quantity::Joint | Quantity::Range => 1,
+        Quantity::Orientation => 4,
+        _ => 3,
     }
 }
 

@@ -30,7 +30,7 @@ use crate::estimate::System;
 use crate::lane::arch::Arch;
 use crate::model::Model;
 use crate::recording::Sample;
-use crate::sensor::imu::MountValue;
+use crate::sensor::MountValue;
 use crate::sensor::Quantity;
 use consider::Considering;
 use faults::Fault;
@@ -408,6 +408,7 @@ impl Tracker {
         let readings = sample.z.iter().zip(&self.offset);
         self.z.iter_mut().zip(readings).for_each(|(z, (reading, offset))| *z = reading - offset);
         self.notice_clipping(sample);
+        self.body.suite.refer(&mut self.z, &mut self.moment.references);
         for l in &self.loops {
             let rows = self.body.suite.sources[l.source].rows.clone();
             let speaks = self.config.closures && l.speaks(sample);

@@ -25,6 +25,21 @@ impl Turn {
         Turn([half.cos(), s * r[0], s * r[1], s * r[2]])
     }
 
+    /// Of a rotation matrix: by the largest of four forms, so that no square root is taken of a small difference (Shepperd 1978).
+    pub fn of(m: &Mat3<f64>) -> Self {
+        let [[a, b, c], [d, e, f], [g, h, i]] = m.0;
+        let all = [1.0 + a + e + i, 1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i];
+        let largest = (1..4).fold(0, |best, k| if all[k] > all[best] { k } else { best });
+        let four = match largest {
+            0 => [all[0], h - f, c - g, d - b],
+            1 => [h - f, all[1], d + b, c + g],
+            2 => [c - g, d + b, all[2], h + f],
+            _ => [d - b, c + g, h + f, all[3]],
+        };
+        let scale = 0.5 / all[largest].sqrt();
+        Turn(four.map(|x| scale * x))
+    }
+
     /// Rotation vector, at most half a turn long.
     pub fn log(&self) -> [f64; 3] {
         let [w, x, y, z] = if self.0[0] < 0.0 { self.0.map(|c| -c) } else { self.0 };

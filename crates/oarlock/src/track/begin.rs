@@ -21,6 +21,8 @@ const MOST_SAMPLES: usize = 8;
 pub(super) const WIDENED: f64 = 4.0;
 /// Standard deviation of the azimuth before anything is known, rad; a quarter turn lies between the guesses.
 const AZIMUTH_STD: f64 = 1.0;
+/// Standard deviation of an orientation sensor's heading before anything is known, rad: that of any angle, pi / sqrt(3).
+const HEADING_STD: f64 = 1.8;
 /// Least standard deviation of the azimuth that the filter starts from, rad.
 const AZIMUTH_START_STD: f64 = 0.2;
 /// Without a compass the heading at the start is zero by definition; so little that no update divides by nothing, rad.
@@ -47,7 +49,7 @@ impl Tracker {
             false => (found.fit, Vec::new()),
         };
         let cost = fit.cost;
-        let compass = seen.iter().any(|(_, _, z)| self.magnetic_rows().any(|r| !z[r].is_nan()));
+        let compass = seen.iter().any(|(_, _, z)| self.has_compass(z));
         let mut belief = self.belief_from(fit, window[0].time_s, compass);
         for (other, line) in others.into_iter().zip(1..) {
             let score = -0.5 * (other.cost - cost);
@@ -127,6 +129,10 @@ impl Tracker {
             std[i] = AZIMUTH_START_STD.max(fitted(i).min(AZIMUTH_STD));
             fit.mean[i] = wrapped(fit.mean[i]);
         }
+        for &(i, _) in &layout.headings {
+            std[i] = AZIMUTH_START_STD.max(fitted(i).min(HEADING_STD));
+            fit.mean[i] = wrapped(fit.mean[i]);
+        }
         let mut covariance = Square::zeros(std.len());
         for (i, s) in std.iter().enumerate() {
             *covariance.at_mut(i, i) = s * s;
@@ -182,7 +188,8 @@ impl Tracker {
     /// Whether an encoder tells whole turns of a joint.
     pub(super) fn is_encoded(&self, joint: &str) -> bool {
         let model = &self.body.model;
-        let reads = |s: &crate::model::Sensor| matches!(s.kind, SensorKind::Encoder { joint: j, .. } if model.joints[j].name == joint);
+        let reads =
+            |s: &crate::model::Sensor| matches!(&s.kind, SensorKind::Encoder(e) if model.joints[e.joint].name == joint);
         model.sensors.iter().any(reads)
     }
 }
@@ -215,6 +222,9 @@ fn guess(body: &Body, posture: &[f64], side: f64) -> Guess {
         mean[i] = body.model.world.magnetic_azimuth_rad + side;
         std[i] = AZIMUTH_STD;
     }
+    for &(i, _) in &body.layout.headings {
+        std[i] = HEADING_STD;
+    }
     Guess::apart(mean, &std)
 }
 
@@ -232,12 +242,12 @@ pub(super) fn start_std(body: &Body, widened: f64) -> Vec<f64> {
         std[*state] = body.model.parameters[*i].std.unwrap_or(0.0);
     }
     for (i, first) in &body.layout.mounts {
-        if let SensorKind::Imu { mount, .. } = &body.model.sensors[*i].kind {
+        if let Some(mount) = body.model.sensors[*i].kind.mount() {
             std[*first..first + 3].fill(mount.std_rad);
         }
     }
-    for slot in body.layout.biases() {
-        std[slot.first..slot.first + 3].fill(slot.start_std);
+    for slot in &body.layout.errors {
+        std[slot.first..slot.first + 3].fill(slot.error.start_std);
     }
     for slot in &body.layout.pushes {
         let base = &body.model.base_accelerations[slot.number];

@@ -21,7 +21,7 @@ use crate::estimate::tiles::padded;
 use crate::estimate::transition::Transition;
 use crate::estimate::System;
 use crate::lane::arch::{Arch, Kernel};
-use crate::sensor::imu::MountValue;
+use crate::sensor::MountValue;
 use crate::sensor::Quantity;
 use delays::Delays;
 use tally::Tally;

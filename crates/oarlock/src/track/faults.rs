@@ -9,7 +9,7 @@ use super::Tracker;
 use crate::body::Body;
 use crate::estimate::belief::{Belief, MEMORY};
 use crate::estimate::filter::{Info, Verdict};
-use crate::model::SensorKind;
+use crate::model::{Imu, SensorKind};
 use crate::recording::Sample;
 use crate::sensor::Quantity;
 
@@ -66,7 +66,7 @@ const LONGEST: usize = 6;
 pub(super) fn ranges(body: &Body) -> Vec<f64> {
     let mut ranges = vec![f64::INFINITY; body.suite.len()];
     for sensor in &body.model.sensors {
-        let SensorKind::Imu { noise, .. } = &sensor.kind else { continue };
+        let SensorKind::Imu(Imu { noise, .. }) = &sensor.kind else { continue };
         let Some(source) = body.suite.sources.iter().find(|s| s.name == sensor.name) else { continue };
         for part in &source.parts {
             let range = match part.quantity {

@@ -24,11 +24,11 @@ const RECENT: f64 = 4.0;
 const DOUBT: f64 = 0.1;
 
 impl Tracker {
-    /// Whether most gyroscopes and accelerometers that spoke recently have been rejected up to now, one that speaks in this sample
+    /// Whether most gyroscopes, accelerometers and orientation sensors that spoke recently have been rejected up to now, one that speaks in this sample
     /// beyond patience. What counts is each one's last verdict: units with clocks of their own speak one in a sample.
     pub(super) fn is_lost(&self, belief: &Belief) -> bool {
         let patience_s = self.filter.patience_s(self.manner.gate);
-        let feels_motion = |q: Quantity| matches!(q, Quantity::Gyro | Quantity::Accel);
+        let feels_motion = |q: Quantity| matches!(q, Quantity::Gyro | Quantity::Accel | Quantity::Orientation);
         let parts = self.groups.parts.iter().zip(&belief.rejected_since_s).enumerate();
         let (mut there, mut rejected, mut waited) = (0, 0, false);
         for (p, (rows, since_s)) in parts.filter(|(p, _)| feels_motion(self.quantities[*p])) {
@@ -87,7 +87,7 @@ impl Tracker {
     /// Of every rotation vector that turns the whole body, while no compass speaks: its state, the vertical in its axes and
     /// the variance about it.
     fn headings(&self, belief: &Belief) -> Vec<(usize, Vec3<f64>, f64)> {
-        if self.magnetic_rows().any(|r| !self.z[r].is_nan()) {
+        if self.has_compass(&self.z) {
             return Vec::new();
         }
         let heading = |(c, outer): &(usize, crate::rotation::Mat3<f64>)| {

@@ -70,6 +70,15 @@ impl Tracker {
         parts.filter(|(_, &q)| q == Quantity::Mag).flat_map(|(rows, _)| rows.clone())
     }
 
+    /// Whether a reading knows a heading: of a magnetometer, or of an orientation sensor whose reference is the model's.
+    pub(super) fn has_compass(&self, z: &[f64]) -> bool {
+        let known = |s: &crate::model::Sensor| s.kind.heading().is_none();
+        let knows = |name: &str| self.body.model.sensors.iter().any(|s| s.name == name && known(s));
+        let parts = self.body.suite.sources.iter().flat_map(|s| s.parts.iter().map(move |p| (s, p)));
+        let mut oriented = parts.filter(|(s, p)| p.quantity == Quantity::Orientation && knows(&s.name));
+        self.magnetic_rows().any(|r| !z[r].is_nan()) || oriented.any(|(_, p)| !z[p.rows.start].is_nan())
+    }
+
     /// Silences magnetometers that are not to be used, and bars those whose norm is wrong.
     pub(super) fn judge_norms(&mut self) {
         let norm = self.body.field.norm_ut;
