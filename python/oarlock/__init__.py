@@ -37,7 +37,14 @@ from oarlock.motion import Motion
 from oarlock.motion_calibration import calibrate_motion
 from oarlock.parallel_tracking import track_many
 from oarlock.pose_mounts import calibrate_pose
-from oarlock.recording import ImuStream, Recording, ScalarStream, VectorStream, load_recording
+from oarlock.recording import (
+    ImuStream,
+    OrientationStream,
+    Recording,
+    ScalarStream,
+    VectorStream,
+    load_recording,
+)
 from oarlock.session import SessionPlan, SessionStep, calibrate_session, default_plan, load_session_plan
 from oarlock.session_simulation import SessionErrors, SessionTrial, simulate_session
 from oarlock.shapes import Look, Shape, Strand, Viewpoint
@@ -79,6 +86,7 @@ __all__ = [
     "Model",
     "ModelError",
     "Motion",
+    "OrientationStream",
     "PointScore",
     "Recording",
     "Sample",

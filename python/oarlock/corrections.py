@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from oarlock.array_gate import FloatArray
 from oarlock.errors import DataError
-from oarlock.recording import ImuStream, Recording, ScalarStream, Stream, VectorStream
+from oarlock.recording import ImuStream, OrientationStream, Recording, ScalarStream, Stream, VectorStream
 
 if TYPE_CHECKING:
     from oarlock.calibration import Calibration
@@ -88,8 +89,8 @@ def _corrected_stream(stream: Stream, calibration: Calibration) -> Stream:
     encoder = calibration.encoders.get(stream.name)
     if clock is None and encoder is None:
         return stream
-    if isinstance(stream, VectorStream):
-        return VectorStream(stream.name, time_s, stream.value)
+    if isinstance(stream, VectorStream | OrientationStream):
+        return replace(stream, time_s=time_s)
     value = stream.value if encoder is None else encoder.value(stream.value)
     return ScalarStream(stream.name, time_s, value, stream.unit)
 

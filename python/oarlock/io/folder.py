@@ -17,7 +17,15 @@ from oarlock.io.delimited import Dialect, Layout, numbers
 from oarlock.io.parquet_table import read_table
 from oarlock.io.paths import place_of
 from oarlock.io.toml import TomlTable, write_toml
-from oarlock.recording import ImuStream, Recording, ScalarStream, ScalarUnit, Stream, VectorStream
+from oarlock.recording import (
+    ImuStream,
+    OrientationStream,
+    Recording,
+    ScalarStream,
+    ScalarUnit,
+    Stream,
+    VectorStream,
+)
 from oarlock.suggest import did_you_mean
 
 FORMAT = 1
@@ -31,8 +39,9 @@ _IMU_FIELDS: Mapping[str, tuple[str, str, tuple[str, ...]]] = MappingProxyType(
         "mag_ut": ("mag", "uT", ("mag_x_ut", "mag_y_ut", "mag_z_ut")),
     }
 )
-_KINDS = ("imu", "scalar", "vector")
+_KINDS = ("imu", "scalar", "vector", "orientation")
 _VECTOR_COLUMNS = ("x_m", "y_m", "z_m")
+_QUATERNION_COLUMNS = ("quat_w", "quat_x", "quat_y", "quat_z")
 
 
 def write_folder(
@@ -114,7 +123,7 @@ def _entry(stream: Stream, file: str) -> dict[str, object]:
         entry["units"] = {_IMU_FIELDS[f][0]: _IMU_FIELDS[f][1] for f in stream.values}
     elif isinstance(stream, VectorStream):
         entry["units"] = {"value": "m"}
-    elif stream.unit is not None:
+    elif isinstance(stream, ScalarStream) and stream.unit is not None:
         entry["units"] = {"value": stream.unit}
     return entry
 
@@ -124,7 +133,10 @@ def _columns_of(stream: Stream) -> dict[str, FloatArray]:
     if isinstance(stream, ScalarStream):
         return {**columns, "value": stream.value}
     for field, rows in stream.values.items():
-        names = _IMU_FIELDS[field][2] if isinstance(stream, ImuStream) else _VECTOR_COLUMNS
+        if isinstance(stream, ImuStream):
+            names = _IMU_FIELDS[field][2]
+        else:
+            names = _VECTOR_COLUMNS if isinstance(stream, VectorStream) else _QUATERNION_COLUMNS
         columns.update({name: rows[:, i] for i, name in enumerate(names)})
     return columns
 
@@ -173,6 +185,8 @@ def _read_stream(table: TomlTable, root: Path) -> Stream:
         return ImuStream(name, found["time_s"], **fields)
     if kind == "vector":
         return VectorStream(name, found["time_s"], fields["value"])
+    if kind == "orientation":
+        return OrientationStream(name, found["time_s"], fields["quat_wxyz"])
     unit = units.string("value") if "value" in units.values else None
     return ScalarStream(name, found["time_s"], fields["value"][:, 0], cast(ScalarUnit | None, unit))
 
@@ -191,6 +205,9 @@ def _expected_columns(table: TomlTable, kind: str, units: TomlTable) -> dict[str
         if not announced:
             raise DataError(f'{table.where()}: units name no quantity, such as units = {{ gyro = "rad/s" }}')
         return {field: entry[2] for field, entry in announced.items()}
+    if kind == "orientation":
+        units.check_keys(set())
+        return {"quat_wxyz": _QUATERNION_COLUMNS}
     units.check_keys({"value"})
     if kind == "vector":
         _check_unit(units, "value", ("m",))

@@ -3,9 +3,9 @@
 use super::body::Naive;
 use super::plain::update;
 use super::support::chance::Chance;
-use super::support::record::{punch_holes, times, with_loops, Scene};
+use super::support::record::{punch_holes, refer, times, with_loops, Scene};
 use super::support::stroke::{Posture, Stroke};
-use super::support::tree::TREE;
+use super::support::tree::{spanned, TREE};
 use super::support::wave::Wave;
 use super::support::{belief, body, model, plain, start_std, worse, SCULLER};
 use super::ukf::{Ukf, Weights};
@@ -47,7 +47,8 @@ fn run_both(
     for sample in &samples {
         plain.predict(sample.time_s - before);
         before = sample.time_s;
-        let z = with_loops(&sample.z, body, &sample.inputs);
+        let mut z = with_loops(&sample.z, body, &sample.inputs);
+        refer(&mut z, body, |name, measured| plain.body.refer(name, measured));
         rounds += update(&mut plain, &z, &noise, &sample.inputs, most);
         assert_eq!(tracker.step(sample).unwrap(), Status::Tracking);
         let ours = tracker.belief().unwrap();
@@ -83,6 +84,14 @@ fn on_a_sculler() {
         let apart = run_both(&body, &|t| stroke.at(t), &config, steps, 1);
         assert_same(&format!("sculler, {filter:?}, {} states", body.layout.dim()), apart);
     }
+}
+
+#[test]
+fn on_distances_and_orientations() {
+    let config = Config { filter: FilterKind::Ekf, ..plain(&["surge"]) };
+    let body = body(&model(&spanned()), &config);
+    let wave = Wave::random(&body.model, 0.8, 0.8, &mut Chance::new(4));
+    assert_same("spanned tree", run_both(&body, &|t| wave.at(t), &config, 100, 5));
 }
 
 #[test]
