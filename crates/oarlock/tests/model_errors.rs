@@ -354,7 +354,7 @@ mod a_sensor {
     refusals! {
         unknown_key: "gyro_std_rad_s = 0.01" => "gyro_std = 0.01", 0, "sensor `wrist`: unknown key `gyro_std`; did you mean `gyro_std_rad_s`?";
         unknown_kind: "kind = \"imu\"" => "kind = \"IMU9\"", 0, "sensor `wrist`: kind: unknown kind `IMU9`; did you mean `imu`?";
-        orientation_as_imu: "kind = \"imu\"" => "kind = \"orientation\"", 2, "sensor `wrist`: `gyro_std_rad_s` is no key of an orientation; it takes frame, mount, std_rad";
+        orientation_as_imu: "kind = \"imu\"" => "kind = \"orientation\"", 2, "sensor `wrist`: `gyro_std_rad_s` is no key of an orientation; it takes frame, mount, std_rad", and others;
         unknown_frame: "frame = \"forearm\"" => "frame = \"forarm\"", 0, "sensor `wrist`: frame: no frame `forarm`; did you mean `forearm`?";
         frame_is_a_joint: "frame = \"forearm\"" => "frame = \"elbow\"", 0, "no frame `elbow` (`elbow` is a joint); valid: `root`, `upperarm`, `forearm`";
         no_frame: "kind = \"imu\"\nframe = \"forearm\"" => "kind = \"imu\"", -2, "sensor `wrist`: key `frame` is missing";
