@@ -98,7 +98,10 @@ impl Recording {
         let mut targets = Vec::new();
         for channel in &stream.channels {
             match source.parts.iter().find(|p| p.quantity.is_fed_by(channel.quantity)) {
-                Some(part) => targets.push(Target::Row(part.rows.start)),
+                Some(part) => {
+                    refuse_negative(part.quantity, stream, &channel.values)?;
+                    targets.push(Target::Row(part.rows.start));
+                }
                 None => {
                     let what = format!("{:?}", channel.quantity).to_lowercase();
                     self.notes.push(format!("{}: {what} readings left out (the model's sensor has none)", stream.name));
@@ -179,6 +182,19 @@ fn unknown_stream(model: &Model, name: &str) -> Error {
         hint(name, &known),
         known.join(", ")
     ))
+}
+
+/// No distance is below nothing; noise alone does not make it so where two points are centimetres apart.
+fn refuse_negative(quantity: Quantity, stream: &Stream, values: &Column) -> Result<()> {
+    let negative = values.iter().enumerate().find(|(_, x)| quantity == Quantity::Range && *x < 0.0);
+    negative.map_or(Ok(()), |(i, x)| {
+        Err(Error::Data(format!(
+            "stream '{}': the distance is {x} m at {} s; a distance is not negative. If it is a position along a rail, use an \
+             encoder on a slide; write NaN for a missing value",
+            stream.name,
+            stream.time_s.get(i).unwrap_or(f64::NAN)
+        )))
+    })
 }
 
 /// Numbers of a row.
