@@ -196,7 +196,10 @@ def _sensor_row(sensor: Described, model: Described) -> tuple[str, ...]:
         number(sensor.get("mag_std_ut"), ".3f", ""),
         f"{reading} {unit}".strip(),
         rows or ("input" if sensor.get("joint") in inputs else ""),
-        rows_of(sensor["name"], [row if "_bias_" in row else "" for row in model["state_names"]]),
+        rows_of(
+            sensor["name"],
+            [row if "_bias_" in row or "_error_" in row else "" for row in model["state_names"]],
+        ),
     )
 
 

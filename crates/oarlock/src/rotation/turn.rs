@@ -173,6 +173,16 @@ mod tests {
         a.0.iter().flatten().zip(b.0.iter().flatten()).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max)
     }
 
+    /// Each of the four forms is the best one somewhere.
+    #[test]
+    fn a_matrix_is_read_back_as_its_rotation() {
+        for r in AXES.iter().flat_map(|axis| ANGLES.map(|angle| axis.map(|x| angle * x))) {
+            let (given, found) = (Turn::exp(r).0, Turn::of(&Turn::exp(r).matrix()).0);
+            let sign = if given.iter().zip(&found).map(|(a, b)| a * b).sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
+            assert!(given.iter().zip(&found).all(|(a, b)| (a - sign * b).abs() < 1e-14), "{r:?}: {found:?}");
+        }
+    }
+
     #[test]
     fn logarithm_undoes_the_exponential() {
         for r in sweep() {
