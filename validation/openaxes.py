@@ -17,7 +17,7 @@ from oarlock.formats.openaxes import (
     read_openaxes_reference,
 )
 
-from . import others, ours
+from . import orientations_only, others, ours
 from .estimate import Estimate, Outcome, attempt
 from .limits import limits, punctual
 from .results import Collected, Plot, SetResult
@@ -45,6 +45,11 @@ UNAIDED = (
     "The joint between the links tells their relative heading, but hardly within the first second. An estimate that "
     "has found it later is harmed by the rule above. Units by themselves know no relative heading."
 )
+ORIENTATIONS = (
+    "The raw signals go through VQF (6D, causal) and are dropped. Oarlock gets the quaternions as they are, the "
+    "second unit's heading being unknown; the other software gets them with both headings set to the reference's "
+    "at 1 s."
+)
 LIMITS_TEXT = (
     "How late the encoders' stamps are (negative: early), and how far each unit is off its nominal mount."
 )
@@ -60,6 +65,9 @@ def run(data_folder: Path) -> SetResult:
     medians = {name: Collected() for name in (PLAIN, REMOVED)}
     squares, unaided, known = Collected(), Collected(), Collected()
     plots = [_run(folder, name, medians, squares, unaided, known) for name in runs]
+    forced = Collected()
+    for name in runs:
+        _run_orientations(folder, name, forced)
     tables = [
         *(
             c.table(f"Relative orientation, median after 5 s, {text}", mean=True)
@@ -69,6 +77,7 @@ def run(data_folder: Path) -> SetResult:
         unaided.table(
             f"Median after 5 s without a heading from the reference, {PLAIN}", mean=True, text=UNAIDED
         ),
+        forced.table(f"Orientations only, median after 5 s, {PLAIN}", mean=True, text=ORIENTATIONS),
         known.table("Limits of the reference", unit="", text=LIMITS_TEXT),
     ]
     return SetResult(FOLDER, TITLE, TEXT, tuple(tables), worst_of(plots))
@@ -107,6 +116,22 @@ def _run(
     what = f"run {name}, {REMOVED}"
     truth = [("angle between the links, deg", angle)]
     return worst_plot(f"openaxes-{name}", what, errors, references[REMOVED].time_s, kept, STRETCH_S, truth)
+
+
+def _run_orientations(folder: Path, name: str, forced: Collected) -> None:
+    recording, reference = read_openaxes(folder, name), read_openaxes_reference(folder, name)
+    causal = others.VQF_WITHOUT_MAG[:1]
+    found = attempt(causal, lambda: others.vqf(recording, causal))
+    kept = reference.time_s > SCORED_AFTER_S
+    for units in found:
+        if not isinstance(units, Estimate):
+            forced.add(units, {})
+            continue
+        links = heading_zeroed(next(_on_links(iter([units]))), reference, HEADING_AT_S)
+        for outcome in orientations_only.estimates(units, links):
+            scored = isinstance(outcome, Estimate)
+            error = relative_error_rad(outcome, reference, PAIR) if scored else None
+            forced.add(outcome, {} if error is None else {name: median_deg(error, kept)})
 
 
 def _outcomes(recording: Recording) -> list[Outcome]:

@@ -144,7 +144,7 @@ def _both(
     except oarlock.DivergedError as error:
         raise NotRunError(f"lost the track: {error}") from error
     names = tuple(frames)
-    return ((_estimate(n, t, names, online=t is live), t) for n, t in zip(NAMES, both, strict=True))
+    return ((estimate_of(n, t, names, online=t is live), t) for n, t in zip(NAMES, both, strict=True))
 
 
 def _known(recording: Recording, model: oarlock.Model) -> Recording:
@@ -155,7 +155,8 @@ def _known(recording: Recording, model: oarlock.Model) -> Recording:
     return recording.only(known)
 
 
-def _estimate(label: str, track: Track, frames: Iterable[str], *, online: bool) -> Estimate:
+def estimate_of(label: str, track: Track, frames: Iterable[str], *, online: bool) -> Estimate:
+    """The orientations of these frames in a track."""
     if not hasattr(track, "frame_quat_wxyz"):
         raise NotRunError("this version of Oarlock gives no orientations of frames")
     quats = {frame: np.asarray(track.frame_quat_wxyz(frame, relative_to="root")) for frame in frames}

@@ -46,7 +46,7 @@ from .model.load import Base, load_model
 from .model.shapes import Look, Shape, Strand, Viewpoint
 from .recording.calibration import Calibration, Clock, EncoderScale, load_calibration
 from .recording.recording import Recording, load_recording
-from .recording.streams import ImuStream, ScalarStream, VectorStream
+from .recording.streams import ImuStream, OrientationStream, ScalarStream, VectorStream
 from .simulation.motion import Motion
 from .simulation.session import SessionErrors, SessionTrial, simulate_session
 from .simulation.simulate import simulate
@@ -78,6 +78,7 @@ __all__ = [
     "Model",
     "ModelError",
     "Motion",
+    "OrientationStream",
     "PointScore",
     "Recording",
     "Sample",

@@ -3,7 +3,7 @@
 
 use super::so3;
 use nalgebra::{DVector, Matrix3, Vector3};
-use oarlock::model::{Expr, JointKind, Model, Sensor, SensorKind, Transform};
+use oarlock::model::{Expr, Imu, JointKind, Model, Sensor, SensorKind, Transform};
 use oarlock::rotation::Mat3;
 use std::collections::HashMap;
 
@@ -104,8 +104,12 @@ pub struct Naive<'a> {
     /// Of every sensor: where it sits on its link, and sensor axes from link axes.
     arms: Vec<Vector3<f64>>,
     backs: Vec<Matrix3<f64>>,
-    /// Of either side of every loop.
+    /// Of either side of every loop, and of every sensor that has two.
     ends: Vec<[Vector3<f64>; 2]>,
+    spans: Vec<[Vector3<f64>; 2]>,
+    /// Of every sensor: the state of its heading, and what an orientation sensor measured, reference from sensor.
+    headings: Vec<Option<usize>>,
+    references: Vec<Matrix3<f64>>,
     field: [f64; 2],
 }
 
@@ -121,6 +125,7 @@ impl<'a> Naive<'a> {
         let states = |c: &String| [place(c), rate(c, "velocity"), rate(c, "acceleration")];
         let biases = row_names(model).into_iter().enumerate().filter_map(|(row, name)| {
             let bias = name.replace(".gyro_", ".gyro_bias_").replace(".accel_", ".accel_bias_");
+            let bias = bias.replace(".r", ".orientation_error_");
             place(&bias).filter(|_| bias != name).map(|state| (row, state))
         });
         let fixed = |t: &Option<Transform>| {
@@ -129,13 +134,23 @@ impl<'a> Naive<'a> {
         };
         let point = |e: &[Expr; 3]| Vector3::from([0, 1, 2].map(|i| e[i].eval(&parameters)));
         let arm = |s: &Sensor| match &s.kind {
-            SensorKind::Imu { mount, .. } => point(&mount.offset),
+            SensorKind::Imu(Imu { mount, .. }) => point(&mount.offset),
             SensorKind::Encoder { .. } => Vector3::zeros(),
-            SensorKind::Position { point: at, .. } => point(at),
+            SensorKind::Position(p) => point(&p.point),
+            SensorKind::Range(_) | SensorKind::Orientation(_) => Vector3::zeros(),
         };
         let back = |s: &Sensor| match &s.kind {
-            SensorKind::Imu { mount, .. } => matrix(&mount.rotation).transpose(),
+            SensorKind::Imu(Imu { mount, .. }) => matrix(&mount.rotation).transpose(),
+            SensorKind::Orientation(o) => matrix(&o.mount.rotation).transpose(),
             _ => Matrix3::identity(),
+        };
+        let span = |s: &Sensor| match &s.kind {
+            SensorKind::Range(r) => [0, 1].map(|i| point(&r.ends[i].1)),
+            _ => [Vector3::zeros(); 2],
+        };
+        let heading = |s: &Sensor| match &s.kind {
+            SensorKind::Orientation(o) => o.heading.as_ref().and_then(|h| place(&format!("{}.heading", h.group))),
+            _ => None,
         };
         Naive {
             model,
@@ -147,10 +162,20 @@ impl<'a> Naive<'a> {
             transforms: model.frames.iter().map(|f| [fixed(&f.before), fixed(&f.after)]).collect(),
             arms: model.sensors.iter().map(arm).collect(),
             backs: model.sensors.iter().map(back).collect(),
+            spans: model.sensors.iter().map(span).collect(),
+            headings: model.sensors.iter().map(heading).collect(),
+            references: vec![Matrix3::identity(); model.sensors.len()],
             ends: model.closures.iter().map(|c| [0, 1].map(|i| point(&c.sides[i].1))).collect(),
             field: [&model.world.magnetic_norm_ut, &model.world.magnetic_dip_rad].map(|e| e.eval(&parameters)),
             coordinates,
             places,
+        }
+    }
+
+    /// What an orientation sensor measured, as a rotation vector: its rows are differences from that.
+    pub fn refer(&mut self, sensor: &str, measured: [f64; 3]) {
+        if let Some(i) = self.model.sensors.iter().position(|s| s.name == sensor) {
+            self.references[i] = so3::exp(Vector3::from(measured));
         }
     }
 
@@ -183,32 +208,53 @@ impl<'a> Naive<'a> {
     /// All rows, in the order of the model, for a root that moves as `root` in a field (uT) in root axes.
     pub fn rows(&self, root: Motion, field: Vector3<f64>, joints: &[JointState]) -> Vec<f64> {
         let mut room = Room { joints: joints.to_vec(), ..Room::default() };
-        self.read(root, field, &mut room);
+        let states = vec![0.0; self.places.len()];
+        self.read(root, field, &states, &mut room);
         room.rows
     }
 
-    /// The same for the joints in `room`, whose rows are written.
-    fn read(&self, root: Motion, field: Vector3<f64>, room: &mut Room) {
+    /// The same for the joints in `room`, whose rows are written, and for headings among `states`.
+    fn read(&self, root: Motion, field: Vector3<f64>, states: &[f64], room: &mut Room) {
         let Room { joints, frames, rows: out } = room;
         self.frames(root, joints, frames);
         out.clear();
-        for ((sensor, arm), back) in self.model.sensors.iter().zip(&self.arms).zip(&self.backs) {
+        for (i, ((sensor, arm), back)) in self.model.sensors.iter().zip(&self.arms).zip(&self.backs).enumerate() {
             match &sensor.kind {
-                SensorKind::Imu { frame, noise, .. } => {
+                SensorKind::Imu(Imu { frame, noise, .. }) => {
                     let m = frames[*frame];
                     noise.gyro_std.inspect(|_| out.extend((back * m.spin).iter()));
                     noise.accel_std.inspect(|_| out.extend((back * m.force_at(*arm)).iter()));
                     let local = m.root_from_frame.transpose() * field;
                     noise.mag_std.inspect(|_| out.extend((back * local).iter()));
                 }
-                SensorKind::Encoder { joint, .. } if self.model.joints[*joint].input => {}
-                SensorKind::Encoder { joint, .. } => out.push(joints[self.model.joints[*joint].first][0]),
-                SensorKind::Position { frame, .. } => {
-                    out.extend((frames[*frame].place + frames[*frame].root_from_frame * arm).iter());
+                SensorKind::Encoder(e) if self.model.joints[e.joint].input => {}
+                SensorKind::Encoder(e) => out.push(joints[self.model.joints[e.joint].first][0]),
+                SensorKind::Position(p) => {
+                    out.extend((frames[p.frame].place + frames[p.frame].root_from_frame * arm).iter());
+                }
+                SensorKind::Range(r) => {
+                    let end = |k: usize| {
+                        let frame = &frames[r.ends[k].0];
+                        frame.place + frame.root_from_frame * self.spans[i][k]
+                    };
+                    out.push((end(0) - end(1)).norm());
+                }
+                SensorKind::Orientation(o) => {
+                    let heading = self.headings[i].map_or(0.0, |s| states[s]);
+                    out.extend(self.off(i, frames[o.frame].root_from_frame * back.transpose(), heading).iter());
                 }
             }
         }
         self.loop_rows(frames, out);
+    }
+
+    /// Rotation vector from the measured to the predicted orientation, the device's reference being turned by `heading`.
+    fn off(&self, i: usize, root_from_sensor: Matrix3<f64>, heading: f64) -> Vector3<f64> {
+        let world = &self.model.world;
+        let (up, forward) = (Vector3::from(world.up), Vector3::from(world.forward));
+        let root_from_reference = Matrix3::from_columns(&[forward, up.cross(&forward), up]);
+        let device = so3::exp(up * heading) * root_from_sensor;
+        so3::log(&((root_from_reference * self.references[i]).transpose() * device))
     }
 
     fn loop_rows(&self, frames: &[Motion], out: &mut Vec<f64>) {
@@ -244,7 +290,7 @@ impl<'a> Naive<'a> {
             force += Vector3::from(base.axis) * state.map_or(0.0, |s| x[s]);
         }
         let azimuth = self.azimuth.map_or(world.magnetic_azimuth_rad, |s| x[s]);
-        self.read(resting(force), self.field(azimuth), room);
+        self.read(resting(force), self.field(azimuth), x.as_slice(), room);
         for (row, state) in &self.biases {
             room.rows[*row] += x[*state];
         }
@@ -264,13 +310,16 @@ impl<'a> Naive<'a> {
         let mut std = Vec::new();
         for sensor in &self.model.sensors {
             match &sensor.kind {
-                SensorKind::Imu { noise, .. } => {
+                SensorKind::Imu(Imu { noise, .. }) => {
                     let parts = [noise.gyro_std, noise.accel_std, noise.mag_std];
                     std.extend(parts.into_iter().flatten().flat_map(|s| [s; 3]));
                 }
-                SensorKind::Encoder { joint, .. } if self.model.joints[*joint].input => {}
-                SensorKind::Encoder { std: s, .. } => std.push(*s),
-                SensorKind::Position { std: s, .. } => std.extend([*s; 3]),
+                SensorKind::Encoder(e) if self.model.joints[e.joint].input => {}
+                SensorKind::Encoder(e) => std.push(e.std),
+                SensorKind::Position(p) => std.extend([p.std_m; 3]),
+                SensorKind::Range(r) => std.push(r.std_m),
+                SensorKind::Orientation(o) if o.correlation_time_s > 0.0 => std.extend([o.white_std_rad; 3]),
+                SensorKind::Orientation(o) => std.extend([o.std_rad; 3]),
             }
         }
         for closure in &self.model.closures {
@@ -290,15 +339,17 @@ fn row_names(model: &Model) -> Vec<String> {
     let mut names = Vec::new();
     for sensor in &model.sensors {
         match &sensor.kind {
-            SensorKind::Imu { noise, .. } => {
+            SensorKind::Imu(Imu { noise, .. }) => {
                 let parts = [("gyro", noise.gyro_std), ("accel", noise.accel_std), ("mag", noise.mag_std)];
                 for (part, _) in parts.iter().filter(|p| p.1.is_some()) {
                     names.extend(["x", "y", "z"].map(|a| format!("{}.{part}_{a}", sensor.name)));
                 }
             }
-            SensorKind::Encoder { joint, .. } if model.joints[*joint].input => {}
+            SensorKind::Encoder(e) if model.joints[e.joint].input => {}
             SensorKind::Encoder { .. } => names.push(sensor.name.clone()),
             SensorKind::Position { .. } => names.extend(["x", "y", "z"].map(|a| format!("{}.{a}", sensor.name))),
+            SensorKind::Range(_) => names.push(sensor.name.clone()),
+            SensorKind::Orientation(_) => names.extend(["x", "y", "z"].map(|a| format!("{}.r{a}", sensor.name))),
         }
     }
     names

@@ -2,7 +2,7 @@
 
 use super::body::Naive;
 use nalgebra::DMatrix;
-use oarlock::model::{Process, ProcessKind, SensorKind};
+use oarlock::model::{Imu, Orientation, Process, ProcessKind, SensorKind};
 
 /// What is written into the transition and its noise.
 pub struct Course {
@@ -22,15 +22,20 @@ impl Course {
         let mut course = Course { driven: Vec::new(), walks: Vec::new(), decays: Vec::new(), rises: Vec::new() };
         course.add_coordinates(body);
         let model = body.model;
-        let mut walk = |name: &str, density: f64| course.walks.extend(body.place(name).map(|i| (i, density)));
-        walk("azimuth", model.world.azimuth_walk);
+        let walk = |course: &mut Course, name: &str, density: f64| {
+            course.walks.extend(body.place(name).map(|i| (i, density)));
+        };
+        walk(&mut course, "azimuth", model.world.azimuth_walk);
         for sensor in &model.sensors {
-            let SensorKind::Imu { noise, .. } = &sensor.kind else {
+            if let SensorKind::Orientation(o) = &sensor.kind {
+                course.add_orientation(body, &sensor.name, o);
+            }
+            let SensorKind::Imu(Imu { noise, .. }) = &sensor.kind else {
                 continue;
             };
             for axis in ["x", "y", "z"] {
-                walk(&format!("{}.gyro_bias_{axis}", sensor.name), noise.gyro_bias_walk);
-                walk(&format!("{}.accel_bias_{axis}", sensor.name), noise.accel_bias_walk);
+                walk(&mut course, &format!("{}.gyro_bias_{axis}", sensor.name), noise.gyro_bias_walk);
+                walk(&mut course, &format!("{}.accel_bias_{axis}", sensor.name), noise.accel_bias_walk);
             }
         }
         for base in &model.base_accelerations {
@@ -45,6 +50,21 @@ impl Course {
             }
         }
         course
+    }
+
+    /// Heading and slow error of an orientation sensor.
+    fn add_orientation(&mut self, body: &Naive, name: &str, sensor: &Orientation) {
+        if let Some(heading) = &sensor.heading {
+            let state = body.place(&format!("{}.heading", heading.group)).expect("it has one");
+            if self.walks.iter().all(|(known, _)| *known != state) {
+                self.walks.push((state, heading.walk));
+            }
+        }
+        for axis in ["x", "y", "z"] {
+            let density = sensor.std_rad * (2.0 / sensor.correlation_time_s).sqrt();
+            let state = body.place(&format!("{name}.orientation_error_{axis}"));
+            self.decays.extend(state.map(|i| (i, density, sensor.correlation_time_s)));
+        }
     }
 
     fn add_coordinates(&mut self, body: &Naive) {

@@ -7,7 +7,7 @@ use crate::streams::calibration;
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use oarlock::body::Field;
 use oarlock::kinematics::Tree;
-use oarlock::model::SensorKind;
+use oarlock::model::{Imu, SensorKind};
 use oarlock::simulate::{signals, Around, Spot, STENCIL};
 use oarlock::track::{mount_values, parameter_values};
 use pyo3::prelude::*;
@@ -34,7 +34,7 @@ pub fn imu_signals<'py>(
         return Err(DataError::new_err(format!("q has {rows} rows, root_acceleration {accelerations}")));
     }
     let spot = |(s, mount): (&oarlock::model::Sensor, &Option<_>)| match &s.kind {
-        SensorKind::Imu { frame, mount: own, .. } => {
+        SensorKind::Imu(Imu { frame, mount: own, .. }) => {
             let own = || (own.rotation, [0, 1, 2].map(|i| own.offset[i].eval(&parameters)));
             let (rotation, offset) = mount.unwrap_or_else(own);
             Some(Spot { frame: *frame, rotation, offset })

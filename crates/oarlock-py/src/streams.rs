@@ -55,6 +55,15 @@ fn stream(object: &Bound<'_, PyAny>) -> PyResult<Stream> {
         }
         channels.push(Channel { quantity, values });
     }
+    if let Some(value) = object.getattr_opt("quat_wxyz")?.filter(|v| !v.is_none()) {
+        let (values, shape) = column(&value, &format!("stream '{name}', quat_wxyz"))?;
+        if shape.last() != Some(&4) {
+            return Err(DataError::new_err(format!(
+                "stream '{name}', quat_wxyz: has shape {shape:?}; expected (..., 4)"
+            )));
+        }
+        channels.push(Channel { quantity: Quantity::Orientation, values });
+    }
     if let Some(value) = object.getattr_opt("value")? {
         let (values, shape) = column(&value, &format!("stream '{name}', value"))?;
         let quantity = if shape.len() == 2 { Quantity::Position } else { Quantity::Joint };

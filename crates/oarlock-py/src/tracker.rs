@@ -8,6 +8,7 @@ use crate::model::PyModel;
 use crate::streams::{calibration, samples};
 use oarlock::corrections::Clock;
 use oarlock::recording::{input_joint, Sample};
+use oarlock::rotation::turn::Turn;
 use oarlock::sensor::Quantity;
 use oarlock::track::{Status, Tracker};
 use pyo3::prelude::*;
@@ -150,6 +151,24 @@ fn one_number(value: &Bound<'_, PyAny>, name: &str) -> PyResult<f64> {
     }
 }
 
+/// How far the norm of a quaternion may be from one: digits were cut off, or it is no rotation.
+const UNIT_TOLERANCE: f64 = 0.01;
+
+/// Of a unit quaternion, scalar first; three NaN if any of its numbers is missing.
+fn rotation_vector(value: &Bound<'_, PyAny>, label: &str) -> PyResult<[f64; 3]> {
+    let values = items(value, label, &[4])?.0.values;
+    let [w, x, y, z] = values[..] else {
+        return Err(DataError::new_err(format!("{label}: {} numbers, expected 4", values.len())));
+    };
+    let norm = (w * w + x * x + y * y + z * z).sqrt();
+    if (norm - 1.0).abs() > UNIT_TOLERANCE {
+        return Err(DataError::new_err(format!(
+            "{label}: the quaternion's norm is {norm:.4}; expected 1, scalar first"
+        )));
+    }
+    Ok(Turn([w, x, y, z]).log())
+}
+
 impl PyTracker {
     fn fill(&self, sample: &mut Sample, time_s: f64, readings: &Bound<'_, PyDict>) -> PyResult<()> {
         sample.clear();
@@ -186,7 +205,8 @@ impl PyTracker {
             "gyro_rad_s" => q == Quantity::Gyro,
             "accel_m_s2" => q == Quantity::Accel,
             "mag_ut" => q == Quantity::Mag,
-            _ => matches!(q, Quantity::Joint | Quantity::Position),
+            "quat_wxyz" => q == Quantity::Orientation,
+            _ => matches!(q, Quantity::Joint | Quantity::Position | Quantity::Range),
         };
         let source = body.suite.sources.iter().find(|s| s.name == name);
         let part = source.and_then(|s| s.parts.iter().find(|p| fits(p.quantity)));
@@ -196,6 +216,7 @@ impl PyTracker {
         };
         let label = format!("sample, {name}.{field}");
         let values = match part.rows.len() {
+            _ if part.quantity == Quantity::Orientation => rotation_vector(value, &label)?.to_vec(),
             1 => reals(value, &label)?.values,
             n => items(value, &label, &[n])?.0.values,
         };

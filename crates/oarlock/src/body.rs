@@ -17,13 +17,12 @@ use crate::kinematics::near::Reach;
 use crate::kinematics::pieces::Pieces;
 use crate::kinematics::{FrameMotion, JointMotion, Tree};
 use crate::model::{Axis, Model, Transform, World};
-use crate::motion::{base_block, joint_block, push_turn, Now};
+use crate::motion::{base_block, error_block, joint_block, push_turn, Now};
 use crate::rotation::turn::{minus, plus, right_jacobian};
 use crate::rotation::{Mat3, Vec3};
-use crate::sensor::imu::MountValue;
 use crate::sensor::near::Seats;
-use crate::sensor::{Quantity, Suite, Wearing};
-use crate::state::{Layout, Slots};
+use crate::sensor::{MountValue, Quantity, Suite, Wearing};
+use crate::state::{ErrorSlot, Layout, Slots};
 use posture::Posture;
 use read::BodyScratch;
 use std::sync::Arc;
@@ -85,6 +84,8 @@ pub struct Moment {
     pub needed: Vec<bool>,
     /// Those of them whose velocities and accelerations they need.
     pub moving: Vec<bool>,
+    /// Of every source whose readings are differences from one.
+    pub references: Vec<Mat3<f64>>,
 }
 
 /// A model, its numbers and its state layout.
@@ -127,21 +128,15 @@ impl Body {
         let layout = Layout::new(&model, config)?;
         let (estimated, worn): (Vec<usize>, Vec<usize>) =
             (layout.lengths.iter().map(|l| l.0).collect(), layout.mounts.iter().map(|m| m.0).collect());
-        let wearing = Wearing { parameters, estimated: &estimated, mounts: &worn };
+        let wearing = Wearing { parameters, estimated: &estimated, mounts: &worn, headings: &layout.heading_of };
         let suite = Suite::worn(&model, &wearing, mounts);
-        let mut biases = Vec::new();
-        for (i, sensor) in model.sensors.iter().enumerate() {
-            let Some((s, source)) = suite.sources.iter().enumerate().find(|(_, s)| s.name == sensor.name) else {
-                continue;
-            };
-            let slots = [(Quantity::Gyro, layout.gyro_bias[i]), (Quantity::Accel, layout.accel_bias[i])];
-            for (quantity, slot) in slots {
-                let part = source.parts.iter().find(|p| p.quantity == quantity);
-                if let (Some(part), Some(slot)) = (part, slot) {
-                    biases.push((s, part.rows.start, slot.first));
-                }
-            }
-        }
+        let rows_of = |slot: &ErrorSlot| {
+            let name = &model.sensors[slot.sensor].name;
+            let (s, source) = suite.sources.iter().enumerate().find(|(_, s)| s.name == *name)?;
+            let part = source.parts.iter().find(|p| p.quantity == slot.error.quantity)?;
+            Some((s, part.rows.start, slot.first))
+        };
+        let biases = layout.errors.iter().filter_map(rows_of).collect();
         let joints = layout.coordinates.iter().flatten().filter_map(|s| s.rates.map(|(_, accel)| accel));
         let driven = joints.chain(layout.pushes.iter().map(|p| p.rate.unwrap_or(p.state))).collect();
         let inputs = || model.joints.iter().filter(|j| j.input);
@@ -154,7 +149,7 @@ impl Body {
         let frame_reaches = tree.reaches(state, length, is_input);
         let pieces = Pieces::new(&tree);
         let piece_reaches = (0..pieces.len()).map(|k| frame_reaches[pieces.frame(k)]).collect();
-        let seats = suite.seats(&pieces, &frame_reaches, length, |number| layout.mounts[number].1);
+        let seats = suite.seats(&pieces, &frame_reaches, length, |n| layout.mounts[n].1, |n| layout.headings[n].0);
         let mut turned = vec![false; layout.dim()];
         layout.turns.iter().for_each(|(_, slots)| turned[slots.q..slots.q + 3].fill(true));
         Ok(Body {
@@ -196,6 +191,7 @@ impl Body {
             active: vec![false; self.suite.sources.len()],
             needed: vec![false; self.tree.len()],
             moving: vec![false; self.tree.len()],
+            references: vec![Mat3::identity(); self.suite.sources.len()],
         }
     }
 
@@ -358,14 +354,16 @@ impl System for Body {
         for state in constant.chain(self.layout.mounts.iter().map(|m| m.1..m.1 + 3)).flatten() {
             out.blocks.push(Block::walk(state, 0.0));
         }
+        for (state, walk) in &self.layout.headings {
+            out.blocks.push(Block::walk(*state, walk * walk * dt));
+        }
         let first = self.layout.partition.rate;
         for (i, slot) in self.layout.pushes.iter().enumerate() {
             let drive = drives.get(first + i).copied().unwrap_or(1.0);
             out.blocks.push(base_block(&self.model.base_accelerations[slot.number], *slot, dt, drive));
         }
-        for slot in self.layout.biases() {
-            let variance = slot.walk * slot.walk * dt;
-            out.blocks.extend((0..3).map(|i| Block::walk(slot.first + i, variance)));
+        for slot in &self.layout.errors {
+            out.blocks.extend((0..3).map(|i| error_block(&slot.error, slot.first + i, dt)));
         }
     }
 
@@ -385,6 +383,7 @@ impl FastSystem for Body {
 
     fn narrow(&self, moment: &Moment, asked: &[bool], out: &mut Moment) {
         out.inputs.copy_from_slice(&moment.inputs);
+        out.references.copy_from_slice(&moment.references);
         for (s, source) in self.suite.sources.iter().enumerate() {
             out.active[s] = moment.active[s] && source.rows.clone().any(|r| asked[r]);
         }
@@ -396,6 +395,12 @@ impl FastSystem for Body {
         match parts.into_iter().find(|p| p.rows.contains(&row)).map(|p| p.quantity) {
             Some(Quantity::Accel) => Dependence::Full,
             Some(Quantity::Gyro | Quantity::Rest) => Dependence::Affine,
+            // Slow errors add to it, if it has any.
+            Some(Quantity::Orientation)
+                if self.biases.iter().any(|(_, first, _)| (*first..first + 3).contains(&row)) =>
+            {
+                Dependence::Affine
+            }
             _ => Dependence::Pose,
         }
     }

@@ -1,21 +1,15 @@
 //! A model as plain data: names and numbers that other languages can read.
 
 use crate::body::Body;
-use crate::model::{Expr, Frame, Joint, JointKind, Process, ProcessKind, Sensor, SensorKind, Transform};
+use crate::model::{Frame, Joint, JointKind, Process, ProcessKind, Sensor, Transform};
+use crate::sensor::kind::{Described, Kind};
 use serde_json::{json, Value};
 
 /// Everything in the model; numbers in SI and rad at the model's parameter values.
 pub fn describe(body: &Body, path: &str) -> Value {
     let m = &body.model;
     let values: Vec<f64> = m.parameters.iter().map(|p| p.default).collect();
-    let frame_name = |i: usize| m.frames[i].name.clone();
-    let point = |p: &[Expr; 3]| numbers(p, &values);
-    let closure = |c: &crate::model::Closure| {
-        json!({"name": c.name, "frame_a": frame_name(c.sides[0].0), "frame_b": frame_name(c.sides[1].0),
-            "point_a": point(&c.sides[0].1), "point_b": point(&c.sides[1].1),
-            "axis_a": c.axes.map(|a| a[0]), "axis_b": c.axes.map(|a| a[1]),
-            "std_m": c.std_m, "std_axis": c.std_axis})
-    };
+    let at = Described { model: m, values: &values };
     let w = &m.world;
     json!({
         "name": m.name, "description": m.description, "path": path,
@@ -27,8 +21,8 @@ pub fn describe(body: &Body, path: &str) -> Value {
             "std": p.std, "label": p.label})).collect::<Vec<_>>(),
         "joints": m.joints.iter().map(joint).collect::<Vec<_>>(),
         "frames": m.frames.iter().enumerate().map(|(i, f)| frame(i, f, body, &values)).collect::<Vec<_>>(),
-        "sensors": m.sensors.iter().map(|s| sensor(s, body, &values)).collect::<Vec<_>>(),
-        "closures": m.closures.iter().map(closure).collect::<Vec<_>>(),
+        "sensors": m.sensors.iter().map(|s| sensor(s, &at)).collect::<Vec<_>>(),
+        "closures": m.closures.iter().map(|c| c.describe(&at)).collect::<Vec<_>>(),
         "base_acceleration": m.base_accelerations.iter().map(|b| json!({"name": b.name, "label": b.label,
             "axis": b.axis, "density": b.density, "start_std": b.start_std,
             "time_s": finite(b.time_s), "rise_s": b.rise_s, "always": b.always})).collect::<Vec<_>>(),
@@ -81,23 +75,12 @@ fn frame(index: usize, f: &Frame, body: &Body, values: &[f64]) -> Value {
         "sign": f.joint.map_or(1.0, |(_, s)| s), "before": fixed(&f.before), "after": fixed(&f.after)})
 }
 
-fn sensor(s: &Sensor, body: &Body, values: &[f64]) -> Value {
-    let m = &body.model;
-    match &s.kind {
-        SensorKind::Imu { frame, mount, noise } => json!({
-            "name": s.name, "kind": "imu", "frame": m.frames[*frame].name, "joint": null, "std": null, "std_m": null,
-            "gyro_std_rad_s": noise.gyro_std, "accel_std_m_s2": noise.accel_std, "mag_std_ut": noise.mag_std,
-            "rest_std_rad_s": noise.rest_std,
-            "gyro_range_rad_s": noise.gyro_range, "accel_range_m_s2": noise.accel_range,
-            "mount": {"rotation": mount.rotation.0, "offset": numbers(&mount.offset, values)}}),
-        SensorKind::Encoder { joint, std } => json!({
-            "name": s.name, "kind": "encoder", "frame": null, "joint": m.joints[*joint].name, "std": std, "std_m": null}),
-        SensorKind::Position { frame, point, std } => json!({
-            "name": s.name, "kind": "position", "frame": m.frames[*frame].name, "joint": null, "std": null, "std_m": std,
-            "point": numbers(point, values)}),
+fn sensor(s: &Sensor, at: &Described) -> Value {
+    // Keys that every sensor has, whatever its kind.
+    let mut out =
+        json!({"name": s.name, "kind": s.kind.name(), "frame": null, "joint": null, "std": null, "std_m": null});
+    if let (Value::Object(out), Value::Object(own)) = (&mut out, s.kind.describe(at)) {
+        out.extend(own);
     }
-}
-
-fn numbers(v: &[Expr; 3], values: &[f64]) -> [f64; 3] {
-    [0, 1, 2].map(|i: usize| v[i].eval(values))
+    out
 }

@@ -4,13 +4,19 @@ pub mod build;
 pub mod expr;
 mod locate;
 pub mod point;
-mod section;
-mod slot;
+pub(crate) mod section;
+pub(crate) mod slot;
 pub mod spec;
 pub mod suggest;
 pub mod transform;
 
-use crate::rotation::Mat3;
+pub use crate::sensor::closure::Closure;
+pub use crate::sensor::encoder::Encoder;
+pub use crate::sensor::imu::{Imu, ImuNoise};
+pub use crate::sensor::orientation::Orientation;
+pub use crate::sensor::position::Position;
+pub use crate::sensor::range::Range;
+pub use crate::sensor::{Mount, SensorKind};
 pub use build::read_model;
 pub use expr::Expr;
 pub use point::Point;
@@ -200,72 +206,6 @@ pub struct Frame {
     pub after: Option<Transform>,
 }
 
-/// Orientation and place of a sensor on its link.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Mount {
-    /// Link from sensor.
-    pub rotation: Mat3<f64>,
-    /// How far it may be off about each axis, rad, where it is estimated.
-    pub std_rad: f64,
-    /// Sensor's origin in the link's frame, m.
-    pub offset: [Expr; 3],
-}
-
-/// Noise of an inertial unit; a quantity that is `None` is not measured.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ImuNoise {
-    /// rad/s.
-    pub gyro_std: Option<f64>,
-    /// m/s2.
-    pub accel_std: Option<f64>,
-    /// uT.
-    pub mag_std: Option<f64>,
-    /// rad/s: how much it may turn while it seems to rest; `None`: rest tells nothing.
-    pub rest_std: Option<f64>,
-    /// rad/s: the largest that it can read; `None`: not known.
-    pub gyro_range: Option<f64>,
-    /// m/s2: the largest that it can read; `None`: not known.
-    pub accel_range: Option<f64>,
-    /// rad/s at the start.
-    pub gyro_bias_start_std: f64,
-    /// rad/s per sqrt(s).
-    pub gyro_bias_walk: f64,
-    /// m/s2 at the start.
-    pub accel_bias_start_std: f64,
-    /// m/s2 per sqrt(s).
-    pub accel_bias_walk: f64,
-}
-
-/// What a sensor reads.
-#[derive(Debug, Clone, PartialEq)]
-pub enum SensorKind {
-    /// Inertial unit on a frame.
-    Imu {
-        /// Index of the frame.
-        frame: usize,
-        /// On the link.
-        mount: Mount,
-        /// Per quantity.
-        noise: ImuNoise,
-    },
-    /// Reads a joint.
-    Encoder {
-        /// Index of the joint.
-        joint: usize,
-        /// rad or m.
-        std: f64,
-    },
-    /// Reads a point in root axes.
-    Position {
-        /// Index of the frame.
-        frame: usize,
-        /// In the frame, m.
-        point: [Expr; 3],
-        /// m.
-        std: f64,
-    },
-}
-
 /// A named sensor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sensor {
@@ -273,21 +213,6 @@ pub struct Sensor {
     pub name: String,
     /// What it reads.
     pub kind: SensorKind,
-}
-
-/// A closed loop: two points agree, and optionally two axes.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Closure {
-    /// Unique among sensors and closures.
-    pub name: String,
-    /// Frame and point (m) of either side.
-    pub sides: [(usize, [Expr; 3]); 2],
-    /// Unit axes in either frame that must agree.
-    pub axes: Option<[[f64; 3]; 2]>,
-    /// m.
-    pub std_m: f64,
-    /// Of each direction cosine.
-    pub std_axis: f64,
 }
 
 /// An unmeasured acceleration of the root.

@@ -5,6 +5,7 @@ use crate::config::ProcessNoise;
 use crate::estimate::transition::{Block, Transition, Turning};
 use crate::model::{Axis, BaseAcceleration, ProcessKind};
 use crate::rotation::turn::{left_jacobian_inverse, minus, plus, right_jacobian, right_jacobian_inverse};
+use crate::sensor::SlowError;
 use crate::state::{PushSlot, Slots};
 
 /// Above this share of its prior's standard deviation a joint counts as not observed and is held by its prior.
@@ -101,6 +102,14 @@ pub fn base_block(base: &BaseAcceleration, slot: PushSlot, dt: f64, drive: f64) 
     block
 }
 
+/// Motion of one axis of a sensor's slow error over `dt`: a random walk, or one that decays.
+pub fn error_block(error: &SlowError, state: usize, dt: f64) -> Block {
+    let (variance, rate) = (error.walk * error.walk, 1.0 / error.time_s);
+    let mut block = Block::walk(state, variance * faded(2.0 * rate, dt));
+    block.factor[0][0] = (-rate * dt).exp();
+    block
+}
+
 /// Integral of exp(-k s) over `t`.
 fn faded(k: f64, t: f64) -> f64 {
     if k == 0.0 {
@@ -122,9 +131,9 @@ fn rising_noise(alpha: f64, beta: f64, t: f64) -> [[f64; 3]; 3] {
         return gathered(t, |s| [risen(alpha, beta, s), (-beta * s).exp(), 0.0]);
     }
     let (slow, both, fast) = (faded(2.0 * alpha, t), faded(alpha + beta, t), faded(2.0 * beta, t));
-    let apart = beta - alpha;
-    let cross = (both - fast) / apart;
-    [[(slow - 2.0 * both + fast) / (apart * apart), cross, 0.0], [cross, fast, 0.0], [0.0; 3]]
+    let perturbed = beta - alpha;
+    let cross = (both - fast) / perturbed;
+    [[(slow - 2.0 * both + fast) / (perturbed * perturbed), cross, 0.0], [cross, fast, 0.0], [0.0; 3]]
 }
 
 /// Constant acceleration.

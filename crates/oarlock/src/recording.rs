@@ -6,6 +6,7 @@ use crate::corrections::Clock;
 use crate::error::{Error, Result};
 use crate::model::suggest::hint;
 use crate::model::{Model, SensorKind};
+use crate::rotation::turn::Turn;
 use crate::sensor::{Quantity, Suite};
 use column::Column;
 use std::collections::BTreeMap;
@@ -15,7 +16,7 @@ use std::collections::BTreeMap;
 pub struct Channel {
     /// What it is; encoders of input joints are `Joint` too.
     pub quantity: Quantity,
-    /// `time_s.len()` rows of 1 (joint) or 3 numbers.
+    /// `time_s.len()` rows of 1 (joint, range), 4 (orientation: a quaternion, scalar first) or 3 numbers.
     pub values: Column,
 }
 
@@ -35,7 +36,8 @@ pub struct Stream {
 pub struct Sample {
     /// On the recording's clock, s.
     pub time_s: f64,
-    /// In the order of the measurement vector; NaN is missing. Closures' rows are filled in by the tracker.
+    /// In the order of the measurement vector; NaN is missing. Closures' rows are filled in by the tracker; those of an orientation
+    /// sensor hold the rotation vector of what it measured, rad.
     pub z: Vec<f64>,
     /// Per coordinate of the model: readings of input joints, NaN where missing.
     pub inputs: Vec<f64>,
@@ -133,8 +135,11 @@ impl Recording {
         };
         let mut targets = Vec::new();
         for channel in &stream.channels {
-            match source.parts.iter().find(|p| p.quantity == channel.quantity) {
-                Some(part) => targets.push(Target::Row(part.rows.start)),
+            match source.parts.iter().find(|p| p.quantity.is_fed_by(channel.quantity)) {
+                Some(part) => {
+                    refuse_negative(part.quantity, stream, &channel.values)?;
+                    targets.push(Target::Row(part.rows.start));
+                }
                 None => {
                     let what = format!("{:?}", channel.quantity).to_lowercase();
                     self.notes.push(format!("{}: {what} readings left out (the model's sensor has none)", stream.name));
@@ -180,6 +185,11 @@ impl Recording {
                 let width = width(channel.quantity);
                 match *target {
                     Target::Row(usize::MAX) => {}
+                    Target::Row(row) if channel.quantity == Quantity::Orientation => {
+                        let mut quaternion = [0.0; 4];
+                        channel.values.read(*at * width, &mut quaternion);
+                        sample.z[row..row + 3].copy_from_slice(&Turn(quaternion).log());
+                    }
                     Target::Row(row) => channel.values.read(*at * width, &mut sample.z[row..row + width]),
                     Target::Input(coordinate) => {
                         channel.values.read(*at * width, &mut sample.inputs[coordinate..=coordinate]);
@@ -195,7 +205,7 @@ impl Recording {
 /// The input joint that a stream of this name feeds: the joint's own name, or that of an encoder on it.
 pub fn input_joint(model: &Model, name: &str) -> Option<usize> {
     let encoder = model.sensors.iter().find_map(|s| match &s.kind {
-        SensorKind::Encoder { joint, .. } if s.name == name => Some(*joint),
+        SensorKind::Encoder(encoder) if s.name == name => Some(encoder.joint),
         _ => None,
     });
     let joint = encoder.or_else(|| model.joints.iter().position(|j| j.name == name))?;
@@ -213,12 +223,25 @@ fn unknown_stream(model: &Model, name: &str) -> Error {
     ))
 }
 
+/// No distance is below nothing; noise alone does not make it so where two points are centimetres apart.
+fn refuse_negative(quantity: Quantity, stream: &Stream, values: &Column) -> Result<()> {
+    let negative = values.iter().enumerate().find(|(_, x)| quantity == Quantity::Range && *x < 0.0);
+    negative.map_or(Ok(()), |(i, x)| {
+        Err(Error::Data(format!(
+            "stream '{}': the distance is {x} m at {} s; a distance is not negative. If it is a position along a rail, use an \
+             encoder on a slide; write NaN for a missing value",
+            stream.name,
+            stream.time_s.get(i).unwrap_or(f64::NAN)
+        )))
+    })
+}
+
 /// Numbers of a row.
 fn width(quantity: Quantity) -> usize {
-    if quantity == Quantity::Joint {
-        1
-    } else {
-        3
+    match quantity {
+        Quantity::Joint | Quantity::Range => 1,
+        Quantity::Orientation => 4,
+        _ => 3,
     }
 }
 

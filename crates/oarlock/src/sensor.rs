@@ -3,15 +3,37 @@
 pub mod closure;
 pub mod encoder;
 pub mod imu;
+pub(crate) mod kind;
+pub mod mount;
 pub mod near;
+pub mod orientation;
 pub mod position;
+pub mod range;
 pub mod slopes;
 
-use crate::kernels::lane::Real;
+use crate::kernels::lane::{Lane, Real};
+use crate::kernels::sparse_jacobian::SparseJacobian;
+use crate::kinematics::near::{Near, Reach, Wanted};
 use crate::kinematics::FrameMotion;
-use crate::model::{Model, Point, SensorKind};
-use crate::rotation::Vec3;
+use crate::model::section::{Known, Section};
+use crate::model::{Expr, Model, Point};
+use crate::rotation::{Mat3, Vec3};
+use kind::{all_keys, kinds, refuse_others, Described, Kind, Pending, Reads, Sits};
+pub use mount::{Mount, MountValue};
+use near::{Around, Homes, Stand};
+use serde_json::Value;
+use slopes::{Answers, Found, Group, Moving};
 use std::ops::Range;
+use std::sync::LazyLock;
+
+// Every kind of sensor: its variant, and the file that implements it.
+kinds! {
+    Imu: imu,
+    Encoder: encoder,
+    Position: position,
+    Range: range,
+    Orientation: orientation,
+}
 
 /// Rows that are accepted or rejected together.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,9 +61,18 @@ pub enum Quantity {
     Closure,
     /// Angular velocity, rad/s, known to be zero while the unit rests.
     Rest,
+    /// A distance, m.
+    Range,
+    /// A rotation vector from the measured to the predicted orientation, rad.
+    Orientation,
 }
 
 impl Quantity {
+    /// Whether a stream of `given` feeds it: a stream of one number a row does not say what it measures.
+    pub fn is_fed_by(self, given: Quantity) -> bool {
+        self == given || (self, given) == (Quantity::Range, Quantity::Joint)
+    }
+
     /// Whether an inertial unit measures it.
     pub fn is_inertial(self) -> bool {
         matches!(self, Quantity::Gyro | Quantity::Accel | Quantity::Mag)
@@ -70,13 +101,30 @@ impl Source {
     }
 }
 
-/// A sensor that can predict its rows.
-#[derive(Debug, Clone)]
-enum Reader {
-    Imu(imu::Imu),
-    Encoder(encoder::Encoder),
-    Position(position::Position),
-    Closure(closure::Loop),
+/// An error of a sensor's readings that is estimated: three states that add to three rows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SlowError {
+    /// Whose rows it adds to.
+    pub quantity: Quantity,
+    /// Of its states: `gyro_bias`.
+    pub name: &'static str,
+    /// The word of `Config.estimate` that asks for it; `None`: it is always estimated.
+    pub asked: Option<&'static str>,
+    /// Standard deviation at the start.
+    pub start_std: f64,
+    /// Per sqrt(s).
+    pub walk: f64,
+    /// In which it decays, s; infinite: it walks.
+    pub time_s: f64,
+}
+
+/// The reference of a device's orientations, turned about the vertical by an angle that is estimated.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Heading {
+    /// Sensors of the same group share it.
+    pub group: String,
+    /// How it drifts, rad per sqrt(s).
+    pub walk: f64,
 }
 
 /// All sensors and closures of a model at one set of parameters and mounts.
@@ -87,11 +135,28 @@ pub struct Suite {
     readers: Vec<Reader>,
 }
 
-/// What surrounds the body, in root axes.
+/// How a body stands and moves, and what surrounds it: all that readings depend on.
 #[derive(Debug, Clone, Copy)]
-pub struct Surroundings<T> {
-    /// uT.
+pub struct Scene<'a, T> {
+    /// Motion of all frames.
+    pub frames: &'a [FrameMotion<T>],
+    /// Values of all coordinates.
+    pub q: &'a [T],
+    /// Root axes, uT.
     pub magnetic_field: Vec3<T>,
+    /// Lengths and mounts.
+    pub worn: Worn<'a, T>,
+    /// Of every source whose readings are differences from one.
+    pub references: &'a [Mat3<f64>],
+}
+
+impl<T: Real> Scene<'_, T> {
+    /// A point of a frame in root axes, m.
+    #[inline(always)]
+    fn place(&self, frame: usize, point: &Point) -> Vec3<T> {
+        let frame = &self.frames[frame];
+        frame.position + point.turned(&frame.rotation, self.worn.lengths)
+    }
 }
 
 /// What is estimated of how the sensors are worn.
@@ -101,6 +166,8 @@ pub struct Worn<'a, T> {
     pub lengths: &'a [T],
     /// Rotation vectors by which the estimated mounts are off, rad in sensor axes.
     pub mounts: &'a [Vec3<T>],
+    /// By which the references of orientation sensors are turned about the vertical, rad.
+    pub headings: &'a [T],
 }
 
 /// Parameters, and what of the wearing is estimated.
@@ -112,50 +179,57 @@ pub struct Wearing<'a> {
     pub estimated: &'a [usize],
     /// Indices of the sensors whose mount is estimated.
     pub mounts: &'a [usize],
+    /// Per sensor: which of the headings that are estimated turns its reference. Empty: none.
+    pub headings: &'a [Option<usize>],
+}
+
+/// The numbers with which a sensor of a model becomes one that predicts its rows.
+pub(crate) struct Fit<'a> {
+    model: &'a Model,
+    worn: &'a Wearing<'a>,
+    /// A calibrated mount in place of the model's.
+    given: Option<MountValue>,
+    /// Number among the sensors whose mount is estimated.
+    mount: Option<usize>,
+    /// Number among the headings that are estimated.
+    heading: Option<usize>,
+    /// Number among the sources.
+    source: usize,
+}
+
+impl Fit<'_> {
+    fn point(&self, point: &[Expr; 3]) -> Point {
+        Point::of(point, self.worn.parameters, self.worn.estimated)
+    }
 }
 
 impl Suite {
     /// Lays out the measurement vector. `mounts` are (link from sensor, offset in the link, m) per sensor, for those
-    /// that differ from the model's own. Encoders of input joints read nothing here: their values are inputs.
-    pub fn new(model: &Model, parameters: &[f64], mounts: &[Option<imu::MountValue>]) -> Self {
-        Self::worn(model, &Wearing { parameters, estimated: &[], mounts: &[] }, mounts)
+    /// that differ from the model's own. Encoders of input joints have no rows: their values are inputs.
+    pub fn new(model: &Model, parameters: &[f64], mounts: &[Option<MountValue>]) -> Self {
+        Self::worn(model, &Wearing { parameters, estimated: &[], mounts: &[], headings: &[] }, mounts)
     }
 
     /// The same, with something of the wearing estimated.
-    pub fn worn(model: &Model, worn: &Wearing, mounts: &[Option<imu::MountValue>]) -> Self {
+    pub fn worn(model: &Model, worn: &Wearing, mounts: &[Option<MountValue>]) -> Self {
         let mut suite = Suite { sources: Vec::new(), readers: Vec::new() };
-        for (i, (sensor, mount)) in model.sensors.iter().zip(mounts).enumerate() {
-            match &sensor.kind {
-                SensorKind::Imu { .. } => {
-                    let number = worn.mounts.iter().position(|&s| s == i);
-                    suite.push(&sensor.name, Reader::Imu(imu::Imu::new(&sensor.kind, worn, mount, number)))
-                }
-                SensorKind::Encoder { joint, std } if !model.joints[*joint].input => {
-                    let reader = encoder::Encoder { coordinate: model.joints[*joint].first, std: *std };
-                    suite.push(&sensor.name, Reader::Encoder(reader))
-                }
-                SensorKind::Encoder { .. } => {}
-                SensorKind::Position { frame, point, std } => {
-                    let point = Point::of(point, worn.parameters, worn.estimated);
-                    let reader = position::Position { frame: *frame, point, std: *std };
-                    suite.push(&sensor.name, Reader::Position(reader));
-                }
+        for (i, (sensor, given)) in model.sensors.iter().zip(mounts).enumerate() {
+            let mount = worn.mounts.iter().position(|&s| s == i);
+            let (heading, source) = (worn.headings.get(i).copied().flatten(), suite.sources.len());
+            if let Some(reader) = sensor.kind.reader(&Fit { model, worn, given: *given, mount, heading, source }) {
+                suite.push(&sensor.name, reader);
             }
         }
-        for c in &model.closures {
-            suite.push(&c.name, Reader::Closure(closure::Loop::new(c, worn)));
+        for closure in &model.closures {
+            let source = suite.sources.len();
+            let reader = closure.reader(&Fit { model, worn, given: None, mount: None, heading: None, source });
+            reader.into_iter().for_each(|reader| suite.push(&closure.name, Reader::Closure(reader)));
         }
         suite
     }
 
     fn push(&mut self, name: &str, reader: Reader) {
         let first = self.len();
-        let rows = match &reader {
-            Reader::Imu(s) => s.rows(),
-            Reader::Encoder(s) => s.rows(),
-            Reader::Position(s) => s.rows(),
-            Reader::Closure(s) => s.rows(),
-        };
         let mut source = Source {
             name: name.to_string(),
             rows: first..first,
@@ -163,7 +237,7 @@ impl Suite {
             std: Vec::new(),
             row_names: Vec::new(),
         };
-        for (quantity, suffixes, std) in rows {
+        for (quantity, suffixes, std) in reader.rows() {
             let start = source.rows.end;
             source.rows.end += suffixes.len();
             source.parts.push(Part { rows: start..source.rows.end, quantity });
@@ -203,42 +277,28 @@ impl Suite {
 
     /// Marks the frames whose motion source `i` reads.
     pub fn mark_frames(&self, i: usize, needed: &mut [bool]) {
-        match &self.readers[i] {
-            Reader::Imu(s) => needed[s.frame] = true,
-            Reader::Encoder(_) => {}
-            Reader::Position(s) => needed[s.frame] = true,
-            Reader::Closure(s) => s.frames().into_iter().for_each(|f| needed[f] = true),
-        }
+        self.readers[i].mark_frames(needed);
     }
 
     /// Marks the frames whose velocities or accelerations source `i` reads.
     pub fn mark_moving(&self, i: usize, moving: &mut [bool]) {
-        if let Reader::Imu(s) = &self.readers[i] {
-            moving[s.frame] = true;
+        self.readers[i].mark_moving(moving);
+    }
+
+    /// Of readings on a manifold: takes them from `z` as references, around which their rows are differences, and leaves zeros.
+    pub fn refer(&self, z: &mut [f64], references: &mut [Mat3<f64>]) {
+        for ((reader, source), reference) in self.readers.iter().zip(&self.sources).zip(references) {
+            if let Some(taken) = reader.refer(&mut z[source.rows.clone()]) {
+                *reference = taken;
+            }
         }
     }
 
     /// Predicts the rows of every `active` source into `out`. Allocates nothing.
-    pub fn predict<T: Real>(
-        &self,
-        frames: &[FrameMotion<T>],
-        q: &[T],
-        surroundings: &Surroundings<T>,
-        worn: Worn<T>,
-        active: &[bool],
-        out: &mut [T],
-    ) {
-        for ((reader, source), &on) in self.readers.iter().zip(&self.sources).zip(active) {
-            if !on {
-                continue;
-            }
-            let out = &mut out[source.rows.clone()];
-            match reader {
-                Reader::Imu(s) => s.predict(&frames[s.frame], surroundings, worn, out),
-                Reader::Encoder(s) => out[0] = q[s.coordinate],
-                Reader::Position(s) => s.predict(&frames[s.frame], worn, out),
-                Reader::Closure(s) => s.predict(frames, worn, out),
-            }
+    #[inline(always)]
+    pub fn predict<T: Real>(&self, scene: &Scene<T>, active: &[bool], out: &mut [T]) {
+        for ((reader, source), _) in self.readers.iter().zip(&self.sources).zip(active).filter(|(_, on)| **on) {
+            reader.predict(scene, &mut out[source.rows.clone()]);
         }
     }
 }

@@ -3,7 +3,8 @@
 use crate::config::{Config, Magnetometer, DEFAULT_ESTIMATE};
 use crate::error::{Error, Result};
 use crate::estimate::Partition;
-use crate::model::{ImuNoise, Joint, JointKind, Model, ProcessKind, SensorKind};
+use crate::model::{Joint, JointKind, Model, ProcessKind, SensorKind};
+use crate::sensor::SlowError;
 
 /// Where a coordinate's value, rate and acceleration stand. The three of a rotation vector stand next to each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,15 +15,15 @@ pub struct Slots {
     pub rates: Option<(usize, usize)>,
 }
 
-/// A bias: three slow states that add to a reading.
+/// A slow error of a sensor, such as a bias: three states that add to a reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BiasSlot {
+pub struct ErrorSlot {
+    /// Which of the model's sensors.
+    pub sensor: usize,
     /// First index in the state.
     pub first: usize,
-    /// Standard deviation at the start.
-    pub start_std: f64,
-    /// Per sqrt(s).
-    pub walk: f64,
+    /// How it moves.
+    pub error: SlowError,
 }
 
 /// An acceleration of the base.
@@ -47,12 +48,14 @@ pub struct Layout {
     pub lengths: Vec<(usize, usize)>,
     /// Sensor and first state of every mount that is estimated.
     pub mounts: Vec<(usize, usize)>,
+    /// Headings of references of orientation sensors: state, and walk (rad per sqrt(s)).
+    pub headings: Vec<(usize, f64)>,
+    /// Per sensor of the model: which of them turns its reference.
+    pub heading_of: Vec<Option<usize>>,
     /// Azimuth of the magnetic field.
     pub azimuth: Option<usize>,
-    /// Per sensor of the model.
-    pub gyro_bias: Vec<Option<BiasSlot>>,
-    /// Per sensor of the model.
-    pub accel_bias: Vec<Option<BiasSlot>>,
+    /// Slow errors that are estimated, in the order of the sensors.
+    pub errors: Vec<ErrorSlot>,
     /// Those of the model's base accelerations that are estimated.
     pub pushes: Vec<PushSlot>,
     /// `trunk`, `trunk.velocity`, `trunk.acceleration`, `azimuth`, `back.gyro_bias_x`, `surge`.
@@ -70,9 +73,10 @@ impl Layout {
             turns: Vec::new(),
             lengths: Vec::new(),
             mounts: Vec::new(),
+            headings: Vec::new(),
+            heading_of: vec![None; model.sensors.len()],
             azimuth: None,
-            gyro_bias: vec![None; model.sensors.len()],
-            accel_bias: vec![None; model.sensors.len()],
+            errors: Vec::new(),
             pushes: Vec::new(),
             names: Vec::new(),
             partition: Partition { pose: 0, rate: 0, linear: 0 },
@@ -107,12 +111,28 @@ impl Layout {
                 self.lengths.push((i, state));
             }
         }
-        let units = |s: &&crate::model::Sensor| matches!(s.kind, SensorKind::Imu { .. });
-        for (i, sensor) in model.sensors.iter().enumerate().filter(|(_, s)| units(s) && wants(MOUNTS)) {
+        let mounted = |s: &crate::model::Sensor| s.kind.mount().is_some() && wants(MOUNTS);
+        for (i, sensor) in model.sensors.iter().enumerate().filter(|(_, s)| mounted(s)) {
             self.mounts.push((i, self.names.len()));
             self.names.extend(["x", "y", "z"].map(|a| format!("{}.mount_r{a}", sensor.name)));
         }
+        self.place_headings(model);
         self.partition.pose = self.names.len();
+    }
+
+    /// Sensors of one group share a heading.
+    fn place_headings(&mut self, model: &Model) {
+        let mut groups: Vec<&str> = Vec::new();
+        for (i, sensor) in model.sensors.iter().enumerate() {
+            let Some(heading) = sensor.kind.heading() else { continue };
+            let known = groups.iter().position(|group| *group == heading.group);
+            self.heading_of[i] = Some(known.unwrap_or(groups.len()));
+            if known.is_none() {
+                groups.push(&heading.group);
+                let state = self.push(format!("{}.heading", heading.group));
+                self.headings.push((state, heading.walk));
+            }
+        }
     }
 
     fn place_rates(&mut self, model: &Model) {
@@ -140,14 +160,9 @@ impl Layout {
     fn place_slow(&mut self, model: &Model, config: &Config) {
         let wants = |name: &str| config.estimate.iter().any(|e| e == name);
         for (i, sensor) in model.sensors.iter().enumerate() {
-            let SensorKind::Imu { noise, .. } = &sensor.kind else {
-                continue;
-            };
-            if wants("gyro_bias") && noise.gyro_std.is_some() {
-                self.gyro_bias[i] = Some(self.push_bias(&sensor.name, "gyro_bias", noise));
-            }
-            if wants("accel_bias") && noise.accel_std.is_some() {
-                self.accel_bias[i] = Some(self.push_bias(&sensor.name, "accel_bias", noise));
+            for error in sensor.kind.slow_errors().into_iter().filter(|e| e.asked.is_none_or(wants)) {
+                self.errors.push(ErrorSlot { sensor: i, first: self.names.len(), error });
+                self.names.extend(["x", "y", "z"].map(|a| format!("{}.{}_{a}", sensor.name, error.name)));
             }
         }
         for (i, base) in model.base_accelerations.iter().enumerate() {
@@ -157,22 +172,6 @@ impl Layout {
                 self.pushes.push(PushSlot { state, rate, number: i });
             }
         }
-    }
-
-    fn push_bias(&mut self, sensor: &str, what: &str, noise: &ImuNoise) -> BiasSlot {
-        let first = self.names.len();
-        self.names.extend(["x", "y", "z"].map(|a| format!("{sensor}.{what}_{a}")));
-        let (start_std, walk) = if what == "gyro_bias" {
-            (noise.gyro_bias_start_std, noise.gyro_bias_walk)
-        } else {
-            (noise.accel_bias_start_std, noise.accel_bias_walk)
-        };
-        BiasSlot { first, start_std, walk }
-    }
-
-    /// Biases of gyroscopes and accelerometers.
-    pub fn biases(&self) -> impl Iterator<Item = &BiasSlot> {
-        self.gyro_bias.iter().chain(&self.accel_bias).flatten()
     }
 
     /// Dimension of the state.
@@ -187,8 +186,7 @@ pub const LENGTHS: &str = "lengths";
 pub const MOUNTS: &str = "mounts";
 
 fn estimates_azimuth(model: &Model, config: &Config) -> bool {
-    let has_mag =
-        |s: &crate::model::Sensor| matches!(&s.kind, SensorKind::Imu { noise, .. } if noise.mag_std.is_some());
+    let has_mag = |s: &crate::model::Sensor| matches!(&s.kind, SensorKind::Imu(imu) if imu.noise.mag_std.is_some());
     !model.world.azimuth_fixed && config.magnetometer != Magnetometer::Off && model.sensors.iter().any(has_mag)
 }
 

@@ -35,7 +35,7 @@ use crate::estimate::System;
 use crate::kernels::arch::Arch;
 use crate::model::Model;
 use crate::recording::Sample;
-use crate::sensor::imu::MountValue;
+use crate::sensor::MountValue;
 use consider::Considering;
 pub use consider::Doubt;
 use entry::Entry;

@@ -180,20 +180,26 @@ def _sensors(model: Described) -> None:
 def _sensor_row(sensor: Described, model: Described) -> tuple[str, ...]:
     kinds = {joint["name"]: joint["kind"] for joint in model["joints"]}
     inputs = {joint["name"] for joint in model["joints"] if joint["input"]}
-    unit = "m" if sensor["kind"] == "position" else _SI.get(kinds.get(sensor.get("joint") or "", ""), "")
-    std = sensor.get("std_m") if sensor["kind"] == "position" else sensor.get("std")
+    unit = _SI.get(kinds.get(sensor.get("joint") or "", ""), "")
+    std = sensor.get("std")
+    for own_unit in ("m", "rad"):
+        if sensor.get(f"std_{own_unit}") is not None:
+            unit, std = own_unit, sensor[f"std_{own_unit}"]
     reading = number(std, "g", "")
     rows = rows_of(sensor["name"], model["measurement_names"])
     return (
         sensor["name"],
         sensor["kind"],
-        sensor.get("frame") or sensor.get("joint") or "",
+        sensor.get("frame") or sensor.get("joint") or f"{sensor['frame_a']}, {sensor['frame_b']}",
         number(sensor.get("gyro_std_rad_s"), ".5f", ""),
         number(sensor.get("accel_std_m_s2"), ".5f", ""),
         number(sensor.get("mag_std_ut"), ".3f", ""),
         f"{reading} {unit}".strip(),
         rows or ("input" if sensor.get("joint") in inputs else ""),
-        rows_of(sensor["name"], [row if "_bias_" in row else "" for row in model["state_names"]]),
+        rows_of(
+            sensor["name"],
+            [row if "_bias_" in row or "_error_" in row else "" for row in model["state_names"]],
+        ),
     )
 
 

@@ -57,6 +57,8 @@ def _kind(row_name: str, kinds: dict[str, str]) -> str:
     # biases belong to a sensor, whose name a joint may share
     if quantity.endswith("_bias"):
         return "sensor biases"
+    if quantity.endswith("_error"):
+        return "slow errors of orientations"
     kind = kinds.get(owner)
     if kind is None:
         return quantity.replace("_", " ") or owner

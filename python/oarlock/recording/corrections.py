@@ -6,12 +6,13 @@ The engine applies the same corrections to what it is given: it takes recordings
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Protocol
 
 from oarlock import _core
 from oarlock.recording.recording import Recording
 from oarlock.recording.stream_scales import Clock, EncoderScale
-from oarlock.recording.streams import ImuStream, ScalarStream, Stream, VectorStream
+from oarlock.recording.streams import ImuStream, OrientationStream, ScalarStream, Stream, VectorStream
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
 
@@ -118,8 +119,8 @@ def _corrected_stream(stream: Stream, calibration: Corrections) -> Stream:
     encoder = calibration.encoders.get(stream.name)
     if clock is None and encoder is None:
         return stream
-    if isinstance(stream, VectorStream):
-        return VectorStream(stream.name, time_s, stream.value)
+    if isinstance(stream, VectorStream | OrientationStream):
+        return replace(stream, time_s=time_s)
     value = stream.value if encoder is None else encoder.value(stream.value)
     return ScalarStream(stream.name, time_s, value, stream.unit)
 

@@ -11,7 +11,14 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from oarlock.recording.streams import ImuStream, ScalarStream, ScalarUnit, Stream, VectorStream
+from oarlock.recording.streams import (
+    ImuStream,
+    OrientationStream,
+    ScalarStream,
+    ScalarUnit,
+    Stream,
+    VectorStream,
+)
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.delimited import Dialect, Layout, numbers
 from oarlock.storage.errors import DataError
@@ -31,8 +38,9 @@ _IMU_FIELDS: Mapping[str, tuple[str, str, tuple[str, ...]]] = MappingProxyType(
         "mag_ut": ("mag", "uT", ("mag_x_ut", "mag_y_ut", "mag_z_ut")),
     }
 )
-_KINDS = ("imu", "scalar", "vector")
+_KINDS = ("imu", "scalar", "vector", "orientation")
 _VECTOR_COLUMNS = ("x_m", "y_m", "z_m")
+_QUATERNION_COLUMNS = ("quat_w", "quat_x", "quat_y", "quat_z")
 
 
 def write_folder(
@@ -118,7 +126,7 @@ def _entry(stream: Stream, file: str) -> dict[str, object]:
         entry["units"] = {_IMU_FIELDS[f][0]: _IMU_FIELDS[f][1] for f in stream.values}
     elif isinstance(stream, VectorStream):
         entry["units"] = {"value": "m"}
-    elif stream.unit is not None:
+    elif isinstance(stream, ScalarStream) and stream.unit is not None:
         entry["units"] = {"value": stream.unit}
     return entry
 
@@ -128,7 +136,10 @@ def _columns_of(stream: Stream) -> dict[str, FloatArray]:
     if isinstance(stream, ScalarStream):
         return {**columns, "value": stream.value}
     for field, rows in stream.values.items():
-        names = _IMU_FIELDS[field][2] if isinstance(stream, ImuStream) else _VECTOR_COLUMNS
+        if isinstance(stream, ImuStream):
+            names = _IMU_FIELDS[field][2]
+        else:
+            names = _VECTOR_COLUMNS if isinstance(stream, VectorStream) else _QUATERNION_COLUMNS
         columns.update({name: rows[:, i] for i, name in enumerate(names)})
     return columns
 
@@ -177,6 +188,8 @@ def _read_stream(table: TomlTable, root: Path) -> Stream:
         return ImuStream(name, found["time_s"], **fields)
     if kind == "vector":
         return VectorStream(name, found["time_s"], fields["value"])
+    if kind == "orientation":
+        return OrientationStream(name, found["time_s"], fields["quat_wxyz"])
     unit = units.string("value") if "value" in units.values else None
     return ScalarStream(name, found["time_s"], fields["value"][:, 0], cast(ScalarUnit | None, unit))
 
@@ -195,6 +208,9 @@ def _expected_columns(table: TomlTable, kind: str, units: TomlTable) -> dict[str
         if not announced:
             raise DataError(f'{table.where()}: units name no quantity, such as units = {{ gyro = "rad/s" }}')
         return {field: entry[2] for field, entry in announced.items()}
+    if kind == "orientation":
+        units.check_keys(set())
+        return {"quat_wxyz": _QUATERNION_COLUMNS}
     units.check_keys({"value"})
     if kind == "vector":
         _check_unit(units, "value", ("m",))

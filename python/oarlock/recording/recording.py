@@ -44,7 +44,7 @@ class Recording:
             if not isinstance(stream, ImuStream | ScalarStream | VectorStream):
                 raise DataError(
                     f"streams[{index}] is a {type(stream).__name__}; "
-                    "expected ImuStream, ScalarStream or VectorStream"
+                    "expected ImuStream, ScalarStream, VectorStream or OrientationStream"
                 )
             if stream.name in seen:
                 raise DataError(
@@ -130,6 +130,7 @@ class Recording:
 
     def __repr__(self) -> str:
         width = max(len(n) for n in self.names)
+        kind_width = max(6, *(len(s.kind) for s in self))
         lines = [
             f"Recording: {len(self)} streams, {self.start_s:.6g} to {self.end_s:.6g} s "
             f"({self.duration_s:.4g} s)"
@@ -137,7 +138,7 @@ class Recording:
         for s in self.streams:
             rate = "-" if len(s) == 1 else f"{s.rate_hz:.4g}"
             lines.append(
-                f"  {s.name:<{width}}  {s.kind:<6}  {rate:>6} Hz  {len(s):>8} samples  "
+                f"  {s.name:<{width}}  {s.kind:<{kind_width}}  {rate:>6} Hz  {len(s):>8} samples  "
                 f"{100 * s.missing_share:5.1f} % missing  {' '.join(s.values)}"
             )
         return "\n".join(lines)

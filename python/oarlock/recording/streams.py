@@ -2,9 +2,10 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from oarlock.storage.array_gate import FloatArray, check_no_infinity, real_array, time_array
 from oarlock.storage.errors import DataError
@@ -13,7 +14,7 @@ ScalarUnit: TypeAlias = Literal["m", "rad"]
 
 
 class _Stream:
-    """What the three kinds of stream share: a name, stamps, and fields of one row per stamp."""
+    """What all kinds of stream share: a name, stamps, and fields of one row per stamp."""
 
     kind: ClassVar[str]
     name: str
@@ -64,6 +65,12 @@ class _Stream:
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+    def at_rows(self, rows: NDArray[Any] | slice, time_s: FloatArray | None = None) -> Self:
+        """The samples of these indices, or where this mask is true; with other stamps where these are given."""
+        values = {name: array[rows] for name, array in self.values.items()}
+        stamps = self.time_s[rows] if time_s is None else time_s
+        return replace(self, time_s=stamps, **values)  # type: ignore[type-var]
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
         # Through the constructor, so that a copy or an unpickled stream is read-only too.
@@ -191,7 +198,54 @@ class VectorStream(_Stream):
         return None if rows is None else replace(self, time_s=self.time_s[rows], value=self.value[rows])
 
 
-Stream: TypeAlias = ImuStream | ScalarStream | VectorStream
+_UNIT_TOLERANCE = 0.01
+"""How far the norm of a quaternion may be from one: digits were cut off, or it is no rotation."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OrientationStream(_Stream):
+    """Orientations that a unit computes itself, over time.
+
+    Args:
+        name: the sensor's name in the model.
+        time_s: (T,) strictly increasing stamps in s.
+        quat_wxyz: (T, 4) unit quaternions, scalar first, that turn sensor axes to the device's reference, whose z
+            axis points up. Either sign; NaN = missing. They are kept as given; a norm within 1 % of one is accepted.
+
+    Raises:
+        DataError: As `ImuStream`, or a quaternion that is not a unit quaternion.
+    """
+
+    kind: ClassVar[str] = "orientation"
+    name: str
+    time_s: FloatArray
+    quat_wxyz: FloatArray
+
+    def __post_init__(self) -> None:
+        self._admit(4, ["quat_wxyz"])
+        norm = np.linalg.norm(self.quat_wxyz, axis=1)
+        bad = np.flatnonzero(np.abs(norm - 1.0) > _UNIT_TOLERANCE)
+        if bad.size:
+            raise DataError(
+                f"{self._where}, quat_wxyz[{bad[0]}] has the norm {norm[bad[0]]:.4g} at {self.time_s[bad[0]]:g} s "
+                f"({bad.size} of {norm.size} are not unit quaternions). "
+                "Give w, x, y, z of norm 1, and NaN for a missing reading."
+            )
+
+    @property
+    def values(self) -> Mapping[str, FloatArray]:
+        """The (T, 4) quaternions under the name "quat_wxyz"."""
+        return {"quat_wxyz": self.quat_wxyz}
+
+    def between(self, start_s: float, end_s: float) -> "OrientationStream | None":
+        """The samples with start_s <= time_s < end_s, stamps unchanged; None if there is none."""
+        rows = _rows_between(self.time_s, start_s, end_s)
+        return (
+            None if rows is None else replace(self, time_s=self.time_s[rows], quat_wxyz=self.quat_wxyz[rows])
+        )
+
+
+Stream: TypeAlias = ImuStream | ScalarStream | VectorStream | OrientationStream
 
 
 def _rows_between(time_s: FloatArray, start_s: float, end_s: float) -> slice | None:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from oarlock import _core
 from oarlock._core import Model
 from oarlock.recording.recording import Recording
-from oarlock.recording.streams import ImuStream, ScalarStream, Stream, VectorStream
+from oarlock.recording.streams import ImuStream, OrientationStream, ScalarStream, Stream, VectorStream
 from oarlock.storage.array_gate import real_array
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
@@ -40,6 +42,7 @@ def simulate(
     gyro_bias_rad_s: Mapping[str, Any] | float = 0.0,
     accel_bias_m_s2: Mapping[str, Any] | float = 0.0,
     azimuth_rad: float | None = None,
+    heading_rad: Mapping[str, float] | float = 0.0,
 ) -> tuple[Track, Recording]:
     """Truth and recording of a body that moves as told.
 
@@ -54,6 +57,8 @@ def simulate(
         gyro_bias_rad_s: one number for every axis of every unit, or by sensor (a number or (3,)).
         accel_bias_m_s2: the same for accelerometers.
         azimuth_rad: of the magnetic field; None is the model's.
+        heading_rad: by which the references of orientation sensors are turned about the vertical, one number or by
+            sensor.
 
     Returns:
         The truth as a Track (standard deviations are NaN) and the Recording.
@@ -81,14 +86,17 @@ def simulate(
             gyro_bias = _bias(gyro_bias_rad_s, "gyro_bias_rad_s", name)
             bias = (gyro_bias, _bias(accel_bias_m_s2, "accel_bias_m_s2", name))
             streams.append(_imu_stream(sensor, time_s, clean, bias, noise, random))
-        elif sensor is not None and sensor["kind"] == "position":
-            streams.append(_position_stream(sensor, truth, noise, random))
+        elif sensor is not None and sensor["kind"] in _FROM_POSES:
+            worn = _Worn(
+                calibration, heading_rad.get(name, 0.0) if isinstance(heading_rad, Mapping) else heading_rad
+            )
+            streams.append(_FROM_POSES[sensor["kind"]](sensor, truth, noise, random, worn))
         else:
             streams.append(_joint_stream(model, name, sensor, truth, noise, random))
     return truth, Recording(streams)
 
 
-_NOISE_FIELDS = ("gyro_rad_s", "accel_m_s2", "mag_ut", "value")
+_NOISE_FIELDS = ("gyro_rad_s", "accel_m_s2", "mag_ut", "quat_wxyz", "value")
 
 
 def _check_settings(model: Model, noise: bool | Mapping[str, Mapping[str, float]], *biases: Any) -> None:
@@ -193,17 +201,91 @@ def _imu_stream(
     return ImuStream(sensor["name"], time_s, **fields)
 
 
+@dataclass(frozen=True)
+class _Worn:
+    """True mounts, and the heading of a device's own reference."""
+
+    calibration: Calibration | None
+    heading_rad: float
+
+
+def _pose(truth: Track, frame: str) -> Floats:
+    assert truth.model is not None
+    return truth.model.forward_kinematics(truth.q)[:, truth.model.frame_names.index(frame)]
+
+
+def _point(truth: Track, frame: str, point: Any) -> Floats:
+    pose = _pose(truth, frame)
+    return np.asarray(pose[:, :3, 3] + pose[:, :3, :3] @ np.asarray(point))
+
+
 def _position_stream(
     sensor: Mapping[str, Any],
     truth: Track,
     noise: bool | Mapping[str, Mapping[str, float]],
     random: np.random.Generator,
+    _: _Worn,
 ) -> VectorStream:
-    assert truth.model is not None
-    pose = truth.model.forward_kinematics(truth.q)[:, truth.model.frame_names.index(sensor["frame"])]
-    point = pose[:, :3, 3] + pose[:, :3, :3] @ np.asarray(sensor["point"])
+    point = _point(truth, sensor["frame"], sensor["point"])
     std = _std(noise, sensor["name"], "value", sensor["std_m"])
     return VectorStream(sensor["name"], truth.time_s, point + std * random.standard_normal(point.shape))
+
+
+def _range_stream(
+    sensor: Mapping[str, Any],
+    truth: Track,
+    noise: bool | Mapping[str, Mapping[str, float]],
+    random: np.random.Generator,
+    _: _Worn,
+) -> ScalarStream:
+    ends = [_point(truth, sensor[f"frame_{end}"], sensor[f"point_{end}"]) for end in "ab"]
+    distance = np.linalg.norm(ends[0] - ends[1], axis=1)
+    std = _std(noise, sensor["name"], "value", sensor["std_m"])
+    value = distance + std * random.standard_normal(distance.shape)
+    return ScalarStream(sensor["name"], truth.time_s, value, "m")
+
+
+def _orientation_stream(
+    sensor: Mapping[str, Any],
+    truth: Track,
+    noise: bool | Mapping[str, Mapping[str, float]],
+    random: np.random.Generator,
+    worn: _Worn,
+) -> OrientationStream:
+    """What a device gives whose own filter errs: slowly, as a Gauss-Markov process, and from reading to reading."""
+    given = {} if worn.calibration is None else dict(worn.calibration.mounts)
+    link_from_sensor = given[sensor["name"]][0] if sensor["name"] in given else sensor["mount"]["rotation"]
+    reference_from_root = Rotation.from_matrix(sensor["root_from_reference"]).inv()
+    root_from_sensor = Rotation.from_matrix(
+        _pose(truth, sensor["frame"])[:, :3, :3] @ np.asarray(link_from_sensor)
+    )
+    lasts_s = sensor["correlation_time_s"]
+    scale = _std(noise, sensor["name"], "quat_wxyz", sensor["std_rad"]) / sensor["std_rad"]
+    white_std = scale * (sensor["white_std_rad"] if lasts_s > 0.0 else sensor["std_rad"])
+    slow_std = scale * sensor["std_rad"] if lasts_s > 0.0 else 0.0
+    errors = white_std * random.standard_normal((len(truth.time_s), 3))
+    errors += slow_std * _lasting(truth.time_s, lasts_s, random)
+    turned = Rotation.from_rotvec([0.0, 0.0, worn.heading_rad])
+    measured = turned * reference_from_root * root_from_sensor * Rotation.from_rotvec(errors)
+    return OrientationStream(sensor["name"], truth.time_s, measured.as_quat(scalar_first=True))
+
+
+def _lasting(time_s: Floats, lasts_s: float, random: np.random.Generator) -> Floats:
+    """(T, 3) numbers of unit variance whose correlation decays with the time constant `lasts_s`."""
+    kept = np.exp(-np.diff(time_s) / lasts_s) if lasts_s > 0.0 else np.zeros(len(time_s) - 1)
+    fresh = random.standard_normal((len(time_s), 3))
+    values = [fresh[0]]
+    for keep, new in zip(kept, fresh[1:], strict=True):
+        values.append(keep * values[-1] + np.sqrt(1.0 - keep * keep) * new)
+    return np.array(values)
+
+
+_FROM_POSES: Mapping[str, Callable[..., Stream]] = {
+    "position": _position_stream,
+    "range": _range_stream,
+    "orientation": _orientation_stream,
+}
+"""Sensors that read poses alone."""
 
 
 def _joint_stream(

@@ -6,7 +6,6 @@ use crate::kernels::sparse_jacobian::SparseJacobian;
 use crate::kinematics::slopes::{Columns, Slopes};
 use crate::rotation::Mat3;
 use crate::sensor::slopes::{Causes, Moving, Places};
-use crate::sensor::Surroundings;
 
 /// Room to work in.
 #[derive(Debug, Clone)]
@@ -48,6 +47,7 @@ impl Body {
             coordinates: layout.coordinates.iter().map(|slots| Some((*slots)?.q)).collect(),
             lengths: layout.lengths.iter().map(|l| l.1).collect(),
             mounts: layout.mounts.iter().map(|m| m.1).collect(),
+            headings: layout.headings.iter().map(|h| h.0).collect(),
             azimuth: layout.azimuth,
             bases: layout.pushes.iter().map(|p| (p.state, self.model.base_accelerations[p.number].axis)).collect(),
             biases: self.biases.iter().map(|(_, row, state)| (*row, *state)).collect(),
@@ -93,8 +93,15 @@ impl Body {
         let azimuth = self.azimuth(|i| mean[i]);
         let (magnetic_field, magnetic_slope) = (self.field.magnetic(azimuth), self.field.magnetic_slope(azimuth));
         let worn = room.worn();
-        self.suite.predict(&room.frames, &room.q, &Surroundings { magnetic_field }, worn, &moment.active, center);
-        let at = Moving { frames: &room.frames, slopes: &s.slopes, worn, magnetic_field, magnetic_slope };
+        self.suite.predict(&room.scene(magnetic_field, moment), &moment.active, center);
+        let at = Moving {
+            frames: &room.frames,
+            slopes: &s.slopes,
+            worn,
+            magnetic_field,
+            magnetic_slope,
+            references: &moment.references,
+        };
         self.suite.slopes::<FUSED>(&s.causes, at, &moment.active, straight);
         self.add_biases(moment, |i| mean[i], center);
     }

@@ -6,7 +6,7 @@ use crate::kinematics::slopes::Slopes;
 use crate::kinematics::{FrameMotion, JointMotion};
 use crate::rotation::turn::Turn;
 use crate::rotation::{Mat3, Vec3};
-use crate::sensor::Worn;
+use crate::sensor::{Scene, Worn};
 use crate::state::Slots;
 
 /// Joints, wearing and frames of one state, or of eight side by side.
@@ -18,6 +18,8 @@ pub struct Posture<T> {
     pub(super) lengths: Vec<T>,
     /// Rotation vectors by which the estimated mounts are off.
     pub mounts: Vec<Vec3<T>>,
+    /// By which the references of orientation sensors are turned about the vertical, rad.
+    pub(super) headings: Vec<T>,
     /// Of the frames that a moment needs.
     pub frames: Vec<FrameMotion<T>>,
     /// The vertical in the axes of every piece.
@@ -37,6 +39,7 @@ impl<T: Real> Posture<T> {
             qdd: joints,
             lengths: vec![zero; body.layout.lengths.len()],
             mounts: vec![Vec3::zero(); body.layout.mounts.len()],
+            headings: vec![zero; body.layout.headings.len()],
             frames: vec![frame; body.tree.len()],
             ups: vec![Vec3::zero(); body.pieces.len()],
             out: vec![zero; body.suite.len()],
@@ -61,6 +64,9 @@ impl<T: Real> Posture<T> {
         for ((_, first), mount) in body.layout.mounts.iter().zip(&mut self.mounts) {
             *mount = Vec3([at(*first), at(first + 1), at(first + 2)]);
         }
+        for ((state, _), heading) in body.layout.headings.iter().zip(&mut self.headings) {
+            *heading = at(*state);
+        }
     }
 
     /// Takes the rates that `at` gives, and else no motion, in the posture of `mean`.
@@ -82,7 +88,13 @@ impl<T: Real> Posture<T> {
     }
 
     pub(super) fn worn(&self) -> Worn<'_, T> {
-        Worn { lengths: &self.lengths, mounts: &self.mounts }
+        Worn { lengths: &self.lengths, mounts: &self.mounts, headings: &self.headings }
+    }
+
+    /// The frames as they were last found, in this magnetic field (uT, root axes).
+    pub(super) fn scene<'a>(&'a self, magnetic_field: Vec3<T>, moment: &'a Moment) -> Scene<'a, T> {
+        let references = &moment.references;
+        Scene { frames: &self.frames, q: &self.q, magnetic_field, worn: self.worn(), references }
     }
 }
 

@@ -12,7 +12,7 @@ use crate::kinematics::JointMotion;
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::near::{Around, Stand};
 use crate::sensor::slopes::{Causes, Moving};
-use crate::sensor::{Surroundings, Worn};
+use crate::sensor::{Scene, Worn};
 use std::any::Any;
 
 /// Room for one batch of sigma points, and what they share with the mean.
@@ -114,8 +114,8 @@ impl Body {
         let joints =
             JointMotion { q: &room.q, qd: &room.qd, qdd: &room.qdd, lengths: &room.lengths, anchors: &s.anchors };
         self.tree.motions(self.root(|i| at.at(i)), joints, &moment.needed, &mut room.frames);
-        let around = Surroundings { magnetic_field: self.field.magnetic(self.azimuth(|i| at.at(i))) };
-        self.suite.predict(&room.frames, &room.q, &around, room.worn(), &moment.active, out);
+        let scene = room.scene(self.field.magnetic(self.azimuth(|i| at.at(i))), moment);
+        self.suite.predict(&scene, &moment.active, out);
         self.add_biases(moment, |i| at.at(i), out);
     }
 
@@ -129,10 +129,11 @@ impl Body {
         self.seats.mark(&moment.active, &mut s.wanted);
         self.pieces.mark_ancestors(&mut s.wanted);
         self.pieces.settle(&s.slopes, &s.anchors, &s.wanted, &mut s.mean);
-        let worn = Worn { lengths: &room.lengths, mounts: &room.mounts };
+        let worn = Worn { lengths: &room.lengths, mounts: &room.mounts, headings: &room.headings };
         self.seats.settle(worn, &moment.active, &mut s.stands);
-        let around = Surroundings { magnetic_field: s.mean.field };
-        self.suite.predict(&room.frames, &room.q, &around, worn, &moment.active, &mut room.out);
+        let (magnetic_field, references) = (s.mean.field, &moment.references[..]);
+        let scene = Scene { frames: &room.frames, q: &room.q, magnetic_field, worn, references };
+        self.suite.predict(&scene, &moment.active, &mut room.out);
         for (out, x) in out.iter_mut().zip(&room.out) {
             *out = Lane::splat(*x);
         }
@@ -154,6 +155,7 @@ impl Body {
             worn: s.posture.worn(),
             magnetic_field: s.mean.field,
             magnetic_slope: Vec3::zero(),
+            references: &moment.references,
         };
         self.suite.slopes::<FUSED>(&s.causes, at, &moment.active, straight);
     }
@@ -206,6 +208,8 @@ impl Body {
             near,
             joints,
             mounts: &posture.mounts,
+            headings: &posture.headings,
+            references: &moment.references,
             perturbed,
             stands: &s.stands,
             center: &s.posture.out,

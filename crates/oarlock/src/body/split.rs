@@ -3,7 +3,7 @@
 use super::Body;
 use crate::estimate::split::Split;
 use crate::estimate::FastSystem;
-use crate::model::{Joint, JointKind, Model, SensorKind};
+use crate::model::{Joint, JointKind, Model};
 
 impl Body {
     /// A limb has its joints, the biases and mounts of the units on it, and lengths that its readings alone feel. What all limbs share
@@ -19,19 +19,20 @@ impl Body {
             }
         }
         for (s, sensor) in self.model.sensors.iter().enumerate() {
-            let SensorKind::Imu { frame, .. } = sensor.kind else { continue };
+            let Some(frame) = sensor.kind.frame() else { continue };
             let limb = joint_of(&self.model, links[frame]).and_then(|joint| limbs[joint]);
             let mounts = self.layout.mounts.iter().filter(|m| m.0 == s).map(|m| m.1..m.1 + 3);
-            let biases = [self.layout.gyro_bias[s], self.layout.accel_bias[s]];
-            let biases = biases.into_iter().flatten().map(|slot| slot.first..slot.first + 3);
-            mounts.chain(biases).flatten().for_each(|state| found[state] = limb);
+            let errors = self.layout.errors.iter().filter(|slot| slot.sensor == s);
+            let errors = errors.map(|slot| slot.first..slot.first + 3);
+            mounts.chain(errors).flatten().for_each(|state| found[state] = limb);
         }
         let rows = self.states_of_rows();
-        for &(_, length) in &self.layout.lengths {
-            let feel = rows.iter().filter(|states| states.contains(&length));
+        let lengths = self.layout.lengths.iter().map(|l| l.1);
+        for shared in lengths.chain(self.layout.headings.iter().map(|h| h.0)) {
+            let feel = rows.iter().filter(|states| states.contains(&shared));
             let mut felt = feel.map(|states| states.iter().find_map(|&s| found[s]));
             let first = felt.next().flatten();
-            found[length] = first.filter(|_| felt.all(|other| other == first));
+            found[shared] = first.filter(|_| felt.all(|other| other == first));
         }
         Split::new(&found, &rows)
     }

@@ -29,6 +29,8 @@ pub trait Real:
     fn sin_cos(self) -> (Self, Self);
     /// Of a squared angle t^2: sin t / t and (1 - cos t) / t^2.
     fn rodrigues(self) -> (Self, Self);
+    /// A function that has no form for vectors, lane by lane.
+    fn lanewise<const N: usize, const M: usize>(x: [Self; N], f: impl Fn([f64; N]) -> [f64; M]) -> [Self; M];
 }
 
 impl Real for f64 {
@@ -70,6 +72,10 @@ impl Real for f64 {
         let angle = self.sqrt();
         let (sin, cos) = (0.5 * angle).sin_cos();
         (2.0 * sin * cos / angle, 2.0 * sin * sin / self)
+    }
+    #[inline(always)]
+    fn lanewise<const N: usize, const M: usize>(x: [Self; N], f: impl Fn([f64; N]) -> [f64; M]) -> [Self; M] {
+        f(x)
     }
 }
 
@@ -195,6 +201,17 @@ macro_rules! lanes_of_reals {
                 b.0[i] = if t2 < SMALL { small.1 } else { far_b };
             }
             (a, b)
+        }
+        #[inline(always)]
+        fn lanewise<const N: usize, const M: usize>(x: [Self; N], f: impl Fn([f64; N]) -> [f64; M]) -> [Self; M] {
+            let mut out = [Self::splat(0.0); M];
+            for i in 0..$count {
+                let y = f(x.map(|x| x.0[i]));
+                for k in 0..M {
+                    out[k].0[i] = y[k];
+                }
+            }
+            out
         }
     };
 }

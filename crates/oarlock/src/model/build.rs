@@ -5,10 +5,11 @@ mod order;
 
 use super::locate::Mistakes;
 use super::slot::Named;
-use super::spec::{read_spec, ClosureSpec, FrameSpec, JointSpec, SensorSpec, Shape, Spec, What};
+use super::spec::{read_spec, FrameSpec, JointSpec, Shape, Spec};
 use super::suggest;
 use super::transform::{z_onto, Transform};
-use super::{Closure, Frame, Joint, Model, Sensor, SensorKind};
+use super::{Encoder, Frame, Joint, Model, Sensor, SensorKind};
+use std::cell::Cell;
 
 /// Reads a model's TOML text; `file` names it in messages.
 ///
@@ -63,11 +64,64 @@ impl Names<'_> {
     }
 }
 
-fn build(spec: Spec, mistakes: &Mistakes) -> Model {
+/// What a sensor or closure asks of the rest of the file, in its own name.
+pub(crate) struct Lookup<'a> {
+    /// For messages: "sensor `back`".
+    who: String,
+    pub(crate) name: Named,
+    /// With all its frames and joints.
+    pub(crate) model: &'a Model,
+    names: &'a Names<'a>,
+    /// Of every frame of the file, in the model.
+    place: &'a [usize],
+    /// The world says norm and dip of the magnetic field, or somebody has asked for them already.
+    has_field: &'a Cell<bool>,
+}
+
+impl Lookup<'_> {
+    pub(crate) fn frame(&self, key: &str, name: &Option<Named>) -> Option<usize> {
+        Some(self.place[self.names.frame(&self.who, key, name.as_ref()?)?])
+    }
+
+    pub(crate) fn joint(&self, key: &str, name: &Option<Named>) -> Option<usize> {
+        self.names.joint(&self.who, key, name.as_ref()?)
+    }
+
+    pub(crate) fn mistake(&self, at: usize, text: impl AsRef<str>) {
+        self.names.mistakes.add(at, format!("{}: {}", self.who, text.as_ref()));
+    }
+
+    /// Asks for norm and dip of the magnetic field; `reason` says why.
+    pub(crate) fn need_magnetic_field(&self, reason: &str) {
+        if !self.has_field.replace(true) {
+            let text = format!(
+                "{} {reason}, but [world] lacks magnetic_norm_ut (such as 47.0) or magnetic_dip_rad (such as \"60*pi/180\")",
+                self.who
+            );
+            self.names.mistakes.add(self.name.at, text);
+        }
+    }
+
+    /// Asks for a joint that moves one frame against the other; `what` needs it.
+    pub(crate) fn need_joint_between(&self, a: usize, b: usize, what: &str) {
+        let name = |frame: usize| &self.model.frames[frame].name;
+        if a == b {
+            self.mistake(self.name.at, format!("both sides are on frame `{}`; expected two frames", name(a)));
+        } else if self.names.mistakes.is_empty() && !check::moves(self.model, [a, b]) {
+            let text =
+                format!("no joint moves `{}` against `{}`; {what} needs one between its sides", name(a), name(b));
+            self.mistake(self.name.at, text);
+        }
+    }
+}
+
+fn build(mut spec: Spec, mistakes: &Mistakes) -> Model {
     check::names(&spec, mistakes);
+    let joint_names: Vec<String> = spec.joints.iter().map(|j| j.name.text.clone()).collect();
+    let frame_names: Vec<String> = spec.frames.iter().map(|f| f.name.text.clone()).collect();
     let names = Names {
-        joints: spec.joints.iter().map(|j| j.name.text.as_str()).collect(),
-        frames: std::iter::once("root").chain(spec.frames.iter().map(|f| f.name.text.as_str())).collect(),
+        joints: joint_names.iter().map(String::as_str).collect(),
+        frames: std::iter::once("root").chain(frame_names.iter().map(String::as_str)).collect(),
         mistakes,
     };
     let parents: Vec<Option<usize>> = spec.frames.iter().map(|f| parent(f, &names)).collect();
@@ -81,10 +135,11 @@ fn build(spec: Spec, mistakes: &Mistakes) -> Model {
         parameters: spec.parameters.iter().map(|(_, p)| p.clone()).collect(),
         joints: numbered(spec.joints.iter().map(|j| j.joint.clone()).collect()),
         frames: std::iter::once(root()).chain::<Vec<Frame>>(frames).collect(),
-        sensors: spec.sensors.iter().filter_map(|s| sensor(s, &place, &names)).collect(),
-        closures: spec.closures.iter().filter_map(|c| closure(c, &place, &names)).collect(),
+        sensors: Vec::new(),
+        closures: Vec::new(),
         base_accelerations: spec.base_accelerations.iter().map(|(_, b)| b.clone()).collect(),
     };
+    add_sensors(&mut spec, &mut model, &names, &place);
     check::whole(&spec, &model, mistakes);
     take_input_std(&spec.joints, &mut model);
     model
@@ -133,45 +188,33 @@ fn frame(specs: &[FrameSpec], parents: &[Option<usize>], i: usize, place: &[usiz
     }
 }
 
-/// Frames take their places in the model from here on.
-fn sensor(spec: &SensorSpec, place: &[usize], names: &Names) -> Option<Sensor> {
-    let who = format!("sensor `{}`", spec.name.text);
-    let frame = |name: &Option<Named>| Some(place[names.frame(&who, "frame", name.as_ref()?)?]);
-    let kind = match &spec.what {
-        What::Nothing => return None,
-        What::Imu { frame: on, mount, noise } => {
-            SensorKind::Imu { frame: frame(on)?, mount: mount.clone(), noise: *noise }
-        }
-        What::Encoder { joint, std } => {
-            SensorKind::Encoder { joint: names.joint(&who, "joint", joint.as_ref()?)?, std: *std }
-        }
-        What::Position { frame: on, point, std } => {
-            SensorKind::Position { frame: frame(on)?, point: point.clone(), std: *std }
-        }
+/// Sensors and closures, now that all frames have their places.
+fn add_sensors(spec: &mut Spec, model: &mut Model, names: &Names, place: &[usize]) {
+    let has_field = Cell::new(spec.has_field);
+    let (mut sensors, mut closures) = (Vec::new(), Vec::new());
+    let lookup = |kind: &str, name: &Named| Lookup {
+        who: format!("{kind} `{}`", name.text),
+        name: name.clone(),
+        model,
+        names,
+        place,
+        has_field: &has_field,
     };
-    Some(Sensor { name: spec.name.text.clone(), kind })
-}
-
-fn closure(spec: &ClosureSpec, place: &[usize], names: &Names) -> Option<Closure> {
-    let who = format!("closure `{}`", spec.name.text);
-    let side = |key, (name, point): &(Option<Named>, [super::Expr; 3])| {
-        Some((place[names.frame(&who, key, name.as_ref()?)?], point.clone()))
-    };
-    let sides = (side("frame_a", &spec.sides[0]), side("frame_b", &spec.sides[1]));
-    Some(Closure {
-        name: spec.name.text.clone(),
-        sides: [sides.0?, sides.1?],
-        axes: spec.axes,
-        std_m: spec.std_m,
-        std_axis: spec.std_axis,
-    })
+    for (name, pending) in spec.sensors.iter_mut() {
+        let found = pending.take().and_then(|pending| pending(&lookup("sensor", name)));
+        sensors.extend(found.map(|kind| Sensor { name: name.text.clone(), kind }));
+    }
+    for (name, pending) in spec.closures.iter_mut() {
+        closures.extend(pending.take().and_then(|pending| pending(&lookup("closure", name))));
+    }
+    (model.sensors, model.closures) = (sensors, closures);
 }
 
 /// An input joint that gives no std of its own is as noisy as its encoder.
 fn take_input_std(specs: &[JointSpec], model: &mut Model) {
     let Model { joints, sensors, .. } = model;
     for sensor in sensors.iter() {
-        if let SensorKind::Encoder { joint, std } = sensor.kind {
+        if let SensorKind::Encoder(Encoder { joint, std }) = sensor.kind {
             let own: Option<(f64, usize)> = specs[joint].std;
             let joint: &mut Joint = &mut joints[joint];
             if joint.input && own.is_none() {

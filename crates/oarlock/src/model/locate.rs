@@ -3,33 +3,33 @@
 use std::cell::RefCell;
 
 /// Collects every mistake of one file.
-pub(super) struct Mistakes<'a> {
+pub(crate) struct Mistakes<'a> {
     file: &'a str,
     text: &'a str,
     found: RefCell<Vec<(usize, String)>>,
 }
 
 impl<'a> Mistakes<'a> {
-    pub(super) fn of(file: &'a str, text: &'a str) -> Self {
+    pub(crate) fn of(file: &'a str, text: &'a str) -> Self {
         Mistakes { file, text, found: RefCell::new(Vec::new()) }
     }
 
     /// Adds one at a byte offset of the text.
-    pub(super) fn add(&self, at: usize, text: impl Into<String>) {
+    pub(crate) fn add(&self, at: usize, text: impl Into<String>) {
         self.found.borrow_mut().push((at, text.into()));
     }
 
-    pub(super) fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.found.borrow().is_empty()
     }
 
     /// The line, from one, of a byte offset.
-    pub(super) fn line(&self, at: usize) -> usize {
+    pub(crate) fn line(&self, at: usize) -> usize {
         1 + self.text.bytes().take(at).filter(|b| *b == b'\n').count()
     }
 
     /// All of them as `file:line: text`, in the order of the file.
-    pub(super) fn finish(self) -> Vec<String> {
+    pub(crate) fn finish(self) -> Vec<String> {
         let mut found = self.found.take();
         found.sort_by_key(|(at, _)| *at);
         let mut lines: Vec<String> =

@@ -1,31 +1,32 @@
 //! One table of the file: its keys, known and unknown.
 
+use super::expr::Expr;
 use super::slot::{Named, Reader, Slot};
 use super::suggest;
 use toml::de::{DeTable, DeValue};
 use toml::Spanned;
 
 /// A table and the name that a message gives it.
-pub(super) struct Section<'a> {
-    pub(super) reader: &'a Reader<'a>,
+pub(crate) struct Section<'a> {
+    pub(crate) reader: &'a Reader<'a>,
     /// For messages: "joint `seat`"; empty for the file as a whole.
-    pub(super) path: String,
-    pub(super) at: usize,
+    pub(crate) path: String,
+    pub(crate) at: usize,
     table: &'a DeTable<'a>,
     known: Known,
 }
 
 /// The keys that a table may have.
-pub(super) type Known = &'static [&'static str];
+pub(crate) type Known = &'static [&'static str];
 
 impl<'a> Section<'a> {
     /// The file as a whole.
-    pub(super) fn whole(reader: &'a Reader<'a>, table: &'a DeTable<'a>, known: Known) -> Self {
+    pub(crate) fn whole(reader: &'a Reader<'a>, table: &'a DeTable<'a>, known: Known) -> Self {
         Section { reader, path: String::new(), at: 0, table, known }
     }
 
     /// A value that must be a table, whatever its keys.
-    pub(super) fn of_any(slot: Slot<'a>) -> Option<Self> {
+    pub(crate) fn of_any(slot: Slot<'a>) -> Option<Self> {
         let Some(table) = slot.value.get_ref().as_table() else {
             slot.mistake(format!("expected one [{}] table (single brackets)", slot.path));
             return None;
@@ -35,7 +36,7 @@ impl<'a> Section<'a> {
     }
 
     /// A value that must be a table with none but these keys.
-    pub(super) fn of(slot: Slot<'a>, known: Known) -> Option<Self> {
+    pub(crate) fn of(slot: Slot<'a>, known: Known) -> Option<Self> {
         let Some(table) = slot.value.get_ref().as_table() else {
             slot.expected(&format!("a table with {}", quoted(known)));
             return None;
@@ -47,7 +48,7 @@ impl<'a> Section<'a> {
     }
 
     /// Says which keys are not known here.
-    pub(super) fn refuse_unknown(&self) {
+    pub(crate) fn refuse_unknown(&self) {
         for (name, at) in self.unknown() {
             self.mistake(at, format!("unknown key `{name}`; {}", suggest::hint(name, self.known)));
         }
@@ -58,18 +59,18 @@ impl<'a> Section<'a> {
         keys.filter(|(name, _)| !self.known.contains(name))
     }
 
-    pub(super) fn mistake(&self, at: usize, text: impl AsRef<str>) {
+    pub(crate) fn mistake(&self, at: usize, text: impl AsRef<str>) {
         let path = if self.path.is_empty() { String::new() } else { format!("{}: ", self.path) };
         self.reader.mistakes.add(at, format!("{path}{}", text.as_ref()));
     }
 
-    pub(super) fn get(&self, key: &str) -> Option<Slot<'a>> {
+    pub(crate) fn get(&self, key: &str) -> Option<Slot<'a>> {
         let value = self.table.get(key)?;
         Some(Slot { reader: self.reader, path: self.path_of(key), value })
     }
 
     /// A key that has to be there.
-    pub(super) fn need(&self, key: &str, example: &str) -> Option<Slot<'a>> {
+    pub(crate) fn need(&self, key: &str, example: &str) -> Option<Slot<'a>> {
         let slot = self.get(key);
         let misspelt = || self.unknown().any(|(name, _)| suggest::nearest(name, self.known) == Some(key));
         if slot.is_none() && !misspelt() {
@@ -86,36 +87,46 @@ impl<'a> Section<'a> {
         }
     }
 
-    pub(super) fn text_or_empty(&self, key: &str) -> String {
+    pub(crate) fn text_or_empty(&self, key: &str) -> String {
         self.get(key).and_then(|slot| slot.text()).unwrap_or("").to_string()
     }
 
-    pub(super) fn flag(&self, key: &str) -> bool {
+    pub(crate) fn flag(&self, key: &str) -> bool {
         self.get(key).and_then(|slot| slot.flag()).unwrap_or(false)
     }
 
     /// A name of something that is defined elsewhere in the file.
-    pub(super) fn reference(&self, key: &str) -> Option<Named> {
+    pub(crate) fn reference(&self, key: &str) -> Option<Named> {
         let slot = self.get(key)?;
         slot.text().map(|text| Named { text: text.to_string(), at: slot.at() })
     }
 
-    pub(super) fn need_reference(&self, key: &str, example: &str) -> Option<Named> {
+    pub(crate) fn need_reference(&self, key: &str, example: &str) -> Option<Named> {
         self.need(key, example)?;
         self.reference(key)
     }
 
+    /// A number above zero that has to be there; 1 after a mistake.
+    pub(crate) fn need_positive(&self, key: &str, example: &str, unit: &str) -> f64 {
+        self.need(key, example).and_then(|slot| slot.positive(unit)).unwrap_or(1.0)
+    }
+
+    /// Three lengths; the origin unless the file says otherwise.
+    pub(crate) fn point(&self, key: &str) -> [Expr; 3] {
+        self.get(key).and_then(|slot| slot.point()).unwrap_or([0.0; 3].map(Expr::constant))
+    }
+
     /// The place of a key's value, or of the table.
-    pub(super) fn at_key(&self, key: &str) -> usize {
+    pub(crate) fn at_key(&self, key: &str) -> usize {
         self.table.get(key).map_or(self.at, |value| value.span().start)
     }
 
-    pub(super) fn has(&self, key: &str) -> bool {
+    pub(crate) fn has(&self, key: &str) -> bool {
         self.table.contains_key(key)
     }
 
     /// Keys and values in the order of the file.
-    pub(super) fn entries(&self) -> Vec<(Named, Slot<'a>)> {
+    pub(crate) fn entries(&self) -> Vec<(Named, Slot<'a>)> {
         let mut entries: Vec<_> = self.table.iter().collect();
         entries.sort_by_key(|(key, _)| key.span().start);
         let entry = |(key, value): (&'a Spanned<_>, &'a Spanned<DeValue<'a>>)| {
@@ -127,7 +138,7 @@ impl<'a> Section<'a> {
     }
 
     /// The tables of `[[key]]`, each called by its own name.
-    pub(super) fn tables(&self, key: &str, known: Known) -> Vec<Section<'a>> {
+    pub(crate) fn tables(&self, key: &str, known: Known) -> Vec<Section<'a>> {
         let Some(slot) = self.get(key) else {
             return Vec::new();
         };

@@ -9,27 +9,27 @@ use toml::de::DeValue;
 use toml::Spanned;
 
 /// What every key needs while a file is read.
-pub(super) struct Reader<'a> {
-    pub(super) mistakes: &'a Mistakes<'a>,
+pub(crate) struct Reader<'a> {
+    pub(crate) mistakes: &'a Mistakes<'a>,
     /// Names of the parameters, in the order of the file.
-    pub(super) parameters: Vec<String>,
+    pub(crate) parameters: Vec<String>,
     /// Their defaults; NaN where the file gives none that can be used.
-    pub(super) defaults: Vec<f64>,
+    pub(crate) defaults: Vec<f64>,
 }
 
 /// A value with the place and the name that a message gives it.
-pub(super) struct Slot<'a> {
-    pub(super) reader: &'a Reader<'a>,
+pub(crate) struct Slot<'a> {
+    pub(crate) reader: &'a Reader<'a>,
     /// For messages: "joint `seat`: limits".
-    pub(super) path: String,
-    pub(super) value: &'a Spanned<DeValue<'a>>,
+    pub(crate) path: String,
+    pub(crate) value: &'a Spanned<DeValue<'a>>,
 }
 
 /// A name and its place.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Named {
-    pub(super) text: String,
-    pub(super) at: usize,
+pub(crate) struct Named {
+    pub(crate) text: String,
+    pub(crate) at: usize,
 }
 
 /// Longer than any body, rig or room: metres were meant as millimetres.
@@ -38,19 +38,19 @@ const LENGTH_BOUND_M: f64 = 100.0;
 const UNIT_TOLERANCE: f64 = 1e-6;
 
 impl<'a> Slot<'a> {
-    pub(super) fn at(&self) -> usize {
+    pub(crate) fn at(&self) -> usize {
         self.value.span().start
     }
 
-    pub(super) fn mistake(&self, text: impl AsRef<str>) {
+    pub(crate) fn mistake(&self, text: impl AsRef<str>) {
         self.reader.mistakes.add(self.at(), format!("{}: {}", self.path, text.as_ref()));
     }
 
-    pub(super) fn expected(&self, wanted: &str) {
+    pub(crate) fn expected(&self, wanted: &str) {
         self.mistake(format!("expected {wanted}, found {}", describe(self.value.get_ref())));
     }
 
-    pub(super) fn text(&self) -> Option<&'a str> {
+    pub(crate) fn text(&self) -> Option<&'a str> {
         let text = self.value.get_ref().as_str();
         if text.is_none() {
             self.expected("a text in quotes");
@@ -58,7 +58,7 @@ impl<'a> Slot<'a> {
         text
     }
 
-    pub(super) fn flag(&self) -> Option<bool> {
+    pub(crate) fn flag(&self) -> Option<bool> {
         let flag = self.value.get_ref().as_bool();
         if flag.is_none() {
             self.expected("true or false (without quotes)");
@@ -67,7 +67,7 @@ impl<'a> Slot<'a> {
     }
 
     /// A name that others may refer to.
-    pub(super) fn name(&self) -> Option<Named> {
+    pub(crate) fn name(&self) -> Option<Named> {
         let text = self.text()?;
         let mut letters = text.chars();
         let starts = letters.next().is_some_and(|c| c.is_alphabetic() || c == '_');
@@ -81,7 +81,7 @@ impl<'a> Slot<'a> {
     }
 
     /// One of a few words.
-    pub(super) fn choice<T: Copy>(&self, wanted: &[(&str, T)]) -> Option<T> {
+    pub(crate) fn choice<T: Copy>(&self, wanted: &[(&str, T)]) -> Option<T> {
         let text = self.text()?;
         let found = wanted.iter().find(|(word, _)| *word == text);
         if found.is_none() {
@@ -92,7 +92,7 @@ impl<'a> Slot<'a> {
     }
 
     /// A number or an expression of the parameters, finite at their defaults.
-    pub(super) fn expr(&self) -> Option<Expr> {
+    pub(crate) fn expr(&self) -> Option<Expr> {
         let expr = match self.value.get_ref() {
             DeValue::Integer(i) => Expr::constant(integer(i.as_str(), i.radix())?),
             DeValue::Float(f) => Expr::constant(f.as_str().parse().unwrap_or(f64::NAN)),
@@ -122,12 +122,12 @@ impl<'a> Slot<'a> {
     }
 
     /// A length, m.
-    pub(super) fn length(&self) -> Option<Expr> {
+    pub(crate) fn length(&self) -> Option<Expr> {
         self.bounded(LENGTH_BOUND_M, "m", "lengths are in m: 315 mm is 0.315")
     }
 
     /// An angle, rad.
-    pub(super) fn angle(&self) -> Option<Expr> {
+    pub(crate) fn angle(&self) -> Option<Expr> {
         self.bounded(TAU + UNIT_TOLERANCE, "rad", "more than a full turn: write degrees as \"90*pi/180\"")
     }
 
@@ -142,7 +142,7 @@ impl<'a> Slot<'a> {
     }
 
     /// A number that no parameter changes.
-    pub(super) fn number(&self) -> Option<f64> {
+    pub(crate) fn number(&self) -> Option<f64> {
         let expr = self.expr()?;
         let parameter = expr.parameters().next();
         if let Some(index) = parameter {
@@ -154,7 +154,7 @@ impl<'a> Slot<'a> {
     }
 
     /// A number above zero, such as a standard deviation.
-    pub(super) fn positive(&self, unit: &str) -> Option<f64> {
+    pub(crate) fn positive(&self, unit: &str) -> Option<f64> {
         let value = self.number()?;
         if value <= 0.0 {
             self.mistake(format!("{value} {unit}; expected more than 0 {unit}"));
@@ -163,7 +163,7 @@ impl<'a> Slot<'a> {
     }
 
     /// A number that is zero or more.
-    pub(super) fn not_negative(&self, unit: &str) -> Option<f64> {
+    pub(crate) fn not_negative(&self, unit: &str) -> Option<f64> {
         let value = self.number()?;
         if value < 0.0 {
             self.mistake(format!("{value} {unit}; expected 0 or more"));
@@ -172,7 +172,7 @@ impl<'a> Slot<'a> {
     }
 
     /// The `n` members of a list.
-    pub(super) fn list(&self, n: usize, wanted: &str) -> Option<Vec<Slot<'a>>> {
+    pub(crate) fn list(&self, n: usize, wanted: &str) -> Option<Vec<Slot<'a>>> {
         let list = self.value.get_ref().as_array().filter(|list| list.len() == n);
         let Some(list) = list else {
             self.expected(wanted);
@@ -183,18 +183,18 @@ impl<'a> Slot<'a> {
     }
 
     /// Three of the same; `None` after a mistake in any.
-    pub(super) fn three<T>(&self, wanted: &str, read: fn(&Slot<'a>) -> Option<T>) -> Option<[T; 3]> {
+    pub(crate) fn three<T>(&self, wanted: &str, read: fn(&Slot<'a>) -> Option<T>) -> Option<[T; 3]> {
         let found: Vec<Option<T>> = self.list(3, wanted)?.iter().map(read).collect();
         let found: Option<Vec<T>> = found.into_iter().collect();
         found?.try_into().ok()
     }
 
-    pub(super) fn point(&self) -> Option<[Expr; 3]> {
+    pub(crate) fn point(&self) -> Option<[Expr; 3]> {
         self.three("three lengths [x, y, z] in m", Slot::length)
     }
 
     /// Three rows of three.
-    pub(super) fn matrix(&self) -> Option<[[Expr; 3]; 3]> {
+    pub(crate) fn matrix(&self) -> Option<[[Expr; 3]; 3]> {
         let wanted = "three rows of three numbers [[.., .., ..], [.., .., ..], [.., .., ..]]";
         let rows: Vec<_> = self.list(3, wanted)?.iter().map(|row| row.three("three numbers", Slot::expr)).collect();
         let rows: Option<Vec<[Expr; 3]>> = rows.into_iter().collect();
@@ -202,7 +202,7 @@ impl<'a> Slot<'a> {
     }
 
     /// Says so if the matrix does not turn rigidly.
-    pub(super) fn check_rotation(&self, m: &Mat3<f64>) {
+    pub(crate) fn check_rotation(&self, m: &Mat3<f64>) {
         let (defect, det) = m.rotation_defect();
         let numbers = format!("largest entry of |R R' - 1| is {defect:.3e}, determinant {det:.6}");
         if defect > UNIT_TOLERANCE {
@@ -215,7 +215,7 @@ impl<'a> Slot<'a> {
     }
 
     /// A unit vector: three numbers, or `x`, `-z` and the like.
-    pub(super) fn axis(&self) -> Option<[f64; 3]> {
+    pub(crate) fn axis(&self) -> Option<[f64; 3]> {
         if let Some(text) = self.value.get_ref().as_str() {
             return self.axis_by_letter(text);
         }
@@ -270,7 +270,7 @@ fn last_key(path: &str) -> &str {
 }
 
 /// A value in the words of the person who wrote it.
-pub(super) fn describe(value: &DeValue) -> String {
+pub(crate) fn describe(value: &DeValue) -> String {
     match value {
         DeValue::String(s) => format!("\"{}\"", s.chars().take(60).collect::<String>()),
         DeValue::Integer(i) => i.as_str().to_string(),

@@ -3,19 +3,19 @@
 //! Reading goes on after a mistake with a stand-in value, so that one pass finds them all; the caller
 //! drops the result if there was any.
 
-mod frame;
+pub(crate) mod frame;
 mod joint;
-mod sensor;
 mod world;
 
 pub(super) use frame::{FrameSpec, Shape};
 pub(super) use joint::JointSpec;
-pub(super) use sensor::{ClosureSpec, SensorSpec, What};
 
 use super::locate::Mistakes;
 use super::section::Section;
 use super::slot::{Named, Reader, Slot};
-use super::{BaseAcceleration, Parameter, World};
+use super::{BaseAcceleration, Closure, Parameter, World};
+use crate::sensor::kind::{Kind, Pending};
+use crate::sensor::SensorKind;
 use toml::de::DeTable;
 
 /// Everything that the file says.
@@ -28,8 +28,9 @@ pub(super) struct Spec {
     pub(super) parameters: Vec<(Named, Parameter)>,
     pub(super) joints: Vec<JointSpec>,
     pub(super) frames: Vec<FrameSpec>,
-    pub(super) sensors: Vec<SensorSpec>,
-    pub(super) closures: Vec<ClosureSpec>,
+    /// With what waits for the frames' places; `None`: of a kind that is not known.
+    pub(super) sensors: Vec<(Named, Option<Pending<SensorKind>>)>,
+    pub(super) closures: Vec<(Named, Option<Pending<Closure>>)>,
     pub(super) base_accelerations: Vec<(Named, BaseAcceleration)>,
 }
 
@@ -83,14 +84,22 @@ fn read_whole(whole: &Section, parameters: Vec<(Named, Parameter)>) -> Spec {
         parameters,
         joints: whole.tables("joint", &joint::KEYS).iter().map(|s| joint::read(s, &defaults)).collect(),
         frames: whole.tables("frame", &frame::KEYS).iter().map(frame::read).collect(),
-        sensors: whole.tables("sensor", &sensor::KEYS).iter().map(sensor::read).collect(),
-        closures: whole.tables("closure", &sensor::CLOSURE_KEYS).iter().map(sensor::read_closure).collect(),
+        sensors: whole.tables("sensor", SensorKind::keys()).iter().map(read_sensor).collect(),
+        closures: whole.tables("closure", Closure::KEYS).iter().map(read_closure).collect(),
         base_accelerations: whole
             .tables("base_acceleration", &world::BASE_ACCELERATION_KEYS)
             .iter()
             .map(world::read_base_acceleration)
             .collect(),
     }
+}
+
+fn read_sensor(section: &Section) -> (Named, Option<Pending<SensorKind>>) {
+    (named(section, "\"back\""), SensorKind::read(section))
+}
+
+fn read_closure(section: &Section) -> (Named, Option<Pending<Closure>>) {
+    (named(section, "\"r_grip\""), Some(Closure::read(section)))
 }
 
 fn check_format(whole: &Section) {

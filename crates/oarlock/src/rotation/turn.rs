@@ -25,6 +25,21 @@ impl Turn {
         Turn([half.cos(), s * r[0], s * r[1], s * r[2]])
     }
 
+    /// Of a rotation matrix: by the largest of four forms, so that no square root is taken of a small difference (Shepperd 1978).
+    pub fn of(m: &Mat3<f64>) -> Self {
+        let [[a, b, c], [d, e, f], [g, h, i]] = m.0;
+        let all = [1.0 + a + e + i, 1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i];
+        let largest = (1..4).fold(0, |best, k| if all[k] > all[best] { k } else { best });
+        let four = match largest {
+            0 => [all[0], h - f, c - g, d - b],
+            1 => [h - f, all[1], d + b, c + g],
+            2 => [c - g, d + b, all[2], h + f],
+            _ => [d - b, c + g, h + f, all[3]],
+        };
+        let scale = 0.5 / all[largest].sqrt();
+        Turn(four.map(|x| scale * x))
+    }
+
     /// Rotation vector, at most half a turn long.
     pub fn log(&self) -> [f64; 3] {
         let [w, x, y, z] = if self.0[0] < 0.0 { self.0.map(|c| -c) } else { self.0 };
@@ -156,6 +171,16 @@ mod tests {
 
     fn far(a: &Mat3<f64>, b: &Mat3<f64>) -> f64 {
         a.0.iter().flatten().zip(b.0.iter().flatten()).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max)
+    }
+
+    /// Each of the four forms is the best one somewhere.
+    #[test]
+    fn a_matrix_is_read_back_as_its_rotation() {
+        for r in AXES.iter().flat_map(|axis| ANGLES.map(|angle| axis.map(|x| angle * x))) {
+            let (given, found) = (Turn::exp(r).0, Turn::of(&Turn::exp(r).matrix()).0);
+            let sign = if given.iter().zip(&found).map(|(a, b)| a * b).sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
+            assert!(given.iter().zip(&found).all(|(a, b)| (a - sign * b).abs() < 1e-14), "{r:?}: {found:?}");
+        }
     }
 
     #[test]

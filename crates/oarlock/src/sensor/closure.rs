@@ -1,38 +1,107 @@
-//! Closed loop as a virtual sensor that always reads zero: two points agree, and two axes (eqs. 15 to 18).
+//! Closed loop as a virtual sensor that always reads zero: two points agree, and two axes (eqs. 15 to 18). It stands under
+//! `[[closure]]`, not under `[[sensor]]`.
 
-use super::{Quantity, RowGroups, Wearing, Worn};
-use crate::kernels::lane::Real;
-use crate::kinematics::FrameMotion;
-use crate::model::{Closure, Point};
+use super::kind::{Described, Kind, Pending, Reads, Sits};
+use super::near::{both, put, Around, Homes, Stand};
+use super::slopes::{write_axes, write_sides, Answers, Found, Group, Moving};
+use super::{Fit, Quantity, RowGroups, Scene};
+use crate::kernels::lane::{Lane, Real};
+use crate::kernels::sparse_jacobian::SparseJacobian;
+use crate::kinematics::near::{Reach, Wanted};
+use crate::kinematics::slopes::Kind as SlopeKind;
+use crate::model::section::{Known, Section};
+use crate::model::{Expr, Point};
+use crate::rotation::Vec3;
+use serde_json::{json, Value};
+
+/// A closed loop: two points agree, and optionally two axes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Closure {
+    /// Unique among sensors and closures.
+    pub name: String,
+    /// Frame and point (m) of either side.
+    pub sides: [(usize, [Expr; 3]); 2],
+    /// Unit axes in either frame that must agree.
+    pub axes: Option<[[f64; 3]; 2]>,
+    /// m.
+    pub std_m: f64,
+    /// Of each direction cosine.
+    pub std_axis: f64,
+}
+
+impl Kind for Closure {
+    const NAME: &'static str = "closure";
+    const KEYS: Known = &["name", "frame_a", "point_a", "frame_b", "point_b", "axis_a", "axis_b", "std_m", "std_axis"];
+    type Reader = ClosureReader;
+
+    fn read(section: &Section) -> Pending<Self> {
+        let side = |frame, point| (section.need_reference(frame, "\"r_hand\""), section.point(point));
+        let axes = read_axes(section);
+        let (a, b) = (side("frame_a", "point_a"), side("frame_b", "point_b"));
+        let std_m = section.need_positive("std_m", "0.002", "m");
+        let has_axes = section.has("axis_a") || section.has("axis_b");
+        let std_axis = if has_axes { section.need_positive("std_axis", "0.005", "") } else { 1.0 };
+        Box::new(move |at| {
+            // Both names are looked up, so that both mistakes are reported.
+            let frames = (at.frame("frame_a", &a.0), at.frame("frame_b", &b.0));
+            let sides = [(frames.0?, a.1), (frames.1?, b.1)];
+            at.need_joint_between(sides[0].0, sides[1].0, "a loop");
+            Some(Closure { name: at.name.text.clone(), sides, axes, std_m, std_axis })
+        })
+    }
+
+    fn describe(&self, at: &Described) -> Value {
+        let [(a, point_a), (b, point_b)] = &self.sides;
+        json!({"name": self.name, "frame_a": at.frame(*a), "frame_b": at.frame(*b),
+            "point_a": at.point(point_a), "point_b": at.point(point_b),
+            "axis_a": self.axes.map(|a| a[0]), "axis_b": self.axes.map(|a| a[1]),
+            "std_m": self.std_m, "std_axis": self.std_axis})
+    }
+
+    fn reader(&self, fit: &Fit) -> Option<ClosureReader> {
+        let side = |s: &(usize, [Expr; 3])| (s.0, fit.point(&s.1));
+        let sides = [side(&self.sides[0]), side(&self.sides[1])];
+        Some(ClosureReader { sides, axes: self.axes, std_m: self.std_m, std_axis: self.std_axis })
+    }
+}
+
+fn read_axes(section: &Section) -> Option<[[f64; 3]; 2]> {
+    let axes = match (section.get("axis_a"), section.get("axis_b")) {
+        (Some(a), Some(b)) => a.axis().zip(b.axis()).map(|(a, b)| [a, b]),
+        (None, None) => None,
+        (Some(_), None) => {
+            section.mistake(section.at_key("axis_a"), "`axis_a` without `axis_b`; give both or neither");
+            None
+        }
+        (None, Some(_)) => {
+            section.mistake(section.at_key("axis_b"), "`axis_b` without `axis_a`; give both or neither");
+            None
+        }
+    };
+    if section.has("std_axis") && !(section.has("axis_a") || section.has("axis_b")) {
+        section.mistake(section.at_key("std_axis"), "`std_axis` without `axis_a` and `axis_b`; add them or remove it");
+    }
+    axes
+}
 
 /// A loop at one set of parameters.
 #[derive(Debug, Clone)]
-pub struct Loop {
-    pub(super) sides: [(usize, Point); 2],
-    pub(super) axes: Option<[[f64; 3]; 2]>,
+pub struct ClosureReader {
+    sides: [(usize, Point); 2],
+    axes: Option<[[f64; 3]; 2]>,
     std_m: f64,
     std_axis: f64,
 }
 
-impl Loop {
-    /// From the model's description.
-    pub fn new(closure: &Closure, worn: &Wearing) -> Self {
-        let side = |s: &(usize, [crate::model::Expr; 3])| (s.0, Point::of(&s.1, worn.parameters, worn.estimated));
-        Loop {
-            sides: [side(&closure.sides[0]), side(&closure.sides[1])],
-            axes: closure.axes,
-            std_m: closure.std_m,
-            std_axis: closure.std_axis,
-        }
-    }
+/// Rows of the points, and of the axes.
+const GAP: usize = 0;
+const AXES: usize = 1;
 
-    /// The frames on either side.
-    pub fn frames(&self) -> [usize; 2] {
-        [self.sides[0].0, self.sides[1].0]
-    }
+impl Reads for ClosureReader {
+    type Seat = ClosureSeat;
 
     /// Gap x, y, z, then the difference of the axes if they must agree.
-    pub fn rows(&self) -> RowGroups {
+    fn rows(&self) -> RowGroups {
         let gap: &'static [&'static str] = &["x", "y", "z"];
         let both: &'static [&'static str] = &["x", "y", "z", "axis_x", "axis_y", "axis_z"];
         let mut std = vec![self.std_m; 3];
@@ -43,21 +112,86 @@ impl Loop {
         vec![(Quantity::Closure, both, std)]
     }
 
-    /// First side minus second side, in root axes.
-    #[inline(always)]
-    pub fn predict<T: Real>(&self, frames: &[FrameMotion<T>], worn: Worn<T>, out: &mut [T]) {
-        self.predict_between(self.frames().map(|f| frames[f]), worn, out);
+    fn mark_frames(&self, needed: &mut [bool]) {
+        self.sides.iter().for_each(|s| needed[s.0] = true);
     }
 
-    /// The same for the frames on either side.
+    /// First side minus second side, in root axes.
     #[inline(always)]
-    pub fn predict_between<T: Real>(&self, [a, b]: [FrameMotion<T>; 2], worn: Worn<T>, out: &mut [T]) {
-        let end = |f: &FrameMotion<T>, p: &Point| f.position + p.turned(&f.rotation, worn.lengths);
-        let gap = end(&a, &self.sides[0].1) - end(&b, &self.sides[1].1);
+    fn predict<T: Real>(&self, scene: &Scene<T>, out: &mut [T]) {
+        let [(a, at_a), (b, at_b)] = &self.sides;
+        let gap = scene.place(*a, at_a) - scene.place(*b, at_b);
         [out[0], out[1], out[2]] = gap.0;
         if let Some([za, zb]) = self.axes {
-            let turn = a.rotation.apply_f64(za) - b.rotation.apply_f64(zb);
+            let turn = scene.frames[*a].rotation.apply_f64(za) - scene.frames[*b].rotation.apply_f64(zb);
             [out[3], out[4], out[5]] = turn.0;
+        }
+    }
+
+    fn causes(&self, row: usize, answers: &Answers) -> Vec<Found> {
+        let (mut gap, mut axes) = (Vec::new(), Vec::new());
+        for (side, (frame, point)) in self.sides.iter().enumerate() {
+            gap.extend(answers.chain(*frame, side, &[SlopeKind::Turn, SlopeKind::Shift]));
+            gap.extend(answers.stretches(point, side));
+            axes.extend(answers.chain(*frame, side, &[SlopeKind::Turn]));
+        }
+        let turned = self.axes.map(|_| Found { row: row + 3, count: 3, part: AXES, columns: axes });
+        std::iter::once(Found { row, count: 3, part: GAP, columns: gap }).chain(turned).collect()
+    }
+
+    #[inline(always)]
+    fn slopes<const FUSED: bool>(&self, groups: &[Group], at: Moving, out: &mut SparseJacobian) {
+        let [(a, at_a), (b, at_b)] = &self.sides;
+        for group in groups {
+            match (group.part, self.axes) {
+                (AXES, Some([za, zb])) => write_axes(group, at, [(*a, za), (*b, zb)], out),
+                _ => write_sides(group, at, &[(*a, at_a), (*b, at_b)], out),
+            }
+        }
+    }
+
+    fn seat(&self, row: usize, homes: &Homes) -> (ClosureSeat, Reach) {
+        let sides = [0, 1].map(|i| homes.place(self.sides[i].0, &self.sides[i].1));
+        let [a, b] = [0, 1].map(|i| homes.reach(self.sides[i].0, homes.own(&sides[i].1)));
+        let axes = self.axes.map(|axes| [0, 1].map(|i| homes.rotation(self.sides[i].0).apply_f64(axes[i]).0));
+        (ClosureSeat { row, sides, axes }, both(a, b))
+    }
+}
+
+/// A loop on its pieces.
+#[derive(Debug, Clone)]
+pub struct ClosureSeat {
+    row: usize,
+    sides: [(usize, Point); 2],
+    axes: Option<[[f64; 3]; 2]>,
+}
+
+impl Sits for ClosureSeat {
+    fn mark(&self, wanted: &mut [Wanted]) {
+        self.sides.iter().for_each(|s| wanted[s.0].place = true);
+    }
+
+    #[inline(always)]
+    fn predict<const FUSED: bool>(
+        &self,
+        around: &Around<Lane<FUSED>>,
+        _: &Stand,
+        posed: bool,
+        trail: &mut [Vec3<Lane<FUSED>>],
+        out: &mut [Lane],
+    ) {
+        if !posed {
+            around.keep(out, Some(self.row), if self.axes.is_some() { 6 } else { 3 });
+            return;
+        }
+        let [(a, at), (b, bt)] = &self.sides;
+        put(out, self.row, around.place(*a, at, trail) - around.place(*b, bt, trail));
+        if let Some([za, zb]) = self.axes {
+            put(
+                out,
+                self.row + 3,
+                around.direction(*a, Vec3::splat(za), trail) - around.direction(*b, Vec3::splat(zb), trail),
+            );
         }
     }
 }

@@ -1,44 +1,13 @@
-//! Readings near a mean: sensors as they sit on their pieces, which need no rotations of the links.
+//! Readings at points near a mean: the sensors as they sit on the rigid pieces of the tree.
 
-use super::{Reader, Suite, Worn};
+use super::kind::{Reads, Sits};
+use super::{Seat, Suite, Worn};
 use crate::kernels::lane::{Lane, Real, LANES};
 use crate::kinematics::near::{Mean, Near, PerturbedMotion, Reach, Wanted};
 use crate::kinematics::pieces::Pieces;
 use crate::kinematics::JointMotion;
 use crate::model::Point;
 use crate::rotation::{Mat3, Vec3};
-
-/// First row of each of an inertial unit's parts.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Parts {
-    pub gyro: Option<usize>,
-    pub accel: Option<usize>,
-    pub mag: Option<usize>,
-    pub rest: Option<usize>,
-}
-
-/// An inertial unit on its piece.
-#[derive(Debug, Clone)]
-struct Unit {
-    piece: usize,
-    /// Piece from sensor.
-    rotation: Mat3<f64>,
-    arm: Point,
-    /// Number among the units whose mount is estimated.
-    mount: Option<usize>,
-    /// On which states its own mount and arm depend.
-    own_reach: usize,
-    parts: Parts,
-}
-
-/// A sensor or a closure as it sits on its pieces.
-#[derive(Debug, Clone)]
-enum Seat {
-    Unit(Unit),
-    Encoder { row: usize, coordinate: usize },
-    Position { row: usize, piece: usize, point: Point },
-    Loop { row: usize, sides: [(usize, Point); 2], axes: Option<[[f64; 3]; 2]> },
-}
 
 /// How an inertial unit stands at the mean, in the axes of its piece.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -74,6 +43,10 @@ pub struct Around<'a, T> {
     pub joints: JointMotion<'a, T>,
     /// Rotation vectors of the mounts.
     pub mounts: &'a [Vec3<T>],
+    /// By which the references of orientation sensors are turned about the vertical, rad.
+    pub headings: &'a [T],
+    /// Of every source whose readings are differences from one.
+    pub references: &'a [Mat3<f64>],
     /// What differs at all.
     pub perturbed: PerturbedMotion,
     /// How the units stand at the mean.
@@ -84,106 +57,92 @@ pub struct Around<'a, T> {
     pub active: &'a [bool],
 }
 
+/// Where the pieces of a tree are, and which states move its frames.
+pub(crate) struct Homes<'a> {
+    pub pieces: &'a Pieces,
+    /// Of the frames.
+    pub reaches: &'a [Reach],
+    /// State of an estimated parameter.
+    pub length: &'a dyn Fn(usize) -> usize,
+    /// First state of an estimated mount.
+    pub mount: &'a dyn Fn(usize) -> usize,
+    /// State of an estimated heading.
+    pub heading: &'a dyn Fn(usize) -> usize,
+}
+
+impl Homes<'_> {
+    /// The piece of a frame, and a point of the frame in the piece's axes.
+    pub fn place(&self, frame: usize, point: &Point) -> (usize, Point) {
+        let home = &self.pieces.homes[frame];
+        (home.piece, home.point(point))
+    }
+
+    /// Piece from frame.
+    pub fn rotation(&self, frame: usize) -> &Mat3<f64> {
+        &self.pieces.homes[frame].rotation
+    }
+
+    /// One more than the last state that moves a point in its frame.
+    pub fn own(&self, point: &Point) -> usize {
+        point.moved_by().map(|l| (self.length)(l) + 1).max().unwrap_or(0)
+    }
+
+    /// One more than the last state of a mount.
+    pub fn own_mount(&self, number: Option<usize>) -> usize {
+        number.map_or(0, |i| (self.mount)(i) + 3)
+    }
+
+    /// One more than the state of a heading.
+    pub fn own_heading(&self, number: Option<usize>) -> usize {
+        number.map_or(0, |i| (self.heading)(i) + 1)
+    }
+
+    /// On which states a sensor on a frame depends, those of its own being below `own`.
+    pub fn reach(&self, frame: usize, own: usize) -> Reach {
+        let reach = self.reaches[frame];
+        Reach { last: reach.last.max(own), ..reach }
+    }
+}
+
+/// On which states a sensor depends that has two sides.
+pub(super) fn both(a: Reach, b: Reach) -> Reach {
+    Reach { last: a.last.max(b.last), input: a.input || b.input, ..a }
+}
+
 impl Suite {
-    /// The sensors on the pieces of a tree. `reaches` are those of the frames; `length` and `mount` give the state of an estimated
-    /// parameter and the first one of an estimated mount.
+    /// The sensors on the pieces of a tree. `reaches` are those of the frames; `length`, `mount` and `heading` give the state of an
+    /// estimated parameter, the first one of an estimated mount and that of an estimated heading.
     pub fn seats(
         &self,
         pieces: &Pieces,
         reaches: &[Reach],
         length: impl Fn(usize) -> usize,
         mount: impl Fn(usize) -> usize,
+        heading: impl Fn(usize) -> usize,
     ) -> Seats {
-        let own = |point: &Point| point.moved_by().map(|l| length(l) + 1).max().unwrap_or(0);
-        let far = |frame: usize, own: usize| {
-            let reach = reaches[frame];
-            Reach { last: reach.last.max(own), ..reach }
-        };
-        let (mut seats, mut found) = (Vec::new(), Vec::new());
-        for (reader, source) in self.readers.iter().zip(&self.sources) {
-            let row = source.rows.start;
-            let (seat, reach) = match reader {
-                Reader::Imu(s) => {
-                    let home = &pieces.homes[s.frame];
-                    let arm = home.point(&s.offset);
-                    let own_reach = own(&arm).max(s.mount.map_or(0, |i| mount(i) + 3));
-                    let unit = Unit {
-                        piece: home.piece,
-                        rotation: home.rotation.times(&s.rotation),
-                        arm,
-                        mount: s.mount,
-                        own_reach,
-                        parts: s.parts(row),
-                    };
-                    (Seat::Unit(unit), far(s.frame, own_reach))
-                }
-                Reader::Encoder(s) => {
-                    let reach = Reach { last: usize::MAX, input: true, ..Reach::default() };
-                    (Seat::Encoder { row, coordinate: s.coordinate }, reach)
-                }
-                Reader::Position(s) => {
-                    let home = &pieces.homes[s.frame];
-                    let point = home.point(&s.point);
-                    let reach = far(s.frame, own(&point));
-                    (Seat::Position { row, piece: home.piece, point }, reach)
-                }
-                Reader::Closure(s) => {
-                    let side = |(frame, point): &(usize, Point)| {
-                        let home = &pieces.homes[*frame];
-                        (home.piece, home.point(point))
-                    };
-                    let sides = [side(&s.sides[0]), side(&s.sides[1])];
-                    let [a, b] = [0, 1].map(|i| far(s.sides[i].0, own(&sides[i].1)));
-                    let reach = Reach { last: a.last.max(b.last), input: a.input || b.input, ..a };
-                    let homes = [0, 1].map(|i| &pieces.homes[s.sides[i].0]);
-                    let axes = s.axes.map(|axes| [0, 1].map(|i| homes[i].rotation.apply_f64(axes[i]).0));
-                    (Seat::Loop { row, sides, axes }, reach)
-                }
-            };
-            seats.push(seat);
-            found.push(reach);
-        }
-        Seats { seats, reaches: found }
+        let homes = Homes { pieces, reaches, length: &length, mount: &mount, heading: &heading };
+        let sources = self.readers.iter().zip(&self.sources);
+        let (seats, reaches) = sources.map(|(reader, source)| reader.seat(source.rows.start, &homes)).unzip();
+        Seats { seats, reaches }
     }
 }
 
 impl Seats {
     /// Marks what the `active` sources ask of their pieces.
     pub fn mark(&self, active: &[bool], wanted: &mut [Wanted]) {
-        for (seat, _) in self.seats.iter().zip(active).filter(|(_, on)| **on) {
-            match seat {
-                Seat::Unit(s) => {
-                    let piece = &mut wanted[s.piece];
-                    piece.place = true;
-                    piece.motion |= s.parts.gyro.or(s.parts.accel).or(s.parts.rest).is_some();
-                    piece.field |= s.parts.mag.is_some();
-                }
-                Seat::Encoder { .. } => {}
-                Seat::Position { piece, .. } => wanted[*piece].place = true,
-                Seat::Loop { sides, .. } => sides.iter().for_each(|s| wanted[s.0].place = true),
-            }
-        }
+        self.seats.iter().zip(active).filter(|(_, on)| **on).for_each(|(seat, _)| seat.mark(wanted));
     }
 
-    /// A vector in the axes of source `i`, if that is an inertial unit, given in those of every piece.
+    /// A vector in the axes of source `i`, if that has its own, given in those of every piece.
     pub fn seen_by(&self, i: usize, v: &[Vec3<f64>], mounts: &[Vec3<f64>]) -> Option<Vec3<f64>> {
-        let Seat::Unit(s) = &self.seats[i] else { return None };
-        let nominal = s.rotation.apply_transposed(v[s.piece]);
-        let mount = s.mount.and_then(|i| mounts.get(i));
-        Some(mount.map_or(nominal, |turn| Mat3::about(*turn).apply_transposed(nominal)))
+        self.seats[i].seen_by(v, mounts)
     }
 
     /// How the units stand at the mean.
     #[inline(always)]
     pub fn settle(&self, worn: Worn<f64>, active: &[bool], stands: &mut [Stand]) {
-        for ((seat, stand), &on) in self.seats.iter().zip(stands).zip(active) {
-            if let (Seat::Unit(s), true) = (seat, on) {
-                stand.rotation = match s.mount.and_then(|i| worn.mounts.get(i)) {
-                    Some(turn) => s.rotation.times(&Mat3::about(*turn)),
-                    None => s.rotation,
-                };
-                stand.arm = s.arm.at(worn.lengths);
-            }
+        for ((seat, stand), _) in self.seats.iter().zip(stands).zip(active).filter(|(_, on)| **on) {
+            seat.settle(worn, stand);
         }
     }
 
@@ -197,8 +156,7 @@ impl Seats {
         out: &mut [Lane],
     ) {
         for ((seat, stand), _) in self.seats.iter().zip(stands).zip(active).filter(|(_, on)| **on) {
-            let Seat::Unit(Unit { piece, parts: Parts { accel: Some(row), .. }, .. }) = seat else { continue };
-            put(out, *row, stand.rotation.transposed_apply(near.own[*piece].felt_at(stand.arm)));
+            seat.curve(near, stand, out);
         }
     }
 
@@ -213,21 +171,7 @@ impl Seats {
     ) {
         for (i, seat) in self.seats.iter().enumerate().filter(|(i, _)| around.active[*i]) {
             let posed = around.perturbed.touches(&self.reaches[i]);
-            match seat {
-                Seat::Unit(s) => s.predict(&around, &around.stands[i], posed, out),
-                Seat::Encoder { row, coordinate } => out[*row] = around.joints.q[*coordinate].cast(),
-                Seat::Position { row, .. } if !posed => around.keep(out, Some(*row), 3),
-                Seat::Position { row, piece, point } => put(out, *row, around.place(*piece, point, trail)),
-                Seat::Loop { row, axes, .. } if !posed => {
-                    around.keep(out, Some(*row), if axes.is_some() { 6 } else { 3 })
-                }
-                Seat::Loop { row, sides: [(a, at), (b, bt)], axes } => {
-                    put(out, *row, around.place(*a, at, trail) - around.place(*b, bt, trail));
-                    if let Some([za, zb]) = axes {
-                        put(out, row + 3, around.direction(*a, *za, trail) - around.direction(*b, *zb, trail));
-                    }
-                }
-            }
+            seat.predict(&around, &around.stands[i], posed, trail, out);
         }
     }
 }
@@ -235,15 +179,16 @@ impl Seats {
 impl<T: Real> Around<'_, T> {
     /// What the mean reads.
     #[inline(always)]
-    fn keep(&self, out: &mut [Lane], first: Option<usize>, count: usize) {
+    pub(super) fn keep(&self, out: &mut [Lane], first: Option<usize>, count: usize) {
         let Some(first) = first else { return };
         for (out, x) in out[first..first + count].iter_mut().zip(&self.center[first..first + count]) {
             *out = Lane([*x; LANES]);
         }
     }
 
+    /// A point of a piece in root axes, m.
     #[inline(always)]
-    fn place(&self, piece: usize, point: &Point, trail: &mut [Vec3<T>]) -> Vec3<T> {
+    pub(super) fn place(&self, piece: usize, point: &Point, trail: &mut [Vec3<T>]) -> Vec3<T> {
         let point = match point.constant() {
             Some(point) => point.everywhere(),
             None => point.at(self.joints.lengths),
@@ -251,74 +196,16 @@ impl<T: Real> Around<'_, T> {
         self.pieces.raised::<T, false>(piece, point, self.mean, &self.joints, self.near, trail)
     }
 
+    /// A direction of a piece in root axes.
     #[inline(always)]
-    fn direction(&self, piece: usize, axis: [f64; 3], trail: &mut [Vec3<T>]) -> Vec3<T> {
-        self.pieces.raised::<T, true>(piece, Vec3::splat(axis), self.mean, &self.joints, self.near, trail)
+    pub(super) fn direction(&self, piece: usize, axis: Vec3<T>, trail: &mut [Vec3<T>]) -> Vec3<T> {
+        self.pieces.raised::<T, true>(piece, axis, self.mean, &self.joints, self.near, trail)
     }
 }
 
-impl Unit {
-    #[inline(always)]
-    fn predict<const FUSED: bool>(&self, around: &Around<Lane<FUSED>>, stand: &Stand, posed: bool, out: &mut [Lane]) {
-        let (differs, own) = (around.near.differs[self.piece], &around.near.own[self.piece]);
-        let worn = posed && self.own_reach > around.perturbed.from;
-        let axes = Axes { nominal: &self.rotation, stand: &stand.rotation, turn: self.turned(around, worn) };
-        let Parts { gyro, accel, mag, rest } = self.parts;
-        if !differs.motion {
-            around.keep(out, gyro, 3);
-            around.keep(out, accel, 3);
-            around.keep(out, rest, 3);
-        } else {
-            if let Some(row) = accel {
-                let felt = if worn { own.felt_off(self.arm.at(around.joints.lengths)) } else { own.felt_at(stand.arm) };
-                put(out, row, axes.seen(felt));
-            }
-            if let Some(row) = gyro.or(rest) {
-                let spin = axes.seen(own.spin);
-                put(out, row, spin);
-                if let Some(row) = rest {
-                    put(out, row, spin);
-                }
-            }
-        }
-        let Some(row) = mag else { return };
-        if differs.field || worn {
-            let field = if differs.field { own.field } else { around.mean.field_in(self.piece) };
-            put(out, row, axes.seen(field));
-        } else {
-            around.keep(out, mag, 3);
-        }
-    }
-
-    /// How its own mount differs.
-    #[inline(always)]
-    fn turned<T: Real>(&self, around: &Around<T>, worn: bool) -> Option<Mat3<T>> {
-        match self.mount {
-            Some(i) if worn && i < around.mounts.len() => Some(Mat3::about(around.mounts[i])),
-            _ => None,
-        }
-    }
-}
-
-/// Axes of a unit: as at the mean, or turned from how they nominally are.
-struct Axes<'a, T> {
-    nominal: &'a Mat3<f64>,
-    stand: &'a Mat3<f64>,
-    turn: Option<Mat3<T>>,
-}
-
-impl<T: Real> Axes<'_, T> {
-    #[inline(always)]
-    fn seen(&self, v: Vec3<T>) -> Vec3<T> {
-        match &self.turn {
-            Some(turn) => turn.apply_transposed(self.nominal.transposed_apply(v)),
-            None => self.stand.transposed_apply(v),
-        }
-    }
-}
-
+/// Writes a vector into three rows.
 #[inline(always)]
-fn put<const FUSED: bool>(out: &mut [Lane], row: usize, v: Vec3<Lane<FUSED>>) {
+pub(super) fn put<const FUSED: bool>(out: &mut [Lane], row: usize, v: Vec3<Lane<FUSED>>) {
     let out = &mut out[row..row + 3];
     for (out, x) in out.iter_mut().zip(v.0) {
         *out = x.cast();

@@ -10,7 +10,7 @@ use crate::estimate::belief::Belief;
 use crate::estimate::start::{Fit, Prior, StartFit, StartSample};
 use crate::estimate::System;
 use crate::kernels::dense::Square;
-use crate::model::{JointKind, SensorKind};
+use crate::model::JointKind;
 use crate::rotation::turn::{plus, Turn};
 use crate::rotation::Vec3;
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
@@ -22,6 +22,8 @@ const MOST_SAMPLES: usize = 8;
 pub(super) const WIDENED: f64 = 4.0;
 /// Standard deviation of the azimuth before anything is known, rad; a quarter turn lies between the guesses.
 const AZIMUTH_STD: f64 = 1.0;
+/// Standard deviation of an orientation sensor's heading before anything is known, rad: that of any angle, pi / sqrt(3).
+const HEADING_STD: f64 = 1.8;
 /// Least standard deviation of the azimuth that the filter starts from, rad.
 const AZIMUTH_START_STD: f64 = 0.2;
 /// Without a compass the heading at the start is zero by definition; so little that no update divides by nothing, rad.
@@ -67,7 +69,7 @@ impl Start<'_> {
             false => (found.fit, Vec::new()),
         };
         let cost = fit.cost;
-        let compass = seen.iter().any(|s| subject.magnetic_rows().any(|r| !s.z[r].is_nan()));
+        let compass = seen.iter().any(|s| subject.has_compass(&s.z));
         let mut first = self.hypothesis(fit, begin_s, compass);
         for (other, line) in others.into_iter().zip(1..) {
             let score = -0.5 * (other.cost - cost);
@@ -136,6 +138,10 @@ impl Start<'_> {
         }
         if let Some(i) = layout.azimuth {
             std[i] = AZIMUTH_START_STD.max(fitted(i).min(AZIMUTH_STD));
+            fit.mean[i] = wrapped(fit.mean[i]);
+        }
+        for &(i, _) in &layout.headings {
+            std[i] = AZIMUTH_START_STD.max(fitted(i).min(HEADING_STD));
             fit.mean[i] = wrapped(fit.mean[i]);
         }
         let mut covariance = Square::zeros(std.len());
@@ -214,6 +220,9 @@ fn guess(body: &Body, posture: &[f64], side: f64) -> Prior {
         mean[i] = body.model.world.magnetic_azimuth_rad + side;
         std[i] = AZIMUTH_STD;
     }
+    for &(i, _) in &body.layout.headings {
+        std[i] = HEADING_STD;
+    }
     Prior::uncorrelated(mean, &std)
 }
 
@@ -231,12 +240,12 @@ pub(super) fn start_std(body: &Body, widened: f64) -> Vec<f64> {
         std[*state] = body.model.parameters[*i].std.unwrap_or(0.0);
     }
     for (i, first) in &body.layout.mounts {
-        if let SensorKind::Imu { mount, .. } = &body.model.sensors[*i].kind {
+        if let Some(mount) = body.model.sensors[*i].kind.mount() {
             std[*first..first + 3].fill(mount.std_rad);
         }
     }
-    for slot in body.layout.biases() {
-        std[slot.first..slot.first + 3].fill(slot.start_std);
+    for slot in &body.layout.errors {
+        std[slot.first..slot.first + 3].fill(slot.error.start_std);
     }
     for slot in &body.layout.pushes {
         let base = &body.model.base_accelerations[slot.number];

@@ -26,7 +26,7 @@ use crate::kernels::arch::{Arch, Kernel};
 use crate::kernels::dense::{accumulate, Square};
 use crate::kernels::sparse_jacobian::SparseJacobian;
 use crate::kernels::tiles::padded;
-use crate::sensor::imu::MountValue;
+use crate::sensor::MountValue;
 use crate::sensor::Quantity;
 use delays::Delays;
 pub use doubt::Doubt;

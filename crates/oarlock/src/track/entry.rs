@@ -62,7 +62,7 @@ fn inputs(body: &Body, corrections: &Corrections) -> Vec<(usize, EncoderScale)> 
     let model = &body.model;
     let inputs = model.joints.iter().enumerate().filter(|(_, j)| j.input);
     let scale = |(i, joint): (usize, &crate::model::Joint)| {
-        let reads = |s: &&crate::model::Sensor| matches!(s.kind, SensorKind::Encoder { joint, .. } if joint == i);
+        let reads = |s: &&crate::model::Sensor| matches!(&s.kind, SensorKind::Encoder(e) if e.joint == i);
         let encoders = model.sensors.iter().filter(reads).map(|s| &s.name);
         let scale = std::iter::once(&joint.name).chain(encoders).find_map(|name| corrections.encoders.get(name))?;
         Some((joint.first, *scale))

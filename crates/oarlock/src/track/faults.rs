@@ -11,7 +11,7 @@ use super::readings::Readings;
 use super::subject::Subject;
 use crate::body::Body;
 use crate::estimate::filter::{Info, Verdict};
-use crate::model::SensorKind;
+use crate::model::{Imu, SensorKind};
 use crate::sensor::Quantity;
 
 /// A reading beyond this share of the range is at its end: a logger may have scaled it.
@@ -110,7 +110,7 @@ pub(super) struct Faults {
 fn ranges(body: &Body) -> Vec<f64> {
     let mut ranges = vec![f64::INFINITY; body.suite.len()];
     for sensor in &body.model.sensors {
-        let SensorKind::Imu { noise, .. } = &sensor.kind else { continue };
+        let SensorKind::Imu(Imu { noise, .. }) = &sensor.kind else { continue };
         let Some(source) = body.suite.sources.iter().find(|s| s.name == sensor.name) else { continue };
         for part in &source.parts {
             let range = match part.quantity {

@@ -7,8 +7,8 @@ use crate::body::Body;
 use crate::kinematics::{FrameMotion, JointMotion};
 use crate::model::SensorKind;
 use crate::recording::Sample;
-use crate::rotation::Vec3;
-use crate::sensor::{Surroundings, Worn};
+use crate::rotation::{Mat3, Vec3};
+use crate::sensor::{Scene, Worn};
 
 /// Per source and joint: whether moving the joint changes the source's readings.
 pub fn dependence(body: &Body) -> Vec<Vec<bool>> {
@@ -59,8 +59,11 @@ pub fn readings_from(
     );
     let mut out = vec![0.0; body.suite.len()];
     let all = vec![true; body.suite.sources.len()];
-    let worn = Worn { lengths: &body.lengths(), mounts: &[] };
-    body.suite.predict(&frames, q, &Surroundings { magnetic_field: field }, worn, &all, &mut out);
+    let (headings, references) =
+        (vec![0.0; body.layout.headings.len()], vec![Mat3::identity(); body.suite.sources.len()]);
+    let worn = Worn { lengths: &body.lengths(), mounts: &[], headings: &headings };
+    let scene = Scene { frames: &frames, q, magnetic_field: field, worn, references: &references };
+    body.suite.predict(&scene, &all, &mut out);
     out
 }
 
@@ -161,7 +164,7 @@ fn joints_above(body: &Body, mut frame: usize) -> Vec<usize> {
 
 fn encoder_rows(body: &Body, joints: &[usize]) -> Vec<usize> {
     let reads =
-        |s: &&crate::model::Sensor| matches!(&s.kind, SensorKind::Encoder { joint, .. } if joints.contains(joint));
+        |s: &&crate::model::Sensor| matches!(&s.kind, SensorKind::Encoder(encoder) if joints.contains(&encoder.joint));
     let row = |s: &crate::model::Sensor| {
         let source = body.suite.sources.iter().find(|x| x.name == s.name)?;
         Some(source.rows.start)

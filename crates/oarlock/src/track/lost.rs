@@ -25,14 +25,14 @@ const RECENT: f64 = 4.0;
 /// covariance claims: near a pose without a free direction that is as wrong as what led astray.
 const DOUBT: f64 = 0.1;
 
-/// Whether most gyroscopes and accelerometers that spoke recently have been rejected up to now, one that speaks in this sample
-/// beyond patience. What counts is each one's last verdict: units with clocks of their own speak one in a sample.
+/// Whether most gyroscopes, accelerometers and orientation sensors that spoke recently have been rejected up to now, one that
+/// speaks in this sample beyond patience. What counts is each one's last verdict: units with clocks of their own speak one in a sample.
 pub(super) fn is_lost(subject: &Subject, readings: &Readings, one: &Hypothesis, patience_s: f64) -> bool {
     let belief = &one.belief;
     let (mut there, mut rejected, mut waited) = (0, 0, false);
     for (p, since_s) in belief.rejected_since_s.iter().enumerate() {
         let quantity = subject.quantities[p];
-        if !matches!(quantity, Quantity::Gyro | Quantity::Accel) {
+        if !matches!(quantity, Quantity::Gyro | Quantity::Accel | Quantity::Orientation) {
             continue;
         }
         let speaks = readings.speak(&subject.groups.parts[p]);
@@ -98,7 +98,7 @@ pub(super) fn doubt_fit(subject: &Subject, belief: &mut Belief) {
 /// the variance about it.
 fn headings(subject: &Subject, readings: &Readings, belief: &Belief) -> Vec<(usize, Vec3<f64>, f64)> {
     let body = &subject.body;
-    if subject.magnetic_rows().any(|r| !readings.z[r].is_nan()) {
+    if subject.has_compass(&readings.z) {
         return Vec::new();
     }
     let heading = |(c, outer): &(usize, crate::rotation::Mat3<f64>)| {

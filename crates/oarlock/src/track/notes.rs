@@ -54,12 +54,11 @@ fn widened(run: &Run) -> Option<String> {
     })
 }
 
-/// Inertial units that are taken to sit where the model file says.
+/// Sensors with a mount that are taken to sit where the model file says.
 pub fn at_nominal_mounts(run: &Run) -> Vec<String> {
     let model = &run.tracker().body().model;
-    let imu = |s: &&crate::model::Sensor| matches!(s.kind, crate::model::SensorKind::Imu { .. });
     let streams: Vec<&str> = run.recording().names().collect();
-    let nominal = model.sensors.iter().filter(imu).map(|s| s.name.clone());
+    let nominal = model.sensors.iter().filter(|s| s.kind.mount().is_some()).map(|s| s.name.clone());
     nominal.filter(|n| !run.calibration().mounts.contains_key(n) && streams.contains(&n.as_str())).collect()
 }
 

@@ -52,6 +52,11 @@ impl Readings {
         }
     }
 
+    /// What orientation sensors measured becomes a reference; their readings then are differences from it.
+    pub fn refer(&mut self, subject: &Subject) {
+        subject.body.suite.refer(&mut self.z, &mut self.moment.references);
+    }
+
     /// Marks who has something to say.
     pub fn mark_active(&mut self, subject: &Subject) {
         for (i, source) in subject.body.suite.sources.iter().enumerate() {

@@ -201,6 +201,7 @@ impl Tracker {
         let Tracker { subject, readings, .. } = self;
         readings.take(sample);
         self.faults.silence_clipped(subject, readings);
+        readings.refer(subject);
         self.loops.fill(subject, sample, readings);
         readings.silence_what_needs_missing_inputs(subject, sample);
         self.magnetic.judge_norms(subject, readings);

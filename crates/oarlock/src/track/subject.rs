@@ -67,10 +67,20 @@ impl Subject {
         self.parts_of(Quantity::Mag).flat_map(|p| self.groups.parts[p].clone())
     }
 
+    /// Whether a reading knows a heading: of a magnetometer, or of an orientation sensor whose reference is the model's.
+    pub fn has_compass(&self, z: &[f64]) -> bool {
+        let known = |s: &crate::model::Sensor| s.kind.heading().is_none();
+        let knows = |name: &str| self.body.model.sensors.iter().any(|s| s.name == name && known(s));
+        let parts = self.body.suite.sources.iter().flat_map(|s| s.parts.iter().map(move |p| (s, p)));
+        let mut oriented = parts.filter(|(s, p)| p.quantity == Quantity::Orientation && knows(&s.name));
+        self.magnetic_rows().any(|r| !z[r].is_nan()) || oriented.any(|(_, p)| !z[p.rows.start].is_nan())
+    }
+
     /// Whether an encoder tells whole turns of a joint.
     pub fn is_encoded(&self, joint: &str) -> bool {
         let model = &self.body.model;
-        let reads = |s: &crate::model::Sensor| matches!(s.kind, SensorKind::Encoder { joint: j, .. } if model.joints[j].name == joint);
+        let reads =
+            |s: &crate::model::Sensor| matches!(&s.kind, SensorKind::Encoder(e) if model.joints[e.joint].name == joint);
         model.sensors.iter().any(reads)
     }
 

@@ -3,9 +3,9 @@
 use super::Calibration;
 use crate::error::{Error, Result};
 use crate::model::suggest::hint;
-use crate::model::{Model, SensorKind};
+use crate::model::Model;
 use crate::rotation::Mat3;
-use crate::sensor::imu::MountValue;
+use crate::sensor::MountValue;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -67,10 +67,9 @@ pub(super) fn as_known(model: Arc<Model>, given: &Calibration) -> Arc<Model> {
     Arc::new(known)
 }
 
-/// Names of the inertial units.
+/// Names of the sensors whose orientation on the link counts.
 fn units(model: &Model) -> Vec<&str> {
-    let is_imu = |s: &&crate::model::Sensor| matches!(s.kind, SensorKind::Imu { .. });
-    model.sensors.iter().filter(is_imu).map(|s| s.name.as_str()).collect()
+    model.sensors.iter().filter(|s| s.kind.mount().is_some()).map(|s| s.name.as_str()).collect()
 }
 
 /// Mounts per sensor of the model; `None` is the model's own.

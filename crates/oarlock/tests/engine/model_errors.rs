@@ -354,7 +354,7 @@ mod a_sensor {
     refusals! {
         unknown_key: "gyro_std_rad_s = 0.01" => "gyro_std = 0.01", 0, "sensor `wrist`: unknown key `gyro_std`; did you mean `gyro_std_rad_s`?";
         unknown_kind: "kind = \"imu\"" => "kind = \"IMU9\"", 0, "sensor `wrist`: kind: unknown kind `IMU9`; did you mean `imu`?";
-        orientation: "kind = \"imu\"" => "kind = \"orientation\"", 0, "`orientation` is not yet supported";
+        orientation_as_imu: "kind = \"imu\"" => "kind = \"orientation\"", 2, "sensor `wrist`: `gyro_std_rad_s` is no key of an orientation; it takes frame, mount, std_rad", and others;
         unknown_frame: "frame = \"forearm\"" => "frame = \"forarm\"", 0, "sensor `wrist`: frame: no frame `forarm`; did you mean `forearm`?";
         frame_is_a_joint: "frame = \"forearm\"" => "frame = \"elbow\"", 0, "no frame `elbow` (`elbow` is a joint); valid: `root`, `upperarm`, `forearm`";
         no_frame: "kind = \"imu\"\nframe = \"forearm\"" => "kind = \"imu\"", -2, "sensor `wrist`: key `frame` is missing";
@@ -367,6 +367,10 @@ mod a_sensor {
         mount_key: "offset = [0," => "ofset = [0,", 0, "sensor `wrist`: mount: unknown key `ofset`; did you mean `offset`?";
         unknown_joint: "joint = \"elbow\"\nstd" => "joint = \"elbo\"\nstd", 0, "sensor `hinge`: joint: no joint `elbo`; did you mean `elbow`?";
         encoder_without_std: "joint = \"elbow\"\nstd = 0.001" => "joint = \"elbow\"", -3, "sensor `hinge`: key `std` is missing, such as std = 0.001";
+        range_on_one_frame: "kind = \"encoder\"\njoint = \"elbow\"\nstd = 0.001" => "kind = \"range\"\nframe_a = \"forearm\"\nframe_b = \"forearm\"\nstd_m = 0.01", -1, "sensor `hinge`: both sides are on frame `forearm`; expected two frames";
+        range_without_end: "kind = \"encoder\"\njoint = \"elbow\"\nstd = 0.001" => "kind = \"range\"\nframe_a = \"forearm\"\nstd_m = 0.01", -2, "sensor `hinge`: key `frame_b` is missing";
+        orientation_twice_white: "kind = \"encoder\"\njoint = \"elbow\"\nstd = 0.001" => "kind = \"orientation\"\nframe = \"forearm\"\nstd_rad = 0.01\ncorrelation_time_s = 0\nwhite_std_rad = 0.01", 4, "`white_std_rad` with correlation_time_s = 0";
+        orientation_heading: "kind = \"encoder\"\njoint = \"elbow\"\nstd = 0.001" => "kind = \"orientation\"\nframe = \"forearm\"\nstd_rad = 0.01\nheading_walk = 0.1", 3, "`heading_walk` without heading = \"unknown\"";
         name_of_a_closure: "name = \"grip\"" => "name = \"wrist\"", 0, "closure `wrist`: the name is taken by the sensor of line 34; give it another";
     }
 

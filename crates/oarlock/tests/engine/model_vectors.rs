@@ -127,12 +127,12 @@ fn the_two_tables_differ() {
 
 #[test]
 fn mounts_are_those_of_the_imu_vectors() {
-    use oarlock::model::SensorKind;
+    use oarlock::model::{Imu, SensorKind};
     let (model, vectors) = (model("sculler"), vectors("filter_blocks.json"));
     let wanted = vectors["sensors"].as_array().expect("sensors");
     let parameters = parameters(&model, &vectors["params"]);
     for (sensor, wanted) in model.sensors.iter().zip(wanted) {
-        let SensorKind::Imu { frame, mount, .. } = &sensor.kind else { panic!("{}: no imu", sensor.name) };
+        let SensorKind::Imu(Imu { frame, mount, .. }) = &sensor.kind else { panic!("{}: no imu", sensor.name) };
         assert_eq!(*frame as u64, wanted["frame"].as_u64().expect("frame"), "{}", sensor.name);
         for i in 0..3 {
             let row = numbers(&wanted["R_link_from_sensor"][i]);

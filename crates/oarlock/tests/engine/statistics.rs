@@ -12,7 +12,7 @@ use oarlock::track::{Calibration, Tracker};
 use support::chance::Chance;
 use support::chi_square::interval_999;
 use support::nature::{nees, Nature};
-use support::tree::narrow;
+use support::tree::{narrow, narrow_of, spanned};
 use support::{body, fresh, model, plain, start_std, CHAIN};
 
 const RUNS: usize = 100;
@@ -81,6 +81,16 @@ fn on_a_manifold_they_are_as_large_as_said_too() {
     assert_inside("NEES of all kinds of joints", sums.nees, sums.states);
     assert_inside("NIS of all kinds of joints", sums.nis, sums.readings);
     assert_inside("NIS of the second sensor of them", sums.one_sensor, RUNS * STEPS * 9);
+}
+
+/// Distances, and orientations with slow errors and an unknown heading.
+#[test]
+fn distances_and_orientations_are_as_good_as_said() {
+    let text = narrow_of(&spanned()).replace("std_rad = 0.03", "std_rad = 0.015");
+    let sums = simulate(&text, &plain(&["gyro_bias", "accel_bias", "surge", "heave"]));
+    assert_eq!(sums.readings, RUNS * STEPS * 42);
+    assert_inside("NEES with distances and orientations", sums.nees, sums.states);
+    assert_inside("NIS with distances and orientations", sums.nis, sums.readings);
 }
 
 /// Learning replaces a noise that is right by an estimate of it. An estimate that scatters can only cost: the errors grow a

@@ -129,6 +129,8 @@ fn recordings_are_answered() {
                 SensorKind::Imu { .. } => &[Quantity::Gyro, Quantity::Accel, Quantity::Mag],
                 SensorKind::Encoder { .. } => &[Quantity::Joint],
                 SensorKind::Position { .. } => &[Quantity::Position],
+                SensorKind::Range { .. } => &[Quantity::Range],
+                SensorKind::Orientation { .. } => &[Quantity::Orientation],
             };
             let kept = &quantities[..1 + index(chance, quantities.len())];
             if !one_in(chance, 6) {

@@ -78,6 +78,8 @@ fn streams(chance: &mut Chance, model: &Model, merge_s: f64) -> Vec<Stream> {
             SensorKind::Imu { .. } => &[Quantity::Gyro, Quantity::Accel, Quantity::Mag],
             SensorKind::Encoder { .. } => &[Quantity::Joint],
             SensorKind::Position { .. } => &[Quantity::Position],
+            SensorKind::Range { .. } => &[Quantity::Range],
+            SensorKind::Orientation { .. } => &[Quantity::Orientation],
         };
         let rows = *pick(chance, &[1, 2, 15, 40]);
         // Now and then in another epoch altogether.

@@ -143,8 +143,8 @@ pub fn start_std(body: &Body) -> Vec<f64> {
             (std[slots.q], std[rate], std[accel]) = (start[0], start[1], start[2]);
         }
     }
-    for slot in body.layout.biases() {
-        std[slot.first..slot.first + 3].fill(slot.start_std);
+    for slot in &body.layout.errors {
+        std[slot.first..slot.first + 3].fill(slot.error.start_std);
     }
     for slot in &body.layout.pushes {
         let base = &body.model.base_accelerations[slot.number];

@@ -2,13 +2,14 @@
 
 use super::chance::Chance;
 use super::so3;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector3};
 use oarlock::body::Body;
 use oarlock::estimate::belief::Belief;
 use oarlock::estimate::transition::Transition;
 use oarlock::estimate::{Points, System};
 use oarlock::kernels::lane::{Lane, LANES};
 use oarlock::recording::Sample;
+use oarlock::sensor::Quantity;
 
 pub struct Nature<'a> {
     pub body: &'a Body,
@@ -59,8 +60,16 @@ impl<'a> Nature<'a> {
         let mut out = vec![Lane([0.0; LANES]); body.suite.len()];
         let at = Points { mean: &self.state, delta: &zero, off: &[] };
         body.readings(&moment, &mut body.scratch(), at, &mut out);
-        let noisy = out.iter().zip(body.suite.std());
-        let z = noisy.map(|(h, std)| h.0[0] + std * self.chance.normal()).collect();
+        let noise: Vec<f64> = body.suite.std().iter().map(|std| std * self.chance.normal()).collect();
+        let mut z: Vec<f64> = out.iter().zip(&noise).map(|(h, noise)| h.0[0] + noise).collect();
+        for source in body.suite.sources.iter().filter(|s| s.parts[0].quantity == Quantity::Orientation) {
+            // Errors turn what is measured.
+            let slow = body.layout.errors.iter().find(|slot| body.model.sensors[slot.sensor].name == source.name);
+            let slow = slow.map_or(Vector3::zeros(), |slot| so3::three(&self.state, slot.first));
+            let noise = so3::three(&noise, source.rows.start);
+            let clean = so3::three(&z, source.rows.start) - noise - slow;
+            z[source.rows.clone()].copy_from_slice(so3::plus(clean, slow + noise).as_slice());
+        }
         Sample { time_s, z, inputs: vec![f64::NAN; body.model.coordinate_count()] }
     }
 }

@@ -147,6 +147,21 @@ fn channel(
     oarlock::recording::Channel { quantity, values: values.into() }
 }
 
+/// Orientations as the oracle takes them: what was measured becomes the reference, the rows are zero.
+pub fn refer(z: &mut [f64], body: &Body, mut tell: impl FnMut(&str, [f64; 3])) {
+    for source in &body.suite.sources {
+        if source.parts[0].quantity == Quantity::Orientation {
+            let rows = &mut z[source.rows.clone()];
+            if rows.iter().any(|x| x.is_nan()) {
+                rows.fill(f64::NAN);
+            } else {
+                tell(&source.name, [rows[0], rows[1], rows[2]]);
+                rows.fill(0.0);
+            }
+        }
+    }
+}
+
 /// Readings with the loops closed where both angles of the oar are there.
 pub fn with_loops(z: &[f64], body: &Body, inputs: &[f64]) -> Vec<f64> {
     let mut z = z.to_vec();

@@ -3,8 +3,12 @@
 /// The same body, its start so well known that readings are nearly straight there: from 0.05 rad the curvature that no sigma
 /// point sees adds 3 % to NEES, and an eighth to that of the first smoothed state.
 pub fn narrow() -> String {
+    narrow_of(TREE)
+}
+
+pub fn narrow_of(tree: &str) -> String {
     let wide = ["[0.05, 0.2, 1.0]", "[0.1, 0.2, 1.0]", "[0.02, 0.2, 1.0]"];
-    wide.iter().fold(TREE.to_string(), |text, wide| text.replace(wide, "[0.02, 0.05, 0.25]"))
+    wide.iter().fold(tree.to_string(), |text, wide| text.replace(wide, "[0.02, 0.05, 0.25]"))
 }
 
 /// A pelvis that is free, a thigh on a ball, a shank on a hinge, a sled on a slide; one inertial unit each, a position on the
@@ -111,3 +115,51 @@ density = 0.5
 start_std = 0.5
 rise_s = 0.05
 "#;
+
+/// The same body with distances and orientations: one with the model's own heading and slow errors, two whose devices share an
+/// unknown heading, one of them with independent errors.
+pub fn spanned() -> String {
+    let more = r#"
+[[sensor]]
+name = "span"
+kind = "range"
+frame_a = "sled"
+point_a = [0.1, 0, -0.2]
+frame_b = "root"
+point_b = [1.5, 0.4, 0]
+std_m = 0.01
+[[sensor]]
+name = "stride"
+kind = "range"
+frame_a = "shank"
+frame_b = "pelvis"
+point_b = [-0.3, 0.2, 0.4]
+std_m = 0.005
+[[sensor]]
+name = "north"
+kind = "orientation"
+frame = "pelvis"
+mount.rpy = [0.1, 0.7, -0.4]
+std_rad = 0.03
+correlation_time_s = 0.4
+[[sensor]]
+name = "astray"
+kind = "orientation"
+frame = "thigh"
+mount.rpy = [-0.5, 0.2, 0.9]
+std_rad = 0.02
+white_std_rad = 0.01
+heading = "unknown"
+heading_group = "device"
+[[sensor]]
+name = "lone"
+kind = "orientation"
+frame = "sled"
+std_rad = 0.02
+correlation_time_s = 0
+heading = "unknown"
+heading_group = "device"
+heading_walk = 0.01
+"#;
+    TREE.replace("[[base_acceleration]]\nname = \"surge\"", &format!("{more}[[base_acceleration]]\nname = \"surge\""))
+}

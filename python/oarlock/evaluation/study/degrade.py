@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -106,7 +105,7 @@ def _stream(stream: Stream, values: Mapping[str, Value], seed: int) -> Stream | 
     first = float(stream.time_s[0])
     time_s = first + scale * (stream.time_s[rows] - first) + of("delay_s", 0.0)
     if not isinstance(stream, ImuStream):
-        return replace(stream, time_s=time_s, value=stream.value[rows])
+        return stream.at_rows(rows, time_s)
     absent = values["without_quantity"]
     assert isinstance(absent, list)
     left = {name: rows_of[rows] for name, rows_of in stream.values.items() if name not in absent}

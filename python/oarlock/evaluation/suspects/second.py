@@ -63,7 +63,7 @@ def _liveliness(stream: Stream, starts: FloatArray, seconds: float) -> FloatArra
             return np.zeros(len(starts))
         rows, lively = stream.gyro_rad_s, LIVELY_RAD_S
     else:
-        rows, lively = stream.value.reshape(len(stream), -1), LIVELY_CHANGE
+        rows, lively = np.column_stack(list(stream.values.values())), LIVELY_CHANGE
     whole: NDArray[np.bool_] = np.asarray(np.isfinite(rows).all(axis=1))
     rows = np.where(whole[:, None], rows, 0.0)
     edges: NDArray[np.intp] = np.asarray(np.searchsorted(stream.time_s, np.stack([starts, starts + seconds])))

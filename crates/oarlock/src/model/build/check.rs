@@ -2,8 +2,8 @@
 
 use super::super::locate::Mistakes;
 use super::super::slot::Named;
-use super::super::spec::{Spec, What};
-use super::super::{Closure, JointKind, Model};
+use super::super::spec::Spec;
+use super::super::{JointKind, Model, SensorKind};
 
 /// Two directions closer than this cosine are the same.
 const SAME_DIRECTION: f64 = 0.9999;
@@ -13,8 +13,8 @@ pub(super) fn names(spec: &Spec, mistakes: &Mistakes) {
     let of = |kind: &'static str, names: Vec<&Named>| names.into_iter().map(|n| (kind, n.clone())).collect::<Vec<_>>();
     let joints = of("joint", spec.joints.iter().map(|j| &j.name).collect());
     let frames = of("frame", spec.frames.iter().map(|f| &f.name).collect());
-    let mut readings = of("sensor", spec.sensors.iter().map(|s| &s.name).collect());
-    readings.extend(of("closure", spec.closures.iter().map(|c| &c.name).collect()));
+    let mut readings = of("sensor", spec.sensors.iter().map(|s| &s.0).collect());
+    readings.extend(of("closure", spec.closures.iter().map(|c| &c.0).collect()));
     let mut states = joints;
     states.extend(of("base_acceleration", spec.base_accelerations.iter().map(|(name, _)| name).collect()));
     for names in [&states, &frames, &readings] {
@@ -45,8 +45,6 @@ pub(super) fn whole(spec: &Spec, model: &Model, mistakes: &Mistakes) {
     unused_joints(spec, mistakes);
     signs_and_axes(spec, model, mistakes);
     joint_readings(spec, model, mistakes);
-    magnetic_field(spec, mistakes);
-    loops(spec, model, mistakes);
     same_base_accelerations(spec, mistakes);
 }
 
@@ -78,29 +76,12 @@ fn signs_and_axes(spec: &Spec, model: &Model, mistakes: &Mistakes) {
     }
 }
 
+/// A joint that nothing reads has no noise of readings.
 fn joint_readings(spec: &Spec, model: &Model, mistakes: &Mistakes) {
     let mut read = vec![false; model.joints.len()];
-    for sensor in &spec.sensors {
-        let What::Encoder { joint: Some(name), .. } = &sensor.what else {
-            continue;
-        };
-        let Some(index) = model.joints.iter().position(|j| j.name == name.text) else {
-            continue;
-        };
-        read[index] = true;
-        if model.joints[index].kind.turns_freely() {
-            let text = format!(
-                "sensor `{}`: joint `{}` turns in all directions, an encoder reads one; make it a hinge or slide",
-                sensor.name.text, name.text
-            );
-            mistakes.add(name.at, text);
-        }
-        if model.joints[index].kind == JointKind::Fixed {
-            let text = format!(
-                "sensor `{}`: joint `{}` is fixed, an encoder has nothing to read",
-                sensor.name.text, name.text
-            );
-            mistakes.add(name.at, format!("{text}; make it a hinge or slide, or remove the sensor"));
+    for sensor in &model.sensors {
+        if let SensorKind::Encoder(encoder) = &sensor.kind {
+            read[encoder.joint] = true;
         }
     }
     for (spec, read) in spec.joints.iter().zip(read) {
@@ -113,41 +94,8 @@ fn joint_readings(spec: &Spec, model: &Model, mistakes: &Mistakes) {
     }
 }
 
-fn magnetic_field(spec: &Spec, mistakes: &Mistakes) {
-    let magnetometer = |what: &What| matches!(what, What::Imu { noise, .. } if noise.mag_std.is_some());
-    if let Some(sensor) = spec.sensors.iter().find(|s| magnetometer(&s.what) && !spec.has_field) {
-        let text = format!(
-            "sensor `{}` has a magnetometer (mag_std_ut), but [world] lacks magnetic_norm_ut (such as 47.0) or \
-             magnetic_dip_rad (such as \"60*pi/180\")",
-            sensor.name.text
-        );
-        mistakes.add(sensor.name.at, text);
-    }
-}
-
-fn loops(spec: &Spec, model: &Model, mistakes: &Mistakes) {
-    for closure in &model.closures {
-        let Some(named) = spec.closures.iter().find(|c| c.name.text == closure.name) else {
-            continue;
-        };
-        let [(a, _), (b, _)] = closure.sides;
-        if a == b {
-            let frame = &model.frames[a].name;
-            let text = format!("closure `{}`: both sides are on frame `{frame}`; expected two frames", closure.name);
-            mistakes.add(named.name.at, text);
-        } else if mistakes.is_empty() && !moves(model, closure) {
-            let text = format!(
-                "closure `{}`: no joint moves `{}` against `{}`; a loop needs one between its sides",
-                closure.name, model.frames[a].name, model.frames[b].name
-            );
-            mistakes.add(named.name.at, text);
-        }
-    }
-}
-
 /// Some joint lies on the way from one side to the other.
-fn moves(model: &Model, closure: &Closure) -> bool {
-    let [mut a, mut b] = closure.sides.clone().map(|(frame, _)| frame);
+pub(super) fn moves(model: &Model, [mut a, mut b]: [usize; 2]) -> bool {
     // The later frame is never an ancestor of the other.
     while a != b {
         let later = if a > b { &mut a } else { &mut b };

@@ -100,7 +100,7 @@ fn read_transform(slot: Slot) -> (RotationExpr, [Expr; 3]) {
 }
 
 /// `rotation` or `rpy`, checked at the default parameters.
-pub(super) fn read_rotation(section: &Section) -> RotationExpr {
+pub(crate) fn read_rotation(section: &Section) -> RotationExpr {
     match (section.get("rotation"), section.get("rpy")) {
         (Some(_), Some(_)) => {
             section.mistake(section.at_key("rpy"), "has both `rotation` and `rpy`; expected one of them");

@@ -5,9 +5,9 @@ use crate::config::Config;
 use crate::error::Result;
 use crate::estimate::System;
 use crate::model::expr::Expr;
-use crate::model::{Mount, Parameter, SensorKind};
+use crate::model::{Imu, Mount, Parameter, SensorKind};
 use crate::rotation::Mat3;
-use crate::sensor::imu::MountValue;
+use crate::sensor::MountValue;
 use crate::state::{LENGTHS, MOUNTS};
 use crate::track::Calibration;
 use std::sync::Arc;
@@ -44,7 +44,7 @@ pub(super) fn twin(
     }
     for (i, given) in mounts.iter().enumerate() {
         let stds = known.mount_offset_stds_m.get(&model.sensors[i].name);
-        let SensorKind::Imu { mount: Mount { rotation, offset, .. }, .. } = &mut model.sensors[i].kind else {
+        let SensorKind::Imu(Imu { mount: Mount { rotation, offset, .. }, .. }) = &mut model.sensors[i].kind else {
             continue;
         };
         let place = given.map_or_else(|| [0, 1, 2].map(|k| offset[k].eval(&body.parameters)), |given| given.1);
@@ -86,7 +86,7 @@ impl Roles {
         }
         for (sensor, first) in &twin.layout.mounts {
             let sensor = &twin.model.sensors[*sensor];
-            let SensorKind::Imu { mount, .. } = &sensor.kind else { continue };
+            let Some(mount) = sensor.kind.mount() else { continue };
             let stds = known.mount_stds_rad.get(&sensor.name);
             let in_sensor = stds.map_or([mount.std_rad; 3], |stds| turned_std(&mount.rotation, stds));
             wanted.extend((0..3).map(|k| (first + k, in_sensor[k], stds.is_some())));

@@ -3,9 +3,9 @@
 use super::body::Naive;
 use super::plain::update;
 use super::support::chance::Chance;
-use super::support::record::{punch_holes, times, with_loops, Scene};
+use super::support::record::{punch_holes, refer, times, with_loops, Scene};
 use super::support::stroke::{Posture, Stroke};
-use super::support::tree::TREE;
+use super::support::tree::{spanned, TREE};
 use super::support::wave::Wave;
 use super::support::{body, fresh, model, plain, start_std, worse, SCULLER};
 use super::ukf::{Ukf, Weights};
@@ -41,7 +41,8 @@ fn run_both(body: &Body, motion: &dyn Fn(f64) -> Posture, config: &Config, steps
     for sample in &samples {
         plain.predict(sample.time_s - before);
         before = sample.time_s;
-        let z = with_loops(&sample.z, body, &sample.inputs);
+        let mut z = with_loops(&sample.z, body, &sample.inputs);
+        refer(&mut z, body, |name, measured| plain.body.refer(name, measured));
         update(&mut plain, &z, &noise, &sample.inputs);
         assert_eq!(tracker.step(sample).unwrap(), Status::Tracking);
         let ours = tracker.belief().unwrap();
@@ -70,9 +71,17 @@ fn on_a_sculler() {
         let config = Config { filter: FilterKind::Ekf, ..plain(estimate) };
         let body = body(&model(SCULLER), &config);
         let stroke = Stroke::new(&body, 2.2);
-        let apart = run_both(&body, &|t| stroke.at(t), &config, steps, 1);
-        assert_same(&format!("sculler, {} states", body.layout.dim()), apart);
+        let perturbed = run_both(&body, &|t| stroke.at(t), &config, steps, 1);
+        assert_same(&format!("sculler, {} states", body.layout.dim()), perturbed);
     }
+}
+
+#[test]
+fn on_distances_and_orientations() {
+    let config = Config { filter: FilterKind::Ekf, ..plain(&["surge"]) };
+    let body = body(&model(&spanned()), &config);
+    let wave = Wave::random(&body.model, 0.8, 0.8, &mut Chance::new(4));
+    assert_same("spanned tree", run_both(&body, &|t| wave.at(t), &config, 100, 5));
 }
 
 #[test]
@@ -83,7 +92,7 @@ fn on_balls_and_free_joints() {
         let config = Config { filter: FilterKind::Ekf, ..plain(estimate) };
         let body = body(&model(&text), &config);
         let wave = Wave::random(&body.model, 0.8, 0.8, &mut Chance::new(2));
-        let apart = run_both(&body, &|t| wave.at(t), &config, steps, 3);
-        assert_same(&format!("tree, {} states", body.layout.dim()), apart);
+        let perturbed = run_both(&body, &|t| wave.at(t), &config, steps, 3);
+        assert_same(&format!("tree, {} states", body.layout.dim()), perturbed);
     }
 }

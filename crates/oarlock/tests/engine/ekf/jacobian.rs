@@ -2,7 +2,7 @@
 
 use super::mixed::MIXED;
 use super::support::chance::Chance;
-use super::support::tree::TREE;
+use super::support::tree::{spanned, TREE};
 use super::support::{body, model, plain, worse, CHAIN};
 use oarlock::body::{Body, Moment};
 use oarlock::estimate::{Points, System};
@@ -112,7 +112,7 @@ fn of_all_shipped_models() {
 
 #[test]
 fn of_every_joint_sensor_and_state() {
-    for (seed, text) in [MIXED, TREE, CHAIN].into_iter().enumerate() {
+    for (seed, text) in [MIXED, TREE, CHAIN, &spanned()].into_iter().enumerate() {
         compare("all states", &all(text), seed as u64);
     }
     let body = all(MIXED);

@@ -1,7 +1,7 @@
 //! The filter of the product equals the textbook's, step for step.
 
 use super::support::chance::Chance;
-use super::support::record::{punch_holes, times, Scene};
+use super::support::record::{punch_holes, refer, times, Scene};
 use super::support::stroke::Stroke;
 use super::support::{belief, body, model, plain, start_std, worse, SCULLER};
 use super::ukf::Ukf;
@@ -74,7 +74,9 @@ pub fn side_by_side<'a>(
     for sample in samples {
         textbook.predict(sample.time_s - before_s);
         before_s = sample.time_s;
-        textbook.update(&with_loops(sample, body, config), &noise, &sample.inputs);
+        let mut z = with_loops(sample, body, config);
+        refer(&mut z, body, |name, measured| textbook.body.refer(name, measured));
+        textbook.update(&z, &noise, &sample.inputs);
         assert_eq!(tracker.step(sample).unwrap(), Status::Tracking);
         let ours = tracker.belief().unwrap();
         assert_no_spring(body, ours);

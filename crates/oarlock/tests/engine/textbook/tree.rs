@@ -3,7 +3,7 @@
 use super::agreement::{assert_same, side_by_side, textbook_from, Worst};
 use super::support::chance::Chance;
 use super::support::record::{punch_holes, times, Scene};
-use super::support::tree::TREE;
+use super::support::tree::{spanned, TREE};
 use super::support::wave::Wave;
 use super::support::{belief, body, model, plain, start_std};
 use nalgebra::DVector;
@@ -42,6 +42,12 @@ fn every_kind_of_joint_over_500_steps() {
 #[test]
 fn with_biases_and_base_accelerations() {
     assert_same("tree, all states", &run_both(TREE, &plain(&ALL), 400, 2));
+}
+
+#[test]
+fn with_distances_and_orientations() {
+    assert_same("tree, spanned", &run_both(&spanned(), &plain(&[]), 300, 5));
+    assert_same("tree, spanned, all states", &run_both(&spanned(), &plain(&ALL), 200, 6));
 }
 
 #[test]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
 
@@ -151,7 +151,4 @@ def rows_kept(stream: Stream, kept: Bools) -> Stream | None:
     """The samples of a stream that are left; None if there is none."""
     if not kept.any():
         return None
-    if isinstance(stream, ImuStream):
-        rows = {name: values[kept] for name, values in stream.values.items()}
-        return ImuStream(stream.name, stream.time_s[kept], **rows)
-    return replace(stream, time_s=stream.time_s[kept], value=stream.value[kept])
+    return stream.at_rows(kept)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from oarlock.evaluation.study.faults.fault import Case, Fault, Names, of_streams, rows_kept, with_values
+from oarlock.evaluation.study.faults.fault import Case, Fault, Names, of_streams, rows_kept
 from oarlock.evaluation.study.keys import ONE, StudyKey
-from oarlock.recording.streams import ImuStream, Stream
+from oarlock.recording.streams import Stream
 
 
 def silence(names: Names) -> tuple[Fault, ...]:
@@ -44,6 +42,4 @@ def _stuck(stream: Stream, lasting_s: float, case: Case) -> Stream:
     rows = np.arange(len(stream))
     held = case.meanwhile(stream.time_s, lasting_s)
     rows[held] = rows[held].min(initial=len(stream))
-    if isinstance(stream, ImuStream):
-        return with_values(stream, **{name: values[rows] for name, values in stream.values.items()})
-    return replace(stream, value=stream.value[rows])
+    return stream.at_rows(rows, stream.time_s)

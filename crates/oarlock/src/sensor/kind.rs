@@ -1,0 +1,301 @@
+//! What a kind of sensor has to say about itself: three traits that its one file implements, and the list of all kinds.
+
+use super::near::{Around, Homes, Stand};
+use super::slopes::{Answers, Found, Group, Moving};
+use super::{Fit, Heading, Mount, RowGroups, Scene, SlowError, Worn};
+use crate::kernels::lane::{Lane, Real};
+use crate::kernels::sparse_jacobian::SparseJacobian;
+use crate::kinematics::near::{Near, Reach, Wanted};
+use crate::model::build::Lookup;
+use crate::model::section::{Known, Section};
+use crate::model::{Expr, Model};
+use crate::rotation::{Mat3, Vec3};
+use serde_json::Value;
+
+/// A sensor whose frames and joints are still names: they are looked up once all frames have their places.
+pub(crate) type Pending<T> = Box<dyn FnOnce(&Lookup) -> Option<T>>;
+
+/// Model and parameter values for a description.
+pub(crate) struct Described<'a> {
+    pub model: &'a Model,
+    pub values: &'a [f64],
+}
+
+impl Described<'_> {
+    pub fn frame(&self, frame: usize) -> &str {
+        &self.model.frames[frame].name
+    }
+
+    pub fn point(&self, point: &[Expr; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|i: usize| point[i].eval(self.values))
+    }
+}
+
+/// A sensor as the model file describes it.
+pub(crate) trait Kind: Sized {
+    /// As `kind = "..."` names it.
+    const NAME: &'static str;
+    /// Its keys beside `name` and `kind`.
+    const KEYS: Known;
+    /// What predicts its rows.
+    type Reader: Reads;
+
+    /// Reads and checks the keys.
+    fn read(section: &Section) -> Pending<Self>;
+    /// Its keys as plain data, beside `name` and `kind`.
+    fn describe(&self, at: &Described) -> Value;
+    /// At one set of parameters; `None` if its readings are no rows.
+    fn reader(&self, fit: &Fit) -> Option<Self::Reader>;
+    /// The frame whose limb it belongs to.
+    fn frame(&self) -> Option<usize> {
+        None
+    }
+    /// How it sits on its link, if the orientation counts.
+    fn mount(&self) -> Option<&Mount> {
+        None
+    }
+    /// The same, to change it.
+    fn mount_mut(&mut self) -> Option<&mut Mount> {
+        None
+    }
+    /// Where the reference of its readings is turned about the vertical by an unknown angle.
+    fn heading(&self) -> Option<&Heading> {
+        None
+    }
+    /// Errors of its readings that are states.
+    fn slow_errors(&self) -> Vec<SlowError> {
+        Vec::new()
+    }
+}
+
+/// A sensor or closure at one set of parameters and mounts: its rows, their prediction and their derivatives.
+pub(crate) trait Reads {
+    /// How it sits on the rigid pieces of the tree.
+    type Seat: Sits;
+
+    /// Its rows.
+    fn rows(&self) -> RowGroups;
+    /// Marks the frames whose motion it reads.
+    fn mark_frames(&self, _needed: &mut [bool]) {}
+    /// Marks the frames whose velocities or accelerations it reads.
+    fn mark_moving(&self, _moving: &mut [bool]) {}
+    /// Predicts its rows.
+    fn predict<T: Real>(&self, scene: &Scene<T>, out: &mut [T]);
+    /// The columns of the Jacobian that its rows, from `row` on, have.
+    fn causes(&self, row: usize, answers: &Answers) -> Vec<Found>;
+    /// Writes these columns.
+    fn slopes<const FUSED: bool>(&self, groups: &[Group], at: Moving, out: &mut SparseJacobian);
+    /// On the pieces of the tree, and the states on which its rows from `row` on depend.
+    fn seat(&self, row: usize, homes: &Homes) -> (Self::Seat, Reach);
+    /// Of readings on a manifold: takes them from the rows as a reference, around which the rows are differences, and leaves zeros.
+    fn refer(&self, _rows: &mut [f64]) -> Option<Mat3<f64>> {
+        None
+    }
+}
+
+/// A sensor or closure on the rigid pieces of the tree: its readings at points near a mean.
+pub(crate) trait Sits {
+    /// Marks what it asks of its pieces.
+    fn mark(&self, _wanted: &mut [Wanted]) {}
+    /// Finds how it stands at the mean.
+    fn settle(&self, _worn: Worn<f64>, _stand: &mut Stand) {}
+    /// Second-order part of its readings in the rates, at the mean's posture.
+    fn curve<const FUSED: bool>(&self, _near: &Near<Lane<FUSED>>, _stand: &Stand, _out: &mut [Lane]) {}
+    /// Predicts its rows; `posed`: a pose that it depends on differs from the mean's.
+    fn predict<const FUSED: bool>(
+        &self,
+        around: &Around<Lane<FUSED>>,
+        stand: &Stand,
+        posed: bool,
+        trail: &mut [Vec3<Lane<FUSED>>],
+        out: &mut [Lane],
+    );
+    /// A vector in its own axes, given in those of every piece, if it has axes of its own.
+    fn seen_by(&self, _v: &[Vec3<f64>], _mounts: &[Vec3<f64>]) -> Option<Vec3<f64>> {
+        None
+    }
+}
+
+/// Keys of all kinds, `name` and `kind` first.
+pub(crate) fn all_keys(of_kinds: &[Known]) -> Vec<&'static str> {
+    let mut keys = vec!["name", "kind"];
+    for key in of_kinds.iter().copied().flatten() {
+        if !keys.contains(key) {
+            keys.push(key);
+        }
+    }
+    keys
+}
+
+/// Keys that exist, but for sensors of another kind.
+pub(crate) fn refuse_others(section: &Section, kind: &str, own: Known, all: &[&str]) {
+    for key in all.iter().filter(|key| section.has(key)) {
+        if !["name", "kind"].contains(key) && !own.contains(key) {
+            let article = if kind.starts_with(['a', 'e', 'i', 'o', 'u']) { "an" } else { "a" };
+            let text = format!("`{key}` is no key of {article} {kind}; it takes {}", own.join(", "));
+            section.mistake(section.at_key(key), text);
+        }
+    }
+}
+
+/// The list of kinds: an enum for each of the three traits, whose methods go on to the kind's own.
+macro_rules! kinds {
+    ($($name:ident: $file:ident,)*) => {
+        /// What a sensor reads.
+        #[derive(Debug, Clone, PartialEq)]
+        pub enum SensorKind {
+            $(#[allow(missing_docs)] $name($file::$name),)*
+        }
+
+        impl SensorKind {
+            /// Keys of all kinds.
+            pub(crate) fn keys() -> Known {
+                static KEYS: LazyLock<Vec<&str>> = LazyLock::new(|| all_keys(&[$($file::$name::KEYS),*]));
+                &KEYS
+            }
+
+            /// Reads the keys of the kind that the file names.
+            pub(crate) fn read(section: &Section) -> Option<Pending<SensorKind>> {
+                let known = [$($file::$name::NAME),*].map(|name| (name, name));
+                let named = section.need("kind", "\"imu\"")?.choice(&known)?;
+                $(if named == $file::$name::NAME {
+                    refuse_others(section, named, $file::$name::KEYS, Self::keys());
+                    let pending = $file::$name::read(section);
+                    return Some(Box::new(|at| pending(at).map(SensorKind::$name)));
+                })*
+                None
+            }
+
+            /// As `kind = "..."` names it.
+            pub fn name(&self) -> &'static str {
+                match self { $(SensorKind::$name(_) => $file::$name::NAME,)* }
+            }
+
+            /// Its keys as plain data, beside `name` and `kind`.
+            pub(crate) fn describe(&self, at: &Described) -> Value {
+                match self { $(SensorKind::$name(s) => s.describe(at),)* }
+            }
+
+            /// The frame whose limb it belongs to.
+            pub fn frame(&self) -> Option<usize> {
+                match self { $(SensorKind::$name(s) => s.frame(),)* }
+            }
+
+            /// How it sits on its link, if the orientation counts.
+            pub fn mount(&self) -> Option<&Mount> {
+                match self { $(SensorKind::$name(s) => s.mount(),)* }
+            }
+
+            /// The same, to change it.
+            pub fn mount_mut(&mut self) -> Option<&mut Mount> {
+                match self { $(SensorKind::$name(s) => s.mount_mut(),)* }
+            }
+
+            /// Where the reference of its readings is turned about the vertical by an unknown angle.
+            pub fn heading(&self) -> Option<&Heading> {
+                match self { $(SensorKind::$name(s) => s.heading(),)* }
+            }
+
+            /// Errors of its readings that are states.
+            pub(crate) fn slow_errors(&self) -> Vec<SlowError> {
+                match self { $(SensorKind::$name(s) => s.slow_errors(),)* }
+            }
+
+            /// At one set of parameters; `None` if its readings are no rows.
+            fn reader(&self, fit: &Fit) -> Option<Reader> {
+                match self { $(SensorKind::$name(s) => s.reader(fit).map(Reader::$name),)* }
+            }
+        }
+
+        kinds!(@reads $($name: $file,)* Closure: closure,);
+    };
+    (@reads $($name:ident: $file:ident,)*) => {
+        /// A sensor or closure that can predict its rows.
+        #[derive(Debug, Clone)]
+        enum Reader {
+            $($name(<$file::$name as Kind>::Reader),)*
+        }
+
+        /// A sensor or closure as it sits on its pieces.
+        #[derive(Debug, Clone)]
+        enum Seat {
+            $($name(<<$file::$name as Kind>::Reader as Reads>::Seat),)*
+        }
+
+        impl Reads for Reader {
+            type Seat = Seat;
+
+            fn rows(&self) -> RowGroups {
+                match self { $(Reader::$name(s) => s.rows(),)* }
+            }
+
+            fn mark_frames(&self, needed: &mut [bool]) {
+                match self { $(Reader::$name(s) => s.mark_frames(needed),)* }
+            }
+
+            fn mark_moving(&self, moving: &mut [bool]) {
+                match self { $(Reader::$name(s) => s.mark_moving(moving),)* }
+            }
+
+            #[inline(always)]
+            fn predict<T: Real>(&self, scene: &Scene<T>, out: &mut [T]) {
+                match self { $(Reader::$name(s) => s.predict(scene, out),)* }
+            }
+
+            fn causes(&self, row: usize, answers: &Answers) -> Vec<Found> {
+                match self { $(Reader::$name(s) => s.causes(row, answers),)* }
+            }
+
+            #[inline(always)]
+            fn slopes<const FUSED: bool>(&self, groups: &[Group], at: Moving, out: &mut SparseJacobian) {
+                match self { $(Reader::$name(s) => s.slopes::<FUSED>(groups, at, out),)* }
+            }
+
+            fn seat(&self, row: usize, homes: &Homes) -> (Seat, Reach) {
+                match self {
+                    $(Reader::$name(s) => {
+                        let (seat, reach) = s.seat(row, homes);
+                        (Seat::$name(seat), reach)
+                    })*
+                }
+            }
+
+            fn refer(&self, rows: &mut [f64]) -> Option<Mat3<f64>> {
+                match self { $(Reader::$name(s) => s.refer(rows),)* }
+            }
+        }
+
+        impl Sits for Seat {
+            fn mark(&self, wanted: &mut [Wanted]) {
+                match self { $(Seat::$name(s) => s.mark(wanted),)* }
+            }
+
+            #[inline(always)]
+            fn settle(&self, worn: Worn<f64>, stand: &mut Stand) {
+                match self { $(Seat::$name(s) => s.settle(worn, stand),)* }
+            }
+
+            #[inline(always)]
+            fn curve<const FUSED: bool>(&self, near: &Near<Lane<FUSED>>, stand: &Stand, out: &mut [Lane]) {
+                match self { $(Seat::$name(s) => s.curve(near, stand, out),)* }
+            }
+
+            #[inline(always)]
+            fn predict<const FUSED: bool>(
+                &self,
+                around: &Around<Lane<FUSED>>,
+                stand: &Stand,
+                posed: bool,
+                trail: &mut [Vec3<Lane<FUSED>>],
+                out: &mut [Lane],
+            ) {
+                match self { $(Seat::$name(s) => s.predict(around, stand, posed, trail, out),)* }
+            }
+
+            fn seen_by(&self, v: &[Vec3<f64>], mounts: &[Vec3<f64>]) -> Option<Vec3<f64>> {
+                match self { $(Seat::$name(s) => s.seen_by(v, mounts),)* }
+            }
+        }
+    };
+}
+pub(crate) use kinds;

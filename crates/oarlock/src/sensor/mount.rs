@@ -1,0 +1,52 @@
+//! How a sensor with axes of its own sits on its link; shared by the kinds that have such axes.
+
+use crate::kernels::lane::Real;
+use crate::model::section::Section;
+use crate::model::spec::frame::read_rotation;
+use crate::model::Expr;
+use crate::rotation::{Mat3, Vec3};
+
+/// Link from sensor, and the sensor's origin in the link's frame (m).
+pub type MountValue = (Mat3<f64>, [f64; 3]);
+
+/// Orientation and place of a sensor on its link.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mount {
+    /// Link from sensor.
+    pub rotation: Mat3<f64>,
+    /// How far it may be off about each axis, rad, where it is estimated.
+    pub std_rad: f64,
+    /// Sensor's origin in the link's frame, m.
+    pub offset: [Expr; 3],
+}
+
+/// A unit that was put on by eye, rad.
+const MOUNT_STD_RAD: f64 = 0.1;
+
+impl Mount {
+    pub(crate) fn read(section: &Section) -> Mount {
+        let nothing =
+            Mount { rotation: Mat3::identity(), std_rad: MOUNT_STD_RAD, offset: [0.0; 3].map(Expr::constant) };
+        let Some(mount) =
+            section.get("mount").and_then(|slot| Section::of(slot, &["rotation", "rpy", "offset", "std_rad"]))
+        else {
+            return nothing;
+        };
+        let rotation = read_rotation(&mount).evaluate(&[]);
+        if rotation.0.iter().flatten().any(|x| x.is_nan()) {
+            let key = if mount.has("rpy") { "rpy" } else { "rotation" };
+            mount.mistake(mount.at_key(key), "a mount's rotation takes plain numbers only, no parameters");
+        }
+        let std_rad = mount.get("std_rad").and_then(|s| s.positive("rad")).unwrap_or(MOUNT_STD_RAD);
+        Mount { rotation, std_rad, offset: mount.point("offset") }
+    }
+}
+
+/// Axes of a sensor on a link: the nominal ones, turned by its estimated mount if it has one.
+#[inline(always)]
+pub(super) fn turned<T: Real>(nominal: Mat3<T>, number: Option<usize>, mounts: &[Vec3<T>]) -> Mat3<T> {
+    match number.and_then(|i| mounts.get(i)) {
+        Some(turn) => nominal.then(&Mat3::about(*turn)),
+        None => nominal,
+    }
+}

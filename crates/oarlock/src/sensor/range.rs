@@ -1,0 +1,151 @@
+//! Range sensor: reads the distance between two points of the body, or of the body and its surroundings.
+
+use super::kind::{Described, Kind, Pending, Reads, Sits};
+use super::near::{both, Around, Homes, Stand};
+use super::slopes::{moved, Answers, Found, Group, Moving};
+use super::{Fit, Quantity, RowGroups, Scene};
+use crate::kernels::lane::{Lane, Real};
+use crate::kernels::sparse_jacobian::SparseJacobian;
+use crate::kinematics::near::{Reach, Wanted};
+use crate::kinematics::slopes::Kind as SlopeKind;
+use crate::model::section::{Known, Section};
+use crate::model::{Expr, Point};
+use crate::rotation::Vec3;
+use serde_json::{json, Value};
+
+/// Reads the distance between two points.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Range {
+    /// Frame and point (m) of either end.
+    pub ends: [(usize, [Expr; 3]); 2],
+    /// m.
+    pub std_m: f64,
+}
+
+impl Kind for Range {
+    const NAME: &'static str = "range";
+    const KEYS: Known = &["frame_a", "point_a", "frame_b", "point_b", "std_m"];
+    type Reader = RangeReader;
+
+    fn read(section: &Section) -> Pending<Self> {
+        let end = |frame, point| (section.need_reference(frame, "\"seat\""), section.point(point));
+        let (a, b) = (end("frame_a", "point_a"), end("frame_b", "point_b"));
+        let std_m = section.need_positive("std_m", "0.005", "m");
+        Box::new(move |at| {
+            // Both names are looked up, so that both mistakes are reported.
+            let frames = (at.frame("frame_a", &a.0), at.frame("frame_b", &b.0));
+            let ends = [(frames.0?, a.1), (frames.1?, b.1)];
+            at.need_joint_between(ends[0].0, ends[1].0, "a distance");
+            Some(Range { ends, std_m })
+        })
+    }
+
+    fn describe(&self, at: &Described) -> Value {
+        let [(a, point_a), (b, point_b)] = &self.ends;
+        json!({"frame_a": at.frame(*a), "point_a": at.point(point_a),
+            "frame_b": at.frame(*b), "point_b": at.point(point_b), "std_m": self.std_m})
+    }
+
+    fn reader(&self, fit: &Fit) -> Option<RangeReader> {
+        let end = |end: &(usize, [Expr; 3])| (end.0, fit.point(&end.1));
+        Some(RangeReader { ends: [end(&self.ends[0]), end(&self.ends[1])], std_m: self.std_m })
+    }
+}
+
+/// Below this distance (m) the direction from one point to the other is lost in rounding.
+const LEAST_M: f64 = 1e-9;
+
+/// The length of a vector.
+#[inline(always)]
+fn length<T: Real>(v: Vec3<T>) -> T {
+    let [x, y, z] = v.0;
+    let [length] = T::lanewise([x * x + y * y + z * z], |[square]| [square.sqrt()]);
+    length
+}
+
+/// A distance at one set of parameters.
+#[derive(Debug, Clone)]
+pub struct RangeReader {
+    ends: [(usize, Point); 2],
+    std_m: f64,
+}
+
+impl Reads for RangeReader {
+    type Seat = RangeSeat;
+
+    /// One row that has the sensor's own name.
+    fn rows(&self) -> RowGroups {
+        vec![(Quantity::Range, &[""], vec![self.std_m])]
+    }
+
+    fn mark_frames(&self, needed: &mut [bool]) {
+        self.ends.iter().for_each(|end| needed[end.0] = true);
+    }
+
+    #[inline(always)]
+    fn predict<T: Real>(&self, scene: &Scene<T>, out: &mut [T]) {
+        let [(a, at_a), (b, at_b)] = &self.ends;
+        out[0] = length(scene.place(*a, at_a) - scene.place(*b, at_b));
+    }
+
+    fn causes(&self, row: usize, answers: &Answers) -> Vec<Found> {
+        let mut columns = Vec::new();
+        for (side, (frame, point)) in self.ends.iter().enumerate() {
+            columns.extend(answers.chain(*frame, side, &[SlopeKind::Turn, SlopeKind::Shift]));
+            columns.extend(answers.stretches(point, side));
+        }
+        vec![Found { row, count: 1, part: 0, columns }]
+    }
+
+    /// The derivative of a distance is that of the points' difference along the unit vector between them. Where the points
+    /// coincide it does not exist; zero is the mean of all directions.
+    #[inline(always)]
+    fn slopes<const FUSED: bool>(&self, groups: &[Group], at: Moving, out: &mut SparseJacobian) {
+        let places = [0, 1].map(|i| at.place(self.ends[i].0, &self.ends[i].1));
+        let gap = places[0] - places[1];
+        let distance = length(gap);
+        let unit = if distance < LEAST_M { Vec3::zero() } else { gap * (1.0 / distance) };
+        for group in groups {
+            for (slope, (cause, side)) in out.rows_of(group.triple).iter_mut().zip(&group.causes) {
+                let [x, y, z] = moved(*cause, *side, &at, self.ends[*side].0, places[*side]).0;
+                slope.rows = [x * unit.0[0] + y * unit.0[1] + z * unit.0[2], 0.0, 0.0, 0.0];
+            }
+        }
+    }
+
+    fn seat(&self, row: usize, homes: &Homes) -> (RangeSeat, Reach) {
+        let ends = [0, 1].map(|i| homes.place(self.ends[i].0, &self.ends[i].1));
+        let [a, b] = [0, 1].map(|i| homes.reach(self.ends[i].0, homes.own(&ends[i].1)));
+        (RangeSeat { row, ends }, both(a, b))
+    }
+}
+
+/// A distance between points on their pieces.
+#[derive(Debug, Clone)]
+pub struct RangeSeat {
+    row: usize,
+    ends: [(usize, Point); 2],
+}
+
+impl Sits for RangeSeat {
+    fn mark(&self, wanted: &mut [Wanted]) {
+        self.ends.iter().for_each(|end| wanted[end.0].place = true);
+    }
+
+    #[inline(always)]
+    fn predict<const FUSED: bool>(
+        &self,
+        around: &Around<Lane<FUSED>>,
+        _: &Stand,
+        posed: bool,
+        trail: &mut [Vec3<Lane<FUSED>>],
+        out: &mut [Lane],
+    ) {
+        if !posed {
+            around.keep(out, Some(self.row), 1);
+            return;
+        }
+        let [(a, at), (b, bt)] = &self.ends;
+        out[self.row] = length(around.place(*a, at, trail) - around.place(*b, bt, trail)).cast();
+    }
+}

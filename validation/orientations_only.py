@@ -1,0 +1,37 @@
+"""A body tracked from the orientations of its units alone, beside OpenSim's inverse kinematics on the same quaternions.
+
+Used by the comparison on the robot's links: the raw signals go through VQF and are then dropped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import oarlock
+from oarlock import OrientationStream, Recording
+from oarlock.formats.openaxes import LINKS
+
+from . import chains, ours
+from .chains import Chain, Link
+from .estimate import Estimate, Outcome, attempt
+
+MODEL = Path(__file__).parent / "models" / "openaxes_orientations.toml"
+CHAIN: Chain = (Link("radius", "xyz"), Link("carpus", "x"))
+LABEL = "Oarlock, orientations only"
+
+
+def estimates(on_units: Estimate, on_links: Estimate) -> Iterator[Outcome]:
+    """Oarlock and other software on the same orientations: of the units, and of the links that carry them."""
+    yield replace(on_links, name=f"{on_links.name}, each link by itself")
+    yield from attempt([LABEL], lambda: _tracked(on_units))
+    for outcome, _ in chains.on_chain(on_links, CHAIN):
+        yield outcome
+
+
+def _tracked(on_units: Estimate) -> Iterator[Estimate]:
+    streams = [OrientationStream(link, on_units.time_s, on_units.quats[link]) for link in LINKS]
+    track = oarlock.track(oarlock.load_model(str(MODEL)), Recording(streams))
+    for label, one in ((LABEL, track), (f"{LABEL}, smoothed", oarlock.smooth(track))):
+        yield ours.estimate_of(label, one, LINKS, online=one is track)
