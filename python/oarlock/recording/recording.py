@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from oarlock.recording.folder import read_folder, write_folder
-from oarlock.recording.streams import ImuStream, ScalarStream, Stream, VectorStream
+from oarlock.recording.streams import Stream
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 
@@ -41,7 +41,7 @@ class Recording:
             raise DataError("the recording is empty: it has no stream. Give at least one.")
         seen: dict[str, int] = {}
         for index, stream in enumerate(self.streams):
-            if not isinstance(stream, ImuStream | ScalarStream | VectorStream):
+            if not isinstance(stream, Stream):
                 raise DataError(
                     f"streams[{index}] is a {type(stream).__name__}; "
                     "expected ImuStream, ScalarStream, VectorStream or OrientationStream"
