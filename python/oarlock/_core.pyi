@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from oarlock.model.jacobians import FrameJacobian, MeasurementJacobian
 from oarlock.model.load import Base
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.recording import Recording
@@ -26,6 +27,7 @@ class Model:
     text: str
     path: str
     parameters: dict[str, float]
+    length_names: list[str]
     joint_names: list[str]
     coordinate_names: list[str]
     frame_names: list[str]
@@ -36,10 +38,16 @@ class Model:
     @staticmethod
     def from_toml(text: str, path: str, parameters: Mapping[str, float]) -> Model: ...
     def describe(self) -> dict[str, Any]: ...
-    def forward_kinematics(self, q: ArrayLike) -> Floats: ...
+    def forward_kinematics(self, q: ArrayLike, lengths: ArrayLike | None = None) -> Floats: ...
+    def frame_jacobian(
+        self, q: ArrayLike, frames: Sequence[str] | None = None, lengths: ArrayLike | None = None
+    ) -> FrameJacobian: ...
     def predict_measurements(
         self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, base: Base | None = None
     ) -> Floats: ...
+    def measurement_jacobian(
+        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, base: Base | None = None
+    ) -> MeasurementJacobian: ...
 
 class Config:
     estimate: list[str]

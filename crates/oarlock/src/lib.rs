@@ -6,6 +6,7 @@ pub mod config;
 pub mod describe;
 pub mod error;
 pub mod estimate;
+pub mod jacobian;
 pub mod kinematics;
 pub mod lane;
 pub mod model;
