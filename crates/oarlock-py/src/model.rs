@@ -70,7 +70,7 @@ impl PyModel {
         self.model.parameters.iter().map(|p| (p.name.clone(), p.default)).collect()
     }
 
-    /// Parameters that are lengths, those with unit m: the last axis of what Jacobians say about them.
+    /// Parameters from which places follow in proportion and no rotation does: the columns of lengths in Jacobians.
     #[getter]
     fn length_names(&self) -> Vec<String> {
         lengths_of(&self.model).into_iter().map(|i| self.model.parameters[i].name.clone()).collect()

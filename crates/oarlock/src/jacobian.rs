@@ -3,7 +3,7 @@
 use crate::estimate::straight::Straight;
 use crate::kinematics::slopes::{Columns, Kind, Slopes};
 use crate::kinematics::{FrameMotion, JointMotion, Tree};
-use crate::model::{JointKind, Model};
+use crate::model::{Expr, JointKind, Model, SensorKind, Transform};
 use crate::rotation::Vec3;
 use crate::sensor::slopes::{Causes, Moving, Places};
 use crate::sensor::{Suite, Wearing, Worn};
@@ -42,9 +42,23 @@ pub struct Room {
     all: Vec<bool>,
 }
 
-/// Indices of the parameters that are lengths: places follow them linearly.
+/// Indices of the parameters that are lengths: some place follows from them, and no rotation.
 pub fn lengths_of(model: &Model) -> Vec<usize> {
-    (0..model.parameters.len()).filter(|&i| model.parameters[i].unit == "m").collect()
+    let transforms = || model.frames.iter().flat_map(|f| [&f.before, &f.after]).flatten();
+    let turning: Vec<usize> = transforms().flat_map(Transform::turned_by).collect();
+    let moving: Vec<usize> = transforms().flat_map(Transform::moved_by).chain(points_moved_by(model)).collect();
+    (0..model.parameters.len()).filter(|i| moving.contains(i) && !turning.contains(i)).collect()
+}
+
+/// Parameters that the points of sensors and closures read.
+fn points_moved_by(model: &Model) -> Vec<usize> {
+    let of_sensors = model.sensors.iter().filter_map(|s| match &s.kind {
+        SensorKind::Imu { mount, .. } => Some(&mount.offset),
+        SensorKind::Position { point, .. } => Some(point),
+        SensorKind::Encoder { .. } => None,
+    });
+    let of_closures = model.closures.iter().flat_map(|c| c.sides.iter().map(|(_, point)| point));
+    of_sensors.chain(of_closures).flatten().flat_map(Expr::parameters).collect()
 }
 
 impl Jacobians {

@@ -1,7 +1,8 @@
 """What `Model.frame_jacobian` and `Model.measurement_jacobian` give: exact derivatives, named.
 
 A ball joint's three coordinates count as a small turn e behind the joint: the rotation R becomes R Exp(e), e in
-the child's axes, as in CONVENTIONS.md. Lengths are the parameters with unit m, in the order of `Model.length_names`.
+the child's axes, as in CONVENTIONS.md. Lengths are the parameters that move places and turn nothing,
+`Model.length_names`.
 """
 
 from __future__ import annotations
@@ -39,3 +40,16 @@ class MeasurementJacobian(NamedTuple):
     by_qd: NDArray[np.float64]
     by_qdd: NDArray[np.float64]
     by_length: NDArray[np.float64]
+
+
+def relative_moves(poses: NDArray[np.float64], by_coordinate: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Derivatives (..., K, 3, n) of places in the axes of a frame, which is the first of all.
+
+    Args:
+        poses: (..., K + 1, 4, 4) of that frame and the others, in any axes.
+        by_coordinate: (..., K + 1, 6, n) of the same in the same axes, as `FrameJacobian.by_coordinate` has it.
+    """
+    arms = poses[..., 1:, :3, 3] - poses[..., :1, :3, 3]
+    turned = np.cross(by_coordinate[..., :1, 3:, :], arms[..., None], axis=-2)
+    moves = by_coordinate[..., 1:, :3, :] - by_coordinate[..., :1, :3, :] - turned
+    return np.asarray(np.swapaxes(poses[..., :1, :3, :3], -1, -2) @ moves)
