@@ -13,7 +13,7 @@ use oarlock::track::loops::readings_from;
 use oarlock::track::parameter_values;
 use oarlock::{Config, Model};
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
+use pyo3::types::{PyDict, PyList, PyTuple};
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
@@ -31,9 +31,11 @@ pub struct PyModel {
 
 #[pymethods]
 impl PyModel {
-    /// Builds a model from a model file's text; `path` is for messages, `parameters` replace defaults.
+    /// Builds a model from a model file's text; `path` is for messages and for what it extends, `parameters` replace
+    /// defaults.
     #[staticmethod]
     fn from_toml(py: Python<'_>, text: String, path: String, parameters: BTreeMap<String, f64>) -> PyResult<Self> {
+        let text = whole(py, text, &path)?;
         let mut model = Model::from_toml(&text, &path).map_err(|e| raise(py, e))?;
         let values = parameter_values(&model, &parameters).map_err(|e| raise(py, e))?;
         model.parameters.iter_mut().zip(&values).for_each(|(p, v)| p.default = *v);
@@ -204,6 +206,87 @@ impl PyModel {
         py.import("oarlock.model.jacobians")?.getattr("MeasurementJacobian")?.call1(arrays)
     }
 
+    /// The model with other values of its parameters, by name, m or rad.
+    #[pyo3(signature = (values=None, **named))]
+    fn with_parameters<'py>(
+        slf: &Bound<'py, Self>,
+        values: Option<&Bound<'py, PyAny>>,
+        named: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let all = named.map_or_else(|| Ok(PyDict::new(slf.py())), |n| n.copy())?;
+        if let Some(values) = values {
+            all.call_method1("update", (values,))?;
+        }
+        edit(slf, "with_parameters", all.as_any())
+    }
+
+    /// The model with tables added or changed: kinds ("joint", "frame", "sensor", "closure", "base_acceleration") to lists of
+    /// dictionaries with the keys of model files, found by their `name`; other keys are those of a file that `extends` this one.
+    fn with_tables<'py>(slf: &Bound<'py, Self>, changes: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        edit(slf, "with_tables", changes)
+    }
+
+    /// The model with this joint, a new one or with these keys changed.
+    #[pyo3(signature = (name, **keys))]
+    fn with_joint<'py>(
+        slf: &Bound<'py, Self>,
+        name: &str,
+        keys: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        with_one(slf, "joint", name, keys)
+    }
+
+    /// The model with this frame, a new one or with these keys changed.
+    #[pyo3(signature = (name, **keys))]
+    fn with_frame<'py>(
+        slf: &Bound<'py, Self>,
+        name: &str,
+        keys: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        with_one(slf, "frame", name, keys)
+    }
+
+    /// The model with this sensor, a new one or with these keys changed.
+    #[pyo3(signature = (name, **keys))]
+    fn with_sensor<'py>(
+        slf: &Bound<'py, Self>,
+        name: &str,
+        keys: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        with_one(slf, "sensor", name, keys)
+    }
+
+    /// The model with this closure, a new one or with these keys changed.
+    #[pyo3(signature = (name, **keys))]
+    fn with_closure<'py>(
+        slf: &Bound<'py, Self>,
+        name: &str,
+        keys: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        with_one(slf, "closure", name, keys)
+    }
+
+    /// The model without these joints, frames, sensors, closures and base accelerations, by name. With a joint go the frames
+    /// that it moves, with a frame all that hangs on it: frames, sensors and closures.
+    #[pyo3(signature = (*, joints=None, frames=None, sensors=None, closures=None, base_accelerations=None))]
+    fn without<'py>(
+        slf: &Bound<'py, Self>,
+        joints: Option<&Bound<'py, PyAny>>,
+        frames: Option<&Bound<'py, PyAny>>,
+        sensors: Option<&Bound<'py, PyAny>>,
+        closures: Option<&Bound<'py, PyAny>>,
+        base_accelerations: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let kinds = ["joint", "frame", "sensor", "closure", "base_acceleration"];
+        let names = PyDict::new(slf.py());
+        for (kind, given) in kinds.into_iter().zip([joints, frames, sensors, closures, base_accelerations]) {
+            if let Some(given) = given {
+                names.set_item(kind, PyList::new(slf.py(), given.try_iter()?.collect::<PyResult<Vec<_>>>()?)?)?;
+            }
+        }
+        edit(slf, "without", names.as_any())
+    }
+
     fn __repr__(&self) -> String {
         let m = &self.model;
         format!(
@@ -221,6 +304,34 @@ impl PyModel {
         let m = slf.get();
         (make, (m.text.clone(), m.path.clone(), m.given.clone())).into_pyobject(slf.py())
     }
+}
+
+/// The text with all that it extends put in.
+fn whole(py: Python<'_>, text: String, path: &str) -> PyResult<String> {
+    if !text.contains("extends") {
+        return Ok(text);
+    }
+    let path = py.import("pathlib")?.call_method1("Path", (path,))?;
+    py.import("oarlock.model.extends")?.call_method1("model_file", (path, text))?.getattr("text")?.extract()
+}
+
+/// What a function of `oarlock.model.edit` makes of the model.
+fn edit<'py>(model: &Bound<'py, PyModel>, function: &str, change: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    model.py().import("oarlock.model.edit")?.call_method1(function, (model, change))
+}
+
+fn with_one<'py>(
+    model: &Bound<'py, PyModel>,
+    kind: &str,
+    name: &str,
+    keys: Option<&Bound<'py, PyDict>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let py = model.py();
+    let table = keys.map_or_else(|| Ok(PyDict::new(py)), |k| k.copy())?;
+    table.set_item("name", name)?;
+    let changes = PyDict::new(py);
+    changes.set_item(kind, PyList::new(py, [table])?)?;
+    edit(model, "with_tables", changes.as_any())
 }
 
 impl PyModel {

@@ -1,5 +1,4 @@
-"""Changes of model files as documents: tables added, changed and removed by name; for `Model.with_...`, `Model.without`
-and files that extend others."""
+"""Changes of model files as documents, for `Model.with_...`, `Model.without` and files that extend others."""
 
 from __future__ import annotations
 
@@ -53,19 +52,19 @@ def with_tables(model: Model, changes: Table) -> Model:
 def without(model: Model, names: Mapping[str, Iterable[str]]) -> Model:
     """See `Model.without`."""
     document = document_of(model)
-    gone = {kind: set(some) for kind, some in names.items() if kind != "frame"}
-    frames = _carried(document, gone.get("joint", set()), set(names.get("frame", ())))
     for kind, some in names.items():
         _check_names(document, kind, some)
+    frames = _carried(document, set(names.get("joint", ())), set(names.get("frame", ())))
+    joints = set(names.get("joint", ())) | _left_still(document, frames)
     stays: dict[str, Callable[[Table], bool]] = {
+        "joint": lambda table: table["name"] not in joints,
         "frame": lambda table: table["name"] not in frames,
-        "sensor": lambda table: table.get("frame") not in frames
-        and table.get("joint") not in gone.get("joint", set()),
+        "sensor": lambda table: table.get("frame") not in frames and table.get("joint") not in joints,
         "closure": lambda table: not {table["frame_a"], table["frame_b"]} & frames,
     }
     for kind in NAMED:
-        keep = stays.get(kind, lambda _: True)
-        left = [t for t in document.pop(kind, ()) if t["name"] not in gone.get(kind, set()) and keep(t)]
+        gone, keep = set(names.get(kind, ())), stays.get(kind, lambda _: True)
+        left = [table for table in document.pop(kind, ()) if table["name"] not in gone and keep(table)]
         document |= {kind: left} if left else {}
     return model_of(document, model)
 
@@ -73,18 +72,25 @@ def without(model: Model, names: Mapping[str, Iterable[str]]) -> Model:
 def _carried(document: Document, joints: set[str], frames: set[str]) -> set[str]:
     """These frames, those that these joints move, and all that hangs on any of them."""
     tables = document.get("frame", ())
-    found = frames | {t["name"] for t in tables if t.get("joint") in joints}
-    while more := {t["name"] for t in tables if t.get("parent") in found} - found:
+    found = frames | {table["name"] for table in tables if table.get("joint") in joints}
+    while more := {table["name"] for table in tables if table.get("parent") in found} - found:
         found |= more
     return found
+
+
+def _left_still(document: Document, frames: set[str]) -> set[str]:
+    """Joints that move nothing once these frames are gone."""
+    moving = [(table.get("joint"), table["name"] in frames) for table in document.get("frame", ())]
+    return {joint for joint, gone in moving if gone} - {joint for joint, gone in moving if not gone}
 
 
 def merged(base: Table, changes: Table) -> Document:
     """A document with what another one changes.
 
-    Keys of `[world]`, `[process]` and the like replace the base's, parameters change key by key. Tables of joints, frames,
-    sensors, closures and base accelerations change those of their name, key by key, or wholly with `replace = true`; new
-    ones stand at the end, or where `before` or `after` says. `remove` names by kind what goes first.
+    Keys of `[world]`, `[process]` and the like replace the base's, parameters change key by key. Tables of joints,
+    frames, sensors, closures and base accelerations change those of their name, key by key, or wholly with
+    `replace = true`; new ones stand at the end, or where `before` or `after` says. `remove` names by kind what goes
+    first.
 
     Raises:
         DataError: a name to remove, or to stand beside, is not there.

@@ -84,7 +84,9 @@ def model_file(path: Path, text: str, above: tuple[Path, ...] = ()) -> ModelFile
 
 def _base(where: str, path: Path, name: Any, above: tuple[Path, ...]) -> ModelFile:
     if not isinstance(name, str):
-        raise ModelError(f"{where}: is {name!r}; expected the name of a shipped model or the path of a model file")
+        raise ModelError(
+            f"{where}: is {name!r}; expected the name of a shipped model or the path of a model file"
+        )
     shipped = model_names()
     base = model_path(name) if name in shipped else path.parent / name
     if base.resolve() in {file.resolve() for file in above}:

@@ -139,8 +139,7 @@ class Scatter:
     def _with_lengths(self, posture: Posture, group: list[str], sign: float) -> Posture:
         own = self.rower.model
         changed = {name: own.parameters[name] + sign * self.lengths_std[name] for name in group}
-        model = Model.from_toml(own.text, own.path, dict(own.parameters) | changed)
-        return _with_places(posture, posture.q, model)
+        return _with_places(posture, posture.q, own.with_parameters(changed))
 
     def _rates(self, posture: Posture, rate_stds: Floats) -> Iterator[tuple[Posture, Posture]]:
         names = list(self.rower.model.coordinate_names)
