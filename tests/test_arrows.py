@@ -30,6 +30,7 @@ ENGINE_MAY_USE: dict[str, set[str]] = {
     "motion": SETTINGS | {"state"},
     "sensor": SETTINGS | {"state"},
     "body": SETTINGS | {"state", "motion", "sensor"},
+    "jacobian": SETTINGS | {"sensor"},
     "describe": BODY | {"body"},
     "recording": BODY | {"sensor"},
     "track": SETTINGS | {"state", "motion", "sensor", "body", "recording"},

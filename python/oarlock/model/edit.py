@@ -61,9 +61,10 @@ def without(model: Model, names: Mapping[str, Iterable[str]]) -> Model:
         "frame": lambda table: table["name"] not in frames,
         "sensor": lambda table: table.get("frame") not in frames and table.get("joint") not in joints,
         "closure": lambda table: not {table["frame_a"], table["frame_b"]} & frames,
+        "base_acceleration": lambda table: True,
     }
     for kind in NAMED:
-        gone, keep = set(names.get(kind, ())), stays.get(kind, lambda _: True)
+        gone, keep = set(names.get(kind, ())), stays[kind]
         left = [table for table in document.pop(kind, ()) if table["name"] not in gone and keep(table)]
         document |= {kind: left} if left else {}
     return model_of(document, model)
@@ -93,8 +94,10 @@ def merged(base: Table, changes: Table) -> Document:
     first.
 
     Raises:
-        DataError: a name to remove, or to stand beside, is not there.
+        DataError: a name to remove, or to stand beside, is not there; a table is no table, or has no name.
     """
+    for part in (base, changes):
+        _check_shapes(part)
     document: Document = copy.deepcopy(dict(base))
     for kind, names in changes.get("remove", {}).items():
         _remove(document, kind, names)
@@ -108,6 +111,21 @@ def merged(base: Table, changes: Table) -> Document:
             both = isinstance(value, Mapping) and isinstance(document.get(key), Mapping)
             document[key] = {**document[key], **value} if both else copy.deepcopy(value)
     return document
+
+
+def _check_shapes(document: Table) -> None:
+    for kind in NAMED:
+        tables = document.get(kind, [])
+        if not isinstance(tables, list) or not all(isinstance(table, Mapping) for table in tables):
+            raise DataError(f"{kind}: expected tables, [[{kind}]]")
+        if not all(isinstance(table.get("name"), str) for table in tables):
+            raise DataError(f"a [[{kind}]] has no name; what changes the model is found by its name")
+    for key in ("parameters", "remove"):
+        if not isinstance(document.get(key, {}), Mapping):
+            raise DataError(f"{key}: expected a table, [{key}]")
+    for kind, names in document.get("remove", {}).items():
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise DataError(f'remove.{kind}: expected names, ["a", "b"]')
 
 
 def _remove(document: Document, kind: str, names: Iterable[str]) -> None:
@@ -132,8 +150,6 @@ def _check_names(document: Document, kind: str, names: Iterable[str]) -> None:
 
 
 def _put(tables: list[Document], kind: str, change: Table) -> None:
-    if "name" not in change:
-        raise DataError(f"a [[{kind}]] has no name; what changes the model is found by its name")
     own = {key: copy.deepcopy(value) for key, value in change.items() if key not in _PLACE}
     names = [table["name"] for table in tables]
     there = names.index(own["name"]) if own["name"] in names else None
