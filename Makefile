@@ -19,7 +19,7 @@ export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 
 RUST_SOURCES := Cargo.toml Cargo.lock $(wildcard crates/*/Cargo.toml) $(shell find crates/*/src -name '*.rs')
 
-.PHONY: help demo test fuzz bench bench-others bench-page robustness-page player pictures lint format docs validation lock clean
+.PHONY: help demo test test-all test-long fuzz bench bench-others bench-page robustness-page player pictures lint format docs validation lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -27,9 +27,21 @@ help: ## list the targets
 demo: $(VENV)/.package ## build, then track a simulated sculler and a real pendulum
 	$(BIN)/oarlock demo --out out/demo
 
-test: $(VENV)/.package $(VENV)/.dev ## run the tests of the engine and of the package
+# Seeded, so that a change alone can make it fail; `make test-all` and `make fuzz` draw anew.
+test: export PROPTEST_RNG_SEED := 1
+test: $(VENV)/.package $(VENV)/.dev ## run the tests that every change must pass: at most 5 minutes on two cores
 	cargo test --locked --quiet --package oarlock
+	$(BIN)/python -m pytest -m "not long" --numprocesses auto --dist loadfile
+
+test-all: $(VENV)/.package $(VENV)/.dev ## run all tests: long statistics, browsers, commands of the README, five minutes of fuzzing
+	cargo test --locked --quiet --package oarlock -- --include-ignored
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
+	$(MAKE) fuzz FUZZ_MINUTES=5
+
+# Another part every hour; LONG_TURN repeats the choice that a run printed.
+LONG_SECONDS ?= 600
+test-long: $(VENV)/.package $(VENV)/.dev ## run what is only in `make test-all` for LONG_SECONDS (600), another part every hour
+	$(BIN)/python .ci/long_tier.py --seconds $(LONG_SECONDS) $(if $(LONG_TURN),--turn $(LONG_TURN))
 
 # There are eight campaigns in Rust and twenty-six in Python; each gets an equal share of the time.
 FUZZ_MINUTES ?= 60
@@ -59,7 +71,8 @@ player: ## build the 3D player from viewer/ with npm, into python/oarlock/viewer
 pictures: $(VENV)/.package $(VENV)/.dev ## make the pictures of the pages anew from the demo; needs Chromium
 	$(BIN)/python docs/pictures/make.py
 
-lint: $(VENV)/.dev ## ruff, mypy, clippy and rustfmt, changing nothing
+lint: $(VENV)/.dev ## checks of the project's text, ruff, mypy, clippy and rustfmt, changing nothing
+	$(BIN)/python -m checks
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -72,6 +85,7 @@ format: $(VENV)/.dev ## let ruff and rustfmt lay out the code
 	cargo fmt --all
 
 docs: $(VENV)/.package $(VENV)/.dev ## check the links of the documentation and run its commands and examples
+	$(BIN)/python -m checks
 	$(BIN)/python -m pytest tests/test_docs.py
 
 validation: $(VENV)/.package $(VENV)/.validation ## track public recordings with Oarlock and with other software, and compare

@@ -14,6 +14,7 @@ from typing import Any
 from oarlock.lab.bench.measure import measure
 
 from .memory import peaks
+from .startup import startups
 from .table import into_page, write
 
 OUT = Path("out/bench")
@@ -41,6 +42,7 @@ def collect(seconds: float, memory_s: float) -> dict[str, Any]:
     figures["criterion"] = criterion(Path(os.environ.get("CARGO_TARGET_DIR", "target")))
     figures["user"] = measure(seconds).to_dict()
     figures["memory"] = peaks(memory_s)
+    figures["startup"] = startups()
     return figures
 
 

@@ -113,14 +113,15 @@ def _rest(figures: dict[str, Any]) -> str:
         rows.append(
             [f"peak memory of the process, {row['duration_s'] / 60:.0f} min at n = 72: {row['what']}", text]
         )
+    rows += [
+        [f"processor time of `{what}`", f"{time_s:.2f} s"] for what, time_s in figures["startup"].items()
+    ]
     return _table(["what", "figure"], rows)
 
 
 def _others(user: Row) -> str:
     paper = user["paper"]
-    rows = [
-        (f"Oarlock, {name}", user[f"{name}_steps_s"], "") for name in ("ukf", "ekf", "iekf", "factorised")
-    ]
+    rows = [(f"Oarlock, {name}", user[f"{name}_steps_s"], "") for name in ("ukf", "ekf", "factorised")]
     rows += [
         (f"{row['name']} ({row['package']} {row['version']})", row["steps_s"], row["problem"])
         for row in user["others"]

@@ -18,7 +18,7 @@ from hypothesis.strategies import SearchStrategy
 
 from oarlock.storage.errors import DataError, ModelError
 
-EXAMPLES = 60
+EXAMPLES = 25
 EXAMPLES_A_ROUND = 100
 # Of the processor: the slowest of an hour take about two seconds, which a crowded machine may spread over minutes.
 HANG_S = 60
@@ -36,13 +36,19 @@ _SETTINGS = settings(
 )
 
 
-def campaign(check: Callable[..., None], *strategies: SearchStrategy[Any], long_only: bool = False) -> None:
+def campaign(
+    check: Callable[..., None],
+    *strategies: SearchStrategy[Any],
+    long_only: bool = False,
+    count: int = EXAMPLES,
+) -> None:
     """Check examples of the strategies; a fixed number of fixed ones unless the environment sets a time.
 
     Args:
         check: what shall hold of each example.
         strategies: make its arguments.
         long_only: where other people's compiled readers are fed, which may end the process: `make fuzz` alone does it.
+        count: how many examples, unless the environment sets a time; fewer where each starts processes.
     """
     limit = os.environ.get("OARLOCK_FUZZ_SECONDS")
     if long_only and limit is None:
@@ -55,7 +61,7 @@ def campaign(check: Callable[..., None], *strategies: SearchStrategy[Any], long_
     examples = given(st.tuples(*strategies))
 
     if limit is None:
-        settings(_SETTINGS, max_examples=EXAMPLES, derandomize=True)(examples(watched))()
+        settings(_SETTINGS, max_examples=count, derandomize=True)(examples(watched))()
         return
     first = int(os.environ.get("OARLOCK_FUZZ_SEED", "0"))
     end = time.monotonic() + float(limit)

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from oarlock.cli import app, terminal
+import oarlock
+from oarlock.cli import app, settings, terminal
 
 VERBS = (
     ("bench",),
@@ -212,6 +213,56 @@ def test_report_is_written_where_it_is_asked_for(trial: Path, tmp_path: Path) ->
     assert "<html" in file.read_text()
 
 
+# --- settings of the filter ---------------------------------------------------------------------------
+
+
+def test_help_names_every_setting_with_its_default() -> None:
+    with_flags = {"filter", "output_rate_hz"}
+    named = {key.partition(".")[0] for key in settings.MEANINGS}
+    assert named | with_flags == set(oarlock.Config().to_dict())
+    shown = run("track", "--help").stdout
+    assert "gate_patience_s=0.05 " in shown and "closures=true " in shown
+    assert "estimate=gyro_bias,accel_bias,surge " in shown
+
+
+def test_a_setting_overrides_the_file_that_overrides_the_default(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(
+        'alpha = 0.5\nbeta = 1\nestimate = ["gyro_bias"]\noutput_rate_hz = "none"\n', encoding="utf-8"
+    )
+    model = oarlock.load_model("sculler")
+    texts = ["l_ua_r=0.31", "alpha=0.4", "gate=false", "initial_q.seat=0.1"]
+    parameters, chosen = settings.split(texts, model.parameters)
+    config = settings.configuration(model, {**settings.settings_of_file(file), **chosen}).to_dict()
+    assert parameters == {"l_ua_r": 0.31}
+    assert (config["alpha"], config["beta"], config["gate"]) == (0.4, 1.0, False)
+    assert config["estimate"] == ["gyro_bias"] and config["output_rate_hz"] is None
+    assert config["initial_q"][model.describe()["joints"].index(joint_named(model, "seat"))] == 0.1
+
+
+def joint_named(model: oarlock.Model, name: str) -> dict[str, object]:
+    return next(joint for joint in model.describe()["joints"] if joint["name"] == name)
+
+
+def test_a_parameter_of_the_model_takes_precedence_over_a_setting() -> None:
+    assert settings.split(["alpha=0.2"], {"alpha"}) == ({"alpha": 0.2}, {})
+    assert settings.split(["alpha=0.2", "estimate=none"], set()) == ({}, {"alpha": 0.2, "estimate": ()})
+
+
+def test_an_earlier_run_gives_its_settings(trial: Path) -> None:
+    found = settings.settings_of_file(trial / "out" / "run.toml")
+    assert found == oarlock.load_track(trial / "out").provenance["config"]
+    model = oarlock.load_model("sculler")
+    assert settings.configuration(model, found) == oarlock.Config()
+
+
+@pytest.mark.parametrize("flag", settings.NOW_SETTINGS)
+def test_a_flag_that_became_a_setting_says_so(flag: str) -> None:
+    refused = run("track", "nowhere", "--model", "sculler", flag, "--out", "unused")
+    assert refused.exit_code == 2
+    assert f"{flag} is a setting now: {settings.NOW_SETTINGS[flag]}" in " ".join(refused.stderr.split())
+
+
 # --- errors -------------------------------------------------------------------------------------------
 
 
@@ -227,7 +278,24 @@ def test_report_is_written_where_it_is_asked_for(trial: Path, tmp_path: Path) ->
         (2, ("track", "nowhere", "--model", "sculler")),
         (2, ("track", "nowhere", "--model", "sculler", "--out", "unused", "--set", "l_ua_r")),
         (2, ("track", "nowhere", "--model", "sculler", "--out", "unused", "--set", "l_ua_r=long")),
-        (2, ("track", "nowhere", "--model", "sculler", "--out", "unused", "--process-noise", "pink")),
+        (2, ("track", "nowhere", "--model", "sculler", "--out", "unused", "--set", "process_noise=pink")),
+        (
+            2,
+            (
+                "track",
+                "nowhere",
+                "--model",
+                "sculler",
+                "--out",
+                "unused",
+                "--set",
+                "gate=false",
+                "--set",
+                "gate=true",
+            ),
+        ),
+        (2, ("track", "nowhere", "--model", "sculler", "--out", "unused", "--set", "initial_q.knee=0.1")),
+        (1, ("track", "nowhere", "--model", "sculler", "--out", "unused", "--config", "nowhere.toml")),
         (2, ("track", "nowhere", "--model", "sculler", "--out", "unused", "--filter", "kalman")),
         (2, ("simulate", "--out", "unused", "--condition", "Q-Q")),
         (2, ("simulate", "--out", "unused", "--rate-spm", "fast")),

@@ -128,6 +128,7 @@ def test_clocks_of_an_arm_are_found_against_one_of_its_units(arm):
         assert found.clocks[name].offset_s == pytest.approx(clock.offset_s, abs=FOUND_S)
 
 
+@pytest.mark.long
 def test_clocks_of_a_sculler_are_found_against_seat_and_oars():
     model = oarlock.load_model("sculler")
     _, recording = simulate_sculling(model, duration_s=14.0, seed=7)

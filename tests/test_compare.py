@@ -19,9 +19,8 @@ from typer.testing import CliRunner, Result
 import oarlock
 from oarlock import Config, DataError, Recording
 from oarlock.cli import app
-from oarlock.evaluation.comparison import estimators
 from oarlock.evaluation.comparison.comparison import Comparison
-from oarlock.evaluation.comparison.estimators import estimator, tree_filters, usual_estimators
+from oarlock.evaluation.comparison.estimators import estimator, estimators, tree_filters, usual_estimators
 from oarlock.evaluation.comparison.scores import best
 from oarlock.rowing.simulation.experiment import simulate_sculling
 
@@ -48,7 +47,6 @@ def compared(sculler: oarlock.Model, rowed: tuple[oarlock.Track, Recording]) -> 
     return oarlock.compare(sculler, rowed[1], rowed[0], BUILT_IN)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [41, 42])
 def test_the_tree_is_ahead_of_limbs_and_single_units(sculler: oarlock.Model, seed: int) -> None:
     """Boat surging and biased sensors; seeds that nothing was tuned to."""
@@ -114,7 +112,7 @@ def test_a_calibration_reaches_all_of_them(
 
 
 def test_the_engine_says_which_trees_there_are() -> None:
-    assert {"ukf", "ekf", "iekf"} <= set(tree_filters())
+    assert {"ukf", "ekf"} <= set(tree_filters())
     for name in tree_filters():
         assert Config(filter=name).filter == name
         assert estimator(name + "_open").config.closures is False

@@ -52,7 +52,8 @@ def test_numbers_are_kept_to_the_last_bit():
     ("keys", "said"),
     [
         ({"closurs": False}, ["closurs", "closures"]),
-        ({"filter": "kalman"}, ["kalman", "ukf", "ekf", "iekf", "factorised"]),
+        ({"filter": "kalman"}, ["kalman", "ukf", "ekf", "factorised"]),
+        ({"filter": "iekf"}, ["iekf", "removed", 'filter = "ekf"']),
         ({"process_noise": "jerky"}, ["jerky", "jerk", "paper"]),
         ({"magnetometer": "maybe"}, ["maybe", "off", "gated", "on"]),
         ({"alpha": 2.0}, ["alpha", "2", "(0, 1]", "0.3"]),
@@ -76,6 +77,7 @@ def test_wrong_key_or_value_is_explained(keys, said):
     ("keys", "said"),
     [
         ({"filter": "kalman"}, ["filter"]),
+        ({"filter": "iekf"}, ["iekf", "removed", 'filter = "ekf"']),
         ({"process_noise": "jerky"}, ["process_noise"]),
         ({"closures": 1}, ["closures", "True or False"]),
         ({"gate": "yes"}, ["gate", "True or False"]),

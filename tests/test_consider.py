@@ -85,6 +85,7 @@ def wild(seed: int) -> FieldTrial:
     )
 
 
+@pytest.mark.long
 def test_bands_hold_the_truth_where_nothing_is_as_modelled() -> None:
     shares = []
     for seed in SEEDS:
@@ -119,6 +120,7 @@ TOLD_HOLDS = (0.88, 0.995)
 """Twelve draws of 15 turns each, all angles strongly correlated over time: some 5 % of scatter around 95 %."""
 
 
+@pytest.mark.long
 def test_what_a_calibration_tells_of_itself_is_in_the_bands() -> None:
     exact, random, shares = load_excerpt(), np.random.default_rng(5), []
     mounts = {s["name"]: s["mount"] for s in sculler().describe()["sensors"] if s["kind"] == "imu"}

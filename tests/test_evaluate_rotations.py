@@ -13,7 +13,7 @@ from ball_body import BallBody, noisy, plus, true_track, with_beliefs
 from oarlock.cli.tables import write_evaluation
 from oarlock.evaluation.evaluate import evaluate
 from oarlock.evaluation.frames import evaluate_frame_orientations
-from oarlock.formats.reference import Reference
+from oarlock.evaluation.reference import Reference
 from oarlock.model.rotation import quat_from_rotvec, quat_inverse, quat_product, rotvec_from_quat
 from oarlock.report import write_report
 from test_report import Page

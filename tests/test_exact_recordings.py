@@ -80,6 +80,7 @@ def spoilt(exact: Exact, unit: str, whole: bool) -> oarlock.Recording:
     return silenced(lossy(exact.recording, LOST, seed, whole), unit, start_s, SILENT_S)
 
 
+@pytest.mark.long
 @pytest.mark.data
 @pytest.mark.parametrize("condition", CONDITIONS)
 def test_errors_and_consistency(condition):
@@ -92,6 +93,7 @@ def test_errors_and_consistency(condition):
     assert_consistent(found)
 
 
+@pytest.mark.long
 @pytest.mark.data
 @pytest.mark.parametrize("condition", CONDITIONS)
 def test_smoothed(condition):
@@ -100,6 +102,7 @@ def test_smoothed(condition):
     assert_consistent(found, nis=False)
 
 
+@pytest.mark.long
 @pytest.mark.data
 @pytest.mark.parametrize("condition", CONDITIONS)
 def test_without_closure(condition):
@@ -111,6 +114,7 @@ def test_without_closure(condition):
     assert within(coverage, COVERAGE)
 
 
+@pytest.mark.long
 @pytest.mark.data
 def test_without_slow_states():
     found = figures(tracked("S-NB", estimate=()), load_exact("S-NB"), "S-NB estimate=()")
@@ -118,6 +122,7 @@ def test_without_slow_states():
     assert_consistent(found)
 
 
+@pytest.mark.long
 @pytest.mark.data
 def test_oars_as_states(tmp_path):
     exact = load_exact("B-B")
@@ -128,6 +133,7 @@ def test_oars_as_states(tmp_path):
     assert_consistent(found)
 
 
+@pytest.mark.long
 @pytest.mark.data
 @pytest.mark.parametrize("condition", ["S-NB", "B-B"])
 @pytest.mark.parametrize("whole", [False, True], ids=["rows_lost", "samples_lost"])
@@ -139,6 +145,7 @@ def test_bands_hold_while_readings_are_missing(condition, unit, whole):
     assert_consistent(figures(track, exact, label), nis=False)
 
 
+@pytest.mark.long
 @pytest.mark.data
 @pytest.mark.parametrize("condition", CONDITIONS)
 def test_slower_sensors_need_no_other_tuning(condition):

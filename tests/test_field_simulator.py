@@ -192,7 +192,6 @@ TOUCHES = {
 MOVES_THE_BOAT = {name for name, touched in TOUCHES.items() if "truth" in touched}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", TOUCHES)
 def test_an_effect_alone_changes_what_it_should_and_nothing_else(name):
     found = changed(trial(replace(SILENT, **{name: getattr(FieldEffects.wild(), name) or 0.01})), trial())
@@ -344,7 +343,7 @@ def test_a_description_is_all_it_reads():
 # --- tracked --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_default_filter_follows_a_bad_day():
     """A bound far above what is measured (docs/field-simulator.md): a filter that is lost is off by tens of degrees."""
     eleven = [n for n in sculler().joint_names if "oar" not in n and "hand" not in n and n != "seat"]

@@ -21,6 +21,11 @@ AFTER_S = {"dfjimu": 10.0, "diodem": 5.0, "openaxes": 5.0}
 CAMERAS_LATE_S = 0.015
 
 
+def long(*values):
+    """Parameters of the long tier: one of each kind is enough for every change."""
+    return [pytest.param(value, marks=pytest.mark.long) for value in values]
+
+
 def joint_errors_deg(estimate, reference, pairs, after_s):
     """RMSE of the relative orientation of each pair."""
     kept = reference.time_s > after_s
@@ -31,7 +36,10 @@ def live(estimates):
     return next(estimates)
 
 
-@pytest.mark.parametrize("trial", ["1D_01", "2D_01", "3D_01", "3D_05"])
+@pytest.mark.parametrize(
+    "trial",
+    ["1D_01", *(pytest.param(trial, marks=pytest.mark.long) for trial in ("2D_01", "3D_01", "3D_05"))],
+)
 def test_levers_found_serve_as_well_as_those_of_the_file(trial):
     file = local_folder("data/dfjimu") / f"data_{trial}.mat"
     recording, reference = read_dfjimu(file), read_dfjimu_reference(file)
@@ -43,6 +51,7 @@ def test_levers_found_serve_as_well_as_those_of_the_file(trial):
     assert found < given + COSTS_DEG
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mounted", ["rigid", "foam"])
 def test_places_and_lengths_found_serve_as_well_as_nominal_ones_at_the_hinges(mounted):
     trial = local_folder("data/diodem_arm") / "trial1"
@@ -56,7 +65,7 @@ def test_places_and_lengths_found_serve_as_well_as_nominal_ones_at_the_hinges(mo
     assert (found < given + COSTS_DEG).all()
 
 
-@pytest.mark.parametrize("run", ["circle-100", "circle-250", "triangle-150", "triangle-250"])
+@pytest.mark.parametrize("run", ["circle-250", *long("circle-100", "triangle-150", "triangle-250")])
 def test_a_robots_mounts_found_serve_as_well_as_nominal_ones(run):
     data = local_folder("data/openaxes_ur5")
     recording, reference = read_openaxes(data, run), read_openaxes_reference(data, run)

@@ -11,7 +11,6 @@ from scipy.io import savemat
 import oarlock
 from fuzz_campaign import answered, campaign
 from fuzz_wounds import byte_wounds, wounded, wounded_bytes, wounds
-from oarlock.evaluation.markers.files import save_markers
 from oarlock.formats.apdm import read_apdm, read_apdm_orientations
 from oarlock.formats.broad import read_broad, read_broad_reference
 from oarlock.formats.csv import read_csv
@@ -56,7 +55,7 @@ def test_marker_tables(name, tmp_path):
         markers = answered(lambda: oarlock.load_markers(tmp_path / name, unit))
         if markers is not None:
             assert markers.position_m.shape == (len(markers.time_s), len(markers.names), 3)
-            answered(lambda: save_markers(markers, tmp_path / "again.csv"))
+            answered(lambda: markers.save(tmp_path / "again.csv"))
 
     campaign(check, wounds, st.sampled_from([None, "m", "mm", "inch"]))
 
@@ -160,7 +159,7 @@ def test_c3d(tmp_path):
         file.write_bytes(wounded_bytes(content, harm))
         answered(lambda: oarlock.load_markers(file))
 
-    campaign(check, byte_wounds)
+    campaign(check, byte_wounds, count=30)
 
 
 def matlab_files(folder):
@@ -192,7 +191,7 @@ def test_matlab_files(name, tmp_path):
         for read in MATLAB[name]:
             answered(lambda read=read: read(file))
 
-    campaign(check, byte_wounds)
+    campaign(check, byte_wounds, count=12)
 
 
 READERS = {

@@ -55,28 +55,32 @@ def matlab_file(folder, compressed=False, **variables):
 ROWS = np.arange(12.0).reshape(4, 3)
 
 
-@pytest.mark.parametrize("kind", [0, 8, 14, 15, 19, 20, 255])
+ENDED = r"trial\.mat: is no MATLAB file, or is damaged \(its reader was ended by SIG\w+\)"
+
+
+@pytest.mark.parametrize("kind", [0, 14, 255])
 @pytest.mark.parametrize("inside", [ROWS, {"field": ROWS}, np.array([ROWS, ROWS[:2]], object)])
 def test_a_matlab_file_with_a_type_that_there_is_not(tmp_path, kind, inside):
-    """scipy ends the process on most of these."""
+    """scipy ends the process on these."""
     file = matlab_file(tmp_path, imu_gyr=inside)
     changed(file, file.read_bytes().index(struct.pack("<II", 9, ROWS.nbytes)), bytes([kind]))
-    with pytest.raises(DataError, match=f"type {kind} stands at byte"):
+    with pytest.raises(DataError, match=ENDED):
         read_mat(file)
 
 
 def test_a_matlab_file_whose_text_has_a_type_that_there_is_not(tmp_path):
     file = matlab_file(tmp_path, note="eight oars")
     changed(file, file.read_bytes().index(b"eight oars") - 8, bytes([250]))
-    with pytest.raises(DataError, match="type 250 stands at byte"):
+    with pytest.raises(DataError, match=ENDED):
         read_mat(file)
 
 
 def test_a_matlab_file_whose_text_has_no_dimensions(tmp_path):
-    """scipy ends the process on it."""
     file = matlab_file(tmp_path, note="eight oars")
     changed(file, file.read_bytes().index(struct.pack("<II", 5, 8)) + 4, bytes([0]))
-    with pytest.raises(DataError, match="0 dimensions stand before byte"):
+    with pytest.raises(
+        DataError, match=r"trial\.mat: is no MATLAB file, or is damaged \(Error in SDE format data\)"
+    ):
         read_mat(file)
 
 
@@ -85,7 +89,7 @@ def test_a_matlab_file_whose_matrix_becomes_complex(tmp_path):
     file = matlab_file(tmp_path, imu_gyr=ROWS, imu_acc=ROWS)
     flags = file.read_bytes().index(struct.pack("<II", 6, 8)) + 8
     changed(file, flags + 1, bytes([8]))
-    with pytest.raises(DataError, match="type 14 stands at byte"):
+    with pytest.raises(DataError, match=ENDED):
         read_mat(file)
 
 
@@ -96,7 +100,7 @@ def test_a_matlab_file_of_more_cells_than_bytes(tmp_path):
         file.read_bytes().index(struct.pack("<IIII", 5, 8, 1, 2)) + 8,
         struct.pack("<II", 1 << 30, 1 << 30),
     )
-    with pytest.raises(DataError, match="1152921504606846976 elements are announced"):
+    with pytest.raises(DataError, match=r"trial\.mat: .* damaged \(array is too big"):
         read_mat(file)
 
 
@@ -104,9 +108,14 @@ def test_a_matlab_file_of_more_cells_than_bytes(tmp_path):
 def test_a_matlab_file_that_was_cut_off(tmp_path, compressed):
     file = matlab_file(tmp_path, compressed, imu_gyr=ROWS)
     file.write_bytes(file.read_bytes()[:-8])
-    with pytest.raises(
-        DataError, match=r"trial\.mat: is damaged or cut off: a variable of \d+ bytes would end"
-    ):
+    with pytest.raises(DataError, match=r"trial\.mat: .* damaged \(could not read bytes\)"):
+        read_mat(file)
+
+
+def test_a_matlab_file_of_a_version_that_scipy_does_not_read(tmp_path):
+    file = matlab_file(tmp_path, imu_gyr=ROWS)
+    changed(file, 124, struct.pack("<H", 0x0200))
+    with pytest.raises(DataError, match=r"trial\.mat: .*version 7\.3: save it again in MATLAB with -v7"):
         read_mat(file)
 
 
@@ -124,11 +133,11 @@ def test_a_whole_matlab_file_of_all_kinds(tmp_path, compressed):
         tmp_path, compressed, **given, sparse=csc_array(ROWS), cells=np.array([ROWS, "x"], object)
     )
     found, expected = read_mat(file), loadmat(file, struct_as_record=False)
-    assert list(found) == [*given, "cells"]
+    assert list(found) == ["text", "number", "flag", "turns", "deep.a.b", "none"]
     for name in ("text", "number", "flag", "turns", "none"):
         np.testing.assert_array_equal(found[name], expected[name])
-    np.testing.assert_array_equal(found["deep"][0, 0].a[0, 0].b, ROWS)
-    np.testing.assert_array_equal(found["cells"][0, 0], ROWS)
+        assert found[name].dtype == expected[name].dtype
+    np.testing.assert_array_equal(found["deep.a.b"], ROWS)
 
 
 @pytest.mark.parametrize("seeds", [0, 10**9, 10**20])
@@ -287,8 +296,8 @@ def changed(file, at, value):
 
 
 def test_a_c3d_header_that_announces_gigabytes(c3d):
-    changed(c3d, 2, struct.pack("<H", 60_000))
-    with pytest.raises(DataError, match="announces"):
+    changed(c3d, 8, struct.pack("<H", 60_000))
+    with pytest.raises(DataError, match=r"trial\.c3d: .*announces 60000 frames and holds 4; was it cut off"):
         oarlock.load_markers(c3d)
 
 
@@ -297,15 +306,18 @@ def test_a_c3d_parameter_that_announces_gigabytes(c3d):
     labels = content.index(b"LABELS")
     dimensions = labels + len(b"LABELS") + 2 + 2
     changed(c3d, dimensions - 1, bytes([7]) + b"\xff" * 7)
-    with pytest.raises(DataError, match="LABELS"):
+    with pytest.raises(DataError, match=r"trial\.c3d: .*bad_alloc"):
         oarlock.load_markers(c3d)
 
 
-def test_a_c3d_that_was_cut_off(c3d):
-    content = c3d.read_bytes()
-    c3d.write_bytes(content[: len(content) // 4])
+@pytest.mark.parametrize("kept", [0.25, 0.9])
+def test_a_c3d_that_was_cut_off(tmp_path, kept):
+    file = tmp_path / "trial.c3d"
+    c3d_file(file, [f"M{k}" for k in range(20)])
+    content = file.read_bytes()
+    file.write_bytes(content[: int(kept * len(content))])
     with pytest.raises(DataError, match=r"trial\.c3d"):
-        oarlock.load_markers(c3d)
+        oarlock.load_markers(file)
 
 
 def test_a_c3d_parameter_that_should_hold_a_number_and_holds_none(c3d):
@@ -313,5 +325,5 @@ def test_a_c3d_parameter_that_should_hold_a_number_and_holds_none(c3d):
     analog = c3d.read_bytes().index(b"ANALOG")
     used = c3d.read_bytes().index(b"USED", analog)
     changed(c3d, used + len(b"USED") + 2 + 1, bytes([2, 0, 0]))
-    with pytest.raises(DataError, match="ANALOG:USED holds no number"):
+    with pytest.raises(DataError, match=r"trial\.c3d: .*its reader was ended by SIG\w+"):
         oarlock.load_markers(c3d)

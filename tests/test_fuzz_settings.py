@@ -25,7 +25,6 @@ KEYS = tuple(oarlock.Config().to_dict())
 WORDS = [
     "ukf",
     "ekf",
-    "iekf",
     "factorised",
     "jerk",
     "paper",

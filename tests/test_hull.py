@@ -262,7 +262,13 @@ def mean_deg(
     return scores.mean_rmse_deg(ELEVEN), scores
 
 
-@pytest.mark.parametrize(("rotation", "seed"), [(TYPICAL, 11), (BOUNDS, 12)], ids=["typical", "bounds"])
+@pytest.mark.parametrize(
+    ("rotation", "seed"),
+    [
+        pytest.param(TYPICAL, 11, id="typical"),
+        pytest.param(BOUNDS, 12, id="bounds", marks=pytest.mark.long),
+    ],
+)
 def test_with_a_hull_unit_a_turning_hull_costs_nothing(rotation: HullRotation, seed: int) -> None:
     plain, _ = mean_deg(oarlock.load_model("sculler"), None, seed)
     found, scores = mean_deg(oarlock.load_model("sculler_boat"), rotation, seed, ("waist",))

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oarlock.formats.csv import read_csv
-from oarlock.formats.units import STANDARD_GRAVITY_M_S2
 from oarlock.recording.plausibility import plausibility
 from oarlock.storage.errors import DataError
+from oarlock.storage.units import STANDARD_GRAVITY_M_S2
 
 ROOT = Path(__file__).parents[1]
 CLUB = ROOT / "examples/club_csv"

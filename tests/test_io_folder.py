@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from oarlock.recording.recording import ImuStream, Recording, ScalarStream, VectorStream, load_recording
+from oarlock.recording.recording import Recording, load_recording
+from oarlock.recording.streams import ImuStream, ScalarStream, VectorStream
 from oarlock.storage.errors import DataError
 from oarlock.storage.toml import TomlTable, toml_text
 

@@ -9,12 +9,12 @@ from typer.testing import CliRunner
 
 from oarlock import load_recording
 from oarlock.cli import app
+from oarlock.evaluation.reference import Reference
 from oarlock.formats.broad import read_broad, read_broad_reference
 from oarlock.formats.dfjimu import read_dfjimu, read_dfjimu_reference
 from oarlock.formats.diodem import SEGMENTS, read_diodem, read_diodem_reference
 from oarlock.formats.openaxes import LINK_FROM_SENSOR, openaxes_runs, read_openaxes, read_openaxes_reference
 from oarlock.formats.qmt import read_qmt
-from oarlock.formats.reference import Reference
 from oarlock.storage.errors import DataError
 
 ROWS = 6
@@ -24,6 +24,9 @@ TURNED = [0.6, 0.0, 0.8, 0.0]
 def counted(columns, rows=ROWS):
     """A matrix in which every number tells its row and column."""
     return np.arange(rows)[:, None] + np.arange(columns) / 100.0
+
+
+QMT_SEGMENT = {"acc": counted(3), "gyr": counted(3) + 5.0, "quat": counted(4)}
 
 
 def dfjimu_file(folder, **changes):
@@ -147,17 +150,18 @@ def test_mistakes_in_broad(tmp_path, changes, words):
         assert word in str(caught.value)
 
 
+def qmt_file(folder):
+    time_s = 40.0 + np.arange(ROWS)[:, None] / 100
+    savemat(folder / "body.mat", {"t": time_s, "hip": QMT_SEGMENT, "hand_left": QMT_SEGMENT})
+    return folder / "body.mat"
+
+
 def test_qmt(tmp_path):
-    segment = {"acc": counted(3), "gyr": counted(3) + 5.0, "quat": counted(4)}
-    savemat(
-        tmp_path / "body.mat",
-        {"t": 40.0 + np.arange(ROWS)[:, None] / 100, "hip": segment, "hand_left": segment},
-    )
-    recording = read_qmt(tmp_path / "body.mat")
+    recording = read_qmt(qmt_file(tmp_path))
     assert recording.names == ("hip", "hand_left")
     assert recording.start_s == 40.0
     assert recording["hip"].gyro_rad_s[1].tolist() == [6.0, 6.01, 6.02]
-    savemat(tmp_path / "short.mat", {"t": np.arange(3.0)[:, None], "hip": segment})
+    savemat(tmp_path / "short.mat", {"t": np.arange(3.0)[:, None], "hip": QMT_SEGMENT})
     with pytest.raises(DataError, match=r"t has 3 rows, but hip.gyr has 6"):
         read_qmt(tmp_path / "short.mat")
     savemat(tmp_path / "alone.mat", {"t": np.arange(3.0)[:, None]})
@@ -284,6 +288,7 @@ def test_the_command_line_imports_each(tmp_path):
         "broad": [str(broad_file(tmp_path))],
         "diodem": [str(diodem_folder(tmp_path / "d")), "--mounted", "foam", "--mag-unit-ut", "49"],
         "openaxes": [str(openaxes_folder(tmp_path / "o")), "--run", "circle-100"],
+        "qmt": [str(qmt_file(tmp_path))],
     }
     for verb, arguments in commands.items():
         done = CliRunner().invoke(app, ["import", verb, *arguments, "--out", str(tmp_path / verb), "--json"])

@@ -26,7 +26,7 @@ from validation.scores import (
 from validation.stretches import worst_plot, worst_stretch
 
 from oarlock import ImuStream, Recording, load_model
-from oarlock.formats.reference import Reference
+from oarlock.evaluation.reference import Reference
 
 # Rotations go through quaternions of double precision a few times.
 ROUNDING_RAD = 1e-9

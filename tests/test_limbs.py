@@ -89,7 +89,6 @@ def test_one_chain_has_no_limbs() -> None:
         cut_into_limbs(oarlock.load_model("pendulum3"))
 
 
-@pytest.mark.slow
 def test_limbs_are_tracked_each_by_itself(
     sculler: oarlock.Model, rowed: tuple[oarlock.Track, Recording]
 ) -> None:
@@ -111,7 +110,6 @@ def test_limbs_are_tracked_each_by_itself(
     assert (across == 0.0).all()
 
 
-@pytest.mark.slow
 def test_limbs_at_different_rates_and_with_gaps_make_one_track(
     sculler: oarlock.Model, rowed: tuple[oarlock.Track, Recording]
 ) -> None:

@@ -37,7 +37,6 @@ def console_of_the_page() -> list[list[str]]:
     return [line.split()[1:] for line in block.splitlines() if line.startswith("oarlock ")]
 
 
-@pytest.mark.slow
 def test_a_session_becomes_a_study_that_is_tracked_and_scored(tmp_path, monkeypatch):
     (tmp_path / "examples").symlink_to(EXAMPLE.parent)
     monkeypatch.chdir(tmp_path)

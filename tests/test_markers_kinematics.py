@@ -88,7 +88,6 @@ def test_the_fit_is_the_least_of_a_plain_search():
     np.testing.assert_allclose(fit.q_std[0], expected, rtol=0.05)  # the soft limits take a little away
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_known_motion_with_noise_and_gaps_comes_back_within_half_a_degree(seed):
     """1 mm of noise on every axis and a gap of 200 ms in every marker; four markers a body, 6 cm from its joint."""
@@ -110,7 +109,6 @@ def test_known_motion_with_noise_and_gaps_comes_back_within_half_a_degree(seed):
     assert fit.determined.all()
 
 
-@pytest.mark.slow
 def test_a_sculler_comes_back_too():
     from oarlock.rowing import sculling
 
@@ -222,7 +220,6 @@ def test_wrong_names_are_refused():
         inverse_kinematics(model, markers, [Attachment("a", "hand", np.zeros(3))] * 2)
 
 
-@pytest.mark.slow
 def test_lengths_and_the_laboratorys_pose_come_back_from_a_trial():
     model, lengths = oarlock.load_model("arm7"), {"l_ua": 0.298, "l_fa": 0.245}
     person = oarlock.load_model("arm7", parameters=lengths)

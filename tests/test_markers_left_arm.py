@@ -30,7 +30,6 @@ def test_their_elbow_angle_follows_from_their_positions():
     np.testing.assert_allclose(bend, np.abs(arm.elbow_deg[2:]), atol=ARCCOS_DEG)
 
 
-@pytest.mark.slow
 def test_real_trajectories_through_the_whole_pipeline():
     arm = real_left_arm()
     model = oarlock.load_model(MODEL, parameters=arm.lengths)

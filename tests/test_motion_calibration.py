@@ -31,6 +31,7 @@ def searched() -> tuple[object, oarlock.Calibration]:
     return trial, oarlock.calibrate_motion(sculler(), trial.recording, end_s=FIRST_S)
 
 
+@pytest.mark.long
 def test_rigid_body_with_wrong_mounts_and_lengths_is_set_right():
     trial, found = searched()
     assert found.noted["kept"] == "rigid"
@@ -45,6 +46,7 @@ def test_rigid_body_with_wrong_mounts_and_lengths_is_set_right():
     assert np.mean(left) < MOUNTS_LEFT
 
 
+@pytest.mark.long
 def test_standard_deviations_cover_the_errors():
     trial, found = searched()
     names = [
@@ -55,6 +57,7 @@ def test_standard_deviations_cover_the_errors():
     assert np.sqrt(np.mean(np.square(errors))) < HONEST
 
 
+@pytest.mark.long
 def test_notes_hold_prior_value_and_share_of_every_constant():
     _, found = searched()
     constant = found.noted["constant"]
@@ -66,6 +69,7 @@ def test_notes_hold_prior_value_and_share_of_every_constant():
     assert set(found.noted["scores"]) >= {"before", "rigid"}
 
 
+@pytest.mark.long
 def test_saved_and_read_again(tmp_path):
     _, found = searched()
     found.save(tmp_path / "cal.toml")
@@ -116,6 +120,7 @@ def test_untold_constants_stay_and_the_others_follow():
     assert told.std[1] == 1.0
 
 
+@pytest.mark.long
 def test_where_nothing_is_wrong_nothing_gets_worse():
     exact = load_excerpt()
     found = oarlock.calibrate_motion(sculler(), exact.recording)
@@ -146,8 +151,8 @@ def test_lengths_from_stature():
         anthropometry(oarlock.load_model("pendulum3"), 1.84)
 
 
+@pytest.mark.long
 @pytest.mark.data
-@pytest.mark.slow
 def test_recording_of_another_generator():
     """Mounts 5 deg and lengths 5 % off, on a boat that rolls by 1.5 deg, of which `sculler` knows nothing."""
     local_folder("recordings")

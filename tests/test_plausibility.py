@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from oarlock.formats.apdm import read_apdm
-from oarlock.formats.units import STANDARD_GRAVITY_M_S2
 from oarlock.recording.gyro_scale import gyro_per_gravity_turn
 from oarlock.recording.plausibility import plausibility, require_plausible
-from oarlock.recording.recording import ImuStream, Recording, ScalarStream, VectorStream
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream, ScalarStream, VectorStream
 from oarlock.storage.errors import DataError
+from oarlock.storage.units import STANDARD_GRAVITY_M_S2
 
 PENDULUM = Path(__file__).parents[1] / "examples/pendulum/imuData01.csv"
 TIME_S = np.arange(1000) / 100.0

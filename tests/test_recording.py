@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 import oarlock
-from oarlock.recording.recording import ImuStream, Recording, ScalarStream, VectorStream
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream, ScalarStream, VectorStream
 from oarlock.rowing.simulation.experiment import simulate_sculling
 from oarlock.storage.array_gate import real_array
 from oarlock.storage.errors import DataError

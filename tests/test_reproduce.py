@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 import oarlock
 from oarlock.cli import app
-from oarlock.evaluation.study.result import write_rows
+from oarlock.evaluation.study.rows import write_rows
 from oarlock.evaluation.study.told import told_model
 from oarlock.lab.reproduce.chains import Size, built
 from oarlock.lab.reproduce.claim_runs import studies
@@ -22,10 +22,10 @@ from oarlock.lab.reproduce.contents import Part
 from oarlock.lab.reproduce.cost import formula, power
 from oarlock.lab.reproduce.discussion import printed_growth_percent
 from oarlock.lab.reproduce.estimators import ELEVEN, ESTIMATORS
+from oarlock.lab.reproduce.page import reproduction_page
 from oarlock.lab.reproduce.places import place_band
 from oarlock.lab.reproduce.reproduce import PARTS, reproduce
 from oarlock.lab.reproduce.table5 import scores_of, table5_study, target_rows
-from oarlock.report.reproduction import reproduction_page
 from oarlock.rowing.simulation import paper
 
 SHORT_S = 6.0
@@ -238,8 +238,7 @@ def test_unknown_parts_are_refused():
     assert set(PARTS) == {"table5", "table6", "fig3", "fig4", "fig5", "discussion", "cost"}
 
 
-@pytest.mark.slow
-@pytest.mark.timeout(900)
+@pytest.mark.long
 def test_targets_hold_on_a_seed_that_nobody_has_seen():
     """40 s of a seed drawn anew each time: mean, worst angle, seat, hands, NEES, NIS, coverage; live and smoothed."""
     seed = int(np.random.default_rng().integers(1_000_000, 2**31))

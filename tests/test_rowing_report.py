@@ -16,7 +16,7 @@ from oarlock.cli.report import CLASSES
 from oarlock.evaluation.suspects.text import SUSPECT_NOTE
 from oarlock.rowing import FEATURES, TARGET_CLASSES
 from oarlock.rowing.analysis.stroke_means import FeatureMean
-from oarlock.rowing.analysis.technique import technique
+from oarlock.rowing.analysis.technique import Technique, technique
 from oarlock.rowing.report.averages import Average, beyond, difference, feature_of
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.standing_out import ARM, findings
@@ -36,6 +36,11 @@ FEWEST_STROKES = 15
 @pytest.fixture(scope="module")
 def track() -> oarlock.Track:
     return rowed("B-NB", DURATION_S, 24.0, 0)
+
+
+@pytest.fixture(scope="module")
+def found(track: oarlock.Track) -> Technique:
+    return technique(track)
 
 
 @pytest.fixture(scope="module")
@@ -98,23 +103,23 @@ def test_summary_says_strokes_rate_and_length_first(page):
     assert "What stands out:" in lead
 
 
-def test_faults_of_sensors_come_before_the_strokes(track, tmp_path):
-    suspect = track.with_notes(f"{SUSPECT_NOTE}back: it stood still")
+def test_faults_of_sensors_come_before_the_strokes(other, tmp_path):
+    suspect = other.with_notes(f"{SUSPECT_NOTE}back: it stood still")
     shown = Page(write_rowing_report(suspect, tmp_path)[0].read_text(encoding="utf-8")).text
-    assert shown.index("Suspect: back: it stood still") < shown.index("strokes in 40 s")
+    assert shown.index("Suspect: back: it stood still") < shown.index("strokes in 20 s")
 
 
-def test_strokes_csv_lies_beside_with_a_line_a_stroke(written, track):
+def test_strokes_csv_lies_beside_with_a_line_a_stroke(written, found):
     assert [path.name for path in written] == ["report.html", "strokes.csv"]
     lines = [line for line in written[1].read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
     rows = list(csv.DictReader(lines))
-    table = technique(track).strokes
+    table = found.strokes
     assert len(rows) == len(table) >= FEWEST_STROKES
     assert [float(row["catch_time_s"]) for row in rows] == pytest.approx(list(table["catch_time_s"]))
 
 
-def test_every_number_in_the_page_is_explained_in_the_page(page, track):
-    names = technique(track).strokes.columns
+def test_every_number_in_the_page_is_explained_in_the_page(page, found):
+    names = found.strokes.columns
     ids = {a["id"] for _, a in page.tags if "id" in a}
     for name in names:
         assert f"def-{name.replace('_', '-')}" in ids
@@ -131,8 +136,7 @@ def test_tables_are_sortable_with_heads_that_say_what_they_hold(page):
     assert sum("sortable" in (a.get("class") or "") for a in page.all("table")) >= 3
 
 
-def test_strokes_that_count_in_no_average_are_grey_and_say_why(page, track):
-    found = technique(track)
+def test_strokes_that_count_in_no_average_are_grey_and_say_why(page, found):
     left_out = [reason for reason in found.found.left_out if reason]
     assert left_out
     for reason in left_out:
@@ -160,12 +164,12 @@ def test_targets_that_have_no_number_in_the_piece_are_named(page):
     assert "Targets without a number in this piece: catch slip, finish wash." in page.text
 
 
-def test_targets_are_drawn_with_their_source_and_never_called_right(page, text, track, tmp_path):
+def test_targets_are_drawn_with_their_source_and_never_called_right(page, text, other, tmp_path):
     assert "RtcNoord (KNRB)" in page.text
     assert 'class="zone"' in text
     assert "No such number is right for everyone" in page.text
     assert "correct" not in page.text.lower()
-    without = write_rowing_report(track, tmp_path)[0].read_text(encoding="utf-8")
+    without = write_rowing_report(other, tmp_path)[0].read_text(encoding="utf-8")
     assert 'class="zone"' not in without
 
 
@@ -173,9 +177,9 @@ def test_help_names_every_target_class():
     assert tuple(TARGET_CLASSES) == CLASSES
 
 
-def test_a_target_class_that_is_not_there_is_refused(track, tmp_path):
+def test_a_target_class_that_is_not_there_is_refused(other, tmp_path):
     with pytest.raises(DataError, match="sculling_men"):
-        write_rowing_report(track, tmp_path, targets="canoes")
+        write_rowing_report(other, tmp_path, targets="canoes")
     assert not list(tmp_path.iterdir())
 
 
@@ -192,15 +196,15 @@ def test_two_pieces_stand_beside_each_other(compared):
     assert row[1].endswith("<td><b>yes</b></td>")
 
 
-def test_a_piece_beside_itself_differs_in_nothing(track):
-    same = rowing_sections(track, track, names=("a", "b"))[0]
+def test_a_piece_beside_itself_differs_in_nothing(other):
+    same = rowing_sections(other, other, names=("a", "b"))[0]
     assert same.key == "compared-pieces"
     assert "<b>yes</b>" not in same.markup
     assert "none by as much as a coach would mind" in same.sentences[0]
 
 
-def test_pieces_of_one_name_are_told_apart(track):
-    sentences = rowing_sections(track, track, names=("out", "out"))[0].sentences
+def test_pieces_of_one_name_are_told_apart(other):
+    sentences = rowing_sections(other, other, names=("out", "out"))[0].sentences
     assert "out (first)" in sentences[0]
     assert "out (second)" in sentences[0]
 
@@ -242,17 +246,16 @@ def test_scatter_of_strokes_shrinks_with_their_number_and_bands_do_not():
     assert average(-1.0, np.nan, 0.01, 1).uncertainty == pytest.approx(0.01)
 
 
-def test_joints_of_the_arm_are_told_behind_what_oar_and_seat_do(track):
-    arc = technique(track).strokes["arc_rad"]
-    piece = changed(track, arc_rad=arc + np.linspace(0.0, 0.2, len(arc)))
+def test_joints_of_the_arm_are_told_behind_what_oar_and_seat_do(track, found):
+    arc = found.strokes["arc_rad"]
+    piece = changed(track, found, arc_rad=arc + np.linspace(0.0, 0.2, len(arc)))
     of_arm = [any(word in finding.name for word in ARM) for finding in findings(piece)]
     assert any(of_arm) and not of_arm[0]
     assert of_arm == sorted(of_arm)
 
 
-def changed(track: oarlock.Track, **columns: np.ndarray) -> Piece:
+def changed(track: oarlock.Track, found: Technique, **columns: np.ndarray) -> Piece:
     """A piece whose table holds other numbers; its averages follow from the summary as before."""
-    found = technique(track)
     table = replace(found.strokes, columns={**found.strokes.columns, **columns})
     return Piece("", track, replace(found, strokes=table))
 
@@ -266,15 +269,15 @@ def test_hands_on_one_oar_are_not_set_against_each_other():
     assert "Right and left" not in " ".join(summary(piece))
 
 
-def test_an_odd_stroke_and_a_drift_are_found(track):
-    arc = technique(track).strokes["arc_rad"]
+def test_an_odd_stroke_and_a_drift_are_found(track, found):
+    arc = found.strokes["arc_rad"]
     odd = arc.copy()
     odd[7] -= np.radians(15.0)
-    told = [finding.text for finding in findings(changed(track, arc_rad=odd))]
+    told = [finding.text for finding in findings(changed(track, found, arc_rad=odd))]
     assert any(text.startswith("Stroke 8 ") and "arc" in text for text in told)
     drift = arc + np.linspace(0.0, np.radians(12.0), len(arc))
-    told = [finding.text for finding in findings(changed(track, arc_rad=drift))]
+    told = [finding.text for finding in findings(changed(track, found, arc_rad=drift))]
     assert any(text.startswith("Arc went from") for text in told)
     assert not any(
-        text.startswith(("Arc went", "Stroke")) for text in (f.text for f in findings(changed(track)))
+        text.startswith(("Arc went", "Stroke")) for text in (f.text for f in findings(changed(track, found)))
     )

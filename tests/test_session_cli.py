@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 import oarlock
 from oarlock.cli import app
 from oarlock.report.session_page import session_page
-from oarlock.rowing.simulation import session_skin
+from oarlock.rowing import session_skin
 from oarlock.storage.errors import DataError
 
 # The field simulator's careful session: cuffs lag by 15 % of a turn, muscles tilt a unit by 2 deg at 90 deg.

@@ -94,7 +94,7 @@ def test_no_position_is_read(name, format, strokes):
 
 
 def test_no_feature_is_explained_twice():
-    folder = Path(__file__).parents[1] / "python/oarlock/rowing"
+    folder = Path(__file__).parents[1] / "python/oarlock/rowing/analysis"
     import tomllib
 
     own, loggers = (

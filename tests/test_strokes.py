@@ -37,6 +37,10 @@ COVERED = 0.9
 """Of events of seat and trunk that lie in their 95 % bands; a session has a few dozen."""
 
 
+SESSIONS = [(11, 50.0), pytest.param(12, 100.0, marks=pytest.mark.long)]
+"""Seeds and rates of sessions of ten minutes."""
+
+
 @cache
 def session(seed: int) -> Rowed:
     return rowed(ten_minutes(), seed)
@@ -56,7 +60,7 @@ def known(values: Floats) -> Floats:
     return values[np.isfinite(values)]
 
 
-@pytest.mark.parametrize(("seed", "rate_hz"), [(11, 50.0), (12, 100.0)])
+@pytest.mark.parametrize(("seed", "rate_hz"), SESSIONS)
 def test_no_stroke_of_ten_minutes_is_missed_or_invented(seed, rate_hz):
     rows, truth = found(seed, rate_hz), session(seed)
     assert truth.end_s > 600.0
@@ -69,7 +73,7 @@ def test_no_stroke_of_ten_minutes_is_missed_or_invented(seed, rate_hz):
         assert np.array_equal(near, np.arange(len(true)))
 
 
-@pytest.mark.parametrize(("seed", "rate_hz"), [(11, 50.0), (12, 100.0)])
+@pytest.mark.parametrize(("seed", "rate_hz"), SESSIONS)
 @pytest.mark.parametrize("event", ["catch", "finish"])
 def test_times_are_those_of_the_motion(seed, rate_hz, event):
     table, truth = found(seed, rate_hz).table(), session(seed)
@@ -91,7 +95,7 @@ def test_times_at_one_rate(rate):
         assert abs(error.mean()) < BIAS_S and error.std() < SD_S
 
 
-@pytest.mark.parametrize(("seed", "rate_hz"), [(11, 50.0), (12, 100.0)])
+@pytest.mark.parametrize(("seed", "rate_hz"), SESSIONS)
 def test_angles_are_those_of_the_motion(seed, rate_hz):
     table, truth = found(seed, rate_hz).table(), session(seed)
     for side in "rl":
@@ -208,7 +212,10 @@ def test_live_from_the_trunks_gyroscope():
 
 @pytest.mark.parametrize(
     ("seed", "rate", "effects"),
-    [(21, 20.0, FieldEffects()), (22, (20.0, 34.0), FieldEffects.wild())],
+    [
+        pytest.param(21, 20.0, FieldEffects(), marks=pytest.mark.long),
+        (22, (20.0, 34.0), FieldEffects.wild()),
+    ],
 )
 @pytest.mark.parametrize("source", ["seat", "trunk_gyro"])
 def test_seat_and_trunk_say_how_little_they_know(seed, rate, effects, source):

@@ -15,7 +15,7 @@ import oarlock
 from oarlock.cli import app
 from oarlock.evaluation.study.degrade import degraded, keys_of_streams
 from oarlock.evaluation.study.pool import UNFINISHED, identity
-from oarlock.evaluation.study.result import write_rows
+from oarlock.evaluation.study.rows import write_rows
 from oarlock.evaluation.study.run import groups, run_group
 from oarlock.evaluation.study.told import calibration_told, keys_of_told, told_model
 from oarlock.report.study_page import study_page

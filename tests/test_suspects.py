@@ -59,6 +59,11 @@ def changed(change: Callable[[np.ndarray], np.ndarray], fields: tuple[str, ...],
     return spoilt
 
 
+@cache
+def suspected(name: str, seed: int) -> tuple[oarlock.Suspect, ...]:
+    return oarlock.suspects(sculler(), ASKED[name][0](second(seed)))
+
+
 ASKED = {
     "forearms": (exchanged("r_forearm", "l_forearm"), "exchanged", {"r_forearm", "l_forearm"}),
     "degrees": (times(180.0 / pi, "gyro_rad_s", "r_forearm"), "unit", {"r_forearm"}),
@@ -67,11 +72,21 @@ ASKED = {
 }
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("name", ASKED)
+QUICK = {("phi", 42), ("degrees", 42)}
+"""One fault of an encoder and one of a unit; the others search through more changes."""
+
+
+@pytest.mark.parametrize(
+    ("name", "seed"),
+    [
+        pytest.param(name, seed, marks=() if (name, seed) in QUICK else pytest.mark.long)
+        for name in ASKED
+        for seed in SEEDS
+    ],
+)
 def test_a_fault_is_named_from_one_second(name: str, seed: int) -> None:
-    spoil, fault, streams = ASKED[name]
-    found = oarlock.suspects(sculler(), spoil(second(seed)))
+    _, fault, streams = ASKED[name]
+    found = suspected(name, seed)
     assert [(s.fault, set(s.streams)) for s in found] == [(fault, streams)]
     assert found[0].misfit_after <= USUAL < found[0].misfit_before
 
@@ -81,6 +96,7 @@ def test_a_sound_second_has_no_suspect(seed: int) -> None:
     assert oarlock.suspects(sculler(), second(seed)) == ()
 
 
+@pytest.mark.long
 def test_two_faults_are_named_one_after_the_other() -> None:
     phi, forearms = ASKED["phi"][0], ASKED["forearms"][0]
     found = oarlock.suspects(sculler(), phi(forearms(second(41))))
@@ -107,7 +123,7 @@ ARM_FAULTS = {
 }
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", [*(pytest.param(s, marks=pytest.mark.long) for s in SEEDS[1:]), SEEDS[0]])
 @pytest.mark.parametrize("fault", ARM_FAULTS)
 def test_an_arm_without_encoders(fault: str, seed: int) -> None:
     model, recording = arm(seed)
@@ -130,9 +146,8 @@ def test_few_samples_tell_nothing() -> None:
 
 
 def test_the_summary_of_a_report_begins_with_suspects(tmp_path) -> None:
-    recording = ASKED["phi"][0](second(41))
-    found = oarlock.suspects(sculler(), recording)
-    track = oarlock.track(sculler(), recording).with_notes(*(s.note for s in found))
+    notes = (suspect.note for suspect in suspected("phi", 42))
+    track = oarlock.track(sculler(), ASKED["phi"][0](second(42))).with_notes(*notes)
     assert track.notes[0].startswith("Suspect: r_oar_phi")
     page = write_report(track, tmp_path).read_text(encoding="utf-8")
     lead = page[page.index('class="lead"') :]

@@ -145,7 +145,7 @@ def test_tracked_within_the_scullers_bounds(name: str, condition: str, seed: int
     assert filtered.mean_coverage(ANGLES) >= 0.93
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("condition", ["B-B"])
 def test_forty_seconds_within_the_scullers_bounds(condition: str) -> None:
     model = oarlock.load_model("sweep")

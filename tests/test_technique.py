@@ -163,13 +163,13 @@ def check_wild(errors: dict[str, tuple[Floats, Floats]]) -> None:
     assert np.mean(inside) > COVERED
 
 
-@pytest.mark.timeout(400)
+@pytest.mark.long
 def test_lean_and_arm_plane_of_another_authors_wild_recording():
     wild = read_exact(local_folder("recordings") / "wild_0.npz", "wild")
     check_wild(field_errors(oarlock.track(sculler(), wild.recording), wild.truth, WILD))
 
 
-@pytest.mark.timeout(400)
+@pytest.mark.long
 def test_lean_and_arm_plane_in_the_field():
     trial = simulate_field(sculler(), FieldEffects.wild(), duration_s=15.0, rate_spm=26.0, seed=203)
     check_wild(field_errors(oarlock.track(sculler(), trial.recording), trial.truth, WILD))
@@ -181,7 +181,7 @@ def certain_lengths(lengths: dict[str, float]) -> Model:
     return Model.from_toml(text, sculler().path, dict(sculler().parameters) | lengths)
 
 
-@pytest.mark.timeout(400)
+@pytest.mark.long
 def test_bands_are_those_of_drawn_errors():
     """Errors of joints, lengths and zeros drawn as `posture_errors` describes them, for each draw all numbers anew."""
     track, _ = exact()
@@ -247,7 +247,6 @@ def test_every_unknown_has_its_reason():
                 assert np.isfinite(value) or reason, name
 
 
-@pytest.mark.timeout(400)
 def test_the_boats_speed_is_that_of_the_hull():
     piece = row_piece(sculler(), 12.0, 26.0, seed=6)
     _, recording = simulate_sculling(sculler(), "B-B", 12.0, 26.0, seed=6)

@@ -33,6 +33,7 @@ def error_deg(recording, reference):
     return rmse_deg(relative_error_rad(estimate, reference, BODIES), reference.time_s > SETTLED_S)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("trial", ["2D_01", "3D_05"])
 @pytest.mark.parametrize("delay_s", [0.002, 0.006])
 def test_units_that_sample_apart_find_their_heading_all_the_same(trial, delay_s):

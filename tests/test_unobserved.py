@@ -14,7 +14,7 @@ from exact_recording import ELEVEN, HANDS, sculler
 from oarlock.rowing import sculling
 from oarlock.storage.toml import toml_text
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 DURATION_S = 600.0
 RATE_HZ = 50.0

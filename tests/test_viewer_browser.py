@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 import oarlock
-from headless_chromium import CHROMIUM, SOFTWARE, Opened, driver_of_chromium, quiet_tabs
+from headless_chromium import CHROMIUM, HANGS_MS, SOFTWARE, Opened, driver_of_chromium, quiet_tabs
 from oarlock import Motion
 from oarlock.report.viewer import embed, page, player_assets, scene
 from oarlock.rowing import find_strokes, rowing_look, stroke_marks
 from oarlock.rowing.simulation.experiment import simulate_sculling
+
+pytestmark = pytest.mark.long
 
 NOT_TRIED = "THE PLAYER WAS NOT TRIED IN A BROWSER"
 NO_WEBGL = ["--no-sandbox", "--disable-gpu", "--disable-3d-apis"]
@@ -36,7 +38,7 @@ def driver() -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def browser(driver: Any) -> Iterator[Any]:
-    launched = driver.launch(executable_path=CHROMIUM, args=SOFTWARE)
+    launched = driver.launch(executable_path=CHROMIUM, args=SOFTWARE, timeout=HANGS_MS)
     yield launched
     launched.close()
 
@@ -334,9 +336,10 @@ def test_it_prints_as_a_still_picture(opened, rower_page, tmp_path):
 
 
 def test_without_webgl_the_figure_is_flat_and_the_page_says_so(driver, arm_page, arm):
-    launched = driver.launch(executable_path=CHROMIUM, args=NO_WEBGL)
+    launched = driver.launch(executable_path=CHROMIUM, args=NO_WEBGL, timeout=HANGS_MS)
     complaints: list[str] = []
     tab = launched.new_page()
+    tab.set_default_timeout(HANGS_MS)
     tab.on("console", lambda message: message.type == "error" and complaints.append(message.text))
     tab.on("pageerror", lambda error: complaints.append(str(error)))
     tab.goto(arm_page.as_uri())

@@ -9,8 +9,8 @@ from typing import cast
 import numpy as np
 
 from oarlock import Recording
+from oarlock.evaluation.reference import Reference
 from oarlock.formats.dfjimu import BODIES, read_dfjimu, read_dfjimu_reference
-from oarlock.formats.reference import Reference
 
 from . import others, ours
 from .estimate import Estimate, Outcome, attempt

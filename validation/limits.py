@@ -14,7 +14,7 @@ from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
 from oarlock import ImuStream, Recording
-from oarlock.formats.reference import Reference
+from oarlock.evaluation.reference import Reference
 
 from .estimate import Estimate
 from .rotations import Floats, quat_wxyz

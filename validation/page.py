@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from html import escape
 from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from .plots import svg
 from .results import Cell, Plot, SetResult, Table
 
-STYLE = (Path(__file__).parent / "page.css").read_text(encoding="utf-8")
+HERE = Path(__file__).parent
+STYLE = (HERE / "page.css").read_text(encoding="utf-8")
 
 INTRODUCTION = (
     "Public recordings, tracked by Oarlock and by other software in the same run, with the same rules for "
@@ -33,48 +35,16 @@ def write(results: Sequence[SetResult], versions: Mapping[str, str], folder: Pat
 
 def html(results: Sequence[SetResult], versions: Mapping[str, str]) -> str:
     """The whole page; nothing in it comes from elsewhere."""
-    used = ", ".join(f"{name} {v}" for name, v in versions.items())
-    links = " · ".join(f'<a href="#{r.name}">{escape(r.title)}</a>' for r in results)
-    body = "\n".join(_section(r) for r in results)
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>Oarlock on public recordings</title><style>\n{STYLE}</style></head>\n<body>"
-        f"<h1>Oarlock on public recordings</h1>\n<p>{escape(INTRODUCTION)}</p>\n"
-        f'<p class="fine">Compared: {escape(used)}.</p>\n<nav>{links}</nav>\n{body}\n</body></html>\n'
+    environment = Environment(
+        loader=FileSystemLoader(HERE),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
-
-
-def _section(result: SetResult) -> str:
-    parts = [f'<section id="{result.name}"><h2>{escape(result.title)}</h2>', f"<p>{escape(result.text)}</p>"]
-    if result.absent:
-        parts.append(f'<p class="absent">Not run: {escape(result.absent)}</p>')
-    parts += [_table(t) for t in result.tables]
-    parts += [f'<p class="fine">{escape(note)}</p>' for note in result.notes]
-    parts += [_figure(p) for p in result.plots]
-    return "\n".join([*parts, "</section>"])
-
-
-def _table(table: Table) -> str:
-    head = "".join(f'<th scope="col">{escape(c)}</th>' for c in table.columns)
-    rows = []
-    best = _best(table)
-    for row in table.rows:
-        cells = "".join(
-            f'<td class="best">{_text(c, table.digits)}</td>'
-            if (row.name, i) in best
-            else f"<td>{_text(c, table.digits)}</td>"
-            for i, c in enumerate(row.cells)
-        )
-        note = f'<td class="note">{escape(row.note)}</td>'
-        kind = ' class="ours"' if row.ours else ""
-        rows.append(f'<tr{kind}><th scope="row">{escape(row.name)}</th>{cells}{note}</tr>')
-    unit = f" ({table.unit})" if table.unit else ""
-    text = f"<p>{escape(table.text)}</p>" if table.text else ""
-    return (
-        f"<h3>{escape(table.title)}{escape(unit)}</h3>{text}\n<table><thead><tr><th></th>{head}<th></th></tr></thead>\n"
-        f"<tbody>{''.join(rows)}</tbody></table>"
-    )
+    environment.filters |= {"best": _best, "shown": _shown, "drawn": _drawn}
+    page = environment.get_template("page.html.j2")
+    return page.render(results=results, versions=versions, style=STYLE, introduction=INTRODUCTION) + "\n"
 
 
 def _best(table: Table) -> set[tuple[str, int]]:
@@ -89,18 +59,17 @@ def _best(table: Table) -> set[tuple[str, int]]:
     return found
 
 
-def _text(cell: Cell, digits: int) -> str:
+def _shown(cell: Cell, digits: int) -> str:
     if cell is None or (isinstance(cell, float) and not math.isfinite(cell)):
         return "–"
-    return f"{cell:.{digits}f}" if isinstance(cell, float) else escape(str(cell))
+    return f"{cell:.{digits}f}" if isinstance(cell, float) else str(cell)
 
 
-def _figure(plot: Plot) -> str:
+def _drawn(plot: Plot) -> str:
     try:
-        drawn = svg(plot)
+        return svg(plot)
     except ImportError:
-        drawn = '<p class="absent">Plots need matplotlib.</p>'
-    return f"<figure>{drawn}<figcaption>{escape(plot.title)}</figcaption></figure>"
+        return '<p class="absent">Plots need matplotlib.</p>'
 
 
 def _plain(result: SetResult) -> dict[str, object]:

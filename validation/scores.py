@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from oarlock.formats.reference import Reference
+from oarlock.evaluation.reference import Reference
 
 from .estimate import Estimate
 from .rotations import Bools, Floats, about_vertical, at, rotation, twist_rad, wrapped

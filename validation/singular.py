@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 import oarlock
 from oarlock import ImuStream, Motion, Recording, Track
-from oarlock.formats.reference import Reference
+from oarlock.evaluation.reference import Reference
 
 from . import chains, others, ours
 from .chains import Link

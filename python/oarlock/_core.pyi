@@ -1,17 +1,43 @@
 """The compiled engine. Arrays are float64; time in s, angles in rad, lengths in m."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from oarlock.model.jacobians import FrameJacobian, MeasurementJacobian
-from oarlock.model.load import Base
-from oarlock.recording.calibration import Calibration
-from oarlock.recording.recording import Recording
-
 Floats = NDArray[np.float64]
+
+# What the engine reads of the package's own objects. The stub names no module above it.
+class _Base(Protocol):
+    @property
+    def rotation(self) -> ArrayLike: ...
+    @property
+    def angular_velocity_rad_s(self) -> ArrayLike: ...
+    @property
+    def angular_acceleration_rad_s2(self) -> ArrayLike: ...
+    @property
+    def acceleration_m_s2(self) -> ArrayLike: ...
+
+class _Calibration(Protocol):
+    @property
+    def parameters(self) -> Mapping[str, float]: ...
+    @property
+    def mounts(self) -> Mapping[str, tuple[Floats, Floats]]: ...
+
+class _Recording(Protocol):
+    @property
+    def streams(self) -> Sequence[Any]: ...
+
+class _FrameJacobian(NamedTuple):
+    by_coordinate: Floats
+    by_length: Floats
+
+class _MeasurementJacobian(NamedTuple):
+    by_q: Floats
+    by_qd: Floats
+    by_qdd: Floats
+    by_length: Floats
 
 __version__: str
 
@@ -56,13 +82,13 @@ class Model:
     def forward_kinematics(self, q: ArrayLike, lengths: ArrayLike | None = None) -> Floats: ...
     def frame_jacobian(
         self, q: ArrayLike, frames: Sequence[str] | None = None, lengths: ArrayLike | None = None
-    ) -> FrameJacobian: ...
+    ) -> _FrameJacobian: ...
     def predict_measurements(
-        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, base: Base | None = None
+        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, base: _Base | None = None
     ) -> Floats: ...
     def measurement_jacobian(
-        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, base: Base | None = None
-    ) -> MeasurementJacobian: ...
+        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, base: _Base | None = None
+    ) -> _MeasurementJacobian: ...
 
 class Config:
     estimate: list[str]
@@ -134,14 +160,14 @@ class Tracker:
     def __init__(
         self,
         model: Model,
-        calibration: Calibration | None = None,
+        calibration: _Calibration | None = None,
         config: Config | None = None,
         belief: Belief | None = None,
     ) -> None: ...
     belief: Belief | None
     state_names: list[str]
     def sample(self, time_s: float, readings: Mapping[str, Any]) -> Sample: ...
-    def samples(self, recording: Recording) -> list[Sample]: ...
+    def samples(self, recording: _Recording) -> list[Sample]: ...
     def step(
         self, sample: Sample | float, readings: Mapping[str, Any] | None = None
     ) -> tuple[Belief | None, Info]: ...
@@ -164,8 +190,8 @@ class Run:
 
 def track(
     model: Model,
-    recording: Recording,
-    calibration: Calibration | None,
+    recording: _Recording,
+    calibration: _Calibration | None,
     config: Config,
     start: Belief | None,
     progress: Callable[[float], object] | None,
@@ -180,17 +206,17 @@ def score_many(
 ) -> list[Any]: ...
 def track_many(
     model: Model,
-    jobs: Sequence[tuple[Recording, Calibration | None, Config]],
+    jobs: Sequence[tuple[_Recording, _Calibration | None, Config]],
     smooth: bool,
     threads: int | None,
     progress: Callable[[float], object] | None,
 ) -> list[tuple[Run, list[str], float, float | None] | ModelError | DataError | DivergedError]: ...
 def race(
-    model: Model, recording: Recording, configs: Sequence[Config], warm: int, seconds: float
+    model: Model, recording: _Recording, configs: Sequence[Config], warm: int, seconds: float
 ) -> dict[str, Any]: ...
 def imu_signals(
     model: Model,
-    calibration: Calibration | None,
+    calibration: _Calibration | None,
     q: ArrayLike,
     step_s: float,
     root_acceleration: ArrayLike,

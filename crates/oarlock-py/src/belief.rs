@@ -3,8 +3,8 @@
 use crate::array::items;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use oarlock::estimate::belief::{Belief, MEMORY};
-use oarlock::estimate::dense::Square;
 use oarlock::estimate::filter::Info;
+use oarlock::kernels::dense::Square;
 use oarlock::track::faults::Fault;
 use oarlock::track::magnetic::Field;
 use pyo3::prelude::*;
@@ -59,7 +59,7 @@ impl PyBelief {
             mean,
             covariance,
             drive,
-            habit,
+            usual_nis: habit,
             inflation: inflation.0,
             surprise: inflation.1,
             roughness: inflation.2,
@@ -99,7 +99,7 @@ impl PyBelief {
     /// Per part of the measurement: usual size of its innovations, as a factor on what is expected (variance).
     #[getter]
     fn habit<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.belief.habit)
+        PyArray1::from_slice(py, &self.belief.usual_nis)
     }
 
     /// Per sensor and closure: when it last said anything, s.

@@ -19,6 +19,12 @@ fn in_python_words(text: &str) -> String {
     text.replace("a boolean", "True or False").replace("a sequence", "a list").replace("f64", "a number")
 }
 
+/// What to say of a value that an earlier version took.
+fn removed(key: &str, value: &Value) -> Option<&'static str> {
+    let is_iterated = key == "filter" && value.as_str() == Some("iekf");
+    is_iterated.then_some("this filter was removed; the linearised filter is filter = \"ekf\"")
+}
+
 /// How to track. Keyword arguments only; every key has a default.
 #[pyclass(frozen, name = "Config", module = "oarlock")]
 #[derive(Clone)]
@@ -35,7 +41,11 @@ impl PyConfig {
             let json =
                 as_json(&value).map_err(|e| wrong(format!("{e}; expected finite numbers, texts or lists of them")))?;
             let value: Value = serde_json::from_str(&json).map_err(|e| wrong(e.to_string()))?;
-            let one = Map::from_iter([(key.extract::<String>()?, value)]);
+            let name = key.extract::<String>()?;
+            if let Some(why) = removed(&name, &value) {
+                return Err(wrong(why.into()));
+            }
+            let one = Map::from_iter([(name, value)]);
             let alone = serde_json::from_value::<Config>(Value::Object(one.clone()));
             alone.map_err(|e| wrong(in_python_words(&e.to_string())))?;
             all.extend(one);

@@ -7,15 +7,15 @@ mod split;
 
 use crate::config::Config;
 use crate::error::Result;
-use crate::estimate::filter::Groups;
+use crate::estimate::filter::RowGroups;
 use crate::estimate::split::Split;
-use crate::estimate::straight::Straight;
 use crate::estimate::transition::{Block, Transition};
-use crate::estimate::{Depth, Partition, Points, System, Vary};
+use crate::estimate::{Dependence, FastSystem, Partition, PerturbedStates, Points, System};
+use crate::kernels::lane::{Lane, Real};
+use crate::kernels::sparse_jacobian::SparseJacobian;
 use crate::kinematics::near::Reach;
 use crate::kinematics::pieces::Pieces;
 use crate::kinematics::{FrameMotion, JointMotion, Tree};
-use crate::lane::{Lane, Real};
 use crate::model::{Axis, Model, Transform, World};
 use crate::motion::{base_block, joint_block, push_turn, Now};
 use crate::rotation::turn::{minus, plus, right_jacobian};
@@ -212,11 +212,11 @@ impl Body {
     }
 
     /// Rows that are accepted, rejected and reported together.
-    pub fn groups(&self) -> Groups {
+    pub fn groups(&self) -> RowGroups {
         let sources = &self.suite.sources;
         let parts = || sources.iter().flat_map(|s| &s.parts);
         let rows = |of: fn(Quantity) -> bool| parts().filter(|p| of(p.quantity)).flat_map(|p| p.rows.clone()).collect();
-        Groups {
+        RowGroups {
             parts: sources.iter().flat_map(|s| s.parts.iter().map(|p| p.rows.clone())).collect(),
             sources: sources.iter().map(|s| s.rows.clone()).collect(),
             inertial: rows(Quantity::is_inertial),
@@ -308,27 +308,6 @@ impl System for Body {
         BodyScratch::new(self)
     }
 
-    fn depth(&self, row: usize) -> Depth {
-        let parts = self.suite.sources.iter().flat_map(|s| &s.parts);
-        match parts.into_iter().find(|p| p.rows.contains(&row)).map(|p| p.quantity) {
-            Some(Quantity::Accel) => Depth::Full,
-            Some(Quantity::Gyro | Quantity::Rest) => Depth::Affine,
-            _ => Depth::Pose,
-        }
-    }
-
-    fn split(&self) -> Split {
-        self.limbs()
-    }
-
-    fn narrow(&self, moment: &Moment, asked: &[bool], out: &mut Moment) {
-        out.inputs.copy_from_slice(&moment.inputs);
-        for (s, source) in self.suite.sources.iter().enumerate() {
-            out.active[s] = moment.active[s] && source.rows.clone().any(|r| asked[r]);
-        }
-        self.mark(out);
-    }
-
     fn input_std(&self) -> &[f64] {
         &self.input_std
     }
@@ -356,7 +335,7 @@ impl System for Body {
         }
     }
 
-    fn carry(&self, delta: &[f64], out: &mut Vec<Block>) {
+    fn reset_jacobian(&self, delta: &[f64], out: &mut Vec<Block>) {
         for (_, slots) in &self.layout.turns {
             let q = slots.q;
             out.push(Block::linear([q, q + 1, q + 2], right_jacobian(three(delta, q)).0));
@@ -394,53 +373,93 @@ impl System for Body {
         self.read_all(moment, scratch, at, out);
     }
 
-    #[inline(always)]
-    fn settle<const FUSED: bool>(&self, moment: &Moment, scratch: &mut BodyScratch, at: Points, out: &mut [Lane]) {
-        self.settle_at(moment, scratch, at.mean, out);
+    fn linearise(&self, moment: &Moment, s: &mut BodyScratch, mean: &[f64], center: &mut [f64], jacobian: &mut [f64]) {
+        self.jacobian(moment, &mut s.linear, mean, center, jacobian);
+    }
+}
+
+impl FastSystem for Body {
+    fn split(&self) -> Split {
+        self.limbs()
+    }
+
+    fn narrow(&self, moment: &Moment, asked: &[bool], out: &mut Moment) {
+        out.inputs.copy_from_slice(&moment.inputs);
+        for (s, source) in self.suite.sources.iter().enumerate() {
+            out.active[s] = moment.active[s] && source.rows.clone().any(|r| asked[r]);
+        }
+        self.mark(out);
+    }
+
+    fn dependence(&self, row: usize) -> Dependence {
+        let parts = self.suite.sources.iter().flat_map(|s| &s.parts);
+        match parts.into_iter().find(|p| p.rows.contains(&row)).map(|p| p.quantity) {
+            Some(Quantity::Accel) => Dependence::Full,
+            Some(Quantity::Gyro | Quantity::Rest) => Dependence::Affine,
+            _ => Dependence::Pose,
+        }
     }
 
     #[inline(always)]
-    fn readings_near<const FUSED: bool>(
+    fn readings_at_mean<const FUSED: bool>(
         &self,
         moment: &Moment,
         scratch: &mut BodyScratch,
         at: Points,
-        vary: Vary,
         out: &mut [Lane],
     ) {
-        self.read_near::<FUSED>(moment, scratch, at, vary, out);
+        self.read_at_mean(moment, scratch, at.mean, out);
     }
 
-    fn straight(&self) -> Option<Straight> {
+    #[inline(always)]
+    fn readings_near_mean<const FUSED: bool>(
+        &self,
+        moment: &Moment,
+        scratch: &mut BodyScratch,
+        at: Points,
+        perturbed: PerturbedStates,
+        out: &mut [Lane],
+    ) {
+        self.read_near::<FUSED>(moment, scratch, at, perturbed, out);
+    }
+
+    fn linear_pattern(&self) -> Option<SparseJacobian> {
         Some(self.causes(&self.tree.slopes(self.columns(false)), self.layout.partition.pose).0)
     }
 
     #[inline(always)]
-    fn straighten<const FUSED: bool>(&self, moment: &Moment, scratch: &mut BodyScratch, straight: &mut Straight) {
-        self.straighten_at::<FUSED>(moment, scratch, straight);
+    fn linear_jacobian<const FUSED: bool>(
+        &self,
+        moment: &Moment,
+        scratch: &mut BodyScratch,
+        straight: &mut SparseJacobian,
+    ) {
+        self.linear_jacobian_at_mean::<FUSED>(moment, scratch, straight);
     }
 
     #[inline(always)]
-    fn curve<const FUSED: bool>(&self, moment: &Moment, scratch: &mut BodyScratch, delta: &[Lane], out: &mut [Lane]) {
-        self.curve_at::<FUSED>(moment, scratch, delta, out);
+    fn second_order<const FUSED: bool>(
+        &self,
+        moment: &Moment,
+        scratch: &mut BodyScratch,
+        delta: &[Lane],
+        out: &mut [Lane],
+    ) {
+        self.second_order_at_mean::<FUSED>(moment, scratch, delta, out);
     }
 
-    fn linearise(&self, moment: &Moment, s: &mut BodyScratch, mean: &[f64], center: &mut [f64], jacobian: &mut [f64]) {
-        self.jacobian(moment, &mut s.linear, mean, center, jacobian);
-    }
-
-    fn tangent(&self) -> Option<Straight> {
+    fn jacobian_pattern(&self) -> Option<SparseJacobian> {
         Some(self.causes(&self.tree.slopes(self.columns(true)), 0).0)
     }
 
     #[inline(always)]
-    fn linearise_into<const FUSED: bool>(
+    fn linearise_sparse<const FUSED: bool>(
         &self,
         moment: &Moment,
         s: &mut BodyScratch,
         mean: &[f64],
         center: &mut [f64],
-        straight: &mut Straight,
+        straight: &mut SparseJacobian,
     ) {
         self.readings_and_slopes::<FUSED>(moment, &mut s.linear, mean, center, straight);
     }

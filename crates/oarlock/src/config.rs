@@ -48,10 +48,6 @@ pub enum FilterKind {
     /// takes curvature for information. From 0.5 rad of ignorance its first update is off by more than it says, 1.6 times as far as
     /// that of `ukf`; with loops of 0.1 mm it goes astray where `ukf` does not.
     Ekf,
-    /// Iterated extended: linearised again where the update leads, up to three times, and never uphill. Finds the likeliest state
-    /// where the others stop beside it, so that a wide first update is as good as it says. Between samples it is no better than
-    /// `ekf`, loops that are too exact lead it astray as well, and it takes longer than `ukf`.
-    Iekf,
     /// Factorised, in the manner of Ruffaldi et al. (2014): small unscented filters along the tree, one for the trunk and one for each
     /// limb with it, pass messages to each other. What limbs have in common beyond the trunk is dropped after every sample. Nearly as
     /// good as `ukf`, and cheaper the more limbs there are; the same filter where the tree does not branch.

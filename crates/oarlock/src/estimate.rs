@@ -2,24 +2,19 @@
 
 pub mod belief;
 pub mod clique;
-pub mod dense;
 pub mod filter;
-pub mod gate;
+pub mod information;
 pub mod learn;
-pub mod normal;
 pub mod sigma;
 pub mod smoother;
-pub mod solve;
 pub mod split;
 pub mod star;
 pub mod start;
-pub mod straight;
-pub mod tiles;
 pub mod transition;
 
-use crate::lane::Lane;
+use crate::kernels::lane::Lane;
+use crate::kernels::sparse_jacobian::SparseJacobian;
 use split::Split;
-use straight::Straight;
 use transition::{Block, Transition};
 
 /// How the state is ordered: what is linear where decides which sigma points need a twin.
@@ -67,7 +62,7 @@ impl Points<'_> {
 
 /// Of which states a reading is which function.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Depth {
+pub enum Dependence {
     /// Of poses alone.
     Pose,
     /// Affine in rates and in the linear block, at fixed poses.
@@ -78,56 +73,36 @@ pub enum Depth {
 
 /// In what some points may differ from the mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Vary {
+pub struct PerturbedStates {
     /// In states from this one on.
     pub from: usize,
     /// In inputs.
     pub inputs: bool,
 }
 
-/// What is estimated: how it moves by itself and what is read from it.
+/// What is estimated: its state, how the state moves by itself, and what is measured of it.
+///
+/// The first six methods have to be written. The others describe what a plain vector of states lacks: noisy inputs, process noise that
+/// is learnt, and coordinates on a manifold.
 pub trait System {
-    /// What the readings of one instant depend on besides the state: inputs, and which rows are there.
+    /// What the readings of one instant depend on besides the state: inputs, and which rows are present.
     type Moment: Clone;
-    /// Room to work in, made once.
+    /// Workspace, made once.
     type Scratch;
 
     /// Order of the state.
     fn partition(&self) -> Partition;
     /// Length of the measurement vector.
     fn row_count(&self) -> usize;
-    /// How the state falls apart for a factorised filter: not at all, unless the system says so.
-    fn split(&self) -> Split {
-        Split::whole(self.partition().dim(), self.row_count())
-    }
-    /// The same moment for one who asks for these rows alone. Allocates nothing where `out` has been a moment of this system.
-    fn narrow(&self, moment: &Self::Moment, asked: &[bool], out: &mut Self::Moment) {
-        let _ = asked;
-        out.clone_from(moment);
-    }
-    /// Standard deviation of each noisy input that the readings depend on besides the state.
-    fn input_std(&self) -> &[f64];
-    /// Room to work in.
+    /// Workspace of this system.
     fn scratch(&self) -> Self::Scratch;
-    /// Moves the mean by `delta` (tangent space).
-    fn shift(&self, mean: &mut [f64], delta: &[f64]) {
-        mean.iter_mut().zip(delta).for_each(|(m, d)| *m += d);
-    }
-    /// Tangent vector that leads from `from` to `to`.
-    fn difference(&self, to: &[f64], from: &[f64], out: &mut [f64]) {
-        out.iter_mut().zip(to.iter().zip(from)).for_each(|(o, (t, f))| *o = t - f);
-    }
-    /// How the tangent space turns when the mean moves by `delta`: pushes the blocks that carry a covariance along.
-    fn carry(&self, _delta: &[f64], _out: &mut Vec<Block>) {}
-    /// Coordinates whose own driving noise the filter may learn: the ones that it enters first.
-    fn driven(&self) -> &[usize];
-    /// Motion of `mean` over `dt` seconds; `variance` is the diagonal of the covariance, `drive` the factor on the driving noise of
+    /// Motion of `mean` over `dt` seconds; `variance` is the diagonal of the covariance, `drive` the factor on the process noise of
     /// each driven coordinate (1 where it is absent).
     fn transition(&self, dt: f64, mean: &[f64], variance: &[f64], drive: &[f64], out: &mut Transition);
-    /// Readings of the rows that are there, for every lane.
+    /// h(x): predicted readings of the rows that are present, for every lane.
     fn readings(&self, moment: &Self::Moment, scratch: &mut Self::Scratch, at: Points, out: &mut [Lane]);
-    /// Readings of the rows that are there, at the mean alone, and their derivative: a row of numbers for each reading, one for
-    /// every coordinate of the tangent space at the mean and one for each noisy input, for a change of its standard deviation.
+    /// h(x) and its Jacobian at the mean, row by row: a column for every coordinate of the tangent space at the mean, then one for each
+    /// noisy input, scaled by its standard deviation.
     fn linearise(
         &self,
         moment: &Self::Moment,
@@ -136,13 +111,45 @@ pub trait System {
         center: &mut [f64],
         jacobian: &mut [f64],
     );
-    /// What row `row` depends on.
-    fn depth(&self, _row: usize) -> Depth {
-        Depth::Full
+
+    /// Standard deviation of each noisy input.
+    fn input_std(&self) -> &[f64] {
+        &[]
     }
-    /// The same at the mean itself, in the first lane; what is found out on the way may be kept for points that share it.
+    /// Coordinates that process noise enters first; the filter learns how strong that noise is.
+    fn driven(&self) -> &[usize] {
+        &[]
+    }
+    /// Moves the mean by `delta`, a vector of the tangent space.
+    fn shift(&self, mean: &mut [f64], delta: &[f64]) {
+        mean.iter_mut().zip(delta).for_each(|(m, d)| *m += d);
+    }
+    /// Tangent vector that leads from `from` to `to`.
+    fn difference(&self, to: &[f64], from: &[f64], out: &mut [f64]) {
+        out.iter_mut().zip(to.iter().zip(from)).for_each(|(o, (t, f))| *o = t - f);
+    }
+    /// Jacobian of the change of tangent space when the mean moves by `delta`, in blocks by which a covariance is carried along.
+    fn reset_jacobian(&self, _delta: &[f64], _out: &mut Vec<Block>) {}
+}
+
+/// What a system may tell of its structure to make an update cheaper. Every default is right for any system.
+pub trait FastSystem: System {
+    /// Core and limbs, for the factorised filter.
+    fn split(&self) -> Split {
+        Split::whole(self.partition().dim(), self.row_count())
+    }
+    /// `moment` restricted to these rows. Allocates nothing where `out` has been a moment of this system.
+    fn narrow(&self, moment: &Self::Moment, asked: &[bool], out: &mut Self::Moment) {
+        let _ = asked;
+        out.clone_from(moment);
+    }
+    /// Which states row `row` depends on, and how.
+    fn dependence(&self, _row: usize) -> Dependence {
+        Dependence::Full
+    }
+    /// h(x) at the mean, in the first lane; may keep intermediate results for `readings_near` and what follows it.
     #[inline(always)]
-    fn settle<const FUSED: bool>(
+    fn readings_at_mean<const FUSED: bool>(
         &self,
         moment: &Self::Moment,
         scratch: &mut Self::Scratch,
@@ -151,44 +158,51 @@ pub trait System {
     ) {
         self.readings(moment, scratch, at, out);
     }
-    /// The same for points that share with the mean, last settled at, all but what they `vary` in.
+    /// h(x) for points that differ from the mean of the last `settle` only as `vary` says.
     #[inline(always)]
-    fn readings_near<const FUSED: bool>(
+    fn readings_near_mean<const FUSED: bool>(
         &self,
         moment: &Self::Moment,
         scratch: &mut Self::Scratch,
         at: Points,
-        vary: Vary,
+        perturbed: PerturbedStates,
         out: &mut [Lane],
     ) {
-        let _ = vary;
+        let _ = perturbed;
         self.readings(moment, scratch, at, out);
     }
-    /// Room for the derivatives of all readings by rates and linear block, where the system tells them; else points are spread there.
-    /// Readings that depend on poses alone are no rows of it.
-    fn straight(&self) -> Option<Straight> {
+    /// Pattern of the Jacobian by rates and linear block, if `straighten` computes it; sigma points are spread there otherwise.
+    /// Rows of [`Depth::Pose`] are no part of it.
+    fn linear_pattern(&self) -> Option<SparseJacobian> {
         None
     }
-    /// These derivatives, at the mean last settled at.
+    /// Fills in that Jacobian, at the mean of the last `settle`.
     #[inline(always)]
-    fn straighten<const FUSED: bool>(&self, _: &Self::Moment, _: &mut Self::Scratch, _: &mut Straight) {}
-    /// What the square of a change `delta` of the rates alone adds to each reading of [`Depth::Full`], at the poses of the mean last
-    /// settled at.
+    fn linear_jacobian<const FUSED: bool>(&self, _: &Self::Moment, _: &mut Self::Scratch, _: &mut SparseJacobian) {}
+    /// Second-order term of a change `delta` of the rates alone, for each row of [`Depth::Full`], at the mean of the last `settle`.
+    /// Needed where `straight` is given.
     #[inline(always)]
-    fn curve<const FUSED: bool>(&self, _: &Self::Moment, _: &mut Self::Scratch, _delta: &[Lane], _out: &mut [Lane]) {}
-    /// Room for what [`System::linearise`] gives, without zeros, where the system can give it so: inputs are columns behind the states.
-    fn tangent(&self) -> Option<Straight> {
+    fn second_order<const FUSED: bool>(
+        &self,
+        _: &Self::Moment,
+        _: &mut Self::Scratch,
+        _delta: &[Lane],
+        _out: &mut [Lane],
+    ) {
+    }
+    /// Pattern of the whole Jacobian, inputs behind the states, if `linearise_into` computes it.
+    fn jacobian_pattern(&self) -> Option<SparseJacobian> {
         None
     }
-    /// The same as [`System::linearise`], into this room.
+    /// As [`System::linearise`], into that pattern.
     #[inline(always)]
-    fn linearise_into<const FUSED: bool>(
+    fn linearise_sparse<const FUSED: bool>(
         &self,
         _: &Self::Moment,
         _: &mut Self::Scratch,
         _mean: &[f64],
         _center: &mut [f64],
-        _straight: &mut Straight,
+        _straight: &mut SparseJacobian,
     ) {
     }
 }

@@ -1,6 +1,6 @@
 //! Exact derivatives of frames and readings by all coordinates and lengths, for callers that are no filter.
 
-use crate::estimate::straight::Straight;
+use crate::kernels::sparse_jacobian::SparseJacobian;
 use crate::kinematics::slopes::{Columns, Kind, Slopes};
 use crate::kinematics::{FrameMotion, JointMotion, Tree};
 use crate::model::{Expr, JointKind, Model, SensorKind, Transform};
@@ -27,7 +27,7 @@ pub struct Jacobians {
     tree: Tree,
     suite: Suite,
     slopes: Slopes,
-    straight: Straight,
+    straight: SparseJacobian,
     causes: Causes,
     lengths: Vec<f64>,
     coordinates: usize,
@@ -37,7 +37,7 @@ pub struct Jacobians {
 #[derive(Debug, Clone)]
 pub struct Room {
     slopes: Slopes,
-    straight: Straight,
+    straight: SparseJacobian,
     frames: Vec<FrameMotion<f64>>,
     all: Vec<bool>,
 }

@@ -8,7 +8,7 @@ pub mod near;
 pub mod pieces;
 pub mod slopes;
 
-use crate::lane::Real;
+use crate::kernels::lane::Real;
 use crate::model::{JointKind, Model, Point, Transform};
 use crate::rotation::{Mat3, Vec3};
 

@@ -2,7 +2,7 @@
 
 pub mod turn;
 
-use crate::lane::Real;
+use crate::kernels::lane::Real;
 use std::ops::{Add, AddAssign, Mul, Sub};
 
 /// Three numbers.

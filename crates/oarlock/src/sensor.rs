@@ -7,8 +7,8 @@ pub mod near;
 pub mod position;
 pub mod slopes;
 
+use crate::kernels::lane::Real;
 use crate::kinematics::FrameMotion;
-use crate::lane::Real;
 use crate::model::{Model, Point, SensorKind};
 use crate::rotation::Vec3;
 use std::ops::Range;

@@ -22,12 +22,12 @@ use crate::body::{Body, Moment};
 use crate::config::{Config, FilterKind, Magnetometer};
 use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
-use crate::estimate::filter::{Filter, Gate, Groups, Info, Lost, Manner, Sighting, Slant};
+use crate::estimate::filter::{DirectionTest, Diverged, Filter, Gate, Info, Measurement, RowGroups, UpdateSettings};
 use crate::estimate::learn::Learning;
 use crate::estimate::sigma::Spread;
 use crate::estimate::transition::Transition;
 use crate::estimate::System;
-use crate::lane::arch::Arch;
+use crate::kernels::arch::Arch;
 use crate::model::Model;
 use crate::recording::Sample;
 use crate::sensor::imu::MountValue;
@@ -77,9 +77,6 @@ const STEP_SHARE: f64 = 0.1;
 /// Readings that feel the body's own motion are odd only far beyond the quantile: a jolt is not a fault.
 const GATE_SLACK: f64 = 10.0;
 
-/// How often `iekf` linearises the readings of a sample, at most: between samples the third time seldom moves the state.
-const ITERATIONS: usize = 3;
-
 /// A belief and its workspace.
 #[derive(Debug, Clone)]
 pub struct Tracker {
@@ -87,7 +84,7 @@ pub struct Tracker {
     pub body: Body,
     config: Config,
     filter: Filter<Body>,
-    groups: Groups,
+    groups: RowGroups,
     quantities: Vec<Quantity>,
     loops: Vec<Loop>,
     /// Per source and joint: whether the source feels the joint.
@@ -97,7 +94,7 @@ pub struct Tracker {
     offset: Vec<f64>,
     moment: Moment,
     z: Vec<f64>,
-    barred: Vec<bool>,
+    excluded: Vec<bool>,
     /// Per row: the largest that its sensor can read.
     range: Vec<f64>,
     /// Per part: what is wrong with it in this sample.
@@ -105,10 +102,10 @@ pub struct Tracker {
     /// Per part: its field seems to have turned.
     turned: Vec<bool>,
     strict: Vec<bool>,
-    slants: Vec<Option<Slant>>,
+    direction_tests: Vec<Option<DirectionTest>>,
     /// Room for the belief's mean.
     posture: Posture<f64>,
-    manner: Manner,
+    settings: UpdateSettings,
     /// Off while several hypotheses compete: who is surprised more often must not excuse it by stronger driving noise.
     learns: bool,
     /// The belief was given up just before this sample's update.
@@ -151,14 +148,14 @@ impl Tracker {
             offset: row_offsets(&body, &calibration.mag_offsets)?,
             moment: body.moment(),
             z: vec![f64::NAN; rows],
-            barred: vec![false; groups.parts.len()],
+            excluded: vec![false; groups.parts.len()],
             range: faults::ranges(&body),
             faults: vec![Fault::None; groups.parts.len()],
             turned: vec![false; groups.parts.len()],
             strict: strict(&body, config),
-            slants: vec![None; groups.parts.len()],
+            direction_tests: vec![None; groups.parts.len()],
             posture: Posture::new(&body),
-            manner: manner(config),
+            settings: update_settings(config),
             learns: true,
             lost: false,
             transition: Transition::default(),
@@ -190,7 +187,7 @@ impl Tracker {
         let fits = n == own
             && belief.covariance.n() == own
             && belief.drive.len() == self.body.driven().len()
-            && belief.habit.len() == parts
+            && belief.usual_nis.len() == parts
             && belief.seen_s.len() == self.groups.sources.len()
             && belief.memory.len() == self.groups.sources.len()
             && (belief.doubt.is_empty() || belief.doubt.len() == self.considering.as_ref().map_or(0, Considering::len))
@@ -203,7 +200,7 @@ impl Tracker {
         }
         let scalars =
             [belief.time_s, belief.inflation, belief.surprise, belief.roughness, belief.leftover, belief.score];
-        let lists = [&belief.mean, belief.covariance.as_slice(), &belief.drive, &belief.habit, &scalars];
+        let lists = [&belief.mean, belief.covariance.as_slice(), &belief.drive, &belief.usual_nis, &scalars];
         if !lists.into_iter().flatten().all(|x| x.is_finite()) {
             return Err(Error::Data(format!(
                 "belief at {} s holds numbers that are not finite: start without it, or from an earlier one",
@@ -385,17 +382,17 @@ impl Tracker {
         self.measure_dips(belief);
         self.look_around(belief);
         self.bar_turned(belief);
-        let sighting = Sighting {
+        let measured = Measurement {
             z: &self.z,
             std: &self.std,
-            barred: &self.barred,
+            excluded: &self.excluded,
             strict: &self.strict,
-            slants: &self.slants,
+            direction_tests: &self.direction_tests,
             groups: &self.groups,
         };
-        let learning = if self.learns { self.manner.learning } else { Learning { memory_s: f64::INFINITY } };
-        let manner = Manner { learning, ..self.manner };
-        let done = self.filter.update(&self.body, &self.moment, belief, sighting, manner, &mut self.info);
+        let learning = if self.learns { self.settings.learning } else { Learning { memory_s: f64::INFINITY } };
+        let settings = UpdateSettings { learning, ..self.settings };
+        let done = self.filter.update(&self.body, &self.moment, belief, measured, settings, &mut self.info);
         done.map_err(|lost| diverged(lost, belief.time_s))?;
         self.follow_doubt(belief);
         self.watch_north(belief);
@@ -428,17 +425,16 @@ fn strict(body: &Body, config: &Config) -> Vec<bool> {
     body.quantities().iter().map(|&q| gated && q == Quantity::Mag).collect()
 }
 
-fn filter(body: &Body, groups: &Groups, kind: FilterKind) -> Filter<Body> {
+fn filter(body: &Body, groups: &RowGroups, kind: FilterKind) -> Filter<Body> {
     match kind {
         FilterKind::Ukf => Filter::new(body, groups),
-        FilterKind::Ekf => Filter::extended(body, groups, 1),
+        FilterKind::Ekf => Filter::extended(body, groups),
         FilterKind::Factorised => Filter::factorised(body, groups),
-        FilterKind::Iekf => Filter::extended(body, groups, ITERATIONS),
     }
 }
 
-fn manner(c: &Config) -> Manner {
-    Manner {
+fn update_settings(c: &Config) -> UpdateSettings {
+    UpdateSettings {
         spread: Spread { alpha: c.alpha, beta: c.beta, kappa: c.kappa },
         gate: Gate {
             on: c.gate,
@@ -450,7 +446,7 @@ fn manner(c: &Config) -> Manner {
     }
 }
 
-fn diverged(lost: Lost, time_s: f64) -> Error {
+fn diverged(lost: Diverged, time_s: f64) -> Error {
     let text = format!(
         "the filter lost the track at {time_s:.3} s: {}. Check mounts and lengths, units and clocks of the streams, \
          or try wider noise in the model file",

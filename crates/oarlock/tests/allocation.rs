@@ -74,7 +74,7 @@ fn samples(config: &Config) -> Vec<Sample> {
     samples
 }
 
-const FILTERS: [FilterKind; 4] = [FilterKind::Ukf, FilterKind::Ekf, FilterKind::Iekf, FilterKind::Factorised];
+const FILTERS: [FilterKind; 3] = [FilterKind::Ukf, FilterKind::Ekf, FilterKind::Factorised];
 
 #[test]
 fn steps_allocate_nothing() {

@@ -5,32 +5,55 @@ Exit status: 0 fine, 1 the data's fault, 2 usage, 130 stopped.
 
 from __future__ import annotations
 
-from typing import Annotated
+from importlib import import_module
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
+from typer.main import get_group
 
-from oarlock.cli import (
-    bench,
-    calibrate,
-    compare,
-    demo,
-    evaluate,
-    export,
-    import_,
-    markers,
-    model,
-    report,
-    reproduce,
-    simulate,
-    strokes,
-    study,
-    track,
-    view,
-)
+VERBS = {
+    "demo": "Track a simulated sculler and a real pendulum.",
+    "simulate": "Write a simulated rower's recording and its truth.",
+    "track": "Turn a recording into joint angles with uncertainty.",
+    "evaluate": "Score a track against truth, or against optical markers.",
+    "compare": "Set estimators side by side on one recording.",
+    "report": "Write a track's report.html.",
+    "export": "Write a track as CSV, Parquet and OpenSim files.",
+    "view": "Show a track as a moving figure beside its curves.",
+    "reproduce": "Run the paper's tables and figures again, ours beside them.",
+    "strokes": "Show strokes of a track, or of another device's export.",
+    "study": "Sweep sensors, noise, mounts, rates or settings over seeds.",
+    "bench": "Measure what this machine reaches, beside other software.",
+    "import": "Turn other formats into a recording.",
+    "markers": "Optical markers: C3D, TRC, CSV.",
+    "calibrate": "Find mounts, joint centres, the magnetic field and clock errors.",
+    "model": "Look at, check and start model files.",
+}
+"""All verbs with one line of help. `cli/NAME.py` defines a verb; it is imported when the verb is used."""
+MODULES = {"import": "import_"}
+
+
+class LazyVerbs(TyperGroup):
+    """Lists all verbs, and imports the module of the one that is used."""
+
+    def resolve_command(self, *args: Any) -> tuple[Any, Any, list[str]]:
+        """The name, the command and what follows it on the command line."""
+        name, command, rest = super().resolve_command(*args)
+        return name, command and load_verb(command.name or ""), rest
+
+
+def load_verb(name: str) -> Any:
+    """Import the module of a verb and build its command."""
+    verbs = typer.Typer(rich_markup_mode=None)
+    import_module(f"oarlock.cli.{MODULES.get(name, name)}").add_to(verbs)
+    return get_group(verbs).commands[name]
+
 
 # plain help: examples keep their lines, and it reads the same in a file, a pager and a narrow window
 app = typer.Typer(
     name="oarlock",
+    cls=LazyVerbs,
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -61,22 +84,12 @@ def root(
     """Track articulated bodies from wearable and mounted sensors, with uncertainty."""
 
 
-demo.add_to(app)
-simulate.add_to(app)
-import_.add_to(app)
-markers.add_to(app)
-calibrate.add_to(app)
-track.add_to(app)
-evaluate.add_to(app)
-compare.add_to(app)
-report.add_to(app)
-export.add_to(app)
-view.add_to(app)
-reproduce.add_to(app)
-strokes.add_to(app)
-study.add_to(app)
-model.add_to(app)
-bench.add_to(app)
+def _unused() -> None:
+    """Stands for a verb until it is used."""
+
+
+for _name, _short_help in VERBS.items():
+    app.command(_name, short_help=_short_help)(_unused)
 
 
 def main() -> None:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 _KEYS = """\
 Keys of --json (times in us are medians, each filter's steps are 1e6 / time):
   n, m                         states and readings of the sculler, joints and azimuth alone
-  ukf_steps_s, ekf_steps_s, iekf_steps_s, factorised_steps_s    steps per second inside the engine, one core
+  ukf_steps_s, ekf_steps_s, factorised_steps_s    steps per second inside the engine, one core
   ukf_us, ukf_us_p10, ...      time of a step: half, and a tenth of all steps are shorter
   textbook_us, textbook_us_p10                 the textbook's unscented filter, same process
   ukf_ratio_to_textbook, ...   textbook_us divided by the filter's
@@ -36,7 +36,6 @@ def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
     app.command(
         "bench",
-        short_help="Measure what this machine reaches, beside other software.",
         epilog=example(
             "oarlock bench",
             "oarlock bench --seconds 60",

@@ -22,8 +22,7 @@ from oarlock.cli.terminal import (
     table,
     verb,
 )
-from oarlock.evaluation.comparison.estimators import estimators
-from oarlock.evaluation.comparison.estimators import estimator
+from oarlock.evaluation.comparison.estimators import estimator, estimators
 
 if TYPE_CHECKING:
     from oarlock.evaluation.comparison.comparison import Comparison
@@ -38,7 +37,6 @@ def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
     app.command(
         "compare",
-        short_help="Set estimators side by side on one recording.",
         epilog=example(
             "oarlock compare trial --model sculler --out compared",
             "oarlock compare trial --model sculler --filter ukf --filter limbs --filter vqf --out compared",

@@ -22,7 +22,7 @@ from oarlock.cli.terminal import (
     table,
     verb,
 )
-from oarlock.cli.track import run_filter, write_folder
+from oarlock.cli.track_folder import run_filter, write_folder
 from oarlock.rowing.simulation import paper
 
 if TYPE_CHECKING:
@@ -57,7 +57,6 @@ def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
     app.command(
         "demo",
-        short_help="Track a simulated sculler and a real pendulum.",
         epilog=example("oarlock demo", "oarlock demo --out here", "oarlock demo --json"),
     )(demo)
 
@@ -175,8 +174,8 @@ def _pendulum(folder: Path) -> Pendulum:
     """Finds the mounts of a real three-link pendulum, tracks it and scores it against the vendor."""
     import oarlock
     from oarlock.evaluation.orientations import angles_from_orientations
-    from oarlock.formats import examples
     from oarlock.formats.apdm import read_apdm, read_apdm_orientations
+    from oarlock.storage import examples
 
     file = examples.path("pendulum") / "imuData01.csv"
     recording = read_apdm(file)

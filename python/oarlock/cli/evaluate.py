@@ -31,7 +31,6 @@ def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
     app.command(
         "evaluate",
-        short_help="Score a track against truth, or against optical markers.",
         epilog=example(
             "oarlock evaluate out trial/truth",
             "oarlock evaluate out trial --start-s 5",

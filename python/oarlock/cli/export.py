@@ -49,7 +49,6 @@ def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
     app.command(
         "export",
-        short_help="Write a track as CSV, Parquet and OpenSim files.",
         epilog=example(
             "oarlock export out --to exported",
             "oarlock export out --to exported --format osim,mot,trc",

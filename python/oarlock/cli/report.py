@@ -31,7 +31,6 @@ def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
     app.command(
         "report",
-        short_help="Write a track's report.html.",
         epilog=example(
             "oarlock report out",
             "oarlock report out --truth trial/truth",

@@ -49,7 +49,6 @@ def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
     app.command(
         "reproduce",
-        short_help="Run the paper's tables and figures again, ours beside them.",
         epilog=example(
             "oarlock reproduce table5 --out table5",
             "oarlock reproduce all --out paper",
@@ -106,8 +105,8 @@ def reproduce(
 def write_reproduction(parts: list[Part], out: Path, seeds: tuple[int, ...], duration_s: float) -> Path:
     """The page, the tables and run.toml; the page's path."""
     from oarlock import __version__
-    from oarlock.evaluation.study.result import write_rows
-    from oarlock.report.reproduction import reproduction_page
+    from oarlock.evaluation.study.rows import write_rows
+    from oarlock.lab.reproduce.page import reproduction_page
     from oarlock.storage.toml import write_toml
 
     for part in parts:

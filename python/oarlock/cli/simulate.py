@@ -35,7 +35,6 @@ def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
     app.command(
         "simulate",
-        short_help="Write a simulated rower's recording and its truth.",
         epilog=example(
             "oarlock simulate --out trial",
             "oarlock simulate --out trial --duration-s 600 --rate-spm 20,34 --condition S-NB",

@@ -32,7 +32,6 @@ def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
     app.command(
         "study",
-        short_help="Sweep sensors, noise, mounts, rates or settings over seeds.",
         epilog=example(
             "oarlock study which_sensors --out sensors",
             "oarlock study robustness_quick --out robust",
@@ -127,14 +126,14 @@ def _of_faults(result: StudyResult, report: Path) -> dict[str, object]:
     from oarlock.evaluation.study.costs import doses
 
     failed = len(result.failures)
-    rows = [dose.row() for dose in doses(result)]
+    rows = [dose.row() for dose in doses(result.study, result.rows)]
     return {"report": report, "runs": result.study.run_count, "failed": failed, "faults": rows}
 
 
 def _write_faults(result: StudyResult) -> None:
     from oarlock.evaluation.study.costs import doses, ranked
 
-    study, found = result.study, doses(result)
+    study, found = result.study, doses(result.study, result.rows)
     setting = found[0].setting
     heading(
         study.title,

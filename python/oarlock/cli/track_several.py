@@ -25,7 +25,7 @@ from oarlock.cli.terminal import (
     steps,
     table,
 )
-from oarlock.cli.track import RECORDING_FILE, RUN_FILE, document, write_folder
+from oarlock.cli.track_folder import RECORDING_FILE, RUN_FILE, document, write_folder
 
 if TYPE_CHECKING:
     from oarlock import Calibration, Config, Model, Recording, Suspect, Track

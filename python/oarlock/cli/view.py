@@ -25,7 +25,6 @@ def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
     app.command(
         "view",
-        short_help="Show a track as a moving figure beside its curves.",
         epilog=example(
             "oarlock view out",
             "oarlock view out --ghost before",

@@ -11,12 +11,13 @@ from typing import TypeAlias
 import numpy as np
 
 from oarlock.formats.times import on_one_axis, parsed_stamps, relative_stamps
-from oarlock.formats.units import plain_unit
-from oarlock.recording.recording import ImuStream, Recording
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import FloatArray, disorder_text
 from oarlock.storage.delimited import Dialect, Layout, numbers
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
+from oarlock.storage.units import plain_unit
 
 # sensor label -> quantity -> position of each column in the file
 Sensors: TypeAlias = dict[str, dict[str, list[int]]]

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import subprocess
-import sys
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,15 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.formats.c3d_layout import check_layout
+from oarlock.formats.child_process import arrays_of
 from oarlock.formats.marker_table import held_unit, markers_of
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
     from oarlock.evaluation.markers.trajectories import Markers
-
-_CHILD = Path(__file__).with_name("c3d_child.py")
 
 
 def read_c3d(file: Path, unit: str | None = None) -> Markers:
@@ -35,7 +30,11 @@ def read_c3d(file: Path, unit: str | None = None) -> Markers:
     Raises:
         DataError: ezc3d is not installed, or the file cannot be read or holds no points.
     """
-    content = _content(file)
+    if find_spec("ezc3d") is None:
+        raise DataError(
+            f"{file}: C3D files are read with ezc3d: pip install 'oarlock[c3d]' (or export the markers as TRC)"
+        )
+    content = arrays_of("c3d", file)
     raw, rate = content["points"], float(content["rate_hz"])
     count, frames = raw.shape[1:]
     if not count or not frames:
@@ -49,26 +48,6 @@ def read_c3d(file: Path, unit: str | None = None) -> Markers:
     time_s = (int(content["first_frame"]) + np.arange(frames)) / rate
     held = held_unit(str(content["unit"]), unit, f"{file}, POINT:UNITS")
     return markers_of(file, names, time_s, position.transpose(2, 1, 0).reshape(frames, -1), held)
-
-
-def _content(file: Path) -> dict[str, NDArray[Any]]:
-    """What `c3d_child` reads in a process of its own: ezc3d ends the one it runs in on some damaged files."""
-    if find_spec("ezc3d") is None:
-        raise DataError(
-            f"{file}: C3D files are read with ezc3d: pip install 'oarlock[c3d]' (or export the markers as TRC)"
-        )
-    try:
-        check_layout(file.read_bytes(), file)
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror})") from error
-    # -P: the folder of the script is no place to import from.
-    done = subprocess.run([sys.executable, "-P", str(_CHILD), str(file)], capture_output=True, check=False)
-    if done.returncode != 0:
-        said = done.stderr.decode(errors="replace").strip().splitlines() if done.returncode == 1 else []
-        why = said[-1] if said else f"its reader, ezc3d, ended with status {done.returncode}"
-        raise DataError(f"{file}: is no C3D file, or is damaged ({why})")
-    with np.load(io.BytesIO(done.stdout)) as arrays:
-        return dict(arrays)
 
 
 def _unseen(raw: FloatArray, residual: FloatArray) -> Any:

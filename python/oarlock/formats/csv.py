@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from oarlock.formats.counters import Lost, lost_packets, unwrapped
 from oarlock.formats.csv_mapping import Counter, FileMapping, Quantity, SensorColumns, read_mapping
 from oarlock.formats.times import COUNTED, Stamps, on_one_axis, parsed_stamps, relative_stamps
-from oarlock.formats.units import ANGLE, to_held_unit
 from oarlock.recording.packets import META_KEY
-from oarlock.recording.recording import ImuStream, Recording, ScalarStream, ScalarUnit, Stream, VectorStream
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream, ScalarStream, ScalarUnit, Stream, VectorStream
 from oarlock.storage.array_gate import FloatArray, disorder_text
 from oarlock.storage.delimited import Layout, numbers
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
+from oarlock.storage.units import ANGLE, to_held_unit
 
 
 @dataclass(frozen=True)

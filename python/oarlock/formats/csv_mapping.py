@@ -7,11 +7,11 @@ from types import MappingProxyType
 from typing import Literal, TypeAlias
 
 from oarlock.formats.times import COUNTED, TICKS, TIME_UNITS, plain_time_unit
-from oarlock.formats.units import ACCEL, ANGLE, GYRO, LENGTH, MAG, plain_unit, unknown_unit_text
 from oarlock.storage.delimited import MISSING_MARKERS, Dialect
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 from oarlock.storage.toml import TomlTable
+from oarlock.storage.units import ACCEL, ANGLE, GYRO, LENGTH, MAG, plain_unit, unknown_unit_text
 
 Column: TypeAlias = str | int
 Kind: TypeAlias = Literal["imu", "scalar", "vector"]

@@ -12,10 +12,11 @@ reference by a whole row.
 
 from os import PathLike
 
+from oarlock.evaluation.reference import Reference
 from oarlock.formats.mat import matrix, read_mat, same_length, sampling_rate, structure
-from oarlock.formats.reference import Reference
 from oarlock.formats.stamps import interval_middles_s, row_times_s
-from oarlock.recording.recording import ImuStream, Recording
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 

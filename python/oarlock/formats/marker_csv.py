@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from oarlock.evaluation.markers.gaps import Gap
 from oarlock.evaluation.markers.trajectories import Markers
 from oarlock.formats.marker_table import (
     Row,
@@ -47,30 +44,6 @@ def read_marker_csv(file: Path, unit: str | None = None) -> Markers:
     if re.search(r"^NO_OF_(FRAMES|MARKERS|CAMERAS)\b", start, re.M):
         return _read_qualisys(file, unit)
     return _read_plain(file, unit)
-
-
-def csv_text(markers: Markers, file: Path) -> str:
-    """The file's text, in m, every number with all its digits; an empty cell where a marker was not seen."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    for name in markers.names:
-        if any(mark in name for mark in "\r\n"):
-            raise DataError(f"{file}: the marker's name {name!r} holds an end of line; rename it")
-    writer.writerow(["time_s", *(f"{name}_{axis}_m" for name in markers.names for axis in "xyz")])
-    for time_s, row in zip(markers.time_s, markers.position_m.reshape(len(markers), -1), strict=True):
-        writer.writerow([repr(float(time_s)), *("" if np.isnan(v) else repr(float(v)) for v in row)])
-    return stream.getvalue()
-
-
-def gaps_text(gaps: Sequence[Gap]) -> str:
-    """A table of gaps: marker, from, to, length, frames, filled or why not."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(["marker", "start_s", "end_s", "duration_s", "frames", "filled", "reason"])
-    for gap in gaps:
-        times = (f"{value:.6f}" for value in (gap.start_s, gap.end_s, gap.duration_s))
-        writer.writerow([gap.marker, *times, gap.frames, "yes" if gap.filled else "no", gap.reason])
-    return stream.getvalue()
 
 
 def _read_plain(file: Path, unit: str | None) -> Markers:

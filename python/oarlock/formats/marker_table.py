@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from oarlock.evaluation.markers.trajectories import Markers
-from oarlock.formats.units import LENGTH, plain_unit, to_held_unit, unknown_unit_text
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
+from oarlock.storage.units import LENGTH, plain_unit, to_held_unit, unknown_unit_text
 
 _MISSING = frozenset({"", "nan", "null", "none", "-nan", "nan(ind)", "-nan(ind)", "---"})
 

@@ -1,40 +1,31 @@
-"""MATLAB files (version 5 to 7): matrices and structures by name, with errors that name file and variable."""
+"""MATLAB files (version 4 to 7): matrices and structures by name, with errors that name file and variable."""
 
 from collections.abc import Mapping
-from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from scipy.io import loadmat
-from scipy.io.matlab import mat_struct
+from numpy.typing import NDArray
 
-from oarlock.formats.mat_layout import sound_variables
+from oarlock.formats.child_process import arrays_of
 from oarlock.storage.array_gate import FloatArray, real_array
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 
-Variables = Mapping[str, object]
+Variables = Mapping[str, NDArray[Any]]
+"""Numbers and texts by name; a field of a structure is called `structure.field`."""
 
 
 def read_mat(file: Path) -> Variables:
-    """The variables of a file that are numbers, text, cells or structures.
+    """The variables of a file that are numbers or text, also those inside structures.
 
     Raises:
         DataError: The file cannot be read, is no MATLAB file, is damaged, or is one of version 7.3 (HDF5).
     """
-    try:
-        raw = file.read_bytes()
-    except (OSError, ValueError) as error:
-        raise DataError(f"{file}: cannot be read ({getattr(error, 'strerror', None) or error})") from error
-    names = sound_variables(raw, file)
-    try:
-        found = loadmat(BytesIO(raw), struct_as_record=False, variable_names=names)
-    except Exception as error:  # of a damaged file scipy raises whatever its parts do
-        raise DataError(f"{file}: is no MATLAB file, or is damaged ({error})") from error
-    return {name: found[name] for name in names if name in found}
+    return arrays_of("mat", file)
 
 
-def variable(variables: Variables, name: str, file: Path) -> object:
+def variable(variables: Variables, name: str, file: Path) -> NDArray[Any]:
     """One variable of a file, or one field of a structure.
 
     Raises:
@@ -42,21 +33,21 @@ def variable(variables: Variables, name: str, file: Path) -> object:
     """
     if name not in variables:
         hint = did_you_mean(name, list(variables))
-        raise DataError(f'{file}: has no variable "{name}" of numbers, text, cells or structures. {hint}')
+        raise DataError(f'{file}: has no variable "{name}" of numbers or text. {hint}')
     return variables[name]
 
 
 def structure(variables: Variables, name: str, file: Path) -> Variables:
-    """The fields of a structure.
+    """The fields of a structure, by the names that they have in the file.
 
     Raises:
         DataError: There is no variable of this name, or it is not a single structure.
     """
-    value = variable(variables, name, file)
-    if isinstance(value, np.ndarray) and value.size == 1 and isinstance(value.flat[0], mat_struct):
-        only = value.flat[0]
-        return {f"{name}.{field}": getattr(only, field) for field in only._fieldnames}
-    raise DataError(f'{file}: "{name}" is not a structure')
+    fields = {key: value for key, value in variables.items() if key.startswith(f"{name}.")}
+    if not fields:
+        variable(variables, name, file)
+        raise DataError(f'{file}: "{name}" is not a structure')
+    return fields
 
 
 def matrix(variables: Variables, name: str, columns: int, file: Path) -> FloatArray:
@@ -65,7 +56,7 @@ def matrix(variables: Variables, name: str, columns: int, file: Path) -> FloatAr
     Raises:
         DataError: There is no variable of this name, or it is not a real matrix of this width.
     """
-    return real_array(variable(variables, name, file), (None, columns), f"{file}, {name}")  # type: ignore[arg-type]
+    return real_array(variable(variables, name, file), (None, columns), f"{file}, {name}")
 
 
 def number(variables: Variables, name: str, file: Path) -> float:
@@ -74,7 +65,7 @@ def number(variables: Variables, name: str, file: Path) -> float:
     Raises:
         DataError: There is no variable of this name, or it is not one finite number.
     """
-    value = real_array(variable(variables, name, file), (1, 1), f"{file}, {name}")  # type: ignore[arg-type]
+    value = real_array(variable(variables, name, file), (1, 1), f"{file}, {name}")
     if not np.isfinite(value).all():
         raise DataError(f"{file}, {name}: is {value.item()}, expected a finite number")
     return float(value.item())

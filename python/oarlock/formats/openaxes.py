@@ -12,9 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
+from oarlock.evaluation.reference import Reference
 from oarlock.formats.columns import read_columns
-from oarlock.formats.reference import Reference
-from oarlock.recording.recording import ImuStream, Recording
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import FloatArray, time_array
 from oarlock.storage.delimited import Dialect, Layout
 from oarlock.storage.errors import DataError

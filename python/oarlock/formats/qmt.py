@@ -9,7 +9,8 @@ nothing says what it is.
 from os import PathLike
 
 from oarlock.formats.mat import matrix, read_mat, same_length, structure
-from oarlock.recording.recording import ImuStream, Recording
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import time_array
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
@@ -32,7 +33,7 @@ def read_qmt(path: str | PathLike[str]) -> Recording:
     variables = read_mat(file)
     time_s = time_array(matrix(variables, "t", 1, file)[:, 0], f"{file}, t")
     streams = []
-    for segment in variables:
+    for segment in dict.fromkeys(name.partition(".")[0] for name in variables):
         if segment == "t":
             continue
         fields = structure(variables, segment, file)

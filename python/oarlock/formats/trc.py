@@ -9,13 +9,8 @@ import numpy as np
 
 from oarlock.evaluation.markers.trajectories import Markers
 from oarlock.formats.marker_table import Row, filled, held_unit, markers_of, number, numbers, read_rows
-from oarlock.formats.units import from_held_unit
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
-
-_LABELS = (
-    "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames"
-)
 
 
 def read_trc(file: Path, unit: str | None = None) -> Markers:
@@ -41,32 +36,6 @@ def read_trc(file: Path, unit: str | None = None) -> Markers:
     held = held_unit(settings.get("Units", ""), unit, f'{file}, "Units"')
     values = numbers(data, 2, 3 * len(names), file)
     return markers_of(file, names, _stamps(data, file), values, held)
-
-
-def trc_text(markers: Markers, file: Path, unit: str = "m") -> str:
-    """The file's text, in m or another unit of length, every number with all its digits.
-
-    Raises:
-        DataError: a name holds a tab or an end of line.
-    """
-    for name in markers.names:
-        if any(mark in name for mark in "\t\r\n"):
-            raise DataError(f"{file}: the marker's name {name!r} holds a tab or an end of line; rename it")
-    rate = repr(markers.rate_hz) if len(markers) > 1 else "1.0"
-    count, frames = len(markers.names), len(markers)
-    lines = [
-        f"PathFileType\t4\t(X/Y/Z)\t{file.name}",
-        _LABELS,
-        f"{rate}\t{rate}\t{frames}\t{count}\t{unit}\t{rate}\t1\t{frames}",
-        "Frame#\tTime\t" + "\t\t\t".join(markers.names) + "\t\t",
-        "\t\t" + "\t".join(f"{axis}{k}" for k in range(1, count + 1) for axis in "XYZ"),
-        "",
-    ]
-    flat = from_held_unit(markers.position_m.reshape(frames, -1), unit)
-    for k in range(frames):
-        cells = ("NaN" if np.isnan(value) else repr(float(value)) for value in flat[k])
-        lines.append(f"{k + 1}\t{float(markers.time_s[k])!r}\t" + "\t".join(cells))
-    return "\n".join(lines) + "\n"
 
 
 def _settings(rows: Sequence[Row], file: Path) -> dict[str, str]:

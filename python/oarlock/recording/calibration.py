@@ -11,6 +11,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from oarlock.recording.calibration_file import read_calibration, write_calibration
 from oarlock.recording.calibration_values import (
     Mount,
     accel_scale,
@@ -21,9 +22,11 @@ from oarlock.recording.calibration_values import (
     parameter_std,
     std_three,
 )
+from oarlock.recording.corrections import corrected
 from oarlock.recording.stream_scales import Clock, EncoderScale
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
+from oarlock.storage.paths import place_of
 
 if TYPE_CHECKING:
     from oarlock.recording.recording import Recording
@@ -101,15 +104,11 @@ class Calibration:
         Raises:
             DataError: an entry does not fit its stream, such as a gyroscope's bias for an encoder.
         """
-        from oarlock.recording.corrections import corrected
-
         return corrected(recording, self)
 
     def save(self, file: str | PathLike[str]) -> None:
         """Write as TOML; `load_calibration` reads it back exactly."""
-        from oarlock.recording.calibration_file import write_calibration
-
-        write_calibration(self, Path(file))
+        write_calibration({f.name: getattr(self, f.name) for f in fields(self)}, Path(file))
 
 
 def load_calibration(file: str | PathLike[str]) -> Calibration:
@@ -118,10 +117,7 @@ def load_calibration(file: str | PathLike[str]) -> Calibration:
     Raises:
         DataError: The file cannot be read, a key is unknown, or a value is refused by `Calibration`.
     """
-    from oarlock.recording.calibration_file import read_calibration
-    from oarlock.storage.paths import place_of
-
-    return read_calibration(place_of(file))
+    return Calibration(**read_calibration(place_of(file)))
 
 
 def _three(check: Callable[..., FloatArray], name: str, unit: str) -> Callable[[Any, str], FloatArray]:

@@ -8,7 +8,6 @@ from math import isnan
 from pathlib import Path
 from typing import Any
 
-from oarlock.recording.calibration import Calibration
 from oarlock.recording.stream_scales import Clock, EncoderScale
 from oarlock.storage.errors import DataError
 from oarlock.storage.toml import TomlTable, write_toml
@@ -28,26 +27,26 @@ ARRAYS = (
 OPTIONAL = ("parameter_stds", *ARRAYS, "clocks", "encoders")
 
 
-def write_calibration(calibration: Calibration, file: Path) -> None:
-    """Write as TOML; fields that hold nothing are left out."""
-    mounts = {n: {"rotation": r.tolist(), "offset_m": o.tolist()} for n, (r, o) in calibration.mounts.items()}
+def write_calibration(fields: Mapping[str, Any], file: Path) -> None:
+    """Write the fields of a calibration as TOML; those that hold nothing are left out."""
+    mounts = {n: {"rotation": r.tolist(), "offset_m": o.tolist()} for n, (r, o) in fields["mounts"].items()}
     document: dict[str, object] = {
         "format": FORMAT,
-        "parameters": dict(calibration.parameters),
+        "parameters": dict(fields["parameters"]),
         "mounts": mounts,
     }
     written: dict[str, Mapping[str, object]] = {
-        "parameter_stds": dict(calibration.parameter_stds),
-        **{name: {n: v.tolist() for n, v in getattr(calibration, name).items()} for name in ARRAYS},
-        "clocks": {n: _known(asdict(c)) for n, c in calibration.clocks.items()},
-        "encoders": {n: asdict(e) for n, e in calibration.encoders.items()},
+        "parameter_stds": dict(fields["parameter_stds"]),
+        **{name: {n: v.tolist() for n, v in fields[name].items()} for name in ARRAYS},
+        "clocks": {n: _known(asdict(c)) for n, c in fields["clocks"].items()},
+        "encoders": {n: asdict(e) for n, e in fields["encoders"].items()},
     }
     document |= {name: values for name, values in written.items() if values}
-    write_toml(file, document | {"noted": dict(calibration.noted)})
+    write_toml(file, document | {"noted": dict(fields["noted"])})
 
 
-def read_calibration(file: Path) -> Calibration:
-    """Read a calibration file; see `oarlock.load_calibration`."""
+def read_calibration(file: Path) -> dict[str, Any]:
+    """The fields of a calibration, unchecked; see `oarlock.load_calibration`."""
     top = TomlTable.read(file)
     top.check_format(FORMAT)
     top.check_keys({"format", "parameters", "mounts", "noted", *OPTIONAL})
@@ -67,8 +66,7 @@ def read_calibration(file: Path) -> Calibration:
         name: _built(EncoderScale, encoder, "zero")
         for name, encoder in _tables(top, "encoders", set(EncoderScale.__match_args__)).items()
     }
-    # The constructor checks every value.
-    return Calibration(**values)
+    return values
 
 
 def _known(clock: Mapping[str, float]) -> dict[str, float]:

@@ -3,18 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
-from oarlock.recording.recording import ImuStream, Recording, ScalarStream, Stream, VectorStream
+from oarlock.recording.recording import Recording
+from oarlock.recording.stream_scales import Clock, EncoderScale
+from oarlock.recording.streams import ImuStream, ScalarStream, Stream, VectorStream
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
 
-if TYPE_CHECKING:
-    from oarlock.recording.calibration import Calibration
-
 Fields = Mapping[str, FloatArray]
+
+
+class Corrections(Protocol):
+    """The fields of `oarlock.Calibration` that change readings or stamps."""
+
+    @property
+    def gyro_biases_rad_s(self) -> Fields: ...
+    @property
+    def accel_biases_m_s2(self) -> Fields: ...
+    @property
+    def accel_scales(self) -> Fields: ...
+    @property
+    def mag_matrices(self) -> Fields: ...
+    @property
+    def mag_offsets_ut(self) -> Fields: ...
+    @property
+    def clocks(self) -> Mapping[str, Clock]: ...
+    @property
+    def encoders(self) -> Mapping[str, EncoderScale]: ...
+
 
 OF_UNITS = {
     "gyro_biases_rad_s": "gyro_rad_s",
@@ -35,7 +54,7 @@ TOLD = {
 }
 
 
-def corrected(recording: Recording, calibration: Calibration | None) -> Recording:
+def corrected(recording: Recording, calibration: Corrections | None) -> Recording:
     """See `oarlock.Calibration.corrected`; None corrects nothing."""
     if calibration is None:
         return recording
@@ -45,7 +64,7 @@ def corrected(recording: Recording, calibration: Calibration | None) -> Recordin
     return Recording(streams, recording.meta)
 
 
-def without_mag_offsets(recording: Recording, calibration: Calibration | None) -> Recording:
+def without_mag_offsets(recording: Recording, calibration: Corrections | None) -> Recording:
     """The recording less `mag_offsets_ut`, for those who read magnetometers without the engine."""
     offsets = {} if calibration is None else calibration.mag_offsets_ut
     streams: list[Stream] = []
@@ -57,7 +76,7 @@ def without_mag_offsets(recording: Recording, calibration: Calibration | None) -
     return Recording(streams, recording.meta)
 
 
-def correction_notes(recording: Recording, calibration: Calibration | None) -> tuple[str, ...]:
+def correction_notes(recording: Recording, calibration: Corrections | None) -> tuple[str, ...]:
     """One sentence for each field of the calibration that changes readings or stamps of this recording."""
     if calibration is None:
         return ()
@@ -69,7 +88,7 @@ def correction_notes(recording: Recording, calibration: Calibration | None) -> t
     return tuple(notes)
 
 
-def _corrected_stream(stream: Stream, calibration: Calibration) -> Stream:
+def _corrected_stream(stream: Stream, calibration: Corrections) -> Stream:
     for field in OF_UNITS:
         if stream.name in getattr(calibration, field) and not isinstance(stream, ImuStream):
             raise DataError(
@@ -94,7 +113,7 @@ def _corrected_stream(stream: Stream, calibration: Calibration) -> Stream:
     return ScalarStream(stream.name, time_s, value, stream.unit)
 
 
-def _corrected_unit(stream: ImuStream, time_s: FloatArray, calibration: Calibration) -> ImuStream:
+def _corrected_unit(stream: ImuStream, time_s: FloatArray, calibration: Corrections) -> ImuStream:
     name = stream.name
     values = dict(stream.values)
     if (gyro := values.get("gyro_rad_s")) is not None and name in calibration.gyro_biases_rad_s:

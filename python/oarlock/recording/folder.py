@@ -1,7 +1,7 @@
 """A recording as a folder: recording.toml and one Parquet or CSV file a stream, ``time_s`` first."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from oarlock.recording.recording import ImuStream, Recording, ScalarStream, ScalarUnit, Stream, VectorStream
+from oarlock.recording.streams import ImuStream, ScalarStream, ScalarUnit, Stream, VectorStream
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.delimited import Dialect, Layout, numbers
 from oarlock.storage.errors import DataError
@@ -36,14 +36,18 @@ _VECTOR_COLUMNS = ("x_m", "y_m", "z_m")
 
 
 def write_folder(
-    recording: Recording, folder: str | PathLike[str], file_format: Literal["parquet", "csv"] = "parquet"
+    streams: Sequence[Stream],
+    meta: Mapping[str, object],
+    folder: str | PathLike[str],
+    file_format: Literal["parquet", "csv"] = "parquet",
 ) -> None:
     """Write a recording; one that the folder already holds is replaced.
 
     recording.toml comes last, so a folder that was cut short is not taken for a whole one.
 
     Args:
-        recording: the recording.
+        streams: of the recording.
+        meta: notes that travel with it.
         folder: made if it is not there.
         file_format: of the streams. Both give back every bit.
 
@@ -53,24 +57,24 @@ def write_folder(
     if file_format not in ("parquet", "csv"):
         raise DataError(f'file_format is {file_format!r}; expected "parquet" or "csv"')
     root = Path(folder)
-    files = _file_names(recording, file_format)
+    files = _file_names([stream.name for stream in streams], file_format)
     document = {
         "format": FORMAT,
-        "stream": [_entry(s, f) for s, f in zip(recording.streams, files, strict=True)],
-        "meta": dict(recording.meta),
+        "stream": [_entry(s, f) for s, f in zip(streams, files, strict=True)],
+        "meta": dict(meta),
     }
     try:
         root.mkdir(parents=True, exist_ok=True)
         _remove_old(root)
-        for stream, file in zip(recording.streams, files, strict=True):
+        for stream, file in zip(streams, files, strict=True):
             _write_columns(root / file, _columns_of(stream))
     except OSError as error:
         raise DataError(f"{root}: cannot be written ({error.strerror or error})") from error
     write_toml(root / INDEX_FILE, document)
 
 
-def read_folder(path: str | PathLike[str]) -> Recording:
-    """Read what `write_folder` wrote, or what was written by hand in the same form.
+def read_folder(path: str | PathLike[str]) -> tuple[list[Stream], Mapping[str, object]]:
+    """Read streams and notes that `write_folder` wrote, or what was written by hand in the same form.
 
     Args:
         path: the folder, or its recording.toml.
@@ -92,14 +96,14 @@ def read_folder(path: str | PathLike[str]) -> Recording:
     streams = [_read_stream(table, index.parent) for table in top.tables("stream")]
     # The reader keeps what it used for the next file; of an hour that is a third as much again as the recording.
     pa.default_memory_pool().release_unused()
-    return Recording(streams, top.table("meta", default={}).values)
+    return streams, top.table("meta", default={}).values
 
 
-def _file_names(recording: Recording, file_format: str) -> list[str]:
+def _file_names(stream_names: Sequence[str], file_format: str) -> list[str]:
     """One name a stream: its own where a file can have it, numbered where two would meet."""
     taken: set[str] = set()
     names = []
-    for number, name in enumerate(recording.names, start=1):
+    for number, name in enumerate(stream_names, start=1):
         plain = re.sub(r"[^A-Za-z0-9_.-]", "_", name).strip(".") or "stream"
         if plain.casefold() in taken:
             plain = f"{plain}_{number}"

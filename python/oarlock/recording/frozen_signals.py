@@ -7,7 +7,7 @@ from math import radians
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.recording.recording import ImuStream
+from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import FloatArray
 
 STUCK_S, STUCK_ROWS = 0.5, 20

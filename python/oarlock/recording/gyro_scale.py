@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from oarlock.recording.recording import ImuStream
+from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import FloatArray
 
 # Over this time accelerations of the body average out, and gravity still turns visibly.

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from oarlock.recording.recording import Recording, Stream
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import Stream
 from oarlock.storage.array_gate import FloatArray, real_array
 from oarlock.storage.errors import DataError
 

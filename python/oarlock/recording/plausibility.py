@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from oarlock.recording.frozen_signals import clipped_texts, moves, stuck_texts
 from oarlock.recording.gyro_scale import gyro_per_gravity_turn, row_norms
 from oarlock.recording.packets import lost_packets
-from oarlock.recording.recording import ImuStream, Recording, ScalarStream, Stream
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream, ScalarStream, Stream
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean

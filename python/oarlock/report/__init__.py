@@ -5,9 +5,10 @@ These names are what a field of use builds its own sections from.
 
 from oarlock.report.chart import Series
 from oarlock.report.course import Axis, Mark, Zone, course_chart, plane_chart, row_chart
+from oarlock.report.markup import Column
+from oarlock.report.markup import table as plain_table
 from oarlock.report.section import KeyFigure, Section
-from oarlock.report.sortable import Column, sort_script, sortable_table, value_cell
-from oarlock.report.tables import table as plain_table
+from oarlock.report.sortable import sort_script, sortable_table, value_cell
 from oarlock.report.text import fixed
 from oarlock.report.write import write_report
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 
 import numpy as np
 
-from oarlock.report import plot
+from oarlock.report import markup, plot
 from oarlock.report.plot import Floats, Panel
-from oarlock.report.text import breakable, number
+from oarlock.report.text import number
 
 SIZE = (400.0, 232.0)
 PLACE = (46.0, 8.0, 344.0, 176.0)
@@ -107,21 +106,9 @@ def _decades(low: float, high: float) -> list[float]:
 
 def _figure(key: str, caption: str, description: str, content: str, names: Sequence[str]) -> str:
     svg = plot.drawing(key, SIZE, caption, description, content)
-    return (
-        f'<figure id="{key}-figure"><figcaption><span class="name">{breakable(caption)}</span> '
-        f'<span class="unit">{escape(description)}</span></figcaption>{svg}{_keys(names)}</figure>'
-    )
-
-
-def _keys(names: Sequence[str]) -> str:
-    if len(names) < 2:
-        return ""
-    keys = "".join(
-        f'<li><svg viewBox="0 0 28 12" width="28" height="12" aria-hidden="true">'
-        f'<path class="series s{k % LINES}" d="M0 6H28"/></svg>{breakable(name)}</li>'
-        for k, name in enumerate(names)
-    )
-    return f'<ul class="legend">{keys}</ul>'
+    keys = [(f'<path class="series s{k % LINES}" d="M0 6H28"/>', name) for k, name in enumerate(names)]
+    below = markup.legend(keys) if len(keys) > 1 else ""
+    return markup.figure(caption, svg, unit=description, key=f"{key}-figure", below=below)
 
 
 def interval_chart(rows: Sequence[tuple[str, float, float, float]], key: str, caption: str, unit: str) -> str:
@@ -146,10 +133,7 @@ def interval_chart(rows: Sequence[tuple[str, float, float, float]], key: str, ca
         parts.append(f'<circle class="dot s0" cx="{float(panel.x(mean)):.1f}" cy="{y:.1f}" r="3.6"/>')
     size = (400.0, top + step * len(rows) + 26.0)
     svg = plot.drawing(key, size, caption, f"Mean and 95 % interval, {unit}", "".join(parts))
-    return (
-        f'<figure id="{key}-figure"><figcaption><span class="name">{breakable(caption)}</span> '
-        f'<span class="unit">{escape(unit)}</span></figcaption>{svg}</figure>'
-    )
+    return markup.figure(caption, svg, unit=unit, key=f"{key}-figure")
 
 
 def _vertical_grid(panel: Panel) -> str:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from oarlock.report.page import POLICY
+from oarlock.report.markup import bar_legend, figure, notes_list, table
+from oarlock.report.page import shell
 from oarlock.report.plot import Panel, drawing, label
-from oarlock.report.tables import table
 from oarlock.report.text import DASH, breakable, number, percent
 
 if TYPE_CHECKING:
@@ -47,26 +47,13 @@ def write_comparison(found: Comparison, path: str | Path, title: str) -> Path:
 
 def _page(found: Comparison, title: str) -> str:
     sections = (
-        ("Errors and times", _legend() + _pictures(found)),
-        ("All numbers", _numbers(found)),
-        ("What each is", _what(found)),
-        ("Notes", _notes(found)),
+        ("errors", "Errors and times", _legend() + _pictures(found)),
+        ("numbers", "All numbers", _numbers(found)),
+        ("estimators", "What each is", _what(found)),
+        ("notes", "Notes", _notes(found)),
     )
-    body = "".join(f"<section><h2>{escape(name)}</h2>{content}</section>" for name, content in sections)
-    page = (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f'<meta name="color-scheme" content="light dark"><title>{escape(title)}</title>'
-        f"<style>{_style()}</style></head><body><header><h1>{escape(title)}</h1>"
-        f'<div class="lead">{_lead(found)}</div></header><main>{body}</main></body></html>\n'
-    )
-    return page.replace(" %", "\N{NO-BREAK SPACE}%")
-
-
-def _style() -> str:
-    own = files(__package__)
-    return "".join(own.joinpath(name).read_text(encoding="utf-8") for name in ("style.css", "comparison.css"))
+    own = files(__package__).joinpath("comparison.css").read_text(encoding="utf-8")
+    return shell(title, f'<div class="lead">{_lead(found)}</div>', sections, style=own)
 
 
 def _lead(found: Comparison) -> str:
@@ -98,12 +85,7 @@ def _named(names: tuple[str, ...]) -> str:
 
 
 def _legend() -> str:
-    keys = "".join(
-        f'<li><svg viewBox="0 0 14 10" width="14" height="10" aria-hidden="true">'
-        f'<rect class="{_style_of(family)}" width="14" height="10"/></svg>{_MEANING[family]}</li>'
-        for family in FAMILIES
-    )
-    return f'<ul class="legend">{keys}</ul>'
+    return bar_legend((_style_of(family), _MEANING[family]) for family in FAMILIES)
 
 
 def _style_of(family: str) -> str:
@@ -114,13 +96,9 @@ def _pictures(found: Comparison) -> str:
     errors = [row for row in found.scores if row.mean_rmse_deg > 0.0]
     if not errors:
         return ""
-    return (
-        '<div class="pictures">'
-        f"<figure><figcaption><span class='name'>Mean angle error</span> <span class='unit'>deg, logarithmic</span>"
-        f"</figcaption>{_bars(errors)}</figure>"
-        f"<figure><figcaption><span class='name'>Error over time</span> <span class='unit'>deg over µs a step of the "
-        f"filter alone, both logarithmic; down and left is better</span></figcaption>{_scatter(errors)}</figure></div>"
-    )
+    time = "deg over µs a step of the filter alone, both logarithmic; down and left is better"
+    bars = figure("Mean angle error", _bars(errors), unit="deg, logarithmic")
+    return f'<div class="pictures">{bars}{figure("Error over time", _scatter(errors), unit=time)}</div>'
 
 
 ROW = 22.0
@@ -250,8 +228,7 @@ def _notes(found: Comparison) -> str:
         "Filters on single units are told the azimuth of the magnetic field, which the others estimate; they use no "
         "lengths, closures or base accelerations, and encoders are read directly."
     )
-    items = "".join(f"<li>{escape(note)}</li>" for note in told)
-    return f'<ul class="notes">{items}</ul>'
+    return notes_list(told)
 
 
 def _partial(found: Comparison) -> list[Score]:

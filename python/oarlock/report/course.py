@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 
 import numpy as np
 
-from oarlock.report import plot
+from oarlock.report import markup, plot
 from oarlock.report.chart import LINES, Series
 from oarlock.report.plot import Floats, Panel
-from oarlock.report.text import breakable, number
+from oarlock.report.text import number
 
 WIDTH, HEIGHT = 400.0, 214.0
 PLACE = (40.0, 14.0, 354.0, 160.0)
@@ -238,21 +237,10 @@ def _drawn(key: str, size: tuple[float, float], caption: str, words: str, conten
 def _figure(
     key: str, caption: str, y: Axis, fact: str, svg: str, series: Sequence[Series], dots: bool = False
 ) -> str:
-    head = f'<span class="name">{breakable(caption)}</span> <span class="unit">{escape(y.in_words)}</span>'
-    head += f'<span class="fact">{fact}</span>' if fact else ""
-    return f'<figure id="{key}"><figcaption>{head}</figcaption>{svg}{_legend(series, dots)}</figure>'
+    keys = [(_dot(14.0, 6.0, k) if dots else _dash(k), s.name) for k, s in enumerate(series)]
+    below = markup.legend(keys) if len(keys) > 1 else ""
+    return markup.figure(caption, svg, unit=y.in_words, fact=fact, key=key, below=below)
 
 
 def _dash(k: int) -> str:
     return f'<path class="series s{k % LINES}" d="M0 6H28"/>'
-
-
-def _legend(series: Sequence[Series], dots: bool) -> str:
-    if len(series) < 2:
-        return ""
-    keys = "".join(
-        f'<li><svg viewBox="0 0 28 12" width="28" height="12" aria-hidden="true">'
-        f"{_dot(14.0, 6.0, k) if dots else _dash(k)}</svg>{breakable(s.name)}</li>"
-        for k, s in enumerate(series)
-    )
-    return f'<ul class="legend">{keys}</ul>'

@@ -14,8 +14,8 @@ from oarlock.evaluation.joints import part_unit
 from oarlock.evaluation.scores import Evaluation, JointScore, presentation
 from oarlock.evaluation.tracklike import Bools, Floats, Interval, TrackLike
 from oarlock.model.coordinates import Part, parts
-from oarlock.report import plot
-from oarlock.report.text import MINUS, breakable, number, percent
+from oarlock.report import markup, plot
+from oarlock.report.text import MINUS, number, percent
 
 WIDTH, LEFT, RIGHT = 400.0, 44.0, 8.0
 CURVE_TOP, CURVE_HEIGHT, STRIP_GAP, STRIP_HEIGHT, FOOT = 6.0, 118.0, 40.0, 62.0, 20.0
@@ -51,13 +51,13 @@ def curves_section(track: TrackLike, truth: TrackLike | None, evaluation: Evalua
     reference = "truth" if evaluation is None or evaluation.reference == "truth" else "reference"
     window = detail_window(track, truth)
     drawn = [curve for part in parts(track.coordinate_names) for curve in _curves(track, truth, part)]
-    figures = "".join(
+    figures = [
         _figure(i, replace(curve, reference=reference), window, _score(evaluation, curve.name))
         for i, curve in enumerate(drawn)
-    )
+    ]
     near = _singular_hint() if any(curve.near_singular.any() for curve in drawn) else ""
     shown = reference if truth is not None else None
-    return f'{legend(shown, window)}{near}<div class="grid-figures tall">{figures}</div>'
+    return f"{legend(shown, window)}{near}{markup.grid(figures, 'tall')}"
 
 
 def detail_window(track: TrackLike, truth: TrackLike | None) -> Interval:
@@ -130,22 +130,18 @@ def figure(key: str, curve: Curve, window: Interval, headline: str) -> str:
     """A course, and below it a few seconds of its error inside its band; `headline` is markup."""
     style = "with-truth" if curve.error is not None else "alone"
     style = style if curve.seen else "unseen"
-    return (
-        f'<figure id="{key}" class="{style}"><figcaption>'
-        f'<span class="name">{breakable(curve.name)}</span> '
-        f'<span class="unit">{curve.unit}</span>{headline}</figcaption>'
-        f"{_svg(key, curve, window)}</figure>"
-    )
+    drawing = _svg(key, curve, window)
+    return markup.figure(curve.name, drawing, unit=curve.unit, fact=headline, key=key, style=style)
 
 
 def _headline(curve: Curve, score: JointScore | None) -> str:
     if not curve.seen:
-        return '<span class="fact">not observed</span>'
+        return "not observed"
     if score is None or not score.observed:
-        return f'<span class="fact">{escape(score.note)}</span>' if score else ""
+        return escape(score.note) if score else ""
     factor, unit = presentation(score.unit)
     inside = f" · {percent(score.coverage)} in band" if math.isfinite(score.coverage) else ""
-    return f'<span class="fact">RMSE {number(score.rmse * factor)} {unit}{inside}</span>'
+    return f"RMSE {number(score.rmse * factor)} {unit}{inside}"
 
 
 def _svg(key: str, curve: Curve, window: Interval) -> str:
@@ -286,10 +282,7 @@ def legend(reference: str | None, window: Interval) -> str:
     entries = [("estimate", "estimate"), ("band", "95 % band")]
     if reference is not None:
         entries += [("truth", reference), ("error", f"estimate {MINUS} {reference}")]
-    keys = "".join(
-        f'<li><svg viewBox="0 0 28 12" width="28" height="12" aria-hidden="true">{_key(key)}</svg>{text}</li>'
-        for key, text in entries
-    )
+    keys = [(_key(key), text) for key, text in entries]
     style = "with-truth" if reference is not None else "alone"
     below = (
         f"Below each course: its error from {window.start_s:.1f} to {window.end_s:.1f} s (tinted above), "
@@ -298,7 +291,7 @@ def legend(reference: str | None, window: Interval) -> str:
         else "Below each course: half the width of its 95 % band, enlarged."
     )
     hint = f"{below} Hatched: not observed for that time."
-    return f'<ul class="legend {style}">{keys}</ul><p class="hint">{hint}</p>'
+    return f'{markup.legend(keys, style=style)}<p class="hint">{hint}</p>'
 
 
 def _key(style: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from oarlock.evaluation.study.costs import Dose, middle
 from oarlock.evaluation.study.sweeps import FaultSweep
-from oarlock.report import plot
+from oarlock.report import markup, plot
 from oarlock.report.plot import Panel
 from oarlock.report.text import breakable, number, plural
 
@@ -50,11 +50,8 @@ def fault_chart(fault: FaultSweep, doses: Mapping[str, Sequence[Dose]], scale: S
     first, *_ = doses.values()
     usual = first[fault.usual_index]
     svg = plot.drawing(key, SIZE, fault.name, described(fault, first), panel_of(fault, doses, scale, PLACE))
-    return (
-        f'<figure id="{key}-figure"><figcaption><span class="name">{breakable(fault.name)}</span> '
-        f'<span class="fact">{breakable(usual.label)}: {breakable(cost_text(usual, places=True))}</span></figcaption>'
-        f"{svg}</figure>"
-    )
+    fact = f"{breakable(usual.label)}: {breakable(cost_text(usual, places=True))}"
+    return markup.figure(fault.name, svg, fact=fact, key=f"{key}-figure")
 
 
 def panel_of(
@@ -178,8 +175,7 @@ def ranking(
     content, size = ranking_content(rows, scale, clean_deg)
     texts = "; ".join(f"{_sentence(row)}: {cost_text(next(iter(row.values())))}" for row in rows)
     svg = plot.drawing(key, size, caption, texts, content)
-    name = f'<figcaption><span class="name">{breakable(caption)}</span></figcaption>'
-    return f'<figure id="{key}-figure">{name}{svg}</figure>'
+    return markup.figure(caption, svg, key=f"{key}-figure")
 
 
 def ranking_content(
@@ -239,8 +235,4 @@ def legend(settings: Sequence[str], seeds: int) -> str:
     )
     entries.append(('<path class="clean" d="M0 6H28"/>', "without a fault"))
     entries.append((f'<path class="cross s0" transform="translate(14 6)" d="{CROSS}"/>', "a seed was lost"))
-    items = "".join(
-        f'<li><svg viewBox="0 0 28 12" width="28" height="12" aria-hidden="true">{drawn}</svg>{breakable(name)}</li>'
-        for drawn, name in entries
-    )
-    return f'<ul class="legend">{items}</ul>'
+    return markup.legend(entries)

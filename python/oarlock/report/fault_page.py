@@ -11,9 +11,9 @@ from oarlock.evaluation.study.costs import LOST_DEG, Dose, doses, middle, ranked
 from oarlock.evaluation.study.result import StudyResult
 from oarlock.report import fault_charts as charts
 from oarlock.report.fault_words import Curves, findings
+from oarlock.report.markup import grid, rendered, table
 from oarlock.report.page import shell
-from oarlock.report.study_page import failures, settings_section
-from oarlock.report.tables import table
+from oarlock.report.study_sections import failures, settings_section
 from oarlock.report.text import breakable, number, percent, plural
 
 COLUMNS = 3
@@ -26,7 +26,7 @@ def fault_page(result: StudyResult) -> str:
     """The whole page as text; works offline, on paper and on a telephone."""
     study = result.study
     clean, curves = by_fault(result)
-    scale = charts.Scale(doses(result))
+    scale = charts.Scale(doses(result.study, result.rows))
     legend = charts.legend(list(clean), len(study.seeds))
     sections = [
         ("ranking", "What hurts most", _ranking(clean, curves, scale, legend)),
@@ -36,16 +36,18 @@ def fault_page(result: StudyResult) -> str:
     if result.complaints:
         sections.append(("failures", "What failed", failures(result)))
     sections.append(("settings", "What was run", settings_section(result)))
-    words = "".join(
-        f"<li><b>{escape(head)}</b> {escape(text)}</li>" for head, text in findings(clean, curves)
+    lead = rendered(
+        "findings",
+        about=study.about,
+        runs=plural(study.run_count, "run"),
+        findings=findings(clean, curves),
     )
-    about = f"<p>{escape(study.about)} {plural(study.run_count, 'run')}.</p>"
-    return shell(study.title, f'<div class="lead">{about}</div><ul class="findings">{words}</ul>', sections)
+    return shell(study.title, lead, sections)
 
 
 def by_fault(result: StudyResult) -> tuple[dict[str, Dose], Curves]:
     """What is found without a fault, by setting; and doses by fault and setting, the dearest fault first."""
-    found = doses(result)
+    found = doses(result.study, result.rows)
     clean = {dose.setting: dose for dose in found if dose.fault is None}
     curves: dict[str, dict[str, list[Dose]]] = {fault.name: {} for fault in ranked(found)}
     for dose in found:
@@ -82,7 +84,7 @@ def _ranking(clean: Mapping[str, Dose], curves: Curves, scale: charts.Scale, leg
         "the angles, deg, on a logarithmic axis that all drawings share; its median over the seeds, and from the best "
         "seed to the worst. On the right what the fault adds to the error of the same seed without it.</p>"
     )
-    return f'{hint}{legend}<div class="grid-figures">{"".join(drawn)}</div>'
+    return f"{hint}{legend}{grid(drawn)}"
 
 
 def _multiples(curves: Curves, scale: charts.Scale, legend: str) -> str:
@@ -97,7 +99,7 @@ def _multiples(curves: Curves, scale: charts.Scale, legend: str) -> str:
         f"ends early or the posture is off by more than {LOST_DEG:g} deg on average. Behind the name: what the usual "
         "strength adds to the angles, and to the scored positions.</p>"
     )
-    return f'{hint}{legend}<div class="grid-figures tall">{"".join(drawn)}</div>'
+    return f"{hint}{legend}{grid(drawn, 'tall')}"
 
 
 def _numbers(clean: Mapping[str, Dose], curves: Curves) -> str:

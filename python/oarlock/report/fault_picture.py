@@ -36,7 +36,7 @@ _DASHES = ("", "8 2", "4 2", "9 2 2 2")
 def fault_picture(result: StudyResult) -> str:
     """All faults from weak to strong, the dearest first, as an SVG file on white."""
     clean, curves = by_fault(result)
-    scale = charts.Scale(doses(result))
+    scale = charts.Scale(doses(result.study, result.rows))
     rows = -(-len(curves) // COLUMNS)
     size = (2 * MARGIN + COLUMNS * TILE[0], MARGIN + HEAD + rows * TILE[1])
     parts = [_legend(list(clean))]

@@ -6,12 +6,12 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.stats import chi2
 
+from oarlock.evaluation.consistency import chi2_quantile
 from oarlock.evaluation.scores import SensorScore
 from oarlock.evaluation.tracklike import Floats, InfoLike, TrackLike, info_of
 from oarlock.report import plot
-from oarlock.report.tables import table
+from oarlock.report.markup import figure, grid, table
 from oarlock.report.text import DASH, breakable, fixed
 
 WIDTH, LEFT, RIGHT, TOP, HEIGHT, FOOT = 400.0, 44.0, 8.0, 6.0, 84.0, 20.0
@@ -75,12 +75,11 @@ def health_section(track: TrackLike, scores: tuple[SensorScore, ...]) -> str:
     if info is None:
         return ""
     means = {score.name: score.nis for score in scores}
-    figures = "".join(
+    return grid(
         _nis_figure(track.time_s, info, k, means.get(name, math.nan))
         for k, name in enumerate(info.sensor_names)
         if np.any(info.used[:, k] > 0)
     )
-    return f'<div class="grid-figures">{figures}</div>'
 
 
 def smoothed_nis(time_s: Floats, nis: Floats, used: Floats) -> tuple[Floats, Floats]:
@@ -120,15 +119,12 @@ def _nis_figure(time_s: Floats, info: InfoLike, k: int, mean_nis: float) -> str:
     svg = plot.drawing(
         f"nis-{k}", (WIDTH, TOP + HEIGHT + FOOT), f"{name}: NIS per measurement", description, content
     )
-    fact = f'<span class="fact">NIS {mean}</span>'
-    return (
-        f'<figure><figcaption><span class="name">{breakable(name)}</span> {fact}</figcaption>{svg}</figure>'
-    )
+    return figure(name, svg, fact=f"NIS {mean}")
 
 
 def _expected(degrees: Floats) -> tuple[Floats, Floats]:
     """Bounds that hold the smoothed NIS of a consistent filter 95 % of the time."""
     distinct, index = np.unique(degrees, return_inverse=True)
     rows = np.maximum(distinct, 1.0)
-    low, high = (np.where(distinct > 0, chi2.ppf(p, rows) / rows, np.nan) for p in (0.025, 0.975))
+    low, high = (np.where(distinct > 0, chi2_quantile(p, rows) / rows, np.nan) for p in (0.025, 0.975))
     return low[index], high[index]

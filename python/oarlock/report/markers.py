@@ -15,7 +15,7 @@ from oarlock.evaluation.scores import presentation
 from oarlock.evaluation.tracklike import Bools, Floats
 from oarlock.model.coordinates import coordinate_units
 from oarlock.report import page, plot
-from oarlock.report.tables import table
+from oarlock.report.markup import bar_legend, figure, grid, notes_list, table
 from oarlock.report.text import breakable, fixed, percent, plural
 
 WIDTH, HEIGHT, FOOT = 400.0, 96.0, 20.0
@@ -42,26 +42,10 @@ def write_marker_report(study: MarkerStudy, path: str | Path, title: str = "Mark
         ("seen", "Markers", _seen(study) + _residuals(study)),
         ("gaps", "Gaps", _gaps(study.gaps)),
     ]
-    target.write_text(_document(title, _lead(study), sections), encoding="utf-8")
+    definitions = page.definitions() + plot.clip("marker-clip", PLACE)
+    lead = f'<div class="lead">{_lead(study)}</div>'
+    target.write_text(page.shell(title, lead, sections, definitions), encoding="utf-8")
     return target
-
-
-def _document(title: str, lead: str, sections: Sequence[tuple[str, str, str]]) -> str:
-    links = "".join(f'<li><a href="#{key}">{escape(name)}</a></li>' for key, name, _ in sections)
-    body = "".join(
-        f'<section id="{key}" aria-labelledby="{key}-h"><h2 id="{key}-h">{escape(name)}</h2>{content}</section>'
-        for key, name, content in sections
-    )
-    text = (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta http-equiv="Content-Security-Policy" content="{page.POLICY}">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f'<meta name="color-scheme" content="light dark"><title>{escape(title)}</title>'
-        f"<style>{page._style()}</style></head><body>{page._definitions()}{plot.clip('marker-clip', PLACE)}"
-        f'<header><h1>{escape(title)}</h1><div class="lead">{lead}</div>'
-        f'<nav aria-label="Contents"><ul>{links}</ul></nav></header><main>{body}</main></body></html>\n'
-    )
-    return text.replace(" %", "\N{NO-BREAK SPACE}%")
 
 
 def _lead(study: MarkerStudy) -> str:
@@ -79,7 +63,7 @@ def _lead(study: MarkerStudy) -> str:
 def _notes(study: MarkerStudy) -> str:
     if not study.fit.notes:
         return "<p>Every joint was determined in every frame.</p>"
-    return f'<ul class="notes">{"".join(f"<li>{escape(note)}</li>" for note in study.fit.notes)}</ul>'
+    return notes_list(study.fit.notes)
 
 
 def _curves(study: MarkerStudy) -> str:
@@ -94,7 +78,7 @@ def _curves(study: MarkerStudy) -> str:
         '<p class="hint">Values with their 95 % band, from the fit and the spread of the residuals. '
         "Hatched: not determined by the markers of that time.</p>"
     )
-    return f'{hint}<div class="grid-figures">{"".join(figures)}</div>'
+    return hint + grid(figures)
 
 
 def _figure(
@@ -117,10 +101,7 @@ def _figure(
     svg = plot.drawing(
         f"joint-{key}", (WIDTH, PLACE[1] + HEIGHT + FOOT), f"{name} over time", description, content
     )
-    caption = f'<span class="name">{breakable(name)}</span> <span class="unit">{escape(unit)}</span>'
-    return (
-        f'<figure><figcaption>{caption}<span class="fact">std {middle:.2g}</span></figcaption>{svg}</figure>'
-    )
+    return figure(name, svg, unit=unit, fact=f"std {middle:.2g}")
 
 
 def _seen(study: MarkerStudy) -> str:
@@ -149,15 +130,11 @@ def _seen(study: MarkerStudy) -> str:
         plot.label(float(panel.x(value)), height + 18.0, text, anchor="middle")
         for value, text in zip(ticks, [*labels, f"{last} s"], strict=True)
     ]
-    keys = "".join(
-        f'<li><svg viewBox="0 0 14 10" width="14" height="10" aria-hidden="true"><rect class="{style}" width="14" '
-        f'height="10"/></svg>{text}</li>'
-        for style, text in (("used", "seen"), ("rejected", "put in"), ("missing", "missing"))
-    )
+    keys = bar_legend((("used", "seen"), ("rejected", "put in"), ("missing", "missing")))
     svg = plot.drawing(
         "seen", (800.0, height + 24.0), "Which marker was seen when", "Time in s.", "".join(parts)
     )
-    return f'<ul class="legend">{keys}</ul><figure>{svg}</figure>'
+    return f"{keys}<figure>{svg}</figure>"
 
 
 def _residuals(study: MarkerStudy) -> str:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Sequence
-from html import escape
 from importlib.resources import files
 
 from oarlock.evaluation.consistency import sensor_scores
 from oarlock.evaluation.scores import Evaluation, SensorScore
 from oarlock.evaluation.tracklike import Interval, TrackLike
 from oarlock.report import curves, health, slow, tables, verdict
+from oarlock.report.markup import bar_legend, notes_list, rendered
 from oarlock.report.section import Section, refuse_doubles, tiles
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
@@ -49,7 +49,7 @@ def render(
         heading,
         lead,
         sections,
-        _definitions(),
+        definitions(),
         folded=folded,
         style="\n".join(dict.fromkeys(section.style for section in handed)),
         scripts=tuple(dict.fromkeys(section.script for section in handed if section.script)),
@@ -69,31 +69,18 @@ def shell(
 
     Sections whose key is among `folded` show their heading until somebody asks for more.
     """
-    inside = {key: f"{key}-in" for key in folded}
-    links = "".join(
-        f'<li><a href="#{inside.get(key, key)}">{escape(name)}</a></li>' for key, name, _ in sections
+    policy = WITH_SCRIPT if scripts or any("<script" in content for _, _, content in sections) else POLICY
+    return rendered(
+        "page",
+        heading=heading,
+        lead=_unbroken(lead),
+        sections=[(key, name, _unbroken(content)) for key, name, content in sections],
+        folded=folded,
+        definitions=definitions,
+        style=_style() + style,
+        scripts=scripts,
+        policy=policy,
     )
-    body = "".join(_section(key, name, content, key in folded) for key, name, content in sections)
-    ending = "".join(f"<script>{script}</script>" for script in scripts)
-    policy = WITH_SCRIPT if scripts or "<script" in body else POLICY
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f'<meta name="color-scheme" content="light dark"><title>{escape(heading)}</title>'
-        f"<style>{_style()}{style}</style></head><body>{definitions}<header><h1>{escape(heading)}</h1>{_unbroken(lead)}"
-        f'<nav aria-label="Contents"><ul>{links}</ul></nav></header>'
-        f"<main>{_unbroken(body)}</main>{ending}</body></html>\n"
-    )
-
-
-def _section(key: str, name: str, content: str, folded: bool) -> str:
-    head = f'<h2 id="{key}-h">{escape(name)}</h2>'
-    if folded:
-        # A link to what is inside opens it.
-        inside = f'<div id="{key}-in">{content}</div>'
-        head, content = "", f'<details class="folded"><summary>{head}</summary>{inside}</details>'
-    return f'<section id="{key}" aria-labelledby="{key}-h">{head}{content}</section>'
 
 
 def _unbroken(markup: str) -> str:
@@ -120,9 +107,9 @@ def _sections(
             "The tinted band around 1 holds it 95 % of the time when the model is right."
             f"{' It is that of the filter, before smoothing.' if track.smoothed else ''}</p>"
         )
-        content = (
-            health.health_table(sensors) + _bar_legend() + explanation + health.health_section(track, sensors)
-        )
+        legend = bar_legend((style, style) for style in ("used", "rejected", "missing"))
+        drawings = health.health_section(track, sensors)
+        content = health.health_table(sensors) + legend + explanation + drawings
         sections.append(("health", "Sensor health", content))
     if evaluation and evaluation.positions:
         sections.append(("positions", "Positions", tables.positions_table(evaluation.positions)))
@@ -145,21 +132,11 @@ def _notes(track: TrackLike) -> str:
     silent = [n for n in track.joint_names if n not in seen and not any(n in note for note in notes)]
     if silent:
         notes.append(f"Not observed: {', '.join(silent)}.")
-    if not notes:
-        return "<p>Nothing was missing.</p>"
-    return f'<ul class="notes">{"".join(f"<li>{escape(note)}</li>" for note in notes)}</ul>'
+    return notes_list(notes) if notes else "<p>Nothing was missing.</p>"
 
 
-def _bar_legend() -> str:
-    keys = "".join(
-        f'<li><svg viewBox="0 0 14 10" width="14" height="10" aria-hidden="true">'
-        f'<rect class="{style}" width="14" height="10"/></svg>{style}</li>'
-        for style in ("used", "rejected", "missing")
-    )
-    return f'<ul class="legend">{keys}</ul>'
-
-
-def _definitions() -> str:
+def definitions() -> str:
+    """Hidden drawings that others refer to: hatching, clipping rectangles."""
     hatch = (
         '<svg class="definitions" width="0" height="0" aria-hidden="true">'
         '<pattern id="hatch" width="6" height="6" patternUnits="userSpaceOnUse" patternTransform="rotate(45)">'

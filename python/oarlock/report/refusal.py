@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
 from pathlib import Path
 
+from oarlock.report.markup import rendered
 from oarlock.report.page import shell
 from oarlock.report.verdict import suspect_sentences
 
@@ -24,9 +24,7 @@ def write_refusal(path: str | Path, title: str, notes: Sequence[str], reason: st
     Returns:
         Path: the file written.
     """
-    sentences = [*suspect_sentences(notes), "<strong>Not tracked.</strong>"]
-    sentences += [escape(line) for line in reason.strip().splitlines()]
-    lead = f'<div class="lead">{"".join(f"<p>{sentence}</p>" for sentence in sentences)}</div>'
+    lead = rendered("refusal", suspects=suspect_sentences(notes), lines=reason.strip().splitlines())
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
     target.write_text(shell(title, lead, []), encoding="utf-8")

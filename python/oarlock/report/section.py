@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 from typing import NamedTuple
 
+from oarlock.report.markup import rendered
 from oarlock.storage.errors import DataError
 
 _KEY = re.compile(r"[a-z][a-z0-9-]*")
@@ -65,8 +65,4 @@ def refuse_doubles(sections: Sequence[Section], taken: Sequence[str]) -> None:
 
 def tiles(figures: Sequence[KeyFigure]) -> str:
     """Key figures as markup."""
-    shown = "".join(
-        f"<div><dt>{escape(name)}</dt><dd><b>{escape(value)}</b><span>{escape(detail)}</span></dd></div>"
-        for name, value, detail in figures
-    )
-    return f'<dl class="figures">{shown}</dl>'
+    return rendered("tiles", figures=figures)

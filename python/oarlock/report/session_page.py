@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from oarlock.recording.calibration import Calibration
+from oarlock.report.markup import bar_legend, rendered, table
 from oarlock.report.page import shell
-from oarlock.report.tables import table
+from oarlock.report.section import KeyFigure, tiles
 from oarlock.report.text import DASH, breakable, fixed, listing, number, plural
 from oarlock.storage.errors import DataError
 
@@ -53,28 +54,22 @@ def session_page(calibration: Calibration) -> str:
     others = [c for c in checks if not c["subject"] or not _is_unit(c, checks)]
     if others:
         sections.append(("others", "Streams and the room", _table("others", "", others, "about")))
-    sections.append(("reading", "How to read this page", _reading()))
+    sections.append(("reading", "How to read this page", rendered("session_reading")))
     lead = f'<div class="lead">{_lead(session, again)}</div>{_figures(checks)}'
     return shell(f"Calibration session: {session['plan']}", lead, sections)
 
 
 def _lead(session: Mapping[str, Any], again: Sequence[Check]) -> str:
-    if not again:
-        return '<p class="verdict good">Passed. The calibration is ready to use.</p>'
     steps = list(dict.fromkeys(str(c["step"]) for c in again))
     units = list(dict.fromkeys(str(c["subject"]) for c in again if c["subject"]))
-    about = f" It concerns {escape(listing(units))}." if units else ""
-    return (
-        f'<p class="verdict bad">Not passed: {plural(len(again), "check")} failed '
-        f"({escape(listing(steps))}).</p><p>The calibration was written with what was found; what failed is "
-        f"less sure, or as before.{about} What to do stands below.</p>"
-    )
+    failed = plural(len(again), "check") if again else ""
+    return rendered("session_lead", failed=failed, steps=listing(steps), units=listing(units))
 
 
 def _figures(checks: Sequence[Check]) -> str:
     cards = []
     passed = sum(c["outcome"] == "pass" for c in checks)
-    cards.append((f"{passed} of {len(checks)}", "checks", "passed"))
+    cards.append(KeyFigure("checks", f"{passed} of {len(checks)}", "passed"))
     for what, name, unit in (
         ("mount", "worst mount", "deg"),
         ("gyroscope's bias", "worst gyroscope", "mrad/s"),
@@ -82,26 +77,17 @@ def _figures(checks: Sequence[Check]) -> str:
         stds = [(c["std"], c["subject"], c["limit"]) for c in checks if c["what"] == what and "std" in c]
         if stds:
             std, subject, limit = max(stds)
-            cards.append((f"± {number(std, 2)} {unit}", name, f"{subject}; limit {number(limit, 2)} {unit}"))
+            detail = f"{subject}; limit {number(limit, 2)} {unit}"
+            cards.append(KeyFigure(name, f"± {number(std, 2)} {unit}", detail))
     field = next((c for c in checks if c["what"] == "magnetic field"), None)
     if field is not None:
-        cards.append((field["found"].split(",")[0], "magnetic field", field["found"].partition(", ")[2]))
-    shown = "".join(
-        f"<div><dt>{escape(name)}</dt><dd><b>{escape(value)}</b><span>{escape(what)}</span></dd></div>"
-        for value, name, what in cards
-    )
-    return f'<dl class="figures">{shown}</dl>'
+        strength, _, direction = field["found"].partition(", ")
+        cards.append(KeyFigure("magnetic field", strength, direction))
+    return tiles(cards)
 
 
 def _again(checks: Sequence[Check]) -> str:
-    items = "".join(
-        f'<article class="claim"><p class="verdict bad">{escape(c["step"])}'
-        f"{': ' if c['subject'] else ''}{escape(c['subject'])}, {escape(c['what'])}</p>"
-        f"<p>{escape(c['sentence'])}</p>"
-        f'<p class="hint">{escape(_figures_of(c))}</p></article>'
-        for c in checks
-    )
-    return f'<div class="claims">{items}</div>'
+    return rendered("session_again", checks=[(check, _figures_of(check)) for check in checks])
 
 
 def _figures_of(check: Check) -> str:
@@ -156,11 +142,7 @@ def _timeline(steps: Sequence[Mapping[str, Any]]) -> str:
         for t in (every * k for k in range(math.floor(last / every) + 1))
     )
     bars = "".join(bar(k, s) for k, s in enumerate(found))
-    keys = (
-        '<ul class="legend"><li><svg viewBox="0 0 14 10" width="14" height="10" aria-hidden="true">'
-        '<rect class="used" width="14" height="10"/></svg>held still</li><li><svg viewBox="0 0 14 10" width="14" '
-        'height="10" aria-hidden="true"><rect class="moving" width="14" height="10"/></svg>moving</li></ul>'
-    )
+    keys = bar_legend((("used", "held still"), ("moving", "moving")))
     return (
         f'<figure class="timeline">{keys}<svg viewBox="0 0 {WIDTH:.0f} {height:.0f}" role="img" '
         f'aria-label="Where each step lies in time">{ticks}{bars}</svg></figure>'
@@ -207,15 +189,3 @@ def _table(key: str, caption: str, checks: Sequence[Check], first: str) -> str:
 
 def _outcome(outcome: str) -> str:
     return f'<span class="verdict {STYLES[outcome]}">{MARKS[outcome]} {WORDS[outcome]}</span>'
-
-
-def _reading() -> str:
-    return (
-        '<ul class="notes"><li><b>std</b>: two thirds of such sessions come out closer to the truth than this.</li>'
-        "<li><b>limit</b>: what std may be at most; where there is no std, what the found value may be off.</li>"
-        "<li><b>pass</b>: good enough. <b>do again</b>: repeat that step, in a recording of "
-        "the whole plan. <b>kept</b>: this session cannot tell it, what was known before stays.</li>"
-        "<li>A mount says how a unit is turned on its link. Its std is that of the worst of three directions.</li>"
-        "<li>North is a test only: if all units agree on it, mounts, magnetometers and postures are right "
-        "together.</li></ul>"
-    )

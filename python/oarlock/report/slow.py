@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from html import escape
 
 import numpy as np
 
 from oarlock.evaluation.errors import BAND_95
 from oarlock.evaluation.tracklike import Floats, SlowLike, TrackLike
 from oarlock.report import plot
-from oarlock.report.text import breakable, number
+from oarlock.report.markup import figure, grid
+from oarlock.report.text import number
 
 WIDTH, HEIGHT, FOOT = 400.0, 84.0, 20.0
 PLACE = (44.0, 6.0, WIDTH - 52.0, HEIGHT)
@@ -33,11 +33,10 @@ def slow_section(track: TrackLike, truth: TrackLike | None) -> str:
     for name, series in track.slow.items():
         group, axis = _group(name)
         groups.setdefault(group, []).append((axis, series))
-    figures = "".join(
+    return grid(
         _figure(k, track.time_s, name, lines, _true_lines(truth, name, lines))
         for k, (name, lines) in enumerate(groups.items())
     )
-    return f'<div class="grid-figures">{figures}</div>'
 
 
 def _group(name: str) -> tuple[str, str]:
@@ -63,12 +62,7 @@ def _figure(key: int, time_s: Floats, name: str, lines: Lines, true: list[tuple[
     size = (WIDTH, PLACE[1] + HEIGHT + FOOT)
     svg = plot.drawing(f"slow-{key}", size, f"{name} over time", description, content)
     keys = "".join(_axis_key(axis) for axis, _, _ in scaled if axis)
-    caption = f'<span class="name">{breakable(name)}</span> <span class="unit">{escape(unit)}</span>'
-    style = "with-truth" if true else "alone"
-    return (
-        f'<figure class="{style}"><figcaption>{caption}<span class="fact">{keys}</span></figcaption>'
-        f"{svg}</figure>"
-    )
+    return figure(name, svg, unit=unit, fact=keys, style="with-truth" if true else "alone")
 
 
 def _content(

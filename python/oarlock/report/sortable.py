@@ -4,20 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 
-from oarlock.report.tables import framed_table, table_row
-
-
-@dataclass(frozen=True)
-class Column:
-    """A head, what it means (shown on hovering, read aloud), and a unit below it."""
-
-    name: str
-    unit: str = ""
-    meaning: str = ""
+from oarlock.report.markup import Column, table
 
 
 def sort_script() -> str:
@@ -39,11 +29,4 @@ def sortable_table(
     muted: Sequence[int] = (),
 ) -> str:
     """A table whose first column is a row header; cells are markup. `foot` stays below; `muted` rows are grey."""
-    heads = "".join(
-        f'<th scope="col" title="{escape(column.meaning)}">{escape(column.name)}'
-        f"{f' <small>{escape(column.unit)}</small>' if column.unit else ''}</th>"
-        for column in columns
-    )
-    body = "".join(table_row(cells, "muted" if i in set(muted) else "") for i, cells in enumerate(rows))
-    below = f"<tfoot>{''.join(table_row(cells, '') for cells in foot)}</tfoot>" if foot else ""
-    return framed_table(key, caption, heads, body, below, "sortable")
+    return table(key, caption, columns, rows, dict.fromkeys(muted, "muted"), foot=foot, style="sortable")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
@@ -11,10 +10,11 @@ import numpy as np
 
 from oarlock.evaluation.study.result import StudyResult
 from oarlock.evaluation.study.run import MEAN
-from oarlock.evaluation.study.spec import shown
 from oarlock.report import chart
+from oarlock.report.fault_page import fault_page
+from oarlock.report.markup import grid, table
 from oarlock.report.page import shell
-from oarlock.report.tables import table
+from oarlock.report.study_sections import failures, settings_section
 from oarlock.report.text import DASH, breakable, fixed, number, percent, plural
 
 MOST_LINES = 6
@@ -26,8 +26,6 @@ def study_page(result: StudyResult) -> str:
     """The whole page as text; works offline, on paper and on a telephone."""
     study = result.study
     if study.faults:
-        from oarlock.report.fault_page import fault_page
-
         return fault_page(result)
     summary = result.summary()
     sections = [("scenarios", "Scenarios", _scenarios(result, summary))]
@@ -110,7 +108,7 @@ def _charts(summary: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> str:
             for k, (item, unit) in enumerate(items[:MOST_SMALL]):
                 rows = [row for row in summary if row["item"] == item and row["unit"] == unit]
                 drawn.append(_chart(f"{key}-{k}", rows, key, item, unit))
-        blocks.append(f'<h3>{breakable(key)}</h3><div class="grid-figures">{"".join(drawn)}</div>')
+        blocks.append(f"<h3>{breakable(key)}</h3>{grid(drawn)}")
     hint = '<p class="hint">Mean over seeds; tinted: its 95 % interval. Lines are named below the first drawing.</p>'
     return hint + "".join(blocks)
 
@@ -151,55 +149,5 @@ def _intervals(summary: Sequence[Mapping[str, Any]]) -> str:
         drawn.append(chart.interval_chart(rows[:MOST_INTERVALS], f"intervals-{k}", item, unit))
     more = max((sum(r["item"] == MEAN for r in summary) - MOST_INTERVALS, 0))
     hint = f'<p class="hint">The first {MOST_INTERVALS} scenarios; the table has all.</p>' if more else ""
-    first = f'<div class="grid-figures">{"".join(drawn[:1])}</div>'
-    others = f'<div class="grid-figures">{"".join(drawn[1:])}</div>'
-    rest = f"<details><summary>Each joint and frame</summary>{others}</details>"
-    return hint + first + (rest if len(drawn) > 1 else "")
-
-
-# --- what was run -------------------------------------------------------------------------------------
-
-
-def failures(result: StudyResult) -> str:
-    """A list of the runs that failed, and why."""
-    items = "".join(
-        f"<li>{escape(row['name'])}, seed {row['seed']}: {escape(row['error'])}</li>"
-        for row in result.complaints[:50]
-    )
-    return f'<ul class="notes">{items}</ul>'
-
-
-def settings_section(result: StudyResult) -> str:
-    """Keys with the values that they took, model, simulator and seeds."""
-    study = result.study
-    keys = study.keys
-    rows = []
-    used = (key for scenario in study.expanded() for key in scenario.values)
-    for key in dict.fromkeys([*study.fixed, *study.swept, *used]):
-        values = [scenario.values[key] for scenario in study.expanded() if key in scenario.values]
-        texts = list(dict.fromkeys(shown(value) for value in values))
-        if not texts:
-            continue
-        about = keys[key].about if key in keys else ""
-        rows.append([breakable(key), escape(", ".join(texts)), escape(about)])
-    facts = [
-        ["model", escape(study.model.name), ""],
-        ["simulator", escape(repr(study.simulator)), ""],
-        ["seeds", escape(", ".join(map(str, study.seeds))), ""],
-        ["scored from", f"{study.start_s:g} s on", ""],
-    ]
-    tables = "<code>runs</code>, <code>summary</code>"
-    return table(
-        "settings",
-        "Keys that were set; all others are at their defaults.",
-        ["key", "values", ""],
-        [*facts, *rows],
-    ) + (
-        f'<p class="hint">Tables beside this page, as CSV and Parquet: {tables}; run.toml holds the study.</p>'
-    )
-
-
-def mean_text(row: Mapping[str, Any]) -> str:
-    """`0.123 ± 0.004`."""
-    sd = row["rmse_sd"]
-    return number(row["rmse_mean"]) + (f" ± {number(sd, 2)}" if math.isfinite(sd) else "")
+    rest = f"<details><summary>Each joint and frame</summary>{grid(drawn[1:])}</details>"
+    return hint + grid(drawn[:1]) + (rest if len(drawn) > 1 else "")

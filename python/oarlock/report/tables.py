@@ -17,39 +17,9 @@ from oarlock.evaluation.scores import Evaluation, JointScore, PositionScore, Sta
 from oarlock.evaluation.tracklike import Bools, Floats, TrackLike
 from oarlock.model.coordinates import Part, parts
 from oarlock.model.rotation import mean_quat, quat_from_rotvec, rotvec_between
+from oarlock.report.markup import table
 from oarlock.report.text import DASH, breakable, decimals, fixed, number, percent, plural
 from oarlock.report.verdict import NARROW_COVERAGE, WIDE_COVERAGE
-
-
-def table(
-    key: str,
-    caption: str,
-    head: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    styles: Mapping[int, str] | None = None,
-) -> str:
-    """A table whose first column is a row header; cells are markup already. ``styles`` are classes of rows."""
-    header = "".join(f'<th scope="col">{escape(name)}</th>' for name in head)
-    body = "".join(table_row(cells, (styles or {}).get(i, "")) for i, cells in enumerate(rows))
-    return framed_table(key, caption, header, body)
-
-
-def framed_table(key: str, caption: str, heads: str, body: str, foot: str = "", style: str = "") -> str:
-    """Cells and rows, markup already, in a table that scrolls sideways by itself where the page is narrow."""
-    marked = f' class="{style}"' if style else ""
-    return (
-        f'<div class="scroll" tabindex="0" role="region" aria-labelledby="{key}-caption">'
-        f'<table id="{key}-table"{marked}><caption id="{key}-caption"><span>{escape(caption)}</span></caption>'
-        f"<thead><tr>{heads}</tr></thead>"
-        f"<tbody>{body}</tbody>{foot}</table></div>"
-    )
-
-
-def table_row(cells: Sequence[str], style: str) -> str:
-    """A row whose first cell is its header; cells are markup already."""
-    first, *others = cells
-    marked = f' class="{style}"' if style else ""
-    return f'<tr{marked}><th scope="row">{first}</th>{"".join(f"<td>{cell}</td>" for cell in others)}</tr>'
 
 
 def joints_table(track: TrackLike, evaluation: Evaluation | None) -> str:

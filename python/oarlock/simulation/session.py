@@ -19,8 +19,9 @@ from scipy.spatial.transform import Rotation
 
 from oarlock.calibration.session.plan import SessionPlan, default_plan
 from oarlock.recording.calibration import Calibration
-from oarlock.recording.recording import ImuStream, Recording
+from oarlock.recording.recording import Recording
 from oarlock.recording.stream_scales import Clock
+from oarlock.recording.streams import ImuStream
 from oarlock.simulation.motion import Motion
 from oarlock.simulation.session_course import body_course, table_course
 from oarlock.simulation.simulate import simulate

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from oarlock import _core
 from oarlock._core import Model
-from oarlock.recording.recording import ImuStream, Recording, ScalarStream, Stream, VectorStream
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream, ScalarStream, Stream, VectorStream
 from oarlock.storage.array_gate import real_array
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean

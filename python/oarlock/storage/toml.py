@@ -1,21 +1,19 @@
 """TOML files: read with errors that name file, line and key; written so that numbers come back exactly."""
 
 import datetime
-import json
 import re
 import sys
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 
-_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _HEADER = re.compile(r"\s*\[{1,2}\s*([^\[\]]+?)\s*\]{1,2}\s*(#.*)?$")
 _LINE_KEY = re.compile(r"\s*((?:[\"']?[A-Za-z0-9_-]+[\"']?\s*\.\s*)*[\"']?[A-Za-z0-9_-]+[\"']?)\s*=")
 _INLINE_KEY = re.compile(r"[{,]\s*[\"']?([A-Za-z0-9_-]+)[\"']?\s*=")
@@ -186,58 +184,29 @@ def write_toml(file: Path, document: Mapping[str, object]) -> None:
 
 
 def toml_text(document: Mapping[str, object]) -> str:
-    """The document as TOML text: plain keys first, then tables, then lists of tables."""
-    lines: list[str] = []
-    _add_table(lines, document, ())
-    return "\n".join(lines).lstrip("\n") + "\n"
+    """The document as TOML text: plain keys first, then tables and lists of tables."""
+    import tomlkit
+
+    return tomlkit.dumps(_plain(document, ()))
 
 
-def _add_table(lines: list[str], table: Mapping[str, object], path: tuple[str, ...]) -> None:
-    nested = {k: v for k, v in table.items() if isinstance(v, Mapping) or _is_table_list(v)}
-    for key, value in table.items():
-        if key not in nested:
-            lines.append(f"{_key(key, path)} = {_value(value, (*path, str(key)))}")
-    for key, value in nested.items():
-        inner = (*path, _key(key, path))
-        if isinstance(value, Mapping):
-            lines += ["", f"[{'.'.join(inner)}]"]
-            _add_table(lines, value, inner)
-        elif isinstance(value, list | tuple):
-            for entry in value:
-                lines += ["", f"[[{'.'.join(inner)}]]"]
-                _add_table(lines, entry, inner)
-
-
-def _is_table_list(value: object) -> bool:
-    return isinstance(value, list | tuple) and len(value) > 0 and all(isinstance(v, Mapping) for v in value)
+def _plain(value: Any, path: tuple[str, ...]) -> Any:
+    """The value with NumPy's numbers and arrays as Python's, which TOML can hold; numbers keep every bit."""
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {_key(key, path): _plain(inner, (*path, str(key))) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry, path) for entry in value]
+    if isinstance(value, bool | str | int | float | datetime.datetime | datetime.date | datetime.time):
+        return value
+    raise DataError(
+        f'"{".".join(path)}" is {value!r} ({type(value).__name__}), which TOML cannot hold. '
+        "Use texts, numbers, booleans, lists and tables, and leave out what is unknown."
+    )
 
 
 def _key(key: object, path: tuple[str, ...]) -> str:
     if not isinstance(key, str):
         raise DataError(f"key {key!r} of [{'.'.join(path)}] is not a text, so it cannot be written")
-    return key if _BARE_KEY.fullmatch(key) else _quoted(key)
-
-
-def _quoted(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-def _value(value: object, path: tuple[str, ...]) -> str:
-    if isinstance(value, np.generic | np.ndarray):
-        value = value.tolist()
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return _quoted(value)
-    if isinstance(value, int | float):
-        return repr(value)
-    if isinstance(value, datetime.datetime | datetime.date | datetime.time):
-        return value.isoformat()
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_value(v, path) for v in value) + "]"
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_key(k, path)} = {_value(v, path)}" for k, v in value.items()) + " }"
-    raise DataError(
-        f'"{".".join(path)}" is {value!r} ({type(value).__name__}), which TOML cannot hold. '
-        "Use texts, numbers, booleans, lists and tables, and leave out what is unknown."
-    )
+    return key

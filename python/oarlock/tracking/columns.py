@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.model.angle_sequence import angle_labels
+from oarlock.tracking.estimates import Estimates
 from oarlock.tracking.joint_series import BallSeries
-
-if TYPE_CHECKING:
-    from oarlock.tracking.track import Track
 
 Floats = NDArray[np.float64]
 
@@ -47,7 +44,7 @@ def unit_of(column: str) -> str:
     return "1" if plain is None else plain[1].replace("_s", "/s")
 
 
-def columns_of(track: Track) -> dict[str, Floats]:
+def columns_of(track: Estimates) -> dict[str, Floats]:
     """Every array under a plain column name with its unit, (T,) each, `time_s` first."""
     found: dict[str, Floats] = {"time_s": track.time_s}
     for i, (name, unit) in enumerate(zip(track.coordinate_names, track.coordinate_units, strict=True)):

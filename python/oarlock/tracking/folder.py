@@ -18,18 +18,19 @@ from oarlock.storage.parquet_table import columns_of, read_table
 from oarlock.storage.paths import place_of
 from oarlock.storage.toml import TomlTable, write_toml
 from oarlock.tracking.columns import FIELDS, column_name, observed_name
+from oarlock.tracking.columns import columns_of as track_columns
+from oarlock.tracking.estimates import Estimates
 from oarlock.tracking.records import FAULT, FIELD, Beliefs, SensorInfo, SlowSeries
-from oarlock.tracking.track import Track
 
 FORMAT = 1
 _COUNTS = ("used", "rejected", "missing")
 
 
-def write_track(track: Track, folder: str | PathLike[str]) -> None:
+def write_track(track: Estimates, folder: str | PathLike[str]) -> None:
     """Write estimates, infos, beliefs, model and provenance; not the samples, nor what a run needs to go on."""
     place = Path(folder)
     place.mkdir(parents=True, exist_ok=True)
-    parquet.write_table(pa.table(track.columns()), place / "track.parquet")
+    parquet.write_table(pa.table(track_columns(track)), place / "track.parquet")
     if track.info is not None:
         parquet.write_table(_sensor_table(track.time_s, track.info), place / "sensors.parquet")
     if track.beliefs is not None:
@@ -40,8 +41,8 @@ def write_track(track: Track, folder: str | PathLike[str]) -> None:
     write_toml(place / "run.toml", _description(track))
 
 
-def read_track(folder: str | PathLike[str]) -> Track:
-    """Read what `write_track` wrote.
+def read_track(folder: str | PathLike[str]) -> dict[str, Any]:
+    """Read the fields of a track that `write_track` wrote.
 
     Raises:
         DataError: the folder holds no track, or a file in it is damaged.
@@ -67,23 +68,22 @@ def read_track(folder: str | PathLike[str]) -> Track:
             for name, unit in top["slow"].items()
         }
         time_s = _one(table, "time_s")
-    return Track(
-        model=_model(place, top["provenance"]),
-        time_s=time_s,
-        joint_names=tuple(top["joints"]["names"]),
-        joint_units=tuple(top["joints"]["units"]),
-        coordinate_names=names,
-        coordinate_units=units,
-        angle_sequences=dict(top.get("angle_sequences", {})),
-        observed=observed,
-        slow=slow,
-        info=_info(place / "sensors.parquet", tuple(top["sensors"])),
-        beliefs=_beliefs(place / "beliefs.parquet", tuple(top["states"])),
-        notes=tuple(top["notes"]),
-        provenance=_with_none_read(top["provenance"]),
-        smoothed=bool(top["smoothed"]),
-        **arrays,
-    )
+    return arrays | {
+        "model": _model(place, top["provenance"]),
+        "time_s": time_s,
+        "joint_names": tuple(top["joints"]["names"]),
+        "joint_units": tuple(top["joints"]["units"]),
+        "coordinate_names": names,
+        "coordinate_units": units,
+        "angle_sequences": dict(top.get("angle_sequences", {})),
+        "observed": observed,
+        "slow": slow,
+        "info": _info(place / "sensors.parquet", tuple(top["sensors"])),
+        "beliefs": _beliefs(place / "beliefs.parquet", tuple(top["states"])),
+        "notes": tuple(top["notes"]),
+        "provenance": _with_none_read(top["provenance"]),
+        "smoothed": bool(top["smoothed"]),
+    }
 
 
 def _read_description(file: Path) -> Mapping[str, Any]:
@@ -111,7 +111,7 @@ def _read_description(file: Path) -> Mapping[str, Any]:
     return top
 
 
-def _description(track: Track) -> dict[str, Any]:
+def _description(track: Estimates) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "smoothed": track.smoothed,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,7 @@ from oarlock._core import Model
 from oarlock.model.coordinates import with_untold_at_zero
 from oarlock.model.jacobians import relative_moves
 from oarlock.storage.errors import DataError
-
-if TYPE_CHECKING:
-    from oarlock.tracking.track import Track
+from oarlock.tracking.estimates import Estimates
 
 Floats = NDArray[np.float64]
 Rows = slice | NDArray[np.int64]
@@ -49,7 +47,7 @@ class PositionSpread:
         return np.sqrt(np.maximum(variance, 0.0))
 
 
-def poses_of(track: Track, rows: Rows = ALL) -> Floats:
+def poses_of(track: Estimates, rows: Rows = ALL) -> Floats:
     """Poses of all frames (T, F, 4, 4) in root axes, of the chosen rows; estimated lengths are those of each row.
 
     A joint that no stream ever told is taken at 0; where a reading that was needed is missing, there is NaN.
@@ -62,7 +60,7 @@ def poses_of(track: Track, rows: Rows = ALL) -> Floats:
     return np.asarray(model.forward_kinematics(_coordinates(track, rows), _all_lengths(model, lengths)))
 
 
-def model_of(track: Track, asked: str) -> Model:
+def model_of(track: Estimates, asked: str) -> Model:
     """The track's model.
 
     Raises:
@@ -82,7 +80,7 @@ def relative_positions(poses: Floats, frames: Sequence[int], reference: int) -> 
 
 
 def position_spreads(
-    track: Track, frames: Sequence[int], reference: int = 0, rows: Rows = ALL
+    track: Estimates, frames: Sequence[int], reference: int = 0, rows: Rows = ALL
 ) -> tuple[Floats, Source]:
     """Covariances (T, K, 3, 3) of the frames' places, m2, and where they come from; see `PositionSpread`.
 
@@ -108,11 +106,11 @@ def position_spreads(
     return weighted @ mixed[:, None] @ np.swapaxes(weighted, 2, 3), "beliefs"
 
 
-def _coordinates(track: Track, rows: Rows) -> Floats:
+def _coordinates(track: Estimates, rows: Rows) -> Floats:
     return with_untold_at_zero(track.q)[rows]
 
 
-def _estimated_lengths(track: Track, model: Model, rows: Rows) -> dict[str, Floats]:
+def _estimated_lengths(track: Estimates, model: Model, rows: Rows) -> dict[str, Floats]:
     """Estimated lengths over time, by the parameter's name."""
     found = ((name.removeprefix(LENGTH_PREFIX), slow) for name, slow in track.slow.items())
     return {name: slow.value[rows] for name, slow in found if name in model.parameters}
@@ -137,7 +135,7 @@ def _slopes(model: Model, q: Floats, lengths: Mapping[str, Floats], frames: Sequ
     return relative_moves(poses, np.concatenate([moves, turns], axis=-2))
 
 
-def _correlations(track: Track, states: Sequence[str]) -> Callable[[Floats], Floats]:
+def _correlations(track: Estimates, states: Sequence[str]) -> Callable[[Floats], Floats]:
     """Correlations (T, n, n) of these states at any times; what is no state is independent of all."""
     beliefs = track.beliefs
     assert beliefs is not None

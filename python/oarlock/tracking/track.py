@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from os import PathLike
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from oarlock.model.angle_sequence import DEFAULT_SEQUENCE
-from oarlock.model.coordinates import angle_sequences, coordinate_units, joint_columns, joint_units
+from oarlock.model.coordinates import angle_sequences, coordinate_units, joint_units
 from oarlock.model.rotation import continuous_quat, quat_from_matrix
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 from oarlock.tracking.columns import columns_of
-from oarlock.tracking.joint_series import BallSeries, FreeSeries, JointSeries
+from oarlock.tracking.estimates import Estimates, Floats, Later
+from oarlock.tracking.folder import read_track, write_track
 from oarlock.tracking.places import PositionSpread, model_of, poses_of, position_spreads, relative_positions
 from oarlock.tracking.records import Beliefs, SensorInfo, SlowSeries
 
@@ -25,147 +23,14 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-    from oarlock._core import Belief, Model, Run
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-_ARRAYS = ("time_s", "q", "qd", "qdd", "q_std", "qd_std", "qdd_std", "observed")
+    from oarlock._core import Model, Run
 
 
-@dataclass(frozen=True)
-class Later:
-    """In the place of a field of `Track`: what it will hold is made when it is first asked for."""
-
-    make: Callable[[], Any]
-
-
-@dataclass(frozen=True, eq=False)
-class Track:
+class Track(Estimates):
     """Estimates over `time_s` (T,). Never changes; `oarlock.smooth` gives another one.
 
-    Args:
-        model: what was tracked; None if its file could not be found again after loading.
-        time_s: (T,) s.
-        joint_names: the model's joints, in its order.
-        joint_units: "rad" of hinges and balls, "m" of slides, "m, rad" of free joints.
-        q: (T, n_coordinates), rad or m; of a ball joint the rotation vector of parent-from-child.
-        qd: rates, per s; of a ball joint the angular velocity in the child's axes. `qdd` per s2.
-        q_std: standard deviations; of a ball joint those of the error e in the child's axes, R_true = R Exp(e).
-        observed: (T, n_coordinates) whether the sensors pin the coordinate down.
-        coordinate_names: order of the columns of `q` and its kin; left out, they are the joints: hinges and slides.
-        coordinate_units: "rad" or "m" each.
-        angle_sequences: named angles of each ball and free joint, such as "YXY".
-        slow: slow states by name.
-        info: what became of the measurements; None for a simulated truth.
-        beliefs: full beliefs every few seconds; None for a simulated truth.
-        notes: plain sentences on what was missing or odd.
-        provenance: version, configuration, hashes of what went in, speed.
-        smoothed: each estimate rests on all samples.
+    The fields are those of `Estimates`.
     """
-
-    model: Model | None
-    time_s: Floats
-    joint_names: tuple[str, ...]
-    joint_units: tuple[str, ...]
-    q: Floats
-    qd: Floats
-    qdd: Floats
-    q_std: Floats
-    qd_std: Floats
-    qdd_std: Floats
-    observed: Bools
-    coordinate_names: tuple[str, ...] = ()
-    coordinate_units: tuple[str, ...] = ()
-    angle_sequences: Mapping[str, str] = field(default_factory=dict)
-    slow: Mapping[str, SlowSeries] = field(default_factory=dict)
-    info: SensorInfo | None = None
-    beliefs: Beliefs | None = None
-    notes: tuple[str, ...] = ()
-    provenance: Mapping[str, Any] = field(default_factory=dict)
-    smoothed: bool = False
-    last_belief: Belief | None = None
-    run: Run | None = field(default=None, repr=False)
-
-    def __post_init__(self) -> None:
-        for name in _ARRAYS:
-            _keep(self.__dict__[name])
-        if not self.coordinate_names:
-            object.__setattr__(self, "coordinate_names", tuple(self.joint_names))
-            object.__setattr__(self, "coordinate_units", tuple(self.joint_units))
-        for name in ("slow", "angle_sequences"):
-            if not isinstance(self.__dict__[name], Later):
-                object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
-
-    if not TYPE_CHECKING:  # it would hide misspelt names from the checker
-
-        def __getattribute__(self, name: str) -> Any:
-            value = object.__getattribute__(self, name)
-            if type(value) is Later:
-                value = _keep(value.make())
-                object.__setattr__(self, name, value)
-            return value
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Everything but the engine's run: an unpickled track cannot be smoothed, like one read from files."""
-        whole = {name: getattr(self, name) for name in self.__dict__}
-        plain = {name: dict(whole[name]) for name in ("slow", "angle_sequences", "provenance")}
-        return whole | plain | {"run": None}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        for name, value in state.items():
-            object.__setattr__(self, name, value)
-        self.__post_init__()
-
-    def __getitem__(self, name: str) -> Any:
-        """The joint of this name: `JointSeries` of a hinge or slide, `BallSeries`, `FreeSeries`."""
-        if name not in self.joint_names:
-            raise KeyError(f"no joint '{name}'. {did_you_mean(name, self.joint_names)}")
-        columns = list(joint_columns(self.coordinate_names)[name])
-        if len(columns) == 1:
-            return self._scalar(name, columns[0])
-        return self._ball(name, columns) if len(columns) == 3 else self._free(name, columns)
-
-    def _scalar(self, name: str, column: int) -> JointSeries:
-        return JointSeries(
-            name=name,
-            unit=self.coordinate_units[column],
-            value=self.q[:, column],
-            velocity=self.qd[:, column],
-            acceleration=self.qdd[:, column],
-            std=self.q_std[:, column],
-            velocity_std=self.qd_std[:, column],
-            acceleration_std=self.qdd_std[:, column],
-            observed=self.observed[:, column],
-        )
-
-    def _ball(self, name: str, columns: list[int]) -> BallSeries:
-        return BallSeries(**self._rotation(name, columns))
-
-    def _free(self, name: str, columns: list[int]) -> FreeSeries:
-        place, turn = columns[:3], columns[3:]
-        return FreeSeries(
-            **self._rotation(name, turn),
-            position_m=self.q[:, place],
-            velocity_m_s=self.qd[:, place],
-            acceleration_m_s2=self.qdd[:, place],
-            std_m=self.q_std[:, place],
-            velocity_std_m_s=self.qd_std[:, place],
-            acceleration_std_m_s2=self.qdd_std[:, place],
-            position_observed=np.asarray(self.observed[:, place].all(axis=1)),
-        )
-
-    def _rotation(self, name: str, columns: list[int]) -> dict[str, Any]:
-        return {
-            "name": name,
-            "angle_sequence": self.angle_sequences.get(name, DEFAULT_SEQUENCE),
-            "rotvec_rad": self.q[:, columns],
-            "velocity_rad_s": self.qd[:, columns],
-            "acceleration_rad_s2": self.qdd[:, columns],
-            "std_rad": self.q_std[:, columns],
-            "velocity_std_rad_s": self.qd_std[:, columns],
-            "acceleration_std_rad_s2": self.qdd_std[:, columns],
-            "observed": self.observed[:, columns].all(axis=1),
-        }
 
     def with_notes(self, *sentences: str) -> Track:
         """The same track, whose notes begin with these."""
@@ -173,9 +38,6 @@ class Track:
         other.__dict__.update(self.__dict__)
         other.__dict__["notes"] = tuple(dict.fromkeys((*sentences, *self.notes)))
         return other
-
-    def __len__(self) -> int:
-        return len(self.time_s)
 
     def __repr__(self) -> str:
         kind = "smoothed" if self.smoothed else "filtered" if self.info else "simulated"
@@ -264,8 +126,6 @@ class Track:
 
     def save(self, folder: str | PathLike[str]) -> None:
         """Write track.parquet, sensors.parquet, beliefs.parquet, model.toml and run.toml into a folder."""
-        from oarlock.tracking.folder import write_track
-
         write_track(self, folder)
 
     @staticmethod
@@ -280,9 +140,7 @@ def load_track(folder: str | PathLike[str]) -> Track:
     Raises:
         DataError: the folder holds no track, or a file in it is damaged.
     """
-    from oarlock.tracking.folder import read_track
-
-    return read_track(folder)
+    return Track(**read_track(folder))
 
 
 def track_without_filter(
@@ -363,13 +221,6 @@ def track_of_run(model: Model, run: Run, notes: tuple[str, ...], provenance: Map
         last_belief=run.last_belief,
         run=run,
     )
-
-
-def _keep(value: Any) -> Any:
-    """The value, if an array then read-only."""
-    if isinstance(value, np.ndarray):
-        value.flags.writeable = False
-    return value
 
 
 def _info(run: Run) -> SensorInfo:

@@ -18,12 +18,9 @@ pub fn of_live_steps(_: &mut Criterion) {
     println!("{:32} {:>4} {:>6} {:>8} {:>8} {:>8}", "body", "n", "filter", "p50", "p99", "p99.9");
     let mut rows = Vec::new();
     for case in cases().iter().filter(|c| c.name.starts_with("sculler")) {
-        for (name, filter) in [
-            ("ukf", FilterKind::Ukf),
-            ("ekf", FilterKind::Ekf),
-            ("iekf", FilterKind::Iekf),
-            ("factorised", FilterKind::Factorised),
-        ] {
+        for (name, filter) in
+            [("ukf", FilterKind::Ukf), ("ekf", FilterKind::Ekf), ("factorised", FilterKind::Factorised)]
+        {
             let (start, samples) = case.running(filter);
             let (mut tracker, n) = (start.clone(), start.body.layout.dim());
             let mut times = Vec::with_capacity(STEPS);

@@ -4,9 +4,9 @@ use super::bodies::{cases, Case};
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, BenchmarkId, Criterion};
 use oarlock::config::FilterKind;
-use oarlock::estimate::{Points, System, Vary};
-use oarlock::lane::arch::{Arch, Kernel};
-use oarlock::lane::{Lane, LANES};
+use oarlock::estimate::{FastSystem, PerturbedStates, Points, System};
+use oarlock::kernels::arch::{Arch, Kernel};
+use oarlock::kernels::lane::{Lane, LANES};
 use oarlock::recording::Sample;
 use oarlock::track::Tracker;
 use std::hint::black_box;
@@ -69,8 +69,8 @@ impl Kernel for Batch<'_> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let vary = Vary { from: 0, inputs: true };
-        self.tracker.body.readings_near::<FUSED>(self.moment, self.scratch, self.at, vary, self.out);
+        let perturbed = PerturbedStates { from: 0, inputs: true };
+        self.tracker.body.readings_near_mean::<FUSED>(self.moment, self.scratch, self.at, perturbed, self.out);
     }
 }
 
@@ -94,7 +94,7 @@ fn one_batch(c: &mut BenchmarkGroup<WallTime>, case: &Case) {
     let delta: Vec<Lane> = (0..n).map(|i| Lane(std::array::from_fn(|k| 1e-3 * (i + 7 * k) as f64))).collect();
     let off = vec![Lane([0.0; LANES]); body.input_std().len()];
     let mut out = vec![Lane([0.0; LANES]); body.suite.len()];
-    body.settle::<false>(&moment, &mut scratch, Points { mean, delta: &delta, off: &off }, &mut out);
+    body.readings_at_mean::<false>(&moment, &mut scratch, Points { mean, delta: &delta, off: &off }, &mut out);
     c.bench_function(BenchmarkId::from_parameter(n), |b| {
         b.iter(|| {
             let at = Points { mean, delta: black_box(&delta), off: &off };

@@ -5,7 +5,7 @@ use super::figures::keep;
 use super::is_filtered;
 use criterion::Criterion;
 use oarlock::config::FilterKind;
-use oarlock::lane::arch::Arch;
+use oarlock::kernels::arch::Arch;
 use oarlock_oracle::race::{quantile, race};
 use serde_json::{json, Value};
 use std::time::{Duration, Instant};
@@ -36,10 +36,9 @@ fn ratios(case: &Case) -> Vec<Value> {
     let (n, m) = (ukf.body.layout.dim(), ukf.body.suite.len());
     let mut portable = ukf.clone();
     portable.use_arch(Arch::PORTABLE);
-    let names = ["ukf", "ekf", "iekf", "factorised", "ukf, portable instructions"];
-    let [ekf, iekf, factorised] =
-        [FilterKind::Ekf, FilterKind::Iekf, FilterKind::Factorised].map(|filter| case.running(filter).0);
-    let trackers = [ukf, ekf, iekf, factorised, portable];
+    let names = ["ukf", "ekf", "factorised", "ukf, portable instructions"];
+    let [ekf, factorised] = [FilterKind::Ekf, FilterKind::Factorised].map(|filter| case.running(filter).0);
+    let trackers = [ukf, ekf, factorised, portable];
     let begun = Instant::now();
     let times = race(&trackers, &case.config, samples, &mut || begun.elapsed() < TIME).expect("these readings fit");
     let both = |times: &[f64]| [0.5, 0.1].map(|share| quantile(times, share));

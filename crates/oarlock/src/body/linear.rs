@@ -2,7 +2,7 @@
 
 use super::posture::Posture;
 use super::{Body, Moment};
-use crate::estimate::straight::Straight;
+use crate::kernels::sparse_jacobian::SparseJacobian;
 use crate::kinematics::slopes::{Columns, Slopes};
 use crate::rotation::Mat3;
 use crate::sensor::slopes::{Causes, Moving, Places};
@@ -14,7 +14,7 @@ pub struct LinearScratch {
     mean: Posture<f64>,
     anchors: Vec<Mat3<f64>>,
     slopes: Slopes,
-    straight: Straight,
+    straight: SparseJacobian,
     causes: Causes,
 }
 
@@ -36,7 +36,7 @@ impl Body {
     }
 
     /// Room for the rows of a Jacobian by numbers from column `from` on.
-    pub(super) fn causes(&self, slopes: &Slopes, from: usize) -> (Straight, Causes) {
+    pub(super) fn causes(&self, slopes: &Slopes, from: usize) -> (SparseJacobian, Causes) {
         self.suite.causes(self.layout.dim(), slopes, &self.places(from))
     }
 
@@ -86,7 +86,7 @@ impl Body {
         s: &mut LinearScratch,
         mean: &[f64],
         center: &mut [f64],
-        straight: &mut Straight,
+        straight: &mut SparseJacobian,
     ) {
         let room = &mut s.mean;
         self.stand_at(moment, mean, room, &mut s.anchors, &mut s.slopes);

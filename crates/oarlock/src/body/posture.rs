@@ -1,9 +1,9 @@
 //! Where a body's joints, lengths and mounts are at a state.
 
 use super::{three, Body, Moment};
+use crate::kernels::lane::Real;
 use crate::kinematics::slopes::Slopes;
 use crate::kinematics::{FrameMotion, JointMotion};
-use crate::lane::Real;
 use crate::rotation::turn::Turn;
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::Worn;

@@ -3,12 +3,12 @@
 use super::linear::LinearScratch;
 use super::posture::Posture;
 use super::{Body, Moment};
-use crate::estimate::straight::Straight;
-use crate::estimate::{Points, Vary};
-use crate::kinematics::near::{Apart, Mean, Near, Own, Pass, Wanted};
+use crate::estimate::{PerturbedStates, Points};
+use crate::kernels::lane::{Lane, Real};
+use crate::kernels::sparse_jacobian::SparseJacobian;
+use crate::kinematics::near::{Mean, Near, Own, Pass, PerturbedMotion, Wanted};
 use crate::kinematics::slopes::Slopes;
 use crate::kinematics::JointMotion;
-use crate::lane::{Lane, Real};
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::near::{Around, Stand};
 use crate::sensor::slopes::{Causes, Moving};
@@ -121,7 +121,7 @@ impl Body {
 
     /// At the mean; remembers how everything stands there.
     #[inline(always)]
-    pub(super) fn settle_at(&self, moment: &Moment, s: &mut BodyScratch, mean: &[f64], out: &mut [Lane]) {
+    pub(super) fn read_at_mean(&self, moment: &Moment, s: &mut BodyScratch, mean: &[f64], out: &mut [Lane]) {
         let room = &mut s.posture;
         self.stand_at(moment, mean, room, &mut s.anchors, &mut s.slopes);
         s.mean.field = self.field.magnetic(self.azimuth(|i| mean[i]));
@@ -142,7 +142,12 @@ impl Body {
 
     /// Derivatives by rates and linear block at the mean that was settled at.
     #[inline(always)]
-    pub(super) fn straighten_at<const FUSED: bool>(&self, moment: &Moment, s: &BodyScratch, straight: &mut Straight) {
+    pub(super) fn linear_jacobian_at_mean<const FUSED: bool>(
+        &self,
+        moment: &Moment,
+        s: &BodyScratch,
+        straight: &mut SparseJacobian,
+    ) {
         let at = Moving {
             frames: &s.posture.frames,
             slopes: &s.slopes,
@@ -155,7 +160,7 @@ impl Body {
 
     /// What rates that differ so from none at all, and nothing else, make accelerometers feel.
     #[inline(always)]
-    pub(super) fn curve_at<const FUSED: bool>(
+    pub(super) fn second_order_at_mean<const FUSED: bool>(
         &self,
         moment: &Moment,
         s: &mut BodyScratch,
@@ -165,10 +170,10 @@ impl Body {
         let Flock { posture, near, .. } = of_kind::<FUSED>(&mut s.plain, &mut s.fused);
         posture.take_rates(self, &s.posture, |i| delta[i].cast());
         let from = self.layout.partition.pose;
-        let apart = Apart { from, inputs: false, motion: true, field: false };
-        let pass = Pass { wanted: &s.wanted, reaches: &self.piece_reaches, apart, mean: &s.mean };
+        let perturbed = PerturbedMotion { from, inputs: false, motion: true, field: false };
+        let pass = Pass { wanted: &s.wanted, reaches: &self.piece_reaches, perturbed, mean: &s.mean };
         self.pieces.pass(pass, posture.joints(&s.anchors), Own::nothing(), near);
-        self.seats.curve(near, &s.stands, &moment.active, out);
+        self.seats.second_order(near, &s.stands, &moment.active, out);
     }
 
     /// Near the mean that was settled at.
@@ -178,20 +183,21 @@ impl Body {
         moment: &Moment,
         s: &mut BodyScratch,
         at: Points,
-        vary: Vary,
+        perturbed: PerturbedStates,
         out: &mut [Lane],
     ) {
         let Flock { posture, near, trail } = of_kind::<FUSED>(&mut s.plain, &mut s.fused);
         self.unpack_lanes(moment, at, posture);
-        let turned = self.layout.azimuth.filter(|&i| i >= vary.from);
-        let motion = vary.from < self.layout.dim();
-        let apart = Apart { from: vary.from, inputs: vary.inputs, motion, field: turned.is_some() };
+        let turned = self.layout.azimuth.filter(|&i| i >= perturbed.from);
+        let motion = perturbed.from < self.layout.dim();
+        let perturbed =
+            PerturbedMotion { from: perturbed.from, inputs: perturbed.inputs, motion, field: turned.is_some() };
         let mut root = Own::nothing();
         root.felt = self.root(|i| at.at(i).cast::<FUSED>()).proper_acceleration;
         if let Some(i) = turned {
             root.field = self.field.magnetic(at.at(i).cast::<FUSED>());
         }
-        let pass = Pass { wanted: &s.wanted, reaches: &self.piece_reaches, apart, mean: &s.mean };
+        let pass = Pass { wanted: &s.wanted, reaches: &self.piece_reaches, perturbed, mean: &s.mean };
         let joints = posture.joints(&s.anchors);
         self.pieces.pass(pass, joints, root, near);
         let around = Around {
@@ -200,7 +206,7 @@ impl Body {
             near,
             joints,
             mounts: &posture.mounts,
-            apart,
+            perturbed,
             stands: &s.stands,
             center: &s.posture.out,
             active: &moment.active,

@@ -2,7 +2,7 @@
 
 use super::Body;
 use crate::estimate::split::Split;
-use crate::estimate::System;
+use crate::estimate::FastSystem;
 use crate::model::{Joint, JointKind, Model, SensorKind};
 
 impl Body {
@@ -39,13 +39,13 @@ impl Body {
     /// On which states each row depends.
     fn states_of_rows(&self) -> Vec<Vec<usize>> {
         let mut rows = vec![Vec::new(); self.suite.len()];
-        let straight = self.tangent().unwrap_or_default();
-        for trio in &straight.trios {
-            let states = straight.slopes[trio.slopes.clone()].iter().map(|s| s.state).filter(|&s| s < straight.n);
+        let straight = self.jacobian_pattern().unwrap_or_default();
+        for triple in &straight.triples {
+            let states = straight.slopes[triple.slopes.clone()].iter().map(|s| s.state).filter(|&s| s < straight.n);
             let states: Vec<usize> = states.collect();
-            for (i, row) in rows[trio.row..trio.row + trio.count].iter_mut().enumerate() {
+            for (i, row) in rows[triple.row..triple.row + triple.count].iter_mut().enumerate() {
                 row.extend(&states);
-                row.extend(trio.added.map(|first| first + i));
+                row.extend(triple.added.map(|first| first + i));
             }
         }
         rows

@@ -1,7 +1,7 @@
 //! What the filter believes at one instant.
 
-use super::dense::Square;
 use super::System;
+use crate::kernels::dense::Square;
 
 /// Time, mean and covariance: the one thing that a step replaces.
 #[derive(Debug, PartialEq)]
@@ -15,7 +15,7 @@ pub struct Belief {
     /// Per driven coordinate (`System::driven`): how much stronger its driving noise is than the model says (variance).
     pub drive: Vec<f64>,
     /// Per part of the measurement vector: usual size of its innovations, as a factor on what is expected (variance).
-    pub habit: Vec<f64>,
+    pub usual_nis: Vec<f64>,
     /// How much larger the noise of inertial units is than the model says (variance).
     pub inflation: f64,
     /// Usual size of the innovations of all inertial units together, as a factor on what is expected (variance).
@@ -54,7 +54,7 @@ impl Clone for Belief {
             mean: self.mean.clone(),
             covariance: self.covariance.clone(),
             drive: self.drive.clone(),
-            habit: self.habit.clone(),
+            usual_nis: self.usual_nis.clone(),
             seen_s: self.seen_s.clone(),
             rejected_since_s: self.rejected_since_s.clone(),
             memory: self.memory.clone(),
@@ -72,7 +72,7 @@ impl Clone for Belief {
             mean,
             covariance,
             drive,
-            habit,
+            usual_nis,
             inflation,
             surprise,
             roughness,
@@ -88,7 +88,7 @@ impl Clone for Belief {
         mean.clone_from(&from.mean);
         covariance.clone_from(&from.covariance);
         drive.clone_from(&from.drive);
-        habit.clone_from(&from.habit);
+        usual_nis.clone_from(&from.usual_nis);
         seen_s.clone_from(&from.seen_s);
         rejected_since_s.clone_from(&from.rejected_since_s);
         memory.clone_from(&from.memory);

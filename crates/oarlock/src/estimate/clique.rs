@@ -1,9 +1,9 @@
 //! Some states of a system and the readings that depend on no others, seen as a system of its own.
 
-use super::straight::Straight;
 use super::transition::Transition;
-use super::{Depth, Partition, Points, System, Vary};
-use crate::lane::{Lane, LANES};
+use super::{Dependence, FastSystem, Partition, PerturbedStates, Points, System};
+use crate::kernels::lane::{Lane, LANES};
+use crate::kernels::sparse_jacobian::SparseJacobian;
 
 /// Which states, and where their derivatives stand.
 #[derive(Debug, Clone)]
@@ -13,26 +13,26 @@ pub struct Clique {
     /// Of every row of the whole: whether it is read here.
     pub rows: Vec<bool>,
     part: Partition,
-    straight: Option<Straight>,
+    straight: Option<SparseJacobian>,
     /// Of every slope, its number in the whole's.
     slopes: Vec<usize>,
 }
 
 impl Clique {
     /// Of `states`, on which nothing but `rows` depends; states are in order.
-    pub fn new<S: System>(system: &S, states: Vec<usize>, rows: Vec<bool>) -> Self {
+    pub fn new<S: FastSystem>(system: &S, states: Vec<usize>, rows: Vec<bool>) -> Self {
         let whole = system.partition();
         let count = |end: usize| states.iter().take_while(|&&s| s < end).count();
         let (pose, curved) = (count(whole.pose), count(whole.curved()));
         let part = Partition { pose, rate: curved - pose, linear: states.len() - curved };
         let mut slopes = Vec::new();
-        let straight = system.straight().map(|all| {
-            let mut own = Straight { n: states.len(), ..Straight::default() };
+        let straight = system.linear_pattern().map(|all| {
+            let mut own = SparseJacobian { n: states.len(), ..SparseJacobian::default() };
             let place = |state: usize| states.binary_search(&state).ok();
-            for trio in all.trios.iter().filter(|t| rows[t.row]) {
-                let found = trio.slopes.clone().filter_map(|k| Some((k, place(all.slopes[k].state)?)));
+            for triple in all.triples.iter().filter(|t| rows[t.row]) {
+                let found = triple.slopes.clone().filter_map(|k| Some((k, place(all.slopes[k].state)?)));
                 let (numbers, columns): (Vec<usize>, Vec<usize>) = found.unzip();
-                own.push(trio.row, trio.count, &columns, trio.added.and_then(place));
+                own.push(triple.row, triple.count, &columns, triple.added.and_then(place));
                 slopes.extend(numbers);
             }
             own
@@ -48,7 +48,7 @@ impl Clique {
 
 /// A system of which one clique may vary, the rest being as it is in the room's mean.
 #[derive(Debug)]
-pub struct Within<'a, S: System> {
+pub struct CliqueSystem<'a, S: FastSystem> {
     /// The whole.
     pub system: &'a S,
     /// What varies.
@@ -57,30 +57,30 @@ pub struct Within<'a, S: System> {
 
 /// Room for the whole.
 #[derive(Debug, Clone)]
-pub struct Room<C> {
+pub struct CliqueScratch<C> {
     inner: C,
     /// Of the whole; whoever looks has filled in what does not vary.
     pub mean: Vec<f64>,
     delta: Vec<Lane>,
-    straight: Option<Straight>,
+    straight: Option<SparseJacobian>,
 }
 
-impl<C> Room<C> {
+impl<C> CliqueScratch<C> {
     /// For any clique of `system`.
-    pub fn new<S: System<Scratch = C>>(system: &S) -> Self {
+    pub fn new<S: FastSystem<Scratch = C>>(system: &S) -> Self {
         let n = system.partition().dim();
-        Room {
+        CliqueScratch {
             inner: system.scratch(),
             mean: vec![0.0; n],
             delta: vec![Lane([0.0; LANES]); n],
-            straight: system.straight(),
+            straight: system.linear_pattern(),
         }
     }
 }
 
-impl<S: System> Within<'_, S> {
+impl<S: FastSystem> CliqueSystem<'_, S> {
     #[inline(always)]
-    fn place(&self, delta: &[Lane], room: &mut Room<S::Scratch>) {
+    fn place(&self, delta: &[Lane], room: &mut CliqueScratch<S::Scratch>) {
         for (&state, delta) in self.clique.states.iter().zip(delta) {
             room.delta[state] = *delta;
         }
@@ -88,9 +88,9 @@ impl<S: System> Within<'_, S> {
 }
 
 /// To be looked at: moving is the whole's business.
-impl<S: System> System for Within<'_, S> {
+impl<S: FastSystem> System for CliqueSystem<'_, S> {
     type Moment = S::Moment;
-    type Scratch = Room<S::Scratch>;
+    type Scratch = CliqueScratch<S::Scratch>;
 
     fn partition(&self) -> Partition {
         self.clique.part
@@ -100,82 +100,91 @@ impl<S: System> System for Within<'_, S> {
         self.clique.rows.len()
     }
 
-    fn scratch(&self) -> Room<S::Scratch> {
-        Room::new(self.system)
+    fn scratch(&self) -> CliqueScratch<S::Scratch> {
+        CliqueScratch::new(self.system)
     }
 
     fn input_std(&self) -> &[f64] {
         self.system.input_std()
     }
 
-    fn driven(&self) -> &[usize] {
-        &[]
-    }
-
-    fn depth(&self, row: usize) -> Depth {
-        self.system.depth(row)
-    }
-
     fn transition(&self, _: f64, _: &[f64], _: &[f64], _: &[f64], out: &mut Transition) {
         out.clear();
     }
 
-    fn linearise(&self, _: &S::Moment, _: &mut Room<S::Scratch>, _: &[f64], _: &mut [f64], _: &mut [f64]) {}
+    fn linearise(&self, _: &S::Moment, _: &mut CliqueScratch<S::Scratch>, _: &[f64], _: &mut [f64], _: &mut [f64]) {}
 
-    fn readings(&self, moment: &S::Moment, room: &mut Room<S::Scratch>, at: Points, out: &mut [Lane]) {
+    fn readings(&self, moment: &S::Moment, room: &mut CliqueScratch<S::Scratch>, at: Points, out: &mut [Lane]) {
         self.place(at.delta, room);
         let at = Points { mean: &room.mean, delta: &room.delta, off: at.off };
         self.system.readings(moment, &mut room.inner, at, out);
     }
+}
+
+impl<S: FastSystem> FastSystem for CliqueSystem<'_, S> {
+    fn dependence(&self, row: usize) -> Dependence {
+        self.system.dependence(row)
+    }
 
     #[inline(always)]
-    fn settle<const FUSED: bool>(&self, moment: &S::Moment, room: &mut Room<S::Scratch>, at: Points, out: &mut [Lane]) {
+    fn readings_at_mean<const FUSED: bool>(
+        &self,
+        moment: &S::Moment,
+        room: &mut CliqueScratch<S::Scratch>,
+        at: Points,
+        out: &mut [Lane],
+    ) {
         room.delta.fill(Lane([0.0; LANES]));
         for (&state, &x) in self.clique.states.iter().zip(at.mean) {
             room.mean[state] = x;
         }
         let at = Points { mean: &room.mean, delta: &room.delta, off: at.off };
-        self.system.settle::<FUSED>(moment, &mut room.inner, at, out);
+        self.system.readings_at_mean::<FUSED>(moment, &mut room.inner, at, out);
     }
 
     #[inline(always)]
-    fn readings_near<const FUSED: bool>(
+    fn readings_near_mean<const FUSED: bool>(
         &self,
         moment: &S::Moment,
-        room: &mut Room<S::Scratch>,
+        room: &mut CliqueScratch<S::Scratch>,
         at: Points,
-        vary: Vary,
+        perturbed: PerturbedStates,
         out: &mut [Lane],
     ) {
         self.place(at.delta, room);
         let at = Points { mean: &room.mean, delta: &room.delta, off: at.off };
-        let from = self.clique.states.get(vary.from).copied().unwrap_or(room.mean.len());
-        let vary = Vary { from, inputs: vary.inputs };
-        self.system.readings_near::<FUSED>(moment, &mut room.inner, at, vary, out);
+        let from = self.clique.states.get(perturbed.from).copied().unwrap_or(room.mean.len());
+        let perturbed = PerturbedStates { from, inputs: perturbed.inputs };
+        self.system.readings_near_mean::<FUSED>(moment, &mut room.inner, at, perturbed, out);
     }
 
-    fn straight(&self) -> Option<Straight> {
+    fn linear_pattern(&self) -> Option<SparseJacobian> {
         self.clique.straight.clone()
     }
 
     #[inline(always)]
-    fn straighten<const FUSED: bool>(&self, moment: &S::Moment, room: &mut Room<S::Scratch>, straight: &mut Straight) {
+    fn linear_jacobian<const FUSED: bool>(
+        &self,
+        moment: &S::Moment,
+        room: &mut CliqueScratch<S::Scratch>,
+        straight: &mut SparseJacobian,
+    ) {
         let Some(whole) = &mut room.straight else { return };
-        self.system.straighten::<FUSED>(moment, &mut room.inner, whole);
+        self.system.linear_jacobian::<FUSED>(moment, &mut room.inner, whole);
         for (own, &number) in straight.slopes.iter_mut().zip(&self.clique.slopes) {
             own.rows = whole.slopes[number].rows;
         }
     }
 
     #[inline(always)]
-    fn curve<const FUSED: bool>(
+    fn second_order<const FUSED: bool>(
         &self,
         moment: &S::Moment,
-        room: &mut Room<S::Scratch>,
+        room: &mut CliqueScratch<S::Scratch>,
         delta: &[Lane],
         out: &mut [Lane],
     ) {
         self.place(delta, room);
-        self.system.curve::<FUSED>(moment, &mut room.inner, &room.delta, out);
+        self.system.second_order::<FUSED>(moment, &mut room.inner, &room.delta, out);
     }
 }

@@ -1,228 +1,91 @@
-//! One filter: predict exactly, update with every reading of a sample at once. Allocates nothing after it is made.
+//! The filter: prediction, update and learning of noise, for the tracker. Allocates nothing after it is made.
 //!
-//! The update is the unscented one (estimate/sigma.rs) in information form (estimate/solve.rs).
+//! Equation numbers are those of ARCHITECTURE.md, "The estimator on one page". U1 to U4 are computed in `estimate::sigma` (U9 in
+//! `linearised`), U5 to U8 in `estimate::information`, the gate in `gate`, the factorised update in `limbs`.
 
-mod judge;
+mod gate;
 mod limbs;
-mod search;
-mod tangent;
+mod linearised;
+mod measurement;
+mod report;
 
 use super::belief::Belief;
-use super::dense::{NotPositive, Square};
+use super::information::{InformationUpdate, WeightedReadings};
 use super::learn::{Correction, Learning};
-use super::sigma::{Fan, Look, Spread};
-use super::solve::{Solver, Weighted};
-use super::tiles::{factor, padded, Panel, Sweep, RAISES, VECTOR};
-use super::transition::{carry, Block, Transition};
-use super::System;
-use crate::lane::arch::Arch;
+use super::sigma::{PredictedReadings, ReadingContext, Spread};
+use super::transition::{congruence, Block, Transition};
+use super::FastSystem;
+use crate::kernels::arch::Arch;
+use crate::kernels::dense::{NotPositive, Square};
+use crate::kernels::tiles::{factor, padded, Panel, Sweep, RAISES, VECTOR};
 use limbs::Limbs;
-use search::Search;
+use linearised::Linearised;
+pub use measurement::{DirectionTest, Gate, Measurement, RowGroups, UpdateSettings};
+pub use report::{Diverged, Info, SourceInfo, Verdict};
 use std::ops::Range;
-use tangent::{At, Tangent};
-
-/// Which rows belong together.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Groups {
-    /// Accepted or rejected together.
-    pub parts: Vec<Range<usize>>,
-    /// Reported together; each covers whole parts.
-    pub sources: Vec<Range<usize>>,
-    /// All rows of inertial units, whose joint consistency is reported.
-    pub inertial: Vec<usize>,
-    /// Those of them whose noise is learnt by itself, beside that of all.
-    pub rough: Vec<usize>,
-}
-
-/// What an update did with one source.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SourceInfo {
-    /// Normalised innovation squared over the used rows; NaN if none was used.
-    pub nis: f64,
-    /// Rows used.
-    pub used: u8,
-    /// Rows there but not believed.
-    pub rejected: u8,
-    /// Rows not there.
-    pub missing: u8,
-}
-
-/// What became of a part of the measurement.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
-    /// Not there.
-    Missing,
-    /// Used.
-    Believed,
-    /// Not to be believed whatever the belief.
-    Barred,
-    /// Too far off in the direction of its slant.
-    Slanted,
-    /// Too large an innovation.
-    Odd,
-    /// Kept from the filter: its field has turned.
-    Turned,
-    /// Some or all of its rows kept from the filter: at the end of the range.
-    Clipped,
-    /// Kept from the filter: it repeats itself.
-    Stuck,
-}
-
-/// The report of one update.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Info {
-    /// Reading minus predicted reading, NaN where missing.
-    pub innovation: Vec<f64>,
-    /// Of all used rows together.
-    pub nis: f64,
-    /// Of all used rows of inertial units together, and how many there were.
-    pub inertial: (f64, usize),
-    /// In the order of the sources.
-    pub sources: Vec<SourceInfo>,
-    /// In the order of the parts.
-    pub parts: Vec<Verdict>,
-    /// How well the readings fit, as the logarithm of a likelihood; what was rejected counts as just tolerable.
-    pub evidence: f64,
-    /// The belief was given up before, because its sensors contradicted it.
-    pub lost: bool,
-}
-
-impl Info {
-    /// Room for `groups`.
-    pub fn new(groups: &Groups, rows: usize) -> Self {
-        let none = SourceInfo { nis: f64::NAN, used: 0, rejected: 0, missing: 0 };
-        Info {
-            innovation: vec![f64::NAN; rows],
-            nis: f64::NAN,
-            inertial: (f64::NAN, 0),
-            sources: vec![none; groups.sources.len()],
-            parts: vec![Verdict::Missing; groups.parts.len()],
-            evidence: 0.0,
-            lost: false,
-        }
-    }
-}
-
-/// The belief is no longer a belief.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Lost {
-    /// What broke.
-    pub what: String,
-}
-
-/// A direction in which a part is tested by itself.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Slant {
-    /// Unit vector over the part's three rows, which have the same noise.
-    pub along: [f64; 3],
-    /// How far off the part is in this direction.
-    pub off: f64,
-    /// How far it may be off.
-    pub tolerance: f64,
-    /// ... or so many standard deviations of the belief, where these are more.
-    pub sigmas: f64,
-}
-
-/// What an update is told.
-#[derive(Debug, Clone, Copy)]
-pub struct Sighting<'a> {
-    /// Readings; NaN is missing.
-    pub z: &'a [f64],
-    /// Standard deviation of each row's noise.
-    pub std: &'a [f64],
-    /// Parts that are not to be believed whatever the innovation says.
-    pub barred: &'a [bool],
-    /// Parts that pass at the bare quantile or not at all, and whose oddities are no habit.
-    pub strict: &'a [bool],
-    /// Of parts that are tested in one direction by itself.
-    pub slants: &'a [Option<Slant>],
-    /// Rows that belong together.
-    pub groups: &'a Groups,
-}
-
-/// How innovations are tested.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Gate {
-    /// Test at all.
-    pub on: bool,
-    /// A part is odd when its normalised innovation squared exceeds the 1e-6 quantile this many times.
-    pub slack: f64,
-    /// A part rejected for longer than this is believed again, s: the belief may be wrong, not the sensor.
-    pub patience_s: f64,
-    /// The same of a strict part, which is believed from then on until it fits.
-    pub strict_patience_s: f64,
-}
-
-/// No belief is so wrong that a reading may be a million standard deviations off: that is no reading.
-const ABSURD_NIS: f64 = 1e12;
-
-/// How an update is done.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Manner {
-    /// Of the sigma points.
-    pub spread: Spread,
-    /// Of innovations.
-    pub gate: Gate,
-    /// Of driving noise.
-    pub learning: Learning,
-}
 
 /// Workspace of a filter.
 #[derive(Debug, Clone)]
-pub struct Filter<S: System> {
+pub struct Filter<S: FastSystem> {
     arch: Arch,
     scratch: S::Scratch,
-    fan: Fan,
-    /// Of a filter that linearises; without it, sigma points are spread.
-    linear: Option<(Tangent, Search)>,
-    /// Of a factorised one, which works limb by limb; the stage of each source and the one that is on.
+    predicted: PredictedReadings,
+    /// Of an extended filter; without it, sigma points are used.
+    linear: Option<Linearised>,
+    /// Of a factorised filter, which updates limb by limb; the stage of each source and the current one.
     limbs: Option<Box<Limbs<S::Scratch, S::Moment>>>,
     stages: Vec<usize>,
     stage: usize,
-    solver: Solver,
-    /// U with U'U = P.
-    root: Panel,
-    /// Starts of its columns.
+    information: InformationUpdate,
+    /// L' of U1, upper triangular.
+    l_transposed: Panel,
+    /// First row of each of its vectors of columns that is not zero.
     starts: Vec<usize>,
-    /// All rows in the order in which they are worked off, inertial units first, and of these, how many there are.
+    /// All rows in the order of the update: inertial units first.
     order: Vec<usize>,
+    /// Per row: whether it belongs to an inertial unit.
     inertial: Vec<bool>,
-    /// Those of them that are there.
+    /// Rows present in this update, and how many of them belong to inertial units; they come first.
     rows: Vec<usize>,
     inertial_rows: usize,
+    /// Innovations divided by their noise.
     y: Vec<f64>,
     used: Vec<bool>,
-    /// Source of each part; what the last tests said, of each part or source.
+    /// Source of each part.
     part_sources: Vec<usize>,
+    /// NIS of each part or source in the last tests.
     tested: Vec<f64>,
+    /// Per row: one over the standard deviation of its noise.
     weight: Vec<f64>,
+    /// x+ - x.
     shift: Vec<f64>,
     variance: Vec<f64>,
-    /// Variance of each state before the update, and what the last prediction added to it.
+    /// Variance of each state before the update.
     before: Vec<f64>,
+    /// Variance that process noise has added since the last update.
     fresh: Vec<f64>,
+    /// Time since the last update, s.
     since_s: f64,
-    carried: Vec<Block>,
-    /// Of what the last update rejected.
+    /// Jr(delta) of P3.
+    reset: Vec<Block>,
+    /// NIS and number of the rows that the last update rejected.
     rejected_nis: f64,
     rejected_rows: usize,
 }
 
-impl<S: System> Filter<S> {
-    /// Room for an unscented filter of `system`.
-    pub fn new(system: &S, groups: &Groups) -> Self {
-        Self::with(system, groups, Fan::new(system), None)
+impl<S: FastSystem> Filter<S> {
+    /// Workspace of an unscented filter of `system`.
+    pub fn new(system: &S, groups: &RowGroups) -> Self {
+        Self::with(system, groups, PredictedReadings::new(system), None)
     }
 
-    /// Room for an extended filter, which linearises the readings up to `rounds` times an update; from two on, it is the
-    /// iterated one.
-    pub fn extended(system: &S, groups: &Groups, rounds: usize) -> Self {
-        let linear = (Tangent::new(system), Search::new(rounds, system.partition().dim()));
-        Self::with(system, groups, Fan::straight(system), Some(linear))
+    /// Workspace of an extended filter, which linearises the readings at the mean.
+    pub fn extended(system: &S, groups: &RowGroups) -> Self {
+        Self::with(system, groups, PredictedReadings::linear(system), Some(Linearised::new(system)))
     }
 
-    /// Room for a factorised filter; where the system does not fall apart it is the unscented one.
-    pub fn factorised(system: &S, groups: &Groups) -> Self {
+    /// Workspace of a factorised filter; it is the unscented one if the system has no limbs.
+    pub fn factorised(system: &S, groups: &RowGroups) -> Self {
         let whole = Self::new(system, groups);
         match Limbs::new(system, groups) {
             Some((limbs, stages)) => Filter { limbs: Some(Box::new(limbs)), stages, ..whole },
@@ -230,12 +93,12 @@ impl<S: System> Filter<S> {
         }
     }
 
-    fn with(system: &S, groups: &Groups, fan: Fan, linear: Option<(Tangent, Search)>) -> Self {
+    fn with(system: &S, groups: &RowGroups, predicted: PredictedReadings, linear: Option<Linearised>) -> Self {
         let (n, m) = (system.partition().dim(), system.row_count());
         let mut inertial = vec![false; m];
         groups.inertial.iter().for_each(|&r| inertial[r] = true);
         let mut order: Vec<usize> = (0..m).collect();
-        order.sort_by_key(|&r| (!inertial[r], system.depth(r)));
+        order.sort_by_key(|&r| (!inertial[r], system.dependence(r)));
         let source_of = |part: &Range<usize>| groups.sources.iter().take_while(|s| s.end <= part.start).count();
         Filter {
             arch: Arch::best(),
@@ -244,9 +107,9 @@ impl<S: System> Filter<S> {
             limbs: None,
             stages: vec![0; groups.sources.len()],
             stage: 0,
-            solver: Solver::new(m, fan.evens, n, &groups.sources),
-            fan,
-            root: Panel::zeros(n, padded(n)),
+            information: InformationUpdate::new(m, predicted.e_columns, n, &groups.sources),
+            predicted,
+            l_transposed: Panel::zeros(n, padded(n)),
             starts: vec![0; padded(n) / VECTOR],
             order,
             inertial,
@@ -262,24 +125,24 @@ impl<S: System> Filter<S> {
             before: vec![0.0; n],
             fresh: vec![0.0; n],
             since_s: 0.0,
-            carried: Vec::with_capacity(n),
+            reset: Vec::with_capacity(n),
             rejected_nis: 0.0,
             rejected_rows: 0,
         }
     }
 
-    /// Uses these instructions instead of the best ones; to compare.
+    /// Sets the instruction set, for comparisons.
     #[doc(hidden)]
     pub fn use_arch(&mut self, arch: Arch) {
         self.arch = arch;
     }
 
-    /// Whether all readings of an update are taken at once, so that innovations and shift belong together.
+    /// Whether all readings are used in one update, so that innovations and shift belong together; false for the factorised filter.
     pub fn is_whole(&self) -> bool {
         self.limbs.is_none()
     }
 
-    /// By how much the last update moved the mean.
+    /// x+ - x of the last update.
     pub fn shift(&self) -> &[f64] {
         &self.shift
     }
@@ -289,13 +152,13 @@ impl<S: System> Filter<S> {
         self.since_s
     }
 
-    /// Forgets what earlier predictions added: a new sample is awaited.
+    /// Starts a new sample: forgets the process noise of earlier predictions.
     pub fn await_sample(&mut self) {
         self.fresh.fill(0.0);
         self.since_s = 0.0;
     }
 
-    /// Moves the belief on to `to_s`; `transition` tells how it moved.
+    /// Predicts the belief at `to_s` (P1, P2); `transition` is the motion that was used.
     pub fn predict(&mut self, system: &S, belief: &mut Belief, to_s: f64, transition: &mut Transition) {
         belief.covariance.diagonal(&mut self.variance);
         let dt = to_s - belief.time_s;
@@ -309,77 +172,78 @@ impl<S: System> Filter<S> {
         self.since_s += dt;
     }
 
-    /// Takes in the readings of one instant.
+    /// Updates the belief with the readings of one instant.
     pub fn update(
         &mut self,
         system: &S,
         moment: &S::Moment,
         belief: &mut Belief,
-        sighting: Sighting,
-        manner: Manner,
+        measured: Measurement,
+        settings: UpdateSettings,
         info: &mut Info,
-    ) -> Result<(), Lost> {
-        if sighting.z.iter().all(|z| z.is_nan()) {
-            self.report_missing(sighting, info);
+    ) -> Result<(), Diverged> {
+        if measured.z.iter().all(|z| z.is_nan()) {
+            self.report_missing(measured, info);
             return Ok(());
         }
         info.innovation.fill(f64::NAN);
         if let Some(mut limbs) = self.limbs.take() {
-            let done = self.update_limbs(&mut limbs, (system, moment), belief, sighting, manner, info);
+            let done = self.update_limbs(&mut limbs, (system, moment), belief, measured, settings, info);
             self.limbs = Some(limbs);
             return done;
         }
-        self.list_rows(sighting.z, |_| true);
-        self.factorise(&belief.covariance)?;
-        match &mut self.linear {
-            None => {
-                let look = Look { system, moment, mean: &belief.mean, rows: &self.rows, spread: manner.spread };
-                self.fan.spread(self.arch, look, &mut self.scratch, &self.root);
-            }
-            Some((tangent, _)) => {
-                tangent.prepare(self.arch, &self.root);
-                let at = At { mean: &belief.mean, carried: &[], rows: &self.rows };
-                tangent.spread(self.arch, &mut self.fan, (system, moment), &mut self.scratch, at);
-            }
-        }
-        self.innovate(sighting, (belief.inflation, belief.roughness), info);
+        self.list_rows(measured.z, |_| true);
+        self.factorise(&belief.covariance)?; // U1: L'
+        self.predict_readings(system, moment, &belief.mean, settings.spread); // U1, U2: h0, H, E, d
+        self.innovate(measured, (belief.inflation, belief.roughness), info); // U3: y
         let (rows, inertial) = (&self.rows, self.inertial_rows);
-        let readings = Weighted { rows, inertial, weight: &self.weight, y: &self.y };
-        self.solver.weigh(self.arch, &self.fan, readings);
-        self.judge(sighting, manner, belief, info);
-        self.report(sighting, info);
+        let readings = WeightedReadings { rows, inertial, weight: &self.weight, y: &self.y };
+        self.information.whiten(self.arch, &self.predicted, readings); // U5: S
+        self.gate_parts(measured, settings, belief, info);
+        self.report(measured, info);
         belief.covariance.diagonal(&mut self.before);
-        self.solve(sighting, info)?;
-        self.iterate(system, moment, &belief.mean, sighting.z)?;
-        self.combine(system, belief)?;
-        self.learn_noise(belief, manner.learning, info.inertial);
-        self.learn(system, belief, manner.learning);
+        self.solve(measured, info)?; // U6, U7: W, w, V, b, X
+        self.combine(system, belief)?; // U8, P3: x+, P+
+        self.learn_noise(belief, settings.learning, info.inertial);
+        self.learn(system, belief, settings.learning);
         Ok(())
     }
 
-    fn factorise(&mut self, covariance: &Square) -> Result<(), Lost> {
+    /// h0, H, E and d: from sigma points (U1, U2), or linearised (U9).
+    fn predict_readings(&mut self, system: &S, moment: &S::Moment, mean: &[f64], spread: Spread) {
+        let context = ReadingContext { system, moment, mean, rows: &self.rows, spread };
+        let (arch, scratch, l_transposed) = (self.arch, &mut self.scratch, &self.l_transposed);
+        match &mut self.linear {
+            None => self.predicted.from_sigma_points(arch, context, scratch, l_transposed),
+            Some(linearised) => linearised.fill(arch, &mut self.predicted, context, scratch, l_transposed),
+        }
+    }
+
+    /// L' of U1. Where rounding took the sign of a pivot, the diagonal is raised by a relative 1e-12.
+    fn factorise(&mut self, covariance: &Square) -> Result<(), Diverged> {
         let n = covariance.n();
         let sweep = Sweep { n, width: padded(n), starts: &self.starts };
         let mut done = Ok(());
         for share in RAISES {
-            self.root.copy_raised(covariance, share);
-            done = factor(self.arch, &mut self.root, sweep);
+            self.l_transposed.copy_raised(covariance, share);
+            done = factor(self.arch, &mut self.l_transposed, sweep);
             if done.is_ok() {
                 break;
             }
         }
-        done.map_err(|e| Lost {
+        done.map_err(|e| Diverged {
             what: format!("the covariance lost its sign (state {}, pivot {:.2e})", e.row, e.pivot),
         })
     }
 
-    /// Rows that are there and asked for.
+    /// Lists the rows that are present and belong to the stage.
     fn list_rows(&mut self, z: &[f64], asked: impl Fn(usize) -> bool) {
         self.rows.clear();
         self.rows.extend(self.order.iter().copied().filter(|&r| !z[r].is_nan() && asked(r)));
         self.inertial_rows = self.rows.iter().take_while(|&&r| self.inertial[r]).count();
     }
 
+    /// Factors on the process noise, from corrections.
     fn learn(&mut self, system: &S, belief: &mut Belief, learning: Learning) {
         if self.since_s == 0.0 {
             return;
@@ -391,71 +255,74 @@ impl<S: System> Filter<S> {
         }
     }
 
-    /// From the innovations of all inertial units together: what units say of each other shows in no single one.
+    /// From the joint innovation of all inertial units: contradictions between units show in no single one.
     fn learn_noise(&self, belief: &mut Belief, learning: Learning, (nis, used): (f64, usize)) {
         if used == 0 || !nis.is_finite() {
             return;
         }
         let ratio = nis / used as f64;
         belief.inflation = learning.inflation(belief.inflation, belief.surprise, self.since_s, ratio);
-        belief.surprise = learning.habit(belief.surprise, self.since_s, ratio);
+        belief.surprise = learning.usual_nis(belief.surprise, self.since_s, ratio);
     }
 
-    fn innovate(&mut self, sighting: Sighting, (inflation, roughness): (f64, f64), info: &mut Info) {
-        self.weight.iter_mut().zip(sighting.std).for_each(|(w, std)| *w = 1.0 / std);
+    /// U3, divided by the noise.
+    fn innovate(&mut self, measured: Measurement, (inflation, roughness): (f64, f64), info: &mut Info) {
+        self.weight.iter_mut().zip(measured.std).for_each(|(w, std)| *w = 1.0 / std);
         if inflation > 1.0 {
             let factor = 1.0 / inflation.sqrt();
-            sighting.groups.inertial.iter().for_each(|&r| self.weight[r] *= factor);
+            measured.groups.inertial.iter().for_each(|&r| self.weight[r] *= factor);
         }
         if roughness > 1.0 {
             let factor = 1.0 / roughness.sqrt();
-            sighting.groups.rough.iter().for_each(|&r| self.weight[r] *= factor);
+            measured.groups.rough.iter().for_each(|&r| self.weight[r] *= factor);
         }
         self.used.fill(false);
         self.y.fill(0.0);
         for &r in &self.rows {
-            let v = sighting.z[r] - self.fan.center[r] - self.fan.bend[r];
+            let v = measured.z[r] - self.predicted.h0[r] - self.predicted.d[r];
             info.innovation[r] = v;
             self.y[r] = v * self.weight[r];
             self.used[r] = true;
         }
     }
 
-    fn solve(&mut self, sighting: Sighting, info: &mut Info) -> Result<(), Lost> {
-        let verdict = self.solver.solve(self.arch, &self.root).map_err(broken)?;
-        let inertial = sighting.groups.inertial.iter().filter(|&&r| self.used[r]).count();
+    /// U6 and U7, and what they say of the readings.
+    fn solve(&mut self, measured: Measurement, info: &mut Info) -> Result<(), Diverged> {
+        let verdict = self.information.solve(self.arch, &self.l_transposed).map_err(broken)?;
+        let inertial = measured.groups.inertial.iter().filter(|&&r| self.used[r]).count();
         info.inertial = (if inertial == 0 { f64::NAN } else { verdict.inertial }, inertial);
         info.nis = verdict.nis;
         let rows = self.used.iter().filter(|&&used| used).count() + self.rejected_rows;
-        info.evidence = evidence(info.nis + self.rejected_nis, rows);
+        info.log_likelihood = log_likelihood(info.nis + self.rejected_nis, rows);
         Ok(())
     }
 
-    fn combine(&mut self, system: &S, belief: &mut Belief) -> Result<(), Lost> {
-        self.solver.posterior(self.arch, &mut self.shift, &mut belief.covariance);
+    /// U8 and P3.
+    fn combine(&mut self, system: &S, belief: &mut Belief) -> Result<(), Diverged> {
+        self.information.posterior(self.arch, &mut self.shift, &mut belief.covariance);
         system.shift(&mut belief.mean, &self.shift);
-        self.carried.clear();
-        system.carry(&self.shift, &mut self.carried);
-        self.carried.iter().for_each(|block| carry(self.arch, block, &mut belief.covariance));
+        self.reset.clear();
+        system.reset_jacobian(&self.shift, &mut self.reset);
+        self.reset.iter().for_each(|block| congruence(self.arch, block, &mut belief.covariance));
         let finite = belief.mean.iter().all(|x| x.is_finite());
         if finite {
             Ok(())
         } else {
-            Err(Lost { what: "the estimate is not a number".into() })
+            Err(Diverged { what: "the estimate is not a number".into() })
         }
     }
 }
 
-fn broken(e: NotPositive) -> Lost {
-    Lost { what: format!("the update broke (row {}, pivot {:.2e})", e.row, e.pivot) }
+fn broken(e: NotPositive) -> Diverged {
+    Diverged { what: format!("the update broke (row {}, pivot {:.2e})", e.row, e.pivot) }
 }
 
-/// So many samples in a row say the same: what a model gets wrong lasts.
+/// Model errors last for several samples, so a sample counts as this share of an independent one.
 const SAMPLES_ALIKE: f64 = 4.0;
 
-/// Of a Student distribution with as many degrees of freedom as rows, so that a jolt decides nothing. Its determinant is
+/// Log-likelihood of a hypothesis: Student's, with as many degrees of freedom as rows, so that one jolt does not decide. The determinant is
 /// left out: while a body rests it would favour whatever posture predicts least motion.
-pub fn evidence(nis: f64, rows: usize) -> f64 {
+pub fn log_likelihood(nis: f64, rows: usize) -> f64 {
     let rows = rows.max(1) as f64;
     -0.5 * rows * (nis / rows).ln_1p() / SAMPLES_ALIKE
 }

@@ -45,9 +45,9 @@ impl Learning {
     }
 
     /// The usual size of a part's innovation, as a factor on what is expected of it, behind one more innovation.
-    pub fn habit(&self, habit: f64, dt: f64, ratio: f64) -> f64 {
-        let ratio = ratio.min(LARGEST_RATIO * habit.max(1.0));
-        habit + self.rate(dt) * (ratio - habit)
+    pub fn usual_nis(&self, usual_nis: f64, dt: f64, ratio: f64) -> f64 {
+        let ratio = ratio.min(LARGEST_RATIO * usual_nis.max(1.0));
+        usual_nis + self.rate(dt) * (ratio - usual_nis)
     }
 
     /// How much larger noise is than the model says, behind one more innovation. It sets in only where innovations are

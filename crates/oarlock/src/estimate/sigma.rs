@@ -1,17 +1,16 @@
-//! The scaled unscented transform in its odd/even form, which has no negative weight.
+//! Predicted readings and their columns from sigma points, for the update: h0, H, E and d of equations U1 and U2.
 //!
-//! With P = U'U, g = alpha sqrt(n + kappa) and h+- = h(x +- g u_i): H_i = (h+ - h-) / 2g, E_i = (h+ + h- - 2 h0) / 2g and
-//! d = sum E_i / g. Then the innovation is z - h0 - d and Pzz = H H' + E E' + (beta - alpha^2) d d' + R, Pxz = U' H': the
-//! textbook transform (Wan and van der Merwe 2000) rearranged, equal to it while beta >= alpha^2.
+//! Equation numbers are those of ARCHITECTURE.md. It is the scaled unscented transform (Wan and van der Merwe 2000) rearranged into odd and
+//! even parts; no weight is negative while beta >= alpha^2.
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
-use super::straight::{turn, Straight};
-use super::tiles::{padded, Panel, VECTOR};
-use super::{Depth, Partition, Points, System, Vary};
-use crate::lane::arch::{Arch, Kernel};
-use crate::lane::{Lane, LANES};
+use super::{Dependence, FastSystem, Partition, PerturbedStates, Points};
+use crate::kernels::arch::{Arch, Kernel};
+use crate::kernels::lane::{Lane, LANES};
+use crate::kernels::sparse_jacobian::{turn, SparseJacobian};
+use crate::kernels::tiles::{padded, Panel, VECTOR};
 
-/// Spread of the sigma points.
+/// Scaling of the sigma points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread {
     /// Scale of the points, in (0, 1].
@@ -23,58 +22,56 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// How far out the points lie, in standard deviations.
+    /// g of U1: distance of the points from the mean, in standard deviations.
     pub fn reach(&self, n: usize) -> f64 {
         self.alpha * (n as f64 + self.kappa).sqrt()
     }
 }
 
-/// Twins side by side: plus in the lower half of the lanes, minus in the upper.
+/// Pairs in one lane: plus points in its lower half, minus points in its upper half.
 const PAIRS: usize = LANES / 2;
 
-/// Readings around the mean, not yet divided by noise. Whoever fills `center`, `bend`, `odd` and `even` has said all that an
-/// update asks for.
+/// Predicted readings with their first- and second-order columns, not yet divided by noise: all that an update needs of a system.
 #[derive(Debug, Clone)]
-pub struct Fan {
-    /// At the mean.
-    pub center: Vec<f64>,
-    /// d: what curvature adds to the mean reading.
-    pub bend: Vec<f64>,
-    /// One row a reading: H with its columns reversed.
-    pub odd: Panel,
-    /// One row a reading: D, E of the rates and of the poses, sqrt(beta - alpha^2) d: fewest readings have a part in the first. D has
-    /// a column for each noisy input, which is what the readings change by when that input is off by its standard deviation:
-    /// D D' adds to R.
-    pub even: Panel,
-    /// Columns of `even`.
-    pub evens: usize,
+pub struct PredictedReadings {
+    /// h0 = h(x).
+    pub h0: Vec<f64>,
+    /// d: second-order shift of the mean reading.
+    pub d: Vec<f64>,
+    /// H, a row for each reading, its columns in reverse order.
+    pub h: Panel,
+    /// [D | E of rates | E of poses | sqrt(beta - alpha^2) d], a row for each reading. D has a column for each noisy input: the change of
+    /// the readings when that input is off by its standard deviation. The block in which fewest readings have entries comes first.
+    pub e: Panel,
+    /// Columns of `e` in use.
+    pub e_columns: usize,
     part: Partition,
-    depth: Vec<Depth>,
-    /// Of systems that tell how they answer to rates and linear block.
-    straight: Option<Straight>,
-    /// Row k is column k of the factor, reversed.
-    turned: Panel,
+    dependence: Vec<Dependence>,
+    /// Jacobian by rates and linear block, of systems that compute it.
+    linear: Option<SparseJacobian>,
+    /// Row k is row k of L, reversed.
+    l_reversed: Panel,
     asked: Vec<bool>,
     off: Vec<Lane>,
     delta: Vec<Lane>,
     out: Vec<Lane>,
 }
 
-impl Fan {
-    /// Room for the readings of `system`.
-    pub fn new<S: System>(system: &S) -> Self {
+impl PredictedReadings {
+    /// Workspace for the readings of `system`.
+    pub fn new<S: FastSystem>(system: &S) -> Self {
         let (part, inputs, rows) = (system.partition(), system.input_std().len(), system.row_count());
-        let (n, evens) = (part.dim(), part.curved() + 1 + inputs);
-        Fan {
-            center: vec![0.0; rows],
-            bend: vec![0.0; rows],
-            odd: Panel::zeros(rows, padded(n)),
-            even: Panel::zeros(rows, padded(evens)),
-            evens,
+        let (n, e_columns) = (part.dim(), part.curved() + 1 + inputs);
+        PredictedReadings {
+            h0: vec![0.0; rows],
+            d: vec![0.0; rows],
+            h: Panel::zeros(rows, padded(n)),
+            e: Panel::zeros(rows, padded(e_columns)),
+            e_columns,
             part,
-            depth: (0..rows).map(|r| system.depth(r)).collect(),
-            straight: system.straight(),
-            turned: Panel::zeros(n, padded(n) + LANES),
+            dependence: (0..rows).map(|r| system.dependence(r)).collect(),
+            linear: system.linear_pattern(),
+            l_reversed: Panel::zeros(n, padded(n) + LANES),
             asked: vec![false; rows],
             off: vec![Lane([0.0; LANES]); inputs],
             delta: vec![Lane([0.0; LANES]); n],
@@ -82,65 +79,78 @@ impl Fan {
         }
     }
 
-    /// The same where all readings are straight: `odd` and the columns of the inputs alone.
-    pub fn straight<S: System>(system: &S) -> Self {
+    /// The same for linearised readings (U9): H, and D in place of E.
+    pub fn linear<S: FastSystem>(system: &S) -> Self {
         let (inputs, rows) = (system.input_std().len().max(1), system.row_count());
-        Fan { even: Panel::zeros(rows, padded(inputs)), evens: inputs, ..Fan::new(system) }
+        PredictedReadings { e: Panel::zeros(rows, padded(inputs)), e_columns: inputs, ..PredictedReadings::new(system) }
     }
 
-    /// Spreads the points along the rows of `factor` and takes the readings of `rows`. Allocates nothing.
-    pub fn spread<S: System>(&mut self, arch: Arch, look: Look<S>, scratch: &mut S::Scratch, factor: &Panel) {
+    /// U1 and U2 for the rows of `context`. Allocates nothing.
+    pub fn from_sigma_points<S: FastSystem>(
+        &mut self,
+        arch: Arch,
+        context: ReadingContext<S>,
+        scratch: &mut S::Scratch,
+        l_transposed: &Panel,
+    ) {
         let (n, pose, curved, inputs) = (self.part.dim(), self.part.pose, self.part.curved(), self.off.len());
         self.delta.fill(Lane([0.0; LANES]));
         self.off.fill(Lane([0.0; LANES]));
         self.asked.fill(false);
-        look.rows.iter().for_each(|&r| self.asked[r] = true);
-        self.read(arch, look, scratch, factor, Batch::Mean);
-        let told = self.straight.is_some();
-        if told {
-            arch.run(Straightening { fan: &mut *self, look, scratch: &mut *scratch, factor });
+        context.rows.iter().for_each(|&r| self.asked[r] = true);
+        self.read(arch, context, scratch, l_transposed, Batch::Mean);
+        let has_jacobian = self.linear.is_some();
+        if has_jacobian {
+            arch.run(LinearColumns { predicted: &mut *self, context, scratch: &mut *scratch, l_transposed });
             for first in (pose..curved).step_by(LANES) {
                 let count = LANES.min(curved - first);
-                arch.run(Bending { fan: &mut *self, look, scratch: &mut *scratch, first, count });
+                arch.run(SecondOrderColumns { predicted: &mut *self, context, scratch: &mut *scratch, first, count });
             }
         }
-        for block in [0..pose, pose..curved].into_iter().take(if told { 1 } else { 2 }) {
-            // From the last, which may be a few: whatever it writes too much is written again by those before it.
+        for block in [0..pose, pose..curved].into_iter().take(if has_jacobian { 1 } else { 2 }) {
+            // Backwards: the last batch may be incomplete, and what it writes too much is overwritten by the ones before it.
             for first in block.clone().step_by(PAIRS).rev() {
                 let (count, alone) = (PAIRS.min(block.end - first), first == block.start);
-                self.read(arch, look, scratch, factor, Batch::Pairs { first, count, alone });
+                self.read(arch, context, scratch, l_transposed, Batch::Pairs { first, count, alone });
             }
         }
-        for first in (curved..n).step_by(LANES).filter(|_| !told) {
-            self.read(arch, look, scratch, factor, Batch::Singles(first, LANES.min(n - first)));
+        for first in (curved..n).step_by(LANES).filter(|_| !has_jacobian) {
+            self.read(arch, context, scratch, l_transposed, Batch::Singles(first, LANES.min(n - first)));
         }
         for first in (0..inputs).step_by(LANES) {
-            self.read(arch, look, scratch, factor, Batch::Inputs(first, LANES.min(inputs - first)));
+            self.read(arch, context, scratch, l_transposed, Batch::Inputs(first, LANES.min(inputs - first)));
         }
-        arch.run(Averaging { fan: self, rows: look.rows, spread: look.spread });
+        arch.run(MeanShift { predicted: self, rows: context.rows, spread: context.spread });
     }
 
-    fn read<S: System>(&mut self, arch: Arch, look: Look<S>, scratch: &mut S::Scratch, factor: &Panel, points: Batch) {
-        let reach = look.spread.reach(self.part.dim());
-        arch.run(Reading { fan: self, look, scratch, factor, reach, points });
+    fn read<S: FastSystem>(
+        &mut self,
+        arch: Arch,
+        context: ReadingContext<S>,
+        scratch: &mut S::Scratch,
+        l_transposed: &Panel,
+        points: Batch,
+    ) {
+        let g = context.spread.reach(self.part.dim());
+        arch.run(Reading { predicted: self, context, scratch, l_transposed, g, points });
     }
 
     #[inline(always)]
     fn gather_mean(&mut self, rows: &[usize]) {
         for &r in rows {
-            self.center[r] = self.out[r].0[0];
+            self.h0[r] = self.out[r].0[0];
         }
     }
 
-    /// Lane j and its twin lie along column `first + count - 1 - j`: columns are kept in reverse.
+    /// x +- g L_i: lanes j and j + 4 lie along column `first + count - 1 - j`, since columns stand in reverse order.
     #[inline(always)]
-    fn place_pairs(&mut self, factor: &Panel, first: usize, count: usize, reach: f64) {
+    fn place_pairs(&mut self, l_transposed: &Panel, first: usize, count: usize, g: f64) {
         self.delta[..first].fill(Lane([0.0; LANES]));
-        if self.straight.is_some() {
-            return self.place_turned(first, count, reach);
+        if self.linear.is_some() {
+            return self.place_pairs_reversed(first, count, g);
         }
-        let rows: [&[f64]; PAIRS] = std::array::from_fn(|j| factor.row(first + (count - 1).saturating_sub(j)));
-        let steps: [f64; PAIRS] = std::array::from_fn(|j| if j < count { reach } else { 0.0 });
+        let rows: [&[f64]; PAIRS] = std::array::from_fn(|j| l_transposed.row(first + (count - 1).saturating_sub(j)));
+        let steps: [f64; PAIRS] = std::array::from_fn(|j| if j < count { g } else { 0.0 });
         for (i, delta) in self.delta.iter_mut().enumerate().skip(first) {
             for j in 0..PAIRS {
                 let step = steps[j] * rows[j][i];
@@ -150,12 +160,12 @@ impl Fan {
         }
     }
 
-    /// The same, of a factor that has been turned.
+    /// The same from `l_reversed`, whose rows are contiguous.
     #[inline(always)]
-    fn place_turned(&mut self, first: usize, count: usize, reach: f64) {
+    fn place_pairs_reversed(&mut self, first: usize, count: usize, g: f64) {
         let at = self.part.dim() - first - count;
-        let steps: [f64; PAIRS] = std::array::from_fn(|j| if j < count { reach } else { 0.0 });
-        for (delta, row) in self.delta.iter_mut().zip(self.turned.rows()).skip(first) {
+        let steps: [f64; PAIRS] = std::array::from_fn(|j| if j < count { g } else { 0.0 });
+        for (delta, row) in self.delta.iter_mut().zip(self.l_reversed.rows()).skip(first) {
             let along = &row[at..at + PAIRS];
             for j in 0..PAIRS {
                 delta.0[j] = steps[j] * along[j];
@@ -165,10 +175,10 @@ impl Fan {
     }
 
     #[inline(always)]
-    fn place_singles(&mut self, factor: &Panel, first: usize, count: usize, reach: f64) {
+    fn place_singles(&mut self, l_transposed: &Panel, first: usize, count: usize, g: f64) {
         self.delta[..first].fill(Lane([0.0; LANES]));
-        let rows: [&[f64]; LANES] = std::array::from_fn(|j| factor.row(first + (count - 1).saturating_sub(j)));
-        let steps: [f64; LANES] = std::array::from_fn(|j| if j < count { reach } else { 0.0 });
+        let rows: [&[f64]; LANES] = std::array::from_fn(|j| l_transposed.row(first + (count - 1).saturating_sub(j)));
+        let steps: [f64; LANES] = std::array::from_fn(|j| if j < count { g } else { 0.0 });
         for (i, delta) in self.delta.iter_mut().enumerate().skip(first) {
             for j in 0..LANES {
                 delta.0[j] = steps[j] * rows[j][i];
@@ -179,25 +189,25 @@ impl Fan {
     #[inline(always)]
     fn gather_pairs<const WHOLE: bool>(&mut self, first: usize, count: usize, half: f64) {
         let rates = first >= self.part.pose;
-        let (odd_at, curved) = (self.part.dim() - first - count, self.part.curved());
+        let (h_at, curved) = (self.part.dim() - first - count, self.part.curved());
         // E of the rates stands before E of the poses.
-        let even_at = self.off.len() + curved - first - count;
-        let read = self.out.iter().zip(&self.center).zip(&self.depth);
-        let kept = self.odd.rows_mut().zip(self.even.rows_mut());
-        for ((((out, h0), depth), (odd_row, even_row)), asked) in read.zip(kept).zip(&self.asked) {
-            if !asked || (rates && *depth == Depth::Pose) {
+        let e_at = self.off.len() + curved - first - count;
+        let read = self.out.iter().zip(&self.h0).zip(&self.dependence);
+        let kept = self.h.rows_mut().zip(self.e.rows_mut());
+        for ((((out, h0), dependence), (h_row, e_row)), asked) in read.zip(kept).zip(&self.asked) {
+            if !asked || (rates && *dependence == Dependence::Pose) {
                 continue;
             }
-            let (mut odd, mut even) = ([0.0; PAIRS], [0.0; PAIRS]);
+            let (mut h, mut e) = ([0.0; PAIRS], [0.0; PAIRS]); // U2
             for j in 0..PAIRS {
                 let (plus, minus) = (out.0[j] - h0, out.0[PAIRS + j] - h0);
-                odd[j] = (plus - minus) * half;
-                even[j] = (plus + minus) * half;
+                h[j] = (plus - minus) * half;
+                e[j] = (plus + minus) * half;
             }
             let count = if WHOLE { PAIRS } else { count };
-            put(&mut odd_row[odd_at..], &odd, count);
-            if !rates || *depth != Depth::Affine {
-                put(&mut even_row[even_at..], &even, count);
+            put(&mut h_row[h_at..], &h, count);
+            if !rates || *dependence != Dependence::Affine {
+                put(&mut e_row[e_at..], &e, count);
             }
         }
     }
@@ -206,14 +216,14 @@ impl Fan {
     fn gather_singles(&mut self, rows: &[usize], first: usize, count: usize, one: f64) {
         let at = self.part.dim() - first - count;
         for &r in rows {
-            if self.depth[r] == Depth::Pose {
+            if self.dependence[r] == Dependence::Pose {
                 continue;
             }
-            let mut odd = self.out[r].0;
-            for x in &mut odd {
-                *x = (*x - self.center[r]) * one;
+            let mut h = self.out[r].0;
+            for x in &mut h {
+                *x = (*x - self.h0[r]) * one;
             }
-            put(&mut self.odd.row_mut(r)[at..], &odd, count);
+            put(&mut self.h.row_mut(r)[at..], &h, count);
         }
     }
 
@@ -228,8 +238,8 @@ impl Fan {
 
     #[inline(always)]
     fn gather_inputs(&mut self, first: usize, count: usize) {
-        let read = self.out.iter().zip(&self.center).zip(&self.asked);
-        for (((out, h0), asked), row) in read.zip(self.even.rows_mut()) {
+        let read = self.out.iter().zip(&self.h0).zip(&self.asked);
+        for (((out, h0), asked), row) in read.zip(self.e.rows_mut()) {
             if *asked {
                 let column: [f64; LANES] = std::array::from_fn(|j| out.0[j] - h0);
                 put(&mut row[first..], &column, count);
@@ -237,41 +247,47 @@ impl Fan {
         }
     }
 
-    /// H of all that readings are straight in.
+    /// H of rates and linear block: the exact Jacobian times L, without sigma points.
     #[inline(always)]
-    fn straighten<const FUSED: bool, S: System>(&mut self, look: Look<S>, scratch: &mut S::Scratch, factor: &Panel) {
-        let Some(straight) = &mut self.straight else { return };
-        look.system.straighten::<FUSED>(look.moment, scratch, straight);
-        turn(factor, self.part.dim(), &mut self.turned);
+    fn linear_jacobian<const FUSED: bool, S: FastSystem>(
+        &mut self,
+        context: ReadingContext<S>,
+        scratch: &mut S::Scratch,
+        l_transposed: &Panel,
+    ) {
+        let Some(linear) = &mut self.linear else { return };
+        context.system.linear_jacobian::<FUSED>(context.moment, scratch, linear);
+        turn(l_transposed, self.part.dim(), &mut self.l_reversed);
         let count = self.part.dim() - self.part.pose;
-        straight.times::<FUSED>(&self.turned, count, &self.asked, &mut self.odd);
+        linear.times::<FUSED>(&self.l_reversed, count, &self.asked, &mut self.h);
     }
 
-    /// Lane j lies along column `first + count - 1 - j`, one standard deviation out.
+    /// Rates of column `first + count - 1 - j` of L in lane j.
     #[inline(always)]
-    fn place_bends(&mut self, first: usize, count: usize) {
+    fn place_rates(&mut self, first: usize, count: usize) {
         let at = self.part.dim() - first - count;
         for k in self.part.pose..self.part.curved() {
-            self.delta[k].0.copy_from_slice(&self.turned.row(k)[at..at + LANES]);
+            self.delta[k].0.copy_from_slice(&self.l_reversed.row(k)[at..at + LANES]);
         }
     }
 
-    /// E of rates.
+    /// E of the rates, in which readings are quadratic.
     #[inline(always)]
-    fn gather_bends(&mut self, rows: &[usize], first: usize, count: usize, reach: f64) {
+    fn gather_second_order(&mut self, rows: &[usize], first: usize, count: usize, g: f64) {
         let at = self.off.len() + self.part.curved() - first - count;
-        for &r in rows.iter().filter(|&&r| self.depth[r] == Depth::Full) {
-            let even = self.out[r].0.map(|x| x * reach);
-            put(&mut self.even.row_mut(r)[at..], &even, count);
+        for &r in rows.iter().filter(|&&r| self.dependence[r] == Dependence::Full) {
+            let e = self.out[r].0.map(|x| x * g);
+            put(&mut self.e.row_mut(r)[at..], &e, count);
         }
     }
 
+    /// d of U2, and its column of `e`.
     #[inline(always)]
-    fn bend_mean(&mut self, rows: &[usize], reach: f64, spread: Spread) {
-        let outer = (spread.beta - spread.alpha * spread.alpha).max(0.0).sqrt();
+    fn fill_d(&mut self, rows: &[usize], g: f64, spread: Spread) {
+        let weight = (spread.beta - spread.alpha * spread.alpha).max(0.0).sqrt();
         let (inputs, curved) = (self.off.len(), self.part.curved());
         for &r in rows {
-            let row = &mut self.even.row_mut(r)[inputs..];
+            let row = &mut self.e.row_mut(r)[inputs..];
             let (vectors, rest) = row[..curved].as_chunks::<VECTOR>();
             let mut sums = [0.0; VECTOR];
             for v in vectors {
@@ -280,17 +296,17 @@ impl Fan {
                 }
             }
             let sum = (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest.iter().sum::<f64>();
-            self.bend[r] = sum / reach;
-            row[curved] = outer * self.bend[r];
+            self.d[r] = sum / g;
+            row[curved] = weight * self.d[r];
         }
     }
 }
 
-/// Points that are read together: which columns, from one on, and how many.
+/// Points of one pass through the system, by their columns of L.
 #[derive(Debug, Clone, Copy)]
 enum Batch {
     Mean,
-    /// With `alone`, no others will be read into the columns behind these.
+    /// `alone`: no later batch overwrites the columns behind these.
     Pairs {
         first: usize,
         count: usize,
@@ -300,107 +316,107 @@ enum Batch {
     Inputs(usize, usize),
 }
 
-struct Reading<'a, S: System> {
-    fan: &'a mut Fan,
-    look: Look<'a, S>,
+struct Reading<'a, S: FastSystem> {
+    predicted: &'a mut PredictedReadings,
+    context: ReadingContext<'a, S>,
     scratch: &'a mut S::Scratch,
-    factor: &'a Panel,
-    reach: f64,
+    l_transposed: &'a Panel,
+    g: f64,
     points: Batch,
 }
 
-impl<S: System> Kernel for Reading<'_, S> {
+impl<S: FastSystem> Kernel for Reading<'_, S> {
     type Output = ();
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let (fan, look, reach) = (self.fan, self.look, self.reach);
+        let (predicted, context, g) = (self.predicted, self.context, self.g);
         let from = match self.points {
             Batch::Mean => {
-                let at = Points { mean: look.mean, delta: &fan.delta, off: &fan.off };
-                look.system.settle::<FUSED>(look.moment, self.scratch, at, &mut fan.out);
-                return fan.gather_mean(look.rows);
+                let at = Points { mean: context.mean, delta: &predicted.delta, off: &predicted.off };
+                context.system.readings_at_mean::<FUSED>(context.moment, self.scratch, at, &mut predicted.out);
+                return predicted.gather_mean(context.rows);
             }
             Batch::Pairs { first, count, .. } => {
-                fan.place_pairs(self.factor, first, count, reach);
+                predicted.place_pairs(self.l_transposed, first, count, g);
                 first
             }
             Batch::Singles(first, count) => {
-                fan.place_singles(self.factor, first, count, reach);
+                predicted.place_singles(self.l_transposed, first, count, g);
                 first
             }
             Batch::Inputs(first, count) => {
-                fan.place_inputs(look.system.input_std(), first, count);
-                fan.part.dim()
+                predicted.place_inputs(context.system.input_std(), first, count);
+                predicted.part.dim()
             }
         };
-        let at = Points { mean: look.mean, delta: &fan.delta, off: &fan.off };
-        let vary = Vary { from, inputs: matches!(self.points, Batch::Inputs(..)) };
-        look.system.readings_near::<FUSED>(look.moment, self.scratch, at, vary, &mut fan.out);
+        let at = Points { mean: context.mean, delta: &predicted.delta, off: &predicted.off };
+        let perturbed = PerturbedStates { from, inputs: matches!(self.points, Batch::Inputs(..)) };
+        context.system.readings_near_mean::<FUSED>(context.moment, self.scratch, at, perturbed, &mut predicted.out);
         match self.points {
             Batch::Pairs { first, count, alone: true } if count < PAIRS => {
-                fan.gather_pairs::<false>(first, count, 0.5 / reach);
+                predicted.gather_pairs::<false>(first, count, 0.5 / g);
             }
-            Batch::Pairs { first, count, .. } => fan.gather_pairs::<true>(first, count, 0.5 / reach),
-            Batch::Singles(first, count) => fan.gather_singles(look.rows, first, count, 1.0 / reach),
-            Batch::Inputs(first, count) => fan.gather_inputs(first, count),
+            Batch::Pairs { first, count, .. } => predicted.gather_pairs::<true>(first, count, 0.5 / g),
+            Batch::Singles(first, count) => predicted.gather_singles(context.rows, first, count, 1.0 / g),
+            Batch::Inputs(first, count) => predicted.gather_inputs(first, count),
             Batch::Mean => {}
         }
     }
 }
 
-struct Straightening<'a, S: System> {
-    fan: &'a mut Fan,
-    look: Look<'a, S>,
+struct LinearColumns<'a, S: FastSystem> {
+    predicted: &'a mut PredictedReadings,
+    context: ReadingContext<'a, S>,
     scratch: &'a mut S::Scratch,
-    factor: &'a Panel,
+    l_transposed: &'a Panel,
 }
 
-impl<S: System> Kernel for Straightening<'_, S> {
+impl<S: FastSystem> Kernel for LinearColumns<'_, S> {
     type Output = ();
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        self.fan.straighten::<FUSED, S>(self.look, self.scratch, self.factor);
+        self.predicted.linear_jacobian::<FUSED, S>(self.context, self.scratch, self.l_transposed);
     }
 }
 
-struct Bending<'a, S: System> {
-    fan: &'a mut Fan,
-    look: Look<'a, S>,
+struct SecondOrderColumns<'a, S: FastSystem> {
+    predicted: &'a mut PredictedReadings,
+    context: ReadingContext<'a, S>,
     scratch: &'a mut S::Scratch,
     first: usize,
     count: usize,
 }
 
-impl<S: System> Kernel for Bending<'_, S> {
+impl<S: FastSystem> Kernel for SecondOrderColumns<'_, S> {
     type Output = ();
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Bending { fan, look, scratch, first, count } = self;
-        fan.place_bends(first, count);
-        look.system.curve::<FUSED>(look.moment, scratch, &fan.delta, &mut fan.out);
-        fan.gather_bends(look.rows, first, count, look.spread.reach(fan.part.dim()));
+        let SecondOrderColumns { predicted, context, scratch, first, count } = self;
+        predicted.place_rates(first, count);
+        context.system.second_order::<FUSED>(context.moment, scratch, &predicted.delta, &mut predicted.out);
+        predicted.gather_second_order(context.rows, first, count, context.spread.reach(predicted.part.dim()));
     }
 }
 
-struct Averaging<'a> {
-    fan: &'a mut Fan,
+struct MeanShift<'a> {
+    predicted: &'a mut PredictedReadings,
     rows: &'a [usize],
     spread: Spread,
 }
 
-impl Kernel for Averaging<'_> {
+impl Kernel for MeanShift<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        self.fan.bend_mean(self.rows, self.spread.reach(self.fan.part.dim()), self.spread);
+        self.predicted.fill_d(self.rows, self.spread.reach(self.predicted.part.dim()), self.spread);
     }
 }
 
-/// The first `count` of a few numbers, by copies whose lengths are known beforehand.
+/// Copies the first `count` values, in pieces whose lengths the compiler knows.
 #[inline(always)]
 fn put<const N: usize>(out: &mut [f64], values: &[f64; N], count: usize) {
     if count == N {
@@ -416,25 +432,25 @@ fn put<const N: usize>(out: &mut [f64], values: &[f64; N], count: usize) {
     }
 }
 
-/// What is looked at, and how.
+/// What readings are predicted of, and with which sigma points.
 #[derive(Debug)]
-pub struct Look<'a, S: System> {
-    /// That reads.
+pub struct ReadingContext<'a, S: FastSystem> {
+    /// The system.
     pub system: &'a S,
-    /// Its inputs, and which readings are there.
+    /// Its inputs, and which rows are present.
     pub moment: &'a S::Moment,
-    /// In the middle.
+    /// The mean x.
     pub mean: &'a [f64],
-    /// Readings that are asked for.
+    /// Rows to predict.
     pub rows: &'a [usize],
-    /// How far around.
+    /// Scaling of the sigma points.
     pub spread: Spread,
 }
 
-impl<S: System> Clone for Look<'_, S> {
+impl<S: FastSystem> Clone for ReadingContext<'_, S> {
     fn clone(&self) -> Self {
         *self
     }
 }
 
-impl<S: System> Copy for Look<'_, S> {}
+impl<S: FastSystem> Copy for ReadingContext<'_, S> {}

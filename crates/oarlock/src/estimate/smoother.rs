@@ -15,12 +15,12 @@
 //! The bracket is what P would be if the next state were known. Both terms keep their sign, and nothing is solved backwards.
 
 use super::belief::Belief;
-use super::dense::{semidefinite_factor, NotPositive, Square};
-use super::filter::Lost;
-use super::tiles::{factor, gram, padded, Panel, Rows, Sweep, RAISES, VECTOR};
-use super::transition::{carry, Block, Transition, Turning};
+use super::filter::Diverged;
+use super::transition::{congruence, Block, Transition, Turning};
 use super::System;
-use crate::lane::arch::{madd, Arch, Kernel};
+use crate::kernels::arch::{madd, Arch, Kernel};
+use crate::kernels::dense::{semidefinite_factor, NotPositive, Square};
+use crate::kernels::tiles::{factor, gram, padded, Panel, Rows, Sweep, RAISES, VECTOR};
 
 /// Workspace of a smoother.
 #[derive(Debug, Clone)]
@@ -30,19 +30,19 @@ pub struct Smoother {
     /// Pn as it is seen from the predicted mean.
     next: Square,
     /// X, upper triangular.
-    root: Panel,
+    x: Panel,
     /// [Pp | X' | F P | step] becomes [U | G | W | s].
-    sweep: Panel,
+    u_g_w_s: Panel,
     /// Of each vector of its columns, the first row that holds something.
     starts: Vec<usize>,
     /// [G'G | Y]; of the first, whose upper triangle comes along, no use is made.
-    product: Panel,
+    y: Panel,
     /// What P becomes.
     covariance: Panel,
     zeros: Vec<usize>,
     step: Vec<f64>,
     shift: Vec<f64>,
-    carried: Vec<Block>,
+    reset: Vec<Block>,
     rows: [Vec<f64>; 3],
 }
 
@@ -55,15 +55,15 @@ impl Smoother {
             arch: Arch::best(),
             n,
             next: Square::zeros(n),
-            root: Panel::zeros(n, width),
-            sweep: Panel::zeros(n, 3 * width + VECTOR),
+            x: Panel::zeros(n, width),
+            u_g_w_s: Panel::zeros(n, 3 * width + VECTOR),
             starts: (0..3 * width / VECTOR + 1).map(own).collect(),
-            product: Panel::zeros(n, 2 * width),
+            y: Panel::zeros(n, 2 * width),
             covariance: Panel::zeros(n, width),
             zeros: vec![0; width / VECTOR],
             step: vec![0.0; n],
             shift: vec![0.0; n],
-            carried: Vec::with_capacity(n),
+            reset: Vec::with_capacity(n),
             rows: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
         }
     }
@@ -83,43 +83,43 @@ impl Smoother {
         transition: &Transition,
         predicted: &Belief,
         next: &Belief,
-    ) -> Result<(), Lost> {
+    ) -> Result<(), Diverged> {
         system.difference(&next.mean, &predicted.mean, &mut self.step);
         self.take_next(system, next)?;
         self.factorise(&filtered.covariance, transition, &predicted.covariance)?;
         self.add_squares(&mut filtered.covariance);
         system.shift(&mut filtered.mean, &self.shift);
-        self.carried.clear();
-        system.carry(&self.shift, &mut self.carried);
-        self.carried.iter().for_each(|block| carry(self.arch, block, &mut filtered.covariance));
+        self.reset.clear();
+        system.reset_jacobian(&self.shift, &mut self.reset);
+        self.reset.iter().for_each(|block| congruence(self.arch, block, &mut filtered.covariance));
         Ok(())
     }
 
     /// X with X'X = Pn, seen from the predicted mean.
-    fn take_next<S: System>(&mut self, system: &S, next: &Belief) -> Result<(), Lost> {
+    fn take_next<S: System>(&mut self, system: &S, next: &Belief) -> Result<(), Diverged> {
         self.shift.iter_mut().zip(&self.step).for_each(|(back, x)| *back = -*x);
-        self.carried.clear();
-        system.carry(&self.shift, &mut self.carried);
+        self.reset.clear();
+        system.reset_jacobian(&self.shift, &mut self.reset);
         self.next.clone_from(&next.covariance);
-        self.carried.iter().for_each(|block| carry(self.arch, block, &mut self.next));
+        self.reset.iter().for_each(|block| congruence(self.arch, block, &mut self.next));
         let sweep = Sweep { n: self.n, width: padded(self.n), starts: &self.zeros };
-        self.root.copy_upper(&self.next);
-        if factor(self.arch, &mut self.root, sweep).is_err() {
+        self.x.copy_upper(&self.next);
+        if factor(self.arch, &mut self.x, sweep).is_err() {
             // Nothing divides by X, so a direction in which nothing is left to know may be nought in it.
             semidefinite_factor(&mut self.next).map_err(broken)?;
-            self.root.copy_upper(&self.next);
+            self.x.copy_upper(&self.next);
         }
         Ok(())
     }
 
-    fn factorise(&mut self, filtered: &Square, transition: &Transition, predicted: &Square) -> Result<(), Lost> {
+    fn factorise(&mut self, filtered: &Square, transition: &Transition, predicted: &Square) -> Result<(), Diverged> {
         let (arch, n) = (self.arch, self.n);
         let mut done = Ok(());
         for share in RAISES {
             arch.run(Filling { smoother: self, filtered, transition });
-            self.sweep.copy_raised(predicted, share);
+            self.u_g_w_s.copy_raised(predicted, share);
             let sweep = Sweep { n, width: 3 * padded(n) + VECTOR, starts: &self.starts };
-            done = factor(arch, &mut self.sweep, sweep).map_err(broken);
+            done = factor(arch, &mut self.u_g_w_s, sweep).map_err(broken);
             if done.is_ok() {
                 break;
             }
@@ -133,22 +133,22 @@ impl Smoother {
         let own = &self.starts[width / VECTOR..];
         gram(
             arch,
-            &mut self.product,
+            &mut self.y,
             [n, 2 * width],
-            Rows { panel: &self.sweep, rows: 0..n, column: width, starts: own },
+            Rows { panel: &self.u_g_w_s, rows: 0..n, column: width, starts: own },
             true,
         );
-        let w = Rows { panel: &self.sweep, rows: 0..n, column: 2 * width, starts: &self.zeros };
+        let w = Rows { panel: &self.u_g_w_s, rows: 0..n, column: 2 * width, starts: &self.zeros };
         gram(arch, &mut self.covariance, [n, width], w, true);
         arch.run(Subtracting { smoother: self, from: covariance });
-        let y = Rows { panel: &self.product, rows: 0..n, column: width, starts: &self.zeros };
+        let y = Rows { panel: &self.y, rows: 0..n, column: width, starts: &self.zeros };
         gram(arch, &mut self.covariance, [n, width], y, false);
         self.covariance.copy_to(covariance);
     }
 }
 
-fn broken(e: NotPositive) -> Lost {
-    Lost { what: format!("smoothing met a covariance without sign (state {}, pivot {:.2e})", e.row, e.pivot) }
+fn broken(e: NotPositive) -> Diverged {
+    Diverged { what: format!("smoothing met a covariance without sign (state {}, pivot {:.2e})", e.row, e.pivot) }
 }
 
 /// Fills in all but the first part of the sweep.
@@ -166,20 +166,20 @@ impl Kernel for Filling<'_> {
         let Filling { smoother: s, filtered, transition } = self;
         let (n, width) = (s.n, padded(s.n));
         for i in 0..n {
-            let row = s.sweep.row_mut(i);
+            let row = s.u_g_w_s.row_mut(i);
             let own = &mut row[width..][..padded(i + 1)];
             for (j, x) in own.iter_mut().enumerate() {
-                *x = if j <= i { s.root.at(j, i) } else { 0.0 };
+                *x = if j <= i { s.x.at(j, i) } else { 0.0 };
             }
             row[2 * width..][..n].copy_from_slice(filtered.row(i));
             row[3 * width] = s.step[i];
         }
         let (before, after) = (|t: &Turning| t.before, |t: &Turning| t.after);
         for block in transition.turnings.iter().map(before).chain(transition.blocks.iter().copied()) {
-            move_rows::<FUSED>(&block, &mut s.sweep, 2 * width, &mut s.rows);
+            move_rows::<FUSED>(&block, &mut s.u_g_w_s, 2 * width, &mut s.rows);
         }
         for block in transition.turnings.iter().map(after) {
-            move_rows::<FUSED>(&block, &mut s.sweep, 2 * width, &mut s.rows);
+            move_rows::<FUSED>(&block, &mut s.u_g_w_s, 2 * width, &mut s.rows);
         }
     }
 }
@@ -227,7 +227,7 @@ impl Kernel for Subtracting<'_> {
         let (n, width) = (s.n, padded(s.n));
         s.shift.fill(0.0);
         for k in 0..n {
-            let row = &s.sweep.row(k)[2 * width..];
+            let row = &s.u_g_w_s.row(k)[2 * width..];
             let step = row[width];
             for (x, w) in s.shift.iter_mut().zip(row) {
                 *x = madd::<FUSED>(step, *w, *x);

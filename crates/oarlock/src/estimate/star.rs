@@ -10,11 +10,11 @@
 //! that know of limbs only through the core, this is the nearest to one with the same P0, P0c and Pcc (Lauritzen 1996, section 5.2).
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
-use super::dense::{accumulate, NotPositive, Square};
 use super::split::Split;
-use super::tiles::{factor, padded, Panel, Sweep, RAISES};
-use super::transition::{carry, Block};
-use crate::lane::arch::{Arch, Kernel};
+use super::transition::{congruence, Block};
+use crate::kernels::arch::{Arch, Kernel};
+use crate::kernels::dense::{accumulate, NotPositive, Square};
+use crate::kernels::tiles::{factor, padded, Panel, Sweep, RAISES};
 use nalgebra::Matrix3;
 
 /// How a limb answers to the core.
@@ -70,7 +70,7 @@ impl Star {
             limbs: split.limbs.iter().map(limb).collect(),
             center: Square::zeros(core),
             sweep: Panel::zeros(core, width),
-            zeros: vec![0; width / super::tiles::VECTOR],
+            zeros: vec![0; width / crate::kernels::tiles::VECTOR],
         }
     }
 
@@ -162,7 +162,7 @@ impl Star {
         for block in blocks {
             if let Some(places) = places(&limb.states, block) {
                 let local = Block { index: places, ..*block };
-                carry(arch, &local, &mut limb.rest);
+                congruence(arch, &local, &mut limb.rest);
                 for row in limb.slope.chunks_mut(width) {
                     let old = places.map(|i| row[i]);
                     for r in 0..block.len {

@@ -3,15 +3,15 @@
 //! Marquardt 1963, with the scaling by the diagonal. Later samples of the window count less by what the state's own
 //! noise may have done in between.
 
-use super::dense::Square;
-use super::normal::{inverse, Normal};
 use super::transition::Transition;
 use super::System;
-use crate::lane::arch::Arch;
+use crate::kernels::arch::Arch;
+use crate::kernels::dense::Square;
+use crate::kernels::normal_equations::{inverse, NormalEquations};
 
 /// One sample of the start window.
 #[derive(Debug)]
-pub struct Evidence<'a, M> {
+pub struct StartSample<'a, M> {
     /// Since the instant whose state is sought, s.
     pub after_s: f64,
     /// Its inputs.
@@ -22,26 +22,26 @@ pub struct Evidence<'a, M> {
 
 /// A guess and how far to trust it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Guess {
+pub struct Prior {
     /// State.
     pub mean: Vec<f64>,
     /// Inverse of its covariance.
     pub information: Square,
 }
 
-impl Guess {
+impl Prior {
     /// States that know nothing of each other.
-    pub fn apart(mean: Vec<f64>, std: &[f64]) -> Self {
+    pub fn uncorrelated(mean: Vec<f64>, std: &[f64]) -> Self {
         let mut information = Square::zeros(std.len());
         for (i, s) in std.iter().enumerate() {
             *information.at_mut(i, i) = 1.0 / (s * s);
         }
-        Guess { mean, information }
+        Prior { mean, information }
     }
 
     /// A belief's mean and covariance; `None` if that is not positive definite.
     pub fn of(mean: &[f64], covariance: &Square) -> Option<Self> {
-        Some(Guess { mean: mean.to_vec(), information: inverse(Arch::best(), covariance)? })
+        Some(Prior { mean: mean.to_vec(), information: inverse(Arch::best(), covariance)? })
     }
 }
 
@@ -61,11 +61,11 @@ const MAX_ITERATIONS: usize = 40;
 const SETTLED: f64 = 1e-6;
 
 /// A system, its evidence and room to work in.
-pub struct Problem<'a, S: System> {
+pub struct StartFit<'a, S: System> {
     system: &'a S,
-    evidence: &'a [Evidence<'a, S::Moment>],
+    samples: &'a [StartSample<'a, S::Moment>],
     noise_std: &'a [f64],
-    guess: &'a Guess,
+    prior: &'a Prior,
     transition: Transition,
     scratch: S::Scratch,
     center: Vec<f64>,
@@ -74,18 +74,23 @@ pub struct Problem<'a, S: System> {
     at: Vec<f64>,
     certain: Vec<f64>,
     /// The noise counts so many times.
-    blur: f64,
+    noise_factor: f64,
 }
 
-impl<'a, S: System> Problem<'a, S> {
+impl<'a, S: System> StartFit<'a, S> {
     /// `noise_std` is that of each row, `guess` a prior.
-    pub fn new(system: &'a S, evidence: &'a [Evidence<'a, S::Moment>], noise_std: &'a [f64], guess: &'a Guess) -> Self {
-        let (n, m) = (guess.mean.len(), noise_std.len());
-        Problem {
+    pub fn new(
+        system: &'a S,
+        samples: &'a [StartSample<'a, S::Moment>],
+        noise_std: &'a [f64],
+        prior: &'a Prior,
+    ) -> Self {
+        let (n, m) = (prior.mean.len(), noise_std.len());
+        StartFit {
             system,
-            evidence,
+            samples,
             noise_std,
-            guess,
+            prior,
             transition: Transition::default(),
             scratch: system.scratch(),
             center: vec![0.0; m],
@@ -93,7 +98,7 @@ impl<'a, S: System> Problem<'a, S> {
             away: vec![0.0; n],
             at: vec![0.0; n],
             certain: vec![0.0; n],
-            blur: 1.0,
+            noise_factor: 1.0,
         }
     }
 
@@ -101,20 +106,20 @@ impl<'a, S: System> Problem<'a, S> {
     ///
     /// Graduated non-convexity (Blake and Zisserman 1987). With their own noise readings cut bent, narrow valleys into the cost, in
     /// which a fit from afar creeps or ends; under blurred ones the guess's prior counts and may lead to the right one.
-    pub fn fit_sharpening(&mut self, first: &[f64], blurs: &[f64]) -> Option<Fit> {
+    pub fn fit_with_decreasing_noise(&mut self, first: &[f64], noise_factors: &[f64]) -> Option<Fit> {
         let mut from = first.to_vec();
-        for &blur in blurs {
-            self.blur = blur;
+        for &noise_factor in noise_factors {
+            self.noise_factor = noise_factor;
             from = self.fit(&from)?.mean;
         }
-        self.blur = 1.0;
+        self.noise_factor = 1.0;
         self.fit(&from)
     }
 
     /// The best state from `first`; `None` if the readings are not numbers there.
     pub fn fit(&mut self, first: &[f64]) -> Option<Fit> {
         let (n, m) = (first.len(), self.noise_std.len());
-        let (mut here, mut there) = (Normal::new(n, m), Normal::new(n, m));
+        let (mut here, mut there) = (NormalEquations::new(n, m), NormalEquations::new(n, m));
         let (mut mean, mut trial, mut step) = (first.to_vec(), first.to_vec(), vec![0.0; n]);
         self.linearise(&mean, &mut here);
         let mut damping = 1e-3;
@@ -144,16 +149,16 @@ impl<'a, S: System> Problem<'a, S> {
         here.cost.is_finite().then_some(Fit { mean, covariance, cost: here.cost })
     }
 
-    fn linearise(&mut self, mean: &[f64], out: &mut Normal) {
-        self.system.difference(&self.guess.mean, mean, &mut self.away);
-        out.begin(&self.guess.information, &self.away);
-        for k in 0..self.evidence.len() {
+    fn linearise(&mut self, mean: &[f64], out: &mut NormalEquations) {
+        self.system.difference(&self.prior.mean, mean, &mut self.away);
+        out.begin(&self.prior.information, &self.away);
+        for k in 0..self.samples.len() {
             self.add_sample(k, mean, out);
         }
     }
 
-    fn add_sample(&mut self, k: usize, mean: &[f64], out: &mut Normal) {
-        let Evidence { after_s, moment, z } = &self.evidence[k];
+    fn add_sample(&mut self, k: usize, mean: &[f64], out: &mut NormalEquations) {
+        let StartSample { after_s, moment, z } = &self.samples[k];
         self.at.copy_from_slice(mean);
         self.system.transition(*after_s, mean, &self.certain, &[], &mut self.transition);
         self.transition.apply_to_mean(&mut self.at);
@@ -166,7 +171,7 @@ impl<'a, S: System> Problem<'a, S> {
                 continue;
             }
             let row = &mut slopes[..n];
-            let noise = (self.blur * self.noise_std[r]).powi(2) + self.transition.noise_along(row);
+            let noise = (self.noise_factor * self.noise_std[r]).powi(2) + self.transition.noise_along(row);
             self.transition.apply_transposed(row);
             out.push(row, residual, noise);
         }

@@ -2,9 +2,9 @@
 
 mod covariance;
 
-use super::dense::Square;
-use crate::lane::arch::Arch;
-pub use covariance::carry;
+use crate::kernels::arch::Arch;
+use crate::kernels::dense::Square;
+pub use covariance::congruence;
 use covariance::turn;
 
 /// Up to three coordinates that move together: x <- F x + offset, with added covariance Q.
@@ -75,7 +75,7 @@ fn multiply<'a>(blocks: impl Iterator<Item = &'a Block>, x: &mut [f64]) {
 }
 
 /// x <- F' x.
-pub(super) fn multiply_transposed<'a>(blocks: impl Iterator<Item = &'a Block>, x: &mut [f64]) {
+fn multiply_transposed<'a>(blocks: impl Iterator<Item = &'a Block>, x: &mut [f64]) {
     for b in blocks.filter(|b| !b.stays()) {
         let old = b.index.map(|i| x[i]);
         for c in 0..b.len {

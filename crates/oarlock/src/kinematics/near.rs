@@ -9,7 +9,7 @@ mod step;
 use super::pieces::Pieces;
 use super::slopes::Slopes;
 use super::{FrameMotion, JointMotion, Tree};
-use crate::lane::Real;
+use crate::kernels::lane::Real;
 use crate::model::JointKind;
 use crate::rotation::{Mat3, Vec3};
 
@@ -79,7 +79,7 @@ pub struct Differs {
 
 /// What differs from the mean: states from `from` on, inputs, and what that does to the root.
 #[derive(Debug, Clone, Copy)]
-pub struct Apart {
+pub struct PerturbedMotion {
     /// First state that may differ.
     pub from: usize,
     /// Inputs do.
@@ -90,7 +90,7 @@ pub struct Apart {
     pub field: bool,
 }
 
-impl Apart {
+impl PerturbedMotion {
     /// Whether this touches what reaches so far.
     #[inline(always)]
     pub fn touches(&self, reach: &Reach) -> bool {
@@ -168,7 +168,7 @@ pub struct Pass<'a> {
     /// On what each piece's pose depends.
     pub reaches: &'a [Reach],
     /// From the mean.
-    pub apart: Apart,
+    pub perturbed: PerturbedMotion,
     /// In the middle.
     pub mean: &'a Mean,
 }
@@ -246,7 +246,7 @@ impl Pieces {
     /// Fills `near` with what differs from the mean. Allocates nothing.
     #[inline(always)]
     pub fn pass<T: Real>(&self, pass: Pass, joints: JointMotion<T>, root: Own<T>, near: &mut Near<T>) {
-        let Pass { reaches, apart, mean, .. } = pass;
+        let Pass { reaches, perturbed, mean, .. } = pass;
         near.own[0] = root;
         self.compare(pass, &mut near.differs);
         for (k, piece) in self.pieces.iter().enumerate().skip(1) {
@@ -255,7 +255,7 @@ impl Pieces {
                 continue;
             }
             let reach = &reaches[k];
-            if reach.own > apart.from || (apart.inputs && reach.own_input) {
+            if reach.own > perturbed.from || (perturbed.inputs && reach.own_input) {
                 piece.turn(&joints, &mut near.turns[k]);
             } else {
                 piece.keep(&mean.turns[k], &mut near.turns[k]);
@@ -281,14 +281,14 @@ impl Pieces {
     /// Finds what of each piece differs. No numbers, so it is no part of what is compiled for them.
     #[inline(never)]
     fn compare(&self, pass: Pass, differs: &mut [Differs]) {
-        let apart = pass.apart;
-        differs[0] = Differs { pose: false, motion: apart.motion, field: apart.field };
+        let perturbed = pass.perturbed;
+        differs[0] = Differs { pose: false, motion: perturbed.motion, field: perturbed.field };
         for ((to, wanted), reach) in differs.iter_mut().zip(pass.wanted).zip(pass.reaches).skip(1) {
-            let pose = wanted.place && apart.touches(reach);
+            let pose = wanted.place && perturbed.touches(reach);
             *to = Differs {
                 pose,
-                motion: wanted.motion && (pose || apart.motion),
-                field: wanted.field && (pose || apart.field),
+                motion: wanted.motion && (pose || perturbed.motion),
+                field: wanted.field && (pose || perturbed.field),
             };
         }
     }

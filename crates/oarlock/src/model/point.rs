@@ -2,7 +2,7 @@
 
 use super::expr::Expr;
 use super::transform::{evaluate_three, Transform};
-use crate::lane::Real;
+use crate::kernels::lane::Real;
 use crate::rotation::{Mat3, Vec3};
 
 /// `fixed` plus a slope times the value of each estimated parameter that it depends on.

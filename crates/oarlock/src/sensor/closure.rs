@@ -1,8 +1,8 @@
 //! Closed loop as a virtual sensor that always reads zero: two points agree, and two axes (eqs. 15 to 18).
 
 use super::{Quantity, RowGroups, Wearing, Worn};
+use crate::kernels::lane::Real;
 use crate::kinematics::FrameMotion;
-use crate::lane::Real;
 use crate::model::{Closure, Point};
 
 /// A loop at one set of parameters.

@@ -3,8 +3,8 @@
 
 use super::near::Parts;
 use super::{Quantity, RowGroups, Surroundings, Wearing, Worn};
+use crate::kernels::lane::Real;
 use crate::kinematics::FrameMotion;
-use crate::lane::Real;
 use crate::model::{ImuNoise, Point, SensorKind};
 use crate::rotation::{Mat3, Vec3};
 

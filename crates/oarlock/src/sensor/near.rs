@@ -1,10 +1,10 @@
 //! Readings near a mean: sensors as they sit on their pieces, which need no rotations of the links.
 
 use super::{Reader, Suite, Worn};
-use crate::kinematics::near::{Apart, Mean, Near, Reach, Wanted};
+use crate::kernels::lane::{Lane, Real, LANES};
+use crate::kinematics::near::{Mean, Near, PerturbedMotion, Reach, Wanted};
 use crate::kinematics::pieces::Pieces;
 use crate::kinematics::JointMotion;
-use crate::lane::{Lane, Real, LANES};
 use crate::model::Point;
 use crate::rotation::{Mat3, Vec3};
 
@@ -75,7 +75,7 @@ pub struct Around<'a, T> {
     /// Rotation vectors of the mounts.
     pub mounts: &'a [Vec3<T>],
     /// What differs at all.
-    pub apart: Apart,
+    pub perturbed: PerturbedMotion,
     /// How the units stand at the mean.
     pub stands: &'a [Stand],
     /// Readings at the mean.
@@ -189,7 +189,7 @@ impl Seats {
 
     /// Second-order part of the accelerometers' readings, at the mean's posture. Allocates nothing.
     #[inline(always)]
-    pub fn curve<const FUSED: bool>(
+    pub fn second_order<const FUSED: bool>(
         &self,
         near: &Near<Lane<FUSED>>,
         stands: &[Stand],
@@ -212,7 +212,7 @@ impl Seats {
         out: &mut [Lane],
     ) {
         for (i, seat) in self.seats.iter().enumerate().filter(|(i, _)| around.active[*i]) {
-            let posed = around.apart.touches(&self.reaches[i]);
+            let posed = around.perturbed.touches(&self.reaches[i]);
             match seat {
                 Seat::Unit(s) => s.predict(&around, &around.stands[i], posed, out),
                 Seat::Encoder { row, coordinate } => out[*row] = around.joints.q[*coordinate].cast(),
@@ -261,7 +261,7 @@ impl Unit {
     #[inline(always)]
     fn predict<const FUSED: bool>(&self, around: &Around<Lane<FUSED>>, stand: &Stand, posed: bool, out: &mut [Lane]) {
         let (differs, own) = (around.near.differs[self.piece], &around.near.own[self.piece]);
-        let worn = posed && self.own_reach > around.apart.from;
+        let worn = posed && self.own_reach > around.perturbed.from;
         let axes = Axes { nominal: &self.rotation, stand: &stand.rotation, turn: self.turned(around, worn) };
         let Parts { gyro, accel, mag, rest } = self.parts;
         if !differs.motion {

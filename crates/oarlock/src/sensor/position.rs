@@ -1,8 +1,8 @@
 //! Position sensor: reads a point of a frame in root axes.
 
 use super::{Quantity, RowGroups, Worn};
+use crate::kernels::lane::Real;
 use crate::kinematics::FrameMotion;
-use crate::lane::Real;
 use crate::model::Point;
 
 /// Reads one point.

@@ -3,10 +3,10 @@
 
 use super::near::Parts;
 use super::{Reader, Suite, Worn};
-use crate::estimate::straight::Straight;
+use crate::kernels::arch::madd;
+use crate::kernels::sparse_jacobian::SparseJacobian;
 use crate::kinematics::slopes::{rigid_acceleration, Kind, Slopes};
 use crate::kinematics::FrameMotion;
-use crate::lane::arch::madd;
 use crate::model::Point;
 use crate::rotation::turn::right_jacobian;
 use crate::rotation::{Mat3, Vec3};
@@ -75,7 +75,7 @@ enum Rows {
 /// Rows of a sensor that answer to the same numbers.
 #[derive(Debug, Clone)]
 struct Group {
-    trio: usize,
+    triple: usize,
     rows: Rows,
     /// Of every slope; a loop's second side counts negatively.
     causes: Vec<(Cause, usize)>,
@@ -90,8 +90,8 @@ pub struct Causes {
 
 impl Suite {
     /// Room for the rows of a Jacobian that has `n` columns of states and others behind them.
-    pub fn causes(&self, n: usize, slopes: &Slopes, places: &Places) -> (Straight, Causes) {
-        let mut straight = Straight { n, ..Straight::default() };
+    pub fn causes(&self, n: usize, slopes: &Slopes, places: &Places) -> (SparseJacobian, Causes) {
+        let mut straight = SparseJacobian { n, ..SparseJacobian::default() };
         let groups = self.readers.iter().zip(&self.sources).map(|(reader, source)| {
             let mut found = Vec::new();
             for (row, count, rows, causes) in reader.causes(source.rows.start, slopes, places) {
@@ -101,7 +101,7 @@ impl Suite {
                 if !causes.is_empty() || bias.is_some() {
                     let columns: Vec<usize> = causes.iter().map(|c| c.0).collect();
                     found.push(Group {
-                        trio: straight.trios.len(),
+                        triple: straight.triples.len(),
                         rows,
                         causes: causes.iter().map(|c| c.1).collect(),
                     });
@@ -116,7 +116,7 @@ impl Suite {
 
     /// Writes the rows of every `active` source: derivatives of what `predict` gives. Allocates nothing.
     #[inline(always)]
-    pub fn slopes<const FUSED: bool>(&self, causes: &Causes, at: Moving, active: &[bool], out: &mut Straight) {
+    pub fn slopes<const FUSED: bool>(&self, causes: &Causes, at: Moving, active: &[bool], out: &mut SparseJacobian) {
         let sources = self.readers.iter().zip(&causes.groups).zip(active);
         for ((reader, groups), _) in sources.filter(|(_, on)| **on) {
             match reader {
@@ -131,7 +131,7 @@ impl Suite {
                 }
                 Reader::Encoder(_) => {
                     for group in groups {
-                        out.rows_of(group.trio).iter_mut().for_each(|s| s.rows = [1.0, 0.0, 0.0, 0.0]);
+                        out.rows_of(group.triple).iter_mut().for_each(|s| s.rows = [1.0, 0.0, 0.0, 0.0]);
                     }
                 }
                 Reader::Position(s) => {
@@ -151,10 +151,17 @@ impl Suite {
     }
 
     /// Writes out the rows of every `active` source in full.
-    pub fn scatter(&self, causes: &Causes, active: &[bool], straight: &Straight, width: usize, jacobian: &mut [f64]) {
+    pub fn scatter(
+        &self,
+        causes: &Causes,
+        active: &[bool],
+        straight: &SparseJacobian,
+        width: usize,
+        jacobian: &mut [f64],
+    ) {
         for ((source, groups), _) in self.sources.iter().zip(&causes.groups).zip(active).filter(|(_, on)| **on) {
             jacobian[source.rows.start * width..source.rows.end * width].fill(0.0);
-            groups.iter().for_each(|g| straight.scatter(g.trio, width, jacobian));
+            groups.iter().for_each(|g| straight.scatter(g.triple, width, jacobian));
         }
     }
 }
@@ -221,7 +228,7 @@ impl Reader {
 
 /// Rows of a loop or of a position: frame, point and axis of each side.
 #[inline(always)]
-fn write_sides(group: &Group, at: Moving, sides: &[(usize, &Point, [f64; 3])], out: &mut Straight) {
+fn write_sides(group: &Group, at: Moving, sides: &[(usize, &Point, [f64; 3])], out: &mut SparseJacobian) {
     let mut places = [Vec3::zero(); 2];
     for (to, (frame, point, axis)) in places.iter_mut().zip(sides) {
         let motion = &at.frames[*frame];
@@ -230,7 +237,7 @@ fn write_sides(group: &Group, at: Moving, sides: &[(usize, &Point, [f64; 3])], o
             _ => motion.position + point.turned(&motion.rotation, at.worn.lengths),
         };
     }
-    for (slope, (cause, side)) in out.rows_of(group.trio).iter_mut().zip(&group.causes) {
+    for (slope, (cause, side)) in out.rows_of(group.triple).iter_mut().zip(&group.causes) {
         let v = match (*cause, group.rows) {
             (Cause::Slope(k), Rows::Axis) => at.slopes.slope(k).turn.cross(places[*side]),
             (Cause::Slope(k), _) => at.slopes.slope(k).place(places[*side]),
@@ -275,8 +282,8 @@ impl<'a> Seen<'a> {
     }
 
     #[inline(always)]
-    fn write<const FUSED: bool>(&self, group: &Group, mount: Option<&Vec3<f64>>, out: &mut Straight) {
-        for (slope, (cause, _)) in out.rows_of(group.trio).iter_mut().zip(&group.causes) {
+    fn write<const FUSED: bool>(&self, group: &Group, mount: Option<&Vec3<f64>>, out: &mut SparseJacobian) {
+        for (slope, (cause, _)) in out.rows_of(group.triple).iter_mut().zip(&group.causes) {
             slope.rows = match (*cause, group.rows) {
                 (Cause::Slope(k), Rows::Accel) => self.accel::<FUSED>(k),
                 (Cause::Slope(k), Rows::Mag) => times::<FUSED>(&self.by_turn, self.at.slopes.slope(k).turn, [0.0; 4]),

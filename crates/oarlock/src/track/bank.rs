@@ -9,11 +9,11 @@ use super::lost::forget;
 use super::Tracker;
 use crate::body::three;
 use crate::estimate::belief::{Belief, BRANCHES};
-use crate::estimate::filter::{Info, Lost};
-use crate::estimate::transition::{carry, Block};
+use crate::estimate::filter::{Diverged, Info};
+use crate::estimate::transition::{congruence, Block};
 use crate::estimate::System;
+use crate::kernels::arch::Arch;
 use crate::kinematics::FrameMotion;
-use crate::lane::arch::Arch;
 use crate::recording::Sample;
 use crate::rotation::turn::{norm, plus, Turn};
 use crate::rotation::{Mat3, Vec3};
@@ -63,7 +63,7 @@ impl Tracker {
         for mut one in std::iter::once(belief.clone()).chain(rivals) {
             match go(self, &mut one) {
                 Ok(()) => {
-                    one.score += self.info.evidence;
+                    one.score += self.info.log_likelihood;
                     alive.push((one, self.info.clone()));
                 }
                 Err(e) => failed = Some(e),
@@ -73,7 +73,7 @@ impl Tracker {
         match (self.settle(alive), failed) {
             (Some(leader), _) => *belief = leader,
             (None, Some(e)) => return Err(e),
-            (None, None) => return Err(super::diverged(Lost { what: "no hypothesis fits".into() }, belief.time_s)),
+            (None, None) => return Err(super::diverged(Diverged { what: "no hypothesis fits".into() }, belief.time_s)),
         }
         Ok(())
     }
@@ -197,7 +197,7 @@ impl Tracker {
         let q = slots.q;
         let outer = |i: usize, j: usize| direction[i] * direction[j];
         let across = [0, 1, 2].map(|i| [0, 1, 2].map(|j| f64::from(i == j) - outer(i, j)));
-        carry(Arch::best(), &Block::linear([q, q + 1, q + 2], across), &mut belief.covariance);
+        congruence(Arch::best(), &Block::linear([q, q + 1, q + 2], across), &mut belief.covariance);
         let step = TAU / BRANCHES as f64;
         for i in 0..3 {
             for j in 0..3 {

@@ -5,9 +5,9 @@ use super::Tracker;
 use crate::body::{three, Body, Moment};
 use crate::error::{Error, Result};
 use crate::estimate::belief::{Belief, MEMORY};
-use crate::estimate::dense::Square;
-use crate::estimate::start::{Evidence, Fit, Guess, Problem};
+use crate::estimate::start::{Fit, Prior, StartFit, StartSample};
 use crate::estimate::System;
+use crate::kernels::dense::Square;
 use crate::model::{JointKind, SensorKind};
 use crate::recording::Sample;
 use crate::rotation::turn::{plus, Turn};
@@ -33,17 +33,19 @@ impl Tracker {
             let all = window.iter().map(|s| self.as_evidence(s)).collect();
             self.thinned(all)
         };
-        let evidence: Vec<Evidence<Moment>> =
-            seen.iter().map(|(time_s, moment, z)| Evidence { after_s: time_s - window[0].time_s, moment, z }).collect();
+        let evidence: Vec<StartSample<Moment>> = seen
+            .iter()
+            .map(|(time_s, moment, z)| StartSample { after_s: time_s - window[0].time_s, moment, z })
+            .collect();
         let guesses = self.guesses()?;
-        let starts: Vec<(&Guess, Vec<f64>)> = guesses.iter().map(|guess| (guess, guess.mean.clone())).collect();
+        let starts: Vec<(&Prior, Vec<f64>)> = guesses.iter().map(|guess| (guess, guess.mean.clone())).collect();
         let found = self.seek(&evidence, &starts).ok_or_else(|| {
             let t = window[0].time_s;
             let text = format!("no start found at {t:.3} s: the first readings are not numbers for this model");
             Error::Diverged { time_s: t, text }
         })?;
         let (fit, others) = match found.good {
-            true => self.all_postures(&mut Problem::new(&self.body, &evidence, &self.std, found.guess), found.fit),
+            true => self.all_postures(&mut StartFit::new(&self.body, &evidence, &self.std, found.guess), found.fit),
             false => (found.fit, Vec::new()),
         };
         let cost = fit.cost;
@@ -78,7 +80,7 @@ impl Tracker {
     fn as_evidence(&mut self, sample: &Sample) -> (f64, Moment, Vec<f64>) {
         self.prepare(sample);
         let mut z = self.z.clone();
-        for (rows, _) in self.groups.parts.iter().zip(&self.barred).filter(|(_, &barred)| barred) {
+        for (rows, _) in self.groups.parts.iter().zip(&self.excluded).filter(|(_, &excluded)| excluded) {
             z[rows.clone()].fill(f64::NAN);
         }
         (sample.time_s, self.moment.clone(), z)
@@ -86,7 +88,7 @@ impl Tracker {
 
     /// The posture asked for, if any, the rest posture, the zero posture and the middle of all limits, each with the field, or the body,
     /// from four sides. What was asked for comes first; where it leads to no good fit it may be wrong itself.
-    fn guesses(&self) -> Result<Vec<Guess>> {
+    fn guesses(&self) -> Result<Vec<Prior>> {
         let body = &self.body;
         let rest: Vec<f64> = body.axes.iter().map(|axis| axis.rest).collect();
         let count = rest.len();
@@ -138,7 +140,7 @@ impl Tracker {
             mean: fit.mean,
             covariance,
             drive: vec![1.0; self.body.driven().len()],
-            habit: vec![1.0; parts],
+            usual_nis: vec![1.0; parts],
             inflation: 1.0,
             surprise: 1.0,
             roughness: 1.0,
@@ -193,7 +195,7 @@ fn wrapped(angle: f64) -> f64 {
 }
 
 /// A posture before anything is measured, with the field and floating bodies turned by `side` rad about the vertical.
-fn guess(body: &Body, posture: &[f64], side: f64) -> Guess {
+fn guess(body: &Body, posture: &[f64], side: f64) -> Prior {
     let mut mean = vec![0.0; body.layout.dim()];
     let mut std = start_std(body, WIDENED);
     for (c, axis, slots) in body.moving() {
@@ -215,7 +217,7 @@ fn guess(body: &Body, posture: &[f64], side: f64) -> Guess {
         mean[i] = body.model.world.magnetic_azimuth_rad + side;
         std[i] = AZIMUTH_STD;
     }
-    Guess::apart(mean, &std)
+    Prior::uncorrelated(mean, &std)
 }
 
 /// Standard deviations at the start, those of the rates `widened`.

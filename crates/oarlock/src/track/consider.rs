@@ -14,13 +14,13 @@ use crate::body::{Body, Moment};
 use crate::config::{Config, Consider};
 use crate::error::Result;
 use crate::estimate::belief::Belief;
-use crate::estimate::dense::{accumulate, Square};
 use crate::estimate::filter::Verdict;
-use crate::estimate::straight::Straight;
-use crate::estimate::tiles::padded;
 use crate::estimate::transition::Transition;
-use crate::estimate::System;
-use crate::lane::arch::{Arch, Kernel};
+use crate::estimate::{FastSystem, System};
+use crate::kernels::arch::{Arch, Kernel};
+use crate::kernels::dense::{accumulate, Square};
+use crate::kernels::sparse_jacobian::SparseJacobian;
+use crate::kernels::tiles::padded;
 use crate::sensor::imu::MountValue;
 use crate::sensor::Quantity;
 use delays::Delays;
@@ -49,7 +49,7 @@ pub(super) struct Considering {
     /// The body with everything that is considered among its states.
     twin: Body,
     scratch: Box<<Body as System>::Scratch>,
-    straight: Straight,
+    straight: SparseJacobian,
     roles: Vec<Role>,
     /// Of each row that an encoder's zero shifts.
     zeros: Vec<Option<usize>>,
@@ -109,7 +109,7 @@ impl Considering {
         Ok(Some(Considering {
             arch: Arch::best(),
             scratch: Box::new(twin.scratch()),
-            straight: twin.tangent().unwrap_or_default(),
+            straight: twin.jacobian_pattern().unwrap_or_default(),
             roles,
             zeros,
             telling,
@@ -229,7 +229,7 @@ impl Considering {
         self.pull.fill(0.0);
         let counts = innovation.is_some() && self.score.as_mut().is_some_and(|(_, tally)| tally.begin(time_s));
         let slopes = &mut doubt[HEAD..HEAD + n * width];
-        for t in 0..self.straight.trios.len() {
+        for t in 0..self.straight.triples.len() {
             self.answer(t, slopes, innovation.filter(|_| counts), &row_variance);
         }
         if let Some((_, tally)) = self.score.as_mut().filter(|_| counts) {
@@ -253,14 +253,15 @@ impl Considering {
         variance: impl Fn(usize) -> Option<f64>,
     ) -> (f64, f64) {
         let (mut squares, mut count) = (0.0, 0.0);
-        for trio in self.straight.trios.iter().filter(|t| rows[t.row]) {
-            for i in 0..trio.count {
-                let Some(noise) = variance(trio.row + i) else { continue };
-                let slopes = self.straight.slopes[trio.slopes.clone()].iter().map(|s| (self.roles[s.state], s.rows[i]));
-                let added = trio.added.map(|first| (self.roles[first + i], 1.0));
+        for triple in self.straight.triples.iter().filter(|t| rows[t.row]) {
+            for i in 0..triple.count {
+                let Some(noise) = variance(triple.row + i) else { continue };
+                let slopes =
+                    self.straight.slopes[triple.slopes.clone()].iter().map(|s| (self.roles[s.state], s.rows[i]));
+                let added = triple.added.map(|first| (self.roles[first + i], 1.0));
                 let by = |(role, by)| if let Role::State(s) = role { Some((s, by)) } else { None };
                 let terms = slopes.chain(added).filter_map(by);
-                let left = innovation[trio.row + i] - terms.clone().map(|(s, by)| by * shift[s]).sum::<f64>();
+                let left = innovation[triple.row + i] - terms.clone().map(|(s, by)| by * shift[s]).sum::<f64>();
                 let spread: f64 =
                     terms.clone().map(|(s, by)| by * terms.clone().map(|(t, bt)| p.at(s, t) * bt).sum::<f64>()).sum();
                 squares += left * left / noise;
@@ -273,14 +274,14 @@ impl Considering {
     /// Of a few rows: B = J dx/dp + dh/dp, and their part of J'WB.
     fn answer(&mut self, t: usize, slopes: &[f64], counted: Option<&[f64]>, variance: &impl Fn(usize) -> Option<f64>) {
         let (_, _, width) = self.size;
-        let trio = &self.straight.trios[t];
-        for i in 0..trio.count {
-            let row = trio.row + i;
+        let triple = &self.straight.triples[t];
+        for i in 0..triple.count {
+            let row = triple.row + i;
             let Some(noise) = variance(row) else { continue };
             let answer = &mut self.answers[row * width..(row + 1) * width];
             answer.fill(0.0);
             let mut input_noise = 0.0;
-            for slope in &self.straight.slopes[trio.slopes.clone()] {
+            for slope in &self.straight.slopes[triple.slopes.clone()] {
                 let by = slope.rows[i];
                 match self.roles[slope.state] {
                     Role::State(s) => {
@@ -293,15 +294,15 @@ impl Considering {
                     input_noise += by * by;
                 }
             }
-            if let Some(Role::State(s)) = trio.added.map(|first| self.roles[first + i]) {
+            if let Some(Role::State(s)) = triple.added.map(|first| self.roles[first + i]) {
                 answer.iter_mut().zip(&slopes[s * width..(s + 1) * width]).for_each(|(a, x)| *a += x);
             }
             if let Some(k) = self.zeros[row] {
                 answer[k] += ZERO_STD;
             }
             if let Some((delays, _)) = &self.score {
-                let felt = &self.straight.slopes[trio.slopes.clone()];
-                if let Some((k, late)) = delays.answer(trio, i, felt, &self.roles) {
+                let felt = &self.straight.slopes[triple.slopes.clone()];
+                if let Some((k, late)) = delays.answer(triple, i, felt, &self.roles) {
                     answer[k] += late;
                 }
             }
@@ -309,14 +310,14 @@ impl Considering {
             if let (Some((_, tally)), Some(innovation)) = (&mut self.score, counted) {
                 tally.row(answer, weight, innovation[row]);
             }
-            for slope in &self.straight.slopes[trio.slopes.clone()] {
+            for slope in &self.straight.slopes[triple.slopes.clone()] {
                 if let Role::State(s) = self.roles[slope.state] {
                     let by = weight * slope.rows[i];
                     let pull = &mut self.pull[s * width..(s + 1) * width];
                     pull.iter_mut().zip(&*answer).for_each(|(p, a)| *p += by * a);
                 }
             }
-            if let Some(Role::State(s)) = trio.added.map(|first| self.roles[first + i]) {
+            if let Some(Role::State(s)) = triple.added.map(|first| self.roles[first + i]) {
                 let pull = &mut self.pull[s * width..(s + 1) * width];
                 pull.iter_mut().zip(&*answer).for_each(|(p, a)| *p += weight * a);
             }
@@ -383,7 +384,7 @@ struct Looking<'a> {
     scratch: &'a mut <Body as System>::Scratch,
     mean: &'a [f64],
     center: &'a mut [f64],
-    straight: &'a mut Straight,
+    straight: &'a mut SparseJacobian,
 }
 
 impl Kernel for Looking<'_> {
@@ -391,7 +392,7 @@ impl Kernel for Looking<'_> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        self.twin.linearise_into::<FUSED>(self.moment, self.scratch, self.mean, self.center, self.straight);
+        self.twin.linearise_sparse::<FUSED>(self.moment, self.scratch, self.mean, self.center, self.straight);
     }
 }
 
@@ -418,7 +419,7 @@ impl Kernel for Following<'_> {
 impl Tracker {
     /// Whether anything is made of the slopes: of noise that is learnt, or of what is considered.
     fn wants_slopes(&self, belief: &Belief) -> bool {
-        !belief.doubt.is_empty() || self.manner.learning.memory_s.is_finite()
+        !belief.doubt.is_empty() || self.settings.learning.memory_s.is_finite()
     }
 
     /// Before an update.
@@ -435,7 +436,7 @@ impl Tracker {
         let Some(considering) = self.considering.as_mut().filter(|_| wanted) else { return };
         let (z, std, inertial) = (&self.z, &self.std, &self.inertial_rows);
         let (inflation, roughness, rough) = (belief.inflation, belief.roughness, &self.rough_rows);
-        let believed = |r: usize| !z[r].is_nan() && self.info.parts[self.part_of[r]] == Verdict::Believed;
+        let believed = |r: usize| !z[r].is_nan() && self.info.parts[self.part_of[r]] == Verdict::Accepted;
         let inflated = |r: usize, (inflation, roughness): (f64, f64)| {
             let factor = if inertial[r] { inflation } else { 1.0 } * if rough[r] { roughness } else { 1.0 };
             believed(r).then_some(std[r] * std[r] * factor)
@@ -446,9 +447,9 @@ impl Tracker {
             |r| inflated(r, (inflation, roughness)),
         );
         if count > 0.0 && self.learns && self.filter.is_whole() {
-            let (learning, dt) = (self.manner.learning, self.filter.since_s());
+            let (learning, dt) = (self.settings.learning, self.filter.since_s());
             let roughness = learning.inflation(belief.roughness, belief.leftover, dt, squares / count);
-            belief.leftover = learning.habit(belief.leftover, dt, squares / count);
+            belief.leftover = learning.usual_nis(belief.leftover, dt, squares / count);
             belief.roughness = roughness;
         }
         if belief.doubt.is_empty() {

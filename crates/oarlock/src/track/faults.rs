@@ -169,7 +169,7 @@ impl Tracker {
             let verdict = &mut self.info.parts[p];
             match self.faults[p] {
                 Fault::None => {
-                    if self.turned[p] && *verdict == Verdict::Barred {
+                    if self.turned[p] && *verdict == Verdict::Excluded {
                         *verdict = Verdict::Turned;
                     }
                     continue;

@@ -9,7 +9,7 @@ use super::north::forget_north;
 use super::Tracker;
 use crate::body::three;
 use crate::estimate::belief::Belief;
-use crate::estimate::dense::Square;
+use crate::kernels::dense::Square;
 use crate::model::JointKind;
 use crate::rotation::turn::Turn;
 use crate::rotation::Vec3;
@@ -27,7 +27,7 @@ impl Tracker {
     /// Whether most gyroscopes and accelerometers that spoke recently have been rejected up to now, one that speaks in this sample
     /// beyond patience. What counts is each one's last verdict: units with clocks of their own speak one in a sample.
     pub(super) fn is_lost(&self, belief: &Belief) -> bool {
-        let patience_s = self.filter.patience_s(self.manner.gate);
+        let patience_s = self.filter.patience_s(self.settings.gate);
         let feels_motion = |q: Quantity| matches!(q, Quantity::Gyro | Quantity::Accel);
         let parts = self.groups.parts.iter().zip(&belief.rejected_since_s).enumerate();
         let (mut there, mut rejected, mut waited) = (0, 0, false);
@@ -67,7 +67,7 @@ impl Tracker {
             keep_heading(&mut belief.covariance, q, up, variance + HEADING_STD * HEADING_STD);
         }
         belief.drive.fill(1.0);
-        belief.habit.fill(1.0);
+        belief.usual_nis.fill(1.0);
         (belief.inflation, belief.surprise) = (1.0, 1.0);
         (belief.roughness, belief.leftover) = (1.0, 1.0);
         belief.rejected_since_s.fill(f64::NAN);

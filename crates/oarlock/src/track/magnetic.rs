@@ -9,7 +9,7 @@
 use super::Tracker;
 use crate::config::Magnetometer;
 use crate::estimate::belief::Belief;
-use crate::estimate::filter::{Info, Slant, Verdict};
+use crate::estimate::filter::{DirectionTest, Info, Verdict};
 use crate::rotation::Vec3;
 use crate::sensor::Quantity;
 
@@ -56,10 +56,10 @@ impl Tracker {
             let mut own = parts.filter(|((rows, &q), _)| q == Quantity::Mag && source.contains(&rows.start));
             own.next().map_or(Field::Missing, |(_, verdict)| match verdict {
                 Verdict::Missing | Verdict::Stuck => Field::Missing,
-                Verdict::Believed | Verdict::Clipped => Field::Undisturbed,
-                Verdict::Barred => Field::Norm,
-                Verdict::Slanted => Field::Dip,
-                Verdict::Odd | Verdict::Turned => Field::Innovation,
+                Verdict::Accepted | Verdict::Clipped => Field::Undisturbed,
+                Verdict::Excluded => Field::Norm,
+                Verdict::WrongDirection => Field::Dip,
+                Verdict::Outlier | Verdict::Turned => Field::Innovation,
             })
         })
     }
@@ -74,7 +74,7 @@ impl Tracker {
     pub(super) fn judge_norms(&mut self) {
         let norm = self.body.field.norm_ut;
         for (p, rows) in self.groups.parts.iter().enumerate() {
-            self.barred[p] = false;
+            self.excluded[p] = false;
             if self.quantities[p] != Quantity::Mag {
                 continue;
             }
@@ -84,7 +84,7 @@ impl Tracker {
                 Magnetometer::Off => z.fill(f64::NAN),
                 Magnetometer::Gated => {
                     let measured = z.iter().map(|x| x * x).sum::<f64>().sqrt();
-                    self.barred[p] = (measured - norm).abs() > NORM_TOLERANCE * norm;
+                    self.excluded[p] = (measured - norm).abs() > NORM_TOLERANCE * norm;
                 }
             }
         }
@@ -92,7 +92,7 @@ impl Tracker {
 
     /// Measures the dip of every field against the horizon of the belief; the filter knows how certain that is.
     pub(super) fn measure_dips(&mut self, belief: &Belief) {
-        self.slants.fill(None);
+        self.direction_tests.fill(None);
         let gated = self.config.magnetometer == Magnetometer::Gated;
         if !gated || self.magnetic_rows().all(|r| self.z[r].is_nan()) {
             return;
@@ -102,13 +102,14 @@ impl Tracker {
             let source = self.groups.sources.iter().position(|s| s.contains(&rows.start));
             let up = source.and_then(|s| self.body.up_seen_by(s, &self.posture));
             let measured = Vec3([self.z[rows.start], self.z[rows.start + 1], self.z[rows.start + 2]]);
-            self.slants[p] = up.and_then(|up| slant(measured, up, self.body.field.norm_ut, self.body.field.dip_rad));
+            self.direction_tests[p] =
+                up.and_then(|up| direction(measured, up, self.body.field.norm_ut, self.body.field.dip_rad));
         }
     }
 }
 
 /// How far a measured field (uT) lies from the world's dip (rad), all in sensor axes; `None` for no field at all.
-fn slant(measured: Vec3<f64>, up: Vec3<f64>, norm_ut: f64, dip_rad: f64) -> Option<Slant> {
+fn direction(measured: Vec3<f64>, up: Vec3<f64>, norm_ut: f64, dip_rad: f64) -> Option<DirectionTest> {
     let dot = |a: Vec3<f64>, b: Vec3<f64>| -> f64 { a.0.iter().zip(b.0).map(|(a, b)| a * b).sum() };
     let length = dot(measured, measured).sqrt();
     if !(length > 0.0 && length.is_finite()) {
@@ -121,7 +122,7 @@ fn slant(measured: Vec3<f64>, up: Vec3<f64>, norm_ut: f64, dip_rad: f64) -> Opti
     // Where the field moves when it dips further.
     let along = level * -dip_rad.sin() + up * -dip_rad.cos();
     let off = norm_ut * (down.clamp(-1.0, 1.0).asin() - dip_rad);
-    Some(Slant { along: along.0, off, tolerance: norm_ut * DIP_TOLERANCE_RAD, sigmas: HORIZON_SIGMAS })
+    Some(DirectionTest { along: along.0, off, tolerance: norm_ut * DIP_TOLERANCE_RAD, sigmas: HORIZON_SIGMAS })
 }
 
 #[cfg(test)]
@@ -136,11 +137,11 @@ mod tests {
         for off in [-0.3, 0.0, 0.2] {
             let dip: f64 = dip_rad + off;
             let field = turn.apply(Vec3([dip.cos() * 0.6, dip.cos() * 0.8, -dip.sin()])) * 50.0;
-            let found = slant(field, up, 48.0, dip_rad).unwrap();
+            let found = direction(field, up, 48.0, dip_rad).unwrap();
             assert!((found.off - 48.0 * off).abs() < 1e-9, "{}", found.off);
             let step = turn.apply(Vec3([-dip_rad.sin() * 0.6, -dip_rad.sin() * 0.8, -dip_rad.cos()]));
             assert!(found.along.iter().zip(step.0).all(|(a, b)| (a - b).abs() < 1e-9));
         }
-        assert!(slant(Vec3([0.0; 3]), up, 48.0, dip_rad).is_none());
+        assert!(direction(Vec3([0.0; 3]), up, 48.0, dip_rad).is_none());
     }
 }

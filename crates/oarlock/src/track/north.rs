@@ -47,8 +47,8 @@ impl Tracker {
             }
             let first = self.groups.parts[p].start;
             let since_s = self.source_of(first).map_or(f64::NAN, |s| belief.memory[s][SINCE]);
-            if belief.time_s - since_s <= PATIENCE_S && !self.barred[p] {
-                (self.turned[p], self.barred[p]) = (true, true);
+            if belief.time_s - since_s <= PATIENCE_S && !self.excluded[p] {
+                (self.turned[p], self.excluded[p]) = (true, true);
             }
         }
     }
@@ -58,16 +58,16 @@ impl Tracker {
         if !self.config.gate {
             return;
         }
-        for p in (0..self.turned.len()).filter(|&p| self.slants[p].is_some()) {
+        for p in (0..self.turned.len()).filter(|&p| self.direction_tests[p].is_some()) {
             let first = self.groups.parts[p].start;
             let Some(s) = self.source_of(first) else { continue };
             match self.info.parts[p] {
                 // The gate has it, and will believe it after its own patience.
-                Verdict::Odd if belief.time_s - belief.rejected_since_s[p] > USUAL_S => {
+                Verdict::Outlier if belief.time_s - belief.rejected_since_s[p] > USUAL_S => {
                     forget_north(&mut belief.memory[s]);
                     continue;
                 }
-                Verdict::Believed => {}
+                Verdict::Accepted => {}
                 _ if self.turned[p] => {}
                 _ => continue,
             }

@@ -7,7 +7,7 @@
 
 use super::Tracker;
 use crate::body::{Body, Moment};
-use crate::estimate::start::{Evidence, Fit, Guess, Problem};
+use crate::estimate::start::{Fit, Prior, StartFit, StartSample};
 use crate::model::{Axis, JointKind};
 
 /// A cost per reading below which other guesses need not be tried.
@@ -37,7 +37,7 @@ const MOST_REFITS: usize = 25;
 /// What was found, from which guess, and whether it explains the readings in a posture for a body.
 pub(super) struct Found<'a> {
     pub(super) fit: Fit,
-    pub(super) guess: &'a Guess,
+    pub(super) guess: &'a Prior,
     pub(super) good: bool,
 }
 
@@ -46,8 +46,8 @@ impl Tracker {
     /// that costs least.
     pub(super) fn seek<'a>(
         &self,
-        evidence: &[Evidence<Moment>],
-        starts: &[(&'a Guess, Vec<f64>)],
+        evidence: &[StartSample<Moment>],
+        starts: &[(&'a Prior, Vec<f64>)],
     ) -> Option<Found<'a>> {
         let hinges: Vec<(&Axis, usize)> = self.free_hinges().collect();
         let mut best: Option<Found> = None;
@@ -62,10 +62,10 @@ impl Tracker {
             if k >= BLURS.len() * starts.len() && !astray {
                 break;
             }
-            let mut problem = Problem::new(&self.body, evidence, &self.std, guess);
-            let first = problem.fit_sharpening(&from, blurs);
+            let mut problem = StartFit::new(&self.body, evidence, &self.std, guess);
+            let first = problem.fit_with_decreasing_noise(&from, blurs);
             let contorted = first.as_ref().filter(|fit| self.is_contorted(&fit.mean));
-            let eased = contorted.and_then(|fit| problem.fit_sharpening(&self.eased(&fit.mean), blurs));
+            let eased = contorted.and_then(|fit| problem.fit_with_decreasing_noise(&self.eased(&fit.mean), blurs));
             for fit in [first, eased].into_iter().flatten().filter(|fit| fit.mean.iter().all(|x| x.is_finite())) {
                 let good = self.is_good(&fit, evidence);
                 if good || best.as_ref().is_none_or(|b| self.rank(&fit) < self.rank(&b.fit)) {
@@ -80,7 +80,7 @@ impl Tracker {
     }
 
     /// Whether a fit explains the readings in a posture for a body.
-    pub(super) fn is_good(&self, fit: &Fit, evidence: &[Evidence<Moment>]) -> bool {
+    pub(super) fn is_good(&self, fit: &Fit, evidence: &[StartSample<Moment>]) -> bool {
         fit.mean.iter().all(|x| x.is_finite())
             && fit.cost < GOOD_COST * readings(evidence)
             && !self.is_contorted(&fit.mean)
@@ -107,7 +107,7 @@ impl Tracker {
     }
 
     /// A fit, or a better one of another posture, and those others that are nearly as good, each in a valley of its own.
-    pub(super) fn all_postures(&self, problem: &mut Problem<Body>, fit: Fit) -> (Fit, Vec<Fit>) {
+    pub(super) fn all_postures(&self, problem: &mut StartFit<Body>, fit: Fit) -> (Fit, Vec<Fit>) {
         let std = |q: usize| fit.covariance.at(q, q).sqrt();
         let doubtful: Vec<(&Axis, usize)> = self.free_hinges().filter(|(_, q)| std(*q) > UNCERTAIN_STD).collect();
         // A hinge that only walks is told by loops alone, and hardly ever well at the first sample.
@@ -133,7 +133,7 @@ impl Tracker {
     }
 
     /// Whether a fit from halfway between two falls to one of them: in a valley that nothing measures it stays where it is.
-    fn is_apart(&self, problem: &mut Problem<Body>, a: &Fit, b: &Fit) -> bool {
+    fn is_apart(&self, problem: &mut StartFit<Body>, a: &Fit, b: &Fit) -> bool {
         let halfway: Vec<f64> = a.mean.iter().zip(&b.mean).map(|(a, b)| 0.5 * (a + b)).collect();
         let fell = problem.fit(&halfway);
         fell.is_some_and(|f| !self.differ(&f.mean, &a.mean) || !self.differ(&f.mean, &b.mean))
@@ -153,7 +153,7 @@ impl Tracker {
 }
 
 /// How many there are.
-fn readings(evidence: &[Evidence<Moment>]) -> f64 {
+fn readings(evidence: &[StartSample<Moment>]) -> f64 {
     evidence.iter().flat_map(|e| e.z).filter(|z| !z.is_nan()).count() as f64
 }
 
@@ -175,7 +175,7 @@ fn scattered(mean: &[f64], hinges: &[(&Axis, usize)], k: usize) -> Vec<f64> {
 }
 
 /// Goes on from a fit that may only have crept along a valley, until that gains nothing.
-fn patiently(problem: &mut Problem<Body>, fit: Fit) -> Fit {
+fn patiently(problem: &mut StartFit<Body>, fit: Fit) -> Fit {
     let mut best = fit;
     for _ in 0..MOST_REFITS {
         match problem.fit(&best.mean) {

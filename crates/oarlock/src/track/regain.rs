@@ -7,8 +7,8 @@
 
 use super::Tracker;
 use crate::estimate::belief::Belief;
-use crate::estimate::filter::{evidence, SourceInfo, Verdict};
-use crate::estimate::start::{Evidence, Fit, Guess, Problem};
+use crate::estimate::filter::{log_likelihood, SourceInfo, Verdict};
+use crate::estimate::start::{Fit, Prior, StartFit, StartSample};
 use crate::model::Axis;
 use std::f64::consts::TAU;
 
@@ -77,7 +77,7 @@ impl Tracker {
     /// Fits this sample; false if that leads nowhere, and the belief is as it was.
     pub(super) fn regain(&mut self, belief: &mut Belief) -> bool {
         let mut z = self.z.clone();
-        for (rows, _) in self.groups.parts.iter().zip(&self.barred).filter(|(_, &barred)| barred) {
+        for (rows, _) in self.groups.parts.iter().zip(&self.excluded).filter(|(_, &excluded)| excluded) {
             z[rows.clone()].fill(f64::NAN);
         }
         let Some(mut fit) = self.best_fit(belief, &z) else { return false };
@@ -93,8 +93,8 @@ impl Tracker {
     }
 
     fn best_fit(&self, belief: &Belief, z: &[f64]) -> Option<Fit> {
-        let guess = Guess::of(&belief.mean, &belief.covariance)?;
-        let evidence = [Evidence { after_s: 0.0, moment: &self.moment, z }];
+        let guess = Prior::of(&belief.mean, &belief.covariance)?;
+        let evidence = [StartSample { after_s: 0.0, moment: &self.moment, z }];
         let posture = |value: fn(&Axis) -> f64| {
             let mut mean = belief.mean.clone();
             self.body.moving().for_each(|(_, axis, slots)| mean[slots.q] = value(axis));
@@ -105,7 +105,9 @@ impl Tracker {
         let starts = [belief.mean.clone(), rest, middle].map(|first| (&guess, first));
         // One sample tells little: of good fits the best is taken, not the first.
         let fits = starts.iter().filter_map(|(_, first)| {
-            Problem::new(&self.body, &evidence, &self.std, &guess).fit(first).filter(|fit| self.is_good(fit, &evidence))
+            StartFit::new(&self.body, &evidence, &self.std, &guess)
+                .fit(first)
+                .filter(|fit| self.is_good(fit, &evidence))
         });
         let best = fits.min_by(|a, b| a.cost.total_cmp(&b.cost));
         best.or_else(|| self.seek(&evidence, &starts).map(|found| found.fit))
@@ -114,19 +116,19 @@ impl Tracker {
     /// The fit used all rows that were there, and has no innovation to speak of.
     fn report_fit(&mut self, z: &[f64], cost: f64) {
         self.info = self.blank_info();
-        self.info.evidence = evidence(cost, z.iter().filter(|z| !z.is_nan()).count());
+        self.info.log_likelihood = log_likelihood(cost, z.iter().filter(|z| !z.is_nan()).count());
         for (source, rows) in self.info.sources.iter_mut().zip(&self.groups.sources) {
             let used = z[rows.clone()].iter().filter(|z| !z.is_nan()).count();
             let there = self.z[rows.clone()].iter().filter(|z| !z.is_nan()).count();
             let (used, there, all) = (used as u8, there as u8, rows.len() as u8);
             *source = SourceInfo { nis: f64::NAN, used, rejected: there - used, missing: all - there };
         }
-        for ((part, rows), &barred) in self.info.parts.iter_mut().zip(&self.groups.parts).zip(&self.barred) {
+        for ((part, rows), &excluded) in self.info.parts.iter_mut().zip(&self.groups.parts).zip(&self.excluded) {
             let there = self.z[rows.clone()].iter().any(|z| !z.is_nan());
-            *part = match (there, barred) {
+            *part = match (there, excluded) {
                 (false, _) => Verdict::Missing,
-                (true, true) => Verdict::Barred,
-                (true, false) => Verdict::Believed,
+                (true, true) => Verdict::Excluded,
+                (true, false) => Verdict::Accepted,
             };
         }
     }

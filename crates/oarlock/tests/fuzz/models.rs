@@ -47,7 +47,7 @@ pub fn answered<T>(result: oarlock::Result<T>) -> Option<T> {
 
 #[test]
 fn model_files_are_read_or_refused() {
-    campaign("models", 400, |chance, fed| {
+    campaign("models", 150, |chance, fed| {
         let text = pick(chance, &*TEXTS);
         *fed = mutated(chance, text, &*TEXTS);
         let Some(model) = answered(Model::from_toml(fed, "wounded.toml")) else { return };

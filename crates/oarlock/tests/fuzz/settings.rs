@@ -33,7 +33,7 @@ pub fn config(chance: &mut Chance, coordinates: usize) -> Config {
         closures: one_in(chance, 2),
         process_noise: *pick(chance, &[ProcessNoise::Jerk, ProcessNoise::Paper]),
         magnetometer: *pick(chance, &[Magnetometer::Off, Magnetometer::Gated, Magnetometer::On]),
-        filter: *pick(chance, &[FilterKind::Ukf, FilterKind::Ekf, FilterKind::Iekf, FilterKind::Factorised]),
+        filter: *pick(chance, &[FilterKind::Ukf, FilterKind::Ekf, FilterKind::Factorised]),
         initial_q: one_in(chance, 4).then(|| guess(chance)),
         alpha: number(chance, 1e-4, 1.0),
         beta: number(chance, 1.0, 4.0),
@@ -52,7 +52,7 @@ pub fn config(chance: &mut Chance, coordinates: usize) -> Config {
 #[test]
 fn configurations_are_used_or_refused() {
     let bodies = [model(CHAIN), model(CHAIN), model(SCULLER)];
-    campaign("configurations", 120, |chance, fed| {
+    campaign("configurations", 40, |chance, fed| {
         let model = pick(chance, &bodies).clone();
         let config = config(chance, model.coordinate_count());
         write!(fed, "{} {config:?}", model.name).unwrap();
@@ -88,7 +88,7 @@ fn rotation(chance: &mut Chance) -> Mat3<f64> {
 #[test]
 fn calibrations_are_used_or_refused() {
     let bodies = [model(CHAIN), model(SCULLER)];
-    campaign("calibrations", 80, |chance, fed| {
+    campaign("calibrations", 40, |chance, fed| {
         let model = pick(chance, &bodies).clone();
         let mut calibration = Calibration::default();
         let wrong = if one_in(chance, 10) { "nobody" } else { "" };

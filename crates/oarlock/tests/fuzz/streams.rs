@@ -88,7 +88,7 @@ pub fn step_through(tracker: &mut Tracker, samples: &[Sample]) {
 #[test]
 fn samples_are_answered() {
     let bodies = TEXTS.map(model);
-    campaign("samples", 60, |chance, fed| {
+    campaign("samples", 12, |chance, fed| {
         let model = pick(chance, &bodies).clone();
         let config = if one_in(chance, 2) { Config::default() } else { config(chance, model.coordinate_count()) };
         let Some(mut tracker) = answered(Tracker::new(model.clone(), &Calibration::default(), &config)) else { return };
@@ -119,7 +119,7 @@ fn stream(chance: &mut Chance, name: &str, quantities: &[Quantity], rows: usize,
 #[test]
 fn recordings_are_answered() {
     let bodies = TEXTS.map(model);
-    campaign("recordings", 40, |chance, fed| {
+    campaign("recordings", 12, |chance, fed| {
         let model = pick(chance, &bodies).clone();
         let config = if one_in(chance, 2) { Config::default() } else { config(chance, model.coordinate_count()) };
         let (wild, rows) = (Wildness::any(chance), index(chance, 40));

@@ -16,9 +16,9 @@ use nalgebra::{DMatrix, DVector};
 use oarlock::body::Body;
 use oarlock::config::{Config, Consider, Magnetometer};
 use oarlock::estimate::belief::{Belief, MEMORY};
-use oarlock::estimate::dense::Square;
 use oarlock::estimate::transition::Transition;
 use oarlock::estimate::System;
+use oarlock::kernels::dense::Square;
 use oarlock::model::Model;
 use std::sync::Arc;
 
@@ -120,7 +120,7 @@ pub fn belief(body: &Body, time_s: f64, mean: Vec<f64>, std: &[f64]) -> Belief {
         mean,
         covariance,
         drive: vec![1.0; body.driven().len()],
-        habit: vec![1.0; parts],
+        usual_nis: vec![1.0; parts],
         inflation: 1.0,
         surprise: 1.0,
         roughness: 1.0,

@@ -7,7 +7,7 @@ use oarlock::body::Body;
 use oarlock::estimate::belief::Belief;
 use oarlock::estimate::transition::Transition;
 use oarlock::estimate::{Points, System};
-use oarlock::lane::{Lane, LANES};
+use oarlock::kernels::lane::{Lane, LANES};
 use oarlock::recording::Sample;
 
 pub struct Nature<'a> {

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from oarlock.recording.recording import ImuStream, Recording, Stream
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream, Stream
 
 Floats = NDArray[np.float64]
 

@@ -6,8 +6,9 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from oarlock.recording.recording import ImuStream, Recording, Stream
+from oarlock.recording.recording import Recording
 from oarlock.recording.stream_scales import Clock
+from oarlock.recording.streams import ImuStream, Stream
 from oarlock.storage.errors import DataError
 
 _SAME_SHARE = 0.9

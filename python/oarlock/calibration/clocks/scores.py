@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from oarlock._core import Config, Model, score_many
 from oarlock.recording.calibration import Calibration
-from oarlock.recording.recording import ImuStream, Recording
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream
 from oarlock.storage.errors import DataError
 
 Floats = NDArray[np.float64]

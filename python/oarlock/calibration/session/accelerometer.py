@@ -21,12 +21,11 @@ APART = np.cos(np.radians(20.0))
 
 @dataclass(frozen=True, eq=False)
 class AccelRest:
-    """Bias (3,) m/s2, scale (3,), stds of both, number of attitudes, and the worst norm's error before and after."""
+    """Bias (3,) m/s2, scale (3,), the bias's std, number of attitudes, and the worst norm's error before and after."""
 
     bias_m_s2: FloatArray
     scale: FloatArray
     bias_std_m_s2: FloatArray
-    scale_std: FloatArray
     attitudes: int
     before_m_s2: float
     after_m_s2: float
@@ -50,14 +49,13 @@ def accel_rest(unit: UnitRows, stills: Sequence[tuple[Span, bool]], gravity_m_s2
         return np.concatenate([(norms - gravity_m_s2) / REST_STD_M_S2, prior])
 
     found, covariance = robust_fit(misses, np.zeros(6))
-    std = np.sqrt(np.diag(covariance))
+    bias_std = np.sqrt(np.diag(covariance)[:3])
     left = misses(found)[: len(forces)] * REST_STD_M_S2
     before = np.linalg.norm(forces, axis=1) - gravity_m_s2
     return AccelRest(
         found[:3],
         1.0 + found[3:],
-        std[:3],
-        std[3:],
+        bias_std,
         _attitudes(forces),
         float(np.abs(before).max()),
         float(np.abs(left).max()),

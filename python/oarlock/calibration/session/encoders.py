@@ -10,8 +10,9 @@ import numpy as np
 from oarlock.calibration.session.checks import KEPT, PASSED, REDO, Check
 from oarlock.calibration.session.plan import SessionStep
 from oarlock.calibration.session.unit_rows import Span
-from oarlock.recording.recording import Recording, ScalarStream
+from oarlock.recording.recording import Recording
 from oarlock.recording.stream_scales import EncoderScale
+from oarlock.recording.streams import ScalarStream
 from oarlock.storage.errors import DataError
 
 SAME_MARK = 1e-3

@@ -24,13 +24,12 @@ class GyroRest:
     bias_rad_s: FloatArray
     std_rad_s: FloatArray
     noise_rad_s: FloatArray
-    accel_noise_m_s2: FloatArray
     rest_s: float
 
 
 def gyro_rest(unit: UnitRows, stills: Sequence[tuple[Span, bool]]) -> GyroRest | None:
     """The mean over all stretches, each by its variance; None without any."""
-    means, variances, noises, accel_noises, rest_s = [], [], [], [], 0.0
+    means, variances, noises, rest_s = [], [], [], 0.0
     for span, worn in stills:
         rows = unit.rows(span)
         gyro, length = unit.gyro[rows], span[1] - span[0]
@@ -41,7 +40,6 @@ def gyro_rest(unit: UnitRows, stills: Sequence[tuple[Span, bool]]) -> GyroRest |
         means.append(gyro.mean(axis=0))
         variances.append(np.var(gyro, axis=0) / len(gyro) + sway**2)
         noises.append(noise)
-        accel_noises.append(np.std(np.diff(unit.accel[rows], axis=0), axis=0) / np.sqrt(2.0))
         rest_s += length
     if not means:
         return None
@@ -51,4 +49,4 @@ def gyro_rest(unit: UnitRows, stills: Sequence[tuple[Span, bool]]) -> GyroRest |
     if len(means) > 2:  # stretches that disagree by more than they should
         chi2 = (weights * (np.array(means) - bias) ** 2).sum(axis=0) / (len(means) - 1)
         std = std * np.sqrt(np.maximum(chi2, 1.0))
-    return GyroRest(bias, std, np.median(noises, axis=0), np.median(accel_noises, axis=0), rest_s)
+    return GyroRest(bias, std, np.median(noises, axis=0), rest_s)

@@ -25,14 +25,13 @@ NORM_LIMIT = 0.05
 
 @dataclass(frozen=True, eq=False)
 class MagFit:
-    """Offset (3,) uT, matrix (3, 3), norm uT and dip rad of the field, stds, coverage, the norm's scatter."""
+    """Offset (3,) uT, matrix (3, 3), norm uT and dip rad of the field, std of the offset, coverage, scatter."""
 
     offset_ut: FloatArray
     matrix: FloatArray
     norm_ut: float
     dip_rad: float
     offset_std_ut: FloatArray
-    matrix_std: float
     coverage: float
     before: float
     after: float
@@ -69,7 +68,7 @@ def mag_fit(unit: UnitRows, spans: Sequence[Span], stills: Sequence[tuple[Span, 
         return np.concatenate([apart / ROW_STD_UT, dips, prior])
 
     found, covariance = robust_fit(misses, start)
-    std = np.sqrt(np.diag(covariance))
+    offset_std = np.sqrt(np.diag(covariance)[:3])
     matrix, offset = _matrix(found[3:8]), found[:3]
     field = (rows - offset) @ matrix.T
     norms = np.linalg.norm(field, axis=1)
@@ -81,8 +80,7 @@ def mag_fit(unit: UnitRows, spans: Sequence[Span], stills: Sequence[tuple[Span, 
         matrix,
         float(found[8]),
         float(np.arcsin(np.clip(found[9], -1.0, 1.0))) if at_rest else np.nan,
-        std[:3],
-        float(std[3:8].max()),
+        offset_std,
         coverage,
         float(raw.std() / raw.mean()),
         float(norms.std() / norms.mean()),

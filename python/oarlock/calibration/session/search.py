@@ -22,8 +22,9 @@ from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected
 from oarlock.recording.inertial_units import chosen_units
 from oarlock.recording.plausibility import require_plausible
-from oarlock.recording.recording import ImuStream, Recording
+from oarlock.recording.recording import Recording
 from oarlock.recording.stream_scales import EncoderScale
+from oarlock.recording.streams import ImuStream
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.recording.recording import ImuStream
+from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import FloatArray
 
 Span = tuple[float, float]

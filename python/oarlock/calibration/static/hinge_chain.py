@@ -17,7 +17,8 @@ from oarlock.model.chain_geometry import HingeLink, hinge_links, posture
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.inertial_units import chosen_units, readings
 from oarlock.recording.plausibility import require_plausible
-from oarlock.recording.recording import ImuStream, Recording
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import FloatArray, real_array
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.recording.recording import Recording, ScalarStream
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ScalarStream
 
 if TYPE_CHECKING:
     from oarlock._core import Model

@@ -89,7 +89,6 @@ _TREE_TITLES = {
         "extended Kalman filter on the tree",
         "Y. Bar-Shalom, X. R. Li and T. Kirubarajan (2001), section 10.3",
     ),
-    "iekf": ("iterated extended Kalman filter on the tree", "B. M. Bell and F. W. Cathey (1993)"),
     "factorised": (
         "small coupled filters along the tree",
         "E. Ruffaldi, L. Peppoloni, A. Filippeschi and C. A. Avizzano (2014)",

@@ -21,7 +21,8 @@ from oarlock.evaluation.comparison.vector_filter import vector_kf
 from oarlock.model.rotation import quat_from_matrix, quat_inverse, quat_product
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected, correction_notes
-from oarlock.recording.recording import ImuStream, Recording
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 from oarlock.tracking.track import Track, track_without_filter
@@ -149,7 +150,7 @@ def _complete_units(worn: Worn, recording: Recording) -> tuple[dict[str, _Unit],
         raise DataError(
             "track_orientations: no inertial unit of the model was recorded with gyroscope, accelerometer and "
             f"magnetometer, which give a single unit its heading ({'; '.join(notes) or 'the model has no unit'}). "
-            "Take ukf, ekf or iekf: they need no magnetometer."
+            "Take ukf or ekf: they need no magnetometer."
         )
     return units, notes
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.model.rotation import continuous_quat
-from oarlock.recording.recording import ImuStream
+from oarlock.recording.streams import ImuStream
 
 Floats = NDArray[np.float64]
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import csv
+import io
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -154,3 +156,14 @@ def _side(time_s: FloatArray, seen: Bools, gap: tuple[int, int], side: int) -> A
     far = np.abs(time_s[seen_there] - edge)
     close = seen_there[(far <= WINDOW_S) | ((np.arange(len(far)) < 5) & (far <= 2.0 * WINDOW_S))][:_MOST]
     return np.sort(close)
+
+
+def gaps_text(gaps: Sequence[Gap]) -> str:
+    """A table of gaps: marker, from, to, length, frames, filled or why not."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(["marker", "start_s", "end_s", "duration_s", "frames", "filled", "reason"])
+    for gap in gaps:
+        times = (f"{value:.6f}" for value in (gap.start_s, gap.end_s, gap.duration_s))
+        writer.writerow([gap.marker, *times, gap.frames, "yes" if gap.filled else "no", gap.reason])
+    return stream.getvalue()

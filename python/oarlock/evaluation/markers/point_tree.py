@@ -15,7 +15,6 @@ from oarlock.storage.array_gate import FloatArray
 
 if TYPE_CHECKING:
     from oarlock._core import Model
-    from oarlock.model.jacobians import FrameJacobian
 
 
 class PointTree:
@@ -60,11 +59,15 @@ class PointTree:
     def with_slopes(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Points (T, n, 3), and their derivatives (T, n, 3, n_coordinates) by small steps of the coordinates."""
         arms, places = self._placed(self._poses(q))
-        return places, self._moved(self._jacobian(q).by_coordinate, arms)
+        return places, self._moved(
+            self.model.frame_jacobian(q, self._carriers, self.lengths_m).by_coordinate, arms
+        )
 
     def by_length(self, q: FloatArray) -> FloatArray:
         """Derivatives (T, n, 3, n_lengths) of the points by the model's lengths."""
-        return np.asarray(self._jacobian(q).by_length[:, self._carrier])
+        return np.asarray(
+            self.model.frame_jacobian(q, self._carriers, self.lengths_m).by_length[:, self._carrier]
+        )
 
     def plus(self, q: FloatArray, step: FloatArray) -> FloatArray:
         """Coordinates (T, n_coordinates) after small steps."""
@@ -80,9 +83,6 @@ class PointTree:
 
     def _poses(self, q: FloatArray) -> FloatArray:
         return np.asarray(self.model.forward_kinematics(q, self.lengths_m))
-
-    def _jacobian(self, q: FloatArray) -> FrameJacobian:
-        return self.model.frame_jacobian(q, self._carriers, self.lengths_m)
 
     def _placed(self, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Points from their frames' origins and from the root's, root axes."""

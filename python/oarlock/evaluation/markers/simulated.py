@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from oarlock.evaluation.markers.attachments import GivenAttachments, attachments_of
-from oarlock.evaluation.markers.gaps import FilledMarkers, Gap, fill_gaps
+from oarlock.evaluation.markers.gaps import FilledMarkers, Gap, fill_gaps, gaps_text
 from oarlock.evaluation.markers.inverse_kinematics import inverse_kinematics
 from oarlock.evaluation.markers.low_pass import low_pass
 from oarlock.evaluation.markers.posture_fit import PostureFit
@@ -48,8 +48,6 @@ class MarkerStudy:
 
     def save(self, folder: Path) -> None:
         """Write the recording, the truth into `truth/`, the markers into `markers.trc`, the gaps into `gaps.csv`."""
-        from oarlock.formats.marker_csv import gaps_text
-
         self.recording.save(folder)
         self.truth.save(folder / "truth")
         self.markers.save(folder / "markers.trc")

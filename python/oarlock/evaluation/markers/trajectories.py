@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from os import PathLike
+from pathlib import Path
 from types import MappingProxyType
 from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from oarlock.evaluation.markers.texts import csv_text, frame_rate_hz, trc_text
 from oarlock.storage.array_gate import FloatArray, check_no_infinity, real_array, time_array
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
@@ -82,13 +84,7 @@ class Markers:
     @property
     def rate_hz(self) -> float:
         """Frames per second; NaN of a single frame. Where frames are missing, one over the median step."""
-        if len(self) < 2:
-            return float("nan")
-        steps = np.diff(self.time_s)
-        # the mean undoes stamps that were rounded to milliseconds
-        usual = float(np.median(steps))
-        step = steps.mean() if steps.max() < 1.5 * usual else usual
-        return 1.0 / float(step)
+        return frame_rate_hz(self.time_s)
 
     @property
     def seen(self) -> Bools:
@@ -165,9 +161,15 @@ class Markers:
         Raises:
             DataError: another ending, or the file cannot be written.
         """
-        from oarlock.evaluation.markers.files import save_markers
-
-        save_markers(self, path)
+        file = Path(path)
+        writers = {".trc": trc_text, ".csv": csv_text}
+        if file.suffix.lower() not in writers:
+            raise DataError(f"{file}: markers are written as .trc or .csv")
+        text = writers[file.suffix.lower()](self.names, self.time_s, self.position_m, file)
+        try:
+            file.write_text(text, encoding="utf-8", newline="")
+        except OSError as error:
+            raise DataError(f"{file}: cannot be written ({error.strerror})") from error
 
 
 def rotation_of(axes: NamedAxes | ArrayLike) -> FloatArray:

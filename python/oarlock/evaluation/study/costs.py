@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.evaluation.study.result import StudyResult, write_rows
-from oarlock.evaluation.study.run import MEAN
+from oarlock.evaluation.study.rows import scores_of, write_rows
+from oarlock.evaluation.study.run import Row
+from oarlock.evaluation.study.spec import Study
 from oarlock.evaluation.study.sweeps import NO_FAULT, USUAL_SETTING, FaultSweep
 
 Floats = NDArray[np.float64]
@@ -108,12 +109,11 @@ class Dose:
         }
 
 
-def doses(result: StudyResult) -> tuple[Dose, ...]:
+def doses(study: Study, rows: Sequence[Row]) -> tuple[Dose, ...]:
     """Every fault at every strength under every setting, in the order of the study."""
-    study = result.study
-    errors = np.nan_to_num(result.scores(MEAN), nan=math.inf)
-    coverage = result.scores(MEAN, "coverage_95")
-    places = np.array([result.scores(frame, kind="frame") for frame in study.frames])
+    errors = np.nan_to_num(scores_of(study, rows), nan=math.inf)
+    coverage = scores_of(study, rows, score="coverage_95")
+    places = np.array([scores_of(study, rows, frame, kind="frame") for frame in study.frames])
     place = places.mean(axis=0) if len(places) else np.full_like(errors, math.nan)
     faults = {fault.name: fault for fault in study.faults}
     found, clean, before = list[Dose](), 0, ("", 0)
@@ -152,11 +152,11 @@ def middle(values: Floats) -> float:
     return float(np.median(there)) if len(there) else math.nan
 
 
-def save_costs(result: StudyResult, folder: Path) -> None:
+def save_costs(study: Study, rows: Sequence[Row], folder: Path) -> None:
     """Write what faults cost as faults.csv, faults.parquet and faults.json; what is lost has no number there."""
-    rows = [dose.row() for dose in doses(result)]
-    write_rows(rows, folder / "faults")
-    plain = [{name: plain_number(value) for name, value in row.items()} for row in rows]
+    costs = [dose.row() for dose in doses(study, rows)]
+    write_rows(costs, folder / "faults")
+    plain = [{name: plain_number(value) for name, value in row.items()} for row in costs]
     (folder / "faults.json").write_text(json.dumps(plain, indent=1) + "\n", encoding="utf-8")
 
 

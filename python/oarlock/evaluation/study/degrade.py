@@ -11,7 +11,8 @@ import numpy as np
 from oarlock._core import Model
 from oarlock.evaluation.study.faults.fault import Names
 from oarlock.evaluation.study.keys import ONE, StudyKey, Value, by_name, number_for
-from oarlock.recording.recording import ImuStream, Recording, Stream
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream, Stream
 from oarlock.storage.errors import DataError
 
 _QUANTITIES = ("gyro_rad_s", "accel_m_s2", "mag_ut")

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
-from pyarrow import csv, parquet
-from scipy import stats
+from scipy.special import stdtrit
 
 from oarlock import _core
+from oarlock.evaluation.study.costs import save_costs
 from oarlock.evaluation.study.pool import identity
+from oarlock.evaluation.study.rows import scores_of, write_rows
 from oarlock.evaluation.study.run import MEAN, SCORES, Row
 from oarlock.evaluation.study.spec import Study, shown
 from oarlock.storage.toml import write_toml
@@ -75,12 +75,7 @@ class StudyResult:
             score: a column of `table`.
             kind: joint, frame, sensor or mean; None is the first that has this item.
         """
-        seeds = {seed: place for place, seed in enumerate(self.study.seeds)}
-        found = np.full((len(self.study.expanded()), len(seeds)), np.nan)
-        for row in self.rows:
-            if row["item"] == item and not row["error"] and row["kind"] == (kind := kind or row["kind"]):
-                found[row["scenario"], seeds[row["seed"]]] = row[score]
-        return found
+        return scores_of(self.study, self.rows, item, score, kind)
 
     def save(self, folder: str | PathLike[str]) -> None:
         """Write runs and summary as CSV and Parquet, what faults cost if any were swept, and run.toml."""
@@ -89,9 +84,7 @@ class StudyResult:
         write_rows(self.table(), place / "runs")
         write_rows(self.summary(), place / "summary")
         if self.study.faults:
-            from oarlock.evaluation.study.costs import save_costs
-
-            save_costs(self, place)
+            save_costs(self.study, self.rows, place)
         write_toml(place / RUN_FILE, _description(self))
 
     def _flat(self, row: Row) -> Row:
@@ -134,28 +127,7 @@ def mean_and_interval(values: Floats) -> tuple[float, float, float]:
     if count == 1:
         return mean, math.nan, math.nan
     sd = float(finite.std(ddof=1))
-    return mean, sd, float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, count - 1)) * sd / math.sqrt(count)
-
-
-def write_rows(rows: Sequence[Row], stem: Path) -> None:
-    """Write rows as `stem`.csv and `stem`.parquet; NaN becomes empty, and null."""
-    names = list(dict.fromkeys(name for row in rows for name in row))
-    columns = {name: _column([_null(row.get(name)) for row in rows]) for name in names}
-    table = pa.table(columns)
-    parquet.write_table(table, stem.with_name(f"{stem.name}.parquet"))
-    csv.write_csv(table, stem.with_name(f"{stem.name}.csv"))
-
-
-def _column(values: Sequence[Any]) -> pa.Array:
-    """One type a column: texts where a key is a number here and a text or a table there."""
-    kinds = {type(value) for value in values if value is not None}
-    if str in kinds and len(kinds) > 1:
-        return pa.array([None if value is None else shown(value) for value in values])
-    return pa.array(values)
-
-
-def _null(value: Any) -> Any:
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return mean, sd, float(stdtrit(count - 1, 0.5 + 0.5 * CONFIDENCE)) * sd / math.sqrt(count)
 
 
 def _cell(value: Any) -> Any:

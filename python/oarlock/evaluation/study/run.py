@@ -134,7 +134,7 @@ def _filtered(study: Study, values: Mapping[str, Value], seed: int, made: _Trial
         told_model(model, values, seed),
         recording,
         calibration=calibration_told(model, lengths, values, seed),
-        config=config_told(model, made.trial, values, seed),
+        config=config_told(made.trial, values, seed),
     )
 
 

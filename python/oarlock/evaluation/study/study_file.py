@@ -11,8 +11,8 @@ from oarlock.evaluation.study.keys import StudyKey, Value
 from oarlock.evaluation.study.spec import Study, checked_value, keys_of
 from oarlock.evaluation.study.sweeps import FaultSweep
 from oarlock.evaluation.study.trial import StudySimulator, TruthFolder
-from oarlock.formats import examples
 from oarlock.model.load import load_model
+from oarlock.storage import examples
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 from oarlock.storage.suggest import did_you_mean

@@ -218,7 +218,7 @@ def _mounts(model: Model, values: Mapping[str, Value], seed: int) -> dict[str, t
     return found
 
 
-def config_told(model: Model, trial: StudyTrial, values: Mapping[str, Value], seed: int) -> Config:
+def config_told(trial: StudyTrial, values: Mapping[str, Value], seed: int) -> Config:
     """The configuration of one run."""
     keys = {name.removeprefix("config."): v for name, v in values.items() if name.startswith("config.")}
     error = values["start_error_deg"]

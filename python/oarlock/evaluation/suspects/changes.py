@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from oarlock.evaluation.suspects.text import axes_text, exchange_text, factor_text, stuck_text, turn_text
-from oarlock.recording.recording import ImuStream, Recording, Stream
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream, Stream
 from oarlock.storage.array_gate import FloatArray
 
 if TYPE_CHECKING:

@@ -11,7 +11,8 @@ import numpy as np
 
 from oarlock import _core
 from oarlock.model.edit import document_of, model_of
-from oarlock.recording.recording import ImuStream, Recording, Stream
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream, Stream
 
 if TYPE_CHECKING:
     from oarlock._core import Model, Run

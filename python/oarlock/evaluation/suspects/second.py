@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.recording.recording import ImuStream, Recording, Stream
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream, Stream
 from oarlock.storage.array_gate import FloatArray
 
 STEP_S = 0.25

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock.evaluation.markers.texts import trc_text
 from oarlock.evaluation.markers.trajectories import Markers
 from oarlock.formats.export.frames import frame_places, ground_from_root
 from oarlock.formats.export.notes import left_out_notes, model_notes, pole_notes, reading_notes
@@ -17,7 +18,6 @@ from oarlock.formats.export.opensim_body import opensim_body
 from oarlock.formats.export.opensim_motion import OpensimMotion, opensim_motion
 from oarlock.formats.opensim_table import table_text
 from oarlock.formats.osim import osim_text
-from oarlock.formats.trc import trc_text
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
 
@@ -56,7 +56,10 @@ def write_opensim(
     if "trc" in formats:
         seen = frame_places(track)
         named = Markers(tuple(body.frames[name] for name in seen.names), seen.time_s, seen.position_m)
-        texts["frames.trc"] = trc_text(named.turned(turned[:3, :3]), place / "frames.trc", "mm")
+        moved = named.turned(turned[:3, :3])
+        texts["frames.trc"] = trc_text(
+            moved.names, moved.time_s, moved.position_m, place / "frames.trc", "mm"
+        )
     if {"mot", "sto"} & set(formats):
         motion = opensim_motion(track, body.coordinates)
         kept = _kept(motion, missing)

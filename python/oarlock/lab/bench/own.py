@@ -12,7 +12,7 @@ import numpy as np
 
 from oarlock.lab.bench.problem import ESTIMATES, WARM, Floats, Problem
 
-FILTERS: Final = ("ukf", "ekf", "iekf", "factorised")
+FILTERS: Final = ("ukf", "ekf", "factorised")
 
 
 @dataclass(frozen=True)

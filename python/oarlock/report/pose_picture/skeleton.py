@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
-    from oarlock import Model
+    from oarlock._core import Model
 
 Vector = NDArray[np.float64]
 

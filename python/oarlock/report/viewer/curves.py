@@ -16,7 +16,7 @@ from oarlock.storage.errors import DataError
 from oarlock.tracking.joint_series import BallSeries, FreeSeries, JointSeries
 
 if TYPE_CHECKING:
-    from oarlock import Track
+    from oarlock.tracking.track import Track
 
 Floats = NDArray[np.float64]
 

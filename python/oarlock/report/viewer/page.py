@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
-from html import escape
 from importlib.resources import files
 from typing import Any
 
+from oarlock.report.markup import rendered
 from oarlock.storage.errors import DataError
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data: blob:"
@@ -17,14 +17,7 @@ POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inli
 
 def page(scene: Mapping[str, Any], title: str) -> str:
     """One HTML text with player and data in it."""
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f'<meta name="color-scheme" content="light dark"><title>{escape(title)}</title></head>'
-        f'<body class="oarlock-page"><header><h1>{escape(title)}</h1></header><main>'
-        f"{embed(scene, 'player')}</main></body></html>\n"
-    )
+    return rendered("player", heading=title, policy=POLICY, player=embed(scene, "player"))
 
 
 def embed(scene: Mapping[str, Any], element_id: str, *, with_player: bool = True) -> str:
@@ -42,14 +35,8 @@ def embed(scene: Mapping[str, Any], element_id: str, *, with_player: bool = True
     if not re.fullmatch(r"[A-Za-z][\w\-]*", element_id):
         raise DataError(f"embed: '{element_id}' is no id; begin with a letter, then letters, digits, - and _")
     text = json.dumps(scene, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    return (
-        (player_assets() if with_player else "")
-        + f'<div class="oarlock-player" id="{element_id}"><noscript>The moving figure needs JavaScript, which this '
-        "browser does not run here.</noscript></div>"
-        f'<script type="application/json" class="oarlock-scene" data-for="{element_id}">'
-        + text.replace("<", "\\u003c")
-        + "</script>"
-    )
+    place = rendered("player_place", key=element_id, scene=text.replace("<", "\\u003c"))
+    return (player_assets() if with_player else "") + place
 
 
 def player_assets() -> str:

@@ -17,7 +17,7 @@ from oarlock.storage.errors import DataError
 from oarlock.tracking.places import model_of, poses_of, position_spreads
 
 if TYPE_CHECKING:
-    from oarlock import Track
+    from oarlock.tracking.track import Track
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

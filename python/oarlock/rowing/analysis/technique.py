@@ -26,7 +26,8 @@ from oarlock.rowing.analysis.stroke_values import Values, boat_values
 from oarlock.rowing.analysis.targets import Target, load_targets
 from oarlock.rowing.analysis.timing_factors import timing_factors
 from oarlock.rowing.analysis.unknown_features import reasons
-from oarlock.rowing.strokes.strokes import Strokes, find_strokes
+from oarlock.rowing.strokes.find_strokes import find_strokes
+from oarlock.rowing.strokes.strokes import Strokes
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.errors import DataError
 

@@ -25,7 +25,7 @@ def reasons(track: Track, found: Strokes, columns: Mapping[str, Floats]) -> dict
     for name, values in columns.items():
         never = _never(track, found, name)
         told[name] = tuple(
-            "" if np.isfinite(value) else never or _not_this_time(found, name, row, values)
+            "" if np.isfinite(value) else never or _not_this_time(found, name, row)
             for row, value in enumerate(values)
         )
     return told
@@ -58,7 +58,7 @@ def _no_oars(found: Strokes, name: str, oars: list[str]) -> str:
     return ""
 
 
-def _not_this_time(found: Strokes, name: str, row: int, values: Floats) -> str:
+def _not_this_time(found: Strokes, name: str, row: int) -> str:
     if name in ("boat_speed_cv", "check_factor"):
         return "the boat's mean speed was not given"
     incomplete = np.isnan(found.end_time_s[row])

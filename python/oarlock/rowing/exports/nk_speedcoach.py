@@ -60,7 +60,7 @@ def read(grid: Grid, header: int) -> StrokeTable:
     if empty:
         gathered.notes.append(f"{many(empty, 'row')} below the strokes with nothing in the named columns")
     units = _units(grid, header)
-    gathered.notes += _swapped_units(rows, units)
+    gathered.notes += _swapped_units(units)
     gathered.read([Wanted("time_s", ("Elapsed Time",), is_time=True)])
     gathered.read(
         Wanted(name, heads, _scale(rows, units, unit, heads), zero_is_missing=name.startswith("impeller"))
@@ -95,7 +95,7 @@ def _units(grid: Grid, header: int) -> dict[str, str]:
     return {plain_name(name): plain_name(unit) for name, unit in zip(names, units, strict=False) if name}
 
 
-def _swapped_units(rows: Rows, units: dict[str, str]) -> list[str]:
+def _swapped_units(units: dict[str, str]) -> list[str]:
     if (units.get("work"), units.get("power")) != ("(watts)", "(joules)"):
         return []
     units["work"], units["power"] = "(joules)", "(watts)"

@@ -24,7 +24,6 @@ REACH = 4
 # Central differences of eighth order (Fornberg, Mathematics of Computation 51, 1988), for steps 1 to 4.
 _FIRST = np.array([4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0])
 _SECOND = np.array([8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0])
-_SECOND_HERE = -205.0 / 72.0
 _CHUNK = 2000
 # Iron of the boat: below the rail, amidships of the slide, as a dipole whose field is named at 0.3 m.
 _IRON_BELOW_M, _IRON_STERNWARD_M, _NAMED_AT_M = 0.15, 0.35, 0.3

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from oarlock import Shape
 from oarlock.model.shapes import Part, box, loft, tube
-
-if TYPE_CHECKING:
-    from oarlock.rowing.figure.shapes import Rower
+from oarlock.rowing.figure.rower import Rower
 
 Floats = NDArray[np.float64]
 

@@ -19,11 +19,7 @@ STEPS_PER_S = 116.0
 STATES = 37
 MEASUREMENTS = 58
 FRAMES = 25
-INERTIAL_UNITS = 5
 """Sizes that section 5 puts into its formula (19); see `SLIPS` on the 37."""
-
-BOAT_EFFECT_PERCENT = 3.32
-"""By how much the error grows on average when the boat moves; section 5."""
 
 CONDITIONS = ("S-NB", "B-NB", "S-B", "B-B")
 """Boat still or moving (S, B), sensors without or with constant biases (NB, B)."""

@@ -84,7 +84,7 @@ class ReversalFinder:
     def _turned(self, time_s: float, value: float) -> list[Reversal]:
         assert self._low is not None and self._high is not None
         if self.rising is None:
-            return self._first(time_s, value)
+            return self._first()
         extreme = self._high if self.rising else self._low
         back = abs(value - extreme[1])
         found = []
@@ -113,7 +113,7 @@ class ReversalFinder:
         self._published = True
         return [self._standstill(extreme, near) if found is None else found]
 
-    def _first(self, time_s: float, value: float) -> list[Reversal]:
+    def _first(self) -> list[Reversal]:
         """The direction is known once the signal has moved; the extreme before may lie before the first reading."""
         assert self._low is not None and self._high is not None
         if self._high[1] - self._low[1] < self.least:

@@ -1,28 +1,20 @@
-"""Strokes of a recording or a track: when catch and finish were, how sure that is, and what kind of rowing it was."""
+"""Strokes in time with their kinds, and as a table: rate, rhythm, oar angles and what differs between two oars."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.rowing.strokes.columns import stroke_columns
-from oarlock.rowing.strokes.events import SideStroke, SideStrokes, Stroke, paired
-from oarlock.rowing.strokes.kinds import Stretch, stretches, told_apart
-from oarlock.rowing.strokes.reversal_finder import ReversalFinder
-from oarlock.rowing.strokes.reversals import Reversal
-from oarlock.rowing.strokes.signals import KINDS, Signal, moving, signals_of
-
-if TYPE_CHECKING:
-    from oarlock import Model, Recording, Track
-    from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.rowing.strokes.events import Stroke
+from oarlock.rowing.strokes.kinds import Stretch
+from oarlock.rowing.strokes.signals import KINDS
+from oarlock.rowing.strokes.table import StrokeTable
 
 Floats = NDArray[np.float64]
+Column = tuple[Floats, Floats]
 
-_OAR = {"r": "right (port)", "l": "left (starboard)"}
 ZERO_STD = 0.005
 """Of an encoder, rad or m: what its zero may be off by where nobody calibrated it (as `Config.consider` takes it)."""
 
@@ -94,87 +86,133 @@ class Strokes:
 
     def table(self) -> StrokeTable:
         """Times, rate, rhythm and angles as a table, with standard deviations and reasons."""
-        return stroke_columns(self)
+        return _table(self)
 
     def __repr__(self) -> str:
         parts = [f"{s.kind} {s.start_s:.1f} to {s.end_s:.1f} s ({s.strokes})" for s in self.stretches]
         return f"Strokes({len(self)} from {KINDS[self.source].words}: {', '.join(parts)})"
 
 
-def find_strokes(
-    data: Track | Recording,
-    *,
-    source: str | None = None,
-    model: Model | None = None,
-    zero_std: float = ZERO_STD,
-) -> Strokes:
-    """Find all strokes: from oar angles; without them from the seat, then from the trunk.
-
-    A catch is a low of the movement and a finish a high, at least 30 deg (0.4 m of an ergometer's handle, 0.15 m of the
-    seat, 15 deg of the trunk) apart; their times come from a polynomial around the turn (`rowing.strokes.reversals`).
-    From seat or trunk alone some times are only roughly known, and their standard deviations say so.
-
-    Args:
-        data: a track, or a recording as it was made.
-        source: `oars`, `handle`, `seat`, `trunk` (a track's) or `trunk_gyro` (a recording's unit `back`); None takes
-            the first that is there.
-        model: tells how the unit on the back is mounted; without it the axis that it turns about most is taken.
-        zero_std: what the encoders' zeros may be off by, rad or m.
-
-    Raises:
-        DataError: nothing there that tells strokes.
-    """
-    signals, still = moving(signals_of(data, source, model))
-    strokes = paired({signal.side: _side_strokes(signal) for signal in signals})
-    told = told_apart(strokes, signals)
-    start_s = min(float(signal.time_s[0]) for signal in signals)
-    end_s = max(float(signal.time_s[-1]) for signal in signals)
-    return Strokes(
-        source=signals[0].source,
-        strokes=tuple(strokes),
-        kinds=told.kinds,
-        paused=told.paused,
-        left_out=told.left_out,
-        stretches=stretches(strokes, told, start_s, end_s),
-        zero_std=zero_std,
-        notes=tuple(_notes(signals, strokes, still)),
+def _table(strokes: Strokes) -> StrokeTable:
+    columns = _times(strokes)
+    if strokes.source == "oars":
+        columns |= _angles(strokes)
+    elif strokes.source == "handle":
+        columns["handle_travel_m"] = _travel(strokes)
+    columns["in_averages"] = (strokes.in_averages.astype(float), np.zeros(len(strokes)))
+    reasons = {name: _reasons(strokes, name, values) for name, (values, _) in columns.items()}
+    reasons["in_averages"] = strokes.left_out
+    return StrokeTable(
+        {name: values for name, (values, _) in columns.items()},
+        {name: std for name, (_, std) in columns.items() if name != "in_averages"},
+        {name: rows for name, rows in reasons.items() if any(rows)},
+        source=f"strokes from {strokes.source}",
+        notes=strokes.notes,
     )
 
 
-def _side_strokes(signal: Signal) -> list[SideStroke]:
-    kind = KINDS[signal.source]
-    finder, found = ReversalFinder(kind.least, kind.rests), SideStrokes(signal.source)
-    for time_s, value in zip(signal.time_s.tolist(), signal.value.tolist(), strict=True):
-        for reversal in finder.step(time_s, value):
-            found.add(_with_rate(reversal, signal), finder.segment)
-    for reversal in finder.finish():
-        found.add(_with_rate(reversal, signal), finder.segment)
-    return found.strokes()
+def _times(strokes: Strokes) -> dict[str, Column]:
+    catch, finish, end = (
+        (strokes.catch_time_s, strokes.catch_time_std_s),
+        (strokes.finish_time_s, strokes.finish_time_std_s),
+        (strokes.end_time_s, strokes.end_time_std_s),
+    )
+    drive, recovery = _minus(finish, catch), _minus(end, finish)
+    cycle = _minus(end, catch)
+    rhythm = drive[0] / cycle[0]
+    # Of drive / (drive + recovery); both hold the finish's error, with opposite signs.
+    parts = [(1.0 - rhythm) * catch[1], finish[1], rhythm * end[1]]
+    rhythm_std = np.sqrt(sum(part**2 for part in parts)) / cycle[0]
+    columns = {
+        "catch_time_s": catch,
+        "finish_time_s": finish,
+        "end_time_s": end,
+        "rate_per_min": (60.0 / cycle[0], 60.0 * cycle[1] / cycle[0] ** 2),
+        "drive_time_s": drive,
+        "recovery_time_s": recovery,
+        "rhythm": (rhythm, rhythm_std),
+    }
+    if any(len(stroke.sides) == 2 for stroke in strokes.strokes):
+        for event in ("catch", "finish"):
+            right, left = (_side(strokes, side, event, _time) for side in "rl")
+            columns |= {f"r_{event}_time_s": right, f"l_{event}_time_s": left}
+            columns[f"{event}_time_difference_s"] = _minus(right, left)
+    return columns
 
 
-def _with_rate(reversal: Reversal, signal: Signal) -> Reversal:
-    """With what the velocity's own uncertainty moves the reversal by."""
-    near = min(int(np.searchsorted(signal.time_s, reversal.time_s)), len(signal.time_s) - 1)
-    if signal.rate_std[near] == 0.0 or np.isnan(reversal.curvature):
-        return reversal
-    moved = float(signal.rate_std[near]) / abs(reversal.curvature)
-    std = float(np.hypot(reversal.time_std_s, moved))
-    return Reversal(
-        reversal.high, reversal.time_s, std, reversal.value, reversal.value_std, reversal.curvature
+def _minus(one: Column, other: Column) -> Column:
+    return one[0] - other[0], np.hypot(one[1], other[1])
+
+
+def _time(stroke: Stroke, side: str, event: str) -> tuple[float, float]:
+    told = getattr(stroke.sides[side], event)
+    return told.time_s, told.time_std_s
+
+
+def _angle(stroke: Stroke, side: str, event: str) -> tuple[float, float]:
+    reversal = getattr(stroke.sides[side], event).reversal
+    return reversal.value, reversal.value_std
+
+
+def _side(strokes: Strokes, side: str, event: str, of: object) -> Column:
+    assert callable(of)
+    rows = [of(s, side, event) if side in s.sides else (np.nan, np.nan) for s in strokes.strokes]
+    values = np.array(rows, dtype=np.float64).reshape(-1, 2)
+    return values[:, 0], values[:, 1]
+
+
+def _angles(strokes: Strokes) -> dict[str, Column]:
+    """Angles carry their zero's uncertainty; an arc does not."""
+    present = [side for side in ("r", "l", "") if any(side in stroke.sides for stroke in strokes.strokes)]
+    own, zero = {}, strokes.zero_std
+    for side in present:
+        catch, finish = (_side(strokes, side, event, _angle) for event in ("catch", "finish"))
+        own[side] = {
+            "catch_angle_rad": (catch[0], np.hypot(catch[1], zero)),
+            "finish_angle_rad": (finish[0], np.hypot(finish[1], zero)),
+            "arc_rad": _minus(finish, catch),
+        }
+    if present == ["r", "l"]:
+        return _both_oars(own["r"], own["l"])
+    columns = {f"{side}_{name}": column for side in present if side for name, column in own[side].items()}
+    return columns | (own[present[0]] if present else {})
+
+
+def _both_oars(right: dict[str, Column], left: dict[str, Column]) -> dict[str, Column]:
+    columns: dict[str, Column] = {}
+    for name in right:
+        columns[name] = _mean(right[name], left[name])
+        columns[f"r_{name}"], columns[f"l_{name}"] = right[name], left[name]
+    for name in ("catch_angle_rad", "finish_angle_rad"):
+        columns[name.replace("_rad", "_difference_rad")] = _minus(right[name], left[name])
+    (r, r_std), (ll, l_std) = right["arc_rad"], left["arc_rad"]
+    half = 0.5 * (r + ll)
+    columns["arc_symmetry"] = ((r - ll) / half, np.hypot(r_std * ll, l_std * r) / half**2)
+    return columns
+
+
+def _mean(one: Column, other: Column) -> Column:
+    """Of both oars; of one where the other did not row."""
+    both = np.stack([one[0], other[0]]), np.stack([one[1], other[1]])
+    known = np.isfinite(both[0]).sum(axis=0)
+    return np.nansum(both[0], axis=0) / known, np.sqrt(np.nansum(both[1] ** 2, axis=0)) / known
+
+
+def _travel(strokes: Strokes) -> Column:
+    catch, finish = (_side(strokes, "", event, _angle) for event in ("catch", "finish"))
+    return _minus(finish, catch)
+
+
+def _reasons(strokes: Strokes, name: str, values: Floats) -> tuple[str, ...]:
+    return tuple(
+        _reason(stroke, bool(paused), name) if np.isnan(value) else ""
+        for stroke, paused, value in zip(strokes.strokes, strokes.paused, values, strict=True)
     )
 
 
-def _notes(signals: Sequence[Signal], strokes: Sequence[Stroke], still: Sequence[Signal]) -> list[str]:
-    kind = KINDS[signals[0].source]
-    notes = []
-    if signals[0].source not in ("oars", "handle"):
-        notes.append(
-            f"Strokes come from {kind.words}: catch and finish are only roughly known, see their standard deviations."
-        )
-    if signals[0].source == "oars" and len(signals) == 1 and signals[0].side:
-        told = "told" if still else "was read"
-        notes.append(f"Only the {_OAR[signals[0].side]} oar {told}.")
-    notes += [f"The {_OAR[s.side]} oar never moved: its encoder is taken for broken." for s in still]
-    if not strokes:
-        notes.append(f"No stroke: {kind.words} never moved by {kind.least:.2g} {kind.unit} and back.")
-    return notes
+def _reason(stroke: Stroke, paused: bool, name: str) -> str:
+    if name in ("end_time_s", "rate_per_min", "recovery_time_s", "rhythm"):
+        return "a pause followed: no next catch" if paused else "no next catch was recorded"
+    missing = {"r": "right (port)", "l": "left (starboard)"}
+    silent = [words for side, words in missing.items() if side not in stroke.sides]
+    return f"the {silent[0]} oar did not row this stroke, or was not read" if silent else "not known"

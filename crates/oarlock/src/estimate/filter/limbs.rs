@@ -1,22 +1,22 @@
-//! The factorised update: a small filter for each limb with the core, one after the other.
+//! The factorised update of [`Filter`]: one unscented update for each limb with the core, in turn. Equations in docs/filters.md.
 //!
-//! Each is the unscented update of its own states with its own readings, those of the core going with the first limb. What it learns of the core goes on to the next limb, and
-//! back to those before, by the slope of each limb on the core (estimate/star.rs): messages on a junction tree (Lauritzen and
-//! Spiegelhalter 1988), each node of which is the core with a limb. For straight readings that is one update of all states with all readings.
-//! What limbs have in common beyond the core, which moving on in time brings about, is dropped (Boyen and Koller 1998).
+//! Each uses the readings of its limb; readings of the core alone go with the first. The correction of the core reaches the other limbs through
+//! their regression on the core (`estimate::star`): messages on a junction tree (Lauritzen and Spiegelhalter 1988), whose nodes are the core
+//! with a limb. For linear readings the result is one update of all states with all readings. Correlations between limbs beyond the core,
+//! which prediction brings about, are dropped (Boyen and Koller 1998).
 
-use super::{broken, evidence, Filter, Groups, Info, Lost, Manner, Sighting};
+use super::{broken, log_likelihood, Diverged, Filter, Info, Measurement, RowGroups, UpdateSettings};
 use crate::estimate::belief::Belief;
-use crate::estimate::clique::{Clique, Room, Within};
-use crate::estimate::dense::{NotPositive, Square};
-use crate::estimate::sigma::{Fan, Look};
-use crate::estimate::solve::{Solver, Weighted};
+use crate::estimate::clique::{Clique, CliqueScratch, CliqueSystem};
+use crate::estimate::information::{InformationUpdate, WeightedReadings};
+use crate::estimate::sigma::{PredictedReadings, ReadingContext};
 use crate::estimate::split::Split;
 use crate::estimate::star::{places, Places, Star};
-use crate::estimate::tiles::{padded, Panel, VECTOR};
-use crate::estimate::transition::{carry, Block};
-use crate::estimate::System;
-use crate::lane::arch::Arch;
+use crate::estimate::transition::{congruence, Block};
+use crate::estimate::FastSystem;
+use crate::kernels::arch::Arch;
+use crate::kernels::dense::{NotPositive, Square};
+use crate::kernels::tiles::{padded, Panel, VECTOR};
 use std::mem::swap;
 use std::ops::Range;
 
@@ -28,9 +28,9 @@ struct Stage {
     /// Where core and limb stand among the clique's states.
     core_at: Vec<usize>,
     limb_at: Vec<usize>,
-    fan: Fan,
-    solver: Solver,
-    root: Panel,
+    predicted: PredictedReadings,
+    information: InformationUpdate,
+    l_transposed: Panel,
     starts: Vec<usize>,
     covariance: Square,
     mean: Vec<f64>,
@@ -38,7 +38,7 @@ struct Stage {
 }
 
 impl Stage {
-    fn new<S: System>(system: &S, groups: &Groups, split: &Split, limb: usize, rows: Vec<bool>) -> Self {
+    fn new<S: FastSystem>(system: &S, groups: &RowGroups, split: &Split, limb: usize, rows: Vec<bool>) -> Self {
         let own = &split.limbs[limb];
         let mut states = [&split.core[..], own].concat();
         states.sort_unstable();
@@ -46,14 +46,14 @@ impl Stage {
         let at = |some: &[usize]| some.iter().filter_map(|s| states.binary_search(s).ok()).collect();
         let (core_at, limb_at) = (at(&split.core), at(own));
         let clique = Clique::new(system, states, rows);
-        let fan = Fan::new(&Within { system, clique: &clique });
+        let predicted = PredictedReadings::new(&CliqueSystem { system, clique: &clique });
         Stage {
             limb,
             core_at,
             limb_at,
-            solver: Solver::new(system.row_count(), fan.evens, n, &groups.sources),
-            fan,
-            root: Panel::zeros(n, padded(n)),
+            information: InformationUpdate::new(system.row_count(), predicted.e_columns, n, &groups.sources),
+            predicted,
+            l_transposed: Panel::zeros(n, padded(n)),
             starts: vec![0; padded(n) / VECTOR],
             covariance: Square::zeros(n),
             mean: vec![0.0; n],
@@ -67,24 +67,24 @@ impl Stage {
     }
 }
 
-/// Room for a factorised update.
+/// Workspace of a factorised update.
 #[derive(Debug, Clone)]
 pub(super) struct Limbs<C, M> {
     split: Split,
     stages: Vec<Stage>,
     star: Star,
-    room: Room<C>,
-    /// What a stage is told; made at the first sample.
+    room: CliqueScratch<C>,
+    /// The moment restricted to a stage's rows; made at the first sample.
     moment: Option<M>,
-    /// How far the stage moved the core, and all states; how far all stages did.
+    /// Correction of the core by the stage, of all states by the stage, and of all states by all stages.
     step: Vec<f64>,
     shift: Vec<f64>,
     total: Vec<f64>,
 }
 
 impl<C, M> Limbs<C, M> {
-    /// `None` if the system does not fall apart. The stage of each source besides.
-    pub fn new<S: System<Scratch = C, Moment = M>>(system: &S, groups: &Groups) -> Option<(Self, Vec<usize>)> {
+    /// With the stage of each source; `None` if the system has no limbs.
+    pub fn new<S: FastSystem<Scratch = C, Moment = M>>(system: &S, groups: &RowGroups) -> Option<(Self, Vec<usize>)> {
         let split = system.split();
         if split.limbs.is_empty() {
             return None;
@@ -101,7 +101,7 @@ impl<C, M> Limbs<C, M> {
         let made = Limbs {
             stages: (0..split.limbs.len()).map(stage).collect(),
             star: Star::new(&split),
-            room: Room::new(system),
+            room: CliqueScratch::new(system),
             moment: None,
             step: vec![0.0; split.core.len()],
             shift: vec![0.0; n],
@@ -111,8 +111,8 @@ impl<C, M> Limbs<C, M> {
         Some((made, limbs))
     }
 
-    /// What is known of core and limb before the update of stage `k`.
-    fn look_at(&mut self, k: usize, arch: Arch, whole: &Square) {
+    /// Covariance of core and limb before the update of stage `k`.
+    fn take_covariance(&mut self, k: usize, arch: Arch, whole: &Square) {
         let stage = &mut self.stages[k];
         if k > 0 {
             let at = Places { core: &stage.core_at, limb: &stage.limb_at };
@@ -123,8 +123,8 @@ impl<C, M> Limbs<C, M> {
         }
     }
 
-    /// ... and behind it, for when the core moves again; behind the last stage it does not.
-    fn remember(&mut self, k: usize, arch: Arch) -> Result<(), NotPositive> {
+    /// Keeps the regression of stage `k` on the core after its update, for later stages that correct the core.
+    fn keep_regression(&mut self, k: usize, arch: Arch) -> Result<(), NotPositive> {
         if k + 1 == self.stages.len() {
             return Ok(());
         }
@@ -141,8 +141,13 @@ impl<C, M> Limbs<C, M> {
         self.star.close(arch, &stage.covariance, stage.places(), whole);
     }
 
-    /// Behind the update of stage `k`: moves all states, and sees what is known from there.
-    fn pass_on<S: System<Scratch = C, Moment = M>>(&mut self, k: usize, with: (&S, &mut Filter<S>), mean: &mut [f64]) {
+    /// After the update of stage `k`: corrects all states, and transforms covariances to the new mean.
+    fn correct_others<S: FastSystem<Scratch = C, Moment = M>>(
+        &mut self,
+        k: usize,
+        with: (&S, &mut Filter<S>),
+        mean: &mut [f64],
+    ) {
         let (system, filter) = with;
         let stage = &mut self.stages[k];
         self.shift.fill(0.0);
@@ -153,29 +158,29 @@ impl<C, M> Limbs<C, M> {
         system.shift(mean, &self.shift);
         self.room.mean.copy_from_slice(mean);
         self.total.iter_mut().zip(&self.shift).for_each(|(total, x)| *total += x);
-        filter.carried.clear();
-        system.carry(&self.shift, &mut filter.carried);
-        for block in &filter.carried {
+        filter.reset.clear();
+        system.reset_jacobian(&self.shift, &mut filter.reset);
+        for block in &filter.reset {
             if let Some(index) = places(&stage.clique.states, block) {
-                carry(filter.arch, &Block { index, ..*block }, &mut stage.covariance);
+                congruence(filter.arch, &Block { index, ..*block }, &mut stage.covariance);
             }
         }
-        others.for_each(|other| self.star.carry(filter.arch, other, &filter.carried));
+        others.for_each(|other| self.star.carry(filter.arch, other, &filter.reset));
         self.star.take_center(&stage.covariance, &stage.core_at);
     }
 }
 
-impl<S: System> Filter<S> {
-    /// Takes in the readings of one instant, limb by limb.
+impl<S: FastSystem> Filter<S> {
+    /// Updates the belief with the readings of one instant, limb by limb.
     pub(super) fn update_limbs(
         &mut self,
         limbs: &mut Limbs<S::Scratch, S::Moment>,
         of: (&S, &S::Moment),
         belief: &mut Belief,
-        sighting: Sighting,
-        manner: Manner,
+        measured: Measurement,
+        settings: UpdateSettings,
         info: &mut Info,
-    ) -> Result<(), Lost> {
+    ) -> Result<(), Diverged> {
         belief.covariance.diagonal(&mut self.before);
         limbs.star.open(self.arch, &belief.covariance).map_err(broken)?;
         limbs.room.mean.copy_from_slice(&belief.mean);
@@ -183,16 +188,16 @@ impl<S: System> Filter<S> {
         let (mut nis, mut inertial, mut rejected) = (0.0, (0.0, 0), (0.0, 0));
         for k in 0..limbs.stages.len() {
             self.stage = k;
-            limbs.look_at(k, self.arch, &belief.covariance);
-            self.exchange(&mut limbs.stages[k]);
-            let done = self.update_stage(limbs, k, of, belief, sighting, manner, info);
-            self.exchange(&mut limbs.stages[k]);
-            let is_new = done?;
-            if is_new {
-                limbs.pass_on(k, (of.0, self), &mut belief.mean);
+            limbs.take_covariance(k, self.arch, &belief.covariance);
+            self.swap_workspace(&mut limbs.stages[k]);
+            let done = self.update_stage(limbs, k, of, belief, measured, settings, info);
+            self.swap_workspace(&mut limbs.stages[k]);
+            let has_readings = done?;
+            if has_readings {
+                limbs.correct_others(k, (of.0, self), &mut belief.mean);
             }
-            limbs.remember(k, self.arch).map_err(broken)?;
-            if is_new {
+            limbs.keep_regression(k, self.arch).map_err(broken)?;
+            if has_readings {
                 nis += info.nis;
                 let (own, count) = info.inertial;
                 inertial = if count > 0 { (inertial.0 + own, inertial.1 + count) } else { inertial };
@@ -203,25 +208,25 @@ impl<S: System> Filter<S> {
         let used: usize = info.sources.iter().map(|s| usize::from(s.used)).sum();
         info.nis = nis;
         info.inertial = if inertial.1 > 0 { inertial } else { (f64::NAN, 0) };
-        info.evidence = evidence(nis + rejected.0, used + rejected.1);
+        info.log_likelihood = log_likelihood(nis + rejected.0, used + rejected.1);
         self.shift.copy_from_slice(&limbs.total);
         if !belief.mean.iter().all(|x| x.is_finite()) {
-            return Err(Lost { what: "the estimate is not a number".into() });
+            return Err(Diverged { what: "the estimate is not a number".into() });
         }
-        self.learn_noise(belief, manner.learning, info.inertial);
-        self.learn(of.0, belief, manner.learning);
+        self.learn_noise(belief, settings.learning, info.inertial);
+        self.learn(of.0, belief, settings.learning);
         Ok(())
     }
 
-    /// Works in a stage's room, or no longer.
-    fn exchange(&mut self, stage: &mut Stage) {
-        swap(&mut self.fan, &mut stage.fan);
-        swap(&mut self.solver, &mut stage.solver);
-        swap(&mut self.root, &mut stage.root);
+    /// Exchanges the workspace of the filter with that of a stage.
+    fn swap_workspace(&mut self, stage: &mut Stage) {
+        swap(&mut self.predicted, &mut stage.predicted);
+        swap(&mut self.information, &mut stage.information);
+        swap(&mut self.l_transposed, &mut stage.l_transposed);
         swap(&mut self.starts, &mut stage.starts);
     }
 
-    /// Whether there was anything to take in.
+    /// U1 to U8 for one stage; false if it had no reading.
     #[allow(clippy::too_many_arguments)]
     fn update_stage(
         &mut self,
@@ -229,35 +234,41 @@ impl<S: System> Filter<S> {
         k: usize,
         (system, moment): (&S, &S::Moment),
         belief: &mut Belief,
-        sighting: Sighting,
-        manner: Manner,
+        measured: Measurement,
+        settings: UpdateSettings,
         info: &mut Info,
-    ) -> Result<bool, Lost> {
+    ) -> Result<bool, Diverged> {
         let Limbs { stages, room, moment: narrowed, .. } = limbs;
         let stage = &mut stages[k];
         let asked = &stage.clique.rows;
-        self.list_rows(sighting.z, |r| asked[r]);
+        self.list_rows(measured.z, |r| asked[r]);
         if self.rows.is_empty() || stage.mean.is_empty() {
             self.used.fill(false);
-            self.judge(sighting, manner, belief, info);
-            self.report(sighting, info);
+            self.gate_parts(measured, settings, belief, info);
+            self.report(measured, info);
             return Ok(false);
         }
         let narrowed = narrowed.get_or_insert_with(|| moment.clone());
         system.narrow(moment, asked, narrowed);
         stage.clique.gather(&belief.mean, &mut stage.mean);
         self.factorise(&stage.covariance)?;
-        let within = Within { system, clique: &stage.clique };
-        let look =
-            Look { system: &within, moment: &*narrowed, mean: &stage.mean, rows: &self.rows, spread: manner.spread };
-        self.fan.spread(self.arch, look, room, &self.root);
-        self.innovate(sighting, (belief.inflation, belief.roughness), info);
-        let readings = Weighted { rows: &self.rows, inertial: self.inertial_rows, weight: &self.weight, y: &self.y };
-        self.solver.weigh(self.arch, &self.fan, readings);
-        self.judge(sighting, manner, belief, info);
-        self.report(sighting, info);
-        self.solve(sighting, info)?;
-        self.solver.posterior(self.arch, &mut stage.shift, &mut stage.covariance);
+        let within = CliqueSystem { system, clique: &stage.clique };
+        let context = ReadingContext {
+            system: &within,
+            moment: &*narrowed,
+            mean: &stage.mean,
+            rows: &self.rows,
+            spread: settings.spread,
+        };
+        self.predicted.from_sigma_points(self.arch, context, room, &self.l_transposed);
+        self.innovate(measured, (belief.inflation, belief.roughness), info);
+        let readings =
+            WeightedReadings { rows: &self.rows, inertial: self.inertial_rows, weight: &self.weight, y: &self.y };
+        self.information.whiten(self.arch, &self.predicted, readings);
+        self.gate_parts(measured, settings, belief, info);
+        self.report(measured, info);
+        self.solve(measured, info)?;
+        self.information.posterior(self.arch, &mut stage.shift, &mut stage.covariance);
         Ok(true)
     }
 }

@@ -1,12 +1,12 @@
 //! P <- F P F' for the blocks of F: rows first, then columns, of four neighbouring blocks at once.
 
 use super::Block;
-use crate::estimate::dense::Square;
-use crate::lane::arch::{madd, Arch, Kernel};
-use crate::lane::four::VECTOR;
+use crate::kernels::arch::{madd, Arch, Kernel};
+use crate::kernels::dense::Square;
+use crate::kernels::registers::VECTOR;
 
 /// P <- B P B' for one block without noise, exactly symmetric.
-pub fn carry(arch: Arch, block: &Block, p: &mut Square) {
+pub fn congruence(arch: Arch, block: &Block, p: &mut Square) {
     turn(arch, std::slice::from_ref(block), p);
     p.mirror_upper();
 }

@@ -3,7 +3,7 @@
 use super::super::pieces::Piece;
 use super::super::{three, JointMotion, Moved};
 use super::{Own, Turn};
-use crate::lane::Real;
+use crate::kernels::lane::Real;
 use crate::model::JointKind;
 use crate::rotation::{Mat3, Vec3};
 

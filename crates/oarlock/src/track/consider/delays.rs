@@ -2,7 +2,7 @@
 
 use super::Role;
 use crate::body::Body;
-use crate::estimate::straight::{Slope, Trio};
+use crate::kernels::sparse_jacobian::{RowTriple, Slope};
 use crate::sensor::Quantity;
 
 /// A delay is counted in these, s.
@@ -68,9 +68,15 @@ impl Delays {
     }
 
     /// Number of the row's delay, and how its reading answers to it.
-    pub(super) fn answer(&self, trio: &Trio, i: usize, slopes: &[Slope], roles: &[Role]) -> Option<(usize, f64)> {
+    pub(super) fn answer(
+        &self,
+        triple: &RowTriple,
+        i: usize,
+        slopes: &[Slope],
+        roles: &[Role],
+    ) -> Option<(usize, f64)> {
         let moving = slopes.iter().filter(|s| matches!(roles[s.state], Role::State(_)));
         let pace: f64 = moving.map(|s| s.rows[i] * self.pace[s.state]).sum();
-        self.of_row[trio.row + i].map(|k| (k, -DELAY_STD_S * pace))
+        self.of_row[triple.row + i].map(|k| (k, -DELAY_STD_S * pace))
     }
 }

@@ -3,7 +3,7 @@
 //! With B = J dx/dp + dh/dp the innovations are B p and white noise, of covariance S = J P J' + R. By Woodbury's identity
 //! B'S^-1 B = B'WB - (J'WB)'P+(J'WB) with W = R^-1, and B'S^-1 nu = B'W nu - (J'WB)'dx with the step dx of the update.
 
-use crate::estimate::dense::accumulate;
+use crate::kernels::dense::accumulate;
 
 /// Over a stretch of time.
 #[derive(Debug, Clone, Default)]

@@ -1,7 +1,7 @@
 //! A belief that is kept for later, in half the room.
 
 use crate::estimate::belief::Belief;
-use crate::estimate::dense::Square;
+use crate::kernels::dense::Square;
 
 /// A belief whose covariance, which is exactly symmetric, is kept by its upper triangle.
 #[derive(Debug, Clone)]

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from oarlock._core import Model
 from oarlock.evaluation.study.keys import StudyKey, Value, number_for
 from oarlock.evaluation.study.trial import StudyTrial
-from oarlock.recording.recording import ImuStream, Recording, Stream
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream, Stream
 from oarlock.storage.errors import DataError
 
 Floats = NDArray[np.float64]

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from oarlock.evaluation.study.faults.fault import Case, Fault, Floats, Names, of_units, with_values
 from oarlock.evaluation.study.keys import ONE, StudyKey
-from oarlock.recording.recording import ImuStream
+from oarlock.recording.streams import ImuStream
 
 LASTING = StudyKey("disturbed_s", "number", 3.0, "how long a magnetic disturbance lasts", 0.0)
 

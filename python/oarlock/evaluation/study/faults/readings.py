@@ -8,7 +8,8 @@ import numpy as np
 
 from oarlock.evaluation.study.faults.fault import Case, Fault, Names, Spoil, of_streams, of_units, with_values
 from oarlock.evaluation.study.keys import ONE, StudyKey, Value
-from oarlock.recording.recording import ImuStream, Recording, ScalarStream, Stream
+from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream, ScalarStream, Stream
 from oarlock.storage.errors import DataError
 
 

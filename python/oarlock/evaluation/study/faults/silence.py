@@ -8,7 +8,7 @@ import numpy as np
 
 from oarlock.evaluation.study.faults.fault import Case, Fault, Names, of_streams, rows_kept, with_values
 from oarlock.evaluation.study.keys import ONE, StudyKey
-from oarlock.recording.recording import ImuStream, Stream
+from oarlock.recording.streams import ImuStream, Stream
 
 
 def silence(names: Names) -> tuple[Fault, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from oarlock.evaluation.study.faults.fault import Case, Fault, Names, of_streams
 from oarlock.evaluation.study.keys import ONE, StudyKey
-from oarlock.recording.recording import ImuStream, Stream
+from oarlock.recording.streams import ImuStream, Stream
 
 MOST_OF_A_STEP = 0.45
 """Stamps never overtake each other, whatever the jitter."""

@@ -1,0 +1,146 @@
+"""Runs as many parts of the long tier as end within the time given, another choice of them every hour.
+
+A part is a file of tests with the mark `long`, the long tests of the engine, or some minutes of fuzzing. The parts
+stand in a circle; the hour says where a run begins. A part that has begun is never cut short. What was left out is
+printed.
+"""
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Lock
+
+ROOT = Path(__file__).parents[1]
+FUZZED = ("arrays", "settings", "files", "wearings")
+CAMPAIGN_S = 5
+# Measured beside one other part on two cores, in seconds; a part that is not named here is new.
+USUAL_S = {
+    "engine": 90.0,
+    "fuzz engine": 70.0,
+    "fuzz arrays": 40.0,
+    "fuzz files": 60.0,
+    "fuzz settings": 30.0,
+    "fuzz wearings": 45.0,
+    "test_clocks": 15.0,
+    "test_consider": 30.0,
+    "test_docs": 70.0,
+    "test_exact_recordings": 50.0,
+    "test_faults": 20.0,
+    "test_field_simulator": 10.0,
+    "test_found_calibration": 25.0,
+    "test_hull": 10.0,
+    "test_motion_calibration": 45.0,
+    "test_reproduce": 25.0,
+    "test_strokes": 15.0,
+    "test_suspects": 145.0,
+    "test_sweep": 15.0,
+    "test_technique": 20.0,
+    "test_units_apart": 30.0,
+    "test_unobserved": 45.0,
+}
+NEW_S = 60.0
+# A machine that is shared is slower than the one that was measured.
+ALLOWANCE = 1.5
+SUMMARY = re.compile(r"^(?:=+ .*\d+ (?:passed|skipped).* =+|test result: .*|\d+ test functions.*)$", re.M)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A command and how long it usually takes."""
+
+    name: str
+    command: list[str]
+    environment: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def usual_s(self) -> float:
+        """Measured, or a guess."""
+        return USUAL_S.get(self.name, NEW_S)
+
+
+def parts(seed: int) -> list[Part]:
+    """The circle; `seed` begins the fuzzing."""
+    cargo = ["cargo", "test", "--locked", "--quiet", "--package", "oarlock"]
+    pytest = [sys.executable, "-m", "pytest"]
+    fuzzing = {"OARLOCK_FUZZ_SECONDS": str(CAMPAIGN_S), "OARLOCK_FUZZ_SEED": str(seed)}
+    files = sorted(
+        path for path in (ROOT / "tests").glob("test_*.py") if "mark.long" in path.read_text("utf-8")
+    )
+    return [
+        Part("engine", [*cargo, "--test", "engine", "--", "--ignored"]),
+        *(Part(path.stem, [*pytest, "-m", "long", f"tests/{path.name}"]) for path in files),
+        Part("fuzz engine", [*cargo, "--test", "fuzz", "--", "--test-threads", "1"], fuzzing),
+        *(Part(f"fuzz {name}", [*pytest, f"tests/test_fuzz_{name}.py"], fuzzing) for name in FUZZED),
+    ]
+
+
+class Run:
+    """Parts that are taken from the circle while there is time; each prints its own summary lines when it ends."""
+
+    def __init__(self, circle: list[Part], ends_s: float) -> None:
+        self.waiting, self.ends_s = list(circle), ends_s
+        self.failed: list[str] = []
+        self.lock = Lock()
+
+    def next(self) -> Part | None:
+        """The first part that can end in time."""
+        with self.lock:
+            left_s = self.ends_s - time.monotonic()
+            for part in self.waiting:
+                if ALLOWANCE * part.usual_s <= left_s:
+                    self.waiting.remove(part)
+                    return part
+        return None
+
+    def work(self) -> None:
+        """Run parts until none is left that can end in time."""
+        while part := self.next():
+            begun = time.monotonic()
+            done = subprocess.run(
+                part.command, cwd=ROOT, capture_output=True, text=True, env=os.environ | part.environment
+            )
+            with self.lock:
+                self.tell(part, done, time.monotonic() - begun)
+
+    def tell(self, part: Part, done: subprocess.CompletedProcess[str], took_s: float) -> None:
+        """Print the summary of a part, and all that it said if it failed."""
+        print(f"--- {part.name}: {took_s:.0f} s", flush=True)
+        if done.returncode:
+            self.failed.append(part.name)
+            print(done.stdout, done.stderr, sep="\n", flush=True)
+        else:
+            print("\n".join(SUMMARY.findall(done.stdout)), flush=True)
+
+
+def main() -> int:
+    """Exit status: 1 if a part failed."""
+    asked = argparse.ArgumentParser(description=__doc__)
+    asked.add_argument("--seconds", type=float, required=True, help="time that is left")
+    asked.add_argument(
+        "--turn", type=int, default=int(time.time() // 3600), help="repeats the choice of a run"
+    )
+    given = asked.parse_args()
+    circle = parts(seed=given.turn)
+    # Coprime to most numbers of parts, so that runs an hour apart begin far from each other.
+    first = 7 * given.turn % len(circle)
+    run = Run(circle[first:] + circle[:first], time.monotonic() + given.seconds)
+    workers = os.cpu_count() or 1
+    print(
+        f"long tier: turn {given.turn}, {given.seconds / 60:.1f} min left, {workers} parts at once",
+        flush=True,
+    )
+    with ThreadPoolExecutor(workers) as pool:
+        for worker in [pool.submit(run.work) for _ in range(workers)]:
+            worker.result()
+    print("left out: " + (", ".join(part.name for part in run.waiting) or "nothing"))
+    print("failed: " + (", ".join(run.failed) or "nothing"))
+    return int(bool(run.failed))
+
+
+sys.exit(main())

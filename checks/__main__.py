@@ -1,0 +1,35 @@
+"""Runs every check, prints a line for each and what it found; the exit status is 1 if anything was found."""
+
+import sys
+from collections.abc import Callable
+
+from checks import arrows, engine_arrows, links, portability, registered, rowing_words, sizes
+
+CHECKS: dict[str, Callable[[], list[str]]] = {
+    "package arrows": arrows.findings,
+    "engine arrows": engine_arrows.findings,
+    "rowing words": rowing_words.findings,
+    "file sizes": sizes.long_files,
+    "function sizes": sizes.long_functions,
+    "file names": sizes.vague_names,
+    "machine paths": portability.machine_paths,
+    "data folder": portability.data_folder,
+    "registries": portability.registries,
+    "pinned versions": portability.loose_pins,
+    "engine test modules": registered.findings,
+    "links of pages": links.findings,
+}
+
+
+def main() -> int:
+    """Number of checks that found something, as an exit status."""
+    failed = 0
+    for name, check in CHECKS.items():
+        found = check()
+        failed += bool(found)
+        print(f"{'FAILED' if found else 'ok':6} {name}" + "".join(f"\n       {line}" for line in found))
+    print(f"{len(CHECKS) - failed} of {len(CHECKS)} checks passed")
+    return int(failed > 0)
+
+
+sys.exit(main())

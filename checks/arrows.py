@@ -1,0 +1,143 @@
+"""Modules of the package use each other in one direction only, as ARCHITECTURE.md draws it."""
+
+import ast
+from collections.abc import Collection, Mapping
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+from checks.project_files import ROOT, name_of, text_of
+
+PACKAGE = ROOT / "python/oarlock"
+
+# A room may use those before it, never one behind it. "" is the public face, `oarlock/__init__.py`.
+LAYERS = (
+    "_core",
+    "storage",
+    "model",
+    "recording",
+    "tracking",
+    "calibration",
+    "simulation",
+    "evaluation",
+    "formats",
+    "report",
+    "",
+    "rowing",
+    "lab",
+    "cli",
+    "__main__",
+)
+# What rowing uses beside the public names.
+ROWING_OWN = ("oarlock.rowing", "oarlock.storage.errors", "oarlock.simulation.motion", "oarlock.model.shapes")
+
+
+def findings() -> list[str]:
+    """Imports that the layers do not allow. Imports inside functions and under TYPE_CHECKING count like any other."""
+    uses = imports_of(PACKAGE)
+    return [*upward(uses), *circles(uses), *rowing_beyond_the_public_names()]
+
+
+def imports_of(package: Path) -> dict[str, set[str]]:
+    """The modules of a package that each of its modules imports, by dotted names."""
+    names: dict[str, set[str]] = {}
+    for path in python_files(package):  # a module and its stub are one
+        names.setdefault(".".join(python_module(path, package)), set()).update(imported(path, package))
+    return {module: {owner(name, names) for name in used} - {module} for module, used in names.items()}
+
+
+def owner(name: str, modules: Collection[str]) -> str:
+    """The module that an imported name stands in: the longest beginning of it that is a module."""
+    while name not in modules and "." in name:
+        name = name.rpartition(".")[0]
+    return name
+
+
+def upward(uses: Mapping[str, set[str]]) -> list[str]:
+    """Imports of a room by one that stands before it, and rooms that no layer names."""
+    rooms = {module: (*module.split("."), "")[1] for module in uses}
+    unknown = sorted({room for room in rooms.values() if room not in LAYERS})
+    found = [f"give the room '{room}' its place in LAYERS of checks/arrows.py" for room in unknown]
+    place = {module: LAYERS.index(room) for module, room in rooms.items() if room in LAYERS}
+    return found + [
+        f"{module} must not import {used}: {rooms[used] or 'oarlock'} stands above {rooms[module]}"
+        for module in sorted(place)
+        for used in sorted(uses[module])
+        if place.get(used, 0) > place[module]
+    ]
+
+
+def circles(uses: Mapping[str, set[str]]) -> list[str]:
+    """The first circle of imports, if there is one."""
+    try:
+        TopologicalSorter(uses).prepare()
+    except CycleError as error:
+        return ["circle of imports: " + " <- ".join(error.args[1])]
+    return []
+
+
+def rowing_beyond_the_public_names() -> list[str]:
+    """Imports by rowing of names that are not public."""
+    found = []
+    public = {f"oarlock.{name}" for name in public_names()} | {"oarlock"}
+    for path in sorted((PACKAGE / "rowing").rglob("*.py")):
+        allowed = public | (public_of("report", "report.viewer") if part_of(path) == "report" else set())
+        for name in sorted(imported(path)):
+            if name not in allowed and not any(within(name, part) for part in ROWING_OWN):
+                found.append(f"{name_of(path)} imports {name}, which is not public")
+    return found
+
+
+def python_files(package: Path = PACKAGE) -> list[Path]:
+    """Modules and stubs of the package."""
+    return sorted([*package.rglob("*.pyi"), *package.rglob("*.py")])
+
+
+def python_module(path: Path, package: Path = PACKAGE) -> tuple[str, ...]:
+    """Dotted name of a file, in parts."""
+    parts = (package.name, *path.relative_to(package).with_suffix("").parts)
+    return parts[:-1] if parts[-1] == "__init__" else parts
+
+
+def imported(path: Path, root: Path = PACKAGE) -> set[str]:
+    """Dotted names that a file imports from the package; `from a import b` counts as `a.b`."""
+    module, found = python_module(path, root), set()
+    package = module if path.stem == "__init__" else module[:-1]
+    for node in ast.walk(ast.parse(text_of(path))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            above = package[: len(package) - node.level + 1] if node.level else ()
+            source = [*above, *([node.module] if node.module else [])]
+            found |= {".".join([*source, alias.name]) for alias in node.names}
+    return {name for name in found if name.split(".")[0] == root.name}
+
+
+def within(name: str, module: str) -> bool:
+    """Whether `name` is the module or lies in it."""
+    return name == module or name.startswith(module + ".")
+
+
+def public_names(file: Path = PACKAGE / "__init__.pyi") -> set[str]:
+    """`__all__` of a file."""
+    tree = ast.parse(text_of(file))
+    for node in tree.body:
+        if isinstance(node, ast.Assign | ast.AnnAssign):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            if any(isinstance(target, ast.Name) and target.id == "__all__" for target in targets):
+                return set(ast.literal_eval(node.value))
+    raise AssertionError(f"{file} has no __all__")
+
+
+def part_of(path: Path) -> str:
+    """First name below the package: `python/oarlock/rowing/rig.py` -> `rowing`. Its report is one more report."""
+    parts = path.relative_to(PACKAGE).parts
+    return "report" if parts[:2] == ("rowing", "report") else parts[0].split(".")[0]
+
+
+def public_of(*packages: str) -> set[str]:
+    """Names that the packages offer to those who hand them something, with the packages themselves."""
+    found = set()
+    for package in packages:
+        names = public_names(PACKAGE.joinpath(*package.split("."), "__init__.py"))
+        found |= {f"oarlock.{package}", *(f"oarlock.{package}.{name}" for name in names)}
+    return found

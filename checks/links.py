@@ -1,0 +1,34 @@
+"""Links of the pages lead to files and titles that exist."""
+
+import re
+from pathlib import Path
+
+from checks.project_files import ROOT, name_of, text_of
+
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "examples").rglob("*.md")])
+
+
+def findings() -> list[str]:
+    """Links of all pages that lead nowhere."""
+    return [f"{name_of(page)}: {found}" for page in PAGES for found in broken_links(page)]
+
+
+def broken_links(page: Path) -> list[str]:
+    """Targets of the page whose file or title does not exist."""
+    found = []
+    for target in re.findall(r"\]\(([^)\s]+)\)", text_of(page)):
+        path, _, anchor = target.partition("#")
+        file = (page.parent / path).resolve() if path else page
+        if "://" in target:
+            continue
+        if not file.exists():
+            found.append(f"{target} does not exist")
+        elif anchor and anchor not in anchors(file):
+            found.append(f"no title for #{anchor} in {file.name}")
+    return found
+
+
+def anchors(page: Path) -> set[str]:
+    """What a link may name after `#`: titles as GitHub writes them."""
+    titles = re.findall(r"^#+ (.+)$", text_of(page), re.M)
+    return {re.sub(r"[^\w\- ]", "", title).strip().lower().replace(" ", "-") for title in titles}

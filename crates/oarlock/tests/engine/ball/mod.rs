@@ -1,0 +1,10 @@
+//! Balls and free joints: kinematics, motion, smoothing, and headings that nothing tells at first.
+
+use crate::support;
+
+mod absurd;
+mod gauge;
+mod hypotheses;
+mod kinematics;
+mod motion;
+mod smoother;

@@ -1,0 +1,394 @@
+//! Whatever comes in, a step ends with an answer, and what it cannot use changes nothing.
+
+use crate::support;
+
+use oarlock::body::Body;
+use oarlock::config::{Config, FilterKind};
+use oarlock::estimate::belief::Belief;
+use oarlock::kernels::dense::Square;
+use oarlock::model::Model;
+use oarlock::recording::{Channel, Sample, Stream};
+use oarlock::sensor::Quantity;
+use oarlock::track::run::track;
+use oarlock::track::{Calibration, Status, Tracker};
+use oarlock::Error;
+use proptest::prelude::*;
+use std::sync::Arc;
+use support::chance::Chance;
+use support::record::{times, Scene};
+use support::stroke::Stroke;
+use support::wave::Wave;
+use support::{belief, body, model, plain, start_std, worse, CHAIN, SCULLER};
+
+fn tracker(model: &Arc<Model>, config: &Config) -> Tracker {
+    Tracker::new(model.clone(), &Calibration::default(), config).unwrap()
+}
+
+fn is_sound(belief: &Belief) -> bool {
+    let n = belief.mean.len();
+    let variances = (0..n).map(|i| belief.covariance.at(i, i));
+    belief.mean.iter().all(|x| x.is_finite()) && variances.into_iter().all(|v| v > 0.0 && v.is_finite())
+}
+
+/// Numbers as they come from broken cables and wrong units.
+fn odd() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        4 => -20.0..20.0_f64,
+        1 => Just(f64::NAN),
+        1 => Just(f64::INFINITY),
+        1 => Just(f64::NEG_INFINITY),
+        1 => Just(0.0),
+        2 => any::<f64>(),
+        1 => (-300.0..300.0_f64).prop_map(|e| 10_f64.powf(e)),
+    ]
+}
+
+fn any_filter() -> impl Strategy<Value = FilterKind> {
+    prop_oneof![Just(FilterKind::Ukf), Just(FilterKind::Ekf)]
+}
+
+/// Mostly a next stamp, at times one from another clock.
+fn odd_time() -> impl Strategy<Value = f64> {
+    prop_oneof![6 => 0.0..0.3_f64, 1 => Just(0.0), 1 => Just(-0.5), 1 => 0.0..1e5_f64, 1 => odd()]
+}
+
+fn odd_samples(rows: usize, joints: usize) -> impl Strategy<Value = Vec<Sample>> {
+    let values = prop::collection::vec(odd(), rows);
+    let sample = (odd_time(), values, prop::collection::vec(odd(), joints));
+    prop::collection::vec(sample, 1..25).prop_map(|samples| {
+        let mut clock = 0.0;
+        let one = |(step, z, inputs): (f64, Vec<f64>, Vec<f64>)| {
+            let time_s = clock + step;
+            clock = if time_s.is_finite() { time_s } else { clock };
+            Sample { time_s, z, inputs }
+        };
+        samples.into_iter().map(one).collect()
+    })
+}
+
+/// Steps through and checks that whatever was taken in left a belief.
+fn step_through(tracker: &mut Tracker, samples: &[Sample]) {
+    for sample in samples {
+        match tracker.step(sample) {
+            Ok(Status::Tracking) => assert!(is_sound(tracker.belief().unwrap())),
+            Ok(_) | Err(Error::Diverged { .. } | Error::Data(_)) => {}
+            Err(other) => panic!("{other}"),
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn absurd_samples_are_answered(samples in odd_samples(18, 2), gate in any::<bool>(), filter in any_filter()) {
+        let model = model(CHAIN);
+        let config = Config { gate, filter, ..Config::default() };
+        step_through(&mut tracker(&model, &config), &samples);
+        let mut resumed = tracker(&model, &config);
+        let body = body(&model, &config);
+        let n = body.layout.dim();
+        resumed.resume(belief(&body, 0.0, vec![0.0; n], &start_std(&body))).unwrap();
+        step_through(&mut resumed, &samples);
+    }
+
+    #[test]
+    fn absurd_recordings_are_answered(
+        stamps in prop::collection::vec(odd_time(), 0..20),
+        values in prop::collection::vec(odd(), 0..60),
+        sorted in any::<bool>(),
+    ) {
+        let model = model(CHAIN);
+        let mut clock = 0.0;
+        let time_s: Vec<f64> = stamps.iter().map(|t| { clock += if sorted { t.abs().min(1e3) + 1e-6 } else { *t }; clock }).collect();
+        let fits = values.len() >= 3 * time_s.len();
+        let values = if fits { values[..3 * time_s.len()].to_vec() } else { values };
+        let stream = |name: &str, quantity| Stream {
+            name: name.into(),
+            time_s: time_s.clone().into(),
+            channels: vec![Channel { quantity, values: values.clone().into() }],
+        };
+        let streams = vec![stream("upper", Quantity::Gyro), stream("lower", Quantity::Accel)];
+        let config = Config::default();
+        if let Ok(run) = track(model, streams, &Calibration::default(), &config, None, &mut |_| true) {
+            prop_assert!(run.last_belief().is_none_or(is_sound));
+            let _ = run.smooth(&mut |_| true);
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 20, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn absurd_samples_of_a_sculler_are_answered(samples in odd_samples(58, 22)) {
+        let model = model(SCULLER);
+        step_through(&mut tracker(&model, &Config::default()), &samples);
+    }
+}
+
+#[test]
+fn samples_and_beliefs_of_another_model_are_refused() {
+    let (chain, config) = (model(CHAIN), Config::default());
+    let mut chained = tracker(&chain, &config);
+    let foreign = tracker(&model(SCULLER), &config).empty_sample();
+    let sample = Sample { time_s: 1.0, ..foreign };
+    assert!(matches!(chained.step(&sample), Err(Error::Data(_))));
+    let body = body(&chain, &config);
+    let n = body.layout.dim();
+    let good = belief(&body, 0.0, vec![0.0; n], &start_std(&body));
+    let mut few = good.clone();
+    few.covariance = Square::zeros(n - 1);
+    let mut unlearnt = good.clone();
+    unlearnt.usual_nis.clear();
+    for bad in [few, unlearnt] {
+        assert!(matches!(chained.resume(bad), Err(Error::Data(_))));
+    }
+    chained.resume(good).unwrap();
+    assert!(matches!(chained.step(&sample), Err(Error::Data(_))));
+    assert!(chained.belief().is_some(), "a refusal loses nothing");
+}
+
+/// A sculler under way.
+struct Way {
+    model: Arc<Model>,
+    body: Body,
+    config: Config,
+    stroke: Stroke,
+}
+
+impl Way {
+    fn new(text: &str, config: Config) -> Self {
+        let model = model(text);
+        let body = body(&model, &config);
+        let stroke = Stroke::new(&body, 2.2);
+        Way { model, body, config, stroke }
+    }
+
+    fn samples(&self, times: &[f64], noise: f64) -> Vec<Sample> {
+        let motion = |t| self.stroke.at(t);
+        self.scene(&motion, noise).samples(times, &mut Chance::new(3))
+    }
+
+    fn scene<'a>(&'a self, motion: &'a dyn Fn(f64) -> support::stroke::Posture, noise: f64) -> Scene<'a> {
+        Scene { body: &self.body, motion, surge: &|_| 0.0, azimuth_rad: 0.5, noise }
+    }
+
+    /// A tracker that starts at the truth at 0 s.
+    fn tracker(&self) -> Tracker {
+        let motion = |t| self.stroke.at(t);
+        let mean = self.scene(&motion, 1.0).state(0.0);
+        let mut tracker = tracker(&self.model, &self.config);
+        tracker.resume(belief(&self.body, 0.0, mean, &start_std(&self.body))).unwrap();
+        tracker
+    }
+
+    fn std(&self, belief: &Belief, joint: usize) -> f64 {
+        let slots = self.body.layout.coordinates[joint].unwrap();
+        belief.covariance.at(slots.q, slots.q).sqrt()
+    }
+}
+
+#[test]
+fn a_late_sample_changes_nothing() {
+    let way = Way::new(SCULLER, Config::default());
+    let samples = way.samples(&times(0.01, 0.01, 40), 1.0);
+    let (mut one, mut other) = (way.tracker(), way.tracker());
+    for (k, sample) in samples.iter().enumerate() {
+        one.step(sample).unwrap();
+        other.step(sample).unwrap();
+        for late in [&samples[k / 2], sample] {
+            assert_eq!(other.step(late).unwrap(), Status::OutOfOrder);
+        }
+        let timeless = Sample { time_s: f64::NAN, ..sample.clone() };
+        assert_eq!(other.step(&timeless).unwrap(), Status::OutOfOrder);
+        assert_eq!(format!("{:?}", one.belief()), format!("{:?}", other.belief()));
+        assert_eq!(format!("{:?}", one.info()), format!("{:?}", other.info()));
+    }
+}
+
+/// An hour without data: every joint is back to its prior, and a second later the track is found again.
+#[test]
+fn an_hour_without_data_is_survived() {
+    let way = Way::new(SCULLER, Config::default());
+    let mut tracker = way.tracker();
+    let mut before = way.samples(&times(0.01, 0.01, 200), 1.0);
+    // 3,599.2 s are 1,636 strokes.
+    let after = way.samples(&times(3_601.2, 0.01, 300), 1.0);
+    before.push(Sample { time_s: 3_600.0, ..tracker.empty_sample() });
+    for sample in &before {
+        assert_eq!(tracker.step(sample).unwrap(), Status::Tracking);
+    }
+    for (j, joint) in way.model.joints[..16].iter().enumerate() {
+        let share = way.std(tracker.belief().unwrap(), j) / way.body.axes[j].prior_std();
+        assert!((0.75..1.01).contains(&share), "{}: {share} of its prior", joint.name);
+    }
+    for sample in &after {
+        assert_eq!(tracker.step(sample).unwrap(), Status::Tracking);
+        assert!(is_sound(tracker.belief().unwrap()));
+    }
+    let (end, now) = (after.last().unwrap().time_s, tracker.belief().unwrap());
+    let truth = way.stroke.at(end).q;
+    let miss = |j: usize| (now.mean[way.body.layout.coordinates[j].unwrap().q] - truth[j]).abs();
+    assert!(miss(0) < 0.02 && miss(1) < 0.02, "seat {} m, trunk {} rad", miss(0), miss(1));
+}
+
+#[test]
+fn a_stamp_from_another_clock_does_not_hang() {
+    for time_s in [1e9, 1.7e18, 1e300] {
+        let way = Way::new(SCULLER, Config::default());
+        let mut tracker = way.tracker();
+        let mut samples = way.samples(&times(0.01, 0.01, 20), 1.0);
+        samples.push(Sample { time_s, ..samples[19].clone() });
+        let last = samples.iter().map(|s| tracker.step(s)).last().unwrap();
+        assert!(matches!(last, Ok(Status::Tracking) | Err(Error::Diverged { .. })), "{last:?}");
+    }
+}
+
+/// Loops and encoders a thousand times tighter than the model's: variances of 1e-12 beside accelerations of 25.
+#[test]
+fn noise_free_loops_do_not_break_the_covariance() {
+    let text = SCULLER
+        .replace("std_m = 0.002", "std_m = 1e-6")
+        .replace("std_axis = 0.005", "std_axis = 1e-6")
+        .replace("std = 0.001  # m", "std = 1e-6");
+    assert_eq!(text.matches("1e-6").count(), 5);
+    let way = Way::new(&text, Config { gate: false, ..Config::default() });
+    let mut tracker = way.tracker();
+    let (steps, mut chance) = (20_000, Chance::new(9));
+    let motion = |t| way.stroke.at(t);
+    let scene = way.scene(&motion, 1.0);
+    for k in 1..=steps {
+        let time_s = 0.01 * k as f64;
+        let mut sample = scene.sample(time_s, &mut chance);
+        // The oars' angles without noise, else the loops contradict each other.
+        let truth = way.stroke.at(time_s).q;
+        sample.inputs.iter_mut().zip(&truth).filter(|(x, _)| !x.is_nan()).for_each(|(x, q)| *x = *q);
+        assert_eq!(tracker.step(&sample).unwrap(), Status::Tracking);
+    }
+    let now = tracker.belief().unwrap();
+    assert!(is_sound(now));
+    let truth = way.stroke.at(now.time_s).q;
+    for (j, q) in truth[..16].iter().enumerate() {
+        let miss = (now.mean[way.body.layout.coordinates[j].unwrap().q] - q).abs();
+        assert!(miss < 0.01, "{}: {miss}", way.model.joints[j].name);
+    }
+}
+
+/// How much wider the trunk's band may be with the back's sensor and the seat alone than with everything: the arms' sensors
+/// and the loops see the trunk too, so that it cannot be 1. Measured: 2.5, and 2.1 once the noise is learnt.
+const TRUNK_ALONE: f64 = 3.0;
+/// How far unseen joints may change the trunk's band and, in its bands, its angle: more states lie farther out as sigma
+/// points, which is felt where the start is uncertain and hardly behind it.
+const HARM: f64 = 0.05;
+
+/// A sculler whose arms are no states at all, with a sensor on the back and one on the seat.
+fn armless() -> Arc<Model> {
+    let mut model = (*model(SCULLER)).clone();
+    model.joints[2..16].iter_mut().for_each(|j| j.input = true);
+    model.sensors.retain(|s| ["back", "seat"].contains(&s.name.as_str()));
+    model.closures.clear();
+    Arc::new(model)
+}
+
+/// The trunk's angle and its standard deviation, rad.
+fn trunk(tracker: &Tracker) -> (f64, f64) {
+    let (at, now) = (tracker.body.layout.coordinates[1].unwrap().q, tracker.belief().unwrap());
+    (now.mean[at], now.covariance.at(at, at).sqrt())
+}
+
+/// Ten minutes with the arms unseen: they keep their priors, and the trunk is known as well as if there were no arms.
+#[test]
+fn unobserved_joints_stay_bounded_and_harmless() {
+    let way = Way::new(SCULLER, Config::default());
+    let (mut alone, mut all) = (way.tracker(), way.tracker());
+    let motion = |t| way.stroke.at(t);
+    let (scene, mut chance) = (way.scene(&motion, 1.0), Chance::new(4));
+    let mut bare = tracker(&armless(), &way.config);
+    let start = Scene { body: &bare.body, ..way.scene(&motion, 1.0) }.state(0.0);
+    bare.resume(belief(&bare.body, 0.0, start, &start_std(&bare.body))).unwrap();
+    let seat = way.body.suite.sources.iter().find(|s| s.name == "seat").unwrap().rows.start;
+    let (mut narrow, mut early, mut late, mut harm) = (0.0, 0.0, 0.0, 0.0_f64);
+    for k in 1..=12_000 {
+        let mut sample = scene.sample(0.05 * k as f64, &mut chance);
+        if k <= 600 {
+            all.step(&sample).unwrap();
+        }
+        for (r, z) in sample.z.iter_mut().enumerate() {
+            *z = if r < 9 || r == seat { *z } else { f64::NAN };
+        }
+        sample.inputs.fill(f64::NAN);
+        assert_eq!(alone.step(&sample).unwrap(), Status::Tracking);
+        let z = [&sample.z[..9], &sample.z[seat..=seat]].concat();
+        bare.step(&Sample { z, ..sample.clone() }).unwrap();
+        let ((angle, band), (bare_angle, bare_band)) = (trunk(&alone), trunk(&bare));
+        if k > 200 {
+            harm = worse(harm, worse((angle - bare_angle).abs() / band, (band / bare_band - 1.0).abs()));
+        }
+        if (201..=600).contains(&k) {
+            narrow += trunk(&all).1 / 400.0;
+            early += band / 400.0;
+        }
+        late += if k > 11_600 { band / 400.0 } else { 0.0 };
+    }
+    let now = alone.belief().unwrap();
+    assert!(is_sound(now));
+    for (j, joint) in way.model.joints[..16].iter().enumerate().skip(2) {
+        let share = way.std(now, j) / way.body.axes[j].prior_std();
+        assert!((0.75..1.01).contains(&share), "{}: {share} of its prior", joint.name);
+    }
+    println!("trunk: {narrow:.5} rad with everything, {early:.5} with back and seat, {late:.5} after ten minutes");
+    println!("trunk with and without unseen arms: {harm:.1e} bands apart");
+    assert!(early < TRUNK_ALONE * narrow && late < TRUNK_ALONE * narrow, "{narrow} {early} {late}");
+    assert!(harm < HARM, "{harm:e}");
+    let miss = (trunk(&alone).0 - way.stroke.at(now.time_s).q[1]).abs();
+    assert!(miss < 5.0 * late, "trunk off by {miss} rad at a std of {late}");
+}
+
+#[test]
+fn a_plain_tracker_needs_no_gate_to_refuse_infinity() {
+    let way = Way::new(SCULLER, plain(&[]));
+    let mut tracker = way.tracker();
+    let mut samples = way.samples(&times(0.01, 0.01, 10), 1.0);
+    samples[5].z[4] = f64::INFINITY;
+    let before: Vec<Status> = samples[..5].iter().map(|s| tracker.step(s).unwrap()).collect();
+    assert!(before.iter().all(|&s| s == Status::Tracking));
+    let belief = format!("{:?}", tracker.belief());
+    assert!(matches!(tracker.step(&samples[5]), Err(Error::Data(_))));
+    assert_eq!(belief, format!("{:?}", tracker.belief()), "a refusal loses nothing");
+    assert_eq!(tracker.step(&samples[6]).unwrap(), Status::Tracking);
+}
+
+/// Gyroscopes and accelerometers are refused until patience ends; then the posture is sought anew, not bent by a thousand
+/// standard deviations at each update.
+#[test]
+fn a_belief_that_its_sensors_contradict_is_given_up() {
+    let (chain, config) = (model(CHAIN), Config::default());
+    let body = body(&chain, &config);
+    let wave = Wave::random(&chain, 0.8, 0.8, &mut Chance::new(6));
+    let motion = |t| wave.at(t);
+    let scene = Scene { body: &body, motion: &motion, surge: &|_| 0.0, azimuth_rad: 0.5, noise: 1.0 };
+    let mut mean = scene.state(0.0);
+    let joints = [0, 1].map(|j| body.layout.coordinates[j].unwrap());
+    for slots in joints {
+        mean[slots.q] += 1.0;
+        mean[slots.rates.unwrap().0] += 5.0;
+    }
+    let mut tracker = tracker(&chain, &config);
+    tracker.resume(belief(&body, 0.0, mean, &vec![1e-4; body.layout.dim()])).unwrap();
+    let (mut lost_s, mut worst) = (Vec::new(), 0.0_f64);
+    for sample in &scene.samples(&times(0.01, 0.01, 200), &mut Chance::new(3)) {
+        tracker.step(sample).unwrap();
+        lost_s.extend(tracker.info().lost.then_some(sample.time_s));
+        let (now, truth) = (tracker.belief().unwrap(), wave.at(sample.time_s));
+        assert!(is_sound(now));
+        for (j, slots) in joints.iter().enumerate() {
+            let error = (now.mean[slots.q] - truth.q[j]).abs();
+            let std = now.covariance.at(slots.q, slots.q).sqrt();
+            worst = if lost_s.is_empty() { 0.0 } else { worse(worst, error / std) };
+        }
+    }
+    println!("given up at {lost_s:?} s, at worst {worst:.1} sigma from then on");
+    assert!(lost_s.len() == 1 && lost_s[0] < 0.1, "{lost_s:?}");
+    assert!(worst < 5.0, "{worst}");
+}

@@ -1,0 +1,139 @@
+"""Settings of the filter for one run: `--config FILE`, `--set KEY=VALUE`, and flags that became settings."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Container, Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from typer.core import TyperCommand
+
+from oarlock._core import Config
+from oarlock.cli.model import posture
+from oarlock.cli.options import assignments, names
+from oarlock.cli.terminal import UsageError
+from oarlock.storage.toml import TomlTable
+
+if TYPE_CHECKING:
+    from oarlock import Model
+
+DEFAULTS = Config().to_dict()
+MEANINGS = {
+    "estimate": "also estimated, with commas, or none: biases, base accelerations, mounts, lengths",
+    "closures": "use the model's closures",
+    "process_noise": "white jerk (jerk), or Q of the paper's eq. 6 (paper)",
+    "magnetometer": "gate disturbed readings (gated), use all (on), or none (off)",
+    "initial_q.JOINT": "start the first fit at this value, rad or m; a ball's coordinate is hip.rx",
+    "gate": "reject improbable readings",
+    "gate_patience_s": "believe a reading again that is rejected for longer",
+    "consider": "widen bands by what mounts and lengths may be off: learnt, always, off",
+    "start_window_s": "samples that are fitted together to find the start",
+    "merge_s": "closer stamps form one sample",
+    "learning_memory_s": "time constant of learnt noise",
+    "belief_interval_s": "how often the full covariance is kept",
+    "alpha": "spread of the sigma points, 0 to 1",
+    "beta": "second-order weight, at least alpha^2",
+    "kappa": "scaling, usually 0",
+}
+"""Settings without a flag of their own, with one line of help."""
+NOW_SETTINGS = {
+    "--estimate": "--set estimate=NAMES",
+    "--closures": "--set closures=true",
+    "--no-closures": "--set closures=false",
+    "--process-noise": "--set process_noise=NAME",
+    "--magnetometer": "--set magnetometer=NAME",
+    "--initial-q": "--set initial_q.JOINT=VALUE",
+    "--gate": "--set gate=true",
+    "--no-gate": "--set gate=false",
+    "--gate-patience-s": "--set gate_patience_s=S",
+    "--consider": "--set consider=NAME",
+    "--start-window-s": "--set start_window_s=S",
+    "--merge-s": "--set merge_s=S",
+    "--belief-interval-s": "--set belief_interval_s=S",
+    "--alpha": "--set alpha=X",
+    "--beta": "--set beta=X",
+    "--kappa": "--set kappa=X",
+}
+"""Flags of version 0.1.0 and what replaces them."""
+
+
+class ConfiguredCommand(TyperCommand):
+    """A verb that names the replacement of a flag which it no longer has."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """What is left of the arguments."""
+        for text in args:
+            flag = text.partition("=")[0]
+            if flag in NOW_SETTINGS:
+                ctx.fail(f"{flag} is a setting now: {NOW_SETTINGS[flag]}")
+        return super().parse_args(ctx, args)
+
+
+def settings_help() -> str:
+    """The end of a help text: every setting with its default."""
+    rows = [(f"{key}={_shown(key)}", about) for key, about in MEANINGS.items()]
+    return "\n\n\b\nSettings (--set KEY=VALUE, with their defaults):\n" + "\n".join(
+        f"  {name:<26} {about}" for name, about in rows
+    )
+
+
+def _shown(key: str) -> str:
+    default = DEFAULTS.get(key, "VALUE")
+    if isinstance(default, list):
+        return ",".join(default)
+    return str(default).lower() if isinstance(default, bool) else str(default)
+
+
+def split(texts: Iterable[str] | None, parameters: Container[str]) -> tuple[dict[str, float], dict[str, Any]]:
+    """Texts of `--set` as parameters of the model and settings of the filter; a parameter takes precedence.
+
+    Raises:
+        UsageError: a text is not KEY=VALUE, a key comes twice, or a parameter is no number.
+    """
+    of_model: list[str] = []
+    settings: dict[str, Any] = {}
+    start: list[str] = []
+    for text in texts or ():
+        key, equals, value = (part.strip() for part in text.partition("="))
+        if key.startswith("initial_q."):
+            start.append(text.strip().removeprefix("initial_q."))
+        elif equals and key in DEFAULTS and key not in parameters:
+            if key in settings:
+                raise UsageError(f"--set: {key} is given twice")
+            settings[key] = names(value) if key == "estimate" else _value(value)
+        else:
+            of_model.append(text)
+    if start:
+        settings["initial_q"] = assignments(start, "--set initial_q.JOINT=VALUE:")
+    return assignments(of_model, "--set"), settings
+
+
+def _value(text: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return None if text == "none" else text
+
+
+def settings_of_file(file: Path) -> dict[str, Any]:
+    """Settings in a TOML file: at its top, or in [provenance.config] of a run.toml."""
+    top = TomlTable.read(file)
+    if "provenance" in top.values:
+        top = top.table("provenance").table("config")
+    return {key: None if value == "none" else value for key, value in top.values.items()}
+
+
+def configuration(body: Model, settings: Mapping[str, Any]) -> Config:
+    """The checked configuration.
+
+    Raises:
+        UsageError: a key or a value is wrong.
+    """
+    chosen = dict(settings)
+    if isinstance(start := chosen.get("initial_q"), Mapping):
+        chosen["initial_q"] = posture(body.describe(), dict(start), "initial_q")
+    try:
+        return Config(**chosen)
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"settings of the filter: {error}") from None

@@ -1,0 +1,82 @@
+"""The folder that tracking leaves: run a filter, write what it found, and its summary as one document."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from oarlock.cli.terminal import progress
+from oarlock.evaluation.comparison.estimators import LIMB_FILTER
+from oarlock.evaluation.comparison.orientation_track import ORIENTATION_FILTERS
+
+if TYPE_CHECKING:
+    from oarlock import Calibration, Config, Evaluation, Model, Recording, Suspect, Track
+
+RUN_FILE = "run.toml"
+RECORDING_FILE = "recording.toml"
+
+
+def run_filter(
+    model: Model,
+    recording: Recording,
+    calibration: Calibration | None,
+    config: Config | None,
+    smooth: bool,
+    filter_name: str = "",
+) -> Track:
+    """Tracks with a progress bar, and smooths if asked. `filter_name` may name one that `Config` does not know."""
+    import oarlock
+
+    with progress("tracking") as told:
+        if filter_name == LIMB_FILTER:
+            return oarlock.track_limbs(model, recording, calibration, config, progress=told)
+        if filter_name in ORIENTATION_FILTERS:
+            return oarlock.track_orientations(model, recording, filter_name, calibration, progress=told)
+        result = oarlock.track(model, recording, calibration=calibration, config=config, progress=told)
+    if smooth:
+        with progress("smoothing") as told:
+            result = oarlock.smooth(result, progress=told)
+    return result
+
+
+def write_folder(
+    result: Track,
+    out: Path,
+    csv: bool = False,
+    evaluation: Evaluation | None = None,
+    truth: Track | None = None,
+) -> Path:
+    """Writes the track's tables, run.toml and a report; `csv` adds each table as CSV. The report's path."""
+    from oarlock.cli.report import write_any_report
+
+    result.save(out)
+    report = write_any_report(result, out / "report.html", evaluation, truth)[0]
+    if csv:
+        from pyarrow import csv as arrow_csv
+        from pyarrow import parquet
+
+        for name in ("track", *(n for n in beside(result) if n == "sensors")):
+            arrow_csv.write_csv(parquet.read_table(out / f"{name}.parquet"), out / f"{name}.csv")
+    return report
+
+
+def beside(result: Track) -> list[str]:
+    """Tables beside the track's own: filters on single units report neither sensors nor beliefs."""
+    found = {"sensors": result.info, "beliefs": result.beliefs}
+    return [name for name, table in found.items() if table is not None]
+
+
+def document(result: Track, out: Path, found: Sequence[Suspect] = ()) -> dict[str, object]:
+    """The summary for machines; `found` are the suspects of the recording."""
+    from oarlock.evaluation.summary import summarize
+
+    summary = summarize(result)
+    return {
+        "out": out,
+        "report": out / "report.html",
+        "suspects": [suspect.to_dict() for suspect in found],
+        **{key: value for key, value in vars(summary).items() if key != "sensors"},
+        "sensors": {sensor.name: sensor.to_dict() for sensor in summary.sensors},
+        "provenance": dict(result.provenance),
+    }

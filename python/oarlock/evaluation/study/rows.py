@@ -1,0 +1,51 @@
+"""Rows of a study: their scores as an array, and their files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+from pyarrow import csv, parquet
+
+from oarlock.evaluation.study.run import MEAN, Row
+from oarlock.evaluation.study.spec import Study, shown
+
+Floats = NDArray[np.float64]
+
+
+def scores_of(
+    study: Study, rows: Sequence[Row], item: str = MEAN, score: str = "rmse", kind: str | None = None
+) -> Floats:
+    """One score of one item, (scenarios, seeds), as `StudyResult.scores` gives it."""
+    seeds = {seed: place for place, seed in enumerate(study.seeds)}
+    found = np.full((len(study.expanded()), len(seeds)), np.nan)
+    for row in rows:
+        if row["item"] == item and not row["error"] and row["kind"] == (kind := kind or row["kind"]):
+            found[row["scenario"], seeds[row["seed"]]] = row[score]
+    return found
+
+
+def write_rows(rows: Sequence[Row], stem: Path) -> None:
+    """Write rows as `stem`.csv and `stem`.parquet; NaN becomes empty, and null."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    columns = {name: _column([_null(row.get(name)) for row in rows]) for name in names}
+    table = pa.table(columns)
+    parquet.write_table(table, stem.with_name(f"{stem.name}.parquet"))
+    csv.write_csv(table, stem.with_name(f"{stem.name}.csv"))
+
+
+def _column(values: Sequence[Any]) -> pa.Array:
+    """One type a column: texts where a key is a number here and a text or a table there."""
+    kinds = {type(value) for value in values if value is not None}
+    if str in kinds and len(kinds) > 1:
+        return pa.array([None if value is None else shown(value) for value in values])
+    return pa.array(values)
+
+
+def _null(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,50 @@
+"""Files read by a library that a damaged file may crash: it runs in a child process, whose end becomes a DataError."""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock.storage.errors import DataError
+
+_CHILD = Path(__file__).with_name("reader_child.py")
+_NAMES = {"c3d": "C3D", "mat": "MATLAB"}
+
+
+def arrays_of(kind: Literal["c3d", "mat"], file: Path) -> dict[str, NDArray[Any]]:
+    """The arrays that `reader_child` finds in a file, by name.
+
+    Raises:
+        DataError: The file cannot be read, or its library refuses it or crashes.
+    """
+    try:
+        with file.open("rb"):
+            pass
+    except (OSError, ValueError) as error:
+        raise DataError(f"{file}: cannot be read ({getattr(error, 'strerror', None) or error})") from error
+    # -P: the folder of the script is no place to import from. The child's address space is limited, and each thread of
+    # BLAS would take some.
+    done = subprocess.run(
+        [sys.executable, "-P", str(_CHILD), kind, str(file)],
+        capture_output=True,
+        check=False,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+    )
+    if done.returncode != 0:
+        said = done.stderr.decode(errors="replace").strip().splitlines() if done.returncode == 1 else []
+        why = said[-1] if said else f"its reader {_end(done.returncode)}"
+        raise DataError(f"{file}: is no {_NAMES[kind]} file, or is damaged ({why})")
+    with np.load(io.BytesIO(done.stdout)) as arrays:
+        return dict(arrays)
+
+
+def _end(status: int) -> str:
+    return f"was ended by {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"

@@ -1,0 +1,83 @@
+"""Marker trajectories from files: C3D, TRC, CSV, and the exports of Vicon Nexus and Qualisys."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from os import PathLike
+from pathlib import Path
+
+from numpy.typing import ArrayLike
+
+from oarlock.evaluation.markers.trajectories import Markers, NamedAxes
+from oarlock.formats.c3d import read_c3d
+from oarlock.formats.marker_csv import read_marker_csv
+from oarlock.formats.trc import read_trc
+from oarlock.storage.errors import DataError
+from oarlock.storage.paths import place_of
+from oarlock.storage.suggest import did_you_mean
+from oarlock.storage.units import LENGTH, plain_unit, unknown_unit_text
+
+ENDINGS = (".c3d", ".trc", ".csv", ".tsv", ".txt")
+
+
+def load_markers(
+    path: str | PathLike[str],
+    unit: str | None = None,
+    names: Iterable[str] | Mapping[str, str] | None = None,
+    *,
+    axes: NamedAxes | ArrayLike | None = None,
+) -> Markers:
+    """Read marker trajectories.
+
+    Args:
+        path: `.c3d` (needs the extra `oarlock[c3d]`), `.trc`, or a text table `.csv`, `.tsv`, `.txt`: columns `time`,
+            `name_x`, `name_y`, `name_z`, or what Vicon Nexus (Trajectories) and Qualisys (TSV) export.
+        unit: of length, `m`, `cm` or `mm`, instead of what the file says; needed where it says none.
+        names: the markers wanted, all if None; a mapping `{name in the file: name wanted}` renames. A subject's prefix
+            (`Anna:LELB`) may be left out where that leaves no two names alike, and is left out of the result.
+        axes: turns the points, see `Markers.turned`; None leaves the file's axes.
+
+    Returns:
+        Positions in m, NaN where a marker was not seen: in C3D a negative residual, all three coordinates 0 or NaN;
+        in text an empty cell or NaN. Stamps are those of the file; C3D counts from its first frame's number.
+
+    Raises:
+        DataError: the file cannot be read or understood; it says where, and what to try.
+    """
+    file = place_of(path)
+    if not file.is_file():
+        raise DataError(f"{file}: there is no such file")
+    markers = _read(file, _checked_unit(unit))
+    chosen = markers if names is None else markers.select(_full_names(markers, names))
+    return chosen if axes is None else chosen.turned(axes)
+
+
+def _read(file: Path, unit: str | None) -> Markers:
+    ending = file.suffix.lower()
+    if ending == ".c3d":
+        return read_c3d(file, unit)
+    if ending == ".trc":
+        return read_trc(file, unit)
+    if ending in ENDINGS:
+        return read_marker_csv(file, unit)
+    raise DataError(f'{file}: markers are not read from "{ending}" files. Known: {", ".join(ENDINGS)}.')
+
+
+def _checked_unit(unit: str | None) -> str | None:
+    if unit is None:
+        return None
+    if plain_unit(unit) not in LENGTH:
+        raise DataError(f"load_markers: {unknown_unit_text(unit, LENGTH)}")
+    return plain_unit(unit)
+
+
+def _full_names(markers: Markers, names: Iterable[str] | Mapping[str, str]) -> dict[str, str]:
+    """What was asked for with the prefix that the file's names may carry, and how it is to be called."""
+    chosen = dict(names) if isinstance(names, Mapping) else {name: name for name in names}
+    found = {}
+    for name, wanted in chosen.items():
+        plain = name if name in markers.names else name.rpartition(":")[2]
+        if plain not in markers.names:
+            raise DataError(f'markers: the file has no "{name}". {did_you_mean(name, markers.names)}')
+        found[plain] = wanted if isinstance(names, Mapping) else name
+    return found

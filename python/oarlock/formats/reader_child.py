@@ -1,0 +1,119 @@
+"""Reads one file with a library that a damaged file may crash: `python reader_child.py c3d|mat FILE`.
+
+Used by `oarlock.formats.child_process`. It imports nothing of oarlock, so that it starts quickly. It writes the arrays
+to standard output as .npz. If the library refuses the file, it writes the reason to standard error and exits with 1.
+"""
+
+import io
+import os
+import struct
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+_LEAST_BYTES, _BYTES_PER_BYTE = 1 << 30, 64
+_LEAST_SECONDS, _BYTES_PER_SECOND = 10, 1 << 20
+_BLOCK, _MIPS = 512, 86
+_MOST_HEADER = 256 * _BLOCK
+
+
+def limit_resources(file: str) -> None:
+    """Bound memory and processor time: a damaged byte may announce gigabytes, or a loop without end."""
+    try:
+        import resource
+    except ImportError:  # Windows has no such limits
+        return
+    size = os.path.getsize(file)
+    for limit, most in (
+        (resource.RLIMIT_AS, _LEAST_BYTES + _BYTES_PER_BYTE * size),
+        (resource.RLIMIT_CPU, _LEAST_SECONDS + size // _BYTES_PER_SECOND),
+    ):
+        soft, hard = resource.getrlimit(limit)
+        bounds = [value for value in (most, soft, hard) if value != resource.RLIM_INFINITY]
+        resource.setrlimit(limit, (min(bounds), hard))
+
+
+def read_mat(file: str) -> dict[str, Any]:
+    """Numbers and texts by name; a field of a structure is called `structure.field`.
+
+    Everything else (cells, arrays of structures, sparse matrices, objects) is left out.
+    """
+    from scipy.io import loadmat
+
+    try:
+        variables = loadmat(file, struct_as_record=False)
+    except NotImplementedError as error:
+        raise ValueError("a file of version 7.3: save it again in MATLAB with -v7") from error
+    variables = {name: value for name, value in variables.items() if not name.startswith("__")}
+    return dict(_flat("", variables))
+
+
+def _flat(path: str, fields: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+    from scipy.io.matlab import mat_struct
+
+    for name, value in fields.items():
+        only = value.flat[0] if isinstance(value, np.ndarray) and value.size == 1 else None
+        if isinstance(only, mat_struct):
+            yield from _flat(f"{path}{name}.", {field: getattr(only, field) for field in only._fieldnames})
+        elif isinstance(value, np.ndarray) and value.dtype.kind in "biufcU":
+            yield f"{path}{name}", value
+
+
+def read_c3d(file: str) -> dict[str, Any]:
+    """Arrays `points` (3, N, T), `residuals` (N, T), `rate_hz`, `first_frame`, `unit` and `labels`."""
+    import ezc3d
+
+    content = ezc3d.c3d(file)
+    held, announced = content["data"]["points"].shape[2], _announced_frames(file)
+    if held < announced:
+        raise ValueError(f"it announces {announced} frames and holds {held}; was it cut off?")
+    point, header = content["parameters"]["POINT"], content["header"]["points"]
+    units = point["UNITS"]["value"] if "UNITS" in point else []
+    return {
+        "points": np.asarray(content["data"]["points"], dtype=np.float64)[:3],
+        "residuals": np.asarray(content["data"]["meta_points"]["residuals"], dtype=np.float64)[0],
+        "rate_hz": np.float64(header["frame_rate"]),
+        "first_frame": np.int64(header["first_frame"]),
+        "unit": np.array(str(units[0]) if len(units) else ""),
+        "labels": np.array(_labels(point), dtype=np.str_),
+    }
+
+
+def _announced_frames(file: str) -> int:
+    """As the header says. ezc3d reads what is there and changes the header to match."""
+    with open(file, "rb") as stream:
+        raw = stream.read(_MOST_HEADER)
+    processor = raw[(raw[0] - 1) * _BLOCK + 3]
+    first, last = struct.unpack_from(">2H" if processor == _MIPS else "<2H", raw, 6)
+    return int(last) - int(first) + 1
+
+
+def _labels(point: Any) -> list[str]:
+    """All labels: a C3D parameter holds 255, so large sets go on in LABELS2, LABELS3, ..."""
+    found: list[str] = []
+    for number in range(1, 100):
+        key = "LABELS" if number == 1 else f"LABELS{number}"
+        if key not in point:
+            break
+        found += [str(label).strip() for label in point[key]["value"]]
+    return found
+
+
+def main(kind: str, file: str) -> int:
+    """Read one file; the exit status."""
+    try:
+        limit_resources(file)
+        arrays = {"c3d": read_c3d, "mat": read_mat}[kind](file)
+    except Exception as error:  # a library raises whatever its parts do
+        print(str(error) or type(error).__name__, file=sys.stderr)
+        return 1
+    held = io.BytesIO()
+    np.savez(held, **arrays)
+    sys.stdout.buffer.write(held.getvalue())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

@@ -1,0 +1,87 @@
+"""The public names of `oarlock.rowing` and the modules that define them."""
+
+from .analysis.features import FEATURES, Feature
+from .analysis.stroke_means import FeatureMean, PhaseCurve
+from .analysis.stroke_summary import SummaryRow, summarise_strokes
+from .analysis.targets import TARGET_CLASSES, Target, load_targets
+from .analysis.technique import Technique, technique
+from .exports.load import EXPORT_FORMATS, ExportFormat, load_stroke_export
+from .field.effects import FieldEffects
+from .field.trial import FieldTrial, simulate_field
+from .figure.shapes import rowing_look, stroke_marks
+from .simulation.anthropometry import anthropometry
+from .simulation.boat import Boat, HullMotion
+from .simulation.ergometer import ErgometerShape, Machine, ergometer_piece
+from .simulation.hull import HullRotation, on_hull
+from .simulation.motion import Piece, row_piece, sculling
+from .simulation.noise import CONDITIONS, TABLE_4_NOISE, ImuNoise, SimulatedCondition
+from .simulation.pitch import HullForm, HullPitch, hull_pitch
+from .simulation.rail import on_unknown_rail
+from .simulation.session_skin import session_skin
+from .simulation.simulators import SIMULATORS, FieldSimulator, ScullingSimulator
+from .simulation.stretcher import adjusted_stretcher
+from .simulation.stroke_shape import StrokeShape
+from .simulation.sweep import SweepShape, sweep_piece, sweeping
+from .simulation.timing import StrokeTiming
+from .strokes.files import save_strokes
+from .strokes.find_strokes import find_strokes
+from .strokes.live_strokes import LiveStrokes, StrokeEvent
+from .strokes.strokes import Strokes
+from .strokes.table import StrokeTable
+
+__all__ = [
+    "CONDITIONS",
+    "EXPORT_FORMATS",
+    "FEATURES",
+    "SIMULATORS",
+    "TABLE_4_NOISE",
+    "TARGET_CLASSES",
+    "Boat",
+    "ErgometerShape",
+    "ExportFormat",
+    "Feature",
+    "FeatureMean",
+    "FieldEffects",
+    "FieldSimulator",
+    "FieldTrial",
+    "HullForm",
+    "HullMotion",
+    "HullPitch",
+    "HullRotation",
+    "ImuNoise",
+    "LiveStrokes",
+    "Machine",
+    "PhaseCurve",
+    "Piece",
+    "ScullingSimulator",
+    "SimulatedCondition",
+    "StrokeEvent",
+    "StrokeShape",
+    "StrokeTable",
+    "StrokeTiming",
+    "Strokes",
+    "SummaryRow",
+    "SweepShape",
+    "Target",
+    "Technique",
+    "adjusted_stretcher",
+    "anthropometry",
+    "ergometer_piece",
+    "find_strokes",
+    "hull_pitch",
+    "load_stroke_export",
+    "load_targets",
+    "on_hull",
+    "on_unknown_rail",
+    "row_piece",
+    "rowing_look",
+    "save_strokes",
+    "sculling",
+    "session_skin",
+    "simulate_field",
+    "stroke_marks",
+    "summarise_strokes",
+    "sweep_piece",
+    "sweeping",
+    "technique",
+]

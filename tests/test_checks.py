@@ -1,0 +1,108 @@
+"""The checks of the project's text find what is planted, so that silence means something."""
+
+import re
+from pathlib import Path
+
+import pytest
+from checks import arrows, engine_arrows, links, portability, project_files, registered, rowing_words, sizes
+
+
+def test_arrow_reader_reads_every_way_to_write_an_arrow():
+    read = engine_arrows.named_from_root
+    code = "use crate::{error::Error, model::{Joint, Body}};\nuse super::sensor::Imu;\ncrate::kernels::f()"
+    assert read(code, ("track",)) == {"error", "model", "sensor", "kernels"}
+    assert read("use super::gate;", ("estimate", "filter")) == set()
+    assert read("use super::super::model::Model;", ("estimate", "filter")) == {"model"}
+
+
+def planted(folder: Path, **texts: str) -> Path:
+    """A package `oarlock` whose modules have these texts; two underscores in a name stand for a folder."""
+    package = folder / "oarlock"
+    for name, text in texts.items():
+        file = package.joinpath(*name.split("__")).with_suffix(".py")
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+    return package
+
+
+@pytest.mark.parametrize(
+    "back",
+    [
+        "from oarlock.model import a",
+        "def f():\n    from oarlock.model.a import g\n",
+        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from .a import A\n",
+    ],
+)
+def test_a_circle_of_imports_is_found_wherever_it_is_written(back, tmp_path):
+    package = planted(tmp_path, model__a="from oarlock.model.b import h", model__b=back)
+    found = arrows.circles(arrows.imports_of(package))
+    assert len(found) == 1 and "oarlock.model.a" in found[0] and "oarlock.model.b" in found[0]
+    assert not arrows.circles(arrows.imports_of(planted(tmp_path, model__b="import numpy")))
+
+
+def test_an_import_of_a_room_above_and_a_room_without_a_layer_are_found(tmp_path):
+    package = planted(
+        tmp_path, model__a="", storage__b="def f():\n    from oarlock.model.a import g\n", attic__c=""
+    )
+    found = arrows.upward(arrows.imports_of(package))
+    assert len(found) == 2 and "'attic'" in found[0] and "oarlock.storage.b must not import" in found[1]
+
+
+def test_an_arrow_that_runs_upwards_is_found():
+    upwards = "use crate::{error::Error, track::Tracker};"
+    assert engine_arrows.forbidden(upwards, ("model",)) == {"track"}
+    assert engine_arrows.forbidden(upwards, ("unheard_of",))
+
+
+def test_the_engine_was_found():
+    found = {engine_arrows.module_path(path)[0] for path in engine_arrows.engine_files()}
+    assert {"model", "estimate", "rotation"} <= found
+
+
+def test_length_is_that_of_the_body():
+    text = 'def f(\n    a,\n):\n    """Three\n    lines.\n    """\n    a += 1\n    return a\n'
+    assert dict(sizes.functions(text)) == {"f": 2}
+    assert dict(sizes.functions('def f():\n    """Nothing else."""\n')) == {"f": 0}
+
+
+@pytest.mark.parametrize("folder", ["home", "opt"])
+def test_paths_of_one_machine_are_found(folder):
+    assert portability.MACHINE_PATH.search(f"cd /{folder}/tools")
+    assert not portability.MACHINE_PATH.search(f"https://example.org/{folder}/page")
+
+
+def test_paths_of_one_windows_machine_are_found():
+    assert portability.MACHINE_PATH.search("C:" + r"\Users\ann")
+
+
+def test_loose_pins_are_found():
+    assert portability.loose("a==1.0\nb>=2 # soon\n\nc==3 ; python_version < '3.12'\n") == ["b>=2"]
+
+
+def test_links_that_lead_nowhere_are_found(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text(
+        "# One title\n[a](#one-title) [b](#two) [c](page.md#one-title) [d](gone.md) [e](https://x.org)\n"
+    )
+    assert links.broken_links(page) == ["no title for #two in page.md", "gone.md does not exist"]
+
+
+def test_engine_tests_that_nothing_names_are_found(tmp_path):
+    (tmp_path / "one").mkdir()
+    for name, text in {"main": "mod named;", "named": "", "forgotten": ""}.items():
+        (tmp_path / "one" / f"{name}.rs").write_text(text)
+    found = registered.findings(tmp_path)
+    assert len(found) == 1 and "mod forgotten;" in found[0]
+
+
+def test_words_of_rowing_are_found_and_names_are_not(tmp_path):
+    file = tmp_path / "part.py"
+    file.write_text('load_model("sculler")\nthrow = arrow\nthe_boat = 1\n# an oar\n')
+    assert rowing_words.words_of_rowing(file) == [(3, "boat"), (4, "oar")]
+
+
+def test_lines_are_named(monkeypatch, tmp_path):
+    monkeypatch.setattr(project_files, "ROOT", tmp_path)
+    file = Path(tmp_path, "a.txt")
+    file.write_text("well\nsee me\n")
+    assert project_files.hits(re.compile("see"), file) == ["a.txt:2: see me"]

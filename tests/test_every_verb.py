@@ -1,0 +1,107 @@
+"""Every verb runs from beginning to end in `make test`: here, or in the test that is named here."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import json
+from typing import Any
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+import oarlock
+from exact_recording import at_rate, load_excerpt
+from oarlock.cli import app, load_verb
+
+LEAF = {
+    "bench": "test_bench.test_text_names_the_filters_and_the_paper",
+    "calibrate axes": "test_calibrate_tree.test_commands",
+    "calibrate chain": "test_pendulum.test_the_commands_of_the_page_lead_from_the_file_to_angles",
+    "calibrate clocks": "test_clocks.test_the_verb_writes_a_calibration_and_says_whose_clock_is_late",
+    "calibrate field": "test_calibrate_tree.test_commands",
+    "calibrate joints": "test_calibrate_tree.test_commands",
+    "calibrate motion": "test_every_verb.test_calibrate_motion",
+    "calibrate pose": "test_calibrate_tree.test_commands",
+    "calibrate session": "test_session_cli.test_a_session_becomes_a_calibration_and_a_page",
+    "calibrate stature": "test_every_verb.test_calibrate_stature",
+    "compare": "test_compare.test_the_verb_speaks_json_and_leaves_the_page_out",
+    "demo": "test_every_verb.test_demo",
+    "evaluate": "test_cli.test_evaluate_prints_a_table_and_json",
+    "export": "test_export.test_typed",
+    "import apdm": "test_pendulum.test_the_commands_of_the_page_lead_from_the_file_to_angles",
+    "import broad": "test_io_validation.test_the_command_line_imports_each",
+    "import csv": "test_packets.test_import_reports_missing_packets",
+    "import dfjimu": "test_io_validation.test_the_command_line_imports_each",
+    "import diodem": "test_io_validation.test_the_command_line_imports_each",
+    "import openaxes": "test_io_validation.test_the_command_line_imports_each",
+    "import qmt": "test_io_validation.test_the_command_line_imports_each",
+    "markers attach": "test_markers_cli.test_attach_places_markers_by_a_static_trial",
+    "markers show": "test_markers_cli.test_show_tells_what_is_in_a_file",
+    "markers simulate": "test_markers_cli.test_a_session_becomes_a_study_that_is_tracked_and_scored",
+    "model check": "test_cli.test_model_check_accepts_what_is_shipped",
+    "model copy": "test_cli.test_model_copy_is_a_fine_model_and_is_not_overwritten",
+    "model list": "test_cli.test_model_list_names_the_shipped_models",
+    "model show": "test_cli.test_model_show_json_lists_the_measurement_rows",
+    "report": "test_cli.test_report_is_written_where_it_is_asked_for",
+    "reproduce": "test_reproduce.test_the_verb_writes_a_page_and_tables",
+    "simulate": "test_cli.test_simulate_writes_recording_and_truth_and_keeps_what_is_there",
+    "strokes": "test_stroke_exports.test_command_shows_and_writes",
+    "study": "test_study.test_the_verb_writes_tables_and_a_page_that_needs_nothing",
+    "track": "test_cli.test_track_json_is_one_document",
+    "view": "test_viewer_cli.test_it_opens_nothing_when_told_so",
+}
+# In these the words of a verb stand in the page or the fixture that the test reads.
+SAID_ELSEWHERE = {"markers simulate", "simulate"}
+
+
+def leaves(command: Any, words: tuple[str, ...]) -> list[str]:
+    if not hasattr(command, "commands"):
+        return [" ".join(words)]
+    return [leaf for name, verb in command.commands.items() for leaf in leaves(verb, (*words, name))]
+
+
+ALL = [leaf for name in typer.main.get_group(app).commands for leaf in leaves(load_verb(name), (name,))]
+
+
+def run(*arguments: object) -> str:
+    done = CliRunner().invoke(app, [str(argument) for argument in arguments], prog_name="oarlock")
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+@pytest.mark.parametrize("verb", ALL)
+def test_it_is_run_by_a_test_of_every_change(verb):
+    assert verb in LEAF, f"`oarlock {verb}`: run it once in a quick test and name that here"
+    file, name = LEAF[verb].split(".")
+    test = getattr(importlib.import_module(file), name)
+    marks = [*getattr(test, "pytestmark", ()), *marks_of(file)]
+    assert "long" not in {mark.name for mark in marks}
+    source = inspect.getsource(test)
+    assert verb in SAID_ELSEWHERE or all(f'"{word}"' in source for word in verb.split())
+
+
+def marks_of(file: str) -> list[pytest.Mark]:
+    marks = getattr(importlib.import_module(file), "pytestmark", [])
+    return [mark.mark for mark in (marks if isinstance(marks, list) else [marks])]
+
+
+def test_demo(tmp_path):
+    out = tmp_path / "demo"
+    assert json.loads(run("demo", "--out", out, "--json"))
+    assert list(out.rglob("report.html"))
+
+
+def test_calibrate_motion(tmp_path):
+    at_rate(load_excerpt().recording, 20.0).save(tmp_path / "rec")
+    out = tmp_path / "cal.toml"
+    shown = run("calibrate", "motion", tmp_path / "rec", "--model", "sculler", "--out", out)
+    assert "oarlock track" in shown
+    assert oarlock.load_calibration(out).noted["scores"]
+
+
+def test_calibrate_stature(tmp_path):
+    out = tmp_path / "stature.toml"
+    run("calibrate", "stature", "1.84", "--model", "sculler", "--out", out)
+    assert oarlock.load_calibration(out).parameters["l_ua_r"] == pytest.approx(0.186 * 1.84)
