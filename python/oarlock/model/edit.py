@@ -81,7 +81,8 @@ def _carried(document: Document, joints: set[str], frames: set[str]) -> set[str]
 
 def _left_still(document: Document, frames: set[str]) -> set[str]:
     """Joints that move nothing once these frames are gone."""
-    moving = [(table.get("joint"), table["name"] in frames) for table in document.get("frame", ())]
+    moved = [table for table in document.get("frame", ()) if "joint" in table]
+    moving = [(table["joint"], table["name"] in frames) for table in moved]
     return {joint for joint, gone in moving if gone} - {joint for joint, gone in moving if not gone}
 
 
@@ -165,7 +166,7 @@ def _put(tables: list[Document], kind: str, change: Table) -> None:
         if change[key] not in names:
             raise DataError(
                 f'{kind} "{own["name"]}": {key}: there is no {kind} "{change[key]}". '
-                f"{did_you_mean(change[key], names)}"
+                f"{did_you_mean(str(change[key]), names)}"
             )
     place = names.index(change[beside[0]]) + (beside[0] == "after") if beside else len(tables)
     tables.insert(place, own)
