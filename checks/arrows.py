@@ -28,7 +28,14 @@ LAYERS = (
     "__main__",
 )
 # What rowing uses beside the public names.
-ROWING_OWN = ("oarlock.rowing", "oarlock.storage.errors", "oarlock.simulation.motion", "oarlock.model.shapes")
+ROWING_OWN = (
+    "oarlock.rowing",
+    "oarlock.storage.errors",
+    "oarlock.simulation.motion",
+    "oarlock.model.edit",
+    "oarlock.model.jacobians",
+    "oarlock.model.shapes",
+)
 
 
 def findings() -> list[str]:

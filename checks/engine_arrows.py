@@ -27,6 +27,7 @@ ENGINE_MAY_USE: dict[str, set[str]] = {
     "motion": SETTINGS | {"state", "sensor"},
     "sensor": SETTINGS,
     "body": SETTINGS | {"state", "motion", "sensor"},
+    "jacobian": SETTINGS | {"sensor"},
     "describe": BODY | {"body", "sensor"},
     "corrections": FOUNDATION | {"sensor"},
     "recording": BODY | {"corrections", "sensor"},

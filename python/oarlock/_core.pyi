@@ -1,7 +1,7 @@
 """The compiled engine. Arrays are float64; time in s, angles in rad, lengths in m."""
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar, Protocol
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -57,6 +57,16 @@ class _Recording(Protocol):
     @property
     def streams(self) -> Sequence[Any]: ...
 
+class _FrameJacobian(NamedTuple):
+    by_coordinate: Floats
+    by_length: Floats
+
+class _MeasurementJacobian(NamedTuple):
+    by_q: Floats
+    by_qd: Floats
+    by_qdd: Floats
+    by_length: Floats
+
 __version__: str
 
 class ModelError(ValueError): ...
@@ -71,6 +81,7 @@ class Model:
     text: str
     path: str
     parameters: dict[str, float]
+    length_names: list[str]
     joint_names: list[str]
     coordinate_names: list[str]
     frame_names: list[str]
@@ -80,11 +91,32 @@ class Model:
     state_names: list[str]
     @staticmethod
     def from_toml(text: str, path: str, parameters: Mapping[str, float]) -> Model: ...
+    def with_parameters(self, values: Mapping[str, float] | None = None, **named: float) -> Model: ...
+    def with_tables(self, changes: Mapping[str, Any]) -> Model: ...
+    def with_joint(self, name: str, **keys: Any) -> Model: ...
+    def with_frame(self, name: str, **keys: Any) -> Model: ...
+    def with_sensor(self, name: str, **keys: Any) -> Model: ...
+    def with_closure(self, name: str, **keys: Any) -> Model: ...
+    def without(
+        self,
+        *,
+        joints: Iterable[str] = (),
+        frames: Iterable[str] = (),
+        sensors: Iterable[str] = (),
+        closures: Iterable[str] = (),
+        base_accelerations: Iterable[str] = (),
+    ) -> Model: ...
     def describe(self) -> dict[str, Any]: ...
-    def forward_kinematics(self, q: ArrayLike) -> Floats: ...
+    def forward_kinematics(self, q: ArrayLike, lengths: ArrayLike | None = None) -> Floats: ...
+    def frame_jacobian(
+        self, q: ArrayLike, frames: Sequence[str] | None = None, lengths: ArrayLike | None = None
+    ) -> _FrameJacobian: ...
     def predict_measurements(
         self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, base: _Base | None = None
     ) -> Floats: ...
+    def measurement_jacobian(
+        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, base: _Base | None = None
+    ) -> _MeasurementJacobian: ...
 
 class Config:
     estimate: list[str]

@@ -1,7 +1,7 @@
 //! The one gate for arrays: real numbers of any width and layout come in as doubles, anything else is named and refused.
 
 use crate::errors::DataError;
-use numpy::{PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{IxDyn, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 /// Doubles in C order, with their shape.
@@ -66,4 +66,14 @@ pub fn items(value: &Bound<'_, PyAny>, name: &str, tail: &[usize]) -> PyResult<(
             tail.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
         ))),
     }
+}
+
+/// An array whose first axes are `lead` and last ones `tail`.
+pub fn shaped<'py>(
+    py: Python<'py>,
+    values: Vec<f64>,
+    lead: &[usize],
+    tail: &[usize],
+) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    PyArray1::from_vec(py, values).reshape(IxDyn(&[lead, tail].concat()))
 }

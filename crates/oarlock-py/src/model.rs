@@ -1,19 +1,21 @@
 //! Model: built from text, asked for names and kinematics.
 
-use crate::array::items;
+use crate::array::{items, shaped};
 use crate::errors::{raise, DataError};
-use numpy::{IxDyn, PyArray1, PyArrayDyn, PyArrayMethods};
+use crate::jacobian::{of_frames, of_readings};
+use crate::motion::{poses, Bases, Lengths, Motion, Roots};
+use numpy::PyArrayDyn;
 use oarlock::body::Body;
 use oarlock::describe::describe;
-use oarlock::kinematics::{FrameMotion, JointMotion};
-use oarlock::rotation::{Mat3, Vec3};
+use oarlock::jacobian::{lengths_of, Jacobians};
+use oarlock::rotation::Vec3;
 use oarlock::track::loops::readings_from;
 use oarlock::track::parameter_values;
 use oarlock::{Config, Model};
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
+use pyo3::types::{PyDict, PyList, PyTuple};
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Frames, joints, sensors, loops and parameters. Never changes after it is built.
 #[pyclass(frozen, name = "Model", module = "oarlock")]
@@ -23,13 +25,17 @@ pub struct PyModel {
     text: String,
     path: String,
     given: BTreeMap<String, f64>,
+    /// Made when they are asked for.
+    jacobians: OnceLock<Jacobians>,
 }
 
 #[pymethods]
 impl PyModel {
-    /// Builds a model from a model file's text; `path` is for messages, `parameters` replace defaults.
+    /// Builds a model from a model file's text; `path` is for messages and for what it extends, `parameters` replace
+    /// defaults.
     #[staticmethod]
     fn from_toml(py: Python<'_>, text: String, path: String, parameters: BTreeMap<String, f64>) -> PyResult<Self> {
+        let text = whole(py, text, &path)?;
         let mut model = Model::from_toml(&text, &path).map_err(|e| raise(py, e))?;
         let values = parameter_values(&model, &parameters).map_err(|e| raise(py, e))?;
         model.parameters.iter_mut().zip(&values).for_each(|(p, v)| p.default = *v);
@@ -37,7 +43,7 @@ impl PyModel {
         let mounts = vec![None; model.sensors.len()];
         let config = Config::default();
         let body = Body::new(model.clone(), &values, &mounts, &config).map_err(|e| raise(py, e))?;
-        Ok(PyModel { model, body, text, path, given: parameters })
+        Ok(PyModel { model, body, text, path, given: parameters, jacobians: OnceLock::new() })
     }
 
     #[getter]
@@ -64,6 +70,12 @@ impl PyModel {
     #[getter]
     fn parameters(&self) -> BTreeMap<String, f64> {
         self.model.parameters.iter().map(|p| (p.name.clone(), p.default)).collect()
+    }
+
+    /// Parameters from which places follow in proportion and no rotation does: the columns of lengths in Jacobians.
+    #[getter]
+    fn length_names(&self) -> Vec<String> {
+        lengths_of(&self.model).into_iter().map(|i| self.model.parameters[i].name.clone()).collect()
     }
 
     #[getter]
@@ -109,36 +121,21 @@ impl PyModel {
         py.import("json")?.call_method1("loads", (json,))
     }
 
-    /// Poses of all frames: q (..., n_coordinates), rad or m -> (..., n_frames, 4, 4), world_from_frame.
-    fn forward_kinematics<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        let width = self.model.coordinate_count();
-        let (q, rows) = items(q, "q", &[width])?;
-        let tree = &self.body.tree;
-        let out = py.detach(|| {
-            let still = vec![0.0; width];
-            let root = FrameMotion::resting(Vec3([0.0; 3]));
-            let (mut frames, all) = (vec![root; tree.len()], vec![true; tree.len()]);
-            let mut out = Vec::with_capacity(rows * tree.len() * 16);
-            for row in 0..rows {
-                let q = &q.values[row * width..(row + 1) * width];
-                tree.motions(
-                    root,
-                    JointMotion { q, qd: &still, qdd: &still, lengths: &[], anchors: &[] },
-                    &all,
-                    &mut frames,
-                );
-                for f in &frames {
-                    for (r, p) in f.rotation.0.iter().zip(f.position.0) {
-                        out.extend([r[0], r[1], r[2], p]);
-                    }
-                    out.extend([0.0, 0.0, 0.0, 1.0]);
-                }
-            }
-            out
-        });
-        let mut shape = q.shape[..q.shape.len() - 1].to_vec();
-        shape.extend([self.body.tree.len(), 4, 4]);
-        PyArray1::from_vec(py, out).reshape(IxDyn(&shape))
+    /// Poses of all frames: q (..., n_coordinates), rad or m -> (..., n_frames, 4, 4), root from frame.
+    ///
+    /// `lengths` (..., n_lengths), m, in the order of `length_names`: of all rows or of each; None are the model's.
+    #[pyo3(signature = (q, lengths=None))]
+    fn forward_kinematics<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        lengths: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let (q, rows) = items(q, "q", &[self.model.coordinate_count()])?;
+        let lengths = lengths.map(|l| Lengths::read(l, self.length_names().len(), rows)).transpose()?;
+        let tree = if lengths.is_some() { self.jacobians().tree() } else { &self.body.tree };
+        let out = py.detach(|| poses(tree, &q.values, lengths.as_ref(), rows));
+        shaped(py, out, &q.shape[..q.shape.len() - 1], &[tree.len(), 4, 4])
     }
 
     /// Predicted readings, (..., n_measurements) in the order of `measurement_names`, for q, qd, qdd
@@ -156,26 +153,138 @@ impl PyModel {
         qdd: &Bound<'py, PyAny>,
         base: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        let width = self.model.coordinate_count();
-        let [q, qd, qdd] = [(q, "q"), (qd, "qd"), (qdd, "qdd")].map(|(a, n)| items(a, n, &[width]));
-        let ((q, rows), (qd, _), (qdd, _)) = (q?, qd?, qdd?);
-        if qd.shape != q.shape || qdd.shape != q.shape {
-            return Err(DataError::new_err(format!(
-                "q, qd, qdd have shapes {:?}, {:?}, {:?}; expected three equal ones",
-                q.shape, qd.shape, qdd.shape
-            )));
+        let (roots, motion) = (self.roots(), Motion::read(q, qd, qdd, self.model.coordinate_count())?);
+        let roots = Roots { bases: base.map(|b| Bases::read(b, motion.rows)).transpose()?, ..roots };
+        let out = (0..motion.rows).flat_map(|row| {
+            let (root, field) = roots.at(row);
+            let [q, qd, qdd] = motion.row(row);
+            readings_from(&self.body, root, field, q, qd, qdd)
+        });
+        shaped(py, out.collect(), &motion.lead, &[self.body.suite.len()])
+    }
+
+    /// How frames move with every coordinate and every length: q (..., n_coordinates), rad or m -> `FrameJacobian` of
+    /// the named frames, of all for None. `lengths` as for `forward_kinematics`.
+    #[pyo3(signature = (q, frames=None, lengths=None))]
+    fn frame_jacobian<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        frames: Option<Vec<String>>,
+        lengths: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (q, rows) = items(q, "q", &[self.model.coordinate_count()])?;
+        let frames = self.frames(frames)?;
+        let jacobians = self.jacobians();
+        let lengths = lengths.map(|l| Lengths::read(l, jacobians.length_count(), rows)).transpose()?;
+        let [by_q, by_length] = py.detach(|| of_frames(jacobians, &frames, &q.values, lengths.as_ref(), rows));
+        let lead = [&q.shape[..q.shape.len() - 1], &[frames.len()]].concat();
+        let by_q = shaped(py, by_q, &lead, &[6, jacobians.coordinate_count()])?;
+        let by_length = shaped(py, by_length, &lead, &[3, jacobians.length_count()])?;
+        py.import("oarlock.model.jacobians")?.call_method1("FrameJacobian", (by_q, by_length))
+    }
+
+    /// How predicted readings change with every coordinate, rate, acceleration and length: arguments as those of
+    /// `predict_measurements` -> `MeasurementJacobian`.
+    #[pyo3(signature = (q, qd, qdd, base=None))]
+    fn measurement_jacobian<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        qd: &Bound<'py, PyAny>,
+        qdd: &Bound<'py, PyAny>,
+        base: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let motion = Motion::read(q, qd, qdd, self.model.coordinate_count())?;
+        let bases = base.map(|b| Bases::read(b, motion.rows)).transpose()?;
+        let (roots, jacobians) = (Roots { bases, ..self.roots() }, self.jacobians());
+        let found = py.detach(|| of_readings(jacobians, &motion, &roots));
+        let lead = [&motion.lead[..], &[jacobians.row_count()]].concat();
+        let (n, lengths) = (jacobians.coordinate_count(), jacobians.length_count());
+        let arrays = found.into_iter().zip([n, n, n, lengths]).map(|(v, width)| shaped(py, v, &lead, &[width]));
+        let arrays = PyTuple::new(py, arrays.collect::<PyResult<Vec<_>>>()?)?;
+        py.import("oarlock.model.jacobians")?.getattr("MeasurementJacobian")?.call1(arrays)
+    }
+
+    /// The model with other values of its parameters, by name, m or rad.
+    #[pyo3(signature = (values=None, **named))]
+    fn with_parameters<'py>(
+        slf: &Bound<'py, Self>,
+        values: Option<&Bound<'py, PyAny>>,
+        named: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let all = named.map_or_else(|| Ok(PyDict::new(slf.py())), |n| n.copy())?;
+        if let Some(values) = values {
+            all.call_method1("update", (values,))?;
         }
-        let bases = base.map(|b| Bases::read(b, rows)).transpose()?;
-        let mut out = Vec::with_capacity(rows * self.body.suite.len());
-        for row in 0..rows {
-            let at = |a: &'_ [f64]| a[row * width..(row + 1) * width].to_vec();
-            let (root, field) = self.root(bases.as_ref(), row);
-            let (q, qd, qdd) = (at(&q.values), at(&qd.values), at(&qdd.values));
-            out.extend(readings_from(&self.body, root, field, &q, &qd, &qdd));
+        edit(slf, "with_parameters", all.as_any())
+    }
+
+    /// The model with tables added or changed: kinds ("joint", "frame", "sensor", "closure", "base_acceleration") to lists of
+    /// dictionaries with the keys of model files, found by their `name`; other keys are those of a file that `extends` this one.
+    fn with_tables<'py>(slf: &Bound<'py, Self>, changes: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        edit(slf, "with_tables", changes)
+    }
+
+    /// The model with this joint, a new one or with these keys changed.
+    #[pyo3(signature = (name, **keys))]
+    fn with_joint<'py>(
+        slf: &Bound<'py, Self>,
+        name: &str,
+        keys: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        with_one(slf, "joint", name, keys)
+    }
+
+    /// The model with this frame, a new one or with these keys changed.
+    #[pyo3(signature = (name, **keys))]
+    fn with_frame<'py>(
+        slf: &Bound<'py, Self>,
+        name: &str,
+        keys: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        with_one(slf, "frame", name, keys)
+    }
+
+    /// The model with this sensor, a new one or with these keys changed.
+    #[pyo3(signature = (name, **keys))]
+    fn with_sensor<'py>(
+        slf: &Bound<'py, Self>,
+        name: &str,
+        keys: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        with_one(slf, "sensor", name, keys)
+    }
+
+    /// The model with this closure, a new one or with these keys changed.
+    #[pyo3(signature = (name, **keys))]
+    fn with_closure<'py>(
+        slf: &Bound<'py, Self>,
+        name: &str,
+        keys: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        with_one(slf, "closure", name, keys)
+    }
+
+    /// The model without these joints, frames, sensors, closures and base accelerations, by name. With a joint go the frames
+    /// that it moves, with a frame all that hangs on it: frames, sensors and closures.
+    #[pyo3(signature = (*, joints=None, frames=None, sensors=None, closures=None, base_accelerations=None))]
+    fn without<'py>(
+        slf: &Bound<'py, Self>,
+        joints: Option<&Bound<'py, PyAny>>,
+        frames: Option<&Bound<'py, PyAny>>,
+        sensors: Option<&Bound<'py, PyAny>>,
+        closures: Option<&Bound<'py, PyAny>>,
+        base_accelerations: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let kinds = ["joint", "frame", "sensor", "closure", "base_acceleration"];
+        let names = PyDict::new(slf.py());
+        for (kind, given) in kinds.into_iter().zip([joints, frames, sensors, closures, base_accelerations]) {
+            if let Some(given) = given {
+                names.set_item(kind, PyList::new(slf.py(), given.try_iter()?.collect::<PyResult<Vec<_>>>()?)?)?;
+            }
         }
-        let mut shape = q.shape[..q.shape.len() - 1].to_vec();
-        shape.push(self.body.suite.len());
-        PyArray1::from_vec(py, out).reshape(IxDyn(&shape))
+        edit(slf, "without", names.as_any())
     }
 
     fn __repr__(&self) -> String {
@@ -197,46 +306,61 @@ impl PyModel {
     }
 }
 
-/// Motions of the root, one or as many as there are rows.
-struct Bases {
-    rotation: Vec<f64>,
-    vectors: [Vec<f64>; 3],
-    count: usize,
+/// The text with all that it extends put in.
+fn whole(py: Python<'_>, text: String, path: &str) -> PyResult<String> {
+    if !text.contains("extends") {
+        return Ok(text);
+    }
+    let path = py.import("pathlib")?.call_method1("Path", (path,))?;
+    py.import("oarlock.model.extends")?.call_method1("model_file", (path, text))?.getattr("text")?.extract()
 }
 
-impl Bases {
-    fn read(base: &Bound<'_, PyAny>, rows: usize) -> PyResult<Self> {
-        let (rotation, count) = items(&base.getattr("rotation")?, "base.rotation", &[3, 3])?;
-        let fields = ["angular_velocity_rad_s", "angular_acceleration_rad_s2", "acceleration_m_s2"];
-        let mut vectors = [Vec::new(), Vec::new(), Vec::new()];
-        for (field, out) in fields.into_iter().zip(&mut vectors) {
-            let (v, n) = items(&base.getattr(field)?, &format!("base.{field}"), &[3])?;
-            if n != count || (n != 1 && n != rows) {
-                return Err(DataError::new_err(format!("base.{field} has {n} rows; expected 1 or {rows}")));
-            }
-            *out = v.values;
-        }
-        Ok(Bases { rotation: rotation.values, vectors, count })
-    }
+/// What a function of `oarlock.model.edit` makes of the model.
+fn edit<'py>(model: &Bound<'py, PyModel>, function: &str, change: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    model.py().import("oarlock.model.edit")?.call_method1(function, (model, change))
+}
+
+fn with_one<'py>(
+    model: &Bound<'py, PyModel>,
+    kind: &str,
+    name: &str,
+    keys: Option<&Bound<'py, PyDict>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let py = model.py();
+    let table = keys.map_or_else(|| Ok(PyDict::new(py)), |k| k.copy())?;
+    table.set_item("name", name)?;
+    let changes = PyDict::new(py);
+    changes.set_item(kind, PyList::new(py, [table])?)?;
+    edit(model, "with_tables", changes.as_any())
 }
 
 impl PyModel {
-    fn root(&self, bases: Option<&Bases>, row: usize) -> (FrameMotion<f64>, Vec3<f64>) {
-        let (lift, field) =
-            (Vec3(self.body.field.lift), self.body.field.magnetic(self.model.world.magnetic_azimuth_rad));
-        let Some(b) = bases else {
-            return (FrameMotion::resting(lift), field);
+    fn jacobians(&self) -> &Jacobians {
+        self.jacobians.get_or_init(|| Jacobians::new(&self.model, &self.body.parameters))
+    }
+
+    fn roots(&self) -> Roots {
+        let field = self.body.field;
+        let magnetic_field = field.magnetic(self.model.world.magnetic_azimuth_rad);
+        Roots { bases: None, lift: Vec3(field.lift), magnetic_field }
+    }
+
+    /// Indices of the named frames, of all for none.
+    fn frames(&self, names: Option<Vec<String>>) -> PyResult<Vec<usize>> {
+        let known = &self.model.frames;
+        let Some(names) = names else {
+            return Ok((0..known.len()).collect());
         };
-        let row = if b.count == 1 { 0 } else { row };
-        let r = &b.rotation[9 * row..9 * row + 9];
-        let world_from_root = Mat3([0, 3, 6].map(|i| [r[i], r[i + 1], r[i + 2]]));
-        let [w, wd, a] = [0, 1, 2].map(|k: usize| {
-            let v = &b.vectors[k][3 * row..3 * row + 3];
-            Vec3([v[0], v[1], v[2]])
-        });
-        let mut root = FrameMotion::resting(a + world_from_root.apply_transposed(lift));
-        root.angular_velocity = w;
-        root.angular_acceleration = wd;
-        (root, world_from_root.apply_transposed(field))
+        let find = |name: &String| known.iter().position(|f| f.name == *name).ok_or_else(|| self.unknown_frame(name));
+        names.iter().map(find).collect()
+    }
+
+    fn unknown_frame(&self, name: &str) -> PyErr {
+        let known: Vec<_> = self.model.frames.iter().map(|f| f.name.as_str()).collect();
+        DataError::new_err(format!(
+            "frames: model '{}' has no frame '{name}'; it has: {}",
+            self.model.name,
+            known.join(", ")
+        ))
     }
 }

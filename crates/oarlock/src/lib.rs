@@ -7,6 +7,7 @@ pub mod corrections;
 pub mod describe;
 pub mod error;
 pub mod estimate;
+pub mod jacobian;
 pub mod kernels;
 pub mod kinematics;
 pub mod model;

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from oarlock._core import Model
+from oarlock.model.extends import model_file
 from oarlock.model.shipped_files import model_names, model_path
 from oarlock.storage.errors import ModelError
 from oarlock.storage.suggest import did_you_mean
@@ -45,6 +46,9 @@ def load_model(name: str | PathLike[str], parameters: Mapping[str, float] | None
         name: a shipped model's name, or the path of a model file.
         parameters: values (m, rad) that replace the file's defaults.
 
+    A file may extend a shipped model or another file and name only what differs, see docs/model-files.md; the
+    model's `text` then is that of the whole.
+
     Raises:
         ModelError: there is no such model, or its file is wrong; every mistake is listed with file and line.
         DataError: a parameter that the model does not have.
@@ -61,4 +65,8 @@ def load_model(name: str | PathLike[str], parameters: Mapping[str, float] | None
             f"{str(name)[:80]}: no shipped model has this name, and no file can be read there ({why}). "
             f"{did_you_mean(str(name), shipped)}"
         ) from None
-    return Model.from_toml(text, str(path), dict(parameters or {}))
+    file = model_file(path, text)
+    try:
+        return Model.from_toml(file.text, file.path, dict(parameters or {}))
+    except ModelError as error:
+        raise ModelError(file.located(str(error))) from None

@@ -68,7 +68,7 @@ def simulate(
     """
     _check_settings(model, noise, gyro_bias_rad_s, accel_bias_m_s2)
     if calibration is not None and calibration.parameters:
-        model = Model.from_toml(model.text, model.path, model.parameters | dict(calibration.parameters))
+        model = model.with_parameters(calibration.parameters)
     time_s = _stamps(motion, rate_hz)
     truth = _truth(model, motion, time_s)
     names = _chosen(model, sensors)

@@ -131,13 +131,13 @@ class TomlTable:
     def _line(self, key: str | None) -> int | None:
         """Line of the key, or of the table; the nearest enclosing header where the text hides it."""
         path = self.path if key is None else (*self.path, key)
-        lines = _key_lines(self.text)
+        lines = key_lines(self.text)
         while path and path not in lines:
             path = path[:-1]
         return lines.get(path)
 
 
-def _key_lines(text: str) -> dict[KeyPath, int]:
+def key_lines(text: str) -> dict[KeyPath, int]:
     """Line of every key that starts a line, and of every table header."""
     lines: dict[KeyPath, int] = {}
     counts: dict[KeyPath, int] = {}

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock._core import Model
-from oarlock.model.coordinates import plus, rotation_columns, with_untold_at_zero
+from oarlock.model.coordinates import with_untold_at_zero
+from oarlock.model.jacobians import relative_moves
 from oarlock.storage.errors import DataError
 from oarlock.tracking.estimates import Estimates
 
@@ -19,10 +20,6 @@ Rows = slice | NDArray[np.int64]
 Source = Literal["beliefs", "deviations", "unknown"]
 
 LENGTH_PREFIX = "parameters."
-LENGTH_STEP_M = 1e-3
-"""Of the slope of a place by a length; exact, because places are linear in lengths."""
-STEP = 1e-5
-"""Of the slope of a place by a coordinate, rad or m: rounding and curvature both stay below 1e-9 m."""
 NO_EFFECT = 1e-8
 """A coordinate that moves a place by less than this, m per rad or m, does not move it."""
 ALL = slice(None)
@@ -59,7 +56,8 @@ def poses_of(track: Estimates, rows: Rows = ALL) -> Floats:
         DataError: the track has no model.
     """
     model = model_of(track, "poses_of")
-    return _poses(model, _coordinates(track, rows), _lengths(track, model, rows))
+    lengths = _estimated_lengths(track, model, rows)
+    return np.asarray(model.forward_kinematics(_coordinates(track, rows), _all_lengths(model, lengths)))
 
 
 def model_of(track: Estimates, asked: str) -> Model:
@@ -86,22 +84,18 @@ def position_spreads(
 ) -> tuple[Floats, Source]:
     """Covariances (T, K, 3, 3) of the frames' places, m2, and where they come from; see `PositionSpread`.
 
-    First order: J P J' with central differences of the model's kinematics (JCGM 100, 2008, eq. 13). Lengths that are
-    not estimated count as exact.
+    First order: J P J' with the exact Jacobian (JCGM 100, 2008, eq. 13). Lengths that are not estimated count as
+    exact.
 
     Raises:
         DataError: the track has no model.
     """
     model = model_of(track, "position_spreads")
-    q, lengths = _coordinates(track, rows), _lengths(track, model, rows)
-
-    def places(poses: Floats) -> Floats:
-        return relative_positions(poses, frames, reference)
-
+    lengths = _estimated_lengths(track, model, rows)
     names = [*track.coordinate_names, *lengths]
     deviations = [track.slow[LENGTH_PREFIX + name].std[rows] for name in lengths]
     std = np.column_stack([track.q_std[rows], *deviations])
-    slopes = np.stack(_slopes(model, q, lengths, track.coordinate_names, places), axis=-1)
+    slopes = _slopes(model, _coordinates(track, rows), lengths, [reference, *frames])
     slopes[np.abs(slopes) < NO_EFFECT] = 0.0
     weighted = np.where(slopes == 0.0, 0.0, slopes * std[:, None, None, :])
     if track.beliefs is None or not len(track.beliefs.time_s):
@@ -116,55 +110,29 @@ def _coordinates(track: Estimates, rows: Rows) -> Floats:
     return with_untold_at_zero(track.q)[rows]
 
 
-def _lengths(track: Estimates, model: Model, rows: Rows) -> dict[str, Floats]:
+def _estimated_lengths(track: Estimates, model: Model, rows: Rows) -> dict[str, Floats]:
     """Estimated lengths over time, by the parameter's name."""
     found = ((name.removeprefix(LENGTH_PREFIX), slow) for name, slow in track.slow.items())
     return {name: slow.value[rows] for name, slow in found if name in model.parameters}
 
 
-def _poses(model: Model, q: Floats, lengths: Mapping[str, Floats]) -> Floats:
-    poses = np.asarray(model.forward_kinematics(q))
-    for name, values in lengths.items():
-        away = (values - model.parameters[name])[:, None, None]
-        poses[..., :3, 3] += away * _length_slope(model, q, name)
-    return poses
+def _all_lengths(model: Model, estimated: Mapping[str, Floats]) -> Floats | None:
+    """Lengths of each row (T, n_lengths), None where all are the model's."""
+    if not estimated:
+        return None
+    of_all = [np.asarray(estimated.get(name, model.parameters[name])) for name in model.length_names]
+    return np.stack(np.broadcast_arrays(*of_all), axis=-1)
 
 
-def _length_slope(model: Model, q: Floats, name: str) -> Floats:
-    """Change of all frames' places (T, F, 3) per metre of a length."""
-
-    def at(by_m: float) -> Floats:
-        parameters = model.parameters | {name: model.parameters[name] + by_m}
-        other = Model.from_toml(model.text, model.path, parameters)
-        return np.asarray(other.forward_kinematics(q))[..., :3, 3]
-
-    slope: Floats = (at(LENGTH_STEP_M) - at(-LENGTH_STEP_M)) / (2.0 * LENGTH_STEP_M)
-    return slope
-
-
-def _slopes(
-    model: Model,
-    q: Floats,
-    lengths: Mapping[str, Floats],
-    coordinate_names: Sequence[str],
-    places: Callable[[Floats], Floats],
-) -> list[Floats]:
-    """Slopes (T, K, 3) of places by each coordinate, then by each length."""
-    rotations = rotation_columns(coordinate_names)
-
-    def moved(k: int, by: float) -> Floats:
-        step = np.zeros_like(q)
-        step[:, k] = by
-        return places(_poses(model, plus(q, step, rotations), lengths))
-
-    def stretched(name: str, by_m: float) -> Floats:
-        return places(_poses(model, q, {**lengths, name: lengths[name] + by_m}))
-
-    by_joints = [(moved(k, STEP) - moved(k, -STEP)) / (2.0 * STEP) for k in range(q.shape[1])]
-    return by_joints + [
-        (stretched(name, LENGTH_STEP_M) - stretched(name, -LENGTH_STEP_M)) / (2.0 * LENGTH_STEP_M)
-        for name in lengths
-    ]
+def _slopes(model: Model, q: Floats, lengths: Mapping[str, Floats], frames: Sequence[int]) -> Floats:
+    """Slopes (T, K, 3, n) of places in the axes of the first frame, by coordinates and then by estimated lengths."""
+    of_rows = _all_lengths(model, lengths)
+    poses = np.asarray(model.forward_kinematics(q, of_rows))[:, frames]
+    by_coordinate, by_length = model.frame_jacobian(q, [model.frame_names[f] for f in frames], of_rows)
+    by_length = by_length[..., [model.length_names.index(name) for name in lengths]]
+    moves = np.concatenate([by_coordinate[..., :3, :], by_length], axis=-1)
+    turns = np.concatenate([by_coordinate[..., 3:, :], np.zeros_like(by_length)], axis=-1)
+    return relative_moves(poses, np.concatenate([moves, turns], axis=-2))
 
 
 def _correlations(track: Estimates, states: Sequence[str]) -> Callable[[Floats], Floats]:

@@ -120,7 +120,7 @@ def finished(
     if smoothing_wall_s is not None:
         provenance["smoothing_wall_s"] = smoothing_wall_s
     if calibration is not None and calibration.parameters:
-        model = Model.from_toml(model.text, model.path, model.parameters | dict(calibration.parameters))
+        model = model.with_parameters(calibration.parameters)
     notes = (
         *run_notes,
         *correction_notes(recording, calibration),

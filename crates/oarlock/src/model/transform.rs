@@ -68,7 +68,34 @@ impl Transform {
     }
 }
 
+impl Transform {
+    /// Parameters that the rotation reads.
+    pub fn turned_by(&self) -> Vec<usize> {
+        match self {
+            Transform::Fixed { rotation, .. } => rotation.parameters(),
+            Transform::Dh { alpha, theta, .. } => alpha.parameters().chain(theta.parameters()).collect(),
+        }
+    }
+
+    /// Parameters that the translation reads, apart from those that turn it.
+    pub fn moved_by(&self) -> Vec<usize> {
+        match self {
+            Transform::Fixed { translation, .. } => translation.iter().flat_map(Expr::parameters).collect(),
+            Transform::Dh { a, d, .. } => a.parameters().chain(d.parameters()).collect(),
+        }
+    }
+}
+
 impl RotationExpr {
+    fn parameters(&self) -> Vec<usize> {
+        match self {
+            RotationExpr::Identity | RotationExpr::Numeric(_) => Vec::new(),
+            RotationExpr::Matrix(rows) => rows.iter().flatten().flat_map(Expr::parameters).collect(),
+            RotationExpr::Rpy(angles) => angles.iter().flat_map(Expr::parameters).collect(),
+            RotationExpr::Turned(first, _) => first.parameters(),
+        }
+    }
+
     /// Parent from child at these parameters.
     pub fn evaluate(&self, parameters: &[f64]) -> Mat3<f64> {
         match self {

@@ -58,6 +58,10 @@ pub(crate) trait Kind: Sized {
     fn mount_mut(&mut self) -> Option<&mut Mount> {
         None
     }
+    /// Points in frames that it reads and that no mount gives.
+    fn points(&self) -> Vec<&[Expr; 3]> {
+        Vec::new()
+    }
     /// Where the reference of its readings is turned about the vertical by an unknown angle.
     fn heading(&self) -> Option<&Heading> {
         None
@@ -189,6 +193,12 @@ macro_rules! kinds {
             /// The same, to change it.
             pub fn mount_mut(&mut self) -> Option<&mut Mount> {
                 match self { $(SensorKind::$name(s) => s.mount_mut(),)* }
+            }
+
+            /// Points in frames that it reads: its place on its link, or the ends of what it measures.
+            pub fn points(&self) -> Vec<&[Expr; 3]> {
+                let own = match self { $(SensorKind::$name(s) => s.points(),)* };
+                self.mount().map(|mount| &mount.offset).into_iter().chain(own).collect()
             }
 
             /// Where the reference of its readings is turned about the vertical by an unknown angle.

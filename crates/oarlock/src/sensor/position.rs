@@ -43,6 +43,10 @@ impl Kind for Position {
     fn reader(&self, fit: &Fit) -> Option<PositionReader> {
         Some(PositionReader { frame: self.frame, point: fit.point(&self.point), std_m: self.std_m })
     }
+
+    fn points(&self) -> Vec<&[Expr; 3]> {
+        vec![&self.point]
+    }
 }
 
 /// Reads one point.

@@ -50,6 +50,10 @@ impl Kind for Range {
         let end = |end: &(usize, [Expr; 3])| (end.0, fit.point(&end.1));
         Some(RangeReader { ends: [end(&self.ends[0]), end(&self.ends[1])], std_m: self.std_m })
     }
+
+    fn points(&self) -> Vec<&[Expr; 3]> {
+        self.ends.iter().map(|(_, point)| point).collect()
+    }
 }
 
 /// Below this distance (m) the direction from one point to the other is lost in rounding.

@@ -4,6 +4,7 @@ use super::campaign::campaign;
 use super::mutate::mutated;
 use super::numbers::{index, one_in, pick};
 use super::streams::{samples, step_through};
+use super::support::extended::extended;
 use super::support::{CHAIN, SCULLER};
 use oarlock::body::Body;
 use oarlock::config::Config;
@@ -11,24 +12,26 @@ use oarlock::describe::describe;
 use oarlock::model::Model;
 use oarlock::track::{Calibration, Tracker};
 use oarlock::Error;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 macro_rules! shipped {
     ($($name:literal),*) => { [$(include_str!(concat!("../../../../python/oarlock/model/shipped/", $name, ".toml"))),*] };
 }
 
 /// Every kind of joint, sensor and loop that model files have.
-pub const TEXTS: [&str; 9] = [
-    CHAIN,
-    SCULLER,
-    shipped!("sculler_ball")[0],
-    shipped!("sculler_boat")[0],
-    shipped!("pendulum3")[0],
-    shipped!("arm7")[0],
-    shipped!("qmt_full_body")[0],
-    shipped!("openaxes_ur5")[0],
-    shipped!("broad")[0],
-];
+pub static TEXTS: LazyLock<[&str; 9]> = LazyLock::new(|| {
+    [
+        CHAIN,
+        SCULLER,
+        extended(SCULLER, shipped!("sculler_ball")[0]).leak(),
+        extended(SCULLER, shipped!("sculler_boat")[0]).leak(),
+        shipped!("pendulum3")[0],
+        shipped!("arm7")[0],
+        shipped!("qmt_full_body")[0],
+        shipped!("openaxes_ur5")[0],
+        shipped!("broad")[0],
+    ]
+});
 
 /// Refused with a text that says where, or read.
 pub fn answered<T>(result: oarlock::Result<T>) -> Option<T> {
@@ -45,8 +48,8 @@ pub fn answered<T>(result: oarlock::Result<T>) -> Option<T> {
 #[test]
 fn model_files_are_read_or_refused() {
     campaign("models", 150, |chance, fed| {
-        let text = pick(chance, &TEXTS);
-        *fed = mutated(chance, text, &TEXTS);
+        let text = pick(chance, &*TEXTS);
+        *fed = mutated(chance, text, &*TEXTS);
         let Some(model) = answered(Model::from_toml(fed, "wounded.toml")) else { return };
         let model = Arc::new(model);
         let config = Config::default();

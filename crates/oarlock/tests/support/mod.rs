@@ -3,6 +3,7 @@
 
 pub mod chance;
 pub mod chi_square;
+pub mod extended;
 pub mod nature;
 pub mod record;
 pub mod stroke;

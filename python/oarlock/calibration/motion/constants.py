@@ -101,7 +101,7 @@ class Constants:
         """What was known before, with what was found; `parameters` are those of the user's model."""
         at = {name: i for i, name in enumerate(self.names)}
         values = {n.removeprefix("parameters."): v for n, v in self._values() if n.startswith("parameters.")}
-        sized = Model.from_toml(searched.text, searched.path, searched.parameters | values)
+        sized = searched.with_parameters(values)
         units = {s["name"]: s["mount"] for s in sized.describe()["sensors"] if s["kind"] == "imu"}
         turns = {unit: [at[f"{unit}.mount_r{a}"] for a in "xyz"] for unit in units}
         turned = {u: np.asarray(m["rotation"]) @ _turned(self.moved[turns[u]]) for u, m in units.items()}

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import copy
 import math
-import tomllib
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +19,8 @@ from oarlock.calibration.motion.hypothesis import (
 from oarlock.storage.toml import toml_text
 
 if TYPE_CHECKING:
-    from oarlock.recording.calibration import Calibration
+    from oarlock.model.edit import document_of
+from oarlock.recording.calibration import Calibration
 
 Document = dict[str, Any]
 
@@ -58,7 +57,7 @@ def searched_model(
         zeros_of: encoders whose zeros are sought.
         constants: False leaves out places and zeros: a model to judge a calibration by.
     """
-    document: Document = copy.deepcopy(tomllib.loads(model.text))
+    document: Document = document_of(model)
     weight = 1.0 / math.sqrt(hypothesis.samples_per_error)
     _set_parameters(document, model, known, weight)
     _set_noise(document, hypothesis)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from oarlock.calibration.static.pose_mounts import rest_posture
+from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec, quat_inverse
 from oarlock.storage.array_gate import FloatArray
 
 if TYPE_CHECKING:
@@ -55,12 +55,11 @@ class Body:
         }
         names = model.coordinate_names
         q = rest_posture(model, None) + 0.1 * np.sin(1.0 + np.arange(len(names)))
-        steps = STEP_RAD * np.eye(len(names))
-        ahead, behind = (model.forward_kinematics(q + s)[..., :3, :3] for s in (steps, -steps))
+        by_coordinate = model.frame_jacobian(q).by_coordinate
         turns: dict[str, frozenset[str]] = {}
         for unit, frame in frames.items():
-            moved = np.abs(ahead[:, frame] - behind[:, frame]).max(axis=(1, 2)) / (2.0 * STEP_RAD)
-            turns[unit] = frozenset(n for n, m in zip(names, moved, strict=True) if m > TURNS)
+            turned = np.abs(by_coordinate[frame, 3:]).max(axis=0)
+            turns[unit] = frozenset(n for n, t in zip(names, turned, strict=True) if t > TURNS)
         up, forward = (np.asarray(told["world"][k], dtype=np.float64) for k in ("up", "forward"))
         return cls(model, tuple(units), frames, turns, joints, up, forward)
 
@@ -90,21 +89,16 @@ class Body:
 
     def axis(self, joint: str, about: FloatArray | None, child: str, q: FloatArray) -> FloatArray:
         """(..., 3) unit axis in root axes about which a joint turns a link, at postures (..., n)."""
-        ahead, behind = (self.root_from_link(child, self._turned(joint, about, q, s)) for s in (1.0, -1.0))
-        turn = Rotation.from_matrix((ahead @ np.swapaxes(behind, -1, -2)).reshape(-1, 3, 3)).as_rotvec()
-        turn = turn.reshape(*q.shape[:-1], 3)
-        return np.asarray(turn / np.linalg.norm(turn, axis=-1, keepdims=True))
-
-    def _turned(self, joint: str, about: FloatArray | None, q: FloatArray, sign: float) -> FloatArray:
+        frame = self.model.frame_names[self.frames[child]]
         columns = [self.model.coordinate_names.index(c) for c in self.joints[joint]]
-        moved = q.copy()
+        turns = self.model.frame_jacobian(q, [frame]).by_coordinate[..., 0, 3:, :][..., columns]
         if about is None:
-            moved[..., columns[0]] += sign * STEP_RAD
-            return moved
-        flat = moved[..., columns].reshape(-1, 3)
-        turn = Rotation.from_rotvec(sign * STEP_RAD * about / np.linalg.norm(about))
-        moved[..., columns] = (turn * Rotation.from_rotvec(flat)).as_rotvec().reshape(*q.shape[:-1], 3)
-        return moved
+            turn = turns[..., 0]
+        else:
+            # columns are turns about the child's axes, the plan names an axis of the parent
+            in_child = matrix_from_quat(quat_inverse(quat_from_rotvec(q[..., columns]))) @ about
+            turn = np.einsum("...ij,...j->...i", turns, in_child)
+        return np.asarray(turn / np.linalg.norm(turn, axis=-1, keepdims=True))
 
     def slopes(self, q: FloatArray) -> FloatArray:
         """(2n, n) postures a step before and behind along each coordinate, for central differences."""

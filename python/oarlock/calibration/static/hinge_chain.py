@@ -93,7 +93,7 @@ def calibrate_hinge_chain(
     else:
         lengths, kept = {}, [f"offsets, lengths and magnetometers ({gap})"]
         found |= {"lever_arms": [None] * len(links), "field": None}
-    sized = _core.Model.from_toml(model.text, model.path, model.parameters | lengths)
+    sized = model.with_parameters(lengths)
     mounts: dict[str, Mount] = {}
     nominal = {s["name"]: s["mount"]["offset"] for s in sized.describe()["sensors"] if s["kind"] == "imu"}
     for link, mount, arm in zip(
@@ -200,10 +200,7 @@ def _slopes(
 ) -> list[FloatArray]:
     """Change of each distance per unit of a parameter; distances are linear in lengths."""
     step = 0.01
-    low, high = (
-        _core.Model.from_toml(model.text, model.path, model.parameters | {parameter: value + h})
-        for h in (-0.5 * step, 0.5 * step)
-    )
+    low, high = (model.with_parameters({parameter: value + h}) for h in (-0.5 * step, 0.5 * step))
     pairs = zip(_distances(hinge_links(low, names, q)), _distances(hinge_links(high, names, q)), strict=True)
     return [(b - a) / step for a, b in pairs]
 

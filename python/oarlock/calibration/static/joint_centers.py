@@ -14,7 +14,7 @@ import numpy as np
 from oarlock import _core
 from oarlock.calibration.static.link_pairs import ROOT, LinkPair, link_pairs
 from oarlock.calibration.static.offset_parameters import STEP_M, STRAIGHT, offset_parameters
-from oarlock.calibration.static.worn_model import Worn, resized
+from oarlock.calibration.static.worn_model import Worn
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected
 from oarlock.recording.inertial_units import chosen_units
@@ -248,7 +248,9 @@ def _slopes(model: Model, pairs: Sequence[LinkPair]) -> dict[str, FloatArray]:
     here = _centers(model, pairs)
     slopes = {}
     for name, value in model.parameters.items():
-        low, high = (_centers(resized(model, {name: value + step}), pairs) for step in (-STEP_M, STEP_M))
+        low, high = (
+            _centers(model.with_parameters({name: value + step}), pairs) for step in (-STEP_M, STEP_M)
+        )
         moves = np.abs(high - low).max() > STRAIGHT
         if moves and np.abs(high - 2.0 * here + low).max() < STRAIGHT:
             slopes[name] = (high - low) / (2.0 * STEP_M)

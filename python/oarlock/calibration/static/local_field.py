@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from oarlock import _core
-from oarlock.calibration.static.worn_model import Worn, resized
+from oarlock.calibration.static.worn_model import Worn
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected, without_mag_offsets
 from oarlock.recording.inertial_units import MOVES, chosen_units, readings
@@ -88,7 +88,7 @@ def parameter_of(model: Model, key: str) -> str | None:
         return None
     moving = {}
     for name, value in model.parameters.items():
-        there = resized(model, {name: value + STEP}).describe()["world"][key]
+        there = model.with_parameters({name: value + STEP}).describe()["world"][key]
         if there != here:
             moving[name] = (there - here) / STEP
     alone = len(moving) == 1 and abs(next(iter(moving.values())) - 1.0) < EXACT / STEP

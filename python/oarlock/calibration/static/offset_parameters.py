@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from oarlock.calibration.static.worn_model import Worn, resized
+from oarlock.calibration.static.worn_model import Worn
 from oarlock.storage.array_gate import FloatArray
 
 STEP_M = 0.01
@@ -33,7 +33,7 @@ def offset_parameters(
     own = worn.model.describe()
     for name, value in worn.model.parameters.items():
         if name not in taken:
-            longer = resized(worn.model, {name: value + STEP_M}).describe()
+            longer = worn.model.with_parameters({name: value + STEP_M}).describe()
             for unit, axis in _moved_alone(own, longer):
                 axes.setdefault(unit, {}).setdefault(axis, []).append(name)
     found = {}

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from oarlock import _core
 from oarlock.calibration.static.link_pairs import ROOT, LinkPair
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.inertial_units import readings
@@ -40,7 +39,7 @@ class Worn:
     def of(cls, model: Model, calibration: Calibration | None) -> Worn:
         """The model's own mounts where the calibration has none."""
         before = Calibration() if calibration is None else calibration
-        sized = resized(model, before.parameters)
+        sized = model.with_parameters(before.parameters)
         mounts = {s["name"]: s["mount"] for s in sized.describe()["sensors"] if s["kind"] == "imu"}
         rotations = {name: np.asarray(m["rotation"]) for name, m in mounts.items()}
         offsets = {name: np.asarray(m["offset"]) for name, m in mounts.items()}
@@ -82,10 +81,3 @@ class Worn:
             mount_stds_rad={n: s for n, s in before.mount_stds_rad.items() if n not in turned},
             mount_offset_stds_m={n: s for n, s in before.mount_offset_stds_m.items() if n not in moved},
         )
-
-
-def resized(model: Model, parameters: Mapping[str, float]) -> Model:
-    """The model with other parameters."""
-    if not parameters:
-        return model
-    return _core.Model.from_toml(model.text, model.path, model.parameters | dict(parameters))

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock._core import Config
-from oarlock.calibration.static.worn_model import resized
 from oarlock.evaluation.comparison.direct_readings import direct_readings
 from oarlock.evaluation.comparison.limbs import SHARED, Limb, cut_into_limbs
 from oarlock.evaluation.resample import resample, resample_rotation
@@ -129,7 +128,7 @@ def _merged(
         if name in inputs:
             arrays["q"][:, whole[name][0]] = value
     steps, wall_s = max(len(t) for t in tracks), sum(t.provenance["wall_s"] for t in tracks)
-    sized = resized(model, calibration.parameters) if calibration is not None else model
+    sized = model.with_parameters(calibration.parameters) if calibration is not None else model
     made: dict[str, Any] = dict(arrays)
     return Track(
         model=sized,

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from oarlock import _core
 from oarlock.storage.errors import DataError
-from oarlock.storage.toml import toml_text
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -82,34 +78,10 @@ def sub_model(model: Model, joints: set[str], closures: set[str]) -> Model:
 
     What is left predicts the same measurements as the whole, for none of it hangs on what was dropped.
     """
-    document = tomllib.loads(model.text)
-    joint_of = {f["name"]: f["joint"] for f in model.describe()["frames"]}
-    parent_of = {f["name"]: f["parent"] for f in model.describe()["frames"]}
-
-    def stays(frame: str) -> bool:
-        at: str | None = frame
-        while at is not None:
-            if joint_of[at] is not None and joint_of[at] not in joints:
-                return False
-            at = parent_of[at]
-        return True
-
-    def measures(sensor: Mapping[str, Any]) -> bool:
-        return sensor["joint"] in joints if "joint" in sensor else stays(sensor.get("frame", "root"))
-
-    chosen: dict[str, Callable[[Mapping[str, Any]], bool]] = {
-        "joint": lambda entry: entry["name"] in joints,
-        "frame": lambda entry: stays(entry["name"]),
-        "sensor": measures,
-        "closure": lambda entry: entry["name"] in closures,
-    }
-    left: dict[str, object] = {}
-    for key, value in document.items():
-        if key not in chosen:
-            left[key] = value
-        elif entries := [entry for entry in value if chosen[key](entry)]:
-            left[key] = entries
-    return _core.Model.from_toml(toml_text(left), model.path, dict(model.parameters))
+    return model.without(
+        joints=[name for name in model.joint_names if name not in joints],
+        closures=[name for name in model.closure_names if name not in closures],
+    )
 
 
 class _JointTree:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 _MOST_ROUNDS: Final = 40
 _ROUNDS_A_HEADING: Final = 10
 _HEADINGS: Final = 8
-_LENGTH_STEP_M: Final = 1e-5
 _PLACE_STD: Final = np.array([10.0, 10.0, 10.0, 3.0, 3.0, 3.0])
 """Prior of the measuring system's pose, m and rad: next to nothing, but it holds what a free root leaves open."""
 _OFFSET_STD_M: Final = 0.1
@@ -87,8 +86,6 @@ class _Problem:
     ) -> None:
         self.model, self.names, self.free, self.place = model, tuple(names), tuple(free), place
         self.used, self.weight = tuple(used), markers.seen / np.array([a.std_m for a in used])
-        # the last one built: a round asks for it many times
-        self._trees: dict[Any, PointTree] = {}
         self.position = np.nan_to_num(markers.position_m)
         self.mean, self.std = body_prior(model)
         self.start_lengths = np.array([model.parameters[name] for name in names])
@@ -98,20 +95,12 @@ class _Problem:
             [self.length_std, np.full(3 * len(free), _OFFSET_STD_M), _PLACE_STD if place else np.empty(0)]
         )
 
-    def tree(self, guess: _Guess, name: str = "", step: float = 0.0) -> PointTree:
-        """The model's points at a guess, one length changed by a step."""
-        key = (guess.lengths.tobytes(), guess.points.tobytes(), name, step)
-        if key not in self._trees:
-            self._trees.clear()
-            self._trees[key] = self._built(guess, name, step)
-        return self._trees[key]
-
-    def _built(self, guess: _Guess, name: str, step: float) -> PointTree:
-        values = dict(zip(self.names, guess.lengths, strict=True))
-        if name:
-            values[name] += step
-        model = type(self.model).from_toml(self.model.text, self.model.path, self.model.parameters | values)
-        return PointTree(model, [replace(a, point_m=p) for a, p in zip(self.used, guess.points, strict=True)])
+    def tree(self, guess: _Guess) -> PointTree:
+        """The model's points at a guess."""
+        values = self.model.parameters | dict(zip(self.names, guess.lengths, strict=True))
+        lengths = np.array([values[name] for name in self.model.length_names])
+        points = [replace(a, point_m=p) for a, p in zip(self.used, guess.points, strict=True)]
+        return PointTree(self.model, points, lengths)
 
     def sight(self, guess: _Guess) -> Sight:
         """The markers in root axes."""
@@ -138,7 +127,8 @@ class _Problem:
         rows = len(guess.q)
         _, by_q = self.tree(guess).with_slopes(guess.q)
         weight = self.weight[..., None, None]
-        columns = [self._by_length(guess, name) for name in self.names]
+        by_length = self.tree(guess).by_length(guess.q)
+        columns = [by_length[..., self.model.length_names.index(name)] for name in self.names]
         columns += [column for marker in self.free for column in self._by_point(guess, marker)]
         columns += self._by_pose(guess) if self.place else []
         by_constant = np.stack(columns, axis=-1) if columns else np.zeros((*by_q.shape[:3], 0))
@@ -162,15 +152,9 @@ class _Problem:
         moved_q = self.tree(guess).plus(guess.q, q * self.std)
         return _Guess(guess.lengths + step[:lengths], points, pose, moved_q)
 
-    def _by_length(self, guess: _Guess, name: str) -> FloatArray:
-        ahead, behind = (
-            self._built(guess, name, step).at(guess.q) for step in (_LENGTH_STEP_M, -_LENGTH_STEP_M)
-        )
-        return np.asarray((ahead - behind) / (2.0 * _LENGTH_STEP_M))
-
     def _by_point(self, guess: _Guess, marker: int) -> list[FloatArray]:
         frame = self.model.frame_names.index(self.used[marker].frame)
-        axes = self.tree(guess).model.forward_kinematics(guess.q)[:, frame, :3, :3]
+        axes = self.model.forward_kinematics(guess.q)[:, frame, :3, :3]
         found = []
         for k in range(3):
             column = np.zeros((len(guess.q), len(self.used), 3))
@@ -226,8 +210,9 @@ def fit_body(
     names, free = tuple(parameters), _free_markers(used, tuple(offsets))
     check_frames(model, [a.frame for a in used], "attachments")
     for name in names:
-        if name not in model.parameters:
-            raise DataError(f'fit_body: no parameter "{name}". {did_you_mean(name, model.parameters)}')
+        if name not in model.length_names:
+            what = "is no length" if name in model.parameters else "is no parameter of the model"
+            raise DataError(f'fit_body: "{name}" {what}. {did_you_mean(name, model.length_names)}')
     if not (names or free or place_root):
         raise DataError("fit_body: nothing to estimate; name parameters or offsets, or set place_root=True")
     chosen = _chosen(markers.select([a.marker for a in used]), frames) if used else markers

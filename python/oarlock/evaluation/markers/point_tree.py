@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,61 +17,57 @@ if TYPE_CHECKING:
     from oarlock._core import Model
 
 
-@dataclass(frozen=True, eq=False)
-class _Mover:
-    """A frame with a joint: where the joint acts in its parent, and which points it carries."""
-
-    frame: int
-    parent: int
-    rotation: FloatArray
-    translation: FloatArray
-    kind: str
-    sign: float
-    columns: tuple[int, ...]
-    points: Any
-
-
 class PointTree:
     """Points fixed to frames of a model.
 
     Coordinates change by small steps: hinges, slides and places add, a rotation R becomes R Exp(e) with e in the
-    child's axes, so no posture of a ball is singular. Derivatives come from the joints' axes in the poses that the
-    model's forward kinematics gives, not from differences.
+    child's axes, so no posture of a ball is singular.
 
     Args:
         model: the tree.
         attachments: points on it, in this order.
+        lengths_m: (n_lengths,) in the order of `model.length_names`; None are the model's.
     """
 
-    def __init__(self, model: Model, attachments: Sequence[Attachment]) -> None:
-        self.model = model
+    def __init__(
+        self, model: Model, attachments: Sequence[Attachment], lengths_m: FloatArray | None = None
+    ) -> None:
+        self.model, self.lengths_m = model, lengths_m
         self.rotations = rotation_columns(model.coordinate_names)
+        self._carriers = list(dict.fromkeys(a.frame for a in attachments))
+        self._carrier = [self._carriers.index(a.frame) for a in attachments]
         self._frames = [model.frame_names.index(a.frame) for a in attachments]
         self._points = np.array([a.point_m for a in attachments])
-        self._movers = _movers(model, self._frames)
 
     @property
     def touched(self) -> Bools:
         """Which coordinates move any point, (n_coordinates,)."""
-        moved = np.zeros(len(self.model.coordinate_names), dtype=bool)
-        for mover in self._movers:
-            moved[list(mover.columns)] = True
-        return moved
+        described = self.model.describe()
+        coordinates = {joint["name"]: joint["coordinates"] for joint in described["joints"]}
+        frames = {frame["name"]: frame for frame in described["frames"]}
+        moved: set[str] = set()
+        for name in self._carriers:
+            while name is not None:
+                moved.update(coordinates.get(frames[name]["joint"], ()))
+                name = frames[name]["parent"]
+        return np.array([name in moved for name in self.model.coordinate_names], dtype=bool)
 
     def at(self, q: FloatArray) -> FloatArray:
         """Points (T, n, 3) in root axes at coordinates (T, n_coordinates), m."""
-        return self._placed(self.model.forward_kinematics(q))
+        return self._placed(self._poses(q))[1]
 
     def with_slopes(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Points (T, n, 3), and their derivatives (T, n, 3, n_coordinates) by small steps of the coordinates."""
-        poses = self.model.forward_kinematics(q)
-        places = self._placed(poses)
-        slopes = np.zeros((*places.shape, q.shape[1]))
-        for mover in self._movers:
-            axes = poses[:, mover.parent, :3, :3] @ mover.rotation
-            origin = poses[:, mover.parent, :3, 3] + poses[:, mover.parent, :3, :3] @ mover.translation
-            self._add(slopes, mover, axes, origin, (poses[:, mover.frame], places))
-        return places, slopes
+        arms, places = self._placed(self._poses(q))
+        return places, self._moved(
+            self.model.frame_jacobian(q, self._carriers, self.lengths_m).by_coordinate, arms
+        )
+
+    def by_length(self, q: FloatArray) -> FloatArray:
+        """Derivatives (T, n, 3, n_lengths) of the points by the model's lengths."""
+        return np.asarray(
+            self.model.frame_jacobian(q, self._carriers, self.lengths_m).by_length[:, self._carrier]
+        )
 
     def plus(self, q: FloatArray, step: FloatArray) -> FloatArray:
         """Coordinates (T, n_coordinates) after small steps."""
@@ -86,71 +81,15 @@ class PointTree:
             step[:, columns] = rotvec_between(start, end)
         return step
 
-    def _placed(self, poses: FloatArray) -> FloatArray:
+    def _poses(self, q: FloatArray) -> FloatArray:
+        return np.asarray(self.model.forward_kinematics(q, self.lengths_m))
+
+    def _placed(self, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Points from their frames' origins and from the root's, root axes."""
         carriers = poses[:, self._frames]
-        return np.asarray(
-            np.einsum("tnij,nj->tni", carriers[..., :3, :3], self._points) + carriers[..., :3, 3]
-        )
+        arms = np.einsum("tnij,nj->tni", carriers[..., :3, :3], self._points)
+        return arms, np.asarray(arms + carriers[..., :3, 3])
 
-    @staticmethod
-    def _add(
-        slopes: FloatArray,
-        mover: _Mover,
-        axes: FloatArray,
-        origin: FloatArray,
-        child_and_places: tuple[FloatArray, FloatArray],
-    ) -> None:
-        child, places = child_and_places
-        columns, points = list(mover.columns), mover.points
-        if mover.kind == "slide":
-            slopes[..., columns[0]][:, points] += mover.sign * axes[:, None, :, 2]
-            return
-        if mover.kind == "free":
-            for k in range(3):
-                slopes[..., columns[k]][:, points] += axes[:, None, :, k]
-            columns = columns[3:]
-        if mover.kind == "hinge":
-            arm = places[:, points] - origin[:, None]
-            slopes[..., columns[0]][:, points] += mover.sign * np.cross(axes[:, None, :, 2], arm)
-            return
-        arm = places[:, points] - child[:, None, :3, 3]
-        for k in range(3):
-            slopes[..., columns[k]][:, points] += np.cross(child[:, None, :3, k], arm)
-
-
-def _movers(model: Model, carriers: Sequence[int]) -> tuple[_Mover, ...]:
-    described = model.describe()
-    joints = {joint["name"]: joint for joint in described["joints"]}
-    frames = described["frames"]
-    index = {frame["name"]: k for k, frame in enumerate(frames)}
-    above = [_path(frames, index, carrier) for carrier in carriers]
-    found = []
-    for k, frame in enumerate(frames):
-        points = np.array([p for p, path in enumerate(above) if k in path], dtype=np.intp)
-        joint = joints.get(frame["joint"])
-        if joint is None or joint["kind"] == "fixed" or not len(points):
-            continue
-        before = frame["before"] or {"rotation": np.eye(3), "translation": np.zeros(3)}
-        found.append(
-            _Mover(
-                frame=k,
-                parent=index[frame["parent"]],
-                rotation=np.asarray(before["rotation"], dtype=np.float64),
-                translation=np.asarray(before["translation"], dtype=np.float64),
-                kind=joint["kind"],
-                sign=float(frame["sign"]),
-                columns=tuple(model.coordinate_names.index(name) for name in joint["coordinates"]),
-                points=points,
-            )
-        )
-    return tuple(found)
-
-
-def _path(frames: Sequence[Any], index: dict[str, int], carrier: int) -> set[int]:
-    found: set[int] = set()
-    here: int | None = carrier
-    while here is not None:
-        found.add(here)
-        parent = frames[here]["parent"]
-        here = None if parent is None else index[parent]
-    return found
+    def _moved(self, by_coordinate: FloatArray, arms: FloatArray) -> FloatArray:
+        of_frames = by_coordinate[:, self._carrier]
+        return np.asarray(of_frames[:, :, :3] + np.cross(of_frames[:, :, 3:], arms[..., None], axis=2))

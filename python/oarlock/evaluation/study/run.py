@@ -88,7 +88,7 @@ class _Trial:
             if name.startswith("parameters.")
         }
         own = study.model
-        model = Model.from_toml(own.text, own.path, own.parameters | lengths) if lengths else own
+        model = own.with_parameters(lengths)
         return cls(model, study.simulator.trial(model, _with_defaults(study, values), group.seed))
 
 

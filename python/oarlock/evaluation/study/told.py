@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 import zlib
 from collections.abc import Mapping
 from typing import Any
@@ -13,10 +12,10 @@ from scipy.spatial.transform import Rotation
 from oarlock._core import Config, Model
 from oarlock.evaluation.study.keys import ONE, StudyKey, Value, by_name, number_for
 from oarlock.evaluation.study.trial import QUANTITIES, StudyTrial
+from oarlock.model.edit import document_of, model_of
 from oarlock.recording.calibration import Calibration
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
-from oarlock.storage.toml import toml_text
 from oarlock.tracking.track import Track
 
 _STD_KEYS = {"gyro": ("gyro_std_rad_s",), "accel": ("accel_std_m_s2",), "mag": ("mag_std_ut",)}
@@ -105,7 +104,7 @@ def told_model(model: Model, values: Mapping[str, Value], seed: int) -> Model:
     tilt_deg = number_for(values["vertical_error_deg"], "")
     if not edits and not factors and not tilt_deg:
         return model
-    document = tomllib.loads(model.text)
+    document = document_of(model)
     for path, value in edits.items():
         _set(document, path, value)
     if tilt_deg:
@@ -118,7 +117,7 @@ def told_model(model: Model, values: Mapping[str, Value], seed: int) -> Model:
     for joint in document.get("joint", []):
         if "std" in joint and "encoder" in factors:
             joint["std"] = _scaled(joint["std"], factors["encoder"])
-    return Model.from_toml(toml_text(document), model.path, model.parameters)
+    return model_of(document, model)
 
 
 def _tilt(document: dict[str, Any], model: Model, angle_deg: float, seed: int) -> None:
@@ -140,7 +139,7 @@ def check_model_key(model: Model, path: str) -> None:
     Raises:
         DataError: names the nearest key.
     """
-    _set(tomllib.loads(model.text), path, None)
+    _set(document_of(model), path, None)
 
 
 def _noise_factors(values: Mapping[str, Value]) -> dict[str, float]:

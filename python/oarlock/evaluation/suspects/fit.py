@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -11,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from oarlock import _core
+from oarlock.model.edit import document_of, model_of
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, Stream
-from oarlock.storage.toml import toml_text
 
 if TYPE_CHECKING:
     from oarlock._core import Model, Run
@@ -56,10 +55,7 @@ class Judge:
 
     def __init__(self, model: Model, calibration: Calibration | None, closures: bool = True) -> None:
         described = model.describe()
-        self._model, self._rough = (
-            coarse(model.text, model.path, tuple(model.parameters.items()), noise)
-            for noise in (1.0, SIFTING_NOISE)
-        )
+        self._model, self._rough = (coarse(model, noise) for noise in (1.0, SIFTING_NOISE))
         self._calibration = calibration
         self._closures = closures
         self._bases = [base["name"] for base in described["base_acceleration"]]
@@ -141,9 +137,9 @@ def has_magnetometers(recording: Recording) -> bool:
 
 
 @lru_cache(maxsize=8)
-def coarse(text: str, path: str, parameters: tuple[tuple[str, float], ...], noise: float) -> Model:
-    """The model of this text whose readings err as in the field, times `noise`, and whose start may be in motion."""
-    document = tomllib.loads(text)
+def coarse(model: Model, noise: float) -> Model:
+    """The model whose readings err as in the field, times `noise`, and whose start may be in motion."""
+    document = document_of(model)
     slides = {joint["name"] for joint in document.get("joint", ()) if joint.get("kind") == "slide"}
     for sensor in document.get("sensor", ()):
         _widen(sensor, "gyro_std_rad_s", noise * GYRO_STD_RAD_S)
@@ -160,7 +156,7 @@ def coarse(text: str, path: str, parameters: tuple[tuple[str, float], ...], nois
     ]
     for process in processes:
         _free(process)
-    return _core.Model.from_toml(toml_text(document), path, dict(parameters))
+    return model_of(document, model)
 
 
 def _widen(table: dict[str, Any], key: str, least: float) -> None:

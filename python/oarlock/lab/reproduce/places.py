@@ -9,7 +9,6 @@ import numpy as np
 from oarlock import Track
 from oarlock.lab.reproduce.contents import Floats
 
-STEP = 1e-6
 NO_BAND_M = 1e-9
 
 
@@ -45,7 +44,7 @@ class PlaceBand:
 
 
 def place_band(track: Track, frame: str, start_s: float) -> PlaceBand:
-    """To first order: the derivative of the position by each coordinate, by differences, around each belief.
+    """To first order around each belief.
 
     Coordinates that are inputs and lengths that are not states count as known.
     """
@@ -58,21 +57,9 @@ def place_band(track: Track, frame: str, start_s: float) -> PlaceBand:
     kept = beliefs.time_s >= track.time_s[0] + start_s
     q = np.zeros((int(kept.sum()), len(track.coordinate_names)))
     q[:, columns] = beliefs.mean[kept][:, states]
-    place = _place(track, q, frame)
-    slopes = np.stack([_slope(track, q, frame, column) for column in columns], axis=2)
+    place = model.forward_kinematics(q)[:, model.frame_names.index(frame), :3, 3]
+    slopes = model.frame_jacobian(q, [frame]).by_coordinate[:, 0, :3][..., columns]
     covariance = beliefs.covariance[kept][:, states][:, :, states]
     return PlaceBand(
         np.asarray(beliefs.time_s[kept]), place, np.einsum("kia,kab,kjb->kij", slopes, covariance, slopes)
     )
-
-
-def _place(track: Track, q: Floats, frame: str) -> Floats:
-    assert track.model is not None
-    poses = track.model.forward_kinematics(q)
-    return np.asarray(poses[:, track.model.frame_names.index(frame), :3, 3])
-
-
-def _slope(track: Track, q: Floats, frame: str, column: int) -> Floats:
-    moved = np.zeros(q.shape[1])
-    moved[column] = STEP
-    return (_place(track, q + moved, frame) - _place(track, q - moved, frame)) / (2.0 * STEP)

@@ -27,12 +27,18 @@ from numpy.typing import NDArray
 from oarlock import Model
 from oarlock.rowing.analysis.rower_places import Rower
 from oarlock.rowing.analysis.stroke_grid import POINTS, Course, Grid
-from oarlock.rowing.analysis.stroke_values import Posture, Values, along_m, grips, shoulders, stroke_values
+from oarlock.rowing.analysis.stroke_values import (
+    Posture,
+    Values,
+    along_m,
+    grip_names,
+    grips,
+    shoulders,
+    stroke_values,
+)
 
 Floats = NDArray[np.float64]
 
-_STEP_S = 1e-3
-_STEP = 1e-4
 _ROUND = 2.0 * np.pi * np.arange(POINTS) / (POINTS - 1)
 _QUICK = (np.cos(4.0 * _ROUND), np.sin(4.0 * _ROUND))
 SHAPES = (
@@ -133,24 +139,21 @@ class Scatter:
     def _with_lengths(self, posture: Posture, group: list[str], sign: float) -> Posture:
         own = self.rower.model
         changed = {name: own.parameters[name] + sign * self.lengths_std[name] for name in group}
-        model = Model.from_toml(own.text, own.path, dict(own.parameters) | changed)
-        return _with_places(posture, posture.q, model)
+        return _with_places(posture, posture.q, own.with_parameters(changed))
 
     def _rates(self, posture: Posture, rate_stds: Floats) -> Iterator[tuple[Posture, Posture]]:
         names = list(self.rower.model.coordinate_names)
+        moves = self.rower.moves(posture.q)
+        seat, shoulder = _along(moves["seat"]), _along(shoulders(moves))
         for name in ("seat", *self.rower.trunk_joints):
             if name not in names or not rate_stds[..., names.index(name)].any():
                 continue
             column = names.index(name)
-            step = np.zeros(len(names))
-            step[column] = _STEP
-            ahead = self.rower.places(posture.q + step)
-            std = rate_stds[..., column] / _STEP
-            seat = std * (along_m(ahead["seat"]) - along_m(posture.places["seat"]))
-            shoulder = std * (along_m(shoulders(ahead)) - along_m(shoulders(posture.places)))
+            of_seat, of_shoulder = (rate_stds[..., column] * by[..., column] for by in (seat, shoulder))
             for shape in _QUICK:
                 more, less = (
-                    _faster(posture, sign * seat * shape, sign * shoulder * shape) for sign in (1.0, -1.0)
+                    _faster(posture, sign * of_seat * shape, sign * of_shoulder * shape)
+                    for sign in (1.0, -1.0)
                 )
                 yield more, less
 
@@ -165,22 +168,25 @@ def _length_groups(stds: dict[str, float]) -> list[list[str]]:
 
 
 def _posture(rower: Rower, grid: Grid, q: Floats, qd: Floats) -> Posture:
-    step = _STEP_S * np.nan_to_num(qd)
-    before, after, places = rower.places(q - step), rower.places(q + step), rower.places(q)
+    places, moves, rates = rower.places(q), rower.moves(q), np.nan_to_num(qd)
 
-    def speed(one: Floats, other: Floats) -> Floats:
-        return (along_m(other) - along_m(one)) / (2.0 * _STEP_S)
+    def speed(move: Floats) -> Floats:
+        return np.asarray(np.sum(_along(move) * rates, axis=-1))
 
-    ahead, behind = grips(after), grips(before)
     return Posture(
         rower,
         grid,
         q,
         places,
-        speed(before["seat"], after["seat"]),
-        speed(shoulders(before), shoulders(after)),
-        {side: speed(behind[side], ahead[side]) for side in ahead},
+        speed(moves["seat"]),
+        speed(shoulders(moves)),
+        {side: speed(moves[name]) for side, name in grip_names(places).items()},
     )
+
+
+def _along(move: Floats) -> Floats:
+    """Way toward the bow per unit of each coordinate."""
+    return np.asarray(-move[..., 2, :])
 
 
 def _with_places(posture: Posture, q: Floats, model: Model | None = None) -> Posture:

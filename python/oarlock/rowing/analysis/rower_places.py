@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock import Model
+from oarlock.model.jacobians import relative_moves
 from oarlock.storage.errors import DataError
 
 Floats = NDArray[np.float64]
@@ -71,7 +72,7 @@ class Rower:
         """
         model = self.model if model is None else model
         names = list(model.frame_names)
-        unread = np.atleast_1d(np.isnan(q).all(axis=tuple(range(q.ndim - 1))))
+        unread = _unread(q)
         poses = model.forward_kinematics(np.where(unread, 0.0, q))
         found = {name: poses[..., names.index(name), :3, 3] for name in self._frames(names)}
         if unread.any():
@@ -80,6 +81,15 @@ class Rower:
             hull = poses[..., names.index("hull"), :, :]
             found = {name: _aboard(hull, place) for name, place in found.items()}
         return found
+
+    def moves(self, q: Floats) -> dict[str, Floats]:
+        """Derivatives (..., 3, n_coordinates) of `places` by the coordinates."""
+        names = list(self.model.frame_names)
+        frames = ["hull" if "hull" in names else "root", *self._frames(names)]
+        read = np.where(_unread(q), 0.0, q)
+        poses = self.model.forward_kinematics(read)[..., [names.index(frame) for frame in frames], :, :]
+        moves = relative_moves(poses, self.model.frame_jacobian(read, frames).by_coordinate)
+        return {frame: moves[..., k, :, :] for k, frame in enumerate(frames[1:])}
 
     def _frames(self, names: list[str]) -> list[str]:
         wanted = [f"{side}_{part}" for side in self.sides for part in PARTS]
@@ -91,6 +101,10 @@ class Rower:
             own = [n for n in unread if n in self.handle_joints and n[:2] not in _other(side)]
             if own and f"{side}_handle" in found:
                 found[f"{side}_handle"] = np.full_like(found[f"{side}_handle"], np.nan)
+
+
+def _unread(q: Floats) -> NDArray[np.bool_]:
+    return np.atleast_1d(np.isnan(q).all(axis=tuple(range(q.ndim - 1))))
 
 
 def _other(side: str) -> tuple[str, ...]:

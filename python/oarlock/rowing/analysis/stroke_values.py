@@ -58,15 +58,20 @@ def shoulders(places: dict[str, Floats]) -> Floats:
     return np.asarray(0.5 * (places["r_shoulder"] + places["l_shoulder"]))
 
 
-def grips(places: dict[str, Floats]) -> dict[str, Floats]:
-    """Of each side where the hand holds: the handle's grip, or without one the hand."""
+def grip_names(places: dict[str, Floats]) -> dict[str, str]:
+    """Of each side the frame where the hand holds: the handle's grip, or without one the hand."""
     found = {}
     for side in "rl":
         for name in (f"{side}_handle", f"{side}_hand"):
             if name in places and np.isfinite(places[name]).any():
-                found[side] = places[name]
+                found[side] = name
                 break
     return found
+
+
+def grips(places: dict[str, Floats]) -> dict[str, Floats]:
+    """Of each side where the hand holds."""
+    return {side: places[name] for side, name in grip_names(places).items()}
 
 
 def stroke_values(posture: Posture) -> Values:

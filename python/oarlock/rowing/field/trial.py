@@ -152,9 +152,7 @@ def _checked(condition: str, rate_hz: float, duration_s: float) -> SimulatedCond
 
 
 def _with_true_lengths(model: Model, true: Mapping[str, float]) -> Model:
-    from oarlock import Model
-
-    return Model.from_toml(model.text, model.path, dict(model.parameters) | dict(true)) if true else model
+    return model.with_parameters(true)
 
 
 def _encoders(description: Mapping[str, Any]) -> list[Mapping[str, Any]]:

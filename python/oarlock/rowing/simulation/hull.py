@@ -9,7 +9,7 @@ toward the rower's right, port), then `hull_pitch` about the transverse axis (po
 
 from __future__ import annotations
 
-import re
+import tomllib
 from dataclasses import dataclass
 from math import radians
 from typing import TYPE_CHECKING
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from oarlock.model.edit import document_of, merged, model_of
 from oarlock.rowing.simulation.curves import PeriodicCurve, Variation
 from oarlock.rowing.simulation.timing import StrokeTiming
 from oarlock.simulation.motion import Motion
@@ -186,9 +187,11 @@ def on_hull(model: Model) -> Model:
     For simulating what the sensors of any boat's model feel when the boat turns; see the model `sculler_boat` for
     tracking.
     """
-    from oarlock import Model
-
     if set(HULL_JOINTS) <= set(model.joint_names):
         return model
-    text = re.sub(r"""\b((?:parent|frame|frame_a|frame_b)\s*=\s*)["']root["']""", r'\1"hull"', model.text)
-    return Model.from_toml(text + _JOINTS_AND_FRAMES, model.path, model.parameters)
+    document = document_of(model)
+    for table in (table for kind in ("frame", "sensor", "closure") for table in document.get(kind, ())):
+        for key in ("parent", "frame", "frame_a", "frame_b"):
+            if table.get(key) == "root":
+                table[key] = "hull"
+    return model_of(merged(document, tomllib.loads(_JOINTS_AND_FRAMES)), model)

@@ -6,15 +6,17 @@ from the boat's upright, whatever the rail does.
 
 from __future__ import annotations
 
-import re
+import tomllib
 from typing import TYPE_CHECKING
 
+from oarlock.model.edit import document_of, merged, model_of
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
     from oarlock import Model
 
 RAIL_JOINT = "rail_slope"
+SHOULDERS = ("r_shoulder", "l_shoulder")
 
 _JOINT = """
 [[joint]]
@@ -40,8 +42,7 @@ axis = "z"
 joint = "rail_slope"
 sign = -1
 """
-_SEAT = re.compile(r'(name = "seat"\nparent = )"(\w+)"(\ntransform = \{ rpy = \["-pi/2", "rail_slope_rad")')
-_SHOULDER = re.compile(r'(name = "[rl]_shoulder"\nparent = )"seat"')
+_SLOPE = "rail_slope_rad"
 
 
 def on_unknown_rail(model: Model) -> Model:
@@ -53,15 +54,19 @@ def on_unknown_rail(model: Model) -> Model:
     Raises:
         DataError: the model's seat does not slide on a rail of slope `rail_slope_rad`.
     """
-    from oarlock import Model
-
     if RAIL_JOINT in model.joint_names:
         return model
-    seat = _SEAT.search(model.text)
-    if seat is None or len(_SHOULDER.findall(model.text)) != 2:
+    document = document_of(model)
+    frames = {table["name"]: table for table in document.get("frame", ())}
+    seat = frames.get("seat", {})
+    shoulders = [name for name in SHOULDERS if frames.get(name, {}).get("parent") == "seat"]
+    if _SLOPE not in seat.get("transform", {}).get("rpy", ()) or len(shoulders) != len(SHOULDERS):
         raise DataError(
             f"model '{model.name}': its seat does not slide along rail_slope_rad with both shoulders on it; "
             "start from a copy of `sculler`"
         )
-    text = _SHOULDER.sub(r'\1"hips"', _SEAT.sub(r'\1"rail"\3', model.text))
-    return Model.from_toml(text + _JOINT.replace("PARENT", seat[2]), model.path, model.parameters)
+    rail = tomllib.loads(_JOINT.replace("PARENT", seat["parent"]))
+    seat["parent"] = "rail"
+    for name in shoulders:
+        frames[name]["parent"] = "hips"
+    return model_of(merged(document, rail), model)
