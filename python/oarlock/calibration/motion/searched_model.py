@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,11 +16,9 @@ from oarlock.calibration.motion.hypothesis import (
     SLIDE_ZERO_STD_M,
     Hypothesis,
 )
-from oarlock.storage.toml import toml_text
-
-if TYPE_CHECKING:
-    from oarlock.model.edit import document_of
+from oarlock.model.edit import document_of
 from oarlock.recording.calibration import Calibration
+from oarlock.storage.toml import toml_text
 
 Document = dict[str, Any]
 
