@@ -1,6 +1,6 @@
 //! The shipped models against forward kinematics from an independent implementation.
 
-use super::support::extended::extended;
+use super::support::extended::shipped;
 use oarlock::model::{JointKind, Model};
 use oarlock::rotation::Mat3;
 use serde_json::Value;
@@ -15,10 +15,7 @@ fn read(path: &str) -> String {
 }
 
 fn model(name: &str) -> Model {
-    let shipped = |name: &str| read(&format!("python/oarlock/model/shipped/{name}.toml"));
-    let text = shipped(name);
-    let text = if text.contains("extends") { extended(&shipped("sculler"), &text) } else { text };
-    Model::from_toml(&text, &format!("{name}.toml")).unwrap_or_else(|e| panic!("{e}"))
+    Model::from_toml(&shipped(name), &format!("{name}.toml")).unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn vectors(name: &str) -> Value {

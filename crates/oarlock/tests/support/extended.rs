@@ -1,6 +1,17 @@
 //! Shipped models that extend the sculler, put together here as the package does it in `oarlock.model.edit`.
 
+use std::path::Path;
 use toml::{Table, Value};
+
+/// Whole text of a model in the folder of the shipped ones, by its name.
+pub fn shipped(name: &str) -> String {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../python/oarlock/model/shipped");
+    let text = std::fs::read_to_string(folder.join(name).with_extension("toml")).expect("a shipped model");
+    match text.parse::<Table>().expect("valid TOML").get("extends").and_then(Value::as_str) {
+        Some(base) => extended(&shipped(base), &text),
+        None => text,
+    }
+}
 
 /// The text of `changes`, a model file that extends the model of `base`.
 pub fn extended(base: &str, changes: &str) -> String {

@@ -2,6 +2,7 @@
 
 use super::mixed::MIXED;
 use super::support::chance::Chance;
+use super::support::extended::shipped as whole;
 use super::support::tree::{spanned, TREE};
 use super::support::{body, model, plain, worse, CHAIN};
 use oarlock::body::{Body, Moment};
@@ -19,7 +20,8 @@ fn shipped() -> Vec<(String, String)> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../python/oarlock/model/shipped");
     let files = std::fs::read_dir(folder).expect("the models are there").map(|f| f.expect("a file").path());
     let models = files.filter(|f| f.extension().is_some_and(|e| e == "toml"));
-    models.map(|f| (f.display().to_string(), std::fs::read_to_string(&f).expect("a text"))).collect()
+    let name = |f: std::path::PathBuf| f.file_stem().expect("a name").to_string_lossy().into_owned();
+    models.map(name).map(|n| (n.clone(), whole(&n))).collect()
 }
 
 /// Somewhere in the state space: angles and rates of order one, lengths near what the model says.
