@@ -82,7 +82,7 @@ impl Run {
     }
 }
 
-/// Rounding of a standard deviation that is squared again.
+/// Relative excess of a variance below which it counts as a rounding error.
 const ROUNDING: f64 = 1e-12;
 
 /// A step of a stretch: estimate before, prediction, estimate after prediction.
