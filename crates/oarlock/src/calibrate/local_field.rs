@@ -153,7 +153,7 @@ pub fn local_field(units: &[MagneticUnit], options: &FieldOptions) -> Result<Loc
 /// One window.
 struct Sight {
     norm_ut: f64,
-    /// Index of the unit's up direction in a calm window.
+    /// Dip, rad; `None` unless the unit is calm.
     dip_rad: Option<f64>,
     /// Coarse direction of the field in sensor axes, one of 26.
     direction: [i8; 3],
