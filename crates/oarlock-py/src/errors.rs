@@ -1,4 +1,4 @@
-//! The engine's errors as Python exceptions.
+//! Converts the engine's errors to Python exceptions.
 
 use oarlock::Error;
 use pyo3::create_exception;
@@ -14,7 +14,7 @@ create_exception!(
 );
 create_exception!(oarlock, DivergedError, PyRuntimeError, "The filter lost the track; `time_s` says when.");
 
-/// The one map from engine errors to exceptions.
+/// The only mapping from engine errors to exceptions.
 pub fn raise(py: Python<'_>, error: Error) -> PyErr {
     match error {
         Error::Model(text) => ModelError::new_err(text),

@@ -1,11 +1,9 @@
 //! Calibration of one session from a short recording: mounts, sensor positions and magnetic disturbances. The Python
 //! package `oarlock.calibration` uses it.
 //!
-//!
 //! A hinge chain needs a still stretch in a known posture and a swing. [`hinge_chain::mounts`] estimates the rotation
 //! of every mount, [`lever_arms::lever_arms`] the sensor offsets and the link lengths, and [`magnetic::magnetic_field`]
 //! the field and each sensor's constant offset.
-//!
 //!
 //! Any tree of bodies can be calibrated pair by pair. [`joint_centers::joint_center`] estimates the joint between two
 //! bodies, [`hinge_axes::hinge_axis`] the axis of a hinge, [`pose_mounts::pose_mounts`] the inclination of the mounts

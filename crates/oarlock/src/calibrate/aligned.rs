@@ -29,7 +29,6 @@ pub struct TurnedMount {
 
 /// The rotation nearest to `nominal` among those that fit the sights best, weighted by their standard deviations.
 ///
-///
 /// With one sight the nominal mount is rotated by the smallest angle that makes it agree and keeps its nominal heading
 /// about the sight. Source: G. Wahba (1965), "A least squares estimate of satellite attitude", solved by Davenport's
 /// eigenvector method.

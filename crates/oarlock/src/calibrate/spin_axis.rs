@@ -17,7 +17,6 @@ const BLOCKS: usize = 8;
 
 /// The principal direction of angular velocities (rad/s, bias removed), with its scatter between blocks of the swing.
 ///
-///
 /// The standard deviation is the delete-one-block jackknife. Deviations from one axis (play in the hinge, vibration)
 /// are correlated in time, so that the number of samples would give too small a value.
 pub(crate) fn spin_axis(rates: &[Vector3<f64>]) -> SpinAxis {

@@ -8,11 +8,8 @@
 //! The derivative by
 //!
 //! - an angle rotates the piece by e and not the carrier's motion: spin = -e x w, spun = -e x wd + w x spin;
-//!
 //! - a rate adds spin = e, spun = (w + w') x e, with the child's angular velocity w';
-//!
 //! - an acceleration adds spun = e;
-//!
 //!
 //! and push = -e x a (only for an angle) - spun x o - 2 spin x v. For a slide, push is wd x e + w x (w x e), 2 w x e
 //! and e.

@@ -7,7 +7,7 @@ use std::sync::Arc;
 pub trait Lender: Debug + Send + Sync {
     /// Number of values.
     fn count(&self) -> usize;
-    /// Copies values from `first` on into `out`, as many as fit.
+    /// Copies values from `first` on into `to`, as many as fit.
     fn read(&self, first: usize, to: &mut [f64]);
 }
 
@@ -46,7 +46,7 @@ impl Column {
         (index < self.len()).then(|| self.at(index))
     }
 
-    /// Copies values from `first` on into `out`, as many as fit; panics if there are fewer.
+    /// Copies values from `first` on into `to`, as many as fit; panics if there are fewer.
     pub fn read(&self, first: usize, to: &mut [f64]) {
         self.0.read(first, to);
     }
