@@ -12,7 +12,7 @@ create_exception!(
     PyValueError,
     "The data or arguments are wrong; the text says where and what to do."
 );
-create_exception!(oarlock, DivergedError, PyRuntimeError, "The filter lost the track; `time_s` says when.");
+create_exception!(oarlock, DivergedError, PyRuntimeError, "The filter lost the track; `time_s` is the time.");
 
 /// The only mapping from engine errors to exceptions.
 pub fn raise(py: Python<'_>, error: Error) -> PyErr {

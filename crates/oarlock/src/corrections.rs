@@ -6,7 +6,7 @@ use crate::rotation::{Mat3, Vec3};
 use crate::sensor::Quantity;
 use std::collections::BTreeMap;
 
-/// A stream's clock: at true time t its stamp reads `t + offset_s + drift * t`.
+/// A stream's clock: at true time t its time stamp reads `t + offset_s + drift * t`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Clock {
     /// Time stamp minus true time at t = 0, s.

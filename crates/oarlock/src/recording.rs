@@ -142,7 +142,11 @@ impl Recording {
                 }
                 None => {
                     let what = format!("{:?}", channel.quantity).to_lowercase();
-                    self.notes.push(format!("{}: {what} readings left out (the model's sensor has none)", stream.name));
+                    self.notes.push(format!(
+                        "{}: {what} readings are not used because the model's sensor has none; to use them, add their \
+                         noise to the model file",
+                        stream.name
+                    ));
                     targets.push(Target::Row(usize::MAX));
                 }
             }
@@ -251,14 +255,14 @@ fn check(clocked: &Clocked) -> Result<()> {
     let times = || t.iter().map(|stamp_s| clocked.clock.true_s(stamp_s));
     if let Some((i, time_s)) = times().enumerate().find(|(_, x)| !x.is_finite()) {
         return Err(Error::Data(format!(
-            "stream '{}': time_s[{i}] = {time_s}: stamps must be finite seconds; drop that row",
+            "stream '{}': time_s[{i}] = {time_s}: time stamps must be finite, in seconds; drop that row",
             stream.name
         )));
     }
     let pairs = times().zip(times().skip(1)).enumerate();
     if let Some((i, (before, here))) = { pairs }.find(|(_, (before, here))| here <= before) {
         return Err(Error::Data(format!(
-            "stream '{}': time_s[{}] = {here} s does not come after time_s[{i}] = {before} s; stamps must increase: \
+            "stream '{}': time_s[{}] = {here} s does not come after time_s[{i}] = {before} s; time stamps must increase: \
              sort the rows, drop repeated ones, or give each clock its own stream",
             stream.name,
             i + 1
@@ -268,7 +272,7 @@ fn check(clocked: &Clocked) -> Result<()> {
         let width = width(c.quantity);
         if c.values.len() != width * t.len() {
             return Err(Error::Data(format!(
-                "stream '{}': {} stamps but {} values of {:?}, expected {}",
+                "stream '{}': {} time stamps but {} values of {:?}, expected {}",
                 stream.name,
                 t.len(),
                 c.values.len(),

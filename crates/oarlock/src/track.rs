@@ -187,7 +187,7 @@ impl Tracker {
         let lists = [&belief.mean, belief.covariance.as_slice(), &belief.drive, &belief.usual_nis, &scalars];
         if !lists.into_iter().flatten().all(|x| x.is_finite()) {
             return Err(Error::Data(format!(
-                "belief at {} s holds numbers that are not finite: start without it, or from an earlier one",
+                "belief at {} s contains numbers that are not finite: start without it, or from an earlier one",
                 belief.time_s
             )));
         }

@@ -139,7 +139,7 @@ pub struct FoundMount {
 pub fn mounts(sensors: &[ChainSensor], up_in_world: [f64; 3], options: &ChainOptions) -> Result<Vec<FoundMount>> {
     let up = Vector3::from(up_in_world).normalize();
     if !up.norm().is_normal() {
-        return Err(Error::Data(format!("up {up_in_world:?} has no direction")));
+        return Err(Error::Data(format!("up {up_in_world:?} has no direction; expected a vector such as [0, 0, 1]")));
     }
     for sensor in sensors {
         check_sensor(sensor)?;
@@ -169,7 +169,7 @@ fn check_sensor(sensor: &ChainSensor) -> Result<()> {
     let axis = Vector3::from(sensor.hinge_axis_in_world).norm();
     if !axis.is_normal() {
         return Err(Error::Data(format!(
-            "sensor `{}`: the hinge axis {:?} has no direction",
+            "sensor `{}`: the hinge axis {:?} has no direction; expected a vector such as [0, 0, 1]",
             sensor.name, sensor.hinge_axis_in_world
         )));
     }
@@ -229,7 +229,7 @@ fn check_posture(name: &str, stated: f64, seen: f64, options: &ChainOptions) -> 
     if stated.sin().min(seen.sin()) < 15.0_f64.to_radians().sin() {
         return Err(Error::Data(format!(
             "sensor `{name}`: the hinge is {stated_deg:.1} deg from vertical by the model and {seen_deg:.1} deg by the \
-             sensor; gravity finds a mount only where the hinge is at least 15 deg from vertical"
+             sensor; gravity determines a mount only if the hinge is at least 15 deg from vertical; choose another posture"
         )));
     }
     if (seen - stated).abs() > options.most_disagreement_rad {

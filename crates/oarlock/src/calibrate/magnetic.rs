@@ -158,7 +158,11 @@ impl Fit {
 
 fn check_columns(sensors: &[ChainSensor], mag_ut: &[&[[f64; 3]]]) -> Result<()> {
     if sensors.len() != mag_ut.len() {
-        return Err(Error::Data(format!("{} sensors and {} magnetometers", sensors.len(), mag_ut.len())));
+        return Err(Error::Data(format!(
+            "{} sensors and {} magnetometers; they must be equal",
+            sensors.len(),
+            mag_ut.len()
+        )));
     }
     for (sensor, column) in sensors.iter().zip(mag_ut) {
         if column.len() != sensor.time_s.len() {

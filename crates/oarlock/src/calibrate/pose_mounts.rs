@@ -88,7 +88,7 @@ pub struct PoseMount {
 pub fn pose_mounts(units: &[PosedUnit], up_in_world: [f64; 3], options: &PoseOptions) -> Result<Vec<PoseMount>> {
     let up = Vector3::from(up_in_world).normalize();
     if !up.norm().is_normal() {
-        return Err(Error::Data(format!("up {up_in_world:?} has no direction")));
+        return Err(Error::Data(format!("up {up_in_world:?} has no direction; expected a vector such as [0, 0, 1]")));
     }
     let signals: Vec<Signals> = units.iter().map(|u| u.signals).collect();
     for unit in &signals {
@@ -152,7 +152,7 @@ fn check_still(unit: &Signals, named: (f64, f64), options: &PoseOptions) -> Resu
     }
     Err(Error::Data(format!(
         "sensor `{}`: is still in {:.0} % of the stretch {:.2} to {:.2} s, at least {:.0} % are needed (scatter of one axis \
-         at most {} rad/s and {} m/s2). Name another stretch, or leave it out and let it be found",
+         at most {} rad/s and {} m/s2). Name another stretch, or leave it out to search for one",
         unit.name,
         100.0 * share.max(0.0),
         named.0,

@@ -85,7 +85,7 @@ fn check_related(before: &str, name: &str, related: f64) -> Result<()> {
         return Ok(());
     }
     Err(Error::Data(format!(
-        "sensors `{before}` and `{name}`: their turning correlates by {related:.2}, at least {LEAST} is needed to tell the \
+        "sensors `{before}` and `{name}`: their turning correlates by {related:.2}, at least {LEAST} is needed to determine the \
          sense of the hinge axis. Let the chain swing as one"
     )))
 }

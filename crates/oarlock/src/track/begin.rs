@@ -59,7 +59,10 @@ impl Start<'_> {
         let guesses = self.guesses()?;
         let starts: Vec<(&Prior, Vec<f64>)> = guesses.iter().map(|guess| (guess, guess.mean.clone())).collect();
         let found = postures.seek(&evidence, &starts).ok_or_else(|| {
-            let text = format!("no start found at {begin_s:.3} s: the first readings are not numbers for this model");
+            let text = format!(
+                "no start found at {begin_s:.3} s: the first readings give no finite posture; check the streams and \
+                 their units"
+            );
             Error::Diverged { time_s: begin_s, text }
         })?;
         let (fit, others) = match found.good {

@@ -107,7 +107,7 @@ impl Run {
     fn filter(&mut self, progress: Progress) -> Result<()> {
         let recording = self.recording.clone();
         let Some((begin, end)) = recording.span_s() else {
-            return Err(Error::Data("the recording holds no row: nothing to track".into()));
+            return Err(Error::Data("the recording contains no rows: nothing to track; check the streams".into()));
         };
         let mut tracker = self.tracker.clone();
         let kept_s = tracker.belief().map_or(f64::NEG_INFINITY, |b| b.time_s);

@@ -33,13 +33,17 @@ pub fn score(
 ) -> Result<Score> {
     let mut tracker = Tracker::new(model.clone(), calibration, config)?;
     let Some(considering) = &mut tracker.considering else {
-        return Err(Error::Data(format!("model '{}': nothing is known only roughly", model.name)));
+        return Err(Error::Data(format!(
+            "model '{}': no mount, length or encoder zero is uncertain, so there is nothing to score; give them standard \
+             deviations",
+            model.name
+        )));
     };
     considering.keep_score(&tracker.subject.body, settle_s, window_s);
     let recording =
         Recording::new(&model, &tracker.body().suite, streams, &calibration.corrections.clocks, config.merge_s)?;
     let Some((begin, end)) = recording.span_s() else {
-        return Err(Error::Data("the recording holds no row: nothing to track".into()));
+        return Err(Error::Data("the recording contains no rows: nothing to track; check the streams".into()));
     };
     let (mut cursor, mut sample, mut count) = (recording.start(), tracker.empty_sample(), 0_usize);
     while recording.next(&mut cursor, &mut sample) {

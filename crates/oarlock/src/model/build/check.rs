@@ -113,7 +113,8 @@ fn same_base_accelerations(spec: &Spec, mistakes: &Mistakes) {
     for (i, (name, one)) in all.iter().enumerate() {
         let along = |other: &[f64; 3]| one.axis.iter().zip(other).map(|(a, b)| a * b).sum::<f64>().abs();
         if let Some((_, other)) = all[..i].iter().find(|(_, other)| along(&other.axis) > SAME_DIRECTION) {
-            let text = format!("acts along the same line as `{}`; only one can be told", other.name);
+            let text =
+                format!("acts along the same line as `{}`; only one of them is observable; remove one", other.name);
             mistakes.add(name.at, format!("base_acceleration `{}`: {text}", name.text));
         }
     }
