@@ -149,7 +149,7 @@ pub struct Near<T> {
     /// Motion and field, where they differ.
     pub own: Vec<Own<T>>,
     turns: Vec<Turn<T>>,
-    /// What differs.
+    /// Per piece: which values differ from the mean.
     pub differs: Vec<Differs>,
 }
 

@@ -73,12 +73,12 @@ impl Home {
 #[derive(Debug, Clone)]
 pub struct Pieces {
     pub(super) pieces: Vec<Piece>,
-    /// Of every frame.
+    /// Place of every frame on its piece.
     pub homes: Vec<Home>,
 }
 
 impl Pieces {
-    /// Of a tree.
+    /// The pieces of a tree.
     pub fn new(tree: &Tree) -> Self {
         let here = Fixed::new(Mat3::identity(), Point::fixed([0.0; 3]));
         let ways = Ways::of(&here, JointKind::Fixed);

@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 pub struct Job {
     /// The body.
     pub model: Arc<Model>,
-    /// What was measured.
+    /// Its streams.
     pub streams: Vec<Stream>,
     /// Calibration of this recording.
     pub calibration: Calibration,
