@@ -263,7 +263,7 @@ fn unobserved(run: &Run) -> Vec<String> {
         let felt = (0..sources).any(|s| used[s] && depends[s][j]);
         let why = match (joint.input, felt) {
             (true, _) => "no stream",
-            (false, false) => "no working sensor depends on it",
+            (false, false) => "no working sensor measures it",
             (false, true) => "its sensors do not determine it",
         };
         notes.push(format!("{}: not observed ({why})", joint.name));
