@@ -165,7 +165,7 @@ def test_a_stuck_sensor_is_named_and_not_used(unit: str, fields: tuple[str, ...]
     assert told[-1] < STUCK_S[1]
     assert len(told) == np.count_nonzero((track.time_s >= told[0]) & (track.time_s < STUCK_S[1]))
     (note,) = (n for n in track.notes if "readings stuck" in n)
-    assert note.startswith(f"{unit}: readings stuck, the same to the bit, for 1.")
+    assert note.startswith(f"{unit}: readings stuck (identical to the bit) for 1.")
     assert mean_deg(track, load_excerpt().truth) < SPARED_DEG
 
 

@@ -1,4 +1,4 @@
-"""A belief that its sensors contradict is given up and sought anew, and says so."""
+"""A track that its sensors contradict is reset, and a note reports the reset."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_three_hinges_in_a_row_outlive_their_pole() -> None:
     track = oarlock.track(model, plain)
     assert np.isfinite(track.q).all() and np.isfinite(track.q_std).all()
     (note,) = (note for note in track.notes if note.startswith("the track was lost"))
-    assert "sought anew" in note
+    assert "the filter was reset" in note
     # Before a loss the hinges claim hundredths of a degree; behind it, a tenth of what their limits leave open.
     prior_std = np.deg2rad(360.0) / 4.0
     (lost_s,) = map(float, re.findall(r"lost at ([0-9.]+) s", note))

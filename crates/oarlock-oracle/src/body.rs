@@ -1,5 +1,5 @@
-//! What a body reads, written as plainly as can be: one number at a time, each frame's motion in its own axes as in eq. 9 of
-//! Ruffaldi, Peppoloni and Filippeschi, with the terms that the print leaves out.
+//! Readings of a body in the plainest form: one number at a time, each frame's motion in its own axes as in eq. 9 of
+//! Ruffaldi, Peppoloni and Filippeschi, with the terms that the printed equation omits.
 
 use super::so3;
 use nalgebra::{DVector, Matrix3, Vector3};
@@ -7,10 +7,10 @@ use oarlock::model::{Expr, Imu, JointKind, Model, Sensor, SensorKind, Transform}
 use oarlock::rotation::Mat3;
 use std::collections::HashMap;
 
-/// A frame's motion; vectors in its own axes.
+/// Motion of a frame; vectors in its own axes.
 #[derive(Clone, Copy)]
 pub struct Motion {
-    /// Turns the frame's axes into the root's.
+    /// Rotation from the frame's axes to the root's.
     pub root_from_frame: Matrix3<f64>,
     /// Origin in root axes, m.
     pub place: Vector3<f64>,
@@ -53,7 +53,7 @@ impl Motion {
         self.placed([z * q, z * qd, z * qdd])
     }
 
-    /// To a place, with its velocity and acceleration, in the frame's own axes.
+    /// Moves to a position with this velocity and acceleration, in the frame's own axes.
     fn placed(self, [q, qd, qdd]: [Vector3<f64>; 3]) -> Motion {
         let mut next = self;
         next.force = self.force_at(q) + self.spin.cross(&qd) * 2.0 + qdd;
@@ -61,7 +61,8 @@ impl Motion {
         next
     }
 
-    /// By a rotation vector; `w` and `wd` are the child's rate against the parent in the child's axes, and its derivative.
+    /// Rotates by a rotation vector; `w` and `wd` are the child's relative angular velocity in the child's axes, and
+    /// its derivative.
     fn balled(self, [r, w, wd]: [Vector3<f64>; 3]) -> Motion {
         let mut next = self.moved(so3::exp(r), Vector3::zeros());
         next.spin_rate += wd + next.spin.cross(&w);
@@ -70,10 +71,10 @@ impl Motion {
     }
 }
 
-/// A coordinate with its derivatives, those of a rotation vector being the body's rates.
+/// A coordinate with its derivatives; for a rotation vector, the child's angular rates.
 pub type JointState = [f64; 3];
 
-/// Room for one evaluation of the readings.
+/// Workspace for one evaluation of the readings.
 #[derive(Default)]
 pub struct Room {
     joints: Vec<JointState>,
@@ -81,40 +82,40 @@ pub struct Room {
     rows: Vec<f64>,
 }
 
-/// A turn and an arm.
+/// A rotation and a translation.
 type Step = (Matrix3<f64>, Vector3<f64>);
 
-/// A model with its numbers, and where its coordinates stand in a state.
+/// A model with its numbers, and the indices of its coordinates in a state.
 pub struct Naive<'a> {
-    /// As it was read.
+    /// The model's description.
     pub model: &'a Model,
     /// Names of the coordinates.
     pub coordinates: Vec<String>,
     /// First state of every rotation vector.
     pub turns: Vec<usize>,
     places: HashMap<String, usize>,
-    /// Of every coordinate: its state, and those of velocity and acceleration.
+    /// Per coordinate: indices of its value, velocity and acceleration in the state.
     states: Vec<[Option<usize>; 3]>,
     azimuth: Option<usize>,
     bases: Vec<Option<usize>>,
-    /// Rows and the states that add to them.
+    /// Rows and the states that are added to them.
     biases: Vec<(usize, usize)>,
-    /// Before and behind every joint.
+    /// Transforms before and after every joint.
     transforms: Vec<[Option<Step>; 2]>,
-    /// Of every sensor: where it sits on its link, and sensor axes from link axes.
+    /// Per sensor: its position on the link, and the rotation from link to sensor axes.
     arms: Vec<Vector3<f64>>,
     backs: Vec<Matrix3<f64>>,
-    /// Of either side of every loop, and of every sensor that has two.
+    /// Points of both sides of every closure, and of every sensor with two sides.
     ends: Vec<[Vector3<f64>; 2]>,
     spans: Vec<[Vector3<f64>; 2]>,
-    /// Of every sensor: the state of its heading, and what an orientation sensor measured, reference from sensor.
+    /// Per sensor: the state of its heading, and the measured rotation of an orientation sensor, reference from sensor.
     headings: Vec<Option<usize>>,
     references: Vec<Matrix3<f64>>,
     field: [f64; 2],
 }
 
 impl<'a> Naive<'a> {
-    /// `parameters` in the order of the model's; `names` are those of the states, in theirs.
+    /// `parameters` in the order of the model's; `names` are those of the states, in the order of the state.
     pub fn new(model: &'a Model, parameters: Vec<f64>, names: &[String]) -> Self {
         let places: HashMap<String, usize> = names.iter().cloned().zip(0..).collect();
         let coordinates = model.coordinate_names();
@@ -172,14 +173,14 @@ impl<'a> Naive<'a> {
         }
     }
 
-    /// What an orientation sensor measured, as a rotation vector: its rows are differences from that.
+    /// Sets the measured rotation vector of an orientation sensor; its rows are differences from it.
     pub fn refer(&mut self, sensor: &str, measured: [f64; 3]) {
         if let Some(i) = self.model.sensors.iter().position(|s| s.name == sensor) {
             self.references[i] = so3::exp(Vector3::from(measured));
         }
     }
 
-    /// Where a state of this name stands.
+    /// Index of the state with this name.
     pub fn place(&self, name: &str) -> Option<usize> {
         self.places.get(name).copied()
     }
@@ -205,7 +206,7 @@ impl<'a> Naive<'a> {
         }
     }
 
-    /// All rows, in the order of the model, for a root that moves as `root` in a field (uT) in root axes.
+    /// All rows, in the order of the model, for a root with motion `root` in a field (uT) in root axes.
     pub fn rows(&self, root: Motion, field: Vector3<f64>, joints: &[JointState]) -> Vec<f64> {
         let mut room = Room { joints: joints.to_vec(), ..Room::default() };
         let states = vec![0.0; self.places.len()];
@@ -213,7 +214,7 @@ impl<'a> Naive<'a> {
         room.rows
     }
 
-    /// The same for the joints in `room`, whose rows are written, and for headings among `states`.
+    /// The same for the joints in `room`, which also receives the rows, and for headings in `states`.
     fn read(&self, root: Motion, field: Vector3<f64>, states: &[f64], room: &mut Room) {
         let Room { joints, frames, rows: out } = room;
         self.frames(root, joints, frames);
@@ -248,7 +249,7 @@ impl<'a> Naive<'a> {
         self.loop_rows(frames, out);
     }
 
-    /// Rotation vector from the measured to the predicted orientation, the device's reference being turned by `heading`.
+    /// Rotation vector from the measured to the predicted orientation; the device's reference is rotated by `heading`.
     fn off(&self, i: usize, root_from_sensor: Matrix3<f64>, heading: f64) -> Vector3<f64> {
         let world = &self.model.world;
         let (up, forward) = (Vector3::from(world.up), Vector3::from(world.forward));
@@ -276,7 +277,7 @@ impl<'a> Naive<'a> {
         DVector::from_column_slice(self.measure_in(x, inputs, &mut Room::default()))
     }
 
-    /// All rows at state `x`, in room that was used before.
+    /// All rows at state `x`, in an existing workspace.
     pub fn measure_in<'r>(&self, x: &DVector<f64>, inputs: &[f64], room: &'r mut Room) -> &'r [f64] {
         let joint = |(states, &input): (&[Option<usize>; 3], &f64)| match states[0] {
             None => [if input.is_nan() { 0.0 } else { input }, 0.0, 0.0],
@@ -334,7 +335,7 @@ fn fixed(m: Motion, transform: &Option<Step>) -> Motion {
     transform.map_or(m, |(turn, arm)| m.moved(turn, arm))
 }
 
-/// Names of the rows, those of loops apart.
+/// Names of the rows, without those of closures.
 fn row_names(model: &Model) -> Vec<String> {
     let mut names = Vec::new();
     for sensor in &model.sensors {
@@ -355,13 +356,13 @@ fn row_names(model: &Model) -> Vec<String> {
     names
 }
 
-/// A root at rest that feels `force`.
+/// A root at rest with specific force `force`.
 pub fn resting(force: Vector3<f64>) -> Motion {
     let zero = Vector3::zeros();
     Motion { root_from_frame: Matrix3::identity(), place: zero, spin: zero, spin_rate: zero, force }
 }
 
-/// Three coordinates in a row, with their rates.
+/// Three consecutive coordinates with their rates.
 fn vectors(joints: &[JointState], first: usize) -> [Vector3<f64>; 3] {
     [0, 1, 2].map(|d| Vector3::from([0, 1, 2].map(|i| joints[first + i][d])))
 }

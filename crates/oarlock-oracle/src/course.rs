@@ -1,23 +1,23 @@
-//! How a state moves by itself: every name looked up once.
+//! Motion models of the states; every name is looked up once.
 
 use super::body::Naive;
 use nalgebra::DMatrix;
 use oarlock::model::{Imu, Orientation, Process, ProcessKind, SensorKind};
 
-/// What is written into the transition and its noise.
+/// An entry of the transition matrix and the process noise.
 pub struct Course {
-    /// A value with its rates, and what drives them.
+    /// A value with its rates, and their process noise.
     driven: Vec<([usize; 3], Process)>,
-    /// A state, and the density of its walk.
+    /// A state and the density of its random walk.
     walks: Vec<(usize, f64)>,
-    /// A state, its density, and the time in which it decays.
+    /// A state, its density, and its time constant.
     decays: Vec<(usize, f64, f64)>,
-    /// A state and its rate, the density, the time in which the state decays, and the one in which its rate does.
+    /// A state and its rate, the density, and the time constants of the state and of its rate.
     rises: Vec<([usize; 2], f64, f64, f64)>,
 }
 
 impl Course {
-    /// Of the states that the body's names hold.
+    /// Entries for the states named by the body.
     pub fn new(body: &Naive) -> Self {
         let mut course = Course { driven: Vec::new(), walks: Vec::new(), decays: Vec::new(), rises: Vec::new() };
         course.add_coordinates(body);
@@ -80,7 +80,7 @@ impl Course {
         }
     }
 
-    /// Transition and noise of `n` states over `dt` seconds.
+    /// Transition matrix and process noise of `n` states over `dt` seconds.
     pub fn over(&self, dt: f64, n: usize) -> (DMatrix<f64>, DMatrix<f64>) {
         let (mut f, mut q) = (DMatrix::identity(n, n), DMatrix::zeros(n, n));
         for (at, process) in &self.driven {
@@ -105,7 +105,7 @@ impl Course {
     }
 }
 
-/// Constant acceleration; `power` is what white jerk adds to the variance of the acceleration.
+/// Constant acceleration; `power` is the variance that white jerk adds to the acceleration.
 fn drive(at: [usize; 3], t: f64, power: f64, f: &mut DMatrix<f64>, q: &mut DMatrix<f64>) {
     (f[(at[0], at[1])], f[(at[0], at[2])], f[(at[1], at[2])]) = (t, t * t / 2.0, t);
     let block = [
@@ -120,8 +120,8 @@ fn drive(at: [usize; 3], t: f64, power: f64, f: &mut DMatrix<f64>, q: &mut DMatr
     }
 }
 
-/// States each of which is the rate of the one before, the last one driven by white noise of this power: by Van Loan (1978), both
-/// matrices in one exponential, with the step as unit of time. `motion` is in that unit.
+/// A chain of states, each the rate of the previous one. White noise of this power drives the last. Both matrices come
+/// from one exponential (Van Loan 1978), with the step as unit of time. `motion` is in that unit.
 fn van_loan<const N: usize>(
     at: [usize; N],
     motion: &DMatrix<f64>,
@@ -137,7 +137,7 @@ fn van_loan<const N: usize>(
     let both = both.exp();
     let way = both.view((N, N), (N, N)).transpose();
     let noise = &way * both.view((0, N), (N, N));
-    // Units of the values: 1, 1 / t, ... of the first; what drives the last gathers t^(2 N - 1) in the first.
+    // The values are in units of 1, 1 / t, ... of the first; noise on the last contributes t^(2 N - 1) to the first.
     let unit: [f64; N] = std::array::from_fn(|r| t.powi(-(r as i32)));
     let gathered = t.powi(2 * N as i32 - 1) * power;
     for r in 0..N {
@@ -148,13 +148,13 @@ fn van_loan<const N: usize>(
     }
 }
 
-/// Acceleration that decays in `tau`.
+/// Acceleration that decays with `tau`.
 fn decay(at: [usize; 3], tau: f64, t: f64, density2: f64, f: &mut DMatrix<f64>, q: &mut DMatrix<f64>) {
     let motion = DMatrix::from_row_slice(3, 3, &[0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -t / tau]);
     van_loan(at, &motion, t, density2, f, q);
 }
 
-/// Acceleration that decays and is driven by a rate that does.
+/// Acceleration that decays, driven by a rate that decays.
 fn rise(at: [usize; 2], t: f64, density: f64, times: [f64; 2], f: &mut DMatrix<f64>, q: &mut DMatrix<f64>) {
     let motion = DMatrix::from_row_slice(2, 2, &[-t / times[0], 1.0, 0.0, -t / times[1]]);
     van_loan(at, &motion, t, (density / times[1]).powi(2), f, q);

@@ -1,7 +1,7 @@
-//! The textbook's filter on Oarlock's models, dense and plain: what the engine is tested and timed against.
+//! A textbook filter for Oarlock's models, dense and plain. The engine is tested and timed against it.
 //!
-//! `body`, `so3` and `ukf` take the description of a model from the engine and nothing else; `race` sets the engine's own filters
-//! beside it. Plain is not wasteful: names are looked up once, and no sigma point allocates.
+//! `body`, `so3` and `ukf` use only the model description from the engine; `race` times the engine's filters beside it.
+//! The code is plain but not wasteful: names are looked up once, and sigma points do not allocate.
 
 pub mod body;
 pub mod course;

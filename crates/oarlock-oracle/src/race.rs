@@ -1,4 +1,4 @@
-//! The engine's filters and the textbook's, timed in turn so that all meet the same machine.
+//! Times the engine's filters and the textbook filter in turn on the same machine.
 
 use super::ukf::Ukf;
 use oarlock::recording::Sample;
@@ -7,20 +7,21 @@ use oarlock::{Config, Error};
 use std::hint::black_box;
 use std::time::Instant;
 
-/// Steps of each tracker in a row, as in use; and of the textbook's filter, which is slower.
+/// Consecutive steps of each tracker, as in use; and of the textbook filter, which is slower.
 const STRETCH: usize = 25;
 const TEXTBOOK_STRETCH: usize = 3;
 
-/// How long every step took, us.
+/// Duration of every step, us.
 pub struct Times {
-    /// By tracker.
+    /// Per tracker.
     pub ours: Vec<Vec<f64>>,
-    /// Of the textbook's unscented filter.
+    /// The textbook's unscented filter.
     pub textbook: Vec<f64>,
 }
 
-/// Steps all `trackers`, which must be running, over `samples`, again and again from where they stand now, until `goes_on` says
-/// no; the textbook's filter runs the first steps of every stretch from the first tracker's belief. Building it is not counted.
+/// Steps all `trackers`, which must be running, over `samples`, repeatedly from their present state, until `goes_on`
+/// returns false. The textbook filter runs the first steps of every stretch from the first tracker's state estimate.
+/// The time to build it does not count.
 pub fn race(
     trackers: &[Tracker],
     config: &Config,
@@ -67,7 +68,7 @@ fn textbook_steps(from: &Tracker, config: &Config, samples: &[Sample], spent: &m
     }
 }
 
-/// Readings in which closed loops, if they count, read zero.
+/// Readings with zeros for the closures, if these are in use.
 fn with_loops(tracker: &Tracker, config: &Config, sample: &Sample) -> Vec<f64> {
     let (mut z, sources) = (sample.z.clone(), &tracker.body().suite.sources);
     if config.closures {
@@ -77,14 +78,14 @@ fn with_loops(tracker: &Tracker, config: &Config, sample: &Sample) -> Vec<f64> {
     z
 }
 
-/// What `run` gives, and how long it took, us.
+/// The result of `run` and its duration, us.
 pub fn timed<T>(run: impl FnOnce() -> T) -> (f64, T) {
     let begun = Instant::now();
     let done = run();
     (1e6 * begun.elapsed().as_secs_f64(), done)
 }
 
-/// The value below which a share of all lies; NaN of none.
+/// The given quantile; NaN without values.
 pub fn quantile(values: &[f64], share: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);

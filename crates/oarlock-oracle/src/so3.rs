@@ -1,13 +1,13 @@
-//! SO(3) as plainly as can be: power series of matrices, nothing shared with the engine.
+//! SO(3) in the plainest form: power series of matrices, independent of the engine.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-/// The matrix of r x.
+/// Cross product matrix of r.
 pub fn cross(r: Vector3<f64>) -> Matrix3<f64> {
     r.cross_matrix()
 }
 
-/// Exponential of [r]: the power series of a small part, squared until it is whole.
+/// Exponential of [r]: the power series of a fraction of it, then repeated squaring.
 pub fn exp(r: Vector3<f64>) -> Matrix3<f64> {
     let halvings = 6;
     let small = cross(r) / f64::from(1 << halvings);
@@ -28,7 +28,7 @@ fn series(m: Matrix3<f64>, divisor: impl Fn(usize) -> f64) -> Matrix3<f64> {
     sum
 }
 
-/// Rotation vector, at most half a turn long.
+/// Rotation vector of at most half a turn.
 pub fn log(m: &Matrix3<f64>) -> Vector3<f64> {
     UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(*m)).scaled_axis()
 }
@@ -38,12 +38,12 @@ pub fn right_jacobian(r: Vector3<f64>) -> Matrix3<f64> {
     series(-cross(r), |k| k as f64 + 1.0)
 }
 
-/// r followed by the turn d in the turned axes.
+/// Rotation r followed by the rotation d in the rotated axes.
 pub fn plus(r: Vector3<f64>, d: Vector3<f64>) -> Vector3<f64> {
     log(&(exp(r) * exp(d)))
 }
 
-/// The turn in the axes of `from` that leads to `to`.
+/// The rotation from `from` to `to`, in the axes of `from`.
 pub fn minus(to: Vector3<f64>, from: Vector3<f64>) -> Vector3<f64> {
     log(&(exp(from).transpose() * exp(to)))
 }

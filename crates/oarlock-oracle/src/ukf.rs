@@ -1,6 +1,6 @@
-//! The scaled unscented filter as in Wan and van der Merwe (2000), dense and plain: all 2n + 1 points of the whole
-//! covariance, textbook weights, P - K Pzz K'. Rotations are moved by their tangent vectors, R Exp(e); whenever the mean moves by d,
-//! the covariance is carried along by Jr(d) (Hertzberg et al. 2013).
+//! The scaled unscented filter of Wan and van der Merwe (2000), dense and plain: all 2n + 1 points of the whole
+//! covariance, textbook weights, P - K Pzz K'. Rotations are changed by tangent vectors, R Exp(e). If the mean changes
+//! by d, the covariance is transformed by Jr(d) (Hertzberg et al. 2013).
 
 use super::body::{Naive, Room};
 use super::course::Course;
@@ -8,16 +8,16 @@ use super::so3;
 use nalgebra::{DMatrix, DVector, DVectorView};
 use oarlock::model::Model;
 
-/// Weights of the scaled transform.
+/// Weights of the scaled unscented transform.
 #[derive(Debug, Clone, Copy)]
 pub struct Weights {
-    /// Points lie sqrt(n + lambda) columns of the root away.
+    /// Scale of the points: sqrt(n + lambda) columns of the covariance's root.
     pub lambda: f64,
-    /// Of the first point, in the mean.
+    /// Weight of the first point in the mean.
     pub mean_0: f64,
-    /// Of the first point, in covariances.
+    /// Weight of the first point in covariances.
     pub covariance_0: f64,
-    /// Of every other point, in both.
+    /// Weight of every other point in both.
     pub others: f64,
 }
 
@@ -39,13 +39,13 @@ impl Weights {
     }
 }
 
-/// A belief, the body that it is about, and room to work in.
+/// A state estimate, its body, and workspace.
 pub struct Ukf<'a> {
-    /// What the readings are of.
+    /// The measurement model.
     pub body: Naive<'a>,
-    /// In the order of the body's names.
+    /// Mean, in the order of the body's names.
     pub mean: DVector<f64>,
-    /// In the tangent space at the mean.
+    /// Covariance in the tangent space at the mean.
     pub covariance: DMatrix<f64>,
     weights: Weights,
     course: Course,
@@ -53,13 +53,14 @@ pub struct Ukf<'a> {
 }
 
 impl<'a> Ukf<'a> {
-    /// From a belief.
+    /// From a state estimate of the engine.
     pub fn new(body: Naive<'a>, mean: DVector<f64>, covariance: DMatrix<f64>, weights: Weights) -> Self {
         let course = Course::new(&body);
         Ukf { body, mean, covariance, weights, course, room: Room::default() }
     }
 
-    /// From a belief about `model` at its own parameters, with states of these `names`; `spread` is alpha, beta and kappa.
+    /// From a state estimate of `model` with its own parameters and states of these `names`; `spread` is alpha, beta
+    /// and kappa.
     pub fn of_model(
         model: &'a Model,
         names: &[String],
@@ -76,7 +77,7 @@ impl<'a> Ukf<'a> {
         )
     }
 
-    /// On by `dt` seconds.
+    /// Predicts by `dt` seconds.
     pub fn predict(&mut self, dt: f64) {
         let (mut f, mut q) = self.course.over(dt, self.mean.len());
         let mut moved = &f * &self.mean;
@@ -87,8 +88,8 @@ impl<'a> Ukf<'a> {
         self.covariance = &f * &self.covariance * f.transpose() + q;
     }
 
-    /// A rotation R is followed by Exp(phi), phi being what its rates add meanwhile: an error R Exp(e) is seen as Exp(-phi) e behind it, and
-    /// one of phi as Jr(phi) times as much.
+    /// A rotation R becomes R Exp(phi) with the rotation phi during the step. An error R Exp(e) becomes Exp(-phi) e,
+    /// and an error of phi is multiplied by Jr(phi).
     fn turn(&self, first: usize, moved: &mut DVector<f64>, f: &mut DMatrix<f64>, q: &mut DMatrix<f64>) {
         let n = self.mean.len();
         let way = f.view((first, 0), (3, n)).into_owned();
@@ -113,7 +114,7 @@ impl<'a> Ukf<'a> {
         away
     }
 
-    /// The state that lies `delta` from the mean.
+    /// The state at the tangent vector `delta` from the mean.
     pub fn at(&self, delta: &DVector<f64>) -> DVector<f64> {
         let mut x = DVector::zeros(delta.len());
         self.place_at(delta.column(0), &mut x);
@@ -129,7 +130,7 @@ impl<'a> Ukf<'a> {
         }
     }
 
-    /// Moves the mean; the covariance is seen from there.
+    /// Moves the mean and transforms the covariance.
     pub fn shift(&mut self, delta: &DVector<f64>) {
         let n = self.mean.len();
         self.mean = self.at(delta);
@@ -144,7 +145,7 @@ impl<'a> Ukf<'a> {
         self.covariance = &seen * &self.covariance * seen.transpose();
     }
 
-    /// Takes in the readings that are numbers; their standard deviations are `std`.
+    /// Updates with the readings that are not NaN; their standard deviations are `std`.
     pub fn update(&mut self, z: &[f64], std: &[f64], inputs: &[f64]) {
         let rows: Vec<usize> = (0..z.len()).filter(|&r| !z[r].is_nan()).collect();
         if rows.is_empty() {
@@ -184,8 +185,8 @@ impl<'a> Ukf<'a> {
         read
     }
 
-    /// Of the readings from what is expected, bare and weighted: products of whole matrices, for the outer products of single
-    /// columns are slow where the sums outgrow the cache.
+    /// Deviations of the readings from their mean, plain and weighted. Products of whole matrices are used because
+    /// outer products of single columns are slow when the sums outgrow the cache.
     fn deviations(&self, read: DMatrix<f64>, expected: &DVector<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
         let mut away = read;
         away.column_iter_mut().for_each(|mut y| y -= expected);
@@ -196,7 +197,7 @@ impl<'a> Ukf<'a> {
         (away, weighted)
     }
 
-    /// Adds to `inner` what the readings `here` change by when one input is off by its standard deviation.
+    /// Adds to `inner` the change of the readings `here` if one input is off by its standard deviation.
     fn add_inputs(&mut self, here: DVectorView<f64>, inputs: &[f64], rows: &[usize], inner: &mut DMatrix<f64>) {
         let model = self.body.model;
         let noisy = model.joints.iter().filter(|joint| joint.input && !inputs[joint.first].is_nan());
@@ -210,7 +211,7 @@ impl<'a> Ukf<'a> {
         }
     }
 
-    /// Where the sigma points lie, from the mean, a column each.
+    /// Sigma points relative to the mean, one per column.
     fn points(&self) -> DMatrix<f64> {
         let n = self.mean.len();
         let scale = (n as f64 + self.weights.lambda).sqrt();

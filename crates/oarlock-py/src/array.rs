@@ -1,4 +1,5 @@
-//! The one gate for arrays: real numbers of any width and layout come in as doubles, anything else is named and refused.
+//! Converts numpy arrays for the engine: real numbers of any type and layout become doubles; anything else is refused
+//! with its name.
 
 use crate::errors::DataError;
 use numpy::{IxDyn, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
@@ -10,10 +11,10 @@ pub struct Reals {
     pub values: Vec<f64>,
 }
 
-/// Doubles hold every whole number up to here.
+/// Doubles represent every integer up to here.
 const LARGEST_EXACT_INTEGER: f64 = 9_007_199_254_740_992.0;
 
-/// Reads any real array; `name` is for the error. What a masked array hides is NaN.
+/// Reads any real array; `name` is for the error. Masked values become NaN.
 pub fn reals(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Reals> {
     let py = value.py();
     let numpy = py.import("numpy")?;
@@ -38,7 +39,7 @@ pub fn reals(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Reals> {
     Ok(Reals { shape, values })
 }
 
-/// Refuses whole numbers that doubles cannot hold.
+/// Refuses integers that doubles cannot represent.
 fn check_exact(given: &Bound<'_, PyAny>, values: &[f64], name: &str) -> PyResult<()> {
     for (i, value) in values.iter().enumerate().filter(|(_, v)| v.abs() >= LARGEST_EXACT_INTEGER) {
         let number = given.getattr("flat")?.get_item(i)?.call_method0("item")?;
@@ -51,7 +52,7 @@ fn check_exact(given: &Bound<'_, PyAny>, values: &[f64], name: &str) -> PyResult
     Ok(())
 }
 
-/// Reads an array whose last axes must be `tail`; gives the number of such items.
+/// Reads an array whose last dimensions must be `tail`; returns the number of such items.
 pub fn items(value: &Bound<'_, PyAny>, name: &str, tail: &[usize]) -> PyResult<(Reals, usize)> {
     let array = reals(value, name)?;
     let lead = array.shape.len().checked_sub(tail.len());

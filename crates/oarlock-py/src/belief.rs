@@ -1,4 +1,4 @@
-//! Belief and Info.
+//! Python classes `Belief` (state estimate) and `Info` (report of an update).
 
 use crate::array::items;
 use crate::errors::DataError;
@@ -13,7 +13,7 @@ use oarlock::track::Doubt;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-/// What the filter believes at one instant: time, mean (n,), covariance (n, n) in `state_names` order, SI and rad.
+/// State estimate at one time: time, mean (n,) and covariance (n, n) in `state_names` order, SI and rad.
 #[pyclass(frozen, name = "Belief", module = "oarlock")]
 #[derive(Clone)]
 pub struct PyBelief {
@@ -28,7 +28,7 @@ pub fn matrix<'py>(py: Python<'py>, m: &Square) -> PyResult<Bound<'py, PyArray2<
 
 #[pymethods]
 impl PyBelief {
-    // One argument for each field, as Python's pickling wants it.
+    // One argument per field, as pickling requires.
     #[allow(clippy::too_many_arguments)]
     #[new]
     fn new(
@@ -93,25 +93,25 @@ impl PyBelief {
         matrix(py, &self.known.belief.covariance)
     }
 
-    /// Per driven state: factor on the variance of its driving noise, as learnt.
+    /// Per driven state: learnt factor on the variance of its process noise.
     #[getter]
     fn drive<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.known.belief.drive)
     }
 
-    /// Per part of the measurement: usual size of its innovations, as a factor on what is expected (variance).
+    /// Per part of the measurement: learnt innovation level, a factor on the expected variance.
     #[getter]
     fn habit<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.known.belief.usual_nis)
     }
 
-    /// Per sensor and closure: when it last said anything, s.
+    /// Per sensor and closure: time of its last reading, s.
     #[getter]
     fn seen_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_vec(py, self.known.sources.iter().map(|s| s.seen_s).collect())
     }
 
-    /// Per part of the measurement: since when it has been rejected without a break, s; NaN if it is not.
+    /// Per part of the measurement: start of its continuous rejection, s; NaN if it is not rejected.
     #[getter]
     fn rejected_since_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.known.belief.rejected_since_s)
@@ -122,41 +122,41 @@ impl PyBelief {
         self.names.clone()
     }
 
-    /// How much larger the noise of inertial units is than the model says, and the usual size of their innovations together
-    /// as a factor on what is expected (variances), as learnt.
+    /// Two learnt factors on variances: the noise of inertial units relative to the model, and the level of all their
+    /// innovations relative to the expected one.
     #[getter]
     fn inflation(&self) -> (f64, f64, f64, f64) {
         let Belief { inflation, surprise, roughness, leftover, .. } = self.known.belief;
         (inflation, surprise, roughness, leftover)
     }
 
-    /// Per sensor and closure: what is remembered of its readings to recognise rest, faults and a field that has turned.
+    /// Per sensor and closure: memory for the detection of rest, sensor faults and a magnetic field that has turned.
     #[getter]
     fn memory(&self) -> Vec<[f64; MEMORY]> {
         self.known.sources.iter().map(|s| s.to_flat()).collect()
     }
 
-    /// How far what is only considered (mounts, lengths, places of units) may have led astray: a scale, learnt from the innovations, the
-    /// number of parameters and of those that a calibration tells, their shifts of every state, and what the scale is learnt from. Empty
-    /// where nothing is considered.
+    /// Effect of the consider states (mounts, lengths, sensor positions) on the mean: learnt scale, number of
+    /// parameters, number of those with a calibrated standard deviation, their shifts of every state, and the
+    /// statistics behind the scale. Empty without consider states.
     #[getter]
     fn doubt<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_vec(py, self.flat_doubt())
     }
 
-    /// Standard deviations (n,), what is only considered included.
+    /// Standard deviations (n,), including the effect of consider states.
     #[getter]
     fn std<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_vec(py, self.known.own_spread())
     }
 
-    /// Which hypothesis this is, and the logarithm of its likelihood against the others'.
+    /// Number of this hypothesis, and the logarithm of its likelihood relative to the others.
     #[getter]
     fn hypothesis(&self) -> (u64, f64) {
         (self.known.line, self.known.score)
     }
 
-    /// Other hypotheses that are still alive, each a Belief.
+    /// Other hypotheses that are still followed, each a Belief.
     #[getter]
     fn rivals(&self) -> Vec<PyBelief> {
         let alone = |one: &Hypothesis| PyBelief { known: one.clone(), names: self.names.clone() };
@@ -182,7 +182,7 @@ impl PyBelief {
             hypothesis,
             rivals,
         );
-        // A tuple of more than twelve in one piece cannot be made.
+        // PyO3 converts tuples of at most twelve elements.
         let (parts, doubt) = (parts.into_pyobject(py)?, (b.flat_doubt(),).into_pyobject(py)?);
         Ok((py.get_type::<Self>().into_any(), parts.as_sequence().concat(doubt.as_sequence())?.to_tuple()?))
     }
@@ -198,7 +198,7 @@ impl PyBelief {
     }
 }
 
-/// The doubt of a belief of so many states; empty where nothing is considered.
+/// The doubt of a state estimate of this size; empty without consider states.
 fn doubt_from(flat: &[f64], states: usize) -> PyResult<Option<Doubt>> {
     if flat.is_empty() {
         return Ok(None);
@@ -224,7 +224,7 @@ pub struct PyInfo {
 
 #[pymethods]
 impl PyInfo {
-    /// Of the sample, s.
+    /// Time of the sample, s.
     #[getter]
     fn time_s(&self) -> f64 {
         self.time_s
@@ -236,13 +236,13 @@ impl PyInfo {
         self.status
     }
 
-    /// Reading minus predicted reading, (n_measurements,), NaN where missing.
+    /// Innovation: reading minus predicted reading, (n_measurements,), NaN where missing.
     #[getter]
     fn innovation<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.info.innovation)
     }
 
-    /// Whether the belief was given up before this update, because most of its sensors contradicted it.
+    /// Whether the filter was reset before this update because most of its sensors contradicted the state estimate.
     #[getter]
     fn lost(&self) -> bool {
         self.info.lost
@@ -254,15 +254,15 @@ impl PyInfo {
         self.info.nis
     }
 
-    /// Normalised innovation squared of all used inertial readings together, and their number.
+    /// Normalised innovation squared of all used inertial readings, and their number.
     #[getter]
     fn inertial(&self) -> (f64, usize) {
         self.info.inertial
     }
 
-    /// By sensor and closure: nis, used, rejected, missing (rows), and what the magnetometer's reading was (`field`): missing,
-    /// undisturbed, or the test it failed: norm, dip, innovation; and what was wrong with its readings (`fault`): none, clipped
-    /// (at the end of the range), stuck (the same to the bit).
+    /// By sensor and closure: nis; used, rejected and missing rows; `field`, the verdict on the magnetometer's reading:
+    /// missing, undisturbed, or the test that failed (norm, dip, innovation); `fault`: none, clipped (at the end of the
+    /// range) or stuck (identical to the bit).
     #[getter]
     fn sensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);

@@ -1,4 +1,4 @@
-//! What a recording tells about one wearing: mounts, lever arms, joints, magnetic field.
+//! Python functions of the calibrations: mounts, lever arms, joints, magnetic field. `oarlock.calibration` calls them.
 
 use crate::array::{items, reals};
 use crate::errors::{raise, DataError};
@@ -18,7 +18,7 @@ use serde_json::json;
 type Rows = Vec<[f64; 3]>;
 type Told<'py> = PyResult<Bound<'py, PyAny>>;
 
-/// One unit's columns, owned, so that a search runs without the interpreter's lock.
+/// Columns of one unit, owned, so that a search runs without the interpreter's lock.
 struct Unit {
     name: String,
     time_s: Vec<f64>,
@@ -27,7 +27,7 @@ struct Unit {
     mag_ut: Option<Rows>,
 }
 
-/// A unit with what a hinge chain knows of it.
+/// A unit with its place in a hinge chain.
 struct Link {
     unit: Unit,
     world_from_link: Mat3<f64>,
@@ -81,7 +81,7 @@ impl Link {
     }
 }
 
-/// The engine's findings as Python reads them: mappings by field name, lists; NaN as None.
+/// Results of the engine for Python: dictionaries by field name, lists; NaN becomes None.
 fn told<'py>(py: Python<'py>, json: serde_json::Result<String>) -> Told<'py> {
     let json = json.map_err(|e| DataError::new_err(e.to_string()))?;
     py.import("json")?.call_method1("loads", (json,))
@@ -93,9 +93,9 @@ fn units(entries: &[Bound<'_, PyAny>]) -> PyResult<Vec<Unit>> {
 
 /// Mounts, lever arms and magnetic field of a chain of hinges.
 ///
-/// `sensors`, base to tip, are units that also have world_from_link (3, 3) and hinge_axis_in_world (3,) (both lists, in the
-/// posture of the still stretch), and swing_s (start, end) or None. Returns a dictionary of `mounts` and `lever_arms`, one
-/// entry a sensor, and `field`, None without magnetometers.
+/// `sensors`, from base to tip, are units that also have world_from_link (3, 3) and hinge_axis_in_world (3,) (both
+/// lists, in the posture of the still stretch), and swing_s (start, end) or None. Returns a dictionary of `mounts` and
+/// `lever_arms`, one entry per sensor, and `field`, which is None without magnetometers.
 #[pyfunction]
 pub fn find_hinge_chain<'py>(
     py: Python<'py>,
@@ -120,7 +120,7 @@ pub fn find_hinge_chain<'py>(
     told(py, serde_json::to_string(&json!({ "mounts": mounts, "lever_arms": arms, "field": field })))
 }
 
-/// The joint between the bodies of two units; `expected` is joint to unit in each one's sensor axes, m.
+/// The joint between the bodies of two units; `expected` is the vector from joint to unit in each one's sensor axes, m.
 #[pyfunction]
 pub fn find_joint_center<'py>(
     py: Python<'py>,
@@ -150,7 +150,7 @@ pub fn find_hinge_axis<'py>(
     told(py, serde_json::to_string(&found))
 }
 
-/// The rotation nearest to `nominal` that agrees best with sights: (in_sensor, in_link, std_rad) each.
+/// The rotation nearest to `nominal` that fits the sights best, each given as (in_sensor, in_link, std_rad).
 #[pyfunction]
 pub fn align_mount<'py>(py: Python<'py>, nominal: [[f64; 3]; 3], sights: Vec<([f64; 3], [f64; 3], f64)>) -> Told<'py> {
     let sight = |&(in_sensor, in_link, std_rad): &([f64; 3], [f64; 3], f64)| Sight { in_sensor, in_link, std_rad };
@@ -158,7 +158,7 @@ pub fn align_mount<'py>(py: Python<'py>, nominal: [[f64; 3]; 3], sights: Vec<([f
     told(py, serde_json::to_string(&turned))
 }
 
-/// Mounts of units that rest in a known posture: each also has link_from_sensor and world_from_link (3, 3), lists.
+/// Mounts of units at rest in a known posture: each also has link_from_sensor and world_from_link (3, 3), lists.
 #[pyfunction]
 pub fn find_pose_mounts<'py>(
     py: Python<'py>,
@@ -179,7 +179,7 @@ pub fn find_pose_mounts<'py>(
     told(py, serde_json::to_string(&found))
 }
 
-/// Strength and dip of the magnetic field about units that all have a magnetometer.
+/// Norm and dip of the magnetic field around units that all have a magnetometer.
 #[pyfunction]
 pub fn find_local_field<'py>(py: Python<'py>, sensors: Vec<Bound<'py, PyAny>>) -> Told<'py> {
     let owned = units(&sensors)?;
@@ -189,7 +189,7 @@ pub fn find_local_field<'py>(py: Python<'py>, sensors: Vec<Bound<'py, PyAny>>) -
     told(py, serde_json::to_string(&found))
 }
 
-/// Of those sensors that have a magnetometer.
+/// Readings of the sensors that have a magnetometer.
 fn field_of(links: &[Link], chain: &[ChainSensor], found: &[FoundMount]) -> oarlock::Result<Option<FoundField>> {
     let (mut sensors, mut columns, mut mounts) = (Vec::new(), Vec::new(), Vec::new());
     for ((link, sensor), mount) in links.iter().zip(chain).zip(found) {

@@ -1,4 +1,4 @@
-//! Configuration: keyword arguments in, attributes out; the defaults are the engine's.
+//! Python class `Config`: keyword arguments in, attributes out. The defaults are the engine's.
 
 use crate::errors::{raise, DataError};
 use oarlock::Config;
@@ -19,13 +19,13 @@ fn in_python_words(text: &str) -> String {
     text.replace("a boolean", "True or False").replace("a sequence", "a list").replace("f64", "a number")
 }
 
-/// What to say of a value that an earlier version took.
+/// Message for a value that an earlier version accepted.
 fn removed(key: &str, value: &Value) -> Option<&'static str> {
     let is_iterated = key == "filter" && value.as_str() == Some("iekf");
     is_iterated.then_some("this filter was removed; the linearised filter is filter = \"ekf\"")
 }
 
-/// How to track. Keyword arguments only; every key has a default.
+/// Settings of the tracker. Keyword arguments only; every key has a default.
 #[pyclass(frozen, name = "Config", module = "oarlock")]
 #[derive(Clone)]
 pub struct PyConfig(pub Config);

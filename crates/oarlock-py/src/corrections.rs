@@ -1,4 +1,4 @@
-//! Corrections of a Calibration, and the arrays that they apply to.
+//! Python access to the corrections of a Calibration, for arrays of time stamps and readings.
 
 use crate::array::{items, reals, Reals};
 use crate::errors::DataError;
@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
-/// What a Calibration says of stamps and readings.
+/// Reads the corrections of a Calibration.
 pub fn corrections(object: &Bound<'_, PyAny>) -> PyResult<Corrections> {
     Ok(Corrections {
         clocks: by_name(object, "clocks", clock)?,
@@ -53,7 +53,7 @@ fn array<'py>(py: Python<'py>, Reals { shape, values }: Reals) -> PyResult<Array
     PyArray1::from_vec(py, values).reshape(shape)
 }
 
-/// True times, s, of stamps (T,) of an `oarlock.Clock`.
+/// True times, s, of time stamps (T,) by an `oarlock.Clock`.
 #[pyfunction]
 pub fn true_times_s<'py>(
     py: Python<'py>,
@@ -65,7 +65,7 @@ pub fn true_times_s<'py>(
     array(py, stamps)
 }
 
-/// Values of readings (T,) of an `oarlock.EncoderScale`.
+/// Values of readings (T,) by an `oarlock.EncoderScale`.
 #[pyfunction]
 pub fn encoder_values<'py>(
     py: Python<'py>,
@@ -77,8 +77,8 @@ pub fn encoder_values<'py>(
     array(py, readings)
 }
 
-/// True readings (T, 3) of a unit's gyroscope, accelerometer or magnetometer (`field`: "gyro_rad_s", "accel_m_s2", "mag_ut"), as the
-/// engine takes them in; None where the calibration has nothing to correct.
+/// True readings (T, 3) of a unit's gyroscope, accelerometer or magnetometer (`field`: "gyro_rad_s", "accel_m_s2",
+/// "mag_ut"), with the engine's own corrections; None if the calibration has none for it.
 #[pyfunction]
 pub fn corrected_readings<'py>(
     py: Python<'py>,

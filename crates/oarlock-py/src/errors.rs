@@ -1,4 +1,4 @@
-//! The engine's errors as Python exceptions.
+//! Converts the engine's errors to Python exceptions.
 
 use oarlock::Error;
 use pyo3::create_exception;
@@ -12,9 +12,9 @@ create_exception!(
     PyValueError,
     "The data or arguments are wrong; the text says where and what to do."
 );
-create_exception!(oarlock, DivergedError, PyRuntimeError, "The filter lost the track; `time_s` says when.");
+create_exception!(oarlock, DivergedError, PyRuntimeError, "The filter lost the track; `time_s` is the time.");
 
-/// The one map from engine errors to exceptions.
+/// The only mapping from engine errors to exceptions.
 pub fn raise(py: Python<'_>, error: Error) -> PyErr {
     match error {
         Error::Model(text) => ModelError::new_err(text),

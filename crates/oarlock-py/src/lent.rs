@@ -1,4 +1,4 @@
-//! Arrays that are read where they lie. Those of a recording stand on `bytes`, which never change.
+//! Borrows numpy arrays without a copy. A recording's arrays are backed by `bytes`, which are immutable.
 
 use crate::array::reals;
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
@@ -9,7 +9,7 @@ use pyo3::types::PyBytes;
 
 const WIDTH: usize = size_of::<f64>();
 
-/// Doubles in C order in a Python object, kept alive.
+/// Doubles in C order owned by a Python object, which is kept alive.
 #[derive(Debug)]
 struct Lent(PyBackedBytes);
 
@@ -25,7 +25,7 @@ impl Lender for Lent {
     }
 }
 
-/// The numbers of any real array with its shape, copied only where they do not stand on `bytes`; `name` is for the error.
+/// The numbers of any real array with its shape; copied unless the array is backed by `bytes`; `name` is for the error.
 pub fn column(value: &Bound<'_, PyAny>, name: &str) -> PyResult<(Column, Vec<usize>)> {
     if let Some((bytes, shape)) = bytes_below(value)? {
         return Ok((Column::lent(Lent(bytes.into())), shape));
@@ -34,7 +34,7 @@ pub fn column(value: &Bound<'_, PyAny>, name: &str) -> PyResult<(Column, Vec<usi
     Ok((array.values.into(), array.shape))
 }
 
-/// The `bytes` whose whole content an array of doubles shows in C order, and the array's shape.
+/// The `bytes` object that backs a whole array of doubles in C order, and the array's shape.
 fn bytes_below<'py>(value: &Bound<'py, PyAny>) -> PyResult<Option<(Bound<'py, PyBytes>, Vec<usize>)>> {
     let Ok(array) = value.cast::<PyArrayDyn<f64>>() else { return Ok(None) };
     let (shape, whole) = (array.shape().to_vec(), WIDTH * array.len());

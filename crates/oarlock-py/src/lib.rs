@@ -1,4 +1,4 @@
-//! Python face of the engine: names, arrays and errors go across here, and nothing is computed.
+//! Python extension module `oarlock._core`: converts names, arrays and errors, and computes nothing itself.
 
 mod array;
 mod belief;

@@ -1,4 +1,4 @@
-//! Model: built from text, asked for names and kinematics.
+//! Python class `Model`: built from text; gives names, kinematics and predicted readings.
 
 use crate::array::{items, shaped};
 use crate::errors::{raise, DataError};
@@ -17,7 +17,7 @@ use pyo3::types::{PyDict, PyList, PyTuple};
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
-/// Frames, joints, sensors, loops and parameters. Never changes after it is built.
+/// Frames, joints, sensors, closures and parameters of a body. Immutable.
 #[pyclass(frozen, name = "Model", module = "oarlock")]
 pub struct PyModel {
     pub model: Arc<Model>,
@@ -83,7 +83,8 @@ impl PyModel {
         self.model.joints.iter().map(|j| j.name.clone()).collect()
     }
 
-    /// Joints' coordinates, the columns of q: a joint's own name, or `shoulder.rx` of a rotation vector, `pelvis.x` of a place.
+    /// Names of the coordinates, the columns of q: a joint's own name, `shoulder.rx` for a rotation vector, `pelvis.x`
+    /// for a position.
     #[getter]
     fn coordinate_names(&self) -> Vec<String> {
         self.model.coordinate_names()
@@ -109,7 +110,7 @@ impl PyModel {
         self.body.suite.row_names()
     }
 
-    /// Names of the state under the default configuration.
+    /// Names of the states with the default configuration.
     #[getter]
     fn state_names(&self) -> Vec<String> {
         self.body.layout.names.clone()
@@ -141,9 +142,9 @@ impl PyModel {
     /// Predicted readings, (..., n_measurements) in the order of `measurement_names`, for q, qd, qdd
     /// (..., n_coordinates).
     ///
-    /// `base` moves the root: an object with `rotation` (..., 3, 3), world from root, and `angular_velocity_rad_s`,
-    /// `angular_acceleration_rad_s2`, `acceleration_m_s2` (..., 3) in root axes; None is a root at rest. `acceleration`
-    /// is the coordinate acceleration of the root's origin, without gravity.
+    /// `base` is the motion of the root: an object with `rotation` (..., 3, 3), world from root, and
+    /// `angular_velocity_rad_s`, `angular_acceleration_rad_s2`, `acceleration_m_s2` (..., 3) in root axes. None is a
+    /// root at rest. `acceleration` is the coordinate acceleration of the root's origin, without gravity.
     #[pyo3(signature = (q, qd, qdd, base=None))]
     fn predict_measurements<'py>(
         &self,

@@ -1,4 +1,4 @@
-//! How long steps take on this machine, beside the textbook's filter.
+//! Times steps of the engine's filters and of the textbook filter on this machine. `oarlock bench` uses it.
 
 use crate::config::PyConfig;
 use crate::errors::{raise, DataError};
@@ -13,8 +13,9 @@ use pyo3::types::PyDict;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-/// Steps of each configuration and of the textbook's unscented filter, timed in turn for `seconds` once `warm` samples are
-/// taken in: `steps_us`, a list of arrays, one a configuration; `textbook_us`, an array; `n`, states; `m`, readings.
+/// Times steps of each configuration and of the textbook's unscented filter in turn for `seconds`, after `warm`
+/// samples. Returns `steps_us`, a list with one array per configuration; `textbook_us`, an array; `n`, the number of
+/// states; `m`, the number of readings.
 #[pyfunction]
 pub fn race<'py>(
     py: Python<'py>,

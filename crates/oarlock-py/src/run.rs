@@ -1,4 +1,4 @@
-//! Tracking and smoothing a whole recording.
+//! Python functions that track and smooth whole recordings.
 
 use crate::belief::{matrix, PyBelief};
 use crate::config::PyConfig;
@@ -13,25 +13,25 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A tracked recording, as the engine keeps it.
+/// A tracked recording, owned by the engine.
 #[pyclass(frozen, name = "Run", module = "oarlock._core")]
 pub struct PyRun(Mutex<Kept>);
 
 struct Kept {
     run: Arc<Run>,
-    /// Its estimates were given to the smoothed one: whoever asks for them has them filtered again.
+    /// Whether its estimates were moved to the smoothed run. They are then filtered again when needed.
     hollow: bool,
-    /// Somebody has asked for them.
+    /// Whether the estimates have been read.
     asked: bool,
 }
 
-/// A numpy array (rows, width) of what lies end to end; the numbers are not copied.
+/// A numpy array (rows, width) that shares row-major numbers without a copy.
 fn table<T: numpy::Element>(py: Python<'_>, rows: usize, values: Vec<T>) -> PyResult<Bound<'_, PyArray2<T>>> {
     let width = values.len() / rows.max(1);
     PyArray1::from_vec(py, values).reshape([rows, width])
 }
 
-/// Runs `work` without the interpreter's lock; `progress(share)` is called now and then, and Ctrl-C stops the work.
+/// Runs `work` without the interpreter's lock; calls `progress(share)` at intervals, and Ctrl-C stops the work.
 pub fn detached<T: Send>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
@@ -77,7 +77,7 @@ pub fn track(
 /// A recording with its calibration and configuration.
 pub type Wearing<'py> = (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>, Bound<'py, PyConfig>);
 
-/// What the engine needs of several recordings.
+/// Several recordings, converted for the engine.
 pub fn engine_jobs<'py>(model: &Bound<'py, PyModel>, jobs: &[Wearing<'py>], smooth: bool) -> PyResult<Vec<Job>> {
     let job = |(recording, calibration_, config): &Wearing<'py>| {
         let (streams, calibration) = (streams(recording)?, calibration(calibration_.as_ref())?);
@@ -87,8 +87,8 @@ pub fn engine_jobs<'py>(model: &Bound<'py, PyModel>, jobs: &[Wearing<'py>], smoo
     jobs.iter().map(job).collect()
 }
 
-/// Tracks several recordings side by side, each given as (recording, calibration, config); see `oarlock.track_many`.
-/// Of each the exception that it ended in, or (run, notes, wall_s, smoothing_wall_s).
+/// Tracks several recordings in parallel, each given as (recording, calibration, config); see `oarlock.track_many`.
+/// Returns for each the exception that it ended with, or (run, notes, wall_s, smoothing_wall_s).
 #[pyfunction]
 pub fn track_many<'py>(
     py: Python<'py>,
@@ -119,7 +119,7 @@ impl PyRun {
         f(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// The run, whose estimates and beliefs may be gone.
+    /// The run; its estimates and checkpoints may have been moved.
     fn run(&self) -> Arc<Run> {
         self.with_kept(|kept| kept.run.clone())
     }
@@ -138,7 +138,7 @@ impl PyRun {
         Ok(run)
     }
 
-    /// The run alone, if its estimates fill more than `room` bytes and nobody has asked for them.
+    /// The run alone, if its estimates need more than `room` bytes and have not been read.
     fn given(&self, room: usize) -> Option<Run> {
         let run = self.with_kept(|kept| {
             let gives = kept.run.series.bytes() > room
@@ -157,7 +157,8 @@ impl PyRun {
 
 #[pymethods]
 impl PyRun {
-    /// The smoothed run; see `oarlock.smooth`. Estimates that fill more than `room` bytes and that nobody has asked for give it theirs.
+    /// The smoothed run; see `oarlock.smooth`. Reuses the memory of estimates that need more than `room` bytes and have
+    /// not been read.
     fn smooth(&self, py: Python<'_>, room: usize, progress: Option<Py<PyAny>>) -> PyResult<PyRun> {
         if let Some(run) = self.given(room) {
             return detached(py, progress, |p| run.into_smooth(p)).map(PyRun::new);
@@ -172,7 +173,7 @@ impl PyRun {
         PyArray1::from_slice(py, &self.run().series.time_s)
     }
 
-    /// States (T, columns), or their standard deviations; NaN where a column is None.
+    /// States (T, columns) or their standard deviations; NaN where a column is None.
     fn states<'py>(
         &self,
         py: Python<'py>,
@@ -188,7 +189,7 @@ impl PyRun {
         table(py, series.time_s.len(), values)
     }
 
-    /// Coordinates of joints that are inputs, and their readings (T, inputs).
+    /// Coordinates of input joints, and their readings (T, inputs).
     fn inputs<'py>(&self, py: Python<'py>) -> PyResult<(Vec<usize>, Bound<'py, PyArray2<f64>>)> {
         let run = self.run();
         let readings = table(py, run.series.time_s.len(), run.series.inputs.to_vec())?;
@@ -219,7 +220,7 @@ impl PyRun {
         Ok(out)
     }
 
-    /// Full beliefs, as (time_s, mean, covariance) each.
+    /// Full state estimates, each as (time_s, mean, covariance).
     fn beliefs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let list = PyList::empty(py);
         for b in self.whole(py)?.beliefs() {
@@ -229,7 +230,7 @@ impl PyRun {
         Ok(list)
     }
 
-    /// Belief behind the last sample.
+    /// State estimate after the last sample.
     #[getter]
     fn last_belief(&self) -> Option<PyBelief> {
         let names = self.state_names();

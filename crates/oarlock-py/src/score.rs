@@ -1,4 +1,4 @@
-//! What innovations say of parameters that a filter takes as given.
+//! Python function that scores recordings by their innovations, for `oarlock calibrate motion`.
 
 use crate::errors::raise;
 use crate::model::PyModel;
@@ -8,8 +8,9 @@ use oarlock::track::many::score_many as engine_score_many;
 use pyo3::prelude::*;
 use pyo3::types::PyList;
 
-/// Scores several recordings side by side, each given as (recording, calibration, config). Of each the exception that it ended in, or
-/// (parameters with the standard deviations they are counted in, windows); a window is (from_s, to_s, rows, normal, right).
+/// Scores several recordings in parallel, each given as (recording, calibration, config). Returns for each the
+/// exception that it ended with, or (parameters with the standard deviations that are their units, windows). A window
+/// is (from_s, to_s, rows, normal, right).
 #[pyfunction]
 pub fn score_many<'py>(
     py: Python<'py>,

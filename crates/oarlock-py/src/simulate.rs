@@ -1,4 +1,4 @@
-//! Signals along given joint values.
+//! Python function that simulates inertial signals from joint values.
 
 use crate::array::items;
 use crate::errors::{raise, DataError};
@@ -12,8 +12,8 @@ use oarlock::simulate::{signals, Around, Spot, STENCIL};
 use oarlock::track::{mount_values, parameter_values};
 use pyo3::prelude::*;
 
-/// gyro, accel, mag of every inertial unit, (T, units, 9), from joint values at nine instants around each stamp,
-/// (T, 9, coordinates), `step_s` apart, and the root's acceleration (T, 3).
+/// gyro, accel and mag of every inertial unit, (T, units, 9), from joint values at nine instants around each time
+/// stamp, (T, 9, coordinates), `step_s` apart, and the root's acceleration (T, 3).
 #[pyfunction]
 pub fn imu_signals<'py>(
     py: Python<'py>,

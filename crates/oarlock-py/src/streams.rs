@@ -1,4 +1,4 @@
-//! Recordings and calibrations on their way in.
+//! Converts Python recordings and calibrations for the engine.
 
 use crate::array::items;
 use crate::corrections::corrections;
@@ -72,7 +72,7 @@ fn stream(object: &Bound<'_, PyAny>) -> PyResult<Stream> {
     Ok(Stream { name, time_s, channels })
 }
 
-/// A Calibration, or none.
+/// A Calibration, or None.
 pub fn calibration(object: Option<&Bound<'_, PyAny>>) -> PyResult<Calibration> {
     let mut out = Calibration::default();
     let Some(object) = object else { return Ok(out) };

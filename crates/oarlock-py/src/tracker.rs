@@ -1,4 +1,4 @@
-//! Live tracking, one sample at a time.
+//! Python class `Tracker` for live tracking, one sample at a time.
 
 use crate::array::{items, reals};
 use crate::belief::{PyBelief, PyInfo};
@@ -15,7 +15,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::collections::BTreeMap;
 
-/// Everything measured at one instant.
+/// All readings at one time.
 #[pyclass(frozen, name = "Sample", module = "oarlock")]
 #[derive(Clone)]
 pub struct PySample(Sample);
@@ -33,14 +33,14 @@ impl PySample {
     }
 }
 
-/// A belief and its workspace: `step(sample)` for live use. Readings are given as the sensors gave them: the calibration corrects them
-/// on the way in. Stamps are true times; `corrected_time_s` gives those of a clock of its own.
+/// A tracker with its state estimate: call `step(sample)` for every sample. Give readings as measured; the calibration
+/// corrects them. Time stamps are true times; `corrected_time_s` converts those of a sensor's own clock.
 #[pyclass(name = "Tracker", module = "oarlock")]
 pub struct PyTracker {
     tracker: Tracker,
     merge_s: f64,
     clocks: BTreeMap<String, Clock>,
-    /// Filled in anew for each sample that comes as a dictionary.
+    /// Reused for each sample that is given as a dictionary.
     sample: Sample,
     names: Vec<String>,
     sensors: Vec<String>,
@@ -70,14 +70,16 @@ impl PyTracker {
         Ok(PyTracker { tracker, merge_s: config.merge_s, clocks, sample, names, sensors })
     }
 
-    /// A sample at a true time from readings by sensor as they were measured: `{"back": {"gyro_rad_s": (3,), ...}, "seat": 0.31}`; what is absent is missing.
+    /// A sample at a true time from readings by sensor, as measured: `{"back": {"gyro_rad_s": (3,), ...}, "seat":
+    /// 0.31}`. Missing sensors are allowed.
     fn sample(&self, time_s: &Bound<'_, PyAny>, readings: &Bound<'_, PyDict>) -> PyResult<PySample> {
         let mut sample = self.tracker.empty_sample();
         self.fill(&mut sample, one_number(time_s, "sample, time_s")?, readings)?;
         Ok(PySample(sample))
     }
 
-    /// True time, s, of a stamp of a stream's own clock, as the calibration has it; the stamp itself where that says nothing.
+    /// True time, s, of a time stamp of a stream's own clock, corrected by the calibration; unchanged if that has no
+    /// clock for it.
     fn corrected_time_s(&self, stream: &str, time_s: f64) -> PyResult<f64> {
         let body = self.tracker.body();
         let is_known =
@@ -94,7 +96,7 @@ impl PyTracker {
         Ok(all.into_iter().map(PySample).collect())
     }
 
-    /// Takes in a sample (a `Sample`, or time_s and readings) and returns (belief, info). The belief is None until the
+    /// Processes a sample (a `Sample`, or time_s and readings) and returns (belief, info). The belief is None until the
     /// start window is full.
     #[pyo3(signature = (sample, readings=None))]
     fn step(
@@ -127,7 +129,7 @@ impl PyTracker {
         Ok((self.belief(), info))
     }
 
-    /// What is believed now; None until the start window is full.
+    /// Current state estimate; None until the start window is full.
     #[getter]
     fn belief(&self) -> Option<PyBelief> {
         self.tracker.hypothesis().map(|one| PyBelief { known: one.clone(), names: self.names.clone() })
@@ -151,10 +153,10 @@ fn one_number(value: &Bound<'_, PyAny>, name: &str) -> PyResult<f64> {
     }
 }
 
-/// How far the norm of a quaternion may be from one: digits were cut off, or it is no rotation.
+/// Tolerance of a quaternion's norm: digits may be cut off, but beyond it the quaternion is no rotation.
 const UNIT_TOLERANCE: f64 = 0.01;
 
-/// Of a unit quaternion, scalar first; three NaN if any of its numbers is missing.
+/// Rotation vector of a unit quaternion, scalar first; three NaN if any of its numbers is missing.
 fn rotation_vector(value: &Bound<'_, PyAny>, label: &str) -> PyResult<[f64; 3]> {
     let values = items(value, label, &[4])?.0.values;
     let [w, x, y, z] = values[..] else {
@@ -187,7 +189,7 @@ impl PyTracker {
         Ok(())
     }
 
-    /// Which stream may have been meant.
+    /// Suggests the name of a stream.
     fn hint(&self, name: &str) -> String {
         let model = &self.tracker.body().model;
         let inputs = model.joints.iter().filter(|j| j.input).map(|j| j.name.as_str());

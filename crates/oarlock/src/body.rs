@@ -1,4 +1,4 @@
-//! A model as a system that a filter can estimate: state in, readings out, for eight sigma points at a time.
+//! `Body`: a model as the filter's system. State in, readings out, for eight sigma points at a time.
 
 mod linear;
 pub mod posture;
@@ -30,20 +30,20 @@ use std::sync::Arc;
 /// Gravity and field in root axes.
 #[derive(Debug, Clone, Copy)]
 pub struct Field {
-    /// Opposite to gravity, m/s2: what a resting accelerometer feels.
+    /// Specific force of a resting accelerometer, m/s2: opposite to gravity.
     pub lift: [f64; 3],
-    /// Of the magnetic field, uT.
+    /// Norm of the magnetic field, uT.
     pub norm_ut: f64,
-    /// Of the magnetic field below the horizon, rad.
+    /// Dip of the magnetic field below the horizon, rad.
     pub dip_rad: f64,
-    /// Horizontal part of the magnetic field at azimuth 0 and at a right angle to it, and its vertical part, uT.
+    /// Horizontal part of the magnetic field at azimuth 0, the same at a right angle to it, and the vertical part, uT.
     north: [f64; 3],
     side: [f64; 3],
     vertical: [f64; 3],
 }
 
 impl Field {
-    /// Of a root that stands as the model's world says at these parameters.
+    /// Field of the model's world at these parameters.
     pub fn new(world: &World, parameters: &[f64]) -> Self {
         let (up, forward) = (Vec3(world.up), Vec3(world.forward));
         let (norm_ut, dip_rad) = (world.magnetic_norm_ut.eval(parameters), world.magnetic_dip_rad.eval(parameters));
@@ -76,30 +76,30 @@ impl Field {
 /// Inputs and rows of one sample.
 #[derive(Debug, Clone)]
 pub struct Moment {
-    /// Per coordinate; only those of input joints count, rad or m.
+    /// Per coordinate: value of an input joint, rad or m; others are ignored.
     pub inputs: Vec<f64>,
     /// Sources that have a row in this sample.
     pub active: Vec<bool>,
     /// Frames that these sources need.
     pub needed: Vec<bool>,
-    /// Those of them whose velocities and accelerations they need.
+    /// Of these frames, the ones whose velocities and accelerations they need.
     pub moving: Vec<bool>,
-    /// Of every source whose readings are differences from one.
+    /// Per source: the reference of readings that are differences from one.
     pub references: Vec<Mat3<f64>>,
 }
 
-/// A model, its numbers and its state layout.
+/// A model with its calibrated numbers and state layout.
 #[derive(Debug, Clone)]
 pub struct Body {
-    /// Of the body.
+    /// The model file's content.
     pub model: Arc<Model>,
-    /// At the calibrated parameters.
+    /// The tree at the calibrated parameters.
     pub tree: Tree,
-    /// At the calibrated parameters and mounts.
+    /// The sensors at the calibrated parameters and mounts.
     pub suite: Suite,
-    /// Of the state.
+    /// Layout of the state.
     pub layout: Layout,
-    /// Surroundings.
+    /// Gravity and magnetic field.
     pub field: Field,
     /// Values of the model's parameters.
     pub parameters: Vec<f64>,
@@ -107,23 +107,24 @@ pub struct Body {
     driven: Vec<usize>,
     /// Per state: whether it belongs to a rotation vector.
     turned: Vec<bool>,
-    /// Rotation vectors of joints that turn the whole body, and root from joint: nothing else moves between them and the root.
+    /// Rotation vectors of joints that rotate the whole body, and the rotation from joint to root. No other joint lies
+    /// between them and the root.
     pub floating: Vec<(usize, Mat3<f64>)>,
-    /// How every coordinate moves by itself.
+    /// Process of every coordinate.
     pub axes: Vec<Axis>,
-    /// Coordinates that are inputs, and the noise of their readings.
+    /// Coordinates that are inputs, and the standard deviation of their readings.
     input_coordinates: Vec<usize>,
     input_std: Vec<f64>,
     /// Source, first row and first state of every bias.
     biases: Vec<(usize, usize, usize)>,
-    /// The tree as rigid pieces, the sensors on them, and on what the pose of each piece depends.
+    /// The rigid pieces of the tree, the sensors on them, and the states that the pose of each piece depends on.
     pieces: Pieces,
     seats: Seats,
     piece_reaches: Vec<Reach>,
 }
 
 impl Body {
-    /// Puts a model together with parameter values and mounts (per sensor; `None` is the model's own).
+    /// Combines a model with parameter values and mounts (per sensor; `None` is the nominal one).
     pub fn new(model: Arc<Model>, parameters: &[f64], mounts: &[Option<MountValue>], config: &Config) -> Result<Self> {
         let layout = Layout::new(&model, config)?;
         let (estimated, worn): (Vec<usize>, Vec<usize>) =
@@ -173,18 +174,18 @@ impl Body {
         })
     }
 
-    /// Coordinates that are states, with their own motion and their places.
+    /// Coordinates that are states, with their processes and places in the state.
     pub fn moving(&self) -> impl Iterator<Item = (usize, &Axis, Slots)> {
         let both = self.axes.iter().zip(&self.layout.coordinates).enumerate();
         both.filter_map(|(c, (axis, slots))| Some((c, axis, (*slots)?)))
     }
 
-    /// Nominal values of the lengths that are estimated, m.
+    /// Nominal values of the estimated lengths, m.
     pub fn lengths(&self) -> Vec<f64> {
         self.layout.lengths.iter().map(|(i, _)| self.parameters[*i]).collect()
     }
 
-    /// An empty moment: nothing measured.
+    /// An empty moment without readings.
     pub fn moment(&self) -> Moment {
         Moment {
             inputs: vec![0.0; self.model.coordinate_count()],
@@ -239,7 +240,7 @@ impl Body {
         self.tree.motions(self.root(|i| mean[i]), joints, &moment.needed, &mut room.frames);
     }
 
-    /// The root as it feels gravity and the base accelerations, whose values `state` gives.
+    /// Motion of the root: gravity and the base accelerations, whose values `state` gives.
     #[inline(always)]
     fn root<T: Real>(&self, state: impl Fn(usize) -> T) -> FrameMotion<T> {
         let mut proper = Vec3::splat(self.field.lift);
@@ -257,7 +258,7 @@ impl Body {
         }
     }
 
-    /// Of a coordinate with rates; the driven ones are numbered in order.
+    /// Motion of a coordinate with rates; the driven ones are numbered in order.
     fn drive_of(&self, coordinate: usize, drives: &[f64]) -> f64 {
         let rank = self.layout.coordinates[coordinate]
             .and_then(|s| s.rates)
@@ -395,7 +396,7 @@ impl FastSystem for Body {
         match parts.into_iter().find(|p| p.rows.contains(&row)).map(|p| p.quantity) {
             Some(Quantity::Accel) => Dependence::Full,
             Some(Quantity::Gyro | Quantity::Rest) => Dependence::Affine,
-            // Slow errors add to it, if it has any.
+            // Adds the slow errors of the sensors.
             Some(Quantity::Orientation)
                 if self.biases.iter().any(|(_, first, _)| (*first..first + 3).contains(&row)) =>
             {

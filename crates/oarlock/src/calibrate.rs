@@ -1,13 +1,13 @@
-//! What a short recording tells about one wearing: how the sensors sit on their links, where they sit, what disturbs
-//! their magnetometers.
+//! Calibration of one session from a short recording: mounts, sensor positions and magnetic disturbances. The Python
+//! package `oarlock.calibration` uses it.
 //!
-//! A hinge chain needs a still stretch in a known posture and a swing. [`hinge_chain::mounts`] finds the rotation of
-//! every mount, [`lever_arms::lever_arms`] the offsets of the sensors and the lengths of the links, and
-//! [`magnetic::magnetic_field`] the field and each sensor's constant offset from it.
+//! A hinge chain needs a still stretch in a known posture and a swing. [`hinge_chain::mounts`] estimates the rotation
+//! of every mount, [`lever_arms::lever_arms`] the sensor offsets and the link lengths, and [`magnetic::magnetic_field`]
+//! the field and each sensor's constant offset.
 //!
-//! Any tree of bodies can be taken pair by pair: [`joint_centers::joint_center`] finds where two bodies are joined,
-//! [`hinge_axes::hinge_axis`] the axis if they are joined by a hinge. [`pose_mounts::pose_mounts`] takes the inclination of
-//! the mounts from a still stretch, and [`local_field::local_field`] the strength and dip of the magnetic field.
+//! Any tree of bodies can be calibrated pair by pair. [`joint_centers::joint_center`] estimates the joint between two
+//! bodies, [`hinge_axes::hinge_axis`] the axis of a hinge, [`pose_mounts::pose_mounts`] the inclination of the mounts
+//! from a still stretch, and [`local_field::local_field`] the norm and dip of the magnetic field.
 
 pub mod aligned;
 pub mod hinge_axes;

@@ -1,74 +1,76 @@
-//! Tuning numbers, each with its default. The defaults live here and nowhere else.
+//! Settings of the tracker with their defaults, the only place where defaults are defined. Python's `Config` mirrors
+//! them.
 
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// What to do with the joints' driving noise.
+/// Process noise of the joints.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ProcessNoise {
     /// White jerk: the covariance of an integrated random acceleration.
     Jerk,
-    /// Eq. 6 of the paper: rank one, an acceleration that jumps at each sample.
+    /// Eq. 6 of the paper: rank one, an acceleration that changes at each sample.
     Paper,
 }
 
-/// What to do with magnetometers.
+/// Use of magnetometers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Magnetometer {
     /// Not used.
     Off,
-    /// Used unless the field's norm, its dip or the innovation is odd.
+    /// Used unless norm, dip or innovation is an outlier.
     Gated,
-    /// Used whatever norm and dip are, and tested like a sensor that feels motion.
+    /// Used whatever norm and dip are; innovations are tested as those of a motion sensor.
     On,
 }
 
-/// What is known only roughly and not estimated: mounts, lengths, places of units, zeros of encoders.
+/// Consider states: mounts, lengths, sensor positions and encoder zeros that are known roughly and not estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Consider {
-    /// It is taken as exact.
+    /// They are taken as exact.
     Off,
-    /// It widens the bands as far as innovations that last tell that it is wrong.
+    /// They widen the bands by a scale that is learnt from persistent innovations.
     Learnt,
-    /// It widens the bands as far as the model file's standard deviations say.
+    /// They widen the bands by the model file's standard deviations.
     Always,
 }
 
-/// Which filter.
+/// Kind of filter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FilterKind {
     /// Unscented: readings at sigma points, correct to second order.
     Ukf,
-    /// Extended: readings linearised at the mean by their exact Jacobian. About 1.7 times as fast as `ukf`, and as accurate to a few per
-    /// cent while readings are nearly linear over the spread of the belief, as at 100 Hz with loops of some millimetres. It neglects
-    /// curvature: with a prior of 0.5 rad its first update is overconfident, 1.6 times as much as that of `ukf`; with loops of 0.1 mm it
-    /// loses the posture where `ukf` does not.
+    /// Extended: readings linearised at the mean by their exact Jacobian. About 1.7 times as fast as `ukf`. The
+    /// accuracy is the same within a few per cent while readings are nearly linear over the spread of the estimate, as
+    /// at 100 Hz with closures of some millimetres. It neglects curvature: with a prior of 0.5 rad its first update is
+    /// overconfident, 1.6 times as much as that of `ukf`; with closures of 0.1 mm it loses the posture where `ukf` does
+    /// not.
     Ekf,
-    /// Factorised, in the manner of Ruffaldi et al. (2014): one small unscented filter for each limb together with the trunk, which pass
-    /// messages to each other. Correlations between limbs beyond the trunk are dropped after every sample. Nearly as accurate as `ukf`, and
-    /// cheaper the more limbs there are; the same filter where the tree does not branch.
+    /// Factorised, after Ruffaldi et al. (2014): one small unscented filter for each limb together with the trunk. The
+    /// filters exchange messages. Correlations between limbs beyond the trunk are dropped after every sample. Nearly as
+    /// accurate as `ukf`, and faster the more limbs there are; identical where the tree does not branch.
     Factorised,
 }
 
-/// How to track.
+/// Settings of the tracker.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Slow states: `gyro_bias`, `accel_bias` and names of base accelerations. Those that a model lacks are left out.
+    /// Slow states: `gyro_bias`, `accel_bias` and names of base accelerations. Names that the model lacks are ignored.
     pub estimate: Vec<String>,
-    /// Use the closed loops.
+    /// Use the closures.
     pub closures: bool,
-    /// How joints are driven.
+    /// Process noise of the joints.
     pub process_noise: ProcessNoise,
-    /// Trust in magnetometers.
+    /// Use of magnetometers.
     pub magnetometer: Magnetometer,
-    /// Which filter; see [`FilterKind`] for where they differ.
+    /// Kind of filter; see [`FilterKind`].
     pub filter: FilterKind,
-    /// Start posture by joint, rad or m, instead of the rest posture; the first samples are fitted from there.
+    /// Start posture by joint, rad or m, instead of the rest posture. The first samples are fitted from there.
     pub initial_q: Option<Vec<f64>>,
     /// Spread of the sigma points of `ukf`, (0, 1].
     pub alpha: f64,
@@ -76,22 +78,21 @@ pub struct Config {
     pub beta: f64,
     /// Usually 0.
     pub kappa: f64,
-    /// Stamps closer than this form one sample, s.
+    /// Time stamps closer than this form one sample, s.
     pub merge_s: f64,
-    /// Samples fitted together to find the start, s.
+    /// Duration of the first samples that are fitted together as the start, s.
     pub start_window_s: f64,
-    /// Test innovations at a tail probability of 1e-6.
+    /// Reject innovations with a tail probability below 1e-6.
     pub gate: bool,
-    /// A reading rejected for longer than this is believed again, s.
+    /// Patience: readings rejected for longer than this are accepted again, s.
     pub gate_patience_s: f64,
-    /// Memory, s, with which driving noise of joints and base and the usual size of innovations are learnt; none keeps
-    /// the model's.
+    /// Memory, s, for learning process noise and the innovation level; none keeps the model's values.
     pub learning_memory_s: Option<f64>,
-    /// What to make of mounts, lengths, places of units and zeros of encoders that are not estimated.
+    /// Treatment of the mounts, lengths, sensor positions and encoder zeros that are not estimated.
     pub consider: Consider,
-    /// How often the full belief is kept, s.
+    /// Interval at which the full state estimate is stored, s.
     pub belief_interval_s: f64,
-    /// Keep every sample (none), or the first one of each 1/rate s.
+    /// Rate of the stored samples, Hz: the first sample of each 1/rate s; none stores every sample.
     pub output_rate_hz: Option<f64>,
 }
 
@@ -119,11 +120,11 @@ impl Default for Config {
     }
 }
 
-/// What is estimated beside the joints unless told otherwise.
+/// States that are estimated by default, beside the joints.
 pub const DEFAULT_ESTIMATE: [&str; 3] = ["gyro_bias", "accel_bias", "surge"];
 
 impl Config {
-    /// Refuses numbers that make no sense, saying which and what would.
+    /// Refuses invalid numbers and names the valid ones.
     pub fn check(&self) -> Result<()> {
         let positive = [
             ("merge_s", self.merge_s, "s, for example 0.0005"),

@@ -1,21 +1,22 @@
-//! What a calibration corrects in stamps and readings: clocks, biases, scales, soft iron, zeros of encoders.
+//! Corrections of time stamps and readings by a calibration: clocks, biases, scales, soft iron, encoder zeros.
+//! `track::entry` applies them.
 
 use crate::error::{Error, Result};
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::Quantity;
 use std::collections::BTreeMap;
 
-/// A stream's clock: at true time t its stamp reads `t + offset_s + drift * t`.
+/// A stream's clock: at true time t its time stamp reads `t + offset_s + drift * t`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Clock {
-    /// Stamp less true time at t = 0, s.
+    /// Time stamp minus true time at t = 0, s.
     pub offset_s: f64,
-    /// By how much it gains, s per s.
+    /// Drift, s per s.
     pub drift: f64,
 }
 
 impl Clock {
-    /// True time of a stamp, s; the same bits where offset and drift are zero.
+    /// True time of a time stamp, s; identical bits if offset and drift are zero.
     pub fn true_s(&self, stamp_s: f64) -> f64 {
         (stamp_s - self.offset_s) / (1.0 + self.drift)
     }
@@ -24,9 +25,9 @@ impl Clock {
 /// Zero and scale of a scalar stream: `value = scale * (reading - zero)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EncoderScale {
-    /// What it reads where the value is zero, rad or m.
+    /// Reading at value zero, rad or m.
     pub zero: f64,
-    /// Value per reading.
+    /// Value per unit of the reading.
     pub scale: f64,
 }
 
@@ -37,26 +38,26 @@ impl EncoderScale {
     }
 }
 
-/// By the name of a stream; what is not named is right.
+/// Corrections by name of the stream; other streams are used as they are.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Corrections {
-    /// Of its stamps.
+    /// Clocks.
     pub clocks: BTreeMap<String, Clock>,
-    /// Of a scalar stream.
+    /// Scales of scalar streams.
     pub encoders: BTreeMap<String, EncoderScale>,
-    /// Constant part of a gyroscope's readings, rad/s in sensor axes.
+    /// Gyroscope's bias, rad/s in sensor axes.
     pub gyro_biases: BTreeMap<String, [f64; 3]>,
-    /// Constant part of an accelerometer's readings, m/s2 in sensor axes.
+    /// Accelerometer's bias, m/s2 in sensor axes.
     pub accel_biases: BTreeMap<String, [f64; 3]>,
-    /// With bias: `true = (reading - bias) / scale`, per axis.
+    /// Scale per axis: `true = (reading - bias) / scale`.
     pub accel_scales: BTreeMap<String, [f64; 3]>,
-    /// Constant part of a magnetometer's readings (hard iron), uT in sensor axes.
+    /// Magnetometer's offset (hard iron), uT in sensor axes.
     pub mag_offsets: BTreeMap<String, [f64; 3]>,
-    /// What undoes soft iron: `true = matrix (reading - offset)`.
+    /// Inverse of soft iron: `true = matrix (reading - offset)`.
     pub mag_matrices: BTreeMap<String, Mat3<f64>>,
 }
 
-/// Of three readings along the axes of a sensor: `true = matrix (reading - zero) / scale`.
+/// Correction of three readings along the axes of a sensor: `true = matrix (reading - zero) / scale`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Triad {
     zero: [f64; 3],
@@ -65,7 +66,7 @@ pub struct Triad {
 }
 
 impl Triad {
-    /// True values; a matrix mixes the axes, so that a reading which lacks one is missing.
+    /// True values. A matrix mixes the axes, so that all are missing if one reading is.
     pub fn correct(&self, reading: &mut [f64]) {
         for (k, x) in reading.iter_mut().enumerate() {
             *x = self.along(k, *x);
@@ -75,14 +76,14 @@ impl Triad {
         }
     }
 
-    /// The same along one axis, without the matrix.
+    /// The same for one axis, without the matrix.
     pub fn along(&self, axis: usize, reading: f64) -> f64 {
         (reading - self.zero[axis]) / self.scale[axis]
     }
 }
 
 impl Corrections {
-    /// Of a quantity of an inertial unit; `None` where it is right.
+    /// Correction of a quantity of an inertial unit; `None` if there is none.
     pub fn triad(&self, unit: &str, quantity: Quantity) -> Option<Triad> {
         let (zero, scale, matrix) = match quantity {
             Quantity::Gyro => (self.gyro_biases.get(unit), None, None),
@@ -95,7 +96,7 @@ impl Corrections {
         (!is_right).then_some(Triad { zero, scale, matrix: matrix.copied() })
     }
 
-    /// Refuses numbers that are none, and those that wipe out what they correct.
+    /// Refuses numbers that are not finite, and scales and matrices that cannot be inverted.
     pub fn check(&self) -> Result<()> {
         let threes = [&self.gyro_biases, &self.accel_biases, &self.accel_scales, &self.mag_offsets];
         let threes = threes.into_iter().flatten().map(|(name, x)| (name, x.to_vec()));

@@ -1,4 +1,4 @@
-//! A model as plain data: names and numbers that other languages can read.
+//! Description of a model as plain data (names and numbers) for other languages. Python's `Model.describe` uses it.
 
 use crate::body::Body;
 use crate::model::{Frame, Joint, JointKind, Process, ProcessKind, Sensor, Transform};
@@ -76,7 +76,7 @@ fn frame(index: usize, f: &Frame, body: &Body, values: &[f64]) -> Value {
 }
 
 fn sensor(s: &Sensor, at: &Described) -> Value {
-    // Keys that every sensor has, whatever its kind.
+    // Keys of every kind of sensor.
     let mut out =
         json!({"name": s.name, "kind": s.kind.name(), "frame": null, "joint": null, "std": null, "std_m": null});
     if let (Value::Object(out), Value::Object(own)) = (&mut out, s.kind.describe(at)) {

@@ -1,8 +1,8 @@
-//! The three ways in which a request can fail.
+//! Errors of the engine; the Python binding converts them to exceptions.
 
 use thiserror::Error;
 
-/// Why a request could not be carried out.
+/// Reason of a failed call.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Error {
     /// The model file is wrong; the text names file, line, key and what was expected.
@@ -14,15 +14,15 @@ pub enum Error {
     /// The filter lost the track.
     #[error("{text}")]
     Diverged {
-        /// When, on the recording's clock.
+        /// Time on the recording's clock.
         time_s: f64,
-        /// What happened and what to try.
+        /// Cause and remedy.
         text: String,
     },
-    /// Whoever asked for the work asked to stop it.
+    /// The caller stopped the work.
     #[error("stopped on request")]
     Stopped,
 }
 
-/// The crate's result.
+/// Result type of the crate.
 pub type Result<T> = std::result::Result<T, Error>;

@@ -1,8 +1,8 @@
-//! Poses, angular rates and accelerations of all frames in one pass down the tree.
+//! Poses, angular rates and accelerations of all frames of the tree in one recursion. Sensors and exports use it.
 //!
-//! Everything is expressed in root axes. A frame is reached from its parent by a fixed transform, the joint's motion
-//! about or along z, and another fixed transform; the recursion is eq. 9 of Ruffaldi, Peppoloni and Filippeschi with
-//! the prismatic and Coriolis terms that the printed equation leaves out, and gravity entering once, at the root.
+//! All vectors are in root axes. A frame follows its parent by a fixed transform, the joint's motion about or along z,
+//! and another fixed transform. The recursion is eq. 9 of Ruffaldi, Peppoloni and Filippeschi, with the prismatic and
+//! Coriolis terms that the printed equation omits. Gravity enters once, at the root.
 
 pub mod near;
 pub mod pieces;
@@ -12,7 +12,7 @@ use crate::kernels::lane::Real;
 use crate::model::{JointKind, Model, Point, Transform};
 use crate::rotation::{Mat3, Vec3};
 
-/// A fixed transform with numbers in place of expressions.
+/// A fixed transform with numbers instead of expressions.
 #[derive(Debug, Clone)]
 struct Fixed {
     rotation: Mat3<f64>,
@@ -20,16 +20,16 @@ struct Fixed {
     translation: Point,
 }
 
-/// What a fixed rotation does to axes, if that is simple.
+/// Special forms of a fixed rotation that allow a cheaper product.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Swap {
     Nothing,
-    /// Each new axis is an old one, or its opposite.
+    /// Each new axis is an old one or its opposite.
     Axes([(usize, f64); 3]),
     Anything,
 }
 
-/// Entries as close as this to 0, 1 or -1 are meant to be that: cos(pi/2) is 6e-17 in doubles.
+/// Entries this close to 0, 1 or -1 are rounded to it: cos(pi/2) is 6e-17 in doubles.
 const MEANT: f64 = 1e-15;
 
 impl Fixed {
@@ -67,7 +67,7 @@ impl Fixed {
     }
 }
 
-/// What moves a link: its joint's first coordinate, sign and kind, and the joint's number among those that turn freely.
+/// Joint of a link: first coordinate, sign and kind, and its number among the joints with free rotation.
 #[derive(Debug, Clone, Copy)]
 struct Moved {
     first: usize,
@@ -105,23 +105,23 @@ pub struct Tree {
     links: Vec<Link>,
 }
 
-/// How a frame stands and moves, in root axes.
+/// Motion of a frame, in root axes.
 #[derive(Debug, Clone, Copy)]
 pub struct FrameMotion<T> {
     /// Root from frame.
     pub rotation: Mat3<T>,
     /// Origin, m.
     pub position: Vec3<T>,
-    /// rad/s.
+    /// Angular velocity, rad/s.
     pub angular_velocity: Vec3<T>,
-    /// rad/s2.
+    /// Angular acceleration, rad/s2.
     pub angular_acceleration: Vec3<T>,
-    /// Acceleration of the origin minus gravity, m/s2: what an accelerometer there would feel.
+    /// Acceleration of the origin minus gravity, m/s2: the reading of an accelerometer there.
     pub proper_acceleration: Vec3<T>,
 }
 
 impl<T: Real> FrameMotion<T> {
-    /// A root at rest that feels `proper_acceleration` (m/s2).
+    /// A root at rest with this `proper_acceleration` (m/s2).
     #[inline(always)]
     pub fn resting(proper_acceleration: Vec3<T>) -> Self {
         FrameMotion {
@@ -133,7 +133,7 @@ impl<T: Real> FrameMotion<T> {
         }
     }
 
-    /// Acceleration at a point that is fixed in the frame, `arm` away in root axes.
+    /// Acceleration of a point fixed in the frame, at `arm` from its origin in root axes.
     #[inline(always)]
     pub fn proper_acceleration_at(&self, arm: Vec3<T>) -> Vec3<T> {
         let w = self.angular_velocity;
@@ -150,7 +150,7 @@ impl<T: Real> FrameMotion<T> {
         self.rotation = fixed.turn(&self.rotation);
     }
 
-    /// `sin_cos` is that of a hinge's angle where it is known.
+    /// `sin_cos`: sine and cosine of a hinge's angle, if they are known.
     #[inline(always)]
     fn moved(&mut self, joint: &Moved, joints: &JointMotion<T>, sin_cos: Option<(f64, f64)>) {
         let Moved { first, sign, kind, turn } = *joint;
@@ -188,7 +188,8 @@ impl<T: Real> FrameMotion<T> {
         self.angular_velocity += spin;
     }
 
-    /// By `anchor` and then `r`; `w` and `wd` are the child's rate and its derivative in the child's axes.
+    /// Rotates by `anchor` and then `r`; `w` and `wd` are the child's relative angular velocity and its derivative in
+    /// the child's axes.
     #[inline(always)]
     fn balled(&mut self, anchor: Option<&Mat3<f64>>, r: Vec3<T>, w: Vec3<T>, wd: Vec3<T>) {
         let turn = Mat3::about(r);
@@ -201,7 +202,7 @@ impl<T: Real> FrameMotion<T> {
         self.angular_velocity += spin;
     }
 
-    /// To a place in its own axes, with its velocity and acceleration there.
+    /// Moves to a position in its own axes, with velocity and acceleration there.
     #[inline(always)]
     fn placed(&mut self, p: Vec3<T>, v: Vec3<T>, a: Vec3<T>) {
         let (arm, v, a) = (self.rotation.apply(p), self.rotation.apply(v), self.rotation.apply(a));
@@ -220,19 +221,19 @@ impl<T: Real> FrameMotion<T> {
     }
 }
 
-/// Joint coordinates of one instant: angles (rad), positions (m), rotation vectors (rad), and their rates. The rates of a
-/// rotation vector are the child's angular velocity against its parent in the child's axes, and that one's derivative.
+/// Joint coordinates at one instant: angles (rad), positions (m), rotation vectors (rad), and their rates. The rates of
+/// a rotation vector are the child's angular velocity relative to its parent, in the child's axes, and its derivative.
 #[derive(Debug, Clone, Copy)]
 pub struct JointMotion<'a, T> {
-    /// rad or m.
+    /// Values, rad or m.
     pub q: &'a [T],
-    /// Per s.
+    /// Rates, per s.
     pub qd: &'a [T],
-    /// Per s2.
+    /// Accelerations, per s2.
     pub qdd: &'a [T],
-    /// Values of the parameters that are estimated.
+    /// Values of the estimated parameters.
     pub lengths: &'a [T],
-    /// Per joint that turns freely: the rotation from which its rotation vector counts; none at all: from no rotation.
+    /// Per joint with free rotation: the rotation about which its rotation vector is defined. Empty: the identity.
     pub anchors: &'a [Mat3<f64>],
 }
 
@@ -247,7 +248,7 @@ impl Tree {
         Self::with_lengths(model, parameters, &[])
     }
 
-    /// The same; the parameters of index `estimated` come with every motion.
+    /// The same with estimated parameters (indices `estimated`), whose values come with every motion.
     pub fn with_lengths(model: &Model, parameters: &[f64], estimated: &[usize]) -> Self {
         let fixed = |t: &Option<Transform>| {
             t.as_ref().map(|t| Fixed::new(t.evaluate(parameters).0, Point::reached_by(t, parameters, estimated)))
@@ -265,7 +266,7 @@ impl Tree {
         Tree { links: links.collect() }
     }
 
-    /// How many frames there are, the root included.
+    /// Number of frames, including the root.
     pub fn len(&self) -> usize {
         self.links.len()
     }

@@ -1,4 +1,4 @@
-//! Oarlock's engine: tracks articulated bodies by sensor fusion. See ARCHITECTURE.md for how the modules point at each other.
+//! Oarlock's engine: tracks articulated bodies by sensor fusion. ARCHITECTURE.md shows the modules and their dependencies.
 
 pub mod body;
 pub mod calibrate;

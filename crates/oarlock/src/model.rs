@@ -1,4 +1,4 @@
-//! What a body is: frames, joints, sensors, loops and parameters. Never changes once built.
+//! `Model`: the body of a model file with its joints, frames, sensors, closures and parameters. It is immutable.
 
 pub mod build;
 pub mod expr;
@@ -23,10 +23,10 @@ pub use point::Point;
 use std::f64::consts::{PI, TAU};
 pub use transform::{RotationExpr, Transform};
 
-/// What a joint lets move.
+/// Kinds of joints.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum JointKind {
-    /// Nothing.
+    /// No motion.
     Fixed,
     /// A rotation, rad.
     Hinge,
@@ -34,12 +34,12 @@ pub enum JointKind {
     Slide,
     /// Any rotation: a rotation vector, rad.
     Ball,
-    /// Any motion: a place, m, and a rotation vector, rad.
+    /// Any motion: a position, m, and a rotation vector, rad.
     Free,
 }
 
 impl JointKind {
-    /// How many coordinates it has.
+    /// Number of coordinates.
     pub fn width(self) -> usize {
         match self {
             JointKind::Fixed | JointKind::Hinge | JointKind::Slide => 1,
@@ -48,13 +48,13 @@ impl JointKind {
         }
     }
 
-    /// Whether it turns freely, its last three coordinates being a rotation vector.
+    /// Whether it rotates freely; its last three coordinates are then a rotation vector.
     pub fn turns_freely(self) -> bool {
         matches!(self, JointKind::Ball | JointKind::Free)
     }
 }
 
-/// How a joint moves by itself.
+/// Motion model of a joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ProcessKind {
     /// Constant acceleration driven by white jerk: states q, qd, qdd.
@@ -65,32 +65,32 @@ pub enum ProcessKind {
     Singer,
 }
 
-/// A joint's own motion and its spread at the start.
+/// Process of a joint: motion model, noise and start distribution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Process {
-    /// Which motion.
+    /// Motion model.
     pub kind: ProcessKind,
-    /// Standard deviation of the driving increments per sqrt(s).
+    /// Process noise: standard deviation of the driving increments per sqrt(s).
     pub density: f64,
-    /// Of q, qd, qdd at the start (only the first for a walk).
+    /// Standard deviations of q, qd, qdd at the start (only the first for a walk).
     pub start_std: [f64; 3],
-    /// A rotation's own joint says how far its first value may lie from rest; else the limits do.
+    /// Whether a rotation's file gives the standard deviation of its first value about rest; otherwise the limits do.
     pub start_known: bool,
-    /// In which the acceleration decays, s; infinite but for `Singer`.
+    /// Time constant of the acceleration, s; infinite except for `Singer`.
     pub time_s: f64,
 }
 
-/// How the place of a free joint moves by itself.
+/// Process of the position of a free joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Translation {
-    /// Its own motion.
+    /// Its process.
     pub process: Process,
-    /// Soft range of every coordinate about its rest, m.
+    /// Soft limits of every coordinate about its rest, m.
     pub limits: [f64; 2],
 }
 
 impl Parameter {
-    /// Whether it is a length of which is said how well it is known.
+    /// Whether it is a length with a standard deviation.
     pub fn can_be_estimated(&self) -> bool {
         self.unit == "m" && self.std.is_some()
     }
@@ -101,40 +101,41 @@ impl Parameter {
 pub struct Joint {
     /// Unique among joints.
     pub name: String,
-    /// For people.
+    /// Description for people.
     pub label: String,
-    /// What it lets move.
+    /// Kind of joint.
     pub kind: JointKind,
     /// Index of its first coordinate.
     pub first: usize,
-    /// Soft range, rad or m: two standard deviations either side of its middle; of a ball, about each axis from `rest`.
+    /// Soft limits, rad or m: two standard deviations either side of their middle; of a ball, about each axis from
+    /// `rest`.
     pub limits: [f64; 2],
-    /// Where it is held while nothing observes it, rad or m, by coordinate.
+    /// Rest value of each coordinate, rad or m. An unobserved joint stays near it.
     pub rest: Vec<f64>,
-    /// Its own motion; of a free joint, that of its rotation.
+    /// Its process; of a free joint, that of its rotation.
     pub process: Process,
-    /// The rest of a free joint's own motion.
+    /// Process of a free joint's position.
     pub translation: Option<Translation>,
-    /// Intrinsic sequence of axes by which people read a free rotation: `YXY`.
+    /// Intrinsic Euler sequence for the display of a free rotation, such as `YXY`.
     pub angles: String,
-    /// Its value comes from a stream and is no state.
+    /// Whether its value comes from a stream and is no state.
     pub input: bool,
     /// Standard deviation of an input's reading, rad or m.
     pub input_std: f64,
 }
 
-/// How one coordinate of a joint moves by itself.
+/// One coordinate of a joint with its process.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Axis {
-    /// Its own motion.
+    /// Its process.
     pub process: Process,
-    /// Soft range: two standard deviations either side of its middle.
+    /// Soft limits: two standard deviations either side of their middle.
     pub limits: [f64; 2],
-    /// Where it is held while nothing observes it.
+    /// Rest value.
     pub rest: f64,
-    /// It is a place that no sensor has to tell; how strongly it is driven is learnt all the same.
+    /// Whether it is a position, which needs no sensor; its process noise is learnt in any case.
     pub place: bool,
-    /// It belongs to a rotation vector, whose limits count from its rest.
+    /// Whether it belongs to a rotation vector; its limits count from its rest.
     pub turns: bool,
 }
 
@@ -144,13 +145,13 @@ impl Axis {
         (self.limits[1] - self.limits[0]) / 4.0
     }
 
-    /// Standard deviation of the first value from rest, before anything is measured.
+    /// Standard deviation of the first value about rest, before any measurement.
     pub fn start_spread(&self) -> f64 {
         let known = if self.process.start_known { self.process.start_std[0] } else { f64::INFINITY };
         known.min(self.prior_std())
     }
 
-    /// The same angle, less than half a turn from the middle of its soft range.
+    /// The same angle, less than half a turn from the middle of its soft limits.
     pub fn nearest(&self, angle: f64) -> f64 {
         let middle = 0.5 * (self.limits[0] + self.limits[1]);
         middle + (angle - middle + PI).rem_euclid(TAU) - PI
@@ -158,7 +159,7 @@ impl Axis {
 }
 
 impl Joint {
-    /// How its coordinates move by themselves.
+    /// Process of each coordinate.
     fn axes(&self) -> Vec<Axis> {
         let turns = self.kind.turns_freely();
         let axis = |(i, &rest): (usize, &f64)| match &self.translation {
@@ -175,7 +176,7 @@ impl Joint {
         self.first..self.first + self.kind.width()
     }
 
-    /// Index of the first coordinate of its rotation vector, if it turns freely.
+    /// Index of the first coordinate of its rotation vector, if it rotates freely.
     pub fn turn(&self) -> Option<usize> {
         self.kind.turns_freely().then(|| self.first + self.kind.width() - 3)
     }
@@ -200,9 +201,9 @@ pub struct Frame {
     pub parent: usize,
     /// Fixed transform from the parent to the joint; `None` is the identity.
     pub before: Option<Transform>,
-    /// Index of the joint and its sign.
+    /// Index and sign of the joint.
     pub joint: Option<(usize, f64)>,
-    /// Fixed transform behind the joint; `None` is the identity.
+    /// Fixed transform after the joint; `None` is the identity.
     pub after: Option<Transform>,
 }
 
@@ -211,7 +212,7 @@ pub struct Frame {
 pub struct Sensor {
     /// Unique among sensors and closures.
     pub name: String,
-    /// What it reads.
+    /// Kind and keys.
     pub kind: SensorKind,
 }
 
@@ -220,24 +221,24 @@ pub struct Sensor {
 pub struct BaseAcceleration {
     /// Unique among base accelerations.
     pub name: String,
-    /// For people.
+    /// Description for people.
     pub label: String,
     /// Unit vector in root axes.
     pub axis: [f64; 3],
-    /// m/s2 per sqrt(s).
+    /// Process noise, m/s2 per sqrt(s).
     pub density: f64,
-    /// m/s2.
+    /// Standard deviation at the start, m/s2.
     pub start_std: f64,
-    /// In which it decays, s; infinite: it walks.
+    /// Time constant of its decay, s; infinite: a random walk.
     pub time_s: f64,
-    /// In which a push builds up, s; 0: it jumps.
+    /// Rise time of a change, s; 0: it changes at once.
     pub rise_s: f64,
-    /// It is estimated whether `Config.estimate` names it or not.
+    /// Whether it is always estimated, even if `Config.estimate` does not name it.
     pub always: bool,
 }
 
 impl BaseAcceleration {
-    /// Standard deviation of its rate in the long run, m/s3; for one that does not jump.
+    /// Stationary standard deviation of its rate, m/s3; only with a rise time.
     pub fn rate_std(&self) -> f64 {
         self.density / (2.0 * self.rise_s).sqrt()
     }
@@ -246,40 +247,40 @@ impl BaseAcceleration {
 /// Gravity and the magnetic field.
 #[derive(Debug, Clone, PartialEq)]
 pub struct World {
-    /// Unit vector in root axes.
+    /// Up, a unit vector in root axes.
     pub up: [f64; 3],
-    /// Horizontal unit vector in root axes from which the azimuth counts.
+    /// Horizontal unit vector in root axes that is azimuth 0.
     pub forward: [f64; 3],
-    /// m/s2.
+    /// Gravity, m/s2.
     pub gravity_m_s2: f64,
-    /// uT.
+    /// Norm of the magnetic field, uT.
     pub magnetic_norm_ut: Expr,
-    /// Below the horizon, rad.
+    /// Dip below the horizon, rad.
     pub magnetic_dip_rad: Expr,
-    /// From `forward` about `up`, rad.
+    /// Azimuth from `forward` about `up`, rad.
     pub magnetic_azimuth_rad: f64,
-    /// The azimuth is known.
+    /// Whether the azimuth is known.
     pub azimuth_fixed: bool,
-    /// rad per sqrt(s).
+    /// Random walk of the azimuth, rad per sqrt(s).
     pub azimuth_walk: f64,
 }
 
-/// A length, a place or an angle of the body that a person may set.
+/// A length, position or angle of the body that a user may set.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
     /// Unique among parameters.
     pub name: String,
-    /// For people.
+    /// Description for people.
     pub label: String,
-    /// m, rad or empty.
+    /// Unit: m, rad or empty.
     pub unit: String,
-    /// Value unless set.
+    /// Default value.
     pub default: f64,
-    /// Prior standard deviation; `None` is unknown.
+    /// Prior standard deviation; `None`: unknown.
     pub std: Option<f64>,
 }
 
-/// A body, its sensors and its loops.
+/// A body, its sensors and closures.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {
     /// Short name.
@@ -306,17 +307,17 @@ impl Model {
     /// Reads a model's TOML text; `file` names it in messages.
     ///
     /// # Errors
-    /// [`crate::Error::Model`] with every mistake on a line of its own, each with file, line, key and what was expected.
+    /// [`crate::Error::Model`] with one line per mistake: file, line, key and what was expected.
     pub fn from_toml(text: &str, file: &str) -> crate::Result<Model> {
         read_model(text, file).map_err(|mistakes| crate::Error::Model(mistakes.join("\n")))
     }
 
-    /// How many coordinates all joints have together.
+    /// Number of coordinates of all joints.
     pub fn coordinate_count(&self) -> usize {
         self.joints.iter().map(|j| j.kind.width()).sum()
     }
 
-    /// How every coordinate moves by itself.
+    /// Process of every coordinate.
     pub fn axes(&self) -> Vec<Axis> {
         self.joints.iter().flat_map(Joint::axes).collect()
     }

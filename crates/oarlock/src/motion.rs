@@ -1,5 +1,5 @@
-//! How states move by themselves: white jerk, decaying accelerations, random walks, and the spring that holds what
-//! nothing observes.
+//! Motion models of states: white jerk, decaying accelerations, random walks, and the spring that keeps unobserved
+//! joints near their prior.
 
 use crate::config::ProcessNoise;
 use crate::estimate::transition::{Block, Transition, Turning};
@@ -8,27 +8,27 @@ use crate::rotation::turn::{left_jacobian_inverse, minus, plus, right_jacobian, 
 use crate::sensor::SlowError;
 use crate::state::{PushSlot, Slots};
 
-/// Above this share of its prior's standard deviation a joint counts as not observed and is held by its prior.
+/// A joint with a standard deviation above this share of its prior's counts as not observed and is kept near its prior.
 pub const HELD_SHARE: f64 = 0.8;
 
-/// Whether a coordinate whose value has this variance counts as observed; of a rotation vector, the sum of all three.
+/// Whether a coordinate with this variance counts as observed; for a rotation vector, the sum of all three.
 pub fn is_observed(axis: &Axis, variance: f64) -> bool {
     variance.sqrt() < HELD_SHARE * axis.prior_std()
 }
 
-/// A coordinate's present, and how far to look ahead.
+/// Input of a motion model: time step and current uncertainty of a coordinate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Now {
-    /// s.
+    /// Time step, s.
     pub dt: f64,
-    /// Of its value; of a rotation vector, the sum of all three.
+    /// Variance of the value; for a rotation vector, the sum of all three.
     pub variance: f64,
     /// Factor on the variance of its driving noise.
     pub drive: f64,
 }
 
-/// Motion of one coordinate. While it is held, the model's own driving noise counts, not the learnt one; but for places,
-/// which are always held and whose accelerations every accelerometer feels.
+/// Motion of one coordinate. An unobserved one uses the model's process noise instead of the learnt one. Positions are
+/// the exception: the spring always acts on them, and every accelerometer determines their accelerations.
 pub fn joint_block(axis: &Axis, slots: Slots, now: Now, noise: ProcessNoise) -> Block {
     let dt = now.dt;
     let held = !is_observed(axis, now.variance);
@@ -53,14 +53,14 @@ pub fn joint_block(axis: &Axis, slots: Slots, now: Now, noise: ProcessNoise) -> 
     block
 }
 
-/// Motion of a rotation vector: the three coordinates move side by side in a chart, and the chart's derivatives lead into
-/// it and out again. The chart stands at the rotation itself, R Exp(phi) with phi the turning meanwhile, so that the error goes
-/// to Jr(phi) (Jl(phi)^-1 e + d phi); while the joint is held, at its rest.
+/// Motion of a rotation vector. Its three coordinates move independently in a chart, and the chart's derivatives
+/// convert to it and back. The chart is at the rotation itself, R Exp(phi) with the rotation phi during the step, so
+/// that the error becomes Jr(phi) (Jl(phi)^-1 e + d phi). For an unobserved joint the chart is at its rest.
 pub fn push_turn(axes: &[Axis], slots: Slots, mean: &[f64], now: [Now; 3], noise: ProcessNoise, out: &mut Transition) {
     let index = [slots.q, slots.q + 1, slots.q + 2];
     let block = |i: usize| {
         let own = Slots { q: slots.q + i, rates: slots.rates.map(|(rate, accel)| (rate + i, accel + i)) };
-        // The chart counts from the rest.
+        // The chart's origin is the rest.
         joint_block(&Axis { rest: 0.0, ..axes[i] }, own, now[i], noise)
     };
     let blocks = [0, 1, 2].map(block);
@@ -84,8 +84,8 @@ pub fn push_turn(axes: &[Axis], slots: Slots, mean: &[f64], now: [Now; 3], noise
     out.blocks.extend(blocks);
 }
 
-/// An acceleration of the base that decays or walks: a' = -a / time_s + r, of which r is white or, where a push takes time to
-/// build up, white noise behind a lag of `rise_s`.
+/// A base acceleration that decays or is a random walk: a' = -a / time_s + r. The rate r is white noise or, with a rise
+/// time, white noise through a lag of `rise_s`.
 pub fn base_block(base: &BaseAcceleration, slot: PushSlot, dt: f64, drive: f64) -> Block {
     let (density2, alpha) = (base.density * base.density * drive, 1.0 / base.time_s);
     let keep = (-alpha * dt).exp();
@@ -102,7 +102,7 @@ pub fn base_block(base: &BaseAcceleration, slot: PushSlot, dt: f64, drive: f64) 
     block
 }
 
-/// Motion of one axis of a sensor's slow error over `dt`: a random walk, or one that decays.
+/// Motion of one axis of a sensor's slow error over `dt`: a random walk or a decay.
 pub fn error_block(error: &SlowError, state: usize, dt: f64) -> Block {
     let (variance, rate) = (error.walk * error.walk, 1.0 / error.time_s);
     let mut block = Block::walk(state, variance * faded(2.0 * rate, dt));
@@ -119,15 +119,15 @@ fn faded(k: f64, t: f64) -> f64 {
     }
 }
 
-/// What a unit rate that decays at `beta` has left, `t` later, in an acceleration that decays at `alpha`.
+/// Response after `t` of an acceleration with decay rate `alpha` to an initial unit rate with decay rate `beta`.
 fn risen(alpha: f64, beta: f64, t: f64) -> f64 {
     (-alpha * t).exp() * faded(beta - alpha, t)
 }
 
-/// Covariance of acceleration and rate that unit white noise of the rate leaves over `t`.
+/// Covariance of acceleration and rate after `t` with unit white noise on the rate.
 fn rising_noise(alpha: f64, beta: f64, t: f64) -> [[f64; 3]; 3] {
     if beta * t < 0.5 {
-        // The closed form loses its digits here.
+        // The closed form is inaccurate here.
         return gathered(t, |s| [risen(alpha, beta, s), (-beta * s).exp(), 0.0]);
     }
     let (slow, both, fast) = (faded(2.0 * alpha, t), faded(alpha + beta, t), faded(2.0 * beta, t));
@@ -141,11 +141,12 @@ fn coasting(t: f64) -> [[f64; 3]; 3] {
     [[1.0, t, 0.5 * t * t], [0.0, 1.0, t], [0.0, 0.0, 1.0]]
 }
 
-/// What a push of the acceleration has become `t` later, when accelerations decay within `tau` (Singer 1970).
+/// Response of value, rate and acceleration after `t` to a unit impulse of the acceleration, which decays with `tau`
+/// (Singer 1970).
 fn response(tau: f64, t: f64) -> [f64; 3] {
     let x = t / tau;
     if x < 1e-3 {
-        // The closed form loses its digits here.
+        // The closed form is inaccurate here.
         return [t * t * (0.5 - x / 6.0 + x * x / 24.0), t * (1.0 - x / 2.0 + x * x / 6.0), (-x).exp()];
     }
     let lost = -(-x).exp_m1();
@@ -157,7 +158,7 @@ fn decaying(tau: f64, t: f64) -> [[f64; 3]; 3] {
     [[1.0, t, p], [0.0, 1.0, v], [0.0, 0.0, a]]
 }
 
-/// Abscissae and weights of Gauss and Legendre on [0, 1].
+/// Gauss-Legendre abscissae and weights on [0, 1].
 const GAUSS: [(f64, f64); 5] = [
     (0.046_910_077_030_668, 0.118_463_442_528_094_5),
     (0.230_765_344_947_158_5, 0.239_314_335_249_683_2),
@@ -166,8 +167,8 @@ const GAUSS: [(f64, f64); 5] = [
     (0.953_089_922_969_332, 0.118_463_442_528_094_5),
 ];
 
-/// Covariance that unit white noise leaves over `t` where its push has become `response` so much later, by Gauss' rule: a sum
-/// of squares, where closed forms cancel.
+/// Covariance after `t` under unit white noise with impulse response `response`, by Gauss quadrature: a sum of squares,
+/// where closed forms cancel.
 fn gathered(t: f64, response: impl Fn(f64) -> [f64; 3]) -> [[f64; 3]; 3] {
     let mut sum = [[0.0; 3]; 3];
     for (x, weight) in GAUSS {
@@ -179,21 +180,21 @@ fn gathered(t: f64, response: impl Fn(f64) -> [f64; 3]) -> [[f64; 3]; 3] {
     sum
 }
 
-/// White-noise jerk (Bar-Shalom, Li and Kirubarajan 2001, section 6.2.3), scaled so that a unit is the rms increment of
-/// the acceleration over `dt`.
+/// White-noise jerk (Bar-Shalom, Li and Kirubarajan 2001, section 6.2.3), scaled so that 1 is the rms increment of the
+/// acceleration over `dt`.
 fn white_jerk(t: f64) -> [[f64; 3]; 3] {
     let (t2, t3, t4) = (t * t, t * t * t, t * t * t * t);
     [[t4 / 20.0, t3 / 8.0, t2 / 6.0], [t3 / 8.0, t2 / 3.0, t / 2.0], [t2 / 6.0, t / 2.0, 1.0]]
 }
 
-/// Eq. 6 of Ruffaldi, Peppoloni and Filippeschi, its garbled row read as G G' with G = [T^2/2, T, 1].
+/// Eq. 6 of Ruffaldi, Peppoloni and Filippeschi. Its misprinted row is read as G G' with G = [T^2/2, T, 1].
 fn printed(t: f64) -> [[f64; 3]; 3] {
     let g = [0.5 * t * t, t, 1.0];
     g.map(|a| g.map(|b| a * b))
 }
 
-/// The same white jerk against a critically damped spring (triple pole) that leaves the joint, in the long run, within
-/// its prior: mean `rest`, standard deviation `prior_std`. Exact over any dt.
+/// The same white jerk with a critically damped spring (triple pole). Its stationary distribution is the joint's prior:
+/// mean `rest`, standard deviation `prior_std`. Exact for any dt.
 fn held_jerk(index: [usize; 3], axis: &Axis, density2: f64, dt: f64) -> Block {
     let s2 = axis.prior_std() * axis.prior_std();
     let pole = (3.0 * density2 / (16.0 * s2)).powf(0.2);
@@ -204,7 +205,7 @@ fn held_jerk(index: [usize; 3], axis: &Axis, density2: f64, dt: f64) -> Block {
     Block { index, len: 3, factor, offset, noise: driving(&factor, &settled) }
 }
 
-/// Noise that keeps the `settled` covariance where it is: S - F S F'.
+/// Process noise that keeps the `settled` covariance stationary: S - F S F'.
 fn driving(factor: &[[f64; 3]; 3], settled: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
     let mut noise = *settled;
     for (r, row) in noise.iter_mut().enumerate() {
@@ -221,7 +222,7 @@ fn driving(factor: &[[f64; 3]; 3], settled: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
 
 /// exp(A t) of x''' = -3 p x'' - 3 p^2 x' - p^3 x.
 fn triple_pole(p: f64, t: f64) -> [[f64; 3]; 3] {
-    // Nothing is left by then, and the powers of a longer t would overflow.
+    // The response is zero by then, and the powers of a longer t would overflow.
     let t = t.min(500.0 / p);
     let e = (-p * t).exp();
     let (p2, p3, p4, t2) = (p * p, p * p * p, p * p * p * p, t * t);
@@ -233,7 +234,7 @@ fn triple_pole(p: f64, t: f64) -> [[f64; 3]; 3] {
     rows.map(|row| row.map(|x| x * e))
 }
 
-/// A walk that is drawn back to `rest` just so fast that it stays within the prior.
+/// A random walk with a restoring term, so that its stationary distribution is the prior.
 fn held_walk(index: usize, axis: &Axis, density2: f64, dt: f64) -> Block {
     let s2 = axis.prior_std() * axis.prior_std();
     let keep = (-dt * density2 / (2.0 * s2)).exp();
@@ -274,7 +275,7 @@ mod tests {
 
     #[test]
     fn decaying_noise_is_singers() {
-        // The closed form of Singer (1970), far enough from zero for it to keep its digits.
+        // The closed form of Singer (1970), far enough from zero to be accurate.
         for (tau, t) in [(0.3, 0.3), (0.1, 0.15)] {
             let (a, x): (f64, f64) = (1.0 / tau, t / tau);
             let (e, e2) = ((-x).exp(), (-2.0 * x).exp());
@@ -289,7 +290,7 @@ mod tests {
             let q = gathered(t, |t| response(tau, t));
             let found = [q[0][0], q[0][1], q[0][2], q[1][1], q[1][2], q[2][2]];
             for (f, c) in found.iter().zip(closed) {
-                // Gauss' rule of five points is exact to the ninth power.
+                // Five-point Gauss quadrature is exact up to the ninth power.
                 assert!((f / c - 1.0).abs() < 1e-7, "{f} {c}");
             }
         }
@@ -313,7 +314,8 @@ mod tests {
         base_block(&push(time_s, rise_s), PushSlot { state: 0, rate: Some(1), number: 0 }, dt, 1.0)
     }
 
-    /// F and Q of two steps are those of one twice as long, on either side of where the form changes and across it.
+    /// F and Q of two steps equal those of one step twice as long, on either side of the change of formula and across
+    /// it.
     #[test]
     fn two_steps_of_a_rising_push_are_one() {
         for (time_s, rise_s, dt) in
@@ -332,7 +334,7 @@ mod tests {
         }
     }
 
-    /// Long after, a push that rises in no time has the spread of one that jumps, and its rate the one that a start gives it.
+    /// In the long run, a rise time near zero gives the variance of no rise time, and the rate has its start variance.
     #[test]
     fn a_push_that_rises_at_once_jumps() {
         let (risen, jumped) = (

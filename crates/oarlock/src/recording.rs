@@ -1,4 +1,4 @@
-//! Measured streams, and their merging into samples.
+//! Streams of readings, and their merging into samples.
 
 pub mod column;
 
@@ -11,33 +11,33 @@ use crate::sensor::{Quantity, Suite};
 use column::Column;
 use std::collections::BTreeMap;
 
-/// One quantity of a stream, rows laid end to end; NaN is missing.
+/// One quantity of a stream, row-major; NaN is missing.
 #[derive(Debug, Clone)]
 pub struct Channel {
-    /// What it is; encoders of input joints are `Joint` too.
+    /// Its quantity; encoders of input joints are `Joint` too.
     pub quantity: Quantity,
     /// `time_s.len()` rows of 1 (joint, range), 4 (orientation: a quaternion, scalar first) or 3 numbers.
     pub values: Column,
 }
 
-/// What one sensor said, at its own stamps.
+/// Readings of one sensor with its own time stamps.
 #[derive(Debug, Clone)]
 pub struct Stream {
-    /// Of the sensor, or of an input joint.
+    /// Name of the sensor or of an input joint.
     pub name: String,
-    /// Strictly increasing, s.
+    /// Time stamps, strictly increasing, s.
     pub time_s: Column,
-    /// What it measured.
+    /// Its quantities.
     pub channels: Vec<Channel>,
 }
 
-/// Everything measured at one instant.
+/// All readings at one time.
 #[derive(Debug, PartialEq, Default)]
 pub struct Sample {
-    /// On the recording's clock, s.
+    /// Time on the recording's clock, s.
     pub time_s: f64,
-    /// In the order of the measurement vector; NaN is missing. Closures' rows are filled in by the tracker; those of an orientation
-    /// sensor hold the rotation vector of what it measured, rad.
+    /// In the order of the measurement vector; NaN is missing. The tracker fills in the closures' rows. The rows of an
+    /// orientation sensor contain the rotation vector of its measurement, rad.
     pub z: Vec<f64>,
     /// Per coordinate of the model: readings of input joints, NaN where missing.
     pub inputs: Vec<f64>,
@@ -48,7 +48,7 @@ impl Clone for Sample {
         Sample { time_s: self.time_s, z: self.z.clone(), inputs: self.inputs.clone() }
     }
 
-    /// Into the memory that is there: a step allocates nothing.
+    /// Copies into existing memory: a step allocates nothing.
     fn clone_from(&mut self, from: &Self) {
         let Sample { time_s, z, inputs } = self;
         *time_s = from.time_s;
@@ -58,19 +58,19 @@ impl Clone for Sample {
 }
 
 impl Sample {
-    /// A sample that holds nothing.
+    /// A sample without readings.
     pub fn empty(model: &Model, suite: &Suite) -> Self {
         Sample { time_s: f64::NAN, z: vec![f64::NAN; suite.len()], inputs: vec![f64::NAN; model.coordinate_count()] }
     }
 
-    /// Forgets all readings.
+    /// Removes all readings.
     pub fn clear(&mut self) {
         self.z.fill(f64::NAN);
         self.inputs.fill(f64::NAN);
     }
 }
 
-/// A stream and its clock.
+/// A stream with its clock.
 #[derive(Debug, Clone)]
 struct Clocked {
     stream: Stream,
@@ -90,23 +90,23 @@ enum Target {
     Input(usize),
 }
 
-/// Streams that belong to a model.
+/// The streams that a model uses.
 #[derive(Debug, Clone)]
 pub struct Recording {
     streams: Vec<Clocked>,
-    /// Per stream and channel.
+    /// Per stream and channel: its rows in the sample.
     targets: Vec<Vec<Target>>,
     merge_s: f64,
-    /// Plain sentences on what the model has no use for.
+    /// Notes on readings that the model does not use.
     pub notes: Vec<String>,
 }
 
-/// How far a recording has been read: the next row of every stream.
+/// Position in a recording: the next row of every stream.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Cursor(Vec<usize>);
 
 impl Recording {
-    /// Checks stamps, lengths and names. Streams are merged by true time, as `clocks` (by stream) have it.
+    /// Checks time stamps, lengths and names. Streams are merged by true time according to `clocks` (by stream).
     pub fn new(
         model: &Model,
         suite: &Suite,
@@ -142,7 +142,11 @@ impl Recording {
                 }
                 None => {
                     let what = format!("{:?}", channel.quantity).to_lowercase();
-                    self.notes.push(format!("{}: {what} readings left out (the model's sensor has none)", stream.name));
+                    self.notes.push(format!(
+                        "{}: {what} readings are not used because the model's sensor has none; to use them, add their \
+                         noise to the model file",
+                        stream.name
+                    ));
                     targets.push(Target::Row(usize::MAX));
                 }
             }
@@ -150,7 +154,7 @@ impl Recording {
         Ok(targets)
     }
 
-    /// Before the first row.
+    /// The position before the first row.
     pub fn start(&self) -> Cursor {
         Cursor(vec![0; self.streams.len()])
     }
@@ -160,7 +164,7 @@ impl Recording {
         self.streams.iter().map(|s| s.stream.name.as_str())
     }
 
-    /// First and last true time, s; `None` if there is no row.
+    /// First and last true time, s; `None` without rows.
     pub fn span_s(&self) -> Option<(f64, f64)> {
         let first = self.streams.iter().filter_map(|s| s.true_s(0)).reduce(f64::min)?;
         let last = self.streams.iter().filter_map(|s| s.true_s(s.stream.time_s.len().checked_sub(1)?));
@@ -202,7 +206,7 @@ impl Recording {
     }
 }
 
-/// The input joint that a stream of this name feeds: the joint's own name, or that of an encoder on it.
+/// The input joint that a stream of this name supplies: the joint's own name, or that of an encoder on it.
 pub fn input_joint(model: &Model, name: &str) -> Option<usize> {
     let encoder = model.sensors.iter().find_map(|s| match &s.kind {
         SensorKind::Encoder(encoder) if s.name == name => Some(encoder.joint),
@@ -223,7 +227,7 @@ fn unknown_stream(model: &Model, name: &str) -> Error {
     ))
 }
 
-/// No distance is below nothing; noise alone does not make it so where two points are centimetres apart.
+/// A distance is not negative. Noise makes it so only if the points are within centimetres of each other.
 fn refuse_negative(quantity: Quantity, stream: &Stream, values: &Column) -> Result<()> {
     let negative = values.iter().enumerate().find(|(_, x)| quantity == Quantity::Range && *x < 0.0);
     negative.map_or(Ok(()), |(i, x)| {
@@ -236,7 +240,7 @@ fn refuse_negative(quantity: Quantity, stream: &Stream, values: &Column) -> Resu
     })
 }
 
-/// Numbers of a row.
+/// Length of a row.
 fn width(quantity: Quantity) -> usize {
     match quantity {
         Quantity::Joint | Quantity::Range => 1,
@@ -251,14 +255,14 @@ fn check(clocked: &Clocked) -> Result<()> {
     let times = || t.iter().map(|stamp_s| clocked.clock.true_s(stamp_s));
     if let Some((i, time_s)) = times().enumerate().find(|(_, x)| !x.is_finite()) {
         return Err(Error::Data(format!(
-            "stream '{}': time_s[{i}] = {time_s}: stamps must be finite seconds; drop that row",
+            "stream '{}': time_s[{i}] = {time_s}: time stamps must be finite, in seconds; drop that row",
             stream.name
         )));
     }
     let pairs = times().zip(times().skip(1)).enumerate();
     if let Some((i, (before, here))) = { pairs }.find(|(_, (before, here))| here <= before) {
         return Err(Error::Data(format!(
-            "stream '{}': time_s[{}] = {here} s does not come after time_s[{i}] = {before} s; stamps must increase: \
+            "stream '{}': time_s[{}] = {here} s does not come after time_s[{i}] = {before} s; time stamps must increase: \
              sort the rows, drop repeated ones, or give each clock its own stream",
             stream.name,
             i + 1
@@ -268,7 +272,7 @@ fn check(clocked: &Clocked) -> Result<()> {
         let width = width(c.quantity);
         if c.values.len() != width * t.len() {
             return Err(Error::Data(format!(
-                "stream '{}': {} stamps but {} values of {:?}, expected {}",
+                "stream '{}': {} time stamps but {} values of {:?}, expected {}",
                 stream.name,
                 t.len(),
                 c.values.len(),

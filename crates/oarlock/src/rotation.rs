@@ -1,4 +1,4 @@
-//! Rotations and three-vectors over one or many lanes, and SO(3) in doubles.
+//! Vectors and rotations in three dimensions, over one or many lanes, and in doubles.
 
 pub mod turn;
 
@@ -135,7 +135,7 @@ impl<T: Real> Vec3<T> {
         Vec3([self.0[0].half(half), self.0[1].half(half), self.0[2].half(half)])
     }
 
-    /// Puts one half of the lanes.
+    /// Sets one half of the lanes.
     #[inline(always)]
     pub fn set_half(&mut self, half: usize, v: Vec3<T::Half>) {
         for (to, x) in self.0.iter_mut().zip(v.0) {
@@ -153,7 +153,7 @@ impl Vec3<f64> {
 }
 
 impl<T: Real> Mat3<T> {
-    /// No rotation.
+    /// The identity.
     #[inline(always)]
     pub fn identity() -> Self {
         let (o, i) = (T::splat(0.0), T::splat(1.0));
@@ -219,7 +219,7 @@ impl<T: Real> Mat3<T> {
         ])
     }
 
-    /// Times a rotation about z, given its sine and cosine.
+    /// Product with a rotation about z, given its sine and cosine.
     #[inline(always)]
     pub fn turned_about_z(&self, sin: T, cos: T) -> Self {
         let mut out = self.0;
@@ -250,7 +250,7 @@ impl Mat3<f64> {
         Vec3([dot_f64(v.0, self.column(0).0), dot_f64(v.0, self.column(1).0), dot_f64(v.0, self.column(2).0)])
     }
 
-    /// Times a vector in lanes.
+    /// Product with a vector in lanes.
     #[inline(always)]
     pub fn apply_lanes<T: Real>(&self, v: Vec3<T>) -> Vec3<T> {
         Vec3([dot_f64(v.0, self.0[0]), dot_f64(v.0, self.0[1]), dot_f64(v.0, self.0[2])])
@@ -261,7 +261,7 @@ impl Mat3<f64> {
         self.times_f64(o)
     }
 
-    /// Matrix times the transpose of another.
+    /// Product with the transpose of another matrix.
     #[inline(always)]
     pub fn times_transposed(&self, o: &Self) -> Self {
         let mut out = self.0;

@@ -1,4 +1,4 @@
-//! What the sensors and closed loops of a model read from the motion of its frames.
+//! Measurement model: readings of all sensors and closures of a model, given the motion of its frames. `body` uses it.
 
 pub mod closure;
 pub mod encoder;
@@ -26,7 +26,7 @@ use slopes::{Answers, Found, Group, Moving};
 use std::ops::Range;
 use std::sync::LazyLock;
 
-// Every kind of sensor: its variant, and the file that implements it.
+// Every kind of sensor: its variant, and the file that implements it. A new kind adds one line.
 kinds! {
     Imu: imu,
     Encoder: encoder,
@@ -38,13 +38,13 @@ kinds! {
 /// Rows that are accepted or rejected together.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {
-    /// Of the measurement vector.
+    /// Rows of the measurement vector.
     pub rows: Range<usize>,
-    /// What they measure.
+    /// Their quantity.
     pub quantity: Quantity,
 }
 
-/// What a part of a measurement is.
+/// Physical quantity of a part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// Angular velocity, rad/s.
@@ -57,9 +57,9 @@ pub enum Quantity {
     Joint,
     /// A point in root axes, m.
     Position,
-    /// A loop's gap (m) and difference of axes.
+    /// A closure's gap (m) and difference of axes.
     Closure,
-    /// Angular velocity, rad/s, known to be zero while the unit rests.
+    /// Angular velocity, rad/s; measured as zero while the unit rests.
     Rest,
     /// A distance, m.
     Range,
@@ -68,7 +68,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// Whether a stream of `given` feeds it: a stream of one number a row does not say what it measures.
+    /// Whether a stream of `given` supplies it. A stream with one number a row does not name its quantity.
     pub fn is_fed_by(self, given: Quantity) -> bool {
         self == given || (self, given) == (Quantity::Range, Quantity::Joint)
     }
@@ -82,15 +82,15 @@ impl Quantity {
 /// A sensor or a closure: its rows in the measurement vector.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Source {
-    /// Of the sensor or closure.
+    /// Name of the sensor or closure.
     pub name: String,
     /// All its rows.
     pub rows: Range<usize>,
-    /// Gyro, accel, mag ... of it.
+    /// Its parts, such as gyroscope, accelerometer and magnetometer.
     pub parts: Vec<Part>,
     /// Standard deviation of each row's noise.
     pub std: Vec<f64>,
-    /// For people: `back.gyro_x`.
+    /// Name of each row, such as `back.gyro_x`.
     pub row_names: Vec<String>,
 }
 
@@ -101,29 +101,29 @@ impl Source {
     }
 }
 
-/// An error of a sensor's readings that is estimated: three states that add to three rows.
+/// A slow error of a sensor that is estimated: three states that are added to three rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SlowError {
-    /// Whose rows it adds to.
+    /// The quantity that it is added to.
     pub quantity: Quantity,
-    /// Of its states: `gyro_bias`.
+    /// Name of its states, such as `gyro_bias`.
     pub name: &'static str,
-    /// The word of `Config.estimate` that asks for it; `None`: it is always estimated.
+    /// The entry of `Config.estimate` that enables it; `None`: it is always estimated.
     pub asked: Option<&'static str>,
     /// Standard deviation at the start.
     pub start_std: f64,
-    /// Per sqrt(s).
+    /// Random walk, per sqrt(s).
     pub walk: f64,
-    /// In which it decays, s; infinite: it walks.
+    /// Time constant of its decay, s; infinite: a random walk.
     pub time_s: f64,
 }
 
-/// The reference of a device's orientations, turned about the vertical by an angle that is estimated.
+/// The unknown heading of a device's reference, which is estimated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Heading {
-    /// Sensors of the same group share it.
+    /// Sensors of one group share it.
     pub group: String,
-    /// How it drifts, rad per sqrt(s).
+    /// Its random walk, rad per sqrt(s).
     pub walk: f64,
 }
 
@@ -135,18 +135,18 @@ pub struct Suite {
     readers: Vec<Reader>,
 }
 
-/// How a body stands and moves, and what surrounds it: all that readings depend on.
+/// Motion of a body and its surroundings: everything that readings depend on.
 #[derive(Debug, Clone, Copy)]
 pub struct Scene<'a, T> {
     /// Motion of all frames.
     pub frames: &'a [FrameMotion<T>],
     /// Values of all coordinates.
     pub q: &'a [T],
-    /// Root axes, uT.
+    /// Magnetic field in root axes, uT.
     pub magnetic_field: Vec3<T>,
-    /// Lengths and mounts.
+    /// Lengths, mounts and headings.
     pub worn: Worn<'a, T>,
-    /// Of every source whose readings are differences from one.
+    /// Per source: the reference of readings that are differences from one.
     pub references: &'a [Mat3<f64>],
 }
 
@@ -159,39 +159,39 @@ impl<T: Real> Scene<'_, T> {
     }
 }
 
-/// What is estimated of how the sensors are worn.
+/// Estimated numbers of sensors and lengths.
 #[derive(Debug, Clone, Copy)]
 pub struct Worn<'a, T> {
-    /// Values of the parameters that are estimated.
+    /// Values of the estimated parameters.
     pub lengths: &'a [T],
-    /// Rotation vectors by which the estimated mounts are off, rad in sensor axes.
+    /// Rotation vectors of the estimated mount errors, rad in sensor axes.
     pub mounts: &'a [Vec3<T>],
-    /// By which the references of orientation sensors are turned about the vertical, rad.
+    /// Headings of the references of orientation sensors, rad.
     pub headings: &'a [T],
 }
 
-/// Parameters, and what of the wearing is estimated.
+/// Parameter values, and which parameters, mounts and headings are estimated.
 #[derive(Debug, Clone, Copy)]
 pub struct Wearing<'a> {
     /// Values of all parameters.
     pub parameters: &'a [f64],
-    /// Indices of those that are estimated.
+    /// Indices of the estimated parameters.
     pub estimated: &'a [usize],
-    /// Indices of the sensors whose mount is estimated.
+    /// Indices of the sensors with an estimated mount.
     pub mounts: &'a [usize],
-    /// Per sensor: which of the headings that are estimated turns its reference. Empty: none.
+    /// Per sensor: number of its estimated heading. Empty: none.
     pub headings: &'a [Option<usize>],
 }
 
-/// The numbers with which a sensor of a model becomes one that predicts its rows.
+/// Everything that turns a sensor of a model file into one that predicts its rows.
 pub(crate) struct Fit<'a> {
     model: &'a Model,
     worn: &'a Wearing<'a>,
-    /// A calibrated mount in place of the model's.
+    /// Calibrated mount that replaces the nominal one.
     given: Option<MountValue>,
-    /// Number among the sensors whose mount is estimated.
+    /// Number among the estimated mounts.
     mount: Option<usize>,
-    /// Number among the headings that are estimated.
+    /// Number among the estimated headings.
     heading: Option<usize>,
     /// Number among the sources.
     source: usize,
@@ -204,13 +204,13 @@ impl Fit<'_> {
 }
 
 impl Suite {
-    /// Lays out the measurement vector. `mounts` are (link from sensor, offset in the link, m) per sensor, for those
-    /// that differ from the model's own. Encoders of input joints have no rows: their values are inputs.
+    /// Lays out the measurement vector. `mounts` are (link from sensor, offset in the link, m) per sensor, where they
+    /// differ from the nominal ones. Encoders of input joints have no rows: their readings are inputs.
     pub fn new(model: &Model, parameters: &[f64], mounts: &[Option<MountValue>]) -> Self {
         Self::worn(model, &Wearing { parameters, estimated: &[], mounts: &[], headings: &[] }, mounts)
     }
 
-    /// The same, with something of the wearing estimated.
+    /// The same with estimated lengths, mounts and headings.
     pub fn worn(model: &Model, worn: &Wearing, mounts: &[Option<MountValue>]) -> Self {
         let mut suite = Suite { sources: Vec::new(), readers: Vec::new() };
         for (i, (sensor, given)) in model.sensors.iter().zip(mounts).enumerate() {
@@ -260,7 +260,7 @@ impl Suite {
         self.sources.last().map_or(0, |s| s.rows.end)
     }
 
-    /// Nothing is measured.
+    /// Whether there are no rows.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -275,17 +275,18 @@ impl Suite {
         self.sources.iter().flat_map(|s| s.row_names.iter().cloned()).collect()
     }
 
-    /// Marks the frames whose motion source `i` reads.
+    /// Marks the frames whose motion source `i` depends on.
     pub fn mark_frames(&self, i: usize, needed: &mut [bool]) {
         self.readers[i].mark_frames(needed);
     }
 
-    /// Marks the frames whose velocities or accelerations source `i` reads.
+    /// Marks the frames whose velocities or accelerations source `i` depends on.
     pub fn mark_moving(&self, i: usize, moving: &mut [bool]) {
         self.readers[i].mark_moving(moving);
     }
 
-    /// Of readings on a manifold: takes them from `z` as references, around which their rows are differences, and leaves zeros.
+    /// Readings on a manifold: moves them from `z` to references, so that their rows become differences, and sets `z`
+    /// to zero.
     pub fn refer(&self, z: &mut [f64], references: &mut [Mat3<f64>]) {
         for ((reader, source), reference) in self.readers.iter().zip(&self.sources).zip(references) {
             if let Some(taken) = reader.refer(&mut z[source.rows.clone()]) {
@@ -303,5 +304,5 @@ impl Suite {
     }
 }
 
-/// Rows of a sensor: quantity, suffix of each row's name, standard deviation of each.
+/// Layout of a sensor's rows: quantity, suffix of each row's name, standard deviation of each.
 type RowGroups = Vec<(Quantity, &'static [&'static str], Vec<f64>)>;

@@ -1,30 +1,30 @@
-//! Signals of inertial units by differentiating poses: nothing here comes from the filter's sensor model.
+//! Simulated signals of inertial units, by numerical differentiation of poses. Independent of the filter's measurement
+//! model.
 //!
-//! Poses are taken at nine instants around each stamp, `step_s` apart. Linear acceleration is the second central
-//! difference of the sensor's position, angular velocity the first central difference of its orientation's logarithm
-//! relative to the middle, both of eighth order (Fornberg 1988).
+//! Poses are computed at nine instants around each time stamp, `step_s` apart. Linear acceleration is the second
+//! central difference of the sensor's position. Angular velocity is the first central difference of the logarithm of
+//! its orientation relative to the middle. Both are of eighth order (Fornberg 1988).
 
 use crate::kinematics::{FrameMotion, JointMotion, Tree};
 use crate::rotation::{Mat3, Vec3};
 
-/// Instants around a stamp, the stamp's own included.
+/// Number of instants around a time stamp, including it.
 pub const STENCIL: usize = 9;
 const FIRST: [f64; 4] = [4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0];
 const SECOND: [f64; 5] = [-205.0 / 72.0, 8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0];
 
-/// A point and axes on a frame whose signals are wanted.
+/// A simulated sensor on a frame.
 #[derive(Debug, Clone, Copy)]
 pub struct Spot {
     /// Index of the frame.
     pub frame: usize,
-    /// Link from sensor.
+    /// Rotation from sensor to link axes.
     pub rotation: Mat3<f64>,
-    /// In the link, m.
+    /// Position in the link, m.
     pub offset: [f64; 3],
 }
 
-/// What surrounds the body: gravity as a resting accelerometer feels it and the magnetic field, both in root axes, and
-/// the root's own acceleration.
+/// Surroundings in root axes: specific force at rest, magnetic field, and the root's own acceleration.
 #[derive(Debug, Clone, Copy)]
 pub struct Around {
     /// m/s2.
@@ -35,10 +35,10 @@ pub struct Around {
     pub root_acceleration: [f64; 3],
 }
 
-/// gyro rad/s, accel m/s2, mag uT in sensor axes.
+/// Gyroscope rad/s, accelerometer m/s2, magnetometer uT, in sensor axes.
 pub type Signals = [f64; 9];
 
-/// Signals at the middle of `q`, the joint values at the stencil's instants, `step_s` apart.
+/// Signals at the middle of `q`, the joint values at the nine instants, `step_s` apart.
 pub fn signals(tree: &Tree, q: &[&[f64]; STENCIL], step_s: f64, around: &Around, spots: &[Spot]) -> Vec<Signals> {
     let poses: Vec<Vec<(Mat3<f64>, Vec3<f64>)>> = q.iter().map(|q| poses(tree, q, spots)).collect();
     let at = |i: usize| {
@@ -84,7 +84,7 @@ fn differentiate(track: &[(Mat3<f64>, Vec3<f64>); STENCIL], step_s: f64, around:
     out
 }
 
-/// Rotation vector of a rotation by less than a right angle, rad.
+/// Rotation vector of a rotation of less than a right angle, rad.
 fn logarithm(r: &Mat3<f64>) -> Vec3<f64> {
     let m = &r.0;
     let axis = [m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1]].map(|x| 0.5 * x);

@@ -1,4 +1,4 @@
-//! What is estimated, and where it stands in the state vector: poses, rates, accelerations, slow states.
+//! `Layout`: the order of the state vector (poses, rates, accelerations, slow states). All filters use it.
 
 use crate::config::{Config, Magnetometer, DEFAULT_ESTIMATE};
 use crate::error::{Error, Result};
@@ -6,34 +6,34 @@ use crate::estimate::Partition;
 use crate::model::{Joint, JointKind, Model, ProcessKind, SensorKind};
 use crate::sensor::SlowError;
 
-/// Where a coordinate's value, rate and acceleration stand. The three of a rotation vector stand next to each other.
+/// Indices of a coordinate's value, rate and acceleration. The three of a rotation vector are adjacent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Slots {
     /// Value.
     pub q: usize,
-    /// Rate and acceleration, unless the joint walks.
+    /// Rate and acceleration, unless the joint is a random walk.
     pub rates: Option<(usize, usize)>,
 }
 
-/// A slow error of a sensor, such as a bias: three states that add to a reading.
+/// A slow error of a sensor, such as a bias: three states that are added to a reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ErrorSlot {
-    /// Which of the model's sensors.
+    /// Index of the sensor in the model.
     pub sensor: usize,
     /// First index in the state.
     pub first: usize,
-    /// How it moves.
+    /// Its process.
     pub error: SlowError,
 }
 
-/// An acceleration of the base.
+/// A base acceleration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PushSlot {
     /// Index in the state.
     pub state: usize,
-    /// Index of the rate at which it is driven, of one that does not jump.
+    /// Index of its rate, if it has a rise time.
     pub rate: Option<usize>,
-    /// Which of the model's base accelerations.
+    /// Index of the base acceleration in the model.
     pub number: usize,
 }
 
@@ -44,28 +44,28 @@ pub struct Layout {
     pub coordinates: Vec<Option<Slots>>,
     /// Index and slot of the first coordinate of every rotation vector.
     pub turns: Vec<(usize, Slots)>,
-    /// Parameter and state of every length that is estimated.
+    /// Parameter and state of every estimated length.
     pub lengths: Vec<(usize, usize)>,
-    /// Sensor and first state of every mount that is estimated.
+    /// Sensor and first state of every estimated mount.
     pub mounts: Vec<(usize, usize)>,
-    /// Headings of references of orientation sensors: state, and walk (rad per sqrt(s)).
+    /// Headings of references of orientation sensors: state, and random walk (rad per sqrt(s)).
     pub headings: Vec<(usize, f64)>,
-    /// Per sensor of the model: which of them turns its reference.
+    /// Per sensor of the model: number of its heading.
     pub heading_of: Vec<Option<usize>>,
-    /// Azimuth of the magnetic field.
+    /// State of the magnetic field's azimuth.
     pub azimuth: Option<usize>,
-    /// Slow errors that are estimated, in the order of the sensors.
+    /// Estimated slow errors, in the order of the sensors.
     pub errors: Vec<ErrorSlot>,
-    /// Those of the model's base accelerations that are estimated.
+    /// Estimated base accelerations.
     pub pushes: Vec<PushSlot>,
-    /// `trunk`, `trunk.velocity`, `trunk.acceleration`, `azimuth`, `back.gyro_bias_x`, `surge`.
+    /// Names of the states: `trunk`, `trunk.velocity`, `trunk.acceleration`, `azimuth`, `back.gyro_bias_x`, `surge`.
     pub names: Vec<String>,
-    /// Sizes of the blocks.
+    /// Sizes of the blocks of the state.
     pub partition: Partition,
 }
 
 impl Layout {
-    /// The state of `model` under `config`.
+    /// The layout of `model` under `config`.
     pub fn new(model: &Model, config: &Config) -> Result<Self> {
         check_names(model, config)?;
         let mut layout = Layout {
@@ -93,7 +93,7 @@ impl Layout {
         self.names.len() - 1
     }
 
-    /// Whatever moves a frame or turns a reading.
+    /// States that move a frame or rotate a reading.
     fn place_poses(&mut self, model: &Model, config: &Config) {
         let moving = |j: &&Joint| !j.input && j.kind != JointKind::Fixed;
         let names = model.coordinate_names();
@@ -180,9 +180,9 @@ impl Layout {
     }
 }
 
-/// Of `Config.estimate`: all lengths that have a standard deviation.
+/// Entry of `Config.estimate`: all lengths with a standard deviation.
 pub const LENGTHS: &str = "lengths";
-/// Of `Config.estimate`: how the inertial units are turned on their links.
+/// Entry of `Config.estimate`: the mounts of the inertial units.
 pub const MOUNTS: &str = "mounts";
 
 fn estimates_azimuth(model: &Model, config: &Config) -> bool {

@@ -1,4 +1,4 @@
-//! From samples to beliefs: start, step, and the whole recording.
+//! Tracks a model: `Tracker` takes samples one by one and returns state estimates. `run` and the Python package use it.
 
 mod bank;
 mod begin;
@@ -52,17 +52,17 @@ use subject::Subject;
 use worn::{as_known, check_stds};
 pub use worn::{mount_values, parameter_values};
 
-/// What is known of one wearing of the sensors.
+/// Calibration of one session: everything about the sensors and the body that differs from the model file.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Calibration {
     /// Parameter values that differ from the model's defaults.
     pub parameters: BTreeMap<String, f64>,
-    /// Per inertial unit: link from sensor, and its origin in the link, m.
+    /// Per inertial unit: rotation from sensor to link axes, and the sensor's origin in the link, m.
     pub mounts: BTreeMap<String, MountValue>,
-    /// Of stamps and readings.
+    /// Corrections of time stamps and readings.
     pub corrections: Corrections,
-    /// Standard deviations of parameters, in their unit: at the start of those that are estimated; else they widen the bands,
-    /// as do the next two.
+    /// Standard deviations of parameters, in their unit. An estimated parameter starts with this standard deviation.
+    /// For all others it widens the bands, as do the next two fields.
     pub parameter_stds: BTreeMap<String, f64>,
     /// Per inertial unit: standard deviations of its mount about the link's axes, rad.
     pub mount_stds_rad: BTreeMap<String, [f64; 3]>,
@@ -70,33 +70,33 @@ pub struct Calibration {
     pub mount_offset_stds_m: BTreeMap<String, [f64; 3]>,
 }
 
-/// What became of a sample.
+/// How the tracker used a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Status {
-    /// Kept until the start window is full.
+    /// Stored until the start window is full.
     Starting,
-    /// Taken in.
+    /// Used.
     Tracking,
-    /// Not later than the belief: refused, nothing changed.
+    /// Refused because it is not later than the state estimate. Nothing changed.
     OutOfOrder,
 }
 
-/// Readings that feel the body's own motion are odd only far beyond the quantile: a jolt is not a fault.
+/// Factor on the gate of gyroscopes and accelerometers: a jolt makes large innovations but is not a sensor fault.
 const GATE_SLACK: f64 = 10.0;
 
-/// Told of every sample that was worked off, with what is known and the report behind it.
+/// Called for every processed sample, with the state estimate and the report of its update.
 pub type Sink<'a> = &'a mut dyn FnMut(&Sample, &Hypothesis, &Info);
 
-/// What is known, and the stages of a step with their workspaces.
+/// The state estimate and the stages of a step with their workspaces.
 #[derive(Debug, Clone)]
 pub struct Tracker {
     subject: Subject,
     config: Config,
     settings: UpdateSettings,
-    /// Per part: a magnetometer, which is no judge of motion.
+    /// Per part: whether it is a magnetometer. Magnetometers are not used to learn driving noise.
     strict: Vec<bool>,
     entry: Entry,
-    /// The sample that was last stepped with, as it is used.
+    /// The current sample after corrections.
     corrected: Sample,
     readings: Readings,
     faults: Faults,
@@ -108,14 +108,15 @@ pub struct Tracker {
     considering: Option<Considering>,
     transition: Transition,
     info: Info,
-    /// Off while several hypotheses compete: who is surprised more often must not excuse it by stronger driving noise.
+    /// False while several hypotheses compete: a hypothesis with large innovations must not explain them by larger
+    /// process noise.
     learns: bool,
     hypothesis: Option<Hypothesis>,
     waiting: Vec<Sample>,
 }
 
 impl Tracker {
-    /// Puts model, calibration and configuration together. Allocates all that steps will need.
+    /// Combines model, calibration and configuration. Allocates all memory that steps need.
     pub fn new(model: Arc<Model>, calibration: &Calibration, config: &Config) -> Result<Self> {
         config.check()?;
         let parameters = parameter_values(&model, &calibration.parameters)?;
@@ -154,7 +155,7 @@ impl Tracker {
         })
     }
 
-    /// Goes on from what an earlier run knew instead of fitting a start.
+    /// Continues from a state estimate of an earlier run instead of fitting a start.
     pub fn resume(&mut self, start: Hypothesis) -> Result<()> {
         for one in std::iter::once(&start).chain(&start.rivals) {
             self.check_start(one)?;
@@ -163,7 +164,7 @@ impl Tracker {
         Ok(())
     }
 
-    /// Refuses a belief of another shape, and numbers that are none.
+    /// Refuses a state estimate of another size or with numbers that are not finite.
     fn check_start(&self, start: &Hypothesis) -> Result<()> {
         let (belief, body, groups) = (&start.belief, &self.subject.body, &self.subject.groups);
         let (n, own, parts) = (belief.mean.len(), body.layout.dim(), groups.parts.len());
@@ -186,30 +187,30 @@ impl Tracker {
         let lists = [&belief.mean, belief.covariance.as_slice(), &belief.drive, &belief.usual_nis, &scalars];
         if !lists.into_iter().flatten().all(|x| x.is_finite()) {
             return Err(Error::Data(format!(
-                "belief at {} s holds numbers that are not finite: start without it, or from an earlier one",
+                "belief at {} s contains numbers that are not finite: start without it, or from an earlier one",
                 belief.time_s
             )));
         }
         Ok(())
     }
 
-    /// Uses these instructions instead of the machine's best; to compare.
+    /// Selects an instruction set instead of the best one of the machine; for comparisons.
     #[doc(hidden)]
     pub fn use_arch(&mut self, arch: Arch) {
         self.filter.use_arch(arch);
     }
 
-    /// The model with its numbers.
+    /// The model with its calibrated numbers.
     pub fn body(&self) -> &Body {
         &self.subject.body
     }
 
-    /// What is believed now; `None` until the start window is full.
+    /// Current state estimate; `None` until the start window is full.
     pub fn belief(&self) -> Option<&Belief> {
         self.hypothesis.as_ref().map(|one| &one.belief)
     }
 
-    /// All that is known now, to go on from; `None` until the start window is full.
+    /// The leading hypothesis with all that a later tracker needs to continue; `None` until the start window is full.
     pub fn hypothesis(&self) -> Option<&Hypothesis> {
         self.hypothesis.as_ref()
     }
@@ -219,27 +220,27 @@ impl Tracker {
         &self.info
     }
 
-    /// The report on a sample that was not taken in: nothing was used.
+    /// The report on a sample that was not used.
     pub fn blank_info(&self) -> Info {
         Info::new(&self.subject.groups, self.subject.rows())
     }
 
-    /// Of every source, what its magnetometer's reading was.
+    /// Per source: how its magnetometer's reading was judged.
     pub fn fields<'a>(&'a self, info: &'a Info) -> impl Iterator<Item = Field> + 'a {
         magnetic::by_source(&self.subject, info)
     }
 
-    /// Of every source, what was wrong with its reading.
+    /// Per source: the fault of its readings.
     pub fn source_faults<'a>(&'a self, info: &'a Info) -> impl Iterator<Item = Fault> + 'a {
         faults::by_source(&self.subject, info)
     }
 
-    /// A sample to fill in.
+    /// An empty sample of the right size.
     pub fn empty_sample(&self) -> Sample {
         Sample::empty(&self.subject.body.model, &self.subject.body.suite)
     }
 
-    /// Refuses a sample of another shape, and readings that no sensor can give.
+    /// Refuses a sample of another size and readings that no sensor can give.
     fn check(&self, sample: &Sample) -> Result<()> {
         let (rows, joints) = (self.subject.rows(), self.readings.moment.inputs.len());
         if (sample.z.len(), sample.inputs.len()) != (rows, joints) {

@@ -1,4 +1,4 @@
-//! Readings of a body at one state and their exact derivative.
+//! Readings of a body at one state and their exact derivative (Jacobian).
 
 use super::posture::Posture;
 use super::{Body, Moment};
@@ -7,7 +7,7 @@ use crate::kinematics::slopes::{Columns, Slopes};
 use crate::rotation::Mat3;
 use crate::sensor::slopes::{Causes, Moving, Places};
 
-/// Room to work in.
+/// Workspace of the Jacobian.
 #[derive(Debug, Clone)]
 pub struct LinearScratch {
     mean: Posture<f64>,
@@ -18,8 +18,8 @@ pub struct LinearScratch {
 }
 
 impl Body {
-    /// Where the numbers that move the tree stand in a Jacobian that has a column for every state, then one for each noisy input;
-    /// with or without those that change its pose.
+    /// Columns of the numbers that move the tree: one per state, then one per noisy input. Numbers that change the pose
+    /// may be left out.
     pub(super) fn columns(&self, poses: bool) -> Columns {
         let layout = &self.layout;
         let mut coordinates = vec![[None; 3]; self.model.coordinate_count()];
@@ -34,12 +34,12 @@ impl Body {
         Columns { coordinates, lengths: layout.lengths.iter().map(|l| l.1).collect() }
     }
 
-    /// Room for the rows of a Jacobian by numbers from column `from` on.
+    /// A Jacobian by the numbers from column `from` on.
     pub(super) fn causes(&self, slopes: &Slopes, from: usize) -> (SparseJacobian, Causes) {
         self.suite.causes(self.layout.dim(), slopes, &self.places(from))
     }
 
-    /// Where other numbers stand.
+    /// Columns of all other numbers.
     fn places(&self, from: usize) -> Places {
         let layout = &self.layout;
         Places {
@@ -54,7 +54,7 @@ impl Body {
         }
     }
 
-    /// Room for a Jacobian.
+    /// Workspace for a Jacobian.
     pub(super) fn linear_scratch(&self) -> LinearScratch {
         let slopes = self.tree.slopes(self.columns(true));
         let (straight, causes) = self.causes(&slopes, 0);
@@ -62,7 +62,7 @@ impl Body {
         LinearScratch { mean: Posture::new(self), anchors, slopes, straight, causes }
     }
 
-    /// All numbers of the Jacobian.
+    /// Computes the dense Jacobian.
     pub(super) fn jacobian(
         &self,
         moment: &Moment,
@@ -78,7 +78,7 @@ impl Body {
         s.straight = straight;
     }
 
-    /// Those that are not zero.
+    /// Computes the sparse Jacobian.
     #[inline(always)]
     pub(super) fn readings_and_slopes<const FUSED: bool>(
         &self,

@@ -1,4 +1,4 @@
-//! Where a body's joints, lengths and mounts are at a state.
+//! Values of a body's joints, lengths and mounts at a state, and the motion of its frames.
 
 use super::{three, Body, Moment};
 use crate::kernels::lane::Real;
@@ -9,27 +9,27 @@ use crate::rotation::{Mat3, Vec3};
 use crate::sensor::{Scene, Worn};
 use crate::state::Slots;
 
-/// Joints, wearing and frames of one state, or of eight side by side.
+/// Joints, lengths, mounts and frames of one state, or of eight side by side.
 #[derive(Debug, Clone)]
 pub struct Posture<T> {
     pub(super) q: Vec<T>,
     pub(super) qd: Vec<T>,
     pub(super) qdd: Vec<T>,
     pub(super) lengths: Vec<T>,
-    /// Rotation vectors by which the estimated mounts are off.
+    /// Rotation vectors of the estimated mount errors.
     pub mounts: Vec<Vec3<T>>,
-    /// By which the references of orientation sensors are turned about the vertical, rad.
+    /// Headings of the references of orientation sensors, rad.
     pub(super) headings: Vec<T>,
-    /// Of the frames that a moment needs.
+    /// Motion of the frames that a moment needs.
     pub frames: Vec<FrameMotion<T>>,
     /// The vertical in the axes of every piece.
     ups: Vec<Vec3<T>>,
-    /// Room for its readings.
+    /// Workspace for readings.
     pub(super) out: Vec<T>,
 }
 
 impl<T: Real> Posture<T> {
-    /// Room for `body`.
+    /// Workspace for `body`.
     pub fn new(body: &Body) -> Self {
         let (zero, frame) = (T::splat(0.0), FrameMotion::resting(Vec3::zero()));
         let joints = vec![zero; body.model.coordinate_count()];
@@ -46,7 +46,7 @@ impl<T: Real> Posture<T> {
         }
     }
 
-    /// Takes joints and wearing from the states that `at` gives.
+    /// Sets joints, lengths and mounts from the states that `at` gives.
     #[inline(always)]
     pub(super) fn unpack(&mut self, body: &Body, moment: &Moment, at: impl Fn(usize) -> T) {
         let zero = T::splat(0.0);
@@ -69,7 +69,7 @@ impl<T: Real> Posture<T> {
         }
     }
 
-    /// Takes the rates that `at` gives, and else no motion, in the posture of `mean`.
+    /// Sets the rates that `at` gives and all other motion to zero, in the posture of `mean`.
     #[inline(always)]
     pub(super) fn take_rates(&mut self, body: &Body, mean: &Posture<f64>, at: impl Fn(usize) -> T) {
         for (c, slots) in body.layout.coordinates.iter().enumerate() {
@@ -91,7 +91,7 @@ impl<T: Real> Posture<T> {
         Worn { lengths: &self.lengths, mounts: &self.mounts, headings: &self.headings }
     }
 
-    /// The frames as they were last found, in this magnetic field (uT, root axes).
+    /// The scene of the last computed frames in this magnetic field (uT, root axes).
     pub(super) fn scene<'a>(&'a self, magnetic_field: Vec3<T>, moment: &'a Moment) -> Scene<'a, T> {
         let references = &moment.references;
         Scene { frames: &self.frames, q: &self.q, magnetic_field, worn: self.worn(), references }
@@ -99,7 +99,7 @@ impl<T: Real> Posture<T> {
 }
 
 impl Posture<f64> {
-    /// Takes the mean: its rotations are the anchors, around which points lie in the tangent space.
+    /// Sets the mean. Its rotations are the anchors of the tangent space in which points lie.
     #[inline(always)]
     pub(super) fn take_mean(&mut self, body: &Body, moment: &Moment, mean: &[f64], anchors: &mut [Mat3<f64>]) {
         body.anchor(mean, anchors);
@@ -111,7 +111,7 @@ impl Posture<f64> {
 }
 
 impl Body {
-    /// Finds the vertical in the axes of every piece. Allocates nothing.
+    /// Computes the vertical in the axes of every piece. Allocates nothing.
     pub fn lower_up(&self, mean: &[f64], moment: &Moment, room: &mut Posture<f64>) {
         room.unpack(self, moment, |i| mean[i]);
         let mut ups = std::mem::take(&mut room.ups);
@@ -119,12 +119,12 @@ impl Body {
         room.ups = ups;
     }
 
-    /// What was found, in the axes of source `i` if that is an inertial unit.
+    /// The computed vertical in the axes of source `i`, if that is an inertial unit.
     pub fn up_seen_by(&self, i: usize, room: &Posture<f64>) -> Option<Vec3<f64>> {
         self.seats.seen_by(i, &room.ups, &room.mounts)
     }
 
-    /// Takes the mean, and finds how all frames that are needed stand and move there, with what their motion owes to each number.
+    /// Sets the mean and computes the motion of all needed frames with its derivatives.
     pub(super) fn stand_at(
         &self,
         moment: &Moment,

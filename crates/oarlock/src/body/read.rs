@@ -1,4 +1,4 @@
-//! What a body's sensors read at sigma points, eight at a time.
+//! Predicted readings of a body at sigma points, eight at a time.
 
 use super::linear::LinearScratch;
 use super::posture::Posture;
@@ -15,7 +15,7 @@ use crate::sensor::slopes::{Causes, Moving};
 use crate::sensor::{Scene, Worn};
 use std::any::Any;
 
-/// Room for one batch of sigma points, and what they share with the mean.
+/// Workspace of one batch of sigma points, and the data that they share with the mean.
 #[derive(Debug, Clone)]
 pub struct BodyScratch {
     plain: Flock<Lane<false>>,
@@ -30,12 +30,12 @@ pub struct BodyScratch {
     pub(super) linear: LinearScratch,
 }
 
-/// Eight points.
+/// Eight sigma points side by side.
 #[derive(Debug, Clone)]
 struct Flock<T> {
     posture: Posture<T>,
     near: Near<T>,
-    /// Where points are on their way to the root, a piece each.
+    /// Points on the way from their piece to the root, one per piece.
     trail: Vec<Vec3<T>>,
 }
 
@@ -47,7 +47,7 @@ impl<T: Real> Flock<T> {
 }
 
 impl BodyScratch {
-    /// For a body's points.
+    /// Workspace for a body.
     pub fn new(body: &Body) -> Self {
         let slopes = body.tree.slopes(body.columns(false));
         let (_, causes) = body.causes(&slopes, body.layout.partition.pose);
@@ -66,7 +66,7 @@ impl BodyScratch {
     }
 }
 
-/// The room whose numbers are reckoned with in this way.
+/// Selects the workspace for arithmetic with or without fused multiply-add.
 #[inline(always)]
 fn of_kind<'a, const FUSED: bool>(
     plain: &'a mut Flock<Lane<false>>,
@@ -106,7 +106,7 @@ impl Body {
         }
     }
 
-    /// Without regard to any mean.
+    /// Predicts without use of a mean.
     pub(super) fn read_all(&self, moment: &Moment, s: &mut BodyScratch, at: Points, out: &mut [Lane]) {
         self.anchor(at.mean, &mut s.anchors);
         let room = &mut s.plain.posture;
@@ -119,7 +119,7 @@ impl Body {
         self.add_biases(moment, |i| at.at(i), out);
     }
 
-    /// At the mean; remembers how everything stands there.
+    /// Predicts at the mean and stores the motion of all pieces there.
     #[inline(always)]
     pub(super) fn read_at_mean(&self, moment: &Moment, s: &mut BodyScratch, mean: &[f64], out: &mut [Lane]) {
         let room = &mut s.posture;
@@ -137,11 +137,11 @@ impl Body {
         for (out, x) in out.iter_mut().zip(&room.out) {
             *out = Lane::splat(*x);
         }
-        // What is remembered comes without biases, which are added to all points alike.
+        // The stored readings exclude biases, which are added to all points in the same way.
         self.add_biases(moment, |i| Lane::splat(mean[i]), out);
     }
 
-    /// Derivatives by rates and linear block at the mean that was settled at.
+    /// Derivatives by rates, and the linear block, at the stored mean.
     #[inline(always)]
     pub(super) fn linear_jacobian_at_mean<const FUSED: bool>(
         &self,
@@ -160,7 +160,7 @@ impl Body {
         self.suite.slopes::<FUSED>(&s.causes, at, &moment.active, straight);
     }
 
-    /// What rates that differ so from none at all, and nothing else, make accelerometers feel.
+    /// Second-order effect of rate deviations on the accelerometers, at the mean.
     #[inline(always)]
     pub(super) fn second_order_at_mean<const FUSED: bool>(
         &self,
@@ -178,7 +178,7 @@ impl Body {
         self.seats.second_order(near, &s.stands, &moment.active, out);
     }
 
-    /// Near the mean that was settled at.
+    /// Predicts near the stored mean.
     #[inline(always)]
     pub(super) fn read_near<const FUSED: bool>(
         &self,

@@ -1,4 +1,4 @@
-//! How a body's state falls apart: limbs are the ends of the tree, behind its last branchings; all else is the core.
+//! Division of a body's state for the factorised filter: limbs behind the last branchings of the tree, and the core.
 
 use super::Body;
 use crate::estimate::split::Split;
@@ -6,8 +6,8 @@ use crate::estimate::FastSystem;
 use crate::model::{Joint, JointKind, Model};
 
 impl Body {
-    /// A limb has its joints, the biases and mounts of the units on it, and lengths that its readings alone feel. What all limbs share
-    /// is the core: the joints that carry them, the field's azimuth, accelerations of the base.
+    /// A limb has its joints, the biases and mounts of its units, and the lengths that only its readings depend on. The
+    /// core is shared by all limbs: the joints that carry them, the field's azimuth, and base accelerations.
     pub(super) fn limbs(&self) -> Split {
         let links = links(&self.model);
         let limbs = limbs(&self.model, &links);
@@ -37,7 +37,7 @@ impl Body {
         Split::new(&found, &rows)
     }
 
-    /// On which states each row depends.
+    /// Per row: the states that it depends on.
     fn states_of_rows(&self) -> Vec<Vec<usize>> {
         let mut rows = vec![Vec::new(); self.suite.len()];
         let straight = self.jacobian_pattern().unwrap_or_default();
@@ -58,12 +58,12 @@ fn moves(joint: &Joint) -> bool {
     !joint.input && joint.kind != JointKind::Fixed
 }
 
-/// The joint that moves a link, if a state does.
+/// The joint that moves a link, if the joint is a state.
 fn joint_of(model: &Model, link: usize) -> Option<usize> {
     model.frames[link].joint.map(|(j, _)| j).filter(|&j| moves(&model.joints[j]))
 }
 
-/// Of every frame, the nearest one on its way to the root that a state moves against its parent; the root itself if there is none.
+/// Per frame: the nearest frame towards the root that a state moves relative to its parent; the root if there is none.
 fn links(model: &Model) -> Vec<usize> {
     let mut links = vec![0; model.frames.len()];
     for (f, frame) in model.frames.iter().enumerate().skip(1) {
@@ -72,13 +72,13 @@ fn links(model: &Model) -> Vec<usize> {
     links
 }
 
-/// Of every joint, the limb that it belongs to, named by one of its joints; `None` in the core and for what is no state.
+/// Per joint: its limb, named by one of its joints; `None` in the core and for joints that are no states.
 fn limbs(model: &Model, links: &[usize]) -> Vec<Option<usize>> {
     let parents = parents(model, links);
     let children = |joint: usize| parents.iter().filter(|p| p.contains(&joint)).count();
     let mut chains: Vec<usize> = (0..parents.len()).collect();
     for (j, own) in parents.iter().enumerate() {
-        // A joint that several chains share holds them together.
+        // A joint shared by several chains joins them.
         for &parent in own.iter().filter(|&&p| own.len() > 1 || children(p) == 1) {
             let (from, to) = (chains[j], chains[parent]);
             chains.iter_mut().filter(|c| **c == from).for_each(|c| *c = to);
@@ -90,7 +90,7 @@ fn limbs(model: &Model, links: &[usize]) -> Vec<Option<usize>> {
     (0..chains.len()).map(|j| limb(j).then_some(chains[j])).collect()
 }
 
-/// Of every joint, the joints right before it; more than one where frames share it.
+/// Per joint: the joints directly before it; more than one if frames share it.
 fn parents(model: &Model, links: &[usize]) -> Vec<Vec<usize>> {
     let mut parents = vec![Vec::new(); model.joints.len()];
     for (f, frame) in model.frames.iter().enumerate().skip(1) {

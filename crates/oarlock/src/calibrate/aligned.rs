@@ -1,40 +1,41 @@
-//! A mount turned as little as directions that are seen from both sides demand.
+//! The mount that agrees best with directions known in both sensor and link axes, closest to the nominal mount.
 
 use crate::rotation::Mat3;
 use nalgebra::{Matrix3, Matrix4, Quaternion, Rotation3, SymmetricEigen, UnitQuaternion, Vector3};
 use serde::{Serialize, Serializer};
 
-/// One direction in both axes, unit vectors, and how well it is known, rad.
+/// One direction in both axes, unit vectors, and its uncertainty, rad.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sight {
     /// In sensor axes.
     pub in_sensor: [f64; 3],
     /// In link axes.
     pub in_link: [f64; 3],
-    /// Standard deviation of their agreement, rad.
+    /// Standard deviation of the angle between the two, rad.
     pub std_rad: f64,
 }
 
-/// A turned mount.
+/// An estimated mount.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TurnedMount {
-    /// Takes sensor axes to link axes.
+    /// Rotation from sensor to link axes.
     #[serde(serialize_with = "rows")]
     pub link_from_sensor: Mat3<f64>,
-    /// By how much it was turned from the nominal one, rad.
+    /// Angle between it and the nominal mount, rad.
     pub turned_rad: f64,
-    /// What is left between each sight's directions, rad.
+    /// Residual angle of each sight, rad.
     pub left_rad: Vec<f64>,
 }
 
-/// The rotation nearest to `nominal` among those that agree best with the sights, weighed by their standard deviations.
+/// The rotation nearest to `nominal` among those that fit the sights best, weighted by their standard deviations.
 ///
-/// With one sight the nominal mount is turned by the least angle that makes it agree; about the sight itself it keeps the
-/// nominal heading. Source: G. Wahba (1965), "A least squares estimate of satellite attitude", by Davenport's eigenvector.
+/// With one sight the nominal mount is rotated by the smallest angle that makes it agree and keeps its nominal heading
+/// about the sight. Source: G. Wahba (1965), "A least squares estimate of satellite attitude", solved by Davenport's
+/// eigenvector method.
 pub fn aligned_mount(nominal: &Mat3<f64>, sights: &[Sight]) -> TurnedMount {
     let nominal = Matrix3::from_fn(|i, j| nominal.0[i][j]);
     let strongest = sights.iter().map(|s| s.std_rad.powi(-2)).fold(f64::NAN, f64::max);
-    // Far below any sight, far above rounding: decides only what no sight tells.
+    // Far below any sight's weight, far above rounding: it decides only directions that no sight determines.
     let mut profile = nominal * if strongest.is_nan() { 1.0 } else { 1e-7 * strongest };
     for sight in sights {
         let (own, link) = (Vector3::from(sight.in_sensor), Vector3::from(sight.in_link));
@@ -49,7 +50,7 @@ pub fn aligned_mount(nominal: &Mat3<f64>, sights: &[Sight]) -> TurnedMount {
     }
 }
 
-/// The rotation R for which the trace of R' `profile` is largest.
+/// The rotation R that maximises the trace of R' `profile`.
 fn best_rotation(profile: &Matrix3<f64>) -> UnitQuaternion<f64> {
     let p = profile;
     let across = Vector3::new(p.m32 - p.m23, p.m13 - p.m31, p.m21 - p.m12);

@@ -1,4 +1,4 @@
-//! How the links of a chain move in a recording, by the gyroscopes alone, on one clock.
+//! Motion of the links of a hinge chain from gyroscopes alone, on one time grid. `lever_arms` and `magnetic` use it.
 
 use super::clock::{common_clock, interpolated};
 use super::hinge_chain::{in_swing, matrix, ChainSensor, FoundMount};
@@ -6,28 +6,29 @@ use super::swing_sense::common_direction;
 use crate::{Error, Result};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-/// One link over time, on the chain's common grid; in link axes unless named otherwise.
+/// One link over time, on the chain's grid; in link axes unless named otherwise.
 pub(crate) struct LinkMotion {
     pub world_from_link: Vec<Matrix3<f64>>,
-    /// Angular acceleration and centripetal part: acceleration of a point of the link = `swirl` times its position.
+    /// Matrix of angular acceleration and centripetal acceleration: the acceleration of a point of the link is `swirl`
+    /// times its position.
     pub swirl: Vec<Matrix3<f64>>,
 }
 
-/// The chain on an even grid.
+/// The chain on an even time grid.
 pub(crate) struct ChainMotion {
     pub time_s: Vec<f64>,
-    /// Whether a sensor swings.
+    /// Per sensor and time: whether the sensor swings.
     pub swings: Vec<bool>,
     pub links: Vec<LinkMotion>,
-    /// All hinges are parallel: what the gyroscopes read beside the axis is play and vibration, and is left out.
+    /// Whether all hinges are parallel. Angular velocity off the axis is then play and vibration, and is ignored.
     planar: bool,
     half_window: usize,
     step_s: f64,
 }
 
 impl ChainMotion {
-    /// Integrates the gyroscopes from the still stretch on, forwards and backwards. `smooth_s` is half the window of the
-    /// local parabola that gives angular accelerations.
+    /// Integrates the gyroscopes from the still stretch on, forwards and backwards. `smooth_s` is half the window of
+    /// the local parabola that gives angular accelerations.
     pub fn new(sensors: &[ChainSensor], mounts: &[FoundMount], smooth_s: f64) -> Result<Self> {
         if sensors.len() != mounts.len() || sensors.is_empty() {
             return Err(Error::Data(format!(
@@ -56,7 +57,7 @@ impl ChainMotion {
         Ok(chain)
     }
 
-    /// A sensor's column in link axes on the grid, smoothed like the motion.
+    /// A sensor's column in link axes on the grid, with the same smoothing as the motion.
     pub fn smoothed(&self, sensor: &ChainSensor, column: &[[f64; 3]], mount: &FoundMount) -> Result<Vec<Vector3<f64>>> {
         Ok(self.smooth(&self.on_grid(sensor, column, mount, Vector3::zeros())?))
     }
@@ -115,7 +116,7 @@ impl ChainMotion {
         self.weighted(values, |j| scale * (3.0 * h * h + 3.0 * h - 1.0 - 5.0 * j * j))
     }
 
-    /// Slope of that parabola.
+    /// Slope of the same parabola.
     fn slope(&self, values: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
         let h = self.half_window as f64;
         let scale = 3.0 / (h * (h + 1.0) * (2.0 * h + 1.0) * self.step_s);

@@ -1,7 +1,7 @@
-//! The axis of a hinge between two bodies, in the axes of one inertial unit on each, from their gyroscopes alone.
+//! Axis of a hinge between two bodies, in the axes of one inertial unit on each, from their gyroscopes alone.
 //!
-//! The bodies' angular velocities differ by a turn about the hinge, so what is square to it is equally large in both:
-//! `|w1 x j1| = |w2 x j2|`. Both bodies may move as they like; how the units are turned plays no part.
+//! The bodies' angular velocities differ by a rotation about the hinge, so their components normal to it have the same
+//! norm: `|w1 x j1| = |w2 x j2|`. Both bodies may move freely; the relative orientation of the units does not enter.
 //!
 //! Source: T. Seel, T. Schauer and J. Raisch (2012), as in [`joint_centers`](super::joint_centers).
 
@@ -12,12 +12,12 @@ use crate::Result;
 use nalgebra::{DMatrix, DVector, Matrix2, Rotation3, SymmetricEigen, Vector3};
 use serde::Serialize;
 
-/// Tuning of the fit.
+/// Settings of the fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisOptions {
-    /// Over which the gyroscopes are averaged, s.
+    /// Window over which the gyroscopes are averaged, s.
     pub window_s: f64,
-    /// What the fit leaves stays alike for so long, s.
+    /// Correlation time of the residuals, s.
     pub correlation_s: f64,
 }
 
@@ -28,24 +28,25 @@ impl Default for AxisOptions {
     }
 }
 
-/// A hinge's axis and what speaks for it.
+/// Axis of a hinge and its quality.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FoundAxis {
     /// In the first unit's sensor axes, unit vector.
     pub first: [f64; 3],
-    /// The same axis in the second unit's.
+    /// The same axis in the second unit's axes.
     pub second: [f64; 3],
-    /// Standard deviation of each one's direction, rad, along the transverse direction that is known least.
+    /// Standard deviation of each direction, rad, along the transverse direction with the largest one.
     pub std_rad: [f64; 2],
-    /// What the fit leaves, robust standard deviation, rad/s.
+    /// Robust standard deviation of the residuals, rad/s.
     pub residual_rad_s: f64,
-    /// Root mean square of the turning of one body against the other, as far as it is about the axis, rad/s.
+    /// Root mean square of the relative angular velocity about the axis, rad/s.
     pub hinge_rad_s: f64,
-    /// From -1 to 1: how clearly the two vectors point the same way along the hinge. Near 0 the motion does not tell.
+    /// From -1 to 1: confidence that both vectors point the same way along the hinge. Near 0 the motion does not
+    /// determine it.
     pub sense: f64,
 }
 
-/// Finds the axis; its sign is arbitrary, and common to both vectors as far as `sense` tells.
+/// Estimates the axis. Its sign is arbitrary and common to both vectors if `sense` is clear.
 ///
 /// # Errors
 /// [`Error::Data`](crate::Error::Data) for malformed columns or no common stretch of time without gaps.
@@ -116,19 +117,20 @@ impl Problem for Axes<'_> {
         })
     }
 
-    /// Any direction is as good as any other: a quarter turn from wherever the fit stands.
+    /// No direction is preferred: starts a quarter turn away from the current fit.
     fn departure(&self, _: &Pair) -> (DVector<f64>, DVector<f64>) {
         (DVector::zeros(4), DVector::from_element(4, std::f64::consts::FRAC_PI_2))
     }
 }
 
-/// Two unit vectors square to the axis and to each other; right-handed with it.
+/// Two unit vectors normal to the axis and to each other; right-handed with it.
 fn transverse(axis: &Vector3<f64>) -> [Vector3<f64>; 2] {
     let one = axis.cross(&Vector3::ith(axis.iamin(), 1.0)).normalize();
     [one, axis.cross(&one)]
 }
 
-/// What is square to the hinge turns from one body to the other by the hinge's angle, if both vectors point the same way.
+/// The component normal to the hinge rotates from one body to the other by the hinge's angle if both vectors point the
+/// same way.
 fn sense(windows: &PairedWindows, axes: Pair) -> f64 {
     const STRETCH_S: f64 = 5.0;
     let (mut alike, mut opposite) = (0.0, 0.0);
@@ -140,7 +142,7 @@ fn sense(windows: &PairedWindows, axes: Pair) -> f64 {
     (alike - opposite) / (alike + opposite).max(f64::MIN_POSITIVE)
 }
 
-/// Length of the sum of the transverse rates' products after the hinge's angle is taken out.
+/// Length of the sum of the products of transverse rates, after the hinge's angle is removed.
 fn coherence(pairs: &[[Window; 2]], times: &[f64], axes: Pair) -> f64 {
     let across = axes.map(|axis| transverse(&axis));
     let (mut angle, mut sum) = (0.0, (0.0, 0.0));
@@ -148,7 +150,7 @@ fn coherence(pairs: &[[Window; 2]], times: &[f64], axes: Pair) -> f64 {
         let rate = axes[1].dot(&pair[1].rate) - axes[0].dot(&pair[0].rate);
         angle += if k > 0 { rate * (times[k] - times[k - 1]) } else { 0.0 };
         let [one, two] = [0, 1].map(|u| across[u].map(|t| t.dot(&pair[u].rate)));
-        // As complex numbers: one times the conjugate of two, turned back by the angle.
+        // As complex numbers: the first times the conjugate of the second, rotated back by the angle.
         let product = (one[0] * two[0] + one[1] * two[1], one[1] * two[0] - one[0] * two[1]);
         let (sin, cos) = angle.sin_cos();
         sum.0 += product.0 * cos + product.1 * sin;

@@ -1,11 +1,12 @@
-//! How the sensors of a hinge chain sit on their links: from a still stretch and a swing.
+//! Mounts of the sensors of a hinge chain, from a still stretch and a swing.
 //!
-//! While the chain stands still in a known posture, gravity gives two of the three degrees of freedom of a mount. The
-//! axis about which the sensor turns in the swing is the link's hinge axis, which gives two more, one of them twice.
-//! There the two are weighted by their uncertainties and what remains is reported as `disagreement_rad`.
+//! While the chain stands still in a known posture, gravity determines two of the three degrees of freedom of a mount.
+//! The axis about which the sensor rotates in the swing is the link's hinge axis, which determines two more; one of
+//! them is thus determined twice. There the two are weighted by their uncertainties, and their difference is reported
+//! as `disagreement_rad`.
 //!
-//! A sensor has to turn about one axis that is fixed in the world during its swing. Parallel hinges may all swing at
-//! once; of hinges that are not parallel only one may move at a time, and each sensor names its own `swing_s`.
+//! During its swing a sensor must rotate about one axis that is fixed in the world. Parallel hinges may swing at the
+//! same time. Of hinges that are not parallel only one may move at a time, and each sensor names its own `swing_s`.
 
 use super::aligned::rows;
 use super::signals::Signals;
@@ -17,18 +18,18 @@ use crate::{Error, Result};
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
-/// One sensor of the chain with its readings. A chain is listed from its base to its tip, one sensor a link.
+/// One sensor of the chain with its readings. A chain is listed from its base to its tip, one sensor per link.
 #[derive(Debug, Clone, Copy)]
 pub struct ChainSensor<'a> {
-    /// For error texts.
+    /// Name for error messages.
     pub name: &'a str,
-    /// Rotation that takes link axes to world (root) axes, in the posture of the still stretch.
+    /// Rotation from link to world (root) axes, in the posture of the still stretch.
     pub world_from_link: Mat3<f64>,
     /// Axis of the hinge that moves the link, in world axes, in the same posture; need not be a unit vector.
     pub hinge_axis_in_world: [f64; 3],
     /// Increasing time stamps, s.
     pub time_s: &'a [f64],
-    /// Angular velocity in sensor axes, rad/s; rows that are not finite are passed over.
+    /// Angular velocity in sensor axes, rad/s; rows that are not finite are ignored.
     pub gyro_rad_s: &'a [[f64; 3]],
     /// Specific force in sensor axes, m/s2: at rest it points up.
     pub accel_m_s2: &'a [[f64; 3]],
@@ -37,22 +38,22 @@ pub struct ChainSensor<'a> {
 }
 
 impl<'a> ChainSensor<'a> {
-    /// What it read.
+    /// Its readings.
     pub(crate) fn signals(&self) -> Signals<'a> {
         Signals { name: self.name, time_s: self.time_s, gyro_rad_s: self.gyro_rad_s, accel_m_s2: self.accel_m_s2 }
     }
 }
 
-/// What the user knows about the recording and the sensors.
+/// Information from the user, and thresholds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChainOptions {
-    /// The still stretch (start, end) in s; `None`: the longest that all sensors share.
+    /// The still stretch (start, end) in s; `None`: the longest one common to all sensors.
     pub still_s: Option<(f64, f64)>,
-    /// What counts as still.
+    /// Thresholds of stillness.
     pub still_limits: StillLimits,
-    /// The first clear turn of the first link (half of `least_turn_rad`) counts as positive; `false`: as negative.
+    /// Whether the first clear rotation of the first link (half of `least_turn_rad`) is positive.
     pub first_turn_positive: bool,
-    /// How well the still posture is the stated one and the hinges lie as stated, rad.
+    /// Standard deviation of the still posture and of the stated hinge axes, rad.
     pub posture_std_rad: f64,
     /// Constant error of the accelerometers, m/s2.
     pub accel_bias_std_m_s2: f64,
@@ -62,7 +63,7 @@ pub struct ChainOptions {
     pub most_off_axis_share: f64,
     /// Largest angle by which gravity and hinge axis may disagree, rad.
     pub most_disagreement_rad: f64,
-    /// Least turn about the hinge, rad.
+    /// Least rotation about the hinge, rad.
     pub least_turn_rad: f64,
 }
 
@@ -83,31 +84,31 @@ impl Default for ChainOptions {
     }
 }
 
-/// A mount and what speaks for it.
+/// A mount and its quality.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FoundMount {
     /// The sensor.
     pub name: String,
-    /// Takes sensor axes to link axes.
+    /// Rotation from sensor to link axes.
     #[serde(serialize_with = "rows")]
     pub link_from_sensor: Mat3<f64>,
-    /// Standard deviation of a turn about the hinge axis, rad: the joint angle's zero.
+    /// Standard deviation of a rotation about the hinge axis, rad: the joint angle's zero.
     pub std_about_hinge_rad: f64,
-    /// Standard deviation of a turn about the direction that is square to the hinge axis and nearest to up, rad.
+    /// Standard deviation of a rotation about the direction that is normal to the hinge axis and nearest to up, rad.
     pub std_about_up_rad: f64,
-    /// Standard deviation of a turn about the third direction, in which gravity and hinge axis are weighed, rad.
+    /// Standard deviation of a rotation about the third direction, in which gravity and hinge axis are combined, rad.
     pub std_about_third_rad: f64,
-    /// By how much the sensor's angle between up and hinge axis is larger than the model's, rad.
+    /// Excess of the sensor's angle between up and hinge axis over the model's, rad.
     pub disagreement_rad: f64,
-    /// The part of the disagreement by which the hinge axis was moved, rad; gravity took the rest.
+    /// The part of the disagreement assigned to the hinge axis, rad; the rest is assigned to gravity.
     pub axis_moved_rad: f64,
-    /// Hinge axis in sensor axes as the gyroscope found it, unit vector.
+    /// Hinge axis in sensor axes, measured by the gyroscope, unit vector.
     pub axis_in_sensor: [f64; 3],
-    /// Up in sensor axes as the accelerometer found it, unit vector.
+    /// Up in sensor axes, measured by the accelerometer, unit vector.
     pub up_in_sensor: [f64; 3],
     /// Share of the squared angular velocity off the axis, 0 to 1.
     pub off_axis_share: f64,
-    /// Correlation of the turning about the stated axis with that of the sensor before it; `None`: nothing to compare.
+    /// Correlation of the rotation about the stated axis with that of the previous sensor; `None`: nothing to compare.
     pub neighbour_correlation: Option<f64>,
     /// Least and largest angle about the hinge during the swing, rad, from the gyroscope.
     pub swing_range_rad: (f64, f64),
@@ -123,22 +124,22 @@ pub struct FoundMount {
     pub still_s: (f64, f64),
 }
 
-/// Finds the mounts of a chain's sensors. `up_in_world` is in the axes of `world_from_link`.
+/// Estimates the mounts of a chain's sensors. `up_in_world` is in the axes of `world_from_link`.
 ///
-/// The sign of a level hinge's axis cannot be seen by gyroscope and accelerometer: turning by an angle about an axis is
-/// turning by its negative about the reverse, seen from the other side. The first sensor's sign is chosen by
-/// `first_turn_positive`; each further one's so that its turning correlates with its neighbour's, as in a chain that
-/// swings as one. A hinge that is not parallel to the one before is taken as a first one. Where the hinge slants by more
-/// than `most_disagreement_rad`, gravity tells the sign.
+/// Gyroscope and accelerometer cannot determine the sign of a level hinge's axis: a rotation about an axis is the
+/// negative rotation about the reverse axis. `first_turn_positive` decides the first sensor's sign. Each further sign
+/// is chosen so that the rotation correlates with the neighbour's, as in a chain that swings as a whole. A hinge that
+/// is not parallel to the previous one is treated as a first one. If the hinge slants by more than
+/// `most_disagreement_rad`, gravity determines the sign.
 ///
 /// # Errors
-/// [`Error::Data`] with the sensor's name and the figures: columns of different length, no common still stretch, specific
-/// force at rest that is not in m/s2, no swing, a swing about more than one axis, neighbours whose turning is unrelated,
-/// a vertical hinge, a posture that contradicts gravity and hinge axis.
+/// [`Error::Data`] with the sensor's name and the values: columns of different length, no common still stretch,
+/// specific force at rest that is not in m/s2, no swing, a swing about more than one axis, neighbours whose rotations
+/// are not correlated, a vertical hinge, a posture that contradicts gravity and hinge axis.
 pub fn mounts(sensors: &[ChainSensor], up_in_world: [f64; 3], options: &ChainOptions) -> Result<Vec<FoundMount>> {
     let up = Vector3::from(up_in_world).normalize();
     if !up.norm().is_normal() {
-        return Err(Error::Data(format!("up {up_in_world:?} has no direction")));
+        return Err(Error::Data(format!("up {up_in_world:?} has no direction; expected a vector such as [0, 0, 1]")));
     }
     for sensor in sensors {
         check_sensor(sensor)?;
@@ -168,7 +169,7 @@ fn check_sensor(sensor: &ChainSensor) -> Result<()> {
     let axis = Vector3::from(sensor.hinge_axis_in_world).norm();
     if !axis.is_normal() {
         return Err(Error::Data(format!(
-            "sensor `{}`: the hinge axis {:?} has no direction",
+            "sensor `{}`: the hinge axis {:?} has no direction; expected a vector such as [0, 0, 1]",
             sensor.name, sensor.hinge_axis_in_world
         )));
     }
@@ -215,7 +216,7 @@ impl Turning {
     }
 }
 
-/// Columns: the axis turned by `moved` towards up, the direction square to it nearest to up, their normal.
+/// Columns: the axis rotated by `moved` towards up, the direction normal to it nearest to up, their normal.
 fn triad(axis: Vector3<f64>, up: Vector3<f64>, moved: f64) -> Matrix3<f64> {
     let normal = axis.cross(&up).normalize();
     let axis = axis * moved.cos() + normal.cross(&axis) * moved.sin();
@@ -224,11 +225,11 @@ fn triad(axis: Vector3<f64>, up: Vector3<f64>, moved: f64) -> Matrix3<f64> {
 
 fn check_posture(name: &str, stated: f64, seen: f64, options: &ChainOptions) -> Result<()> {
     let (stated_deg, seen_deg) = (stated.to_degrees(), seen.to_degrees());
-    // The hinge axis alone tells nothing about a turn about itself, and gravity along it tells nothing more.
+    // The hinge axis does not determine a rotation about itself. Gravity along that axis does not either.
     if stated.sin().min(seen.sin()) < 15.0_f64.to_radians().sin() {
         return Err(Error::Data(format!(
             "sensor `{name}`: the hinge is {stated_deg:.1} deg from vertical by the model and {seen_deg:.1} deg by the \
-             sensor; gravity finds a mount only where the hinge is at least 15 deg from vertical"
+             sensor; gravity determines a mount only if the hinge is at least 15 deg from vertical; choose another posture"
         )));
     }
     if (seen - stated).abs() > options.most_disagreement_rad {

@@ -1,7 +1,8 @@
-//! Where the joint between two bodies lies, in the axes of one inertial unit on each, from motion alone.
+//! Position of the joint between two bodies, in the axes of one inertial unit on each, from motion alone.
 //!
-//! Both units see the joint's own specific force, each in its own axes: `|f1 - K1 r1| = |f2 - K2 r2|`, with `r` from the joint to
-//! the unit and `K` of the body's turning. How the units are turned, on their bodies and against each other, plays no part.
+//! Both units measure the joint's specific force in their own axes: `|f1 - K1 r1| = |f2 - K2 r2|`, with `r` from the
+//! joint to the unit, and `K` from the angular velocity and acceleration of the body. The mounts and the relative
+//! orientation of the units do not enter.
 //!
 //! Source: T. Seel, T. Schauer and J. Raisch (2012), "Joint axis and position estimation from inertial measurement data by
 //! exploiting kinematic constraints"; F. Olsson and K. Halvorsen (2017), "Experimental evaluation of joint position
@@ -15,20 +16,20 @@ use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, RowVector3, SymmetricEigen, V
 use serde::Serialize;
 use std::ops::Range;
 
-/// Tuning of the fit.
+/// Settings of the fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CenterOptions {
-    /// Over which force and turning are averaged, s: longer ones see less of soft mounting, and less of a quick motion.
+    /// Window over which force and motion are averaged, s. Longer windows suppress soft mounting but also quick motion.
     pub window_s: f64,
-    /// How well each coordinate is known before any motion is seen, m.
+    /// Prior standard deviation of each coordinate, m.
     pub prior_std_m: f64,
-    /// Constant errors of the accelerometers, m/s2.
+    /// Constant errors of the accelerometers, standard deviation, m/s2.
     pub accel_bias_std_m_s2: f64,
-    /// How far the scales of the two accelerometers are apart, relative.
+    /// Relative difference between the scales of the two accelerometers, standard deviation.
     pub accel_scale_std: f64,
-    /// What the fit leaves (soft tissue, play) stays alike for so long, s.
+    /// Correlation time of the residuals (soft tissue, play), s.
     pub correlation_s: f64,
-    /// A direction that is known less well counts as loose, m.
+    /// A direction with a larger standard deviation counts as loose, m.
     pub loose_std_m: f64,
 }
 
@@ -46,7 +47,7 @@ impl Default for CenterOptions {
     }
 }
 
-/// A joint's place and what speaks for it.
+/// Position of a joint and its quality.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FoundCenter {
     /// From the joint to the first unit, in its sensor axes, m.
@@ -59,11 +60,12 @@ pub struct FoundCenter {
     pub second_std_m: [f64; 3],
     /// Covariance of both vectors together, m2, row by row.
     pub covariance_m2: [[f64; 6]; 6],
-    /// Directions in which the motion left the place open, the loosest first. A hinge's place along its axis always is.
+    /// Directions in which the motion does not determine the position, the loosest first. The direction along a hinge's
+    /// axis is always among them.
     pub loose: Vec<LooseDirection>,
-    /// What the fit leaves of the specific force's norm, robust standard deviation, m/s2.
+    /// Robust standard deviation of the residuals of the specific force's norm, m/s2.
     pub residual_m_s2: f64,
-    /// Constant errors of both accelerometers, m/s2; known as far as the two disagree.
+    /// Constant errors of both accelerometers, m/s2, as far as their difference determines them.
     pub accel_bias_m_s2: [[f64; 3]; 2],
     /// Root mean square of each unit's angular velocity, rad/s.
     pub turning_rad_s: [f64; 2],
@@ -71,10 +73,10 @@ pub struct FoundCenter {
     pub used_s: f64,
 }
 
-/// The joint may be moved along these two directions at once and hardly a reading changes.
+/// A direction in which the joint may be moved without a noticeable change of the readings.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LooseDirection {
-    /// In the first unit's axes. Both together have length 1.
+    /// In the first unit's axes. Both vectors together have length 1.
     pub first: [f64; 3],
     /// In the second unit's axes.
     pub second: [f64; 3],
@@ -82,11 +84,12 @@ pub struct LooseDirection {
     pub std_m: f64,
 }
 
-/// Finds the joint between two bodies. `expected` is where it is thought to be: joint to unit, in each unit's sensor axes, m.
-/// A direction that the motion does not tell keeps that value.
+/// Estimates the joint between two bodies. `expected` is the prior: joint to unit, in each unit's sensor axes, m. A
+/// direction that the motion does not determine keeps that value.
 ///
 /// # Errors
-/// [`Error::Data`] for malformed columns, an expectation that is not finite, or no common stretch of time without gaps.
+/// [`Error::Data`] for malformed columns, an expected value that is not finite, or no common stretch of time without
+/// gaps.
 pub fn joint_center(units: [&Signals; 2], expected: [[f64; 3]; 2], options: &CenterOptions) -> Result<FoundCenter> {
     if !expected.iter().flatten().all(|x| x.is_finite()) {
         return Err(Error::Data(format!(
@@ -106,7 +109,7 @@ pub fn joint_center(units: [&Signals; 2], expected: [[f64; 3]; 2], options: &Cen
     Ok(problem.told(&found, &windows))
 }
 
-/// At the expectation, and about it along each axis, alike and unlike for the two units.
+/// Starts at the prior, and displaced along each axis in the same or the opposite way for both units.
 fn starts(prior_std_m: f64) -> Vec<DVector<f64>> {
     let mut starts = vec![DVector::zeros(UNKNOWNS)];
     for axis in 0..3 {
@@ -136,7 +139,7 @@ struct Center<'a> {
 }
 
 impl Center<'_> {
-    /// The joint's specific force as each unit sees it.
+    /// The joint's specific force, measured by each unit.
     fn forces(&self, pair: &[Window; 2], at: &DVector<f64>) -> [Vector3<f64>; 2] {
         let three = |first: usize| Vector3::from(at.fixed_rows::<3>(first));
         let [one, two] = pair;
@@ -202,7 +205,7 @@ impl Problem for Center<'_> {
         at + step
     }
 
-    /// A gyroscope's noise takes every lever `r` for one that turns: `n x r`, seen along the joint's force.
+    /// Effect of a gyroscope's noise: `n x r` for a lever `r`, projected on the joint's force.
     fn slope_noise(&self, at: &DVector<f64>, rows: Range<usize>, weights: &DVector<f64>) -> Option<DMatrix<f64>> {
         let mut information = DMatrix::zeros(UNKNOWNS, UNKNOWNS);
         for (unit, first) in [FIRST, SECOND].into_iter().enumerate() {

@@ -1,18 +1,18 @@
-//! Linear least squares with a prior, kept block by block so that its uncertainty can be taken from the data.
+//! Linear least squares with a prior. Blocks in time are kept apart, so that a jackknife gives the uncertainty.
 
 use crate::{Error, Result};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-/// Normal equations of some stretch of time: information matrix, information vector.
+/// Normal equations of one block: information matrix and information vector.
 #[derive(Debug, Clone)]
 struct Block {
     matrix: DMatrix<f64>,
     vector: DVector<f64>,
-    /// Part of the matrix that is the noise of the rows themselves.
+    /// Part of the matrix that is due to noise in the rows' coefficients.
     noise: DMatrix<f64>,
 }
 
-/// Collects weighted rows into `blocks` consecutive parts of the recording.
+/// Collects weighted rows in `blocks` consecutive blocks of the recording.
 #[derive(Debug, Clone)]
 pub(crate) struct LeastSquares {
     blocks: Vec<Block>,
@@ -28,7 +28,7 @@ pub(crate) struct Estimate {
 }
 
 impl LeastSquares {
-    /// For unknowns that are zero with `prior_std` before any row is seen.
+    /// For unknowns with a prior of zero mean and standard deviation `prior_std`.
     pub fn new(prior_std: DVector<f64>, blocks: usize) -> Self {
         let n = prior_std.len();
         let zero = DMatrix::zeros(n, n);
@@ -45,14 +45,14 @@ impl LeastSquares {
         block.vector.gemv_tr(weight, a, y, 1.0);
     }
 
-    /// Tells that the rows of part `block` carry noise themselves: the information that this alone seems to give.
+    /// Adds the information that noise in the coefficients of block `block` appears to give.
     pub fn add_noise(&mut self, block: usize, information: &DMatrix<f64>) {
         self.blocks[block].noise += information;
     }
 
-    /// Solves. The standard deviation is the larger one of the formal figure (white noise, prior) and of the
-    /// delete-one-block jackknife, which also sees errors that are correlated in time. The covariance has the formal
-    /// one's correlations.
+    /// Solves the equations. The standard deviation is the larger one of the formal value (white noise, prior) and the
+    /// delete-one-block jackknife, which includes errors that are correlated in time. The covariance has the
+    /// correlations of the formal one.
     pub fn solve(&self) -> Result<Estimate> {
         let (value, formal) = self.solve_without(None)?;
         let mut spread = DVector::zeros(value.len());
@@ -93,14 +93,14 @@ impl LeastSquares {
         Ok((factor.solve(&sum.vector), factor.inverse()))
     }
 
-    /// Leaves a direction in which noise makes most of what seems told to the prior altogether. The others keep the
-    /// noise: were it taken off, one that is thought too large would blow the estimate up.
+    /// Leaves a direction entirely to the prior if noise gives most of its apparent information. The noise is not
+    /// subtracted in the others: if it were overestimated, the estimate would diverge.
     fn without_noise(&self, sum: &mut Block) {
         const MOST: f64 = 0.8;
         let scale = DMatrix::from_diagonal(&self.prior_std);
         let seen = &scale * &sum.matrix * &scale;
         if !seen.iter().all(|x| x.is_finite()) {
-            // Left for the factor to refuse: the eigenvalue iteration would not end.
+            // The factorisation reports the error; the eigenvalue iteration would not end.
             return;
         }
         let eigen = SymmetricEigen::new(&seen - &scale * &sum.noise * &scale);

@@ -1,9 +1,9 @@
-//! Where the sensors of a hinge chain sit, and how far its hinges are apart: from the accelerometers during the swing.
+//! Sensor positions and hinge distances of a hinge chain, from the accelerometers during the swing.
 //!
-//! A sensor at `r` from its hinge reads `A r - R' g`, with `A` of angular velocity and acceleration, and what the hinge
-//! itself is accelerated by the links before it, which is linear in their lengths. So all offsets and lengths of a chain
-//! whose base rests are one linear least-squares problem. A constant reading per sensor is estimated with them; it takes
-//! up the accelerometer's bias and the slow drift of the integrated angle.
+//! A sensor at `r` from its hinge reads `A r - R' g` plus the acceleration of the hinge. `A` is the matrix of angular
+//! velocity and acceleration. The hinge's acceleration is linear in the lengths of the previous links. All offsets and
+//! lengths of a chain with a resting base are therefore one linear least-squares problem. A constant reading per sensor
+//! is estimated with them; it absorbs the accelerometer's bias and the slow drift of the integrated angle.
 
 use super::chain_motion::ChainMotion;
 use super::hinge_chain::{ChainSensor, FoundMount};
@@ -12,16 +12,17 @@ use crate::Result;
 use nalgebra::{DMatrix, DVector, Vector3};
 use serde::Serialize;
 
-/// Tuning of the fit.
+/// Settings of the fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeverOptions {
     /// Gravity, m/s2.
     pub gravity_m_s2: f64,
-    /// Standard deviation of every coordinate before the swing is seen, m, about zero.
+    /// Prior standard deviation of every coordinate, m, about zero.
     pub prior_std_m: f64,
-    /// Standard deviation of the constant reading, m/s2: bias, and gravity seen under an angle that has drifted.
+    /// Standard deviation of the constant reading, m/s2: bias, and the effect of angle drift on gravity.
     pub constant_std_m_s2: f64,
-    /// Half the window of the parabola that gives angular accelerations and smooths the accelerometer alike, s.
+    /// Half the window of the parabola that gives angular accelerations and smooths the accelerometer in the same way,
+    /// s.
     pub smooth_s: f64,
 }
 
@@ -32,9 +33,9 @@ impl Default for LeverOptions {
     }
 }
 
-/// What was found for one sensor and its link. A coordinate whose standard deviation is near the prior's was not
-/// observed. The one along the link's own hinge never is, since a hinge may be placed anywhere along its axis; in a chain
-/// of parallel hinges it stays zero.
+/// Results for one sensor and its link. A coordinate with a standard deviation near the prior's was not observed. The
+/// one along the link's own hinge never is, since a hinge may be placed anywhere along its axis; in a chain of parallel
+/// hinges it stays zero.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FoundLever {
     /// The sensor.
@@ -45,7 +46,7 @@ pub struct FoundLever {
     pub offset_std_m: [f64; 3],
     /// From the link's hinge to the next sensor's hinge, in link axes, m, and its standard deviations; `None` at the tip.
     pub to_next_hinge_m: Option<([f64; 3], [f64; 3])>,
-    /// Root mean square of what the fit leaves of the smoothed specific force, m/s2 per axis.
+    /// Root mean square residual of the smoothed specific force, m/s2 per axis.
     pub residual_m_s2: f64,
     /// The constant reading, in link axes, m/s2.
     pub constant_m_s2: [f64; 3],
@@ -53,11 +54,13 @@ pub struct FoundLever {
 
 const BLOCKS: usize = 8;
 
-/// Finds offsets and hinge distances of a chain whose first hinge is fixed in the world. Each sensor's link hangs on the
-/// link of the sensor before it. `up_in_world` as for [`mounts`](super::hinge_chain::mounts), whose result is `mounts`.
+/// Estimates offsets and hinge distances of a chain whose first hinge is fixed in the world. Each sensor's link is
+/// attached to the link of the previous sensor. `up_in_world` as for [`mounts`](super::hinge_chain::mounts), whose
+/// result is `mounts`.
 ///
 /// # Errors
-/// [`Error::Data`](crate::Error::Data) when sensors and mounts differ in number or the sensors share no stretch of time.
+/// [`Error::Data`](crate::Error::Data) if sensors and mounts differ in number or the sensors have no common stretch of
+/// time.
 pub fn lever_arms(
     sensors: &[ChainSensor],
     mounts: &[FoundMount],
@@ -72,7 +75,7 @@ pub fn lever_arms(
     }
     let rows: Vec<usize> = (0..motion.time_s.len()).filter(|&k| motion.swings[k] && motion.is_inner(k)).collect();
     let fit = Fit { motion, forces, gravity, rows };
-    // The noise of each sensor is what the fit before left.
+    // The noise of each sensor is the residual of the previous fit.
     let mut noise = vec![0.1; sensors.len()];
     for _ in 0..2 {
         let value = fit.solve(&noise, options)?.solve()?.value;
@@ -104,7 +107,7 @@ struct Fit {
 }
 
 impl Fit {
-    // Unknowns of sensor i: offset, constant reading, and, but for the last, the vector to the next hinge.
+    // Unknowns of sensor i: offset, constant reading, and, except for the last, the vector to the next hinge.
     fn offset(&self, i: usize) -> usize {
         9 * i
     }

@@ -1,9 +1,9 @@
-//! Strength and dip of the magnetic field where a recording was made.
+//! Norm and dip of the magnetic field at the place of a recording.
 //!
-//! The norm needs no direction, and the dip only the angle between the magnetometer and up while the unit is still or slow,
-//! so neither mounts nor postures play a part. A magnetometer's own constant error raises the norm in one direction and
-//! lowers it in the opposite one: every direction that a unit took counts alike once it was held for a while. Medians pass
-//! over a unit that came near iron for a moment; what departs from them is counted.
+//! The norm needs no direction. The dip needs only the angle between the magnetometer's reading and up while the unit
+//! is still or slow. Neither mounts nor postures enter. A magnetometer's constant error raises the norm in one
+//! direction and lowers it in the opposite one; therefore every direction that a unit held for a while has the same
+//! weight. Medians ignore a unit that came near iron for a moment. The share of such outliers is reported.
 
 use super::robust_fit::median;
 use super::signals::Signals;
@@ -13,21 +13,21 @@ use nalgebra::Vector3;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// Tuning of the search.
+/// Settings of the search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FieldOptions {
-    /// Over which readings are averaged, s.
+    /// Window over which readings are averaged, s.
     pub window_s: f64,
-    /// A calm window turns at most this fast, rad/s.
+    /// Largest angular velocity of a calm window, rad/s.
     pub calm_rad_s: f64,
-    /// In a calm window the mean specific force departs from the unit's usual one by at most this, m/s2.
+    /// Largest difference between the mean specific force of a calm window and the unit's usual one, m/s2.
     pub calm_m_s2: f64,
-    /// A direction that is held for longer than this, s, counts no more for it. A shorter one counts less: where a swing
-    /// turns round, up is told wrongly for a moment.
+    /// A direction held for longer than this, s, gets no more weight. A shorter one gets less, because the estimated
+    /// vertical is wrong for a moment at the turning points of a swing.
     pub direction_s: f64,
-    /// Least time that all units together are calm, s.
+    /// Least total calm time of all units, s.
     pub least_calm_s: f64,
-    /// A window departs from the field if its norm does by more than this share,
+    /// A window is an outlier if its norm deviates by more than this share,
     pub norm_tolerance: f64,
     /// or its dip by more than this, rad.
     pub dip_tolerance_rad: f64,
@@ -48,49 +48,50 @@ impl Default for FieldOptions {
     }
 }
 
-/// A unit with its magnetometer, uT in sensor axes, at the unit's time stamps; rows that are not finite are passed over.
+/// A unit with its magnetometer, uT in sensor axes, at the unit's time stamps; rows that are not finite are ignored.
 pub type MagneticUnit<'a> = (Signals<'a>, &'a [[f64; 3]]);
 
-/// The field that most directions of all units agree about.
+/// The field that fits most directions of all units.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LocalField {
-    /// Strength, uT.
+    /// Norm, uT.
     pub norm_ut: f64,
-    /// Robust standard deviation between directions, uT: place, iron and the sensors' own errors.
+    /// Robust standard deviation between directions, uT. It includes differences in place, iron and the sensors'
+    /// errors.
     pub norm_std_ut: f64,
-    /// Angle below the horizon, rad.
+    /// Dip below the horizon, rad.
     pub dip_rad: f64,
     /// Robust standard deviation between directions, rad.
     pub dip_std_rad: f64,
-    /// In how many directions units were calm. The standard deviations of one or two mean nothing.
+    /// Number of directions in which units were calm. With one or two of them the standard deviations are meaningless.
     pub directions: usize,
-    /// Share of the windows that depart from the field, 0 to 1.
+    /// Share of the windows that are outliers, 0 to 1.
     pub departing_share: f64,
-    /// Each unit's own figures, in the order given.
+    /// Results of each unit, in the order given.
     pub units: Vec<UnitField>,
 }
 
-/// What one unit saw.
+/// Results of one unit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct UnitField {
     /// The sensor.
     pub name: String,
-    /// Median strength, uT; NaN for a unit without readings.
+    /// Median norm, uT; NaN for a unit without readings.
     pub norm_ut: f64,
     /// Median dip, rad; NaN for a unit that is never calm.
     pub dip_rad: f64,
-    /// In how many directions it was calm.
+    /// Number of directions in which it was calm.
     pub directions: usize,
-    /// How long it was calm, s.
+    /// Calm time, s.
     pub calm_s: f64,
-    /// Share of its windows that depart from the common field, 0 to 1.
+    /// Share of its windows that deviate from the common field, 0 to 1.
     pub departing_share: f64,
 }
 
-/// Finds the field.
+/// Estimates norm and dip.
 ///
 /// # Errors
-/// [`Error::Data`] where columns differ in length, or the units are not calm for `least_calm_s` altogether.
+/// [`Error::Data`] if columns differ in length, or the total calm time is below `least_calm_s`.
 pub fn local_field(units: &[MagneticUnit], options: &FieldOptions) -> Result<LocalField> {
     let mut seen = Vec::with_capacity(units.len());
     for (signals, mag_ut) in units {
@@ -152,16 +153,16 @@ pub fn local_field(units: &[MagneticUnit], options: &FieldOptions) -> Result<Loc
 /// One window.
 struct Sight {
     norm_ut: f64,
-    /// Where the unit is calm.
+    /// Dip, rad; `None` unless the unit is calm.
     dip_rad: Option<f64>,
-    /// Of the field in sensor axes, coarsely: one of 26.
+    /// Coarse direction of the field in sensor axes, one of 26.
     direction: [i8; 3],
 }
 
-/// A figure and how much it counts.
+/// A value and its weight.
 type Weighed = (f64, f64);
 
-/// The median of a figure in every direction, and in how many windows it was seen, at most `most`.
+/// The median of a value in every direction, weighted by the number of its windows up to `most`.
 fn by_direction(sights: &[Sight], most: f64, of: impl Fn(&Sight) -> Option<f64>) -> Vec<Weighed> {
     let mut found: BTreeMap<[i8; 3], Vec<f64>> = BTreeMap::new();
     for sight in sights {
@@ -172,7 +173,7 @@ fn by_direction(sights: &[Sight], most: f64, of: impl Fn(&Sight) -> Option<f64>)
     found.into_values().map(|values| (values.len() as f64, values)).map(|(n, v)| (median(v), n.min(most))).collect()
 }
 
-/// Weighed median, and the standard deviation of normal values with the same median distance from it.
+/// Weighted median, and the standard deviation of a normal distribution with the same median deviation.
 fn middle(values: &[Weighed]) -> (f64, f64) {
     let centre = weighed_median(values.to_vec());
     (centre, 1.4826 * weighed_median(values.iter().map(|(v, weight)| ((v - centre).abs(), *weight)).collect()))
@@ -189,7 +190,7 @@ fn weighed_median(mut values: Vec<Weighed>) -> f64 {
     values.iter().find(reaches).map_or(f64::NAN, |v| v.0)
 }
 
-/// Means of gyroscope's norm, force and field over a window.
+/// Means of the gyroscope's norm, the force and the field over a window.
 struct Means {
     fastest_rad_s: f64,
     force: Vector3<f64>,
@@ -207,14 +208,14 @@ fn sights(signals: &Signals, mag_ut: &[[f64; 3]], options: &FieldOptions) -> Vec
         Sight {
             norm_ut: w.norm_ut,
             dip_rad: calm.then(|| sine.clamp(-1.0, 1.0).asin()),
-            // 1.5 parts the sphere into faces, edges and corners of a cube.
+            // 1.5 divides the sphere into the faces, edges and corners of a cube.
             direction: (w.field.normalize() * 1.5).map(|x| x.round() as i8).into(),
         }
     };
     windows.iter().map(sight).collect()
 }
 
-/// Windows without gaps and with a field.
+/// Windows without gaps, with a magnetic field.
 fn windows(signals: &Signals, mag_ut: &[[f64; 3]], window_s: f64) -> Vec<Means> {
     let (mut found, mut start) = (Vec::new(), 0);
     while start < signals.time_s.len() {
@@ -228,7 +229,7 @@ fn windows(signals: &Signals, mag_ut: &[[f64; 3]], window_s: f64) -> Vec<Means> 
             fastest_rad_s: rates.iter().map(norm).fold(0.0, |a, b| if b > a || b.is_nan() { b } else { a }),
             force: mean(forces),
             field: mean(fields),
-            // Of single readings: turning inside the window would shorten the mean.
+            // Norm of single readings: averaging vectors while the unit rotates would reduce it.
             norm_ut: fields.iter().map(norm).sum::<f64>() / count as f64,
         };
         let whole = means.force.norm().is_normal() && means.field.norm().is_normal() && means.fastest_rad_s.is_finite();

@@ -1,8 +1,9 @@
-//! The magnetic field around a hinge chain and the constant offset of each magnetometer.
+//! Magnetic field around a hinge chain and the constant offset of each magnetometer.
 //!
-//! A magnetised part that moves with the sensor adds a constant in sensor axes (hard iron). The swing turns the field
-//! against it, so that both are one linear least-squares problem. A part of an offset that lies along the hinge axis is
-//! seen only as a difference between the sensors; the offsets' prior shares it out, and its standard deviation says so.
+//! A magnetised part that moves with the sensor adds a constant in sensor axes (hard iron). The swing rotates the field
+//! against it, so that both are one linear least-squares problem. The component of an offset along the hinge axis is
+//! observable only as a difference between the sensors. The prior of the offsets divides it among them, and its
+//! standard deviation is large.
 
 use super::chain_motion::ChainMotion;
 use super::hinge_chain::{matrix, ChainSensor, FoundMount};
@@ -11,17 +12,17 @@ use crate::{Error, Result};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use serde::Serialize;
 
-/// Tuning of the fit.
+/// Settings of the fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MagneticOptions {
-    /// Standard deviation of an offset before the swing is seen, uT, about zero.
+    /// Prior standard deviation of an offset, uT, about zero.
     pub offset_std_ut: f64,
-    /// Standard deviation of the field's components before the swing is seen, uT, about zero.
+    /// Prior standard deviation of the field's components, uT, about zero.
     pub field_std_ut: f64,
 }
 
 impl Default for MagneticOptions {
-    /// Offsets as left by a sensor's own calibration near steel; fields of the Earth's size.
+    /// Offsets that remain after a sensor's own calibration near steel; fields of the Earth's size.
     fn default() -> Self {
         Self { offset_std_ut: 15.0, field_std_ut: 60.0 }
     }
@@ -38,7 +39,7 @@ pub struct FoundField {
     pub offsets: Vec<FoundOffset>,
 }
 
-/// A magnetometer's constant offset: to be subtracted from its readings.
+/// A magnetometer's constant offset, to be subtracted from its readings.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FoundOffset {
     /// The sensor.
@@ -47,20 +48,20 @@ pub struct FoundOffset {
     pub offset_ut: [f64; 3],
     /// Standard deviation along each sensor axis, uT.
     pub offset_std_ut: [f64; 3],
-    /// Root mean square of what the common field leaves of the readings, uT per axis.
+    /// Root mean square residual of the readings, uT per axis.
     pub residual_ut: f64,
-    /// The same when no sensor has an offset. Offsets are worth their while where they halve it.
+    /// The same without offsets. Apply the offsets if they halve it.
     pub residual_without_ut: f64,
 }
 
 const BLOCKS: usize = 8;
 
-/// Finds the field and the offsets. `mag_ut[i]` holds the readings of `sensors[i]` in sensor axes, at its time stamps;
-/// `mounts` as found by [`mounts`](super::hinge_chain::mounts).
+/// Estimates the field and the offsets. `mag_ut[i]` contains the readings of `sensors[i]` in sensor axes, at its time
+/// stamps; `mounts` are the result of [`mounts`](super::hinge_chain::mounts).
 ///
 /// # Errors
-/// [`Error::Data`] when columns differ in length or number, a magnetometer reads zero throughout, or the sensors share no
-/// stretch of time.
+/// [`Error::Data`] if columns differ in length or number, a magnetometer reads zero throughout, or the sensors have no
+/// common stretch of time.
 pub fn magnetic_field(
     sensors: &[ChainSensor],
     mag_ut: &[&[[f64; 3]]],
@@ -68,7 +69,7 @@ pub fn magnetic_field(
     options: &MagneticOptions,
 ) -> Result<FoundField> {
     check_columns(sensors, mag_ut)?;
-    // The magnetometer is not differentiated: one grid step of smoothing is none.
+    // The magnetometer is not differentiated, so a window of one grid step is enough.
     let motion = ChainMotion::new(sensors, mounts, 0.0)?;
     let mut readings = Vec::with_capacity(sensors.len());
     for ((sensor, column), mount) in sensors.iter().zip(mag_ut).zip(mounts) {
@@ -77,7 +78,7 @@ pub fn magnetic_field(
     let rows = (0..motion.time_s.len()).filter(|&k| motion.swings[k]).collect();
     let fit = Fit { motion, readings, rows };
     let with = fit.solve(options.offset_std_ut, options)?;
-    // Not zero, for which there is no information matrix.
+    // Zero has no information matrix.
     let without = fit.solve(1e-6, options)?;
     let offsets = (0..sensors.len()).map(|i| fit.offset(i, &with, &without, sensors, mounts)).collect();
     let three = |v: &DVector<f64>| [v[0], v[1], v[2]];
@@ -96,7 +97,7 @@ impl Fit {
     fn solve(&self, offset_std_ut: f64, options: &MagneticOptions) -> Result<Solution> {
         let mut prior = DVector::from_element(3 + 3 * self.readings.len(), offset_std_ut);
         prior.rows_mut(0, 3).fill(options.field_std_ut);
-        // A field that differs from place to place is what disturbs the fit, not the sensor's noise.
+        // Differences of the field between places limit the fit, more than the sensor's noise.
         let mut noise = 1.0;
         for _ in 0..2 {
             let value = self.equations(&prior, noise).solve()?.value;
@@ -157,7 +158,11 @@ impl Fit {
 
 fn check_columns(sensors: &[ChainSensor], mag_ut: &[&[[f64; 3]]]) -> Result<()> {
     if sensors.len() != mag_ut.len() {
-        return Err(Error::Data(format!("{} sensors and {} magnetometers", sensors.len(), mag_ut.len())));
+        return Err(Error::Data(format!(
+            "{} sensors and {} magnetometers; they must be equal",
+            sensors.len(),
+            mag_ut.len()
+        )));
     }
     for (sensor, column) in sensors.iter().zip(mag_ut) {
         if column.len() != sensor.time_s.len() {

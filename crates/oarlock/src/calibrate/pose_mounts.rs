@@ -1,7 +1,7 @@
-//! How units are inclined on their links, from one still stretch in a known posture.
+//! Inclination of units on their links, from one still stretch in a known posture.
 //!
-//! Gravity gives two of the three degrees of freedom of a mount. The third, the turn about the vertical, keeps its nominal
-//! value: the mount is turned by the least angle that makes gravity agree.
+//! Gravity determines two of the three degrees of freedom of a mount. The third, the rotation about the vertical, keeps
+//! its nominal value: the mount is rotated by the smallest angle that makes gravity agree.
 
 use super::aligned::{aligned_mount, rows, Sight};
 use super::rest::Rest;
@@ -15,32 +15,32 @@ use serde::Serialize;
 /// A unit on a link whose posture is known.
 #[derive(Debug, Clone, Copy)]
 pub struct PosedUnit<'a> {
-    /// What it read.
+    /// Its readings.
     pub signals: Signals<'a>,
-    /// Nominal mount: takes sensor axes to link axes.
+    /// Nominal mount: rotation from sensor to link axes.
     pub link_from_sensor: Mat3<f64>,
-    /// Takes link axes to world (root) axes, in the posture.
+    /// Rotation from link to world (root) axes in the posture.
     pub world_from_link: Mat3<f64>,
 }
 
-/// What the user knows.
+/// Information from the user, and thresholds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseOptions {
-    /// The still stretch (start, end), s; `None`: the longest that all units share.
+    /// The still stretch (start, end), s; `None`: the longest one common to all units.
     pub still_s: Option<(f64, f64)>,
-    /// What counts as still.
+    /// Thresholds of stillness.
     pub still_limits: StillLimits,
-    /// How much of a named stretch has to be still, 0 to 1: people sway and swallow.
+    /// Share of a named stretch that must be still, 0 to 1: people sway and swallow.
     pub least_still_share: f64,
-    /// How well a person takes up a posture, rad.
+    /// Standard deviation of a person's posture, rad.
     pub posture_std_rad: f64,
     /// Constant error of the accelerometers, m/s2.
     pub accel_bias_std_m_s2: f64,
 }
 
 impl Default for PoseOptions {
-    /// For a person who was shown the posture, and consumer MEMS sensors. Whoever stands still sways: arms turn back and forth by
-    /// some hundredths of a rad/s, which averages out; the standard deviation counts what is left.
+    /// For a person who was shown the posture, with consumer MEMS sensors. A person who stands still sways: arms move
+    /// back and forth by some hundredths of a rad/s. Most of it averages out; the standard deviation includes the rest.
     fn default() -> Self {
         Self {
             still_s: None,
@@ -52,19 +52,19 @@ impl Default for PoseOptions {
     }
 }
 
-/// A mount and what speaks for it.
+/// A mount and its quality.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PoseMount {
     /// The sensor.
     pub name: String,
-    /// Takes sensor axes to link axes; about the vertical as the nominal one.
+    /// Rotation from sensor to link axes; the nominal one about the vertical.
     #[serde(serialize_with = "rows")]
     pub link_from_sensor: Mat3<f64>,
-    /// By how much the nominal mount was turned, rad.
+    /// Angle between it and the nominal mount, rad.
     pub turned_rad: f64,
     /// Standard deviation of the inclination, each direction, rad: posture, sway, bias and noise.
     pub std_rad: f64,
-    /// The part of it that is the sensor's: sway, bias and noise, rad.
+    /// The sensor's part of it: sway, bias and noise, rad.
     pub sensor_std_rad: f64,
     /// Up in sensor axes, unit vector.
     pub up_in_sensor: [f64; 3],
@@ -80,15 +80,15 @@ pub struct PoseMount {
     pub still_s: (f64, f64),
 }
 
-/// Finds the mounts. `up_in_world` is in the axes of `world_from_link`.
+/// Estimates the mounts. `up_in_world` is in the axes of `world_from_link`.
 ///
 /// # Errors
-/// [`Error::Data`] with the sensor's name and the figures: malformed columns, no common still stretch, a named one in which
-/// a unit moves, specific force at rest that is not in m/s2, an up without direction.
+/// [`Error::Data`] with the sensor's name and the values: malformed columns, no common still stretch, motion of a unit
+/// in a named stretch, specific force at rest that is not in m/s2, an up vector of zero.
 pub fn pose_mounts(units: &[PosedUnit], up_in_world: [f64; 3], options: &PoseOptions) -> Result<Vec<PoseMount>> {
     let up = Vector3::from(up_in_world).normalize();
     if !up.norm().is_normal() {
-        return Err(Error::Data(format!("up {up_in_world:?} has no direction")));
+        return Err(Error::Data(format!("up {up_in_world:?} has no direction; expected a vector such as [0, 0, 1]")));
     }
     let signals: Vec<Signals> = units.iter().map(|u| u.signals).collect();
     for unit in &signals {
@@ -129,7 +129,7 @@ impl PosedUnit<'_> {
         })
     }
 
-    /// How much up wanders between four parts of the stretch, rad: noise that averages out does not show, sway does.
+    /// Change of up between four parts of the stretch, rad. Noise averages out; sway does not.
     fn wander(&self, rest: &Rest) -> f64 {
         const PARTS: usize = 4;
         let still = self.signals.complete_rows(rest.still_s);
@@ -152,7 +152,7 @@ fn check_still(unit: &Signals, named: (f64, f64), options: &PoseOptions) -> Resu
     }
     Err(Error::Data(format!(
         "sensor `{}`: is still in {:.0} % of the stretch {:.2} to {:.2} s, at least {:.0} % are needed (scatter of one axis \
-         at most {} rad/s and {} m/s2). Name another stretch, or leave it out and let it be found",
+         at most {} rad/s and {} m/s2). Name another stretch, or leave it out to search for one",
         unit.name,
         100.0 * share.max(0.0),
         named.0,

@@ -1,4 +1,4 @@
-//! What one inertial unit tells while it rests.
+//! Means and scatter of one inertial unit during a still stretch.
 
 use super::signals::Signals;
 use super::still::{mean, scatter};
@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 pub(crate) struct Rest {
     /// The gyroscope's bias, rad/s.
     pub bias: Vector3<f64>,
-    /// Unit vector, in sensor axes.
+    /// Up, a unit vector in sensor axes.
     pub up: Vector3<f64>,
     /// Norm of the mean specific force, m/s2.
     pub accel_norm: f64,
@@ -48,7 +48,7 @@ impl Rest {
 }
 
 fn check_force(name: &str, norm_m_s2: f64) -> Result<()> {
-    // Gravity lies between 9.76 and 9.84 m/s2 on Earth; a worn accelerometer may be off by some percent.
+    // Gravity lies between 9.76 and 9.84 m/s2 on Earth; a consumer accelerometer may be off by some percent.
     if (9.0..=10.6).contains(&norm_m_s2) {
         return Ok(());
     }

@@ -1,50 +1,52 @@
-//! Nonlinear least squares that outliers cannot bend: Gauss and Newton's steps under Cauchy's loss, from several starts.
+//! Robust nonlinear least squares: Gauss-Newton steps with Cauchy's loss, from several starts. `joint_centers` and
+//! `hinge_axes` use it.
 
 use super::least_squares::{Estimate, LeastSquares};
 use crate::Result;
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
-/// What is fitted.
+/// The problem to fit.
 pub(crate) trait Problem {
-    /// Where the unknowns live.
+    /// The unknowns; may be a manifold.
     type State: Clone;
-    /// One error for every row, in units of the reading.
+    /// One residual per row, in units of the reading.
     fn errors(&self, at: &Self::State) -> DVector<f64>;
-    /// Their slopes, a row an error, a column an unknown.
+    /// Their derivatives: a row per residual, a column per unknown.
     fn slopes(&self, at: &Self::State) -> DMatrix<f64>;
     fn plus(&self, at: &Self::State, step: &DVector<f64>) -> Self::State;
-    /// How far the unknowns are from what is expected before any row is seen, and the standard deviation of that.
+    /// Difference between the unknowns and their prior, and the prior's standard deviation.
     fn departure(&self, at: &Self::State) -> (DVector<f64>, DVector<f64>);
-    /// What the noise of the slopes of some rows seems to tell: the covariance of each row's slopes times its weight,
-    /// summed. `None`: the slopes carry no noise that matters.
+    /// Information that noise in the derivatives appears to give: the covariance of each row's derivatives times its
+    /// weight, summed over the rows. `None`: that noise is negligible.
     fn slope_noise(&self, _: &Self::State, _rows: Range<usize>, _weights: &DVector<f64>) -> Option<DMatrix<f64>> {
         None
     }
 }
 
-/// How the errors scatter.
+/// Scatter of the residuals.
 pub(crate) struct Scatter {
-    /// Below any sensor's noise: what a fit to made-up readings without noise is weighed with.
+    /// Lower limit of the standard deviation, below any sensor's noise; only fits to simulated data without noise reach
+    /// it.
     pub least: f64,
-    /// So many rows in a row share their error and count as one.
+    /// Number of consecutive rows whose errors are correlated and count as one.
     pub rows_per_error: f64,
 }
 
 pub(crate) struct Fit<S> {
     pub state: S,
-    /// Of the departure from what was expected.
+    /// Estimate of the difference from the prior.
     pub estimate: Estimate,
-    /// Robust standard deviation of the errors.
+    /// Robust standard deviation of the residuals.
     pub spread: f64,
 }
 
 const BLOCKS: usize = 8;
 const MOST_STEPS: usize = 60;
-/// Of a fit that is nearly linear by then.
+/// Steps after the scatter is fixed; the fit is nearly linear by then.
 const LAST_STEPS: usize = 6;
 
-/// Finds the best fit that any of the starts leads to.
+/// Returns the best fit over all starts.
 pub(crate) fn fit<P: Problem>(problem: &P, starts: &[P::State], scatter: &Scatter) -> Result<Fit<P::State>> {
     let mut found = Vec::with_capacity(starts.len());
     for start in starts {
@@ -73,12 +75,12 @@ pub(crate) fn fit<P: Problem>(problem: &P, starts: &[P::State], scatter: &Scatte
     Ok(Fit { state, estimate, spread })
 }
 
-/// Standard deviation of normal errors with the same median of absolute values.
+/// Standard deviation of normal residuals with the same median of absolute values.
 pub(crate) fn robust_spread(errors: &DVector<f64>) -> f64 {
     1.4826 * median(errors.iter().map(|e| e.abs()).collect())
 }
 
-/// NaN for no values.
+/// The median; NaN without values.
 pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     let (half, n) = (values.len() / 2, values.len());
@@ -96,7 +98,7 @@ enum Loss {
 }
 
 impl Loss {
-    /// Cauchy's width that keeps 95 % of the efficiency where errors are normal.
+    /// Width of Cauchy's loss with 95 % efficiency for normal residuals.
     const WIDTH: f64 = 2.385;
 
     fn of(self, z: f64) -> f64 {
@@ -144,7 +146,7 @@ impl<P: Problem> Descent<'_, P> {
         rows / self.scatter.rows_per_error + 0.5 * departure.component_div(&std).norm_squared()
     }
 
-    /// The equations of the departure, linear about a state.
+    /// Normal equations of the difference from the prior, linearised at a state.
     fn equations(&self, state: &P::State) -> LeastSquares {
         let (departure, prior_std) = self.problem.departure(state);
         let errors = self.problem.errors(state);
@@ -163,7 +165,7 @@ impl<P: Problem> Descent<'_, P> {
         equations
     }
 
-    /// The same without directions that only the slopes' own noise tells.
+    /// The same without directions that only noise in the derivatives determines.
     fn without_noise(&self, state: &P::State) -> LeastSquares {
         let mut equations = self.equations(state);
         let weights = self.weights(&self.problem.errors(state));
@@ -182,7 +184,7 @@ impl<P: Problem> Descent<'_, P> {
     }
 }
 
-/// The rows of one of the consecutive parts.
+/// The rows of one of the consecutive blocks.
 fn part(rows: usize, block: usize) -> Range<usize> {
     block * rows / BLOCKS..(block + 1) * rows / BLOCKS
 }

@@ -1,15 +1,15 @@
-//! What one inertial unit read.
+//! Readings of one inertial unit, the input of all calibrations in this module.
 
 use crate::{Error, Result};
 
 /// Gyroscope and accelerometer of one unit, borrowed.
 #[derive(Debug, Clone, Copy)]
 pub struct Signals<'a> {
-    /// For error texts.
+    /// Name for error messages.
     pub name: &'a str,
     /// Increasing time stamps, s.
     pub time_s: &'a [f64],
-    /// Angular velocity in sensor axes, rad/s; rows that are not finite are passed over.
+    /// Angular velocity in sensor axes, rad/s; rows that are not finite are ignored.
     pub gyro_rad_s: &'a [[f64; 3]],
     /// Specific force in sensor axes, m/s2: at rest it points up.
     pub accel_m_s2: &'a [[f64; 3]],
@@ -44,7 +44,7 @@ impl Signals<'_> {
         self.gyro_rad_s[row].iter().chain(&self.accel_m_s2[row]).all(|x| x.is_finite())
     }
 
-    /// The complete rows between two times, both included.
+    /// The complete rows between two times, inclusive.
     pub(crate) fn complete_rows(&self, span_s: (f64, f64)) -> Vec<usize> {
         let inside = |&row: &usize| (span_s.0..=span_s.1).contains(&self.time_s[row]) && self.is_complete(row);
         (0..self.time_s.len()).filter(inside).collect()

@@ -1,8 +1,8 @@
-//! The one axis about which a sensor turns.
+//! The axis about which a sensor rotates during a swing.
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
-/// The axis, in sensor axes, with how well one axis explains the turning.
+/// The axis in sensor axes, and how well one axis explains the rotation.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SpinAxis {
     /// Unit vector; its sign is arbitrary.
@@ -15,16 +15,16 @@ pub(crate) struct SpinAxis {
 
 const BLOCKS: usize = 8;
 
-/// The principal direction of angular velocities (rad/s, bias removed) and its scatter between parts of the swing.
+/// The principal direction of angular velocities (rad/s, bias removed), with its scatter between blocks of the swing.
 ///
-/// The standard deviation is the delete-one-block jackknife: what departs from one axis (play in the hinge, vibration)
-/// is correlated in time, so that counting samples would promise too much.
+/// The standard deviation is the delete-one-block jackknife. Deviations from one axis (play in the hinge, vibration)
+/// are correlated in time, so that the number of samples would give too small a value.
 pub(crate) fn spin_axis(rates: &[Vector3<f64>]) -> SpinAxis {
     let length = rates.len().div_ceil(BLOCKS).max(1);
     let blocks: Vec<Matrix3<f64>> = rates.chunks(length).map(second_moment).collect();
     let total: Matrix3<f64> = blocks.iter().sum();
     if !(total.trace().is_finite() && total.trace() > 0.0) {
-        // The eigenvalue iteration would not end on an infinite matrix.
+        // The eigenvalue iteration does not end on a matrix with infinite entries.
         return SpinAxis { axis: Vector3::z(), off_axis_share: 1.0, std_rad: f64::INFINITY };
     }
     let (axis, largest) = principal(total);

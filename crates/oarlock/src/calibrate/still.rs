@@ -1,10 +1,10 @@
-//! Where a recording stands still.
+//! Finds the still stretches of a recording.
 
 use super::signals::Signals;
 use crate::{Error, Result};
 use nalgebra::Vector3;
 
-/// What counts as still.
+/// Thresholds of stillness.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StillLimits {
     /// Length of the window in which the scatter is measured, s.
@@ -13,7 +13,7 @@ pub struct StillLimits {
     pub gyro_scatter_rad_s: f64,
     /// Largest standard deviation of one accelerometer axis inside a window, m/s2.
     pub accel_scatter_m_s2: f64,
-    /// Shortest stretch that is of use, s.
+    /// Shortest stretch to report, s.
     pub least_s: f64,
 }
 
@@ -26,9 +26,8 @@ impl Default for StillLimits {
 
 /// All still stretches (start, end) in s of one sensor, in order of time.
 ///
-/// `time_s` increases; `gyro_rad_s` and `accel_m_s2` are as long as it (rows beyond the shortest
-/// column are passed over) and in sensor axes. A window that holds a value
-/// that is not finite is not still. The list may be empty.
+/// `time_s` increases; `gyro_rad_s` and `accel_m_s2` have the same length (rows beyond the shortest column are ignored)
+/// and are in sensor axes. A window with a value that is not finite is not still. The list may be empty.
 pub fn still_stretches(
     time_s: &[f64],
     gyro_rad_s: &[[f64; 3]],
@@ -56,7 +55,7 @@ pub fn still_stretches(
 /// The longest still stretch (start, end) in s of one sensor; arguments as in [`still_stretches`].
 ///
 /// # Errors
-/// [`Error::Data`] when none is as long as `limits.least_s`; the text says how calm the calmest window is.
+/// [`Error::Data`] if none is as long as `limits.least_s`; the message gives the scatter of the calmest window.
 pub fn find_still(
     name: &str,
     time_s: &[f64],
@@ -72,7 +71,7 @@ pub fn find_still(
 /// The longest stretch in which all sensors are still, (start, end) in s.
 ///
 /// # Errors
-/// [`Error::Data`] when there is none.
+/// [`Error::Data`] if there is none.
 pub fn common_still(sensors: &[Signals], limits: &StillLimits) -> Result<(f64, f64)> {
     let mut common = vec![(f64::NEG_INFINITY, f64::INFINITY)];
     for s in sensors {
@@ -96,7 +95,7 @@ pub(crate) fn longest(stretches: &[(f64, f64)], least_s: f64) -> Option<(f64, f6
     stretches.iter().copied().filter(|s| length(s) >= least_s).max_by(|a, b| length(a).total_cmp(&length(b)))
 }
 
-/// The times that lie in a stretch of `a` and in one of `b`.
+/// The intersection of the stretches `a` and `b`.
 pub(crate) fn intersection(a: &[(f64, f64)], b: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let pairs = a.iter().flat_map(|x| b.iter().map(move |y| (x.0.max(y.0), x.1.min(y.1))));
     pairs.filter(|(start, end)| end > start).collect()
@@ -121,7 +120,7 @@ fn no_still_text(name: &str, time_s: &[f64], gyro: &[[f64; 3]], accel: &[[f64; 3
     )
 }
 
-/// Windows of `length_s` that begin half a window apart; shorter ones at the end are left out.
+/// Windows of `length_s` that overlap by half; an incomplete last one is left out.
 fn windows(time_s: &[f64], length_s: f64) -> impl Iterator<Item = std::ops::Range<usize>> + '_ {
     let mut start = 0;
     std::iter::from_fn(move || {
@@ -135,7 +134,7 @@ fn windows(time_s: &[f64], length_s: f64) -> impl Iterator<Item = std::ops::Rang
     })
 }
 
-/// The largest standard deviation of the three axes; not a number if a value is not finite.
+/// The largest standard deviation of the three axes; NaN if a value is not finite.
 pub(crate) fn scatter(values: &[[f64; 3]]) -> f64 {
     let count = values.len() as f64;
     let mean = mean(values);
@@ -143,7 +142,7 @@ pub(crate) fn scatter(values: &[[f64; 3]]) -> f64 {
         let d = Vector3::from(*v) - mean;
         sum + d.component_mul(&d)
     });
-    // `max` of nalgebra passes over values that are not a number.
+    // nalgebra's `max` ignores NaN.
     if squares.iter().all(|s| s.is_finite()) {
         (squares.max() / count).sqrt()
     } else {

@@ -1,11 +1,11 @@
-//! Which sense of each hinge axis is the positive one.
+//! The sign of each hinge axis of a chain.
 
 use super::hinge_chain::{ChainOptions, ChainSensor};
 use super::turning::Turning;
 use crate::{Error, Result};
 use nalgebra::Vector3;
 
-/// Turns the axes into the chain's common sense; returns each sensor's correlation with the one before it.
+/// Gives all axes the chain's common sense; returns each sensor's correlation with the one before it.
 pub(crate) fn choose_signs(
     sensors: &[ChainSensor],
     turns: &mut [Turning],
@@ -39,8 +39,7 @@ pub(crate) fn choose_signs(
     Ok(correlations)
 }
 
-/// Whether the axis that the gyroscope found is the stated one reversed, where the hinge is so far from level that
-/// gravity tells the two ends of its axis apart.
+/// Whether the gyroscope's axis is the stated one reversed. Gravity decides it if the hinge is far enough from level.
 fn reversed_by_gravity(
     sensor: &ChainSensor,
     here: &Turning,
@@ -52,14 +51,14 @@ fn reversed_by_gravity(
     slanted.then(|| stated * here.spin.axis.dot(&here.rest.up) < 0.0)
 }
 
-/// 1 or -1 for two hinges that are parallel within 5 deg, in the same or the opposite sense.
+/// 1 or -1 for two hinges parallel within 5 deg, in the same or the opposite sense.
 pub(crate) fn common_direction(a: &ChainSensor, b: &ChainSensor) -> Option<f64> {
     let (a, b) = (Vector3::from(a.hinge_axis_in_world), Vector3::from(b.hinge_axis_in_world));
     let cosine = a.normalize().dot(&b.normalize());
     (cosine.abs() > 5.0_f64.to_radians().cos()).then(|| cosine.signum())
 }
 
-/// Correlation of the rates of two sensors where both swing; 0 where nothing overlaps.
+/// Correlation of the rates of two sensors while both swing; 0 without overlap.
 fn correlation(a: &Turning, b: &Turning) -> f64 {
     let (mut ab, mut aa, mut bb) = (0.0, 0.0, 0.0);
     for (&t, &y) in b.time_s.iter().zip(&b.rate_rad_s) {
@@ -86,7 +85,7 @@ fn check_related(before: &str, name: &str, related: f64) -> Result<()> {
         return Ok(());
     }
     Err(Error::Data(format!(
-        "sensors `{before}` and `{name}`: their turning correlates by {related:.2}, at least {LEAST} is needed to tell the \
+        "sensors `{before}` and `{name}`: their turning correlates by {related:.2}, at least {LEAST} is needed to determine the \
          sense of the hinge axis. Let the chain swing as one"
     )))
 }

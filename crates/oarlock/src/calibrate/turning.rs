@@ -1,4 +1,4 @@
-//! One sensor's rest and swing: bias, up, axis, angle.
+//! Rest and swing of one sensor: bias, up, hinge axis and angle.
 
 use super::hinge_chain::{in_swing, ChainOptions, ChainSensor};
 use super::rest::Rest;
@@ -6,7 +6,7 @@ use super::spin_axis::{spin_axis, SpinAxis};
 use crate::{Error, Result};
 use nalgebra::Vector3;
 
-/// A sensor's rest and its turning.
+/// A sensor's rest and its rotation.
 pub(crate) struct Turning {
     pub rest: Rest,
     pub spin: SpinAxis,
@@ -49,7 +49,7 @@ impl Turning {
         self.rate_rad_s.iter_mut().chain(&mut self.angle_rad).for_each(|x| *x = -*x);
     }
 
-    /// Whether the link turns by `clear_rad` in the axis' sense before it does so in the other.
+    /// Whether the link first rotates by `clear_rad` in the positive sense of the axis.
     pub fn first_turns_positive(&self, clear_rad: f64) -> bool {
         let first = self.angle_rad.iter().find(|a| a.abs() >= clear_rad);
         first.is_none_or(|&a| a > 0.0)
@@ -60,7 +60,7 @@ impl Turning {
     }
 }
 
-/// Angles by the trapezoidal rule; the still stretch inside the swing's times adds nothing.
+/// Angles by the trapezoidal rule. A still stretch within the swing adds nothing.
 fn integrated(time_s: &[f64], rate: &[f64], still_s: (f64, f64)) -> Vec<f64> {
     let mut angle = 0.0;
     let mut angles = Vec::with_capacity(rate.len());

@@ -1,9 +1,10 @@
-//! Two sensors' motion, averaged over windows of a common clock without an error of the average.
+//! Motion of two sensors, averaged over windows of a common clock without an error of the average.
 //!
-//! The place of a sensor relative to a point of its body, `r`, turns with the body, and its velocity there is `R (w x r)`. The
-//! slope of the least-squares line through that velocity is the mean of the acceleration with weights `h (h + 1) - j^2`
-//! (h half the window, j from its middle). Specific force averaged with the same weights therefore equals that of the
-//! point plus `swirl r`, with no derivative of the angular velocity and however far the body turns inside the window.
+//! The position of a sensor relative to a point of its body, `r`, rotates with the body, and its velocity there is `R
+//! (w x r)`. The slope of the least-squares line through that velocity is the mean of the acceleration with weights `h
+//! (h + 1) - j^2` (h half the window, j from its middle). Specific force averaged with the same weights therefore
+//! equals that of the point plus `swirl r`. This needs no derivative of the angular velocity and is exact for any
+//! rotation inside the window.
 
 use super::clock::{common_clock, median_step, neighbours};
 use super::rest::Rest;
@@ -13,34 +14,34 @@ use super::still::{find_still, StillLimits};
 use crate::{Error, Result};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-/// One sensor's means, in the axes that it has in the middle of the window.
+/// Averages of one sensor, in its axes at the middle of the window.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Window {
     /// Specific force, m/s2.
     pub force: Vector3<f64>,
-    /// Acceleration of a point of the body = `swirl` times its place, 1/s2.
+    /// Acceleration of a point of the body is `swirl` times its position, 1/s2.
     pub swirl: Matrix3<f64>,
     /// Angular velocity, rad/s.
     pub rate: Vector3<f64>,
 }
 
-/// Windows that both sensors cover, half a window apart.
+/// Windows that both sensors cover; they overlap by half.
 pub(crate) struct PairedWindows {
-    /// The middles, s.
+    /// Middle of each window, s.
     pub time_s: Vec<f64>,
     pub pairs: Vec<[Window; 2]>,
-    /// From one window to the next, s.
+    /// Interval between windows, s.
     pub spacing_s: f64,
-    /// What the gyroscopes' noise makes of each entry of the swirl, standard deviation, 1/s2.
+    /// Standard deviation of each entry of the swirl due to the gyroscopes' noise, 1/s2.
     pub swirl_noise: [f64; 2],
 }
 
-/// More windows tell no more about a body, and take time.
+/// Largest number of windows. More of them add no information and cost time.
 const MOST: usize = 6000;
 
 impl PairedWindows {
     /// # Errors
-    /// [`Error::Data`] for malformed columns, or where the two share no window without a gap.
+    /// [`Error::Data`] for malformed columns, or if the two have no common window without a gap.
     pub fn new(units: [&Signals; 2], window_s: f64) -> Result<Self> {
         units[0].check()?;
         units[1].check()?;
@@ -67,7 +68,7 @@ impl PairedWindows {
         })
     }
 
-    /// How many windows follow each other within `span_s`, at least 1.
+    /// Number of windows within `span_s`, at least 1.
     pub fn within(&self, span_s: f64) -> f64 {
         (span_s / self.spacing_s).max(1.0)
     }
@@ -78,7 +79,7 @@ struct Steady {
     rates: Vec<Vector3<f64>>,
     forces: Vec<Vector3<f64>>,
     covered: Vec<bool>,
-    /// From the axes after each step to those before it.
+    /// Rotation from the axes after each step to those before it.
     steps: Vec<Rotation3<f64>>,
 }
 
@@ -132,16 +133,16 @@ fn squares(h: f64) -> f64 {
     h * (h + 1.0) * (2.0 * h + 1.0) / 3.0
 }
 
-/// Standard deviation of one reading of one axis, rad/s: at rest, or by third differences, which pass over smooth motion,
-/// if that is less. The median passes over knocks.
+/// Standard deviation of one reading of one axis, rad/s: the smaller one of the scatter at rest and that of third
+/// differences, which suppress smooth motion. The median ignores knocks.
 fn gyro_noise(unit: &Signals) -> f64 {
-    // Of white noise of one: 1 + 9 + 9 + 1.
+    // Third difference of white noise with unit variance: 1 + 9 + 9 + 1.
     const GAIN: f64 = 20.0;
     let third = |w: &[[f64; 3]]| [0, 1, 2].map(|i| (w[3][i] - 3.0 * w[2][i] + 3.0 * w[1][i] - w[0][i]).abs());
     let differences = unit.gyro_rad_s.windows(4).flat_map(third).filter(|d| d.is_finite());
     let moving = 1.4826 * median(differences.collect()) / GAIN.sqrt();
     let resting = longest_rest(unit).map_or(f64::INFINITY, |rest| rest.noise.0);
-    // Of no readings there is no median.
+    // There is no median without readings.
     moving.min(resting).max(0.0)
 }
 
@@ -151,7 +152,7 @@ fn longest_rest(unit: &Signals) -> Option<Rest> {
     still.and_then(|span_s| Rest::of(unit, span_s)).ok()
 }
 
-/// The gyroscope's mean in the longest still stretch, zero without one; a turntable's even turning is no bias.
+/// The gyroscope's mean in the longest still stretch, zero without one. The constant rate of a turntable is no bias.
 fn resting_bias(unit: &Signals) -> Vector3<f64> {
     const LARGEST_RAD_S: f64 = 0.1;
     let bias = longest_rest(unit).map_or(Vector3::zeros(), |rest| rest.bias);

@@ -1,8 +1,9 @@
-//! Motions near a mean, in the axes of each piece: points share with the mean the posture of what they do not move.
+//! Motion of the pieces at sigma points near a mean, in each piece's own axes. Points share the mean's pose where their
+//! states agree.
 //!
-//! In its own axes a piece's arms, its joint's axis and its sensors stand still, so a step down the tree only turns vectors:
-//! w = C' w + z q', w' = C' w' + (C' w) x z q' + z q'', a = C' (a + w' x r + w x (w x r)), by joint rotations C. Places of points are
-//! found on the way up, from their piece to one that stands as the mean's does.
+//! In a piece's own axes its arms, its joint's axis and its sensors are constant, so a step down the tree only rotates
+//! vectors: w = C' w + z q', w' = C' w' + (C' w) x z q' + z q'', a = C' (a + w' x r + w x (w x r)), with joint
+//! rotations C. Positions are computed upwards, from the piece to the first ancestor with the mean's pose.
 
 mod step;
 
@@ -13,7 +14,7 @@ use crate::kernels::lane::Real;
 use crate::model::JointKind;
 use crate::rotation::{Mat3, Vec3};
 
-/// What a piece feels, in its own axes.
+/// Motion of a piece and the magnetic field, in its own axes.
 #[derive(Debug, Clone, Copy)]
 pub struct Own<T> {
     /// Angular velocity, rad/s.
@@ -27,12 +28,12 @@ pub struct Own<T> {
 }
 
 impl<T: Real> Own<T> {
-    /// At rest, where nothing is felt.
+    /// Zero motion without gravity and field.
     pub fn nothing() -> Self {
         Own { spin: Vec3::zero(), spun: Vec3::zero(), felt: Vec3::zero(), field: Vec3::zero() }
     }
 
-    /// What is felt `arm` away, the same for all.
+    /// Proper acceleration at `arm`, the same arm in all lanes.
     #[inline(always)]
     pub fn felt_at(&self, arm: Vec3<f64>) -> Vec3<T> {
         if arm.0 == [0.0; 3] {
@@ -42,7 +43,7 @@ impl<T: Real> Own<T> {
         w.cross_onto(w.cross_equal(arm), self.spun.cross_equal_onto(arm, self.felt))
     }
 
-    /// What is felt `arm` away.
+    /// Proper acceleration at `arm`.
     #[inline(always)]
     pub fn felt_off(&self, arm: Vec3<T>) -> Vec3<T> {
         let w = self.spin;
@@ -50,23 +51,23 @@ impl<T: Real> Own<T> {
     }
 }
 
-/// A joint's rotation. Of a hinge, the cosine and sine of the turn about its axis; of a ball, row by row.
+/// A joint's rotation. Hinge: cosine and sine of its angle; ball: matrix, row by row.
 pub type Turn<T> = [T; 9];
 
-/// On which states a frame's pose depends.
+/// States that a frame's pose depends on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Reach {
-    /// One more than the last of them, in the frame's whole chain.
+    /// One more than the last such state in the frame's whole chain.
     pub last: usize,
-    /// The same of its own joint alone.
+    /// The same for its own joint alone.
     pub own: usize,
-    /// Whether an input moves it.
+    /// Whether the pose depends on an input.
     pub input: bool,
-    /// Whether one moves its own joint.
+    /// Whether its own joint is an input.
     pub own_input: bool,
 }
 
-/// What of a piece is not the mean's.
+/// Which values of a piece differ from the mean's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Differs {
     /// Rotation and position.
@@ -77,31 +78,31 @@ pub struct Differs {
     pub field: bool,
 }
 
-/// What differs from the mean: states from `from` on, inputs, and what that does to the root.
+/// Which values of the body differ from the mean's: states from `from` on, inputs, and the root's motion and field.
 #[derive(Debug, Clone, Copy)]
 pub struct PerturbedMotion {
     /// First state that may differ.
     pub from: usize,
-    /// Inputs do.
+    /// Whether inputs differ.
     pub inputs: bool,
-    /// Rates, accelerations or the root's motion do.
+    /// Whether rates, accelerations or the root's motion differ.
     pub motion: bool,
-    /// The magnetic field does.
+    /// Whether the magnetic field differs.
     pub field: bool,
 }
 
 impl PerturbedMotion {
-    /// Whether this touches what reaches so far.
+    /// Whether this changes a pose with this reach.
     #[inline(always)]
     pub fn touches(&self, reach: &Reach) -> bool {
         reach.last > self.from || (self.inputs && reach.input)
     }
 }
 
-/// What is asked of a piece.
+/// Which values of a piece are needed.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Wanted {
-    /// Anything.
+    /// Any value.
     pub place: bool,
     /// Velocities and accelerations.
     pub motion: bool,
@@ -109,19 +110,19 @@ pub struct Wanted {
     pub field: bool,
 }
 
-/// How all pieces stand and move at the mean.
+/// Poses of all pieces at the mean.
 #[derive(Debug, Clone)]
 pub struct Mean {
-    /// Behind the joint, in root axes.
+    /// Per piece: pose in root axes.
     pub stances: Vec<FrameMotion<f64>>,
-    /// Of the joint.
+    /// Per piece: rotation of its joint.
     pub turns: Vec<Turn<f64>>,
     /// The magnetic field in root axes, uT.
     pub field: Vec3<f64>,
 }
 
 impl Mean {
-    /// Room for so many pieces.
+    /// Workspace for this number of pieces.
     pub fn new(count: usize) -> Self {
         let stances = vec![FrameMotion::resting(Vec3::zero()); count];
         Mean { stances, turns: vec![[0.0; 9]; count], field: Vec3::zero() }
@@ -142,39 +143,39 @@ impl Mean {
     }
 }
 
-/// Room for what differs.
+/// Motion of the pieces where it differs from the mean's.
 #[derive(Debug, Clone)]
 pub struct Near<T> {
-    /// Where motion or field differ.
+    /// Motion and field, where they differ.
     pub own: Vec<Own<T>>,
     turns: Vec<Turn<T>>,
-    /// What differs.
+    /// Per piece: which values differ from the mean.
     pub differs: Vec<Differs>,
 }
 
 impl<T: Real> Near<T> {
-    /// Room for so many pieces.
+    /// Workspace for this number of pieces.
     pub fn new(count: usize) -> Self {
         let turns = vec![[T::splat(0.0); 9]; count];
         Near { own: vec![Own::nothing(); count], turns, differs: vec![Differs::default(); count] }
     }
 }
 
-/// What a pass is asked for, and where it starts.
+/// Arguments of a pass over the tree.
 #[derive(Debug, Clone, Copy)]
 pub struct Pass<'a> {
-    /// Of every piece.
+    /// Needed values of every piece.
     pub wanted: &'a [Wanted],
-    /// On what each piece's pose depends.
+    /// States that each piece's pose depends on.
     pub reaches: &'a [Reach],
-    /// From the mean.
+    /// Differences from the mean.
     pub perturbed: PerturbedMotion,
-    /// In the middle.
+    /// Poses at the mean.
     pub mean: &'a Mean,
 }
 
 impl Tree {
-    /// What moves each frame: `state` and `length` give the state of a coordinate and of an estimated parameter.
+    /// Reach of every frame: `state` and `length` give the state of a coordinate and of an estimated parameter.
     pub fn reaches(
         &self,
         state: impl Fn(usize) -> Option<usize>,
@@ -201,7 +202,7 @@ impl Tree {
 }
 
 impl Pieces {
-    /// Takes over how the pieces that are wanted stand. Allocates nothing.
+    /// Copies the poses of the needed pieces. Allocates nothing.
     #[inline(always)]
     pub fn settle(&self, slopes: &Slopes, anchors: &[Mat3<f64>], wanted: &[Wanted], mean: &mut Mean) {
         for (k, piece) in self.pieces.iter().enumerate().filter(|(k, _)| *k == 0 || wanted[*k].place) {
@@ -223,7 +224,7 @@ impl Pieces {
         }
     }
 
-    /// A vector of the root in the axes of every piece. Allocates nothing.
+    /// Rotates a vector of the root into the axes of every piece. Allocates nothing.
     pub fn lower(&self, joints: JointMotion<f64>, v: Vec3<f64>, out: &mut [Vec3<f64>]) {
         let mut turn = [0.0; 9];
         out[0] = v;
@@ -233,7 +234,7 @@ impl Pieces {
         }
     }
 
-    /// Marks what carries the pieces that are wanted.
+    /// Marks the ancestors of the needed pieces.
     pub fn mark_ancestors(&self, wanted: &mut [Wanted]) {
         for k in (1..self.len()).rev() {
             let (own, above) = (wanted[k], &mut wanted[self.parent(k)]);
@@ -243,7 +244,7 @@ impl Pieces {
         }
     }
 
-    /// Fills `near` with what differs from the mean. Allocates nothing.
+    /// Fills `near` where it differs from the mean. Allocates nothing.
     #[inline(always)]
     pub fn pass<T: Real>(&self, pass: Pass, joints: JointMotion<T>, root: Own<T>, near: &mut Near<T>) {
         let Pass { reaches, perturbed, mean, .. } = pass;
@@ -278,7 +279,7 @@ impl Pieces {
         }
     }
 
-    /// Finds what of each piece differs. No numbers, so it is no part of what is compiled for them.
+    /// Finds which values of each piece differ. Contains no arithmetic, so it is not compiled per instruction set.
     #[inline(never)]
     fn compare(&self, pass: Pass, differs: &mut [Differs]) {
         let perturbed = pass.perturbed;
@@ -293,8 +294,8 @@ impl Pieces {
         }
     }
 
-    /// A point of a piece in root axes; with `ROD`, a direction. It lies in `trail` on its way, where each piece has its place: the
-    /// compiler would break what goes round a loop into single numbers.
+    /// Transforms a point of a piece to root axes; with `ROD`, a direction. The intermediate results are stored in
+    /// `trail`, one per piece: the compiler would split loop variables into scalars.
     #[inline(always)]
     pub fn raised<T: Real, const ROD: bool>(
         &self,

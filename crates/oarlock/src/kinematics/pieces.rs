@@ -1,40 +1,40 @@
-//! The tree as rigid pieces: whatever is fixed behind a joint moves with it as one, so what is constant between two joints
-//! is put together when the tree is made.
+//! The tree as rigid pieces: everything fixed to one joint's child moves as one, so constant transforms are combined
+//! once.
 //!
-//! A piece may take any axes. Behind a hinge or slide along an axis of its parent it takes the parent's own, turned or moved along with
-//! the joint, so that nothing but the joint lies between the two.
+//! A piece may have any axes. After a hinge or slide along an axis of its parent it has axes parallel to the parent's
+//! at zero angle, so that only the joint lies between the two.
 
 use super::{Fixed, Link, Moved, Swap, Tree};
 use crate::model::{JointKind, Point};
 use crate::rotation::Mat3;
 
-/// All that one joint moves, up to the next ones.
+/// Everything that one joint moves, up to the next joints.
 #[derive(Debug, Clone)]
 pub(super) struct Piece {
-    /// The frame that has the joint.
+    /// The frame with the joint.
     pub frame: usize,
-    /// The piece that carries the joint; pieces count from the root, which is the first.
+    /// The piece that carries the joint; the root is piece 0.
     pub parent: usize,
-    /// From the parent's origin to the joint, in the parent's axes.
+    /// Position of the joint in the parent's axes, from the parent's origin.
     pub arm: Point,
     pub ways: Ways,
     pub joint: Option<Moved>,
 }
 
-/// In which axes a joint turns.
+/// Axes of a joint.
 #[derive(Debug, Clone)]
 pub(super) struct Ways {
-    /// Parent from the axes in which it turns, where these are not the parent's own.
+    /// Rotation from the joint's axes to the parent's, if they differ.
     pub entry: Option<Mat3<f64>>,
-    /// Along or about which of them, and whether the other way round: of hinges and slides.
+    /// Hinges and slides: index of the axis, and its sign.
     pub axis: usize,
     pub flip: f64,
-    /// The piece's axes from the frame's behind the joint, where these are not the same.
+    /// Rotation from the axes of the frame after the joint to the piece's, if they differ.
     pub home: Option<Mat3<f64>>,
 }
 
 impl Ways {
-    /// About the z axis of what `entry` leads to.
+    /// About the z axis of the axes given by `entry`.
     fn of(entry: &Fixed, kind: JointKind) -> Self {
         let scalar = matches!(kind, JointKind::Hinge | JointKind::Slide);
         match entry.swap {
@@ -45,7 +45,7 @@ impl Ways {
     }
 }
 
-/// Where a frame is fixed.
+/// Place of a frame on its piece.
 #[derive(Debug, Clone)]
 pub struct Home {
     /// The piece that it belongs to.
@@ -73,12 +73,12 @@ impl Home {
 #[derive(Debug, Clone)]
 pub struct Pieces {
     pub(super) pieces: Vec<Piece>,
-    /// Of every frame.
+    /// Place of every frame on its piece.
     pub homes: Vec<Home>,
 }
 
 impl Pieces {
-    /// Of a tree.
+    /// The pieces of a tree.
     pub fn new(tree: &Tree) -> Self {
         let here = Fixed::new(Mat3::identity(), Point::fixed([0.0; 3]));
         let ways = Ways::of(&here, JointKind::Fixed);
@@ -105,17 +105,17 @@ impl Pieces {
         own.behind(&link.after)
     }
 
-    /// How many there are, the root included.
+    /// Number of pieces, including the root.
     pub fn len(&self) -> usize {
         self.pieces.len()
     }
 
-    /// There is at least the root.
+    /// False: there is always the root.
     pub fn is_empty(&self) -> bool {
         self.pieces.is_empty()
     }
 
-    /// The frame that has a piece's joint.
+    /// The frame with a piece's joint.
     pub fn frame(&self, piece: usize) -> usize {
         self.pieces[piece].frame
     }

@@ -1,57 +1,60 @@
-//! How the motion of every frame answers to the joints and lengths in front of it, exactly and in one pass.
+//! Exact derivatives of every frame's motion by joints and lengths, in one recursion. The Jacobian of the readings uses
+//! it.
 //!
-//! Whatever lies behind a joint moves with it as one rigid piece, so a small change of a coordinate is five vectors that
-//! hold for all of it, written at the root's origin: the derivatives of a spatial acceleration (Featherstone 2008, chapter 2;
-//! Carpentier and Mansard 2018), here of the accelerations that an accelerometer feels. With the joint at o, an axis e, and
-//! the carrier's spin w, its derivative wd, its velocity v and proper acceleration a at o, the change of
+//! Everything behind a joint moves as one rigid piece. The derivative by one coordinate is therefore five vectors,
+//! written at the root's origin, that are valid for the whole piece: the derivatives of a spatial acceleration
+//! (Featherstone 2008, chapter 2; Carpentier and Mansard 2018), here of the specific force. Let the joint be at o with
+//! axis e. Let the carrier have angular velocity w with derivative wd, and velocity v and proper acceleration a at o.
+//! The derivative by
 //!
-//! - an angle turns all by e and leaves the carrier's motion: spin = -e x w, spun = -e x wd + w x spin;
-//! - a rate adds spin = e, spun = (w + w') x e, w' being the child's spin;
+//! - an angle rotates the piece by e and not the carrier's motion: spin = -e x w, spun = -e x wd + w x spin;
+//! - a rate adds spin = e, spun = (w + w') x e, with the child's angular velocity w';
 //! - an acceleration adds spun = e;
 //!
-//! and push = -e x a (of an angle) - spun x o - 2 spin x v. A slide pushes by wd x e + w x (w x e), 2 w x e and e.
+//! and push = -e x a (only for an angle) - spun x o - 2 spin x v. For a slide, push is wd x e + w x (w x e), 2 w x e
+//! and e.
 
 use super::{Fixed, FrameMotion, JointMotion, Link, Moved, Tree};
 use crate::model::{JointKind, Point};
 use crate::rotation::Vec3;
 use std::ops::Range;
 
-/// Which of the vectors of a slope are not zero.
+/// Which vectors of a slope are not zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// Of an angle: all of them.
+    /// By an angle: all of them.
     Turn,
-    /// Of its rate: all but `turn` and `shift`.
+    /// By an angular rate: all but `turn` and `shift`.
     Rate,
-    /// Of its acceleration: `spun` and `push`.
+    /// By an angular acceleration: `spun` and `push`.
     Accel,
-    /// Of a place or a length: `shift` and `push`.
+    /// By a position or a length: `shift` and `push`.
     Shift,
-    /// Of a place's rate or acceleration: `push`.
+    /// By the rate or acceleration of a position: `push`.
     Push,
 }
 
-/// What a unit of one number adds to the motion of all that lies behind it, in root axes.
+/// Derivative of the motion of everything behind a joint by one number, in root axes.
 #[derive(Debug, Clone, Copy)]
 pub struct Slope {
     /// Column of the Jacobian.
     pub column: usize,
-    /// Which vectors count.
+    /// Which vectors are not zero.
     pub kind: Kind,
-    /// Small rotation about the root's origin.
+    /// Rotation about the root's origin.
     pub turn: Vec3<f64>,
-    /// Small move of what lies at the root's origin.
+    /// Translation of a point at the root's origin.
     pub shift: Vec3<f64>,
-    /// Angular velocity, seen by who turns along.
+    /// Angular velocity, for an observer on the piece.
     pub spin: Vec3<f64>,
-    /// Angular acceleration, as it acts on accelerations.
+    /// Angular acceleration, as it enters accelerations.
     pub spun: Vec3<f64>,
     /// Proper acceleration at the root's origin.
     pub push: Vec3<f64>,
 }
 
 impl Slope {
-    /// Of a place, m.
+    /// Derivative of a position, m.
     #[inline(always)]
     pub fn place(&self, place: Vec3<f64>) -> Vec3<f64> {
         match self.kind {
@@ -61,12 +64,12 @@ impl Slope {
     }
 }
 
-/// Where the numbers that move a body stand in a Jacobian, and by what the column is multiplied.
+/// Columns of a Jacobian, and their scale factors.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Columns {
     /// Per coordinate: its value, rate and acceleration.
     pub coordinates: Vec<[Option<(usize, f64)>; 3]>,
-    /// Per estimated length.
+    /// Per estimated length: its column.
     pub lengths: Vec<usize>,
 }
 
@@ -75,14 +78,14 @@ pub struct Columns {
 pub struct Slopes {
     columns: Columns,
     slopes: Vec<Slope>,
-    /// Of the frame's own link.
+    /// Slopes of the frame's own link.
     own: Vec<Range<usize>>,
     parents: Vec<usize>,
-    /// m/s in root axes.
+    /// Velocities, m/s in root axes.
     pub velocity: Vec<Vec3<f64>>,
-    /// Per frame: right behind its joint.
+    /// Per frame: its motion directly after its joint.
     pub stances: Vec<FrameMotion<f64>>,
-    /// Of a hinge's angle.
+    /// Sine and cosine of a hinge's angle.
     pub sin_cos: Vec<(f64, f64)>,
 }
 
@@ -97,14 +100,14 @@ impl Slopes {
         found
     }
 
-    /// By its number.
+    /// A slope by its number.
     #[inline(always)]
     pub fn slope(&self, number: usize) -> &Slope {
         &self.slopes[number]
     }
 }
 
-/// How a point moves with the lengths that it depends on, seen from a frame that moves so: column, shift and push.
+/// Derivatives of a point by the lengths that it depends on, on a frame with this motion: column, shift and push.
 #[inline(always)]
 fn stretched(
     point: &Point,
@@ -118,7 +121,7 @@ fn stretched(
     }
 }
 
-/// Acceleration of a point `arm` away, against the frame's origin.
+/// Acceleration of a point at `arm`, relative to the frame's origin.
 #[inline(always)]
 pub fn rigid_acceleration(motion: &FrameMotion<f64>, arm: Vec3<f64>) -> Vec3<f64> {
     let w = motion.angular_velocity;
@@ -129,7 +132,7 @@ fn three(v: &[f64], first: usize) -> Vec3<f64> {
     Vec3([v[first], v[first + 1], v[first + 2]])
 }
 
-/// A frame on its way down the tree.
+/// Current frame of the recursion.
 struct Walk<'a> {
     columns: &'a Columns,
     slopes: &'a mut [Slope],
@@ -192,12 +195,12 @@ impl Walk<'_> {
         (0..3).for_each(|k| self.turn(first + k, turned.column(k), &here));
     }
 
-    /// The origin has moved from `here`, and moves on by `rate` in the carrier.
+    /// Updates the velocity after the origin moved away from `here`; `rate` is its velocity relative to the carrier.
     fn travel(&mut self, rate: Vec3<f64>, here: &FrameMotion<f64>) {
         self.velocity += rate + here.angular_velocity.cross(self.motion.position - here.position);
     }
 
-    /// A coordinate that turns about `axis`, carried by `here`.
+    /// Slopes of a rotation about `axis`, carried by `here`.
     fn turn(&mut self, coordinate: usize, axis: Vec3<f64>, here: &FrameMotion<f64>) {
         let [value, rate, accel] = self.columns.coordinates[coordinate];
         let (origin, velocity, w) = (here.position, self.velocity, here.angular_velocity);
@@ -220,7 +223,7 @@ impl Walk<'_> {
         }
     }
 
-    /// A coordinate that slides along `axis`, carried by `here`.
+    /// Slopes of a translation along `axis`, carried by `here`.
     fn slide(&mut self, coordinate: usize, axis: Vec3<f64>, here: &FrameMotion<f64>) {
         let [value, rate, accel] = self.columns.coordinates[coordinate];
         if let Some((column, scale)) = value {
@@ -238,7 +241,7 @@ impl Walk<'_> {
 }
 
 impl Link {
-    /// How many slopes the link has of its own.
+    /// Number of the link's own slopes.
     fn slope_count(&self, columns: &Columns) -> usize {
         let there = |c: usize| columns.coordinates[c].iter().flatten().count();
         let joint = self.joint.map_or(0, |j| (j.first..j.first + j.kind.width()).map(there).sum());
@@ -248,7 +251,7 @@ impl Link {
 }
 
 impl Tree {
-    /// Room for the slopes of this tree.
+    /// Workspace for the slopes of this tree.
     pub fn slopes(&self, columns: Columns) -> Slopes {
         let mut own = Vec::with_capacity(self.len());
         let mut total = 0;
@@ -269,13 +272,13 @@ impl Tree {
             stances: vec![rest; self.len()],
             sin_cos: vec![(0.0, 1.0); self.len()],
         };
-        // Columns and kinds are the same at any place.
+        // Columns and kinds do not depend on the pose.
         let joints = JointMotion { q: &still, qd: &still, qdd: &still, lengths: &lengths, anchors: &[] };
         self.motions_with_slopes(rest, joints, &vec![true; self.len()], &mut vec![rest; self.len()], &mut slopes);
         slopes
     }
 
-    /// Like `motions`, with the slopes of every frame that is `needed`; the root's origin does not move. Allocates nothing.
+    /// Like `motions`, with the slopes of every frame that is `needed`. The root's velocity is zero. Allocates nothing.
     pub fn motions_with_slopes(
         &self,
         root: FrameMotion<f64>,

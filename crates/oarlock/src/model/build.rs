@@ -1,4 +1,4 @@
-//! From what the file says to a model: names become indices, parents come before children.
+//! Builds a model from the file's content: names become indices, parents precede children.
 
 mod check;
 mod order;
@@ -24,7 +24,7 @@ pub fn read_model(text: &str, file: &str) -> Result<Model, Vec<String>> {
     }
 }
 
-/// The names that the file defines, and where to complain about others.
+/// The names that the file defines, and where to report unknown ones.
 struct Names<'a> {
     joints: Vec<&'a str>,
     /// Root first, then in file order.
@@ -64,17 +64,17 @@ impl Names<'_> {
     }
 }
 
-/// What a sensor or closure asks of the rest of the file, in its own name.
+/// Requests of a sensor or closure to the rest of the file, with its name for messages.
 pub(crate) struct Lookup<'a> {
-    /// For messages: "sensor `back`".
+    /// Name in messages, such as "sensor `back`".
     who: String,
     pub(crate) name: Named,
-    /// With all its frames and joints.
+    /// All names of frames and joints.
     pub(crate) model: &'a Model,
     names: &'a Names<'a>,
-    /// Of every frame of the file, in the model.
+    /// Index in the model of every frame of the file.
     place: &'a [usize],
-    /// The world says norm and dip of the magnetic field, or somebody has asked for them already.
+    /// Whether the world gives norm and dip of the magnetic field, or a request for them was reported already.
     has_field: &'a Cell<bool>,
 }
 
@@ -91,7 +91,7 @@ impl Lookup<'_> {
         self.names.mistakes.add(at, format!("{}: {}", self.who, text.as_ref()));
     }
 
-    /// Asks for norm and dip of the magnetic field; `reason` says why.
+    /// Requires norm and dip of the magnetic field; `reason` is for the message.
     pub(crate) fn need_magnetic_field(&self, reason: &str) {
         if !self.has_field.replace(true) {
             let text = format!(
@@ -102,7 +102,7 @@ impl Lookup<'_> {
         }
     }
 
-    /// Asks for a joint that moves one frame against the other; `what` needs it.
+    /// Requires a joint that moves one frame relative to the other; `what` needs it.
     pub(crate) fn need_joint_between(&self, a: usize, b: usize, what: &str) {
         let name = |frame: usize| &self.model.frames[frame].name;
         if a == b {
@@ -145,7 +145,7 @@ fn build(mut spec: Spec, mistakes: &Mistakes) -> Model {
     model
 }
 
-/// Joints with the places of their coordinates.
+/// Joints with the indices of their coordinates.
 fn numbered(mut joints: Vec<Joint>) -> Vec<Joint> {
     let mut first = 0;
     for joint in &mut joints {
@@ -188,7 +188,7 @@ fn frame(specs: &[FrameSpec], parents: &[Option<usize>], i: usize, place: &[usiz
     }
 }
 
-/// Sensors and closures, now that all frames have their places.
+/// Sensors and closures, after all frames have their indices.
 fn add_sensors(spec: &mut Spec, model: &mut Model, names: &Names, place: &[usize]) {
     let has_field = Cell::new(spec.has_field);
     let (mut sensors, mut closures) = (Vec::new(), Vec::new());
@@ -210,7 +210,7 @@ fn add_sensors(spec: &mut Spec, model: &mut Model, names: &Names, place: &[usize
     (model.sensors, model.closures) = (sensors, closures);
 }
 
-/// An input joint that gives no std of its own is as noisy as its encoder.
+/// An input joint without `std` has the noise of its encoder.
 fn take_input_std(specs: &[JointSpec], model: &mut Model) {
     let Model { joints, sensors, .. } = model;
     for sensor in sensors.iter() {

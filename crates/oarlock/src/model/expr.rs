@@ -1,4 +1,4 @@
-//! Numbers written as expressions of the parameters, such as `-l_ua/2` or `90*pi/180`.
+//! Arithmetic expressions of the parameters, such as `-l_ua/2` or `90*pi/180`.
 
 use super::suggest;
 
@@ -24,11 +24,11 @@ enum Op {
     Divide,
 }
 
-/// How many intermediate values an expression may need.
+/// Largest number of intermediate values of an expression.
 const DEPTH: usize = 32;
 
 impl Expr {
-    /// The same number whatever the parameters.
+    /// A constant.
     pub const fn constant(value: f64) -> Self {
         Expr(Form::Constant(value))
     }
@@ -54,7 +54,7 @@ impl Expr {
         })
     }
 
-    /// The value at these parameters; NaN if it needs one that is not there.
+    /// The value at these parameters; NaN if one is missing.
     pub fn eval(&self, parameters: &[f64]) -> f64 {
         let program = match &self.0 {
             Form::Constant(value) => return *value,
@@ -82,7 +82,7 @@ impl Expr {
         stack[0]
     }
 
-    /// The parameters that it reads, by index.
+    /// Indices of the parameters that it uses.
     pub fn parameters(&self) -> impl Iterator<Item = usize> + '_ {
         let program: &[Op] = match &self.0 {
             Form::Constant(_) => &[],
@@ -110,7 +110,7 @@ struct Parser<'a> {
     column: usize,
     names: Vec<&'a str>,
     program: Vec<Op>,
-    /// Values that wait on the stack for the part being read.
+    /// Values on the stack at this point of the text.
     open: usize,
 }
 
@@ -237,7 +237,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// Two numbers become one at once, so that a text without parameters is a constant.
+    /// Two constants are combined at once, so that an expression without parameters is a constant.
     fn push_binary(&mut self, op: Op) {
         if let [.., Op::Constant(a), Op::Constant(b)] = self.program[..] {
             self.program.truncate(self.program.len() - 2);

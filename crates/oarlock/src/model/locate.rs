@@ -1,4 +1,4 @@
-//! Where in the file a mistake is.
+//! Collects the mistakes of a model file with their line numbers.
 
 use std::cell::RefCell;
 
@@ -14,7 +14,7 @@ impl<'a> Mistakes<'a> {
         Mistakes { file, text, found: RefCell::new(Vec::new()) }
     }
 
-    /// Adds one at a byte offset of the text.
+    /// Adds a mistake at a byte offset of the text.
     pub(crate) fn add(&self, at: usize, text: impl Into<String>) {
         self.found.borrow_mut().push((at, text.into()));
     }
@@ -23,12 +23,12 @@ impl<'a> Mistakes<'a> {
         self.found.borrow().is_empty()
     }
 
-    /// The line, from one, of a byte offset.
+    /// Line number, from 1, of a byte offset.
     pub(crate) fn line(&self, at: usize) -> usize {
         1 + self.text.bytes().take(at).filter(|b| *b == b'\n').count()
     }
 
-    /// All of them as `file:line: text`, in the order of the file.
+    /// All mistakes as `file:line: text`, in the order of the file.
     pub(crate) fn finish(self) -> Vec<String> {
         let mut found = self.found.take();
         found.sort_by_key(|(at, _)| *at);

@@ -1,11 +1,11 @@
-//! A point of a link whose coordinates follow from parameters, some of which may be estimated.
+//! A point of a link as a function of parameters, some of which may be estimated.
 
 use super::expr::Expr;
 use super::transform::{evaluate_three, Transform};
 use crate::kernels::lane::Real;
 use crate::rotation::{Mat3, Vec3};
 
-/// `fixed` plus a slope times the value of each estimated parameter that it depends on.
+/// `fixed` plus a slope times the value of each estimated parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Point {
     fixed: [f64; 3],
@@ -13,21 +13,21 @@ pub struct Point {
     slopes: Vec<(usize, [f64; 3])>,
 }
 
-/// Step of the derivative, in units of the parameter; exact for expressions that are linear, as lengths are.
+/// Step of the derivative, in units of the parameter. The derivative is exact for linear expressions, as lengths are.
 const STEP: f64 = 1e-3;
 
 impl Point {
-    /// That no parameter moves.
+    /// A point that depends on no parameter.
     pub fn fixed(fixed: [f64; 3]) -> Self {
         Point { fixed, slopes: Vec::new() }
     }
 
-    /// Of expressions at `parameters`, of which those of index `estimated` may change.
+    /// From expressions at `parameters`; those with index `estimated` may change.
     pub fn of(point: &[Expr; 3], parameters: &[f64], estimated: &[usize]) -> Self {
         Self::made(|p| evaluate_three(point, p), parameters, estimated)
     }
 
-    /// Where a transform leads.
+    /// Origin of a transform's child frame.
     pub fn reached_by(transform: &Transform, parameters: &[f64], estimated: &[usize]) -> Self {
         Self::made(|p| transform.evaluate(p).1, parameters, estimated)
     }
@@ -50,7 +50,7 @@ impl Point {
         point
     }
 
-    /// Of axes that stand here and are turned so, a point.
+    /// A point given in axes with this origin and rotation.
     pub fn and_then(&self, rotation: &Mat3<f64>, point: &Point) -> Point {
         let sum = |a: [f64; 3], b: [f64; 3]| (Vec3(a) + rotation.apply(Vec3(b))).0;
         let mut slopes = self.slopes.clone();
@@ -73,18 +73,18 @@ impl Point {
         point
     }
 
-    /// If no parameter moves it.
+    /// The constant point, if it depends on no parameter.
     #[inline(always)]
     pub fn constant(&self) -> Option<Vec3<f64>> {
         self.slopes.is_empty().then_some(Vec3(self.fixed))
     }
 
-    /// Number of each estimated parameter that moves the point, and how far (m per unit of it).
+    /// Number of each estimated parameter that it depends on, and the derivative (m per unit).
     pub fn slopes(&self) -> &[(usize, [f64; 3])] {
         &self.slopes
     }
 
-    /// In the axes that `rotation` leads to, at these values of the estimated parameters.
+    /// Rotated by `rotation`, at these values of the estimated parameters.
     #[inline(always)]
     pub fn turned<T: Real>(&self, rotation: &Mat3<T>, lengths: &[T]) -> Vec3<T> {
         let mut arm = Vec3::zero();
@@ -97,13 +97,13 @@ impl Point {
         arm
     }
 
-    /// Whether it stays at the origin.
+    /// Whether it is always the origin.
     #[inline(always)]
     pub fn is_origin(&self) -> bool {
         self.slopes.is_empty() && self.fixed == [0.0; 3]
     }
 
-    /// Numbers of the estimated parameters that move it.
+    /// Numbers of the estimated parameters that it depends on.
     pub fn moved_by(&self) -> impl Iterator<Item = usize> + '_ {
         self.slopes.iter().map(|(number, _)| *number)
     }

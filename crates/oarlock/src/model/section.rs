@@ -1,4 +1,4 @@
-//! One table of the file: its keys, known and unknown.
+//! A table of the model file: reads its keys and reports unknown ones.
 
 use super::expr::Expr;
 use super::slot::{Named, Reader, Slot};
@@ -6,7 +6,7 @@ use super::suggest;
 use toml::de::{DeTable, DeValue};
 use toml::Spanned;
 
-/// A table and the name that a message gives it.
+/// A table and its name in messages.
 pub(crate) struct Section<'a> {
     pub(crate) reader: &'a Reader<'a>,
     /// For messages: "joint `seat`"; empty for the file as a whole.
@@ -16,7 +16,7 @@ pub(crate) struct Section<'a> {
     known: Known,
 }
 
-/// The keys that a table may have.
+/// The keys of a table.
 pub(crate) type Known = &'static [&'static str];
 
 impl<'a> Section<'a> {
@@ -47,7 +47,7 @@ impl<'a> Section<'a> {
         Some(section)
     }
 
-    /// Says which keys are not known here.
+    /// Reports unknown keys.
     pub(crate) fn refuse_unknown(&self) {
         for (name, at) in self.unknown() {
             self.mistake(at, format!("unknown key `{name}`; {}", suggest::hint(name, self.known)));
@@ -69,7 +69,7 @@ impl<'a> Section<'a> {
         Some(Slot { reader: self.reader, path: self.path_of(key), value })
     }
 
-    /// A key that has to be there.
+    /// A required key.
     pub(crate) fn need(&self, key: &str, example: &str) -> Option<Slot<'a>> {
         let slot = self.get(key);
         let misspelt = || self.unknown().any(|(name, _)| suggest::nearest(name, self.known) == Some(key));
@@ -95,7 +95,7 @@ impl<'a> Section<'a> {
         self.get(key).and_then(|slot| slot.flag()).unwrap_or(false)
     }
 
-    /// A name of something that is defined elsewhere in the file.
+    /// A name that is defined elsewhere in the file.
     pub(crate) fn reference(&self, key: &str) -> Option<Named> {
         let slot = self.get(key)?;
         slot.text().map(|text| Named { text: text.to_string(), at: slot.at() })
@@ -106,17 +106,17 @@ impl<'a> Section<'a> {
         self.reference(key)
     }
 
-    /// A number above zero that has to be there; 1 after a mistake.
+    /// A required positive number; 1 after a mistake.
     pub(crate) fn need_positive(&self, key: &str, example: &str, unit: &str) -> f64 {
         self.need(key, example).and_then(|slot| slot.positive(unit)).unwrap_or(1.0)
     }
 
-    /// Three lengths; the origin unless the file says otherwise.
+    /// Three lengths; the origin by default.
     pub(crate) fn point(&self, key: &str) -> [Expr; 3] {
         self.get(key).and_then(|slot| slot.point()).unwrap_or([0.0; 3].map(Expr::constant))
     }
 
-    /// The place of a key's value, or of the table.
+    /// Place of a key's value, or of the table.
     pub(crate) fn at_key(&self, key: &str) -> usize {
         self.table.get(key).map_or(self.at, |value| value.span().start)
     }
@@ -137,7 +137,7 @@ impl<'a> Section<'a> {
         entries.into_iter().map(entry).collect()
     }
 
-    /// The tables of `[[key]]`, each called by its own name.
+    /// The tables of `[[key]]`, each with its own name in messages.
     pub(crate) fn tables(&self, key: &str, known: Known) -> Vec<Section<'a>> {
         let Some(slot) = self.get(key) else {
             return Vec::new();

@@ -1,4 +1,4 @@
-//! One value of the file, read as what a key wants.
+//! One value of the model file, converted to the type that its key needs.
 
 use super::expr::Expr;
 use super::locate::Mistakes;
@@ -8,16 +8,16 @@ use std::f64::consts::TAU;
 use toml::de::DeValue;
 use toml::Spanned;
 
-/// What every key needs while a file is read.
+/// Context of all keys while a file is read.
 pub(crate) struct Reader<'a> {
     pub(crate) mistakes: &'a Mistakes<'a>,
     /// Names of the parameters, in the order of the file.
     pub(crate) parameters: Vec<String>,
-    /// Their defaults; NaN where the file gives none that can be used.
+    /// Their defaults; NaN for unusable ones.
     pub(crate) defaults: Vec<f64>,
 }
 
-/// A value with the place and the name that a message gives it.
+/// A value with its place in the file and its name in messages.
 pub(crate) struct Slot<'a> {
     pub(crate) reader: &'a Reader<'a>,
     /// For messages: "joint `seat`: limits".
@@ -32,9 +32,9 @@ pub(crate) struct Named {
     pub(crate) at: usize,
 }
 
-/// Longer than any body, rig or room: metres were meant as millimetres.
+/// Largest plausible length, m: a larger one was probably given in millimetres.
 const LENGTH_BOUND_M: f64 = 100.0;
-/// A unit vector or a rotation matrix typed with seven digits.
+/// Tolerance of a unit vector or rotation matrix: seven digits.
 const UNIT_TOLERANCE: f64 = 1e-6;
 
 impl<'a> Slot<'a> {
@@ -66,7 +66,7 @@ impl<'a> Slot<'a> {
         flag
     }
 
-    /// A name that others may refer to.
+    /// A name that other tables may refer to.
     pub(crate) fn name(&self) -> Option<Named> {
         let text = self.text()?;
         let mut letters = text.chars();
@@ -80,7 +80,7 @@ impl<'a> Slot<'a> {
         Some(Named { text: text.to_string(), at: self.at() })
     }
 
-    /// One of a few words.
+    /// One of several words.
     pub(crate) fn choice<T: Copy>(&self, wanted: &[(&str, T)]) -> Option<T> {
         let text = self.text()?;
         let found = wanted.iter().find(|(word, _)| *word == text);
@@ -91,7 +91,7 @@ impl<'a> Slot<'a> {
         found.map(|(_, value)| *value)
     }
 
-    /// A number or an expression of the parameters, finite at their defaults.
+    /// A number or an expression of the parameters; finite at their defaults.
     pub(crate) fn expr(&self) -> Option<Expr> {
         let expr = match self.value.get_ref() {
             DeValue::Integer(i) => Expr::constant(integer(i.as_str(), i.radix())?),
@@ -141,7 +141,7 @@ impl<'a> Slot<'a> {
         Some(expr)
     }
 
-    /// A number that no parameter changes.
+    /// A number that does not depend on parameters.
     pub(crate) fn number(&self) -> Option<f64> {
         let expr = self.expr()?;
         let parameter = expr.parameters().next();
@@ -171,7 +171,7 @@ impl<'a> Slot<'a> {
         Some(value)
     }
 
-    /// The `n` members of a list.
+    /// The `n` elements of a list.
     pub(crate) fn list(&self, n: usize, wanted: &str) -> Option<Vec<Slot<'a>>> {
         let list = self.value.get_ref().as_array().filter(|list| list.len() == n);
         let Some(list) = list else {
@@ -182,7 +182,7 @@ impl<'a> Slot<'a> {
         Some(list.iter().enumerate().map(member).collect())
     }
 
-    /// Three of the same; `None` after a mistake in any.
+    /// Three values of one type; `None` after a mistake in any.
     pub(crate) fn three<T>(&self, wanted: &str, read: fn(&Slot<'a>) -> Option<T>) -> Option<[T; 3]> {
         let found: Vec<Option<T>> = self.list(3, wanted)?.iter().map(read).collect();
         let found: Option<Vec<T>> = found.into_iter().collect();
@@ -201,7 +201,7 @@ impl<'a> Slot<'a> {
         rows?.try_into().ok()
     }
 
-    /// Says so if the matrix does not turn rigidly.
+    /// Reports a matrix that is not a rotation.
     pub(crate) fn check_rotation(&self, m: &Mat3<f64>) {
         let (defect, det) = m.rotation_defect();
         let numbers = format!("largest entry of |R R' - 1| is {defect:.3e}, determinant {det:.6}");
@@ -269,7 +269,7 @@ fn last_key(path: &str) -> &str {
     path.rsplit([' ', '.']).next().unwrap_or(path)
 }
 
-/// A value in the words of the person who wrote it.
+/// A value as the file's author wrote it.
 pub(crate) fn describe(value: &DeValue) -> String {
     match value {
         DeValue::String(s) => format!("\"{}\"", s.chars().take(60).collect::<String>()),

@@ -1,7 +1,7 @@
-//! A model's TOML text, read key by key: every value checked by itself, names not yet looked up.
+//! Reads a model's TOML text key by key. Every value is checked by itself; names are looked up later by `build`.
 //!
-//! Reading goes on after a mistake with a stand-in value, so that one pass finds them all; the caller
-//! drops the result if there was any.
+//! After a mistake, reading continues with a substitute value, so that one pass finds all mistakes. The caller discards
+//! the result if there was one.
 
 pub(crate) mod frame;
 mod joint;
@@ -18,23 +18,23 @@ use crate::sensor::kind::{Kind, Pending};
 use crate::sensor::SensorKind;
 use toml::de::DeTable;
 
-/// Everything that the file says.
+/// Content of the file.
 pub(super) struct Spec {
     pub(super) name: String,
     pub(super) description: String,
     pub(super) world: World,
-    /// The world gives norm and dip of the magnetic field.
+    /// Whether the world gives norm and dip of the magnetic field.
     pub(super) has_field: bool,
     pub(super) parameters: Vec<(Named, Parameter)>,
     pub(super) joints: Vec<JointSpec>,
     pub(super) frames: Vec<FrameSpec>,
-    /// With what waits for the frames' places; `None`: of a kind that is not known.
+    /// With names that are looked up later; `None`: of an unknown kind.
     pub(super) sensors: Vec<(Named, Option<Pending<SensorKind>>)>,
     pub(super) closures: Vec<(Named, Option<Pending<Closure>>)>,
     pub(super) base_accelerations: Vec<(Named, BaseAcceleration)>,
 }
 
-/// The version of the file's layout that this code reads.
+/// The version of the file format that this code reads.
 const FORMAT: f64 = 1.0;
 const KEYS: [&str; 11] = [
     "format",
@@ -50,7 +50,7 @@ const KEYS: [&str; 11] = [
     "base_acceleration",
 ];
 
-/// Reads the text; `None` if it is no TOML at all.
+/// Reads the text; `None` if it is not TOML.
 pub(super) fn read_spec(text: &str, mistakes: &Mistakes) -> Option<Spec> {
     let (table, faults) = DeTable::parse_recoverable(text);
     for fault in &faults {
@@ -111,7 +111,7 @@ fn check_format(whole: &Section) {
     }
 }
 
-/// What people write who know other formats.
+/// Keys of other formats, and the ones to use instead.
 fn syntax_hint(text: &str, at: usize) -> &'static str {
     let (Some(before), Some(after)) = (text.get(..at), text.get(at..)) else {
         return "";

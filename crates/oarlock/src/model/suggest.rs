@@ -1,4 +1,4 @@
-//! The valid name nearest to one that is not.
+//! Suggests the valid name nearest to an unknown one, for error messages.
 
 /// A clause for a message: the nearest valid name, or the valid names.
 pub fn hint(wrong: &str, valid: &[&str]) -> String {
@@ -18,7 +18,7 @@ pub fn hint(wrong: &str, valid: &[&str]) -> String {
     }
 }
 
-/// The valid name that needs the fewest edits, if it is near enough to be meant.
+/// The valid name with the fewest edits, if it is close enough.
 pub fn nearest<'a>(wrong: &str, valid: &[&'a str]) -> Option<&'a str> {
     let wrong = plain(wrong);
     let best = valid.iter().map(|name| (edits(&wrong, &plain(name)), *name)).min_by_key(|(d, _)| *d);
@@ -28,7 +28,7 @@ pub fn nearest<'a>(wrong: &str, valid: &[&'a str]) -> Option<&'a str> {
     }
 }
 
-/// Case, spaces and hyphens are the commonest slips and cost nothing.
+/// Case, spaces and hyphens are the most frequent mistakes and count nothing.
 fn plain(name: &str) -> String {
     name.chars().take(64).map(|c| if c == ' ' || c == '-' { '_' } else { c }).flat_map(char::to_lowercase).collect()
 }

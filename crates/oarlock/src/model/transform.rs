@@ -1,4 +1,4 @@
-//! Fixed transforms between frames, symbolic in the parameters.
+//! Fixed transforms between frames, as expressions of the parameters.
 
 use super::expr::Expr;
 use crate::rotation::Mat3;
@@ -6,7 +6,7 @@ use crate::rotation::Mat3;
 /// A fixed transform, parent from child; its entries may be expressions of the parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Transform {
-    /// A rotation and a translation, written apart.
+    /// A rotation and a translation, given separately.
     Fixed {
         /// Parent from child.
         rotation: RotationExpr,
@@ -26,7 +26,7 @@ pub enum Transform {
     },
 }
 
-/// How the rotation part of a fixed transform is written.
+/// Form of the rotation in a fixed transform.
 #[derive(Debug, Clone, PartialEq)]
 pub enum RotationExpr {
     /// No rotation.
@@ -37,7 +37,7 @@ pub enum RotationExpr {
     Rpy([Expr; 3]),
     /// Plain numbers.
     Numeric(Mat3<f64>),
-    /// The first, then plain numbers: a joint's axis turned onto z.
+    /// The first, then the second: a joint's axis rotated onto z.
     Turned(Box<RotationExpr>, Mat3<f64>),
 }
 
@@ -116,7 +116,7 @@ pub fn evaluate_three(v: &[Expr; 3], parameters: &[f64]) -> [f64; 3] {
     [0, 1, 2].map(|i| v[i].eval(parameters))
 }
 
-/// The rotation that takes z onto the unit vector `axis`, with the least turning.
+/// The smallest rotation from z to the unit vector `axis`.
 pub(super) fn z_onto(axis: [f64; 3]) -> Mat3<f64> {
     let [x, y, z] = axis;
     if z < -1.0 + 1e-12 {
@@ -130,7 +130,7 @@ pub(super) fn z_onto(axis: [f64; 3]) -> Mat3<f64> {
 mod tests {
     use super::*;
 
-    /// A handful of roundings of numbers near one.
+    /// A few roundings of numbers near 1.
     const ROUNDING: f64 = 1e-14;
 
     #[test]

@@ -1,13 +1,13 @@
-//! Numbers of a stream, read where they lie.
+//! Columns of numbers of a stream, owned by the engine or borrowed from Python without a copy.
 
 use std::fmt::Debug;
 use std::sync::Arc;
 
-/// Somebody who holds numbers that never change, and reads them out. An hour of readings is not copied for the engine.
+/// A source of constant numbers. It avoids a copy of an hour of readings.
 pub trait Lender: Debug + Send + Sync {
-    /// How many there are.
+    /// Number of values.
     fn count(&self) -> usize;
-    /// Those from `first` on, as many as there is room for.
+    /// Copies values from `first` on into `to`, as many as fit.
     fn read(&self, first: usize, to: &mut [f64]);
 }
 
@@ -21,22 +21,22 @@ impl Lender for Vec<f64> {
     }
 }
 
-/// Numbers of a stream, shared with whoever holds them.
+/// A column of a stream, shared with its owner.
 #[derive(Debug, Clone)]
 pub struct Column(Arc<dyn Lender>);
 
 impl Column {
-    /// Read from `lender` as long as they are needed.
+    /// Read from `lender` while needed.
     pub fn lent(lender: impl Lender + 'static) -> Self {
         Column(Arc::new(lender))
     }
 
-    /// How many numbers there are.
+    /// Number of values.
     pub fn len(&self) -> usize {
         self.0.count()
     }
 
-    /// Whether there are none.
+    /// Whether there are no values.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -46,12 +46,12 @@ impl Column {
         (index < self.len()).then(|| self.at(index))
     }
 
-    /// Those from `first` on, as many as there is room for; panics where there are fewer.
+    /// Copies values from `first` on into `to`, as many as fit; panics if there are fewer.
     pub fn read(&self, first: usize, to: &mut [f64]) {
         self.0.read(first, to);
     }
 
-    /// All in turn.
+    /// All values in order.
     pub fn iter(&self) -> impl Iterator<Item = f64> + '_ {
         (0..self.len()).map(|i| self.at(i))
     }

@@ -1,22 +1,22 @@
-//! SO(3): unit quaternions, rotation vectors and the derivatives that lead from one to the other.
+//! SO(3): unit quaternions, rotation vectors and their derivatives.
 //!
 //! The derivatives are the right and left Jacobians of Sola, Deray and Atchuthan (2018, eqs. 143 to 146).
 
 use super::{Mat3, Vec3};
 use std::f64::consts::PI;
 
-/// A unit quaternion, scalar first: child to parent.
+/// A unit quaternion, scalar first: rotation from child to parent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Turn(pub [f64; 4]);
 
-/// Below this angle (rad) series are used: their next term is below rounding there.
+/// Below this angle (rad) series are used; their next term is below rounding.
 const SMALL: f64 = 1e-2;
 
 impl Turn {
-    /// No rotation.
+    /// The identity.
     pub const NONE: Turn = Turn([1.0, 0.0, 0.0, 0.0]);
 
-    /// About `r` by its length, rad.
+    /// Rotation about `r` by its length, rad.
     pub fn exp(r: [f64; 3]) -> Self {
         let angle = norm(r);
         let half = 0.5 * angle;
@@ -25,7 +25,7 @@ impl Turn {
         Turn([half.cos(), s * r[0], s * r[1], s * r[2]])
     }
 
-    /// Of a rotation matrix: by the largest of four forms, so that no square root is taken of a small difference (Shepperd 1978).
+    /// From a rotation matrix: the largest of four forms avoids the square root of a small difference (Shepperd 1978).
     pub fn of(m: &Mat3<f64>) -> Self {
         let [[a, b, c], [d, e, f], [g, h, i]] = m.0;
         let all = [1.0 + a + e + i, 1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i];
@@ -49,7 +49,7 @@ impl Turn {
         [scale * x, scale * y, scale * z]
     }
 
-    /// This one after `o`.
+    /// Product: `o` first, then this rotation.
     pub fn times(&self, o: &Self) -> Self {
         let ([a, b, c, d], [w, x, y, z]) = (self.0, o.0);
         let product = [
@@ -62,13 +62,13 @@ impl Turn {
         Turn(product.map(|p| p / length))
     }
 
-    /// The way back.
+    /// The inverse.
     pub fn inverse(&self) -> Self {
         let [w, x, y, z] = self.0;
         Turn([w, -x, -y, -z])
     }
 
-    /// As a matrix, parent from child.
+    /// The rotation matrix, parent from child.
     pub fn matrix(&self) -> Mat3<f64> {
         let [w, x, y, z] = self.0;
         Mat3([
@@ -84,12 +84,12 @@ pub fn norm(v: [f64; 3]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// Rotation vector of `r` (rad) followed by the turn `delta` in the turned axes.
+/// Rotation vector of `r` (rad) followed by the rotation `delta` in the rotated axes.
 pub fn plus(r: [f64; 3], delta: [f64; 3]) -> [f64; 3] {
     Turn::exp(r).times(&Turn::exp(delta)).log()
 }
 
-/// The turn, in the axes of `from`, that leads from there to `to`.
+/// The rotation, in the axes of `from`, from there to `to`.
 pub fn minus(to: [f64; 3], from: [f64; 3]) -> [f64; 3] {
     Turn::exp(from).inverse().times(&Turn::exp(to)).log()
 }
@@ -133,12 +133,13 @@ pub fn right_jacobian_inverse(r: [f64; 3]) -> Mat3<f64> {
     series(r, 0.5, b)
 }
 
-/// Inverse of the left Jacobian: that of the right one, seen from the other side.
+/// Inverse of the left Jacobian: that of the right one at -r.
 pub fn left_jacobian_inverse(r: [f64; 3]) -> Mat3<f64> {
     right_jacobian_inverse(r.map(|x| -x))
 }
 
-/// The least turn that takes the unit vector `a` onto the unit vector `b`, rad; half a turn about any axis if they oppose.
+/// The smallest rotation from the unit vector `a` to the unit vector `b`, rad; half a turn about any axis if they are
+/// opposite.
 pub fn turn_between(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     let axis = Vec3(a).cross(Vec3(b)).0;
     let (sin, cos) = (norm(axis), a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>());
@@ -159,10 +160,10 @@ pub fn turn_between(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 mod tests {
     use super::*;
 
-    /// Angles swept over what is hard: nothing, a hair, a series' end, and half a turn.
+    /// Angles that include the difficult cases: zero, tiny ones, the limit of the series, and half a turn.
     const ANGLES: [f64; 10] = [0.0, 1e-9, 1e-6, 1e-3, 0.99e-2, 1.01e-2, 0.7, 2.0, PI - 1e-9, PI];
     const AXES: [[f64; 3]; 4] = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.6, 0.0, 0.8], [0.48, -0.6, 0.64]];
-    /// A handful of roundings.
+    /// A few roundings.
     const ROUNDING: f64 = 1e-12;
 
     fn sweep() -> impl Iterator<Item = [f64; 3]> {
@@ -173,7 +174,7 @@ mod tests {
         a.0.iter().flatten().zip(b.0.iter().flatten()).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max)
     }
 
-    /// Each of the four forms is the best one somewhere.
+    /// Each of the four forms is the largest one somewhere.
     #[test]
     fn a_matrix_is_read_back_as_its_rotation() {
         for r in AXES.iter().flat_map(|axis| ANGLES.map(|angle| axis.map(|x| angle * x))) {
@@ -187,7 +188,7 @@ mod tests {
     fn logarithm_undoes_the_exponential() {
         for r in sweep() {
             let back = Turn::exp(r).log();
-            // At half a turn either sign is the same rotation.
+            // At half a turn both signs are the same rotation.
             assert!(far(&Turn::exp(back).matrix(), &Turn::exp(r).matrix()) < ROUNDING, "{r:?} {back:?}");
             if norm(r) < 3.0 {
                 assert!(back.iter().zip(r).all(|(x, y)| (x - y).abs() < ROUNDING), "{r:?} {back:?}");

@@ -1,5 +1,5 @@
-//! Closed loop as a virtual sensor that always reads zero: two points agree, and two axes (eqs. 15 to 18). It stands under
-//! `[[closure]]`, not under `[[sensor]]`.
+//! Closure: a virtual measurement of zero that keeps two points together, and optionally two axes (eqs. 15 to 18). It
+//! has its own table `[[closure]]` in a model file.
 
 use super::kind::{Described, Kind, Pending, Reads, Sits};
 use super::near::{both, put, Around, Homes, Stand};
@@ -14,18 +14,18 @@ use crate::model::{Expr, Point};
 use crate::rotation::Vec3;
 use serde_json::{json, Value};
 
-/// A closed loop: two points agree, and optionally two axes.
+/// A closure of a model file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Closure {
     /// Unique among sensors and closures.
     pub name: String,
-    /// Frame and point (m) of either side.
+    /// Frame and point (m) of each side.
     pub sides: [(usize, [Expr; 3]); 2],
-    /// Unit axes in either frame that must agree.
+    /// Unit axes in each frame that must agree.
     pub axes: Option<[[f64; 3]; 2]>,
-    /// m.
+    /// Standard deviation of the gap, m.
     pub std_m: f64,
-    /// Of each direction cosine.
+    /// Standard deviation of each direction cosine.
     pub std_axis: f64,
 }
 
@@ -84,7 +84,7 @@ fn read_axes(section: &Section) -> Option<[[f64; 3]; 2]> {
     axes
 }
 
-/// A loop at one set of parameters.
+/// A closure at one set of parameters.
 #[derive(Debug, Clone)]
 pub struct ClosureReader {
     sides: [(usize, Point); 2],
@@ -158,7 +158,7 @@ impl Reads for ClosureReader {
     }
 }
 
-/// A loop on its pieces.
+/// A closure on its rigid pieces.
 #[derive(Debug, Clone)]
 pub struct ClosureSeat {
     row: usize,

@@ -1,4 +1,4 @@
-//! Encoder: reads a joint that is a state (eq. 10).
+//! Encoder: reads a coordinate of a joint that is a state (eq. 10).
 
 use super::kind::{Described, Kind, Pending, Reads, Sits};
 use super::near::{Around, Homes, Stand};
@@ -12,12 +12,12 @@ use crate::model::JointKind;
 use crate::rotation::Vec3;
 use serde_json::{json, Value};
 
-/// Reads a joint.
+/// An encoder of a model file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Encoder {
     /// Index of the joint.
     pub joint: usize,
-    /// rad or m.
+    /// Standard deviation, rad or m.
     pub std: f64,
 }
 
@@ -61,18 +61,18 @@ impl Kind for Encoder {
     }
 }
 
-/// Reads one coordinate.
+/// An encoder at one set of parameters.
 #[derive(Debug, Clone)]
 pub struct EncoderReader {
     coordinate: usize,
-    /// rad or m.
+    /// Standard deviation, rad or m.
     std: f64,
 }
 
 impl Reads for EncoderReader {
     type Seat = EncoderSeat;
 
-    /// One row that has the sensor's own name.
+    /// One row with the sensor's own name.
     fn rows(&self) -> RowGroups {
         vec![(Quantity::Joint, &[""], vec![self.std])]
     }
@@ -100,7 +100,7 @@ impl Reads for EncoderReader {
     }
 }
 
-/// Its row and its coordinate.
+/// Its row and coordinate.
 #[derive(Debug, Clone)]
 pub struct EncoderSeat {
     row: usize,

@@ -1,5 +1,5 @@
-//! Inertial unit: angular velocity, specific force and magnetic field in its own axes (eq. 8, with the offset of the
-//! unit from its link's origin and gravity felt once).
+//! Inertial unit: angular velocity, specific force and magnetic field in its own axes (eq. 8, with the sensor's offset
+//! on its link, and gravity once).
 
 mod seen;
 
@@ -23,25 +23,25 @@ use serde_json::{json, Value};
 /// Noise of an inertial unit; a quantity that is `None` is not measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImuNoise {
-    /// rad/s.
+    /// Gyroscope, rad/s.
     pub gyro_std: Option<f64>,
-    /// m/s2.
+    /// Accelerometer, m/s2.
     pub accel_std: Option<f64>,
-    /// uT.
+    /// Magnetometer, uT.
     pub mag_std: Option<f64>,
-    /// rad/s: how much it may turn while it seems to rest; `None`: rest tells nothing.
+    /// Standard deviation of the angular velocity at detected rest, rad/s; `None`: no rest detection.
     pub rest_std: Option<f64>,
-    /// rad/s: the largest that it can read; `None`: not known.
+    /// Range of the gyroscope, rad/s; `None`: unknown.
     pub gyro_range: Option<f64>,
-    /// m/s2: the largest that it can read; `None`: not known.
+    /// Range of the accelerometer, m/s2; `None`: unknown.
     pub accel_range: Option<f64>,
-    /// rad/s at the start.
+    /// Gyroscope's bias at the start, rad/s.
     pub gyro_bias_start_std: f64,
-    /// rad/s per sqrt(s).
+    /// Its random walk, rad/s per sqrt(s).
     pub gyro_bias_walk: f64,
-    /// m/s2 at the start.
+    /// Accelerometer's bias at the start, m/s2.
     pub accel_bias_start_std: f64,
-    /// m/s2 per sqrt(s).
+    /// Its random walk, m/s2 per sqrt(s).
     pub accel_bias_walk: f64,
 }
 
@@ -50,9 +50,9 @@ pub struct ImuNoise {
 pub struct Imu {
     /// Index of the frame.
     pub frame: usize,
-    /// On the link.
+    /// Its mount on the link.
     pub mount: Mount,
-    /// Per quantity.
+    /// Its noise.
     pub noise: ImuNoise,
 }
 
@@ -171,11 +171,11 @@ pub struct ImuReader {
     rotation: Mat3<f64>,
     offset: Point,
     noise: ImuNoise,
-    /// Number among the sensors whose mount is estimated.
+    /// Number among the estimated mounts.
     mount: Option<usize>,
 }
 
-/// Its parts, as the groups of a Jacobian are numbered.
+/// Its parts; the groups of its Jacobian have the same numbers.
 const GYRO: usize = 0;
 const ACCEL: usize = 1;
 const MAG: usize = 2;
@@ -190,13 +190,13 @@ struct Parts {
 }
 
 impl ImuReader {
-    /// The unit's axes; `mounts` are the rotation vectors of the mounts that are estimated.
+    /// The unit's axes; `mounts` are the rotation vectors of the estimated mounts.
     #[inline(always)]
     fn root_from_sensor<T: Real>(&self, frame: &FrameMotion<T>, mounts: &[Vec3<T>]) -> Mat3<T> {
         turned(frame.rotation.times_f64(&self.rotation), self.mount, mounts)
     }
 
-    /// First row of each of its parts, the first of all being `row`.
+    /// First row of each of its parts, if the first of all is `row`.
     fn parts(&self, row: usize) -> Parts {
         let mut next = row;
         let mut part = |std: Option<f64>| {
@@ -218,7 +218,7 @@ impl ImuReader {
 impl Reads for ImuReader {
     type Seat = ImuSeat;
 
-    /// Rows in the order gyro, accel, mag, rest of what the unit has.
+    /// Rows in the order gyro, accel, mag, rest, as far as the unit has them.
     fn rows(&self) -> RowGroups {
         let groups: [(Quantity, &'static [&'static str], Option<f64>); 4] = [
             (Quantity::Gyro, &["gyro_x", "gyro_y", "gyro_z"], self.noise.gyro_std),
@@ -310,16 +310,16 @@ fn see<T: Real>(root_from_sensor: &Mat3<T>, v: Vec3<T>, out: &mut [T], at: &mut 
     *at += 3;
 }
 
-/// An inertial unit on its piece.
+/// An inertial unit on its rigid piece.
 #[derive(Debug, Clone)]
 pub struct ImuSeat {
     piece: usize,
     /// Piece from sensor.
     rotation: Mat3<f64>,
     arm: Point,
-    /// Number among the sensors whose mount is estimated.
+    /// Number among the estimated mounts.
     mount: Option<usize>,
-    /// On which states its own mount and arm depend.
+    /// States that its mount and position depend on.
     own_reach: usize,
     parts: Parts,
 }
@@ -341,7 +341,7 @@ impl Sits for ImuSeat {
         stand.arm = self.arm.at(worn.lengths);
     }
 
-    /// Of the accelerometer alone.
+    /// Reading of the accelerometer alone.
     #[inline(always)]
     fn curve<const FUSED: bool>(&self, near: &Near<Lane<FUSED>>, stand: &Stand, out: &mut [Lane]) {
         if let Some(row) = self.parts.accel {
@@ -396,7 +396,7 @@ impl Sits for ImuSeat {
 }
 
 impl ImuSeat {
-    /// How its own mount differs.
+    /// Rotation of its mount relative to the mean's.
     #[inline(always)]
     fn turned<T: Real>(&self, around: &Around<T>, worn: bool) -> Option<Mat3<T>> {
         match self.mount {
@@ -406,7 +406,7 @@ impl ImuSeat {
     }
 }
 
-/// Axes of a unit: as at the mean, or turned from how they nominally are.
+/// Axes of a unit: those at the mean, or nominal ones with the estimated mount error.
 struct Axes<'a, T> {
     nominal: &'a Mat3<f64>,
     stand: &'a Mat3<f64>,

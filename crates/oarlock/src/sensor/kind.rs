@@ -1,4 +1,4 @@
-//! What a kind of sensor has to say about itself: three traits that its one file implements, and the list of all kinds.
+//! Three traits that each kind of sensor implements in one file, and the list of all kinds.
 
 use super::near::{Around, Homes, Stand};
 use super::slopes::{Answers, Found, Group, Moving};
@@ -12,7 +12,7 @@ use crate::model::{Expr, Model};
 use crate::rotation::{Mat3, Vec3};
 use serde_json::Value;
 
-/// A sensor whose frames and joints are still names: they are looked up once all frames have their places.
+/// A sensor with names of frames and joints that are looked up once all frames are read.
 pub(crate) type Pending<T> = Box<dyn FnOnce(&Lookup) -> Option<T>>;
 
 /// Model and parameter values for a description.
@@ -33,28 +33,28 @@ impl Described<'_> {
 
 /// A sensor as the model file describes it.
 pub(crate) trait Kind: Sized {
-    /// As `kind = "..."` names it.
+    /// Name of the kind in `kind = "..."`.
     const NAME: &'static str;
     /// Its keys beside `name` and `kind`.
     const KEYS: Known;
-    /// What predicts its rows.
+    /// The type that predicts its rows.
     type Reader: Reads;
 
     /// Reads and checks the keys.
     fn read(section: &Section) -> Pending<Self>;
-    /// Its keys as plain data, beside `name` and `kind`.
+    /// Its keys as plain data, without `name` and `kind`.
     fn describe(&self, at: &Described) -> Value;
-    /// At one set of parameters; `None` if its readings are no rows.
+    /// The sensor at one set of parameters; `None` if its readings are inputs.
     fn reader(&self, fit: &Fit) -> Option<Self::Reader>;
-    /// The frame whose limb it belongs to.
+    /// The frame that decides which limb it belongs to.
     fn frame(&self) -> Option<usize> {
         None
     }
-    /// How it sits on its link, if the orientation counts.
+    /// Its mount, if its orientation on the link matters.
     fn mount(&self) -> Option<&Mount> {
         None
     }
-    /// The same, to change it.
+    /// The same, mutable.
     fn mount_mut(&mut self) -> Option<&mut Mount> {
         None
     }
@@ -62,11 +62,11 @@ pub(crate) trait Kind: Sized {
     fn points(&self) -> Vec<&[Expr; 3]> {
         Vec::new()
     }
-    /// Where the reference of its readings is turned about the vertical by an unknown angle.
+    /// The unknown heading of its reference, if it has one.
     fn heading(&self) -> Option<&Heading> {
         None
     }
-    /// Errors of its readings that are states.
+    /// Slow errors of its readings that are states.
     fn slow_errors(&self) -> Vec<SlowError> {
         Vec::new()
     }
@@ -74,24 +74,25 @@ pub(crate) trait Kind: Sized {
 
 /// A sensor or closure at one set of parameters and mounts: its rows, their prediction and their derivatives.
 pub(crate) trait Reads {
-    /// How it sits on the rigid pieces of the tree.
+    /// Its form on the rigid pieces of the tree.
     type Seat: Sits;
 
     /// Its rows.
     fn rows(&self) -> RowGroups;
-    /// Marks the frames whose motion it reads.
+    /// Marks the frames whose motion it depends on.
     fn mark_frames(&self, _needed: &mut [bool]) {}
-    /// Marks the frames whose velocities or accelerations it reads.
+    /// Marks the frames whose velocities or accelerations it depends on.
     fn mark_moving(&self, _moving: &mut [bool]) {}
     /// Predicts its rows.
     fn predict<T: Real>(&self, scene: &Scene<T>, out: &mut [T]);
-    /// The columns of the Jacobian that its rows, from `row` on, have.
+    /// Columns of the Jacobian of its rows, which start at `row`.
     fn causes(&self, row: usize, answers: &Answers) -> Vec<Found>;
     /// Writes these columns.
     fn slopes<const FUSED: bool>(&self, groups: &[Group], at: Moving, out: &mut SparseJacobian);
-    /// On the pieces of the tree, and the states on which its rows from `row` on depend.
+    /// The sensor on the pieces of the tree, and the states that its rows from `row` on depend on.
     fn seat(&self, row: usize, homes: &Homes) -> (Self::Seat, Reach);
-    /// Of readings on a manifold: takes them from the rows as a reference, around which the rows are differences, and leaves zeros.
+    /// Readings on a manifold: moves them from the rows to a reference, so that the rows become differences, and sets
+    /// the rows to zero.
     fn refer(&self, _rows: &mut [f64]) -> Option<Mat3<f64>> {
         None
     }
@@ -99,11 +100,11 @@ pub(crate) trait Reads {
 
 /// A sensor or closure on the rigid pieces of the tree: its readings at points near a mean.
 pub(crate) trait Sits {
-    /// Marks what it asks of its pieces.
+    /// Marks what it needs of its pieces.
     fn mark(&self, _wanted: &mut [Wanted]) {}
-    /// Finds how it stands at the mean.
+    /// Computes its pose at the mean.
     fn settle(&self, _worn: Worn<f64>, _stand: &mut Stand) {}
-    /// Second-order part of its readings in the rates, at the mean's posture.
+    /// Second-order part of its readings by the rates, in the posture of the mean.
     fn curve<const FUSED: bool>(&self, _near: &Near<Lane<FUSED>>, _stand: &Stand, _out: &mut [Lane]) {}
     /// Predicts its rows; `posed`: a pose that it depends on differs from the mean's.
     fn predict<const FUSED: bool>(
@@ -114,7 +115,7 @@ pub(crate) trait Sits {
         trail: &mut [Vec3<Lane<FUSED>>],
         out: &mut [Lane],
     );
-    /// A vector in its own axes, given in those of every piece, if it has axes of its own.
+    /// A vector in its own axes, if it has axes; the vector is given in the axes of every piece.
     fn seen_by(&self, _v: &[Vec3<f64>], _mounts: &[Vec3<f64>]) -> Option<Vec3<f64>> {
         None
     }
@@ -131,7 +132,7 @@ pub(crate) fn all_keys(of_kinds: &[Known]) -> Vec<&'static str> {
     keys
 }
 
-/// Keys that exist, but for sensors of another kind.
+/// Keys that belong to other kinds of sensors.
 pub(crate) fn refuse_others(section: &Section, kind: &str, own: Known, all: &[&str]) {
     for key in all.iter().filter(|key| section.has(key)) {
         if !["name", "kind"].contains(key) && !own.contains(key) {
@@ -142,10 +143,10 @@ pub(crate) fn refuse_others(section: &Section, kind: &str, own: Known, all: &[&s
     }
 }
 
-/// The list of kinds: an enum for each of the three traits, whose methods go on to the kind's own.
+/// The list of kinds: an enum for each of the three traits that forwards to the kind's implementation.
 macro_rules! kinds {
     ($($name:ident: $file:ident,)*) => {
-        /// What a sensor reads.
+        /// A sensor of a model file.
         #[derive(Debug, Clone, PartialEq)]
         pub enum SensorKind {
             $(#[allow(missing_docs)] $name($file::$name),)*
@@ -170,27 +171,27 @@ macro_rules! kinds {
                 None
             }
 
-            /// As `kind = "..."` names it.
+            /// Name of the kind in `kind = "..."`.
             pub fn name(&self) -> &'static str {
                 match self { $(SensorKind::$name(_) => $file::$name::NAME,)* }
             }
 
-            /// Its keys as plain data, beside `name` and `kind`.
+            /// Its keys as plain data, without `name` and `kind`.
             pub(crate) fn describe(&self, at: &Described) -> Value {
                 match self { $(SensorKind::$name(s) => s.describe(at),)* }
             }
 
-            /// The frame whose limb it belongs to.
+            /// The frame that decides which limb it belongs to.
             pub fn frame(&self) -> Option<usize> {
                 match self { $(SensorKind::$name(s) => s.frame(),)* }
             }
 
-            /// How it sits on its link, if the orientation counts.
+            /// Its mount, if its orientation on the link matters.
             pub fn mount(&self) -> Option<&Mount> {
                 match self { $(SensorKind::$name(s) => s.mount(),)* }
             }
 
-            /// The same, to change it.
+            /// The same, mutable.
             pub fn mount_mut(&mut self) -> Option<&mut Mount> {
                 match self { $(SensorKind::$name(s) => s.mount_mut(),)* }
             }
@@ -201,17 +202,17 @@ macro_rules! kinds {
                 self.mount().map(|mount| &mount.offset).into_iter().chain(own).collect()
             }
 
-            /// Where the reference of its readings is turned about the vertical by an unknown angle.
+            /// The unknown heading of its reference, if it has one.
             pub fn heading(&self) -> Option<&Heading> {
                 match self { $(SensorKind::$name(s) => s.heading(),)* }
             }
 
-            /// Errors of its readings that are states.
+            /// Slow errors of its readings that are states.
             pub(crate) fn slow_errors(&self) -> Vec<SlowError> {
                 match self { $(SensorKind::$name(s) => s.slow_errors(),)* }
             }
 
-            /// At one set of parameters; `None` if its readings are no rows.
+            /// The sensor at one set of parameters; `None` if its readings are inputs.
             fn reader(&self, fit: &Fit) -> Option<Reader> {
                 match self { $(SensorKind::$name(s) => s.reader(fit).map(Reader::$name),)* }
             }
@@ -226,7 +227,7 @@ macro_rules! kinds {
             $($name(<$file::$name as Kind>::Reader),)*
         }
 
-        /// A sensor or closure as it sits on its pieces.
+        /// A sensor or closure on its rigid pieces.
         #[derive(Debug, Clone)]
         enum Seat {
             $($name(<<$file::$name as Kind>::Reader as Reads>::Seat),)*

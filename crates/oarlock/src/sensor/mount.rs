@@ -1,4 +1,4 @@
-//! How a sensor with axes of its own sits on its link; shared by the kinds that have such axes.
+//! Mount of a sensor: its rotation and position on the link. Inertial units and orientation sensors share it.
 
 use crate::kernels::lane::Real;
 use crate::model::section::Section;
@@ -9,18 +9,18 @@ use crate::rotation::{Mat3, Vec3};
 /// Link from sensor, and the sensor's origin in the link's frame (m).
 pub type MountValue = (Mat3<f64>, [f64; 3]);
 
-/// Orientation and place of a sensor on its link.
+/// Mount of a sensor in a model file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mount {
     /// Link from sensor.
     pub rotation: Mat3<f64>,
-    /// How far it may be off about each axis, rad, where it is estimated.
+    /// Standard deviation about each axis, rad, where the mount is estimated.
     pub std_rad: f64,
-    /// Sensor's origin in the link's frame, m.
+    /// Sensor's position in the link's frame, m.
     pub offset: [Expr; 3],
 }
 
-/// A unit that was put on by eye, rad.
+/// Default standard deviation of a mount by eye, rad.
 const MOUNT_STD_RAD: f64 = 0.1;
 
 impl Mount {
@@ -42,7 +42,7 @@ impl Mount {
     }
 }
 
-/// Axes of a sensor on a link: the nominal ones, turned by its estimated mount if it has one.
+/// Rotation of a sensor on its link: the nominal one times the rotation of its estimated error, if it has one.
 #[inline(always)]
 pub(super) fn turned<T: Real>(nominal: Mat3<T>, number: Option<usize>, mounts: &[Vec3<T>]) -> Mat3<T> {
     match number.and_then(|i| mounts.get(i)) {

@@ -1,4 +1,4 @@
-//! Readings at points near a mean: the sensors as they sit on the rigid pieces of the tree.
+//! Readings at points near a mean (sigma points), computed on the rigid pieces of the tree. `body::read` uses it.
 
 use super::kind::{Reads, Sits};
 use super::{Seat, Suite, Worn};
@@ -9,17 +9,17 @@ use crate::kinematics::JointMotion;
 use crate::model::Point;
 use crate::rotation::{Mat3, Vec3};
 
-/// How an inertial unit stands at the mean, in the axes of its piece.
+/// Pose of an inertial unit at the mean, in the axes of its piece.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stand {
     /// Piece from sensor.
     pub rotation: Mat3<f64>,
-    /// From the piece's origin, m.
+    /// Position in the piece, m.
     pub arm: Vec3<f64>,
 }
 
 impl Stand {
-    /// Of a sensor that does not care.
+    /// Placeholder for sensors without a pose of their own.
     pub const ANY: Stand = Stand { rotation: Mat3([[0.0; 3]; 3]), arm: Vec3([0.0; 3]) };
 }
 
@@ -30,37 +30,37 @@ pub struct Seats {
     reaches: Vec<Reach>,
 }
 
-/// Bodies around the mean.
+/// Bodies near the mean, with the mean itself.
 #[derive(Debug, Clone, Copy)]
 pub struct Around<'a, T> {
-    /// That moves.
+    /// The rigid pieces of the tree.
     pub pieces: &'a Pieces,
-    /// In the middle.
+    /// Motion of the pieces at the mean.
     pub mean: &'a Mean,
-    /// What differs.
+    /// Motion of the pieces where it differs from the mean's.
     pub near: &'a Near<T>,
     /// Values of the joints.
     pub joints: JointMotion<'a, T>,
     /// Rotation vectors of the mounts.
     pub mounts: &'a [Vec3<T>],
-    /// By which the references of orientation sensors are turned about the vertical, rad.
+    /// Headings of the references of orientation sensors, rad.
     pub headings: &'a [T],
-    /// Of every source whose readings are differences from one.
+    /// Per source: the reference of readings that are differences from one.
     pub references: &'a [Mat3<f64>],
-    /// What differs at all.
+    /// What differs from the mean.
     pub perturbed: PerturbedMotion,
-    /// How the units stand at the mean.
+    /// Poses of the units at the mean.
     pub stands: &'a [Stand],
     /// Readings at the mean.
     pub center: &'a [f64],
-    /// Sources that are asked for.
+    /// Sources to predict.
     pub active: &'a [bool],
 }
 
-/// Where the pieces of a tree are, and which states move its frames.
+/// Positions of the frames on the pieces, and the states that move the frames.
 pub(crate) struct Homes<'a> {
     pub pieces: &'a Pieces,
-    /// Of the frames.
+    /// Place of each frame on its piece.
     pub reaches: &'a [Reach],
     /// State of an estimated parameter.
     pub length: &'a dyn Fn(usize) -> usize,
@@ -82,36 +82,37 @@ impl Homes<'_> {
         &self.pieces.homes[frame].rotation
     }
 
-    /// One more than the last state that moves a point in its frame.
+    /// One more than the last state that moves the point in its frame.
     pub fn own(&self, point: &Point) -> usize {
         point.moved_by().map(|l| (self.length)(l) + 1).max().unwrap_or(0)
     }
 
-    /// One more than the last state of a mount.
+    /// One more than the last state of the mount.
     pub fn own_mount(&self, number: Option<usize>) -> usize {
         number.map_or(0, |i| (self.mount)(i) + 3)
     }
 
-    /// One more than the state of a heading.
+    /// One more than the state of the heading.
     pub fn own_heading(&self, number: Option<usize>) -> usize {
         number.map_or(0, |i| (self.heading)(i) + 1)
     }
 
-    /// On which states a sensor on a frame depends, those of its own being below `own`.
+    /// The states that a sensor on a frame depends on; its own states are below `own`.
     pub fn reach(&self, frame: usize, own: usize) -> Reach {
         let reach = self.reaches[frame];
         Reach { last: reach.last.max(own), ..reach }
     }
 }
 
-/// On which states a sensor depends that has two sides.
+/// The states that a sensor with two sides depends on.
 pub(super) fn both(a: Reach, b: Reach) -> Reach {
     Reach { last: a.last.max(b.last), input: a.input || b.input, ..a }
 }
 
 impl Suite {
-    /// The sensors on the pieces of a tree. `reaches` are those of the frames; `length`, `mount` and `heading` give the state of an
-    /// estimated parameter, the first one of an estimated mount and that of an estimated heading.
+    /// Places the sensors on the pieces of a tree. `reaches` are those of the frames. `length`, `mount` and `heading`
+    /// give the state of an estimated parameter, the first state of an estimated mount and the state of an estimated
+    /// heading.
     pub fn seats(
         &self,
         pieces: &Pieces,
@@ -128,17 +129,18 @@ impl Suite {
 }
 
 impl Seats {
-    /// Marks what the `active` sources ask of their pieces.
+    /// Marks what the `active` sources need of their pieces.
     pub fn mark(&self, active: &[bool], wanted: &mut [Wanted]) {
         self.seats.iter().zip(active).filter(|(_, on)| **on).for_each(|(seat, _)| seat.mark(wanted));
     }
 
-    /// A vector in the axes of source `i`, if that has its own, given in those of every piece.
+    /// A vector in the axes of source `i`, if it has axes; `None` otherwise. The vector is given in the axes of every
+    /// piece.
     pub fn seen_by(&self, i: usize, v: &[Vec3<f64>], mounts: &[Vec3<f64>]) -> Option<Vec3<f64>> {
         self.seats[i].seen_by(v, mounts)
     }
 
-    /// How the units stand at the mean.
+    /// Computes the poses of the units at the mean.
     #[inline(always)]
     pub fn settle(&self, worn: Worn<f64>, active: &[bool], stands: &mut [Stand]) {
         for ((seat, stand), _) in self.seats.iter().zip(stands).zip(active).filter(|(_, on)| **on) {
@@ -146,7 +148,7 @@ impl Seats {
         }
     }
 
-    /// Second-order part of the accelerometers' readings, at the mean's posture. Allocates nothing.
+    /// Second-order part of the accelerometers' readings, in the posture of the mean. Allocates nothing.
     #[inline(always)]
     pub fn second_order<const FUSED: bool>(
         &self,
@@ -160,8 +162,8 @@ impl Seats {
         }
     }
 
-    /// Predicts the rows of every active source into `out`, from the mean's where nothing differs; `trail` is room for a vector a piece.
-    /// Allocates nothing.
+    /// Predicts the rows of every active source into `out`; copies the mean's where nothing differs. `trail` is
+    /// workspace with one vector per piece. Allocates nothing.
     #[inline(always)]
     pub fn predict<const FUSED: bool>(
         &self,
@@ -177,7 +179,7 @@ impl Seats {
 }
 
 impl<T: Real> Around<'_, T> {
-    /// What the mean reads.
+    /// Readings at the mean.
     #[inline(always)]
     pub(super) fn keep(&self, out: &mut [Lane], first: Option<usize>, count: usize) {
         let Some(first) = first else { return };

@@ -1,12 +1,12 @@
-//! Orientation sensor: a unit that gives a quaternion and keeps its raw signals to itself.
+//! Orientation sensor: reads a quaternion from a unit that does not export its raw signals.
 //!
 //! With the measured rotation R_m and the predicted one R_p, both sensor to reference, the rows are the rotation vector
-//! Log(R_m' R_p) in sensor axes (Sola, Deray and Atchuthan 2018, eq. 26) and the reading is zero, so that the innovation is
-//! Log(R_p' R_m). A reading thus enters twice: as the reference of the rows, and as their zero.
+//! Log(R_m' R_p) in sensor axes (Sola, Deray and Atchuthan 2018, eq. 26). The reading is zero, so that the innovation
+//! is Log(R_p' R_m). The measured rotation thus becomes the reference of the rows.
 //!
-//! The error of such a unit is that of the filter inside it, which lasts for seconds. It is a state: a Gauss-Markov process with
-//! standard deviation `std_rad` and time constant `correlation_time_s` (Gelb 1974, section 3.8), so that readings at
-//! 100 Hz are not taken for a hundred independent ones a second.
+//! The error of such a unit is that of the filter inside it, which lasts for seconds. It is a state: a Gauss-Markov
+//! process with standard deviation `std_rad` and time constant `correlation_time_s` (Gelb 1974, section 3.8). Readings
+//! at 100 Hz therefore do not count as a hundred independent ones per second.
 
 use super::kind::{Described, Kind, Pending, Reads, Sits};
 use super::mount::turned;
@@ -23,30 +23,30 @@ use crate::rotation::turn::{right_jacobian, right_jacobian_inverse, Turn};
 use crate::rotation::{Mat3, Vec3};
 use serde_json::{json, Value};
 
-/// How long the error lasts unless the file says otherwise, s: the time in which VQF lets accelerometers correct an
-/// inclination, by its defaults (Laidig and Seel 2023).
+/// Default correlation time of the slow error, s: the time constant with which VQF corrects the inclination by default
+/// (Laidig and Seel 2023).
 const CORRELATION_TIME_S: f64 = 3.0;
-/// What changes from one reading to the next, as a share of the error, unless the file says otherwise.
+/// Default white noise, as a share of the slow error.
 const WHITE_SHARE: f64 = 0.1;
-/// A device's own reference drifts by about a degree a minute, rad per sqrt(s).
+/// Default heading drift of a device's reference, about a degree per minute, rad per sqrt(s).
 const HEADING_WALK: f64 = 0.002;
 
-/// Reads the orientation of a frame.
+/// An orientation sensor of a model file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Orientation {
     /// Index of the frame.
     pub frame: usize,
-    /// On the link.
+    /// Its mount on the link.
     pub mount: Mount,
-    /// Of the slow error about each axis, rad; of all errors if none is slow.
+    /// Standard deviation of the slow error about each axis, rad; of the total error if there is no slow one.
     pub std_rad: f64,
-    /// Of what changes from one reading to the next, rad.
+    /// Standard deviation of the white noise, rad.
     pub white_std_rad: f64,
-    /// How long the slow error lasts, s; 0: readings are independent.
+    /// Correlation time of the slow error, s; 0: readings are independent.
     pub correlation_time_s: f64,
-    /// Where the device's reference is not the model's; `None`: it is.
+    /// Unknown heading of the device's reference; `None`: it has the model's.
     pub heading: Option<Heading>,
-    /// Turns the device's reference, z up and x forward, to root axes.
+    /// Rotation from the device's reference (z up, x forward) to root axes.
     pub root_from_reference: Mat3<f64>,
 }
 
@@ -140,7 +140,7 @@ impl Kind for Orientation {
     }
 }
 
-/// Group, if the file names one, and walk of an unknown heading.
+/// Group, if the file names one, and random walk of an unknown heading.
 fn read_heading(section: &Section) -> Option<(Option<String>, f64)> {
     let known = section.get("heading").and_then(|slot| slot.choice(&[("known", true), ("unknown", false)]));
     let group = section.get("heading_group").and_then(|slot| slot.name()).map(|name| name.text);
@@ -162,20 +162,20 @@ fn root_from_reference(world: &World) -> Mat3<f64> {
     Mat3([forward.0, up.cross(forward).0, up.0]).transposed()
 }
 
-/// Which states turn the readings of an orientation sensor, beside its frame's.
+/// States that rotate the readings of an orientation sensor, beside its frame's.
 #[derive(Debug, Clone, Copy)]
 struct Turning {
     /// Its number among the sources.
     source: usize,
-    /// Its number among the sensors whose mount is estimated.
+    /// Number among the estimated mounts.
     mount: Option<usize>,
-    /// Its number among the headings that are estimated.
+    /// Number among the estimated headings.
     heading: Option<usize>,
     up: [f64; 3],
 }
 
 impl Turning {
-    /// Sensor axes as the device calls them, root axes: `axes` turned by the heading of its reference.
+    /// Rotation from sensor axes to the device's reference, in root axes: `axes` rotated by the heading.
     #[inline(always)]
     fn seen<T: Real>(&self, axes: [Vec3<T>; 3], headings: &[T]) -> [Vec3<T>; 3] {
         let Some(&heading) = self.heading.and_then(|i| headings.get(i)) else { return axes };
@@ -196,7 +196,7 @@ impl Turning {
     }
 }
 
-/// An orientation sensor at one set of mounts.
+/// An orientation sensor at one set of parameters and mounts.
 #[derive(Debug, Clone)]
 pub struct OrientationReader {
     frame: usize,
@@ -244,13 +244,13 @@ impl Reads for OrientationReader {
         vec![Found { row, count: 3, part: 0, columns }]
     }
 
-    /// Where R_p becomes R_p Exp(d), Log(R_m' R_p) moves by Jr^-1 d.
+    /// If R_p becomes R_p Exp(d), Log(R_m' R_p) changes by Jr^-1 d.
     #[inline(always)]
     fn slopes<const FUSED: bool>(&self, groups: &[Group], at: Moving, out: &mut SparseJacobian) {
         let axes = self.root_from_sensor(&at.frames[self.frame].rotation, at.worn.mounts);
         let rows = self.turning.rows(columns(&axes), at.references, at.worn.headings);
         let inverse = right_jacobian_inverse(rows.0);
-        // Turns in root axes: Jr^-1 R_p'. Its columns are the rows of R_p Jr^-T.
+        // For rotations in root axes: Jr^-1 R_p'. Its columns are the rows of R_p Jr^-T.
         let by_turn: Columns = transposed(&axes.times_transposed(&inverse));
         let mount = self.turning.mount.and_then(|i| at.worn.mounts.get(i));
         for group in groups {
@@ -287,7 +287,7 @@ impl Reads for OrientationReader {
     }
 }
 
-/// An orientation sensor on its piece.
+/// An orientation sensor on its rigid piece.
 #[derive(Debug, Clone)]
 pub struct OrientationSeat {
     row: usize,

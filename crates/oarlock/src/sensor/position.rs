@@ -13,14 +13,14 @@ use crate::model::{Expr, Point};
 use crate::rotation::Vec3;
 use serde_json::{json, Value};
 
-/// Reads a point in root axes.
+/// A position sensor of a model file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Position {
     /// Index of the frame.
     pub frame: usize,
-    /// In the frame, m.
+    /// Point in the frame, m.
     pub point: [Expr; 3],
-    /// m.
+    /// Standard deviation, m.
     pub std_m: f64,
 }
 
@@ -49,7 +49,7 @@ impl Kind for Position {
     }
 }
 
-/// Reads one point.
+/// A position sensor at one set of parameters.
 #[derive(Debug, Clone)]
 pub struct PositionReader {
     frame: usize,
@@ -93,7 +93,7 @@ impl Reads for PositionReader {
     }
 }
 
-/// A point on its piece.
+/// A position sensor on its rigid piece.
 #[derive(Debug, Clone)]
 pub struct PositionSeat {
     row: usize,

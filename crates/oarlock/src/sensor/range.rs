@@ -1,4 +1,4 @@
-//! Range sensor: reads the distance between two points of the body, or of the body and its surroundings.
+//! Range sensor: distance between two points of the body, or between the body and its surroundings.
 
 use super::kind::{Described, Kind, Pending, Reads, Sits};
 use super::near::{both, Around, Homes, Stand};
@@ -13,12 +13,12 @@ use crate::model::{Expr, Point};
 use crate::rotation::Vec3;
 use serde_json::{json, Value};
 
-/// Reads the distance between two points.
+/// A range sensor of a model file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Range {
-    /// Frame and point (m) of either end.
+    /// Frame and point (m) of each end.
     pub ends: [(usize, [Expr; 3]); 2],
-    /// m.
+    /// Standard deviation, m.
     pub std_m: f64,
 }
 
@@ -67,7 +67,7 @@ fn length<T: Real>(v: Vec3<T>) -> T {
     length
 }
 
-/// A distance at one set of parameters.
+/// A range sensor at one set of parameters.
 #[derive(Debug, Clone)]
 pub struct RangeReader {
     ends: [(usize, Point); 2],
@@ -77,7 +77,7 @@ pub struct RangeReader {
 impl Reads for RangeReader {
     type Seat = RangeSeat;
 
-    /// One row that has the sensor's own name.
+    /// One row with the sensor's own name.
     fn rows(&self) -> RowGroups {
         vec![(Quantity::Range, &[""], vec![self.std_m])]
     }
@@ -101,8 +101,8 @@ impl Reads for RangeReader {
         vec![Found { row, count: 1, part: 0, columns }]
     }
 
-    /// The derivative of a distance is that of the points' difference along the unit vector between them. Where the points
-    /// coincide it does not exist; zero is the mean of all directions.
+    /// The derivative is that of the points' difference along the unit vector between them. It does not exist where the
+    /// points coincide; zero, the mean over all directions, is used there.
     #[inline(always)]
     fn slopes<const FUSED: bool>(&self, groups: &[Group], at: Moving, out: &mut SparseJacobian) {
         let places = [0, 1].map(|i| at.place(self.ends[i].0, &self.ends[i].1));
@@ -124,7 +124,7 @@ impl Reads for RangeReader {
     }
 }
 
-/// A distance between points on their pieces.
+/// A range sensor with its points on rigid pieces.
 #[derive(Debug, Clone)]
 pub struct RangeSeat {
     row: usize,

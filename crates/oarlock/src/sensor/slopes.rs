@@ -1,4 +1,5 @@
-//! The Jacobian of all readings: which columns each kind of sensor has, and where they stand.
+//! Jacobian of the measurement model: the columns of each kind of sensor and their places. The extended filter and the
+//! calibrations use it.
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
 use super::kind::Reads;
@@ -10,41 +11,41 @@ use crate::kinematics::FrameMotion;
 use crate::model::Point;
 use crate::rotation::{Mat3, Vec3};
 
-/// Where numbers that are no joints stand in the Jacobian.
+/// Columns of numbers other than rates and accelerations of joints.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Places {
-    /// The first column that is asked for.
+    /// The first column of the Jacobian.
     pub from: usize,
     /// Per coordinate: its value.
     pub coordinates: Vec<Option<usize>>,
-    /// Per estimated length.
+    /// Per estimated length: its column.
     pub lengths: Vec<usize>,
-    /// Per estimated mount: the first of three.
+    /// Per estimated mount: the first of three columns.
     pub mounts: Vec<usize>,
-    /// Per estimated heading.
+    /// Per estimated heading: its column.
     pub headings: Vec<usize>,
-    /// Of the magnetic field's azimuth.
+    /// Column of the magnetic field's azimuth.
     pub azimuth: Option<usize>,
-    /// Base accelerations, and their directions in root axes.
+    /// Columns of base accelerations, and their directions in root axes.
     pub bases: Vec<(usize, [f64; 3])>,
-    /// Per bias: the first row that it adds to, and its first state.
+    /// Per bias: the first row that it is added to, and its first state.
     pub biases: Vec<(usize, usize)>,
 }
 
-/// How a body stands and moves, and the derivatives of that by its joints and lengths.
+/// Motion of a body and its derivatives by joints and lengths.
 #[derive(Debug, Clone, Copy)]
 pub struct Moving<'a> {
     /// All frames.
     pub frames: &'a [FrameMotion<f64>],
-    /// Their slopes.
+    /// Derivatives of their motion.
     pub slopes: &'a Slopes,
-    /// Lengths and mounts.
+    /// Lengths, mounts and headings.
     pub worn: Worn<'a, f64>,
-    /// uT, root axes.
+    /// Magnetic field in root axes, uT.
     pub magnetic_field: Vec3<f64>,
-    /// Per rad of azimuth.
+    /// Its derivative by the azimuth, uT/rad.
     pub magnetic_slope: Vec3<f64>,
-    /// Of every source whose readings are differences from one.
+    /// Per source: the reference of readings that are differences from one.
     pub references: &'a [Mat3<f64>],
 }
 
@@ -57,73 +58,73 @@ impl Moving<'_> {
     }
 }
 
-/// Why a reading has a column.
+/// The number that a column of the Jacobian belongs to.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Cause {
-    /// A slope of the tree, by its number.
+    /// A slope of the tree (joint or length), by its number.
     Slope(usize),
-    /// A length that moves the sensor in its frame: m per unit, in the frame's axes.
+    /// A length that moves the sensor on its frame: m per unit, in the frame's axes.
     Stretch([f64; 3]),
     /// One of the three numbers of a mount.
     Mount(usize),
     /// A base acceleration.
     Base([f64; 3]),
-    /// A state whose meaning only the kind of sensor knows.
+    /// A state that only the kind of sensor interprets.
     Own,
 }
 
-/// A column of the Jacobian with its cause and the side of a sensor that has two.
+/// A column of the Jacobian, its cause, and the side of a sensor with two sides.
 pub(crate) type Column = (usize, (Cause, usize));
 
-/// Up to three neighbouring rows that have the same columns.
+/// Up to three neighbouring rows with the same columns.
 #[derive(Debug, Clone)]
 pub(crate) struct Found {
     /// The first row.
     pub row: usize,
-    /// How many rows.
+    /// Number of rows.
     pub count: usize,
-    /// Which part of the sensor reads them, as the sensor's kind numbers its parts.
+    /// The part of the sensor that they belong to, as its kind numbers them.
     pub part: usize,
     pub columns: Vec<Column>,
 }
 
-/// The same in the Jacobian.
+/// The same rows in the Jacobian.
 #[derive(Debug, Clone)]
 pub(crate) struct Group {
     pub triple: usize,
     pub part: usize,
-    /// Of every slope, with its side.
+    /// Cause of every column, and its side.
     pub causes: Vec<(Cause, usize)>,
 }
 
-/// Why the slopes of a Jacobian are there.
+/// Causes of all columns of a Jacobian.
 #[derive(Debug, Clone)]
 pub struct Causes {
     /// Per source.
     groups: Vec<Vec<Group>>,
 }
 
-/// The columns of whatever can move a sensor.
+/// Finds the columns of everything that can move a sensor.
 pub(crate) struct Answers<'a> {
     pub slopes: &'a Slopes,
     pub places: &'a Places,
 }
 
 impl Answers<'_> {
-    /// Of the joints and lengths between the root and a frame.
+    /// Columns of the joints and lengths between the root and a frame.
     pub fn chain(&self, frame: usize, side: usize, kinds: &[Kind]) -> Vec<Column> {
         let slope = |k: usize| self.slopes.slope(k);
         let chain = self.slopes.chain(frame).into_iter().filter(|&k| kinds.contains(&slope(k).kind));
         chain.map(|k| (slope(k).column, (Cause::Slope(k), side))).collect()
     }
 
-    /// Of the lengths on which a point of a frame depends.
+    /// Columns of the lengths that a point of a frame depends on.
     pub fn stretches(&self, point: &Point, side: usize) -> Vec<Column> {
         let column = |(l, slope): &(usize, [f64; 3])| (self.places.lengths[*l], (Cause::Stretch(*slope), side));
         point.slopes().iter().map(column).collect()
     }
 
-    /// Of an estimated mount.
+    /// Columns of an estimated mount.
     pub fn mount(&self, number: Option<usize>) -> impl Iterator<Item = Column> {
         let first = number.map(|i| self.places.mounts[i]);
         first.into_iter().flat_map(|m| (0..3).map(move |k| (m + k, (Cause::Mount(k), 0))))
@@ -131,7 +132,7 @@ impl Answers<'_> {
 }
 
 impl Suite {
-    /// Room for the rows of a Jacobian that has `n` columns of states and others behind them.
+    /// A Jacobian with `n` columns of states, followed by others.
     pub fn causes(&self, n: usize, slopes: &Slopes, places: &Places) -> (SparseJacobian, Causes) {
         let mut straight = SparseJacobian { n, ..SparseJacobian::default() };
         let answers = Answers { slopes, places };
@@ -157,7 +158,7 @@ impl Suite {
         (straight, Causes { groups })
     }
 
-    /// Writes the rows of every `active` source: derivatives of what `predict` gives. Allocates nothing.
+    /// Writes the rows of every `active` source: derivatives of the results of `predict`. Allocates nothing.
     #[inline(always)]
     pub fn slopes<const FUSED: bool>(&self, causes: &Causes, at: Moving, active: &[bool], out: &mut SparseJacobian) {
         let sources = self.readers.iter().zip(&causes.groups).zip(active);
@@ -166,7 +167,7 @@ impl Suite {
         }
     }
 
-    /// Writes out the rows of every `active` source in full.
+    /// Writes the rows of every `active` source as a dense matrix.
     pub fn scatter(
         &self,
         causes: &Causes,
@@ -182,7 +183,7 @@ impl Suite {
     }
 }
 
-/// How a point moves, in root axes; one on the second side counts negatively.
+/// Derivative of a point in root axes; negative on the second side.
 #[inline(always)]
 pub(super) fn moved(cause: Cause, side: usize, at: &Moving, frame: usize, place: Vec3<f64>) -> Vec3<f64> {
     let v = match cause {
@@ -222,10 +223,10 @@ pub(super) fn write_axes(group: &Group, at: Moving, sides: [(usize, [f64; 3]); 2
     }
 }
 
-/// Three columns, of which the last number is none.
+/// Three columns; the fourth number is padding.
 pub(super) type Columns = [[f64; 4]; 3];
 
-/// `sum` and a matrix, given by its columns, times a vector.
+/// `sum` plus a matrix, given by its columns, times a vector.
 #[inline(always)]
 pub(super) fn times<const FUSED: bool>(columns: &Columns, v: Vec3<f64>, mut sum: [f64; 4]) -> [f64; 4] {
     for k in 0..3 {

@@ -1,9 +1,9 @@
-//! Several hypotheses side by side, while a ball joint's heading is unknown.
+//! Bank of hypotheses: parallel filters while a ball joint's heading is unknown.
 //!
-//! Without a magnetometer the first samples tell how two bodies lean, not how they are turned about the vertical against each
-//! other. That shows when they move, through what the joint forbids; but a filter that begins a half turn off may never
-//! find it. So the unknown direction is cut into twelve, each with a filter of its own, and the likeliest one is reported, with
-//! the spread of all that are still alive.
+//! Without a magnetometer the first samples determine the inclination of two bodies but not their relative heading.
+//! Motion determines it through the constraints of the joint, but a filter that starts half a turn off may never
+//! converge. The unknown direction is therefore divided into twelve hypotheses with a filter each. The likeliest one is
+//! reported, with the spread of all that are still followed.
 
 use super::hypothesis::Hypothesis;
 use super::lost::forget;
@@ -22,28 +22,28 @@ use crate::state::Slots;
 use nalgebra::{Matrix3, SymmetricEigen};
 use std::f64::consts::TAU;
 
-/// A direction less certain than this opens a bank, rad: a filter finds its way from closer.
+/// A larger standard deviation of a direction starts a bank, rad. A single filter converges from a smaller one.
 const UNCERTAIN_STD: f64 = 0.6;
-/// A hypothesis e^-10 times as likely as the best is given up.
+/// A hypothesis less likely than e^-10 times the best is discarded.
 const HOPELESS: f64 = 10.0;
-/// Hypotheses whose joint is as close as this have become one, rad.
+/// Hypotheses with the joint closer than this are merged, rad.
 const SAME: f64 = 0.05;
 /// Cosine above which an unknown direction counts as the vertical.
 const UPRIGHT: f64 = 0.8;
 
-/// Most hypotheses into which one parts.
+/// Largest number of hypotheses of a split.
 const BRANCHES: u64 = 12;
 
-/// Opens hypotheses and gives them up.
+/// Creates and discards hypotheses.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bank<'s> {
     pub subject: &'s Subject,
-    /// Of the last sample.
+    /// Number in the last sample.
     pub moment: &'s Moment,
 }
 
 impl Bank<'_> {
-    /// The likeliest leads, with its report; hopeless ones and those that have become another are given up.
+    /// Makes the likeliest hypothesis the leader, with its report; discards unlikely and duplicate ones.
     pub fn settle(&self, mut all: Vec<(Hypothesis, Info)>) -> Option<(Hypothesis, Info)> {
         all.retain(|(one, _)| one.score.is_finite());
         all.sort_by(|(a, _), (b, _)| b.score.total_cmp(&a.score));
@@ -66,13 +66,13 @@ impl Bank<'_> {
     fn agree(&self, a: &Belief, b: &Belief) -> bool {
         let mut away = vec![0.0; a.mean.len()];
         self.subject.body.difference(&a.mean, &b.mean, &mut away);
-        // Which way the whole body has turned is nobody's business.
+        // The heading of the whole body is arbitrary.
         let mut inner = self.subject.body.layout.turns.iter().filter(|(c, _)| !self.subject.floats(*c));
         let postures = Postures { subject: self.subject };
         inner.all(|(_, slots)| norm(three(&away, slots.q)) < SAME) && !postures.differ(&a.mean, &b.mean)
     }
 
-    /// Cuts the least certain direction of a joint that sensors feel into hypotheses.
+    /// Splits the least certain direction of an observed joint into hypotheses.
     pub fn open(&self, one: &mut Hypothesis) {
         if !one.rivals.is_empty() {
             return;
@@ -95,7 +95,7 @@ impl Bank<'_> {
         }
     }
 
-    /// The vertical itself, if the direction is nearly that: turned about anything else, a body would lean otherwise.
+    /// The vertical, if the direction is close to it: a rotation about another axis would change the inclination.
     fn upright(&self, belief: &Belief, coordinate: usize, direction: [f64; 3]) -> [f64; 3] {
         let Some((_, root_from_joint)) = self.carrier(&belief.mean, coordinate) else { return direction };
         let Some(slots) = self.subject.body.layout.coordinates[coordinate] else { return direction };
@@ -109,7 +109,8 @@ impl Bank<'_> {
         }
     }
 
-    /// Whether an inertial unit speaks whose readings the joint turns. A floating body's own heading is nobody's business.
+    /// Whether a recent inertial unit depends on the joint. The heading of a floating body is arbitrary and does not
+    /// count.
     fn is_felt(&self, coordinate: usize) -> bool {
         let joint = self.subject.body.model.joints.iter().position(|j| j.coordinates().contains(&coordinate));
         let sources = self.subject.body.suite.sources.iter().zip(&self.moment.active).zip(&self.subject.depends);
@@ -119,7 +120,7 @@ impl Bank<'_> {
         felt && !self.subject.floats(coordinate)
     }
 
-    /// Turns a joint, and its rates so that the body behind it goes on turning as it did.
+    /// Rotates a joint and its rates so that the body behind it keeps its motion.
     fn turn_joint(&self, mean: &mut [f64], coordinate: usize, by: [f64; 3]) {
         let Some(Slots { q, rates }) = self.subject.body.layout.coordinates[coordinate] else { return };
         let outer = self.outer_motion(mean, coordinate);
@@ -136,14 +137,14 @@ impl Bank<'_> {
         mean[accel..accel + 3].copy_from_slice(&wd_new.0);
     }
 
-    /// Angular velocity and acceleration of what carries a joint, in the axes that the joint's rotation leads to.
+    /// Angular velocity and acceleration of the joint's parent, in the axes after the joint's rotation.
     fn outer_motion(&self, mean: &[f64], coordinate: usize) -> Option<(Vec3<f64>, Vec3<f64>)> {
         let (carrier, root_from_joint) = self.carrier(mean, coordinate)?;
         let seen = |v: Vec3<f64>| root_from_joint.apply_transposed(v);
         Some((seen(carrier.angular_velocity), seen(carrier.angular_acceleration)))
     }
 
-    /// Motion of the frame that carries a joint, and root from joint.
+    /// Motion of the frame that carries a joint, and the rotation from joint to root.
     fn carrier(&self, mean: &[f64], coordinate: usize) -> Option<(FrameMotion<f64>, Mat3<f64>)> {
         let model = &self.subject.body.model;
         let moves = |f: &&crate::model::Frame| {
@@ -167,7 +168,7 @@ impl Bank<'_> {
                 *belief.covariance.at_mut(q + i, q + j) += outer(i, j) * step * step / 4.0;
             }
         }
-        // A rate seen from another heading is another one.
+        // The rates change with the heading.
         let axis = &self.subject.body.axes[coordinate];
         for i in 0..3 {
             let Some((rate, accel)) = slots.rates else { break };

@@ -1,4 +1,4 @@
-//! The start: a fit of the first samples from several guesses, and how far to trust it.
+//! The start: fits the first samples from several initial postures and sets the initial covariance.
 
 use super::consider::Doubt;
 use super::hypothesis::Hypothesis;
@@ -16,20 +16,21 @@ use crate::rotation::Vec3;
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Samples of the window in which the fit hears of each source, spread evenly.
+/// Number of samples per source, evenly spread over the window, that enter the fit.
 const MOST_SAMPLES: usize = 8;
-/// The fit's prior is this much wider than what the filter starts from.
+/// Factor on the prior's standard deviations in the fit.
 pub(super) const WIDENED: f64 = 4.0;
-/// Standard deviation of the azimuth before anything is known, rad; a quarter turn lies between the guesses.
+/// Prior standard deviation of the field's azimuth, rad; initial guesses are a quarter turn apart.
 const AZIMUTH_STD: f64 = 1.0;
-/// Standard deviation of an orientation sensor's heading before anything is known, rad: that of any angle, pi / sqrt(3).
+/// Prior standard deviation of an orientation sensor's heading, rad: that of a uniform angle, pi / sqrt(3).
 const HEADING_STD: f64 = 1.8;
-/// Least standard deviation of the azimuth that the filter starts from, rad.
+/// Smallest initial standard deviation of the azimuth, rad.
 const AZIMUTH_START_STD: f64 = 0.2;
-/// Without a compass the heading at the start is zero by definition; so little that no update divides by nothing, rad.
+/// Standard deviation of the heading at the start without a magnetometer, rad. The heading is zero by definition; this
+/// avoids a division by zero in the update.
 const GAUGE_STD: f64 = 1e-3;
 
-/// A sample of the start window, without what is excluded.
+/// A sample of the start window, without excluded readings.
 #[derive(Debug)]
 pub(super) struct Seen {
     pub time_s: f64,
@@ -37,13 +38,13 @@ pub(super) struct Seen {
     pub z: Vec<f64>,
 }
 
-/// What a start is fitted for.
+/// Context of the start fit.
 #[derive(Debug)]
 pub(super) struct Start<'s> {
     pub subject: &'s Subject,
-    /// The posture asked for.
+    /// Start posture of the configuration.
     pub initial_q: Option<&'s [f64]>,
-    /// What every hypothesis begins with.
+    /// Initial memory of every hypothesis.
     pub doubt: Option<Doubt>,
 }
 
@@ -58,7 +59,10 @@ impl Start<'_> {
         let guesses = self.guesses()?;
         let starts: Vec<(&Prior, Vec<f64>)> = guesses.iter().map(|guess| (guess, guess.mean.clone())).collect();
         let found = postures.seek(&evidence, &starts).ok_or_else(|| {
-            let text = format!("no start found at {begin_s:.3} s: the first readings are not numbers for this model");
+            let text = format!(
+                "no start found at {begin_s:.3} s: the first readings give no finite posture; check the streams and \
+                 their units"
+            );
             Error::Diverged { time_s: begin_s, text }
         })?;
         let (fit, others) = match found.good {
@@ -79,7 +83,8 @@ impl Start<'_> {
         Ok(first)
     }
 
-    /// Of every source not many more than `MOST_SAMPLES`, spread evenly: units with clocks of their own give samples of one unit each.
+    /// Picks about `MOST_SAMPLES` samples per source, evenly spread. Units with clocks of their own give samples of one
+    /// unit each.
     fn thinned(&self, all: Vec<Seen>) -> Vec<Seen> {
         let sources = &self.subject.groups.sources;
         let speaks = |z: &[f64], s: usize| sources[s].clone().any(|r| !z[r].is_nan());
@@ -97,8 +102,9 @@ impl Start<'_> {
         all.into_iter().filter(|seen| wanted(&seen.z)).collect()
     }
 
-    /// The posture asked for, if any, the rest posture, the zero posture and the middle of all limits, each with the field, or the body,
-    /// from four sides. What was asked for comes first; where it leads to no good fit it may be wrong itself.
+    /// Initial guesses: the configured start posture, the rest posture, the zero posture and the middle of all limits,
+    /// each with four headings of the field or of the body. The configured posture comes first. The others follow
+    /// because it may be wrong.
     fn guesses(&self) -> Result<Vec<Prior>> {
         let body = &self.subject.body;
         let rest: Vec<f64> = body.axes.iter().map(|axis| axis.rest).collect();
@@ -129,7 +135,8 @@ impl Start<'_> {
         let fitted = |i: usize| fit.covariance.at(i, i).max(0.0).sqrt();
         let hinges = body.model.joints.iter().filter(|j| j.kind.width() == 1);
         for (joint, slots) in hinges.filter_map(|j| Some((j, layout.coordinates[j.first]?))) {
-            // What the first samples do not tell is known from the joint's own start or its limits alone.
+            // Directions that the first samples do not determine keep the start distribution of the joint or its
+            // limits.
             let axis = &body.axes[joint.first];
             std[slots.q] = std[slots.q].max(fitted(slots.q).min(axis.start_spread()));
             if joint.kind == JointKind::Hinge && !self.subject.is_encoded(&joint.name) {
@@ -165,8 +172,8 @@ impl Start<'_> {
         Hypothesis { doubt: self.doubt.clone(), ..Hypothesis::new(belief, self.subject.groups.sources.len()) }
     }
 
-    /// Rotations: each direction as far as the fit knows it, between the start's own deviation and the prior's. Where the joint itself
-    /// says how far it starts from rest, that is both.
+    /// Rotations: the standard deviation in each direction is the fit's, limited between the start's and the prior's.
+    /// If the joint gives its own start standard deviation, both limits are equal to it.
     fn place_turns(&self, fit: &Fit, compass: bool, covariance: &mut Square) {
         for (c, slots) in &self.subject.body.layout.turns {
             let axis = &self.subject.body.axes[*c];
@@ -192,12 +199,12 @@ impl Start<'_> {
     }
 }
 
-/// The same angle in [-pi, pi).
+/// Wraps an angle to [-pi, pi).
 fn wrapped(angle: f64) -> f64 {
     (angle + PI).rem_euclid(2.0 * PI) - PI
 }
 
-/// A posture before anything is measured, with the field and floating bodies turned by `side` rad about the vertical.
+/// A posture without measurements, with the field and floating bodies rotated by `side` rad about the vertical.
 fn guess(body: &Body, posture: &[f64], side: f64) -> Prior {
     let mut mean = vec![0.0; body.layout.dim()];
     let mut std = start_std(body, WIDENED);
@@ -226,7 +233,7 @@ fn guess(body: &Body, posture: &[f64], side: f64) -> Prior {
     Prior::uncorrelated(mean, &std)
 }
 
-/// Standard deviations at the start, those of the rates `widened`.
+/// Standard deviations at the start; those of the rates are multiplied by `widened`.
 pub(super) fn start_std(body: &Body, widened: f64) -> Vec<f64> {
     let mut std = vec![AZIMUTH_START_STD; body.layout.dim()];
     for (_, axis, slots) in body.moving() {

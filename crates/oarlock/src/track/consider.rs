@@ -1,9 +1,11 @@
-//! What is known only roughly and not estimated: mounts, lengths, places of units, zeros of encoders.
+//! Consider states: mounts, lengths, sensor positions and encoder zeros that are known roughly and not estimated.
+//! `step` updates them.
 //!
-//! Each of these parameters, a standard deviation off, would have led the filter astray by so much: the *slopes* dx/dp, carried along
-//! with the belief (Schmidt 1966; in the form that leaves the filter as it is: Friedland 1969). They widen the bands and move
-//! nothing. How far off the parameters are as a whole, in their standard deviations, is learnt: where the model is right, innovations
-//! are white, and their low-passed values are as small as those of noise; where it is wrong they last as the slopes foretell.
+//! The *slopes* dx/dp are the errors of the mean that parameter errors of one standard deviation cause. They are
+//! propagated with the state estimate (Schmidt 1966; in the form that leaves the filter unchanged: Friedland 1969).
+//! They widen the bands and do not move the mean. The common scale of the parameters' errors, in units of their
+//! standard deviations, is learnt. Where the model is correct, innovations are white, and their low-passed values are
+//! small. Where it is wrong, they persist as the slopes predict.
 
 mod delays;
 mod doubt;
@@ -35,43 +37,45 @@ use tally::Tally;
 pub use tally::Window;
 use twin::{twin, Role, Roles, ZERO_STD};
 
-/// Innovations are averaged over this, s: longer than noise and learnt driving remember, and than skin wobbles; shorter than a cycle of movement.
+/// Time over which innovations are averaged, s: longer than the correlation of noise, learnt process noise and soft
+/// tissue motion; shorter than a movement cycle.
 const AVERAGE_S: f64 = 0.6;
-/// Memory of how large averages are, s.
+/// Memory of the mean squares of averages, s.
 const MEMORY_S: f64 = 5.0;
-/// Averages up to this many times (squared) as large as those of white noise are chance.
+/// Averages with at most this multiple of white noise's mean square count as chance.
 const CHANCE: f64 = 1.5;
-/// Slopes beyond this say that the recursion is no longer one.
+/// Larger slopes mean that the recursion has diverged.
 const ABSURD: f64 = 1e3;
-/// Room for the slopes of a body.
+/// Consider states of a body with the workspace of their update.
 #[derive(Debug, Clone)]
 pub(super) struct Considering {
     arch: Arch,
-    /// The body with everything that is considered among its states.
+    /// The same body with all consider states as states.
     twin: Body,
     scratch: Box<<Body as System>::Scratch>,
     straight: SparseJacobian,
     roles: Vec<Role>,
-    /// Of each row that an encoder's zero shifts.
+    /// Per row: the consider state that is its encoder's zero.
     zeros: Vec<Option<usize>>,
-    /// Rows whose innovations last only where the model is wrong.
+    /// Per row: whether its innovations persist only if the model is wrong, so that they are used for learning.
     telling: Vec<bool>,
-    /// Mean of the twin; where its entries stand in the filter's.
+    /// Mean of the twin, and per entry its index in the filter's state.
     mean: Vec<f64>,
     from: Vec<Option<usize>>,
     center: Vec<f64>,
-    /// States, rows, and considered parameters, padded.
+    /// Numbers of states, rows and padded parameters.
     size: (usize, usize, usize),
-    /// Parameters whose standard deviation a calibration tells; they come first.
+    /// Number of parameters with a standard deviation from a calibration. They come first.
     told: usize,
     how: Consider,
-    /// Of inertial noise and of rough readings, as the update has them: what it learns is for the next.
+    /// Inflation of inertial noise and of rough readings as the current update uses them. What it learns applies to the
+    /// next update.
     inflated: (f64, f64),
-    /// What is considered, in its order.
+    /// Names of the consider states in their order.
     names: Vec<String>,
-    /// Of clocks that may be late, and normal equations of everything; only to calibrate.
+    /// Delays of clocks, and normal equations of all parameters; only for calibration.
     score: Option<(Delays, Tally)>,
-    /// What an innovation owes to each parameter, row by row.
+    /// Derivative of each innovation by each parameter, row-major.
     answers: Vec<f64>,
     /// J'WB.
     pull: Vec<f64>,
@@ -79,7 +83,7 @@ pub(super) struct Considering {
 }
 
 impl Considering {
-    /// `None` where nothing is considered.
+    /// `None` without consider states.
     pub(super) fn new(
         body: &Body,
         mounts: &[Option<MountValue>],
@@ -130,8 +134,8 @@ impl Considering {
         }))
     }
 
-    /// Sums up what innovations say of everything that is considered and of clocks, in windows, from `settle_s` behind the first update
-    /// on.
+    /// Starts to collect normal equations of all consider states and clock delays in windows, from `settle_s` after the
+    /// first update on.
     pub(super) fn keep_score(&mut self, body: &Body, settle_s: f64, window_s: f64) {
         let (delays, sources) = Delays::new(body, &self.twin, self.names.len());
         self.names.extend(sources.into_iter().map(|name| format!("{name}.delay")));
@@ -144,12 +148,12 @@ impl Considering {
         self.score = Some((delays, Tally::new(width, settle_s, window_s)));
     }
 
-    /// What is considered, with standard deviations that the windows count in, and the windows.
+    /// Names of the parameters, the standard deviations that are their units, and the windows.
     pub(super) fn score(&mut self) -> (Vec<(String, f64)>, Vec<Window>) {
         let mut stds = vec![ZERO_STD; self.names.len()];
         for (column, role) in self.roles.iter().enumerate() {
             if let Role::Considered(k, std) = role {
-                // Columns of inputs count in the standard deviation of these.
+                // The column of an input is in units of its standard deviation.
                 stds[*k] = if column < self.twin.layout.dim() { *std } else { ZERO_STD };
             }
         }
@@ -159,18 +163,18 @@ impl Considering {
         (self.names.iter().cloned().zip(stds).collect(), windows)
     }
 
-    /// A first doubt: nothing has led astray yet. `None` where nothing is to be considered.
+    /// The doubt at the start: no parameter has affected the mean yet. `None` without consider states.
     pub(super) fn fresh(&self) -> Option<Doubt> {
         let scale = f64::from(u8::from(self.how == Consider::Always));
         (self.how != Consider::Off).then(|| Doubt::new(scale, self.size, self.told))
     }
 
-    /// Whether a doubt is one of these parameters.
+    /// Whether a doubt belongs to these parameters.
     pub(super) fn fits(&self, doubt: &Doubt) -> bool {
         doubt.size() == self.size && doubt.told == self.told
     }
 
-    /// Finds how readings answer at the mean before an update.
+    /// Computes the derivatives of the readings at the mean before an update.
     pub(super) fn look(&mut self, belief: &Belief, moment: &Moment) {
         let mean = &belief.mean;
         self.inflated = (belief.inflation, belief.roughness);
@@ -186,7 +190,7 @@ impl Considering {
         self.arch.run(Looking { twin, moment, scratch, mean, center, straight });
     }
 
-    /// Takes in what the update did.
+    /// Applies the effect of the update to the slopes.
     fn follow(
         &mut self,
         doubt: &mut Doubt,
@@ -211,8 +215,8 @@ impl Considering {
         }
     }
 
-    /// What an update has left of some readings, over what it should have: sum of squares, and how many readings these stand for
-    /// (Helmert's components of variance; Teunissen and Amiri-Simkooei 2008).
+    /// Residuals of some readings relative to their expected size: sum of squares, and the number of readings that it
+    /// stands for (Helmert's variance components; Teunissen and Amiri-Simkooei 2008).
     fn leftover(
         &self,
         rows: &[bool],
@@ -238,7 +242,7 @@ impl Considering {
         (squares, count)
     }
 
-    /// Of a few rows: B = J dx/dp + dh/dp, and their part of J'WB.
+    /// For a few rows: B = J dx/dp + dh/dp, and their part of J'WB.
     fn answer(&mut self, t: usize, slopes: &[f64], counted: Option<&[f64]>, variance: &impl Fn(usize) -> Option<f64>) {
         let (_, _, width) = self.size;
         let triple = &self.straight.triples[t];
@@ -291,7 +295,7 @@ impl Considering {
         }
     }
 
-    /// How far off the parameters are as a whole, from innovations that last.
+    /// Learns the common scale of the parameters from persistent innovations.
     fn learn(&mut self, doubt: &mut Doubt, time_s: f64, innovation: &[f64], told: impl Fn(usize) -> bool) {
         if self.how == Consider::Always {
             return;
@@ -314,7 +318,7 @@ impl Considering {
         }
     }
 
-    /// Behind an update: how much rougher accelerometers are than the model says, and how much farther what is considered has led astray.
+    /// Learns, after an update, the roughness of accelerometers and the scale of the consider states.
     pub(super) fn take_update(&mut self, subject: &Subject, update: &Update, one: &mut Hypothesis) {
         let Hypothesis { belief, doubt, .. } = one;
         let believed = |r: usize| update.believes(subject, r);
@@ -333,13 +337,13 @@ impl Considering {
     }
 }
 
-/// What an update did.
+/// The effect of an update.
 pub(super) struct Update<'a> {
     z: &'a [f64],
     info: &'a Info,
     shift: &'a [f64],
     since_s: f64,
-    /// Whether all readings were taken at once.
+    /// Whether one update used all readings.
     whole: bool,
     /// `None` while several hypotheses compete.
     learning: Option<Learning>,
@@ -361,7 +365,7 @@ impl<'a> Update<'a> {
     }
 }
 
-/// `squares` is what an update has left of accelerometers, for `count` readings.
+/// `squares` is the sum of squared residuals of accelerometers, for `count` readings.
 fn learn_roughness(belief: &mut Belief, (squares, count): (f64, f64), update: &Update) {
     let Some(learning) = update.learning.filter(|_| count > 0.0 && update.whole) else { return };
     let (dt, ratio) = (update.since_s, squares / count);
@@ -371,19 +375,19 @@ fn learn_roughness(belief: &mut Belief, (squares, count): (f64, f64), update: &U
 }
 
 impl Doubt {
-    /// Takes the slopes on as the error of the mean goes.
+    /// Propagates the slopes with the transition of the mean's error.
     pub(super) fn predict(&mut self, transition: &Transition) {
         transition.apply_to_rows(&mut self.slopes, self.width);
     }
 
-    /// Forgets where the belief has been led: it was fitted anew.
+    /// Discards the effect on the mean after a new fit.
     pub(super) fn forget(&mut self) {
         self.slopes.fill(0.0);
     }
 }
 
 impl RowAverages {
-    /// Takes one innovation and what it owes to each parameter into their averages.
+    /// Adds one innovation and its derivatives by each parameter to the averages.
     fn take(&mut self, expected: &mut [f64], answers: &[f64], (time_s, innovation): (f64, f64)) {
         let dt = time_s - self.last_s;
         if !dt.is_finite() {
@@ -426,7 +430,7 @@ impl Kernel for Looking<'_> {
     }
 }
 
-/// dx/dp loses P J'WB: the gain that an update with the covariance P behind it has had.
+/// Reduces dx/dp by P J'WB: the gain of an update with the updated covariance P.
 struct Following<'a> {
     slopes: &'a mut [f64],
     p: &'a Square,

@@ -1,4 +1,4 @@
-//! Where a sample enters: its readings are corrected as the calibration says, once and before all else.
+//! Entry of a sample: applies the calibration's corrections to its readings, once and before all other stages.
 
 use crate::body::Body;
 use crate::corrections::{Corrections, EncoderScale, Triad};
@@ -9,7 +9,7 @@ use crate::recording::Sample;
 use crate::sensor::{Quantity, Source};
 use std::ops::Range;
 
-/// The corrections that concern a body, by the places of its samples.
+/// The corrections of one body, by position in the sample.
 #[derive(Debug, Clone)]
 pub(super) struct Entry {
     triads: Vec<(Range<usize>, Triad)>,
@@ -37,7 +37,7 @@ impl Entry {
         })
     }
 
-    /// Readings as the sensors gave them become true ones.
+    /// Corrects all readings of a sample.
     pub fn correct(&self, sample: &mut Sample) {
         for (rows, triad) in &self.triads {
             triad.correct(&mut sample.z[rows.clone()]);
@@ -50,14 +50,14 @@ impl Entry {
         }
     }
 
-    /// What a reading of a row becomes, without what its unit's other axes have to do with it.
+    /// Corrects the reading of one row, without the cross-axis terms.
     pub fn along(&self, row: usize, reading: f64) -> f64 {
         let triad = self.triads.iter().find(|(rows, _)| rows.contains(&row));
         triad.map_or(reading, |(rows, triad)| triad.along(row - rows.start, reading))
     }
 }
 
-/// An input joint takes the stream of its own name, or that of an encoder on it.
+/// An input joint takes the stream of its own name, or the stream of an encoder on it.
 fn inputs(body: &Body, corrections: &Corrections) -> Vec<(usize, EncoderScale)> {
     let model = &body.model;
     let inputs = model.joints.iter().enumerate().filter(|(_, j)| j.input);

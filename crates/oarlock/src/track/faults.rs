@@ -1,9 +1,9 @@
-//! Readings that are no measurements: at the end of a sensor's range, or repeated to the bit.
+//! Detects faulty readings: clipped at the end of a sensor's range, or stuck (repeated to the bit).
 //!
-//! A reading at the end of the range says only that the truth is beyond; its row says nothing. A sensor whose readings have once changed
-//! by less than its noise cannot repeat itself for long: it is stuck, or its last packet is sent again. Coarse readings of a body at
-//! rest do repeat themselves, and so does a chip that is slower than its unit; the longest run that ended by itself is remembered.
-//! A magnetometer's repeated reading is an old one, and counts once.
+//! A clipped reading is only a bound of the true value, so its row is removed. A sensor whose readings change by its
+//! noise does not repeat them for long: it is stuck, or its last packet was sent again. Coarse readings of a resting
+//! body do repeat, and so does a chip that is slower than its unit; therefore the longest run of repeats that ended by
+//! itself is stored. A repeated reading of a magnetometer is an old one and is used once.
 
 use super::entry::Entry;
 use super::hypothesis::SourceMemory;
@@ -14,30 +14,30 @@ use crate::estimate::filter::{Info, Verdict};
 use crate::model::{Imu, SensorKind};
 use crate::sensor::Quantity;
 
-/// A reading beyond this share of the range is at its end: a logger may have scaled it.
+/// A reading beyond this share of the range is clipped. The margin allows for a logger that rescales readings.
 const END_OF_RANGE: f64 = 0.98;
-/// Repeated for longer than this a gyroscope or accelerometer is stuck, s.
+/// A gyroscope or accelerometer that repeats for longer than this is stuck, s.
 const STUCK_S: f64 = 0.2;
-/// The same of a magnetometer, whose chip is often slower than its unit, s.
+/// The same for a magnetometer, whose chip is often slower than its unit, s.
 const MAG_STUCK_S: f64 = 2.0;
-/// ... and for so many times as long as the longest run before.
+/// ... and for this multiple of the longest earlier run,
 const LONGER: f64 = 5.0;
-/// ... and so many samples.
+/// ... and this number of samples.
 const REPEATS: f64 = 8.0;
-/// Of the longest run, while others went on.
+/// Share of the run during which other sensors must have changed.
 const OTHERS_SHARE: f64 = 0.5;
 
-/// What may be wrong with a sensor's reading, in the order of [`Fault`].
+/// Names of [`Fault`] in its order.
 pub const FAULT: [&str; 3] = ["none", "clipped", "stuck"];
 
-/// What is wrong with a sensor's reading.
+/// Fault of a sensor's reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Fault {
     /// Nothing.
     None,
-    /// At the end of the range on an axis, which was not used.
+    /// Clipped on an axis. That axis was not used.
     Clipped,
-    /// Repeated to the bit, and not used.
+    /// Stuck: repeated to the bit and not used.
     Stuck,
 }
 
@@ -48,13 +48,13 @@ impl Fault {
     }
 }
 
-/// The latest reading of a sensor and how it has repeated itself; NaN where there is nothing yet.
+/// The latest reading of a sensor and its repeats; NaN where there is no value yet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Repeats {
     pub reading: [f64; 3],
-    /// When it came, s.
+    /// Time of the reading, s.
     pub came_s: f64,
-    /// How often it was repeated since.
+    /// Number of repeats since.
     pub repeated: f64,
     /// Smallest change so far.
     pub quantum: f64,
@@ -62,7 +62,7 @@ pub(super) struct Repeats {
     pub longest_s: f64,
 }
 
-/// What is remembered of an inertial unit to tell whether it is stuck.
+/// Memory of an inertial unit for the detection of stuck readings.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct FaultState {
     pub gyro: Repeats,
@@ -91,22 +91,22 @@ impl FaultState {
         }
     }
 
-    /// When a quantity's reading last changed; NaN if it never spoke.
+    /// Time of the last change of a quantity's reading; NaN without readings.
     pub fn changed_s(&self, quantity: Quantity) -> f64 {
         self.of(quantity).map_or(f64::NAN, |repeats| repeats.came_s)
     }
 }
 
-/// Finds readings that are no measurements.
+/// Detector of faulty readings.
 #[derive(Debug, Clone)]
 pub(super) struct Faults {
-    /// Per row: from which corrected readings on, downwards and upwards, its sensor is at the end of its range.
+    /// Per row: lower and upper corrected reading from which its sensor is clipped.
     ends: Vec<[f64; 2]>,
-    /// Per part: what is wrong with it in this sample.
+    /// Per part: its fault in this sample.
     found: Vec<Fault>,
 }
 
-/// The largest reading of every row that its sensor can give.
+/// Range of every row's sensor.
 fn ranges(body: &Body) -> Vec<f64> {
     let mut ranges = vec![f64::INFINITY; body.suite.len()];
     for sensor in &body.model.sensors {
@@ -124,7 +124,7 @@ fn ranges(body: &Body) -> Vec<f64> {
     ranges
 }
 
-/// Of every source, what was wrong with its reading.
+/// Per source: the fault of its reading.
 pub(super) fn by_source<'a>(subject: &'a Subject, info: &'a Info) -> impl Iterator<Item = Fault> + 'a {
     (0..subject.groups.sources.len()).map(|s| {
         let parts = subject.source_of_part.iter().zip(&info.parts).filter(move |(source, _)| **source == s);
@@ -144,7 +144,7 @@ impl Faults {
         Faults { ends, found: vec![Fault::None; subject.groups.parts.len()] }
     }
 
-    /// Silences rows at the end of their range.
+    /// Removes clipped rows.
     pub fn silence_clipped(&mut self, subject: &Subject, readings: &mut Readings) {
         for (fault, rows) in self.found.iter_mut().zip(&subject.groups.parts) {
             *fault = Fault::None;
@@ -158,7 +158,7 @@ impl Faults {
         }
     }
 
-    /// Silences sensors that repeat themselves.
+    /// Removes stuck sensors.
     pub fn silence_stuck(
         &mut self,
         subject: &Subject,
@@ -192,7 +192,7 @@ impl Faults {
         }
     }
 
-    /// Puts into the report what was kept from the filter.
+    /// Adds the removed rows to the report.
     pub fn report(&self, subject: &Subject, readings: &Readings, info: &mut Info) {
         for (p, fault) in self.found.iter().enumerate() {
             info.parts[p] = match fault {
@@ -209,7 +209,7 @@ impl Faults {
     }
 }
 
-/// Whether another gyroscope or accelerometer has changed since one's reading came, for a good part of the time.
+/// Whether another gyroscope or accelerometer has changed for a sufficient share of the time since this reading.
 fn others_go_on(sources: &[SourceMemory], since_s: f64, time_s: f64) -> bool {
     let late_s = since_s + OTHERS_SHARE * (time_s - since_s);
     sources.iter().any(|s| s.faults.gyro.came_s > late_s || s.faults.accel.came_s > late_s)
@@ -224,7 +224,7 @@ impl Repeats {
         longest_s: f64::NAN,
     };
 
-    /// Takes in a reading; whether it is the last one again.
+    /// Adds a reading; true if it repeats the last one.
     fn take(&mut self, reading: [f64; 3], time_s: f64) -> bool {
         let change = |(x, before): (&f64, &f64)| Some((x - before).abs()).filter(|change| *change > 0.0);
         let smallest = reading.iter().zip(&self.reading).filter_map(change).fold(f64::INFINITY, f64::min);
@@ -255,7 +255,7 @@ impl Repeats {
 mod tests {
     use super::*;
 
-    /// Share of samples found stuck of a unit at 100 Hz whose reading is `value(k)`.
+    /// Share of samples detected as stuck for a unit at 100 Hz with readings `value(k)`.
     fn stuck(samples: usize, value: impl Fn(usize) -> f64) -> usize {
         let mut unit = Repeats::NONE;
         let said = |k: &usize| {

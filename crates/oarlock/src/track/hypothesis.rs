@@ -1,4 +1,4 @@
-//! A hypothesis: a belief of the filter, what the stages of a step remember with it, and how likely it is.
+//! `Hypothesis`: a state estimate, the memory of the stages of a step, and its likelihood. `Tracker` and `bank` use it.
 
 mod flat;
 
@@ -10,27 +10,27 @@ use crate::estimate::belief::Belief;
 use crate::estimate::System;
 pub use flat::MEMORY;
 
-/// All that a tracker knows at one instant: the next step depends on nothing else.
+/// Everything that a tracker knows at one instant. The next step depends on nothing else.
 #[derive(Debug, PartialEq)]
 pub struct Hypothesis {
-    /// Of the filter.
+    /// State estimate of the filter.
     pub belief: Belief,
-    /// What is remembered of each source.
+    /// Memory of each source.
     pub sources: Vec<SourceMemory>,
-    /// What parameters that are only considered may have done to the mean; `None` if nothing is considered.
+    /// Effect of the consider states on the mean; `None` without consider states.
     pub doubt: Option<Doubt>,
-    /// Its number among the hypotheses into which the belief last parted.
+    /// Number among the hypotheses of the last split.
     pub line: u64,
-    /// Logarithm of its likelihood, against that of the others.
+    /// Logarithm of its likelihood relative to the others.
     pub score: f64,
-    /// Other hypotheses that are still alive, none of them with rivals of its own.
+    /// Other hypotheses that are still followed. They have no rivals of their own.
     pub rivals: Vec<Hypothesis>,
 }
 
-/// What is remembered of one source between samples.
+/// Memory of one source between samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SourceMemory {
-    /// When it last said anything, s; NaN if it never did.
+    /// Time of its last reading, s; NaN if there was none.
     pub seen_s: f64,
     pub(super) rest: RestState,
     pub(super) faults: FaultState,
@@ -38,7 +38,7 @@ pub struct SourceMemory {
 }
 
 impl SourceMemory {
-    /// Nothing is remembered but when it was last heard.
+    /// A memory that contains only the time of the last reading.
     pub fn new(seen_s: f64) -> Self {
         SourceMemory { seen_s, rest: RestState::NONE, faults: FaultState::NONE, north: NorthState::NONE }
     }
@@ -66,13 +66,13 @@ impl Clone for Hypothesis {
 }
 
 impl Hypothesis {
-    /// A belief with nothing remembered of its `sources`, all heard just now, and without rivals.
+    /// A new hypothesis without rivals; all `sources` count as read just now.
     pub fn new(belief: Belief, sources: usize) -> Self {
         let sources = vec![SourceMemory::new(belief.time_s); sources];
         Hypothesis { belief, sources, doubt: None, line: 0, score: 0.0, rivals: Vec::new() }
     }
 
-    /// The hypothesis `line` alone; this one if there is none of that number.
+    /// Hypothesis number `line` alone; `self` if no rival has that number.
     pub fn alone(&self, line: u64) -> Hypothesis {
         let chosen = std::iter::once(self).chain(&self.rivals).find(|one| one.line == line).unwrap_or(self);
         let Hypothesis { belief, sources, doubt, .. } = chosen;
@@ -85,7 +85,8 @@ impl Hypothesis {
         }
     }
 
-    /// Variances into `variance`, of noise alone; while there are rivals, those of all together about this one's mean.
+    /// Writes variances without the consider states into `variance`. With rivals: second moments of all hypotheses
+    /// about this mean.
     pub fn variances<S: System>(&self, system: &S, variance: &mut [f64]) {
         self.belief.covariance.diagonal(variance);
         if !self.rivals.is_empty() {
@@ -94,12 +95,12 @@ impl Hypothesis {
         variance.iter_mut().for_each(|x| *x = x.max(0.0));
     }
 
-    /// Variances of noise alone into standard deviations with what is only considered.
+    /// Converts variances without consider states into standard deviations that include them.
     pub fn widen(&self, variance: &mut [f64]) {
         variance.iter_mut().enumerate().for_each(|(i, x)| *x = (*x + self.doubted(i)).sqrt());
     }
 
-    /// Standard deviations into `std`; while there are rivals, those of all together about this one's mean.
+    /// Writes standard deviations into `std`. With rivals: those of all hypotheses about this mean.
     pub fn spread<S: System>(&self, system: &S, std: &mut [f64]) {
         self.variances(system, std);
         self.widen(std);
@@ -113,7 +114,7 @@ impl Hypothesis {
         std
     }
 
-    /// Variance of a state by what is only considered.
+    /// Variance of a state that is due to the consider states.
     pub fn doubted(&self, state: usize) -> f64 {
         self.doubt.as_ref().map_or(0.0, |doubt| doubt.variance(state))
     }

@@ -1,4 +1,4 @@
-//! Which joints a source feels, and when a closed loop has something to say.
+//! Which joints a source depends on, and when a closure enters the filter.
 
 use super::hypothesis::SourceMemory;
 use super::readings::Readings;
@@ -10,7 +10,7 @@ use crate::recording::Sample;
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::{Scene, Worn};
 
-/// Per source and joint: whether moving the joint changes the source's readings.
+/// Per source and joint: whether the source's readings change with the joint.
 pub fn dependence(body: &Body) -> Vec<Vec<bool>> {
     let (joints, coordinates) = (body.model.joints.len(), body.model.coordinate_count());
     let at = |bumped: Option<usize>| {
@@ -34,14 +34,14 @@ pub fn dependence(body: &Body) -> Vec<Vec<bool>> {
     depends
 }
 
-/// All readings of a root at rest.
+/// All readings for a root at rest.
 pub fn readings(body: &Body, q: &[f64], qd: &[f64], qdd: &[f64]) -> Vec<f64> {
     let root = FrameMotion::resting(Vec3(body.field.lift));
     let azimuth = body.model.world.magnetic_azimuth_rad;
     readings_from(body, root, body.field.magnetic(azimuth), q, qd, qdd)
 }
 
-/// All readings for a root that moves as `root` in a field (uT, root axes).
+/// All readings for a root with motion `root` in a field (uT, root axes).
 pub fn readings_from(
     body: &Body,
     root: FrameMotion<f64>,
@@ -67,10 +67,10 @@ pub fn readings_from(
     out
 }
 
-/// A source that says nothing for longer than this was silent, s.
+/// A source without readings for longer than this has a dropout, s.
 pub(super) const SILENCE_S: f64 = 0.2;
 
-/// The closed loops, whose readings are zero by definition.
+/// The closures, whose readings are zero by definition.
 #[derive(Debug, Clone)]
 pub(super) struct Loops {
     all: Vec<Loop>,
@@ -82,7 +82,7 @@ impl Loops {
         Loops { all: loops(&subject.body, &subject.depends), on }
     }
 
-    /// Fills in the rows of the loops.
+    /// Writes the closures' readings of zero.
     pub fn fill(&self, subject: &Subject, sample: &Sample, readings: &mut Readings) {
         for l in &self.all {
             let speaks = self.on && l.speaks(sample);
@@ -91,14 +91,14 @@ impl Loops {
         }
     }
 
-    /// Silences the loops that would have to find more joints than they have equations: their ends then meet in many
-    /// postures, and linearised at one of them a loop would claim to know it.
+    /// Removes closures that would have to determine more joints than they have equations: many postures then close the
+    /// loop, and a linearisation at one of them would underestimate the covariance.
     pub fn hush(&self, subject: &Subject, sources: &[SourceMemory], time_s: f64, readings: &mut Readings) {
         let joints = &subject.body.model.joints;
         let heard = |source: usize| time_s - sources[source].seen_s <= SILENCE_S;
         for l in &self.all {
             let rows = &subject.body.suite.sources[l.source].rows;
-            // Two directions in space differ by two angles, told by three numbers.
+            // Two directions in space differ by two angles but are compared by three numbers.
             let equations = if rows.len() > 3 { rows.len() - 1 } else { rows.len() };
             let felt = (0..joints.len()).filter(|&j| subject.depends[l.source][j]);
             let alone = felt.filter(|&j| self.is_alone_with(subject, j, heard));
@@ -110,12 +110,12 @@ impl Loops {
         }
     }
 
-    /// Whether a source is a loop.
+    /// Whether a source is a closure.
     pub fn contain(&self, source: usize) -> bool {
         self.all.iter().any(|l| l.source == source)
     }
 
-    /// Whether a joint that is a state is felt by loops only, of all sources that were heard.
+    /// Whether only closures, of all sources with readings, depend on a joint that is a state.
     fn is_alone_with(&self, subject: &Subject, joint: usize, heard: impl Fn(usize) -> bool) -> bool {
         let feels = |s: &usize| subject.depends[*s][joint] && heard(*s);
         let felt = (0..subject.depends.len()).filter(feels).any(|s| !self.contain(s));
@@ -123,23 +123,23 @@ impl Loops {
     }
 }
 
-/// When a loop speaks.
+/// When a closure is used.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Loop {
     /// Index of its source.
     pub source: usize,
-    /// Rows of encoders on its second side, of which the sample must hold one; empty: every sample will do.
+    /// Rows of the encoders on its second side; the sample must contain one of them. Empty: no condition.
     pub encoders: Vec<usize>,
 }
 
 impl Loop {
-    /// Whether the sample holds what the loop needs, missing inputs apart: these silence any source.
+    /// Whether the sample contains the readings that the closure needs, except inputs, which are tested elsewhere.
     pub fn speaks(&self, sample: &Sample) -> bool {
         self.encoders.is_empty() || self.encoders.iter().any(|&r| !sample.z[r].is_nan())
     }
 }
 
-/// The model's loops.
+/// The model's closures.
 pub fn loops(body: &Body, depends: &[Vec<bool>]) -> Vec<Loop> {
     let model = &body.model;
     let first = body.suite.sources.len() - model.closures.len();

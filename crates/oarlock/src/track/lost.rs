@@ -1,8 +1,8 @@
-//! A belief that its sensors contradict is lost: it is given up and the posture fitted anew.
+//! Detects a lost track, where most sensors contradict the state estimate, and resets the filter.
 //!
-//! One sensor that disagrees may be at fault, and what it says is believed again after a while. If most of them disagree, the
-//! belief is at fault, however certain it claims to be: a chain of hinges that has passed a pose in which two of its axes
-//! coincide may move a thousand standard deviations at each update, and farther each time.
+//! If one sensor disagrees, it may be faulty, and the gate accepts it again after its patience. If most of them
+//! disagree, the state estimate is wrong, however small its covariance. A chain of hinges that passes a singular pose
+//! (two axes coincide) may move by a thousand standard deviations at each update, and farther each time.
 
 use super::begin::{start_std, WIDENED};
 use super::hypothesis::Hypothesis;
@@ -17,16 +17,18 @@ use crate::rotation::turn::Turn;
 use crate::rotation::Vec3;
 use crate::sensor::Quantity;
 
-/// How far off the heading of a body without a compass may be behind a loss, rad: it is counted on from what was believed.
+/// Standard deviation of the heading after a reset without a magnetometer, rad. The heading continues from the previous
+/// estimate.
 const HEADING_STD: f64 = 0.5;
-/// Who has not spoken for so many times the gate's patience has no part in a verdict.
+/// A source without readings for this multiple of the gate's patience does not vote.
 const RECENT: f64 = 4.0;
-/// What a fit of one sample says of a posture is uncertain by this share of the prior's standard deviation, whatever its linearised
-/// covariance claims: near a pose without a free direction that is as wrong as what led astray.
+/// Lower limit of a standard deviation after a fit of one sample, as a share of the prior's. Near a singular pose the
+/// linearised covariance of the fit is far too small.
 const DOUBT: f64 = 0.1;
 
-/// Whether most gyroscopes, accelerometers and orientation sensors that spoke recently have been rejected up to now, one that
-/// speaks in this sample beyond patience. What counts is each one's last verdict: units with clocks of their own speak one in a sample.
+/// Whether most gyroscopes, accelerometers and orientation sensors with recent readings have been rejected without a
+/// break, one of them in this sample for longer than the patience. Each sensor votes with its last verdict, because
+/// units with clocks of their own give samples of one unit each.
 pub(super) fn is_lost(subject: &Subject, readings: &Readings, one: &Hypothesis, patience_s: f64) -> bool {
     let belief = &one.belief;
     let (mut there, mut rejected, mut waited) = (0, 0, false);
@@ -45,8 +47,8 @@ pub(super) fn is_lost(subject: &Subject, readings: &Readings, one: &Hypothesis, 
     waited && 2 * rejected > there
 }
 
-/// Posture and motion become as little known as before the first sample, around the posture that was believed; what was learnt
-/// is forgotten. Slow states, lengths and mounts stay.
+/// Resets posture and motion to the uncertainty before the first sample, around the current posture, and discards what
+/// was learnt. Slow states, lengths and mounts are kept.
 pub(super) fn give_up(subject: &Subject, readings: &Readings, one: &mut Hypothesis) {
     let (body, belief) = (&subject.body, &mut one.belief);
     let std = start_std(body, WIDENED);
@@ -73,7 +75,8 @@ pub(super) fn give_up(subject: &Subject, readings: &Readings, one: &mut Hypothes
     }
     forget_what_was_learnt(belief);
     for source in &mut one.sources {
-        // Whoever speaks next is heard as after a silence: with clocks of their own, one unit in a sample.
+        // The next reading of each source is treated as one after a dropout. Units with clocks of their own give
+        // samples of one unit each.
         (source.seen_s, source.north) = (f64::NEG_INFINITY, NorthState::NONE);
     }
 }
@@ -86,7 +89,7 @@ fn forget_what_was_learnt(belief: &mut Belief) {
     belief.rejected_since_s.fill(f64::NAN);
 }
 
-/// Behind a fit that began anew.
+/// Restores what a fit must not change.
 pub(super) fn doubt_fit(subject: &Subject, belief: &mut Belief) {
     for (_, axis, slots) in subject.body.moving() {
         let std = DOUBT * axis.prior_std();
@@ -94,8 +97,8 @@ pub(super) fn doubt_fit(subject: &Subject, belief: &mut Belief) {
     }
 }
 
-/// Of every rotation vector that turns the whole body, while no compass speaks: its state, the vertical in its axes and
-/// the variance about it.
+/// Every rotation vector that rotates the whole body, if no magnetometer is in use: its state, the vertical in its axes
+/// and the variance about the vertical.
 fn headings(subject: &Subject, readings: &Readings, belief: &Belief) -> Vec<(usize, Vec3<f64>, f64)> {
     let body = &subject.body;
     if subject.has_compass(&readings.z) {
@@ -112,7 +115,7 @@ fn headings(subject: &Subject, readings: &Readings, belief: &Belief) -> Vec<(usi
     body.floating.iter().filter_map(heading).collect()
 }
 
-/// Nothing is known of a state but its standard deviation.
+/// Resets one state to a standard deviation without correlations.
 pub(super) fn forget(covariance: &mut Square, state: usize, std: f64) {
     for k in 0..covariance.n() {
         *covariance.at_mut(state, k) = 0.0;
@@ -121,7 +124,7 @@ pub(super) fn forget(covariance: &mut Square, state: usize, std: f64) {
     *covariance.at_mut(state, state) = std * std;
 }
 
-/// Puts a variance about the vertical into three states that know as little in all directions.
+/// Sets the variance about the vertical in three states whose covariance is isotropic.
 fn keep_heading(covariance: &mut Square, q: usize, up: Vec3<f64>, variance: f64) {
     let excess = variance - covariance.at(q, q);
     for i in 0..3 {

@@ -1,10 +1,11 @@
-//! Magnetometers: whether a reading is the field of the world, by its norm, its dip and its innovation.
+//! Magnetometer test: rejects readings of a disturbed field by norm, dip and innovation.
 //!
-//! Norm and dip are the field's alone, whatever the heading: iron nearby changes them, and what has changed them may have turned
-//! the field too. The dip is the angle of the measured field below the horizon that the belief sees from the sensor. Tests of both
-//! are those of VQF (Laidig and Seel 2023, section 3.5). The noise of the model file plays no part in them: it may be large to say how
-//! little a field is to be trusted. What passes them is held against the belief in full. A disturbance lasts
-//! while a body walks past it; so the belief is trusted longer than against other sensors, and what is rejected is no habit.
+//! Norm and dip do not depend on the heading. Iron nearby changes them, and a field with a wrong norm or dip may have a
+//! wrong direction too. The dip is measured against the vertical of the state estimate. Both tests are those of VQF
+//! (Laidig and Seel 2023, section 3.5). The model file's noise does not enter them, because it may be large to reduce
+//! the weight of a field. A reading that passes both is tested by its innovation. A disturbance lasts while a body
+//! passes it, so the innovation test has a longer patience than other sensors, and rejected innovations do not change
+//! the learnt innovation level.
 
 use super::readings::Readings;
 use super::subject::Subject;
@@ -14,31 +15,31 @@ use crate::estimate::filter::{DirectionTest, Info, Verdict};
 use crate::rotation::Vec3;
 use crate::sensor::Quantity;
 
-/// A field whose norm is off by more than this share is disturbed.
+/// Largest relative deviation of the norm.
 const NORM_TOLERANCE: f64 = 0.15;
-/// A field whose dip is off by more than this is disturbed, rad (10 deg): it is as far off as by the tolerance of the norm.
+/// Largest deviation of the dip, rad (10 deg). It corresponds to the tolerance of the norm.
 const DIP_TOLERANCE_RAD: f64 = 0.175;
-/// ... or by so many standard deviations of the belief's horizon.
+/// The same in standard deviations of the estimated vertical; the larger one counts.
 const HORIZON_SIGMAS: f64 = 5.0;
-/// An innovation that is odd for longer is believed: the belief's heading is wrong, s. A gyroscope whose bias is known to 0.002 rad/s
-/// keeps a heading within a degree meanwhile.
+/// Time after which rejected innovations are accepted, s: the estimated heading is then wrong. A gyroscope whose bias
+/// is known to 0.002 rad/s keeps a heading within a degree for this time.
 pub(super) const PATIENCE_S: f64 = 10.0;
 
-/// What a magnetometer's reading may be, in the order of [`Field`].
+/// Names of [`Field`] in its order.
 pub const FIELD: [&str; 5] = ["missing", "undisturbed", "norm", "dip", "innovation"];
 
-/// What a magnetometer's reading was: disturbed ones are named by the first test they failed.
+/// How a magnetometer's reading was judged. A disturbed one has the name of the first test that failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Field {
-    /// Not there.
+    /// No reading.
     Missing,
     /// Used.
     Undisturbed,
-    /// Stronger or weaker than the world's field.
+    /// Norm outside the tolerance.
     Norm,
-    /// Steeper or flatter than the world's field.
+    /// Dip outside the tolerance.
     Dip,
-    /// Far from what the belief expects.
+    /// Innovation outside the gate.
     Innovation,
 }
 
@@ -49,7 +50,7 @@ impl Field {
     }
 }
 
-/// Of every source, what its magnetometer's reading was.
+/// Per source: how its magnetometer's reading was judged.
 pub(super) fn by_source<'a>(subject: &'a Subject, info: &'a Info) -> impl Iterator<Item = Field> + 'a {
     (0..subject.groups.sources.len()).map(|s| {
         let mut own = subject.parts_of(Quantity::Mag).filter(|&p| subject.source_of_part[p] == s);
@@ -67,11 +68,11 @@ pub(super) fn by_source<'a>(subject: &'a Subject, info: &'a Info) -> impl Iterat
 #[derive(Debug, Clone)]
 pub(super) struct Magnetic {
     usage: Magnetometer,
-    /// Per part: not to be believed in this sample.
+    /// Per part: excluded in this sample.
     pub excluded: Vec<bool>,
-    /// Per part: how far its field is off the world's dip.
+    /// Per part: deviation of its dip from the world's.
     pub direction_tests: Vec<Option<DirectionTest>>,
-    /// Room for the belief's mean.
+    /// Workspace for the mean.
     posture: Posture<f64>,
 }
 
@@ -82,7 +83,7 @@ impl Magnetic {
         Magnetic { usage, excluded: vec![false; parts], direction_tests: vec![None; parts], posture }
     }
 
-    /// Silences magnetometers that are not to be used, and bars those whose norm is wrong.
+    /// Removes readings of magnetometers that are not used, and excludes those with a wrong norm.
     pub fn judge_norms(&mut self, subject: &Subject, readings: &mut Readings) {
         let norm = subject.body.field.norm_ut;
         self.excluded.fill(false);
@@ -99,7 +100,8 @@ impl Magnetic {
         }
     }
 
-    /// Measures the dip of every field against the horizon of a mean; the filter knows how certain that is.
+    /// Measures the dip of every field against the vertical of a mean. The filter supplies the uncertainty of the
+    /// vertical.
     pub fn measure_dips(&mut self, subject: &Subject, readings: &Readings, mean: &[f64]) {
         self.direction_tests.fill(None);
         let gated = self.usage == Magnetometer::Gated;
@@ -115,18 +117,18 @@ impl Magnetic {
         }
     }
 
-    /// The vertical in the axes of a source, in the posture in which dips were last measured.
+    /// The vertical in the axes of a source, in the posture of the last dip measurement.
     pub fn up_seen_by(&self, subject: &Subject, source: usize) -> Option<Vec3<f64>> {
         subject.body.up_seen_by(source, &self.posture)
     }
 }
 
-/// Parts that are no judge of motion: magnetometers, unless they are to be used whatever they read.
+/// Parts that are not used to learn process noise: magnetometers, unless `always` is configured.
 pub(super) fn strict(subject: &Subject, usage: Magnetometer) -> Vec<bool> {
     subject.quantities.iter().map(|&q| usage == Magnetometer::Gated && q == Quantity::Mag).collect()
 }
 
-/// How far a measured field (uT) lies from the world's dip (rad), all in sensor axes; `None` for no field at all.
+/// Deviation of a measured field (uT) from the world's dip (rad), all in sensor axes; `None` for a zero field.
 fn direction(measured: Vec3<f64>, up: Vec3<f64>, norm_ut: f64, dip_rad: f64) -> Option<DirectionTest> {
     let dot = |a: Vec3<f64>, b: Vec3<f64>| -> f64 { a.0.iter().zip(b.0).map(|(a, b)| a * b).sum() };
     let length = dot(measured, measured).sqrt();
@@ -137,7 +139,7 @@ fn direction(measured: Vec3<f64>, up: Vec3<f64>, norm_ut: f64, dip_rad: f64) -> 
     let down = -dot(towards, up);
     let level = towards + up * down;
     let level = level * (1.0 / dot(level, level).sqrt().max(f64::MIN_POSITIVE));
-    // Where the field moves when it dips further.
+    // Direction in which the field moves if its dip increases.
     let along = level * -dip_rad.sin() + up * -dip_rad.cos();
     let off = norm_ut * (down.clamp(-1.0, 1.0).asin() - dip_rad);
     Some(DirectionTest { along: along.0, off, tolerance: norm_ut * DIP_TOLERANCE_RAD, sigmas: HORIZON_SIGMAS })

@@ -1,4 +1,4 @@
-//! Several recordings side by side, each tracked as if it were alone.
+//! Tracks several recordings in parallel, each as if it were alone. The Python `track_many` uses it.
 
 use super::notes::notes;
 use super::run::{track, Progress, Run};
@@ -14,46 +14,46 @@ use std::sync::mpsc::{channel, Receiver, RecvTimeoutError};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// A recording to be tracked, and how.
+/// A recording to track, with model and options.
 #[derive(Debug, Clone)]
 pub struct Job {
     /// The body.
     pub model: Arc<Model>,
-    /// What was measured.
+    /// Its streams.
     pub streams: Vec<Stream>,
-    /// Of this wearing.
+    /// Calibration of this recording.
     pub calibration: Calibration,
-    /// Of this run.
+    /// Configuration of this run.
     pub config: Config,
-    /// Whether to go back over the track; only the smoothed one is kept.
+    /// Whether to smooth; then only the smoothed track is kept.
     pub smooth: bool,
 }
 
 /// A recording that was tracked to its end.
 #[derive(Debug, Clone)]
 pub struct Done {
-    /// The track, smoothed if that was asked for.
+    /// The track, smoothed if requested.
     pub run: Run,
-    /// What was missing or odd while it was filtered.
+    /// Notes on the filtered track.
     pub notes: Vec<String>,
-    /// Time that filtering took, s.
+    /// Wall time of filtering, s.
     pub wall_s: f64,
-    /// Time that smoothing took, s.
+    /// Wall time of smoothing, s.
     pub smoothing_wall_s: Option<f64>,
 }
 
-/// How often the caller hears of progress and may stop the work.
+/// Interval at which progress is reported and the caller can stop the work.
 const TELL_EVERY: Duration = Duration::from_millis(50);
 
-/// Tracks every job on its own; results stand in the order of the jobs, and a job that fails has its error there while
-/// the others go on. No result depends on the number of threads, all cores if `None`.
+/// Tracks every job independently. Results are in the order of the jobs. A failed job returns its error and does not
+/// affect the others. No result depends on the number of threads; `None` means all cores.
 ///
-/// `progress` is told by the calling thread; if it returns false all work ends in `Error::Stopped`.
+/// The calling thread calls `progress`; if it returns false, all work ends in `Error::Stopped`.
 pub fn track_many(jobs: Vec<Job>, threads: Option<usize>, progress: Progress) -> Result<Vec<Result<Done>>> {
     side_by_side(jobs, threads, Job::run, progress)
 }
 
-/// Scores every job on its own, as `track_many`; each one's `smooth` is not looked at.
+/// Scores every job independently, as `track_many` does. `smooth` of the jobs is ignored.
 pub fn score_many(
     jobs: Vec<Job>,
     span_s: (f64, f64),
@@ -81,10 +81,10 @@ fn side_by_side<T: Send>(
         for (index, job) in jobs.into_iter().enumerate() {
             let (sender, watch, work) = (sender.clone(), &watch, &work);
             scope.spawn_fifo(move |_| {
-                // Whoever waits in line when the work is stopped does not begin.
+                // Queued jobs do not start once the work is stopped.
                 let go = watch.go_on(index, 0.0);
                 let result = if go { work(job, &mut |share| watch.go_on(index, share)) } else { Err(Error::Stopped) };
-                // It fails only if the one who waits is gone, and then nobody wants it.
+                // Sending fails only if the receiver is gone; nobody needs the result then.
                 let _ = sender.send((index, result));
             });
         }
@@ -124,9 +124,9 @@ impl Job {
     }
 }
 
-/// What the workers and the one who waits for them tell each other.
+/// State shared by the workers and the calling thread.
 struct Watch {
-    /// Bits of the share done, per job.
+    /// Per job: bits of the finished share.
     shares: Vec<AtomicU64>,
     stop: AtomicBool,
 }
@@ -137,7 +137,7 @@ impl Watch {
         Watch { shares, stop: AtomicBool::new(false) }
     }
 
-    /// A worker tells how far it is, and hears whether to go on.
+    /// Reports a worker's progress; false if it must stop.
     fn go_on(&self, index: usize, share: f64) -> bool {
         self.shares[index].store(share.to_bits(), Ordering::Relaxed);
         !self.stop.load(Ordering::Relaxed)
@@ -148,7 +148,7 @@ impl Watch {
         self.shares.iter().map(done).sum::<f64>() / self.shares.len() as f64
     }
 
-    /// Takes the results as they come, until every worker has sent its own.
+    /// Receives the results until every worker has sent its own.
     fn collect<T>(&self, receiver: &Receiver<(usize, Result<T>)>, results: &mut [Result<T>], progress: Progress) {
         loop {
             match receiver.recv_timeout(TELL_EVERY) {

@@ -1,8 +1,9 @@
-//! Whether the magnetic field that a unit sees has turned about the vertical.
+//! Detects a magnetic field that has turned about the vertical at one unit.
 //!
-//! A filter that is usually wrong by some degrees (mounts askew, iron on the limb) makes large innovations its habit, and one that is
-//! led slowly follows; either way no single reading is odd. So the direction of north that each unit sees by the belief is held
-//! against its own mean over some seconds: it is far off when it has moved, for a while, much farther than it usually does.
+//! A filter with constant errors of some degrees (wrong mounts, iron on the limb) learns a high innovation level, and a
+//! slow disturbance shifts its heading. In both cases no single innovation is an outlier. Therefore the direction of
+//! north at each unit, computed with the estimated orientation, is compared with its own mean over some seconds. It
+//! counts as turned while its deviation is much larger than usual.
 
 use super::hypothesis::{Hypothesis, SourceMemory};
 use super::magnetic::{Magnetic, PATIENCE_S};
@@ -14,44 +15,44 @@ use crate::rotation::Vec3;
 use crate::sensor::Quantity;
 use std::f64::consts::{PI, TAU};
 
-/// Time constant of what counts as now, s.
+/// Time constant of the current direction, s.
 const NOW_S: f64 = 0.5;
-/// Time constant of what counts as usual, s.
+/// Time constant of the usual direction, s.
 const USUAL_S: f64 = 5.0;
-/// Time constant of how far now is usually away from it, s.
+/// Time constant of the usual deviation between the two, s.
 const SCATTER_S: f64 = 20.0;
-/// Nothing is usual before this, s.
+/// Time before the usual direction is valid, s.
 const AFTER_S: f64 = 5.0;
-/// North has turned when now is farther from the usual than this, rad (15 deg) ...
+/// North counts as turned if the deviation exceeds this, rad (15 deg) ...
 const TURNED_RAD: f64 = 0.26;
-/// ... and so many times its usual distance.
+/// ... and this multiple of the usual deviation.
 const SCATTERS: f64 = 4.0;
-/// It is back when it is within this share of what made it turned.
+/// North counts as back below this share of that threshold.
 const BACK: f64 = 0.5;
 
-/// What is remembered of the north that a unit sees; NaN where there is nothing yet.
+/// Memory of the north of one unit; NaN where there is no value yet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct NorthState {
-    /// Usual direction, and the one now, rad.
+    /// Usual and current direction, rad.
     pub usual_rad: f64,
     pub now_rad: f64,
     /// Mean square of their difference.
     pub scatter_rad2: f64,
-    /// When it was last followed, s.
+    /// Time of the last update, s.
     pub spoke_s: f64,
-    /// For how long it has been, s.
+    /// Duration of all updates, s.
     pub age_s: f64,
-    /// Since when north is turned, s; NaN while it is not.
+    /// Start of the turned field, s; NaN if it is not turned.
     pub since_s: f64,
 }
 
-/// Finds the magnetometers whose north has turned.
+/// Detector for all magnetometers.
 #[derive(Debug, Clone)]
 pub(super) struct North {
-    /// Whether turned fields are excluded, and whether north is followed.
+    /// Whether turned fields are excluded, and whether north is tracked.
     bars: bool,
     follows: bool,
-    /// Per part: its field seems to have turned.
+    /// Per part: its field counts as turned.
     turned: Vec<bool>,
 }
 
@@ -61,7 +62,7 @@ impl North {
         North { bars, follows: config.gate, turned: vec![false; subject.groups.parts.len()] }
     }
 
-    /// Bars magnetometers whose north has turned.
+    /// Excludes magnetometers whose north has turned.
     pub fn bar_turned(&mut self, subject: &Subject, sources: &[SourceMemory], time_s: f64, excluded: &mut [bool]) {
         self.turned.fill(false);
         for p in subject.parts_of(Quantity::Mag).filter(|_| self.bars) {
@@ -72,7 +73,7 @@ impl North {
         }
     }
 
-    /// Follows the north of every unit, behind an update.
+    /// Updates the north of every unit, after an update.
     pub fn watch(
         &self,
         subject: &Subject,
@@ -85,7 +86,7 @@ impl North {
         for p in (0..self.turned.len()).filter(|&p| self.follows && magnetic.direction_tests[p].is_some()) {
             let (first, s) = (subject.groups.parts[p].start, subject.source_of_part[p]);
             match info.parts[p] {
-                // The gate has it, and will believe it after its own patience.
+                // The gate rejects it and accepts it after its own patience.
                 Verdict::Outlier if belief.time_s - belief.rejected_since_s[p] > USUAL_S => {
                     sources[s].north = NorthState::NONE;
                     continue;
@@ -104,7 +105,7 @@ impl North {
         }
     }
 
-    /// Names in the report the fields that were excluded because they have turned.
+    /// Names the excluded turned fields in the report.
     pub fn report(&self, info: &mut Info) {
         for (verdict, _) in info.parts.iter_mut().zip(&self.turned).filter(|(_, &turned)| turned) {
             if *verdict == Verdict::Excluded {
@@ -114,7 +115,7 @@ impl North {
     }
 }
 
-/// By how much one field is turned against another about the vertical, rad; `None` where either has no horizontal part.
+/// Rotation of one field against another about the vertical, rad; `None` if either has no horizontal part.
 fn turned_by(from: Vec3<f64>, to: Vec3<f64>, up: Vec3<f64>) -> Option<f64> {
     let dot = |a: Vec3<f64>, b: Vec3<f64>| -> f64 { a.0.iter().zip(b.0).map(|(a, b)| a * b).sum() };
     let level = |v: Vec3<f64>| v - up * dot(v, up);
@@ -138,7 +139,7 @@ impl NorthState {
         since_s: f64::NAN,
     };
 
-    /// Takes in where a unit sees north, rad.
+    /// Adds a direction of north, rad.
     fn follow(&mut self, north_rad: f64, time_s: f64) {
         if self.spoke_s.is_nan() {
             (self.usual_rad, self.now_rad, self.scatter_rad2) = (north_rad, north_rad, 0.0);
@@ -148,7 +149,7 @@ impl NorthState {
         let dt = (time_s - self.spoke_s).clamp(0.0, 1.0);
         self.spoke_s = time_s;
         self.age_s += dt;
-        // At first the mean of all there was.
+        // At first the mean of all values.
         let age_s = self.age_s;
         let share = |constant_s: f64| 1.0 - (-dt / constant_s.min(age_s).max(dt)).exp();
         let (now, usual, scatter) = (share(NOW_S), share(USUAL_S), share(SCATTER_S));
@@ -165,7 +166,7 @@ impl NorthState {
         } else if away.abs() < BACK * bound {
             self.since_s = f64::NAN;
         } else if time_s - self.since_s > PATIENCE_S {
-            // So long is no passing by: this is the field here.
+            // A deviation this long is no passing disturbance: it is the local field.
             (self.usual_rad, self.since_s) = (self.now_rad, f64::NAN);
         }
     }
@@ -184,7 +185,7 @@ mod tests {
         assert_eq!(turned_by(up, up, up), None);
     }
 
-    /// When north counts as turned, of a minute at 50 Hz.
+    /// Whether north counts as turned, over a minute at 50 Hz.
     fn told(north: impl Fn(f64) -> f64) -> (f64, f64) {
         let mut unit = NorthState::NONE;
         let (mut first, mut total) = (f64::NAN, 0.0);

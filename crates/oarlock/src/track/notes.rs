@@ -1,4 +1,4 @@
-//! Plain sentences on what a run could not use or see.
+//! Notes: sentences about what a run could not use or observe. `track` stores them and the report prints them.
 
 use super::loops::dependence;
 use super::magnetic::{Field, FIELD};
@@ -6,18 +6,18 @@ use super::run::Run;
 use crate::model::{JointKind, Model};
 use crate::recording::input_joint;
 
-/// Bands that are widened by less are nobody's concern, deg.
+/// Smallest increase of a standard deviation that a note reports, deg.
 const WORTH_A_WORD_DEG: f64 = 0.1;
-/// Share of a sensor's readings that may be rejected without a word.
+/// Share of rejected readings above which a note reports a sensor.
 const REJECTED_SHARE: f64 = 0.05;
 
-/// Postures beyond a joint's limits by this share of what lies between them, in this share of the samples, are worth a word: one posture in
-/// twenty lies beyond the limits anyway.
+/// A note reports a joint that exceeds its soft limits by more than this share of its range in more than `OFTEN_SHARE` of
+/// the samples. The limits are two standard deviations, so that about 5 % of the postures exceed them in any case.
 const BEYOND_SHARE: f64 = 0.1;
 /// See `BEYOND_SHARE`.
 const OFTEN_SHARE: f64 = 0.1;
 
-/// What a person should know before trusting the numbers.
+/// All notes on a run.
 pub fn notes(run: &Run) -> Vec<String> {
     let mut notes = run.recording().notes.clone();
     notes.extend(nominal_mounts(run));
@@ -31,12 +31,15 @@ pub fn notes(run: &Run) -> Vec<String> {
     notes.extend(losses(run));
     notes.extend(widened(run));
     if run.refused > 0 {
-        notes.push(format!("{} samples were not later than the belief and were refused", run.refused));
+        notes.push(format!(
+            "{} samples were refused because their time stamps did not increase; check the clock of the recording",
+            run.refused
+        ));
     }
     notes
 }
 
-/// Bands that are wider than the readings' noise alone would make them.
+/// Reports bands that the uncertainty of consider states (mounts, lengths, sensor positions) widens.
 fn widened(run: &Run) -> Option<String> {
     let (body, last) = (run.tracker().body(), run.last()?);
     let slides = |c: usize| body.model.joints.iter().any(|j| j.first == c && j.kind == JointKind::Slide);
@@ -46,15 +49,15 @@ fn widened(run: &Run) -> Option<String> {
         .max_by(|a, b| a.1.total_cmp(&b.1))?;
     (most > WORTH_A_WORD_DEG).then(|| {
         format!(
-            "bands are wider than noise makes them, by up to {:.1} deg ({}) in the end: for seconds on end readings contradict \
-             what is taken as known (mounts, lengths, places of units); a calibration narrows them",
+            "uncertainty was increased, by up to {:.1} deg ({}) at the end: for several seconds the sensors disagreed with the \
+             assumed mounts, lengths or sensor positions; run `oarlock calibrate motion`",
             1.96 * most,
             body.model.coordinate_names()[joint]
         )
     })
 }
 
-/// Sensors with a mount that are taken to sit where the model file says.
+/// Names of the sensors that are used with their nominal mount.
 pub fn at_nominal_mounts(run: &Run) -> Vec<String> {
     let model = &run.tracker().body().model;
     let streams: Vec<&str> = run.recording().names().collect();
@@ -66,7 +69,7 @@ fn nominal_mounts(run: &Run) -> Option<String> {
     let names = at_nominal_mounts(run);
     let list = names.join(", ");
     (!names.is_empty()).then(|| {
-        format!("mounts: the model's nominal ones for {list}; a sensor that sits 5 deg askew costs degrees: calibrate")
+        format!("mounts: nominal for {list}; a sensor mounted 5 deg off causes errors of several degrees; run `oarlock calibrate`")
     })
 }
 
@@ -75,7 +78,7 @@ fn absent_streams(run: &Run) -> Option<String> {
     let there: Vec<&str> = run.recording().names().collect();
     let sources = model.sensors.iter().map(|s| s.name.as_str());
     let absent: Vec<&str> = sources.filter(|s| !is_there(model, &there, s)).collect();
-    (!absent.is_empty()).then(|| format!("no stream for: {}", absent.join(", ")))
+    (!absent.is_empty()).then(|| format!("no stream for: {}; check the recording's stream names", absent.join(", ")))
 }
 
 fn is_there(model: &Model, streams: &[&str], sensor: &str) -> bool {
@@ -94,7 +97,7 @@ fn silent_loops(run: &Run) -> Vec<String> {
         let whole = if !run.config().closures {
             "switched off"
         } else {
-            "no sample held all the readings it needs; if their stamps differ by more than merge_s, raise merge_s"
+            "no sample contained all readings that it needs; if their time stamps differ by more than merge_s, increase merge_s"
         };
         match missing {
             0 => None,
@@ -115,7 +118,7 @@ fn rejections(run: &Run) -> Vec<String> {
         let share = rejected as f64 / there.max(1) as f64;
         (share > REJECTED_SHARE).then(|| {
             format!(
-                "{}: {:.0} % of its readings did not fit and were rejected; check its mount, its units and, for a \
+                "{}: {:.0} % of its readings were rejected as outliers; check its mount, its units and, for a \
                  magnetometer, the field's norm and dip in the model ({} uT, {:.0} deg)",
                 source.name,
                 100.0 * share,
@@ -127,10 +130,10 @@ fn rejections(run: &Run) -> Vec<String> {
     body.suite.sources.iter().enumerate().filter_map(describe).collect()
 }
 
-/// A row stands for the time since its sensor's last one, but not for a gap.
+/// A row counts for the time since the sensor's previous row, but at most for this time (s), so that gaps do not count.
 const LONGEST_SAMPLE_S: f64 = 1.0;
 
-/// How long each magnetometer was disturbed, and by which test.
+/// Reports how long the field of each magnetometer was disturbed, by the test that failed.
 fn disturbances(run: &Run) -> Vec<String> {
     let body = run.tracker().body();
     let count = body.suite.sources.len();
@@ -150,8 +153,8 @@ fn disturbances(run: &Run) -> Vec<String> {
         let named: Vec<String> = named.collect();
         (disturbed_s > 0.0).then(|| {
             format!(
-                "{}: magnetic field disturbed for {disturbed_s:.1} of {whole_s:.1} s ({}) and not used meanwhile; expected are {} uT, \
-                 {:.0} deg below the horizon",
+                "{}: magnetic field disturbed for {disturbed_s:.1} of {whole_s:.1} s ({}) and not used during that time; expected: {} uT, \
+                 {:.0} deg below the horizon; if that is wrong, correct the field's norm and dip in the model",
                 source.name,
                 named.join(", "),
                 body.field.norm_ut,
@@ -162,7 +165,7 @@ fn disturbances(run: &Run) -> Vec<String> {
     body.suite.sources.iter().enumerate().filter_map(describe).collect()
 }
 
-/// Which sensors were at the end of their range or stuck, and for how long.
+/// Reports how long sensors were clipped (at the end of their range) or stuck.
 fn faults(run: &Run) -> Vec<String> {
     let sources = &run.tracker().body().suite.sources;
     let describe = |(s, source): (usize, &crate::sensor::Source)| {
@@ -178,16 +181,16 @@ fn faults(run: &Run) -> Vec<String> {
         let told =
             |s: f64, text: &str| (s > 0.0).then(|| format!("{}: {text} for {s:.2} of {whole_s:.1} s", source.name));
         let clipped = told(clipped_s, "readings at the end of the sensor's range").map(|text| {
-            format!("{text}; those axes were not used meanwhile: a sensor of a wider range, or a gentler mount, would tell more")
+            format!("{text}; the clipped axes were not used during that time; use a sensor with a wider range or a softer mount")
         });
-        let stuck = told(stuck_s, "readings stuck, the same to the bit,")
-            .map(|text| format!("{text} and not used meanwhile: check its firmware, its battery and the radio"));
+        let stuck = told(stuck_s, "readings stuck (identical to the bit)")
+            .map(|text| format!("{text} and not used during that time; check its firmware, battery and radio link"));
         [clipped, stuck]
     };
     sources.iter().enumerate().flat_map(describe).flatten().collect()
 }
 
-/// Joints that readings have taken where bodies seldom go. Limits bend no joint that is observed, so this shows what is wrong elsewhere.
+/// Reports observed joints that often exceed their soft limits. Limits do not affect observed joints, so the cause lies elsewhere.
 fn contortions(run: &Run) -> Vec<String> {
     let body = run.tracker().body();
     let (n, coordinates, rows) = (body.layout.dim(), body.model.coordinate_count(), run.series.time_s.len());
@@ -208,8 +211,8 @@ fn contortions(run: &Run) -> Vec<String> {
         (share > OFTEN_SHARE).then(|| {
             let (by, unit) = if slides { (1.0, "m") } else { (1f64.to_degrees(), "deg") };
             format!(
-                "{}: beyond its soft limits ({} to {} {unit}) in {:.0} % of the samples, by up to {} {unit}: a unit that is \
-                 askew or exchanged, a start in the mirror image of a posture, or a body with other limits (they stand in the model file)",
+                "{}: beyond its soft limits ({} to {} {unit}) in {:.0} % of the samples, by up to {} {unit}; check for \
+                 a wrong mount, exchanged sensors or a start in a mirrored posture, or correct the limits in the model file",
                 names[c],
                 tidy(by * low),
                 tidy(by * high),
@@ -221,7 +224,7 @@ fn contortions(run: &Run) -> Vec<String> {
     body.moving().filter_map(describe).collect()
 }
 
-/// Without digits that nobody needs.
+/// Rounds to two decimals, or to whole numbers from 10 on.
 fn tidy(x: f64) -> f64 {
     if x.abs() < 10.0 {
         (x * 100.0).round() / 100.0
@@ -235,8 +238,8 @@ fn losses(run: &Run) -> Option<String> {
     let times = run.losses_s.len();
     let when = if times == 1 { format!("at {first:.3} s") } else { format!("{times} times, first at {first:.3} s") };
     Some(format!(
-        "the track was lost {when}: most sensors contradicted it, and the posture was sought anew; check mounts and lengths, and \
-         whether joints pass poses in which hinges in a row have no free direction (a ball has none)"
+        "the track was lost {when}: most sensors contradicted the state estimate, and the filter was reset; check mounts and \
+         lengths, and whether consecutive hinges pass a singular pose (two axes parallel); a ball joint has no such pose"
     ))
 }
 
@@ -252,7 +255,7 @@ fn unobserved(run: &Run) -> Vec<String> {
     for (j, joint) in body.model.joints.iter().enumerate().filter(|(_, j)| j.kind != JointKind::Fixed) {
         let seen =
             (0..rows).filter(|r| joint.coordinates().all(|c| run.series.observed[r * coordinates + c] == 1)).count();
-        // An input is there at its own stamps only.
+        // An input has readings only at its own time stamps.
         let enough = if joint.input { seen > 0 } else { 2 * seen >= rows };
         if enough && rows > 0 {
             continue;
@@ -260,8 +263,8 @@ fn unobserved(run: &Run) -> Vec<String> {
         let felt = (0..sources).any(|s| used[s] && depends[s][j]);
         let why = match (joint.input, felt) {
             (true, _) => "no stream",
-            (false, false) => "no working sensor feels it",
-            (false, true) => "its sensors do not pin it down",
+            (false, false) => "no working sensor measures it",
+            (false, true) => "its sensors do not determine it",
         };
         notes.push(format!("{}: not observed ({why})", joint.name));
     }

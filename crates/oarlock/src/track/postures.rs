@@ -1,55 +1,55 @@
-//! The posture that explains readings best, and others that they allow as well.
+//! Finds the posture that fits the readings best, and alternative postures that fit nearly as well. `begin` uses it.
 //!
-//! A fit from one guess may end in a valley that is not the right one, so several are tried until one explains the readings in a posture for
-//! a body; limits of joints tell mirror images apart.
-//! Where a link carries no sensor, two points a link apart are told and what lies between them can bend to either side: two postures fit the
-//! first samples alike, or nearly so, and only movement tells which one it is. Both are tracked until it has.
+//! A fit from one guess may end in a wrong local minimum, so several guesses are tried until one explains the readings
+//! in a plausible posture. Joint limits distinguish mirrored postures. If a link carries no sensor, the chain between
+//! its neighbours can bend to either side: two postures fit the first samples about equally well, and only motion
+//! distinguishes them. Both are tracked until then.
 
 use super::subject::Subject;
 use crate::body::{Body, Moment};
 use crate::estimate::start::{Fit, Prior, StartFit, StartSample};
 use crate::model::Axis;
 
-/// A cost per reading below which other guesses need not be tried.
+/// Cost per reading below which no further guesses are tried.
 const GOOD_COST: f64 = 2.0;
-/// So far beyond its limits, as a share of what lies between them, hardly a joint stands: that is one standard deviation.
+/// Excess over the limits, as a share of their range, that counts as one standard deviation.
 const CONTORTED: f64 = 0.25;
-/// Times the noise before it counts as it is: first straight from each guess, then, if nothing good was found, sharpening. Sensors are
-/// some thousand times finer than what is known of a posture at first.
+/// Factors on the noise: first 1 from each guess; if no fit is good, from large to 1. Sensors are about a thousand
+/// times more precise than the first guess of a posture.
 const BLURS: [&[f64]; 2] = [&[], &[1000.0, 100.0, 10.0]];
-/// A hinge that the first samples tell no better than this may bend the other way as well, rad.
+/// A hinge with a larger standard deviation after the first samples may also bend the other way, rad.
 const UNCERTAIN_STD: f64 = 0.02;
-/// A cost per reading beyond which a fit explains nothing, and postures are tried anywhere.
+/// Cost per reading above which a fit explains nothing, and random postures are tried.
 const ASTRAY_COST: f64 = 30.0;
-/// A contorted posture must explain the readings so much better than one that is not.
+/// Factor by which a posture beyond its limits must fit better than one inside.
 const CONTORTED_COSTS: f64 = 10.0;
-/// How many other postures of doubtful hinges are tried, spread evenly between their limits.
+/// Number of alternative postures of uncertain hinges, evenly spread between their limits.
 const TRIES: usize = 16;
-/// Postures whose hinges are this close are one, rad.
+/// Postures with all hinges closer than this are the same, rad.
 const SAME: f64 = 0.15;
-/// A posture whose fit costs so much more is none: it is e^-10 times as likely.
+/// A posture with this much more cost is discarded: it is e^-10 times as likely.
 const HOPELESS: f64 = 20.0;
-/// A fit goes on while that lowers its cost by more than this: a thousandth of what one reading may cost.
+/// A fit continues while its cost falls by more than this: a thousandth of the limit for one reading.
 const NO_GAIN: f64 = 1e-3;
-/// How often it goes on at most.
+/// Largest number of continuations.
 const MOST_REFITS: usize = 25;
 
-/// What was found, from which guess, and whether it explains the readings in a posture for a body.
+/// A fit, the index of its guess, and whether it explains the readings in a plausible posture.
 pub(super) struct Found<'a> {
     pub(super) fit: Fit,
     pub(super) guess: &'a Prior,
     pub(super) good: bool,
 }
 
-/// Seeks postures of a subject.
+/// Search for postures of a subject.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Postures<'s> {
     pub(super) subject: &'s Subject,
 }
 
 impl Postures<'_> {
-    /// The first good fit from these starts, each with what is known before; else from starts scattered between all limits; else the one
-    /// that costs least.
+    /// The first good fit from these guesses, each with its prior; otherwise from guesses spread between all limits;
+    /// otherwise the fit with the lowest cost.
     pub(super) fn seek<'a>(
         &self,
         evidence: &[StartSample<Moment>],
@@ -85,25 +85,25 @@ impl Postures<'_> {
         best
     }
 
-    /// Whether a fit explains the readings in a posture for a body.
+    /// Whether a fit explains the readings in a plausible posture.
     pub(super) fn is_good(&self, fit: &Fit, evidence: &[StartSample<Moment>]) -> bool {
         fit.mean.iter().all(|x| x.is_finite())
             && fit.cost < GOOD_COST * readings(evidence)
             && !self.is_contorted(&fit.mean)
     }
 
-    /// Cost, and more of it for a posture that is none for a body.
+    /// Cost with a penalty for an implausible posture.
     fn rank(&self, fit: &Fit) -> f64 {
         fit.cost * if self.is_contorted(&fit.mean) { CONTORTED_COSTS } else { 1.0 }
     }
 
-    /// Whether a hinge stands where hardly a body gets it: readings may as well come from the mirror image of a posture, in which hinges in
-    /// a row reach the same place from the other side.
+    /// Whether a hinge is far beyond its limits. The fit may then be a mirrored posture, in which consecutive hinges
+    /// reach the same position from the other side.
     pub(super) fn is_contorted(&self, mean: &[f64]) -> bool {
         self.subject.free_hinges().any(|(axis, q)| beyond(axis, mean[q]) > CONTORTED)
     }
 
-    /// The same with every hinge that is beyond its limits in the middle of them.
+    /// The same posture with every hinge beyond its limits moved to their middle.
     fn eased(&self, mean: &[f64]) -> Vec<f64> {
         let mut eased = mean.to_vec();
         for (axis, q) in self.subject.free_hinges().filter(|(axis, q)| beyond(axis, mean[*q]) > 0.0) {
@@ -112,12 +112,13 @@ impl Postures<'_> {
         eased
     }
 
-    /// A fit, or a better one of another posture, and those others that are nearly as good, each in a valley of its own.
+    /// A fit, or a better one in another posture, and the alternatives that are nearly as good, each a local minimum of
+    /// its own.
     pub(super) fn all_postures(&self, problem: &mut StartFit<Body>, fit: Fit) -> (Fit, Vec<Fit>) {
         let std = |q: usize| fit.covariance.at(q, q).sqrt();
         let doubtful: Vec<(&Axis, usize)> =
             self.subject.free_hinges().filter(|(_, q)| std(*q) > UNCERTAIN_STD).collect();
-        // A hinge that only walks is told by loops alone, and hardly ever well at the first sample.
+        // Only closures determine a random-walk hinge, and the first sample rarely does so well.
         let driven = |q: usize| self.subject.body.moving().any(|(_, _, slots)| slots.q == q && slots.rates.is_some());
         if !doubtful.iter().any(|(_, q)| driven(*q)) {
             return (fit, Vec::new());
@@ -139,32 +140,33 @@ impl Postures<'_> {
         (best, others)
     }
 
-    /// Whether a fit from halfway between two falls to one of them: in a valley that nothing measures it stays where it is.
+    /// Whether a fit from halfway between two returns to one of them. In a direction that nothing measures it stays
+    /// where it is.
     fn is_apart(&self, problem: &mut StartFit<Body>, a: &Fit, b: &Fit) -> bool {
         let halfway: Vec<f64> = a.mean.iter().zip(&b.mean).map(|(a, b)| 0.5 * (a + b)).collect();
         let fell = problem.fit(&halfway);
         fell.is_some_and(|f| !self.differ(&f.mean, &a.mean) || !self.differ(&f.mean, &b.mean))
     }
 
-    /// Whether two states are of different postures of the hinges.
+    /// Whether two states differ in the posture of the hinges.
     pub(super) fn differ(&self, a: &[f64], b: &[f64]) -> bool {
         self.subject.free_hinges().any(|(axis, q)| (axis.nearest(a[q]) - axis.nearest(b[q])).abs() > SAME)
     }
 }
 
-/// How many there are.
+/// Number of distinct postures.
 fn readings(evidence: &[StartSample<Moment>]) -> f64 {
     evidence.iter().flat_map(|e| e.z).filter(|z| !z.is_nan()).count() as f64
 }
 
-/// How far an angle is beyond a hinge's limits, as a share of what lies between them; negative inside.
+/// Excess of an angle over a hinge's limits, as a share of their range; negative inside.
 fn beyond(axis: &Axis, angle: f64) -> f64 {
     let [low, high] = axis.limits;
     ((axis.nearest(angle) - 0.5 * (low + high)).abs() / (high - low)) - 0.5
 }
 
-/// The same with these hinges elsewhere between their limits: number k of points that fill every dimension evenly (Kronecker 1884; 3, 7, 11 ...
-/// are no squares).
+/// Other values of these hinges between their limits: point number k of a sequence that fills every dimension evenly
+/// (Kronecker 1884; the numbers 3, 7, 11 ... are no squares).
 fn scattered(mean: &[f64], hinges: &[(&Axis, usize)], k: usize) -> Vec<f64> {
     let mut elsewhere = mean.to_vec();
     for (d, (axis, q)) in hinges.iter().enumerate() {
@@ -174,7 +176,7 @@ fn scattered(mean: &[f64], hinges: &[(&Axis, usize)], k: usize) -> Vec<f64> {
     elsewhere
 }
 
-/// Goes on from a fit that may only have crept along a valley, until that gains nothing.
+/// Continues a fit that may have converged slowly along a narrow valley, until its cost no longer falls.
 fn patiently(problem: &mut StartFit<Body>, fit: Fit) -> Fit {
     let mut best = fit;
     for _ in 0..MOST_REFITS {

@@ -1,4 +1,4 @@
-//! A sample on its way into the filter: stages silence what is no measurement.
+//! Readings of one sample on their way into the filter; stages remove those that are not measurements.
 
 use super::hypothesis::SourceMemory;
 use super::subject::Subject;
@@ -6,10 +6,10 @@ use crate::body::{Body, Moment};
 use crate::recording::Sample;
 use std::ops::Range;
 
-/// Readings of one sample, and what the model's readings depend on besides the state.
+/// Readings of one sample, and the inputs of the measurement model.
 #[derive(Debug, Clone)]
 pub(super) struct Readings {
-    /// In the order of the measurement vector; what is missing or silenced is NaN.
+    /// In the order of the measurement vector; missing or removed readings are NaN.
     pub z: Vec<f64>,
     pub moment: Moment,
 }
@@ -19,7 +19,7 @@ impl Readings {
         Readings { z: vec![f64::NAN; body.suite.len()], moment: body.moment() }
     }
 
-    /// Takes in the readings of a sample.
+    /// Copies the readings of a sample.
     pub fn take(&mut self, sample: &Sample) {
         self.z.copy_from_slice(&sample.z);
         for (input, &value) in self.moment.inputs.iter_mut().zip(&sample.inputs) {
@@ -27,7 +27,7 @@ impl Readings {
         }
     }
 
-    /// Whether a row of these says anything.
+    /// Whether any of these rows has a reading.
     pub fn speak(&self, rows: &Range<usize>) -> bool {
         self.z[rows.clone()].iter().any(|z| !z.is_nan())
     }
@@ -41,7 +41,7 @@ impl Readings {
         [self.z[first], self.z[first + 1], self.z[first + 2]]
     }
 
-    /// A reading that depends on an input says nothing while that input is not there.
+    /// Removes readings that depend on a missing input.
     pub fn silence_what_needs_missing_inputs(&mut self, subject: &Subject, sample: &Sample) {
         let joints = &subject.body.model.joints;
         for (source, depends) in subject.body.suite.sources.iter().zip(&subject.depends) {
@@ -52,12 +52,12 @@ impl Readings {
         }
     }
 
-    /// What orientation sensors measured becomes a reference; their readings then are differences from it.
+    /// Converts the readings of orientation sensors into references; their rows become differences from these.
     pub fn refer(&mut self, subject: &Subject) {
         subject.body.suite.refer(&mut self.z, &mut self.moment.references);
     }
 
-    /// Marks who has something to say.
+    /// Marks the sources that have readings.
     pub fn mark_active(&mut self, subject: &Subject) {
         for (i, source) in subject.body.suite.sources.iter().enumerate() {
             self.moment.active[i] = self.speak(&source.rows);
@@ -65,14 +65,14 @@ impl Readings {
         subject.body.mark(&mut self.moment);
     }
 
-    /// Remembers who spoke.
+    /// Stores the time of each source's reading.
     pub fn mark_seen(&self, sources: &mut [SourceMemory], time_s: f64) {
         for (source, _) in sources.iter_mut().zip(&self.moment.active).filter(|(_, &active)| active) {
             source.seen_s = time_s;
         }
     }
 
-    /// Readings without the parts that are excluded.
+    /// Removes excluded parts.
     pub fn without(&self, subject: &Subject, excluded: &[bool]) -> Vec<f64> {
         let mut z = self.z.clone();
         for (rows, _) in subject.groups.parts.iter().zip(excluded).filter(|(_, &excluded)| excluded) {

@@ -1,9 +1,9 @@
-//! Finding the posture again when sensors come back after a silence.
+//! Fits the posture again after a dropout.
 //!
-//! Meanwhile joints may have moved so far that sigma points spread over half a turn, and an update from there can settle
-//! in a wrong posture with great confidence. The first readings after a silence are therefore fitted by
-//! Levenberg-Marquardt with the belief as prior, from its mean, the rest posture and the middle of all limits, and the
-//! belief takes the best fit and its linearised covariance.
+//! During a dropout joints may move so far that sigma points spread over half a turn. An update from there can converge
+//! to a wrong posture with a small covariance. The first readings after a dropout are therefore fitted by
+//! Levenberg-Marquardt with the state estimate as prior, from its mean, the rest posture and the middle of all limits.
+//! The state estimate takes the best fit and its linearised covariance.
 
 use super::hypothesis::Hypothesis;
 use super::loops::{Loops, SILENCE_S};
@@ -16,10 +16,10 @@ use crate::estimate::start::{Fit, Prior, StartFit, StartSample};
 use crate::model::Axis;
 use std::f64::consts::TAU;
 
-/// A joint less certain than this (rad or m) when a source comes back is looked for anew.
+/// A joint with a larger standard deviation (rad or m) is fitted again when a source returns.
 const UNCERTAIN_STD: f64 = 0.1;
 
-/// Whether a source speaks again that feels a joint which has become uncertain meanwhile.
+/// Whether a source returns that depends on a joint which has become uncertain.
 pub(super) fn is_due(subject: &Subject, loops: &Loops, readings: &Readings, one: &Hypothesis) -> bool {
     let active = &readings.moment.active;
     let silent = |s: usize| one.belief.time_s - one.sources[s].seen_s > SILENCE_S;
@@ -31,20 +31,20 @@ pub(super) fn is_due(subject: &Subject, loops: &Loops, readings: &Readings, one:
     (0..active.len()).filter(returned).any(feels_uncertain)
 }
 
-/// Only joints with rates can run away.
+/// Only joints with rates can become this uncertain.
 fn is_uncertain(subject: &Subject, belief: &Belief, joint: usize) -> bool {
     let joint = &subject.body.model.joints[joint];
-    // Where a free joint is, no sensor has to tell.
+    // The position of a free joint needs no sensor.
     let coordinates = joint.turn().unwrap_or(joint.first)..joint.coordinates().end;
     let slots = subject.body.layout.coordinates[coordinates].iter().flatten().filter(|s| s.rates.is_some());
     slots.into_iter().any(|s| belief.covariance.at(s.q, s.q) > UNCERTAIN_STD * UNCERTAIN_STD)
 }
 
-/// Fits this sample; the report on it, or `None` if that leads nowhere, and the belief is as it was.
+/// Fits this sample. Returns the report; `None` if no fit succeeds, and the state estimate is then unchanged.
 pub(super) fn regain(subject: &Subject, readings: &Readings, excluded: &[bool], belief: &mut Belief) -> Option<Info> {
     let z = readings.without(subject, excluded);
     let mut fit = best_fit(subject, readings, belief, &z)?;
-    // A fit from afar may have come round by whole turns; where limits leave one of them only, that is the angle.
+    // A fit from far away may be off by whole turns. Where the limits contain only one of them, the fit is moved there.
     for (axis, q) in subject.free_hinges().filter(|(axis, _)| axis.limits[1] - axis.limits[0] < TAU) {
         fit.mean[q] = axis.nearest(fit.mean[q]);
     }
@@ -65,7 +65,7 @@ fn best_fit(subject: &Subject, readings: &Readings, belief: &Belief, z: &[f64]) 
     let rest = posture(|axis| axis.rest);
     let middle = posture(|axis| if axis.turns { axis.rest } else { 0.5 * (axis.limits[0] + axis.limits[1]) });
     let starts = [belief.mean.clone(), rest, middle].map(|first| (&guess, first));
-    // One sample tells little: of good fits the best is taken, not the first.
+    // One sample carries little information, so the best of the good fits is taken instead of the first.
     let fits = starts.iter().filter_map(|(_, first)| {
         let fit = StartFit::new(body, &evidence, &subject.std, &guess).fit(first);
         fit.filter(|fit| postures.is_good(fit, &evidence))
@@ -74,7 +74,7 @@ fn best_fit(subject: &Subject, readings: &Readings, belief: &Belief, z: &[f64]) 
     best.or_else(|| postures.seek(&evidence, &starts).map(|found| found.fit))
 }
 
-/// The fit used all rows that were there, and has no innovation to speak of.
+/// Report of a fit: all available rows are used, with innovations of zero.
 fn report(subject: &Subject, readings: &Readings, excluded: &[bool], z: &[f64], cost: f64) -> Info {
     let groups = &subject.groups;
     let mut info = Info::new(groups, subject.rows());

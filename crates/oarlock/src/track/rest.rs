@@ -1,7 +1,8 @@
-//! Rest: while an inertial unit's readings stay where they are, its angular velocity is zero, which tells its gyroscope's bias.
+//! Rest detection: while an inertial unit rests, its angular velocity is measured as zero, which determines the
+//! gyroscope's bias.
 //!
-//! The rule and its thresholds are those of VQF (Laidig and Seel 2023, section 3.4), but for the waiting time: rest is not
-//! taken as certain, only as a reading of zero with a standard deviation, so that a shorter wait does no harm.
+//! Rule and thresholds are those of VQF (Laidig and Seel 2023, section 3.4), except the waiting time. Rest is not taken
+//! as certain but enters as a reading of zero with a standard deviation, so that a shorter waiting time is safe.
 
 use super::hypothesis::SourceMemory;
 use super::readings::Readings;
@@ -9,33 +10,33 @@ use crate::body::Body;
 use crate::sensor::{Quantity, Source};
 use std::ops::Range;
 
-/// Time constant of the low-pass that readings are compared with, s.
+/// Time constant of the low-pass filter that readings are compared with, s.
 const SMOOTHED_OVER_S: f64 = 0.5;
-/// Rest is believed after so long, s.
+/// Time without motion after which a unit counts as at rest, s.
 const AFTER_S: f64 = 0.5;
-/// Farther from the low-passed reading than this is no rest, rad/s (2 deg/s) and m/s2.
+/// Largest deviation from the low-passed reading at rest, rad/s (2 deg/s) and m/s2.
 const GYRO_RAD_S: f64 = 0.035;
 const ACCEL_M_S2: f64 = 0.5;
-/// Readings of rest are no more frequent than this, s: neighbours say the same.
+/// Shortest interval between readings of rest, s. More frequent ones carry no new information.
 const EVERY_S: f64 = 0.1;
 
-/// What is remembered of a unit to tell whether it rests; NaN where there is nothing yet.
+/// Memory of a unit for rest detection; NaN where there is no value yet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct RestState {
     /// Low-passed readings, rad/s and m/s2.
     pub gyro: [f64; 3],
     pub accel: [f64; 3],
-    /// Since when it rests, s.
+    /// Start of the rest, s.
     pub since_s: f64,
-    /// When that was last used, s.
+    /// Time of the last reading of rest, s.
     pub used_s: f64,
 }
 
-/// Finds the units that rest.
+/// Rest detector of all units.
 #[derive(Debug, Clone)]
 pub(super) struct Rest(Vec<Unit>);
 
-/// An inertial unit whose rest is a reading: its source, and its rows.
+/// An inertial unit with rest detection: its source and its rows.
 #[derive(Debug, Clone)]
 struct Unit {
     source: usize,
@@ -54,7 +55,7 @@ impl Rest {
         Rest(body.suite.sources.iter().enumerate().filter_map(unit).collect())
     }
 
-    /// Fills in the rows of units that rest.
+    /// Writes the readings of units at rest into the sample.
     pub fn notice(&self, sources: &mut [SourceMemory], readings: &mut Readings, time_s: f64) {
         for unit in &self.0 {
             let of_unit = [&readings.z[unit.gyro.clone()], &readings.z[unit.accel.clone()]];
@@ -69,7 +70,7 @@ impl RestState {
     pub const NONE: RestState =
         RestState { gyro: [f64::NAN; 3], accel: [f64::NAN; 3], since_s: f64::NAN, used_s: f64::NAN };
 
-    /// Takes in a unit's readings; whether it rests and has not said so just now.
+    /// Updates a unit's memory with its readings. True if it rests and the last reading of rest is old enough.
     fn remember(&mut self, [gyro, accel]: [&[f64]; 2], time_s: f64, dt: f64) -> bool {
         if gyro.iter().chain(accel).any(|x| x.is_nan()) {
             return false;
@@ -93,7 +94,7 @@ impl RestState {
     }
 }
 
-/// Moves a low-passed reading by a share of its distance to the reading; how far away it is then.
+/// Low-passes one reading and returns the remaining distance.
 fn follow(smoothed: &mut [f64; 3], reading: &[f64], share: f64) -> f64 {
     let mut away: f64 = 0.0;
     for (m, x) in smoothed.iter_mut().zip(reading) {

@@ -1,4 +1,4 @@
-//! A whole recording: a loop over `Tracker::step`.
+//! `Run`: tracks a whole recording by a loop over `Tracker::step` and stores the estimates.
 
 mod back;
 mod packed;
@@ -19,27 +19,27 @@ pub use series::{Report, Series};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Told how much is done (0 to 1); false stops the work.
+/// Receives the finished share (0 to 1); false stops the work.
 pub type Progress<'a> = &'a mut dyn FnMut(f64) -> bool;
 
-/// What was known and kept, and where the recording stood.
+/// A checkpoint: state estimate and position in the recording.
 #[derive(Debug, Clone)]
 struct Checkpoint {
     known: Packed,
     cursor: Cursor,
-    /// How many rows of output there were before this sample's.
+    /// Number of output rows before this sample's.
     row: usize,
     is_row: bool,
 }
 
-/// A time of several hypotheses.
+/// A period with several hypotheses.
 #[derive(Debug, Clone, Copy)]
 struct Parting {
-    /// When the belief parted.
+    /// Time of the split.
     from_s: f64,
-    /// When one hypothesis was left; infinite until then.
+    /// Time at which one hypothesis was left; infinite until then.
     to_s: f64,
-    /// The one that led last.
+    /// The last leading hypothesis.
     winner: u64,
 }
 
@@ -50,17 +50,17 @@ pub struct Run {
     recording: Arc<Recording>,
     calibration: Calibration,
     config: Config,
-    /// Estimates of every sample that was kept.
+    /// Estimates of every kept sample.
     pub series: Series,
-    /// Whether they are smoothed.
+    /// Whether the estimates are smoothed.
     pub smoothed: bool,
-    /// Samples worked off.
+    /// Number of processed samples.
     pub steps: usize,
-    /// Samples refused because they came late.
+    /// Number of samples refused because of their time stamps.
     pub refused: usize,
     checkpoints: Vec<Checkpoint>,
     partings: Vec<Parting>,
-    /// When the belief was given up, because its sensors contradicted it, s.
+    /// Times of the resets, s.
     pub losses_s: Vec<f64>,
     /// Coordinates of joints that are inputs.
     inputs: Vec<usize>,
@@ -69,7 +69,7 @@ pub struct Run {
 
 const PROGRESS_EVERY: usize = 64;
 
-/// Tracks `streams`, from `start` if given, else from a fit of the first samples.
+/// Tracks `streams`, from `start` if given, otherwise from a fit of the first samples.
 pub fn track(
     model: Arc<Model>,
     streams: Vec<Stream>,
@@ -107,7 +107,7 @@ impl Run {
     fn filter(&mut self, progress: Progress) -> Result<()> {
         let recording = self.recording.clone();
         let Some((begin, end)) = recording.span_s() else {
-            return Err(Error::Data("the recording holds no row: nothing to track".into()));
+            return Err(Error::Data("the recording contains no rows: nothing to track; check the streams".into()));
         };
         let mut tracker = self.tracker.clone();
         let kept_s = tracker.belief().map_or(f64::NEG_INFINITY, |b| b.time_s);
@@ -131,7 +131,7 @@ impl Run {
         Ok(())
     }
 
-    /// A run of the same recording with these estimates and no belief but the last.
+    /// A run of the same recording with these estimates and only the last state estimate.
     fn with(&self, series: Series) -> Run {
         let Run { tracker, recording, calibration, config, partings, losses_s, inputs, last, .. } = self;
         Run {
@@ -149,12 +149,12 @@ impl Run {
         }
     }
 
-    /// The run without its estimates, which `again` makes anew: an hour of them fills half a gigabyte.
+    /// The run without its estimates, which `again` recomputes. The estimates of an hour fill half a gigabyte.
     pub fn hollow(&self) -> Run {
         self.with(self.series.read())
     }
 
-    /// Filters the same recording again: the same bits.
+    /// Filters the same recording again, with identical bits.
     pub fn again(&self, progress: Progress) -> Result<Run> {
         let mut run = self.with(Series::default());
         (run.partings, run.losses_s, run.last) = (Vec::new(), Vec::new(), None);
@@ -163,22 +163,22 @@ impl Run {
         Ok(run)
     }
 
-    /// The tracker that did the work, as it was before the first sample.
+    /// The tracker in its state before the first sample.
     pub fn tracker(&self) -> &Tracker {
         &self.tracker
     }
 
-    /// What was tracked.
+    /// The recording.
     pub fn recording(&self) -> &Recording {
         &self.recording
     }
 
-    /// What was known behind the last sample, to go on from.
+    /// State estimate after the last sample, from which a later run can continue.
     pub fn last(&self) -> Option<&Hypothesis> {
         self.last.as_ref()
     }
 
-    /// Full beliefs, one every `belief_interval_s`.
+    /// Full state estimates, one every `belief_interval_s`.
     pub fn beliefs(&self) -> impl Iterator<Item = Belief> + '_ {
         self.checkpoints.iter().map(|c| c.known.whole().belief)
     }
@@ -189,7 +189,7 @@ impl Run {
         known.widen(self.series.std_of(row, known.belief.mean.len()));
     }
 
-    /// Writes a row's mean and what is observed; `std` holds what `variances` gives, still to be made standard deviations.
+    /// Writes a row's mean and observability; `std` contains variances from `variances`, which are converted later.
     fn write_variances(&mut self, row: usize, mean: &[f64], variances: impl FnOnce(&Body, &mut [f64])) {
         let (n, body) = (mean.len(), self.tracker.body());
         self.series.mean[row * n..(row + 1) * n].copy_from_slice(mean);
@@ -210,21 +210,21 @@ impl Run {
         &self.inputs
     }
 
-    /// What was tracked with.
+    /// Calibration of the run.
     pub fn calibration(&self) -> &Calibration {
         &self.calibration
     }
 
-    /// How it was tracked.
+    /// Configuration of the run.
     pub fn config(&self) -> &Config {
         &self.config
     }
 }
 
-/// Keeps what a run returns, while it goes on.
+/// Collects the results of a run while it proceeds.
 struct Keeper<'a> {
     run: &'a mut Run,
-    /// Where the recording stood behind each sample that is still to be worked off.
+    /// Position in the recording after each sample that still waits.
     cursors: VecDeque<Cursor>,
     kept_s: f64,
 }
@@ -237,7 +237,8 @@ impl Keeper<'_> {
         run.steps += 1;
         run.note_partings(known);
         run.losses_s.extend(info.lost.then_some(time_s));
-        // By the stamp alone, so that a run cut in two keeps the same rows; a hair late still counts as on time.
+        // Decided by the time stamp alone, so that a run in two parts keeps the same rows. A rounding error late counts
+        // as on time.
         let slot = |time_s: f64| run.config.output_rate_hz.map_or(f64::NAN, |rate| (time_s * rate + 1e-6).floor());
         let is_row = slot(time_s) != slot(self.kept_s);
         let row = run.series.time_s.len();
@@ -271,7 +272,7 @@ impl Run {
         }
     }
 
-    /// The hypothesis that proved right, alone.
+    /// The final hypothesis of a split, alone.
     fn proven(&self, known: &Hypothesis) -> Hypothesis {
         let parting = self.partings.iter().rfind(|p| p.from_s <= known.belief.time_s);
         known.alone(parting.map_or(known.line, |p| p.winner))

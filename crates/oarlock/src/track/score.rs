@@ -1,4 +1,5 @@
-//! What a recording's innovations say of parameters that the filter takes as given: mounts, lengths, places, zeros, and clocks.
+//! Scores a recording: normal equations of mounts, lengths, sensor positions, encoder zeros and clock delays from
+//! innovations. The motion calibration uses them.
 
 pub use super::consider::Window;
 use super::run::Progress;
@@ -12,15 +13,16 @@ use std::sync::Arc;
 /// Normal equations in windows of a recording.
 #[derive(Debug, Clone)]
 pub struct Score {
-    /// Parameters and the standard deviations they are counted in: `parameters.l_b`, `back.mount_rx`, `seat.zero`, `back.delay`.
+    /// Names of parameters: `parameters.l_b`, `back.mount_rx`, `seat.zero`, `back.delay`; and the standard deviations
+    /// that are their units.
     pub parameters: Vec<(String, f64)>,
-    /// One row of a window's normal equations has so many numbers; those behind the parameters are nought.
+    /// Length of a row of the normal equations; entries beyond the parameters are zero.
     pub width: usize,
-    /// In the order of time.
+    /// Windows in order of time.
     pub windows: Vec<Window>,
 }
 
-/// Filters `streams` and sums up their innovations in windows of `window_s`, from `settle_s` behind the start on.
+/// Filters `streams` and collects the normal equations in windows of `window_s`, from `settle_s` after the start on.
 pub fn score(
     model: Arc<Model>,
     streams: Vec<Stream>,
@@ -31,13 +33,17 @@ pub fn score(
 ) -> Result<Score> {
     let mut tracker = Tracker::new(model.clone(), calibration, config)?;
     let Some(considering) = &mut tracker.considering else {
-        return Err(Error::Data(format!("model '{}': nothing is known only roughly", model.name)));
+        return Err(Error::Data(format!(
+            "model '{}': no mount, length or encoder zero is uncertain, so there is nothing to score; give them standard \
+             deviations",
+            model.name
+        )));
     };
     considering.keep_score(&tracker.subject.body, settle_s, window_s);
     let recording =
         Recording::new(&model, &tracker.body().suite, streams, &calibration.corrections.clocks, config.merge_s)?;
     let Some((begin, end)) = recording.span_s() else {
-        return Err(Error::Data("the recording holds no row: nothing to track".into()));
+        return Err(Error::Data("the recording contains no rows: nothing to track; check the streams".into()));
     };
     let (mut cursor, mut sample, mut count) = (recording.start(), tracker.empty_sample(), 0_usize);
     while recording.next(&mut cursor, &mut sample) {

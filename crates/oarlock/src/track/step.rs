@@ -1,4 +1,4 @@
-//! The sequence of a step: from a sample to what is known behind it.
+//! The sequence of a step: from a sample to the updated state estimate.
 
 use super::bank::Bank;
 use super::begin::{Seen, Start};
@@ -12,18 +12,18 @@ use crate::estimate::learn::Learning;
 use crate::estimate::transition::Transition;
 use crate::recording::Sample;
 
-/// Longest single prediction, s: after a gap the spring that holds unobserved joints must be able to set in.
+/// Longest single prediction, s. In a gap the spring of unobserved joints must take effect.
 const LONGEST_STEP_S: f64 = 0.1;
-/// In a long gap predictions may be as long as this share of the time already bridged: a variance grows by at most 1.1^5
-/// in one of them, and a stamp from another clock costs hundreds of predictions, not billions.
+/// In a long gap a prediction may last this share of the time already bridged: a variance grows by at most 1.1^5 in one
+/// of them, and a wrong time stamp costs hundreds of predictions instead of billions.
 const STEP_SHARE: f64 = 0.1;
 impl Tracker {
-    /// Takes in one sample. After an error of divergence the belief is gone, and the next samples make a new start.
+    /// Processes one sample. After a divergence error the state estimate is discarded, and the next samples start anew.
     pub fn step(&mut self, sample: &Sample) -> Result<Status> {
         self.step_with(sample, &mut |_, _, _| {})
     }
 
-    /// Takes in one sample, and those that waited for the start window to be full; `sink` is told of each, corrected.
+    /// Processes one sample and those that waited for the start window; `sink` receives each corrected sample.
     pub fn step_with(&mut self, sample: &Sample, sink: Sink) -> Result<Status> {
         self.check(sample)?;
         let mut corrected = std::mem::take(&mut self.corrected);
@@ -34,7 +34,7 @@ impl Tracker {
         done
     }
 
-    /// Takes in a sample that is corrected.
+    /// Processes a corrected sample.
     fn take_in(&mut self, sample: &Sample, sink: Sink) -> Result<Status> {
         let Some(mut one) = self.hypothesis.take() else {
             return self.gather(sample, sink);
@@ -49,7 +49,7 @@ impl Tracker {
         Ok(Status::Tracking)
     }
 
-    /// Works off what still waits for a full start window: the recording is over.
+    /// Processes samples that still wait for a full start window at the end of the recording.
     pub fn finish(&mut self, sink: Sink) -> Result<()> {
         if self.hypothesis.is_none() && !self.waiting.is_empty() {
             self.begin(sink)?;
@@ -70,7 +70,7 @@ impl Tracker {
         Ok(Status::Tracking)
     }
 
-    /// Fits the start and works off the samples that waited for it.
+    /// Fits the start and processes the samples that waited for it.
     fn begin(&mut self, sink: Sink) -> Result<()> {
         let waiting = std::mem::take(&mut self.waiting);
         let mut one = self.fit_start(&waiting)?;
@@ -89,7 +89,7 @@ impl Tracker {
         Ok(())
     }
 
-    /// What is known at the first of the samples, before its update.
+    /// State estimate at the first sample, before its update.
     fn fit_start(&mut self, samples: &[Sample]) -> Result<Hypothesis> {
         let see = |sample: &Sample| {
             self.prepare(sample);
@@ -101,7 +101,7 @@ impl Tracker {
         Start { subject: &self.subject, initial_q: self.config.initial_q.as_deref(), doubt }.fit(window)
     }
 
-    /// Takes every hypothesis on to the sample; the likeliest leads.
+    /// Steps every hypothesis; the likeliest leads.
     fn advance_all(&mut self, one: &mut Hypothesis, sample: &Sample) -> Result<()> {
         self.learns = one.rivals.is_empty();
         if one.rivals.is_empty() {
@@ -112,7 +112,7 @@ impl Tracker {
         self.compete(one, &mut |tracker, one| tracker.advance(one, sample, &mut |_, _| {}))
     }
 
-    /// The first sample's update, for every hypothesis.
+    /// Updates every hypothesis with the first sample.
     fn update_all(&mut self, one: &mut Hypothesis, sample: &Sample) -> Result<()> {
         self.learns = one.rivals.is_empty();
         if one.rivals.is_empty() {
@@ -154,12 +154,12 @@ impl Tracker {
         Bank { subject: &self.subject, moment: &self.readings.moment }
     }
 
-    /// Parts a hypothesis where a direction of a joint is hardly known.
+    /// Splits a hypothesis if a joint's direction is very uncertain.
     pub(super) fn open_bank(&self, one: &mut Hypothesis) {
         self.bank().open(one);
     }
 
-    /// Predicts to the sample's time and updates; `on_predicted` sees each prediction and how it came about.
+    /// Predicts to the sample's time and updates; `on_predicted` receives each prediction.
     pub(super) fn advance(
         &mut self,
         one: &mut Hypothesis,
@@ -171,7 +171,7 @@ impl Tracker {
         loop {
             let now_s = one.belief.time_s;
             let step_s = LONGEST_STEP_S.max(STEP_SHARE * (now_s - since_s));
-            // At large stamps a short step may be lost in rounding.
+            // At large time stamps a short step may be lost to rounding.
             let is_last = sample.time_s - now_s <= step_s || now_s + step_s <= now_s;
             self.predict(one, if is_last { sample.time_s } else { now_s + step_s });
             if !is_last {
@@ -196,7 +196,7 @@ impl Tracker {
         }
     }
 
-    /// Fills in inputs and loops, silences what is no measurement, and bars disturbed magnetometers.
+    /// Adds inputs and closures, removes readings that are not measurements, and excludes disturbed magnetometers.
     fn prepare(&mut self, sample: &Sample) {
         let Tracker { subject, readings, .. } = self;
         readings.take(sample);
@@ -208,7 +208,7 @@ impl Tracker {
         readings.mark_active(subject);
     }
 
-    /// Takes in the prepared sample; `is_lost` tells that the belief was given up before.
+    /// Updates with the prepared sample; `is_lost`: the filter was reset before it.
     fn update(&mut self, one: &mut Hypothesis, is_lost: bool) -> Result<()> {
         let Tracker { subject, readings, .. } = self;
         let time_s = one.belief.time_s;
@@ -224,7 +224,7 @@ impl Tracker {
         Ok(())
     }
 
-    /// Fits the posture anew to the prepared sample; false if that leads nowhere.
+    /// Fits the posture to the prepared sample; false if no fit succeeds.
     fn regain(&mut self, one: &mut Hypothesis, is_lost: bool) -> bool {
         let excluded = &self.magnetic.excluded;
         let Some(info) = regain::regain(&self.subject, &self.readings, excluded, &mut one.belief) else {
@@ -241,14 +241,14 @@ impl Tracker {
         true
     }
 
-    /// The update proper, with the tests before it and what is learnt behind it.
+    /// The update with its tests and the learning after it.
     fn filter_readings(&mut self, one: &mut Hypothesis) -> Result<()> {
         let Tracker { subject, readings, magnetic, .. } = self;
         let time_s = one.belief.time_s;
         self.loops.hush(subject, &one.sources, time_s, readings);
         readings.mark_seen(&mut one.sources, time_s);
         magnetic.measure_dips(subject, readings, &one.belief.mean);
-        // Slopes are of use to noise that is learnt, and to what is considered.
+        // Derivatives are needed for learnt noise and for consider states.
         let wants_slopes = one.doubt.is_some() || self.settings.learning.memory_s.is_finite();
         let mut considering = self.considering.as_mut().filter(|_| wants_slopes);
         if let Some(considering) = &mut considering {

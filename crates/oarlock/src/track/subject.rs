@@ -1,4 +1,4 @@
-//! What is tracked: a body, and how its readings belong together. No step changes it.
+//! `Subject`: the body and constant tables of its rows, shared by all stages of a step.
 
 use super::loops::dependence;
 use crate::body::Body;
@@ -9,20 +9,20 @@ use crate::sensor::Quantity;
 /// A body, and tables of its readings that the stages of a step share.
 #[derive(Debug, Clone)]
 pub(super) struct Subject {
-    /// The model with its numbers.
+    /// The model with its calibrated numbers.
     pub body: Body,
     pub groups: RowGroups,
-    /// Per part.
+    /// Per part: its quantity.
     pub quantities: Vec<Quantity>,
-    /// Per source and joint: whether the source feels the joint.
+    /// Per source and joint: whether the source's readings depend on the joint.
     pub depends: Vec<Vec<bool>>,
     /// Standard deviation of each row's noise.
     pub std: Vec<f64>,
-    /// Of each row: its part.
+    /// Per row: its part.
     pub part_of_row: Vec<usize>,
-    /// Of each part: its source.
+    /// Per part: its source.
     pub source_of_part: Vec<usize>,
-    /// Rows of inertial units, and of these the accelerometers'.
+    /// Rows of inertial units, and those of their accelerometers.
     pub inertial_rows: Vec<bool>,
     pub rough_rows: Vec<bool>,
 }
@@ -50,14 +50,15 @@ impl Subject {
         self.std.len()
     }
 
-    /// Variance of a row's noise, `inflated` as it is learnt: of inertial units, and of rough readings beyond that.
+    /// Variance of a row's noise with the learnt inflation: that of inertial units, and the additional one of rough
+    /// readings.
     pub fn noise_variance(&self, row: usize, (inertial, rough): (f64, f64)) -> f64 {
         let factor =
             if self.inertial_rows[row] { inertial } else { 1.0 } * if self.rough_rows[row] { rough } else { 1.0 };
         self.std[row] * self.std[row] * factor
     }
 
-    /// Parts of one quantity.
+    /// Parts that measure a quantity.
     pub fn parts_of(&self, quantity: Quantity) -> impl Iterator<Item = usize> + '_ {
         (0..self.quantities.len()).filter(move |&p| self.quantities[p] == quantity)
     }
@@ -67,7 +68,8 @@ impl Subject {
         self.parts_of(Quantity::Mag).flat_map(|p| self.groups.parts[p].clone())
     }
 
-    /// Whether a reading knows a heading: of a magnetometer, or of an orientation sensor whose reference is the model's.
+    /// Whether a reading determines a heading: that of a magnetometer, or of an orientation sensor with the model's
+    /// reference.
     pub fn has_compass(&self, z: &[f64]) -> bool {
         let known = |s: &crate::model::Sensor| s.kind.heading().is_none();
         let knows = |name: &str| self.body.model.sensors.iter().any(|s| s.name == name && known(s));
@@ -76,7 +78,7 @@ impl Subject {
         self.magnetic_rows().any(|r| !z[r].is_nan()) || oriented.any(|(_, p)| !z[p.rows.start].is_nan())
     }
 
-    /// Whether an encoder tells whole turns of a joint.
+    /// Whether an encoder measures the joint, so that whole turns are known.
     pub fn is_encoded(&self, joint: &str) -> bool {
         let model = &self.body.model;
         let reads =
@@ -84,14 +86,14 @@ impl Subject {
         model.sensors.iter().any(reads)
     }
 
-    /// Hinges that no encoder reads, and their states.
+    /// Hinges without an encoder, and their states.
     pub fn free_hinges(&self) -> impl Iterator<Item = (&Axis, usize)> + '_ {
         let joints = self.body.model.joints.iter();
         let hinges = joints.filter(|j| j.kind == JointKind::Hinge && !self.is_encoded(&j.name));
         hinges.filter_map(|j| Some((&self.body.axes[j.first], self.body.layout.coordinates[j.first]?.q)))
     }
 
-    /// Whether a rotation vector turns the whole body.
+    /// Whether a rotation vector rotates the whole body.
     pub fn floats(&self, coordinate: usize) -> bool {
         self.body.floating.iter().any(|(c, _)| *c == coordinate)
     }

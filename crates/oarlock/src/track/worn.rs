@@ -1,4 +1,4 @@
-//! What a calibration says, checked against the model.
+//! Checks a calibration against the model: parameter values, standard deviations and mounts.
 
 use super::Calibration;
 use crate::error::{Error, Result};
@@ -9,7 +9,7 @@ use crate::sensor::MountValue;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// All parameter values: the model's defaults where `given` says nothing.
+/// Values of all parameters: the model's defaults where `given` has none.
 pub fn parameter_values(model: &Model, given: &BTreeMap<String, f64>) -> Result<Vec<f64>> {
     let mut values: Vec<f64> = model.parameters.iter().map(|p| p.default).collect();
     let known: Vec<&str> = model.parameters.iter().map(|p| p.name.as_str()).collect();
@@ -29,7 +29,7 @@ pub fn parameter_values(model: &Model, given: &BTreeMap<String, f64>) -> Result<
     Ok(values)
 }
 
-/// Refuses standard deviations of what the model lacks, and those that are none.
+/// Refuses standard deviations of unknown names and ones that are not finite or negative.
 pub(super) fn check_stds(model: &Model, given: &Calibration) -> Result<()> {
     let parameters: Vec<&str> = model.parameters.iter().map(|p| p.name.as_str()).collect();
     let units = units(model);
@@ -51,10 +51,10 @@ pub(super) fn check_stds(model: &Model, given: &Calibration) -> Result<()> {
     Ok(())
 }
 
-/// What is told to be known exactly still has to be a state if it is estimated: relative to what the model's deviation is.
+/// Smallest standard deviation of an estimated parameter, relative to the model's: zero would remove the state.
 const LEAST_SHARE: f64 = 1e-6;
 
-/// The model, with a calibration's standard deviations of what the model does not know exactly either.
+/// The model with the calibration's standard deviations.
 pub(super) fn as_known(model: Arc<Model>, given: &Calibration) -> Arc<Model> {
     if given.parameter_stds.is_empty() {
         return model;
@@ -67,12 +67,12 @@ pub(super) fn as_known(model: Arc<Model>, given: &Calibration) -> Arc<Model> {
     Arc::new(known)
 }
 
-/// Names of the sensors whose orientation on the link counts.
+/// Names of the sensors with a mount.
 fn units(model: &Model) -> Vec<&str> {
     model.sensors.iter().filter(|s| s.kind.mount().is_some()).map(|s| s.name.as_str()).collect()
 }
 
-/// Mounts per sensor of the model; `None` is the model's own.
+/// Mount per sensor of the model; `None` for the nominal one.
 pub fn mount_values(model: &Model, given: &BTreeMap<String, MountValue>) -> Result<Vec<Option<MountValue>>> {
     let known = units(model);
     for (name, (rotation, offset)) in given {

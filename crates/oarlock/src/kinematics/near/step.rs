@@ -1,4 +1,4 @@
-//! One joint: what the piece behind it feels, and where it is.
+//! Recursion step over one joint: the motion of the next piece, and positions on it.
 
 use super::super::pieces::Piece;
 use super::super::{three, JointMotion, Moved};
@@ -7,7 +7,7 @@ use crate::kernels::lane::Real;
 use crate::model::JointKind;
 use crate::rotation::{Mat3, Vec3};
 
-/// About which axis of the parent a hinge turns; what is known when it is compiled needs no looking up.
+/// Axis of the parent about which a hinge rotates. A compile-time constant avoids the lookup.
 macro_rules! about {
     ($axis:expr, $what:ident($($given:expr),*)) => {
         match $axis {
@@ -19,7 +19,7 @@ macro_rules! about {
 }
 
 impl Piece {
-    /// Of the joint's own angles.
+    /// Rotation of the joint at its coordinates.
     #[inline(always)]
     pub fn turn<T: Real>(&self, joints: &JointMotion<T>, turn: &mut Turn<T>) {
         let Some(joint) = &self.joint else { return };
@@ -46,7 +46,7 @@ impl Piece {
         }
     }
 
-    /// A vector of the parent in the axes in which the joint turns.
+    /// Rotates a vector from the parent's axes to the joint's.
     #[inline(always)]
     fn entered<T: Real>(&self, v: Vec3<T>) -> Vec3<T> {
         match &self.ways.entry {
@@ -55,7 +55,7 @@ impl Piece {
         }
     }
 
-    /// A vector of the parent in the piece's axes.
+    /// Rotates a vector from the parent's axes to the piece's.
     #[inline(always)]
     pub fn lowered<T: Real>(&self, turn: &Turn<T>, v: Vec3<T>) -> Vec3<T> {
         let v = self.entered(v);
@@ -66,7 +66,7 @@ impl Piece {
         }
     }
 
-    /// A point or, with `ROD`, a direction of the piece in the parent's axes.
+    /// Transforms a point or, with `ROD`, a direction from the piece's to the parent's axes.
     #[inline(always)]
     pub fn raised<T: Real, const ROD: bool>(&self, turn: &Turn<T>, v: Vec3<T>, joints: &JointMotion<T>) -> Vec3<T> {
         let Some(joint) = &self.joint else { return v };
@@ -92,7 +92,7 @@ impl Piece {
         }
     }
 
-    /// So much along the axis of a slide.
+    /// A vector of this length along the axis of a slide.
     #[inline(always)]
     fn along<T: Real>(&self, by: T) -> Vec3<T> {
         let mut v = Vec3::zero();
@@ -100,7 +100,7 @@ impl Piece {
         v
     }
 
-    /// Velocities and accelerations behind the joint.
+    /// Velocities and accelerations after the joint.
     #[inline(always)]
     pub fn carried<T: Real>(&self, from: &Own<T>, turn: &Turn<T>, joints: &JointMotion<T>, to: &mut Own<T>) {
         let Some(joint) = &self.joint else { return };
@@ -129,7 +129,7 @@ impl Piece {
         }
     }
 
-    /// By a hinge, half of the lanes at a time: nine numbers of all of them are more than a core has registers.
+    /// A hinge, for half of the lanes at a time: nine numbers of all lanes need more registers than a core has.
     #[inline(always)]
     fn hinged<T: Real>(&self, joint: &Moved, from: &Own<T>, turn: &Turn<T>, joints: &JointMotion<T>, to: &mut Own<T>) {
         let (constant, sign) = (self.arm.constant(), joint.sign * self.ways.flip);
@@ -157,7 +157,7 @@ impl Piece {
     }
 }
 
-/// A vector in axes that are turned about one of them.
+/// Rotates the axes of a vector about one of them.
 #[inline(always)]
 fn bent<T: Real, const AXIS: usize>(cos: T, sin: T, v: Vec3<T>) -> Vec3<T> {
     let (next, last) = ((AXIS + 1) % 3, (AXIS + 2) % 3);
@@ -174,7 +174,7 @@ impl<T: Real> Own<T> {
         Own { spin: self.spin.half(half), spun: self.spun.half(half), felt: self.felt.half(half), field: Vec3::zero() }
     }
 
-    /// Takes half of the lanes from what comes to a hinge with so much cosine and sine, and such rates.
+    /// Sets half of the lanes to the motion after a hinge with this cosine, sine and rates.
     #[inline(always)]
     fn spun<const AXIS: usize>(
         &mut self,
@@ -195,7 +195,7 @@ impl<T: Real> Own<T> {
         self.felt.set_half(half, bent::<T::Half, AXIS>(cos, sin, from.felt));
     }
 
-    /// By a ball whose rates are these, in the axes behind it.
+    /// Motion after a ball with these rates, in its child's axes.
     #[inline(always)]
     fn rolled(&mut self, turn: &Turn<T>, w: Vec3<T>, wd: Vec3<T>) {
         let turn = rows(turn);
@@ -207,7 +207,7 @@ impl<T: Real> Own<T> {
 }
 
 impl Moved {
-    /// Joint from child.
+    /// Rotation from child to joint.
     #[inline(always)]
     fn ball<T: Real>(&self, joints: &JointMotion<T>, first: usize) -> Mat3<T> {
         let turn = Mat3::about(three(joints.q, first));

@@ -1,14 +1,14 @@
-//! What only shows when the parts of a model are seen together.
+//! Checks of a model that involve several of its parts.
 
 use super::super::locate::Mistakes;
 use super::super::slot::Named;
 use super::super::spec::Spec;
 use super::super::{JointKind, Model, SensorKind};
 
-/// Two directions closer than this cosine are the same.
+/// Directions with a larger cosine count as the same.
 const SAME_DIRECTION: f64 = 0.9999;
 
-/// Names that stand twice or that would name two states.
+/// Reports duplicate names and names that would give two states the same name.
 pub(super) fn names(spec: &Spec, mistakes: &Mistakes) {
     let of = |kind: &'static str, names: Vec<&Named>| names.into_iter().map(|n| (kind, n.clone())).collect::<Vec<_>>();
     let joints = of("joint", spec.joints.iter().map(|j| &j.name).collect());
@@ -37,7 +37,7 @@ fn refuse_twice(names: &[(&str, Named)], mistakes: &Mistakes) {
     }
 }
 
-/// Parts that do not fit each other.
+/// Reports parts that do not fit each other.
 pub(super) fn whole(spec: &Spec, model: &Model, mistakes: &Mistakes) {
     if spec.frames.is_empty() {
         mistakes.add(0, "the file has no [[frame]]; a body needs at least one, with parent = \"root\"");
@@ -76,7 +76,7 @@ fn signs_and_axes(spec: &Spec, model: &Model, mistakes: &Mistakes) {
     }
 }
 
-/// A joint that nothing reads has no noise of readings.
+/// A joint without a sensor has no reading noise.
 fn joint_readings(spec: &Spec, model: &Model, mistakes: &Mistakes) {
     let mut read = vec![false; model.joints.len()];
     for sensor in &model.sensors {
@@ -94,7 +94,7 @@ fn joint_readings(spec: &Spec, model: &Model, mistakes: &Mistakes) {
     }
 }
 
-/// Some joint lies on the way from one side to the other.
+/// Reports if no joint lies between the two sides.
 pub(super) fn moves(model: &Model, [mut a, mut b]: [usize; 2]) -> bool {
     // The later frame is never an ancestor of the other.
     while a != b {
@@ -113,7 +113,8 @@ fn same_base_accelerations(spec: &Spec, mistakes: &Mistakes) {
     for (i, (name, one)) in all.iter().enumerate() {
         let along = |other: &[f64; 3]| one.axis.iter().zip(other).map(|(a, b)| a * b).sum::<f64>().abs();
         if let Some((_, other)) = all[..i].iter().find(|(_, other)| along(&other.axis) > SAME_DIRECTION) {
-            let text = format!("acts along the same line as `{}`; only one can be told", other.name);
+            let text =
+                format!("acts along the same line as `{}`; only one of them is observable; remove one", other.name);
             mistakes.add(name.at, format!("base_acceleration `{}`: {text}", name.text));
         }
     }

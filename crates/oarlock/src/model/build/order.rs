@@ -1,11 +1,11 @@
-//! Parents before children.
+//! Sorts frames so that parents precede children.
 
 use super::super::locate::Mistakes;
 use super::super::spec::FrameSpec;
 
 /// Frames (counted without root) such that each follows its parent, otherwise in file order.
 ///
-/// `parents` count root as 0 and the first frame as 1. Frames in a circle are reported and hung on at the end.
+/// `parents` count root as 0 and the first frame as 1. Frames in a circle are reported and appended at the end.
 pub(super) fn parents_first(frames: &[FrameSpec], parents: &[Option<usize>], mistakes: &Mistakes) -> Vec<usize> {
     let mut order = Vec::with_capacity(frames.len());
     let mut waiting: Vec<usize> = (0..frames.len()).collect();

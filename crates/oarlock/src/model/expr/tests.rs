@@ -76,7 +76,7 @@ fn deep_nesting_is_refused_and_long_sums_are_not() {
     assert_eq!(value(&format!("swivel{}", " + swivel".repeat(9_999))).round(), 400.0);
 }
 
-/// A random expression as text with full parentheses, and its value by plain arithmetic.
+/// A random fully parenthesised expression, and its value by plain arithmetic.
 fn expressions() -> impl Strategy<Value = (String, f64)> {
     let leaf = prop_oneof![
         (-1e3..1e3f64).prop_map(|x| (format!("({x:?})"), x)),

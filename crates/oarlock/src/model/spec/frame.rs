@@ -1,4 +1,4 @@
-//! `[[frame]]`.
+//! Reads `[[frame]]` of a model file.
 
 use crate::model::expr::Expr;
 use crate::model::section::Section;
@@ -9,7 +9,7 @@ pub(in crate::model) const KEYS: [&str; 7] = ["name", "parent", "dh", "transform
 const DH_KEYS: [&str; 4] = ["a", "alpha", "d", "theta"];
 const TRANSFORM_KEYS: [&str; 3] = ["rotation", "rpy", "translation"];
 
-/// A frame whose parent and joint are still names.
+/// A frame whose parent and joint are names that are looked up later.
 pub(in crate::model) struct FrameSpec {
     pub(in crate::model) name: Named,
     pub(in crate::model) parent: Option<Named>,
@@ -19,9 +19,9 @@ pub(in crate::model) struct FrameSpec {
     pub(in crate::model) shape: Shape,
 }
 
-/// Where the joint's motion stands.
+/// Order of the joint's motion and the fixed transform.
 pub(in crate::model) enum Shape {
-    /// The joint moves about or along the parent's z, then comes the row.
+    /// The joint moves about or along the parent's z; the Denavit-Hartenberg row follows.
     Row(Transform),
     /// The transform comes first, then the joint's motion about or along `axis`.
     Fixed(RotationExpr, [Expr; 3], Option<[f64; 3]>),

@@ -1,4 +1,4 @@
-//! `[[joint]]` and `[process]`.
+//! Reads `[[joint]]` and `[process]` of a model file.
 
 use crate::model::section::Section;
 use crate::model::slot::{Named, Slot};
@@ -10,12 +10,12 @@ pub(in crate::model) const KEYS: [&str; 10] =
 const PROCESS_KEYS: [&str; 4] = ["kind", "density", "start_std", "time_s"];
 const TRANSLATION_KEYS: [&str; 5] = ["kind", "density", "start_std", "time_s", "limits"];
 
-/// A turn and a half either way: farther limits are degrees.
+/// Largest limit, one and a half turns: larger ones are probably in degrees.
 const HINGE_BOUND_RAD: f64 = 1.5 * TAU;
-/// Reading of an encoder that says nothing about itself, rad or m.
+/// Default standard deviation of an encoder, rad or m.
 const INPUT_STD: f64 = 0.001;
 
-/// A joint, and what the file said about the noise of its reading.
+/// A joint, and the standard deviation of its reading.
 pub(in crate::model) struct JointSpec {
     pub(in crate::model) name: Named,
     pub(in crate::model) joint: Joint,
@@ -23,7 +23,7 @@ pub(in crate::model) struct JointSpec {
     pub(in crate::model) std: Option<(f64, usize)>,
 }
 
-/// The motion of joints that give none of their own.
+/// Default processes of joints.
 pub(super) struct Defaults {
     hinge: Process,
     slide: Process,
@@ -58,7 +58,7 @@ pub(super) fn read_defaults(whole: &Section) -> Defaults {
     let kinds = [("hinge", &mut defaults.hinge, "rad"), ("slide", &mut defaults.slide, "m")];
     for (key, process, unit) in kinds.into_iter().chain([("ball", &mut defaults.ball, "rad")]) {
         if let Some(slot) = section.get(key) {
-            // What holds for all joints of a kind is no word on where one of them begins.
+            // A default for all joints of a kind does not state where one of them starts.
             *process = Process { start_known: false, ..read_process(slot, process, unit) };
         }
     }
@@ -72,7 +72,7 @@ fn read_process(slot: Slot, default: &Process, unit: &str) -> Process {
     }
 }
 
-/// Keys that are left out keep the default's value as long as the kind is the same.
+/// Missing keys keep the default's value if the kind is the same.
 fn read_process_of(section: &Section, default: &Process, unit: &str) -> Process {
     let mut process = *default;
     if let Some(kind) = section.get("kind").and_then(|s| read_process_kind(&s)) {
@@ -189,7 +189,7 @@ fn read_kind(slot: &Slot) -> Option<JointKind> {
     None
 }
 
-/// Three axes of which no two neighbours are the same.
+/// Three axes without equal neighbours.
 fn read_angles(slot: &Slot) -> Option<String> {
     let text = slot.text()?;
     let letters: Vec<char> = text.chars().collect();
@@ -241,7 +241,7 @@ fn read_rest(section: &Section, kind: JointKind, [low, high]: [f64; 2], unit: &s
     vec![rest]
 }
 
-/// Keys that contradict each other.
+/// Reports keys that contradict each other.
 fn check_sense(section: &Section, joint: &Joint) {
     let contradicts = |keys: &[&str], why: &str| {
         for key in keys.iter().filter(|key| section.has(key)) {

@@ -1,4 +1,4 @@
-//! `[world]` and `[[base_acceleration]]`.
+//! Reads `[world]` and `[[base_acceleration]]` of a model file.
 
 use crate::model::section::Section;
 use crate::model::slot::{Named, Slot};
@@ -20,11 +20,11 @@ pub(in crate::model) const BASE_ACCELERATION_KEYS: [&str; 8] =
 
 /// Standard gravity, exact by definition.
 const GRAVITY_M_S2: f64 = 9.80665;
-/// On Earth the field is 22 to 67 uT; indoors steel may halve or double it.
+/// On Earth the field is 22 to 67 uT; steel indoors may halve or double it.
 const MAGNETIC_NORM_UT: std::ops::RangeInclusive<f64> = 5.0..=200.0;
-/// How fast the root may turn unnoticed, rad per sqrt(s).
+/// Default random walk of the root's heading against the field, rad per sqrt(s).
 const AZIMUTH_WALK: f64 = 0.002;
-/// Cosine between up and forward that passes as a right angle.
+/// Tolerance of the right angle between up and forward, as a cosine.
 const RIGHT_ANGLE_TOLERANCE: f64 = 1e-6;
 
 pub(super) fn read(whole: &Section) -> (World, bool) {
@@ -79,7 +79,7 @@ fn read_gravity(section: &Section, world: &mut World) {
     world.gravity_m_s2 = gravity;
 }
 
-/// True if norm and dip are given.
+/// Whether norm and dip are given.
 fn read_field(section: &Section, world: &mut World) -> bool {
     if let Some((slot, norm)) = section.get("magnetic_norm_ut").and_then(|s| s.expr().map(|e| (s, e))) {
         let value = norm.eval(&slot.reader.defaults);
@@ -122,7 +122,7 @@ pub(super) fn read_base_acceleration(section: &Section) -> (Named, BaseAccelerat
     (name, acceleration)
 }
 
-/// A push that fades as soon as it has risen is another model; closer to one than this, the numbers of the two cancel.
+/// A rise time comparable to the decay time would be another model, and the formula cancels near equality.
 fn rise(slot: &Slot, time_s: f64) -> Option<f64> {
     let rise_s = slot.positive("s")?;
     if rise_s > 0.5 * time_s {

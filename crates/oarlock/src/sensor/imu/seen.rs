@@ -1,4 +1,4 @@
-//! Derivatives of an inertial unit's readings, in its own axes.
+//! Derivatives of an inertial unit's readings in its own axes.
 
 use super::{ACCEL, MAG};
 use crate::kernels::sparse_jacobian::SparseJacobian;
@@ -9,7 +9,7 @@ use crate::rotation::turn::right_jacobian;
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::slopes::{times, transposed, Cause, Columns, Group, Moving};
 
-/// An inertial unit, and what takes vectors in root axes to its own.
+/// An inertial unit, and the rotation from root axes to its own.
 pub(super) struct Seen<'a> {
     at: Moving<'a>,
     motion: &'a FrameMotion<f64>,
@@ -17,7 +17,7 @@ pub(super) struct Seen<'a> {
     by_spun: Columns,
     by_spin: Columns,
     by_turn: Columns,
-    /// What its gyroscope, accelerometer and magnetometer feel, root axes.
+    /// True readings of its gyroscope, accelerometer and magnetometer, in root axes.
     felt: [Vec3<f64>; 3],
 }
 
@@ -49,7 +49,7 @@ impl<'a> Seen<'a> {
                     self.turned::<FUSED>(rigid_acceleration(self.motion, self.motion.rotation.apply_f64(by)))
                 }
                 (Cause::Base(axis), _) => self.turned::<FUSED>(Vec3(axis)),
-                // A magnetometer's own state is the azimuth.
+                // The magnetometer's own state is the azimuth.
                 (Cause::Own, _) => self.turned::<FUSED>(self.at.magnetic_slope),
                 (Cause::Mount(k), part) => {
                     let [x, y, z, _] = self.turned::<FUSED>(self.felt[part]);
@@ -80,7 +80,7 @@ impl<'a> Seen<'a> {
     }
 }
 
-/// What takes v to v x p in the axes.
+/// Matrix of the map v -> v x p in the sensor's axes.
 #[inline(always)]
 fn crossed(axes: &Mat3<f64>, p: Vec3<f64>) -> Columns {
     let [a, b, c] = axes.0.map(Vec3);

@@ -1,31 +1,32 @@
-//! How readings answer to a late clock: a reading that is `d` late is what was felt `d` before its stamp, so dh/dd = -(J dx/dt).
+//! Derivatives of readings by the delay of a clock: a reading `d` late was measured `d` before its time stamp, so dh/dd
+//! = -(J dx/dt).
 
 use super::Role;
 use crate::body::Body;
 use crate::kernels::sparse_jacobian::{RowTriple, Slope};
 use crate::sensor::Quantity;
 
-/// A delay is counted in these, s.
+/// Unit of a delay, s.
 pub(super) const DELAY_STD_S: f64 = 0.01;
-/// Accelerations are averaged over this before their slope is taken, s: the state holds none.
+/// Time over which accelerations are averaged before they are differentiated, s. The state contains no jerk.
 const JERK_S: f64 = 0.03;
 
-/// Delays of all sensors among the parameters that are considered.
+/// Delays of all sensors as consider states.
 #[derive(Debug, Clone)]
 pub(super) struct Delays {
-    /// Of each row: its sensor's delay.
+    /// Per row: its sensor's delay.
     of_row: Vec<Option<usize>>,
-    /// A column of the twin's Jacobian, and the filter's state that says how fast it goes.
+    /// Column of the twin's Jacobian, and the state of its rate.
     paces: Vec<(usize, usize)>,
-    /// A column of an acceleration, the filter's state, and its average a moment ago.
+    /// Column of an acceleration, its state, and its previous average.
     accelerations: Vec<(usize, usize, f64)>,
     since_s: f64,
-    /// Of each column of the twin's Jacobian.
+    /// Per column of the twin's Jacobian: its rate of change.
     pace: Vec<f64>,
 }
 
 impl Delays {
-    /// Numbers its delays from `first` on; also their sources' names.
+    /// Numbers the delays of all sensors from `first` on; also returns the names of their sources.
     pub(super) fn new(body: &Body, twin: &Body, first: usize) -> (Self, Vec<String>) {
         let (mut of_row, mut names) = (vec![None; body.suite.len()], Vec::new());
         for source in &body.suite.sources {
@@ -49,7 +50,7 @@ impl Delays {
         (Delays { of_row, paces, accelerations, since_s: f64::NAN, pace }, names)
     }
 
-    /// Takes a look at how the body goes.
+    /// Updates the rates of change from the state.
     pub(super) fn look(&mut self, time_s: f64, mean: &[f64]) {
         for &(column, state) in &self.paces {
             self.pace[column] = mean[state];
@@ -67,7 +68,7 @@ impl Delays {
         }
     }
 
-    /// Number of the row's delay, and how its reading answers to it.
+    /// Number of the row's delay, and the derivative of the row's reading by it.
     pub(super) fn answer(
         &self,
         triple: &RowTriple,

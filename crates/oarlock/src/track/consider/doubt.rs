@@ -1,31 +1,33 @@
-//! What parameters that are only considered may have done to a mean.
+//! `Doubt`: the effect of consider states on the mean of the filter, and their learnt scale.
 
-/// The shift dx/dp of the mean by one standard deviation of each parameter, and what the scale of all of them is learnt from.
+/// The shift dx/dp of the mean for one standard deviation of each consider state, and the statistics from which their
+/// common scale is learnt.
 #[derive(Debug, PartialEq)]
 pub struct Doubt {
-    /// How far off the parameters are as a whole, in their standard deviations.
+    /// Common scale of the parameters' errors, in units of their standard deviations.
     pub(super) scale: f64,
-    /// Numbers of each state and row: the parameters, padded.
+    /// Length of each state's and row's block: the number of parameters, padded.
     pub(super) width: usize,
-    /// Parameters whose standard deviation a calibration tells; they come first, and the scale applies to them only beyond 1.
+    /// Number of parameters with a standard deviation from a calibration. They come first. The scale applies to them
+    /// only where it exceeds 1.
     pub(super) told: usize,
     /// Per state.
     pub(super) slopes: Vec<f64>,
-    /// Per row of the measurement vector.
+    /// Per row of the measurement vector: averages of its innovations.
     pub(super) rows: Vec<RowAverages>,
-    /// Per row: its expected average innovation by each parameter.
+    /// Per row: the expected average innovation for each parameter.
     pub(super) expected: Vec<f64>,
 }
 
-/// How the innovations of one row last.
+/// Averages of the innovations of one row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct RowAverages {
-    /// Average innovation, and the last one.
+    /// Average innovation, and the last innovation.
     pub low: f64,
     pub last: f64,
-    /// When that was, s; NaN if there was none.
+    /// Time of the last innovation, s; NaN if there was none.
     pub last_s: f64,
-    /// How many there were.
+    /// Number of innovations.
     pub count: f64,
     /// Mean squares of the average, of the average of white noise, and of the expected average.
     pub power: f64,
@@ -33,7 +35,7 @@ pub(super) struct RowAverages {
     pub share: f64,
 }
 
-/// Scale, width and number of told parameters, which stand first in the flat form.
+/// Numbers at the start of the flat form: scale, width and number of calibrated parameters.
 const HEAD: usize = 3;
 const PER_ROW: usize = 7;
 
@@ -53,7 +55,7 @@ impl Clone for Doubt {
 }
 
 impl Doubt {
-    /// Nothing has led astray yet.
+    /// A new doubt: no parameter has affected the mean yet.
     pub(super) fn new(scale: f64, (states, rows, width): (usize, usize, usize), told: usize) -> Self {
         let none =
             RowAverages { low: 0.0, last: 0.0, last_s: f64::NAN, count: 0.0, power: 0.0, white: 0.0, share: 0.0 };
@@ -67,30 +69,30 @@ impl Doubt {
         }
     }
 
-    /// States, rows and padded parameters.
+    /// Numbers of states, rows and padded parameters.
     pub(super) fn size(&self) -> (usize, usize, usize) {
         (self.slopes.len() / self.width.max(1), self.rows.len(), self.width)
     }
 
-    /// Variance of a state by what is only considered.
+    /// Variance of a state that is due to the consider states.
     pub(in crate::track) fn variance(&self, state: usize) -> f64 {
         if self.scale == 0.0 && self.told == 0 {
             return 0.0;
         }
         let (told, rest) = self.slopes[state * self.width..(state + 1) * self.width].split_at(self.told);
         let square = |slopes: &[f64]| slopes.iter().map(|s| s * s).sum::<f64>();
-        // What a calibration tells is known no better than it says, whatever the innovations.
+        // The uncertainty of a calibrated parameter never falls below the calibration's own.
         self.scale.max(1.0).powi(2) * square(told) + self.scale * self.scale * square(rest)
     }
 
-    /// As a saved or pickled belief holds it, in the order of version 0.1.0.
+    /// The flat form in saved and pickled state estimates, in the order of version 0.1.0.
     pub fn to_flat(&self) -> Vec<f64> {
         let head = [self.scale, self.width as f64, self.told as f64];
         let rows = self.rows.iter().flat_map(|row| row.to_flat());
         head.into_iter().chain(self.slopes.iter().copied()).chain(rows).chain(self.expected.iter().copied()).collect()
     }
 
-    /// From what `to_flat` gave for so many states; `None` if these are not such numbers.
+    /// Reads the result of `to_flat` for this number of states; `None` if the numbers do not fit.
     pub fn from_flat(flat: &[f64], states: usize) -> Option<Self> {
         let (&[scale, width, told], rest) = flat.split_first_chunk::<HEAD>()?;
         let (width, told) = (count(width, flat.len())?, count(told, flat.len())?);
@@ -104,7 +106,7 @@ impl Doubt {
     }
 }
 
-/// A whole number that is at most `most`.
+/// Reads a whole number of at most `most`.
 fn count(number: f64, most: usize) -> Option<usize> {
     (number >= 0.0 && number <= most as f64 && number.fract() == 0.0).then_some(number as usize)
 }

@@ -1,24 +1,26 @@
-//! Normal equations of parameters by the innovations of a filter that does not estimate them (Friedland 1969).
+//! Normal equations of consider states, collected from the innovations of the filter (Friedland 1969). `score` uses
+//! them.
 //!
-//! With B = J dx/dp + dh/dp the innovations are B p and white noise, of covariance S = J P J' + R. By Woodbury's identity
+//! With B = J dx/dp + dh/dp, the innovations are B p plus white noise of covariance S = J P J' + R. By Woodbury's
+//! identity
 //! B'S^-1 B = B'WB - (J'WB)'P+(J'WB) with W = R^-1, and B'S^-1 nu = B'W nu - (J'WB)'dx with the step dx of the update.
 
 use crate::kernels::dense::accumulate;
 
-/// Over a stretch of time.
+/// Normal equations of one window.
 #[derive(Debug, Clone, Default)]
 pub struct Window {
-    /// From and to, s.
+    /// Start and end, s.
     pub span_s: (f64, f64),
-    /// B'S^-1 B, one row behind the other; parameters are in their standard deviations.
+    /// B'S^-1 B, row-major; parameters in units of their standard deviations.
     pub normal: Vec<f64>,
     /// B'S^-1 nu.
     pub right: Vec<f64>,
-    /// Rows that were used.
+    /// Number of rows used.
     pub rows: usize,
 }
 
-/// Windows that are full, and one that fills.
+/// Finished windows and the current one.
 #[derive(Debug, Clone)]
 pub(super) struct Tally {
     settle_s: f64,
@@ -36,7 +38,7 @@ impl Tally {
         Tally { settle_s, window_s, begun_s: f64::NAN, width, now, full: Vec::new(), before: Vec::new() }
     }
 
-    /// Whether rows of this time count.
+    /// Whether rows at this time are counted.
     pub(super) fn begin(&mut self, time_s: f64) -> bool {
         if self.begun_s.is_nan() {
             self.begun_s = time_s;
@@ -54,7 +56,7 @@ impl Tally {
         true
     }
 
-    /// Of one row: its answers B, weight and innovation.
+    /// Adds one row: its derivatives B, weight and innovation.
     pub(super) fn row(&mut self, answer: &[f64], weight: f64, innovation: f64) {
         self.now.rows += 1;
         for (row, &a) in self.now.normal.chunks_exact_mut(self.width).zip(answer) {
@@ -63,13 +65,14 @@ impl Tally {
         accumulate(&mut self.now.right, std::iter::once((weight * innovation, answer)));
     }
 
-    /// Slopes before an update.
+    /// Stores the slopes before an update.
     pub(super) fn keep(&mut self, slopes: &[f64]) {
         self.before.clear();
         self.before.extend_from_slice(slopes);
     }
 
-    /// What the update has taken: `pull` is J'WB, slopes have lost P+ J'WB, and the mean has gone by `shift`.
+    /// Adds the effect of the update: `pull` is J'WB, the update reduced the slopes by P+ J'WB and moved the mean by
+    /// `shift`.
     pub(super) fn update(&mut self, pull: &[f64], slopes: &[f64], shift: &[f64]) {
         let width = self.width;
         self.before.iter_mut().zip(slopes).for_each(|(b, s)| *b -= s);

@@ -1,4 +1,4 @@
-//! A body with all that is considered among its states, and what its Jacobian's columns mean to the filter.
+//! The twin: the same body with all consider states as states. Its Jacobian gives the derivatives by them.
 
 use crate::body::Body;
 use crate::config::Config;
@@ -12,22 +12,22 @@ use crate::state::{LENGTHS, MOUNTS};
 use crate::track::Calibration;
 use std::sync::Arc;
 
-/// How far a unit may sit from where it should in each direction, m.
+/// Standard deviation of a unit's position on its link in each direction, m.
 const PLACE_STD_M: f64 = 0.01;
-/// How far the zero of an encoder may be off, rad or m.
+/// Standard deviation of an encoder's zero, rad or m.
 pub(super) const ZERO_STD: f64 = 0.005;
 
-/// What a column of the Jacobian means to the filter.
+/// Meaning of a column of the twin's Jacobian in the filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Role {
     State(usize),
-    /// Number among what is considered, and its standard deviation in the column's unit.
+    /// Number of the consider state, and its standard deviation in the column's unit.
     Considered(usize, f64),
     Nothing,
 }
 
-/// The same body with mounts, lengths and the places of its units among the states; per parameter, whether a calibration tells its
-/// standard deviation.
+/// Builds the twin: mounts, lengths and sensor positions become states. Also returns, per parameter, whether a
+/// calibration gave its standard deviation.
 pub(super) fn twin(
     body: &Body,
     mounts: &[Option<MountValue>],
@@ -64,8 +64,8 @@ pub(super) fn twin(
     Ok((Body::new(Arc::new(model), &parameters, &none, &all)?, told))
 }
 
-/// Role of every column of the twin's Jacobian, names of what is considered, and of how many of them a calibration tells the
-/// standard deviation: these come first.
+/// Role of every column of the twin's Jacobian, names of the consider states, and how many of them have a standard
+/// deviation from a calibration. These come first.
 pub(super) struct Roles {
     pub(super) roles: Vec<Role>,
     pub(super) names: Vec<String>,
@@ -79,7 +79,7 @@ impl Roles {
         let mut roles: Vec<Role> = twin.layout.names.iter().map(state).collect();
         let states = roles.len();
         roles.resize(states + twin.input_std().len(), Role::Nothing);
-        // Column, standard deviation, and whether a calibration tells it.
+        // Column, standard deviation, and whether a calibration gave it.
         let mut wanted: Vec<(usize, f64, bool)> = Vec::new();
         for (parameter, state) in &twin.layout.lengths {
             wanted.push((*state, twin.model.parameters[*parameter].std.unwrap_or(0.0), told[*parameter]));
@@ -91,7 +91,7 @@ impl Roles {
             let in_sensor = stds.map_or([mount.std_rad; 3], |stds| turned_std(&mount.rotation, stds));
             wanted.extend((0..3).map(|k| (first + k, in_sensor[k], stds.is_some())));
         }
-        // Columns of inputs are those of their standard deviation.
+        // The column of an input is scaled by its standard deviation.
         wanted.extend(twin.input_std().iter().enumerate().map(|(i, std)| (states + i, ZERO_STD / std, false)));
         wanted.retain(|&(column, std, _)| roles[column] == Role::Nothing && std > 0.0);
         wanted.sort_by_key(|&(.., told)| !told);
@@ -106,7 +106,7 @@ impl Roles {
     }
 }
 
-/// Standard deviations about a sensor's axes of a mount whose deviations about the link's are known.
+/// Standard deviations of a mount about the sensor's axes, from those about the link's axes.
 fn turned_std(link_from_sensor: &Mat3<f64>, about_link_rad: &[f64; 3]) -> [f64; 3] {
     let column = |k: usize| (0..3).map(move |j| link_from_sensor.0[j][k] * about_link_rad[j]);
     [0, 1, 2].map(|k| column(k).map(|s| s * s).sum::<f64>().sqrt())

@@ -1,20 +1,20 @@
-//! What a source's memory is in a saved or pickled belief: plain numbers in the order of version 0.1.0.
+//! Flat form of a source's memory in saved and pickled state estimates, in the order of version 0.1.0.
 
 use super::SourceMemory;
 use crate::track::faults::Repeats;
 
-/// How many there are.
+/// Number of values.
 pub const MEMORY: usize = 35;
 
 impl SourceMemory {
-    /// Without the time at which the source was last heard, which is saved by itself.
+    /// Excludes the time of the last reading, which is saved separately.
     pub fn to_flat(mut self) -> [f64; MEMORY] {
         let mut flat = [f64::NAN; MEMORY];
         flat.iter_mut().zip(self.numbers()).for_each(|(to, from)| *to = *from);
         flat
     }
 
-    /// From what `to_flat` gave.
+    /// Reads the result of `to_flat`.
     pub fn from_flat(seen_s: f64, flat: &[f64; MEMORY]) -> Self {
         let mut memory = SourceMemory::new(seen_s);
         memory.numbers().zip(flat).for_each(|(to, from)| *to = *from);

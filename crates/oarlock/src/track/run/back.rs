@@ -1,4 +1,4 @@
-//! Going back over a run with the smoother.
+//! Smooths a run backwards from its checkpoints.
 
 use super::super::{diverged, Tracker};
 use super::{Progress, Run};
@@ -8,7 +8,7 @@ use crate::estimate::smoother::Smoother;
 use crate::estimate::transition::Transition;
 
 impl Run {
-    /// Rauch-Tung-Striebel smoothing. Filters again between the kept beliefs, from the last to the first, so that only
+    /// Rauch-Tung-Striebel smoother. Filters again between the checkpoints, from the last to the first, so that only
     /// one stretch at a time is in memory.
     pub fn smooth(&self, progress: Progress) -> Result<Run> {
         self.check_smoothable()?;
@@ -16,7 +16,7 @@ impl Run {
         Run { checkpoints: self.checkpoints.clone(), ..self.with(series) }.into_smooth(progress)
     }
 
-    /// The same in the place of the filtered estimates, which takes half the memory.
+    /// Smooths in place of the filtered estimates, which takes half the memory.
     pub fn into_smooth(mut self, progress: Progress) -> Result<Run> {
         self.check_smoothable()?;
         let Some(mut next) = self.last.as_ref().map(|known| known.belief.clone()) else {
@@ -48,12 +48,13 @@ impl Run {
         Ok(self)
     }
 
-    /// By how much the band of a filtered row is wider than its belief: what is only considered leads the smoother as far astray.
+    /// Increase of a filtered row's band over its state estimate by consider states. The smoother's increase is the
+    /// same.
     fn note_doubt(&self, row: usize, filtered: &Belief, doubt: &mut Vec<f64>) {
         let n = filtered.mean.len();
         doubt.clear();
         if self.partings.iter().any(|p| p.from_s <= filtered.time_s && filtered.time_s <= p.to_s) {
-            // There the band is that of several hypotheses.
+            // With several hypotheses the band is that of all of them.
             return doubt.resize(n, 0.0);
         }
         let excess = |(i, std): (usize, &f64)| {
@@ -81,19 +82,19 @@ impl Run {
     }
 }
 
-/// Of a standard deviation that is squared again.
+/// Relative excess of a variance below which it counts as a rounding error.
 const ROUNDING: f64 = 1e-12;
 
-/// A step of a stretch: the belief before, how it moved, the belief after moving.
+/// A step of a stretch: estimate before, prediction, estimate after prediction.
 struct Node {
     filtered: Belief,
-    /// Row of output that `filtered` belongs to.
+    /// Output row of `filtered`.
     row: Option<usize>,
     transition: Transition,
     predicted: Belief,
 }
 
-/// The filter's way from one checkpoint to the next. Nodes that a stretch has no use for are room for the one after it.
+/// The filtered steps between two checkpoints. Unused nodes are reused by the next stretch.
 #[derive(Default)]
 struct Stretch {
     nodes: Vec<Node>,
@@ -101,7 +102,7 @@ struct Stretch {
 }
 
 impl Stretch {
-    /// Follows the hypothesis that won.
+    /// Follows the final hypothesis.
     fn refilter(&mut self, run: &Run, tracker: &mut Tracker, checkpoint: usize) -> Result<()> {
         let (from, to) = (&run.checkpoints[checkpoint], run.checkpoints.get(checkpoint + 1));
         let stop = to.map(|c| &c.cursor);
@@ -136,7 +137,7 @@ impl Stretch {
         Ok(())
     }
 
-    /// A node that begins at a belief.
+    /// A node that starts at a state estimate.
     fn begin(&mut self, filtered: &Belief, row: Option<usize>) {
         match self.nodes.get_mut(self.used) {
             Some(node) => {
@@ -150,7 +151,7 @@ impl Stretch {
         }
     }
 
-    /// A node that begins where the last one ends: a gap is bridged by several predictions.
+    /// A node that starts at the end of the last one. Several predictions bridge a gap.
     fn go_on(&mut self) {
         let last = self.nodes[self.used - 1].predicted.clone();
         self.begin(&last, None);

@@ -1,13 +1,13 @@
-//! What is known at one instant, kept for later in half the room.
+//! A hypothesis in compact form, stored for the smoother.
 
 use crate::estimate::belief::Belief;
 use crate::kernels::dense::Square;
 use crate::track::hypothesis::Hypothesis;
 
-/// A hypothesis whose covariance, which is exactly symmetric, is kept by its upper triangle.
+/// A hypothesis whose symmetric covariance is stored as its upper triangle.
 #[derive(Debug, Clone)]
 pub(super) struct Packed {
-    /// All but the covariance, and without doubt: what is considered moves no estimate.
+    /// All but covariance and doubt: consider states do not change estimates.
     known: Hypothesis,
     upper: Vec<f64>,
 }
@@ -21,7 +21,7 @@ impl Packed {
         Packed { known: Hypothesis { belief, sources, doubt: None, rivals, ..*known }, upper }
     }
 
-    /// Puts a smoothed belief in the place of the filtered ones.
+    /// Replaces the filtered by the smoothed estimate.
     pub(super) fn replace(&mut self, smoothed: &Belief) {
         self.upper = upper(&smoothed.covariance);
         self.known.belief = Belief { covariance: Square::zeros(0), ..smoothed.clone() };

@@ -1,22 +1,22 @@
-//! What a run keeps of every row, in little room: an hour has half a million of them.
+//! Estimates and reports of every output row, in compact arrays: an hour has half a million rows.
 
 use super::super::faults::Fault;
 use super::super::magnetic::Field;
 use crate::estimate::filter::{Info, SourceInfo};
 use std::sync::Arc;
 
-/// What an update did with the rows of one source, in five bytes.
+/// Report of one source in one update, in five bytes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Report {
     /// Rows used.
     pub used: u8,
-    /// Rows there but not believed.
+    /// Rejected rows.
     pub rejected: u8,
-    /// Rows not there.
+    /// Missing rows.
     pub missing: u8,
-    /// What its magnetometer's reading was.
+    /// How its magnetometer's reading was judged.
     pub field: Field,
-    /// What was wrong with its readings.
+    /// Fault of its readings.
     pub fault: Fault,
 }
 
@@ -27,29 +27,29 @@ impl Report {
     }
 }
 
-/// Estimates over time. What smoothing leaves as it was is shared by the filtered and the smoothed.
+/// Estimates over time. The filtered and the smoothed series share what smoothing does not change.
 #[derive(Debug, Clone, Default)]
 pub struct Series {
-    /// Of every row, s.
+    /// Time of every row, s.
     pub time_s: Vec<f64>,
-    /// State, rows laid end to end.
+    /// State, row-major.
     pub mean: Vec<f64>,
-    /// Standard deviation of the state, rows laid end to end.
+    /// Standard deviation of the state, row-major.
     pub std: Vec<f64>,
     /// Per row and coordinate: 1 where it is observed.
     pub observed: Vec<u8>,
-    /// Readings of the joints that are inputs, in rows of their coordinates (`Run::input_coordinates`); NaN where missing.
+    /// Readings of input joints, in the order of `Run::input_coordinates`; NaN where missing.
     pub inputs: Arc<Vec<f64>>,
-    /// Per row and source: normalised innovation squared over the used rows; NaN if none was used.
+    /// Per row and source: normalised innovation squared of the used rows; NaN if none was used.
     pub nis: Arc<Vec<f64>>,
-    /// Per row and source.
+    /// Report per row and source.
     pub reports: Arc<Vec<Report>>,
-    /// Per row: normalised innovation squared of all inertial readings together, and their number.
+    /// Per row: normalised innovation squared of all inertial readings, and their number.
     pub inertial: Arc<Vec<(f64, u32)>>,
 }
 
 impl Series {
-    /// What was read, without estimates.
+    /// Readings without estimates.
     pub(super) fn read(&self) -> Series {
         Series {
             time_s: self.time_s.clone(),
@@ -61,10 +61,10 @@ impl Series {
         }
     }
 
-    /// The same rows with estimates that are still to be written, but for the last, which smoothing leaves as it is.
+    /// The same rows with empty estimates, except the last row, which smoothing does not change.
     pub(super) fn blank(&self) -> Series {
         let width = self.mean.len() / self.time_s.len().max(1);
-        // The filtered bands tell how far they are wider than the beliefs.
+        // The filtered bands are needed to find how much consider states widen them.
         let (mean, std) = (last(&self.mean, width), self.std.clone());
         Series { mean, std, observed: self.observed.clone(), ..self.read() }
     }
@@ -74,12 +74,12 @@ impl Series {
         &mut self.std[row * width..(row + 1) * width]
     }
 
-    /// Bytes of the estimates.
+    /// Size of the estimates in bytes.
     pub fn bytes(&self) -> usize {
         std::mem::size_of_val(&*self.mean) + std::mem::size_of_val(&*self.std)
     }
 
-    /// What an update did, behind all others.
+    /// Appends the report of an update.
     pub(super) fn report(&mut self, info: &Info, troubles: impl Iterator<Item = (Field, Fault)>) {
         Arc::make_mut(&mut self.nis).extend(info.sources.iter().map(|source| source.nis));
         let reports =
@@ -90,7 +90,7 @@ impl Series {
     }
 }
 
-/// Zeros, but for the last row.
+/// Zeros, except the last row.
 fn last(from: &[f64], width: usize) -> Vec<f64> {
     let mut to = vec![0.0; from.len()];
     let start = from.len() - width;
