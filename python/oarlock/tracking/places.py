@@ -1,4 +1,4 @@
-"""Where the frames of a track are, with the lengths that it estimated, and how sure it is of that."""
+"""Frame positions of a track and their covariances. Used by `Track.frame_positions` and by the report."""
 
 from __future__ import annotations
 
