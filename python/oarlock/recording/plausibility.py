@@ -233,7 +233,7 @@ def _missing_findings(stream: Stream) -> list[Finding]:
             continue  # a NaN would have made the sum NaN
         missing = np.isnan(rows).reshape(len(rows), -1)
         if missing.all():
-            findings.append(_warning(stream, f"{field} has no reading (all values are NaN)."))
+            findings.append(_warning(stream, f"{field} has no reading (all NaN)."))
         elif missing.any():
             findings.append(_note(stream, _missing_text(stream, field, missing)))
     return findings
