@@ -1,4 +1,4 @@
-"""The constants of a wearing as a search left them: moved how far, how well known, and which were told at all."""
+"""`Constants`: estimated lengths, sensor positions, mounts and zeros with covariance. Results of `calibrate_motion`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a session found, one line each: value, how sure, the limit, and what to do."""
+"""`Check`: one result of a session with its value, standard deviation, limit and advice. Shown on its page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Zero, scale and sign of scalar streams from marked positions and from streams that move together."""
+"""Session search: zero, scale and sign of encoders, from marked positions and from correlated streams."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hard and soft iron of a magnetometer: an ellipsoid that becomes a sphere (Gebre-Egziabher et al. 2001; Kok 2016)."""
+"""Session search: hard and soft iron by an ellipsoid fit (Gebre-Egziabher et al. 2001; Kok 2016)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a session says of mounts, postures and movements."""
+"""Checks of a session's mounts, postures and movements, each with a sentence for its page."""
 
 from __future__ import annotations
 
@@ -51,7 +51,9 @@ def _movements(found: Mounts, plan: SessionPlan, body: Body) -> list[Check]:
         checks.append(Check(step, unit, "movement", text, std, np.nan, "deg", outcome, sentence))
     missing = [(s.name, j) for s in plan.steps if s.kind == "move" for j in s.joints if not body.below(j)]
     for step, joint in missing:
-        sentence = f"No unit sits beyond the joint {joint}, so this movement tells nothing."
+        sentence = (
+            f"No unit is distal to the joint {joint}, so this movement has no effect on the calibration."
+        )
         checks.append(Check(step, joint, "movement", "-", np.nan, np.nan, "", KEPT, sentence))
     return checks
 

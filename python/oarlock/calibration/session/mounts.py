@@ -1,4 +1,4 @@
-"""How every unit is turned on its link: up in postures, axes in movements, north where both leave a turn open."""
+"""Session search: mounts from gravity in postures, axes in movements, and magnetic north if these are insufficient."""
 
 from __future__ import annotations
 

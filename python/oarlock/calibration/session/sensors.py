@@ -1,4 +1,4 @@
-"""What each unit's own sensors need, and its rows with that applied."""
+"""Session search: biases, scales and iron of one inertial unit, its corrected readings, and the checks of both."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class SensorSearch:
         return found
 
     def corrected(self, calibration: Calibration) -> UnitRows:
-        """The rows, as the calibration mends them."""
+        """The rows with the calibration's corrections applied."""
         rows = self.rows
         gyro = true_readings(calibration, rows.name, "gyro_rad_s", rows.gyro)
         accel = true_readings(calibration, rows.name, "accel_m_s2", rows.accel)

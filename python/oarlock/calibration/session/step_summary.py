@@ -1,4 +1,4 @@
-"""One line for each step of a plan: where it lies, whether it is to be done again, and a sentence."""
+"""Summary of each step of a session: its time interval, its outcome and a sentence. Shown on the session's page."""
 
 from __future__ import annotations
 

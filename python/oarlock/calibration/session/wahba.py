@@ -1,4 +1,4 @@
-"""A mount from directions seen in the sensor and known in the link: Wahba's problem (1965) with full covariances."""
+"""Solves for a mount from directions in sensor and link: Wahba's problem (1965) with full covariances."""
 
 from __future__ import annotations
 
