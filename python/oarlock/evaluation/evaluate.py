@@ -1,4 +1,4 @@
-"""How good a track is against truth, and whether its uncertainty can be believed.
+"""`evaluate`: errors of a track against ground truth, and consistency of its standard deviations.
 
 Every score is computed at the track's own time stamps. Inside everything is SI and radians; ``rows`` and ``table``
 show degrees for hinges and millimetres for slides.

@@ -1,4 +1,4 @@
-"""Orientations of a model's frames against truth or against another measuring system.
+"""`evaluate_frame_orientations`: frame orientations compared with ground truth or another measuring system.
 
 Without a magnetometer nothing tells the heading of the whole: turning body and world about the vertical changes no
 reading. So a track may be turned by one heading before it is compared, the same for all frames and all times; or the

@@ -1,4 +1,4 @@
-"""A track against optical markers, after aligning clocks and axes."""
+"""`evaluate_markers`: positions of a track compared with optical markers, after alignment of clocks and axes."""
 
 from __future__ import annotations
 

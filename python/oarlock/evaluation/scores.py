@@ -1,4 +1,4 @@
-"""The results of an evaluation. SI and radians inside; degrees and millimetres in ``rows`` and ``table``."""
+"""Result classes of an evaluation: SI and radians in the fields, degrees and millimetres in ``rows`` and ``table``."""
 
 from __future__ import annotations
 

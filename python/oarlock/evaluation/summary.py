@@ -1,4 +1,4 @@
-"""A track in a few numbers: how much was tracked, how fast, and what became of every sensor."""
+"""Summary of a track in a few numbers: samples, speed, use of each sensor's readings. For terminal and report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A guided session, simulated: units on a table, then worn, with mounts and sensor errors that nobody told.
+"""`simulate_session`: a simulated guided session with unknown mounts and sensor errors.
 
 It shares no code with the search: signals of the body come from `oarlock.simulate`, which differentiates poses, those
 of units on the table from differenced attitudes, and every error is put in here.

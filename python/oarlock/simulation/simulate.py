@@ -1,4 +1,4 @@
-"""Signals of any model along any motion; inertial ones by differentiating poses, never by the filter's model."""
+"""`simulate`: sensor signals of any model along any motion, independent of the filter's measurement model."""
 
 from __future__ import annotations
 

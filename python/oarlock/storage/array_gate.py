@@ -1,4 +1,4 @@
-"""The one gate through which arrays enter the Python side."""
+"""Checks every array that enters the package: type, shape, finite values, increasing time stamps."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""Parquet files as tables, and what a damaged one is told."""
+"""Reads Parquet files for tracks and recordings, with a readable error for damaged files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Places of files, as they are given to readers."""
+"""Converts paths that users give to `Path`, with checks."""
 
 import errno
 from os import PathLike

@@ -1,4 +1,4 @@
-"""TOML files: read with errors that name file, line and key; written so that numbers come back exactly."""
+"""Reads TOML with errors that name file, line and key; writes TOML with exact numbers."""
 
 import datetime
 import re

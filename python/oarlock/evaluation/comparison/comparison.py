@@ -1,4 +1,4 @@
-"""Estimators on the same recording, side by side."""
+"""`compare` and `Comparison`: several estimators on the same recording, with errors and processor times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The estimators that can be compared: what each is called, assumes and goes back to, and how it is run."""
+"""Registry of the estimators of `compare`: name, assumptions, source and function of each."""
 
 from __future__ import annotations
 

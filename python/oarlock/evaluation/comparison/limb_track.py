@@ -1,4 +1,4 @@
-"""Each limb of a tree by its own filter, and one track of them all."""
+"""`track_limbs`: an independent filter for each limb, merged into one track."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A tree cut into limbs: sub-models of the joints that lead to one limb, and of those that several limbs share."""
+"""Splits a model into limbs: one sub-model for each limb and one for the shared joints. Used by `track_limbs`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A filter on each inertial unit by itself, then inverse kinematics to the joint variables of the model."""
+"""`track_orientations`: an orientation filter for each inertial unit, then inverse kinematics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One row of a comparison: how good, how sure and how fast an estimator was on a recording."""
+"""One row of a comparison: errors, standard deviations and processor time of an estimator on a recording."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What may happen to a recording between the sensor and the filter: streams missing, late, thinned or with holes."""
+"""Degrades a simulated recording: removes, delays or thins streams, or inserts dropouts. Used by study trials."""
 
 from __future__ import annotations
 

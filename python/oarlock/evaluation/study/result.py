@@ -1,4 +1,4 @@
-"""What came out of a study: a row for each run and joint, and their mean and spread over the seeds."""
+"""`StudyResult`: one row for each run and joint, with mean and spread over the seeds."""
 
 from __future__ import annotations
 

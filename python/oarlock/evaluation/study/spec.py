@@ -1,4 +1,4 @@
-"""A study: which runs there are; a wrong key is refused by name."""
+"""`Study`: the scenarios and seeds of a study, with checks of its keys."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Monte-Carlo studies: what happens to the error when sensors, noise, mounts, rates or settings change.
+"""`study`: runs a Monte-Carlo study of how errors change with sensors, noise, mounts, rates and settings.
 
 Each scenario is simulated with the same seeds, tracked and scored against its truth, on all cores.
 """

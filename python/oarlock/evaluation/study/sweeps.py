@@ -1,4 +1,4 @@
-"""Faults whose strength is swept, and settings of the filter that are held against each other under them."""
+"""`FaultSweep`: faults with varying strength, and filter settings that are compared under them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the filter is told of the body and its sensors, which may be wrong."""
+"""Model and calibration that the filter of a study receives, with deliberate errors in lengths, mounts and noise."""
 
 from __future__ import annotations
 

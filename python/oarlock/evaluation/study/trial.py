@@ -1,4 +1,4 @@
-"""A trial: truth and recording, and how the shared settings of sensors enter a simulation."""
+"""`StudyTrial`: ground truth and recording of one simulated trial, and its sensor settings."""
 
 from __future__ import annotations
 

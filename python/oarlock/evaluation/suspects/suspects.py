@@ -1,4 +1,4 @@
-"""Faults of sensors, named from a second of readings: exchanged, upside down, in another unit, with the wrong sign."""
+"""`suspects`: names sensor faults (exchanged, inverted, wrong unit, wrong sign) from one second of readings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a suspicion says: what it looks like, and what to change in which file."""
+"""Texts of `Suspect`: the fault, and what to change in which file."""
 
 from __future__ import annotations
 
