@@ -67,7 +67,7 @@ class TomlTable:
         known = sorted(valid)
         for key in self.values:
             if key not in known:
-                raise DataError(f"{self.where(key)}: is not known here. {did_you_mean(key, known)}")
+                raise DataError(f"{self.where(key)}: is unknown. {did_you_mean(key, known)}")
 
     def check_format(self, supported: int) -> None:
         """Refuse a file of another format number."""

@@ -51,7 +51,7 @@ def cut_into_limbs(model: Model, closures: bool = True) -> tuple[Limb, ...]:
     if len(roots) < 2:
         raise DataError(
             f'model "{model.name}": its inertial units stand on {"one chain" if roots else "no joint"}, so there '
-            "are no limbs to cut it into. Take ukf, which tracks the whole."
+            "are no limbs to split it into. Use ukf, which tracks the whole body."
         )
     limbs = [_limb(model, tree, root, closures) for root in roots]
     covered = {joint for limb in limbs for joint in limb.own}

@@ -35,7 +35,7 @@ class Score:
         slides_rmse_m: RMSE of each slide, m.
         positions_rmse_m: RMSE of frames' positions in root axes, m; both sides of a body together.
         nees: per state, of all states of the observed joints; NaN without beliefs.
-        coverage: share of errors inside the 95 % bands; NaN where nothing is said of errors.
+        coverage: share of errors inside the 95 % bands; NaN without standard deviations.
         step_us: time of the filter alone for one instant, microseconds.
         kinematics_us: time of the inverse kinematics for one instant; NaN where the filter needs none.
         joints: how many of the chosen joints were scored.

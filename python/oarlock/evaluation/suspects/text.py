@@ -45,7 +45,7 @@ def factor_text(streams: Sequence[str], quantity: str, what: str, factor: float)
 
 def stuck_text(name: str, value: float) -> str:
     """An encoder that does not follow."""
-    return f"{name} looks stuck: it reads {value:.5g} throughout. Look at the sensor; leave it out meanwhile."
+    return f"{name} looks stuck: it reads {value:.5g} throughout. Check the sensor; until then leave it out."
 
 
 def turn_text(streams: Sequence[str], matrix: FloatArray) -> str:
