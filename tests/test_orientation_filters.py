@@ -205,7 +205,7 @@ def test_without_any_compass_it_is_refused(slow: tuple[oarlock.Model, oarlock.Tr
         for s in recording
         if isinstance(s, ImuStream)
     ]
-    with pytest.raises(DataError, match=r"magnetometer.*Take ukf"):
+    with pytest.raises(DataError, match=r"magnetometer.*Use ukf"):
         oarlock.track_orientations(model, Recording(blind), "vector_kf")
 
 
