@@ -111,17 +111,17 @@ def _judged(recording: Recording, found: Clocks, fixed: Sequence[str]) -> tuple[
         in_the_middle = np.sqrt(np.maximum(clock.offset_std_s**2 - (middle * clock.drift_std) ** 2, 0.0))
         if np.isnan(in_the_middle):
             refused[name] = (
-                "no piece of the recording could be tracked well enough to tell its clock. Check the wearing first: "
-                "oarlock track says what does not fit"
+                "no part of the recording could be tracked well enough to estimate its clock. Check mounts and sensors "
+                "first: run oarlock track and read its notes"
             )
         elif not in_the_middle <= LARGEST_STD_S:
             refused[name] = (
-                f"its movement tells its clock to {1e3 * clock.offset_std_s:.1f} ms only (standard deviation); "
-                f"at most {1e3 * LARGEST_STD_S:g} ms are taken. Record faster movement of its link, or more of it"
+                f"the standard deviation of its clock offset is {1e3 * clock.offset_std_s:.1f} ms; "
+                f"at most {1e3 * LARGEST_STD_S:g} ms are accepted. Record faster or longer movement of its link"
             )
         elif shared and abs(way) <= SAME_CLOCK_STDS * clock.offset_std_s:
             refused[name] = (
-                f"shares its stamps with the reference, and {1e3 * way:+.1f} ms may as well be chance: kept as it is"
+                f"shares its time stamps with the reference, and {1e3 * way:+.1f} ms is not significant: unchanged"
             )
         else:
             kept[name] = clock

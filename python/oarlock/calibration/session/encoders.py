@@ -93,7 +93,7 @@ def _line(stream: str, own: Sequence[tuple[SessionStep, Mark]]) -> tuple[Encoder
     held = max(m.scatter for _, m in own)
     off = abs(abs(scale) - 1.0)
     outcome = PASSED if off <= SCALE_LIMIT and held <= REST_LIMIT else REDO
-    turned = "It runs the wrong way round, which is corrected. " if scale < 0 else ""
+    turned = "Its sign is inverted, which is corrected. " if scale < 0 else ""
     sentence = turned + (
         f"Marks and readings agree to {100 * off:.1f} %."
         if outcome == PASSED
@@ -142,10 +142,10 @@ def _sign(
     text = f"correlation {correlation:+.2f} with {step.other}"
     if abs(agreed) < CLEAR:
         sentence = (
-            "The two streams do not move together clearly: move both through their range and record again."
+            "The two streams are not clearly correlated: move both through their range and record again."
         )
         return 1, Check(step.name, step.stream, "sign", text, abs(agreed), CLEAR, "", REDO, sentence)
-    sentence = "It runs the right way." if found > 0 else "It runs the wrong way round, which is corrected."
+    sentence = "Its sign is correct." if found > 0 else "Its sign is inverted, which is corrected."
     return found, Check(step.name, step.stream, "sign", text, np.nan, np.nan, "", PASSED, sentence)
 
 

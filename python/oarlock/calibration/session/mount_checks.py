@@ -76,7 +76,7 @@ def _postures(found: Mounts, plan: SessionPlan) -> list[Check]:
         if wrong:
             sentence = (
                 f"{', '.join(wrong)} disagree{'s' if len(wrong) == 1 else ''} with the other steps: the posture "
-                "was taken up differently, or a unit slipped. Do it again, with care for that limb."
+                "differed, or a unit slipped. Do it again, with care for that limb."
             )
             checks.append(Check(step.name, "", "posture", text, np.nan, limit, "deg", REDO, sentence))
         else:
@@ -96,11 +96,15 @@ def _mount(name: str, found: Mounts, nominal: FloatArray) -> Check:
     if name in found.by_north:
         seen += ", and by magnetic north"
     if outcome == PASSED:
-        sentence = f"Told by {seen}."
+        sentence = f"Determined by {seen}."
     elif std > 30.0:
-        sentence = f"{seen} leave one turn open: add a movement about another axis, or another posture."
+        sentence = (
+            f"{seen} do not determine one rotation: add a movement about another axis, or another posture."
+        )
     else:
-        sentence = f"{seen} tell it only so well: repeat the steps, with care for the postures."
+        sentence = (
+            f"{seen} determine it with a large uncertainty: repeat the steps, with care for the postures."
+        )
     return Check("mounts", name, "mount", text, std, limit, "deg", outcome, sentence)
 
 

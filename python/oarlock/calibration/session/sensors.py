@@ -108,7 +108,8 @@ class SensorSearch:
             sentence = (
                 "As quiet as the model expects."
                 if quiet
-                else "Much noisier than the model expects: did it lie still? Else say more in the model file."
+                else "Much noisier than the model expects. Check that it lay still; otherwise increase the noise in "
+                "the model file."
             )
             text = f"{1e3 * noise:.1f} mrad/s a sample"
             limit, outcome = 1e3 * NOISE_LIMIT * expected, PASSED if quiet else REDO
@@ -121,9 +122,7 @@ class SensorSearch:
         name, rest = self.rows.name, self.accel
         if rest is None or not rest.known:
             seen = 0 if rest is None else rest.attitudes
-            sentence = (
-                f"Seen at rest in {seen} attitudes; it takes {LEAST_ATTITUDES} or more. What was known stays."
-            )
+            sentence = f"At rest in {seen} attitudes; {LEAST_ATTITUDES} or more are needed. The previous values are kept."
             std = np.nan if rest is None else float(rest.bias_std_m_s2.max())
             return Check("rest", name, "accelerometer", "-", std, BIAS_LIMIT_M_S2, "m/s2", KEPT, sentence)
         text = f"bias {numbers(rest.bias_m_s2, 2)}; scale {', '.join(f'{s:.3f}' for s in rest.scale)}"
@@ -153,8 +152,6 @@ class SensorSearch:
                 f"The norm still scatters by {100 * fit.after:.0f} %: iron is near. Turn it again elsewhere."
             )
         else:
-            sentence = (
-                "It was not turned through all directions. Turn it about all three axes, or do without."
-            )
+            sentence = "It was not rotated through all directions. Rotate it about all three axes, or skip this calibration."
         outcome = REDO if fit.after > NORM_LIMIT else KEPT
         return [Check("turn", name, "magnetometer", text, std, OFFSET_LIMIT_UT, "uT", outcome, sentence)]

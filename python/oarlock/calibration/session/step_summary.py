@@ -57,4 +57,4 @@ def _in_words(step: SessionStep, own: Sequence[Check]) -> tuple[str, str]:
         return KEPT, f"{', '.join(units)}: {kept[0].sentence}"
     if step.kind in ("turn", "still"):
         return PASSED, "All units rested long enough."
-    return PASSED, own[0].sentence if own else "Nothing was asked of it."
+    return PASSED, own[0].sentence if own else "This step has no check."

@@ -25,10 +25,10 @@ LEVEL = 0.02
 
 @dataclass(frozen=True)
 class Score:
-    """One estimator on one recording; NaN where there is nothing to tell.
+    """Scores of one estimator on one recording; NaN where a score does not exist.
 
     Args:
-        estimator: which.
+        estimator: the estimator.
         mean_rmse_deg: mean over the chosen joints that turn of their RMSE, deg.
         worst_rmse_deg: the largest of them, deg.
         correlation: mean over the same joints.
@@ -39,8 +39,8 @@ class Score:
         step_us: time of the filter alone for one instant, microseconds.
         kinematics_us: time of the inverse kinematics for one instant; NaN where the filter needs none.
         joints: how many of the chosen joints were scored.
-        evaluation: everything.
-        notes: what the track tells.
+        evaluation: the complete evaluation.
+        notes: notes of the track.
     """
 
     estimator: Estimator

@@ -44,11 +44,11 @@ SENSOR_KEYS = by_name(
 
 @dataclass(frozen=True)
 class StudyTrial:
-    """What is tracked, and what is true.
+    """Ground truth and recording of one trial.
 
     Args:
-        truth: joints as they were.
-        recording: what the sensors gave.
+        truth: true joint values.
+        recording: readings of the sensors.
     """
 
     truth: Track
