@@ -111,7 +111,7 @@ def simulate_session(
     """Simulate somebody who follows a session's plan.
 
     Args:
-        model: the body with nominal mounts; the units are worn otherwise.
+        model: the body with nominal mounts; the simulated mounts differ.
         plan: the steps; None takes the protocol that ships with the model. Times in it are not looked at.
         errors: what is wrong with postures and sensors; None is a careful person with consumer sensors.
         seed: of every draw.

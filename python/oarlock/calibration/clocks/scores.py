@@ -112,7 +112,7 @@ class Filtering:
 
 
 def _estimate(recording: Recording) -> tuple[str, ...]:
-    """With mounts among the states a unit that sits askew bends the track far less; without a compass they bend it."""
+    """States to estimate. With magnetometers they include mounts, which reduces the effect of misaligned units."""
     units = [s for s in recording if isinstance(s, ImuStream)]
     return (*ESTIMATE, "mounts") if all(u.mag_ut is not None for u in units) else ESTIMATE
 

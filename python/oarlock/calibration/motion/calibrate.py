@@ -21,7 +21,7 @@ RIGID_NIS = 3.0
 BETTER = 0.98
 """What is kept has to be better than before by more than chance: by 2 % on hundreds of samples."""
 MOST_SURPRISE = 2.0
-"""Prior standard deviations, root mean square of all constants: further off is not how a unit is worn."""
+"""Prior standard deviations, root mean square of all constants: larger changes are implausible for mounted units."""
 
 
 @dataclass(frozen=True, eq=False)

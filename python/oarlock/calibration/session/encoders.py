@@ -36,7 +36,7 @@ class Mark:
 def encoder_scales(
     steps: Sequence[SessionStep], spans: Mapping[str, Span], recording: Recording
 ) -> tuple[dict[str, EncoderScale], list[Check]]:
-    """Stream -> zero and scale, for all that a mark or a sign tells of; and the lines that say so."""
+    """Stream -> zero and scale from marks and signs, and the checks of these."""
     found: dict[str, EncoderScale] = {}
     checks: list[Check] = []
     signs = {s.stream: s for s in steps if s.kind == "sign"}
@@ -110,7 +110,7 @@ def _line(stream: str, own: Sequence[tuple[SessionStep, Mark]]) -> tuple[Encoder
 def _zero(
     stream: str, own: Sequence[tuple[SessionStep, Mark]], sign: int | None
 ) -> tuple[EncoderScale, Check]:
-    """One mark: the zero, with the sign that the movement told, else as it is."""
+    """Zero from one mark, with the sign from a common movement if there is one."""
     scale = float(sign or 1)
     zero = float(np.mean([m.reading - scale * m.value for _, m in own]))
     held = max(m.scatter for _, m in own)

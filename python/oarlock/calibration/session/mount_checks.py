@@ -119,9 +119,9 @@ def _norths(found: Mounts) -> list[Check]:
         off = float(np.degrees(np.angle(turn * np.exp(-1j * middle))))
         good = abs(off) <= np.degrees(NORTH_LIMIT_RAD)
         sentence = (
-            "It agrees with the other units on where north is."
+            "Its magnetic north agrees with that of the other units."
             if good
-            else "It sees north elsewhere than the other units do: iron is near it, or its mount is wrong."
+            else "Its magnetic north differs from that of the other units: check for iron near it, and its mount."
         )
         outcome = PASSED if good else REDO
         limit = float(np.degrees(NORTH_LIMIT_RAD))

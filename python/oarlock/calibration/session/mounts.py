@@ -47,7 +47,7 @@ class MountSearch:
         plan: the steps.
         spans: where they lie, s.
         units: corrected rows of each unit.
-        nominal: unit -> (3, 3), the mount where nothing tells another.
+        nominal: unit -> (3, 3), the mount where the session determines none.
     """
 
     body: Body

@@ -122,7 +122,9 @@ class SensorSearch:
         name, rest = self.rows.name, self.accel
         if rest is None or not rest.known:
             seen = 0 if rest is None else rest.attitudes
-            sentence = f"At rest in {seen} attitudes; {LEAST_ATTITUDES} or more are needed. The previous values are kept."
+            sentence = (
+                f"At rest in {seen} attitudes; {LEAST_ATTITUDES} are needed. The previous values are kept."
+            )
             std = np.nan if rest is None else float(rest.bias_std_m_s2.max())
             return Check("rest", name, "accelerometer", "-", std, BIAS_LIMIT_M_S2, "m/s2", KEPT, sentence)
         text = f"bias {numbers(rest.bias_m_s2, 2)}; scale {', '.join(f'{s:.3f}' for s in rest.scale)}"
@@ -152,6 +154,6 @@ class SensorSearch:
                 f"The norm still scatters by {100 * fit.after:.0f} %: iron is near. Turn it again elsewhere."
             )
         else:
-            sentence = "It was not rotated through all directions. Rotate it about all three axes, or skip this calibration."
+            sentence = "It was not rotated through all directions. Rotate it about all three axes, or skip this step."
         outcome = REDO if fit.after > NORM_LIMIT else KEPT
         return [Check("turn", name, "magnetometer", text, std, OFFSET_LIMIT_UT, "uT", outcome, sentence)]

@@ -77,7 +77,7 @@ class Estimator:
         """
         if not self.live:
             raise DataError(
-                f"{self.name}: needs a whole recording and cannot run live. "
+                f"{self.name}: needs a whole recording and cannot step live. "
                 f"Use one of: {', '.join(e.name for e in estimators() if e.live)}"
             )
         return Tracker(model, calibration, self.config)
