@@ -23,7 +23,7 @@ _STD_KEYS = {"gyro": ("gyro_std_rad_s",), "accel": ("accel_std_m_s2",), "mag": (
 
 
 def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
-    """How wrong the filter's knowledge is, by name."""
+    """Keys for errors in the model and calibration of the filter, by name."""
     described = model.describe()
     units = tuple(s["name"] for s in described["sensors"] if s["kind"] == "imu")
     parameters = tuple(p["name"] for p in described["parameters"])
@@ -33,7 +33,7 @@ def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
                 "mount_error_deg",
                 "by_name",
                 0.0,
-                "each unit turned by this about an axis of its own, drawn anew for each seed",
+                "each mount rotated by this angle about a random axis, new for each seed",
                 least=0.0,
                 most=180.0,
                 choices=(*units, ONE),
@@ -42,7 +42,7 @@ def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
                 "mount_offset_error_m",
                 "by_name",
                 0.0,
-                "each unit moved by this in a direction of its own",
+                "each sensor position moved by this distance in a random direction",
                 least=0.0,
                 choices=(*units, ONE),
             ),
@@ -67,7 +67,7 @@ def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
                 "vertical_error_deg",
                 "number",
                 0.0,
-                "the root is tilted by this to a side that the seed draws, and the filter holds it level",
+                "tilt of the root in a random direction; the filter assumes a level root",
                 least=0.0,
                 most=90.0,
             ),
@@ -75,7 +75,7 @@ def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
                 "start_error_deg",
                 "number",
                 None,
-                "the filter is told the start posture, wrong by this standard deviation; none: not told",
+                "standard deviation of the error of the initial posture for the filter; none: no initial posture",
                 least=0.0,
                 optional=True,
             ),
@@ -83,7 +83,7 @@ def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
                 "noise_told",
                 "choice",
                 "true",
-                "whether the filter is told a noise_factor, or believes the model file",
+                "true: the filter uses noise_factor; false: it uses the noise of the model file",
                 choices=("true", "nominal"),
             ),
             StudyKey("smooth", "boolean", False, "smooth over the whole recording"),
