@@ -1,4 +1,4 @@
-"""Checks a recording for wrong units, stuck and clipped signals and gaps. Used by `track`, imports and `oarlock check`.
+"""Checks a recording for wrong units, stuck and clipped signals and gaps. Used by `track` and the searches.
 
 Nothing is repaired. A finding states the sensor, the number and what to change.
 """
