@@ -162,7 +162,7 @@ def test_a_file_holds_no_field_that_is_empty(tmp_path):
         (lambda: Calibration(mag_matrices={"back": [1, 2, 3]}), ['mag_matrices of "back"', "(3, 3)"]),
         (lambda: Calibration(clocks={"back": 0.1}), ['clocks of "back"', "oarlock.Clock"]),
         (lambda: Calibration(encoders={"seat": (0.1, 1.0)}), ['encoders of "seat"', "oarlock.EncoderScale"]),
-        (lambda: Calibration(clocks=[Clock(0.0)]), ["clocks", "table by name", "list"]),
+        (lambda: Calibration(clocks=[Clock(0.0)]), ["clocks", "table keyed by name", "list"]),
     ],
 )
 def test_bad_values(make, words):

@@ -136,5 +136,5 @@ def test_points_on_a_line_and_clocks_apart_are_refused(track):
         evaluate_markers(track, Markers(("elbow",), time_s + 100.0, line), align_clock=False)
     with pytest.raises(DataError, match="share no two seconds of movement"):
         evaluate_markers(track, Markers(("elbow",), time_s, 0.0 * line))
-    with pytest.raises(DataError, match="is called like a frame"):
+    with pytest.raises(DataError, match="has the name of a frame"):
         evaluate_markers(track, Markers(("LELB",), time_s, line))

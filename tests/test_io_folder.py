@@ -102,7 +102,7 @@ def test_meta_that_cannot_be_written(tmp_path):
 
 def test_no_recording(tmp_path):
     text = refused(tmp_path / "nowhere")
-    assert "is no recording" in text and "oarlock import" in text
+    assert "is not a recording" in text and "oarlock import" in text
 
 
 def test_missing_file(folder):
@@ -134,7 +134,7 @@ def test_mistakes_in_the_index(folder, old, new, words):
 def test_unannounced_column(folder):
     table = pq.read_table(folder / "seat.parquet").append_column("vlaue", pa.array(ROWS[:, 0]))
     pq.write_table(table, folder / "seat.parquet")
-    assert 'does not announce the column "vlaue"' in refused(folder)
+    assert 'does not list the column "vlaue"' in refused(folder)
 
 
 def test_column_of_text(folder):

@@ -85,7 +85,7 @@ def test_sub_models_predict_what_the_whole_predicts(name: str, closures: bool) -
 
 
 def test_one_chain_has_no_limbs() -> None:
-    with pytest.raises(DataError, match=r"one chain.*Take ukf"):
+    with pytest.raises(DataError, match=r"one chain.*Use ukf"):
         cut_into_limbs(oarlock.load_model("pendulum3"))
 
 

@@ -142,7 +142,7 @@ def test_joint_angles_of_a_slow_motion(
     assert np.isnan(track.q_std).all()
     assert np.isnan(scores.mean_coverage())
     assert track.provenance["config"]["filter"] == name
-    assert any("nothing is said of errors" in note for note in track.notes)
+    assert any("no standard deviations are estimated" in note for note in track.notes)
 
 
 def test_the_track_comes_back_from_its_folder_and_can_be_reported(
@@ -205,7 +205,7 @@ def test_without_any_compass_it_is_refused(slow: tuple[oarlock.Model, oarlock.Tr
         for s in recording
         if isinstance(s, ImuStream)
     ]
-    with pytest.raises(DataError, match=r"magnetometer.*Take ukf"):
+    with pytest.raises(DataError, match=r"magnetometer.*Use ukf"):
         oarlock.track_orientations(model, Recording(blind), "vector_kf")
 
 

@@ -159,5 +159,5 @@ def test_a_key_that_is_gone_is_named(track, key, tmp_path):
 
 
 def test_an_empty_folder_holds_no_track(tmp_path):
-    with pytest.raises(oarlock.DataError, match="no track here"):
+    with pytest.raises(oarlock.DataError, match="contains no track"):
         oarlock.load_track(tmp_path)

@@ -1,4 +1,4 @@
-"""The compiled engine. Arrays are float64; time in s, angles in rad, lengths in m."""
+"""Types of the compiled engine, for type checkers. Arrays are float64; time in s, angles in rad, lengths in m."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple, Protocol
@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
 
-# What the engine reads of the package's own objects. The stub names no module above it.
+# Protocols of the package's objects that the engine reads, so that this stub imports no module of the package.
 class _Base(Protocol):
     @property
     def rotation(self) -> ArrayLike: ...

@@ -1,1 +1,1 @@
-"""The searches that find a calibration: from static poses, a guided session, clocks, or ordinary movement."""
+"""Searches that produce a `Calibration`: from a static pose or single joints, a guided session, clocks, or movement."""

@@ -1,1 +1,1 @@
-"""How good a track is: scores against truth, optical markers, other estimators, studies, suspected faults."""
+"""Evaluates tracks: scores against ground truth and markers, comparisons, Monte-Carlo studies, sensor faults."""

@@ -1,4 +1,4 @@
-"""The named angles of a ball or free joint, and their errors away from the poles."""
+"""Named angles of ball and free joints and their errors outside the singular regions, for `evaluate`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The offset between the clocks of two recordings of the same movement."""
+"""Estimates the clock offset between two recordings of the same movement, for comparisons with markers."""
 
 from __future__ import annotations
 

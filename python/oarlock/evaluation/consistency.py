@@ -1,4 +1,4 @@
-"""Do the errors and the innovations agree with the covariances that the filter claims?
+"""NEES and NIS: do errors and innovations agree with the covariances of the filter? Used by `evaluate`.
 
 Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, "Estimation with Applications to Tracking and Navigation", Wiley
 2001, section 5.4: the normalised estimation error squared (NEES) and the normalised innovation squared (NIS) of a

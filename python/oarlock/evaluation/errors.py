@@ -1,4 +1,4 @@
-"""Errors of joints, scores of frame positions, and the statistics of both."""
+"""Error statistics of joints and scores of frame positions, for `evaluate`."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""How good a track is against truth, and whether its uncertainty can be believed.
+"""`evaluate`: errors of a track against ground truth, and consistency of its standard deviations.
 
-Every score is computed at the track's own time stamps. Inside everything is SI and radians; ``rows`` and ``table``
-show degrees for hinges and millimetres for slides.
+Every score is computed at the time stamps of the track. Fields are in SI and radians; ``rows`` and ``table`` show
+degrees for hinges and millimetres for slides.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from oarlock.storage.errors import DataError
 def evaluate(
     track: TrackLike, truth: TrackLike, start_s: float = 2.0, frames: Sequence[str] | None = None
 ) -> Evaluation:
-    """Score a track against truth.
+    """Score a track against ground truth.
 
     Args:
-        track: the estimate, with standard deviations and, where it has them, beliefs and sensor infos.
-        truth: the reference. Its stamps may differ: it is interpolated (cubic spline) at the track's stamps,
-            inside its range and not across gaps; where stamps coincide within 1e-9 s its value is taken as it is.
-        start_s: seconds after the track's first stamp that are left out, s; the filter settles in them.
-        frames: frames whose position in root axes is scored. Default: those called shoulder, elbow, wrist or
+        track: the estimate, with standard deviations and, if available, beliefs and sensor infos.
+        truth: the ground truth. A cubic spline interpolates it at the track's time stamps, within its range and not
+            across gaps. Where time stamps agree within 1e-9 s, its value is used without interpolation.
+        start_s: time after the track's first time stamp that is not scored, s, so that the filter can converge.
+        frames: frames whose position in root axes is scored. Default: those named shoulder, elbow, wrist or
             hand; if there are none, the ends of the tree.
 
     Returns:
-        Evaluation: per joint RMSE, bias, correlation, coverage of the 95 % band and NEES, of ball and free joints
-        also per component and named angle (see `JointScore`); RMSE and correlation of frame positions; NEES per
+        Evaluation: RMSE, bias, correlation, coverage of the 95 % band and NEES of each joint, for ball and free joints
+        also of each component and named angle (see `JointScore`); RMSE and correlation of frame positions; NEES per
         state over the track's beliefs; NIS per measurement of each sensor. NEES and NIS as in Bar-Shalom, Li,
         Kirubarajan (2001), "Estimation with Applications to Tracking and Navigation", section 5.4.
 
     Raises:
-        DataError: no sample of the track lies after ``start_s`` or inside the time span of the truth.
+        DataError: no sample of the track lies after ``start_s`` and within the time span of the ground truth.
     """
     window = Interval.after(track.time_s, start_s)
     _require_overlap(track, truth, window)

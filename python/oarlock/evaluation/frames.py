@@ -1,8 +1,8 @@
-"""Orientations of a model's frames against truth or against another measuring system.
+"""`evaluate_frame_orientations`: frame orientations compared with ground truth or another measuring system.
 
-Without a magnetometer nothing tells the heading of the whole: turning body and world about the vertical changes no
-reading. So a track may be turned by one heading before it is compared, the same for all frames and all times; or the
-orientation of one frame relative to another is compared, which no heading enters.
+Without a magnetometer the heading of the whole body is arbitrary: a rotation of body and world about the vertical
+changes no reading. A track may therefore be rotated by one heading, the same for all frames and times, before it is
+compared. Alternatively, the orientation of one frame relative to another is compared, which does not depend on heading.
 
 Definitions as in D. Laidig, M. Caruso, A. Cereatti, T. Seel, "BROAD - A Benchmark for Robust Inertial Orientation
 Estimation", Data 6(7), 2021.
@@ -41,24 +41,24 @@ def evaluate_frame_orientations(
 
     Args:
         track: the estimate.
-        reference: truth, or orientations that another system measured, world with z up; its x is then taken along the
-            model's `forward`. It is interpolated at the track's stamps, not across gaps.
-        frames: frames to score; as a mapping, frame -> name in the reference. None is every frame of that name there,
-            of a reference that is a track every frame that moves.
-        relative_to: compare the orientations relative to this frame; it stands in the mapping if the reference has
-            another name for it.
-        remove_heading: turn the track about the vertical by the one angle that brings all scored frames nearest to
-            the reference (least squares of the errors' sines of half angles), before they are compared.
-        start_s: seconds after the track's first stamp that are left out, s.
-        end_s: scored until this many seconds after the track's first stamp; None is to the end.
+        reference: ground truth, or orientations from another system whose world has z up; its x axis is assumed along
+            the model's `forward`. It is interpolated at the track's time stamps, but not across gaps.
+        frames: frames to score, or a mapping frame -> name in the reference. None scores every frame whose name occurs
+            in the reference; if the reference is a track, every frame that moves.
+        relative_to: compare orientations relative to this frame. If the reference has another name for it, it must be
+            in the mapping.
+        remove_heading: before the comparison, rotate the track about the vertical by the one angle that minimises the
+            errors of all scored frames (least squares of the sines of half the error angles).
+        start_s: time after the track's first time stamp that is not scored, s.
+        end_s: end of the scored part, s after the track's first time stamp; None scores to the end.
 
     Returns:
-        Per frame the RMSE of the whole angle, and of its two parts: inclination, how far the verticals are apart, and
-        heading, the turn about the vertical. Relative orientations have no such parts.
+        For each frame the RMSE (rad) of the whole angle and of its two parts: inclination (angle between the verticals)
+        and heading (rotation about the vertical). Relative orientations are not split.
 
     Raises:
-        DataError: no such frame, no sample to score, no model, or both `relative_to` and `remove_heading`: relative
-            orientations have no heading to remove.
+        DataError: a frame is unknown, there is no sample to score or no model, or both `relative_to` and
+            `remove_heading` are given.
     """
     if relative_to is not None and remove_heading:
         raise DataError(
@@ -112,7 +112,7 @@ def _names(
         if not names:
             raise DataError(
                 f"evaluate_frame_orientations: no frame of the model ({', '.join(own)}) has the name of one in the "
-                f"reference ({', '.join(there)}); say which is which with frames={{frame: name}}"
+                f"reference ({', '.join(there)}); assign names with frames={{frame: name}}"
             )
     for frame in names:
         if frame not in own:

@@ -1,4 +1,4 @@
-"""The scores of joints: one number's error of hinges and slides, three components' of balls and free joints."""
+"""Scores of joints for `evaluate`: one error for hinges and slides, three components for ball and free joints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A track against optical markers, after aligning clocks and axes."""
+"""`evaluate_markers`: positions of a track compared with optical markers, after alignment of clocks and axes."""
 
 from __future__ import annotations
 
@@ -37,30 +37,30 @@ def evaluate_markers(
 ) -> MarkerEvaluation:
     """Score positions of a track against optical markers, as in the published comparison of positions.
 
-    Clocks are aligned first by the correlation of speeds, which depend on no axes, then finely by the offset (and
-    drift) of least squared distance. Axes are aligned by one rigid displacement for all points and times. Both are
-    fitted to what is scored: a constant turn or shift of the whole track is not in the errors.
+    Clocks are aligned first by the correlation of speeds, which do not depend on axes, then by the offset (and drift)
+    with the least squared distance. Axes are aligned by one rigid displacement for all points and times. Both are
+    fitted to the scored data, so the errors do not include a constant rotation or translation of the whole track.
 
     Args:
         track: the estimate; its model gives the points.
-        markers: positions; NaN where not seen. Fill and filter them first if need be.
-        frames: marker -> frame of the model whose origin it stands for, or attachments, for markers that sit elsewhere
-            on their frame; None: markers that are called like frames.
-        relative_to: frame of the track in whose axes positions are compared; the measuring system must rest in it.
-        align_clock: True fits an offset, "drift" a rate too, False trusts the stamps.
-        align_frame: False takes the markers to be in the axes of `relative_to`.
-        start_s: seconds after the track's first stamp that are left out, s.
-        largest_offset_s: offsets beyond are not looked at. A movement that repeats fits at several offsets: among those
-            that fit alike the smallest is taken, and `notes` says so.
+        markers: positions in m; NaN where not visible. Fill gaps and filter them first if necessary.
+        frames: marker -> frame of the model at whose origin the marker sits, or attachments for markers elsewhere on
+            their frame. None uses the markers whose names are frame names.
+        relative_to: frame of the track in whose axes positions are compared. The measuring system must be fixed in it.
+        align_clock: True fits an offset, "drift" also a rate, False uses the time stamps unchanged.
+        align_frame: False assumes that the markers are in the axes of `relative_to`.
+        start_s: time after the track's first time stamp that is not scored, s.
+        largest_offset_s: largest clock offset that is considered, s. A cyclic movement fits at several offsets. Of
+            those that fit about equally well the smallest is used, and `notes` reports it.
 
     Returns:
-        Per marker RMSE and correlation along each axis and in space.
+        RMSE (m) and correlation of each marker, along each axis and in space.
 
     Source: B. K. P. Horn 1987, "Closed-form solution of absolute orientation using unit quaternions", and W. Kabsch
     1976 (the rotation of least squares, here by singular values).
 
     Raises:
-        DataError: no common point, no overlap in time, points on one line, or a frame that the model does not have.
+        DataError: there is no common point or no overlap in time, the points lie on one line, or a frame is unknown.
     """
     used = _pairs(track, markers, frames)
     window = Interval.after(track.time_s, start_s)
@@ -90,8 +90,8 @@ def _pairs(
         names = [name for name in markers.names if name in track.model.frame_names]
         if not names:
             raise DataError(
-                f"evaluate_markers: no marker ({', '.join(markers.names[:8])}) is called like a frame of "
-                f'"{track.model.name}"; say which stands for which: frames={{"marker": "frame"}}'
+                f"evaluate_markers: no marker ({', '.join(markers.names[:8])}) has the name of a frame of "
+                f'"{track.model.name}"; assign frames to markers: frames={{"marker": "frame"}}'
             )
         return attachments_of({name: name for name in names})
     used = attachments_of(frames)
@@ -154,7 +154,8 @@ def _clock(
         notes.append(f"the movement repeats: offsets of {others} s fit about as well as {offset:.2f} s")
     if coarse.correlation < 0.5:
         notes.append(
-            f"speeds of track and markers correlate by {coarse.correlation:.2f} only; check that they belong together"
+            f"the correlation of the speeds of track and markers is only {coarse.correlation:.2f}; "
+            "check that both are from the same trial"
         )
     return offset, drift, tuple(notes)
 

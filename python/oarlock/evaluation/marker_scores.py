@@ -1,4 +1,4 @@
-"""The result of comparing a track with optical markers."""
+"""`MarkerEvaluation` and `PointScore`: the result of `evaluate_markers`."""
 
 from __future__ import annotations
 

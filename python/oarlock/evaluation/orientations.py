@@ -1,4 +1,4 @@
-"""Hinge angles against orientations that another system computed for the same sensors.
+"""`evaluate_orientations`: hinge angles compared with orientations from another system for the same sensors.
 
 Such orientations disagree about the heading: every unit has a north of its own, so that the rotation between two
 neighbours does not stay about their hinge. Only how far each has turned since the still stretch, told in its own

@@ -1,4 +1,4 @@
-"""What another measuring system, such as cameras or encoders, says of the bodies that carry the sensors."""
+"""`Reference`: orientations of bodies from another measuring system (cameras, encoders), to score tracks against."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""The results of an evaluation. SI and radians inside; degrees and millimetres in ``rows`` and ``table``."""
+"""Result classes of an evaluation: SI and radians in the fields, degrees and millimetres in ``rows`` and ``table``."""
 
 from __future__ import annotations
 
@@ -165,11 +165,11 @@ class SensorScore:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A track against truth: ``joints`` in model order, frame ``positions``, ``states``, ``sensors``.
+    """Scores of a track against ground truth: ``joints`` in model order, frame ``positions``, ``states``, ``sensors``.
 
-    A free joint stands among ``joints`` twice: `pelvis.position` and `pelvis.rotation`.
+    A free joint has two entries in ``joints``: `pelvis.position` and `pelvis.rotation`.
 
-    ``reference`` names what it was held against; anything but "truth" has errors of its own.
+    ``reference`` names the reference; any reference other than "truth" has errors of its own.
 
     ``states`` is None without beliefs. ``samples`` is the number of the track's samples after ``start_s``
     (s after its first stamp).

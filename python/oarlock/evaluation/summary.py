@@ -1,4 +1,4 @@
-"""A track in a few numbers: how much was tracked, how fast, and what became of every sensor."""
+"""Summary of a track in a few numbers: samples, speed, use of each sensor's readings. For terminal and report."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from oarlock.model.coordinates import joint_columns
 
 @dataclass(frozen=True)
 class TrackSummary:
-    """What a page says first about a track; `steps_per_s` is None for a track that no filter made.
+    """Key figures of a track for the top of a page; `steps_per_s` is None for a track without a filter run.
 
     A joint is observed if at some time all of its coordinates were.
     """
@@ -34,7 +34,7 @@ class TrackSummary:
 
 
 def summarize(track: TrackLike) -> TrackSummary:
-    """The summary of a track; simulated truth, which no sensor made, has no sensors in it."""
+    """The summary of a track. That of a simulated ground truth contains no sensors."""
     samples = len(track.time_s)
     duration_s = float(track.time_s[-1] - track.time_s[0]) if samples else 0.0
     observed = np.asarray(track.observed, dtype=bool)

@@ -1,4 +1,4 @@
-"""What evaluation and report read of a track: the names they rely on, and nothing else."""
+"""Protocols of a track for evaluation and report: the attributes that they read."""
 
 from __future__ import annotations
 

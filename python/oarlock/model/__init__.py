@@ -1,1 +1,1 @@
-"""The body: model files and their loading, coordinates, rotations, shapes of its figure."""
+"""Models of bodies: model files and their loading, coordinates, rotations, shapes of the figure."""

@@ -1,4 +1,4 @@
-"""Named angles of a rotation: three turns, each about an axis of the joint as the turns before have left it.
+"""Named angles of a rotation (intrinsic sequences such as "YXY") for tracks, exports and reports.
 
 A sequence such as "ZXY" is intrinsic: R = Rz(a) Rx(b) Ry(c). The International Society of Biomechanics names its joint
 angles so (Wu et al. 2005, J. Biomech. 38, 981-992): the shoulder by YXY, elbow and wrist by ZXY. In two poses of every

@@ -1,4 +1,4 @@
-"""Where the hinges of a chain lie in a posture, read off the poses of a model."""
+"""Positions and axes of the hinges of a chain in a posture, computed from the poses of a model."""
 
 from __future__ import annotations
 

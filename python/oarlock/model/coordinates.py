@@ -1,4 +1,4 @@
-"""Which coordinates belong to which joint: `trunk`; `shoulder.rx`, `.ry`, `.rz`; `pelvis.x` to `pelvis.rz`."""
+"""Names, units and arithmetic of coordinates: `trunk`; `shoulder.rx`, `.ry`, `.rz`; `pelvis.x` to `pelvis.rz`."""
 
 from __future__ import annotations
 

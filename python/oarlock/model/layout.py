@@ -1,4 +1,4 @@
-"""Which rows of the state and of the measurement belong to what, as a person reads it.
+"""Readable names of the rows of state and measurement vectors, for descriptions of a model.
 
 A row's name is `owner.part` or `owner`: `trunk.velocity`, `shoulder.rx.velocity`, `back.gyro_x`, `seat`.
 """

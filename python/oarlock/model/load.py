@@ -1,4 +1,4 @@
-"""Model files, shipped or one's own, and the motion of their root."""
+"""`load_model` reads shipped and own model files; `Base` describes the motion of the root."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plain shapes that make a figure look like what it is: a field of use hands them to whoever draws a track."""
+"""Simple shapes (`Look`, `Shape`, `Strand`, `Viewpoint`) from which the viewer draws a figure."""
 
 from __future__ import annotations
 

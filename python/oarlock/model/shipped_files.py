@@ -1,4 +1,4 @@
-"""The models that come with the package: their names and where their files lie."""
+"""Names and files of the models that ship with the package."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What was measured, and the calibration of one wearing that corrects it: streams, checks of plausibility, folders."""
+"""Recordings and calibrations: streams of readings, plausibility checks, corrections, and the files of both."""

@@ -1,4 +1,4 @@
-"""What is known of one wearing: lengths, rig, how the sensors sit on the body, and what their readings need."""
+"""`Calibration`: lengths, mounts and corrections of sensors and clocks of one session. Used by searches and `track`."""
 
 from __future__ import annotations
 
@@ -36,30 +36,30 @@ __all__ = ["Calibration", "Clock", "EncoderScale", "Mount", "load_calibration"]
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Values that replace the model's nominal ones. What is not named keeps its default.
+    """Values that replace the nominal ones of the model. Parameters and sensors without an entry keep theirs.
 
     Args:
         parameters: parameter name -> value, in the parameter's unit (m, rad).
         mounts: sensor name -> (link_from_sensor (3, 3) rotation, offset (3,) in m in the link's axes).
         noted: how the values were found, for the report; free keys.
         mag_offsets_ut: sensor name -> (3,) constant part of a magnetometer's readings, uT in sensor axes (hard
-            iron). `oarlock.track` and a live `Tracker` subtract it; the recording keeps what was measured.
-        parameter_stds: parameter name -> standard deviation, in the parameter's unit (m, rad); of a length that is
-            estimated, the one it starts with.
+            iron). `oarlock.track` and a live `Tracker` subtract it; the recording itself is not changed.
+        parameter_stds: parameter name -> standard deviation, in the parameter's unit (m, rad). For a length that the
+            filter estimates, this is the initial standard deviation.
         mount_stds_rad: sensor name -> (3,) standard deviations of the mount's rotation about the link's axes, rad.
-        mount_offset_stds_m: sensor name -> (3,) standard deviations of the mount's offset along them, m.
+        mount_offset_stds_m: sensor name -> (3,) standard deviations of the mount's offset along these axes, m.
         gyro_biases_rad_s: sensor name -> (3,) constant part of a gyroscope's readings, rad/s in sensor axes.
-        gyro_bias_stds_rad_s: sensor name -> (3,) standard deviations of it, rad/s.
+        gyro_bias_stds_rad_s: sensor name -> (3,) standard deviations of the gyroscope biases, rad/s.
         accel_biases_m_s2: sensor name -> (3,) constant part of an accelerometer's readings, m/s2 in sensor axes.
-        accel_scales: sensor name -> (3,) with bias: ``true = (reading - bias) / scale``, per axis.
-        mag_matrices: sensor name -> (3, 3) that undoes soft iron: ``true = matrix @ (reading - mag_offset)``. It mixes
-            the axes: a reading that lacks one is missing.
-        clocks: stream name -> `Clock`: the stamps' offset and drift.
+        accel_scales: sensor name -> (3,) scale factors: ``true = (reading - bias) / scale``, per axis.
+        mag_matrices: sensor name -> (3, 3) correction of soft iron: ``true = matrix @ (reading - mag_offset)``. It
+            mixes the axes, so a reading with one missing axis counts as missing.
+        clocks: stream name -> `Clock`: offset and drift of the time stamps.
         encoders: stream name -> `EncoderScale`: ``value = scale * (reading - zero)``.
 
     Raises:
-        DataError: A value that is not a finite number, another shape, a matrix that is no rotation, a standard
-            deviation below zero.
+        DataError: A value is not a finite number or has the wrong shape, a mount is not a rotation, or a standard
+            deviation is negative.
     """
 
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -88,18 +88,18 @@ class Calibration:
         return Calibration, tuple(dict(getattr(self, f.name)) for f in fields(self))
 
     def corrected(self, recording: Recording) -> Recording:
-        """The recording with true stamps and readings, as far as this calibration knows them.
+        """The recording with the corrections of this calibration applied to time stamps and readings.
 
-        `oarlock.track` and `oarlock.Tracker` do this themselves: they take what was measured. Applies clocks, encoders,
-        biases and scales of gyroscopes and accelerometers, and `mag_matrices`; a corrected magnetometer still holds
-        `mag_offsets_ut`. Nothing is resampled; streams that are not named, and those that a recording lacks, are passed
-        over.
+        `oarlock.track` and `oarlock.Tracker` apply the corrections themselves: give them the recording as measured.
+        This function applies clocks, encoders, biases and scales of gyroscopes and accelerometers, and `mag_matrices`.
+        It does not subtract `mag_offsets_ut`. It does not resample. It ignores streams without an entry, and entries
+        without a stream.
 
         Args:
-            recording: as measured. It does not change.
+            recording: as measured. It is not modified.
 
         Returns:
-            The same object if nothing of it is corrected.
+            The corrected recording, or the same object if nothing is corrected.
 
         Raises:
             DataError: an entry does not fit its stream, such as a gyroscope's bias for an encoder.
@@ -107,11 +107,11 @@ class Calibration:
         return corrected(recording, self)
 
     def for_corrected(self) -> Calibration:
-        """What of this still holds for the recording that `corrected` gives: all but what was corrected."""
+        """This calibration without the corrections that `corrected` applies: use it with the corrected recording."""
         return replace(self, **{name: {} for name in CORRECTING})
 
     def save(self, file: str | PathLike[str]) -> None:
-        """Write as TOML; `load_calibration` reads it back exactly."""
+        """Write as a TOML file. `load_calibration` reads back identical values."""
         write_calibration({f.name: getattr(self, f.name) for f in fields(self)}, Path(file))
 
 
@@ -119,7 +119,7 @@ def load_calibration(file: str | PathLike[str]) -> Calibration:
     """Read a calibration file.
 
     Raises:
-        DataError: The file cannot be read, a key is unknown, or a value is refused by `Calibration`.
+        DataError: The file cannot be read, a key is unknown, or `Calibration` refuses a value.
     """
     return Calibration(**read_calibration(place_of(file)))
 
@@ -138,7 +138,7 @@ def _instance(kind: type, field_name: str, value: object, name: str) -> object:
 
 def _mapping(value: object, name: str) -> Mapping[str, Any]:
     if not isinstance(value, Mapping):
-        raise DataError(f"calibration, {name}: expected a table by name, got {type(value).__name__}")
+        raise DataError(f"calibration, {name}: expected a table keyed by name, got {type(value).__name__}")
     return value
 
 

@@ -1,4 +1,4 @@
-"""Calibration files: TOML, one table a field, every number exact."""
+"""Reads and writes calibration files (TOML) for `Calibration.save` and `load_calibration`: one table for each field."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ OPTIONAL = ("parameter_stds", *ARRAYS, "clocks", "encoders")
 
 
 def write_calibration(fields: Mapping[str, Any], file: Path) -> None:
-    """Write the fields of a calibration as TOML; those that hold nothing are left out."""
+    """Write the fields of a calibration as TOML. Empty fields are omitted."""
     mounts = {n: {"rotation": r.tolist(), "offset_m": o.tolist()} for n, (r, o) in fields["mounts"].items()}
     document: dict[str, object] = {
         "format": FORMAT,

@@ -1,4 +1,4 @@
-"""The gate of a calibration's values: each is copied read-only, or refused with field, name, figures and unit."""
+"""Checks of the values of a `Calibration`. Each is copied read-only or refused with field, name, number and unit."""
 
 from typing import TypeAlias
 
@@ -10,15 +10,15 @@ from oarlock.storage.errors import DataError
 
 Mount: TypeAlias = tuple[FloatArray, FloatArray]
 
-# Rotations typed by hand carry four to six digits; a wrong one is off by far more.
+# Rotations typed by hand have four to six digits; the error of a wrong matrix is far larger.
 ROTATION_TOLERANCE = 1e-4
 
 LEAST_DETERMINANT = 1e-3
-"""A soft-iron matrix stretches the axes by shares; one this flat has lost an axis."""
+"""A soft-iron matrix changes the axes by some percent; a matrix with a smaller determinant has lost an axis."""
 
 
 def finite_parameter(value: ArrayLike, name: str) -> float:
-    """A parameter's value, m or rad."""
+    """The value of a parameter, m or rad, checked to be finite."""
     number = real_array(value, (), f'calibration, parameter "{name}"').item()
     if not np.isfinite(number):
         raise DataError(f'calibration, parameter "{name}": is {number}; expected a finite number')
@@ -26,7 +26,7 @@ def finite_parameter(value: ArrayLike, name: str) -> float:
 
 
 def parameter_std(value: ArrayLike, name: str) -> float:
-    """A parameter's standard deviation, m or rad."""
+    """The standard deviation of a parameter, m or rad, checked to be finite and 0 or more."""
     where = f'calibration, parameter_stds of "{name}"'
     number = real_array(value, (), where).item()
     if not (np.isfinite(number) and number >= 0.0):
@@ -35,7 +35,7 @@ def parameter_std(value: ArrayLike, name: str) -> float:
 
 
 def finite_three(value: ArrayLike, field: str, name: str, unit: str) -> FloatArray:
-    """(3,) finite numbers of a unit's field."""
+    """(3,) values of one sensor, checked to be finite."""
     where = f'calibration, {field} of "{name}"'
     three = real_array(value, (3,), where)
     if not np.isfinite(three).all():
@@ -44,7 +44,7 @@ def finite_three(value: ArrayLike, field: str, name: str, unit: str) -> FloatArr
 
 
 def std_three(value: ArrayLike, field: str, name: str, unit: str) -> FloatArray:
-    """(3,) standard deviations of a unit's field."""
+    """(3,) standard deviations of one sensor, checked to be 0 or more."""
     three = finite_three(value, field, name, unit)
     if (three < 0.0).any():
         raise DataError(
@@ -55,18 +55,18 @@ def std_three(value: ArrayLike, field: str, name: str, unit: str) -> FloatArray:
 
 
 def accel_scale(value: ArrayLike, name: str) -> FloatArray:
-    """(3,) what an accelerometer reads per true m/s2, about 1."""
+    """(3,) scale factors of an accelerometer (reading per true m/s2), checked to be positive."""
     three = finite_three(value, "accel_scales", name, "reading per m/s2")
     if (three <= 0.0).any():
         raise DataError(
             f'calibration, accel_scales of "{name}": is {three.tolist()}; expected positive numbers near 1. '
-            "An axis that is turned round belongs into the mount"
+            "Describe an inverted axis in the mount"
         )
     return three
 
 
 def mag_matrix(value: ArrayLike, name: str) -> FloatArray:
-    """(3, 3) that undoes soft iron."""
+    """(3, 3) soft-iron correction, checked to be finite and to have a positive determinant."""
     where = f'calibration, mag_matrices of "{name}"'
     matrix = real_array(value, (3, 3), where)
     if not np.isfinite(matrix).all():
@@ -75,14 +75,14 @@ def mag_matrix(value: ArrayLike, name: str) -> FloatArray:
         determinant = float(np.linalg.det(matrix))
     if not LEAST_DETERMINANT <= determinant < np.inf:
         raise DataError(
-            f"{where}: has determinant {determinant:.3g}; expected about 1. Below {LEAST_DETERMINANT:g} it "
-            "flattens the field, and a negative one mirrors it"
+            f"{where}: has determinant {determinant:.3g}; expected about 1. Below {LEAST_DETERMINANT:g} the "
+            "matrix flattens the field; a negative determinant mirrors it"
         )
     return matrix
 
 
 def checked_mount(value: object, name: str) -> Mount:
-    """(link_from_sensor (3, 3), offset_m (3,))."""
+    """The mount (link_from_sensor (3, 3), offset_m (3,)), checked to be a rotation and finite numbers."""
     where = f'calibration, mount of "{name}"'
     if not isinstance(value, tuple | list) or len(value) != 2:
         raise DataError(f"{where}: expected (link_from_sensor 3x3, offset_m 3), got {value!r}")

@@ -1,6 +1,6 @@
-"""A recording with a calibration's corrections, for those who look at readings apart from the engine.
+"""Applies a calibration's corrections to recordings. Used by searches and evaluations that read values directly.
 
-The engine applies the same corrections to what it is given: it takes recordings and samples as they were measured.
+The engine applies the same corrections itself: it takes recordings and samples as measured.
 """
 
 from __future__ import annotations
@@ -44,24 +44,24 @@ OF_UNITS = {
     "accel_scales": "accel_m_s2",
     "mag_matrices": "mag_ut",
 }
-"""Field of a calibration -> the quantity of an inertial unit that it corrects."""
+"""Field of a calibration -> quantity of an inertial unit that it corrects."""
 
 CORRECTING = (*OF_UNITS, "clocks", "encoders")
-"""Fields that change readings or stamps, but for `mag_offsets_ut`."""
+"""Fields that change readings or time stamps, except `mag_offsets_ut`."""
 
 TOLD = {
     "gyro_biases_rad_s": "gyroscope biases of {} were subtracted",
     "accel_biases_m_s2": "accelerometer biases of {} were subtracted",
     "accel_scales": "accelerometers of {} were scaled",
-    "mag_matrices": "soft iron of {} was undone",
-    "clocks": "clocks of {} were set right",
+    "mag_matrices": "soft iron of {} was corrected",
+    "clocks": "clocks of {} were corrected",
     "encoders": "zero and scale of {} were applied",
     "mag_offsets_ut": "magnetometer offsets of {} were subtracted",
 }
 
 
 def corrected(recording: Recording, calibration: Corrections | None) -> Recording:
-    """See `oarlock.Calibration.corrected`; None corrects nothing."""
+    """The corrected recording, see `oarlock.Calibration.corrected`. Without a calibration: the recording itself."""
     if calibration is None:
         return recording
     streams = [_corrected_stream(stream, calibration) for stream in recording]
@@ -71,13 +71,13 @@ def corrected(recording: Recording, calibration: Corrections | None) -> Recordin
 
 
 def true_readings(calibration: Corrections, unit: str, field: str, readings: FloatArray) -> FloatArray:
-    """Readings (T, 3) of one quantity of an inertial unit as the engine uses them, without magnetometer offsets too."""
+    """Readings (T, 3) of one quantity of an inertial unit as the engine uses them, magnetometer offsets subtracted."""
     found = _core.corrected_readings(calibration, unit, field, readings)
     return readings if found is None else found
 
 
 def without_mag_offsets(recording: Recording, calibration: Corrections | None) -> Recording:
-    """The recording less `mag_offsets_ut`, for those who read magnetometers without the engine."""
+    """The recording with `mag_offsets_ut` subtracted, for code that reads magnetometers without the engine."""
     offsets = {} if calibration is None else calibration.mag_offsets_ut
     streams: list[Stream] = []
     for stream in recording:
@@ -89,7 +89,7 @@ def without_mag_offsets(recording: Recording, calibration: Corrections | None) -
 
 
 def correction_notes(recording: Recording, calibration: Corrections | None) -> tuple[str, ...]:
-    """One sentence for each field of the calibration that changes readings or stamps of this recording."""
+    """One sentence for each field of the calibration that changes readings or time stamps of this recording."""
     if calibration is None:
         return ()
     notes = []
@@ -136,6 +136,6 @@ def _corrected_values(unit: str, field: str, values: FloatArray, calibration: Co
     if field == "mag_ut" and unit not in calibration.mag_matrices:
         return values
     found = true_readings(calibration, unit, field, values)
-    # The offset stays: `mag_offsets_ut` still holds for what comes out.
+    # The offset remains in the readings, because `mag_offsets_ut` applies to the corrected recording too.
     kept = calibration.mag_offsets_ut.get(unit) if field == "mag_ut" else None
     return found if kept is None else found + kept

@@ -1,4 +1,4 @@
-"""A recording as a folder: recording.toml and one Parquet or CSV file a stream, ``time_s`` first."""
+"""Reads and writes recording folders: recording.toml and one Parquet or CSV file for each stream, ``time_s`` first."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -49,18 +49,18 @@ def write_folder(
     folder: str | PathLike[str],
     file_format: Literal["parquet", "csv"] = "parquet",
 ) -> None:
-    """Write a recording; one that the folder already holds is replaced.
+    """Write a recording. An existing recording in the folder is replaced.
 
-    recording.toml comes last, so a folder that was cut short is not taken for a whole one.
+    recording.toml is written last, so that an incomplete folder is not read as a recording.
 
     Args:
-        streams: of the recording.
-        meta: notes that travel with it.
-        folder: made if it is not there.
-        file_format: of the streams. Both give back every bit.
+        streams: the recording's streams.
+        meta: the recording's `meta`.
+        folder: created if it does not exist.
+        file_format: of the stream files. Both formats are exact.
 
     Raises:
-        DataError: The folder cannot be written, or `meta` holds what TOML cannot.
+        DataError: The folder cannot be written, or `meta` contains a value that TOML cannot store.
     """
     if file_format not in ("parquet", "csv"):
         raise DataError(f'file_format is {file_format!r}; expected "parquet" or "csv"')
@@ -82,33 +82,33 @@ def write_folder(
 
 
 def read_folder(path: str | PathLike[str]) -> tuple[list[Stream], Mapping[str, object]]:
-    """Read streams and notes that `write_folder` wrote, or what was written by hand in the same form.
+    """Read the streams and `meta` of a folder that `write_folder` or a person wrote.
 
     Args:
         path: the folder, or its recording.toml.
 
     Raises:
-        DataError: A file, column or key is missing or unknown, or a unit is not the one held.
+        DataError: A file, column or key is missing or unknown, or a unit is not the required one.
     """
     index = place_of(path)
     if index.is_dir():
         index = index / INDEX_FILE
     if not index.is_file():
         raise DataError(
-            f'{index}: is not there, so "{path}" is no recording. '
-            "Make one from sensor files with `oarlock import`, or with Recording.save."
+            f'{index}: does not exist, so "{path}" is not a recording. '
+            "Create one from sensor files with `oarlock import`, or with Recording.save."
         )
     top = TomlTable.read(index)
     top.check_format(FORMAT)
     top.check_keys({"format", "stream", "meta"})
     streams = [_read_stream(table, index.parent) for table in top.tables("stream")]
-    # The reader keeps what it used for the next file; of an hour that is a third as much again as the recording.
+    # pyarrow keeps its buffers for the next file; for an hour of data they are a third of the recording's size.
     pa.default_memory_pool().release_unused()
     return streams, top.table("meta", default={}).values
 
 
 def _file_names(stream_names: Sequence[str], file_format: str) -> list[str]:
-    """One name a stream: its own where a file can have it, numbered where two would meet."""
+    """One file name for each stream: the stream's name where it is a valid file name, numbered where two are equal."""
     taken: set[str] = set()
     names = []
     for number, name in enumerate(stream_names, start=1):
@@ -156,7 +156,7 @@ def _write_columns(file: Path, columns: Mapping[str, FloatArray]) -> None:
 
 
 def _remove_old(root: Path) -> None:
-    """Remove the recording that is there: its stream files, so that none is left over, and its index."""
+    """Remove an existing recording: its stream files and its index."""
     index = root / INDEX_FILE
     if not index.exists():
         return
@@ -181,7 +181,7 @@ def _read_stream(table: TomlTable, root: Path) -> Stream:
     if rows != len(found["time_s"]):
         raise DataError(
             f'{table.where("rows")}: says {rows} rows, "{table.string("file")}" has {len(found["time_s"])}. '
-            "The file was cut off or changed; correct the number if it is meant."
+            "The file was truncated or edited. If the edit is intended, correct the number."
         )
     fields = {f: np.column_stack([found[c] for c in group]) for f, group in columns.items()}
     if kind == "imu":
@@ -195,7 +195,7 @@ def _read_stream(table: TomlTable, root: Path) -> Stream:
 
 
 def _expected_columns(table: TomlTable, kind: str, units: TomlTable) -> dict[str, tuple[str, ...]]:
-    """The columns of each field that the stream's units announce."""
+    """The columns of each field that has a unit in the stream's table."""
     if kind not in _KINDS:
         raise DataError(
             f"{table.where('kind')}: the kind {kind!r} is not known. {did_you_mean(kind, _KINDS)}"
@@ -206,7 +206,7 @@ def _expected_columns(table: TomlTable, kind: str, units: TomlTable) -> dict[str
         for key, unit, _ in announced.values():
             _check_unit(units, key, (unit,))
         if not announced:
-            raise DataError(f'{table.where()}: units name no quantity, such as units = {{ gyro = "rad/s" }}')
+            raise DataError(f'{table.where()}: units are empty; expected, e.g., units = {{ gyro = "rad/s" }}')
         return {field: entry[2] for field, entry in announced.items()}
     if kind == "orientation":
         units.check_keys(set())
@@ -224,13 +224,13 @@ def _check_unit(units: TomlTable, key: str, held: tuple[str, ...]) -> None:
     found = units.string(key)
     if found not in held:
         raise DataError(
-            f'{units.where(key)}: the unit is "{found}"; a recording folder holds {" or ".join(held)}. '
-            "Convert the numbers, or let `oarlock import csv` do it."
+            f'{units.where(key)}: the unit is "{found}"; a recording folder requires {" or ".join(held)}. '
+            "Convert the numbers, or import the file with `oarlock import csv`."
         )
 
 
 def _read_columns(table: TomlTable, root: Path, names: list[str]) -> dict[str, FloatArray]:
-    """The named columns of the stream's file, which must have these and no other."""
+    """The named columns of the stream's file. Missing and additional columns are errors."""
     given = table.string("file")
     file = place_of(root / given)
     if Path(given).is_absolute() or ".." in Path(given).parts:
@@ -250,7 +250,7 @@ def _check_columns(file: Path, found: list[str], names: list[str]) -> None:
     for name in found:
         if name not in names:
             raise DataError(
-                f'{file}: recording.toml does not announce the column "{name}". {did_you_mean(name, names)}'
+                f'{file}: recording.toml does not list the column "{name}". {did_you_mean(name, names)}'
             )
 
 

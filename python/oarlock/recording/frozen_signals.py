@@ -1,4 +1,4 @@
-"""Signals that no sensor in motion gives: frozen at one value, or cut off at the end of the range."""
+"""Detects stuck signals (constant during motion) and clipped signals (at the end of the range), for `plausibility`."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import FloatArray
 
 STUCK_S, STUCK_ROWS = 0.5, 20
-"""One value for so long, and so many samples, is no measurement of something that moves."""
+"""A constant value over this time and this number of samples is stuck if the sensor moves."""
 MOVES = {"gyro_rad_s": 0.1, "accel_m_s2": 0.3}
-"""Standard deviation from which on a unit moves."""
+"""Standard deviation above which a unit moves."""
 FLAT_ROWS, FLAT_SHARE = 3, 4
-"""A flat top has so many equal samples in a row; there are so many in all."""
+"""A flat top has at least 3 equal samples in a row; all flat tops together have at least 4."""
 STEEP = 5.0
-"""Into a flat top a signal jumps by so many of its smallest steps; one that rests there does not."""
+"""A clipped signal enters its flat top by a step of at least this many resolution steps; a resting one does not."""
 NEAR = 0.04
 _RANGES = {
     "gyro_rad_s": [(f"{x} deg/s", radians(x)) for x in (125, 250, 500, 1000, 2000, 4000)],
@@ -27,7 +27,7 @@ _SENSOR = {"gyro_rad_s": "gyroscope", "accel_m_s2": "accelerometer"}
 
 
 def stuck_texts(stream: ImuStream, others_move: bool) -> list[str]:
-    """Axes, or all of a quantity, that hold one value for half a second while the unit moves."""
+    """One sentence for each quantity whose axes keep one value for half a second while the unit moves."""
     if len(stream) < STUCK_ROWS:
         return []
     runs = {name: [_longest_equal(column) for column in rows.T] for name, rows in stream.values.items()}
@@ -40,12 +40,13 @@ def stuck_texts(stream: ImuStream, others_move: bool) -> list[str]:
             else "for a while"
         )
         return [
-            f"looks stuck: every reading is the same {when}, which no sensor in use gives. Look at its link."
+            f"looks stuck: all readings are identical {when}, unlike those of a working sensor. "
+            "Check its connection."
         ]
     texts = []
     for name, own in runs.items():
         held = [axis for axis, (first, stop) in enumerate(own) if _is_long(stream, first, stop)]
-        # What is zero throughout gave nothing, which is said elsewhere.
+        # A quantity that is zero throughout has a finding of its own.
         if not held or not stream.values[name].any():
             continue
         first, stop = own[held[0]]
@@ -55,13 +56,13 @@ def stuck_texts(stream: ImuStream, others_move: bool) -> list[str]:
         values = ", ".join(f"{stream.values[name][first, axis]:.5g}" for axis in held)
         texts.append(
             f"{name} looks stuck: {which} read {values} from {stream.time_s[first]:.2f} to "
-            f"{stream.time_s[stop - 1]:.2f} s while the rest moves. Look at the sensor; leave it out meanwhile."
+            f"{stream.time_s[stop - 1]:.2f} s while the rest moves. Check the sensor; until then leave it out."
         )
     return texts
 
 
 def clipped_texts(stream: ImuStream) -> list[str]:
-    """Quantities whose largest values are flat tops at one value."""
+    """One sentence for each quantity whose largest values form flat tops at one level."""
     texts = []
     for name, ranges in _RANGES.items():
         rows = stream.values.get(name)
@@ -76,14 +77,14 @@ def clipped_texts(stream: ImuStream) -> list[str]:
         guess = [text for text, value in ranges if abs(level / value - 1.0) < NEAR]
         range_text = f", the end of a range of {guess[0]}" if guess else ""
         texts.append(
-            f"{name} looks clipped: {count} readings are cut off at {level:.4g}{range_text}. "
+            f"{name} looks clipped: {count} readings are limited to {level:.4g}{range_text}. "
             f"Set the {_SENSOR[name]} to a larger range."
         )
     return texts
 
 
 def moves(stream: ImuStream) -> bool:
-    """Whether the unit moved at all."""
+    """True if the unit moved at any time."""
     return _moves(stream, 0, len(stream), "", [])
 
 
@@ -109,7 +110,7 @@ def _is_long(stream: ImuStream, first: int, stop: int) -> bool:
 
 
 def _longest_equal(column: FloatArray) -> tuple[int, int]:
-    """First and last+1 of the longest run of one value."""
+    """Start and stop index of the longest run of equal values."""
     return _longest(column[1:] == column[:-1])
 
 
@@ -123,7 +124,7 @@ def _longest(same: NDArray[np.bool_]) -> tuple[int, int]:
 
 
 def _flat_top(column: FloatArray) -> tuple[int, float] | None:
-    """How many readings lie in flat tops at the largest value, and that value."""
+    """Number of readings in flat tops at the largest value, and that value."""
     there = column[np.isfinite(column)]
     if not there.size or (top := float(there.max())) <= 0.0:
         return None

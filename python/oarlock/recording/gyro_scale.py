@@ -1,32 +1,32 @@
-"""Does the gyroscope turn as fast as gravity turns in the accelerometer?"""
+"""Compares a gyroscope's rate with the rotation of gravity in the accelerometer, to find a wrong unit (deg/s)."""
 
 import numpy as np
 
 from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import FloatArray
 
-# Over this time accelerations of the body average out, and gravity still turns visibly.
+# Accelerations of the body average out over this time, while gravity still rotates visibly.
 SMOOTHING_S = 0.25
-# Only where |accel| is near its median is its direction that of gravity.
+# The accelerometer points along gravity only where |accel| is near its median.
 NEAR_REST = 0.15
 LEAST_ROWS = 50
-# Below this, noise in the accelerometer would decide.
+# Below this rate, accelerometer noise would dominate.
 LEAST_TURN_PER_S = 0.05
 LEAST_CORRELATION = 0.8
 
 
 def gyro_per_gravity_turn(stream: ImuStream) -> float | None:
-    """Angular rate of the gyro over that of gravity in the accel: 1 where both have the right unit.
+    """Ratio of the gyroscope's rate to the rotation rate of gravity in the accelerometer: 1 if both units are correct.
 
-    In sensor axes a direction u that stands still in the world changes by -gyro x u. The change of accel's
-    direction over a quarter second is compared with the mean of that product, by least squares.
+    In sensor axes a direction u that is fixed in the world changes by -gyro x u. Least squares compares the change of
+    the accelerometer's direction over a quarter of a second with the mean of that product.
 
     Args:
-        stream: an inertial unit; the unit and sign of its accel do not matter.
+        stream: an inertial unit; unit and sign of its accelerometer have no effect.
 
     Returns:
-        The ratio, near 57.3 for a gyro in deg/s, or None where the recording does not tell: a quantity is
-        absent, little motion, or accelerations that hide gravity.
+        The ratio, near 57.3 for a gyroscope in deg/s. None if it cannot be determined: a quantity is absent, there is
+        little motion, or accelerations mask gravity.
     """
     if stream.gyro_rad_s is None or stream.accel_m_s2 is None or len(stream) < LEAST_ROWS:
         return None
@@ -45,19 +45,19 @@ def gyro_per_gravity_turn(stream: ImuStream) -> float | None:
 
 
 def row_norms(rows: FloatArray) -> FloatArray:
-    """Length of each row, (T, 3) to (T,)."""
+    """Norm of each row: (T,) of (T, 3)."""
     lengths: FloatArray = np.sqrt(np.einsum("ij,ij->i", rows, rows))
     return lengths
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """A x b, row by row; without the axes that numpy's own must sort out first."""
+    """Cross product row by row; faster than `numpy.cross`, which handles arbitrary axes."""
     (ax, ay, az), (bx, by, bz) = a.T, b.T
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
 
 
 def _running_mean(rows: FloatArray, width: int) -> FloatArray:
-    """Mean of each `width` steps by the trapezoid rule; NaN only where one of these steps holds NaN."""
+    """Mean over each `width` steps by the trapezoid rule; NaN only where one of these steps is NaN."""
     middle = 0.5 * (rows[1:] + rows[:-1])
     gone = np.isnan(middle)
     if not gone.any():
@@ -70,7 +70,7 @@ def _running_mean(rows: FloatArray, width: int) -> FloatArray:
 
 
 def _slope(seen: FloatArray, told: FloatArray) -> float | None:
-    """Least-squares ratio told / seen, if both are large enough and agree in shape."""
+    """Least-squares ratio told / seen; None if either is too small or their correlation is too low."""
     if len(seen) < LEAST_ROWS or float(np.sqrt((seen**2).mean())) < LEAST_TURN_PER_S:
         return None
     product, seen_squared, told_squared = (

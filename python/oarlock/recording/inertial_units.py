@@ -1,4 +1,4 @@
-"""Which inertial units of a recording a search takes, and their readings as the engine reads them."""
+"""Selects the inertial units for a calibration search and converts their readings for the engine."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ def chosen_units(
     search: str,
     needs: Sequence[str] = MOVES,
 ) -> list[str]:
-    """Names of the units that a search takes: those given, or all of the model that were recorded.
+    """Names of the units for a search: those given, or all recorded units of the model.
 
     Raises:
-        DataError: none was recorded, a name is no inertial unit of the model, or a stream lacks what is needed.
+        DataError: none was recorded, a name is not an inertial unit of the model, or a stream lacks a quantity.
     """
     units = [s["name"] for s in model.describe()["sensors"] if s["kind"] == "imu"]
     if sensors is None:
@@ -55,7 +55,7 @@ def chosen_units(
 
 
 def readings(stream: object) -> dict[str, Any]:
-    """A unit's columns by the engine's names; a magnetometer without any reading counts as absent."""
+    """A unit's columns by the names of the engine. A magnetometer without any reading counts as absent."""
     assert isinstance(stream, ImuStream)
     return {
         "name": stream.name,

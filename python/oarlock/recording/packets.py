@@ -1,4 +1,4 @@
-"""Packets that never arrived, by the device's counter or by the steps between stamps."""
+"""Counts lost packets of a stream, from the device's packet counter or from time stamps, for notes and the report."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from oarlock.storage.array_gate import FloatArray, real_array
 from oarlock.storage.errors import DataError
 
 META_KEY = "packets"
-"""`Recording.meta[META_KEY][stream]` holds what a reader found by counter: `after_s`, `packets`, `step_s`."""
+"""`Recording.meta[META_KEY][stream]` is a reader's result from the packet counter: `after_s`, `packets`, `step_s`."""
 
 _GAP_STEPS = 1.5
 _REGULAR_SHARE, _REGULAR_STEP = 0.8, 0.3
-"""Steps tell of missing packets only where so many of them are this close, as a share, to the usual one."""
+"""Time stamps show lost packets only if this share of the intervals is within this share of the typical interval."""
 _LEAST_STEPS = 10
 
 
 @dataclass(frozen=True)
 class Lost:
-    """What is missing of one stream.
+    """Lost packets of one stream.
 
     Args:
-        after_s: (G,) stamps behind which packets are missing, s.
-        packets: (G,) how many at each.
-        silent_s: (G,) time without any, beyond the usual step, s.
-        by_counter: the device counted; else told from the stamps.
+        after_s: (G,) time stamps after which packets are missing, s.
+        packets: (G,) number of missing packets in each gap.
+        silent_s: (G,) duration of each gap beyond the typical interval, s.
+        by_counter: true if counted by the device's packet counter, false if detected from time stamps.
     """
 
     after_s: FloatArray
@@ -39,7 +39,7 @@ class Lost:
     by_counter: bool
 
     def text(self) -> str:
-        """One sentence, such as "37 packets missing in 5 places, longest 80 ms at 12.3 s"; empty if none is."""
+        """One sentence, such as "37 packets missing in 5 places, longest 80 ms at 12.3 s"; empty if none is missing."""
         if not self.after_s.size:
             return ""
         worst, places = int(np.argmax(self.silent_s)), len(self.after_s)
@@ -53,10 +53,10 @@ class Lost:
 
 
 def lost_packets(recording: Recording, stream: Stream) -> Lost | None:
-    """Gaps of a stream: by counter where a reader found one, else by its stamps; None if these tell nothing.
+    """Gaps of a stream, from the packet counter if there is one, otherwise from time stamps; None if undetermined.
 
     Raises:
-        DataError: the recording's `meta` holds something else under the name of counted packets.
+        DataError: the entry for counted packets in the recording's `meta` is invalid.
     """
     counted = recording.meta.get(META_KEY)
     if isinstance(counted, Mapping) and isinstance(counted.get(stream.name), Mapping):
@@ -73,7 +73,7 @@ def _counted(found: Mapping[str, ArrayLike], stream: Stream) -> Lost:
     packets = real_array(found["packets"], (len(after),), f"{where}, packets")
     (step_s,) = real_array(found["step_s"], (1,), f"{where}, step_s")
     if not (np.isfinite(after).all() and np.isfinite(packets).all() and np.isfinite(step_s)):
-        raise DataError(f"{where}: holds what is no number; import the recording again")
+        raise DataError(f"{where}: contains a value that is not a number; import the recording again")
     inside = (after >= stream.time_s[0]) & (after <= stream.time_s[-1])
     return Lost(after[inside], packets[inside], packets[inside] * step_s, True)
 
@@ -91,6 +91,6 @@ def _by_steps(stream: Stream) -> Lost | None:
 
 
 def missing_packets(recording: Recording, stream: Stream) -> int | None:
-    """How many packets of a stream are missing; None if nothing tells."""
+    """Number of missing packets of a stream; None if undetermined."""
     lost = lost_packets(recording, stream)
     return None if lost is None else int(lost.packets.sum())

@@ -1,6 +1,6 @@
-"""Wrong units, frozen and clipped signals that show: readings that no sensor on a body can give.
+"""Checks a recording for wrong units, stuck and clipped signals and gaps. Used by `track` and the searches.
 
-Nothing is repaired. A finding says which sensor, which number, and what to change.
+Nothing is repaired. A finding states the sensor, the number and what to change.
 """
 
 from collections.abc import Collection
@@ -23,12 +23,12 @@ Severity: TypeAlias = Literal["error", "warning", "note"]
 
 STILL_S = 1.0
 ACCEL_EXPECTED_M_S2 = (5.0, 20.0)
-# Beyond the range of the units that people wear: 2000 deg/s is 34.9 rad/s.
+# Beyond the range of wearable units: 2000 deg/s is 34.9 rad/s.
 GYRO_MAX_RAD_S = 40.0
 GYRO_P99_RAD_S = 35.0
-# A limb that turns at more than two turns a second half of the time.
+# Median rate of a limb that rotates faster than two turns per second half of the time.
 GYRO_MEDIAN_RAD_S = 15.0
-# The earth's field is 22 to 67 uT; iron nearby halves or triples it.
+# The earth's field is 22 to 67 uT; nearby iron halves or triples it.
 MAG_EXPECTED_UT = (1.0, 200.0)
 MAG_USUAL_UT = (10.0, 150.0)
 SCALAR_MAX = 20.0
@@ -54,13 +54,13 @@ _MAG_UNITS = (
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that a recording's numbers tell.
+    """One result of the plausibility checks.
 
     Args:
         sensor: the stream's name.
-        severity: "error" stops a run, "warning" is shown, "note" tells what is missing.
-        message: a whole sentence or more: number, unit, and what to do.
-        kind: "stuck" or "clipped" where it is that; else empty.
+        severity: "error" stops a run, "warning" is shown, "note" reports missing data.
+        message: one or more sentences: number, unit, and what to do.
+        kind: "stuck" or "clipped" for these faults; otherwise empty.
     """
 
     sensor: str
@@ -73,17 +73,17 @@ class Finding:
 
 
 def plausibility(recording: Recording, expected: Collection[str] = ()) -> list[Finding]:
-    """Look for wrong units, dead sensors and gaps.
+    """Check for wrong units, dead sensors and gaps.
 
     Args:
-        recording: the recording, unchanged.
-        expected: names that the model has, where one is at hand; a stream that is absent is then noted, and
-            one that no sensor takes is a warning.
+        recording: the recording; it is not modified.
+        expected: names of the model's sensors and inputs, if a model is given. A missing stream is then a note, and
+            a stream without a sensor is a warning.
 
     Returns:
         Findings, errors first.
     """
-    # Readings whose sums overflow are among what is looked for.
+    # Overflowing sums are no numpy warning here: the checks report such readings.
     with np.errstate(over="ignore", invalid="ignore"):
         findings = [f for stream in recording.streams for f in _stream_findings(recording, stream)]
         findings += _frozen_findings([s for s in recording.streams if isinstance(s, ImuStream)])
@@ -92,10 +92,10 @@ def plausibility(recording: Recording, expected: Collection[str] = ()) -> list[F
 
 
 def require_plausible(recording: Recording, expected: Collection[str] = ()) -> list[Finding]:
-    """The warnings and notes of `plausibility`; its errors are raised together.
+    """The warnings and notes of `plausibility`.
 
     Raises:
-        DataError: At least one finding is an error.
+        DataError: At least one finding is an error. The text contains all errors.
     """
     findings = plausibility(recording, expected)
     errors = [str(f) for f in findings if f.severity == "error"]
@@ -131,7 +131,7 @@ def _accel_findings(stream: ImuStream) -> list[Finding]:
         return []
     if not norms.any():
         return [
-            _error(stream, "accel_m_s2 is zero throughout; the accelerometer gave nothing. Leave it out.")
+            _error(stream, "accel_m_s2 is zero throughout: the accelerometer has no readings. Leave it out.")
         ]
     middle = float(np.median(norms))
     rest = float(np.median(norms[_stillest(stream.time_s[rows], stream.accel_m_s2[rows])]))
@@ -149,7 +149,7 @@ def _accel_findings(stream: ImuStream) -> list[Finding]:
         _warning(
             stream,
             f"|accel| in the stillest second is {rest:.4g} m/s2, expected {low:g} to {high:g}. "
-            "Check its unit, and that gravity has not been taken out.",
+            "Check the unit, and check that gravity was not removed.",
         )
     ]
 
@@ -165,17 +165,20 @@ def _gyro_findings(stream: ImuStream) -> list[Finding]:
             _error(
                 stream,
                 f"|gyro| reaches {top:.4g} rad/s (99 % below {most:.4g}, half below {middle:.4g}); "
-                f"worn units end at about {GYRO_P99_RAD_S:g} rad/s. {looks}",
+                f"the range of wearable units ends at about {GYRO_P99_RAD_S:g} rad/s. {looks}",
             )
         ]
     ratio = gyro_per_gravity_turn(stream)
     if ratio is not None and 0.6 < ratio * np.pi / 180.0 < 1.6:
         return [
-            _error(stream, f"the gyro turns {ratio:.3g} times as fast as gravity turns in the accel. {looks}")
+            _error(
+                stream,
+                f"the gyroscope rotates {ratio:.3g} times as fast as gravity in the accelerometer. {looks}",
+            )
         ]
     if top == 0.0:
         return [
-            _warning(stream, "gyro_rad_s is zero throughout. If the gyroscope gave nothing, leave it out.")
+            _warning(stream, "gyro_rad_s is zero throughout. If the gyroscope has no readings, leave it out.")
         ]
     return []
 
@@ -186,7 +189,7 @@ def _mag_findings(stream: ImuStream) -> list[Finding]:
         return []
     middle = float(np.median(norms))
     if not norms.any():
-        return [_error(stream, "mag_ut is zero throughout; the magnetometer gave nothing. Leave mag out.")]
+        return [_error(stream, "mag_ut is zero throughout: the magnetometer has no readings. Leave mag out.")]
     low, high = MAG_EXPECTED_UT
     if not low <= middle <= high:
         fits = [_looks(unit, change) for a, b, unit, change in _MAG_UNITS if a <= middle <= b]
@@ -199,7 +202,7 @@ def _mag_findings(stream: ImuStream) -> list[Finding]:
             _warning(
                 stream,
                 f"the median of |mag| is {middle:.4g} uT, expected 22 to 67 uT on earth. "
-                "Check its unit (makers' own units are near 1), its calibration, and iron nearby.",
+                "Check its unit (manufacturers' own units are near 1), its calibration, and nearby iron.",
             )
         ]
     return []
@@ -227,10 +230,10 @@ def _missing_findings(stream: Stream) -> list[Finding]:
             findings.append(_note(stream, f"has no {' and no '.join(absent)}."))
     for field, rows in stream.values.items():
         if not np.isnan(rows.sum()):
-            continue  # what is missing would have spoilt the sum
+            continue  # a NaN would have made the sum NaN
         missing = np.isnan(rows).reshape(len(rows), -1)
         if missing.all():
-            findings.append(_warning(stream, f"{field} holds no reading at all (all NaN)."))
+            findings.append(_warning(stream, f"{field} has no reading (all NaN)."))
         elif missing.any():
             findings.append(_note(stream, _missing_text(stream, field, missing)))
     return findings
@@ -286,17 +289,17 @@ def _name_findings(recording: Recording, expected: Collection[str]) -> list[Find
 
 
 def _norms(rows: FloatArray | None) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Norms of the rows without NaN, and which rows these are. An axis that never reads counts as absent."""
+    """Norms of the rows without NaN, and a mask of these rows. An axis without any reading counts as absent."""
     if rows is None:
         return np.zeros(0), np.zeros(0, dtype=np.bool_)
-    # A row with a NaN has no norm, so an axis that never reads leaves none.
+    # A row with a NaN has no norm, so one axis without readings would leave no row.
     norms = row_norms(rows)
     whole = np.isfinite(norms)
     return norms[whole], whole
 
 
 def _stillest(time_s: FloatArray, rows: FloatArray) -> slice:
-    """The second in which the readings spread least; all of it where the stream is shorter."""
+    """The second with the least scatter of the readings; the whole stream if it is shorter."""
     step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else STILL_S
     width = max(2, round(STILL_S / step))
     if len(rows) <= width:

@@ -1,4 +1,4 @@
-"""A recording: the streams of one trial, side by side. Made by readers and simulators, tracked by `oarlock.track`."""
+"""`Recording`: the streams of one trial. Importers and simulators create recordings; `oarlock.track` tracks them."""
 
 import copy
 from collections.abc import Iterable, Iterator, Mapping
@@ -21,11 +21,11 @@ class Recording:
 
     Args:
         streams: the streams, each with its own name.
-        meta: what else is known (``source``, ``athlete`` as a pseudonym, ``rig``, ``clock``); texts, numbers,
-            booleans, lists and tables of them, so that `save` can write it.
+        meta: further information (``source``, ``athlete`` as a pseudonym, ``rig``, ``clock``): texts, numbers,
+            booleans, and lists and tables of these, so that `save` can write them.
 
     Raises:
-        DataError: No stream, something that is not a stream, or two streams of one name.
+        DataError: There is no stream, an element is not a stream, or two streams have the same name.
     """
 
     streams: tuple[Stream, ...]
@@ -71,11 +71,15 @@ class Recording:
 
     @property
     def duration_s(self) -> float:
-        """From the earliest to the latest stamp in s."""
+        """Time from the earliest to the latest time stamp in s."""
         return self.end_s - self.start_s
 
     def sensor(self, name: str) -> Stream:
-        """The stream of one sensor; a `DataError` names the nearest if there is none."""
+        """The stream of one sensor.
+
+        Raises:
+            DataError: There is no such stream. The text suggests the most similar name.
+        """
         for stream in self.streams:
             if stream.name == name:
                 return stream
@@ -97,9 +101,9 @@ class Recording:
         return len(self.streams)
 
     def slice(self, start_s: float = -np.inf, end_s: float = np.inf) -> "Recording":
-        """The samples with start_s <= time_s < end_s; stamps stay as they are.
+        """The samples with start_s <= time_s < end_s, with unchanged time stamps.
 
-        A stream with no sample in this span is left out, so two slices that meet share no sample.
+        A stream without a sample in this interval is left out. Adjacent slices share no sample.
         """
         cut = [part for s in self.streams if (part := s.between(start_s, end_s)) is not None]
         if not cut:
@@ -110,7 +114,7 @@ class Recording:
         return Recording(cut, self.meta)
 
     def only(self, names: Iterable[str]) -> "Recording":
-        """The streams of these names, in the order of the recording; the others are left out.
+        """The recording with only the streams of these names, in the order of the recording.
 
         Raises:
             DataError: There is no stream of one of the names, or no name is given.
@@ -119,12 +123,12 @@ class Recording:
         return Recording([s for s in self.streams if s.name in kept], self.meta)
 
     def save(self, folder: str | PathLike[str], file_format: Literal["parquet", "csv"] = "parquet") -> None:
-        """Write a recording folder: recording.toml and one file a stream.
+        """Write a recording folder: recording.toml and one file for each stream.
 
-        `load_recording` reads it back exactly. A recording that the folder already holds is replaced.
+        `load_recording` reads back identical values. An existing recording in the folder is replaced.
 
         Raises:
-            DataError: The folder cannot be written, or `meta` holds what TOML cannot.
+            DataError: The folder cannot be written, or `meta` contains a value that TOML cannot store.
         """
         write_folder(self.streams, self.meta, folder, file_format)
 
@@ -151,6 +155,6 @@ def load_recording(path: str | PathLike[str]) -> Recording:
         path: the folder, or its recording.toml.
 
     Raises:
-        DataError: A file, column or key is missing or unknown, or a unit is not the one held.
+        DataError: A file, column or key is missing or unknown, or a unit is not the required one.
     """
     return Recording(*read_folder(path))

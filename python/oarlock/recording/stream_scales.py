@@ -1,4 +1,4 @@
-"""How one stream's stamps and readings differ from true time and true values."""
+"""`Clock` and `EncoderScale`: corrections of one stream's time stamps and readings. Fields of `Calibration`."""
 
 from dataclasses import dataclass
 from math import isfinite, isnan, nan
@@ -8,21 +8,21 @@ from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
 
 MOST_DRIFT = 0.1
-"""A clock that gains a tenth is none; a figure that large was meant in ppm."""
+"""No clock drifts by a tenth; a larger value was probably given in ppm."""
 
 
 @dataclass(frozen=True)
 class Clock:
-    """A stream's clock: at true time t its stamp reads ``t + offset_s + drift * t``.
+    """A stream's clock: at true time t the time stamp is ``t + offset_s + drift * t``.
 
     Args:
-        offset_s: stamp less true time at t = 0 of the recording's own time axis, s.
-        drift: by how much it gains, s per s: 50 ppm are 5e-5.
-        offset_std_s: standard deviation of the offset, s; NaN if it is not known.
-        drift_std: standard deviation of the drift; NaN if it is not known.
+        offset_s: time stamp minus true time at t = 0 of the recording's time axis, s.
+        drift: relative rate error, s per s: 50 ppm are 5e-5.
+        offset_std_s: standard deviation of the offset, s; NaN if unknown.
+        drift_std: standard deviation of the drift, s per s; NaN if unknown.
 
     Raises:
-        DataError: a figure that is not finite, a drift of 0.1 or more, a negative standard deviation.
+        DataError: a number is not finite, the drift is 0.1 or more, or a standard deviation is negative.
     """
 
     offset_s: float
@@ -35,7 +35,7 @@ class Clock:
         _finite(self.drift, "clock, drift", "s per s")
         if abs(self.drift) >= MOST_DRIFT:
             raise DataError(
-                f"clock, drift: is {self.drift:g}; expected a share below {MOST_DRIFT:g}: 50 ppm are 5e-5"
+                f"clock, drift: is {self.drift:g}; expected less than {MOST_DRIFT:g} s per s: 50 ppm are 5e-5"
             )
         for name in ("offset_std_s", "drift_std"):
             std = _number(getattr(self, name), f"clock, {name}")
@@ -43,24 +43,24 @@ class Clock:
                 raise DataError(f"clock, {name}: is {std:g}; expected 0 or more, or NaN for unknown")
 
     def true_s(self, stamps_s: FloatArray) -> FloatArray:
-        """(T,) true times, s, of (T,) stamps, s; the same bits where offset and drift are zero."""
+        """(T,) true times, s, from (T,) time stamps, s; identical to them if offset and drift are zero."""
         return _core.true_times_s(self, stamps_s)
 
     def stamps_s(self, true_s: FloatArray) -> FloatArray:
-        """(T,) what the clock reads, s, at (T,) true times, s."""
+        """(T,) time stamps of this clock, s, at (T,) true times, s."""
         return true_s + self.offset_s + self.drift * true_s
 
 
 @dataclass(frozen=True)
 class EncoderScale:
-    """A scalar stream's zero and scale: ``value = scale * (reading - zero)``.
+    """Zero and scale of a scalar stream: ``value = scale * (reading - zero)``.
 
     Args:
-        zero: what it reads where the value is zero, in the stream's unit (rad, m).
-        scale: value per reading; -1 is a wrong sign.
+        zero: reading where the true value is zero, in the stream's unit (rad, m).
+        scale: true value per reading; -1 corrects a wrong sign.
 
     Raises:
-        DataError: a figure that is not finite, or a scale of zero.
+        DataError: a number is not finite, or the scale is zero.
     """
 
     zero: float
@@ -70,12 +70,10 @@ class EncoderScale:
         _finite(self.zero, "encoder, zero", "rad or m")
         _finite(self.scale, "encoder, scale", "value per reading")
         if self.scale == 0.0:
-            raise DataError(
-                "encoder, scale: is 0, which would wipe out every reading; expected 1, -1 or near"
-            )
+            raise DataError("encoder, scale: is 0, which makes every value 0; expected a number near 1 or -1")
 
     def value(self, readings: FloatArray) -> FloatArray:
-        """(T,) values of (T,) readings, rad or m; NaN stays NaN."""
+        """(T,) corrected values of (T,) readings, rad or m; NaN remains NaN."""
         return _core.encoder_values(self, readings)
 
 
@@ -85,7 +83,7 @@ def _number(value: object, where: str) -> float:
     try:
         return float(value)
     except OverflowError:
-        raise DataError(f"{where}: is larger than any number with a decimal point") from None
+        raise DataError(f"{where}: is too large for a floating-point number") from None
 
 
 def _finite(value: object, where: str, unit: str) -> None:

@@ -1,4 +1,4 @@
-"""Measured streams: what one sensor gave, unchanged, with time stamps and a name."""
+"""Streams: the readings of one sensor with their time stamps, one class for each kind. The parts of a `Recording`."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ ScalarUnit: TypeAlias = Literal["m", "rad"]
 
 
 class _Stream:
-    """What all kinds of stream share: a name, stamps, and fields of one row per stamp."""
+    """Common part of all kinds of stream: a name, time stamps, and fields with one row for each time stamp."""
 
     kind: ClassVar[str]
     name: str
@@ -23,7 +23,7 @@ class _Stream:
     def _admit(self, width: int | None, names: Iterable[str]) -> None:
         name: object = self.name
         if not isinstance(name, str) or not name.strip():
-            raise DataError(f"a stream's name must be a text that is not empty, got {name!r}")
+            raise DataError(f"a stream's name must be a non-empty text, got {name!r}")
         self._put("time_s", time_array(self.time_s, f"{self._where}, time_s"))
         for field_name in names:
             self._put(field_name, self._rows(field_name, width))
@@ -49,12 +49,12 @@ class _Stream:
 
     @property
     def values(self) -> Mapping[str, FloatArray]:
-        """The measured arrays by field name, each (T,) or (T, 3); those that are None are left out."""
+        """The measured arrays by field name, each (T,), (T, 3) or (T, 4), without those that are None."""
         raise NotImplementedError
 
     @property
     def rate_hz(self) -> float:
-        """Sample rate in Hz: one over the median step; NaN for a single sample."""
+        """Sample rate in Hz: the inverse of the median interval; NaN for a single sample."""
         return 1.0 / float(np.median(np.diff(self.time_s))) if len(self.time_s) > 1 else float("nan")
 
     @property
@@ -67,13 +67,13 @@ class _Stream:
         return len(self.time_s)
 
     def at_rows(self, rows: NDArray[Any] | slice, time_s: FloatArray | None = None) -> Self:
-        """The samples of these indices, or where this mask is true; with other stamps where these are given."""
+        """The samples at these indices or where this mask is true, with new time stamps (T,) in s if given."""
         values = {name: array[rows] for name, array in self.values.items()}
         stamps = self.time_s[rows] if time_s is None else time_s
         return replace(self, time_s=stamps, **values)  # type: ignore[type-var]
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
-        # Through the constructor, so that a copy or an unpickled stream is read-only too.
+        # Uses the constructor, so that the arrays of a copied or unpickled stream are read-only too.
         return type(self), tuple(vars(self)[f] for f in type(self).__match_args__)  # type: ignore[attr-defined]
 
     def __repr__(self) -> str:
@@ -86,7 +86,7 @@ class _Stream:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ImuStream(_Stream):
-    """One inertial unit, in its own axes. Any quantity may be None (absent) or hold NaN (missing).
+    """Readings of one inertial unit in its own axes. Any quantity may be None (absent) or contain NaN (missing).
 
     Args:
         name: the sensor's name in the model.
@@ -96,7 +96,8 @@ class ImuStream(_Stream):
         mag_ut: (T, 3) magnetic flux density in uT.
 
     Raises:
-        DataError: Stamps out of order, another shape, infinite or non-numeric values, or no quantity at all.
+        DataError: The time stamps do not increase, a shape is wrong, a value is infinite or not a number, or there is
+            no quantity.
     """
 
     kind: ClassVar[str] = "imu"
@@ -130,16 +131,16 @@ class ImuStream(_Stream):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ScalarStream(_Stream):
-    """One number over time, such as an encoder's.
+    """One number over time, such as the readings of an encoder.
 
     Args:
         name: the sensor's or the input joint's name in the model.
         time_s: (T,) strictly increasing stamps in s.
         value: (T,) readings, rad for a hinge and m for a slide; NaN = missing.
-        unit: "rad" or "m" where the source says it, so that a mix-up can be found; None if it does not.
+        unit: "rad" or "m" if the source states it, so that wrong units are detected; otherwise None.
 
     Raises:
-        DataError: As `ImuStream`, or another unit.
+        DataError: As `ImuStream`, or the unit is neither.
     """
 
     kind: ClassVar[str] = "scalar"
@@ -152,7 +153,7 @@ class ScalarStream(_Stream):
         self._admit(None, ["value"])
         if self.unit not in (None, "m", "rad"):
             raise DataError(
-                f'{self._where}: unit is {self.unit!r}; readings are held in "rad" or "m". Convert them.'
+                f'{self._where}: unit is {self.unit!r}; expected "rad" or "m". Convert the readings.'
             )
 
     @property
@@ -199,18 +200,18 @@ class VectorStream(_Stream):
 
 
 _UNIT_TOLERANCE = 0.01
-"""How far the norm of a quaternion may be from one: digits were cut off, or it is no rotation."""
+"""Allowed error of a quaternion's norm, for rounded digits; a larger one indicates that it is no rotation."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OrientationStream(_Stream):
-    """Orientations that a unit computes itself, over time.
+    """Orientations over time that an inertial unit computes itself.
 
     Args:
         name: the sensor's name in the model.
         time_s: (T,) strictly increasing stamps in s.
-        quat_wxyz: (T, 4) unit quaternions, scalar first, that turn sensor axes to the device's reference, whose z
-            axis points up. Either sign; NaN = missing. They are kept as given; a norm within 1 % of one is accepted.
+        quat_wxyz: (T, 4) unit quaternions, scalar first: the rotation reference-from-sensor. The z axis of the
+            device's reference points up. Either sign; NaN = missing. A norm within 1 % of one is accepted and kept.
 
     Raises:
         DataError: As `ImuStream`, or a quaternion that is not a unit quaternion.

@@ -1,1 +1,1 @@
-"""Simulated recordings: joint trajectories, sensor signals along them, and simulated calibration sessions."""
+"""Simulates recordings: joint trajectories, sensor signals along them, and guided calibration sessions."""

@@ -1,4 +1,4 @@
-"""Joint trajectories in continuous time: what a simulation is driven by."""
+"""`Motion`: joint trajectories in continuous time, the input of `simulate`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A guided session, simulated: units on a table, then worn, with mounts and sensor errors that nobody told.
+"""`simulate_session`: a simulated guided session with unknown mounts and sensor errors.
 
 It shares no code with the search: signals of the body come from `oarlock.simulate`, which differentiates poses, those
 of units on the table from differenced attitudes, and every error is put in here.
@@ -111,7 +111,7 @@ def simulate_session(
     """Simulate somebody who follows a session's plan.
 
     Args:
-        model: the body with nominal mounts; the units are worn otherwise.
+        model: the body with nominal mounts; the simulated mounts differ.
         plan: the steps; None takes the protocol that ships with the model. Times in it are not looked at.
         errors: what is wrong with postures and sensors; None is a careful person with consumer sensors.
         seed: of every draw.

@@ -1,4 +1,4 @@
-"""How somebody who follows a session's plan moves, and how units on a table are turned: made up, for simulation.
+"""Simulated movements of a person and of units on a table during a session, for `simulate_session`.
 
 Nothing here is used by the search, and nothing of the search is used here but the plan.
 """

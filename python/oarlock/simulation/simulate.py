@@ -1,4 +1,4 @@
-"""Signals of any model along any motion; inertial ones by differentiating poses, never by the filter's model."""
+"""`simulate`: sensor signals of any model along any motion, independent of the filter's measurement model."""
 
 from __future__ import annotations
 
@@ -44,27 +44,27 @@ def simulate(
     azimuth_rad: float | None = None,
     heading_rad: Mapping[str, float] | float = 0.0,
 ) -> tuple[Track, Recording]:
-    """Truth and recording of a body that moves as told.
+    """Simulate the sensors of a body along a motion: ground truth and recording.
 
     Args:
-        model: gives frames, mounts and the sensors' noise.
-        motion: joint values over time and the root's acceleration; the truth of a ball joint holds body rates.
+        model: defines frames, mounts and the sensors' noise.
+        motion: joint values over time and the root's acceleration. Rates of ball joints are in the child's axes.
         sensors: names of the sensors (and input joints) to simulate; None is all of them.
-        seed: of the noise; the same seed gives the same recording.
-        rate_hz: of all sensors.
-        calibration: true lengths and mounts where they differ from the model's.
+        seed: seed of the noise; the same seed gives the same recording.
+        rate_hz: sample rate of all sensors, Hz.
+        calibration: true lengths and mounts, if they differ from the model's.
         noise: white noise as the model file says (True), none (False), or by sensor `{"back": {"gyro_rad_s": 0.01}}`.
         gyro_bias_rad_s: one number for every axis of every unit, or by sensor (a number or (3,)).
         accel_bias_m_s2: the same for accelerometers.
-        azimuth_rad: of the magnetic field; None is the model's.
-        heading_rad: by which the references of orientation sensors are turned about the vertical, one number or by
+        azimuth_rad: azimuth of the magnetic field, rad; None is the model's.
+        heading_rad: rotation about the vertical of the references of orientation sensors, rad, one number or by
             sensor.
 
     Returns:
-        The truth as a Track (standard deviations are NaN) and the Recording.
+        The ground truth as a Track (standard deviations are NaN) and the Recording.
 
     Raises:
-        DataError: a sensor that the model does not have, or a motion that lacks a joint.
+        DataError: the model has no such sensor, or the motion lacks a joint.
     """
     _check_settings(model, noise, gyro_bias_rad_s, accel_bias_m_s2)
     if calibration is not None and calibration.parameters:

@@ -1,1 +1,1 @@
-"""Files and arrays below every noun: the array gate, TOML, Parquet, delimited text, paths, and the package's errors."""
+"""Files and arrays for all other packages: array checks, TOML, Parquet, delimited text, paths, exceptions."""

@@ -1,4 +1,4 @@
-"""The one gate through which arrays enter the Python side."""
+"""Checks every array that enters the package: type, shape, finite values, increasing time stamps."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -49,7 +49,7 @@ def time_array(value: ArrayLike, where: str) -> FloatArray:
     """
     time_s = real_array(value, (None,), where)
     if time_s.size == 0:
-        raise DataError(f"{where}: holds no samples. Leave the stream out instead.")
+        raise DataError(f"{where}: has no samples. Leave the stream out.")
     bad = np.flatnonzero(~np.isfinite(time_s))
     if bad.size:
         raise DataError(

@@ -1,4 +1,4 @@
-"""Delimited text: numbers of the wanted columns, with errors that name file, line and column."""
+"""Reads numeric columns of delimited text for the importers. Errors name file, line and column."""
 
 import csv
 import re

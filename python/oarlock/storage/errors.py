@@ -1,4 +1,4 @@
-"""The exceptions of the package, as the engine defines them."""
+"""The exceptions of the package, defined by the engine."""
 
 from oarlock._core import DataError, DivergedError, ModelError
 

@@ -1,4 +1,4 @@
-"""Recordings that ship as examples: where their files lie."""
+"""Files of the example recordings that ship with the package."""
 
 from __future__ import annotations
 

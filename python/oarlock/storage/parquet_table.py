@@ -1,4 +1,4 @@
-"""Parquet files as tables, and what a damaged one is told."""
+"""Reads Parquet files for tracks and recordings, with a readable error for damaged files."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def read_table(file: Path, advice: str = "") -> pa.Table:
 
 @contextmanager
 def columns_of(file: Path, advice: str = "") -> Iterator[None]:
-    """Within it, columns that are missing or hold something else are told as damage of this file."""
+    """Context in which missing columns and columns of a wrong type raise a DataError that names this file."""
     try:
         yield
     except DataError:
@@ -40,5 +40,5 @@ def columns_of(file: Path, advice: str = "") -> Iterator[None]:
         raise DataError(f"{file}: column {missing} is missing; the file is damaged{advice}") from None
     except (ValueError, TypeError, AttributeError, pa.ArrowException) as error:
         raise DataError(
-            f"{file}: a column holds something else ({error}); the file is damaged{advice}"
+            f"{file}: a column has the wrong type ({error}); the file is damaged{advice}"
         ) from None

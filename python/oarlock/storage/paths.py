@@ -1,4 +1,4 @@
-"""Places of files, as they are given to readers."""
+"""Converts paths that users give to `Path`, with checks."""
 
 import errno
 from os import PathLike
@@ -8,17 +8,17 @@ from oarlock.storage.errors import DataError
 
 
 def place_of(path: str | PathLike[str]) -> Path:
-    """The path, whether or not something is there.
+    """The path as a `Path`; it need not exist.
 
     Raises:
-        DataError: No file can have this name: it is too long, or holds a zero character.
+        DataError: The name is too long, or contains a null character.
     """
     place = Path(path)
     try:
         place.stat()
     except ValueError:
-        raise DataError(f"{str(path)!r}: no file can have this name; it holds a zero character") from None
+        raise DataError(f"{str(path)!r}: is not a valid file name; it contains a null character") from None
     except OSError as error:
         if error.errno == errno.ENAMETOOLONG:
-            raise DataError(f"{place.name[:60]}...: no file can have this name; it is too long") from None
+            raise DataError(f"{place.name[:60]}...: is not a valid file name; it is too long") from None
     return place

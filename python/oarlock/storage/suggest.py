@@ -1,4 +1,4 @@
-"""The nearest valid name for a name that is not valid."""
+"""Suggests the most similar valid name, for error texts."""
 
 import difflib
 from collections.abc import Iterable

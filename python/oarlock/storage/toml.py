@@ -1,4 +1,4 @@
-"""TOML files: read with errors that name file, line and key; written so that numbers come back exactly."""
+"""Reads TOML with errors that name file, line and key; writes TOML with exact numbers."""
 
 import datetime
 import re
@@ -67,7 +67,7 @@ class TomlTable:
         known = sorted(valid)
         for key in self.values:
             if key not in known:
-                raise DataError(f"{self.where(key)}: is not known here. {did_you_mean(key, known)}")
+                raise DataError(f"{self.where(key)}: is unknown. {did_you_mean(key, known)}")
 
     def check_format(self, supported: int) -> None:
         """Refuse a file of another format number."""

@@ -1,4 +1,4 @@
-"""Units that files use, and how each becomes the one that Oarlock holds."""
+"""Units in files and their conversion to the units of the package (rad/s, m/s2, uT, m, rad)."""
 
 import math
 from collections.abc import Mapping

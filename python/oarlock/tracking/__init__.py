@@ -1,1 +1,1 @@
-"""Tracking, smoothing and tracking many recordings: the track as arrays, series, places and a folder."""
+"""Tracks recordings and smooths tracks. Contains `track`, `smooth`, `track_many`, the class `Track` and its files."""

@@ -1,4 +1,4 @@
-"""The arrays of a track as plain columns with the unit in the name."""
+"""Column names of a track, each with its unit, and the arrays under these names. Used by tables, files and exports."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ FIELDS = {
     "qdd": ("acceleration_", "_s2"),
     "qdd_std": ("acceleration_std_", "_s2"),
 }
-"""What stands before and behind the unit in the column of a coordinate, by the track's array."""
+"""Array of the track -> text before and after the unit in a coordinate's column name."""
 
 
 def column_name(coordinate: str, unit: str, field: str) -> str:
-    """`trunk_velocity_std_rad_s` of trunk, rad and qd_std."""
+    """Column name of a coordinate's array: coordinate trunk, unit rad, field qd_std give `trunk_velocity_std_rad_s`."""
     before, behind = FIELDS[field]
     return f"{coordinate}_{before}{unit}{behind}"
 
 
 def observed_name(coordinate: str) -> str:
-    """`trunk_observed`."""
+    """Column name of a coordinate's flag `observed`, such as `trunk_observed`."""
     return f"{coordinate}_observed"
 
 
 def unit_of(column: str) -> str:
-    """The unit that a column of `columns_of` carries in its name; "1" of flags and quaternions."""
+    """The unit in the name of a column of `columns_of`; "1" for flags and quaternions."""
     slow = re.search(r" \[(.+)\]$", column)
     if slow is not None:
         return slow[1]

@@ -1,4 +1,4 @@
-"""The arrays of a track over time, by name; `Track` adds places of frames, tables and files."""
+"""The arrays of a track over time (`Estimates`). `Track` extends it with frame positions, tables and files."""
 
 from __future__ import annotations
 
@@ -26,33 +26,35 @@ _ARRAYS = ("time_s", "q", "qd", "qdd", "q_std", "qd_std", "qdd_std", "observed")
 
 @dataclass(frozen=True)
 class Later:
-    """In the place of a field of `Estimates`: what it will hold is made when it is first asked for."""
+    """Placeholder for a field of `Estimates`, which is computed when it is first read."""
 
     make: Callable[[], Any]
 
 
 @dataclass(frozen=True, eq=False)
 class Estimates:
-    """Estimates over `time_s` (T,) and what belongs to them.
+    """Estimates over `time_s` (T,) with standard deviations, innovations, notes and provenance.
 
     Args:
         model: what was tracked; None if its file could not be found again after loading.
         time_s: (T,) s.
         joint_names: the model's joints, in its order.
-        joint_units: "rad" of hinges and balls, "m" of slides, "m, rad" of free joints.
-        q: (T, n_coordinates), rad or m; of a ball joint the rotation vector of parent-from-child.
-        qd: rates, per s; of a ball joint the angular velocity in the child's axes. `qdd` per s2.
-        q_std: standard deviations; of a ball joint those of the error e in the child's axes, R_true = R Exp(e).
-        observed: (T, n_coordinates) whether the sensors pin the coordinate down.
-        coordinate_names: order of the columns of `q` and its kin; left out, they are the joints: hinges and slides.
-        coordinate_units: "rad" or "m" each.
+        joint_units: "rad" for hinges and balls, "m" for slides, "m, rad" for free joints.
+        q: (T, n_coordinates), rad or m. For a ball joint: the rotation vector of parent-from-child.
+        qd: (T, n_coordinates) rates, per s. For a ball joint: the angular velocity in the child's axes. `qdd`: per s2.
+        q_std: (T, n_coordinates) standard deviations, as are `qd_std` and `qdd_std`. For a ball joint: those of the
+            error e in the child's axes, R_true = R Exp(e).
+        observed: (T, n_coordinates) true where the sensors determine the coordinate.
+        coordinate_names: names of the columns of `q`, `qd` and the other arrays. Without it the joints are the
+            coordinates, which is correct for hinges and slides.
+        coordinate_units: "rad" or "m" for each coordinate.
         angle_sequences: named angles of each ball and free joint, such as "YXY".
         slow: slow states by name.
-        info: what became of the measurements; None for a simulated truth.
-        beliefs: full beliefs every few seconds; None for a simulated truth.
-        notes: plain sentences on what was missing or odd.
-        provenance: version, configuration, hashes of what went in, speed.
-        smoothed: each estimate rests on all samples.
+        info: readings used, rejected and missing, and NIS; None for a simulated ground truth.
+        beliefs: state estimates with full covariance every few seconds; None for a simulated ground truth.
+        notes: sentences on missing or implausible data and on the track.
+        provenance: version, configuration, hashes of the inputs, speed.
+        smoothed: true if each estimate uses all samples, earlier and later ones.
     """
 
     model: Model | None
@@ -98,7 +100,7 @@ class Estimates:
             return value
 
     def __getstate__(self) -> dict[str, Any]:
-        """Everything but the engine's run: an unpickled track cannot be smoothed, like one read from files."""
+        """All fields except the engine's run. An unpickled track cannot be smoothed, like a track read from files."""
         whole = {name: getattr(self, name) for name in self.__dict__}
         plain = {name: dict(whole[name]) for name in ("slow", "angle_sequences", "provenance")}
         return whole | plain | {"run": None}
@@ -109,7 +111,7 @@ class Estimates:
         self.__post_init__()
 
     def __getitem__(self, name: str) -> Any:
-        """The joint of this name: `JointSeries` of a hinge or slide, `BallSeries`, `FreeSeries`."""
+        """The joint of this name: a `JointSeries` (hinge or slide), a `BallSeries` or a `FreeSeries`."""
         if name not in self.joint_names:
             raise KeyError(f"no joint '{name}'. {did_you_mean(name, self.joint_names)}")
         columns = list(joint_columns(self.coordinate_names)[name])
@@ -164,7 +166,7 @@ class Estimates:
 
 
 def _keep(value: Any) -> Any:
-    """The value, if an array then read-only."""
+    """The value; an array becomes read-only."""
     if isinstance(value, np.ndarray):
         value.flags.writeable = False
     return value

@@ -1,4 +1,4 @@
-"""A track as a folder: track.parquet, sensors.parquet, beliefs.parquet, the model's text and run.toml."""
+"""Reads and writes a track's folder: track.parquet, sensors.parquet, beliefs.parquet, model.toml and run.toml."""
 
 from __future__ import annotations
 
@@ -27,7 +27,10 @@ _COUNTS = ("used", "rejected", "missing")
 
 
 def write_track(track: Estimates, folder: str | PathLike[str]) -> None:
-    """Write estimates, infos, beliefs, model and provenance; not the samples, nor what a run needs to go on."""
+    """Write estimates, innovations, beliefs, model and provenance.
+
+    Samples and the engine's run are not written, so a loaded track can be neither smoothed nor continued.
+    """
     place = Path(folder)
     place.mkdir(parents=True, exist_ok=True)
     parquet.write_table(pa.table(track_columns(track)), place / "track.parquet")
@@ -45,16 +48,16 @@ def read_track(folder: str | PathLike[str]) -> dict[str, Any]:
     """Read the fields of a track that `write_track` wrote.
 
     Raises:
-        DataError: the folder holds no track, or a file in it is damaged.
+        DataError: the folder contains no track, or a file in it is damaged.
     """
     place = place_of(folder)
     if not (place / "run.toml").is_file() or not (place / "track.parquet").is_file():
         raise DataError(
-            f"{place}: no track here (run.toml or track.parquet is missing); write one with `oarlock track`"
+            f"{place}: contains no track (run.toml or track.parquet is missing); write one with `oarlock track`"
         )
     top = _read_description(place / "run.toml")
     table = read_table(place / "track.parquet", _AGAIN)
-    # tracks of hinges and slides alone were once written without coordinates: theirs are the joints
+    # earlier versions wrote no coordinates for models with hinges and slides only: there each joint is one
     coordinates = top.get("coordinates", top["joints"])
     names, units = tuple(coordinates["names"]), tuple(coordinates["units"])
     with columns_of(place / "track.parquet", _AGAIN):
@@ -100,7 +103,7 @@ def _read_description(file: Path) -> Mapping[str, Any]:
     for key, kind in expected.items():
         if not isinstance(top.get(key), kind):
             raise DataError(
-                f"{file}: key '{key}' is missing or no {kind.__name__}; track the recording again"
+                f"{file}: key '{key}' is missing or not a {kind.__name__}; track the recording again"
             )
     for table in ("joints", "coordinates"):
         given = top.get(table, top["joints"])
@@ -131,7 +134,7 @@ _NONE = "none"
 
 
 def _with_none_named(value: Any) -> Any:
-    """TOML has no null: it is written as the word."""
+    """Replace None by the text "none", because TOML has no null."""
     if isinstance(value, Mapping):
         return {k: _with_none_named(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
@@ -183,7 +186,7 @@ def _info(file: Path, names: tuple[str, ...]) -> SensorInfo | None:
 
 
 def _words(table: pa.Table, name: str, known: tuple[str, ...]) -> NDArray[np.int64]:
-    # tracks were once written without it
+    # earlier versions did not write this column
     words = table[name].to_pylist() if name in table.column_names else [known[0]] * len(table)
     return np.array([known.index(word) for word in words], dtype=np.int64)
 

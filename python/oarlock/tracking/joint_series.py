@@ -1,4 +1,4 @@
-"""One joint of a track over time: hinge or slide, ball, free."""
+"""One joint of a track over time: what `track["name"]` returns for hinges, slides, balls and free joints."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class JointSeries:
-    """A hinge (rad) or slide (m) over time, (T,) each, rates per s and per s2; NaN where there is none."""
+    """A hinge (rad) or slide (m) over time: values, rates per s and per s2, (T,) each; NaN where not estimated."""
 
     name: str
     unit: str
@@ -49,18 +49,18 @@ class JointSeries:
 
 @dataclass(frozen=True)
 class BallSeries:
-    """A ball joint over time: the rotation of the child against the parent, NaN where there is none.
+    """A ball joint over time: the rotation of the child relative to the parent, NaN where not estimated.
 
     Args:
-        name: the joint's.
+        name: name of the joint.
         angle_sequence: the model's named angles, such as "YXY"; see `angles_rad`.
         rotvec_rad: (T, 3) rotation vector of parent-from-child, R = Exp(r).
-        velocity_rad_s: (T, 3) angular velocity of the child against the parent, in the child's axes.
+        velocity_rad_s: (T, 3) angular velocity of the child relative to the parent, in the child's axes.
         acceleration_rad_s2: (T, 3) its derivative.
         std_rad: (T, 3) standard deviation of the error e in the child's axes, R_true = R Exp(e).
-        velocity_std_rad_s: (T, 3).
-        acceleration_std_rad_s2: (T, 3).
-        observed: (T,) whether the sensors pin all three axes down.
+        velocity_std_rad_s: (T, 3) standard deviation of the velocity.
+        acceleration_std_rad_s2: (T, 3) standard deviation of the acceleration.
+        observed: (T,) true where the sensors determine the rotation about all three axes.
     """
 
     name: str
@@ -75,7 +75,7 @@ class BallSeries:
 
     @property
     def unit(self) -> str:
-        """Of the joint: "rad"."""
+        """Unit of the joint: "rad"."""
         return "rad"
 
     @cached_property
@@ -92,8 +92,8 @@ class BallSeries:
         """The three named angles (T, 3), rad, continuous over time.
 
         Args:
-            sequence: intrinsic: "YXY" is R = Ry(a) Rx(b) Ry(c); None is the model's own. See
-                `oarlock.model.angle_sequence` for how a triple is chosen.
+            sequence: intrinsic axes, such as "YXY" for R = Ry(a) Rx(b) Ry(c); None is the model's own.
+                `oarlock.model.angle_sequence` describes which of the equivalent triples is returned.
 
         Raises:
             DataError: no sequence of three axes.
@@ -103,8 +103,8 @@ class BallSeries:
     def angles_std_rad(self, sequence: str | None = None) -> Floats:
         """Standard deviations (T, 3) of the named angles, rad, to first order from `std_rad`.
 
-        The errors about the child's axes are taken as independent: a track keeps no correlations. Towards a pole the
-        first and the last grow without bound.
+        The errors about the child's axes are assumed independent, because a track stores no correlations. Near a pole
+        the standard deviations of the first and the last angle grow without bound.
 
         Raises:
             DataError: no sequence of three axes.
@@ -112,7 +112,7 @@ class BallSeries:
         return angle_stds(self.angles_rad(sequence), self._sequence(sequence), self.std_rad)
 
     def near_singular(self, sequence: str | None = None) -> Bools:
-        """Where the middle angle is within 15 deg of a pole, (T,): there read the rotation, not its angles.
+        """True where the middle angle is within 15 deg of a pole, (T,). Use the rotation there, not its angles.
 
         Raises:
             DataError: no sequence of three axes.
@@ -125,12 +125,12 @@ class BallSeries:
 
 @dataclass(frozen=True)
 class FreeSeries(BallSeries):
-    """A free joint over time: a position, and a rotation with all the names of a ball's.
+    """A free joint over time: a position, and a rotation with the same fields as `BallSeries`.
 
     Args:
-        position_m: (T, 3) of the child's origin in the parent's joint axes.
-        velocity_m_s: (T, 3) its derivative, in the same axes; and so on.
-        position_observed: (T,) whether the sensors pin the position down; `observed` is of the rotation.
+        position_m: (T, 3) position of the child's origin in the parent's joint axes.
+        velocity_m_s: (T, 3) its derivative in the same axes. The other fields follow the same pattern.
+        position_observed: (T,) true where the sensors determine the position; `observed` refers to the rotation.
     """
 
     position_m: Floats
@@ -143,5 +143,5 @@ class FreeSeries(BallSeries):
 
     @property
     def unit(self) -> str:
-        """Of position and rotation: "m, rad"."""
+        """Units of position and rotation: "m, rad"."""
         return "m, rad"

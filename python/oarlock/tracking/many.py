@@ -1,4 +1,4 @@
-"""Many recordings, or one motion under many seeds, tracked side by side: each as `track` alone would track it."""
+"""Tracks many recordings of one model in parallel (`track_many`). Each result is identical to that of `track`."""
 
 from __future__ import annotations
 
@@ -61,28 +61,28 @@ def track_many(
     on_error: Literal["raise", "return"] = "raise",
     progress: Progress | None = None,
 ) -> list[Track] | list[Track | Failure]:
-    """Track recordings of one model on several cores; bit for bit what `track` gives for each alone.
+    """Track recordings of one model on several cores. Each result is bit for bit that of `track`.
 
     No result depends on the number of threads. A recording that fails does not stop the others.
 
     Args:
         model: the body and its sensors, the same for all.
-        recordings: each a wearing, a trial or a seed of its own.
+        recordings: the recordings, such as the trials of a season or simulations with different seeds.
         calibration: one for all, or one (or None) for each recording.
         config: one for all, or one (or None) for each recording.
-        smooth: smooth each track, as `oarlock.smooth` does; the filtered ones are not kept.
-        threads: how many recordings are tracked at a time; None takes all cores.
-        on_error: "raise" raises the first error, in the order of the recordings, once the others are done
-            (at once where a recording is refused before any is tracked); "return" puts each error in the
+        smooth: smooth each track, as `oarlock.smooth` does. The filtered tracks are discarded.
+        threads: number of recordings tracked at a time; None uses all cores.
+        on_error: "raise" raises the first error, in the order of the recordings, after all others are tracked
+            (immediately if a recording is refused before tracking starts). "return" returns each error in the
             place of its track.
-        progress: called now and then with the share of all work done, 0 to 1.
+        progress: called regularly with the share of all work done, 0 to 1.
 
     Returns:
-        Tracks in the order given. All are in memory at a time, each with its samples: track a season in parts.
+        Tracks in the order given. All are in memory at the same time, with their samples: track a season in parts.
 
     Raises:
-        DataError: what is given does not fit together; or as `track`. The text names the recording's index and
-            its source where that is known.
+        DataError: the lists have different lengths, an argument has the wrong type; or as `track`. The text names
+            the recording's index and, if known, its source.
         DivergedError: as `track`.
     """
     given = _checked(model, recordings, threads, on_error)
@@ -104,7 +104,7 @@ def outcomes(
     stop_on_refusal: bool,
     progress: Progress | None,
 ) -> list[Track | Failure]:
-    """What became of each job, in order; an error's text begins with the key of its job.
+    """The result or the error of each job, in order. The text of an error begins with the key of its job.
 
     Raises:
         DataError: `stop_on_refusal` is set and a recording is refused before any is tracked.
@@ -131,7 +131,7 @@ def _label(index: int, recording: object) -> str:
 
 
 def _source(recording: Recording) -> str:
-    """Where a recording comes from, in a word or two; empty if it does not say."""
+    """Source of a recording in a word or two; empty if it is unknown."""
     source = recording.meta.get("source")
     if isinstance(source, Mapping):
         source = next((source[key] for key in ("file", "mapping", "run") if key in source), None)
@@ -142,12 +142,12 @@ def _checked(model: object, recordings: object, threads: object, on_error: objec
     if not isinstance(model, Model):
         raise DataError(
             f"track_many: expected one Model for all recordings, got {type(model).__name__}. "
-            "Recordings of several models take one call for each model"
+            "Call track_many once for each model"
         )
     if isinstance(recordings, Recording) or not isinstance(recordings, Iterable):
         kind = type(recordings).__name__
         raise DataError(
-            f"track_many: expected a list of recordings, got {kind}; oarlock.track takes a single one"
+            f"track_many: expected a list of recordings, got {kind}; use oarlock.track for a single recording"
         )
     if on_error not in ("raise", "return"):
         raise DataError(f'track_many: on_error = {on_error!r}: expected "raise" or "return"')
@@ -185,7 +185,7 @@ def _result(model: Model, label: str, job: Job, run: _Ended, findings: list[Find
 
 
 def _named(error: _AnyFailure, label: str) -> _AnyFailure:
-    """The same error, whose text says of which recording it is."""
+    """The same error, with the recording named in its text."""
     named = type(error)(f"{label}: {error}")
     named.__dict__.update(error.__dict__)  # time_s and notes
     return named

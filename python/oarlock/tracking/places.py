@@ -1,4 +1,4 @@
-"""Where the frames of a track are, with the lengths that it estimated, and how sure it is of that."""
+"""Frame positions of a track and their covariances. Used by `Track.frame_positions` and by the report."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class PositionSpread:
 def poses_of(track: Estimates, rows: Rows = ALL) -> Floats:
     """Poses of all frames (T, F, 4, 4) in root axes, of the chosen rows; estimated lengths are those of each row.
 
-    A joint that no stream ever told is taken at 0; where a reading that was needed is missing, there is NaN.
+    A joint without any reading is assumed to be 0; where a required reading is missing, the pose is NaN.
 
     Raises:
         DataError: the track has no model.

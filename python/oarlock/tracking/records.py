@@ -1,4 +1,4 @@
-"""What a track keeps beside its joints: slow states, what became of the readings, full beliefs."""
+"""Parts of a track other than joints: slow states (biases, field azimuth), use of each sensor's readings, beliefs."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 FIELD = ("missing", "undisturbed", "norm", "dip", "innovation")
-"""What a magnetometer's reading was: not there, the undisturbed field, or disturbed, by the first test it failed."""
+"""Result of the tests of a magnetometer's reading: missing, undisturbed, or the first test that it failed."""
 DISTURBED = FIELD[2:]
 FAULT = ("none", "clipped", "stuck")
-"""What was wrong with a sensor's readings and kept from the filter: an axis at the end of its range, or a value that
-repeats itself to the bit."""
+"""Fault for which a sensor's readings were not used: an axis at the end of its range (clipped), or a value that is
+repeated exactly (stuck)."""
 
 
 @dataclass(frozen=True)
 class SlowSeries:
-    """A bias, an acceleration of the base or the field's azimuth over time, (T,) each."""
+    """A slow state over time: a bias, an acceleration of the base or the field's azimuth. Value and std, (T,) each."""
 
     value: Floats
     std: Floats
@@ -32,11 +32,11 @@ class SlowSeries:
 
 @dataclass(frozen=True)
 class SensorInfo:
-    """What each update did with each sensor and closure: (T, S) each. NIS is NaN where nothing was used.
+    """Readings used, rejected and missing in each update, by sensor and closure: (T, S) each.
 
-    `inertial_nis` (T,) is that of all inertial readings of a sample together, `inertial_used` (T,) their number.
-    `field` says what a magnetometer's reading was, as an index into `FIELD`; `fault` what was wrong with the sensor's
-    readings, as an index into `FAULT`.
+    `nis` is NaN where no reading was used. `inertial_nis` (T,) is the NIS of all inertial readings of a sample
+    together, `inertial_used` (T,) their number. `field` is the result of the magnetometer tests as an index into
+    `FIELD`; `fault` is the sensor fault as an index into `FAULT`.
     """
 
     sensor_names: tuple[str, ...]
@@ -50,7 +50,7 @@ class SensorInfo:
     fault: NDArray[np.int64]
 
     def disturbed(self, test: str | None = None) -> Bools:
-        """Which magnetometer samples were not used, (T, S): those that failed `norm`, `dip` or `innovation`, or any.
+        """True where a magnetometer reading was rejected, (T, S): by the test `norm`, `dip` or `innovation`, or by any.
 
         Raises:
             DataError: no such test.
@@ -62,7 +62,7 @@ class SensorInfo:
         return np.asarray(self.field == FIELD.index(test))
 
     def faulty(self, fault: str | None = None) -> Bools:
-        """Which samples held readings that were no measurements and were not used, (T, S): `clipped`, `stuck`, or any.
+        """True where readings were faulty and not used, (T, S): those with the fault `clipped` or `stuck`, or any.
 
         Raises:
             DataError: no such fault.
@@ -76,7 +76,7 @@ class SensorInfo:
 
 @dataclass(frozen=True)
 class Beliefs:
-    """Full beliefs every few seconds: (B,) s, (B, n), (B, n, n); states in SI and rad."""
+    """State estimates every few seconds: times (B,) s, means (B, n), covariances (B, n, n); states in SI and rad."""
 
     time_s: Floats
     mean: Floats

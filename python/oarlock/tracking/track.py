@@ -1,4 +1,4 @@
-"""The result of tracking: arrays over time by name, standard deviations, infos and provenance."""
+"""The result of tracking (`Track`): estimates, frame positions, tables and files. Returned by `track` and `smooth`."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ if TYPE_CHECKING:
 
 
 class Track(Estimates):
-    """Estimates over `time_s` (T,). Never changes; `oarlock.smooth` gives another one.
+    """Estimates over `time_s` (T,), with the fields of `Estimates`.
 
-    The fields are those of `Estimates`.
+    A track is immutable; `oarlock.smooth` returns a new one.
     """
 
     def with_notes(self, *sentences: str) -> Track:
-        """The same track, whose notes begin with these."""
+        """The same track with these sentences in front of its notes."""
         other = object.__new__(Track)
         other.__dict__.update(self.__dict__)
         other.__dict__["notes"] = tuple(dict.fromkeys((*sentences, *self.notes)))
@@ -47,8 +47,8 @@ class Track(Estimates):
     def frame_positions(self, frame: str, relative_to: str = "root") -> Floats:
         """Origin of a frame over time, (T, 3) in m, in the axes of frame `relative_to`.
 
-        Lengths that were estimated along the way are those of each sample. A joint that no stream ever told (the turn
-        of a grip, say) is taken at 0; where a reading that was needed is missing, the position is NaN.
+        Lengths that the filter estimated are those of each sample. A joint without any reading in the whole recording
+        (such as the rotation of a grip) is assumed to be 0. Where a required reading is missing, the position is NaN.
 
         Raises:
             DataError: no such frame, or the track has no model.
@@ -57,7 +57,7 @@ class Track(Estimates):
         return relative_positions(poses_of(self), [own], reference)[:, 0]
 
     def frame_position_spread(self, frame: str, relative_to: str = "root") -> PositionSpread:
-        """How uncertain `frame_positions` is: covariances (T, 3, 3) in m2, and what they were made from.
+        """Covariances (T, 3, 3) in m2 of `frame_positions`, and their source.
 
         Raises:
             DataError: no such frame, or the track has no model.
@@ -69,7 +69,7 @@ class Track(Estimates):
     def frame_position_stds(self, frame: str, relative_to: str = "root") -> Floats:
         """Standard deviations of `frame_positions` along its three axes, (T, 3) in m.
 
-        `frame_position_spread` has the covariance, and says whether correlations were known.
+        `frame_position_spread` returns the covariance, and whether correlations were available.
 
         Raises:
             DataError: no such frame, or the track has no model.
@@ -90,7 +90,7 @@ class Track(Estimates):
         return continuous_quat(quat_from_matrix(turned))
 
     def _frames(self, asked: str, *frames: str) -> list[int]:
-        """Numbers of frames in the model."""
+        """Indices of frames in the model."""
         names = model_of(self, asked).frame_names
         for name in frames:
             if name not in names:
@@ -98,11 +98,11 @@ class Track(Estimates):
         return [names.index(name) for name in frames]
 
     def columns(self) -> dict[str, Floats]:
-        """Every array under a plain column name with its unit, (T,) each, `time_s` first.
+        """Every array under a column name with its unit, (T,) each, `time_s` first.
 
-        A ball joint has its rotation vector, rates and deviations by coordinate (`shoulder.rx_rad`,
-        `shoulder.rx_velocity_rad_s`), the quaternion (`shoulder_quat_w`), its named angles with their sequence
-        (`shoulder_YXY_y1_rad`, `shoulder_YXY_y1_std_rad`) and where these are near singular.
+        The columns of a ball joint are its rotation vector, rates and standard deviations by coordinate
+        (`shoulder.rx_rad`, `shoulder.rx_velocity_rad_s`), its quaternion (`shoulder_quat_w`), its named angles with
+        their sequence (`shoulder_YXY_y1_rad`, `shoulder_YXY_y1_std_rad`), and a flag where these are near singular.
         """
         return columns_of(self)
 
@@ -138,7 +138,7 @@ def load_track(folder: str | PathLike[str]) -> Track:
     """Read a track from a folder that `Track.save` wrote.
 
     Raises:
-        DataError: the folder holds no track, or a file in it is damaged.
+        DataError: the folder contains no track, or a file in it is damaged.
     """
     return Track(**read_track(folder))
 
@@ -152,7 +152,10 @@ def track_without_filter(
     *,
     provenance: Mapping[str, Any],
 ) -> Track:
-    """A Track that no filter made, (T, n_coordinates) each: a simulated truth or a reference; deviations are NaN."""
+    """A Track from given values, (T, n_coordinates) each: a simulated ground truth or a reference.
+
+    Its standard deviations are NaN.
+    """
     unknown, joints = np.full(q.shape, np.nan), model.describe()["joints"]
     return Track(
         model=model,
@@ -174,7 +177,7 @@ def track_without_filter(
 
 
 def track_of_run(model: Model, run: Run, notes: tuple[str, ...], provenance: Mapping[str, Any]) -> Track:
-    """A Track from what the engine returned; its arrays are made when they are asked for."""
+    """A Track from the engine's run. Its arrays are computed when they are first read."""
     states = {name: i for i, name in enumerate(run.state_names)}
     names, joints = model.coordinate_names, model.describe()["joints"]
 

@@ -1,4 +1,4 @@
-"""Tracking and smoothing a recording: the engine's run, turned into a `Track`."""
+"""Tracks one recording (`track`) and smooths a track (`smooth`): input checks, engine run, `Track`."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from oarlock.tracking.track import Track, track_of_run
 Progress = Callable[[float], object]
 
 ROOM_TO_GIVE_BYTES = 100 * 2**20
-"""Filtered estimates that fill more than this, and that nobody has asked for, give their room to the smoothed ones."""
+"""Filtered estimates above this size are freed on smoothing, if nobody has read them; reading them filters again."""
 
 
-# A recording never changes; who tracks it again, with other settings, need not look through it again.
+# A recording is immutable, so its checks are cached for further runs with other settings.
 _FINDINGS: WeakKeyDictionary[Recording, tuple[Finding, ...]] = WeakKeyDictionary()
 _HASHES: WeakKeyDictionary[Recording, str] = WeakKeyDictionary()
 
@@ -44,16 +44,16 @@ def track(
     Args:
         model: the body and its sensors.
         recording: measured streams; absent streams and NaN are missing data.
-        calibration: of this wearing: lengths and mounts, and what is wrong with stamps and readings, which the engine
-            corrects on the way in; None takes the model's nominal values, and says so.
-        config: tuning; None is the default.
-        start: go on from this belief (`Track.last_belief`) instead of fitting the first samples.
-        progress: called now and then with the share done, 0 to 1.
+        calibration: lengths and mounts of this session, and corrections of time stamps and readings, which the engine
+            applies to each sample. None uses the model's nominal values and adds a note.
+        config: settings of the filter; None uses the defaults.
+        start: continue from this state estimate (`Track.last_belief`) instead of fitting the first samples.
+        progress: called regularly with the share done, 0 to 1.
 
     Raises:
-        DataError: streams that the model has no sensor for (`Recording.only` leaves them out), stamps out of
-            order, units that are plainly wrong.
-        DivergedError: the filter lost the track; `time_s` says when.
+        DataError: streams without a sensor in the model (`Recording.only` removes them), time stamps out of
+            order, or values in a wrong unit.
+        DivergedError: the filter diverged; `time_s` is the time at which it did.
     """
     config = config if config is not None else Config()
     require_recording(recording)
@@ -71,7 +71,7 @@ def track(
 
 
 def admit(model: Model, recording: Recording) -> list[Finding]:
-    """What is odd about a recording that the model can track.
+    """Warnings and notes on a recording, after checking that the model can track it.
 
     Raises:
         DataError: as `track`.
@@ -85,7 +85,7 @@ def admit(model: Model, recording: Recording) -> list[Finding]:
 
 
 def add_findings(error: DivergedError, findings: Iterable[Finding]) -> None:
-    """Notes on an error what was odd about the recording from the beginning."""
+    """Add the findings of the plausibility checks to an error as notes."""
     for finding in findings:
         error.add_note(f"{finding.sensor}: {finding.message}")
 
@@ -102,7 +102,7 @@ def finished(
     smoothing_wall_s: float | None = None,
     resumed: bool = False,
 ) -> Track:
-    """The track of a run, with notes and provenance; `run_notes` are those of the filtered run."""
+    """The track of a run with notes and provenance; `run_notes` are the notes of the filtered run."""
     provenance = {
         "oarlock": _core.__version__,
         "model": model.name,
@@ -132,17 +132,17 @@ def finished(
 def smooth(track: Track, *, progress: Progress | None = None) -> Track:
     """Rauch-Tung-Striebel smoothing (Rauch, Tung and Striebel 1965) over the whole track.
 
-    Each estimate then rests on all samples, those after it included; the last one is unchanged. A long track whose
-    arrays nobody has asked for gives their room to the smoothed one, and filters again, to the same bits, if
-    somebody asks later.
+    Each estimate then uses all samples, earlier and later ones; the last estimate is unchanged. If a track is long and
+    its arrays have not been read, smoothing frees their memory. Reading them later runs the filter again, with
+    identical results.
 
     Raises:
-        DataError: the track is smoothed already, or was read from a folder (its samples are not kept there).
+        DataError: the track is already smoothed, or was read from a folder (which contains no samples).
     """
     if track.run is None or track.model is None:
         raise DataError(
-            "smooth: this track holds no samples to go back over (it was loaded from files, or is simulated). "
-            "Track the recording again and smooth that, or use `oarlock track --smooth`"
+            "smooth: this track has no samples (it was loaded from files, or is simulated). "
+            "Track the recording again and smooth the result, or use `oarlock track --smooth`"
         )
     began = time.perf_counter()
     run = track.run.smooth(ROOM_TO_GIVE_BYTES, progress)
@@ -151,11 +151,11 @@ def smooth(track: Track, *, progress: Progress | None = None) -> Track:
 
 
 def require_recording(given: object) -> None:
-    """Refuse what is no `Recording`."""
+    """Raise a DataError unless given a `Recording`."""
     if not isinstance(given, Recording):
         kind = type(given).__name__
         raise DataError(
-            f"track: expected a Recording, got {kind}; oarlock.load_recording reads one from a folder"
+            f"track: expected a Recording, got {kind}; read one from a folder with oarlock.load_recording"
         )
 
 
@@ -167,9 +167,9 @@ def _require_known(model: Model, recording: Recording) -> None:
         return
     kept = [name for name in recording.names if name in known]
     way_out = (
-        f"To leave it out keep the others: recording.only({kept}), or --only {','.join(kept)}"
+        f"To leave it out, keep the others: recording.only({kept}), or --only {','.join(kept)}"
         if kept
-        else f"The recording has no stream of this model ({', '.join(recording.names)}): rename them"
+        else f"No stream of the recording ({', '.join(recording.names)}) belongs to this model: rename the streams"
     )
     raise DataError(
         f'stream "{unknown[0]}": model "{model.name}" has no sensor or input of that name. '
@@ -184,9 +184,9 @@ def _require_one_clock(recording: Recording) -> None:
         if others and all(first > end or last < begin for _, begin, end in others):
             other = others[0]
             raise DataError(
-                f'stream "{name}" lasts from {first:.3f} to {last:.3f} s, where no other stream is '
+                f'stream "{name}" lasts from {first:.3f} to {last:.3f} s and overlaps with no other stream '
                 f'("{other[0]}": {other[1]:.3f} to {other[2]:.3f} s): their clocks or units of time differ. '
-                "Bring all streams to one clock, or leave this one out with recording.only(...)"
+                "Convert all streams to one clock, or leave this one out with recording.only(...)"
             )
 
 

@@ -1,1 +1,1 @@
-"""Streams with clocks of their own: their offsets and drifts, from the movement that all of them see."""
+"""Calibration of clocks: offset and drift of each stream's clock, from movement that all sensors measure."""

@@ -1,4 +1,4 @@
-"""Offset and drift of every stream's clock, from the movement that all of them see."""
+"""Entry point of the clock calibration (`calibrate_clocks`): reference, coarse search, fine search, acceptance."""
 
 from __future__ import annotations
 
@@ -34,30 +34,31 @@ def calibrate_clocks(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
-    """Find by how much each stream's clock is off and how fast it runs, from ordinary movement.
+    """Estimate offset and drift of each stream's clock from ordinary movement.
 
-    Pieces of the recording are filtered. How innovations answer to a delay of each stream, directly and through what
-    it has done to the state, goes along with the filter (Friedland 1969); in windows of five seconds the delays that
-    explain the innovations best are solved for, together with mounts, lengths, places of units and zeros. A line is
-    laid through the windows, and all is done again until nothing moves. Clocks that are off by up to half a second are
-    first brought near by norms of what streams feel.
+    The filter runs on parts of the recording. It also propagates the sensitivity of the innovations to a delay of each
+    stream, both direct and through the state (Friedland 1969). In windows of five seconds, least squares estimates the
+    delays that explain the innovations best, together with mounts, lengths, sensor positions and encoder zeros. A line
+    is fitted through the delays of the windows, and the search repeats until it converges. Clock errors of up to half
+    a second are first reduced by correlating the norms of the readings.
 
     Args:
         model: the body and its sensors.
-        recording: measured streams; it does not change, and nothing is resampled.
-        calibration: what is known of the wearing; its clocks are where the search begins.
-        reference: the stream or streams that keep true time. None takes the most streams that share their stamps (a
-            logger with its encoders); where no two do, what most streams agree on.
-        threads: how many pieces are tracked at a time; None takes all cores.
-        progress: called now and then with the share done, 0 to 1.
+        recording: measured streams. It is not modified or resampled.
+        calibration: the calibration of this session, if there is one. The search starts from its clocks.
+        reference: the stream or streams with the reference clock. None takes the largest group of streams with
+            identical time stamps (such as a logger with its encoders), or, if no two streams share theirs, the clock
+            on which most streams agree.
+        threads: number of parts tracked at a time; None uses all cores.
+        progress: called regularly with the share done, 0 to 1.
 
     Returns:
-        The calibration with `clocks`: offset at t = 0 of the recording's time axis, drift, and standard deviations. A
-        stream whose movement tells too little is left as it was; ``noted["clocks"]`` says which, and why.
+        The calibration with `clocks`: offset (s) at t = 0 of the recording's time axis, drift (s per s), and standard
+        deviations. A stream with too little movement keeps its clock; ``noted["clocks"]`` names it and the reason.
 
     Raises:
-        DataError: as `oarlock.track`; a single clock, less than eight seconds that all streams share, or a reference
-            that is not there.
+        DataError: as `oarlock.track`; or all streams have one clock, they overlap by less than eight seconds, or the
+            reference does not exist.
     """
     admit(model, recording)
     known = calibration if calibration is not None else Calibration()
@@ -87,7 +88,7 @@ def _nobody(_share: float) -> None:
 
 
 def _by_majority(found: Clocks, recording: Recording) -> tuple[tuple[str, ...], Clocks]:
-    """The streams that most agree on become the reference; the others' clocks are told against theirs."""
+    """Make the largest group of agreeing clocks the reference, and express the other clocks relative to it."""
     middle = 0.5 * (recording.start_s + recording.end_s)
     agreed = most_agree(found, middle)
     offset = float(np.mean([found[n].offset_s for n in agreed]))
@@ -101,7 +102,7 @@ def _by_majority(found: Clocks, recording: Recording) -> tuple[tuple[str, ...], 
 
 
 def _judged(recording: Recording, found: Clocks, fixed: Sequence[str]) -> tuple[Clocks, dict[str, str]]:
-    """Clocks that are told well enough, and why the others are not taken."""
+    """Clocks that are determined well enough, and for the others the reason of their rejection."""
     middle = 0.5 * (recording.start_s + recording.end_s)
     kept, refused = {}, {}
     for name, clock in found.items():
@@ -110,17 +111,17 @@ def _judged(recording: Recording, found: Clocks, fixed: Sequence[str]) -> tuple[
         in_the_middle = np.sqrt(np.maximum(clock.offset_std_s**2 - (middle * clock.drift_std) ** 2, 0.0))
         if np.isnan(in_the_middle):
             refused[name] = (
-                "no piece of the recording could be tracked well enough to tell its clock. Check the wearing first: "
-                "oarlock track says what does not fit"
+                "no part of the recording could be tracked well enough to estimate its clock. Check mounts and sensors "
+                "first: run oarlock track and read its notes"
             )
         elif not in_the_middle <= LARGEST_STD_S:
             refused[name] = (
-                f"its movement tells its clock to {1e3 * clock.offset_std_s:.1f} ms only (standard deviation); "
-                f"at most {1e3 * LARGEST_STD_S:g} ms are taken. Record faster movement of its link, or more of it"
+                f"the standard deviation of its clock offset is {1e3 * clock.offset_std_s:.1f} ms; "
+                f"at most {1e3 * LARGEST_STD_S:g} ms are accepted. Record faster or longer movement of its link"
             )
         elif shared and abs(way) <= SAME_CLOCK_STDS * clock.offset_std_s:
             refused[name] = (
-                f"shares its stamps with the reference, and {1e3 * way:+.1f} ms may as well be chance: kept as it is"
+                f"shares its time stamps with the reference, and {1e3 * way:+.1f} ms is not significant: unchanged"
             )
         else:
             kept[name] = clock

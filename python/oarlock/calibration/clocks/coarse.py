@@ -1,7 +1,7 @@
-"""Clocks that are off by tenths of a second, before any track: by the norms of what streams feel.
+"""Coarse search for clock errors of tenths of a second, by correlating norms of readings. Precedes the fine search.
 
-How fast something turns and how hard it is pushed depend on no axes. Norms of accelerometers have their peaks together
-where the whole body is jolted, be it by a tap on a sensor.
+The norms of angular velocity and specific force do not depend on mounts. Norms of accelerometers peak at the same time
+when the whole body is shaken or a sensor is tapped.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ Floats = NDArray[np.float64]
 
 LARGEST_S = 0.6
 WORTH_S = 0.06
-"""Less is for the fine search; norms of different limbs do not peak at the same moment to better than this."""
+"""Smaller delays are left to the fine search: norms of different limbs do not peak simultaneously to this accuracy."""
 _GRID_S = 0.02
 _SMOOTH_S = 0.04
 _SLOW_S = 0.5
 _BETTER = 0.1
-"""By how much the correlation must gain: peaks of different limbs are broad."""
+"""Least gain in correlation over zero lag, because the correlation peaks of different limbs are broad."""
 _LEAST = 0.5
 
 
 def coarse_delays(recording: Recording, fixed: Sequence[str]) -> dict[str, float]:
-    """Delays, s, of the streams that are plainly late or early against the others; the others are left out.
+    """Delays, s, of the streams with a significant delay relative to the others. Other streams are omitted.
 
     Streams are hung on each other from the pair that is most alike on (a spanning tree), beginning at `fixed`.
     """

@@ -1,4 +1,4 @@
-"""Which streams have one clock, and which of these clocks the others are held against."""
+"""Groups streams that share a clock and selects the reference clock for `calibrate_clocks`."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from oarlock.recording.streams import ImuStream, Stream
 from oarlock.storage.errors import DataError
 
 _SAME_SHARE = 0.9
-"""Two clocks never agree to the last bit; a stream that lost packets has some of another's stamps."""
+"""Different clocks never give identical stamps; a stream that lost packets still shares most of its stamps."""
 _AGREE_S = 0.002
 _AGREE_STDS = 2.0
 
 
 def same_stamps(one: Stream, other: Stream) -> bool:
-    """Whether nearly all stamps of the shorter stream are stamps of the other, to the bit."""
+    """True if nearly all time stamps of the shorter stream also occur in the other stream, exactly."""
     short, long = sorted((one.time_s, other.time_s), key=len)
     return float(np.mean(np.isin(short, long))) > _SAME_SHARE
 
@@ -44,7 +44,7 @@ def reference_streams(recording: Recording, asked: Iterable[str] | None) -> tupl
 
 
 def unknowns(recording: Recording, reference: Iterable[str]) -> list[tuple[str, ...]]:
-    """Streams whose clock is sought, those with one clock together: encoders that share their stamps."""
+    """Streams whose clock is estimated, grouped by clock (such as encoders that share their time stamps)."""
     rest = [s for s in recording if s.name not in set(reference)]
     units = [(s.name,) for s in rest if isinstance(s, ImuStream)]
     others = [s for s in rest if not isinstance(s, ImuStream)]
@@ -52,7 +52,7 @@ def unknowns(recording: Recording, reference: Iterable[str]) -> list[tuple[str, 
 
 
 def most_agree(clocks: Mapping[str, Clock], middle_s: float) -> tuple[str, ...]:
-    """The largest set of streams whose clocks read alike in the middle of a recording."""
+    """The largest set of streams whose clocks agree in the middle of a recording."""
     found: tuple[str, ...] = ()
     for clock in clocks.values():
         near = tuple(n for n, c in clocks.items() if _apart(clock, c, middle_s) <= 1.0)

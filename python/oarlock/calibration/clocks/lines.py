@@ -1,4 +1,4 @@
-"""An offset and a drift through the delays of many windows."""
+"""Fits offset and drift of a clock to the delays of many windows, for the fine search."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from oarlock.recording.stream_scales import Clock
 Floats = NDArray[np.float64]
 
 CRYSTAL_DRIFT = 3e-5
-"""Standard deviation of a clock's drift before anything is measured: crystals are cut to 20 to 50 ppm."""
+"""Prior standard deviation of a clock's drift: quartz oscillators are specified to 20 to 50 ppm."""
 _NO_CRYSTAL = 4.0
 """Standard deviations beyond which a drift is no crystal's, and nothing is expected of it."""
 MODEL_STD_S = 2e-3

@@ -1,4 +1,4 @@
-"""What the innovations of a filter say of clocks, in windows of a recording."""
+"""Estimates the delays of streams from a filter's innovations, window by window, for the fine clock search."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ _MERGE_S = 1e-5
 
 @dataclass(frozen=True)
 class Sight:
-    """What one window says of the delays of some clocks.
+    """Estimated delays of some clocks in one window.
 
     Args:
         time_s: middle of the window.
-        delay_s: (clocks,) by how much stamps are late.
-        std_s: (clocks,) standard deviations.
+        delay_s: (clocks,) time stamp minus true time, s.
+        std_s: (clocks,) standard deviations, s.
     """
 
     time_s: float
@@ -70,14 +70,15 @@ def spans(recording: Recording, most: int) -> list[Span]:
 
 @dataclass(frozen=True)
 class Filtering:
-    """What delays are seen through.
+    """Settings of the filter that estimates delays.
 
     Args:
         model: the body and its sensors.
-        known: what the filter is told of the wearing.
-        groups: streams that have one clock together.
-        anchored: some other stream keeps true time; without one, only differences are told, and their mean is nought.
-        threads: how many pieces are looked at at a time; None takes all cores.
+        known: the calibration that the filter uses.
+        groups: streams that share one clock.
+        anchored: true if another stream has the reference clock. Otherwise only differences between clocks can be
+            estimated, and their mean is zero.
+        threads: number of parts processed at a time; None uses all cores.
     """
 
     model: Model
@@ -111,7 +112,7 @@ class Filtering:
 
 
 def _estimate(recording: Recording) -> tuple[str, ...]:
-    """With mounts among the states a unit that sits askew bends the track far less; without a compass they bend it."""
+    """States to estimate. With magnetometers they include mounts, which reduces the effect of misaligned units."""
     units = [s for s in recording if isinstance(s, ImuStream)]
     return (*ESTIMATE, "mounts") if all(u.mag_ut is not None for u in units) else ESTIMATE
 

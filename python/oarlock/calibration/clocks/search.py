@@ -1,4 +1,4 @@
-"""The clocks that leave nothing of themselves in a filter's innovations."""
+"""Fine search of `calibrate_clocks`: iterates until the filter's innovations no longer correlate with clock errors."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def settle(seen_by: Filtering, recording: Recording, told: Callable[[float], obj
 
 
 def with_clocks(recording: Recording, clocks: Mapping[str, Clock]) -> Recording:
-    """The recording with stamps set right."""
+    """The recording with time stamps corrected by these clocks."""
     return Calibration(clocks=clocks).corrected(recording)
 
 

@@ -1,1 +1,1 @@
-"""Self-calibration from ordinary movement: mounts and lengths from closed loops and known joints."""
+"""Calibration from ordinary movement: mounts, lengths, sensor positions and encoder zeros, from closed loops."""

@@ -1,4 +1,4 @@
-"""The search itself: hypotheses, each fitted to the first part and judged on the rest; the better one stays."""
+"""Entry point `calibrate_motion`: fits two noise hypotheses, scores each on held-out data, and keeps the better one."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ RIGID_NIS = 3.0
 BETTER = 0.98
 """What is kept has to be better than before by more than chance: by 2 % on hundreds of samples."""
 MOST_SURPRISE = 2.0
-"""Prior standard deviations, root mean square of all constants: further off is not how a unit is worn."""
+"""Prior standard deviations, root mean square of all constants: larger changes are implausible for mounted units."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,29 +44,29 @@ def calibrate_motion(
     end_s: float | None = None,
     held_out: float = 1.0 / 3.0,
 ) -> Calibration:
-    """Find mounts, lengths, places and zeros from ordinary movement, while closed loops hold the body together.
+    """Estimate mounts, lengths, sensor positions and encoder zeros from ordinary movement of a body with closed loops.
 
-    All constants of a wearing are states of the tracking filter, with priors: maximum a posteriori in one sweep. Two
-    hypotheses are tried. "rigid": readings are the model's, on a root that may rock; it stands if the innovations on
-    held-out samples are as small as the sensors' noise. Otherwise "soft": sensors on skin, with errors that last, of
-    which a hundred samples count as one. A result is kept only if held-out samples contradict it less than what was
-    known before. What the movement does not tell is left as it was.
+    All constants are states of the tracking filter with priors, which gives a maximum a posteriori estimate in one
+    pass. Two hypotheses are tested. "rigid": sensors are rigidly attached, and the root may rock. It is accepted if
+    the innovations on held-out data are as small as the sensors' noise. Otherwise "soft": sensors move with the skin,
+    their errors are time-correlated, and a hundred samples count as one. A result is kept only if its innovations on
+    held-out data are smaller than before. Constants that the movement does not determine keep their values.
 
     Args:
-        model: the body and its sensors; parameters in metres with a `std` are sought.
-        recording: ordinary movement, some cycles of it. Twenty seconds do, minutes are better.
-        calibration: what is known already; its standard deviations are priors.
-        start_s: begin of the stretch to use, s; None is the recording's.
-        end_s: its end, s.
-        held_out: share of the stretch, at its end, by which results are judged.
+        model: the body and its sensors. Parameters in metres with a `std` are estimated.
+        recording: several cycles of ordinary movement: 20 s are sufficient, minutes are better.
+        calibration: an earlier calibration; its standard deviations are the priors.
+        start_s: start of the part to use, s; None is the start of the recording.
+        end_s: end of the part to use, s; None is the end of the recording.
+        held_out: share at the end of this part that is held out to score results, 0.1 to 0.5.
 
     Returns:
-        A calibration for `track`. Its `noted` holds `kept` ("rigid", "soft" or "before"), the `scores`, prior, value,
-        standard deviation and share told of each constant, and `not_told`.
+        A calibration for `track`. Its `noted` contains `kept` ("rigid", "soft" or "before"), the `scores`, the prior,
+        value, standard deviation and reduction of variance of each constant, and `not_told` (undetermined constants).
 
     Raises:
-        DataError: a stretch of less than 8 s, no inertial unit, no closure, or an odd `held_out`.
-        DivergedError: the plain filter loses the track of the stretch.
+        DataError: the part lasts less than 8 s, the model has no inertial unit or closure, or `held_out` is invalid.
+        DivergedError: the filter diverges before any constant is estimated.
     """
     known = Calibration() if calibration is None else calibration
     edges = [(start_s, recording.start_s), (end_s, recording.end_s)]

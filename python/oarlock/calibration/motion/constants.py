@@ -1,4 +1,4 @@
-"""The constants of a wearing as a search left them: moved how far, how well known, and which were told at all."""
+"""`Constants`: estimated lengths, sensor positions, mounts and zeros with covariance. Results of `calibrate_motion`."""
 
 from __future__ import annotations
 
@@ -74,12 +74,12 @@ class Constants:
         return told
 
     def surprise(self) -> float:
-        """How far the told constants moved: root mean square in standard deviations of the prior."""
+        """Root mean square change of the determined constants, in standard deviations of the prior."""
         told = self.share >= OBSERVABLE_SHARE
         return float(np.sqrt(np.mean((self.moved / self.prior_std)[told] ** 2))) if told.any() else 0.0
 
     def without_the_untold(self) -> Constants:
-        """Untold constants back where they were; the others as they then have to be (conditional Gaussian)."""
+        """Undetermined constants at their prior values, the others conditioned on these (conditional Gaussian)."""
         untold = self.share < OBSERVABLE_SHARE
         if not untold.any():
             return self

@@ -1,4 +1,4 @@
-"""What the readings may differ by from a rigid body's, and how much of that is said anew each sample."""
+"""Noise hypotheses of `calibrate_motion` ("rigid", "soft"): size and time correlation of deviations from the model."""
 
 from __future__ import annotations
 

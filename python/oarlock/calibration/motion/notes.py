@@ -1,4 +1,4 @@
-"""What a search found, in plain numbers, for the report."""
+"""Converts the result of `calibrate_motion` to plain numbers, for a calibration's `noted` and the report."""
 
 from __future__ import annotations
 

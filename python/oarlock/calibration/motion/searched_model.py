@@ -1,4 +1,4 @@
-"""A model with what a search adds: places of units, zeros of encoders, a root that rocks, other noise and priors."""
+"""Extends a model for `calibrate_motion`: sensor positions and encoder zeros as states, a rocking root, other noise."""
 
 from __future__ import annotations
 

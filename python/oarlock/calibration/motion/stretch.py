@@ -1,4 +1,4 @@
-"""A stretch of movement in two parts: one to search in, one to judge by."""
+"""`Stretch`: a part of a recording, split into data for `calibrate_motion` to fit and held-out data to score it."""
 
 from __future__ import annotations
 
@@ -136,8 +136,8 @@ def _check(model: Model, whole: Recording, held_out: float) -> None:
     described = model.describe()
     if not described["closures"]:
         raise DataError(
-            f'calibrate motion: model "{model.name}" has no closure. Only a closed loop tells mounts and lengths '
-            "while the body moves as it likes; see oarlock calibrate axes, joints and pose"
+            f'calibrate motion: model "{model.name}" has no closure. Free movement determines mounts and lengths '
+            "only with a closed loop. Use oarlock calibrate axes, joints or pose"
         )
     units = [s["name"] for s in described["sensors"] if s["kind"] == "imu" and s["name"] in whole]
     if not units:

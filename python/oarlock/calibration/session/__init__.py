@@ -1,1 +1,1 @@
-"""From a short guided session to a calibration: what each step found, how sure, and what to do again."""
+"""Calibration from a short guided session: sensors, mounts, encoders and field, with a check of each step."""

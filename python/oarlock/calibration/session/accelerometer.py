@@ -1,4 +1,4 @@
-"""Bias and scale of an accelerometer from several attitudes at rest: gravity has one norm (Ferraris et al. 1995)."""
+"""Session search: bias and scale of an accelerometer from the norm of gravity at rest (Ferraris et al. 1995)."""
 
 from __future__ import annotations
 

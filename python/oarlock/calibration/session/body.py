@@ -1,4 +1,4 @@
-"""How a model's links turn with its coordinates, and about which axes: all that mounts need to know of it."""
+"""`Body`: link rotations and joint axes of a model as functions of its coordinates, for the session's mount search."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a session found, one line each: value, how sure, the limit, and what to do."""
+"""`Check`: one result of a session with its value, standard deviation, limit and advice. Shown on its page."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Check:
         std: how sure, in `unit`; NaN if it has none.
         limit: the std or deviation that still passes, in `unit`; NaN if there is none.
         unit: of std and limit.
-        outcome: `pass`, `redo`, or `kept`: not told by the session, the value from before stays.
+        outcome: `pass`, `redo`, or `kept`: the session does not determine the value, the previous one is kept.
         sentence: one plain sentence.
     """
 

@@ -1,4 +1,4 @@
-"""Zero, scale and sign of scalar streams from marked positions and from streams that move together."""
+"""Session search: zero, scale and sign of encoders, from marked positions and from correlated streams."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Mark:
 def encoder_scales(
     steps: Sequence[SessionStep], spans: Mapping[str, Span], recording: Recording
 ) -> tuple[dict[str, EncoderScale], list[Check]]:
-    """Stream -> zero and scale, for all that a mark or a sign tells of; and the lines that say so."""
+    """Stream -> zero and scale from marks and signs, and the checks of these."""
     found: dict[str, EncoderScale] = {}
     checks: list[Check] = []
     signs = {s.stream: s for s in steps if s.kind == "sign"}
@@ -93,7 +93,7 @@ def _line(stream: str, own: Sequence[tuple[SessionStep, Mark]]) -> tuple[Encoder
     held = max(m.scatter for _, m in own)
     off = abs(abs(scale) - 1.0)
     outcome = PASSED if off <= SCALE_LIMIT and held <= REST_LIMIT else REDO
-    turned = "It runs the wrong way round, which is corrected. " if scale < 0 else ""
+    turned = "Its sign is inverted, which is corrected. " if scale < 0 else ""
     sentence = turned + (
         f"Marks and readings agree to {100 * off:.1f} %."
         if outcome == PASSED
@@ -110,7 +110,7 @@ def _line(stream: str, own: Sequence[tuple[SessionStep, Mark]]) -> tuple[Encoder
 def _zero(
     stream: str, own: Sequence[tuple[SessionStep, Mark]], sign: int | None
 ) -> tuple[EncoderScale, Check]:
-    """One mark: the zero, with the sign that the movement told, else as it is."""
+    """Zero from one mark, with the sign from a common movement if there is one."""
     scale = float(sign or 1)
     zero = float(np.mean([m.reading - scale * m.value for _, m in own]))
     held = max(m.scatter for _, m in own)
@@ -142,10 +142,10 @@ def _sign(
     text = f"correlation {correlation:+.2f} with {step.other}"
     if abs(agreed) < CLEAR:
         sentence = (
-            "The two streams do not move together clearly: move both through their range and record again."
+            "The two streams are not clearly correlated: move both through their range and record again."
         )
         return 1, Check(step.name, step.stream, "sign", text, abs(agreed), CLEAR, "", REDO, sentence)
-    sentence = "It runs the right way." if found > 0 else "It runs the wrong way round, which is corrected."
+    sentence = "Its sign is correct." if found > 0 else "Its sign is inverted, which is corrected."
     return found, Check(step.name, step.stream, "sign", text, np.nan, np.nan, "", PASSED, sentence)
 
 

@@ -1,4 +1,4 @@
-"""Gyroscope biases and noise from where units rest."""
+"""Session search: bias and noise of gyroscopes, from intervals at rest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hard and soft iron of a magnetometer: an ellipsoid that becomes a sphere (Gebre-Egziabher et al. 2001; Kok 2016)."""
+"""Session search: hard and soft iron by an ellipsoid fit (Gebre-Egziabher et al. 2001; Kok 2016)."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class MagFit:
 def mag_fit(unit: UnitRows, spans: Sequence[Span], stills: Sequence[tuple[Span, bool]]) -> MagFit | None:
     """One symmetric matrix and one offset for which all readings have one norm, and at rest one dip.
 
-    The matrix has a mean stretch of one, since no magnetometer tells the true field's strength.
+    The matrix has a mean scale of one, because a magnetometer cannot determine the true norm of the field.
     """
     if unit.mag is None:
         return None

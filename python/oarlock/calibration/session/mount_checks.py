@@ -1,4 +1,4 @@
-"""What a session says of mounts, postures and movements."""
+"""Checks of a session's mounts, postures and movements, each with a sentence for its page."""
 
 from __future__ import annotations
 
@@ -51,7 +51,9 @@ def _movements(found: Mounts, plan: SessionPlan, body: Body) -> list[Check]:
         checks.append(Check(step, unit, "movement", text, std, np.nan, "deg", outcome, sentence))
     missing = [(s.name, j) for s in plan.steps if s.kind == "move" for j in s.joints if not body.below(j)]
     for step, joint in missing:
-        sentence = f"No unit sits beyond the joint {joint}, so this movement tells nothing."
+        sentence = (
+            f"No unit is distal to the joint {joint}, so this movement has no effect on the calibration."
+        )
         checks.append(Check(step, joint, "movement", "-", np.nan, np.nan, "", KEPT, sentence))
     return checks
 
@@ -74,7 +76,7 @@ def _postures(found: Mounts, plan: SessionPlan) -> list[Check]:
         if wrong:
             sentence = (
                 f"{', '.join(wrong)} disagree{'s' if len(wrong) == 1 else ''} with the other steps: the posture "
-                "was taken up differently, or a unit slipped. Do it again, with care for that limb."
+                "differed, or a unit slipped. Do it again, with care for that limb."
             )
             checks.append(Check(step.name, "", "posture", text, np.nan, limit, "deg", REDO, sentence))
         else:
@@ -94,11 +96,15 @@ def _mount(name: str, found: Mounts, nominal: FloatArray) -> Check:
     if name in found.by_north:
         seen += ", and by magnetic north"
     if outcome == PASSED:
-        sentence = f"Told by {seen}."
+        sentence = f"Determined by {seen}."
     elif std > 30.0:
-        sentence = f"{seen} leave one turn open: add a movement about another axis, or another posture."
+        sentence = (
+            f"{seen} do not determine one rotation: add a movement about another axis, or another posture."
+        )
     else:
-        sentence = f"{seen} tell it only so well: repeat the steps, with care for the postures."
+        sentence = (
+            f"{seen} determine it with a large uncertainty: repeat the steps, with care for the postures."
+        )
     return Check("mounts", name, "mount", text, std, limit, "deg", outcome, sentence)
 
 
@@ -113,9 +119,9 @@ def _norths(found: Mounts) -> list[Check]:
         off = float(np.degrees(np.angle(turn * np.exp(-1j * middle))))
         good = abs(off) <= np.degrees(NORTH_LIMIT_RAD)
         sentence = (
-            "It agrees with the other units on where north is."
+            "Its magnetic north agrees with that of the other units."
             if good
-            else "It sees north elsewhere than the other units do: iron is near it, or its mount is wrong."
+            else "Its magnetic north differs from that of the other units: check for iron near it, and its mount."
         )
         outcome = PASSED if good else REDO
         limit = float(np.degrees(NORTH_LIMIT_RAD))

@@ -1,4 +1,4 @@
-"""How every unit is turned on its link: up in postures, axes in movements, north where both leave a turn open."""
+"""Session search: mounts from gravity in postures, axes in movements, and magnetic north if these are insufficient."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class MountSearch:
         plan: the steps.
         spans: where they lie, s.
         units: corrected rows of each unit.
-        nominal: unit -> (3, 3), the mount where nothing tells another.
+        nominal: unit -> (3, 3), the mount where the session determines none.
     """
 
     body: Body

@@ -1,4 +1,4 @@
-"""About which axis a unit turned, against the unit before it."""
+"""Session search: rotation axis of a unit relative to the previous unit during a movement."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a guided session consists of: steps that somebody reads out, and what is known of each."""
+"""`SessionPlan` and `SessionStep`: the steps of a guided session, their postures, joints and times; plan files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Least squares by Gauss-Newton on normal equations, with Huber's weights (1964) for readings that do not belong."""
+"""Robust Gauss-Newton least squares with Huber's weights (1964) against outliers, for the session's sensor searches."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a guided session to a calibration."""
+"""Entry point `calibrate_session`: finds the steps, calibrates sensors, encoders and mounts, collects checks."""
 
 from __future__ import annotations
 
@@ -48,27 +48,28 @@ def calibrate_session(
     sensors: Iterable[str] | None = None,
     calibration: Calibration | None = None,
 ) -> Calibration:
-    """Calibrate all sensors of a wearing from one short guided session.
+    """Calibrate all sensors from one short guided session.
 
-    Where units rest, gyroscope biases and, with several attitudes, bias and scale of accelerometers (Ferraris et al.
-    1995); in all directions, hard and soft iron of magnetometers; up in postures and axes in movements, the mounts
-    (Wahba 1965, with full covariances); in marked positions and common movement, zeros and signs of encoders.
+    Intervals at rest give gyroscope biases and, in several attitudes, bias and scale of accelerometers (Ferraris et al.
+    1995). Rotation in all directions gives hard and soft iron of magnetometers. Gravity in postures and axes in
+    movements give the mounts (Wahba 1965, with full covariances). Marked positions and common movement give zeros,
+    scales and signs of encoders.
 
     Args:
-        model: the body; its root rests, or is the body's own free joint, while the session lasts.
-        recording: gyroscope and accelerometer of the units, magnetometers and scalar streams where there are any.
-        plan: the steps; None takes the protocol that ships with the model. Steps without times are found.
-        sensors: the units to use; None takes all of the model that were recorded.
-        calibration: what is known already, such as clocks and lengths; its clocks are applied first.
+        model: the body. During the session its root is at rest, or is the body's own free joint.
+        recording: gyroscope and accelerometer of the units, and magnetometers and scalar streams if available.
+        plan: the steps; None takes the protocol that ships with the model. Steps without times are located.
+        sensors: names of the units to use; None takes all recorded units of the model.
+        calibration: an earlier calibration, such as clocks and lengths; its clocks are applied first.
 
     Returns:
-        The starting calibration with all that was found, and standard deviations. What the session does not tell stays.
-        ``noted["session"]`` holds the plan's name, where each step lies, and the checks: what was found, how sure, what
-        limit, `pass`, `redo` or `kept`, and a sentence. `oarlock.report` shows them as a page.
+        The given calibration with all results and their standard deviations. Values that the session does not determine
+        are unchanged. ``noted["session"]`` contains the plan's name, the times of the steps, and the checks: value,
+        standard deviation, limit, outcome (`pass`, `redo` or `kept`) and a sentence. `oarlock.report` shows them.
 
     Raises:
-        DataError: a plan that does not fit the model or the recording, no unit with gyroscope and accelerometer, no
-            unit that ever rests.
+        DataError: the plan does not fit the model or the recording, no unit has gyroscope and accelerometer, or no
+            unit is ever at rest.
     """
     plan = default_plan(model) if plan is None else plan
     plan.check(model)

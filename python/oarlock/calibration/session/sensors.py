@@ -1,4 +1,4 @@
-"""What each unit's own sensors need, and its rows with that applied."""
+"""Session search: biases, scales and iron of one inertial unit, its corrected readings, and the checks of both."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class SensorSearch:
         return found
 
     def corrected(self, calibration: Calibration) -> UnitRows:
-        """The rows, as the calibration mends them."""
+        """The rows with the calibration's corrections applied."""
         rows = self.rows
         gyro = true_readings(calibration, rows.name, "gyro_rad_s", rows.gyro)
         accel = true_readings(calibration, rows.name, "accel_m_s2", rows.accel)
@@ -108,7 +108,8 @@ class SensorSearch:
             sentence = (
                 "As quiet as the model expects."
                 if quiet
-                else "Much noisier than the model expects: did it lie still? Else say more in the model file."
+                else "Much noisier than the model expects. Check that it lay still; otherwise increase the noise in "
+                "the model file."
             )
             text = f"{1e3 * noise:.1f} mrad/s a sample"
             limit, outcome = 1e3 * NOISE_LIMIT * expected, PASSED if quiet else REDO
@@ -122,7 +123,7 @@ class SensorSearch:
         if rest is None or not rest.known:
             seen = 0 if rest is None else rest.attitudes
             sentence = (
-                f"Seen at rest in {seen} attitudes; it takes {LEAST_ATTITUDES} or more. What was known stays."
+                f"At rest in {seen} attitudes; {LEAST_ATTITUDES} are needed. The previous values are kept."
             )
             std = np.nan if rest is None else float(rest.bias_std_m_s2.max())
             return Check("rest", name, "accelerometer", "-", std, BIAS_LIMIT_M_S2, "m/s2", KEPT, sentence)
@@ -153,8 +154,6 @@ class SensorSearch:
                 f"The norm still scatters by {100 * fit.after:.0f} %: iron is near. Turn it again elsewhere."
             )
         else:
-            sentence = (
-                "It was not turned through all directions. Turn it about all three axes, or do without."
-            )
+            sentence = "It was not rotated through all directions. Rotate it about all three axes, or skip this step."
         outcome = REDO if fit.after > NORM_LIMIT else KEPT
         return [Check("turn", name, "magnetometer", text, std, OFFSET_LIMIT_UT, "uT", outcome, sentence)]

@@ -1,4 +1,4 @@
-"""One line for each step of a plan: where it lies, whether it is to be done again, and a sentence."""
+"""Summary of each step of a session: its time interval, its outcome and a sentence. Shown on the session's page."""
 
 from __future__ import annotations
 
@@ -57,4 +57,4 @@ def _in_words(step: SessionStep, own: Sequence[Check]) -> tuple[str, str]:
         return KEPT, f"{', '.join(units)}: {kept[0].sentence}"
     if step.kind in ("turn", "still"):
         return PASSED, "All units rested long enough."
-    return PASSED, own[0].sentence if own else "Nothing was asked of it."
+    return PASSED, own[0].sentence if own else "This step has no check."

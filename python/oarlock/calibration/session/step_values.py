@@ -1,4 +1,4 @@
-"""The gate of a plan's values: each is of its kind, or refused with its place and what was expected."""
+"""Checks the values of a session plan. A wrong value is refused with its location and the expected kind."""
 
 from __future__ import annotations
 

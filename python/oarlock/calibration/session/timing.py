@@ -1,4 +1,4 @@
-"""Where the steps of a plan lie in a recording that does not say."""
+"""Locates the steps of a session plan in a recording, from intervals of rest and movement."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rows of an inertial unit that a session looks at, and where it rests."""
+"""`UnitRows`: complete readings of one inertial unit and its intervals at rest, for the searches of a session."""
 
 from __future__ import annotations
 

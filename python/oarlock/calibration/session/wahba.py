@@ -1,4 +1,4 @@
-"""A mount from directions seen in the sensor and known in the link: Wahba's problem (1965) with full covariances."""
+"""Solves for a mount from directions in sensor and link: Wahba's problem (1965) with full covariances."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from oarlock.storage.array_gate import FloatArray
 
 PRIOR_STD_RAD = float(np.radians(60.0))
-"""How much the model's own mount counts: it only decides what nothing else tells."""
+"""Weight of the nominal mount: it only decides directions that nothing else determines."""
 SHARED = 0.5
 """Share of the variance that postures have in common in which a direction is the same: people repeat their errors."""
 ALIKE = float(np.cos(np.radians(15.0)))
@@ -73,7 +73,7 @@ def isotropic(direction: FloatArray, std_rad: float) -> FloatArray:
 
 
 def solved_mount(sights: Sequence[Sight], nominal: FloatArray) -> SolvedMount:
-    """The likeliest mount; what no sight tells stays nominal and has a wide covariance."""
+    """The most likely mount. Undetermined directions keep the nominal mount and have a large covariance."""
     rotation = _start(sights, nominal)
     weights = [np.linalg.inv(c) for c in _covariances(sights)]
     prior = np.eye(3) / PRIOR_STD_RAD**2
@@ -118,7 +118,7 @@ def _covariances(sights: Sequence[Sight]) -> list[FloatArray]:
     found = []
     for sight in sights:
         alike = sum(1 for o in sights if o.kind == sight.kind and o.in_link @ sight.in_link > ALIKE)
-        # A unit vector moves along itself to second order only: there it tells nothing.
+        # A unit vector gives no information along itself: it changes there to second order only.
         along = np.outer(sight.in_link, sight.in_link) * float(np.trace(sight.own + sight.posture))
         found.append(sight.own + sight.posture * (1.0 + SHARED * (alike - 1)) + along)
     return found

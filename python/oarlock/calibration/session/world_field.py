@@ -1,4 +1,4 @@
-"""Strength and dip of the field, as all units together saw them, against the model's world."""
+"""Compares norm and dip of the magnetic field measured in a session with the values of the model's [world]."""
 
 from __future__ import annotations
 
@@ -64,7 +64,9 @@ def field_checks(model: Model, searches: Mapping[str, SensorSearch]) -> list[Che
     elif apart:
         held = f"{world['magnetic_norm_ut']:.1f} uT and {np.degrees(world['magnetic_dip_rad']):.0f} deg"
         outcome = KEPT
-        sentence = f"The model's world says {held}: write what was found into [world] of your model file."
+        sentence = (
+            f"The model's [world] has {held}: write the measured values into [world] of your model file."
+        )
     else:
         outcome, sentence = PASSED, "As the model's world says."
     return [*checks, Check("turn", "", "magnetic field", text, np.nan, np.nan, "", outcome, sentence)]

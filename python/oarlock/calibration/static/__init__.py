@@ -1,1 +1,1 @@
-"""Calibrations from a pose, from single hinges, from chains of hinges, and of joint centres and the local field."""
+"""Calibrations of mounts, lengths and field from a pose, hinge axes, a hinge chain, or joint centres."""

@@ -1,4 +1,4 @@
-"""How units sit about hinges between them, from motion alone: the engine's search for a whole model.
+"""`calibrate_hinge_axes`: mounts from the hinge axes that motion shows.
 
 The search itself is the engine's (`calibrate::hinge_axes`); docs/mounts.md explains it and shows an example.
 """

@@ -1,4 +1,4 @@
-"""How the sensors of a chain of hinges sit, from a still stretch and a swing: the engine's search for a model.
+"""`calibrate_hinge_chain`: mounts, sensor positions and lengths of a chain of hinges, from rest and a swing.
 
 The search itself is the engine's (`calibrate::hinge_chain`); docs/mounts.md explains it and shows an example.
 """

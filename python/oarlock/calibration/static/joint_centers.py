@@ -1,4 +1,4 @@
-"""Where joints lie between bodies that carry an inertial unit each: the engine's search for a whole model.
+"""`calibrate_joint_centers`: sensor positions and lengths between joints, from motion.
 
 The search itself is the engine's (`calibrate::joint_centers`); docs/mounts.md explains it and shows an example.
 """

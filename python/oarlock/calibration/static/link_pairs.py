@@ -1,4 +1,4 @@
-"""Bodies with an inertial unit each that hang on one another, and the joint between them, read off a model's poses."""
+"""Pairs of neighbouring inertial units and the joint between them, for the searches for axes and joint centres."""
 
 from __future__ import annotations
 

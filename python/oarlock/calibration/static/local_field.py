@@ -1,4 +1,4 @@
-"""Strength and dip of the magnetic field where a recording was made.
+"""`calibrate_field`: norm and dip of the local magnetic field, from still or slow intervals of a recording.
 
 The search itself is the engine's (`calibrate::local_field`); docs/mounts.md explains it and shows an example.
 """

@@ -1,4 +1,4 @@
-"""Which parameters of a model file are the place of a unit on its link, and nothing else."""
+"""Finds parameters of a model file that define only a unit's position on its link, for `calibrate_joint_centers`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How units are inclined on their links, from a still stretch in a known posture.
+"""`calibrate_pose`: inclination of mounts from gravity in a still, known posture.
 
 The search itself is the engine's (`calibrate::pose_mounts`); docs/mounts.md explains it and shows an example.
 """

@@ -1,4 +1,4 @@
-"""A model as worn: with what a calibration already holds, and with what a search adds."""
+"""A model with the values of a calibration applied (`Worn`), and the result of a search as a new calibration."""
 
 from __future__ import annotations
 

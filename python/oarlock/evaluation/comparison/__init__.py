@@ -1,1 +1,1 @@
-"""Estimators of the literature on the same recording: whole trees, limbs, single units with inverse kinematics."""
+"""Comparison with estimators of the literature: filters of whole trees, of limbs, and of single units."""

@@ -1,4 +1,4 @@
-"""Estimators on the same recording, side by side."""
+"""`compare` and `Comparison`: several estimators on the same recording, with errors and processor times."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ Told = Callable[[str], AbstractContextManager[Callable[[float], None]]]
 
 @dataclass(frozen=True)
 class Comparison:
-    """What `compare` found.
+    """Result of `compare`.
 
     Args:
-        scores: one row per estimator, in the order in which they were asked for.
-        left_out: estimator -> why it could not run.
-        joints: those whose errors are averaged.
-        reference: "truth", or the estimator that the others are held against where there is no truth.
-        start_s: seconds that were left out at the beginning.
+        scores: one row for each estimator, in the order requested.
+        left_out: estimator -> reason why it could not run.
+        joints: joints whose errors are averaged.
+        reference: "truth", or without ground truth the estimator with which the others are compared.
+        start_s: time at the beginning that is not scored, s.
         model: the model's name.
-        processor: what the times were measured on.
+        processor: processor on which the times were measured.
     """
 
     scores: tuple[Score, ...]
@@ -135,24 +135,24 @@ def compare(
 ) -> Comparison:
     """Run estimators on the same recording and score each.
 
-    Times are those of the filter alone, for all of its sensors and one instant: around the engine's run, or around
-    the loop or batch call of a single unit's filter; reading, checks, scores and, of single units, the inverse
-    kinematics are not in them. They are processor time of the thread, which neighbours on a busy machine disturb less
-    than the clock on the wall; of several repeats the shortest.
+    Times are those of the filter alone, per instant and for all of its sensors: of the engine's run, or of the loop or
+    batch call of a single unit's filter. They exclude reading, checks, scores and, for single units, inverse
+    kinematics. They are processor times of the thread, which depend less on the load of the machine than wall-clock
+    times. The shortest of several repeats counts.
 
     Args:
         model: the body and its sensors.
         recording: measured streams.
-        truth: what to score against; None holds all against the first estimator that runs.
-        estimators: names, or `Estimator`; None is the usual choice, of which those that cannot run here are left out
-            with the reason.
-        calibration: of this wearing, given to all.
-        start_s: seconds at the beginning that are not scored.
-        repeats: how often each runs.
-        told: makes a context around each estimator, to show what is under way.
+        truth: ground truth to score against; None compares all with the first estimator that runs.
+        estimators: names, or `Estimator`; None is the default selection. Estimators of the default selection that
+            cannot run are left out, and the reason is reported.
+        calibration: calibration of this session, used by all estimators.
+        start_s: time at the beginning that is not scored, s.
+        repeats: number of runs of each estimator.
+        told: returns a context manager for each estimator, to show progress.
 
     Raises:
-        DataError: an estimator that was named cannot run, none can, or truth and recording do not overlap.
+        DataError: a requested estimator cannot run, none can, or ground truth and recording do not overlap.
     """
     asked = estimators is not None
     chosen = [estimator(e) if isinstance(e, str) else e for e in (estimators or usual_estimators())]

@@ -1,4 +1,4 @@
-"""Joint variables that an encoder or an input stream tells without any filter."""
+"""Joint coordinates that an encoder or input stream measures directly, for estimators without a filter for them."""
 
 from __future__ import annotations
 

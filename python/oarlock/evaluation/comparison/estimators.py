@@ -1,4 +1,4 @@
-"""The estimators that can be compared: what each is called, assumes and goes back to, and how it is run."""
+"""Registry of the estimators of `compare`: name, assumptions, source and function of each."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ class Estimator:
     """One way from a recording to joint variables.
 
     Args:
-        name: what `--filter` calls it.
-        family: `tree`, `limbs` or `single units`: what is filtered as one.
-        title: in a few words.
-        assumes: what it takes for granted, or cannot use.
-        source: where it comes from.
+        name: name for `--filter`.
+        family: `tree`, `limbs` or `single units`: the part that one filter covers.
+        title: a short description.
+        assumes: assumptions, and data that it cannot use.
+        source: publication.
         package: the optional package that it needs; "" for none.
-        config: of the engine's filter; None where a unit is filtered by itself.
+        config: settings of the engine's filter; None for filters of single units.
     """
 
     name: str
@@ -77,8 +77,8 @@ class Estimator:
         """
         if not self.live:
             raise DataError(
-                f"{self.name}: goes over a whole recording and cannot step live. "
-                f"Filters that can: {', '.join(e.name for e in estimators() if e.live)}"
+                f"{self.name}: needs a whole recording and cannot step live. "
+                f"Use one of: {', '.join(e.name for e in estimators() if e.live)}"
             )
         return Tracker(model, calibration, self.config)
 

@@ -1,4 +1,4 @@
-"""Joint variables from the orientations of links: weighted least squares on the tree, all instants at once.
+"""Joint coordinates from link orientations by weighted least squares, for `track_orientations`.
 
 At each instant sum_s |Log(M_s R_s')|^2 / std_s^2 + sum_e (z_e - q_e)^2 / std_e^2 is made smallest, with R_s the
 orientation that the model gives link s, M_s the measured one and z_e what encoders read. Source: Levenberg-

@@ -1,4 +1,4 @@
-"""Each limb of a tree by its own filter, and one track of them all."""
+"""`track_limbs`: an independent filter for each limb, merged into one track."""
 
 from __future__ import annotations
 
@@ -40,24 +40,24 @@ def track_limbs(
     *,
     progress: Callable[[float], object] | None = None,
 ) -> Track:
-    """Track every limb by a filter of its own on its own chain, as before whole trees were filtered.
+    """Track every limb by an independent filter on its own chain, as was common before filters of whole bodies.
 
     After L. Peppoloni, A. Filippeschi, E. Ruffaldi and C. A. Avizzano (2013), "A novel 7 degrees of freedom model
     for upper limb kinematic reconstruction based on wearable sensors", IEEE SISY: one arm, one filter. Where
-    several limbs stand on joints that they share, a filter without limbs tells those joints, and each limb carries
-    them along as states to know how its own base moves; what it makes of them is thrown away. Nothing that one
-    filter learns reaches another: beliefs are block-diagonal.
+    several limbs share joints, a filter without limbs estimates these joints. Each limb's filter includes them as
+    states, to estimate the motion of its base, and its estimates of them are discarded. The filters exchange no
+    information: the covariance is block-diagonal.
 
     Args:
         model: a tree with at least two limbs.
-        recording: measured streams; each filter gets those of its own sensors.
-        calibration: of this wearing.
-        config: of every filter; `closures = False` lets the limbs end freely, as in the source.
-        progress: called now and then with the share done, 0 to 1.
+        recording: measured streams; each filter receives those of its own sensors.
+        calibration: calibration of this session.
+        config: settings of every filter; `closures = False` leaves the ends of limbs free, as in the source.
+        progress: called regularly with the share done, 0 to 1.
 
     Raises:
-        DataError: the model has one limb or none, or nothing was recorded of one of its parts.
-        DivergedError: a filter lost the track.
+        DataError: the model has fewer than two limbs, or one part has no recorded stream.
+        DivergedError: a filter diverged.
     """
     config = Config() if config is None else config
     admit(model, corrected(recording, calibration))
@@ -83,7 +83,7 @@ def _streams_of(limb: Limb, recording: Recording) -> Recording:
     if not names:
         raise DataError(
             f'limb "{limb.name}": the recording has no stream of its sensors ({", ".join(sorted(known)) or "none"}). '
-            "Take ukf, which tracks the whole."
+            "Use ukf, which tracks the whole body."
         )
     return recording.only(names)
 

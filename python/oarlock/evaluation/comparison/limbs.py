@@ -1,4 +1,4 @@
-"""A tree cut into limbs: sub-models of the joints that lead to one limb, and of those that several limbs share."""
+"""Splits a model into limbs: one sub-model for each limb and one for the shared joints. Used by `track_limbs`."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def cut_into_limbs(model: Model, closures: bool = True) -> tuple[Limb, ...]:
     if len(roots) < 2:
         raise DataError(
             f'model "{model.name}": its inertial units stand on {"one chain" if roots else "no joint"}, so there '
-            "are no limbs to cut it into. Take ukf, which tracks the whole."
+            "are no limbs to split it into. Use ukf, which tracks the whole body."
         )
     limbs = [_limb(model, tree, root, closures) for root in roots]
     covered = {joint for limb in limbs for joint in limb.own}

@@ -1,4 +1,4 @@
-"""Orientation of a single inertial unit by published filters, through the packages that keep them.
+"""Published orientation filters for a single inertial unit, called through their packages.
 
 World axes are north-west-up: x along magnetic north, z up. Settings are those that the packages come with.
 """

@@ -1,4 +1,4 @@
-"""A filter on each inertial unit by itself, then inverse kinematics to the joint variables of the model."""
+"""`track_orientations`: an orientation filter for each inertial unit, then inverse kinematics."""
 
 from __future__ import annotations
 
@@ -53,21 +53,21 @@ def track_orientations(
 ) -> Track:
     """Track with one orientation filter per inertial unit, followed by inverse kinematics on the tree.
 
-    This is what was done before whole trees were filtered, for comparison: units know nothing of each other,
-    lengths and lever arms, closures and base accelerations are not used, and biases only where the filter has its
-    own way. Encoders are read directly. The heading is that of the model's world, which the filters are told: they
-    cannot estimate it. Nothing is said of errors, so standard deviations, rates and accelerations are NaN.
+    This is the common method before filters of whole bodies, for comparison. Units are independent of each other.
+    Lengths, lever arms, closures and base accelerations are not used, and biases only if the filter estimates them.
+    Encoders are read directly. The heading is that of the model's world, because the filters cannot estimate it.
+    Standard deviations, rates and accelerations are not estimated and are NaN.
 
     Args:
         model: the body and its sensors.
-        recording: measured streams; of a unit all three quantities are needed.
+        recording: measured streams; all three quantities of a unit are required.
         filter: a name in `ORIENTATION_FILTERS`: vqf, madgwick, quaternion_ekf, quest_ekf or vector_kf.
-        calibration: lengths, mounts and magnetometer offsets of this wearing.
-        progress: called now and then with the share done, 0 to 1.
+        calibration: lengths, mounts and magnetometer offsets of this session.
+        progress: called regularly with the share done, 0 to 1.
 
     Returns:
-        At the stamps of the unit with the most readings. `provenance` tells the time that the filter and the inverse
-        kinematics took, s: `filter_wall_s`, `kinematics_wall_s`, and the same with `cpu`.
+        A track at the time stamps of the unit with the most readings. `provenance` contains the times of filter and
+        inverse kinematics, s: `filter_wall_s`, `kinematics_wall_s`, and the same with `cpu`.
 
     Raises:
         DataError: no such filter, its package is not installed, or no unit has gyroscope, accelerometer and
@@ -136,7 +136,7 @@ def _complete_units(worn: Worn, recording: Recording) -> tuple[dict[str, _Unit],
         stream = next((s for s in recording if s.name == name), None)
         lacks = _lacks(stream, sensor)
         if lacks:
-            notes.append(f"{name}: left out, for it has no {lacks}, which these filters need")
+            notes.append(f"{name}: left out because it has no {lacks}, which these filters need")
             continue
         assert isinstance(stream, ImuStream)
         offset = worn.before.mag_offsets_ut.get(name)
@@ -150,7 +150,7 @@ def _complete_units(worn: Worn, recording: Recording) -> tuple[dict[str, _Unit],
         raise DataError(
             "track_orientations: no inertial unit of the model was recorded with gyroscope, accelerometer and "
             f"magnetometer, which give a single unit its heading ({'; '.join(notes) or 'the model has no unit'}). "
-            "Take ukf or ekf: they need no magnetometer."
+            "Use ukf or ekf: they need no magnetometer."
         )
     return units, notes
 
@@ -217,7 +217,7 @@ def _told(model: Model, filter: str) -> tuple[str, ...]:
         *(b["name"] for b in described["base_acceleration"]),
     ]
     told = (
-        f"{filter}: each inertial unit by itself, then inverse kinematics; nothing is said of errors",
+        f"{filter}: each inertial unit by itself, then inverse kinematics; no standard deviations are estimated",
         "the azimuth of the magnetic field is the model's, not estimated",
     )
     return (*told, f"not used: {', '.join(unused)}") if unused else told

@@ -1,4 +1,4 @@
-"""A Kalman filter on rates and quaternion of a single unit, whose quaternions come from QUEST.
+"""Kalman filter on angular rate and quaternion of a single unit, with quaternions from QUEST as measurements.
 
 In the manner of X. Yun and E. R. Bachmann (2006), "Design, implementation, and experimental results of a
 quaternion-based Kalman filter for human body motion tracking", IEEE Transactions on Robotics 22(6): accelerometer

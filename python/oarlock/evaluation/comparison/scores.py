@@ -1,4 +1,4 @@
-"""One row of a comparison: how good, how sure and how fast an estimator was on a recording."""
+"""One row of a comparison: errors, standard deviations and processor time of an estimator on a recording."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ LEVEL = 0.02
 
 @dataclass(frozen=True)
 class Score:
-    """One estimator on one recording; NaN where there is nothing to tell.
+    """Scores of one estimator on one recording; NaN where a score does not exist.
 
     Args:
-        estimator: which.
+        estimator: the estimator.
         mean_rmse_deg: mean over the chosen joints that turn of their RMSE, deg.
         worst_rmse_deg: the largest of them, deg.
         correlation: mean over the same joints.
         slides_rmse_m: RMSE of each slide, m.
         positions_rmse_m: RMSE of frames' positions in root axes, m; both sides of a body together.
         nees: per state, of all states of the observed joints; NaN without beliefs.
-        coverage: share of errors inside the 95 % bands; NaN where nothing is said of errors.
+        coverage: share of errors inside the 95 % bands; NaN without standard deviations.
         step_us: time of the filter alone for one instant, microseconds.
         kinematics_us: time of the inverse kinematics for one instant; NaN where the filter needs none.
         joints: how many of the chosen joints were scored.
-        evaluation: everything.
-        notes: what the track tells.
+        evaluation: the complete evaluation.
+        notes: notes of the track.
     """
 
     estimator: Estimator

@@ -1,4 +1,4 @@
-"""One inertial unit at a time: its readings on an even grid, stretch by stretch, as orientation filters want them."""
+"""Readings of single inertial units, resampled to a regular grid and split at gaps, for orientation filters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The axes about which the joints of a tree turn its frames, read off the model's own poses."""
+"""Rotation axes of a model's joints, computed from its poses, for inverse kinematics."""
 
 from __future__ import annotations
 

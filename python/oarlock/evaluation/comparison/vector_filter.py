@@ -1,4 +1,4 @@
-"""A linear Kalman filter on the directions of gravity and of the magnetic field, as a single unit sees them.
+"""Linear Kalman filter on the directions of gravity and magnetic field in the axes of a single unit.
 
 In the manner of R. Zhu and Z. Zhou (2004), "A real-time articulated human motion tracking using tri-axis
 inertial/magnetic sensors package", IEEE Transactions on Neural Systems and Rehabilitation Engineering 12(2): the

@@ -1,1 +1,1 @@
-"""Optical markers as a reference: trajectories, gaps, smoothing, inverse kinematics, body fits."""
+"""Optical markers as a reference: trajectories, gaps, smoothing, inverse kinematics, body dimensions."""

@@ -1,4 +1,4 @@
-"""Closed-form inverse kinematics of an arm: three hinges in the shoulder, one at the elbow, three in the wrist."""
+"""`Arm`: closed-form inverse kinematics of an arm with three shoulder, one elbow and three wrist hinges."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where markers sit on a model: a frame each, and a point in that frame's axes."""
+"""`Attachment`: the frame and the position in this frame at which a marker sits; reading and writing of both."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A person's lengths, marker places and the place of the measuring system, from a trial of markers."""
+"""`fit_body`: lengths of a person, marker positions and pose of the measuring system, from a marker trial."""
 
 from __future__ import annotations
 

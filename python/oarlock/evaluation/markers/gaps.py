@@ -1,4 +1,4 @@
-"""Gaps in marker trajectories: found, filled by smoothing splines where they are short, and reported."""
+"""`fill_gaps`: finds gaps in marker trajectories, fills short ones by smoothing splines, and reports all."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Angles of three hinges whose axes meet, from the rotation that they make together."""
+"""Angles of three hinges with intersecting axes from their combined rotation, for `Arm`."""
 
 from __future__ import annotations
 

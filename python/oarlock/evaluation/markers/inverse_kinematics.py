@@ -1,4 +1,4 @@
-"""Joint values of any model from marker trajectories, by least squares on its tree."""
+"""`inverse_kinematics`: joint coordinates of any model from marker trajectories, by least squares."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Damped least squares of many postures side by side."""
+"""Damped least squares for many postures at a time, for inverse kinematics and body fits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Zero-phase low-pass of marker trajectories."""
+"""`low_pass`: zero-phase low-pass filter for marker trajectories."""
 
 from __future__ import annotations
 

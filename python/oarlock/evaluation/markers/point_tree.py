@@ -1,4 +1,4 @@
-"""Points on a tree of frames: where they are, and how they move with every coordinate."""
+"""Positions of points on a tree of frames, and their derivatives with respect to every coordinate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Joint values from markers: what was found, how well it fits, and what was not determined."""
+"""Result of inverse kinematics from markers: coordinates, residuals, and undetermined coordinates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a marker session to a simulated study: gaps, filter, inverse kinematics, virtual sensors."""
+"""`simulate_from_markers`: simulated sensors along a motion that markers recorded."""
 
 from __future__ import annotations
 

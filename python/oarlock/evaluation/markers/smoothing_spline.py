@@ -1,4 +1,4 @@
-"""A quintic smoothing spline through noisy points, its smoothness chosen by likelihood."""
+"""Quintic smoothing spline with maximum-likelihood smoothness, to fill gaps in marker trajectories."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a search for postures begins: many starts for one frame, then from frame to frame."""
+"""Start values of inverse kinematics: many starts for one frame, then the solution of the previous frame."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Markers as text: TRC and CSV, every number with all its digits. `Markers.save` and the exports write them."""
+"""Writes markers as TRC and CSV text with all digits, for `Markers.save` and the exports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Positions of optical markers over time."""
+"""`Markers`: positions of optical markers over time."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Monte-Carlo studies: what happens to the error when sensors, noise, mounts, rates or settings change."""
+"""Monte-Carlo studies: how errors change with sensors, noise, mounts, sample rates and settings."""

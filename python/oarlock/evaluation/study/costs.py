@@ -1,4 +1,4 @@
-"""What faults cost: the error under each, against that of the same seed without it."""
+"""Cost of faults in a study: the error with each fault relative to that of the same seed without it."""
 
 from __future__ import annotations
 

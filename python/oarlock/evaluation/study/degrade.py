@@ -1,4 +1,4 @@
-"""What may happen to a recording between the sensor and the filter: streams missing, late, thinned or with holes."""
+"""Degrades a simulated recording: removes, delays or thins streams, or inserts dropouts. Used by study trials."""
 
 from __future__ import annotations
 
@@ -18,52 +18,59 @@ _QUANTITIES = ("gyro_rad_s", "accel_m_s2", "mag_ut")
 
 
 def keys_of_streams(model: Model) -> dict[str, StudyKey]:
-    """What can be done to the streams of a model, by name."""
+    """Keys that change the streams of a model, by name."""
     streams = (*Names.of(model).streams, ONE)
     return by_name(
         [
             StudyKey(
-                "sensors", "names", None, "streams that are worn; none is all", choices=streams, optional=True
+                "sensors",
+                "names",
+                None,
+                "streams that are recorded; none is all",
+                choices=streams,
+                optional=True,
             ),
-            StudyKey("without", "names", [], "streams that are not worn", choices=streams),
+            StudyKey("without", "names", [], "streams that are not recorded", choices=streams),
             StudyKey(
-                "without_quantity", "names", [], "what inertial units do not measure", choices=_QUANTITIES
+                "without_quantity",
+                "names",
+                [],
+                "quantities that inertial units do not measure",
+                choices=_QUANTITIES,
             ),
             StudyKey(
                 "delay_s",
                 "by_name",
                 0.0,
-                "stamps later than the truth: of all inertial units against the other streams, or by stream",
+                "delay of time stamps, s: of all inertial units relative to the other streams, or by stream",
                 choices=streams,
             ),
             StudyKey(
                 "clock_drift_ppm",
                 "by_name",
                 0.0,
-                "clock too fast by this: of all inertial units, or by stream",
+                "clock drift, ppm: of all inertial units, or by stream",
                 choices=streams,
             ),
             StudyKey(
-                "keep_every", "by_name", 1.0, "one sample in so many is kept", least=1.0, choices=streams
+                "keep_every", "by_name", 1.0, "keep one sample in this many", least=1.0, choices=streams
             ),
             StudyKey(
                 "packet_loss",
                 "by_name",
                 0.0,
-                "share of samples of inertial units, or by stream, that never arrive",
+                "share of lost samples: of all inertial units, or by stream",
                 least=0.0,
                 most=0.99,
                 choices=streams,
             ),
-            StudyKey(
-                "packet_samples", "integer", 1, "samples that are lost together", least=1.0, most=10_000.0
-            ),
+            StudyKey("packet_samples", "integer", 1, "samples in one lost packet", least=1.0, most=10_000.0),
         ]
     )
 
 
 def degraded(recording: Recording, values: Mapping[str, Value], seed: int) -> Recording:
-    """The recording as the filter gets it.
+    """The recording as the filter receives it.
 
     Raises:
         DataError: nothing would be left.

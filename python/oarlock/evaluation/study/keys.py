@@ -1,4 +1,4 @@
-"""What a study may vary: each key with its kind, its bounds and what it means."""
+"""`StudyKey`: the keys that a study may vary, each with its kind, bounds and description."""
 
 from __future__ import annotations
 

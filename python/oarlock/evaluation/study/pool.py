@@ -1,4 +1,4 @@
-"""Groups of runs on several processes. What comes out depends neither on how many there are nor on who ends first."""
+"""Runs groups of study runs on several processes. Results do not depend on the number or order of processes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What came out of a study: a row for each run and joint, and their mean and spread over the seeds."""
+"""`StudyResult`: one row for each run and joint, with mean and spread over the seeds."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ RUN_FILE = "run.toml"
 
 @dataclass(frozen=True, eq=False)
 class StudyResult:
-    """A study and its rows.
+    """Result of a study.
 
     Args:
-        study: what was run.
-        rows: one for each run and joint, frame (and axis of it), sensor, and one for the mean of the angles; `error`
-            says why there is none: the run failed (kind "run"), or the mean lacks a joint. RMSE, bias and mean_std are
-            in `unit`: deg or mm.
+        study: the study.
+        rows: one row for each run and joint, frame (and its axes), sensor, and one for the mean of the angles. `error`
+            gives the reason if scores are missing: the run failed (kind "run"), or the mean lacks a joint. RMSE, bias
+            and mean_std are in `unit`: deg or mm.
     """
 
     study: Study

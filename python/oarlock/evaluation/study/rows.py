@@ -1,4 +1,4 @@
-"""Rows of a study: their scores as an array, and their files."""
+"""Scores of a study as arrays, and the files that contain them."""
 
 from __future__ import annotations
 

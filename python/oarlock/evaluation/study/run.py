@@ -1,4 +1,4 @@
-"""Runs of a study: simulated once for all scenarios that share a trial, tracked, scored. A failing run is a row."""
+"""Simulates, tracks and scores the runs of a study. Scenarios share simulations; a failing run becomes a row."""
 
 from __future__ import annotations
 

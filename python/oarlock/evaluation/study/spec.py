@@ -1,4 +1,4 @@
-"""A study: which runs there are; a wrong key is refused by name."""
+"""`Study`: the scenarios and seeds of a study, with checks of its keys."""
 
 from __future__ import annotations
 
@@ -38,22 +38,22 @@ class Study:
     """Scenarios times seeds.
 
     Args:
-        model: the body as it is.
-        simulator: makes truth and recording of each seed.
-        seeds: of all that is drawn; every scenario gets the same ones.
-        fixed: keys that hold for all scenarios.
-        scenarios: named sets of keys; none is one without a name.
-        grid: keys with the values that they take, combined with each other and with every scenario.
-        start_s: seconds that are left out of the scores; the filter settles in them.
-        frames: frames whose positions are scored too.
-        joints: joints whose errors make up the mean; none takes all that turn and are observed.
-        title: of the report.
-        about: a sentence or two for the report.
-        faults: instead of scenarios and grid: each fault at each of its strengths, and none of them.
-        settings: named sets of keys under which all faults are run, the usual one first; none is one without keys.
+        model: the true model of the body.
+        simulator: creates ground truth and recording for each seed.
+        seeds: seeds of all random numbers; every scenario uses the same ones.
+        fixed: keys with the same value in all scenarios.
+        scenarios: named sets of keys; without any there is one unnamed scenario.
+        grid: keys with lists of values, combined with each other and with every scenario.
+        start_s: time at the beginning that is not scored, s, so that the filter can converge.
+        frames: frames whose positions are also scored.
+        joints: joints whose errors are averaged; empty takes all observed joints that rotate.
+        title: title of the report.
+        about: one or two sentences for the report.
+        faults: used instead of scenarios and grid: each fault at each of its strengths, and a run without faults.
+        settings: named sets of keys under which all faults are run, the default first; empty is one set without keys.
 
     Raises:
-        DataError: an unknown key or a value that makes no sense; the text names the key and the nearest valid one.
+        DataError: a key is unknown or a value is invalid. The text names the key and the most similar valid one.
     """
 
     model: Model

@@ -1,4 +1,4 @@
-"""Monte-Carlo studies: what happens to the error when sensors, noise, mounts, rates or settings change.
+"""`study`: runs a Monte-Carlo study of how errors change with sensors, noise, mounts, rates and settings.
 
 Each scenario is simulated with the same seeds, tracked and scored against its truth, on all cores.
 """
@@ -22,18 +22,18 @@ def study(
 ) -> StudyResult:
     """Run a study.
 
-    The result has the same bits whatever `jobs` is. A run that fails is a row with its error and stops no other.
-    With several jobs a script needs `if __name__ == "__main__":` around its call, as always with processes.
+    The result does not depend on `jobs`, bit for bit. A failing run becomes a row with its error and does not stop the
+    others. With several jobs a script must call this function under `if __name__ == "__main__":`.
 
     Args:
         what: the study, from `load_study` or built in Python.
-        jobs: processes; None is one for each core.
-        folder: where finished runs are kept while others are under way, so that the same study goes on where it was
-            stopped; None keeps nothing. `StudyResult.save` writes the results.
-        progress: called now and then with the share of runs done, 0 to 1.
+        jobs: number of processes; None is one for each core.
+        folder: folder for finished runs, so that an interrupted study can continue; None stores nothing.
+            `StudyResult.save` writes the results.
+        progress: called regularly with the share of runs done, 0 to 1.
 
     Raises:
-        DataError: `jobs` is no positive number.
+        DataError: `jobs` is not a positive number.
     """
     place = None if folder is None else Path(folder)
     return StudyResult(what, tuple(all_rows(what, jobs, place, progress)))

@@ -1,4 +1,4 @@
-"""Study files: what they may hold; a wrong key or value is refused with its line."""
+"""Reads study files (`load_study`). A wrong key or value is refused with its line."""
 
 from __future__ import annotations
 

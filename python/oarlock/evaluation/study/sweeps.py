@@ -1,4 +1,4 @@
-"""Faults whose strength is swept, and settings of the filter that are held against each other under them."""
+"""`FaultSweep`: faults with varying strength, and filter settings that are compared under them."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ class FaultSweep:
     """One fault, from weak to strong.
 
     Args:
-        name: what goes wrong, as a reader knows it.
-        key: the key of the study that is swept.
-        strengths: its values, the weakest first.
-        unit: of the strengths, for labels: `deg`, `s`, `m`, `share`, or any words.
-        of: streams that the strengths are meant for; none is whatever the key means by a plain number.
-        usual: the strength by which faults are compared: what an ordinary day may bring; None is the middle one.
-        meanwhile: other keys that hold meanwhile.
-        labels: of the strengths, where a number and its unit would not do.
-        says: a clause with `{}` where the strength stands, such as "mounts turned by {}"; empty takes the name.
+        name: name of the fault for readers.
+        key: key of the study that is varied.
+        strengths: values of the key, the weakest first.
+        unit: unit of the strengths for labels: `deg`, `s`, `m`, `share`, or any text.
+        of: streams that the strengths apply to; empty applies the key's default meaning of a number.
+        usual: the strength at which faults are compared, typical of an ordinary recording; None is the middle one.
+        meanwhile: other keys that are set together with the fault.
+        labels: labels of the strengths, if a number with its unit is not suitable.
+        says: a clause with `{}` in place of the strength, such as "mounts turned by {}"; empty uses the name.
     """
 
     name: str

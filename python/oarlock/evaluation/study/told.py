@@ -1,4 +1,4 @@
-"""What the filter is told of the body and its sensors, which may be wrong."""
+"""Model and calibration that the filter of a study receives, with deliberate errors in lengths, mounts and noise."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _STD_KEYS = {"gyro": ("gyro_std_rad_s",), "accel": ("accel_std_m_s2",), "mag": (
 
 
 def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
-    """How wrong the filter's knowledge is, by name."""
+    """Keys for errors in the model and calibration of the filter, by name."""
     described = model.describe()
     units = tuple(s["name"] for s in described["sensors"] if s["kind"] == "imu")
     parameters = tuple(p["name"] for p in described["parameters"])
@@ -32,7 +32,7 @@ def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
                 "mount_error_deg",
                 "by_name",
                 0.0,
-                "each unit turned by this about an axis of its own, drawn anew for each seed",
+                "each mount rotated by this angle about a random axis, new for each seed",
                 least=0.0,
                 most=180.0,
                 choices=(*units, ONE),
@@ -41,7 +41,7 @@ def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
                 "mount_offset_error_m",
                 "by_name",
                 0.0,
-                "each unit moved by this in a direction of its own",
+                "each sensor position moved by this distance in a random direction",
                 least=0.0,
                 choices=(*units, ONE),
             ),
@@ -66,7 +66,7 @@ def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
                 "vertical_error_deg",
                 "number",
                 0.0,
-                "the root is tilted by this to a side that the seed draws, and the filter holds it level",
+                "tilt of the root in a random direction; the filter assumes a level root",
                 least=0.0,
                 most=90.0,
             ),
@@ -74,7 +74,7 @@ def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
                 "start_error_deg",
                 "number",
                 None,
-                "the filter is told the start posture, wrong by this standard deviation; none: not told",
+                "standard deviation of the error of the initial posture for the filter; none: no initial posture",
                 least=0.0,
                 optional=True,
             ),
@@ -82,7 +82,7 @@ def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
                 "noise_told",
                 "choice",
                 "true",
-                "whether the filter is told a noise_factor, or believes the model file",
+                "true: the filter uses noise_factor; false: it uses the noise of the model file",
                 choices=("true", "nominal"),
             ),
             StudyKey("smooth", "boolean", False, "smooth over the whole recording"),

@@ -1,4 +1,4 @@
-"""A trial: truth and recording, and how the shared settings of sensors enter a simulation."""
+"""`StudyTrial`: ground truth and recording of one simulated trial, and its sensor settings."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ SENSOR_KEYS = by_name(
 
 @dataclass(frozen=True)
 class StudyTrial:
-    """What is tracked, and what is true.
+    """Ground truth and recording of one trial.
 
     Args:
-        truth: joints as they were.
-        recording: what the sensors gave.
+        truth: true joint values.
+        recording: readings of the sensors.
     """
 
     truth: Track
@@ -80,10 +80,10 @@ class StudyTrial:
 
 
 class StudySimulator(Protocol):
-    """Makes trials. One object for all runs; it goes to other processes, so it holds plain values."""
+    """Creates trials. One object serves all runs. It is sent to other processes, so its fields must be plain values."""
 
     def keys(self, model: Model) -> Mapping[str, StudyKey]:
-        """What it understands, by name."""
+        """The keys of this simulator, by name."""
         ...
 
     def lengths(self, model: Model) -> tuple[str, ...]:
@@ -91,7 +91,7 @@ class StudySimulator(Protocol):
         ...
 
     def trial(self, model: Model, values: Mapping[str, Value], seed: int) -> StudyTrial:
-        """Truth and recording; the same seed and values give the same bits."""
+        """Ground truth and recording; the same seed and values give identical results."""
         ...
 
 

@@ -1,1 +1,1 @@
-"""Which sensor fault explains a recording best: each fault is a hypothesis, tracked for one second."""
+"""Diagnosis of sensor faults: each fault is a hypothesis that is tested on one second of a recording."""

@@ -1,4 +1,4 @@
-"""What may be wrong with sensors, each as the change that would put it right."""
+"""Sensor faults that `suspects` tests, each as the change of the recording that corrects it."""
 
 from __future__ import annotations
 

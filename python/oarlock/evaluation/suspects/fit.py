@@ -1,4 +1,4 @@
-"""How well a model explains a second of readings, by a filter that expects the errors of the field."""
+"""Misfit of a model to one second of readings, from a filter that expects the usual errors of real recordings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which change makes a second of readings fit: one fault after the other, at most three."""
+"""Search for up to three changes of a recording that reduce the misfit of one second, for `suspects`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which second of a recording tells most, on one grid of stamps."""
+"""Selects the most informative second of a recording and resamples it to one time grid, for `suspects`."""
 
 from __future__ import annotations
 

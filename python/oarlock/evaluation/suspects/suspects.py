@@ -1,4 +1,4 @@
-"""Faults of sensors, named from a second of readings: exchanged, upside down, in another unit, with the wrong sign."""
+"""`suspects`: names sensor faults (exchanged, inverted, wrong unit, wrong sign) from one second of readings."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ ALONE = 2.5
 
 @dataclass(frozen=True)
 class Suspect:
-    """A fault that readings show. Nothing was repaired.
+    """A probable sensor fault. The recording is not changed.
 
     Args:
-        streams: whose.
+        streams: names of the affected streams.
         fault: "exchanged", "unit", "sign", "turned", "axes", "stuck", "clipped", "reading", "contradicts" or
             "untold".
-        message: what it looks like, and what to change.
-        misfit_before: squared innovations over what ordinary errors of the field explain, as recorded; up to 0.5 is
-            usual. NaN where a stream alone shows the fault.
-        misfit_after: the same if the change were made.
-        start_s: where the second begins that shows it, s.
-        others: other faults that explain it nearly as well.
+        message: the fault, and what to change.
+        misfit_before: squared innovations relative to those from the usual errors of real recordings; up to 0.5 is
+            usual. NaN if the stream alone shows the fault.
+        misfit_after: the same after the change.
+        start_s: start of the second that shows the fault, s.
+        others: other faults that explain the readings nearly as well.
     """
 
     streams: tuple[str, ...]
@@ -52,7 +52,7 @@ class Suspect:
 
     @property
     def note(self) -> str:
-        """The sentence that a track's notes hold."""
+        """The sentence for the notes of a track."""
         return str(self) if self.fault == "untold" else f"{SUSPECT_NOTE}{self}"
 
     def to_dict(self) -> dict[str, object]:
@@ -81,22 +81,22 @@ def suspects(
     *,
     seconds: float = 1.0,
 ) -> tuple[Suspect, ...]:
-    """What is wrong with the sensors of a recording, by one second of it.
+    """Find sensor faults from one second of a recording.
 
-    The liveliest second is tracked by a filter that expects the errors of the field: mounts 5 deg off, soft tissue,
-    iron nearby. If it fits badly, it is tracked again under each of some hundred faults put right, and the
-    fault is named that makes it fit as it should, and better than any other does. Then another one is sought, up to
-    three.
+    A filter tracks the second with the most movement. It expects the usual errors of real recordings: mounts 5 deg off,
+    soft tissue, nearby iron. If the misfit is large, the second is tracked again with each of about a hundred faults
+    corrected. The fault is reported whose correction gives a usual misfit and a smaller one than any other correction.
+    The search then continues, for up to three faults.
 
     Args:
         model: the body and its sensors.
-        recording: measured streams; of a live session, what has come so far.
-        calibration: of this wearing; what it corrects is corrected first.
-        config: whether loops and magnetometers are used; None is the default.
-        seconds: how much is looked at, s.
+        recording: measured streams; in a live session those received so far.
+        calibration: calibration of this session; its corrections are applied first.
+        config: settings for closures and magnetometers; None uses the defaults.
+        seconds: duration of the tested part, s.
 
     Returns:
-        Suspects, the strongest first; none where all fits as it usually does.
+        Suspects, the most significant first; empty if the misfit is usual.
 
     Raises:
         DataError: as `Calibration.corrected`.
@@ -144,8 +144,8 @@ def _told(outcome: Outcome, start_s: float, lively: float) -> list[Suspect]:
             Suspect(
                 (outcome.contradicts,),
                 "contradicts",
-                f"{outcome.contradicts} contradicts the other sensors, and no usual fault explains it. Look at how it "
-                "is mounted and at its readings.",
+                f"{outcome.contradicts} contradicts the other sensors, and no known fault explains it. Check its "
+                "mount and its readings.",
                 total,
                 outcome.without_it,
                 start_s,

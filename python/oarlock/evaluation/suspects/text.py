@@ -1,4 +1,4 @@
-"""What a suspicion says: what it looks like, and what to change in which file."""
+"""Texts of `Suspect`: the fault, and what to change in which file."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def factor_text(streams: Sequence[str], quantity: str, what: str, factor: float)
 
 def stuck_text(name: str, value: float) -> str:
     """An encoder that does not follow."""
-    return f"{name} looks stuck: it reads {value:.5g} throughout. Look at the sensor; leave it out meanwhile."
+    return f"{name} looks stuck: it reads {value:.5g} throughout. Check the sensor; until then leave it out."
 
 
 def turn_text(streams: Sequence[str], matrix: FloatArray) -> str:

@@ -1,1 +1,1 @@
-"""Faults of recordings of any body, one file for each family."""
+"""Sensor faults that a study can simulate, one module for each family."""

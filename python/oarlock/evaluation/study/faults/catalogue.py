@@ -1,4 +1,4 @@
-"""Faults of recordings of any body, one file for each family.
+"""List of all sensor faults that a study can simulate.
 
 A fault is a key of a study and a function of a recording. Another one is a function and a line in its family.
 """

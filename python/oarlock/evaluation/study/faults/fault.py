@@ -1,4 +1,4 @@
-"""What a fault is: a key of a study, and what it does to a recording."""
+"""`Fault`: a key of a study and the function that applies the fault to a recording."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Iron nearby: the magnetic field turned, tilted or stretched for a while."""
+"""Magnetic disturbances: the field is rotated, tilted or scaled for some time."""
 
 from __future__ import annotations
 

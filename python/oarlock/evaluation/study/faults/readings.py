@@ -1,4 +1,4 @@
-"""Readings that are wrong all along: cut off, exchanged, with another sign or zero."""
+"""Permanent faults of readings: clipped, exchanged, wrong sign, wrong zero."""
 
 from __future__ import annotations
 

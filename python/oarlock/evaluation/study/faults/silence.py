@@ -1,4 +1,4 @@
-"""Readings that never come, or come again and again."""
+"""Faults without new readings: dropouts and repeated readings."""
 
 from __future__ import annotations
 

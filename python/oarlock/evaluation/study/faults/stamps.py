@@ -1,4 +1,4 @@
-"""Clocks that are not steady. Offset and drift are keys of every stream: `delay_s`, `clock_drift_ppm`."""
+"""Irregular clocks. Offset and drift are keys of every stream: `delay_s`, `clock_drift_ppm`."""
 
 from __future__ import annotations
 
