@@ -194,7 +194,7 @@ def test_odd_requests_are_refused(pendulum):
     with pytest.raises(DataError, match="no part 'leg'"):
         Shape("root", np.zeros((3, 3)), [[0, 1, 2]], part="leg")
     for odd in ("", "1st", 'a"b', "a b"):
-        with pytest.raises(DataError, match="is no id"):
+        with pytest.raises(DataError, match="is not a valid id"):
             embed(scene(pendulum), odd)
 
 
