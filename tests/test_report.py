@@ -66,7 +66,7 @@ def test_every_joint_sensor_and_slow_state_is_there(tmp_path, track, truth):
     for name in (*NAMES, *track.info.sensor_names, "surge", "back.gyro_bias", "r_shoulder"):
         assert name in text
     assert "theta: not observed (no stream)" in text
-    assert "nominal ones, not calibrated: back" in text
+    assert "assumed (not calibrated): back" in text
 
 
 def test_drawings_and_tables_speak_to_screen_readers(tmp_path, track, truth):

@@ -186,8 +186,8 @@ def _numbers(found: Comparison) -> str:
     caption = (
         f"RMSE against {against} without the first {found.start_s:g} s. Angles: mean and worst of the "
         f"{len(found.joints)} joints between the root and an inertial unit; positions in root axes, both sides "
-        "together. With correct standard deviations NEES is 1 and 95 % of errors lie in the bands; a dash: "
-        "the filter reports none.  Bold: best, or within 2 % of the best. Times are processor time of the filter alone, for all "
+        "together. With correct bands NEES is 1; a dash: the filter reports none. Bold: best, or within 2 % of the "
+        "best. Times are processor time of the filter alone, for all "
         f"sensors of one instant, on {found.processor}; filters of ahrs run in Python."
     )
     return table("compared", caption, ["filter", *map(_head, columns)], rows)

@@ -111,7 +111,7 @@ def _numbers(clean: Mapping[str, Dose], curves: Curves) -> str:
         for same in zip(*by_setting.values(), strict=True):
             rows.append(_row(name, same))
     caption = (
-        f"Setting {first} unless a column says otherwise; medians over the seeds. Tables beside this page contain every "
+        f"Setting {first} unless a column says otherwise; medians over the seeds. Tables with this page contain every "
         "setting in full: faults.csv, faults.parquet, faults.json."
     )
     return table("numbers", caption, head, rows)
