@@ -108,7 +108,7 @@ def test_format_7_as_the_maker_wrote_it():
         ("0.015270125,", "0.001,", [":6", "earlier than"]),
         ("0.015270125,", ",", [":6", "time is missing"]),
         ("0.015270125,", "0.015270125,1,", [":6", "62 fields", "61"]),
-        ("Test Name:", "Name:", [":1", "no APDM export", "oarlock import csv"]),
+        ("Test Name:", "Name:", [":1", "not an APDM export", "oarlock import csv"]),
         ("\nTime,", "\nClock,", [":3", '"Time"']),
     ],
 )
@@ -127,7 +127,7 @@ def test_other_formats(tmp_path):
     assert "no rows of data" in refused(tmp_path / "a.csv")
     assert "cannot be read" in refused(tmp_path / "none.csv")
     (tmp_path / "a.csv").write_bytes(b"\xff\xfe\x00\x01")
-    assert "no APDM export" in refused(tmp_path / "a.csv")
+    assert "not an APDM export" in refused(tmp_path / "a.csv")
 
 
 def test_missing_readings_become_nan(tmp_path):

@@ -337,7 +337,7 @@ def test_times_that_cannot_be_read(trial, unit, cell, words):
         (', "gz"]', "]", ["three columns"]),
         ('unit = "rad/s"', 'unit = "rad/s", axes = ["x", "y", "y"]', ["axes", "each of x, y and z once"]),
         ('unit = "rad/s"', 'unit = "rad/s", axes = ["x", "y", "--z"]', ["axes"]),
-        ('unit = "rad/s"', 'unit = "rad/s", scale = 0', ["scale", "erase"]),
+        ('unit = "rad/s"', 'unit = "rad/s", scale = 0', ["scale", "all readings would be 0"]),
         ('unit = "rad/s"', 'unit = "rad/s", offset = [1, 2]', ["2 numbers for 3 columns"]),
         ('unit = "rad/s"', 'unit = "rad/s", offset = true', ["True", "finite number"]),
         ("time =", 'decimal = ";"\ntime =', ["decimal", 'expected "." or ","']),

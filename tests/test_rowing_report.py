@@ -132,7 +132,7 @@ def test_every_number_in_the_page_is_explained_in_the_page(page, found):
 
 def test_tables_are_sortable_with_heads_that_say_what_they_hold(page):
     heads = [a for a in page.all("th") if a.get("scope") == "col"]
-    assert any("handle turns" in (a.get("title") or "") for a in heads)
+    assert any("handle reverses" in (a.get("title") or "") for a in heads)
     assert sum("sortable" in (a.get("class") or "") for a in page.all("table")) >= 3
 
 

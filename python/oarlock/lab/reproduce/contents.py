@@ -1,4 +1,4 @@
-"""What a part of the reproduction holds, as plain values: a page, a terminal and a table can show it."""
+"""Plain data of a part of the reproduction, for the page, the terminal and the tables."""
 
 from __future__ import annotations
 

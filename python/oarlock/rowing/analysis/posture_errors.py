@@ -1,8 +1,8 @@
 """Uncertainty of technique: each error source is varied by its standard deviation, one at a time.
 
 A track's deviations are of single angles at single times. Errors are correlated in time: mounts are wrong,
-lengths are wrong, skin moves with the posture. So an angle's error e is modelled as a part that stays the same, a part that goes once
-round with the stroke, and a small one that is quicker, which matters for speeds,
+lengths are wrong, skin moves with the posture. So an angle's error e is modelled as a constant part, a part with the
+period of the stroke, and a small part of higher frequency, which matters for speeds,
 
     e = std(t) (a + (b cos u + c sin u) / sqrt 2 + 0.3 (d cos 4 u + f sin 4 u))
 

@@ -1,4 +1,4 @@
-"""Columns of a file gathered into a `StrokeTable`: by name, with reasons, notes on the clock and on the counter."""
+"""Builds a `StrokeTable` from columns of a file, with reasons and notes on clock and counter, for all readers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cells as numbers: what is missing is NaN with a reason, what is no number an error with its line."""
+"""Converts cells to numbers: a missing one is NaN with a reason, an invalid one an error with its line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Strokes from the exports of rowing devices: Quiske, RP3, NK, and the usual logs of ergometers."""
+"""`load_stroke_export`: recognises and reads exports of Quiske, RP3, NK and common ergometer logs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Quiske pods, CSV per stroke: boat acceleration, oar angular velocity, seat speed, each as a curve in one cell."""
+"""Reads CSV files of Quiske pods: boat acceleration, oar angular velocity, seat speed, each as a curve in one cell."""
 
 from __future__ import annotations
 

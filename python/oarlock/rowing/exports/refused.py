@@ -1,4 +1,4 @@
-"""Files that come from rowing devices and hold no strokes: what they are, and what to export instead."""
+"""Recognises files of rowing devices that contain no strokes, and explains what to export instead."""
 
 from __future__ import annotations
 

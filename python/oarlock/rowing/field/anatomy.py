@@ -1,4 +1,4 @@
-"""A sculler who is no rigid tree: shoulders that glide, a spine that bends, fingers that slip.
+"""Anatomy of the field simulator beyond rigid links: gliding shoulders, bending spine, slipping fingers.
 
 Kinematics of its own, in NumPy, from a model's description. The model's joints are kept and get company, the
 deviations, which are columns of the posture like any joint. All of them zero is the model's body.

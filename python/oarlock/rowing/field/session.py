@@ -1,4 +1,4 @@
-"""One session of one athlete: the body that moves, how it moves, and the boat under it."""
+"""One simulated field session of one athlete: body, motion and boat."""
 
 from __future__ import annotations
 

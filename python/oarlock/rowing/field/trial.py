@@ -1,4 +1,4 @@
-"""A recording from the field, simulated, with its truth."""
+"""Simulates a field recording with its ground truth, for `oarlock simulate --field`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is wrong all through one session: lengths, rig, mounts, encoders, magnetometers, biases and clocks."""
+"""Constant errors of a simulated field session: lengths, rig, mounts, encoders, magnetometers, biases, clocks."""
 
 from __future__ import annotations
 

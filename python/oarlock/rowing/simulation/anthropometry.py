@@ -1,4 +1,4 @@
-"""Lengths of a rower's body from stature: a start, with its spread, for a calibration to refine."""
+"""Segment lengths of a rower from stature, with standard deviations: initial values for a calibration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rowing on an ergometer: one handle on a chain, on the floor or on slides.
+"""Simulates rowing on an ergometer: one handle on a chain, on the floor or on slides.
 
 The stroke is a sculler's without the boat: the same order of legs, trunk and arms, the same timing. The handle goes
 from the machine to the body as the hands of a sculler go along the boat, nearly level, a little lower in the recovery.

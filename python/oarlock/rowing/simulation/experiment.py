@@ -1,4 +1,4 @@
-"""The published simulation as one call: sculling, surge, noise and biases of Table 5; turning hulls and ergometers."""
+"""Simulates the published experiment: sculling, surge, noise and biases of Table 5; also rotating hulls, ergometers."""
 
 from __future__ import annotations
 

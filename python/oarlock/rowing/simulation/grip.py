@@ -1,4 +1,4 @@
-"""Arm angles by inverse kinematics: the hands hold the handles.
+"""Arm angles of simulated rowers by inverse kinematics: the hands are on the handles.
 
 Seven joints of an arm meet five conditions (hand origin on the handle's, hand z along the handle's), so the
 posture nearest to a preferred one is taken: minimise |W (q - q_preferred)|^2 / 2 under the conditions. The

@@ -1,4 +1,4 @@
-"""Whether hands hold what they shall: checks of a rowed piece, with errors that say which hand, where in the stroke."""
+"""Checks that the hands of a simulated piece stay on the handles; errors name the hand and the time in the stroke."""
 
 from __future__ import annotations
 

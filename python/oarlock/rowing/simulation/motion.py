@@ -1,4 +1,4 @@
-"""A plausible sculling motion for any model with the sculler's joints and frames."""
+"""Simulates a plausible sculling motion for any model with the sculler's joints and frames."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `oarlock study` can simulate of rowing: sculling as modelled, and sculling as in the field."""
+"""The rowing simulators of `oarlock study`: sculling as modelled, and sculling with field errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sweep rowing: one oar, both hands on it, and a trunk that follows the handle.
+"""Simulates sweep rowing: one oar with both hands, and a trunk that follows the handle.
 
 The outside hand holds the handle near its end, the inside hand some 30 cm nearer to the pin. At the catch the handle
 stands at 54 degrees across the rower, so the shoulders turn after it and the trunk bends toward the rigger; toward the

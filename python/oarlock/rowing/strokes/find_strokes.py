@@ -29,8 +29,9 @@ def find_strokes(
 ) -> Strokes:
     """Find all strokes from oar angles; without these from the seat, then from the trunk.
 
-    A catch is a minimum of the movement and a finish a maximum, at least 30 deg (0.4 m of an ergometer's handle, 0.15 m of the
-    seat, 15 deg of the trunk) apart; their times come from a polynomial around the reversal (`rowing.strokes.reversals`).
+    A catch is a minimum of the movement and a finish a maximum. They are at least 30 deg apart (0.4 m of an ergometer's
+    handle, 0.15 m of the seat, 15 deg of the trunk). A polynomial around each reversal gives its time
+    (`rowing.strokes.reversals`).
     From seat or trunk alone some times are less accurate, which is included in their standard deviations.
 
     Args:
@@ -91,7 +92,7 @@ def _notes(signals: Sequence[Signal], strokes: Sequence[Stroke], still: Sequence
             f"Strokes were found from {kind.words}: catch and finish are less accurate, see their standard deviations."
         )
     if signals[0].source == "oars" and len(signals) == 1 and signals[0].side:
-        told = "told" if still else "was read"
+        told = "moved" if still else "was read"
         notes.append(f"Only the {_OAR[signals[0].side]} oar {told}.")
     notes += [f"The {_OAR[s.side]} oar never moved: its encoder may be broken. Check it." for s in still]
     if not strokes:
