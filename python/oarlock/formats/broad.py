@@ -29,8 +29,8 @@ def read_broad(path: str | PathLike[str]) -> Recording:
         path: the .mat file.
 
     Returns:
-        One stream, ``imu``, with gyro, accel and mag (uT). Time stamps are those of the middle of each interval: the first
-        is half a step before 0 s, where the reference begins.
+        One stream, ``imu``, with gyro, accel and mag (uT). Time stamps are interval middles: the first is
+        half a step before 0 s, where the reference begins.
 
     Raises:
         DataError: The file is not of this format, or a part is missing or has another shape.

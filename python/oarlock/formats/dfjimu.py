@@ -34,8 +34,8 @@ def read_dfjimu(path: str | PathLike[str]) -> Recording:
         path: the .mat file.
 
     Returns:
-        The streams ``body1`` and ``body2`` (gyro and accel, no magnetometer). Time stamps are those of the middle of each
-        interval: the first is half a step before 0 s, where the reference begins.
+        The streams ``body1`` and ``body2`` (gyro and accel, no magnetometer). Time stamps are interval middles:
+        the first is half a step before 0 s, where the reference begins.
         ``meta["joint_in_sensor_m"]`` contains for each the joint's centre in the axes of the sensor, m, as the file
         states it. (Its authors call minus that, the place of the sensor as seen from the joint, the lever arm.)
 

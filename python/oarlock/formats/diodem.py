@@ -4,7 +4,7 @@ Source: the copy in github.com/simon-bachhuber/ring_supplementary_material (data
 format as the data set DIODEM, doi:10.7910/DVN/SGJLZA, described in Scientific Data, doi:10.1038/s41597-025-05468-w.
 
 A trial is a folder with ``imu_rigid.csv`` and ``imu_nonrigid.csv`` (units screwed on, units on foam) and ``omc.csv``
-(optical). Each file states its sampling rate in a comment. No file has time stamps; all begin together. The cameras run at
+(optical). Each file states its sampling rate in a comment. None has time stamps; all begin together. The cameras run at
 30 Hz. Between ``seg1`` and ``seg2`` sits a ball joint, then follow hinges about x, y and z. The axes of the units are
 those of the segments: within about a degree where they are screwed on, and 5 to 12 degrees off and moving where they
 sit on foam.

@@ -69,7 +69,7 @@ def _on_part(name: str, track: Track, columns: list[int]) -> Iterator[str]:
         return
     if missing.any():
         yield (
-            f"{name}: no reading in {_share(missing, track)}. There its numbers, and the frames that it moves, are missing."
+            f"{name}: no reading in {_share(missing, track)}. There are no numbers there, nor for frames that it moves."
         )
     unseen: Bools = ~track.observed[:, columns].all(axis=1) & ~missing
     if unseen.any():

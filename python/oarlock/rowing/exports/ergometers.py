@@ -1,4 +1,4 @@
-"""Logs of ergometers and cox boxes with a row a stroke: which of their columns is which of ours."""
+"""Maps columns of ergometer and cox-box logs with one row per stroke to ours, for `load_stroke_export`."""
 
 from __future__ import annotations
 
