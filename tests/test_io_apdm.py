@@ -120,7 +120,7 @@ def test_mistakes(tmp_path, old, new, words):
 
 def test_other_formats(tmp_path):
     (tmp_path / "a.csv").write_text(FORMAT_7.replace("Format=7", "Format=8"))
-    assert '"Format=8" is not read' in refused(tmp_path / "a.csv")
+    assert '"Format=8" is not supported' in refused(tmp_path / "a.csv")
     (tmp_path / "a.csv").write_text(FORMAT_7.replace("Right Ankle", "Lower back"))
     assert '"Lower Back" and "Lower back"' in refused(tmp_path / "a.csv")
     (tmp_path / "a.csv").write_text("\n".join(FORMAT_7.split("\n")[:3]) + "\n")

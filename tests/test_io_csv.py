@@ -258,7 +258,7 @@ def test_one_unit_in_two_files_has_all_stamps(trial):
     assert np.isnan(stream.gyro_rad_s[:, 0]).tolist() == [False, True, False]
     assert stream.mag_ut[1:].tolist() == [[7.0, 8.0, 9.0], [1.0, 1.0, 1.0]]
     twice = IMU + IMU.split("\n", 1)[1]
-    assert 'sensor "back" is already there' in refused(trial(twice, **files))
+    assert 'sensor "back" is already defined' in refused(trial(twice, **files))
 
 
 # --- mistakes in the data ---------------------------------------------------------------------------------

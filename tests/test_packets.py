@@ -107,7 +107,7 @@ def test_a_packet_that_is_there_twice_is_refused_with_its_line(unit):
         return [*rows[:20], ",".join(cells), *rows[21:]]
 
     text = refused(unit(fix=twice))
-    assert "unit.csv:22" in text and "PacketCounter" in text and "there twice" in text
+    assert "unit.csv:22" in text and "PacketCounter" in text and "is duplicated" in text
 
 
 def test_a_clock_that_wraps_unannounced_is_refused_with_the_way_out(unit):

@@ -157,7 +157,7 @@ def _wraps_at(table: TomlTable) -> float | None:
     modulus = table.number("wraps_at", 0.0)
     if not modulus > 1.0:
         raise DataError(
-            f"{table.where('wraps_at')}: is {modulus:g}; expected the count at which it restarts, such as 65536"
+            f"{table.where('wraps_at')}: is {modulus:g}; expected the restart count, such as 65536 or 4294967296"
         )
     return modulus
 

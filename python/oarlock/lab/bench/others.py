@@ -31,7 +31,7 @@ INSTALL = "pip install 'oarlock[bench]'"
 
 @dataclass(frozen=True)
 class Software:
-    """Something to set beside: how it is called, which package it needs, what it is asked, and how it is set up."""
+    """Other software to compare with: its name, package, problem and setup."""
 
     name: str
     package: str

@@ -18,7 +18,7 @@ Verdict = Literal["holds", "holds in part", "does not hold", "not checked"]
 
 @dataclass(frozen=True)
 class Cell:
-    """One cell: ours with its spread over seeds, the printed value beside it, and whether a bound is kept."""
+    """One cell: our value with its spread over seeds, the printed value, and whether a bound is met."""
 
     ours: str
     paper: str = ""

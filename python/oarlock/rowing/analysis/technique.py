@@ -90,7 +90,7 @@ def technique(
         mean_speed_m_s: of the boat; without it fluctuations of its speed are in m/s only.
 
     Raises:
-        DataError: the track has no model, it is no rower's, no strokes are found, or no such targets.
+        DataError: the track has no model, is not a rower, has no strokes, or no such targets.
     """
     if track.model is None:
         raise DataError("technique: this track was loaded without its model; load the model file again")

@@ -9,7 +9,7 @@ from oarlock.rowing.exports.grid import Grid
 _BY_BEGIN = (
     (
         "<TrainingCenterDatabase",
-        "a Training Center file (TCX): it holds points of a track in time and no strokes",
+        "a Training Center file (TCX): it contains points of a GPS track and no strokes",
     ),
     ("=====\tCrew Info", "a text export of Peach PowerLine, which is not read yet"),
     ("=====\tFile Info", "a text export of Peach PowerLine, which is not read yet"),

@@ -52,7 +52,7 @@ _WHAT_TO_TRY = (
 
 @dataclass(frozen=True)
 class ErgometerShape(StrokeShape):
-    """Ends of the movements of a stroke on the machine, beside seat and trunk of `StrokeShape`; it has no oars.
+    """Ends of the movements of a stroke on the ergometer, in addition to seat and trunk of `StrokeShape`.
 
     Attributes:
         handle_m: chain drawn out at (catch, finish), m.
@@ -99,7 +99,7 @@ def ergometer_piece(
     seed: int = 0,
     knots_hz: float = 250.0,
 ) -> Piece:
-    """A piece on the ergometer; both hands hold the handle to 1e-6 m.
+    """Simulate a piece on the ergometer; both hands are on the handle to 1e-6 m.
 
     Args:
         model: `ergometer`, or a model with its joint and frame names.

@@ -106,7 +106,7 @@ class HullPitch:
 def hull_pitch(
     model: Body, q: Array, timing: StrokeTiming, hull: HullMotion, boat: Boat, form: HullForm
 ) -> HullPitch:
-    """Pitch under a rower who moves as q (K, n_joints) in a hull that surges as told.
+    """Pitch of the hull for a rower's motion q (K, n_joints) and a given surge.
 
     It starts as if the first stroke had been rowed before.
     """
