@@ -79,7 +79,7 @@ def technique(
     """Compute the technique of a track.
 
     Works for scullers, sweep rowers and ergometers, with or without oars; unknown numbers are NaN, with the reason in
-    `Technique.strokes.reasons`. Standard deviations include those of the track's angles, of lengths and rig (the model's
+    `Technique.strokes.reasons`. Standard deviations cover those of the track's angles, of lengths and rig (the model's
     `std`), of encoders' zeros and of the strokes' times; see `posture_errors` for how they are joined.
 
     Args:
