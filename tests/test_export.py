@@ -189,7 +189,7 @@ def test_what_the_track_does_not_hold_is_left_out_and_said(tmp_path: Path) -> No
     written = oarlock.export(oarlock.simulate(model, motion)[0], tmp_path, ["sto"])
     assert list(written.files) == ["velocities.sto"]
     assert not (tmp_path / "std.sto").exists()
-    assert "std.sto is not written: the track holds no standard deviation." in written.notes
+    assert "std.sto is not written: the track has no standard deviation." in written.notes
 
 
 def test_the_same_track_gives_the_same_files(track: oarlock.Track, tmp_path: Path) -> None:
