@@ -99,7 +99,9 @@ def test_a_sensor_that_scatters_too_much_is_named(tmp_path, track, truth):
     nis = track.info.nis.copy()
     nis[:, 0] *= 4
     read = page(tmp_path, replace(track, info=replace(track.info, nis=nis)), truth=truth)
-    assert re.search(r"Innovations are larger than the filter expects .* for back \((3\.9|4\.0|4\.1)\)", read.text)
+    assert re.search(
+        r"Innovations are larger than the filter expects .* for back \((3\.9|4\.0|4\.1)\)", read.text
+    )
 
 
 def test_nees_per_state_is_told_where_beliefs_are_kept(tmp_path, track, truth):
