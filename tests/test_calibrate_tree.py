@@ -304,9 +304,9 @@ def test_commands(model, tmp_path):
     known = []
     for verb, words in (
         ("field", ["uT", "field_norm_ut"]),
-        ("pose", ["still from", "heading stays nominal"]),
+        ("pose", ["stationary from", "heading stays nominal"]),
         ("axes", ["knee", "turned deg"]),
-        ("joints", ["shoulder", "arm_x =", "known to no better than 5 cm"]),
+        ("joints", ["shoulder", "arm_x =", "standard deviation above 5 cm"]),
     ):
         out = tmp_path / f"{verb}.toml"
         arguments = [str(tmp_path / "rec"), "--model", str(tmp_path / "tree.toml"), "--out", str(out), *known]

@@ -205,7 +205,7 @@ def test_tables_name_every_part(track, truth, capsys):
     assert "pelvis.position" in shown and "shoulder YXY y1" in shown
     write_evaluation(evaluation)
     printed = capsys.readouterr().out
-    for text in ("pelvis.rotation", "shoulder.rx", "shoulder YXY x", "mean RMSE of joints that turn"):
+    for text in ("pelvis.rotation", "shoulder.rx", "shoulder YXY x", "mean RMSE of hinges and rotations"):
         assert text in printed
     assert max(map(len, printed.splitlines())) <= 100
 
@@ -351,4 +351,4 @@ def test_a_report_of_a_body_that_only_slides(tmp_path):
     truth = true_track(BallBody({"rail": "slide"}), 5.0)
     read = Page(write_report(noisy(truth, 0.02), tmp_path, truth=truth).read_text(encoding="utf-8"))
     assert read.errors == []
-    assert "No observed joint that turns" in read.text
+    assert "No observed hinge or rotation" in read.text

@@ -150,7 +150,7 @@ def test_header_of_the_motion_is_opensims_own(exported: oarlock.Export) -> None:
     assert f"nColumns={len(lines[end + 1].split(chr(9)))}" in head
     assert "inDegrees=yes" in head
     assert "Angles are in degrees." in head
-    assert any(line.startswith("r_oar_theta: no stream ever told it") for line in head)
+    assert any(line.startswith("r_oar_theta: no stream measured it") for line in head)
     assert sum("=" in line for line in head) == 4, "readers take every line with = for a key"
     speeds = (exported.folder / "velocities.sto").read_text(encoding="ascii").splitlines()
     assert speeds[0] == "Speeds"
@@ -189,7 +189,7 @@ def test_what_the_track_does_not_hold_is_left_out_and_said(tmp_path: Path) -> No
     written = oarlock.export(oarlock.simulate(model, motion)[0], tmp_path, ["sto"])
     assert list(written.files) == ["velocities.sto"]
     assert not (tmp_path / "std.sto").exists()
-    assert "std.sto is not written: the track holds no standard deviation." in written.notes
+    assert "std.sto is not written: the track has no standard deviation." in written.notes
 
 
 def test_the_same_track_gives_the_same_files(track: oarlock.Track, tmp_path: Path) -> None:

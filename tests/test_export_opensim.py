@@ -334,7 +334,7 @@ def test_readings_that_are_missing(tmp_path):
     )
     track = oarlock.track(model, oarlock.Recording(kept))
     written = oarlock.export(track, tmp_path)
-    assert any(note.startswith("l_oar_alpha: no stream ever told it") for note in written.notes)
+    assert any(note.startswith("l_oar_alpha: no stream measured it") for note in written.notes)
     assert any(note.startswith("r_oar_phi: no reading in 20 of") for note in written.notes)
     reader = OpensimReader(tmp_path)
     assert np.isnan(reader.values).sum() == 20

@@ -239,7 +239,7 @@ def test_a_sweep_runs_each_fault_alone_under_every_setting(swung, tmp_path):
     assert len(rows) == csv.read_csv(tmp_path / "faults.csv").num_rows == 8
     assert rows[2]["rmse_median_deg"] == pytest.approx(much.median_deg)
     page = study_page(result)
-    assert "a unit turned by 1 deg" in page and "Costs nothing that can be measured" in page
+    assert "a unit turned by 1 deg" in page and "No measurable effect" in page
     assert fault_picture(result).count("<g ") >= 2
 
 
@@ -284,9 +284,9 @@ def test_what_is_lost_is_counted_and_drags_no_mean():
     clean = {"default": found[0]}
     curves = {n: {"default": [d for d in found if d.fault and d.fault.name == n]} for n in ("bad", "mild")}
     said = dict(findings(clean, curves))
-    assert said["Loses the posture in a seed or more:"] == "bad, 10 ms (1 of 3)."
-    assert said["Costs nothing that can be measured:"] == "mild, 10 ms."
-    assert said["Hurts most on an ordinary day:"] == "bad, 10 ms (+1.9 deg, 1 of 3 lost)."
+    assert said["Track lost in at least one seed:"] == "bad, 10 ms (1 of 3)."
+    assert said["No measurable effect:"] == "mild, 10 ms."
+    assert said["Largest errors at typical strength:"] == "bad, 10 ms (+1.9 deg, 1 of 3 lost)."
 
 
 def test_page_and_picture_hold_no_nan_and_name_what_they_draw():

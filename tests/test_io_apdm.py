@@ -108,7 +108,7 @@ def test_format_7_as_the_maker_wrote_it():
         ("0.015270125,", "0.001,", [":6", "earlier than"]),
         ("0.015270125,", ",", [":6", "time is missing"]),
         ("0.015270125,", "0.015270125,1,", [":6", "62 fields", "61"]),
-        ("Test Name:", "Name:", [":1", "no APDM export", "oarlock import csv"]),
+        ("Test Name:", "Name:", [":1", "not an APDM export", "oarlock import csv"]),
         ("\nTime,", "\nClock,", [":3", '"Time"']),
     ],
 )
@@ -120,14 +120,14 @@ def test_mistakes(tmp_path, old, new, words):
 
 def test_other_formats(tmp_path):
     (tmp_path / "a.csv").write_text(FORMAT_7.replace("Format=7", "Format=8"))
-    assert '"Format=8" is not read' in refused(tmp_path / "a.csv")
+    assert '"Format=8" is not supported' in refused(tmp_path / "a.csv")
     (tmp_path / "a.csv").write_text(FORMAT_7.replace("Right Ankle", "Lower back"))
     assert '"Lower Back" and "Lower back"' in refused(tmp_path / "a.csv")
     (tmp_path / "a.csv").write_text("\n".join(FORMAT_7.split("\n")[:3]) + "\n")
     assert "no rows of data" in refused(tmp_path / "a.csv")
     assert "cannot be read" in refused(tmp_path / "none.csv")
     (tmp_path / "a.csv").write_bytes(b"\xff\xfe\x00\x01")
-    assert "no APDM export" in refused(tmp_path / "a.csv")
+    assert "not an APDM export" in refused(tmp_path / "a.csv")
 
 
 def test_missing_readings_become_nan(tmp_path):

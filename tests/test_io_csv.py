@@ -258,7 +258,7 @@ def test_one_unit_in_two_files_has_all_stamps(trial):
     assert np.isnan(stream.gyro_rad_s[:, 0]).tolist() == [False, True, False]
     assert stream.mag_ut[1:].tolist() == [[7.0, 8.0, 9.0], [1.0, 1.0, 1.0]]
     twice = IMU + IMU.split("\n", 1)[1]
-    assert 'sensor "back" is already there' in refused(trial(twice, **files))
+    assert 'sensor "back" is already defined' in refused(trial(twice, **files))
 
 
 # --- mistakes in the data ---------------------------------------------------------------------------------
@@ -337,7 +337,7 @@ def test_times_that_cannot_be_read(trial, unit, cell, words):
         (', "gz"]', "]", ["three columns"]),
         ('unit = "rad/s"', 'unit = "rad/s", axes = ["x", "y", "y"]', ["axes", "each of x, y and z once"]),
         ('unit = "rad/s"', 'unit = "rad/s", axes = ["x", "y", "--z"]', ["axes"]),
-        ('unit = "rad/s"', 'unit = "rad/s", scale = 0', ["scale", "erase"]),
+        ('unit = "rad/s"', 'unit = "rad/s", scale = 0', ["scale", "all readings would be 0"]),
         ('unit = "rad/s"', 'unit = "rad/s", offset = [1, 2]', ["2 numbers for 3 columns"]),
         ('unit = "rad/s"', 'unit = "rad/s", offset = true', ["True", "finite number"]),
         ("time =", 'decimal = ";"\ntime =', ["decimal", 'expected "." or ","']),

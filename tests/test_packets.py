@@ -107,7 +107,7 @@ def test_a_packet_that_is_there_twice_is_refused_with_its_line(unit):
         return [*rows[:20], ",".join(cells), *rows[21:]]
 
     text = refused(unit(fix=twice))
-    assert "unit.csv:22" in text and "PacketCounter" in text and "there twice" in text
+    assert "unit.csv:22" in text and "PacketCounter" in text and "is duplicated" in text
 
 
 def test_a_clock_that_wraps_unannounced_is_refused_with_the_way_out(unit):
@@ -122,7 +122,7 @@ def test_a_clock_that_wraps_unannounced_is_refused_with_the_way_out(unit):
         (FINE.replace("4294967296", "-1"), "65536 or 4294967296"),
         (TICKS.replace(", tick_s = 0.01", ""), "tick_s"),
         (FINE.replace('unit = "us"', 'unit = "us", tick_s = 1'), "go together"),
-        ('time = { column = "SampleTimeFine", unit = "epoch_us", wraps_at = 9 }', "does not begin again"),
+        ('time = { column = "SampleTimeFine", unit = "epoch_us", wraps_at = 9 }', "does not wrap"),
     ],
 )
 def test_a_mapping_that_makes_no_sense_is_refused(unit, time, said):

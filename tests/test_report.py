@@ -66,7 +66,7 @@ def test_every_joint_sensor_and_slow_state_is_there(tmp_path, track, truth):
     for name in (*NAMES, *track.info.sensor_names, "surge", "back.gyro_bias", "r_shoulder"):
         assert name in text
     assert "theta: not observed (no stream)" in text
-    assert "nominal ones, not calibrated: back" in text
+    assert "assumed (not calibrated): back" in text
 
 
 def test_drawings_and_tables_speak_to_screen_readers(tmp_path, track, truth):
@@ -80,7 +80,7 @@ def test_drawings_and_tables_speak_to_screen_readers(tmp_path, track, truth):
 
 def test_without_truth_it_says_so(tmp_path, track):
     read = page(tmp_path, track)
-    assert "There is no truth to compare with" in read.text
+    assert "Without a reference we can show the expected error" in read.text
     assert "RMSE" not in read.text
     assert "half-width of the 95 % band" in read.text
     assert not any("truth" in (a.get("class") or "").split() for a in read.all("path"))
@@ -90,16 +90,18 @@ def test_honest_and_dishonest_bands_get_different_words(tmp_path, truth):
     honest = page(tmp_path, noisy_track(truth, 0.01), truth=truth).text
     proud = page(tmp_path, noisy_track(truth, 0.01, claimed=0.003), truth=truth).text
     shy = page(tmp_path, noisy_track(truth, 0.01, claimed=0.05), truth=truth).text
-    assert "Yes, the bands are honest" in honest
-    assert "Not its bands" in proud
-    assert "even wider than needed" in shy
+    assert "The 95 % bands are correct" in honest
+    assert "The 95 % bands are far too narrow" in proud
+    assert "The 95 % bands are wider than needed" in shy
 
 
 def test_a_sensor_that_scatters_too_much_is_named(tmp_path, track, truth):
     nis = track.info.nis.copy()
     nis[:, 0] *= 4
     read = page(tmp_path, replace(track, info=replace(track.info, nis=nis)), truth=truth)
-    assert re.search(r"More scatter than the filter expects .* from back \((3\.9|4\.0|4\.1)\)", read.text)
+    assert re.search(
+        r"Innovations are larger than the filter expects .* for back \((3\.9|4\.0|4\.1)\)", read.text
+    )
 
 
 def test_nees_per_state_is_told_where_beliefs_are_kept(tmp_path, track, truth):

@@ -228,7 +228,7 @@ def test_the_verb_writes_a_page_and_tables(tmp_path):
     assert table.num_rows > 500 and "trunk_true_rad" in table.column_names
     assert CliRunner().invoke(app, command).exit_code == 0, "a folder of its own is written again"
     other = CliRunner().invoke(app, ["reproduce", "fig3", "--out", str(tmp_path)])
-    assert other.exit_code == 2 and "holds other files" in other.output
+    assert other.exit_code == 2 and "contains other files" in other.output
     assert CliRunner().invoke(app, ["reproduce", "table7", "--out", str(out)]).exit_code == 2
 
 

@@ -100,7 +100,7 @@ def test_summary_says_strokes_rate_and_length_first(page):
     lead = page.text[: page.text.index("joints of the model")]
     assert re.search(r"1[567] strokes in 40 s at 2[34]\.\d/min", lead)
     assert re.search(r"sweeps 10\d\.\d°, from −\d\d\.\d° at the catch to \+\d\d\.\d° at the finish", lead)
-    assert "What stands out:" in lead
+    assert "Notable:" in lead
 
 
 def test_faults_of_sensors_come_before_the_strokes(other, tmp_path):
@@ -132,7 +132,7 @@ def test_every_number_in_the_page_is_explained_in_the_page(page, found):
 
 def test_tables_are_sortable_with_heads_that_say_what_they_hold(page):
     heads = [a for a in page.all("th") if a.get("scope") == "col"]
-    assert any("handle turns" in (a.get("title") or "") for a in heads)
+    assert any("handle reverses" in (a.get("title") or "") for a in heads)
     assert sum("sortable" in (a.get("class") or "") for a in page.all("table")) >= 3
 
 
@@ -167,7 +167,7 @@ def test_targets_that_have_no_number_in_the_piece_are_named(page):
 def test_targets_are_drawn_with_their_source_and_never_called_right(page, text, other, tmp_path):
     assert "RtcNoord (KNRB)" in page.text
     assert 'class="zone"' in text
-    assert "No such number is right for everyone" in page.text
+    assert "No target is right for everyone" in page.text
     assert "correct" not in page.text.lower()
     without = write_rowing_report(other, tmp_path)[0].read_text(encoding="utf-8")
     assert 'class="zone"' not in without
@@ -200,7 +200,7 @@ def test_a_piece_beside_itself_differs_in_nothing(other):
     same = rowing_sections(other, other, names=("a", "b"))[0]
     assert same.key == "compared-pieces"
     assert "<b>yes</b>" not in same.markup
-    assert "none by as much as a coach would mind" in same.sentences[0]
+    assert "none is large enough to be relevant" in same.sentences[0]
 
 
 def test_pieces_of_one_name_are_told_apart(other):

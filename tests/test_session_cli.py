@@ -39,7 +39,7 @@ def test_a_session_becomes_a_calibration_and_a_page(folder):
     assert set(found.mounts) == set(true.mounts)
     page = (folder / "cal.html").read_text()
     assert page.startswith("<!doctype html>")
-    assert "Passed" in page and "Do again" not in page
+    assert "Passed" in page and "Steps to repeat" not in page
     assert "http" not in page.replace("http-equiv", "")
 
 
@@ -53,7 +53,7 @@ def test_what_has_to_be_done_again_ends_with_status_1(folder):
     told = json.loads(done.stdout)
     assert not told["session"]["passed"]
     assert (folder / "s.toml").exists()
-    assert "Do again" in (folder / "s.html").read_text()
+    assert "Steps to repeat" in (folder / "s.html").read_text()
 
 
 def test_the_plan_can_be_written_and_changed(folder):

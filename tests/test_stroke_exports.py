@@ -317,16 +317,16 @@ ERGDATA = "Stroke Number,Time (seconds),Distance (meters),Pace (seconds per 500m
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("<?xml?>\n<TrainingCenterDatabase>", "points of a track in time and no strokes"),
+        ("<?xml?>\n<TrainingCenterDatabase>", "points of a GPS track and no strokes"),
         ("=====\tCrew Info\na\tb\n", "Peach PowerLine"),
         (
             "Interval,Type,Distance(m),Time,Stroke,Rate,Split(sec)\n1,D,20,1,3,12,4\n",
             "a row every few metres",
         ),
-        ("a,b\n1,2\n", "no stroke export that is known"),
-        ("", "no stroke export that is known"),
+        ("a,b\n1,2\n", "not a known stroke export"),
+        ("", "not a known stroke export"),
         ("\x00\x01,;", "zero bytes"),
-        (ERGDATA, "holds no strokes"),
+        (ERGDATA, "contains no strokes"),
         (ERGDATA + "1,3.9,12,172,20\n2,x,12,172,20\n", 'csv:3, column "Time (seconds)": "x" is not a number'),
         (ERGDATA + "1,1e99,12,172,20\n", "is not a number"),
         (ERGDATA + "1,3.9,12\n", "csv:2: has 3 cells, the header has 5"),
@@ -348,7 +348,7 @@ def test_refusal_says_what_the_file_is(tmp_path, text, says):
 def test_format_that_is_not_known_or_not_that_of_the_file(tmp_path):
     with pytest.raises(DataError, match=r"known are quiske, rp3"):
         load_stroke_export(EXAMPLES / "rp3.csv", "rp4")
-    with pytest.raises(DataError, match="no file of Quiske"):
+    with pytest.raises(DataError, match="not a file of Quiske"):
         load_stroke_export(EXAMPLES / "rp3.csv", "quiske")
     with pytest.raises(DataError, match="cannot be read"):
         load_stroke_export(tmp_path / "absent.csv")

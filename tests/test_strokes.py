@@ -229,7 +229,7 @@ def test_seat_and_trunk_say_how_little_they_know(seed, rate, effects, source):
             claimed = getattr(rows, f"{event}_time_std_s")
             assert np.mean(np.abs(error) < 1.96 * claimed) >= COVERED
             assert claimed.mean() < 0.2
-        assert rows.notes and "roughly" in rows.notes[0]
+        assert rows.notes and "less accurate" in rows.notes[0]
 
 
 def test_sources_are_taken_in_their_order():

@@ -199,8 +199,8 @@ def test_command_line_rows_a_sweep_and_a_boat_that_turns(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--boat", "still", "--condition", "B-B"), "stands still"),
-        (("--boat", "surge", "--condition", "S-NB"), "stands still"),
+        (("--boat", "still", "--condition", "B-B"), "stationary"),
+        (("--boat", "surge", "--condition", "S-NB"), "stationary"),
         (("--boat", "surge", "--hull-roll-rad", 0.1), "only with --boat rotating"),
         (("--hull-yaw-rad", 0.1), "only with --boat rotating"),
     ],

@@ -90,7 +90,7 @@ def test_samples_are_the_first_the_last_and_the_nearest_between():
     assert shown_rows(time_s, 0.02, None, None).tolist() == [0, 3, 5, 7, 8]
     assert shown_rows(time_s, 0.001, None, None).tolist() == list(range(9))
     assert shown_rows(time_s, 0.02, 0.01, 0.04).tolist() == [2, 4, 5]
-    with pytest.raises(DataError, match=r"no sample from 1.0 to 2.0 s; the track holds 0.000 to 0.507 s"):
+    with pytest.raises(DataError, match=r"no sample from 1.0 to 2.0 s; the track covers 0.000 to 0.507 s"):
         shown_rows(time_s, 0.02, 1.0, 2.0)
     with pytest.raises(DataError, match="every_s is -1"):
         shown_rows(time_s, -1.0, None, None)
@@ -187,14 +187,14 @@ def test_odd_requests_are_refused(pendulum):
     with pytest.raises(DataError, match="without its model"):
         scene(replace(pendulum, model=None))
     solid = Shape("nowhere", *box([0, 0, 0], [1, 1, 1]), label="crate")
-    with pytest.raises(DataError, match=r'"crate" stands on frame "nowhere"'):
+    with pytest.raises(DataError, match=r'"crate" is attached to frame "nowhere"'):
         scene(pendulum, look=Look(shapes=(solid,)))
     with pytest.raises(DataError, match="triangles name vertices 0 to 2"):
         Shape("root", np.zeros((3, 3)), [[0, 1, 3]])
     with pytest.raises(DataError, match="no part 'leg'"):
         Shape("root", np.zeros((3, 3)), [[0, 1, 2]], part="leg")
     for odd in ("", "1st", 'a"b', "a b"):
-        with pytest.raises(DataError, match="is no id"):
+        with pytest.raises(DataError, match="is not a valid id"):
             embed(scene(pendulum), odd)
 
 

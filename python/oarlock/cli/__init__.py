@@ -1,6 +1,6 @@
-"""The command line: one file a verb. It reads files, calls the package, writes one folder, says what it did.
+"""The `oarlock` command for users: the list of verbs. Each verb has its own file in this folder.
 
-Exit status: 0 fine, 1 the data's fault, 2 usage, 130 stopped.
+Exit status: 0 success, 1 a problem in the data, 2 wrong usage, 130 stopped by Ctrl-C.
 """
 
 from __future__ import annotations
@@ -14,31 +14,31 @@ from typer.main import get_group
 
 VERBS = {
     "demo": "Track a simulated sculler and a real pendulum.",
-    "simulate": "Write a simulated rower's recording and its truth.",
+    "simulate": "Simulate a rower: write a recording and its ground truth.",
     "track": "Turn a recording into joint angles with uncertainty.",
-    "evaluate": "Score a track against truth, or against optical markers.",
-    "compare": "Set estimators side by side on one recording.",
+    "evaluate": "Score a track against ground truth or optical markers.",
+    "compare": "Compare several estimators on one recording.",
     "report": "Write a track's report.html.",
     "export": "Write a track as CSV, Parquet and OpenSim files.",
-    "view": "Show a track as a moving figure beside its curves.",
-    "reproduce": "Run the paper's tables and figures again, ours beside them.",
+    "view": "Show a track as a moving figure with its curves.",
+    "reproduce": "Repeat the paper's tables and figures and compare the values.",
     "strokes": "Show strokes of a track, or of another device's export.",
     "study": "Sweep sensors, noise, mounts, rates or settings over seeds.",
-    "bench": "Measure what this machine reaches, beside other software.",
-    "import": "Turn other formats into a recording.",
+    "bench": "Measure speed and latency on this machine.",
+    "import": "Convert other formats to a recording.",
     "markers": "Optical markers: C3D, TRC, CSV.",
-    "calibrate": "Find mounts, joint centres, the magnetic field and clock errors.",
-    "model": "Look at, check and start model files.",
+    "calibrate": "Calibrate mounts, joint centres, magnetic field and clocks.",
+    "model": "Show, check and copy model files.",
 }
-"""All verbs with one line of help. `cli/NAME.py` defines a verb; it is imported when the verb is used."""
+"""All verbs with one line of help. `cli/NAME.py` defines a verb and is imported only when the verb is used."""
 MODULES = {"import": "import_"}
 
 
 class LazyVerbs(TyperGroup):
-    """Lists all verbs, and imports the module of the one that is used."""
+    """Lists all verbs, but imports only the module of the verb in use."""
 
     def resolve_command(self, *args: Any) -> tuple[Any, Any, list[str]]:
-        """The name, the command and what follows it on the command line."""
+        """Return the name of the verb, its command and the remaining arguments."""
         name, command, rest = super().resolve_command(*args)
         return name, command and load_verb(command.name or ""), rest
 
@@ -50,7 +50,7 @@ def load_verb(name: str) -> Any:
     return get_group(verbs).commands[name]
 
 
-# plain help: examples keep their lines, and it reads the same in a file, a pager and a narrow window
+# Plain help text keeps the line breaks of examples in files, pagers and narrow windows.
 app = typer.Typer(
     name="oarlock",
     cls=LazyVerbs,
@@ -73,19 +73,19 @@ def _version(asked: bool) -> None:
 @app.callback(
     epilog="\b\nStart here:\n"
     "  oarlock demo                        a sculler and a real pendulum, tracked in a minute\n"
-    "  oarlock model show sculler          what a model holds\n"
+    "  oarlock model show sculler          the contents of a model\n"
     "  oarlock track trial --model sculler --out out"
 )
 def root(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and leave.")
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
     """Track articulated bodies from wearable and mounted sensors, with uncertainty."""
 
 
 def _unused() -> None:
-    """Stands for a verb until it is used."""
+    """Placeholder for a verb until it is used."""
 
 
 for _name, _short_help in VERBS.items():

@@ -1,4 +1,4 @@
-"""`oarlock bench`: what this machine reaches."""
+"""`oarlock bench`: measures speed and latency on this machine, for users and developers."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ _KEYS = """\
 Keys of --json (times in us are medians, each filter's steps are 1e6 / time):
   n, m                         states and readings of the sculler, joints and azimuth alone
   ukf_steps_s, ekf_steps_s, factorised_steps_s    steps per second inside the engine, one core
-  ukf_us, ukf_us_p10, ...      time of a step: half, and a tenth of all steps are shorter
-  textbook_us, textbook_us_p10                 the textbook's unscented filter, same process
+  ukf_us, ukf_us_p10, ...      time of a step: median and 10 % quantile
+  textbook_us, textbook_us_p10                 the textbook unscented filter, same process
   ukf_ratio_to_textbook, ...   textbook_us divided by the filter's
-  ukf_ratio_to_textbook_p10, ...               the same of the 10 % quantiles, steadier on a busy machine
+  ukf_ratio_to_textbook_p10, ...               the same for the 10 % quantiles, more stable on a busy machine
   p50_us, p99_us, p99_9_us     of Tracker.step called from Python, default filter
   times_real_time, rate_hz     ukf_steps_s divided by the rate of the sensors
   with_biases                  the same keys with biases and surge as states
   one_thread_steps_s, two_threads_steps_s, two_threads_ratio, cores    by track_many
-  paper, usual_textbook_us     the source's figure; the textbook's on a 3.7 GHz Zen 4, us
-  others, failed               other software: figures, and what does not run
-  missing, install             packages not found, and how to get them
+  paper, usual_textbook_us     the paper's figure; the textbook filter on a 3.7 GHz Zen 4, us
+  others, failed               other software: results, and packages that do not run
+  missing, install             packages not found, and how to install them
   machine                      processor, system, versions"""
 
 
@@ -49,11 +49,11 @@ def add_to(app: typer.Typer) -> None:
 @verb
 def bench(
     seconds: Annotated[
-        float, typer.Option("--seconds", metavar="S", help="Time for all measurements together, about.")
+        float, typer.Option("--seconds", metavar="S", help="Approximate total time of all measurements.")
     ] = 20.0,
     json_output: Json = False,
 ) -> None:
-    """Measure steps per second, latency and threads here, beside the textbook's filter and other software."""
+    """Measure steps per second, latency and threads, and compare with a textbook filter and other software."""
     from oarlock.lab.bench.measure import measure
 
     if not 0.0 < seconds < 3600.0:
@@ -73,7 +73,7 @@ def _write(found: Bench) -> None:
     from oarlock.lab.bench.measure import machine
 
     here = machine()
-    say("What this machine reaches", style="bold")
+    say("Performance of this machine", style="bold")
     pairs(
         [
             *((key, here[key]) for key in ("processor", "system", "python", "oarlock")),
@@ -96,7 +96,7 @@ def _write_race(timed: Race) -> None:
         for name, step in timed.filters.items()
     ]
     table(
-        ["filter", ">steps/s", ">us", ">us p10", ">faster than the textbook's (p10)"],
+        ["filter", ">steps/s", ">us", ">us p10", ">faster than textbook (p10)"],
         [
             (name, f"{1e6 / step.us:.0f}", f"{step.us:.1f}", f"{step.us_p10:.1f}", ratio)
             for name, step, ratio in (*rows, ("textbook's UKF", timed.textbook, ""))
@@ -109,12 +109,12 @@ def _write_live(found: Bench) -> None:
     from oarlock.lab.bench.problem import RATE_HZ
 
     say(
-        f"the textbook's: the same filter, written plainly in dense matrices; {USUAL_TEXTBOOK_US:.0f} us at 41 states\n"
-        "on one core of a 3.7 GHz Zen 4, so where it is slower, look at times and not at ratios",
+        f"textbook's UKF: the same filter with dense matrices; {USUAL_TEXTBOOK_US:.0f} us at 41 states on one core\n"
+        "of a 3.7 GHz Zen 4. If it is slower on this machine, compare times instead of ratios.",
         style="dim",
         indent=2,
     )
-    heading("A live step from Python", "Tracker.step, belief and report included, us")
+    heading("Live step from Python", "Tracker.step, including belief and report, us")
     table(
         [">states", ">p50", ">p99", ">p99.9", ">steps"],
         [
@@ -140,7 +140,7 @@ def _write_others(found: Bench) -> None:
     from oarlock.lab.bench.measure import PAPER
     from oarlock.lab.bench.others import INSTALL
 
-    heading("Beside it")
+    heading("Other software")
     timed = found.joints
     rows = [("Oarlock, ukf", 1e6 / timed.filters["ukf"].us, f"{timed.n} states, {timed.m} readings")]
     rows += [(f"{one.name} ({one.package} {one.version})", one.steps_s, one.problem) for one in found.others]

@@ -1,4 +1,4 @@
-"""`oarlock calibrate`: from a recording to how the sensors sit."""
+"""`oarlock calibrate`: finds mounts and lengths from a recording. Contains the verb `chain` and its tables."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 group = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
-    help="Find how the sensors of one wearing sit, where joints lie, the magnetic field, and clocks that are off.",
+    help="Calibrate mounts, joint centres, biases, the magnetic field and clocks from a recording.",
 )
 
 
@@ -47,33 +47,38 @@ def chain(
     sensors: Annotated[
         str | None,
         typer.Option(
-            "--sensors", metavar="NAMES", help="The chain's sensors, with commas; else all recorded."
+            "--sensors", metavar="NAMES", help="Sensors of the chain, comma-separated; default: all recorded."
         ),
     ] = None,
     still: Annotated[
         tuple[float, float] | None,
-        typer.Option("--still", metavar="START END", help="The still stretch, s; else the longest one."),
+        typer.Option(
+            "--still", metavar="START END", help="Stationary interval, s; default: the longest one."
+        ),
     ] = None,
     swing: Annotated[
         tuple[float, float] | None,
-        typer.Option("--swing", metavar="START END", help="The swing, s; else all but the still stretch."),
+        typer.Option("--swing", metavar="START END", help="Swing interval, s; default: all other times."),
     ] = None,
     rest: Annotated[
         list[str] | None,
         typer.Option(
-            "--rest", metavar="JOINT=VALUE", help="Posture of the still stretch, rad; else 0. Repeatable."
+            "--rest",
+            metavar="JOINT=VALUE",
+            help="Posture in the stationary interval, rad; default 0. Repeatable.",
         ),
     ] = None,
     first_turn_positive: Annotated[
         bool,
         typer.Option(
-            "--first-turn-positive/--first-turn-negative", help="Sense of the first hinge's first clear turn."
+            "--first-turn-positive/--first-turn-negative",
+            help="Sign of the first clear rotation of the first hinge.",
         ),
     ] = True,
     force: Annotated[bool, typer.Option("--force", help="Replace a file that exists.")] = False,
     json_output: Json = False,
 ) -> None:
-    """Find the mounts of sensors on a chain of hinges, from a still stretch and a swing."""
+    """Calibrate sensor mounts on a chain of hinges from a stationary interval and a swing."""
     import oarlock
 
     body = oarlock.load_model(model, parameters=assignments(settings, "--set"))
@@ -98,10 +103,10 @@ def chain(
 
 
 def write_chain(calibration: Calibration) -> None:
-    """Prints how well each mount was found, the lengths, and what stays as the model has it."""
+    """Prints the uncertainty of each mount, the lengths, and what keeps the model's nominal value."""
     noted: dict[str, Any] = dict(calibration.noted)
     start, end = noted["still_s"]
-    heading("Mounts", f"still from {start:.2f} to {end:.2f} s")
+    heading("Mounts", f"stationary from {start:.2f} to {end:.2f} s")
     table(
         [
             "sensor",
@@ -123,9 +128,9 @@ def write_chain(calibration: Calibration) -> None:
             for name, found in noted["sensor"].items()
         ],
     )
-    heading("Where they sit", "in axes of the link's frame; magnetometer in the sensor's own")
+    heading("Sensor positions", "in axes of the link's frame; magnetometer in sensor axes")
     table(
-        ["sensor", ">offset mm", ">left of accel m/s2", ">magnetometer offset uT", ">left of the field uT"],
+        ["sensor", ">offset mm", ">accel residual m/s2", ">magnetometer offset uT", ">field residual uT"],
         [
             (
                 name,
@@ -140,7 +145,7 @@ def write_chain(calibration: Calibration) -> None:
     for parameter, value in calibration.parameters.items():
         say(f"{parameter} = {value:.3f} m", indent=2)
     for title, lines in (
-        ("kept as the model has it", noted["kept_nominal"]),
+        ("kept at the model's nominal value", noted["kept_nominal"]),
         ("not used", noted["left_out"]),
     ):
         if lines:

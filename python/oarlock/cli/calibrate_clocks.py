@@ -1,4 +1,4 @@
-"""`oarlock calibrate clocks`: by how much each stream's clock is off."""
+"""`oarlock calibrate clocks`: finds the offset and drift of each stream's clock."""
 
 from __future__ import annotations
 
@@ -37,22 +37,23 @@ def clocks(
         typer.Option(
             "--reference",
             metavar="NAMES",
-            help="Streams that keep true time, with commas; else those that share their stamps, or most agree.",
+            help="Streams of the reference clock, comma-separated; default: found from the time stamps.",
         ),
     ] = None,
     threads: Annotated[
-        int | None, typer.Option("--threads", metavar="N", min=1, help="Tracks at a time; else all cores.")
+        int | None,
+        typer.Option("--threads", metavar="N", min=1, help="Tracks in parallel; default: all cores."),
     ] = None,
     force: Replace = False,
     json_output: Json = False,
 ) -> None:
-    """Find the offset and drift of each stream's clock, from movement that all of them see."""
+    """Find the offset and drift of each stream's clock from movement that all sensors measure."""
     import oarlock
 
     body = oarlock.load_model(model, parameters=assignments(settings, "--set"))
     free_file(out, force)
     known = None if calibration is None else oarlock.load_calibration(calibration)
-    with progress("looking at clocks") as told:
+    with progress("calibrating clocks") as told:
         found = oarlock.calibrate_clocks(
             body,
             oarlock.load_recording(recording),
@@ -72,9 +73,9 @@ def clocks(
 
 
 def write_clocks(calibration: Calibration) -> None:
-    """Prints each clock with its standard deviations, and whose is not told."""
+    """Prints each clock with its standard deviations, and the clocks that were not determined."""
     noted: dict[str, Any] = dict(calibration.noted)["clocks"]  # type: ignore[assignment]
-    heading("Clocks", f"against {', '.join(noted['reference'])}; positive is late and fast")
+    heading("Clocks", f"against {', '.join(noted['reference'])}; positive: late, fast")
     table(
         ["stream", ">offset ms", ">std ms", ">drift ppm", ">std ppm"],
         [

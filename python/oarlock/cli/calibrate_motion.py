@@ -1,4 +1,4 @@
-"""`oarlock calibrate motion | stature`: self-calibration from ordinary movement, and lengths to start it from."""
+"""`oarlock calibrate motion | stature`: self-calibration from movement, and initial lengths from stature."""
 
 from __future__ import annotations
 
@@ -38,19 +38,24 @@ def motion(
     settings: Settings = None,
     calibration: Annotated[
         Path | None,
-        typer.Option("--calibration", metavar="FILE", help="What is known already, as start and prior."),
+        typer.Option(
+            "--calibration", metavar="FILE", help="An earlier calibration, used as initial value and prior."
+        ),
     ] = None,
     start_s: Annotated[
-        float | None, typer.Option("--from", metavar="S", help="Begin of the stretch to use, s.")
+        float | None, typer.Option("--from", metavar="S", help="Start of the interval to use, s.")
     ] = None,
-    end_s: Annotated[float | None, typer.Option("--until", metavar="S", help="End of it, s.")] = None,
+    end_s: Annotated[
+        float | None, typer.Option("--until", metavar="S", help="End of the interval, s.")
+    ] = None,
     held_out: Annotated[
-        float, typer.Option("--held-out", metavar="SHARE", help="Share of it to judge results by.")
+        float,
+        typer.Option("--held-out", metavar="SHARE", help="Share of the data held out to judge results."),
     ] = 1.0 / 3.0,
     force: Replace = False,
     json_output: Json = False,
 ) -> None:
-    """Find mounts, lengths, places and zeros from ordinary movement with closed loops."""
+    """Calibrate mounts, lengths, sensor positions and encoder zeros from movement with closed loops."""
     import oarlock
 
     body = oarlock.load_model(model, parameters=assignments(settings, "--set"))
@@ -76,7 +81,7 @@ def stature(
     force: Replace = False,
     json_output: Json = False,
 ) -> None:
-    """Lengths of a rower's body from stature, with 5 % as standard deviations."""
+    """Estimate a rower's segment lengths from stature, with standard deviations of 5 %."""
     import oarlock
     from oarlock.rowing import anthropometry
 
@@ -93,23 +98,26 @@ def stature(
 
 
 def write_motion(calibration: Calibration) -> None:
-    """Prints what was kept and why, and every constant with its prior."""
+    """Prints which result was kept and why, and every constant with its prior."""
     noted: dict[str, Any] = dict(calibration.noted)
     start, end = noted["held_out_s"]
-    heading("Held-out innovations", f"squared, per reading, {start:.1f} to {end:.1f} s; smaller is better")
+    heading(
+        "Held-out innovations",
+        f"normalised, squared, per reading, {start:.1f} to {end:.1f} s; smaller is better",
+    )
     table(["calibration", ">NIS"], [(name, number(x, ".3f")) for name, x in noted["scores"].items()])
     kept = noted["kept"]
     if kept == "before":
-        say("kept: what was known before. No search explained the held-out part better.", indent=2)
+        say("Kept: the earlier values. No candidate explained the held-out data better.", indent=2)
         return
     say(f"kept: {kept}", indent=2)
-    heading("Constants", "mm and deg; told: share of the prior variance that the movement took")
+    heading("Constants", "mm and deg; explained: reduction of the prior variance by the movement")
     table(
-        ["constant", ">prior", ">std", ">found", ">std", ">told %"],
+        ["constant", ">prior", ">std", ">found", ">std", ">explained %"],
         [_row(name, found) for name, found in noted["constant"].items()],
     )
     if noted["not_told"]:
-        say(f"not told, left as they were: {', '.join(noted['not_told'])}", style="dim", indent=2)
+        say(f"not determined, unchanged: {', '.join(noted['not_told'])}", style="dim", indent=2)
 
 
 def _row(name: str, found: dict[str, Any]) -> tuple[str, ...]:

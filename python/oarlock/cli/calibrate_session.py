@@ -1,4 +1,4 @@
-"""`oarlock calibrate session`: everything from one guided session."""
+"""`oarlock calibrate session`: calibrates all sensors from one guided session."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def add_to(group: typer.Typer) -> None:
     """Registers the verb."""
     group.command(
         "session",
-        short_help="Everything from one guided session of two minutes.",
+        short_help="Calibrate everything from one guided session of two minutes.",
         epilog=example(
             "oarlock calibrate session rec --model sculler --out cal.toml",
             "oarlock calibrate session rec --model my.toml --plan plan.toml --out cal.toml",
@@ -35,30 +35,33 @@ def session(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", metavar="FILE", help="Calibration file to write; a page goes beside it."),
+        typer.Option("--out", "-o", metavar="FILE", help="Calibration file to write, with a page beside it."),
     ] = None,
     plan: Annotated[
-        Path | None, typer.Option("--plan", metavar="FILE", help="The session's plan; else the model's own.")
+        Path | None,
+        typer.Option("--plan", metavar="FILE", help="Plan of the session; default: the model's own plan."),
     ] = None,
     write_plan: Annotated[
-        Path | None, typer.Option("--write-plan", metavar="FILE", help="Write the model's plan and leave.")
+        Path | None, typer.Option("--write-plan", metavar="FILE", help="Write the model's plan and exit.")
     ] = None,
     settings: Settings = None,
     calibration: Annotated[
         Path | None,
-        typer.Option("--calibration", metavar="FILE", help="What is known already, such as clocks."),
+        typer.Option("--calibration", metavar="FILE", help="An earlier calibration, such as of clocks."),
     ] = None,
     sensors: Annotated[
         str | None,
-        typer.Option("--sensors", metavar="NAMES", help="Units to use, with commas; else all recorded."),
+        typer.Option(
+            "--sensors", metavar="NAMES", help="Sensors to use, comma-separated; default: all recorded."
+        ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
     json_output: Json = False,
 ) -> None:
     """Calibrate biases, magnetometers, mounts and encoders from one guided session.
 
-    Writes the calibration and a page that says what was found, how sure, and what to do again. The exit status is 1
-    if something has to be done again.
+    Writes the calibration and a page with the results, their uncertainty and the steps to repeat. The exit status
+    is 1 if a step must be repeated.
     """
     import oarlock
     from oarlock.report.session_page import write_session_page
@@ -105,7 +108,7 @@ def _say_plan(plan: Any, file: Path, json_output: bool) -> None:
 
 
 def write_session(told: Mapping[str, Any]) -> None:
-    """Prints a line for each check, then what to do again."""
+    """Prints one line for each check, then the steps to repeat."""
     checks: Sequence[Mapping[str, Any]] = told["check"]
     heading("Steps", f"plan: {told['plan']}")
     table(

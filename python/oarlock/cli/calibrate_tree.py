@@ -1,4 +1,4 @@
-"""`oarlock calibrate joints | axes | pose | field`: any tree of bodies, one step at a time."""
+"""`oarlock calibrate joints | axes | pose | field`: single calibration steps for any model."""
 
 from __future__ import annotations
 
@@ -19,14 +19,18 @@ RecordingFolder = Annotated[Path, typer.Argument(metavar="RECORDING", help="A re
 OutFile = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Calibration file to write.")]
 Start = Annotated[
     Path | None,
-    typer.Option("--calibration", metavar="FILE", help="What is known already; its mounts are the start."),
+    typer.Option(
+        "--calibration", metavar="FILE", help="An earlier calibration; its mounts are the initial values."
+    ),
 ]
 Sensors = Annotated[
     str | None,
-    typer.Option("--sensors", metavar="NAMES", help="Units to use, with commas; else all recorded."),
+    typer.Option(
+        "--sensors", metavar="NAMES", help="Sensors to use, comma-separated; default: all recorded."
+    ),
 ]
 Replace = Annotated[bool, typer.Option("--force", help="Replace a file that exists.")]
-Window = Annotated[float, typer.Option("--window", metavar="S", help="Readings are averaged over it, s.")]
+Window = Annotated[float, typer.Option("--window", metavar="S", help="Averaging window of the readings, s.")]
 
 Search = Callable[["Model", "Recording", dict[str, Any]], "Calibration"]
 
@@ -58,7 +62,7 @@ def joints(
     force: Replace = False,
     json_output: Json = False,
 ) -> None:
-    """Find where joints lie from motion: offsets of the units, lengths between joints."""
+    """Calibrate joint centres from motion: sensor positions and lengths between joints."""
     import oarlock
 
     def search(body: Model, measured: Recording, known: dict[str, Any]) -> Calibration:
@@ -82,7 +86,7 @@ def axes(
     force: Replace = False,
     json_output: Json = False,
 ) -> None:
-    """Turn mounts so that hinges lie where the motion shows them."""
+    """Correct mounts so that hinge axes agree with the motion."""
     import oarlock
 
     def search(body: Model, measured: Recording, known: dict[str, Any]) -> Calibration:
@@ -104,18 +108,22 @@ def pose(
     sensors: Sensors = None,
     still: Annotated[
         tuple[float, float] | None,
-        typer.Option("--still", metavar="START END", help="The still stretch, s; else the longest one."),
+        typer.Option(
+            "--still", metavar="START END", help="Stationary interval, s; default: the longest one."
+        ),
     ] = None,
     rest: Annotated[
         list[str] | None,
         typer.Option(
-            "--rest", metavar="JOINT=VALUE", help="Posture, rad; else the model's rest. Repeatable."
+            "--rest",
+            metavar="JOINT=VALUE",
+            help="Posture, rad; default: the model's rest posture. Repeatable.",
         ),
     ] = None,
     force: Replace = False,
     json_output: Json = False,
 ) -> None:
-    """Turn mounts so that a still posture agrees with gravity."""
+    """Correct mounts so that a stationary posture agrees with gravity."""
     import oarlock
 
     def search(body: Model, measured: Recording, known: dict[str, Any]) -> Calibration:
@@ -139,7 +147,7 @@ def field(
     force: Replace = False,
     json_output: Json = False,
 ) -> None:
-    """Find strength and dip of the magnetic field, for a model that has them as parameters."""
+    """Find the strength and dip of the magnetic field for a model with these parameters."""
     import oarlock
 
     def search(body: Model, measured: Recording, known: dict[str, Any]) -> Calibration:
@@ -162,7 +170,7 @@ def _run(
     force: bool,
     json_output: bool,
 ) -> Calibration:
-    """What all four share: read, search, write the file, say so."""
+    """Runs one of the four verbs: reads, calibrates, writes the file and prints the result."""
     import oarlock
 
     body = oarlock.load_model(model, parameters=assignments(settings, "--set"))
@@ -181,7 +189,7 @@ def _run(
 
 
 def say_next(recording: Path, model: str, out: Path) -> None:
-    """Prints the command that tracks with what was found."""
+    """Prints the command that tracks with this calibration."""
     steps(f"oarlock track {recording} --model {model} --calibration {out} --out {recording}-track")
 
 
@@ -189,27 +197,27 @@ def say_next(recording: Path, model: str, out: Path) -> None:
 
 
 def write_joints(calibration: Calibration) -> None:
-    """Prints where every joint lies, how well that is known, and the lengths."""
+    """Prints the centre of every joint with its standard deviation, and the lengths."""
     noted: dict[str, Any] = dict(calibration.noted)
-    heading("Joints", "from the joint to each unit, in the unit's own axes")
+    heading("Joints", "from the joint to each sensor, in sensor axes")
     table(
-        ["joint", "unit", ">mm", ">std mm", ">left of accel m/s2", ">missed mm"],
+        ["joint", "unit", ">mm", ">std mm", ">accel residual m/s2", ">missed mm"],
         [row for name, found in noted["joint"].items() for row in _levers(name, found)],
     )
     for name, found in noted["joint"].items():
         if found["loose"]:
-            say(f"{name}: {len(found['loose'])} of 6 directions known to no better than 5 cm", indent=2)
+            say(f"{name}: standard deviation above 5 cm in {len(found['loose'])} of 6 directions", indent=2)
     for parameter, std in noted["parameter_std_m"].items():
         say(f"{parameter} = {calibration.parameters[parameter]:.3f} +- {std:.3f} m", indent=2)
-    _remarks(noted, ("without_center", "no centre"), ("kept_nominal", "kept as the model has it"))
+    _remarks(noted, ("without_center", "no centre"), ("kept_nominal", "kept at the model's nominal value"))
 
 
 def write_axes(calibration: Calibration) -> None:
-    """Prints how well every hinge's axis is known, and how far the mounts were turned."""
+    """Prints the uncertainty of every hinge axis, and the rotation of the mounts."""
     noted: dict[str, Any] = dict(calibration.noted)
     heading("Hinges")
     table(
-        ["hinge", "units", ">std deg", ">left rad/s", ">turning rad/s", "ends"],
+        ["hinge", "units", ">std deg", ">residual rad/s", ">rotation rad/s", "ends"],
         [
             (
                 name,
@@ -224,19 +232,19 @@ def write_axes(calibration: Calibration) -> None:
     )
     heading("Mounts")
     table(
-        ["sensor", ">turned deg", ">left deg"],
+        ["sensor", ">turned deg", ">residual deg"],
         [(n, _degrees([f["turned_rad"]]), _degrees(f["left_rad"])) for n, f in noted["sensor"].items()],
     )
-    _remarks(noted, ("kept_nominal", "not told by the motion"))
+    _remarks(noted, ("kept_nominal", "not determined by the motion"))
 
 
 def write_pose(calibration: Calibration) -> None:
-    """Prints how far the mounts were turned and what the units showed at rest."""
+    """Prints the rotation of the mounts and the mean readings at rest."""
     noted: dict[str, Any] = dict(calibration.noted)
     start, end = noted["still_s"]
-    heading("Mounts", f"still from {start:.2f} to {end:.2f} s; the heading stays nominal")
+    heading("Mounts", f"stationary from {start:.2f} to {end:.2f} s; the heading stays nominal")
     table(
-        ["sensor", ">turned deg", ">std deg", ">gyroscope's bias deg/s", ">gravity m/s2"],
+        ["sensor", ">turned deg", ">std deg", ">gyroscope bias deg/s", ">gravity m/s2"],
         [
             (
                 name,
@@ -252,10 +260,10 @@ def write_pose(calibration: Calibration) -> None:
 
 
 def write_field(calibration: Calibration) -> None:
-    """Prints the field, each unit's own, and which parameters take it."""
+    """Prints the field, its value at each sensor, and the parameters that were set."""
     noted: dict[str, Any] = dict(calibration.noted)
     found = noted["field"]
-    heading("Magnetic field", f"{100.0 * found['departing_share']:.0f} % of the time off it")
+    heading("Magnetic field", f"{100.0 * found['departing_share']:.0f} % of the time disturbed")
     rows = [("all", found), *noted["sensor"].items()]
     table(
         ["sensor", ">uT", ">dip deg", ">directions", ">off %"],
@@ -271,7 +279,7 @@ def write_field(calibration: Calibration) -> None:
         ],
     )
     taken = ", ".join(noted["parameters_of_the_model"])
-    say(f"taken by {taken}" if taken else "The model has no parameters for them.", indent=2)
+    say(f"set as {taken}" if taken else "The model has no parameters for strength and dip.", indent=2)
     _remarks(noted)
 
 
@@ -282,10 +290,10 @@ def _remarks(noted: dict[str, Any], *more: tuple[str, str]) -> None:
 
 
 def _levers(name: str, found: dict[str, Any]) -> list[tuple[str, ...]]:
-    """A row for each unit of a joint; the joint's own figures stand in the first."""
+    """One row for each sensor of a joint; the figures of the joint are in the first row."""
     own = (number(found["residual_m_s2"], ".3f"), number(1e3 * max(found["left_m"]), ".0f"))
     units = [(found["parent"], "first"), (found["child"], "second")]
-    # A unit that stands for the resting root has no place of its own.
+    # A sensor that represents the resting root has no position of its own.
     placed = [(unit, key) for unit, key in units if not unit.startswith("(")]
     return [
         (

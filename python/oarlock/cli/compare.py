@@ -48,7 +48,7 @@ def add_to(app: typer.Typer) -> None:
         )
         + "\n  NAME_open, NAME_plain, NAME_open_plain   of trees and limbs: no closures, no biases or base\n"
         "                       acceleration, neither\n"
-        "  all                  every one of them",
+        "  all                  all filters",
     )(compare)
 
 
@@ -61,19 +61,21 @@ def compare(
         Path | None,
         typer.Argument(
             metavar="[TRUTH]",
-            help="A track folder with the truth; else RECORDING/truth; without any, differences from the first filter.",
+            help="Track folder with the ground truth; default: RECORDING/truth; else the first filter is compared to.",
         ),
     ] = None,
     filters: Annotated[
         list[str] | None,
-        typer.Option("--filter", metavar="NAME", help="A filter to run, see below. Repeatable."),
+        typer.Option("--filter", metavar="NAME", help="Filter to run, see below. Repeatable."),
     ] = None,
     calibration: Annotated[
-        Path | None, typer.Option("--calibration", metavar="FILE", help="Mounts and lengths of this wearing.")
+        Path | None,
+        typer.Option("--calibration", metavar="FILE", help="Calibration file with mounts and lengths."),
     ] = None,
     settings: Settings = None,
     start_s: Annotated[
-        float, typer.Option("--start-s", metavar="S", help="Leave out the first seconds: filters settle.")
+        float,
+        typer.Option("--start-s", metavar="S", help="Exclude the first seconds, in which filters converge."),
     ] = 2.0,
     repeats: Annotated[
         int, typer.Option("--repeats", metavar="N", min=1, help="Run each N times; the shortest time counts.")
@@ -142,7 +144,7 @@ _HEADERS = {
 
 def _write(found: Comparison, recording: Path) -> None:
     say(f"{len(found.scores)} filters on {recording}", style="bold")
-    against = "truth" if found.reference == "truth" else f"{found.reference}, for there is no truth"
+    against = "truth" if found.reference == "truth" else f"{found.reference} (no ground truth)"
     say(
         f"RMSE against {against}, without the first {found.start_s:g} s: mean and worst of the {len(found.joints)} "
         "joints\nbetween root and inertial units, deg; slides and positions, mm; us a step",
@@ -159,19 +161,19 @@ def _write(found: Comparison, recording: Path) -> None:
             for row in found.scores
         ],
     )
-    say("* best, or level with the best (2 %); - says nothing of its errors", style="dim", indent=2)
+    say("* best, or within 2 % of the best; - no standard deviations", style="dim", indent=2)
     _write_wins(found)
-    heading("Time", "processor time of the filter alone, all sensors of one instant")
+    heading("Time", "us: processor time of the filter alone, for all sensors of one sample")
     by_hand = [row for row in found.scores if number(row.kinematics_us, ".0f", "") != ""]
     if by_hand:
         us = sorted(row.kinematics_us for row in by_hand)
         say(
-            f"the filters on single units are followed by inverse kinematics in NumPy, {us[0]:.0f} to {us[-1]:.0f} us\n"
-            "a step, not counted above; those of ahrs run in Python, the others compiled or in NumPy",
+            f"filters on single inertial units also need inverse kinematics (NumPy, {us[0]:.0f} to {us[-1]:.0f} us\n"
+            "a step, not counted above); filters of ahrs run in Python, the others compiled or in NumPy",
             indent=2,
         )
     for name, why in found.left_out.items():
-        say(f"{name} was left out: {why}", style="yellow")
+        say(f"{name} was not run: {why}", style="yellow")
 
 
 def _head(name: str) -> tuple[str, str]:
@@ -187,7 +189,7 @@ def _cell(row: Score, name: str, style: str, wins: dict[str, tuple[str, ...]]) -
 
 
 def _write_wins(found: Comparison) -> None:
-    heading("Best", "of those that are level, the first")
+    heading("Best", "the first if several are equal")
     rows: dict[str, list[str]] = {}
     for name, who in found.wins.items():
         if name != "steps_per_s":

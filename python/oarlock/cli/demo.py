@@ -1,4 +1,4 @@
-"""`oarlock demo`: a simulated sculler and a real pendulum, from raw signals to errors."""
+"""`oarlock demo`: tracks a simulated sculler and a real pendulum and scores both, for new users."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ if TYPE_CHECKING:
 CONDITION = "B-B"
 DURATION_S = 40.0
 SEED = 0
-# the vendor's lower unit is wrong from its fastest turn on
+# the vendor's orientation of the lower unit is wrong after the fastest rotation
 BEFORE_FASTEST_TURN_S = 3.85
-# an earlier demo left this folder inside its own
+# an earlier demo may have written this folder inside its output folder
 _OWN_MARK = "sculler"
 
 
 class Scored(NamedTuple):
-    """A track, how good it is, and where its report lies."""
+    """A track with its evaluation and the path of its report."""
 
     track: Track
     evaluation: Evaluation
@@ -46,7 +46,7 @@ class Scored(NamedTuple):
 
 
 class Pendulum(NamedTuple):
-    """The pendulum's result, its score before the reference fails, and how its sensors sit."""
+    """Result of the pendulum: evaluation before the reference fails, and the calibrated mounts."""
 
     scored: Scored
     early: Evaluation
@@ -69,7 +69,7 @@ def demo(
     force: Force = False,
     json_output: Json = False,
 ) -> None:
-    """Track a simulated sculler and a real pendulum, and show the error of both."""
+    """Track a simulated sculler and a real pendulum, and print the errors of both."""
     fresh_folder(out, _OWN_MARK, force)
     filtered, smoothed = _sculler(out / "sculler")
     if not json_output:
@@ -86,7 +86,7 @@ def demo(
 
 
 def _sculler(folder: Path) -> tuple[Scored, Scored]:
-    """Simulates, tracks, smooths and scores; the filter's and the smoother's result."""
+    """Simulate, track, smooth and score; return the results of filter and smoother."""
     import oarlock
     from oarlock.rowing.simulation.experiment import simulate_sculling
 
@@ -113,9 +113,9 @@ def _write_sculler(filtered: Scored, smoothed: Scored) -> None:
     page().rule("1  A sculler, simulated", align="left", style="dim")
     say(
         "5 inertial units, a seat encoder and 4 oar encoders on a surging boat, with the noise and biases\n"
-        f"of the paper's condition {CONDITION}. The truth is known, so every error is."
+        f"of the paper's condition {CONDITION}. The ground truth is known, so errors are exact."
     )
-    heading("Error of each joint", f"from {filtered.evaluation.start_s:g} s on; the paper's beside it")
+    heading("Error of each joint", f"from {filtered.evaluation.start_s:g} s on, with the paper's values")
     printed = paper.table_5(CONDITION)
     table(
         ["joint", ">filter", ">smoothed", "unit", ">r", ">in 95 % band %", ">NEES", ">paper", ">paper r"],
@@ -129,7 +129,7 @@ def _write_sculler(filtered: Scored, smoothed: Scored) -> None:
     )
     for line in (
         f"paper: {paper.CITATION};",
-        "another rower and motion, and no oar in the loop: compare the order of magnitude, not the digits",
+        "The paper has another rower and motion and no oar encoders: compare the order of magnitude only.",
     ):
         say(f"  {line}", style="dim")
     write_sensors(summary.sensors)
@@ -171,7 +171,7 @@ def _mean(scored: Scored) -> str:
 
 
 def _pendulum(folder: Path) -> Pendulum:
-    """Finds the mounts of a real three-link pendulum, tracks it and scores it against the vendor."""
+    """Calibrate mounts of a real three-link pendulum, track it and score it against the vendor's orientations."""
     import oarlock
     from oarlock.evaluation.orientations import angles_from_orientations
     from oarlock.formats.apdm import read_apdm, read_apdm_orientations
@@ -181,7 +181,7 @@ def _pendulum(folder: Path) -> Pendulum:
     recording = read_apdm(file)
     model = oarlock.load_model("pendulum3")
     recording.save(folder / "recording")
-    with progress("finding the mounts"):
+    with progress("calibrating mounts"):
         found = oarlock.calibrate_hinge_chain(model, recording)
     found.save(folder / "calibration.toml")
     calibration = oarlock.load_calibration(folder / "calibration.toml")
@@ -206,8 +206,8 @@ def _write_pendulum(result: Pendulum) -> None:
     say()
     page().rule("2  A three-link pendulum, real", align="left", style="dim")
     say(
-        "3 inertial units: raw gyroscope, accelerometer, magnetometer. Where they sit on the links is\n"
-        "written nowhere: it is found from a still stretch and the plane of the swing."
+        "3 inertial units: raw gyroscope, accelerometer, magnetometer. Their mounts are not documented:\n"
+        "they are calibrated from a stationary interval and the plane of the swing."
     )
     write_chain(result.calibration)
     heading("Angle of each hinge", "against the vendor's orientations, which have errors of their own")
@@ -227,10 +227,10 @@ def _write_pendulum(result: Pendulum) -> None:
         ],
     )
     say(
-        "off the hinge: what the vendor's rotation between neighbours holds beside a turn about the hinge,\n"
-        "counted from rest; plain: as the file has it, each unit with a north of its own. In the fastest\n"
-        "turn (3.87 s, 500 deg/s) the vendor's lower unit slips by 5 to 6 deg, as magnetometer and\n"
-        "accelerometer say independently of each other (docs/mounts.md): hence the error to 3.85 s.",
+        "off the hinge: part of the vendor's rotation between neighbours that is not about the hinge,\n"
+        "relative to rest; plain: as in the file, with a separate north for each unit. In the fastest\n"
+        "rotation (3.87 s, 500 deg/s) the vendor's orientation of the lower unit jumps by 5 to 6 deg, as\n"
+        "magnetometer and accelerometer both show (docs/mounts.md); so errors are scored to 3.85 s.",
         style="dim",
         indent=2,
     )

@@ -1,4 +1,4 @@
-"""`oarlock evaluate`: a track against truth."""
+"""`oarlock evaluate`: scores a track against ground truth or optical markers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TruthFolder = Annotated[
     Path,
     typer.Argument(
         metavar="TRUTH",
-        help="A track folder with the truth, a recording that holds truth/, or markers: .c3d, .trc, .csv, .tsv.",
+        help="Track folder with the ground truth, recording that contains truth/, or markers: .c3d, .trc, .csv, .tsv.",
     ),
 ]
 
@@ -46,20 +46,23 @@ def evaluate(
     out: Annotated[Path, typer.Argument(metavar="TRACK", help="A folder that `oarlock track` wrote.")],
     truth: TruthFolder,
     start_s: Annotated[
-        float, typer.Option("--start-s", metavar="S", help="Leave out the first seconds: the filter settles.")
+        float,
+        typer.Option(
+            "--start-s", metavar="S", help="Exclude the first seconds, in which the filter converges."
+        ),
     ] = 2.0,
     frames: Annotated[
         str | None,
         typer.Option(
             "--frames",
             metavar="MARKER=FRAME,...",
-            help="Markers: which stands for which frame; by name if left out.",
+            help="Markers: which marker is on which frame; default: equal names.",
         ),
     ] = None,
     attachments: Annotated[
         Path | None,
         typer.Option(
-            "--attachments", "-a", metavar="FILE", help="Markers: where they sit on the model, .toml."
+            "--attachments", "-a", metavar="FILE", help="Markers: their positions on the model, .toml."
         ),
     ] = None,
     relative_to: Annotated[
@@ -67,16 +70,17 @@ def evaluate(
         typer.Option("--relative-to", metavar="FRAME", help="Markers: compare in the axes of this frame."),
     ] = "root",
     clock: Annotated[
-        str, typer.Option("--clock", metavar="offset|drift|same", help="Markers: what to fit of their clock.")
+        str, typer.Option("--clock", metavar="offset|drift|same", help="Markers: clock errors to fit.")
     ] = "offset",
     largest_offset_s: Annotated[
         float | None,
-        typer.Option("--largest-offset-s", metavar="S", help="Markers: look no further than this."),
+        typer.Option("--largest-offset-s", metavar="S", help="Markers: largest clock offset to search."),
     ] = None,
     align_frame: Annotated[
         bool,
         typer.Option(
-            "--align-frame/--no-align-frame", help="Markers: fit where their axes lie in the track's."
+            "--align-frame/--no-align-frame",
+            help="Markers: fit the transformation between their axes and the track's.",
         ),
     ] = True,
     unit: Annotated[
@@ -84,7 +88,7 @@ def evaluate(
     ] = None,
     json_output: Json = False,
 ) -> None:
-    """RMSE, correlation, coverage and NEES per joint, and positions, against truth; positions against markers."""
+    """Compute RMSE, correlation, coverage and NEES per joint against ground truth; positions against markers."""
     import oarlock
 
     track = oarlock.load_track(out)
@@ -108,7 +112,7 @@ def evaluate(
         write_marker_evaluation(against)
         return
     if frames is not None or attachments is not None:
-        raise UsageError("--frames and --attachments go with a file of markers, not with a truth folder")
+        raise UsageError("--frames and --attachments need a marker file; they do not apply to a truth folder")
     scores = oarlock.evaluate(track, oarlock.load_track(truth_folder(truth)), start_s=start_s)
     if json_output:
         print_json(scores.to_dict())
@@ -128,5 +132,5 @@ def _pairs(frames: str | None, attachments: Path | None) -> dict[str, str] | tup
 
 
 def truth_folder(folder: Path) -> Path:
-    """The folder itself, or the truth/ inside a simulated recording."""
+    """Return the folder itself, or truth/ inside a simulated recording."""
     return folder / "truth" if (folder / "truth").is_dir() else folder

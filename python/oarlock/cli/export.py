@@ -1,4 +1,4 @@
-"""`oarlock export`: a track for other software."""
+"""`oarlock export`: writes a track for other software."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _FILES = "\n".join(f"  {file:<21}{text}" for files in files_of().values() for fi
 _ABOUT = f"""\b
 Files:
 {_FILES}
-  {SUMMARY:<21}what each file holds, settings, notes, name of each frame in OpenSim
+  {SUMMARY:<21}contents of each file, settings, notes, name of each frame in OpenSim
 
 \b
 Axes:
-  Tables are in the axes of the model's root. OpenSim's ground has Y up: the root's axes, turned by the
-  smallest turn that makes the model's up Y (none where it is Y). --axes root turns nothing; gravity in
+  Tables are in the axes of the model's root. OpenSim's ground has Y up: the root's axes, rotated by the
+  smallest turn that makes the model's up Y (none where it is Y). --axes root rotates nothing; gravity in
   model.osim then points along the model's down.
 
 \b
@@ -35,12 +35,12 @@ Coordinates in OpenSim's files:
   ball, free       NAME_XYZ_x, NAME_XYZ_y, NAME_XYZ_z: turns about x, y, z of the joint, each as those
                    before have left it, R = Rx Ry Rz; continuous over time
   free             NAME_tx, NAME_ty, NAME_tz, m
-  A joint that moves frames in several places has a coordinate for each, NAME_FRAME, held equal to NAME
+  A joint that moves frames in several places has a coordinate for each, NAME_FRAME, made equal to NAME
   by a CoordinateCouplerConstraint.
 
 \b
 Missing readings:
-  A joint that no stream ever told stands at 0. Single readings that are missing are nan, and so are the
+  A joint without any stream is written as 0. Single readings that are missing are nan, and so are the
   frames that they move; --missing drop leaves such rows out of .mot and .sto, as OpenSim's tools need.
 """
 

@@ -1,4 +1,4 @@
-"""`oarlock import`: other formats into a recording folder."""
+"""`oarlock import`: converts other formats to a recording folder, one verb per format."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from oarlock.cli.terminal import new_folder, number, print_json, say, steps, tab
 if TYPE_CHECKING:
     from oarlock import Recording
 
-group = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Turn other formats into a recording.")
+group = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Convert other formats to a recording.")
 
 
 def add_to(app: typer.Typer) -> None:
@@ -40,13 +40,15 @@ def apdm(
 def csv(
     mapping: Annotated[
         Path,
-        typer.Argument(metavar="MAPPING", help="TOML file that names files, columns, units and sensors."),
+        typer.Argument(
+            metavar="MAPPING", help="TOML file with the names of files, columns, units and sensors."
+        ),
     ],
     out: OutFolder,
     force: Force = False,
     json_output: Json = False,
 ) -> None:
-    """Import CSV files by a mapping file: decimal commas, clock times and epoch milliseconds are read."""
+    """Import CSV files described by a mapping file; decimal commas, clock times and epoch milliseconds are read."""
     from oarlock.formats.csv import read_csv
 
     _write(read_csv(mapping), mapping, out, force, json_output)
@@ -55,12 +57,12 @@ def csv(
 @group.command("dfjimu", epilog=example("oarlock import dfjimu data_3D_01.mat --out rec"))
 @verb
 def dfjimu(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording of the software dfjimu, .mat.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording of dfjimu, .mat.")],
     out: OutFolder,
     force: Force = False,
     json_output: Json = False,
 ) -> None:
-    """Import a dfjimu recording: two inertial units on two bodies that a ball joint connects."""
+    """Import a dfjimu recording: two inertial units on two bodies connected by a ball joint."""
     from oarlock.formats.dfjimu import read_dfjimu
 
     _write(read_dfjimu(file), file, out, force, json_output)
@@ -71,10 +73,10 @@ def dfjimu(
 def diodem(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="A trial: the folder with imu_rigid.csv.")],
     out: OutFolder,
-    mounted: Annotated[str, typer.Option(help="Which units: rigid (screwed on) or foam.")] = "rigid",
+    mounted: Annotated[str, typer.Option(help="Which inertial units: rigid (screwed on) or foam.")] = "rigid",
     mag_unit_ut: Annotated[
         float | None,
-        typer.Option(help="One unit of the magnetometers in uT; without it they are left out."),
+        typer.Option(help="Scale of the magnetometers, uT per unit; without it they are not imported."),
     ] = None,
     force: Force = False,
     json_output: Json = False,
@@ -90,7 +92,7 @@ def diodem(
 @verb
 def openaxes(
     folder: Annotated[
-        Path, typer.Argument(metavar="FOLDER", help="The data: the folder with synced_imu in it.")
+        Path, typer.Argument(metavar="FOLDER", help="The data folder that contains synced_imu.")
     ],
     run: Annotated[str, typer.Option(help="Name of the run, such as circle-100.")],
     out: OutFolder,

@@ -1,4 +1,4 @@
-"""`oarlock markers`: optical markers shown, placed on a model, and turned into simulated sensors."""
+"""`oarlock markers`: shows optical markers, attaches them to a model and simulates sensors from them."""
 
 from __future__ import annotations
 
@@ -33,13 +33,14 @@ group = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Optical m
 
 MarkerFile = Annotated[Path, typer.Argument(metavar="FILE", help="Markers: .c3d, .trc, .csv or .tsv.")]
 Unit = Annotated[
-    str | None, typer.Option("--unit", metavar="m|cm|mm", help="Unit of length, where the file names none.")
+    str | None,
+    typer.Option("--unit", metavar="m|cm|mm", help="Unit of length, if the file does not state it."),
 ]
 Axes = Annotated[
     str | None,
-    typer.Option("--axes", metavar="NAME", help="Turn the points: y-up-from-z-up or z-up-from-y-up."),
+    typer.Option("--axes", metavar="NAME", help="Rotate the axes: y-up-from-z-up or z-up-from-y-up."),
 ]
-LongestGap = Annotated[float, typer.Option("--gap-s", metavar="S", help="Longest gap that is filled, s.")]
+LongestGap = Annotated[float, typer.Option("--gap-s", metavar="S", help="Longest gap to fill, s.")]
 _MOST_GAPS = 12
 
 
@@ -59,7 +60,7 @@ def show(
     longest_s: LongestGap = 0.2,
     json_output: Json = False,
 ) -> None:
-    """What a marker file holds: names, rate, where each marker is, and its gaps."""
+    """Show a marker file: names, rate, range and gaps of each marker."""
     from oarlock import fill_gaps
 
     markers = _loaded(file, unit, axes)
@@ -88,7 +89,7 @@ def show(
 
 @group.command(
     "attach",
-    short_help="Place markers on a model by a static trial.",
+    short_help="Attach markers to a model from a static trial.",
     epilog=example(
         "oarlock markers attach static.c3d --model arm7 --on LELB=elbow,LWRA=wrist,LWRB=wrist --out person.toml"
     ),
@@ -97,14 +98,12 @@ def show(
 def attach(
     file: MarkerFile,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="File to write, .toml.")],
-    on: Annotated[
-        str, typer.Option("--on", metavar="MARKER=FRAME,...", help="Which frame carries which marker.")
-    ],
+    on: Annotated[str, typer.Option("--on", metavar="MARKER=FRAME,...", help="The frame of each marker.")],
     model: ModelName = "sculler",
     posture: Annotated[
         list[str] | None,
         typer.Option(
-            "--posture", metavar="JOINT=RAD", help="A joint's value in the trial; others 0. Repeatable."
+            "--posture", metavar="JOINT=RAD", help="Value of a joint in the trial; default 0. Repeatable."
         ),
     ] = None,
     settings: Settings = None,
@@ -113,7 +112,7 @@ def attach(
     force: Force = False,
     json_output: Json = False,
 ) -> None:
-    """Place markers on a model by a static trial in a known posture, in the model's root axes."""
+    """Attach markers to a model from a static trial in a known posture, in the model's root axes."""
     import oarlock
 
     _free_file(out, force)
@@ -134,7 +133,7 @@ def attach(
 
 @group.command(
     "simulate",
-    short_help="Turn a marker session into simulated sensors.",
+    short_help="Simulate sensors from a marker session.",
     epilog=example(
         "oarlock markers simulate trial.c3d --model arm7 --attachments person.toml --out study",
         "oarlock markers simulate trial.trc --model arm7 --attachments person.toml --estimate l_ua,l_fa --out study",
@@ -148,7 +147,9 @@ def simulate(
     out: OutFolder,
     attachments: Annotated[
         Path,
-        typer.Option("--attachments", "-a", metavar="FILE", help="Where markers sit on the model, .toml."),
+        typer.Option(
+            "--attachments", "-a", metavar="FILE", help="Positions of the markers on the model, .toml."
+        ),
     ],
     model: ModelName = "sculler",
     settings: Settings = None,
@@ -159,21 +160,24 @@ def simulate(
         typer.Option(
             "--estimate",
             metavar="NAMES",
-            help="Fit first: lengths of the model by name, `offsets` of all markers, `root`, where the model stands.",
+            help="Fit first: lengths by name, `offsets` of all markers, `root`: position of the model.",
         ),
     ] = "",
     from_s: Annotated[
-        float | None, typer.Option("--from-s", metavar="S", help="Use the trial from here.")
+        float | None, typer.Option("--from-s", metavar="S", help="Start of the used interval.")
     ] = None,
     to_s: Annotated[
-        float | None, typer.Option("--to-s", metavar="S", help="Use the trial up to here.")
+        float | None, typer.Option("--to-s", metavar="S", help="End of the used interval.")
     ] = None,
     longest_s: LongestGap = 0.2,
     cutoff_hz: Annotated[
-        float, typer.Option("--cutoff-hz", metavar="HZ", help="Of the low-pass of markers; 0 leaves it out.")
+        float,
+        typer.Option(
+            "--cutoff-hz", metavar="HZ", help="Cut-off of the markers' low-pass filter; 0: no filter."
+        ),
     ] = 10.0,
     rate_hz: Annotated[
-        float, typer.Option("--rate-hz", metavar="HZ", help="Of the simulated sensors.")
+        float, typer.Option("--rate-hz", metavar="HZ", help="Rate of the simulated sensors.")
     ] = 125.0,
     gyro_bias_rad_s: Annotated[
         float, typer.Option("--gyro-bias-rad-s", metavar="RAD/S", help="Constant, on every axis.")
@@ -182,16 +186,16 @@ def simulate(
         float, typer.Option("--accel-bias-m-s2", metavar="M/S2", help="Constant, on every axis.")
     ] = 0.0,
     noise: Annotated[
-        bool, typer.Option("--noise/--no-noise", help="White noise as the model file says.")
+        bool, typer.Option("--noise/--no-noise", help="Add the white noise of the model file.")
     ] = True,
-    seed: Annotated[int, typer.Option("--seed", help="Of the noise.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the noise.")] = 0,
     force: Force = False,
     json_output: Json = False,
 ) -> None:
-    """Turn a marker session into a recording of simulated sensors, with its truth.
+    """Simulate sensors from a marker session: write a recording with its ground truth.
 
-    Gaps are filled or refused, positions filtered, joint angles fitted on the model's tree, and the model's sensors
-    simulated on that movement.
+    Short gaps are filled, positions are filtered, joint angles are fitted to the model, and the model's sensors are
+    simulated for this movement.
     """
     import oarlock
     from oarlock.report.markers import write_marker_report
@@ -329,7 +333,7 @@ def _write_study(study: MarkerStudy, body: BodyFit | None, file: Path, out: Path
                 for name, value in body.parameters.items()
             ],
         )
-    heading("Joints", "what the markers say; std from the fit")
+    heading("Joints", "fitted to the markers; std from the fit")
     table(
         ["joint", ">lowest", ">highest", ">std", "unit", ">determined"],
         [

@@ -1,4 +1,4 @@
-"""`oarlock model`: list, show, check, copy."""
+"""`oarlock model`: lists, shows, checks and copies model files."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from oarlock.cli import model_sheet
 from oarlock.cli.options import Json, Settings, assignments, example
 from oarlock.cli.terminal import EXIT_DATA, UsageError, page, print_json, say, steps, table, verb
 
-group = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Look at, check and start model files.")
+group = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Show, check and copy model files.")
 
-Named = Annotated[str, typer.Argument(metavar="NAME|FILE", help="A shipped model's name, or a model file.")]
+Named = Annotated[str, typer.Argument(metavar="NAME|FILE", help="Name of a shipped model, or a model file.")]
 
 
 def add_to(app: typer.Typer) -> None:
@@ -33,7 +33,7 @@ def list_(json_output: Json = False) -> None:
         print_json([{**_short(description), "path": model_path(name)} for name, description in models])
         return
     table(
-        ["model", ">joints", ">frames", ">sensors", "what it is"],
+        ["model", ">joints", ">frames", ">sensors", "description"],
         [
             (name, len(d["joints"]), len(d["frames"]) - 1, len(d["sensors"]), d["description"])
             for name, d in models
@@ -101,7 +101,7 @@ def show(
 
 
 def posture(description: dict[str, Any], given: dict[str, float], flag: str) -> list[float]:
-    """Values of the coordinates (n_coordinates): those given, the others at rest.
+    """Values of the coordinates (n_coordinates,): the given ones; the others at rest.
 
     Raises:
         UsageError: a name is no coordinate of the model.
@@ -126,7 +126,7 @@ def posture(description: dict[str, Any], given: dict[str, float], flag: str) -> 
 @group.command("check", epilog=example("oarlock model check my.toml", "oarlock model check my.toml --json"))
 @verb
 def check(model: Named, json_output: Json = False) -> None:
-    """Read a model file and explain every mistake in it, or say what is fine."""
+    """Read a model file and explain every mistake in it, or list what was checked."""
     from oarlock import ModelError, load_model
 
     try:
@@ -159,26 +159,26 @@ def _mistakes(error: ValueError) -> list[str]:
 )
 @verb
 def copy(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="A shipped model's name.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of a shipped model.")],
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write, e.g. my.toml.")],
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file if it exists.")] = False,
     json_output: Json = False,
 ) -> None:
-    """Start a model file of your own from a shipped one."""
+    """Copy a shipped model to a file that you can edit."""
     from oarlock.model.shipped_files import model_names, model_path
     from oarlock.storage.suggest import did_you_mean
 
     if name not in model_names():
         raise UsageError(f"no shipped model is called '{name}'. {did_you_mean(name, model_names())}")
     if file.exists() and not force:
-        raise UsageError(f"{file} exists and is left as it is\nAdd --force to overwrite it.")
+        raise UsageError(f"{file} exists and was not changed\nAdd --force to overwrite it.")
     file.write_text(model_path(name).read_text(encoding="utf-8"), encoding="utf-8")
     if json_output:
         print_json({"model": name, "written": file})
         return
     say(f"Wrote {file}, a copy of {name}.")
     steps(
-        f"edit {file}                 lengths, sensors and joints are lines in it; no code",
+        f"edit {file}                 change lengths, sensors and joints",
         f"oarlock model check {file}",
         f"oarlock track RECORDING --model {file} --out out",
     )

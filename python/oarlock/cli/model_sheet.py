@@ -1,4 +1,4 @@
-"""A model printed for a person: parameters, joints, frames, sensors, closures, layout."""
+"""Prints a model for `oarlock model show`: parameters, joints, frames, sensors, closures, layout."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def write_pose(picture: str, given: Sequence[str]) -> None:
 
 
 def checked(model: Described) -> list[str]:
-    """What a model file without mistakes holds, a sentence each."""
+    """What was checked in a model file without mistakes, one sentence each."""
     inputs = sum(joint["input"] for joint in model["joints"])
     return [
         f"{len(model['parameters'])} parameters; every expression uses names that exist",
@@ -50,7 +50,7 @@ def checked(model: Described) -> list[str]:
 
 
 def _counted(model: Described) -> str:
-    """How many coordinates there are, if there are more than joints."""
+    """Return the number of coordinates as text if it differs from the number of joints."""
     count = sum(len(joint["coordinates"]) for joint in model["joints"])
     return f", {count} coordinates" if count > len(model["joints"]) else ""
 
@@ -75,7 +75,7 @@ def _parameters(model: Described) -> None:
 
 
 def _joints(model: Described) -> None:
-    heading("Joints", "limits are soft; density of the process per sqrt(s)")
+    heading("Joints", "limits are soft; process noise density per sqrt(s)")
     table(
         ["joint", "kind", ">from", ">to", ">rest", "unit", "moves as", "state"],
         [_joint_row(joint, model["state_names"]) for joint in model["joints"]],
@@ -83,7 +83,7 @@ def _joints(model: Described) -> None:
     _coordinates(model)
     labelled = [joint for joint in model["joints"] if joint["label"]]
     if labelled:
-        heading("What each joint is")
+        heading("Descriptions of the joints")
         table(["joint", "what it is"], [(joint["name"], joint["label"]) for joint in labelled])
 
 
@@ -98,7 +98,7 @@ def _joint_row(joint: Described, state_names: Sequence[str]) -> tuple[str, ...]:
 
 
 def _in_unit(value: float | Sequence[float] | None, kind: str) -> str:
-    """A limit or rest posture; a free joint's has the position before the rotation vector."""
+    """A limit or rest posture as text; a free joint lists the position before the rotation vector."""
     if value is None:
         return ""
     numbers = [value] if isinstance(value, int | float) else list(value)
@@ -115,7 +115,7 @@ def _coordinates(model: Described) -> None:
         return
     heading("Joints with several coordinates", "rx, ry, rz: rotation vector of parent-from-child, rad")
     table(
-        ["joint", "coordinates", "named angles", "turns about"],
+        ["joint", "coordinates", "named angles", "rotates about"],
         [
             (
                 joint["name"],
@@ -129,18 +129,18 @@ def _coordinates(model: Described) -> None:
 
 
 def _short(joint: Described) -> list[str]:
-    """The first coordinate in full, of the others what differs."""
+    """The first name in full; only the differing part of the others."""
     first, *others = joint["coordinates"]
     return [first, *(name.removeprefix(joint["name"]) for name in others)]
 
 
 def _joint_states(name: str, state_names: Sequence[str]) -> str:
-    # a sensor may share the joint's name: its biases are other rows
+    # A sensor may have the name of the joint; its biases are separate rows.
     return rows_of(name, ["" if "_bias_" in row else row for row in state_names])
 
 
 def _frames(model: Described) -> None:
-    heading("Frames", "a sign shows how a joint enters")
+    heading("Frames", "the sign is that of the joint's motion")
     worn: dict[str, list[str]] = {}
     for sensor in model["sensors"]:
         worn.setdefault(sensor.get("frame") or "", []).append(sensor["name"])
@@ -206,7 +206,7 @@ def _sensor_row(sensor: Described, model: Described) -> tuple[str, ...]:
 def _closures(model: Described) -> None:
     if not model["closures"]:
         return
-    heading("Closures", "two points, and axes where given, that must agree")
+    heading("Closures", "two points (and two axes, if given) that must agree")
     factor, unit = presentation("m")
     table(
         ["closure", "joins", "with", f">std {unit}", ">std axis", "holds", "rows"],

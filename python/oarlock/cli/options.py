@@ -1,4 +1,4 @@
-"""Options that several verbs share, and how their texts are read."""
+"""Command-line options that several verbs share, and the parsers of their texts."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import typer
 from oarlock.cli.terminal import UsageError
 
 ModelName = Annotated[
-    str, typer.Option("--model", "-m", metavar="NAME|FILE", help="A shipped model's name, or a model file.")
+    str, typer.Option("--model", "-m", metavar="NAME|FILE", help="Name of a shipped model, or a model file.")
 ]
 OutFolder = Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else.")]
-Force = Annotated[bool, typer.Option("--force", help="Write into a folder that holds other files.")]
+Json = Annotated[bool, typer.Option("--json", help="Print only one JSON document, on stdout.")]
+Force = Annotated[bool, typer.Option("--force", help="Write into a folder that contains other files.")]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="A model parameter, e.g. l_ua_r=0.31 (SI). Repeatable."),
@@ -23,7 +23,7 @@ Settings = Annotated[
 
 
 def example(*commands: str) -> str:
-    """The end of a help text: commands as they are typed."""
+    """End of a help text: example commands."""
     return "\b\nExamples:\n" + "\n".join(f"  {command}" for command in commands)
 
 

@@ -1,4 +1,4 @@
-"""`oarlock report`: a track as one HTML file."""
+"""`oarlock report`: writes a track as one HTML file."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CLASSES = (
     "sweep_women",
     "ergometer",
 )
-"""Those of `oarlock.rowing.TARGET_CLASSES`, which help would be slow to import."""
+"""Those of `oarlock.rowing.TARGET_CLASSES`. Copied, because the import would slow down the help text."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -44,14 +44,15 @@ def add_to(app: typer.Typer) -> None:
 def report(
     out: Annotated[Path, typer.Argument(metavar="TRACK", help="A folder that `oarlock track` wrote.")],
     truth: Annotated[
-        Path | None, typer.Option("--truth", metavar="FOLDER", help="Draw the truth beside the estimate.")
+        Path | None,
+        typer.Option("--truth", metavar="FOLDER", help="Draw the ground truth with the estimate."),
     ] = None,
     compare: Annotated[
         Path | None,
         typer.Option(
             "--compare",
             metavar="TRACK2",
-            help="Of rowers: another piece or athlete, or before and after, beside this one.",
+            help="Rowing: compare with the track of another piece or athlete.",
         ),
     ] = None,
     targets: Annotated[
@@ -59,7 +60,7 @@ def report(
         typer.Option(
             "--targets",
             metavar="NAME|FILE",
-            help="Of rowers: published ranges to draw, of a boat class, or of a file of your own. Classes: "
+            help="Rowing: draw published ranges of a boat class or of your own file. Classes: "
             f"{', '.join(CLASSES)}.",
         ),
     ] = None,
@@ -68,11 +69,11 @@ def report(
     ] = None,
     json_output: Json = False,
 ) -> None:
-    """Write report.html: one file, offline, with what was found, curves and sensor health.
+    """Write report.html: one file that works offline, with a summary, curves and sensor health.
 
-    Where the model is of a rower it begins with the strokes: a summary in words, a player, strokes.csv beside the page,
-    curves, paths of the hands, left and right. What each number means, its unit, its sign and who defined it stands in
-    the page itself, under "What each number means", and in docs/report.md.
+    The report of a rower begins with the strokes: a summary, a player, curves, paths of the hands, left and right. It
+    writes strokes.csv beside the page. The section "What each number means" and docs/report.md define each number
+    with its unit, sign and source.
     """
     from oarlock import load_track
 
@@ -98,7 +99,7 @@ def write_any_report(
     names: tuple[str, str] = ("", ""),
     targets: str | None = None,
 ) -> list[Path]:
-    """Writes the report of a body of any kind; of a rower with strokes. The files written, the report first."""
+    """Write the report of any model; add strokes for rowers. Return the written files, the report first."""
     from oarlock.report import write_report
     from oarlock.rowing.report.write import is_of_rower, write_rowing_report
 
@@ -107,6 +108,6 @@ def write_any_report(
     for flag, asked in (("--compare", other), ("--targets", targets)):
         if asked is not None:
             raise UsageError(
-                f"{flag} is for tracks of rowers; this one has joints {', '.join(track.joint_names[:6])}"
+                f"{flag} needs the track of a rower; this one has the joints {', '.join(track.joint_names[:6])}"
             )
     return [write_report(track, path, evaluation, truth)]

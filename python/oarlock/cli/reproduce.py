@@ -1,4 +1,4 @@
-"""`oarlock reproduce`: tables and figures of the paper, run again, the printed value beside ours."""
+"""`oarlock reproduce`: repeats the paper's tables and figures and compares them with the printed values."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ RUN_FILE = "run.toml"
 PAIRS, WIDEST = 5, 6
 LEAD = (
     "Ruffaldi, Peppoloni and Filippeschi, Sensor fusion for complex articulated body tracking applied in rowing, "
-    "J. Sports Engineering and Technology: its experiments run again, the printed value beside ours.",
+    "J. Sports Engineering and Technology: its experiments repeated, with the printed values.",
 )
 
 
 class What(StrEnum):
-    """What can be run again."""
+    """Experiments that can be repeated."""
 
     table5 = "table5"
     table6 = "table6"
@@ -66,21 +66,22 @@ def reproduce(
     ],
     out: OutFolder,
     seeds: Annotated[
-        int | None, typer.Option("--seeds", metavar="N", min=1, help="How many seeds; 3, or 1 with --seed.")
+        int | None,
+        typer.Option("--seeds", metavar="N", min=1, help="Number of seeds; default 3, or 1 with --seed."),
     ] = None,
     seed: Annotated[
-        int | None, typer.Option("--seed", metavar="K", min=0, help="The first seed; else 0.")
+        int | None, typer.Option("--seed", metavar="K", min=0, help="First seed; default 0.")
     ] = None,
     duration_s: Annotated[
         float, typer.Option("--duration-s", metavar="S", min=4.0, help="Length of each recording.")
     ] = 40.0,
     jobs: Annotated[
-        int | None, typer.Option("--jobs", metavar="N", min=1, help="Processes at a time; else all cores.")
+        int | None, typer.Option("--jobs", metavar="N", min=1, help="Parallel processes; default: all cores.")
     ] = None,
     force: Force = False,
     json_output: Json = False,
 ) -> None:
-    """Run experiments of the paper again: one report with its values and ours, and the tables behind it."""
+    """Repeat experiments of the paper: write a report that compares the values, and the tables."""
     from oarlock.lab.reproduce.reproduce import PARTS
     from oarlock.lab.reproduce.reproduce import reproduce as run
 
@@ -103,7 +104,7 @@ def reproduce(
 
 
 def write_reproduction(parts: list[Part], out: Path, seeds: tuple[int, ...], duration_s: float) -> Path:
-    """The page, the tables and run.toml; the page's path."""
+    """Write the page, the tables and run.toml; return the path of the page."""
     from oarlock import __version__
     from oarlock.evaluation.study.rows import write_rows
     from oarlock.lab.reproduce.page import reproduction_page
@@ -112,7 +113,7 @@ def write_reproduction(parts: list[Part], out: Path, seeds: tuple[int, ...], dur
     for part in parts:
         for name, rows in part.data.items():
             write_rows(rows, out / name)
-    title = parts[0].title if len(parts) == 1 else "The paper, run again"
+    title = parts[0].title if len(parts) == 1 else "Reproduction of the paper"
     report = out / "report.html"
     report.write_text(reproduction_page(parts, title, LEAD), encoding="utf-8")
     description: dict[str, object] = {
@@ -132,7 +133,7 @@ def _write(part: Part) -> None:
         if shown.closed:
             continue
         say(f"\n{shown.caption}", style="dim", indent=2)
-        # a terminal has 100 columns: what does not fit is on the page
+        # A terminal has 100 columns; the page contains the remaining columns.
         kept = PAIRS if shown.rows[0][-1].paper else WIDEST
         rows = [[_cell(cell.ours, cell.paper, cell.mark) for cell in row[:kept]] for row in shown.rows]
         first, *others = shown.head[:kept]

@@ -1,4 +1,4 @@
-"""Settings of the filter for one run: `--config FILE`, `--set KEY=VALUE`, and flags that became settings."""
+"""Parses the filter settings of one run: `--config FILE`, `--set KEY=VALUE`, and former flags."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ if TYPE_CHECKING:
 
 DEFAULTS = Config().to_dict()
 MEANINGS = {
-    "estimate": "also estimated, with commas, or none: biases, base accelerations, mounts, lengths",
+    "estimate": "additional states, comma-separated, or none: biases, base accelerations, mounts, lengths",
     "closures": "use the model's closures",
     "process_noise": "white jerk (jerk), or Q of the paper's eq. 6 (paper)",
-    "magnetometer": "gate disturbed readings (gated), use all (on), or none (off)",
-    "initial_q.JOINT": "start the first fit at this value, rad or m; a ball's coordinate is hip.rx",
-    "gate": "reject improbable readings",
-    "gate_patience_s": "believe a reading again that is rejected for longer",
-    "consider": "widen bands by what mounts and lengths may be off: learnt, always, off",
-    "start_window_s": "samples that are fitted together to find the start",
-    "merge_s": "closer stamps form one sample",
-    "learning_memory_s": "time constant of learnt noise",
-    "belief_interval_s": "how often the full covariance is kept",
+    "magnetometer": "reject disturbed readings (gated), use all (on) or none (off)",
+    "initial_q.JOINT": "initial value of the first fit, rad or m; a coordinate of a ball joint is hip.rx",
+    "gate": "reject outliers",
+    "gate_patience_s": "accept a reading again after this time of rejection",
+    "consider": "widen bands by the uncertainty of mounts and lengths: learnt, always, off",
+    "start_window_s": "window of samples that the initial fit uses",
+    "merge_s": "time stamps closer than this form one sample",
+    "learning_memory_s": "time constant of noise learning",
+    "belief_interval_s": "interval at which the full covariance is stored",
     "alpha": "spread of the sigma points, 0 to 1",
     "beta": "second-order weight, at least alpha^2",
     "kappa": "scaling, usually 0",
@@ -59,10 +59,10 @@ NOW_SETTINGS = {
 
 
 class ConfiguredCommand(TyperCommand):
-    """A verb that names the replacement of a flag which it no longer has."""
+    """A verb that prints the replacement of a removed flag."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """What is left of the arguments."""
+        """Parse the arguments; return the remaining ones."""
         for text in args:
             flag = text.partition("=")[0]
             if flag in NOW_SETTINGS:
@@ -71,7 +71,7 @@ class ConfiguredCommand(TyperCommand):
 
 
 def settings_help() -> str:
-    """The end of a help text: every setting with its default."""
+    """End of a help text: every setting with its default."""
     rows = [(f"{key}={_shown(key)}", about) for key, about in MEANINGS.items()]
     return "\n\n\b\nSettings (--set KEY=VALUE, with their defaults):\n" + "\n".join(
         f"  {name:<26} {about}" for name, about in rows
@@ -86,7 +86,7 @@ def _shown(key: str) -> str:
 
 
 def split(texts: Iterable[str] | None, parameters: Container[str]) -> tuple[dict[str, float], dict[str, Any]]:
-    """Texts of `--set` as parameters of the model and settings of the filter; a parameter takes precedence.
+    """Split texts of `--set` into model parameters and filter settings; a parameter takes precedence.
 
     Raises:
         UsageError: a text is not KEY=VALUE, a key comes twice, or a parameter is no number.
@@ -117,7 +117,7 @@ def _value(text: str) -> Any:
 
 
 def settings_of_file(file: Path) -> dict[str, Any]:
-    """Settings in a TOML file: at its top, or in [provenance.config] of a run.toml."""
+    """Read settings from a TOML file: at top level, or in [provenance.config] of a run.toml."""
     top = TomlTable.read(file)
     if "provenance" in top.values:
         top = top.table("provenance").table("config")
@@ -125,7 +125,7 @@ def settings_of_file(file: Path) -> dict[str, Any]:
 
 
 def configuration(body: Model, settings: Mapping[str, Any]) -> Config:
-    """The checked configuration.
+    """Return the checked configuration.
 
     Raises:
         UsageError: a key or a value is wrong.

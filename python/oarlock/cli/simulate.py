@@ -1,4 +1,4 @@
-"""`oarlock simulate`: a rower's recording with its truth."""
+"""`oarlock simulate`: simulates a rower's recording with its ground truth."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class BoatMotion(StrEnum):
-    """What the boat does."""
+    """Motion of the boat."""
 
     still = "still"
     surge = "surge"
@@ -78,11 +78,12 @@ def simulate(
     ] = None,
     hull_roll_rad: Annotated[float | None, _amplitude("--hull-roll-rad", "Roll", "0.026 (1.5 deg)")] = None,
     hull_yaw_rad: Annotated[float | None, _amplitude("--hull-yaw-rad", "Yaw", "0.0087 (0.5 deg)")] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of the strokes' variation and the noise.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of stroke variation and noise.")] = 0,
     session: Annotated[
         bool,
         typer.Option(
-            "--session", help="A guided calibration session instead, of any model; see calibrate session."
+            "--session",
+            help="Simulate a guided calibration session of any model instead; see calibrate session.",
         ),
     ] = False,
     field: Field = None,
@@ -93,7 +94,7 @@ def simulate(
     force: Force = False,
     json_output: Json = False,
 ) -> None:
-    """Simulate a rower: write a recording, and the truth into its folder truth/."""
+    """Simulate a rower: write a recording, and the ground truth into its folder truth/."""
     from oarlock import load_model
     from oarlock.rowing.simulation.experiment import simulate_rowing
 
@@ -148,7 +149,7 @@ def simulate(
 
 
 def _condition(condition: str | None, boat: BoatMotion | None) -> str:
-    """The column of Table 5; both flags have to agree where both are given."""
+    """Return the column of Table 5. If both flags are given, they must agree."""
     from oarlock.rowing import CONDITIONS
 
     still = boat is BoatMotion.still
@@ -157,8 +158,8 @@ def _condition(condition: str | None, boat: BoatMotion | None) -> str:
         raise UsageError(f"--condition {name}: choose one of {', '.join(CONDITIONS)}")
     if boat is not None and CONDITIONS[name].boat_surge is still:
         raise UsageError(
-            f"--condition {name} with --boat {boat.value}: S- is a boat that stands still, B- one that surges. "
-            "Leave one of the two out"
+            f"--condition {name} with --boat {boat.value}: S- is a stationary boat, B- a surging one. "
+            "Give only one of the two"
         )
     return name
 

@@ -1,4 +1,4 @@
-"""`oarlock simulate --field`: a recording as it comes from the water, where nothing is as modelled."""
+"""`oarlock simulate --field`: simulates a recording on the water, with errors that the model does not contain."""
 
 from __future__ import annotations
 
@@ -20,22 +20,20 @@ Field = Annotated[
     typer.Option(
         "--field",
         metavar="careful|wild|misfit|off",
-        help="With the effects of the field: a careful session, a bad day, wrong mounts and lengths, or only --effect.",
+        help="Preset of field errors: careful session, large errors, wrong mounts and lengths, or only --effect.",
     ),
 ]
 Effect = Annotated[
     list[str] | None,
     typer.Option(
-        "--effect", metavar="NAME=VALUE", help="Strength of one effect, SI. Repeatable; needs --field."
+        "--effect", metavar="NAME=VALUE", help="Strength of one effect, SI units. Repeatable; needs --field."
     ),
 ]
 Strength = Annotated[
     float,
-    typer.Option("--strength", metavar="S", help="Times all effects of --field: 0 none, 1 as they are."),
+    typer.Option("--strength", metavar="S", help="Factor on all effects of --field: 0 none, 1 unchanged."),
 ]
-RateHz = Annotated[
-    float, typer.Option("--rate-hz", metavar="HZ", help="Samples per second of all sensors; needs --field.")
-]
+RateHz = Annotated[float, typer.Option("--rate-hz", metavar="HZ", help="Rate of all sensors; needs --field.")]
 Course = tuple[str, float, float | tuple[float, ...], float, int]
 """Condition, length in s, strokes per minute, samples per second, seed."""
 
@@ -43,7 +41,7 @@ Course = tuple[str, float, float | tuple[float, ...], float, int]
 def asked_effects(
     field: str | None, effect: list[str] | None, strength: float, rate_hz: float
 ) -> FieldEffects | None:
-    """The effects that the options ask for; None without `--field`.
+    """Return the effects that the options select; None without `--field`.
 
     Raises:
         UsageError: an unknown preset or effect, or options that need `--field`.
@@ -74,7 +72,7 @@ def asked_effects(
 def simulate_in_the_field(
     model: Model, effects: FieldEffects, out: Path, course: Course, named: str, json_output: bool
 ) -> None:
-    """Writes the recording, its truth, the markers and the true calibration, and says so."""
+    """Writes the recording, ground truth, markers and true calibration, and prints the files."""
     from oarlock.rowing import simulate_field
 
     condition, duration_s, rate_spm, rate_hz, seed = course
@@ -117,7 +115,7 @@ def _tell(trial: FieldTrial, written: dict[str, Path], out: Path, named: str) ->
             ("true calibration", written["true_calibration"]),
         ]
     )
-    heading("Effects that are on", "m, rad, s and uT; a share where there is no unit")
+    heading("Effects that are on", "m, rad, s and uT; without unit: share")
     off, strengths = FieldEffects.off().strengths(), trial.effects.strengths()
     on = {
         group: [f"{name} {strengths[name]:.4g}" for name in names if strengths[name] != off[name]]

@@ -1,4 +1,4 @@
-"""`oarlock simulate --session`: a guided calibration session with its truth."""
+"""`oarlock simulate --session`: simulates a guided calibration session with its ground truth."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def simulate_guided_session(
     model: Model, out: Path, named: str, seed: int, force: bool, json_output: bool
 ) -> None:
-    """Writes a recording of somebody who follows the model's plan, and the truth beside it."""
+    """Writes a recording of a person who follows the model's plan, and the ground truth."""
     from oarlock import simulate_session
 
     new_folder(out, force)

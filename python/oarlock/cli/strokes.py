@@ -1,4 +1,4 @@
-"""`oarlock strokes`: the strokes of a track, of a recording, or of a file that a rowing device has exported."""
+"""`oarlock strokes`: prints strokes of a track, a recording or an export of a rowing device."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from oarlock.cli.terminal import UsageError, fresh_folder, heading, number, prin
 if TYPE_CHECKING:
     from oarlock.rowing import StrokeTable
 
-# what stands in the table of single strokes: the first of these that a source has, as many as a line holds
+# Columns of the table of single strokes: the first of these that a source has, as many as fit.
 _MOST_SHOWN = 8
 _SHOWN = (
     "catch_time_s",
@@ -53,21 +53,21 @@ def strokes(
     ],
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", metavar="FOLDER", help="Write strokes.csv and strokes.parquet there."),
+        typer.Option("--out", "-o", metavar="FOLDER", help="Folder for strokes.csv and strokes.parquet."),
     ] = None,
     format: Annotated[
         str | None,
         typer.Option(
-            "--format", metavar="NAME", help="Kind of export, such as rp3; without it the columns tell."
+            "--format", metavar="NAME", help="Kind of export, such as rp3; default: found from the columns."
         ),
     ] = None,
-    each: Annotated[bool, typer.Option("--each", help="Print every stroke too.")] = False,
+    each: Annotated[bool, typer.Option("--each", help="Also print every stroke.")] = False,
     force: Force = False,
     json_output: Json = False,
 ) -> None:
-    """Show strokes: of a track, or of an export of Quiske, RP3, NK SpeedCoach, Concept2 apps and others.
+    """Show strokes of a track, or of an export of Quiske, RP3, NK SpeedCoach, Concept2 apps and others.
 
-    Angles are shown in degrees, catch negative, finish positive. Files hold radians.
+    Angles are shown in degrees, catch negative, finish positive. Files contain radians.
     """
     from oarlock.rowing import save_strokes
 
@@ -99,7 +99,7 @@ def _loaded(source: Path, format: str | None) -> StrokeTable:
     if not source.is_dir():
         return load_stroke_export(source, format)
     if format is not None:
-        raise UsageError(f"--format goes with a file; {source} is a folder")
+        raise UsageError(f"--format needs a file; {source} is a folder")
     from oarlock import load_recording, load_track
     from oarlock.rowing import find_strokes
 

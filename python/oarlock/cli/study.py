@@ -1,4 +1,4 @@
-"""`oarlock study`: what becomes of the error when sensors, noise, mounts, rates or settings change."""
+"""`oarlock study`: measures how errors depend on sensors, noise, mounts, rates and settings."""
 
 from __future__ import annotations
 
@@ -51,18 +51,19 @@ def study(
         Path | None, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write.")
     ] = None,
     seeds: Annotated[
-        int | None, typer.Option("--seeds", metavar="N", min=1, help="Seeds 0 to N-1 instead of the file's.")
+        int | None,
+        typer.Option("--seeds", metavar="N", min=1, help="Use seeds 0 to N-1 instead of the file's."),
     ] = None,
     jobs: Annotated[
-        int | None, typer.Option("--jobs", metavar="N", min=1, help="Processes at a time; else all cores.")
+        int | None, typer.Option("--jobs", metavar="N", min=1, help="Parallel processes; default: all cores.")
     ] = None,
-    keys: Annotated[bool, typer.Option("--keys", help="List what this study could vary, and leave.")] = False,
+    keys: Annotated[bool, typer.Option("--keys", help="List what this study can vary, and exit.")] = False,
     force: Force = False,
     json_output: Json = False,
 ) -> None:
-    """Run a study: tables of every run and their summary, plots with bands over the seeds.
+    """Run a study: write tables of every run, a summary, and plots with bands over the seeds.
 
-    Stopped by Ctrl-C it keeps the runs that are done, and the same command goes on from there.
+    Ctrl-C keeps the finished runs; the same command continues from there.
     """
     from oarlock import load_study
     from oarlock.evaluation.study.pool import UNFINISHED
@@ -75,7 +76,7 @@ def study(
         _write_keys(given, json_output)
         return
     if out is None:
-        raise UsageError("--out FOLDER is missing: where the results go")
+        raise UsageError("--out FOLDER is missing: the folder for the results")
     fresh_folder(out, UNFINISHED if (out / UNFINISHED).exists() else RUN_FILE, force)
     with progress(f"{given.run_count} runs") as told:
         result = run(given, jobs=jobs, folder=out, progress=told)
@@ -137,7 +138,7 @@ def _write_faults(result: StudyResult) -> None:
     setting = found[0].setting
     heading(
         study.title,
-        f"{study.run_count} runs, {len(study.seeds)} seeds; each fault as an ordinary day brings it",
+        f"{study.run_count} runs, {len(study.seeds)} seeds; each fault at its typical strength",
     )
     usual = {
         d.fault.name: d for d in found if d.fault and d.setting == setting and d.index == d.fault.usual_index
@@ -163,7 +164,7 @@ def _write_keys(study: Study, as_json: bool) -> None:
     if as_json:
         print_json({name: {"default": key.default, "about": key.about} for name, key in keys.items()})
         return
-    heading("Keys", "beside config.*, parameters.* and model.*")
+    heading("Keys", "in addition to config.*, parameters.* and model.*")
     from oarlock.evaluation.study.spec import shown
 
     table(["key", "default", "what"], [(name, shown(key.default), key.about) for name, key in keys.items()])

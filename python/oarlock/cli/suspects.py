@@ -1,4 +1,4 @@
-"""Suspects, as `oarlock track` shows them."""
+"""Prints suspects (sensors that appear to be faulty) for `oarlock track`."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ if TYPE_CHECKING:
 def look_for_suspects(
     model: Model, recording: Recording, calibration: Calibration | None, config: Config
 ) -> tuple[Suspect, ...]:
-    """What `oarlock.suspects` finds."""
+    """Return the suspects that `oarlock.suspects` finds."""
     import oarlock
 
     return oarlock.suspects(model, recording, calibration, config)
 
 
 def write_suspects(found: Sequence[Suspect]) -> None:
-    """One sentence or two for each; nothing where there is none."""
+    """Prints one or two sentences for each suspect; nothing without suspects."""
     if not found:
         return
-    heading("Suspects", "sensors whose readings do not fit; nothing was repaired")
+    heading("Suspects", "sensors that appear to be faulty; nothing was corrected")
     for suspect in found:
         say(f"- {suspect}", indent=2)
     say()
@@ -34,7 +34,7 @@ def write_suspects(found: Sequence[Suspect]) -> None:
 
 @contextmanager
 def explained(found: Sequence[Suspect], out: Path, title: str) -> Iterator[None]:
-    """Where the data stop a run, suspects stand in the error, and in a page in the report's place."""
+    """If the data stop a run, adds suspects to the error and writes a page instead of the report."""
     from oarlock import DataError, DivergedError
 
     try:

@@ -1,4 +1,4 @@
-"""Tables that several verbs print of a track and of an evaluation."""
+"""Tables of a track and of an evaluation that several verbs print."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from oarlock.evaluation.summary import TrackSummary, summarize
 from oarlock.evaluation.suspects.text import SUSPECT_NOTE
 from oarlock.evaluation.tracklike import TrackLike
 
-# digits behind the point for an error in this unit
+# decimals of an error in this unit
 _DIGITS = {"deg": ".3f", "mm": ".2f"}
 
 
 def write_summary(track: TrackLike) -> None:
-    """What was tracked, how fast, what nothing saw, and the health of each sensor."""
+    """Prints samples, speed, unobserved joints and the health of each sensor."""
     summary = summarize(track)
     pairs(
         [
@@ -33,7 +33,7 @@ def write_summary(track: TrackLike) -> None:
 
 
 def write_notes(notes: Sequence[str]) -> None:
-    """What was missing or odd, a sentence each; suspects have been said before."""
+    """Prints the notes, except those of suspects, which were printed before."""
     notes = [note for note in notes if not note.startswith(SUSPECT_NOTE)]
     if notes:
         heading("Notes")
@@ -42,12 +42,12 @@ def write_notes(notes: Sequence[str]) -> None:
 
 
 def speed(summary: TrackSummary) -> str:
-    """`2345 steps/s`; empty for a track that no filter made."""
+    """`2345 steps/s`; empty for a track that was not made by a filter."""
     return "" if summary.steps_per_s is None else f"{summary.steps_per_s:.0f} steps/s"
 
 
 def write_sensors(sensors: Sequence[SensorScore]) -> None:
-    """Sensor health: NIS per measurement and what became of every row."""
+    """Prints sensor health: NIS per measurement and the share of rows used, rejected and missing."""
     if not sensors:
         return
     heading("Sensors", "NIS per measurement: 1 = noise as stated, larger = disagrees with the model")
@@ -73,12 +73,12 @@ def _shares(shares: Mapping[str, float]) -> str:
 
 
 def write_evaluation(evaluation: Evaluation) -> None:
-    """Joints, positions, consistency; every number with its unit."""
-    heading("Joints against truth", f"from {evaluation.start_s:g} s on, {evaluation.samples} samples")
+    """Prints errors of joints and positions, and consistency, with units."""
+    heading("Joints against ground truth", f"from {evaluation.start_s:g} s on, {evaluation.samples} samples")
     _scores("joint", evaluation.rows)
     if evaluation.part_rows:
         heading(
-            "Ball and free joints in detail", "errors about the child's axes; named angles away from poles"
+            "Ball and free joints in detail", "errors about the child's axes; named angles except near poles"
         )
         _scores("component or angle", evaluation.part_rows)
     _positions(evaluation)
@@ -105,7 +105,7 @@ def _scores(what: str, rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def error(value: float, unit: str, sign: str = "") -> str:
-    """An error in deg or mm with the digits that the unit deserves."""
+    """An error in deg or mm as text, with the decimals of its unit."""
     return number(value, sign + _DIGITS.get(unit, ".4g"))
 
 
@@ -113,7 +113,7 @@ def _positions(evaluation: Evaluation) -> None:
     if not evaluation.positions:
         return
     factor, unit = presentation("m")
-    heading("Positions against truth", "root axes")
+    heading("Positions against ground truth", "root axes")
     table(
         ["frame", f">RMSE {unit}", f">x {unit}", f">y {unit}", f">z {unit}"],
         [
@@ -124,7 +124,7 @@ def _positions(evaluation: Evaluation) -> None:
 
 
 def write_marker_evaluation(evaluation: MarkerEvaluation) -> None:
-    """Points against markers in mm, and how clocks and axes were aligned."""
+    """Prints errors of points against markers in mm, and the alignment of clocks and axes."""
     heading(
         "Positions against markers",
         f"axes of {evaluation.relative_to}, from {evaluation.start_s:g} s on, r: correlation",
@@ -147,7 +147,7 @@ def write_marker_evaluation(evaluation: MarkerEvaluation) -> None:
 
 def _means(evaluation: Evaluation) -> None:
     say()
-    turning = "joints that turn" if any(score.parts for score in evaluation.turning()) else "hinges"
+    turning = "hinges and rotations" if any(score.parts for score in evaluation.turning()) else "hinges"
     pairs(
         [
             (f"mean RMSE of {turning}", f"{number(evaluation.mean_rmse_deg(), '.3f')} deg"),

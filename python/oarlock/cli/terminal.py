@@ -1,4 +1,4 @@
-"""How every verb talks: tables, progress, one JSON document, one clean block for an error."""
+"""Terminal output of all verbs: tables, progress, JSON documents, errors, output folders."""
 
 from __future__ import annotations
 
@@ -36,32 +36,32 @@ Told = Callable[[float], None]
 
 
 class UsageError(Exception):
-    """The command line asks for something that it must not or cannot mean."""
+    """The command line is wrong: a missing, unknown or contradictory argument."""
 
 
 # --- what is printed ----------------------------------------------------------------------------------
 
 
 def page(stderr: bool = False) -> Console:
-    """A console of at most 100 columns; made anew so that it follows a redirected stream."""
+    """A console of at most 100 columns. It is new on each call, so that it follows a redirected stream."""
     console = Console(stderr=stderr, highlight=False, soft_wrap=False)
     console.width = min(WIDTH, console.width) if console.is_terminal else WIDTH
     return console
 
 
 def say(text: str = "", style: str = "", indent: int = 0) -> None:
-    """Prints a sentence, its further lines indented like the first; nothing in it is taken for markup."""
+    """Prints a text without markup; further lines are indented like the first."""
     _print_trimmed(Padding(Text(text, style=style), (0, 0, 0, indent)))
 
 
 def heading(text: str, remark: str = "") -> None:
-    """A blank line, then a bold line with an optional remark behind it."""
+    """Prints a blank line, then a bold heading with an optional remark."""
     say()
     _print_trimmed(Text.assemble((text, "bold"), (f"   {remark}" if remark else "", "dim")))
 
 
 def steps(*lines: str) -> None:
-    """What to type next, one command a line."""
+    """Prints the suggested next commands, one a line."""
     heading("Next")
     for line in lines:
         say(f"  {line}")
@@ -82,7 +82,7 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[object]], indent: int 
         grid.add_column(
             columns[k].removeprefix(">"),
             justify="right" if right else "left",
-            no_wrap=not last and k != kept[0],  # what does not fit is never cut: labels wrap first
+            no_wrap=not last and k != kept[0],  # Text that does not fit is never cut: labels wrap first.
             overflow="fold",
         )
     for row in rows:
@@ -107,7 +107,7 @@ def pairs(rows: Sequence[tuple[str, object]]) -> None:
 
 
 def _print_trimmed(what: RenderableType) -> None:
-    # tables and wrapped lines end in spaces, which a diff or a file need not carry
+    # Tables and wrapped lines end in spaces, which are removed.
     console = page()
     with console.capture() as capture:
         console.print(what)
@@ -121,7 +121,7 @@ def print_json(document: object) -> None:
 
 
 def json_ready(value: object) -> Any:
-    """A value made of dictionaries, lists, texts, finite numbers and None."""
+    """Convert a value to dictionaries, lists, texts, finite numbers and None."""
     if isinstance(value, np.ndarray | np.generic):
         return json_ready(value.tolist())
     if isinstance(value, float):
@@ -142,7 +142,7 @@ def json_ready(value: object) -> Any:
 
 @contextmanager
 def progress(text: str) -> Iterator[Told]:
-    """A bar on stderr while a block runs, on a terminal only; the block tells the share done, 0 to 1."""
+    """A progress bar on stderr, on a terminal only. The block calls it with the completed share, 0 to 1."""
     console = page(stderr=True)
     if not console.is_terminal:
         yield lambda share: None
@@ -161,9 +161,9 @@ def progress(text: str) -> Iterator[Told]:
 
 
 def verb(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
-    """Wraps a verb: its errors become one block on stderr and an exit status, never a traceback.
+    """Wraps a verb: its errors become one block on stderr and an exit status, not a traceback.
 
-    Status 1: the data's fault. 2: usage. 130: stopped by Ctrl-C. With `--json` the error is also the
+    Status 1: a problem in the data. 2: wrong usage. 130: stopped by Ctrl-C. With `--json` the error is also the
     document on stdout.
     """
 
@@ -177,9 +177,11 @@ def verb(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]
         except UsageError as error:
             fail("usage", str(error), EXIT_USAGE, as_json)
         except KeyboardInterrupt:
-            fail("stopped", "stopped by Ctrl-C; what was written so far is incomplete", EXIT_STOPPED, as_json)
+            fail(
+                "stopped", "stopped by Ctrl-C; the files written so far are incomplete", EXIT_STOPPED, as_json
+            )
         except BrokenPipeError:
-            # whoever read us, `head` say, has enough; without this Python complains once more at its end
+            # The reader of the pipe (such as `head`) has closed it. Without this Python prints a second error at exit.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise typer.Exit(EXIT_PIPE) from None
         except (ValueError, OSError) as error:
@@ -197,7 +199,7 @@ def verb(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]
 
 
 def fail(kind: str, message: str, status: int, as_json: bool) -> NoReturn:
-    """Prints the error and leaves."""
+    """Prints the error and exits."""
     if as_json:
         print_json({"error": {"kind": kind, "message": message}})
     first, *rest = message.strip().splitlines() or ["(no message)"]
@@ -222,7 +224,7 @@ def _sentence(error: Exception) -> str:
 def _fault(error: Exception) -> str:
     return (
         f"a fault in oarlock itself: {type(error).__name__}: {error}\n"
-        f"Set {TRACEBACK_VARIABLE}=1 and run again to see where; please report it with that text."
+        f"Set {TRACEBACK_VARIABLE}=1 and run again for the traceback; please report it with that text."
     )
 
 
@@ -230,7 +232,7 @@ def _fault(error: Exception) -> str:
 
 
 def free_file(file: Path, force: bool) -> None:
-    """Lets pass a file that is still to be made.
+    """Check that a file can be written.
 
     Raises:
         UsageError: it exists, and `force` is not set.
@@ -240,24 +242,24 @@ def free_file(file: Path, force: bool) -> None:
 
 
 def fresh_folder(folder: Path, own_mark: str | None, force: bool) -> Path:
-    """Makes an output folder, or takes one that an earlier run of the same verb left (it holds `own_mark`).
+    """Make an output folder, or accept one that an earlier run of the same verb wrote (it contains `own_mark`).
 
     Raises:
-        UsageError: it holds other things, and `force` is not set.
+        UsageError: it contains other files, and `force` is not set.
     """
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder} is a file; --out names a folder")
     ours = own_mark is not None and (folder / own_mark).exists()
     if folder.is_dir() and any(folder.iterdir()) and not ours and not force:
-        raise UsageError(f"{folder} exists and holds other files\nChoose another folder, or add --force.")
+        raise UsageError(f"{folder} exists and contains other files\nChoose another folder, or add --force.")
     folder.mkdir(parents=True, exist_ok=True)
     return folder
 
 
 def new_folder(folder: Path, force: bool) -> Path:
-    """Makes an output folder that must not hold anything yet.
+    """Make an output folder that must be empty.
 
     Raises:
-        UsageError: it holds something, and `force` is not set.
+        UsageError: it contains files, and `force` is not set.
     """
     return fresh_folder(folder, own_mark=None, force=force)

@@ -1,4 +1,4 @@
-"""`oarlock track`: from a recording to joint angles with their uncertainty."""
+"""`oarlock track`: estimates joint angles with their uncertainty from a recording."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from oarlock import Recording
 
 OTHER_FILTERS = (LIMB_FILTER, *ORIENTATION_FILTERS)
-# the engine's own, then those that go over a whole recording
+# the engine's filters, then those that process a whole recording at once
 _FILTERS = (*tree_filters(), *OTHER_FILTERS)
 
 
@@ -55,7 +55,7 @@ def track(
         list[Path],
         typer.Argument(
             metavar="RECORDING...",
-            help="A recording folder; or several, tracked side by side, each into FOLDER/its name.",
+            help="A recording folder; or several, tracked in parallel, each into FOLDER/its name.",
         ),
     ],
     model: ModelName,
@@ -75,14 +75,15 @@ def track(
         ),
     ] = None,
     calibration: Annotated[
-        Path | None, typer.Option("--calibration", metavar="FILE", help="Mounts and lengths of this wearing.")
+        Path | None,
+        typer.Option("--calibration", metavar="FILE", help="Calibration file with mounts and lengths."),
     ] = None,
     only: Annotated[
         str | None,
         typer.Option(
             "--only",
             metavar="NAMES",
-            help="Streams to use, with commas; the recording's others are left out.",
+            help="Streams to use, comma-separated; default: all.",
         ),
     ] = None,
     smooth: Annotated[bool, typer.Option("--smooth", help="Smooth over the whole recording.")] = False,
@@ -91,22 +92,26 @@ def track(
         typer.Option(
             "--filter",
             metavar="NAME",
-            help="Sigma points (ukf), or linearised, which is faster (ekf). To compare with: "
+            help="Sigma points (ukf), or linearised and faster (ekf). For comparison: "
             f"one filter per limb (limbs); one per inertial unit, then inverse kinematics "
             f"({', '.join(ORIENTATION_FILTERS)}).",
         ),
     ] = None,
     output_rate_hz: Annotated[
-        float | None, typer.Option(metavar="HZ", help="Thin the output to this rate; else every sample.")
+        float | None,
+        typer.Option(metavar="HZ", help="Reduce the output to this rate; default: every sample."),
     ] = None,
     threads: Annotated[
         int | None,
-        typer.Option("--threads", metavar="N", min=1, help="Recordings tracked at a time; else all cores."),
+        typer.Option(
+            "--threads", metavar="N", min=1, help="Recordings tracked in parallel; default: all cores."
+        ),
     ] = None,
     suspects: Annotated[
         bool,
         typer.Option(
-            "--suspects/--no-suspects", help="Look for faults of sensors first, in the liveliest second."
+            "--suspects/--no-suspects",
+            help="First look for sensor faults, in the second with the most motion.",
         ),
     ] = True,
     csv: Annotated[bool, typer.Option("--csv", help="Also write the tables as CSV.")] = False,
@@ -158,7 +163,7 @@ def track(
     measured = load(recording)
     wearing = load_calibration(calibration) if calibration is not None else None
     if (out / RECORDING_FILE).exists():
-        raise UsageError(f"{out} is a recording; results go into a folder of their own")
+        raise UsageError(f"{out} is a recording; choose another folder for the results")
     fresh_folder(out, RUN_FILE, force)
     found = look_for_suspects(body, measured, wearing, config) if suspects else ()
     with explained(found, out, f"Track of {body.name}"):

@@ -1,4 +1,4 @@
-"""The folder that tracking leaves: run a filter, write what it found, and its summary as one document."""
+"""Runs a filter and writes the folder of its track, for `track`, `demo` and `track_several`."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def write_folder(
     evaluation: Evaluation | None = None,
     truth: Track | None = None,
 ) -> Path:
-    """Writes the track's tables, run.toml and a report; `csv` adds each table as CSV. The report's path."""
+    """Write the track's tables, run.toml and a report; `csv` adds CSV tables. Return the report's path."""
     from oarlock.cli.report import write_any_report
 
     result.save(out)
@@ -62,13 +62,13 @@ def write_folder(
 
 
 def beside(result: Track) -> list[str]:
-    """Tables beside the track's own: filters on single units report neither sensors nor beliefs."""
+    """Further tables of the track: filters on single units have neither sensors nor beliefs."""
     found = {"sensors": result.info, "beliefs": result.beliefs}
     return [name for name, table in found.items() if table is not None]
 
 
 def document(result: Track, out: Path, found: Sequence[Suspect] = ()) -> dict[str, object]:
-    """The summary for machines; `found` are the suspects of the recording."""
+    """Return the summary for `--json`; `found` are the suspects of the recording."""
     from oarlock.evaluation.summary import summarize
 
     summary = summarize(result)

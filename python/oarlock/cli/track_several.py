@@ -1,4 +1,4 @@
-"""`oarlock track` with several recordings: side by side, one folder of results each."""
+"""`oarlock track` with several recordings: tracks in parallel and writes one folder for each."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ if TYPE_CHECKING:
 
 
 def folders_for(recordings: Sequence[Path], out: Path, force: bool) -> dict[Path, Path]:
-    """A folder inside `out` for each recording, named after it.
+    """Make a folder inside `out` for each recording, with its name.
 
     Raises:
-        UsageError: two recordings have one name, or a folder holds other things.
+        UsageError: two recordings have the same name, or a folder contains other files.
     """
     if out.exists() and not out.is_dir():
         raise UsageError(f"{out} is a file; --out names a folder")
@@ -47,10 +47,10 @@ def folders_for(recordings: Sequence[Path], out: Path, force: bool) -> dict[Path
         if name in taken:
             raise UsageError(
                 f"{taken[name]} and {recording} would both write {out / name}\n"
-                "Rename a folder, or track them one at a time, each with an --out of its own."
+                "Rename a folder, or track them one at a time, each with its own --out."
             )
         if (out / name / RECORDING_FILE).exists():
-            raise UsageError(f"{out / name} is a recording; results go into a folder of their own")
+            raise UsageError(f"{out / name} is a recording; choose another folder for the results")
         taken[name] = recording
     return {path: fresh_folder(out / name, RUN_FILE, force) for name, path in taken.items()}
 
@@ -68,7 +68,7 @@ def track_several(
     csv: bool,
     json_output: bool,
 ) -> None:
-    """Tracks and writes each; leaves with status 1 if a recording failed, once the others are written."""
+    """Tracks and writes each recording. If one failed, exits with status 1 after the others are written."""
     rows: list[tuple[object, ...]] = []
     documents: dict[str, object] = {}
     failed: list[str] = []
@@ -106,7 +106,7 @@ def _results(
     look: bool,
     told: Told,
 ) -> Iterator[tuple[Path, Track | Failure, tuple[Suspect, ...]]]:
-    """As many at a time as there are threads, so that no more is in memory than is worked on."""
+    """Tracks as many recordings at a time as there are threads, to limit memory."""
     from oarlock.tracking.many import outcomes
 
     width = threads or os.cpu_count() or 1
@@ -154,7 +154,7 @@ def _row(out: Path, result: Track) -> tuple[object, ...]:
 
 
 def _write(rows: list[tuple[object, ...]], out: Path) -> None:
-    say("Tracked side by side", style="bold")
+    say("Tracked in parallel", style="bold")
     table(["recording", ">samples", ">s", "speed", ">notes"], rows)
     files = "track, sensors and beliefs (.parquet), model.toml, run.toml, report.html"
     say(f"\nWrote a folder for each into {out}: {files}")

@@ -1,4 +1,4 @@
-"""`oarlock view`: a track as a moving figure beside its curves, in a browser."""
+"""`oarlock view`: shows a track in a browser as a moving figure with its curves."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from oarlock.report.viewer.marks import Mark
 
 LONGEST_S = 180.0
-"""What is shown of a longer track unless --start and --end say otherwise: a browser holds it without effort."""
+"""Default length of the shown part of a track; a browser can display this without delay."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -37,19 +37,24 @@ def add_to(app: typer.Typer) -> None:
 def view(
     out: Annotated[Path, typer.Argument(metavar="TRACK", help="A folder that `oarlock track` wrote.")],
     ghost: Annotated[
-        Path | None, typer.Option("--ghost", metavar="TRACK", help="Another track, laid over this one.")
+        Path | None, typer.Option("--ghost", metavar="TRACK", help="Another track to draw over this one.")
     ] = None,
     start_s: Annotated[
-        float | None, typer.Option("--start", metavar="S", help="Begin of what is shown, s.")
+        float | None, typer.Option("--start", metavar="S", help="Start of the shown interval, s.")
     ] = None,
-    end_s: Annotated[float | None, typer.Option("--end", metavar="S", help="Its end, s.")] = None,
+    end_s: Annotated[
+        float | None, typer.Option("--end", metavar="S", help="End of the shown interval, s.")
+    ] = None,
     every_s: Annotated[
-        float | None, typer.Option("--every", metavar="S", help="Time between shown samples, s; else 0.025.")
+        float | None,
+        typer.Option("--every", metavar="S", help="Time between shown samples, s; default 0.025."),
     ] = None,
     to: Annotated[
-        Path | None, typer.Option("--to", metavar="FILE", help="The file to write; else TRACK/view.html.")
+        Path | None, typer.Option("--to", metavar="FILE", help="File to write; default TRACK/view.html.")
     ] = None,
-    no_open: Annotated[bool, typer.Option("--no-open", help="Write the file, and open no browser.")] = False,
+    no_open: Annotated[
+        bool, typer.Option("--no-open", help="Write the file without opening a browser.")
+    ] = False,
     json_output: Json = False,
 ) -> None:
     """Write view.html and open it: one file that works offline.
@@ -78,13 +83,15 @@ def view(
         return
     say(f"Wrote {target}")
     if cut:
-        say(f"It shows {shown_s[0]:.0f} to {shown_s[1]:.0f} s of a longer track; --start and --end choose.")
+        say(
+            f"It shows {shown_s[0]:.0f} to {shown_s[1]:.0f} s of a longer track; change this with --start and --end."
+        )
     if not opened and not no_open:
-        say("No browser could be opened here; open the file in one.")
+        say("No browser could be started; open the file in one.")
 
 
 def _stretch(track: Track, start_s: float | None, end_s: float | None) -> tuple[tuple[float, float], bool]:
-    """What is shown, s, and whether that is less than was asked for."""
+    """Return the shown interval, s, and whether it was shortened."""
     if not len(track):
         raise UsageError("view: the track has no samples")
     first = float(track.time_s[0]) if start_s is None else start_s
@@ -103,7 +110,7 @@ def _scene(
 
     ghost = None
     if other is not None:
-        # the ghost brings its lines, not its surroundings
+        # The ghost shows only lines, without boat and ground.
         look = rowing_look(other)
         bare = None if look is None else look.bare()
         ghost = scene(other, marks=_marks(other), every_s=every_s, look=bare, title=ghost_name)
@@ -120,7 +127,7 @@ def _scene(
 
 
 def _marks(track: Track) -> Sequence[Mark]:
-    """A rower's strokes; nothing of other bodies, or where nothing tells them."""
+    """Return a rower's strokes; nothing for other models or if no stroke is found."""
     from oarlock import DataError
     from oarlock.rowing import find_strokes, rowing_look, stroke_marks
 

@@ -1,1 +1,1 @@
-"""Readers and writers of other software's files, one file a format."""
+"""Readers and writers of other software's files, one module per format, for `oarlock import` and `export`."""

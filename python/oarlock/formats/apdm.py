@@ -1,4 +1,4 @@
-"""CSV exports of APDM (Opal) units: Mobility Lab's "Test Name" layout and Motion Studio's "Format=7"."""
+"""Reads CSV exports of APDM (Opal) units: Mobility Lab's "Test Name" layout and Motion Studio's "Format=7"."""
 
 import csv
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ _XYZ = ("X", "Y", "Z")
 
 @dataclass(frozen=True)
 class _Export:
-    """One file: where its columns stand and what it says of itself."""
+    """The layout of one file: positions of its columns and its header."""
 
     layout: Layout
     sensors: Sensors
@@ -56,11 +56,11 @@ def read_apdm(path: str | PathLike[str]) -> Recording:
             "Format=7" states none and is SI by definition, with time in microseconds since 1970.
 
     Returns:
-        One `ImuStream` a unit, named by its label in lower case with "_" for spaces. Epoch times start at
-        0 s; ``meta["clock"]`` tells the moment.
+        One `ImuStream` per unit, named by its label in lower case with "_" for spaces. Epoch times start at
+        0 s; ``meta["clock"]`` gives the start time.
 
     Raises:
-        DataError: Another layout or unit, a missing column, or a cell that is no number, with file and line.
+        DataError: Another layout or unit, a missing column, or a cell that is not a number, with file and line.
     """
     export = _open(place_of(path))
     time_s, columns, clock = _read(export, set(_NEEDED_UNITS))
@@ -77,7 +77,7 @@ def read_apdm(path: str | PathLike[str]) -> Recording:
 
 
 def read_apdm_orientations(path: str | PathLike[str]) -> dict[str, FloatArray]:
-    """Orientations that the vendor's own filter wrote beside the raw signals.
+    """Read the orientations of the vendor's own filter.
 
     Args:
         path: the CSV file, as for `read_apdm`; the rows are those of its streams.
@@ -111,7 +111,7 @@ def _open(file: Path) -> _Export:
     if head and head[0][0].strip() == "Test Name:":
         return _open_test_name(file, head)
     raise DataError(
-        f'{file}:1: is no APDM export: it begins "{",".join(head[0])[:40] if head else ""}", '
+        f'{file}:1: is not an APDM export: it begins "{",".join(head[0])[:40] if head else ""}", '
         'expected "Test Name:" or "Format=7". '
         "For other CSV files write a mapping file and use `oarlock import csv`."
     )
@@ -124,7 +124,7 @@ def _first_lines(file: Path, count: int) -> list[list[str]]:
     except OSError as error:
         raise DataError(f"{file}: cannot be read ({error.strerror})") from error
     except (UnicodeDecodeError, csv.Error) as error:
-        raise DataError(f"{file}: is no APDM export in text form ({error})") from error
+        raise DataError(f"{file}: is not an APDM export in text form ({error})") from error
 
 
 def _open_test_name(file: Path, head: list[list[str]]) -> _Export:
@@ -148,12 +148,12 @@ def _open_test_name(file: Path, head: list[list[str]]) -> _Export:
 
 def _open_format_7(file: Path, head: list[list[str]]) -> _Export:
     if head[0][0].strip() != "Format=7":
-        raise DataError(f'{file}:1: "{head[0][0]}" is not read, only Format=7. Export it as Format=7.')
+        raise DataError(f'{file}:1: "{head[0][0]}" is not supported. Export it as Format=7.')
     if len(head) < 3 or len({len(row) for row in head[:3]}) != 1 or head[1][0] != "Time":
         raise DataError(f'{file}: expected three header lines of one length, the second beginning "Time"')
     sensors: Sensors = {}
     label = quantity = ""
-    # The line of labels holds a unit's number over its first column and its name three columns later.
+    # The line of labels contains a unit's number over its first column and its name three columns later.
     starts = {i for i, cell in enumerate(head[0]) if i > 0 and cell.strip().isdigit()}
     for index in range(1, len(head[0])):
         if index in starts:
@@ -219,7 +219,7 @@ def _check_units(file: Path, names: Sequence[str], units: Sequence[str], sensors
 def _read(
     export: _Export, quantities: set[str]
 ) -> tuple[FloatArray, dict[int, FloatArray], dict[str, object]]:
-    """Stamps in s, the columns of these quantities by position, and the note of the clock."""
+    """Time stamps in s, the columns of these quantities by position, and the note on the clock."""
     layout = export.layout
     wanted = [0, *(i for s in export.sensors.values() for q in sorted(quantities & s.keys()) for i in s[q])]
     parts: list[list[FloatArray]] = [[] for _ in wanted]

@@ -1,8 +1,8 @@
-"""BROAD: one inertial unit beside optical orientation and position, as .mat files.
+"""Reads the BROAD data set: one inertial unit with optical orientation and position, as .mat files.
 
 Source and description: Laidig, Caruso, Cereatti, Seel, "BROAD - a benchmark for robust inertial orientation
 estimation", Data 6(7):72, 2021, doi:10.3390/data6070072. The authors have synchronised and aligned both systems; the
-sampling rate, 286 Hz, stands in each file.
+sampling rate, 286 Hz, is in each file.
 
 A reading is taken as the mean over the interval that ends at its row, as every filter that the authors compare takes
 it: one turn by the row's angular rate leads from the row before to this one. The gyroscope against the turns of the
@@ -29,11 +29,11 @@ def read_broad(path: str | PathLike[str]) -> Recording:
         path: the .mat file.
 
     Returns:
-        One stream, ``imu``, with gyro, accel and mag (uT), each stamped with the middle of its interval: the first
-        row's stamp is half a step before 0 s, where the reference begins.
+        One stream, ``imu``, with gyro, accel and mag (uT). Time stamps are interval middles: the first is
+        half a step before 0 s, where the reference begins.
 
     Raises:
-        DataError: Not such a file; a part of it is missing or has another shape.
+        DataError: The file is not of this format, or a part is missing or has another shape.
     """
     file = place_of(path)
     variables = read_mat(file)

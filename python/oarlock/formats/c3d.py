@@ -1,4 +1,4 @@
-"""C3D files, through the library ezc3d."""
+"""Reads markers from C3D files with the library ezc3d."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 def read_c3d(file: Path, unit: str | None = None) -> Markers:
     """Read the points of a C3D file.
 
-    A point counts as not seen where its residual is negative, or all its coordinates are 0 or NaN: writers differ.
+    A point counts as not seen if its residual is negative, or all its coordinates are 0 or NaN: writers differ.
     Names are `POINT:LABELS` with those of `LABELS2` and so on behind them; the unit is `POINT:UNITS`. The stamp of a
     frame is its number less one over the rate, so a cut file keeps the time of the whole trial.
 
     Source: The C3D File Format, a technical user guide (Motion Lab Systems 2021), parameter section POINT.
 
     Raises:
-        DataError: ezc3d is not installed, or the file cannot be read or holds no points.
+        DataError: ezc3d is not installed, or the file cannot be read or contains no points.
     """
     if find_spec("ezc3d") is None:
         raise DataError(
@@ -38,7 +38,7 @@ def read_c3d(file: Path, unit: str | None = None) -> Markers:
     raw, rate = content["points"], float(content["rate_hz"])
     count, frames = raw.shape[1:]
     if not count or not frames:
-        raise DataError(f"{file}: holds {count} points in {frames} frames; nothing to read")
+        raise DataError(f"{file}: contains {count} points in {frames} frames; nothing to read")
     position = np.where(_unseen(raw, content["residuals"]), np.nan, raw)
     names = _names(content["labels"], count, file)
     if not rate > 0.0:

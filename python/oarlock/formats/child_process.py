@@ -1,4 +1,4 @@
-"""Files read by a library that a damaged file may crash: it runs in a child process, whose end becomes a DataError."""
+"""Runs readers of MATLAB and C3D files in a child process, so that a crash of the library becomes a DataError."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def arrays_of(kind: Literal["c3d", "mat"], file: Path) -> dict[str, NDArray[Any]
             pass
     except (OSError, ValueError) as error:
         raise DataError(f"{file}: cannot be read ({getattr(error, 'strerror', None) or error})") from error
-    # -P: the folder of the script is no place to import from. The child's address space is limited, and each thread of
-    # BLAS would take some.
+    # -P: do not import from the folder of the script. The child's address space is limited, and each thread of
+    # BLAS would use some.
     done = subprocess.run(
         [sys.executable, "-P", str(_CHILD), kind, str(file)],
         capture_output=True,
@@ -41,7 +41,7 @@ def arrays_of(kind: Literal["c3d", "mat"], file: Path) -> dict[str, NDArray[Any]
     if done.returncode != 0:
         said = done.stderr.decode(errors="replace").strip().splitlines() if done.returncode == 1 else []
         why = said[-1] if said else f"its reader {_end(done.returncode)}"
-        raise DataError(f"{file}: is no {_NAMES[kind]} file, or is damaged ({why})")
+        raise DataError(f"{file}: is not a {_NAMES[kind]} file, or is damaged ({why})")
     with np.load(io.BytesIO(done.stdout)) as arrays:
         return dict(arrays)
 

@@ -1,4 +1,4 @@
-"""Columns of a delimited file by name, each as a whole."""
+"""Reads whole columns of a delimited file by name, for the readers of this folder."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ def read_columns(layout: Layout, names: Sequence[str]) -> FloatArray:
     """The columns of these names, (T, len(names)); NaN where a cell is empty.
 
     Raises:
-        DataError: A column is not there, a cell is no number (file, line, column), or there are no rows.
+        DataError: A column is missing, a cell is not a number (file, line, column), or there are no rows.
     """
     wanted = [layout.index(name) for name in names]
     parts = [

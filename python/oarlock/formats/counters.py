@@ -1,4 +1,4 @@
-"""Counters of packets and clocks of devices: they begin again at their modulus, and they show what never arrived."""
+"""Unwraps packet counters and device clocks and finds lost packets, for the CSV reader."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
 
 Lost = dict[str, list[float]]
-"""As `recording.packets.META_KEY` says: stamps behind which packets are missing, how many at each, what one takes."""
+"""As in `recording.packets.META_KEY`: time stamps before lost packets, their number, duration of one packet."""
 
 
 def unwrapped(values: FloatArray, wraps_at: float, places: Sequence[str]) -> FloatArray:
-    """A count that goes on where the device's begins again, (T,).
+    """The count without wrapping, (T,).
 
-    A step back by more than half the modulus is a new beginning; a smaller one is left for others to find. A silence of
-    more than half a turn cannot be seen: give such a device's stamps in a unit that does not wrap.
+    A step back by more than half the modulus is a wrap; a smaller one is not changed. A dropout of more than half the
+    modulus cannot be detected: give time stamps of such a device in a unit that does not wrap.
 
     Args:
         values: (T,) as the device wrote them.
@@ -39,7 +39,7 @@ def unwrapped(values: FloatArray, wraps_at: float, places: Sequence[str]) -> Flo
 
 
 def lost_packets(counter: FloatArray, time_s: FloatArray, places: Sequence[str]) -> Lost:
-    """Where a counter of packets jumps, and by how many.
+    """Find jumps of a packet counter, and their sizes.
 
     Args:
         counter: (T,) unwrapped.
@@ -47,7 +47,7 @@ def lost_packets(counter: FloatArray, time_s: FloatArray, places: Sequence[str])
         places: file, line and column of each, for errors.
 
     Raises:
-        DataError: a count that is missing, is no whole number, or does not grow.
+        DataError: a count is missing, is not a whole number, or does not increase.
     """
     odd = np.flatnonzero(~(np.isfinite(counter) & (counter == np.round(counter))))
     if odd.size:
@@ -59,8 +59,8 @@ def lost_packets(counter: FloatArray, time_s: FloatArray, places: Sequence[str])
     if back.size:
         index = int(back[0]) + 1
         raise DataError(
-            f"{places[index]}: the counter reads {counter[index]:.15g} behind {counter[index - 1]:.15g}: a packet "
-            "that is there twice, or out of order. Remove it; if the counter began again, give wraps_at"
+            f"{places[index]}: the counter reads {counter[index]:.15g} after {counter[index - 1]:.15g}: a packet "
+            "is duplicated or out of order. Remove it; if the counter wrapped, give wraps_at"
         )
     usual = float(np.median(steps)) if steps.size else 1.0
     missing = np.round(steps / usual) - 1.0

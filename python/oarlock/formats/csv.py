@@ -1,4 +1,4 @@
-"""CSV files of any maker, read as a mapping file says."""
+"""Reads CSV files of any device as described by a mapping file, for `oarlock import csv`."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from oarlock.storage.units import ANGLE, to_held_unit
 
 @dataclass(frozen=True)
 class _Table:
-    """Columns of one file: stamps, line numbers, and readings by column position."""
+    """Columns of one file: time stamps, line numbers, and readings by column position."""
 
     layout: Layout
     stamps: Stamps
@@ -33,7 +33,7 @@ class _Table:
 
 
 class _Places(Sequence[str]):
-    """File, line and column of each row, put into words where an error needs them."""
+    """File, line and column of each row, as text for errors."""
 
     def __init__(self, layout: Layout, lines: NDArray[np.int64], index: int) -> None:
         self._layout, self._lines, self._index = layout, lines, index
@@ -47,7 +47,7 @@ class _Places(Sequence[str]):
 
 @dataclass(frozen=True)
 class _Part:
-    """What one file holds of one sensor, on the common clock."""
+    """The data of one sensor in one file, on the common clock."""
 
     sensor: SensorColumns
     time_s: FloatArray
@@ -63,7 +63,7 @@ def read_csv(mapping_file: str | PathLike[str], folder: str | PathLike[str] | No
             serves many trials.
 
     Returns:
-        One stream a sensor. A sensor whose gyro, accel and mag come from several files has all their stamps,
+        One stream per sensor. A sensor whose gyro, accel and mag come from several files has all their time stamps,
         with NaN where a file has no reading.
 
     Raises:
@@ -129,7 +129,7 @@ def _read_table(entry: FileMapping, root: Path) -> _Table:
 
 
 def _wanted(layout: Layout, entry: FileMapping) -> list[int]:
-    """Positions of the columns that sensors read, each once; an error tells where the mapping names it."""
+    """Positions of the columns that sensors read, each once; errors give the place in the mapping."""
     found: dict[int, None] = {}
     for quantity in (q for s in entry.sensors for q in s.quantities):
         for column in quantity.columns:
@@ -159,7 +159,7 @@ def _check_increasing(table: _Table, time_s: FloatArray, entry: FileMapping) -> 
         back = (
             time_s[index] < time_s[index - 1] and entry.time_unit in COUNTED and entry.time_wraps_at is None
         )
-        hint = " If the device's clock begins again at 0, give time.wraps_at." if back else ""
+        hint = " If the device's clock restarts at 0, give time.wraps_at." if back else ""
         raise DataError(
             f"{table.layout.file}:{table.lines[index]}, {label}: time_s{disorder_text(time_s, index)}{hint}"
         )
@@ -191,7 +191,7 @@ def _stream(parts: list[_Part]) -> Stream:
     for part in parts:
         if part.sensor.kind != first.sensor.kind or seen & part.fields.keys():
             raise DataError(
-                f'{part.sensor.where}: sensor "{part.sensor.name}" is already there ({first.sensor.where}). '
+                f'{part.sensor.where}: sensor "{part.sensor.name}" is already defined ({first.sensor.where}). '
                 "Only gyro, accel and mag of one sensor may come from different files."
             )
         seen |= part.fields.keys()
@@ -206,7 +206,7 @@ def _stream(parts: list[_Part]) -> Stream:
 
 
 def _merged(parts: list[_Part]) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """All stamps of the parts, in order, and their fields on them: NaN where a part has no sample."""
+    """All time stamps of the parts, in order, and their fields; NaN where a part has no sample."""
     if len(parts) == 1:
         return parts[0].time_s, parts[0].fields
     time_s = np.unique(np.concatenate([p.time_s for p in parts]))

@@ -1,4 +1,4 @@
-"""The mapping file: which CSV columns are which sensor, in which units."""
+"""Reads and checks the mapping file of `oarlock import csv`: columns, units and sensors."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -30,14 +30,14 @@ QUANTITIES: Mapping[str, tuple[Kind, str, tuple[str, ...]]] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Quantity:
-    """One measured quantity: reading = unit * (scale * cell + offset), then turned into the sensor's axes.
+    """One measured quantity: reading = unit * (scale * cell + offset), then converted to the sensor's axes.
 
     Args:
         field: the stream's field, such as "gyro_rad_s".
         columns: one column or three, by name or by number from 1.
         unit: of scale * cell + offset.
-        scale: one factor a column.
-        offset: one summand a column, in `unit`.
+        scale: one factor per column.
+        offset: one offset per column, in `unit`.
         axes: for each axis of the stream (position among the columns, +1 or -1).
         where: file, line and key, for errors.
     """
@@ -53,7 +53,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class SensorColumns:
-    """One sensor's name, kind of stream, and quantities that a file holds."""
+    """One sensor: name, kind of stream, and its quantities in a file."""
 
     name: str
     kind: Kind
@@ -67,7 +67,7 @@ class Counter:
 
     Args:
         column: by name or by number from 1.
-        wraps_at: how far it counts before it begins again at 0; None if it never does.
+        wraps_at: the count at which it restarts at 0; None if it never does.
     """
 
     column: Column
@@ -76,15 +76,15 @@ class Counter:
 
 @dataclass(frozen=True)
 class FileMapping:
-    """One CSV file: how it is written, where its time is, and its sensors.
+    """One CSV file: its format, time column and sensors.
 
     Args:
         path: relative to the mapping file's folder, or to the folder given with it.
         dialect: delimiter, decimal mark, encoding, header.
         time_column: by name or by number from 1.
         time_unit: one of `TIME_UNITS`.
-        time_offset_s: added to every stamp, to bring another device's clock to the common one.
-        time_wraps_at: where the time column begins again at 0, in its own unit; None if it does not.
+        time_offset_s: added to every time stamp, to align another device's clock with the common one.
+        time_wraps_at: value at which the time column restarts at 0, in its own unit; None if it never does.
         tick_s: length of a tick, for the unit "ticks".
         counter: the device's count of packets, if there is one.
         sensors: at least one.
@@ -146,8 +146,7 @@ def _file(table: TomlTable) -> FileMapping:
 def _time_wraps_at(time: TomlTable, unit: str) -> float | None:
     if "wraps_at" in time.values and unit not in COUNTED:
         raise DataError(
-            f'{time.where("wraps_at")}: a time in "{unit}" does not begin again; '
-            f"wraps_at goes with {', '.join(COUNTED)}"
+            f'{time.where("wraps_at")}: a time in "{unit}" does not wrap; wraps_at needs {", ".join(COUNTED)}'
         )
     return _wraps_at(time)
 
@@ -158,7 +157,7 @@ def _wraps_at(table: TomlTable) -> float | None:
     modulus = table.number("wraps_at", 0.0)
     if not modulus > 1.0:
         raise DataError(
-            f"{table.where('wraps_at')}: is {modulus:g}; expected how far it counts, such as 65536 or 4294967296"
+            f"{table.where('wraps_at')}: is {modulus:g}; expected the restart count, such as 65536 or 4294967296"
         )
     return modulus
 
@@ -246,7 +245,7 @@ def _quantity(table: TomlTable, key: str) -> Quantity:
         raise DataError(f"{table.where('unit')}: {unknown_unit_text(unit, units)}")
     scale, offset = (_per_column(table, k, d, len(columns)) for k, d in (("scale", 1.0), ("offset", 0.0)))
     if 0.0 in scale:
-        raise DataError(f"{table.where('scale')}: is 0, which would erase the readings")
+        raise DataError(f"{table.where('scale')}: is 0, so all readings would be 0")
     return Quantity(field, columns, unit, scale, offset, axes, table.where())
 
 

@@ -1,4 +1,4 @@
-"""Two units on two bodies that a ball joint connects: the .mat files that come with the software dfjimu.
+"""Reads the .mat files of the software dfjimu: two inertial units on two bodies connected by a ball joint.
 
 Format: one structure ``data`` with ``rate`` (Hz), ``sensorData`` (N, 12), ``ref`` (N, 17) and the vectors ``r_12``
 and ``r_21`` (m), as the evaluation script of the software reads it (github.com/daniel-om-weber/dfjimu). The method
@@ -34,9 +34,9 @@ def read_dfjimu(path: str | PathLike[str]) -> Recording:
         path: the .mat file.
 
     Returns:
-        The streams ``body1`` and ``body2`` (gyro and accel, no magnetometer), each reading stamped with the middle of
-        its interval: the first row's stamp is half a step before 0 s, where the reference begins.
-        ``meta["joint_in_sensor_m"]`` holds for each the joint's centre in the axes of the sensor, m, as the file
+        The streams ``body1`` and ``body2`` (gyro and accel, no magnetometer). Time stamps are interval middles:
+        the first is half a step before 0 s, where the reference begins.
+        ``meta["joint_in_sensor_m"]`` contains for each the joint's centre in the axes of the sensor, m, as the file
         states it. (Its authors call minus that, the place of the sensor as seen from the joint, the lever arm.)
 
     Raises:
@@ -56,9 +56,9 @@ def read_dfjimu(path: str | PathLike[str]) -> Recording:
 
 
 def read_dfjimu_reference(path: str | PathLike[str]) -> Reference:
-    """Orientations of the two optical clusters, one row for each sample of the units.
+    """Read the orientations of the two optical clusters, one row for each sample of the units.
 
-    The clusters sit on the units; their axes agree within a few degrees, and their clock within a few samples.
+    The clusters are mounted on the units; their axes agree within a few degrees, and their clock within a few samples.
 
     Args:
         path: the .mat file.

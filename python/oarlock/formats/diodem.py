@@ -1,11 +1,11 @@
-"""A chain of five links with inertial units and optical markers: trials in the layout of DIODEM, CSV files.
+"""Reads DIODEM trials: CSV files of a chain of five links with inertial units and optical markers.
 
 Source: the copy in github.com/simon-bachhuber/ring_supplementary_material (data/dataset/trial1), the same rig and
 format as the data set DIODEM, doi:10.7910/DVN/SGJLZA, described in Scientific Data, doi:10.1038/s41597-025-05468-w.
 
 A trial is a folder with ``imu_rigid.csv`` and ``imu_nonrigid.csv`` (units screwed on, units on foam) and ``omc.csv``
-(optical). Each file says its sampling rate in a comment; none has stamps, all begin together. The cameras run at 30
-Hz. Between ``seg1`` and ``seg2`` sits a ball joint, then follow hinges about x, y and z. The axes of the units are
+(optical). Each file states its sampling rate in a comment. None has time stamps; all begin together. The cameras run at
+30 Hz. Between ``seg1`` and ``seg2`` sits a ball joint, then follow hinges about x, y and z. The axes of the units are
 those of the segments: within about a degree where they are screwed on, and 5 to 12 degrees off and moving where they
 sit on foam.
 """
@@ -46,14 +46,14 @@ def read_diodem(
     Args:
         folder: the trial's folder.
         mounted: "rigid" for the units that are screwed to the segments, "foam" for those on foam.
-        mag_unit_ut: what one unit of the magnetometers' columns is, in uT: the files hold arbitrary units. None
+        mag_unit_ut: size of one unit of the magnetometers' columns, uT: the files contain arbitrary units. None
             leaves the magnetometers out.
 
     Returns:
         The streams ``seg1`` to ``seg5``, from 0 s.
 
     Raises:
-        DataError: A file or column is missing, a cell is no number, or `mounted` is neither of the two.
+        DataError: A file or column is missing, a cell is not a number, or `mounted` is neither of the two.
     """
     if mounted not in _FILES:
         raise DataError(f'mounted = "{mounted}"; expected one of "rigid", "foam"')
@@ -70,7 +70,7 @@ def read_diodem(
 
 
 def read_diodem_reference(folder: str | PathLike[str]) -> Reference:
-    """Orientation and place of the five optical segments, on the cameras' clock.
+    """Read orientation and position of the five optical segments, on the cameras' clock.
 
     Args:
         folder: the trial's folder.
@@ -97,7 +97,7 @@ def read_diodem_reference(folder: str | PathLike[str]) -> Reference:
 
 
 def _read(layout: Layout, axes: Mapping[str, str]) -> dict[str, FloatArray]:
-    """Quantity -> (T, number of its axes), for columns that are named QUANTITY_AXIS."""
+    """Quantity -> (T, number of its axes), for columns named QUANTITY_AXIS."""
     rows = read_columns(layout, [f"{name}_{axis}" for name, letters in axes.items() for axis in letters])
     ends = np.cumsum([len(letters) for letters in axes.values()])[:-1]
     return dict(zip(axes, np.split(rows, ends, axis=1), strict=True))
@@ -111,7 +111,7 @@ def _open(file: Path) -> tuple[Layout, float]:
     except OSError as error:
         raise DataError(f"{file}: cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
-        raise DataError(f"{file}: is no text file ({error})") from error
+        raise DataError(f"{file}: is not a text file ({error})") from error
     found = _RATE.fullmatch(first)
     rate_hz = float(found[1]) if found and found[1].count(".") <= 1 and found[1] != "." else 0.0
     if rate_hz <= 0.0:

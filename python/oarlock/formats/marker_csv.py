@@ -1,4 +1,4 @@
-"""Marker trajectories as text tables: plain CSV, the Trajectories of Vicon Nexus, the TSV of Qualisys."""
+"""Reads marker trajectories from text tables: plain CSV, Trajectories of Vicon Nexus, TSV of Qualisys."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Marker trajectories from files: C3D, TRC, CSV, and the exports of Vicon Nexus and Qualisys."""
+"""`load_markers`: reads marker trajectories from C3D, TRC, CSV, and exports of Vicon Nexus and Qualisys."""
 
 from __future__ import annotations
 

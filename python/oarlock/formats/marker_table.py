@@ -1,4 +1,4 @@
-"""What the text formats of marker files share: lines, cells, numbers, names."""
+"""Parses lines, cells, numbers and names of marker text files, for the marker readers of this folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""MATLAB files (version 4 to 7): matrices and structures by name, with errors that name file and variable."""
+"""Reads matrices and structures of MATLAB files (version 4 to 7), for the readers of .mat formats."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,1 +1,1 @@
-"""What serves the project rather than its users: benchmarks beside other software, and the source paper run again."""
+"""Tools for the project itself: benchmarks against other software, and the reproduction of the source paper."""

@@ -1,6 +1,6 @@
-"""One HTML file that says what was tracked, how well, and how far it can be believed.
+"""HTML reports of tracks, comparisons and studies, for every verb that writes a page.
 
-These names are what a field of use builds its own sections from.
+A field of application, such as rowing, builds its own sections from these names.
 """
 
 from oarlock.report.chart import Series

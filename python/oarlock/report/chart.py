@@ -1,4 +1,4 @@
-"""Lines with bands over a number, and intervals of named things: the two drawings of a study."""
+"""The two charts of a study page: lines with bands over a number, and named intervals."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from oarlock.report.text import number
 SIZE = (400.0, 232.0)
 PLACE = (46.0, 8.0, 344.0, 176.0)
 LINES = 6
-"""Series that are told apart by colour and dash; more are drawn alike."""
+"""Number of series with a distinct colour and dash; the styles then repeat."""
 
 
 @dataclass(frozen=True)
 class Series:
-    """Points (N,) with, where there is one, a band from `low` to `high`."""
+    """Points (N,), optionally with a band from `low` to `high`."""
 
     name: str
     x: Floats
@@ -42,7 +42,7 @@ def log_chart(series: Sequence[Series], key: str, caption: str, x_name: str, y_n
 def line_chart(
     series: Sequence[Series], key: str, caption: str, x_name: str, y_name: str, named: bool = True
 ) -> str:
-    """Series with bands on plain axes; the vertical one begins at 0. Not named: without their names below."""
+    """Series with bands on linear axes; the vertical axis begins at 0. Without `named` there is no legend."""
     panel = _panel(series, from_zero=True)
     content = plot.axes(panel, x_unit="", wanted=(5, 4))
     content += "".join(_band(panel, s, k) for k, s in enumerate(series))
@@ -94,7 +94,7 @@ def _log_grid(panel: Panel) -> str:
 
 
 def _decades(low: float, high: float) -> list[float]:
-    """1, 2 and 5 times powers of ten inside a range of logarithms, thinned to eight at most."""
+    """1, 2 and 5 times powers of ten inside a range of logarithms, at most eight."""
     found = [
         math.log10(m) + k
         for k in range(math.floor(low), math.ceil(high) + 1)
@@ -112,7 +112,7 @@ def _figure(key: str, caption: str, description: str, content: str, names: Seque
 
 
 def interval_chart(rows: Sequence[tuple[str, float, float, float]], key: str, caption: str, unit: str) -> str:
-    """Names with a mean and an interval each, below one another; an interval may be missing (NaN)."""
+    """One row per name with a mean and an interval; an interval may be missing (NaN)."""
     height = 20.0
     left, top, width = 4.0, 6.0, 392.0
     ends = np.array([value for _, *values in rows for value in values if math.isfinite(value)])

@@ -1,4 +1,4 @@
-"""The page of a comparison: a table, errors as bars, and errors over time per step."""
+"""The page of `oarlock compare`: a table, errors as bars, and errors over time per step."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _page(found: Comparison, title: str) -> str:
     sections = (
         ("errors", "Errors and times", _legend() + _pictures(found)),
         ("numbers", "All numbers", _numbers(found)),
-        ("estimators", "What each is", _what(found)),
+        ("estimators", "Definitions", _what(found)),
         ("notes", "Notes", _notes(found)),
     )
     own = files(__package__).joinpath("comparison.css").read_text(encoding="utf-8")
@@ -59,7 +59,9 @@ def _page(found: Comparison, title: str) -> str:
 def _lead(found: Comparison) -> str:
     wins = found.wins
     if found.reference != "truth":
-        return f"<p>There is no truth: differences are those from <b>{escape(found.reference)}</b>.</p>"
+        return (
+            f"<p>Without ground truth, all values are differences from <b>{escape(found.reference)}</b>.</p>"
+        )
     if "mean_rmse_deg" not in wins:
         return "<p>No joint could be scored.</p>"
     first = found[wins["mean_rmse_deg"][0]]
@@ -155,7 +157,7 @@ LINE = 14.0
 
 
 def _names_at_right(points: list[tuple[float, float, str]], panel: Panel) -> list[str]:
-    """Names in a column beside the panel, each led to its point, as near to its height as the others allow."""
+    """Names in a column beside the panel, with a line to each point, near its height and without overlap."""
     ordered = sorted(points, key=lambda point: (point[1], -point[0]))
     heights = [y for _, y, _ in ordered]
     for i in range(1, len(heights)):
@@ -184,8 +186,8 @@ def _numbers(found: Comparison) -> str:
     caption = (
         f"RMSE against {against} without the first {found.start_s:g} s. Angles: mean and worst of the "
         f"{len(found.joints)} joints between the root and an inertial unit; positions in root axes, both sides "
-        "together. NEES is 1, and 95 % of errors lie in the bands, when a filter knows its errors; a dash says nothing "
-        "of them. Bold: best, or level with the best within 2 %. Times are processor time of the filter alone, for all "
+        "together. With correct bands NEES is 1; a dash: the filter reports none. Bold: best, or within 2 % of the "
+        "best. Times are processor time of the filter alone, for all "
         f"sensors of one instant, on {found.processor}; filters of ahrs run in Python."
     )
     return table("compared", caption, ["filter", *map(_head, columns)], rows)
@@ -215,17 +217,17 @@ def _what(found: Comparison) -> str:
     ]
     return table(
         "estimators",
-        "What is filtered, what is assumed, and after whom.",
+        "What each filter estimates and assumes, and its source.",
         ["filter", "is", "with", "after"],
         rows,
     )
 
 
 def _notes(found: Comparison) -> str:
-    told = [f"{name} was left out: {why}" for name, why in found.left_out.items()]
-    told += [f"{row.name}: {row.joints} of {len(found.joints)} joints seen" for row in _partial(found)]
+    told = [f"{name} was not run: {why}" for name, why in found.left_out.items()]
+    told += [f"{row.name}: {row.joints} of {len(found.joints)} joints estimated" for row in _partial(found)]
     told.append(
-        "Filters on single units are told the azimuth of the magnetic field, which the others estimate; they use no "
+        "Filters on single units are given the azimuth of the magnetic field, which the others estimate; they use no "
         "lengths, closures or base accelerations, and encoders are read directly."
     )
     return notes_list(told)

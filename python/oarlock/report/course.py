@@ -1,4 +1,4 @@
-"""Courses with bands over one axis, paths in a plane, and values with their intervals one after another."""
+"""Charts for field sections: curves with bands, paths in a plane, values with intervals in order."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class Zone:
-    """A stretch of a vertical axis that somebody named: a published range, say."""
+    """A named range of a vertical axis, such as a published range."""
 
     low: float
     high: float
@@ -36,7 +36,7 @@ class Zone:
 
 @dataclass(frozen=True)
 class Axis:
-    """What an axis shows, its unit, a range where the values should not choose it, and the least that it spans."""
+    """The quantity of an axis, its unit, an optional fixed range, and the smallest range."""
 
     name: str
     unit: str
@@ -59,7 +59,7 @@ def course_chart(
     zones: Sequence[Zone] = (),
     fact: str = "",
 ) -> str:
-    """Series with bands over one axis; marks and zones behind them. One series has no legend."""
+    """Series with bands over one axis, with marks and zones behind them. A single series has no legend."""
     reach = [v for s in series for v in (s.y, s.low, s.high) if v is not None]
     reach += [np.array([zone.low, zone.high]) for zone in zones]
     panel = Panel(
@@ -93,7 +93,7 @@ def plane_chart(
 ) -> str:
     """Paths in a plane, with named points; a path's band is that of its `low` and `high` in y.
 
-    `faint` paths lie behind, thin and without names. Both axes have one scale, or that of y is `taller` times as large.
+    `faint` paths are drawn behind, thin and without names. The scale of y is `taller` times that of x.
     """
     shown = [*series, *faint]
     across = x.span or plot.padded([s.x for s in shown], least=0.02)
@@ -122,7 +122,7 @@ def plane_chart(
             )
         )
     parts.append(_axis_name(panel, x))
-    scales = "one scale" if taller == 1.0 else f"{y.name} drawn {taller:g} times as large"
+    scales = "equal scales" if taller == 1.0 else f"{y.name} drawn {taller:g} times as large"
     words = f"{y.in_words or caption} over {x.in_words}, {scales}. {_ends(series, y.unit)}"
     size = (WIDTH, top + height + 44.0)
     return _figure(key, caption, y, fact, _drawn(key, size, caption, words, "".join(parts)), series)
@@ -137,7 +137,7 @@ def row_chart(
     zones: Sequence[Zone] = (),
     fact: str = "",
 ) -> str:
-    """Values one after another as dots, each with a bar from `low` to `high`."""
+    """Values in order as dots, each with a bar from `low` to `high`."""
     reach = [v for s in series for v in (s.y, s.low, s.high) if v is not None]
     reach += [np.array([zone.low, zone.high]) for zone in zones]
     across = x.span or plot.padded([s.x for s in series], least=1.0, share=0.04)
@@ -167,7 +167,7 @@ def row_chart(
 
 
 def _dot(x: float, y: float, k: int) -> str:
-    """Series differ in shape as well as in colour."""
+    """A dot; series differ in shape as well as in colour."""
     shape = ("m-2.5-2.5h5v5h-5z", "m0-3.6l3.6 3.6l-3.6 3.6l-3.6-3.6z", "m0-3.3l3.3 5.8h-6.6z")
     if k % 4 == 0:
         return f'<circle class="dot s{k % LINES}" cx="{x:.1f}" cy="{y:.1f}" r="2.8"/>'
@@ -175,7 +175,7 @@ def _dot(x: float, y: float, k: int) -> str:
 
 
 def _widened(span: tuple[float, float], least: float) -> tuple[float, float]:
-    """A range at least so wide, about its middle."""
+    """Widen a range about its middle to at least this width."""
     more = max(0.0, least - (span[1] - span[0])) / 2
     return span[0] - more, span[1] + more
 

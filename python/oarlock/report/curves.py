@@ -1,4 +1,4 @@
-"""One small drawing per joint, three of a ball: its whole course, and a few seconds of its error inside its band."""
+"""Drawings of the report's Curves section: every joint over time, with error and band of a few seconds."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from oarlock.report.text import MINUS, number, percent
 WIDTH, LEFT, RIGHT = 400.0, 44.0, 8.0
 CURVE_TOP, CURVE_HEIGHT, STRIP_GAP, STRIP_HEIGHT, FOOT = 6.0, 118.0, 40.0, 62.0, 20.0
 DETAIL_S = 3.0
-"""Length of the stretch in which the error is drawn, s."""
+"""Length of the interval in which the error is drawn, s."""
 SETTLED_SHARE = 0.05
-"""The scale of a band's width ignores this first share of the time, in which it still shrinks."""
+"""The scale of a band's width ignores this first share of the time, in which the filter converges."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A hinge, a slide, an axis of a position or a named angle in the unit that is drawn (deg, m or mm); (T,) each."""
+    """A hinge, slide, position axis or named angle in the drawn unit (deg, m or mm); (T,) each."""
 
     name: str
     unit: str
@@ -70,7 +70,7 @@ def detail_window(track: TrackLike, truth: TrackLike | None) -> Interval:
 
 
 def _curves(track: TrackLike, truth: TrackLike | None, part: Part) -> list[Curve]:
-    """One of a hinge or slide, three of a position; of a rotation its named angles, without bands near a pole."""
+    """One curve of a hinge or slide, three of a position; named angles of a rotation, without bands near a pole."""
     columns = list(part.columns)
     observed: Bools = np.asarray(track.observed[:, columns].all(axis=1))
     if part.kind == "rotation":
@@ -127,7 +127,7 @@ def _figure(i: int, curve: Curve, window: Interval, score: JointScore | None) ->
 
 
 def figure(key: str, curve: Curve, window: Interval, headline: str) -> str:
-    """A course, and below it a few seconds of its error inside its band; `headline` is markup."""
+    """A curve, and below it a few seconds of its error with its band; `headline` is markup."""
     style = "with-truth" if curve.error is not None else "alone"
     style = style if curve.seen else "unseen"
     drawing = _svg(key, curve, window)
@@ -164,7 +164,7 @@ def _has_error(curve: Curve, window: Interval) -> bool:
 def _description(curve: Curve) -> str:
     finite = curve.value[np.isfinite(curve.value)]
     if not curve.seen or not len(finite):
-        return "Not observed: no working sensor sees this joint."
+        return "Not observed: no working sensor measures this joint."
     return (
         f"Estimate with its 95 % band over time, from {number(float(finite.min()))} to "
         f"{number(float(finite.max()))} {curve.unit}."
@@ -201,7 +201,7 @@ def _stamp(panel: plot.Panel) -> str:
 
 
 def _error_strip(curve: Curve, window: Interval, top: float) -> str:
-    """Error of the few seconds in ``window`` over the band that the track claims for it."""
+    """Error in ``window`` with the 95 % band of the track."""
     assert curve.error is not None
     factor, unit = _fine(curve)
     inside = window.of(curve.time_s)
@@ -223,7 +223,7 @@ def _error_strip(curve: Curve, window: Interval, top: float) -> str:
 
 
 def _band_strip(curve: Curve, top: float) -> str:
-    """Half-width of the 95 % band over the whole course, where there is no truth."""
+    """Half-width of the 95 % band over the whole track, without ground truth."""
     factor, unit = _fine(curve)
     half = curve.half_band * factor
     if not np.isfinite(half).any():
@@ -241,7 +241,7 @@ def _fine(curve: Curve) -> tuple[float, str]:
 
 
 def _reach(error: Floats, half: Floats) -> float:
-    """Half the height of the error strip: the band, and the errors unless they dwarf it."""
+    """Half the height of the error strip: the band, and the errors unless they are much larger."""
     shown = [float(np.nanmax(v)) for v in (np.abs(error), half) if np.isfinite(v).any()]
     return 1.15 * max(shown, default=1.0) or 1.0
 
@@ -259,8 +259,8 @@ def _spans(panel: plot.Panel, time_s: Floats, marked: Bools, style: str) -> str:
 def _singular_hint() -> str:
     return (
         '<p class="hint">Tinted grey: the middle angle of a ball or free joint is within 15 deg of a pole. Its first '
-        "and last angle mean little there, only their sum or difference does; bands and errors are left out, and the "
-        "orientation itself is as good as elsewhere.</p>"
+        "and last angle are not unique there, only their sum or difference; bands and errors are not shown. The "
+        "orientation itself is not affected.</p>"
     )
 
 
@@ -271,26 +271,26 @@ def _score(evaluation: Evaluation | None, name: str) -> JointScore | None:
 
 
 def clip_definition() -> str:
-    """The clipping rectangles that all joint drawings share: of the course and of the strip below it."""
+    """The clipping rectangles of all joint drawings: of the curve and of the strip below it."""
     width, strip_top = WIDTH - LEFT - RIGHT, CURVE_TOP + CURVE_HEIGHT + STRIP_GAP
     course = plot.clip("plot-clip", (LEFT, CURVE_TOP, width, CURVE_HEIGHT))
     return course + plot.clip("strip-clip", (LEFT, strip_top, width, STRIP_HEIGHT))
 
 
 def legend(reference: str | None, window: Interval) -> str:
-    """What lines and bands mean; without a reference there are no errors."""
+    """The legend of lines and bands; without a reference there are no errors."""
     entries = [("estimate", "estimate"), ("band", "95 % band")]
     if reference is not None:
         entries += [("truth", reference), ("error", f"estimate {MINUS} {reference}")]
     keys = [(_key(key), text) for key, text in entries]
     style = "with-truth" if reference is not None else "alone"
     below = (
-        f"Below each course: its error from {window.start_s:.1f} to {window.end_s:.1f} s (tinted above), "
-        "enlarged, inside the band that the track claims for it."
+        f"Below each curve: its error from {window.start_s:.1f} to {window.end_s:.1f} s (tinted above), "
+        "enlarged, with the 95 % band of the track."
         if reference is not None
-        else "Below each course: half the width of its 95 % band, enlarged."
+        else "Below each curve: half the width of its 95 % band, enlarged."
     )
-    hint = f"{below} Hatched: not observed for that time."
+    hint = f"{below} Hatched: not observed during this time."
     return f'{markup.legend(keys, style=style)}<p class="hint">{hint}</p>'
 
 

@@ -1,4 +1,4 @@
-"""Drawings of what faults cost: all of them in one order, and each one from weak to strong."""
+"""Charts of a fault study: all faults ranked by their error, and each fault from weak to strong."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ PLACE = (40.0, 10.0, 352.0, 148.0)
 STRIP_GAP, STRIP = 22.0, 30.0
 ROW, TOP, SIDE = 31.0, 8.0, 6.0
 LETTER = 6.2
-"""Width of a letter, about: labels that would touch their neighbours take two lines."""
+"""Approximate width of a letter. Labels that would touch their neighbours use two lines."""
 SHAPES = (
     "M-3.4 0a3.4 3.4 0 1 0 6.8 0a3.4 3.4 0 1 0 -6.8 0Z",
     "M-3 -3H3V3H-3Z",
     "M0 -4L3.6 2.6H-3.6Z",
     "M0 -4.2L4.2 0L0 4.2L-4.2 0Z",
 )
-"""A shape for each setting beside its colour."""
+"""A shape for each setting, in addition to its colour."""
 CROSS = "M-3.6 -3.6L3.6 3.6M-3.6 3.6L3.6 -3.6"
 
 
@@ -41,12 +41,12 @@ class Scale:
             self.range = (self.range[0], 10.0 * self.range[0])
 
     def shown(self, error_deg: float) -> float:
-        """An error inside the axis; what failed lies on its end."""
+        """An error inside the axis; failed runs are at its end."""
         return min(max(error_deg, self.range[0]), self.range[1])
 
 
 def fault_chart(fault: FaultSweep, doses: Mapping[str, Sequence[Dose]], scale: Scale, key: str) -> str:
-    """Error against the strength of one fault, a line for each setting, with the range of the first one's seeds."""
+    """Error over the strength of one fault: a line per setting, and the range over seeds of the first setting."""
     first, *_ = doses.values()
     usual = first[fault.usual_index]
     svg = plot.drawing(key, SIZE, fault.name, described(fault, first), panel_of(fault, doses, scale, PLACE))
@@ -79,7 +79,7 @@ def panel_of(
 
 
 def _inside(strip: Panel, doses: Sequence[Dose], k: int, joined: bool) -> str:
-    """Share of the angles inside their bands; a setting's own marks where strengths have no order."""
+    """Share of the angles inside their bands; marks instead of lines if strengths have no order."""
     across = np.arange(len(doses), dtype=np.float64)
     shares = np.array([middle(dose.coverage) for dose in doses])
     if joined and len(doses) > 1:
@@ -89,7 +89,7 @@ def _inside(strip: Panel, doses: Sequence[Dose], k: int, joined: bool) -> str:
 
 
 def described(fault: FaultSweep, doses: Sequence[Dose]) -> str:
-    """A drawing in words, for those who do not see it."""
+    """A text description of a drawing, for screen readers."""
     errors = "; ".join(
         f"{dose.label}: {number(dose.median_deg, 2) if math.isfinite(dose.median_deg) else 'lost'}"
         for dose in doses
@@ -98,11 +98,11 @@ def described(fault: FaultSweep, doses: Sequence[Dose]) -> str:
 
 
 def cost_text(dose: Dose, places: bool = False) -> str:
-    """What a dose costs, in words; with what it costs the scored positions."""
+    """The added error of one strength as text, with that of the scored positions."""
     if not math.isfinite(dose.cost_deg):
         return "lost"
     if not dose.noticed:
-        return "nothing measurable"
+        return "no measurable change"
     text = f"+{number(dose.cost_deg, 2)} deg"
     if places and math.isfinite(dose.place_cost_mm):
         text += f", +{number(max(dose.place_cost_mm, 0.0), 2)} mm"
@@ -142,7 +142,7 @@ def _wrapped(text: str, width: float) -> list[str]:
 
 
 def _range(panel: Panel, doses: Sequence[Dose], scale: Scale) -> str:
-    """From the best seed to the worst; upright bars where strengths have no order, or there is one."""
+    """Range from the best seed to the worst; vertical bars if strengths have no order or there is only one."""
     low, high = (
         np.array([scale.shown(dose.range_deg[end]) for dose in doses], dtype=np.float64) for end in (0, 1)
     )
@@ -171,7 +171,7 @@ def symbol(x: float, y: float, k: int, lost: bool = False) -> str:
 def ranking(
     rows: Sequence[Mapping[str, Dose]], scale: Scale, key: str, caption: str, clean_deg: float
 ) -> str:
-    """Faults below one another at their usual strength: median and range over the seeds, a mark a setting."""
+    """One row per fault at its typical strength: median and range over the seeds, one mark per setting."""
     content, size = ranking_content(rows, scale, clean_deg)
     texts = "; ".join(f"{_sentence(row)}: {cost_text(next(iter(row.values())))}" for row in rows)
     svg = plot.drawing(key, size, caption, texts, content)
@@ -227,7 +227,7 @@ def _upright(panel: Panel, scale: Scale, clean_deg: float) -> str:
 
 
 def legend(settings: Sequence[str], seeds: int) -> str:
-    """What marks, bands and lines mean."""
+    """The legend of marks, bands and lines."""
     keys = [f'<path class="series s{k}" d="M0 6H28"/>{symbol(14, 6, k)}' for k in range(len(settings))]
     entries = [*zip(keys, settings, strict=True)]
     entries.append(

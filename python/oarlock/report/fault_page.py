@@ -1,4 +1,4 @@
-"""The page of a study of faults: what hurts most, each fault from weak to strong, and every number."""
+"""The page of a fault study for `oarlock study`: ranking, each fault from weak to strong, all numbers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from oarlock.report.study_sections import failures, settings_section
 from oarlock.report.text import breakable, number, percent, plural
 
 COLUMNS = 3
-"""Charts into which a ranking is cut, so that they fit side by side."""
+"""Number of charts into which a ranking is divided, so that they fit side by side."""
 FEWEST = 8
 """Rows of such a chart, if there are so many."""
 
@@ -29,9 +29,9 @@ def fault_page(result: StudyResult) -> str:
     scale = charts.Scale(doses(result.study, result.rows))
     legend = charts.legend(list(clean), len(study.seeds))
     sections = [
-        ("ranking", "What hurts most", _ranking(clean, curves, scale, legend)),
+        ("ranking", "Largest errors", _ranking(clean, curves, scale, legend)),
         ("faults", "From weak to strong", _multiples(curves, scale, legend)),
-        ("numbers", "Every number", _numbers(clean, curves)),
+        ("numbers", "All numbers", _numbers(clean, curves)),
     ]
     if result.complaints:
         sections.append(("failures", "What failed", failures(result)))
@@ -46,7 +46,7 @@ def fault_page(result: StudyResult) -> str:
 
 
 def by_fault(result: StudyResult) -> tuple[dict[str, Dose], Curves]:
-    """What is found without a fault, by setting; and doses by fault and setting, the dearest fault first."""
+    """Results without a fault, by setting; and strengths by fault and setting, the most harmful fault first."""
     found = doses(result.study, result.rows)
     clean = {dose.setting: dose for dose in found if dose.fault is None}
     curves: dict[str, dict[str, list[Dose]]] = {fault.name: {} for fault in ranked(found)}
@@ -57,7 +57,7 @@ def by_fault(result: StudyResult) -> tuple[dict[str, Dose], Curves]:
 
 
 def usual_row(own: Mapping[str, Sequence[Dose]]) -> dict[str, Dose]:
-    """The usual strength of a fault, by setting."""
+    """The typical strength of a fault, by setting."""
     return {setting: row[row[0].fault.usual_index] for setting, row in own.items() if row[0].fault}
 
 
@@ -74,15 +74,15 @@ def _ranking(clean: Mapping[str, Dose], curves: Curves, scale: charts.Scale, leg
             rows[first : first + size],
             scale,
             f"ranking-{first}",
-            f"Places {first + 1} to {min(first + size, len(rows))}",
+            f"Ranks {first + 1} to {min(first + size, len(rows))}",
             clean_level(clean),
         )
         for first in range(0, len(rows), size)
     ]
     hint = (
-        '<p class="hint">Each fault at the strength that an ordinary day may bring, the dearest first: mean RMSE of '
-        "the angles, deg, on a logarithmic axis that all drawings share; its median over the seeds, and from the best "
-        "seed to the worst. On the right what the fault adds to the error of the same seed without it.</p>"
+        '<p class="hint">Each fault at its typical strength, the most harmful first: mean RMSE of '
+        "the angles, deg, on the same logarithmic axis in all drawings; median over the seeds, and range from the best "
+        "seed to the worst. On the right: the increase over the error of the same seed without the fault.</p>"
     )
     return f"{hint}{legend}{grid(drawn)}"
 
@@ -94,10 +94,10 @@ def _multiples(curves: Curves, scale: charts.Scale, legend: str) -> str:
         if (own := next(iter(by_setting.values()))) and own[0].fault
     ]
     hint = (
-        '<p class="hint">Mean RMSE of the angles in deg against the strength of one fault; strengths stand side by '
-        "side, not to scale. The strip below: share of the angles inside their 95 % bands. A run is lost where it "
-        f"ends early or the posture is off by more than {LOST_DEG:g} deg on average. Behind the name: what the usual "
-        "strength adds to the angles, and to the scored positions.</p>"
+        '<p class="hint">Mean RMSE of the angles in deg over the strength of one fault; strengths are equally '
+        "spaced, not to scale. The strip below: share of the angles inside their 95 % bands. A run is lost where it "
+        f"ends early or the error is above {LOST_DEG:g} deg on average. Behind the name: the increase at the "
+        "typical strength, of the angles and of the scored positions.</p>"
     )
     return f"{hint}{legend}{grid(drawn, 'tall')}"
 
@@ -111,7 +111,7 @@ def _numbers(clean: Mapping[str, Dose], curves: Curves) -> str:
         for same in zip(*by_setting.values(), strict=True):
             rows.append(_row(name, same))
     caption = (
-        f"Setting {first} unless a column says otherwise; medians over the seeds. Tables beside this page hold every "
+        f"Setting {first} unless a column says otherwise; medians over the seeds. Tables with this page contain every "
         "setting in full: faults.csv, faults.parquet, faults.json."
     )
     return table("numbers", caption, head, rows)

@@ -1,4 +1,4 @@
-"""The drawings of a study of faults as one file, for pages that show pictures alone."""
+"""The charts of a fault study as one SVG file, for pages that show only pictures."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TILE = (252.0, 214.0)
 INSIDE = (36.0, 26.0, 208.0, 100.0)
 MARGIN, HEAD = 10.0, 30.0
 LETTER, SIGN = 5.6, 58.0
-"""Width of a letter of the legend, about, and of a sign with the room around it."""
+"""Approximate width of a letter of the legend, and of a symbol with its margin."""
 
 _STYLE = """
 text { font: 10.5px system-ui, "Segoe UI", "Liberation Sans", Arial, sans-serif; fill: #4a5562; }
@@ -34,7 +34,7 @@ _DASHES = ("", "8 2", "4 2", "9 2 2 2")
 
 
 def fault_picture(result: StudyResult) -> str:
-    """All faults from weak to strong, the dearest first, as an SVG file on white."""
+    """All faults from weak to strong, the most harmful first, as an SVG file on white."""
     clean, curves = by_fault(result)
     scale = charts.Scale(doses(result.study, result.rows))
     rows = -(-len(curves) // COLUMNS)

@@ -1,4 +1,4 @@
-"""What faults cost, in sentences."""
+"""The summary sentences of a fault study page."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from oarlock.report.text import number, percent
 
 DEAREST, MOST_NAMED, EXAMPLES = 8, 12, 3
 TELLS = 1.5
-"""A safeguard is worth a word where the error without it is so many times as large, or as small."""
+"""A safeguard is mentioned if the error without it is larger or smaller by this factor."""
 
 Curves = Mapping[str, Mapping[str, Sequence[Dose]]]
-"""Doses by fault and setting, the dearest fault first."""
+"""Strengths by fault and setting, the most harmful fault first."""
 
 
 def findings(clean: Mapping[str, Dose], curves: Curves) -> list[tuple[str, str]]:
-    """The summary: heads with what stands behind them."""
+    """The summary: headings with their sentences."""
     first = next(iter(clean))
     own = [doses[first] for doses in curves.values()]
     usual = [dose for doses in own for dose in doses if dose.fault and dose.index == dose.fault.usual_index]
     found = [
         ("Without a fault", _clean(clean[first])),
         (
-            "Hurts most on an ordinary day:",
+            "Largest errors at typical strength:",
             _listed([_costs(dose) for dose in usual if dose.noticed], DEAREST),
         ),
-        ("Costs nothing that can be measured:", _listed(_free(own), MOST_NAMED)),
-        ("Loses the posture in a seed or more:", _listed(_breaking(own), MOST_NAMED) or "no fault."),
+        ("No measurable effect:", _listed(_free(own), MOST_NAMED)),
+        ("Track lost in at least one seed:", _listed(_breaking(own), MOST_NAMED) or "no fault."),
     ]
     found += [_setting(name, first, curves) for name in clean if name != first]
     return [(head, text) for head, text in found if text]
@@ -40,25 +40,25 @@ def _clean(dose: Dose) -> str:
     least, greatest = dose.range_deg
     bands = f", and {percent(inside)} of them lie inside their 95 % bands" if math.isfinite(inside) else ""
     return (
-        f"the angles are off by {number(dose.median_deg, 2)} deg "
+        f"the error of the angles is {number(dose.median_deg, 2)} deg "
         f"({number(least, 2)} to {number(greatest, 2)} over the seeds){bands}."
     )
 
 
 def _breaking(own: Sequence[Sequence[Dose]]) -> list[str]:
-    """The weakest dose of each fault under which a seed is lost."""
+    """The smallest strength of each fault at which a seed is lost."""
     broken = (next((dose for dose in doses if dose.lost), None) for doses in own)
     return [f"{_said(dose)} ({dose.lost} of {len(dose.error_deg)})" for dose in broken if dose]
 
 
 def _free(own: Sequence[Sequence[Dose]]) -> list[str]:
-    """The strongest dose of each fault up to which nothing is noticed."""
+    """The largest strength of each fault without measurable effect."""
     quiet = [(doses, next((k for k, d in enumerate(doses) if d.noticed), len(doses))) for doses in own]
     return [_said(doses[count - 1]) for doses, count in reversed(quiet) if count]
 
 
 def _setting(name: str, first: str, curves: Curves) -> tuple[str, str]:
-    """Where a setting differs most from the first one, either way."""
+    """The faults at which a setting differs most from the first one, in both directions."""
     pairs = [
         (other, usual)
         for doses in curves.values()
@@ -70,7 +70,7 @@ def _setting(name: str, first: str, curves: Curves) -> tuple[str, str]:
         if most := _most(pairs, sign):
             texts.append(f"{word} under {_listed([_against(pair) for pair in most], EXAMPLES)}")
     text = " ".join(f"{t[0].upper()}{t[1:]}" if k else t for k, t in enumerate(texts))
-    return f"{name[0].upper()}{name[1:]}:", text or "no fault makes a difference worth a word."
+    return f"{name[0].upper()}{name[1:]}:", text or "no relevant difference with any fault."
 
 
 def _most(pairs: Sequence[tuple[Dose, Dose]], sign: float) -> list[tuple[Dose, Dose]]:

@@ -1,4 +1,4 @@
-"""Sensors: do their readings scatter as the filter expects, and how many were used?"""
+"""The Sensor health section of the report: NIS per measurement and the share of readings used."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ def health_table(scores: tuple[SensorScore, ...]) -> str:
         for s in scores
     ]
     caption = (
-        "Single readings (channels) of each sensor, and of each closed loop: the rule that two points "
-        "coincide, such as a hand and its handle. NIS per measurement is 1 when readings scatter as much as "
-        "the filter expects; above 1 they scatter more, below 1 less. Disturbed: share of a magnetometer's "
-        "samples that were not used, by the first test they failed: the field's norm, its dip, the "
-        "innovation. Faults: share of samples at the end of the sensor's range (clipped) or the same to the "
-        "bit (stuck), not used either."
+        "Single readings (channels) of each sensor, and of each closure: the constraint that two points "
+        "coincide, such as a hand and its handle. NIS per measurement is 1 if innovations are as large as "
+        "the filter expects; above 1 they are larger, below 1 smaller. Disturbed: share of a magnetometer's "
+        "samples that were not used, by the first failed test: the field's norm, its dip, the "
+        "innovation. Faults: share of samples at the limit of the sensor's range (clipped) or exactly "
+        "constant (stuck), which were not used either."
     )
     return table(
         "sensors",
@@ -123,7 +123,7 @@ def _nis_figure(time_s: Floats, info: InfoLike, k: int, mean_nis: float) -> str:
 
 
 def _expected(degrees: Floats) -> tuple[Floats, Floats]:
-    """Bounds that hold the smoothed NIS of a consistent filter 95 % of the time."""
+    """Bounds that contain the averaged NIS of a consistent filter 95 % of the time."""
     distinct, index = np.unique(degrees, return_inverse=True)
     rows = np.maximum(distinct, 1.0)
     low, high = (np.where(distinct > 0, chi2_quantile(p, rows) / rows, np.nan) for p in (0.025, 0.975))

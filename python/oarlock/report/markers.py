@@ -1,4 +1,4 @@
-"""A page on a marker session: joint values, how well the markers fit, gaps."""
+"""The page of `oarlock markers simulate`: joint values, residuals of the markers, gaps."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ ROW, NAMES = 13.0, 86.0
 
 
 def write_marker_report(study: MarkerStudy, path: str | Path, title: str = "Marker session") -> Path:
-    """Write a page that works offline on what markers gave: joints with their bands, residuals, every gap.
+    """Write a page about a marker session that works offline: joints with their bands, residuals, every gap.
 
     Args:
-        study: what `oarlock.simulate_from_markers` gave.
+        study: the result of `oarlock.simulate_from_markers`.
         path: the file to write, or an existing folder, which gets ``report.html``.
         title: heading.
 
@@ -55,7 +55,7 @@ def _lead(study: MarkerStudy) -> str:
         f"<p>{plural(len(markers.names), 'marker')} at {markers.rate_hz:.4g} Hz from {fit.time_s[0]:.2f} to "
         f"{fit.time_s[-1]:.2f} s, {percent(1.0 - float((markers.seen & ~study.filled.estimated).mean()))} not seen. "
         f"{plural(len(study.gaps), 'gap')}: {len(study.gaps) - refused} filled, {refused} left.</p>"
-        f"<p>Residuals are {fixed(fit.noise_scale, 2)} of what the attachments say of their markers. "
+        f"<p>Residuals are {fixed(fit.noise_scale, 2)} times the standard deviations in the attachments. "
         f"Simulated from this movement: {escape(', '.join(study.recording.names))}.</p>"
     )
 
@@ -105,7 +105,7 @@ def _figure(
 
 
 def _seen(study: MarkerStudy) -> str:
-    """One line a marker: seen, put in, missing."""
+    """One line per marker: seen, filled, missing."""
     names, time_s = study.markers.names, study.fit.time_s
     height = ROW * len(names)
     panel = plot.over_time(time_s, (NAMES, 4.0, 800.0 - NAMES - 10.0, height), (0.0, 1.0))
@@ -132,7 +132,7 @@ def _seen(study: MarkerStudy) -> str:
     ]
     keys = bar_legend((("used", "seen"), ("rejected", "put in"), ("missing", "missing")))
     svg = plot.drawing(
-        "seen", (800.0, height + 24.0), "Which marker was seen when", "Time in s.", "".join(parts)
+        "seen", (800.0, height + 24.0), "Visibility of each marker over time", "Time in s.", "".join(parts)
     )
     return f"{keys}<figure>{svg}</figure>"
 
@@ -155,7 +155,7 @@ def _residuals(study: MarkerStudy) -> str:
 
 def _gaps(gaps: Sequence[Gap]) -> str:
     if not gaps:
-        return "<p>There was none.</p>"
+        return "<p>There were no gaps.</p>"
     rows = [
         [
             breakable(gap.marker),
@@ -167,5 +167,5 @@ def _gaps(gaps: Sequence[Gap]) -> str:
         ]
         for gap in gaps
     ]
-    head = ["marker", "from s", "to s", "length s", "frames", "what became of it"]
+    head = ["marker", "from s", "to s", "length s", "frames", "treatment"]
     return table("gaps", "Every gap, by marker and time.", head, rows)

@@ -1,6 +1,6 @@
-"""Markup of the pages from the Jinja templates beside this file: figures, legends, tables, lists.
+"""HTML of the pages' parts from Jinja templates: figures, legends, tables, lists.
 
-Jinja escapes every value. Where a template says `safe`, the value is markup already: a drawing, a table, a cell.
+Jinja escapes every value. A template marks a value as `safe` if it is already markup: a drawing, a table, a cell.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ SWATCH, BAR_SWATCH = (28, 12), (14, 10)
 
 
 class Column(NamedTuple):
-    """A head, its unit below it, and its meaning (shown on hovering, read aloud)."""
+    """A column heading, its unit below it, and its meaning (shown on hovering, read by screen readers)."""
 
     name: str
     unit: str = ""
@@ -43,7 +43,7 @@ def _environment() -> Environment:
 
 
 def rendered(template: str, **values: object) -> str:
-    """The template of this name with its values, without line ends at its end."""
+    """Render the template of this name, without line ends at the end."""
     return _environment().get_template(f"{template}.html.j2").render(values)
 
 
@@ -57,25 +57,25 @@ def figure(
     style: str = "",
     below: str = "",
 ) -> str:
-    """A drawing under its name; `drawing`, `fact` and what stands `below` are markup."""
+    """A drawing with its title; `drawing`, `fact` and `below` are markup."""
     return rendered(
         "figure", name=name, drawing=drawing, unit=unit, fact=fact, key=key, style=style, below=below
     )
 
 
 def legend(entries: Iterable[tuple[str, str]], size: tuple[int, int] = SWATCH, style: str = "") -> str:
-    """What lines and colours mean: the inside of a small drawing, markup, and a name for each."""
+    """A legend of lines and colours: the content of a small drawing (markup) and a name for each."""
     return rendered("legend", entries=list(entries), width=size[0], height=size[1], style=style)
 
 
 def bar_legend(entries: Iterable[tuple[str, str]]) -> str:
-    """What the colours of bars mean: the class of a bar, and a name for each."""
+    """A legend of bars: the class of a bar and a name for each."""
     swatches = ((f'<rect class="{style}" width="14" height="10"/>', name) for style, name in entries)
     return legend(swatches, BAR_SWATCH)
 
 
 def notes_list(notes: Iterable[str]) -> str:
-    """Sentences below each other."""
+    """A list of sentences."""
     return rendered("notes", notes=list(notes))
 
 
@@ -94,7 +94,7 @@ def table(
     foot: Sequence[Sequence[str]] = (),
     style: str = "",
 ) -> str:
-    """A table that scrolls sideways by itself where the page is narrow.
+    """A table that scrolls horizontally on a narrow page.
 
     Args:
         key: of its ids.
@@ -102,7 +102,7 @@ def table(
         heads: one for each column.
         rows: cells that are markup already; the first of a row is its header.
         styles: classes of rows, by their number.
-        foot: rows that stay below.
+        foot: rows that stay at the end.
         style: class of the table.
     """
     return rendered(

@@ -1,4 +1,4 @@
-"""The page: its parts in the order in which they are read."""
+"""Assembles the report page of a track, for `oarlock.report.write_report`; and the frame of every page."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from oarlock.report.section import Section, refuse_doubles, tiles
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 """What a browser may load for this page: nothing from outside."""
 WITH_SCRIPT = f"{POLICY} blob:; script-src 'unsafe-inline'"
-"""The same where the page runs scripts of its own."""
+"""The same for a page with scripts."""
 FOLDED = ("positions", "slow", "provenance")
-"""What few look for, and those few by name."""
+"""Sections that are folded."""
 
 
 def render(
@@ -28,7 +28,7 @@ def render(
     title: str | None,
     handed: Sequence[Section] = (),
 ) -> str:
-    """The whole page as text; `handed` sections come before those of any body."""
+    """The whole page as text; `handed` sections come before the general ones."""
     heading = (
         title or f"Track of {getattr(track.model, 'name', None) or track.provenance.get('model', 'a model')}"
     )
@@ -42,7 +42,7 @@ def render(
         f"{tiles([*figures, *verdict.key_figures(track, evaluation, sensors)])}"
     )
     sections = [*((section.key, section.name, section.markup) for section in handed), *own]
-    # A field's own drawings say more than the curves of all joints.
+    # The drawings of a field of application are more useful than the curves of all joints.
     folded = [key for key, _, _ in own if key in FOLDED or (handed and key == "curves")]
     folded += [section.key for section in handed if section.folded]
     return shell(
@@ -65,9 +65,9 @@ def shell(
     scripts: Sequence[str] = (),
     folded: Collection[str] = (),
 ) -> str:
-    """A page with a heading, what it says first, and sections (key, name, markup) with links to them.
+    """A page with a heading, a summary, and sections (key, name, markup) with links to them.
 
-    Sections whose key is among `folded` show their heading until somebody asks for more.
+    Sections whose key is in `folded` show only their heading until the reader opens them.
     """
     policy = WITH_SCRIPT if scripts or any("<script" in content for _, _, content in sections) else POLICY
     return rendered(
@@ -84,7 +84,7 @@ def shell(
 
 
 def _unbroken(markup: str) -> str:
-    """No line ends between a number and its percent sign; scripts stay as they are."""
+    """Prevent line breaks between a number and its percent sign, except in scripts."""
     pieces = re.split(r"(<script\b.*?</script>)", markup, flags=re.S)
     return "".join(
         piece if piece.startswith("<script") else piece.replace(" %", "\N{NO-BREAK SPACE}%")
@@ -104,8 +104,8 @@ def _sections(
     if sensors:
         explanation = (
             '<p class="hint">NIS per measurement over time, averaged over 0.5 s, on a logarithmic scale. '
-            "The tinted band around 1 holds it 95 % of the time when the model is right."
-            f"{' It is that of the filter, before smoothing.' if track.smoothed else ''}</p>"
+            "If the model is right, it is inside the tinted band around 1 for 95 % of the time."
+            f"{' The values are those of the filter, before smoothing.' if track.smoothed else ''}</p>"
         )
         legend = bar_legend((style, style) for style in ("used", "rejected", "missing"))
         drawings = health.health_section(track, sensors)
@@ -114,11 +114,9 @@ def _sections(
     if evaluation and evaluation.positions:
         sections.append(("positions", "Positions", tables.positions_table(evaluation.positions)))
     if track.slow:
-        hint = '<p class="hint">Biases and other quantities that change slowly, each with its 95 % band.</p>'
+        hint = '<p class="hint">Biases and other slowly changing quantities, each with its 95 % band.</p>'
         sections.append(("slow", "Slow states", hint + slow.slow_section(track, truth)))
-    provenance = (
-        tables.provenance_list(track.provenance) if track.provenance else "<p>Nothing is recorded.</p>"
-    )
+    provenance = tables.provenance_list(track.provenance) if track.provenance else "<p>None recorded.</p>"
     sections.append(("provenance", "Provenance", provenance))
     return sections
 
@@ -127,16 +125,18 @@ def _notes(track: TrackLike) -> str:
     notes = list(track.notes)
     nominal = [str(name) for name in track.provenance.get("nominal_mounts", ())]
     if nominal and not any("nominal" in note for note in notes):
-        notes.append(f"Mounts are the model's nominal ones, not calibrated: {', '.join(nominal)}.")
+        notes.append(
+            f"Nominal mounts are assumed (not calibrated): {', '.join(nominal)}. Run oarlock calibrate."
+        )
     seen = verdict.observed_joints(track)
     silent = [n for n in track.joint_names if n not in seen and not any(n in note for note in notes)]
     if silent:
         notes.append(f"Not observed: {', '.join(silent)}.")
-    return notes_list(notes) if notes else "<p>Nothing was missing.</p>"
+    return notes_list(notes) if notes else "<p>No notes.</p>"
 
 
 def definitions() -> str:
-    """Hidden drawings that others refer to: hatching, clipping rectangles."""
+    """Hidden drawings for reference by others: hatching, clipping rectangles."""
     hatch = (
         '<svg class="definitions" width="0" height="0" aria-hidden="true">'
         '<pattern id="hatch" width="6" height="6" patternUnits="userSpaceOnUse" patternTransform="rotate(45)">'

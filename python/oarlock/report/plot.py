@@ -1,4 +1,4 @@
-"""Small SVG plots: scales, ticks, decimated lines and bands. Colours come from the style sheet by class."""
+"""Elements of SVG plots for all pages: scales, ticks, decimated lines and bands. CSS classes set the colours."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Panel:
         return np.asarray(self.left + (np.asarray(value) - low) / (high - low) * self.width)
 
     def y(self, value: Floats | float) -> Floats:
-        """Vertical position, kept just inside the panel's neighbourhood."""
+        """Vertical position, limited to the panel and a margin."""
         low, high = (math.log10(v) if self.log_y else v for v in self.y_range)
         shown = np.log10(np.maximum(value, 1e-300)) if self.log_y else np.asarray(value)
         position = self.top + (high - shown) / (high - low) * self.height
@@ -84,7 +84,7 @@ def ticks(low: float, high: float, wanted: int = 4) -> list[float]:
 
 
 def tick_labels(values: Sequence[float]) -> list[str]:
-    """The values with as many decimals as their spacing needs."""
+    """The values as text with the decimals that their spacing needs."""
     gaps = [abs(b - a) for a, b in pairwise(values)] or [abs(v) for v in values if v]
     step = min(gaps, default=1.0)
     decimals = max(0, -math.floor(math.log10(step) + 1e-9)) if step else 0
@@ -131,13 +131,13 @@ def _buckets(x: Floats, y: Floats, count: int) -> list[tuple[Floats, Floats]]:
 
 
 def line(panel: Panel, x: Floats, y: Floats, style: str) -> str:
-    """A decimated curve; gaps stay gaps."""
+    """A decimated curve with its gaps."""
     xs, ys = decimate(x, y)
     return f'<path class="{style}" d="{_path(panel.x(xs), panel.y(ys))}"/>'
 
 
 def band(panel: Panel, x: Floats, low: Floats, high: Floats, style: str) -> str:
-    """A filled band between two curves; gaps stay gaps."""
+    """A filled band between two curves, with its gaps."""
     xs, lows, highs = envelope(x, low, high)
     good = np.isfinite(lows) & np.isfinite(highs)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(np.int8))).reshape(-1, 2)
@@ -150,7 +150,7 @@ def band(panel: Panel, x: Floats, low: Floats, high: Floats, style: str) -> str:
 
 
 def span(panel: Panel, start: float, end: float, style: str) -> str:
-    """A shaded stretch of the horizontal axis over the panel's height."""
+    """A shaded interval of the horizontal axis over the panel's height."""
     a, b = (float(panel.x(min(max(v, panel.x_range[0]), panel.x_range[1]))) for v in (start, end))
     return (
         f'<rect class="{style}" x="{a:.1f}" y="{panel.top:.1f}" width="{max(b - a, 0.5):.1f}" '

@@ -1,4 +1,4 @@
-"""A page for a recording that could not be tracked: which sensors are suspect, and why tracking stopped."""
+"""The page that replaces the report if tracking failed: suspect sensors and the reason."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ __all__ = ["write_refusal"]
 
 
 def write_refusal(path: str | Path, title: str, notes: Sequence[str], reason: str) -> Path:
-    """Write a page that works offline, in the place of a report.
+    """Write a page that works offline, instead of a report.
 
     Args:
         path: the file to write; missing parents are made.
         title: heading.
-        notes: sentences on suspects, as `Suspect.note` gives them.
+        notes: sentences about suspects, from `Suspect.note`.
         reason: why there is no track; its lines become paragraphs.
 
     Returns:

@@ -1,4 +1,4 @@
-"""A part of the page that somebody else wrote: a field's own tables and drawings, before those of any body."""
+"""Sections that a field of application, such as rowing, adds to the report before the general ones."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _KEY = re.compile(r"[a-z][a-z0-9-]*")
 
 
 class KeyFigure(NamedTuple):
-    """A number that people look for first, as text: what it is, the number with its unit, one thing to know of it."""
+    """A key figure as text: its name, the number with its unit, and one remark."""
 
     name: str
     value: str
@@ -23,17 +23,17 @@ class KeyFigure(NamedTuple):
 
 @dataclass(frozen=True)
 class Section:
-    """A part of the page with what it adds above the first heading.
+    """A section of the page, with its sentences and figures for the summary.
 
     Attributes:
-        key: of its anchor and of everything in it that needs an id: small letters, digits and hyphens.
+        key: prefix of its anchor and of all ids in it: small letters, digits and hyphens.
         name: its heading and its link at the top.
         markup: its content, HTML that is well-formed and whose ids begin with `key`.
-        sentences: what it has to say first, markup each; they stand in the summary, after suspects.
-        figures: shown large, below the summary.
-        style: rules of its own for the page's style sheet.
-        script: JavaScript without markup, run once when the page has been read. The page has to be readable without.
-        folded: it shows its heading alone until somebody opens it. Links to what is inside do.
+        sentences: its sentences in the summary, after suspects; markup each.
+        figures: key figures, below the summary.
+        style: additional CSS rules.
+        script: JavaScript without markup, run once after the page has loaded. The page must be readable without it.
+        folded: only its heading is shown until the reader opens it, or follows a link to its content.
     """
 
     key: str
@@ -51,11 +51,11 @@ class Section:
                 f"section '{self.key}': a key has small letters, digits and hyphens and begins with a letter"
             )
         if "</script" in self.script.lower():
-            raise DataError(f"section '{self.key}': its script holds '</script', which would end it")
+            raise DataError(f"section '{self.key}': its script contains '</script', which would end it")
 
 
 def refuse_doubles(sections: Sequence[Section], taken: Sequence[str]) -> None:
-    """Raises DataError where two sections, or one and a part of the page, have one key."""
+    """Raises DataError if two sections, or a section and a part of the page, have the same key."""
     seen = set(taken)
     for section in sections:
         if section.key in seen:

@@ -1,4 +1,4 @@
-"""The page of a calibration session: what was found, how sure, and what to do again."""
+"""The page of `oarlock calibrate session`: results, their uncertainty, and the steps to repeat."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def write_session_page(calibration: Calibration, path: str | Path) -> Path:
     """Write the page of a calibration that `oarlock.calibrate_session` made; works offline and on paper.
 
     Raises:
-        DataError: the calibration was found otherwise.
+        DataError: the calibration was not made by a session.
     """
     target = Path(path)
     target.write_text(session_page(calibration), encoding="utf-8")
@@ -43,17 +43,17 @@ def session_page(calibration: Calibration) -> str:
     session = calibration.noted.get("session")
     if not isinstance(session, Mapping):
         raise DataError(
-            'this calibration holds no session (noted["session"]): it was found otherwise. '
+            'this calibration was not made by a session (noted["session"] is missing). '
             "Make one with oarlock.calibrate_session"
         )
     checks: Sequence[Check] = session["check"]
     again = [c for c in checks if c["outcome"] == "redo"]
-    sections = [("again", "Do again", _again(again))] if again else []
-    sections.append(("steps", "What was done", _steps(session)))
-    sections.append(("units", "Unit by unit", _units(checks)))
+    sections = [("again", "Steps to repeat", _again(again))] if again else []
+    sections.append(("steps", "Steps", _steps(session)))
+    sections.append(("units", "Sensors", _units(checks)))
     others = [c for c in checks if not c["subject"] or not _is_unit(c, checks)]
     if others:
-        sections.append(("others", "Streams and the room", _table("others", "", others, "about")))
+        sections.append(("others", "Streams and magnetic field", _table("others", "", others, "about")))
     sections.append(("reading", "How to read this page", rendered("session_reading")))
     lead = f'<div class="lead">{_lead(session, again)}</div>{_figures(checks)}'
     return shell(f"Calibration session: {session['plan']}", lead, sections)
@@ -109,15 +109,15 @@ def _steps(session: Mapping[str, Any]) -> str:
         rows.append([f"{k}. {escape(step['name'])}", times, _outcome(step["outcome"]), told])
     listed = table(
         "steps-list",
-        "In the order of the plan; times are those of the recording.",
-        ["step", "time s", "", "in words, and what was asked for"],
+        "In the order of the plan; times of the recording.",
+        ["step", "time s", "", "result, and the instruction"],
         rows,
     )
     return f'{_timeline(session["step"])}<div class="session">{listed}</div>'
 
 
 def _timeline(steps: Sequence[Mapping[str, Any]]) -> str:
-    """The found steps over time, one row each; pictures need no colour to be told apart."""
+    """The found steps over time, one row each; they are distinguishable without colour."""
     found = [s for s in steps if "start_s" in s]
     if not found:
         return ""
@@ -145,7 +145,7 @@ def _timeline(steps: Sequence[Mapping[str, Any]]) -> str:
     keys = bar_legend((("used", "held still"), ("moving", "moving")))
     return (
         f'<figure class="timeline">{keys}<svg viewBox="0 0 {WIDTH:.0f} {height:.0f}" role="img" '
-        f'aria-label="Where each step lies in time">{ticks}{bars}</svg></figure>'
+        f'aria-label="Time of each step">{ticks}{bars}</svg></figure>'
     )
 
 

@@ -1,4 +1,4 @@
-"""Small drawings of what changes slowly: biases, base acceleration, the field's azimuth."""
+"""Drawings of slow states for the report: biases, base acceleration, azimuth of the magnetic field."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ SHOWN_UNITS = {
     "m/s3": (1.0, "m/s³"),
 }
 SETTLED_SHARE = 0.05
-"""The vertical range ignores this first share of the time, in which the bands still shrink."""
+"""The vertical range ignores this first share of the time, in which the filter converges."""
 
 Lines = list[tuple[str, SlowLike]]
 
 
 def slow_section(track: TrackLike, truth: TrackLike | None) -> str:
-    """One drawing per quantity, its x, y and z together; truth dashed where it has the same name."""
+    """One drawing per quantity with x, y and z; ground truth is dashed if it has the same name."""
     groups: dict[str, Lines] = {}
     for name, series in track.slow.items():
         group, axis = _group(name)
@@ -40,7 +40,7 @@ def slow_section(track: TrackLike, truth: TrackLike | None) -> str:
 
 
 def _group(name: str) -> tuple[str, str]:
-    """What is drawn together, and its axis: `push_x.rate` is x of `push.rate`."""
+    """Split a name into quantity and axis: `push_x.rate` is x of `push.rate`."""
     stem, dot, rate = name.partition(".rate")
     group, _, axis = stem.rpartition("_")
     return (f"{group}{dot}{rate}", axis) if axis in {"x", "y", "z"} else (name, "")
@@ -92,5 +92,5 @@ def _last(value: Floats) -> float:
 
 
 def clip_definition() -> str:
-    """The clipping rectangle that these drawings share."""
+    """The clipping rectangle of these drawings."""
     return plot.clip("slow-clip", PLACE)

@@ -1,4 +1,4 @@
-"""A table whose rows can be put in another order by click or key; without its script it is a table."""
+"""A table that can be sorted by click or key, for field sections; without its script it is a plain table."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def sort_script() -> str:
 
 
 def value_cell(value: float, text: str) -> str:
-    """A cell that is sorted by the number and shows the text; markup of a cell's inside."""
+    """The markup inside a cell that shows the text and is sorted by the number."""
     return f'<data value="{"nan" if math.isnan(value) else f"{value:.9g}"}">{escape(text)}</data>'
 
 
@@ -28,5 +28,5 @@ def sortable_table(
     foot: Sequence[Sequence[str]] = (),
     muted: Sequence[int] = (),
 ) -> str:
-    """A table whose first column is a row header; cells are markup. `foot` stays below; `muted` rows are grey."""
+    """A table whose first column is a row header; cells are markup. `foot` stays at the end; `muted` rows are grey."""
     return table(key, caption, columns, rows, dict.fromkeys(muted, "muted"), foot=foot, style="sortable")

@@ -1,4 +1,4 @@
-"""The page of a study: how the error goes with what was varied, and what every scenario came to."""
+"""The page of `oarlock study`: errors over the varied settings, and the results of every scenario."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def study_page(result: StudyResult) -> str:
     summary = result.summary()
     sections = [("scenarios", "Scenarios", _scenarios(result, summary))]
     if numeric := _numeric(result):
-        sections.append(("curves", "Error against what was varied", _charts(summary, numeric)))
-    sections.append(("intervals", "Scenario by scenario", _intervals(summary)))
+        sections.append(("curves", "Error over the varied settings", _charts(summary, numeric)))
+    sections.append(("intervals", "All scenarios", _intervals(summary)))
     if result.complaints:
         sections.append(("failures", "What failed", failures(result)))
     sections.append(("settings", "What was run", settings_section(result)))
@@ -45,7 +45,7 @@ def _sentence(result: StudyResult) -> str:
     failed = f"; {plural(len(result.failures), 'run')} failed" if result.failures else ""
     return (
         f"{plural(count, 'scenario')} with {plural(seeds, 'seed')} each, {plural(study.run_count, 'run')}{failed}. "
-        "Every scenario has the same seeds, so that differences are those of the scenario."
+        "Every scenario has the same seeds, so that differences come from the scenario."
     )
 
 
@@ -75,9 +75,9 @@ def _scenarios(result: StudyResult, summary: Sequence[Mapping[str, Any]]) -> str
         )
     return table(
         "scenarios",
-        f"{MEAN[0].upper()}{MEAN[1:]}, RMSE in deg over the seeds; the interval is Student's, of "
+        f"{MEAN[0].upper()}{MEAN[1:]}, RMSE in deg over the seeds; the interval is Student's t interval of "
         "the mean. In the 95 % band: "
-        "share of samples; NEES per state is 1 for a filter that knows how wrong it is.",
+        "share of samples; NEES per state is 1 for a consistent filter.",
         ["scenario", "mean deg", "SD", "95 % interval", "worst seed", "in 95 % band", "NEES", "seeds"],
         rows,
     )
@@ -87,7 +87,7 @@ def _scenarios(result: StudyResult, summary: Sequence[Mapping[str, Any]]) -> str
 
 
 def _numeric(result: StudyResult) -> list[str]:
-    """Keys of the grid with three or more numbers, or two: what has an axis."""
+    """Keys of the grid with three or more numbers, or else with two; they become axes."""
     study = result.study
     return [key for key, values in study.grid.items() if len(values) > 1 and all(map(_is_number, values))]
 
@@ -148,6 +148,8 @@ def _intervals(summary: Sequence[Mapping[str, Any]]) -> str:
         ]
         drawn.append(chart.interval_chart(rows[:MOST_INTERVALS], f"intervals-{k}", item, unit))
     more = max((sum(r["item"] == MEAN for r in summary) - MOST_INTERVALS, 0))
-    hint = f'<p class="hint">The first {MOST_INTERVALS} scenarios; the table has all.</p>' if more else ""
+    hint = (
+        f'<p class="hint">The first {MOST_INTERVALS} scenarios; the table contains all.</p>' if more else ""
+    )
     rest = f"<details><summary>Each joint and frame</summary>{grid(drawn[1:])}</details>"
     return hint + grid(drawn[:1]) + (rest if len(drawn) > 1 else "")

@@ -1,4 +1,4 @@
-"""Sections that every page of a study has: what was run, and what failed."""
+"""Sections of every study page: the settings, and the failed runs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def failures(result: StudyResult) -> str:
 
 
 def settings_section(result: StudyResult) -> str:
-    """Keys with the values that they took, model, simulator and seeds."""
+    """Varied keys with their values, model, simulator and seeds."""
     study = result.study
     keys = study.keys
     rows = []
@@ -41,5 +41,5 @@ def settings_section(result: StudyResult) -> str:
         ["key", "values", ""],
         [*facts, *rows],
     ) + (
-        f'<p class="hint">Tables beside this page, as CSV and Parquet: {tables}; run.toml holds the study.</p>'
+        f'<p class="hint">Tables beside this page, as CSV and Parquet: {tables}; run.toml contains the study.</p>'
     )

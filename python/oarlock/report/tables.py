@@ -1,4 +1,4 @@
-"""Tables: joints, positions, provenance."""
+"""Tables of the report: joints, positions, provenance."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from oarlock.report.verdict import NARROW_COVERAGE, WIDE_COVERAGE
 
 
 def joints_table(track: TrackLike, evaluation: Evaluation | None) -> str:
-    """Per joint: range of motion and band; with truth also error, correlation, coverage and NEES.
+    """Per joint: range of motion and standard deviation; with truth also error, correlation, coverage and NEES.
 
-    Below a ball joint, a position and the rotation of a free joint stand their components and named angles.
+    Rows of components and named angles follow a ball joint, a position and the rotation of a free joint.
     """
     scores = (
         {score.name: score for joint in evaluation.joints for score in (joint, *joint.parts)}
@@ -53,23 +53,23 @@ def joints_table(track: TrackLike, evaluation: Evaluation | None) -> str:
 
 
 _SEVERAL = (
-    " A ball joint, and the rotation of a free joint, has the angle of its whole error; below it stand the errors "
-    "about the child's axes (rx, ry, rz) and those of its named angles, away from their poles."
+    " The error of a ball joint, and of the rotation of a free joint, is an angle of rotation; below it are the errors "
+    "about the child's axes (rx, ry, rz) and those of its named angles, except near poles."
 )
 
 
 def _joints_caption(evaluation: Evaluation | None, several: bool) -> str:
     if evaluation is None:
         plain = "Joints in the order of the model: angles in degrees, lengths in millimetres."
-        return plain + (" Below a ball joint stand its components and its named angles." if several else "")
+        return plain + (" Components and named angles follow below a ball joint." if several else "")
     reference = "truth" if evaluation.reference == "truth" else "reference"
     return (
         f"Joints in the order of the model, scored without the first {evaluation.start_s:g} s: hinges in "
-        "degrees, slides in millimetres. Mean std: the error that the program expects of itself; RMSE: the "
-        "one it made; NEES: their squares' ratio, 1 when both agree, less when it was too cautious. Grey: no "
-        f"sensor feels this joint. ▲ marks a band that holds the {reference} less than "
+        "degrees, slides in millimetres. Mean std: the expected error; RMSE: the "
+        "actual error; NEES: ratio of their squares, 1 if both agree, below 1 if bands are too wide. Grey: no "
+        f"sensor observes this joint. ▲ marks a band that contains the {reference} less than "
         f"{percent(NARROW_COVERAGE)} of the time, "
-        f"▽ one that does so more than {percent(WIDE_COVERAGE)}." + (_SEVERAL if several else "")
+        f"▽ a band that contains it more than {percent(WIDE_COVERAGE)}." + (_SEVERAL if several else "")
     )
 
 
@@ -84,7 +84,7 @@ class _Shown:
 
 
 def _shown(track: TrackLike, part: Part, kept: Bools) -> list[_Shown]:
-    """The rows of a part: itself, then its components and named angles."""
+    """The rows of a part: the part, then its components and named angles."""
     columns, unit = list(part.columns), part_unit(track, part)
     value, std = track.q[kept][:, columns], track.q_std[kept][:, columns]
     names = [track.coordinate_names[column] for column in columns]
@@ -114,7 +114,7 @@ def _shown(track: TrackLike, part: Part, kept: Bools) -> list[_Shown]:
 
 
 def _reach(rotvec_rad: Floats) -> str:
-    """How far rotations (N, 3) go from their mean."""
+    """The largest distance of rotations (N, 3) from their mean, as text."""
     quat = quat_from_rotvec(rotvec_rad[np.isfinite(rotvec_rad).all(axis=1)])
     if not len(quat):
         return DASH
@@ -160,12 +160,12 @@ def _nanmean(value: Floats) -> float:
 
 
 def states_sentence(states: StateScore | None) -> str:
-    """NEES per state over the kept beliefs, with what a consistent filter would show."""
+    """NEES per state over the stored beliefs, with the range of a consistent filter."""
     if states is None:
         return ""
     low, high = states.interval_95
     singular = (
-        f" {plural(states.singular, 'belief')} left out: no full-rank covariance." if states.singular else ""
+        f" {plural(states.singular, 'belief')} excluded: covariance is singular." if states.singular else ""
     )
     return (
         f'<p class="hint">NEES per state, with the full covariance of angles, velocities and accelerations: '
@@ -189,7 +189,7 @@ def positions_table(scores: Sequence[PositionScore]) -> str:
 
 
 def provenance_list(provenance: Mapping[str, Any]) -> str:
-    """What made this track, as a nested list of names and values."""
+    """Provenance of the track, as a nested list of names and values."""
     items = "".join(
         f"<dt>{breakable(str(key))}</dt><dd>{_value(value)}</dd>" for key, value in provenance.items()
     )

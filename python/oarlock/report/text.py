@@ -1,4 +1,4 @@
-"""Numbers and markup as text."""
+"""Formats numbers and lists as text for all pages."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ DASH = "\N{EN DASH}"
 
 
 def number(value: float, digits: int = 3) -> str:
-    """``digits`` significant digits without exponent between 1e-4 and 1e6; a dash for no number."""
+    """``digits`` significant digits, without exponent between 1e-4 and 1e6; a dash for NaN."""
     if not math.isfinite(value):
         return DASH
     if value == 0:
@@ -29,7 +29,7 @@ def decimals(value: float, digits: int = 3) -> int:
 
 
 def fixed(value: float, places: int) -> str:
-    """A fixed number of decimals; a dash for no number."""
+    """A fixed number of decimals; a dash for NaN."""
     if not math.isfinite(value):
         return DASH
     shown = round(value, places) + 0.0  # no minus before zero

@@ -1,4 +1,4 @@
-"""What the numbers say, in plain words."""
+"""The summary of the report in sentences and key figures."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from oarlock.report.text import fixed, listing, number, percent, plural
 NARROW_COVERAGE, WIDE_COVERAGE = 0.93, 0.995
 """Share of samples in the 95 % band below which a band is too narrow, above which it is wider than needed."""
 MISLEADING_COVERAGE = 0.8
-"""Share below which a band should not be relied on at all."""
+"""Share below which a band is not usable."""
 NIS_TOO_LARGE = 1.25
-"""NIS per measurement above which a sensor scatters clearly more than the filter expects."""
+"""NIS per measurement above which the innovations of a sensor are clearly larger than expected."""
 
 
 def summary(
@@ -29,9 +29,9 @@ def summary(
     sensors: tuple[SensorScore, ...],
     told: Sequence[str] = (),
 ) -> str:
-    """A few sentences: which sensors are suspect, what was tracked, how well, whether to believe the bands.
+    """A few sentences: suspect sensors, what was tracked, its errors, and the coverage of the bands.
 
-    `told` is what others have to say, markup each; it comes after suspects.
+    `told` are sentences of other sections, markup each; they follow suspects.
     """
     sentences = [
         *suspect_sentences(track.notes),
@@ -44,13 +44,13 @@ def summary(
 
 
 def suspect_sentences(notes: Sequence[str]) -> list[str]:
-    """What notes say of faults of sensors."""
+    """The notes about suspects."""
     found = [note.removeprefix(SUSPECT_NOTE) for note in notes if note.startswith(SUSPECT_NOTE)]
     return [f"<strong>Suspect:</strong> {escape(text)}" for text in found]
 
 
 def observed_joints(track: TrackLike) -> list[str]:
-    """Names of the joints that the sensors pinned down, in all their coordinates, at least half of the time."""
+    """Names of the joints that were observed, in all their coordinates, at least half of the time."""
     columns = joint_columns(track.coordinate_names)
     seen = {name: track.observed[:, list(own)].all(axis=1) for name, own in columns.items()}
     return [name for name in track.joint_names if np.mean(seen[name]) >= 0.5]
@@ -64,7 +64,7 @@ def rate_hz(track: TrackLike) -> float:
 def key_figures(
     track: TrackLike, evaluation: Evaluation | None, sensors: tuple[SensorScore, ...]
 ) -> list[KeyFigure]:
-    """The few numbers that people look for first."""
+    """The key figures of the report."""
     duration = float(track.time_s[-1] - track.time_s[0])
     figures = [
         KeyFigure(
@@ -109,7 +109,7 @@ def _what(track: TrackLike) -> str:
     how = (
         "smoothed over the whole recording"
         if track.smoothed
-        else "filtered: each estimate uses the past only"
+        else "filtered: each estimate uses only earlier and current readings"
     )
     return (
         f"{plural(len(track.joint_names), 'joint')} of {body} over {number(duration)} s "
@@ -125,21 +125,21 @@ def _seen_words(seen: int, total: int) -> str:
 
 def _how_well(evaluation: Evaluation | None) -> str:
     if evaluation is None:
-        return "There is no truth to compare with: the bands say what the track claims, not how wrong it is."
+        return "Without a reference we can show the expected error (the 95 % bands), not the actual one."
     turning = evaluation.turning()
     if not turning:
-        return "No observed joint that turns has a truth to compare with."
+        return "No observed hinge or rotation can be compared with the ground truth."
     worst = max(turning, key=lambda score: score.rmse)
     noun = "joint" if any(score.parts for score in turning) else "hinge"
     if evaluation.reference != "truth":
         return (
-            f"From {escape(evaluation.reference)}, which have errors of their own, the angles differ by "
+            f"The angles differ from {escape(evaluation.reference)}, which also have errors, by "
             f"<b>{number(evaluation.mean_rmse_deg(), 2)}°</b> (RMSE, mean over {plural(len(turning), noun)}, "
-            f"without the first {evaluation.start_s:g} s); most at {escape(worst.name)}, by "
+            f"without the first {evaluation.start_s:g} s). The largest difference is at {escape(worst.name)}: "
             f"{number(math.degrees(worst.rmse), 2)}°."
         )
     return (
-        f"Against truth the angles are wrong by <b>{number(evaluation.mean_rmse_deg(), 2)}°</b> (RMSE, mean "
+        f"The error of the angles is <b>{number(evaluation.mean_rmse_deg(), 2)}°</b> (RMSE against ground truth, mean "
         f"over {plural(len(turning), noun)}, without the first {evaluation.start_s:g} s); the largest is "
         f"{number(math.degrees(worst.rmse), 2)}° at {escape(worst.name)}."
     )
@@ -149,7 +149,7 @@ def _verdict(evaluation: Evaluation | None, sensors: tuple[SensorScore, ...]) ->
     loud = [f"{s.name} ({fixed(s.nis, 1)})" for s in sensors if s.nis > NIS_TOO_LARGE]
     parts = [_bands(evaluation), _readings(loud) if sensors else ""]
     text = " ".join(part for part in parts if part)
-    return f"<strong>Can it be believed?</strong> {text}" if text else ""
+    return f"<strong>Reliability.</strong> {text}" if text else ""
 
 
 def _bands(evaluation: Evaluation | None) -> str:
@@ -159,26 +159,26 @@ def _bands(evaluation: Evaluation | None) -> str:
     shown = percent(share)
     if evaluation.reference != "truth":
         return (
-            f"The 95 % bands hold the reference {shown} of the time. Errors of the reference and of the mounts "
-            "are not in them."
+            f"The 95 % bands contain the reference {shown} of the time. They do not include errors of the reference "
+            "and of the mounts."
         )
     if share < MISLEADING_COVERAGE:
-        return f"Not its bands: they hold the truth only {shown} of the time instead of 95 %, far too narrow."
+        return f"The 95 % bands are far too narrow: they contain the truth only {shown} of the time. Do not use them."
     if share < NARROW_COVERAGE:
-        return f"Not fully: the 95 % bands hold the truth only {shown} of the time, so they are too narrow."
+        return f"The 95 % bands are too narrow: they contain the truth only {shown} of the time."
     narrow = [s.name for s in evaluation.turning() if s.coverage < NARROW_COVERAGE]
     wide = share > WIDE_COVERAGE
-    lead = "Yes, the bands are even wider than needed" if wide else "Yes, the bands are honest"
-    but = f" Too narrow alone: {escape(listing(narrow))}." if narrow else ""
-    return f"{lead}: the 95 % bands hold the truth {shown} of the time.{but}"
+    lead = "The 95 % bands are wider than needed" if wide else "The 95 % bands are correct"
+    but = f" Too narrow for single joints: {escape(listing(narrow))}." if narrow else ""
+    return f"{lead}: they contain the truth {shown} of the time.{but}"
 
 
 def _readings(loud: list[str]) -> str:
     if not loud:
-        return "The sensors fit together: none scatters more than the filter expects."
+        return "All sensors agree: no innovations are larger than the filter expects."
     return (
-        f"More scatter than the filter expects (NIS per measurement above {NIS_TOO_LARGE}) from "
-        f"{escape(listing(loud))}: a mount, a length or a noise figure may be wrong."
+        f"Innovations are larger than the filter expects (NIS per measurement above {NIS_TOO_LARGE}) for "
+        f"{escape(listing(loud))}: a mount, a length or a noise level may be wrong. Run oarlock calibrate."
     )
 
 

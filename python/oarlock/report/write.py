@@ -1,4 +1,4 @@
-"""One HTML file that says what was tracked, how well, and how far it can be believed."""
+"""`write_report`: writes the report of a track as one HTML file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def write_report(
     title: str | None = None,
     sections: Sequence[Section] = (),
 ) -> Path:
-    """Write a report that works offline: no request, no script but that of `sections`, readable on paper and telephone.
+    """Write a report that works offline: no requests, only scripts of `sections`, readable on paper and telephone.
 
     Args:
         track: the result to report.
@@ -29,7 +29,7 @@ def write_report(
         evaluation: scores against truth; computed if only ``truth`` is given.
         truth: reference that is drawn beside the estimate.
         title: heading; default names the model.
-        sections: parts of a field's own, before those of any body.
+        sections: sections of a field of application, before the general ones.
 
     Returns:
         Path: the file written.
@@ -50,5 +50,5 @@ def write_report(
 
 
 def _settling_s(track: TrackLike) -> float:
-    """The usual 2 s, or a tenth of a recording too short for that, s."""
+    """The default of 2 s, or a tenth of a shorter recording, s."""
     return min(2.0, 0.1 * float(track.time_s[-1] - track.time_s[0]))

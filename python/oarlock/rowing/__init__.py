@@ -1,4 +1,4 @@
-"""Rowing on top of the engine's public face: sculling, sweep rowing, the boat, and the published experiment."""
+"""Rowing, built on the public interface: strokes, technique, reports, simulation of sculling, sweep and ergometer."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Tracks for other software: CSV, Parquet, and OpenSim's .mot, .sto, .trc and .osim."""
+"""`export`: writes a track as CSV, Parquet, and OpenSim's .mot, .sto, .trc and .osim."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ SUMMARY: Final = "export.toml"
 def files_of(
     angle: str = "deg (or rad)", ground: str = "OpenSim's ground, Y up"
 ) -> dict[str, dict[str, str]]:
-    """What each format writes: a sentence on each file, by the file's name."""
+    """The contents of each file of each format, by the file's name."""
     return {
         name: {file: text.format(angle=angle, ground=ground) for file, text in files.items()}
         for name, files in _FILES.items()
@@ -59,8 +59,8 @@ class Export:
 
     Args:
         folder: where.
-        files: what each file holds, by its name in the folder.
-        notes: plain sentences on what these data lack.
+        files: contents of each file, by its name in the folder.
+        notes: sentences about missing data.
         body_names: body and marker in OpenSim's files, by the name of the frame here.
     """
 
@@ -88,7 +88,7 @@ def export(
     axes: Axes = "y-up",
     missing: Missing = "nan",
 ) -> Export:
-    """Write a track for other software, and export.toml, which says what each file holds.
+    """Write a track for other software, and export.toml, which lists the contents of each file.
 
     `csv`: coordinates.csv and frames.csv. `parquet`: the same as .parquet, with the unit of each column in its
     metadata. `mot`: coordinates.mot. `sto`: velocities.sto and std.sto. `trc`: frames.trc, places of frames as virtual

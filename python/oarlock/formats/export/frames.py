@@ -1,4 +1,4 @@
-"""Where all frames of a track are, as markers."""
+"""Positions of all frames of a track, for the export as markers."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def frame_places(track: Track) -> Markers:
 
 
 def ground_from_root(up: FloatArray, y_up: bool) -> FloatArray:
-    """OpenSim's ground from the root, (4, 4): the smallest turn that takes `up` (3,) to Y, or none."""
+    """OpenSim's ground from the root, (4, 4): the smallest rotation of `up` (3,) to Y, or none."""
     pose = np.eye(4)
     if not y_up:
         return pose

@@ -1,4 +1,4 @@
-"""What a reader of exported files should know about these data, in plain sentences."""
+"""Notes about missing and uncertain data of an export."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Bools = NDArray[np.bool_]
 
 
 def reading_notes(track: Track) -> tuple[str, ...]:
-    """On joints that were never told, not always told, or told and not observed."""
+    """Notes on joints without readings, with gaps, or not observed."""
     return tuple(
         sentence
         for part in parts(track.coordinate_names)
@@ -31,18 +31,18 @@ def reading_notes(track: Track) -> tuple[str, ...]:
 
 
 def model_notes(model: Model) -> tuple[str, ...]:
-    """On what of a model an OpenSim model leaves out."""
+    """Notes on parts of a model that the OpenSim model does not contain."""
     closures = model.closure_names
     if not closures:
         return ()
     return (
-        f"closures left out of the OpenSim model: {', '.join(closures)}. The track holds them within its own bands; a "
-        "constraint would move joints to close what is left.",
+        f"closures left out of the OpenSim model: {', '.join(closures)}. The track satisfies them within its bands; a "
+        "constraint would move joints to remove the residual.",
     )
 
 
 def pole_notes(track: Track) -> tuple[str, ...]:
-    """On rotations whose three angles are near singular in OpenSim's order."""
+    """Notes on rotations whose three angles are near a singularity in OpenSim's order."""
     rotations = [part for part in parts(track.coordinate_names) if part.kind == "rotation"]
     return tuple(
         sentence for part in rotations for sentence in _on_pole(part.joint, track.q[:, list(part.columns)])
@@ -50,26 +50,26 @@ def pole_notes(track: Track) -> tuple[str, ...]:
 
 
 def left_out_notes(file: str, what: str, names: Sequence[str], there: Sequence[bool]) -> tuple[str, ...]:
-    """On columns that a table does not have because the track does not."""
+    """Notes on columns that are missing in the track."""
     if all(there):
         return ()
     if not any(there):
-        return (f"{file} is not written: the track holds no {what}.",)
+        return (f"{file} is not written: the track has no {what}.",)
     left = [name for name, known in zip(names, there, strict=True) if not known]
-    return (f"{file} leaves out {', '.join(left)}: the track holds no {what} of theirs.",)
+    return (f"{file} leaves out {', '.join(left)}: the track has no {what} for them.",)
 
 
 def _on_part(name: str, track: Track, columns: list[int]) -> Iterator[str]:
     missing: Bools = np.asarray(np.isnan(track.q[:, columns]).any(axis=1))
     if missing.all():
         yield (
-            f"{name}: no stream ever told it. It stands at 0 in coordinates.mot and in the places of frames, and has "
+            f"{name}: no stream measured it. It is 0 in coordinates.mot and in the positions of frames, and has "
             "no number in other files."
         )
         return
     if missing.any():
         yield (
-            f"{name}: no reading in {_share(missing, track)}. There is no number there, nor for frames that it moves."
+            f"{name}: no reading in {_share(missing, track)}. There are no numbers there, nor for frames that it moves."
         )
     unseen: Bools = ~track.observed[:, columns].all(axis=1) & ~missing
     if unseen.any():

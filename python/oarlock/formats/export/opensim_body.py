@@ -1,4 +1,4 @@
-"""A model's tree as an OpenSim model: one body a frame, one joint a body.
+"""Builds an OpenSim model from a model's tree: one body per frame, one joint per body.
 
 A frame of Oarlock lies at (before M after) in its parent, M being a turn about z, or a shift along it, by the joint's
 value times a sign. OpenSim's pins turn about z and its sliders shift along x by the value itself, so each joint gets
@@ -31,7 +31,7 @@ Frame = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class CoordinateSource:
-    """Where a coordinate of the OpenSim model gets its value.
+    """The source of a coordinate of the OpenSim model.
 
     Args:
         name: in OpenSim.
@@ -46,10 +46,10 @@ class CoordinateSource:
 
 @dataclass(frozen=True, eq=False)
 class OpensimBody:
-    """An OpenSim model, and how ours is found in it.
+    """An OpenSim model, and its correspondence to ours.
 
     Args:
-        osim: what the file holds.
+        osim: content of the file.
         coordinates: of all its joints in their order, also those that follow another one.
         frames: name of the body, and of the marker at its origin, by the name of our frame.
     """

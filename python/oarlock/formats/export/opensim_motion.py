@@ -1,4 +1,4 @@
-"""A track in the coordinates of an OpenSim model: values, rates, standard deviations."""
+"""Converts a track to the coordinates of an OpenSim model: values, rates, standard deviations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Names that OpenSim takes: ASCII letters, digits and underscores, each once."""
+"""Makes unique names for OpenSim: ASCII letters, digits and underscores."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 
 class PlainNames:
-    """Hands out names; what is taken gets a number behind it."""
+    """Makes names unique by appending a number."""
 
     def __init__(self, taken: Iterable[str] = ()) -> None:
         self._taken = set(taken)

@@ -1,4 +1,4 @@
-"""A track's columns and its frames' places as CSV and Parquet, each column with its unit."""
+"""Writes a track's columns and the positions of its frames as CSV and Parquet, each column with its unit."""
 
 from __future__ import annotations
 

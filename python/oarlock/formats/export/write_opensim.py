@@ -1,4 +1,4 @@
-"""The files that OpenSim reads."""
+"""Writes the OpenSim files of an export."""
 
 from __future__ import annotations
 

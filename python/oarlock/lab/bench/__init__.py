@@ -1,1 +1,1 @@
-"""What this machine reaches: Oarlock's filters beside the textbook's and other software."""
+"""Benchmarks of Oarlock's filters, a textbook filter and other software, for `oarlock bench`."""

@@ -1,4 +1,4 @@
-"""What this machine reaches: Oarlock's filters beside the textbook's, the source's figure, and other software."""
+"""Runs all measurements of `oarlock bench` and collects the results, with the paper's figure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Other software on the same readings: what is installed is timed, what is not is named with the way to get it.
+"""Times installed other software on the same readings, and lists what is not installed, for `oarlock bench`.
 
 Each runs in a process of its own and on one core, as Oarlock's filter does: libraries that share small products
 among threads lose by it, and more so on a busy machine.
@@ -31,7 +31,7 @@ INSTALL = "pip install 'oarlock[bench]'"
 
 @dataclass(frozen=True)
 class Software:
-    """Something to set beside: how it is called, which package it needs, what it is asked, and how it is set up."""
+    """Other software to compare with: its name, package, problem and setup."""
 
     name: str
     package: str

@@ -1,4 +1,4 @@
-"""What Oarlock itself reaches: steps beside the textbook's filter, latency of a live step, two threads."""
+"""Times Oarlock: steps compared with the textbook filter, latency of a live step, two threads."""
 
 from __future__ import annotations
 

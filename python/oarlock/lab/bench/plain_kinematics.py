@@ -70,7 +70,7 @@ class PlainKinematics:
         self._parts = [self.xp.asarray(part.T) for part in parts]
 
     def _level_frames(self, described: Mapping[str, Any]) -> dict[str, int]:
-        """Sorts frames by depth; where each stands once the levels are laid end to end."""
+        """Sorts frames by depth; returns the position of each in the concatenated levels."""
         frames = described["frames"]
         kinds = {joint["name"]: joint["kind"] for joint in described["joints"]}
         depth = {frames[0]["name"]: 0}

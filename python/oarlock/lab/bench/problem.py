@@ -1,4 +1,4 @@
-"""What is timed: the shipped `"sculler"`, simulated with the noise, biases and surge of its source's hardest case."""
+"""The benchmark problem: the shipped `"sculler"` with noise, biases and surge of the paper's hardest case."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Every table and figure of the source paper, run again beside the printed values."""
+"""Reproduction of every table and figure of the source paper, compared with the printed values."""

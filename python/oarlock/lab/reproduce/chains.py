@@ -1,4 +1,4 @@
-"""Model files of any size, and recordings for them: what the cost of a step is measured on."""
+"""Chain models of any size with recordings, on which `cost` measures the time of a step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The runs behind the claims of section 5: small studies, each asking one thing."""
+"""The studies for the claims of section 5 of the paper, one for each question."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a part of the reproduction holds, as plain values: a page, a terminal and a table can show it."""
+"""Plain data of a part of the reproduction, for the page, the terminal and the tables."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Verdict = Literal["holds", "holds in part", "does not hold", "not checked"]
 
 @dataclass(frozen=True)
 class Cell:
-    """One cell: ours with its spread over seeds, the printed value beside it, and whether a bound is kept."""
+    """One cell: our value with its spread over seeds, the printed value, and whether a bound is met."""
 
     ours: str
     paper: str = ""

@@ -1,4 +1,4 @@
-"""The cost of a step, eq. (19): measured on models of growing size, beside O(m^3 + n m^2 + m n^2 + n^3 + n f + n s)."""
+"""The cost of a step, eq. (19), measured on growing models, against O(m^3 + n m^2 + m n^2 + n^3 + n f + n s)."""
 
 from __future__ import annotations
 

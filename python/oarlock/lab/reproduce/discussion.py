@@ -1,4 +1,4 @@
-"""Section 5 of the paper, claim by claim: the sentence, what was done, the number, the verdict."""
+"""Section 5 of the paper, claim by claim: quotation, method, number, verdict."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The estimators of Table 5, as settings of a study, with what an independent implementation reached with them."""
+"""The estimators of Table 5 as settings of a study, with results of an independent implementation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Field recordings as Table 6 and Figures 4 and 5 need them: simulated, tracked, held against their markers."""
+"""Simulated and tracked field recordings, compared with their markers, for Table 6 and Figures 4 and 5."""
 
 from __future__ import annotations
 

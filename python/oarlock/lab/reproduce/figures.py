@@ -1,4 +1,4 @@
-"""Figures 3, 4 and 5 as the paper drew them, with the bands that it left out."""
+"""Figures 3, 4 and 5 of the paper, with added 95 % bands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Positions of frames with the uncertainty that a track claims for them."""
+"""Positions of frames with their standard deviations from a track."""
 
 from __future__ import annotations
 

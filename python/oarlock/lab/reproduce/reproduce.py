@@ -58,7 +58,7 @@ def reproduce(
     """
     for name in what:
         if name not in PARTS:
-            raise DataError(f"reproduce: there is no '{name}'; there are {', '.join(PARTS)}")
+            raise DataError(f"reproduce: there is no '{name}'; choose from {', '.join(PARTS)}")
     if not seeds or duration_s < 4.0:
         raise DataError(
             f"reproduce: {len(seeds)} seeds of {duration_s:g} s; give one seed or more, and at least 4 s"

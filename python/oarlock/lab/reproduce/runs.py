@@ -1,4 +1,4 @@
-"""How parts of the reproduction tell how far they are."""
+"""Progress reporting of the parts of the reproduction."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from oarlock.rowing.simulation.simulators import SIMULATORS
 SMOOTHED = "smoothed"
 HANDS = {"radial": ("r_hand_abduction", "l_hand_abduction"), "palmar": ("r_hand_flexion", "l_hand_flexion")}
 LOST_DEG = 5.0
-"""A mean error beyond this is no error any more: the filter is somewhere else."""
+"""Above this mean error, rad, the filter is lost."""
 # an estimate may be better than what was reached before, but its figures are only known to two digits
 ROUNDING = 0.05
 
@@ -231,7 +231,7 @@ def _range(values: Floats) -> str:
 
 
 def _joints(result: StudyResult, name: str) -> Table:
-    """The paper's own rows and columns: RMSE and correlation, ours with its spread, the printed value beside it."""
+    """The paper's rows and columns: RMSE and correlation, our values with spread, and the printed values."""
     head = ("joint", *(f"{c}: RMSE" for c in paper.CONDITIONS), *(f"{c}: r" for c in paper.CONDITIONS))
     printed = {condition: paper.table_5(condition) for condition in paper.CONDITIONS}
     rows = []
@@ -248,7 +248,7 @@ def _joints(result: StudyResult, name: str) -> Table:
         rows.append((Cell(f"{joint} [{own.unit}]"), *errors, *correlations))
     return Table(
         f"table5-{name.replace(' ', '-').replace('_', '-')}",
-        f"{_label(name)[0].upper()}{_label(name)[1:]}: ours, and the paper's value beside it.",
+        f"{_label(name)[0].upper()}{_label(name)[1:]}: our values and the paper's.",
         head,
         tuple(rows),
         closed=name not in ("eq6", "shipped"),

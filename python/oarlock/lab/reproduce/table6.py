@@ -15,7 +15,7 @@ TARGET_MM = 30.0
 
 
 def table6(scored: Sequence[Scored], duration_s: float) -> Part:
-    """The paper's table with ours beside it, then per axis, with bands and NEES."""
+    """The paper's table with our values, then errors per axis, with bands and NEES."""
     settings = [s for s in SETTINGS if any(one.setting.key == s.key for one in scored)]
     seeds = sorted({one.seed for one in scored})
     return Part(

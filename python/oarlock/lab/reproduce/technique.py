@@ -1,4 +1,4 @@
-"""The two features that section 5 names: back lean, and the plane of upper arm and forearm at the finish."""
+"""The two features of section 5 of the paper: back lean, and the plane of upper arm and forearm at the finish."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""A model in one posture: as text for a terminal, as SVG for a page. Side view and front view."""
+"""Side view and front view of a model in one posture, as text for terminals and as SVG for pages."""

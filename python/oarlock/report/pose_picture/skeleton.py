@@ -1,4 +1,4 @@
-"""The lines and points of a posture, and the directions from which it is looked at."""
+"""The lines and points of a posture, and the view directions, for the pictures of `oarlock model show`."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
-# shorter than this two points count as one
+# points closer than this count as one
 SAME_POINT_M = 1e-6
 
 
 @dataclass(frozen=True)
 class Link:
-    """A line between two points in root axes, m; not `moves` when it is fixed to the root."""
+    """A line between two points in root axes, m; `moves` is false if it is fixed to the root."""
 
     start: Vector
     end: Vector
@@ -30,7 +30,7 @@ class Link:
 
 @dataclass(frozen=True)
 class Spot:
-    """A named point in root axes, m; `worn` when a sensor sits on its frame."""
+    """A named point in root axes, m; `worn` if a sensor is mounted on its frame."""
 
     name: str
     point: Vector
@@ -39,7 +39,7 @@ class Spot:
 
 @dataclass(frozen=True)
 class Skeleton:
-    """What a picture shows of a posture, in root axes, m; `gaps` join the two sides of each closure."""
+    """The content of a picture in root axes, m; `gaps` join the two points of each closure."""
 
     links: tuple[Link, ...]
     spots: tuple[Spot, ...]
@@ -61,7 +61,7 @@ class View:
         return float(point @ self.right), float(point @ self.up)
 
     def bounds(self, body: Skeleton) -> Bounds:
-        """The smallest box, sides along right and up, that holds every spot."""
+        """The smallest box, sides along right and up, that contains every spot."""
         flat = np.array([self.project(spot.point) for spot in body.spots])
         left, bottom = (float(value) for value in flat.min(axis=0))
         right, top = (float(value) for value in flat.max(axis=0))
@@ -133,12 +133,12 @@ def _moving(frames: Sequence[Mapping[str, Any]]) -> set[str]:
 
 
 def _links(frame: Mapping[str, Any], place: Mapping[str, Vector], moves: bool, kind: str) -> list[Link]:
-    # nothing joins a free body to its parent
+    # no line joins a free body to its parent
     if frame["parent"] is None or kind == "free":
         return []
     parent, child = place[frame["parent"]], place[frame["name"]]
     start, end = parent[:3, 3], child[:3, 3]
-    # a Denavit-Hartenberg row goes along x, then along the joint's z: a spine, then a collar bone
+    # a Denavit-Hartenberg row translates along x, then along the joint's z: a spine, then a collar bone
     corner = end - float((end - start) @ parent[:3, 2]) * parent[:3, 2]
     ends = (start, corner, end) if kind in ("hinge", "slide") else (start, end)
     return [Link(a, b, moves) for a, b in pairwise(ends) if float(np.linalg.norm(b - a)) > SAME_POINT_M]
@@ -152,7 +152,7 @@ def _spots(
         point = place[frame["name"]][:3, 3]
         here = [k for k, spot in enumerate(spots) if np.linalg.norm(spot.point - point) <= SAME_POINT_M]
         if here:
-            # frames at one point go by the name of the first
+            # frames at the same point have the name of the first
             first = spots[here[0]]
             spots[here[0]] = Spot(first.name, first.point, first.worn or frame["name"] in worn)
         else:

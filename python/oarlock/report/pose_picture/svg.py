@@ -13,7 +13,7 @@ Box = tuple[float, float, float, float]
 
 _LETTER_PX = 6.0
 _SAME_PLACE_PX = 3.0
-# a name over a mark or over another name is worse than one over a line
+# a label over a mark or another label costs more than one over a line
 _MARK_WEIGHT = 4
 _TEXT_WEIGHT = 100
 _PANEL_PX = 420.0
@@ -22,7 +22,7 @@ _HEAD_PX = 56.0
 
 
 def draw_svg(body: Skeleton, title: str) -> str:
-    """The two views as one SVG document, on white, with every frame named that has room."""
+    """The two views as one SVG document on white, with the names of all frames that fit."""
     pair = views(body)
     boxes = [view.bounds(body) for view in pair]
     px_per_m = _PANEL_PX / max(max(box.width, box.height, 0.1) for box in boxes)
@@ -92,7 +92,7 @@ def _svg_mark(at: Point, worn: bool) -> str:
 def _svg_names(
     spots: Sequence[Spot], points: Sequence[Point], lines: Sequence[tuple[Point, Point]], middle: float
 ) -> list[str]:
-    """The names, each where it covers the least of what is drawn."""
+    """The names, each where it covers least of the drawing."""
     drawn = [at for line in lines for at in _along(*line)] + [
         at for at in points for _ in range(_MARK_WEIGHT)
     ]
@@ -100,7 +100,7 @@ def _svg_names(
     named: list[Point] = []
     parts = []
     for spot, (x, y) in zip(spots, points, strict=True):
-        # of frames that lie behind one another the first is named
+        # of frames at the same place in the view only the first is named
         if any(math.dist((x, y), at) < _SAME_PLACE_PX for at in named):
             continue
         named.append((x, y))

@@ -1,4 +1,4 @@
-"""A posture as characters: braille patterns for lines, or plain ASCII."""
+"""A posture as text for terminals: braille patterns for lines, or plain ASCII."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from oarlock.report.pose_picture.skeleton import SAME_POINT_M, Bounds, Skeleton,
 # bits of a braille cell, by row and column of its dots
 _BRAILLE = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
 _DOTS_DOWN, _DOTS_ACROSS = 4, 2
-# characters kept free beside a view for names, and lines above and below it
+# characters kept free for names beside a view, and lines above and below it
 _NAME_COLUMNS = 12
 _MARGIN_ROWS = 1
 _BETWEEN = "  "
-# views stand one above the other where that shows them so much larger
+# views are placed one above the other if this enlarges them by this factor
 _WORTH_STACKING = 1.4
-# a line that does not move is drawn with every fourth dot
+# a fixed line is drawn with every fourth dot
 _SPARSE = 4
 
 
@@ -40,14 +40,14 @@ class _Style:
 def draw_text(
     body: Skeleton, columns: int = 80, max_rows: int = 22, ascii_only: bool = False, names: bool = True
 ) -> str:
-    """Side view and front view, beside each other or, if that shows more, one above the other.
+    """Side view and front view, side by side or, if this is larger, one above the other.
 
     Args:
         body: what to draw.
         columns: greatest width, characters; at least 60.
         max_rows: greatest height of a view, characters.
         ascii_only: no braille patterns and no squares.
-        names: write the names of frames where there is room.
+        names: write the names of frames that fit.
     """
     style = _Style("o", "#" if ascii_only else "■", ascii_only, names)
     pair = [(view, view.bounds(body)) for view in views(body)]
@@ -97,7 +97,7 @@ def _panel(body: Skeleton, view: View, box: Bounds, dots_per_m: float, style: _S
     columns = max(columns, len(view.title))
     rows = math.ceil(box.height * dots_per_m / _DOTS_DOWN) + 1 + 2 * _MARGIN_ROWS
     canvas = _Canvas(columns, rows)
-    # a narrow body stands in the middle
+    # a narrow body is centred
     left = (_DOTS_ACROSS * columns - box.width * dots_per_m) / 2
 
     def dot(point: Vector) -> tuple[float, float]:
@@ -120,7 +120,7 @@ def _panel(body: Skeleton, view: View, box: Bounds, dots_per_m: float, style: _S
 def _write_names(canvas: _Canvas, spots: Sequence[Spot], cells: Sequence[tuple[int, int]]) -> None:
     named: set[tuple[int, int]] = set()
     for spot, (row, column) in zip(spots, cells, strict=True):
-        # of frames that lie behind one another the first is named
+        # of frames at the same place in the view only the first is named
         if (row, column) in named:
             continue
         named.add((row, column))
@@ -165,7 +165,7 @@ class _Canvas:
         return not dots.any() and not any((row, at) in self.marks for at in around)
 
     def write(self, row: int, column: int, text: str) -> None:
-        """Puts characters over whatever is there."""
+        """Writes characters over the existing ones."""
         for k, character in enumerate(text):
             self.marks[row, column + k] = character
 

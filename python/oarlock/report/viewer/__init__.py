@@ -1,9 +1,9 @@
-"""A track as a moving figure beside its curves, in a page that works offline. It draws any model.
+"""The viewer: a track of any model as a moving figure with its curves, in a page that works offline.
 
     scene = oarlock.report.viewer.scene(track)
     Path("track.html").write_text(oarlock.report.viewer.page(scene, "My track"))
 
-The player's source stands in `viewer/` of the project; `player.js` and `player.css` here are built from it.
+The player's source is in `viewer/` of the project; `player.js` and `player.css` here are built from it.
 """
 
 from __future__ import annotations

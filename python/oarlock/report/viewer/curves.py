@@ -1,4 +1,4 @@
-"""Curves beside the figure: one panel a quantity, right and left in the same panel."""
+"""Curves of the viewer: one panel per quantity, right and left in the same panel."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A quantity over time, as it is to be shown.
+    """A quantity over time, in the shown unit.
 
     Args:
         key: short name, unique; curves of two tracks with the same key are drawn over each other.
@@ -32,7 +32,7 @@ class Curve:
         value: (T,) on the track's `time_s`; NaN is a gap.
         std: (T,) standard deviation, in the same unit; None if there is none.
         panel: curves with the same text here share a panel; empty: one of its own.
-        side: colours it as the right or left one.
+        side: "right" or "left" sets the colour.
         hint: what a positive value means, in a sentence.
     """
 
@@ -47,7 +47,7 @@ class Curve:
 
 
 def joint_curves(track: Track) -> tuple[Curve, ...]:
-    """Every joint that has values, angles in degrees and ways in millimetres; named angles of ball and free joints."""
+    """Every joint with values, angles in degrees and positions in millimetres; named angles of ball and free joints."""
     labels = _labels(track)
     curves = [curve for name in track.joint_names for curve in _of_joint(track[name], labels.get(name, ""))]
     return tuple(curve for curve in curves if np.isfinite(curve.value).any())
@@ -56,7 +56,7 @@ def joint_curves(track: Track) -> tuple[Curve, ...]:
 def packed_panels(
     curves: Sequence[Curve], rows: NDArray[np.int64], count: int, first: Sequence[str]
 ) -> list[dict[str, Any]]:
-    """Panels in the order of their first curve, as plain data; those named in `first` stand first and are open.
+    """Panels in the order of their first curve, as plain data; those named in `first` come first and are open.
 
     Raises:
         DataError: a curve does not have `count` values, or two have the same key.
@@ -79,11 +79,11 @@ def packed_panels(
 
 
 AT_FIRST = 4
-"""Panels that are open where nobody chose."""
+"""Number of panels that are open by default."""
 
 
 def _liveliest(panels: Mapping[str, Sequence[Curve]]) -> list[str]:
-    """The panels that move most, as they come; degrees and millimetres are worth the same."""
+    """The panels with the largest ranges; degrees and millimetres count the same."""
 
     def travel(key: str) -> float:
         return max(float(np.nanmax(c.value) - np.nanmin(c.value)) for c in panels[key])

@@ -1,4 +1,4 @@
-"""The points of a figure over time, and which of them are joined: bones, loops, shapes, strands."""
+"""Points of the viewer's figure over time, and their connections: bones, loops, shapes, strands."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from oarlock.report.viewer.sides import side_of
 Floats = NDArray[np.float64]
 
 SAME_PLACE_M = 1e-6
-"""Closer than this at all times two points are one."""
+"""Points that are always closer than this are one point."""
 STILL_M = 1e-9
-"""A point that moves by less stands still."""
+"""A point that moves by less is drawn as fixed."""
 
 
 @dataclass(eq=False)
 class Figure:
-    """Points (T, 3) each, by number, and what joins them; grown as frames, loops and strands are added."""
+    """Points (T, 3) each, by number, and their connections; frames, loops and strands add to them."""
 
     places: list[Floats] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
     frames: list[list[str]] = field(default_factory=list)
 
     def point(self, place: Floats, name: str, frame: str | None = None) -> int:
-        """Number of the point at this place (T, 3); the first to stand there gives its name."""
+        """Number of the point at this position (T, 3); the first point there gives the name."""
         found = next((k for k, other in enumerate(self.places) if _same(other, place)), None)
         if found is None:
             found = len(self.places)
@@ -43,7 +43,7 @@ class Figure:
         return found
 
     def described(self) -> tuple[list[dict[str, Any]], Floats]:
-        """The points as plain data, and the places (T, 3 M) of those that move, one behind the other."""
+        """The points as plain data, and the positions (T, 3 M) of the moving ones."""
         points, moving = [], []
         for place, name, frames in zip(self.places, self.names, self.frames, strict=True):
             still = _still(place)
@@ -56,7 +56,7 @@ class Figure:
 def add_frames(
     figure: Figure, description: Mapping[str, Any], poses: Floats, look: Look
 ) -> list[dict[str, Any]]:
-    """Points of all frames, and the bones from each to its parent, but for those that the look leaves out."""
+    """Adds points of all frames, and the bones from each to its parent, except those that the look hides."""
     frames: Sequence[Mapping[str, Any]] = description["frames"]
     kinds = {joint["name"]: joint["kind"] for joint in description["joints"]}
     number = {frame["name"]: k for k, frame in enumerate(frames)}
@@ -67,7 +67,7 @@ def add_frames(
         if frame["joint"] is not None or frame["parent"] in moves:
             moves.add(frame["name"])
         kind = kinds.get(frame["joint"], "fixed")
-        if frame["parent"] is None or kind == "free":  # nothing joins a free body to its parent
+        if frame["parent"] is None or kind == "free":  # no bone joins a free body to its parent
             continue
         parent = poses[:, number[frame["parent"]]]
         chain = _through_corner(figure, parent, poses[:, k, :3, 3], kind, frame["name"], end)
@@ -82,7 +82,7 @@ def add_frames(
 def _through_corner(
     figure: Figure, parent: Floats, end_place: Floats, kind: str, name: str, end: int
 ) -> list[int]:
-    """A Denavit-Hartenberg row goes along x, then along the joint's z: a spine, then a collar bone."""
+    """A Denavit-Hartenberg row translates along x, then along the joint's z: a spine, then a collar bone."""
     start_place = parent[:, :3, 3]
     start = figure.point(start_place, name)
     if kind not in ("hinge", "slide"):
@@ -94,7 +94,7 @@ def _through_corner(
 
 
 def add_loops(figure: Figure, description: Mapping[str, Any], poses: Floats) -> list[dict[str, Any]]:
-    """Both sides of each closure as points."""
+    """Adds both points of each closure."""
     number = {frame["name"]: k for k, frame in enumerate(description["frames"])}
 
     def side(closure: Mapping[str, Any], which: str) -> int:
@@ -109,7 +109,7 @@ def add_loops(figure: Figure, description: Mapping[str, Any], poses: Floats) -> 
 
 
 def add_strands(figure: Figure, look: Look, rows: NDArray[np.int64]) -> list[dict[str, Any]]:
-    """The look's strands, their places as further points."""
+    """Adds the look's strands with their positions as further points."""
     return [
         {
             "points": [
@@ -127,7 +127,7 @@ def add_strands(figure: Figure, look: Look, rows: NDArray[np.int64]) -> list[dic
 def carried_shapes(
     figure: Figure, look: Look, frame_names: Sequence[str], poses: Floats
 ) -> tuple[list[dict[str, Any]], Floats, list[int]]:
-    """The look's shapes as plain data; of the K frames that carry them quat_wxyz (T, 4 K), and their points."""
+    """The look's shapes as plain data, and quat_wxyz (T, 4 K) and points of the K frames that carry them."""
     carriers = list(dict.fromkeys(shape.frame for shape in look.shapes))
     columns, origins = [np.zeros((len(poses), 0))], []
     for name in carriers:
@@ -162,7 +162,7 @@ def _still(place: Floats) -> list[float] | None:
 
 
 def _once(bones: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Two frames at one place share the bone; it moves if one of them does."""
+    """Two frames at the same position share the bone; it moves if one of them moves."""
     found: dict[tuple[int, int], dict[str, Any]] = {}
     for bone in bones:
         ends = (min(bone["ends"]), max(bone["ends"]))

@@ -1,4 +1,4 @@
-"""Instants and spans of a track that a viewer may want to go to, loop over or lay beside each other."""
+"""Marks of the viewer: instants and intervals of a track to jump to, repeat or overlay."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ Mark = tuple[float, str] | tuple[float, float, str]
 
 
 def marks_and_spans(marks: Sequence[Mark]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Instants `(time_s, label)` and spans `(start_s, end_s, label)` as plain data, each in order of time.
+    """Instants `(time_s, label)` and spans `(start_s, end_s, label)` as plain data, sorted by time.
 
-    Without spans, those between one instant and the next of the same label are made: from catch to catch, say.
+    Without spans, the intervals between instants of the same label are used: for example from catch to catch.
 
     Raises:
         DataError: neither an instant nor a span, or a span that ends before it begins.

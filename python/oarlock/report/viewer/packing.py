@@ -1,4 +1,4 @@
-"""Numbers as short text: int16 steps between a column's least and greatest value, in base64."""
+"""Packs numbers for the viewer: int16 steps between a column's minimum and maximum, in base64."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 STEPS = 65534
-"""Between least and greatest; one number is left for NaN."""
+"""Steps between minimum and maximum; one value is reserved for NaN."""
 MISSING = -32768
 
 
@@ -41,7 +41,7 @@ def packed(values: Floats) -> dict[str, Any]:
 
 
 def unpacked(packet: Mapping[str, Any]) -> Floats:
-    """What `packed` took, (N, C), to half a step."""
+    """Unpack the values (N, C) of `packed`, exact to half a step."""
     scale, offset = np.array(packet["scale"]), np.array(packet["offset"])
     moving = np.flatnonzero(scale)
     steps = np.frombuffer(base64.b64decode(packet["data"]), dtype="<i2").reshape(packet["rows"], len(moving))
@@ -56,5 +56,5 @@ def packed_times(time_s: Floats) -> dict[str, Any]:
 
 
 def unpacked_times(packet: Mapping[str, Any]) -> Floats:
-    """What `packed_times` took, (N,) s."""
+    """Unpack the times (N,), s, of `packed_times`."""
     return np.frombuffer(base64.b64decode(packet["data"]), dtype="<f8").astype(np.float64)

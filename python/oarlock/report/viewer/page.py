@@ -1,4 +1,4 @@
-"""The player in a page: one file that works without a network, or a piece of another page."""
+"""Writes the viewer as one HTML file that works offline, or as a part of another page."""
 
 from __future__ import annotations
 
@@ -16,24 +16,26 @@ POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inli
 
 
 def page(scene: Mapping[str, Any], title: str) -> str:
-    """One HTML text with player and data in it."""
+    """The HTML page with player and data."""
     return rendered("player", heading=title, policy=POLICY, player=embed(scene, "player"))
 
 
 def embed(scene: Mapping[str, Any], element_id: str, *, with_player: bool = True) -> str:
-    """A piece of a page: the place where the player appears and its data.
+    """A part of a page: the element of the player and its data.
 
     Args:
-        scene: what `scene` made.
-        element_id: of the place, unique in the page: letters, digits, `-` and `_`.
-        with_player: bring style and script along. The first piece of a page needs them, further ones do not; a page
-            may also hold `player_assets()` once and all pieces without.
+        scene: the result of `scene`.
+        element_id: id of the element, unique in the page: letters, digits, `-` and `_`.
+        with_player: include style and script. The first part of a page needs them, further ones do not. A page may
+            also contain `player_assets()` once and all parts without them.
 
     Raises:
-        DataError: an id that is none.
+        DataError: the id is invalid.
     """
     if not re.fullmatch(r"[A-Za-z][\w\-]*", element_id):
-        raise DataError(f"embed: '{element_id}' is no id; begin with a letter, then letters, digits, - and _")
+        raise DataError(
+            f"embed: '{element_id}' is not a valid id; begin with a letter, then letters, digits, - and _"
+        )
     text = json.dumps(scene, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     place = rendered("player_place", key=element_id, scene=text.replace("<", "\\u003c"))
     return (player_assets() if with_player else "") + place

@@ -1,4 +1,4 @@
-"""A track as plain data that the player draws: points over time, what joins them, how sure they are, curves."""
+"""Converts a track to the data of the viewer: points over time, connections, uncertainty, curves."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ Scene = dict[str, Any]
 
 FORMAT = 1
 SHOWN_EVERY_S = 0.025
-"""As often as a screen need be told; the player goes straight from one shown sample to the next."""
+"""Time between shown samples, s; the player interpolates linearly between them."""
 SPREAD_EVERY_S = 0.1
-"""Ellipsoids change more slowly."""
+"""Time between shown ellipsoids, s; they change more slowly."""
 
 
 def scene(
@@ -44,21 +44,21 @@ def scene(
 ) -> Scene:
     """Everything that the player needs of a track, as dictionaries, lists, texts and numbers.
 
-    Samples are chosen, never made: each place is that of `Track.frame_positions` at one of the track's own times.
+    Samples are selected, not interpolated: each position is that of `Track.frame_positions` at a time of the track.
 
     Args:
         track: what to draw; it needs its model.
         marks: instants `(time_s, label)` and spans `(start_s, end_s, label)`.
-        curves: what is drawn beside the figure; None: every joint.
-        ghost: another track, or the scene of one, to lay over this one.
+        curves: curves beside the figure; None: every joint.
+        ghost: another track, or its scene, to draw over this one.
         every_s: time between shown samples, s; None: 0.025, or the track's own step if that is longer.
-        start_s: begin of what is shown, s; None is the track's.
-        end_s: its end, s.
-        look: shapes, viewpoints and the ground, as a field of use hands them in.
+        start_s: start of the shown interval, s; None: the track's start.
+        end_s: end of the shown interval, s.
+        look: shapes, viewpoints and ground of the field of application.
         title: a line above the figure.
 
     Raises:
-        DataError: no model, no samples in the stretch, a shape on a frame that is not there, odd marks or curves.
+        DataError: no model, no samples in the interval, a shape on a missing frame, invalid marks or curves.
     """
     model = model_of(track, "scene")
     seen = Look() if look is None else look
@@ -102,10 +102,10 @@ def scene(
 
 
 def shown_rows(time_s: Floats, every_s: float, start_s: float | None, end_s: float | None) -> Ints:
-    """Rows of the track that are shown: the first, then each that is nearest to so much later; the last too.
+    """Rows of the track that are shown: the first, the nearest to each further time step, and the last.
 
     Raises:
-        DataError: the stretch holds no sample, or `every_s` is no positive number.
+        DataError: the interval contains no sample, or `every_s` is not a positive number.
     """
     if not every_s > 0.0 or not np.isfinite(every_s):
         raise DataError(f"scene: every_s is {every_s}; give the time between shown samples, s, above 0")
@@ -114,7 +114,7 @@ def shown_rows(time_s: Floats, every_s: float, start_s: float | None, end_s: flo
     inside = np.flatnonzero((time_s >= first) & (time_s <= last))
     if not inside.size:
         span = f"{time_s[0]:.3f} to {time_s[-1]:.3f} s" if len(time_s) else "nothing"
-        raise DataError(f"scene: no sample from {first} to {last} s; the track holds {span}")
+        raise DataError(f"scene: no sample from {first} to {last} s; the track covers {span}")
     stretch = time_s[inside]
     step = float(np.median(np.diff(stretch))) if len(stretch) > 1 else every_s
     if step >= 0.75 * every_s:
@@ -130,7 +130,7 @@ def shown_rows(time_s: Floats, every_s: float, start_s: float | None, end_s: flo
 def _spread(
     track: Track, figure: Figure, frame_names: Sequence[str], rows: Ints, framed: int
 ) -> Scene | None:
-    """Square roots (lower Cholesky factors) of the points' covariances, now and then; None where nothing is known."""
+    """Lower Cholesky factors of the points' covariances at a lower rate; None without covariances."""
     asked = [k for k in range(framed) if figure.frames[k]]
     numbers = [list(frame_names).index(figure.frames[k][0]) for k in asked]
     times = track.time_s[rows]
@@ -152,7 +152,7 @@ def _spread(
 def _factor(covariance: Floats, known: NDArray[np.bool_]) -> Floats:
     """Rows (N, 6) of the lower factor L, C = L L': xx, yx, yy, zx, zy, zz, m; NaN where C is not known."""
     factors = np.full((len(covariance), 6), np.nan)
-    # a direction without any uncertainty keeps the factor from being unique
+    # with a direction of zero variance the factor is not unique
     least = 1e-14 * np.eye(3)
     factors[known] = np.linalg.cholesky(covariance[known] + least)[:, *np.tril_indices(3)]
     return factors
@@ -168,7 +168,7 @@ def _require_frames(look: Look, names: Sequence[str]) -> None:
     for shape in look.shapes:
         if shape.frame not in names:
             raise DataError(
-                f'scene: shape "{shape.label}" stands on frame "{shape.frame}", which the model does not have; '
+                f'scene: shape "{shape.label}" is attached to frame "{shape.frame}", which the model does not have; '
                 f"it has {', '.join(names)}"
             )
 
@@ -179,7 +179,7 @@ def _viewpoint(viewpoint: Viewpoint) -> dict[str, Any]:
 
 
 def _usual(world: Mapping[str, Any]) -> tuple[Viewpoint, ...]:
-    """From its right side, from the front, and from above."""
+    """Views from its right side, from the front, and from above."""
     up, forward = np.asarray(world["up"], dtype=np.float64), np.asarray(world["forward"], dtype=np.float64)
     right = np.cross(forward, up)
     directions = {"side": right + 0.12 * up, "front": forward + 0.12 * up, "above": up}

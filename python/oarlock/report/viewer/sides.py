@@ -1,4 +1,4 @@
-"""Which side of a body a name is of: `r_elbow`, `elbow_right`."""
+"""Finds the side of the body in a name such as `r_elbow` or `elbow_right`, for the viewer's colours."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _BEHIND: dict[str, Side] = {"_right": "right", "_left": "left"}
 
 
 def side_of(name: str) -> tuple[Side, str]:
-    """Side and the name without it: `("right", "elbow")`; an empty side where the name says none."""
+    """Side and the name without it: `("right", "elbow")`; an empty side if the name contains none."""
     for mark, side in _BEFORE.items():
         if name.startswith(mark):
             return side, name.removeprefix(mark)

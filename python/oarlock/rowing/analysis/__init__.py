@@ -1,1 +1,1 @@
-"""Rowing technique: what each number means, its value for each stroke, means, and targets."""
+"""Rowing technique for reports and Python users: definitions, values per stroke, means, targets."""

@@ -1,4 +1,4 @@
-"""What each number of a stroke means: the one place that explains them, read from two TOML files beside it."""
+"""Definitions of all numbers of a stroke, for tables, reports and docs; read from two TOML files in this folder."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ _SCALES = {
 
 @dataclass(frozen=True)
 class Feature:
-    """What a number of a stroke means.
+    """Definition of a number of a stroke.
 
     Attributes:
         name: of the column, with its unit.
         label: for people, short.
-        unit: in which it is held: SI and radians, "1" of shares.
-        shown_unit: in which it is shown to people: "deg", "ms", "%".
-        sign: which way is positive, "" where it has no sign.
+        unit: unit in arrays and files: SI and radians, "1" for shares.
+        shown_unit: unit in pages and on the terminal: "deg", "ms", "%".
+        sign: the positive direction; "" without a sign.
         definition: how it is found.
         source: who defined it; "own" where nobody else did.
     """
@@ -85,8 +85,8 @@ CURVES = tuple(feature.name for kind, feature in _KINDS if kind == "curve")
 
 
 def feature_table() -> str:
-    """All of it as a table in Markdown, a line a number; sides are said once."""
-    lines = ["| column | is | shown in | positive | definition | source |", "|---|---|---|---|---|---|"]
+    """All features as a Markdown table, one line per number; both sides share a line."""
+    lines = ["| column | name | shown in | positive | definition | source |", "|---|---|---|---|---|---|"]
     for _, feature in _KINDS:
         stem = feature.name.removeprefix("l_")
         if feature.name != stem or (feature.name.startswith("r_") and feature.name[2:] in FEATURES):

@@ -1,8 +1,8 @@
-"""What technique's numbers are uncertain by: each source of error moved by its standard deviation, one at a time.
+"""Uncertainty of technique: each error source is varied by its standard deviation, one at a time.
 
-A track's deviations are of single angles at single times. Over time errors last: mounts are askew, a tape measure is
-off, skin slides with the posture. So an angle's error e is taken as a part that stays the same, a part that goes once
-round with the stroke, and a small one that is quicker, which matters for speeds,
+A track's deviations are of single angles at single times. Errors are correlated in time: mounts are wrong,
+lengths are wrong, skin moves with the posture. So an angle's error e is modelled as a constant part, a part with the
+period of the stroke, and a small part of higher frequency, which matters for speeds,
 
     e = std(t) (a + (b cos u + c sin u) / sqrt 2 + 0.3 (d cos 4 u + f sin 4 u))
 
@@ -159,7 +159,7 @@ class Scatter:
 
 
 def _length_groups(stds: dict[str, float]) -> list[list[str]]:
-    """Lengths that are moved together: left and right arms enter different numbers."""
+    """Lengths that are varied together: left and right arms enter different numbers."""
     groups: dict[str, list[str]] = {}
     for name, std in stds.items():
         if std > 0.0:

@@ -1,4 +1,4 @@
-"""Where hips, shoulders, elbows, wrists and grips of a rower are, from a model's frames; what it lacks is None."""
+"""Positions of a rower's hips, shoulders, elbows, wrists and grips from a model's frames, for technique."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NEEDED = ("seat", "r_shoulder", "l_shoulder")
 
 @dataclass(frozen=True, eq=False)
 class Rower:
-    """A model as a rower: which frames are which parts of the body.
+    """The frames of a model that are parts of a rower's body; None if the model lacks one.
 
     Args:
         model: with frames `seat`, `r_shoulder`, `l_shoulder`; arms and handles as in `sculler`.

@@ -1,4 +1,4 @@
-"""A track at the same phases of every stroke: from catch to finish and on to the next catch, in even steps each."""
+"""Resamples a track at equal phases of every stroke: catch to finish, finish to next catch. For technique."""
 
 from __future__ import annotations
 

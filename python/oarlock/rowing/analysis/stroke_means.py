@@ -1,4 +1,4 @@
-"""Means over strokes: numbers with their spread and what averaging does not remove, and curves over the stroke."""
+"""Means of numbers and curves over strokes, with spread and uncertainty, for `Technique`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _FAR_FROM_ZERO = 5.0
 
 @dataclass(frozen=True)
 class FeatureMean:
-    """A number over the strokes that count, in its own unit.
+    """A number averaged over the counted strokes, in its own unit.
 
     Attributes:
         name: of the column.

@@ -1,4 +1,4 @@
-"""A table of strokes in a few lines: the middle and the spread of every quantity, in the units that people read."""
+"""Median and percentiles of every column of a stroke table, for `oarlock strokes`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ORDER_ONLY = {
     "impeller_distance_m",
     "in_averages",
 }
-"""Columns that tell which stroke it is; their median means nothing."""
+"""Columns that identify the stroke; they have no meaningful median."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class SummaryRow:
 def summarise_strokes(table: StrokeTable) -> tuple[SummaryRow, ...]:
     """Median, 5th and 95th percentile of each quantity in its shown unit, degrees where radians are held.
 
-    Medians, since exports keep starts, stops and misread strokes. Strokes that `in_averages` leaves out do not count.
+    Medians, since exports contain starts, stops and misread strokes. Strokes that `in_averages` excludes do not count.
     """
     counted = table["in_averages"] != 0.0 if "in_averages" in table else np.ones(len(table), dtype=bool)
     told = [name for name in table.columns if name.removeprefix("r_").removeprefix("l_") not in _ORDER_ONLY]

@@ -1,4 +1,4 @@
-"""Numbers of technique from places and joints on the grid of strokes; each is (N,), a curve (N, POINTS)."""
+"""Computes the numbers (N,) and curves (N, POINTS) of technique from positions and joints on the stroke grid."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def grips(places: dict[str, Floats]) -> dict[str, Floats]:
 
 
 def stroke_values(posture: Posture) -> Values:
-    """Every number and curve that the places tell."""
+    """Every number and curve that follows from the positions."""
     values = _seat_and_trunk(posture) | _lean(posture.places)
     held = grips(posture.places)
     if held:

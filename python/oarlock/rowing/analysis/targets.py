@@ -1,4 +1,4 @@
-"""Targets of technique by boat class, from a file that may be copied and changed; each with its source."""
+"""Reads targets of technique by boat class, each with its source, for technique and reports."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _UNITS = (
 
 @dataclass(frozen=True)
 class Target:
-    """What somebody aims at: from `low` to `high`, the same for a single number, in the column's unit."""
+    """A published target: from `low` to `high`, the same for a single number, in the column's unit."""
 
     name: str
     low: float

@@ -1,4 +1,4 @@
-"""Technique as a coach sees it: numbers of each stroke with their uncertainty, means, spread, curves and targets."""
+"""`technique`: technique of a track, with numbers per stroke, uncertainty, means, curves and targets."""
 
 from __future__ import annotations
 
@@ -48,14 +48,14 @@ class Technique:
     Attributes:
         strokes: a row a stroke, with standard deviations, reasons, and each stroke's curves (101,) from catch to
             next catch.
-        features: what each column and curve means.
+        features: definition of each column and curve.
         summary: over the strokes that count, by column: mean, spread from stroke to stroke, and the uncertainty that
             averaging does not remove.
         symmetry: by column without its side: right minus left.
         curves: over the strokes that count, by name.
         targets: by column; empty if none were asked for.
-        found: the strokes it rests on.
-        notes: plain sentences on what was missing.
+        found: the strokes used.
+        notes: sentences about missing data.
     """
 
     strokes: StrokeTable
@@ -76,10 +76,10 @@ def technique(
     calibration: Calibration | None = None,
     mean_speed_m_s: float | None = None,
 ) -> Technique:
-    """Everything that a track tells of technique.
+    """Compute the technique of a track.
 
-    Works for scullers, sweep rowers and ergometers, with or without oars; what cannot be had is NaN, with the reason in
-    `Technique.strokes.reasons`. Standard deviations hold those of the track's angles, of lengths and rig (the model's
+    Works for scullers, sweep rowers and ergometers, with or without oars; unknown numbers are NaN, with the reason in
+    `Technique.strokes.reasons`. Standard deviations cover those of the track's angles, of lengths and rig (the model's
     `std`), of encoders' zeros and of the strokes' times; see `posture_errors` for how they are joined.
 
     Args:
@@ -90,7 +90,7 @@ def technique(
         mean_speed_m_s: of the boat; without it fluctuations of its speed are in m/s only.
 
     Raises:
-        DataError: a track without its model, no rower, nothing that tells strokes, or no such targets.
+        DataError: the track has no model, is not a rower, has no strokes, or no such targets.
     """
     if track.model is None:
         raise DataError("technique: this track was loaded without its model; load the model file again")
@@ -208,7 +208,7 @@ def _oars(rower: Rower, course: Course, grid: Grid, zero_std: float) -> tuple[Va
 
 
 def _forget_unobserved(track: Track, rower: Rower, found: Strokes, values: Values, stds: Values) -> None:
-    """What no sensor tells has a value by its prior alone: it is not reported."""
+    """Numbers that depend on unobserved coordinates come from the prior alone and are not reported."""
     known = list(track.coordinate_names)
     told_by = [
         (("lean", "trunk", "arms_", "finish_factor"), "", rower.trunk_joints),

@@ -1,4 +1,4 @@
-"""When seat and trunk turn, against the handle: catch factor and finish factor."""
+"""Catch factor and finish factor: reversal times of seat and trunk relative to the handle."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LEAST_READINGS = 8
 
 
 def timing_factors(track: Track, strokes: Strokes) -> dict[str, tuple[Floats, Floats]]:
-    """Columns `catch_factor_s` and `finish_factor_s` with their standard deviations; NaN where nothing turned."""
+    """Columns `catch_factor_s` and `finish_factor_s` with standard deviations; NaN without a reversal."""
     if strokes.source not in ("oars", "handle"):
         return {}
     found = {}

@@ -1,1 +1,1 @@
-"""Strokes from other devices' exports: Quiske, RP3, NK, and the usual logs of ergometers."""
+"""Reads strokes from exports of other devices: Quiske, RP3, NK, and common ergometer logs."""

@@ -1,4 +1,4 @@
-"""Columns of a file gathered into a `StrokeTable`: by name, with reasons, notes on the clock and on the counter."""
+"""Builds a `StrokeTable` from columns of a file, with reasons and notes on clock and counter, for all readers."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Gathered:
             self.notes.append(f"without a number in any row: {', '.join(empty)}")
 
     def values(self, name: str) -> Floats:
-        """A column's numbers, (N,); NaN where there is no such column."""
+        """A column's numbers, (N,); NaN without such a column."""
         return self.columns[name].values if name in self.columns else np.full(len(self.rows), np.nan)
 
     def number_from_one(self, name: str) -> None:
@@ -86,9 +86,9 @@ class Gathered:
         """
         file = self.rows.file
         if not len(self.rows):
-            raise DataError(f"{file}: is {title}, but holds no strokes")
+            raise DataError(f"{file}: is {title}, but contains no strokes")
         if not self.columns:
-            raise DataError(f"{file}: is {title}, but none of its columns holds a number")
+            raise DataError(f"{file}: is {title}, but none of its columns contains a number")
         self.notes += clock_notes(self.values("time_s"), self.values("interval"), self.rows.lines)
         return StrokeTable(
             columns={name: column.values for name, column in self.columns.items()},
@@ -100,7 +100,7 @@ class Gathered:
 
 
 def clock_notes(time_s: Floats, interval: Floats, lines: Sequence[int]) -> list[str]:
-    """Where a clock stands still or begins again, by line of the file."""
+    """Lines of the file at which a clock stops or restarts, as notes."""
     known = np.flatnonzero(np.isfinite(time_s))
     step_s = np.diff(time_s[known])
     places = known[1:]
@@ -117,7 +117,7 @@ def clock_notes(time_s: Floats, interval: Floats, lines: Sequence[int]) -> list[
 
 
 def left_out_note(number: Floats, lines: Sequence[int]) -> list[str]:
-    """What the device's own count of strokes says of strokes that the file does not hold."""
+    """Notes on strokes that are missing in the file, from the device's stroke count."""
     known = np.flatnonzero(np.isfinite(number))
     step = np.diff(number[known])
     gaps = known[1:][step > 1.0]

@@ -1,4 +1,4 @@
-"""Cells as numbers: what is missing is NaN with a reason, what is no number an error with its line."""
+"""Converts cells to numbers: a missing one is NaN with a reason, an invalid one an error with its line."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Column:
 
 
 def is_missing(cell: str) -> bool:
-    """Whether a cell says that there is no value."""
+    """Whether a cell marks a missing value."""
     return cell.casefold() in _MISSING
 
 
@@ -65,7 +65,7 @@ def durations(rows: Rows, place: int) -> Column:
 
 
 def listed(rows: Rows, place: int, row: int, separator: str = ",") -> Floats:
-    """A cell that holds a list of numbers, (K,).
+    """Parse a cell that contains a list of numbers, (K,).
 
     Raises:
         DataError: one of them is no number; file, line, column.

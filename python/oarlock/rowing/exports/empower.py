@@ -1,4 +1,4 @@
-"""What NK's EmPower oarlock tells of a stroke, whichever file brings it: angles in our own signs already."""
+"""Columns of NK's EmPower oarlock, for the SpeedCoach and Logbook readers; its signs of angles equal ours."""
 
 from __future__ import annotations
 

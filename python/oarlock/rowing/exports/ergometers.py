@@ -1,4 +1,4 @@
-"""Logs of ergometers and cox boxes with a row a stroke: which of their columns is which of ours."""
+"""Maps columns of ergometer and cox-box logs with one row per stroke to ours, for `load_stroke_export`."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def read(log: Log, grid: Grid, header: int) -> StrokeTable:
 
 
 def _strokes(log: Log, rows: Rows) -> tuple[Rows, Rows, list[str]]:
-    """The row that tells of each stroke, the row in which it appears first, and notes on all others."""
+    """The last and the first row of each stroke, and notes on all other rows."""
     kind = rows.place(log.stroke_type) if log.stroke_type else None
     if kind is not None:
         kept = rows.chosen(row for row, cells in enumerate(rows.cells) if cells[kind] == "0")
@@ -89,9 +89,7 @@ def _first_and_last(rows: Rows, place: int) -> tuple[Rows, Rows, list[str]]:
         k for k, count in enumerate(counts) if not _before_strokes(count) and counts[k + 1 : k + 2] != [count]
     ]
     strokes = many(len(last), "stroke")
-    note = (
-        f"{len(rows)} rows in time hold {strokes}; of each the time is in its first row, the rest in its last"
-    )
+    note = f"{len(rows)} rows in time contain {strokes}; time is that of the first row, other numbers of the last"
     return rows.chosen(last), rows.chosen(first), [note]
 
 

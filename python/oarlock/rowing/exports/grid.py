@@ -37,7 +37,7 @@ class Rows:
         return len(self.cells)
 
     def place(self, *names: str) -> int | None:
-        """Where the first column of one of these names stands, whatever its capitals; None if there is none."""
+        """Position of the first column with one of these names, ignoring case; None if there is none."""
         plain = [plain_name(name) for name in self.names]
         found = [plain.index(plain_name(name)) for name in names if plain_name(name) in plain]
         return found[0] if found else None
@@ -58,7 +58,7 @@ class Grid:
     cells: tuple[list[str], ...]
 
     def header(self, marks: Collection[str]) -> int | None:
-        """The first row that holds all of these names."""
+        """The first row that contains all of these names."""
         wanted = {plain_name(mark) for mark in marks}
         for place, row in enumerate(self.cells[:_HEADER_WITHIN]):
             if len(row) >= len(wanted) and wanted <= {plain_name(cell) for cell in row}:
@@ -105,7 +105,7 @@ def text_of(file: Path) -> str:
     try:
         if file.stat().st_size > _MOST_BYTES:
             raise DataError(
-                f"{file}: has more than {_MOST_BYTES // 1_000_000} MB; that is no table of strokes"
+                f"{file}: has more than {_MOST_BYTES // 1_000_000} MB, too much for a table of strokes"
             )
         raw = file.read_bytes()
     except OSError as error:
@@ -120,12 +120,12 @@ def text_of(file: Path) -> str:
 
 def _without_zeros(file: Path, text: str) -> str:
     if "\x00" in text and ".FIT" not in text[:16]:
-        raise DataError(f"{file}: holds zero bytes, so it is no text; export the strokes as CSV")
+        raise DataError(f"{file}: contains zero bytes, so it is not text; export the strokes as CSV")
     return text
 
 
 def grids(file: Path, text: str) -> list[Grid]:
-    """The file split at commas, at semicolons and at tabs; a delimiter that it does not hold is left out."""
+    """The file split at commas, semicolons and tabs; delimiters that it does not contain are skipped."""
     return [_grid(file, text, delimiter) for delimiter in _DELIMITERS if delimiter in text[:_HEAD]]
 
 

@@ -1,4 +1,4 @@
-"""Strokes from the exports of rowing devices: Quiske, RP3, NK, and the usual logs of ergometers."""
+"""`load_stroke_export`: recognises and reads exports of Quiske, RP3, NK and common ergometer logs."""
 
 from __future__ import annotations
 
@@ -88,10 +88,12 @@ def _unknown(file: Path, text: str, found: Sequence[Grid], format: str | None) -
         return f"{file}: is {what}. Export the strokes as CSV."
     if format is not None:
         one = EXPORT_FORMATS[format]
-        return f"{file}: has no row with the columns {', '.join(one.marks)}, so it is no file of {one.title}"
+        return (
+            f"{file}: has no row with the columns {', '.join(one.marks)}, so it is not a file of {one.title}"
+        )
     first = " ".join(text[:60].split())
     known = ", ".join(EXPORT_FORMATS)
-    return f'{file}: is no stroke export that is known (its text begins "{first}"); known are {known}'
+    return f'{file}: is not a known stroke export (its text begins "{first}"); known are {known}'
 
 
 __all__ = ["EXPORT_FORMATS", "ExportFormat", "load_stroke_export"]

@@ -1,4 +1,4 @@
-"""NK Logbook, CSV of the strokes of a session, with those of an EmPower oarlock."""
+"""Reads strokes of NK Logbook CSV files, with the columns of an EmPower oarlock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""NK SpeedCoach through NK LiNK, CSV: speed, rate and, with an EmPower oarlock, angles and force of every stroke."""
+"""Reads NK SpeedCoach CSV (NK LiNK): speed, rate and, with an EmPower oarlock, angles and force of every stroke."""
 
 from __future__ import annotations
 

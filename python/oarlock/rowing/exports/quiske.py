@@ -1,4 +1,4 @@
-"""Quiske pods, CSV per stroke: boat acceleration, oar angular velocity, seat speed, each as a curve in one cell."""
+"""Reads CSV files of Quiske pods: boat acceleration, oar angular velocity, seat speed, each as a curve in one cell."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def read(grid: Grid, header: int) -> StrokeTable:
 
 
 def _curves(gathered: Gathered, name: str, header: str, scale: float) -> NDArray[np.bool_]:
-    """Reads a curve of each stroke, (K,); tells which were cut off when the file was saved."""
+    """Reads a curve of each stroke, (K,), and marks those that were cut off when the file was saved."""
     rows, place = gathered.rows, gathered.rows.place(header)
     if place is None:
         raise DataError(f'{rows.file}: has no column "{header}"')
@@ -105,7 +105,7 @@ def _add_swing(
         return
     pairs = zip(curves, duration_s, strict=True)
     swings = np.array([_swing(points, lasted_s) for points, lasted_s in pairs])
-    gathered.derive(name, swings, "the curve is missing, or nothing tells how long the stroke took")
+    gathered.derive(name, swings, "the curve or the duration of the stroke is missing")
     if name in gathered.columns:
         reason = f"the curve was cut off after {_LONGEST_CELL} characters when the file was saved"
         gathered.columns[name] = gathered.columns[name].but(cut[curve], reason)
@@ -125,7 +125,7 @@ def _stamp(gathered: Gathered, duration_s: Floats) -> None:
             np.column_stack([np.arange(len(points)) * lasted_s / max(len(points), 1), points])
             for points, lasted_s in pairs
         )
-    gathered.derive("duration_s", duration_s, "no rate, and no curve or stamp that tells it")
+    gathered.derive("duration_s", duration_s, "no rate, and no curve or time stamp to compute it")
     if "time_s" in gathered.columns:
         stamps = gathered.columns["time_s"]
         first_s = np.nanmin(stamps.values)

@@ -1,4 +1,4 @@
-"""Files that come from rowing devices and hold no strokes: what they are, and what to export instead."""
+"""Recognises files of rowing devices that contain no strokes, and explains what to export instead."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from oarlock.rowing.exports.grid import Grid
 _BY_BEGIN = (
     (
         "<TrainingCenterDatabase",
-        "a Training Center file (TCX): it holds points of a track in time and no strokes",
+        "a Training Center file (TCX): it contains points of a GPS track and no strokes",
     ),
     ("=====\tCrew Info", "a text export of Peach PowerLine, which is not read yet"),
     ("=====\tFile Info", "a text export of Peach PowerLine, which is not read yet"),

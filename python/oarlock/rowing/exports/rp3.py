@@ -1,4 +1,4 @@
-"""RP3 and RowPerfect, CSV per stroke: force over handle travel as a list of points in one cell."""
+"""Reads CSV files of RP3 and RowPerfect: force over handle travel as a list of points in one cell."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Sculling on the water: a second simulator, in which nothing is as modelled."""
+"""The field simulator: sculling on the water with errors that the model does not contain."""

@@ -1,4 +1,4 @@
-"""A sculler who is no rigid tree: shoulders that glide, a spine that bends, fingers that slip.
+"""Anatomy of the field simulator beyond rigid links: gliding shoulders, bending spine, slipping fingers.
 
 Kinematics of its own, in NumPy, from a model's description. The model's joints are kept and get company, the
 deviations, which are columns of the posture like any joint. All of them zero is the model's body.
@@ -190,7 +190,7 @@ class Anatomy:
         return rotation, place - apply(rotation, offset_m)
 
     def _gripped(self, pose: Pose, side: str, posture: Array) -> Pose:
-        """The handle as the fingers hold it: slipped along it, tilted against it, whatever the feathering."""
+        """The handle relative to the hand: slipped along it and tilted against it, independent of feathering."""
         if not posture[..., self.columns([f"{side}_grip_turn", f"{side}_grip_slip"])].any():
             return pose
         angle = self._of(posture, f"{side}_grip_turn")

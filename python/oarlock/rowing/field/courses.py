@@ -1,4 +1,4 @@
-"""How deviations and hull go with the strokes: curves whose largest value is the strength that was asked for."""
+"""Time courses of deviations and hull motion in the field simulator; their maximum is the requested strength."""
 
 from __future__ import annotations
 

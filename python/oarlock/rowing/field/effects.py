@@ -1,4 +1,4 @@
-"""How strongly each thing that no model knows spoils a recording, each in a physical unit of its own."""
+"""The effects of the field simulator and their strengths, each in its physical unit."""
 
 from __future__ import annotations
 

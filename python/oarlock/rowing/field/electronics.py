@@ -1,4 +1,4 @@
-"""From what a sensor feels to what arrives at the logger: gain, bias, drift, noise, cut-off, clocks and losses."""
+"""Sensor electronics of the field simulator: gain, bias, drift, noise, cut-off, clocks and packet loss."""
 
 from __future__ import annotations
 

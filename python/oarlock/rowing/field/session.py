@@ -1,4 +1,4 @@
-"""One session of one athlete: the body that moves, how it moves, and the boat under it."""
+"""One simulated field session of one athlete: body, motion and boat."""
 
 from __future__ import annotations
 
@@ -177,7 +177,7 @@ def _held(anatomy: Anatomy, time: Array, posture: Array, preferred: Array) -> Ar
     if not worst < HANDS_HOLD:
         at = int(np.nanargmax(np.maximum(apart, turned).max(axis=1)))
         raise DataError(
-            f"field simulator: no posture holds the handles at {time[at]:.2f} s ({1e3 * apart[at].max():.2f} mm off). "
+            f"field simulator: no posture reaches handles at {time[at]:.2f} s ({1e3 * apart[at].max():.2f} mm off). "
             "Try smaller effects (grip_turn_rad, length_error, rig_error_m) or another seed"
         )
     return held
@@ -192,7 +192,7 @@ def _hull(
     surge: bool,
     seed: int,
 ) -> Hull:
-    """A boat that stands still neither surges nor rocks."""
+    """A stationary boat neither surges nor rotates."""
     time = timing.time_s
     afloat = effects if surge else replace(effects, **dict.fromkeys(_ROCKING, 0.0))
     rocks = hull_courses(afloat, timing, seed)

@@ -1,4 +1,4 @@
-"""What ideal sensors feel on the moving body: poses over time, differentiated."""
+"""Ideal sensor signals of the field simulator, from differentiated poses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Soft tissue between bone and sensor: skin that lags, muscle that swells, straps that wander, flesh that rings.
+"""Soft-tissue artefacts of the field simulator: lag of skin, swelling muscle, moving straps, vibration.
 
 Every share of it is a shift and a turn of the sensor against its link, in the link's axes, as a function of time. All
 are zero in the N-pose (q = 0), where mounts are calibrated, but for the random wander.

@@ -1,4 +1,4 @@
-"""A recording from the field, simulated, with its truth."""
+"""Simulates a field recording with its ground truth, for `oarlock simulate --field`."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class FieldTrial:
     surge_m_s2: Array
 
     def save(self, folder: str | PathLike[str]) -> None:
-        """Write the recording into a folder; beside it `truth/`, `markers.csv` (m) and `true_calibration.toml`."""
+        """Write the recording into a folder, with `truth/`, `markers.csv` (m) and `true_calibration.toml`."""
         place = Path(folder)
         self.recording.save(place)
         self.truth.save(place / "truth")

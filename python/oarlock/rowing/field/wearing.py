@@ -1,4 +1,4 @@
-"""What is wrong all through one session: lengths, rig, mounts, encoders, magnetometers, biases and clocks."""
+"""Constant errors of a simulated field session: lengths, rig, mounts, encoders, magnetometers, biases, clocks."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Unit:
-    """One inertial unit as it is worn and as it reads.
+    """Mount and constant errors of one inertial unit.
 
     ``link_from_sensor`` (3, 3) and ``offset_m`` (3,) are where it truly sits; ``field_gain`` (3, 3) and
     ``hard_iron_ut`` (3,) make its magnetometer's reading from the field; biases and gains (3,) are those of gyroscope

@@ -1,1 +1,1 @@
-"""How a rower, oars and a boat are drawn in the player."""
+"""Shapes of rower, oars and boat for the viewer."""

@@ -1,4 +1,4 @@
-"""Oars, blades, hull and riggers of a boat, and the frame of an ergometer, as plain shapes."""
+"""Shapes of oars, blades, hull and riggers, and of an ergometer's frame, for the viewer."""
 
 from __future__ import annotations
 

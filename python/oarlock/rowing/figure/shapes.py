@@ -1,4 +1,4 @@
-"""What a rower, the oars and the boat look like: plain shapes for whoever draws a track.
+"""The shapes of a rower's track (rower, oars, boat) for the viewer.
 
 Only the frames of the model are measured. Trunk, head, legs, hull, blades and water are drawn around them in usual
 sizes: oars after the makers' lengths (Concept2), limbs after Winter's (2009) shares of stature.

@@ -1,1 +1,1 @@
-"""The rower's sections of a report: strokes, technique, two pieces side by side."""
+"""The sections of a rower's report: strokes, technique, two pieces compared. Used by `oarlock report`."""

@@ -1,4 +1,4 @@
-"""The arms at the finish as drawings: from behind and from the side, every stroke and their mean."""
+"""Drawings of the arms at the finish for the report: from behind and from the side, strokes and mean."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from oarlock.rowing.strokes.table import Floats
 
 JOINTS = ("shoulder", "elbow", "wrist")
 MOST_FAINT = 40
-"""Strokes drawn thinly behind the mean; more are thinned out evenly."""
+"""Number of single strokes drawn behind the mean; of more strokes an even selection is drawn."""
 TOWARD_PORT, UP, TOWARD_BOW = (
     np.array(axis) for axis in ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0))
 )
@@ -44,7 +44,7 @@ def arms_at_finish(pieces: Sequence[Piece]) -> str:
         points = _points(held[0][1], axis) if len(pieces) == 1 and key == "arms-behind" else ()
         figures.append(
             plane_chart(
-                key, caption, series, across, Axis("above the seat's rail, one scale", "m"), points, faint
+                key, caption, series, across, Axis("above the seat's rail, equal scales", "m"), points, faint
             )
         )
     return pairs(figures)

@@ -1,4 +1,4 @@
-"""Two pieces side by side: what differs, by how much, and whether that is more than both uncertainties explain."""
+"""The comparison of two pieces in the report: differences, and whether they exceed both uncertainties."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MOST_TOLD = 4
 
 
 def differences(this: Piece, other: Piece) -> dict[str, tuple[Average, Average, Difference]]:
-    """Of every number that both pieces have: this, the other, this minus the other."""
+    """For every number of both pieces: this, the other, this minus the other."""
     return {
         name: (mine, other.averages[name], difference(mine, other.averages[name]))
         for name, mine in this.averages.items()
@@ -24,7 +24,7 @@ def differences(this: Piece, other: Piece) -> dict[str, tuple[Average, Average, 
 
 
 def comparison_table(key: str, this: Piece, other: Piece) -> str:
-    """A row a number with both means, their difference, and whether it is beyond both uncertainties."""
+    """One row per number with both means, their difference, and whether it exceeds both uncertainties."""
     rows = []
     for name, (mine, theirs, between) in differences(this, other).items():
         feature = mine.feature
@@ -46,12 +46,12 @@ def comparison_table(key: str, this: Piece, other: Piece) -> str:
         Column(other.name),
         Column("difference"),
         Column(PLUS_MINUS, meaning="One standard deviation of the difference."),
-        Column("beyond both uncertainties"),
+        Column("exceeds both uncertainties"),
     ]
     caption = (
         f"Means over the strokes, each {PLUS_MINUS} one standard deviation; the difference is {this.name} "
-        f"minus {other.name}. Beyond both uncertainties: larger than 1.96 standard deviations of the "
-        "difference, in which the track's bands are taken as one error of the whole piece, and the scatter "
+        f"minus {other.name}. Exceeds both uncertainties: larger than 1.96 standard deviations of the "
+        "difference. In these the error of the track is assumed constant over the piece, and the scatter "
         "between strokes is divided by the square root of their number. If the sensors were not moved between "
         "the pieces, smaller differences may be real too. Differences are taken before rounding."
     )
@@ -59,20 +59,20 @@ def comparison_table(key: str, this: Piece, other: Piece) -> str:
 
 
 def sentences(this: Piece, other: Piece) -> list[str]:
-    """What differs most, as markup."""
+    """The largest differences, as markup."""
     found = differences(this, other)
     names = f"<b>{escape(this.name)}</b> beside <b>{escape(other.name)}</b>"
     if not found:
-        return [f"{names}: they have no number in common."]
+        return [f"{names}: the pieces have no number in common."]
     sure = {
         name: held for name, held in found.items() if held[2].beyond and not name.startswith(("r_", "l_"))
     }
     weights = {name: abs(held[2].value) / least(held[0].feature) for name, held in sure.items()}
     telling = sorted((name for name in sure if weights[name] > 1.0), key=lambda name: -weights[name])
     beyond = sum(bool(held[2].beyond) for held in found.values())
-    start = f"{names}: {beyond} of {len(found)} numbers differ by more than both uncertainties explain"
+    start = f"{names}: {beyond} of {len(found)} differences exceed both uncertainties"
     if not telling:
-        return [f"{start}, none by as much as a coach would mind."]
+        return [f"{start}; none is large enough to be relevant."]
     told = "; ".join(_told(*sure[name]) for name in telling[:MOST_TOLD])
     return [f"{start}. Most: {told}."]
 

@@ -1,4 +1,4 @@
-"""What each number means, in the page itself: its definition, unit, sign and source."""
+"""The section of definitions in a rower's report: definition, unit, sign and source of each number."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def definitions(names: Iterable[str]) -> str:
         same = [n for n in wanted if n == plain or n in (f"r_{plain}", f"l_{plain}")]
         rows.append(_row(FEATURES[same[0]], same))
     caption = (
-        "In the order of the tables. The name in small type is that of the column in the CSV file of strokes, "
+        "In the order of the tables. Small type: the name of the column in the CSV file of strokes, "
         "in SI units and radians; r_ is the rower's right hand (port), l_ the left (starboard)."
     )
     return plain_table("defined", caption, ["number", "definition", "unit", "positive", "source"], rows)

@@ -1,4 +1,4 @@
-"""The piece as drawings: numbers over the strokes, curves and speeds over a stroke, paths of the hands."""
+"""Drawings of a rower's report: numbers over the strokes, curves and speeds over a stroke, paths of the hands."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from oarlock.rowing.report.standing_out import LEAST
 from oarlock.rowing.strokes.table import Floats
 
 TALLER = 3.0
-"""A hand rises and falls by a tenth of its way: heights are drawn larger."""
+"""Heights are enlarged by this factor, because the handle moves ten times more along the boat."""
 WIDEST = 4.0
-"""A drawing over the strokes spans at least so many times what is worth telling: noise is not blown up."""
+"""A drawing over the strokes spans at least this multiple of the smallest reported difference."""
 STROKE = Axis("share of the stroke, from catch to next catch", "%", (0.0, 100.0))
 TRENDS = (
     "rate_per_min",
@@ -52,21 +52,21 @@ SIDES = {"r": "right (port)", "l": "left (starboard)"}
 
 
 def grid(figures: Sequence[str]) -> str:
-    """Drawings beside each other; "" where there are none."""
+    """Drawings side by side; "" without drawings."""
     return f'<div class="grid-figures">{"".join(figures)}</div>' if any(figures) else ""
 
 
 def pairs(figures: Sequence[str]) -> str:
-    """Larger drawings, two beside each other; "" where there are none."""
+    """Larger drawings, two side by side; "" without drawings."""
     return f'<div class="pair-figures">{"".join(figures)}</div>' if any(figures) else ""
 
 
 NAMES_APART = 25.0
-"""Percent of the stroke that two names need beside each other."""
+"""Percent of the stroke that two labels need side by side."""
 
 
 def trends(pieces: Sequence[Piece], zones: Mapping[str, Zone]) -> str:
-    """Numbers stroke by stroke with the 95 % interval of each."""
+    """Numbers of each stroke with their 95 % intervals."""
     figures = []
     for name in TRENDS:
         held = [piece for piece in pieces if name in piece.averages and piece.averages[name].known]
@@ -99,7 +99,7 @@ def _over_strokes(piece: Piece, name: str) -> Series:
 
 
 def curves(pieces: Sequence[Piece]) -> str:
-    """Mean and SD over the strokes: both sides of one piece in a drawing, or both pieces, a side in each."""
+    """Mean and SD over the strokes: one drawing with both sides of a piece, or one per side with both pieces."""
     figures = []
     for name in CURVES:
         both = (f"r_{name}", f"l_{name}")
@@ -138,12 +138,12 @@ def _course(piece: Piece, name: str, label: str = "") -> Series | None:
 
 
 def speeds(pieces: Sequence[Piece]) -> list[str]:
-    """Speeds of handle, legs, trunk and arms: all of a piece in one drawing; of two also each beside the other's."""
+    """Speeds of handle, legs, trunk and arms: one drawing per piece; for two pieces also one per speed."""
     figures = []
     for k, piece in enumerate(pieces):
         series = [found for name, label in SPEEDS.items() if (found := _course(piece, name, label))]
         if series:
-            caption = f"Who moves the handle{f', {piece.name}' if piece.name else ''}"
+            caption = f"Handle speed by legs, trunk and arms{f', {piece.name}' if piece.name else ''}"
             axis = Axis("toward the bow, as in the drive", "m/s")
             figures.append(course_chart(f"speeds-{k}", caption, series, STROKE, axis, marks([piece])))
     if len(pieces) > 1:
@@ -153,7 +153,7 @@ def speeds(pieces: Sequence[Piece]) -> list[str]:
 
 
 def marks(pieces: Sequence[Piece]) -> list[Mark]:
-    """Where the drive ends on average; one name where two would stand on each other."""
+    """Marks of the mean finish; one label if two would overlap."""
     ends = [piece.finish_percent for piece in pieces]
     apart = len(ends) > 1 and abs(ends[0] - ends[1]) > NAMES_APART
     names = [f"finish, {piece.name}" for piece in pieces] if apart else ["finish", ""]
@@ -179,7 +179,7 @@ def hand_paths(pieces: Sequence[Piece]) -> str:
     return pairs(
         [
             plane_chart("path-side", "From the side", aside, bow, heights, events, taller=TALLER),
-            plane_chart("path-above", "From above", above, bow, Axis("toward port, one scale", "m")),
+            plane_chart("path-above", "From above", above, bow, Axis("toward port, equal scales", "m")),
         ]
     )
 
@@ -196,7 +196,7 @@ def _path(path: Floats) -> tuple[Floats, Floats]:
 
 
 def _drawn(path: tuple[Floats, Floats], name: str, axis: int) -> Series:
-    """A path over the bow's direction: its height (axis 1) or how far it is toward port (2)."""
+    """A path over the direction of the bow: its height (axis 1) or its distance toward port (axis 2)."""
     mean, sd = path
     across, up = mean[:, 0], mean[:, axis]
     return Series(name, across, up, up - sd[:, axis], up + sd[:, axis])
@@ -209,5 +209,5 @@ def _events(piece: Piece, path: tuple[Floats, Floats]) -> list[tuple[float, floa
 
 
 def zone_of(feature: Feature, low: float, high: float, source: str) -> Zone:
-    """A published range in the unit that is shown."""
+    """A published range in the shown unit."""
     return Zone(low * feature.shown_scale, high * feature.shown_scale, source)

@@ -1,4 +1,4 @@
-"""Strokes laid on one another: every stroke at the same shares of its time, from catch to catch."""
+"""Strokes resampled at equal shares of their time, from catch to catch, for the report's mean curves."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 POINTS = 101
 """Shares of a stroke at which curves are compared: whole percents (RtcNoord takes 100)."""
 HULL = "hull"
-"""The frame of a boat that turns under the rower."""
+"""The frame of a boat whose rotation is in the model."""
 
 
 @dataclass(frozen=True)
 class Stack:
-    """The strokes of a piece at the same shares of their time.
+    """The strokes of a piece at equal shares of their time.
 
     Attributes:
         time_s: (N, POINTS) when each stroke was there, s.
@@ -37,7 +37,7 @@ class Stack:
 
 
 def stack(track: Track, table: StrokeTable, counted: NDArray[np.bool_]) -> Stack:
-    """The strokes that count and lie in the track."""
+    """The counted strokes inside the track."""
     start, end = table["catch_time_s"], table["end_time_s"]
     inside = counted & (start >= track.time_s[0]) & (end <= track.time_s[-1])
     start, end = start[inside], end[inside]
@@ -47,9 +47,9 @@ def stack(track: Track, table: StrokeTable, counted: NDArray[np.bool_]) -> Stack
 
 
 def frame_courses(track: Track, strokes: Stack, frames: Sequence[str]) -> dict[str, Floats]:
-    """Origins of frames in the hull's axes, the root's where there is none; (N, POINTS, 3) m by name.
+    """Origins of frames in axes of the hull, or of the root without a hull; (N, POINTS, 3) m by name.
 
-    A stroke at a time: an hour of rowing has many.
+    Computed stroke by stroke to limit memory.
     """
     model = track.model
     if model is None:

@@ -1,4 +1,4 @@
-"""One piece of rowing as the report sees it: a track, its technique, and the strokes' postures laid together."""
+"""One piece of rowing for the report: a track, its technique, and the resampled postures of its strokes."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class Piece:
     """A track with its technique.
 
     Attributes:
-        name: of the piece, for people; "" where it is the only one.
+        name: name of the piece for people; "" for a single piece.
         track: what was tracked.
-        technique: its strokes with all that is known of them.
+        technique: its strokes with their numbers and curves.
     """
 
     name: str
@@ -42,12 +42,12 @@ class Piece:
 
     @property
     def finish_percent(self) -> float:
-        """Mean share of the stroke at which the drive ends; NaN where no stroke counts."""
+        """Mean share of the stroke at which the drive ends; NaN without counted strokes."""
         return next((curve.finish_percent for curve in self.technique.curves.values()), float("nan"))
 
     @cached_property
     def averages(self) -> dict[str, Average]:
-        """Of every number, over the strokes that count."""
+        """Averages of every number over the counted strokes."""
         return averages(self.table, self.technique.summary)
 
     @cached_property
@@ -58,7 +58,7 @@ class Piece:
 
     @cached_property
     def strokes(self) -> Stack:
-        """Postures of the strokes that count, at the same shares of each."""
+        """Postures of the counted strokes, at equal shares of each."""
         return stack(self.track, self.table, self.counted)
 
     def frames(self, names: Sequence[str]) -> dict[str, Floats]:

@@ -1,4 +1,4 @@
-"""The piece as a moving figure beside its curves: strokes to loop over, a second piece as a ghost."""
+"""The player of a rower's report: moving figure, curves, strokes to repeat, a second piece as a ghost."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from oarlock.rowing.figure.shapes import rowing_look, stroke_marks
 from oarlock.rowing.report.piece import Piece
 
 LONGEST_S = 60.0
-"""What the page holds; the whole of a longer piece is for `oarlock view`. A minute is about a megabyte."""
+"""Longest part in the page (about 1 MB per minute); `oarlock view` shows the whole piece."""
 SHOWN = ("oar_phi", "handle", "seat", "trunk", "elbow_flexion", "shoulder_flexion", "shoulder_abduction")
-"""Joints whose curves stand beside the figure; all are under Curves."""
+"""Joints with curves beside the figure; all joints are in the section Curves."""
 NAMES = {"oar_phi": "oar angle"}
-"""Those that tables and drawings call otherwise than the model file."""
+"""Labels of joints that differ from those of the model file."""
 
 
 def player(pieces: Sequence[Piece]) -> str:
-    """Markup with figure, curves and strokes; a second piece is its ghost."""
+    """HTML with figure, curves and strokes; a second piece is drawn as the ghost."""
     start_s, end_s = _stretch(pieces[0])
     ghost = _scene(pieces[1], *_stretch(pieces[1]), bare=True) if len(pieces) > 1 else None
     shown = _scene(pieces[0], start_s, end_s, ghost)
@@ -49,7 +49,7 @@ def _stem(curve: Curve) -> str:
 
 
 def _as_elsewhere(curve: Curve) -> Curve:
-    """By the names and in the units of the page's tables."""
+    """The curves with the names and units of the page's tables."""
     name = NAMES.get(_stem(curve))
     if name is not None:
         curve = replace(curve, panel=name, label=curve.side or name)
@@ -60,7 +60,7 @@ def _as_elsewhere(curve: Curve) -> Curve:
 
 
 def _stretch(piece: Piece) -> tuple[float, float]:
-    """The whole of a short track; of a longer one a minute from its first stroke that counts."""
+    """The whole of a short track; one minute of a longer one, from its first counted stroke."""
     first, last = float(piece.track.time_s[0]), float(piece.track.time_s[-1])
     if last - first <= LONGEST_S:
         return first, last
@@ -73,16 +73,16 @@ def _stretch(piece: Piece) -> tuple[float, float]:
 def _hint(pieces: Sequence[Piece], start_s: float, end_s: float) -> str:
     first = pieces[0]
     text = (
-        "What was tracked, moving; the cursor on the curves and the figure go together. Drag to turn, wheel "
-        "or + and − to zoom; space plays, arrows step. Loop repeats a stroke, Ghost lays another one over it; "
-        "aligned by phase both are stretched to one length. Uncertainty shows where each joint is with 95 % "
-        "probability. Closed loop: the hand is held to the handle."
+        "The tracked motion; figure and curves share one cursor. Drag to rotate, wheel "
+        "or + and − to zoom; space plays, arrows step. Loop repeats a stroke, Ghost draws another one over it; "
+        "aligned by phase, both have the same length. Uncertainty shows where each joint is with 95 % "
+        "probability. Closed loop: the constraint that keeps the hand on the handle."
     )
     if end_s - start_s < float(first.track.time_s[-1] - first.track.time_s[0]) - 1e-9:
-        text += f" It holds {start_s:.0f} to {end_s:.0f} s; <code>oarlock view</code> shows the whole."
+        text += f" It shows {start_s:.0f} to {end_s:.0f} s; <code>oarlock view</code> shows the whole piece."
     if len(pieces) > 1:
         text += (
             f" <b>{escape(first.name)}</b> in colours, <b>{escape(pieces[1].name)}</b> as the ghost, "
-            "once it is chosen under Ghost."
+            "if selected under Ghost."
         )
     return text

@@ -1,4 +1,4 @@
-"""The sections of a rower's report, from the pieces that it is about."""
+"""Builds all sections of a rower's report from one or two pieces."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from oarlock.rowing.report.tables import (
     unknown_list,
 )
 
-BAND = "Tinted: one standard deviation between strokes, either way."
+BAND = "Tinted: plus and minus one standard deviation between strokes."
 
 
 def sections_of(pieces: Sequence[Piece], csv_names: Sequence[str]) -> list[Section]:
-    """Sections of one piece, or of two beside each other; those that have nothing to show are left out."""
+    """Sections of one piece, or of two compared; empty sections are left out."""
     first = pieces[0]
     zones = {
         name: zone_of(feature_of(name), target.low, target.high, target.source)
@@ -45,7 +45,7 @@ def sections_of(pieces: Sequence[Piece], csv_names: Sequence[str]) -> list[Secti
             "courses",
             "Over a stroke",
             _hinted(
-                f"Means over the strokes; 0 % is the catch, the dashed upright line the mean finish. {BAND}",
+                f"Means over the strokes; 0 % is the catch, the dashed vertical line the mean finish. {BAND}",
                 curves(pieces),
             ),
         ),
@@ -61,7 +61,7 @@ def sections_of(pieces: Sequence[Piece], csv_names: Sequence[str]) -> list[Secti
 
 
 def _speaking(section: Section, pieces: Sequence[Piece]) -> Section:
-    """The first section with all that is said above it, and what the page needs once."""
+    """The first section with the summary, key figures, style and script of the page."""
     told = [*sentences(pieces[0], pieces[1]), _whose(pieces)] if len(pieces) > 1 else []
     style, script = (
         files(__package__).joinpath(name).read_text("utf-8") for name in ("style.css", "strokes.js")
@@ -77,10 +77,10 @@ def _speaking(section: Section, pieces: Sequence[Piece]) -> Section:
 
 def _whose(pieces: Sequence[Piece]) -> str:
     first, second = (f"<b>{escape(piece.name)}</b>" for piece in pieces)
-    text = f"What follows here, and all from Notes on, is about {first}."
+    text = f"The following sentences, and all sections from Notes on, describe {first}."
     if pieces[0].track.smoothed != pieces[1].track.smoothed:
         how = ("smoothed", "filtered") if pieces[0].track.smoothed else ("filtered", "smoothed")
-        text += f" It was {how[0]} and {second} {how[1]}: small differences may come from that."
+        text += f" It was {how[0]} and {second} {how[1]}: small differences may be caused by this."
     return text
 
 
@@ -107,21 +107,21 @@ def _strokes(pieces: Sequence[Piece], csv_names: Sequence[str]) -> str:
 
 def _trends(pieces: Sequence[Piece], zones: dict[str, Zone]) -> str:
     hint = (
-        "Dots: strokes that count in averages. Bars: where the program claims the true value of each to be, "
-        "95 % of the time; none is seen where it is smaller than the dot."
+        "Dots: counted strokes. Bars: the 95 % interval of each value; "
+        "it is hidden if it is smaller than the dot."
     )
     if zones:
         hint += (
-            " Tinted: what others aim at, with their name. No such number is right for everyone: height, rig, "
-            "rate and boat move it."
+            " Tinted: published targets with their source. No target is right for everyone: it depends on height, rig, "
+            "rate and boat."
         )
     return _hinted(hint, trends(pieces, zones))
 
 
 def _speeds(pieces: Sequence[Piece]) -> str:
     hint = (
-        "The speed of the handle along the keel is that of the legs (seat), plus that of the trunk (shoulders over the "
-        f"seat), plus that of the arms (handle over the shoulders). Means over the strokes. {BAND}"
+        "The speed of the handle along the keel is the sum of legs (seat), trunk (shoulders relative to "
+        f"the seat) and arms (handle relative to the shoulders). Means over the strokes. {BAND}"
     )
     return _hinted(
         hint, pairs([*speeds(pieces), *[shares_table(f"shares-{k}", p) for k, p in enumerate(pieces)]])
@@ -130,7 +130,7 @@ def _speeds(pieces: Sequence[Piece]) -> str:
 
 def _paths(pieces: Sequence[Piece]) -> str:
     hint = (
-        f"Where the handles go, seen from the boat: the bow is at the right. Means over the strokes. {BAND}"
+        f"Paths of the handles relative to the boat; the bow is at the right. Means over the strokes. {BAND}"
     )
     return _hinted(hint, hand_paths(pieces))
 
@@ -138,7 +138,7 @@ def _paths(pieces: Sequence[Piece]) -> str:
 def _arms(pieces: Sequence[Piece]) -> str:
     hint = (
         "Shoulder, elbow and wrist at the finish, means over the strokes"
-        f"{'; thin lines: single strokes' if len(pieces) == 1 else ''}. The arm plane holds these three points."
+        f"{'; thin lines: single strokes' if len(pieces) == 1 else ''}. The arm plane contains these three points."
     )
     return _hinted(hint, arms_at_finish(pieces))
 
@@ -155,8 +155,8 @@ def _numbers(pieces: Sequence[Piece], zones: dict[str, Zone]) -> str:
         sided = {f"{side}_{name}" for side in "rl" for name in piece.sides}
         found = [one for name, one in piece.averages.items() if name not in sided]
         caption = (
-            f"Means over the strokes. {PLUS_MINUS}: how well the mean is known, one standard deviation; SD: "
-            "how much strokes differ from each other. What both sides have stands under Right and left."
+            f"Means over the strokes. {PLUS_MINUS}: standard deviation of the mean; SD: "
+            "standard deviation between strokes. Numbers of both sides are in the section Right and left."
         )
         parts.append(_heading(piece) + averages_table(f"numbers-{k}", caption, found, published))
         parts.append(unknown_list(found))

@@ -1,4 +1,4 @@
-"""Numbers of strokes as people read them: units, decimals, signs."""
+"""Formats numbers of strokes for the report and the terminal: units, decimals, signs."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ DECIMALS = {
     "J": 0,
     "W": 0,
 }
-"""Of numbers in tables by the unit in which they are shown."""
+"""Decimals of numbers in tables by shown unit."""
 PLUS_MINUS = "\N{PLUS-MINUS SIGN}"
 
 
 def places(feature: Feature) -> int:
-    """Decimals that a number of this kind is shown with."""
+    """Decimals of a number of this feature."""
     return DECIMALS.get(feature.shown_unit, 2)
 
 
 def shown(feature: Feature, value: float, signed: bool = False) -> str:
-    """A value held in the feature's unit as text in its shown unit, without the unit; a dash for no number."""
+    """A value in the feature's unit as text in its shown unit, without the unit; a dash for NaN."""
     text = fixed(value * feature.shown_scale, places(feature))
     return f"+{text}" if signed and value > 0 and text.strip("0.") else text
 
 
 def spread(feature: Feature, value: float) -> str:
-    """A deviation as text, one more decimal where it would be nothing; a dash where it is unknown."""
+    """A standard deviation as text, with one more decimal if it would be 0; a dash if unknown."""
     scaled = value * feature.shown_scale
     digits = places(feature)
     if math.isfinite(scaled) and 0 < scaled < 0.5 * 10.0**-digits:
@@ -46,13 +46,13 @@ def spread(feature: Feature, value: float) -> str:
 
 
 def unit_of(feature: Feature) -> str:
-    """The unit for people; nothing of a plain number."""
+    """The shown unit; empty for a number without unit."""
     unit = feature.shown_unit
     return "" if unit == "1" else unit.replace("2", "\N{SUPERSCRIPT TWO}")
 
 
 def joined_unit(feature: Feature) -> str:
-    """The unit as it stands behind a number in a sentence: `°`, `/min`, ` cm`."""
+    """The unit after a number in a sentence: `°`, `/min`, ` cm`."""
     unit = unit_of(feature)
     return {"deg": "°", "1/min": "/min"}.get(unit, f" {unit}" if unit else "")
 

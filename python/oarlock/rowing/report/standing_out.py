@@ -1,4 +1,4 @@
-"""What a coach would be told first of a piece: sides that differ, strokes unlike the others, drift."""
+"""Notable findings of a piece for the report: differences of sides, unusual strokes, drift."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ LEAST = {
     "m/s": 0.1,
     "1/min": 1.0,
 }
-"""In shown units: a smaller difference is not worth a coach's ear, however sure it is. The play of a swivel alone
-is 1.3 deg (Kleshnev, biorow.com/rbn2025_10)."""
+"""In shown units. Smaller differences are not reported, even when statistically certain. The play of a swivel
+alone is 1.3 deg (Kleshnev, biorow.com/rbn2025_10)."""
 ODD_SIGMAS = 4.0
-"""A stroke is unlike the others when it lies so many robust standard deviations off their median."""
+"""A stroke is unusual if it is this many robust standard deviations from the median."""
 FEWEST_STROKES = 6
-"""Fewer strokes say nothing of drift or of the odd one out."""
+"""Smallest number of strokes for drift and unusual strokes."""
 SIDED = ("r_", "l_")
 ARM = ("arm_plane", "elbow", "forearm", "shoulder")
-"""Joints of the arm follow from what oar, seat and trunk do, and are known least: they are told behind these."""
+"""Joints of the arm, which depend on oar, seat and trunk and are least certain: they are reported last."""
 
 
 class Finding(NamedTuple):
-    """A sentence (plain text), the number it is about, and how many times its least worth telling that is."""
+    """A sentence (plain text), its feature, and its size relative to the smallest reported difference."""
 
     weight: float
     text: str
@@ -52,7 +52,7 @@ class _Column:
 
 
 def findings(piece: Piece) -> list[Finding]:
-    """Most telling first, of joints of the arm behind all others; empty where nothing stands out."""
+    """Findings, the largest first and joints of the arm last; empty if there are none."""
     own = [name for name in piece.averages if not name.startswith(SIDED)]
     columns = [_column(piece, name) for name in own if feature_of(name).shown_unit in LEAST]
     enough = [column for column in columns if len(column.values) >= FEWEST_STROKES]
@@ -61,12 +61,12 @@ def findings(piece: Piece) -> list[Finding]:
 
 
 def compares_sides(piece: Piece) -> bool:
-    """Whether right and left ought to agree; hands on one oar go different ways by design."""
+    """Whether right and left should agree; two hands on one oar move differently by design."""
     return bool(piece.sides) and "oar_phi" not in piece.track.joint_names
 
 
 def least(feature: Feature) -> float:
-    """The smallest difference worth telling, in the feature's own unit; NaN where none is named."""
+    """The smallest reported difference, in the feature's own unit; NaN if none is defined."""
     return LEAST.get(feature.shown_unit, float("nan")) / feature.shown_scale
 
 
@@ -77,7 +77,7 @@ def _column(piece: Piece, name: str) -> _Column:
 
 
 def _sides(piece: Piece) -> list[Finding]:
-    """Numbers of the right hand that differ from those of the left beyond what is known of both."""
+    """Differences between right and left that exceed both uncertainties."""
     found: list[Finding] = []
     if not compares_sides(piece):
         return found
@@ -93,7 +93,7 @@ def _sides(piece: Piece) -> list[Finding]:
 
 
 def _drifts(columns: list[_Column]) -> list[Finding]:
-    """Columns whose last third differs from their first beyond the scatter of strokes."""
+    """Columns whose last third differs from the first by more than the scatter of strokes."""
     found = []
     for column in columns:
         third = max(len(column.values) // 3, 2)
@@ -111,7 +111,7 @@ def _drifts(columns: list[_Column]) -> list[Finding]:
 
 
 def _odd_strokes(columns: list[_Column]) -> list[Finding]:
-    """Strokes far from the median of their piece, each told by the number in which it is farthest."""
+    """Strokes far from the median of their piece, each with the number that is farthest."""
     worst: dict[float, Finding] = {}
     for column in columns:
         middle = float(np.median(column.values))
@@ -127,8 +127,8 @@ def _odd_strokes(columns: list[_Column]) -> list[Finding]:
 def _odd(column: _Column, k: int, middle: float) -> str:
     value, usual = (with_unit(column.feature, number) for number in (float(column.values[k]), middle))
     return (
-        f"Stroke {column.numbers[k]:.0f} (at {column.time_s[k]:.1f} s) is unlike the others: {column.feature.label} "
-        f"{value}, where their median is {usual}."
+        f"Stroke {column.numbers[k]:.0f} (at {column.time_s[k]:.1f} s) is unusual: {column.feature.label} "
+        f"{value}; the median of all strokes is {usual}."
     )
 
 

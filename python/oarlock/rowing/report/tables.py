@@ -1,4 +1,4 @@
-"""The strokes one by one, and the numbers of the piece, as tables."""
+"""Tables of a rower's report: single strokes, means, legs-trunk-arms, right and left."""
 
 from __future__ import annotations
 
@@ -43,26 +43,26 @@ DASH = "\N{EN DASH}"
 
 
 def link(name: str, label: str) -> str:
-    """A label that leads to its definition."""
+    """A label with a link to its definition."""
     return (
         f'<a class="term" href="#{anchor(name)}">{escape(label)}</a>' if name in FEATURES else escape(label)
     )
 
 
 def stroke_label(row: int) -> str:
-    """What a stroke is called in the player, as `oarlock.rowing.stroke_marks` names it."""
+    """Name of a stroke in the player, as in `oarlock.rowing.stroke_marks`."""
     return f"stroke {row + 1}"
 
 
 def anchor(name: str) -> str:
-    """Where a number is explained in the page."""
+    """Anchor of the definition of a number in the page."""
     return f"def-{name.replace('_', '-')}"
 
 
 def strokes_table(piece: Piece, key: str, played: bool) -> str:
-    """A row a stroke, sortable; below it means, scatter and what the track's bands say of one stroke.
+    """One row per stroke, sortable; below it mean, SD and the standard deviation of one stroke.
 
-    Where the player shows this piece (`played`), numbers of strokes that it can repeat lead there.
+    If the player shows this piece (`played`), stroke numbers link to it.
     """
     table, kept = piece.table, piece.counted
     names = [name for name in FIRST_COLUMNS if name in table and np.isfinite(table[name]).any()]
@@ -79,11 +79,11 @@ def strokes_table(piece: Piece, key: str, played: bool) -> str:
     ]
     left_out = [row for row in range(len(table)) if not kept[row]]
     caption = (
-        f"One row a stroke. SD: how much strokes differ from each other. {PLUS_MINUS} of one stroke: how "
-        "exactly a single one was measured (one standard deviation)."
+        f"One row a stroke. SD: standard deviation between strokes. {PLUS_MINUS} of one stroke: "
+        "standard deviation of a single measured value."
     )
     if left_out:
-        caption += " Grey: left out of all averages, for the reason beside its number."
+        caption += " Grey: excluded from all averages, with the reason beside the number."
     return sortable_table(key, caption, columns, rows, foot, muted=left_out)
 
 
@@ -107,9 +107,9 @@ def _stroke_row(table: StrokeTable, names: Sequence[str], row: int, kept: bool, 
 
 
 def averages_table(key: str, caption: str, found: Iterable[Average], published: Mapping[str, str]) -> str:
-    """A row a number: mean, how well it is known, SD between strokes, range; beside it what others published.
+    """One row per number: mean, its standard deviation, SD between strokes, range, published targets.
 
-    Averages that no stroke has are left to `unknown_list`.
+    Numbers that no stroke has are in `unknown_list`.
     """
     found = [one for one in found if one.known]
     columns = [
@@ -118,12 +118,12 @@ def averages_table(key: str, caption: str, found: Iterable[Average], published: 
         Column("mean"),
         Column(
             PLUS_MINUS,
-            meaning="One standard deviation of the mean: the track's bands, and the scatter of strokes.",
+            meaning="Standard deviation of the mean, from the track's bands and the scatter of strokes.",
         ),
         Column("SD", meaning="Standard deviation between strokes."),
         Column("least"),
         Column("largest"),
-        Column("strokes", meaning="How many strokes that count have this number."),
+        Column("strokes", meaning="Number of counted strokes with this number."),
     ]
     columns += [Column("published")] if published else []
     rows = [
@@ -147,7 +147,7 @@ def _average_cells(one: Average) -> list[str]:
 
 
 def unknown_list(found: Iterable[Average]) -> str:
-    """What no stroke tells, by reason; "" where all is known."""
+    """Numbers that no stroke has, by reason; "" if there are none."""
     reasons: dict[str, list[str]] = {}
     for one in found:
         if not one.known:
@@ -161,7 +161,7 @@ def unknown_list(found: Iterable[Average]) -> str:
 
 
 def shares_table(key: str, piece: Piece) -> str:
-    """What legs, trunk and arms do for the handle, a column each; "" where nothing is known of them."""
+    """Contributions of legs, trunk and arms to the handle, one column each; "" if unknown."""
     parts = ("legs", "trunk", "arms")
     rows = []
     for words, ending in SHARES.items():
@@ -173,14 +173,12 @@ def shares_table(key: str, piece: Piece) -> str:
     if not rows:
         return ""
     whose = f", {piece.name}" if piece.name else ""
-    caption = (
-        f"What each does for the handle in the drive{whose}; small: the standard deviation between strokes."
-    )
+    caption = f"Contributions to the handle's motion in the drive{whose}; small: standard deviation between strokes."
     return f'<div class="shares">{plain_table(key, caption, ["in the drive", "unit", *parts], rows)}</div>'
 
 
 def sides_table(key: str, piece: Piece) -> str:
-    """Right and left side by side with their difference; empty where no number has two sides."""
+    """Right and left with their difference; empty if no number has two sides."""
     rows = []
     for name, apart in piece.sides.items():
         right, left = (piece.averages[f"{side}_{name}"] for side in "rl")
@@ -205,23 +203,23 @@ def sides_table(key: str, piece: Piece) -> str:
         Column("right − left"),
         Column(PLUS_MINUS, meaning="One standard deviation of the difference."),
         Column(
-            "beyond both uncertainties", meaning="Larger than 1.96 standard deviations of the difference."
+            "exceeds both uncertainties", meaning="Larger than 1.96 standard deviations of the difference."
         ),
     ]
     caption = (
         f"Means over the strokes; small: SD between strokes. {PLUS_MINUS}: one standard deviation of the "
-        "difference; beyond both uncertainties: larger than chance explains (95 %). The rower faces the "
+        "difference; exceeds both uncertainties: statistically significant (95 %). The rower faces the "
         "stern: the right hand holds the port oar, the left hand the starboard oar."
     )
     if piece.track.provenance.get("nominal_mounts"):
         caption += (
-            " Sensors were not calibrated: how they sit may make differences of the arms, of some degrees."
+            " Sensors were not calibrated: mounts may cause differences of several degrees between the arms."
         )
     return sortable_table(key, caption, columns, rows)
 
 
 def beyond_words(beyond: bool | None) -> str:
-    """`yes`, `no`, or that it cannot be said."""
+    """`yes`, `no` or `not known`."""
     if beyond is None:
         return '<span class="mark">not known</span>'
     return "<b>yes</b>" if beyond else "no"

@@ -1,4 +1,4 @@
-"""The piece in words: how many strokes, how long, how steady, and what stands out."""
+"""The summary sentences of a rower's report: strokes, rate, length, notable findings."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ TILES = ("rate_per_min", "arc_rad", "catch_angle_rad", "finish_angle_rad", "rhyt
 
 
 def summary(piece: Piece) -> list[str]:
-    """Sentences as markup, the most wanted first."""
+    """Sentences as markup, the most important first."""
     return [text for text in (_strokes(piece), _length(piece), _standing_out(piece), *_notes(piece)) if text]
 
 
 def key_figures(piece: Piece) -> list[KeyFigure]:
-    """Strokes, rate and the angles that people look for first."""
+    """The key figures: strokes, rate and oar angles."""
     left_out = int((~piece.counted).sum())
     detail = f"{left_out} left out of averages" if left_out else "all count in averages"
     figures = [KeyFigure("strokes", str(len(piece.table)), detail)]
@@ -79,18 +79,19 @@ def _length(piece: Piece) -> str:
 
 def _standing_out(piece: Piece) -> str:
     if not piece.counted.any():
-        return "<strong>What stands out:</strong> no stroke counts in averages, so nothing can be said of technique."
+        return (
+            "<strong>Notable:</strong> all strokes are excluded from averages, so technique is not assessed."
+        )
     found = findings(piece)
     if not found:
         sides = "Right and left agree, no" if compares_sides(piece) else "No"
         return (
-            f"<strong>What stands out:</strong> nothing. {sides} stroke is unlike the others, and nothing drifted by "
-            "more than a coach would mind."
+            f"<strong>Notable:</strong> nothing. {sides} stroke is unusual, and no relevant drift was found."
         )
     told = " ".join(escape(finding.text) for finding in found[:MOST_FINDINGS])
     more = len(found) - MOST_FINDINGS
-    rest = f" And {more} lesser {'thing' if more == 1 else 'things'}; see below." if more > 0 else ""
-    return f"<strong>What stands out:</strong> {told}{rest}"
+    rest = f" And {more} smaller {'finding' if more == 1 else 'findings'}; see below." if more > 0 else ""
+    return f"<strong>Notable:</strong> {told}{rest}"
 
 
 def _notes(piece: Piece) -> list[str]:

@@ -1,4 +1,4 @@
-"""The report of a rower: strokes, technique, two pieces beside each other, and what each number means."""
+"""`write_rowing_report`: writes the report of a rower with strokes, technique and an optional comparison."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _ROWER = {"seat", "trunk"}
 
 
 def is_of_rower(track: Track) -> bool:
-    """Whether a track is of a model with a rower's joints: a seat and a trunk."""
+    """Whether the track's model has the joints of a rower: seat and trunk."""
     return set(track.joint_names) >= _ROWER and track.model is not None
 
 
@@ -26,7 +26,7 @@ def rowing_sections(
     targets: str | PathLike[str] | None = None,
     csv_names: tuple[str, ...] = ("strokes.csv", "strokes-2.csv"),
 ) -> list[Section]:
-    """What a report says of a rower, for `oarlock.report.write_report`."""
+    """The sections of a rower, for `oarlock.report.write_report`."""
     return sections_of(_pieces(track, other, names, targets), csv_names[: 1 if other is None else 2])
 
 
@@ -49,15 +49,15 @@ def write_rowing_report(
         evaluation: scores against truth; computed if only `truth` is given.
         truth: reference that is drawn beside the estimate.
         title: heading; default says how many strokes of which model, or names the pieces.
-        other: a second piece, laid beside the first.
+        other: a second piece to compare with.
         names: of the two pieces, for people.
-        targets: a boat class of `oarlock.rowing.TARGET_CLASSES` or a file: what others aim at is drawn behind.
+        targets: a boat class of `oarlock.rowing.TARGET_CLASSES` or a file: published targets to draw.
 
     Returns:
-        list: the files written, the report first. Of a track without strokes there is the report alone, which says why.
+        list: the files written, the report first. Without strokes only the report is written, with the reason.
 
     Raises:
-        DataError: the track has no samples, or no strokes can be told of `other`, or no such targets.
+        DataError: the track has no samples, `other` has no strokes, or the targets do not exist.
     """
     target = Path(path)
     target = target / "report.html" if target.is_dir() else target
@@ -67,13 +67,11 @@ def write_rowing_report(
         if other is not None or targets is not None:
             raise
         return [
-            write_report(track.with_notes(f"No stroke is told: {error}"), target, evaluation, truth, title)
+            write_report(track.with_notes(f"No strokes found: {error}"), target, evaluation, truth, title)
         ]
     empty = [piece for piece in pieces if not len(piece.table)]
     if empty and other is not None:
-        raise DataError(
-            f"'{empty[0].name}' has no stroke to lay beside another. {' '.join(empty[0].table.notes)}"
-        )
+        raise DataError(f"'{empty[0].name}' has no stroke to compare. {' '.join(empty[0].table.notes)}")
     if empty:
         return [write_report(track.with_notes(*empty[0].table.notes), target, evaluation, truth, title)]
     tables = [_beside(target, k) for k in range(len(pieces))]

@@ -1,4 +1,4 @@
-"""Lengths of a rower's body from stature: a start, with its spread, for a calibration to refine."""
+"""Segment lengths of a rower from stature, with standard deviations: initial values for a calibration."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LENGTH_PER_STATURE = {
 (Biomechanics and Motor Control of Human Movement) gives them. Wrist to the middle of the grip: half of the hand."""
 
 SHARE_STD = 0.05
-"""The ratios stand for a population that nobody described; people differ from them by about so much."""
+"""Relative standard deviation of people from these ratios; the population is not documented."""
 
 STATURES_M = (1.2, 2.3)
 """Outside these a stature was meant in another unit."""

@@ -1,4 +1,4 @@
-"""The arm posture that a sculler prefers while the hands follow the handles."""
+"""The preferred arm posture of a simulated sculler whose hands follow the handles."""
 
 from __future__ import annotations
 

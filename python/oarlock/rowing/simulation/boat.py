@@ -1,4 +1,4 @@
-"""Surge of the hull: how the boat speeds up and slows down under the rower.
+"""Surge of the simulated hull: its acceleration and deceleration during the stroke.
 
 One degree of freedom along the keel. Momentum of boat and rower, with v the hull's speed toward the bow and z
 the rower's centre of mass on the boat, positive toward the stern:

@@ -1,4 +1,4 @@
-"""Smooth building blocks of a stroke: periodic curves and slow random variation."""
+"""Periodic curves and slow random variation from which simulated strokes are built."""
 
 from __future__ import annotations
 

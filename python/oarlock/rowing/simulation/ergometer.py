@@ -1,4 +1,4 @@
-"""Rowing on an ergometer: one handle on a chain, on the floor or on slides.
+"""Simulates rowing on an ergometer: one handle on a chain, on the floor or on slides.
 
 The stroke is a sculler's without the boat: the same order of legs, trunk and arms, the same timing. The handle goes
 from the machine to the body as the hands of a sculler go along the boat, nearly level, a little lower in the recovery.
@@ -52,7 +52,7 @@ _WHAT_TO_TRY = (
 
 @dataclass(frozen=True)
 class ErgometerShape(StrokeShape):
-    """Ends of the movements of a stroke on the machine, beside seat and trunk of `StrokeShape`; it has no oars.
+    """Ends of the movements of a stroke on the ergometer, in addition to seat and trunk of `StrokeShape`.
 
     Attributes:
         handle_m: chain drawn out at (catch, finish), m.
@@ -99,7 +99,7 @@ def ergometer_piece(
     seed: int = 0,
     knots_hz: float = 250.0,
 ) -> Piece:
-    """A piece on the ergometer; both hands hold the handle to 1e-6 m.
+    """Simulate a piece on the ergometer; both hands are on the handle to 1e-6 m.
 
     Args:
         model: `ergometer`, or a model with its joint and frame names.

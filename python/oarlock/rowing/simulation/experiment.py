@@ -1,4 +1,4 @@
-"""The published simulation as one call: sculling, surge, noise and biases of Table 5; turning hulls and ergometers."""
+"""Simulates the published experiment: sculling, surge, noise and biases of Table 5; also rotating hulls, ergometers."""
 
 from __future__ import annotations
 
@@ -130,9 +130,7 @@ def simulate_rowing(
     """
     if "handle" in model.joint_names:
         if pitching or hull_rotation is not None:
-            raise ValueError(
-                "an ergometer stands on the floor or runs on slides; it does not pitch, roll or yaw"
-            )
+            raise ValueError("an ergometer is on the floor or on slides; it does not pitch, roll or yaw")
         return simulate_ergometer(model, condition, duration_s, rate_spm, seed)
     row = simulate_sweep if "oar_phi" in model.joint_names else simulate_sculling
     return row(model, condition, duration_s, rate_spm, seed, hull_rotation=hull_rotation, pitching=pitching)
@@ -140,7 +138,7 @@ def simulate_rowing(
 
 @dataclass(frozen=True)
 class _Hull:
-    """What the hull does beside surging."""
+    """Rotations of the hull in addition to surge."""
 
     rotation: HullRotation | None
     pitching: bool
@@ -168,7 +166,7 @@ class _Hull:
 def _condition(name: str, pitching: bool) -> SimulatedCondition:
     chosen = condition_named(name)
     if pitching and not chosen.boat_surge:
-        raise ValueError(f"condition {name} is a boat that stands still; it pitches in B-NB and B-B")
+        raise ValueError(f"condition {name} is a stationary boat; it pitches in B-NB and B-B")
     return chosen
 
 

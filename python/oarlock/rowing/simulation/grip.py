@@ -1,4 +1,4 @@
-"""Arm angles by inverse kinematics: the hands hold the handles.
+"""Arm angles of simulated rowers by inverse kinematics: the hands are on the handles.
 
 Seven joints of an arm meet five conditions (hand origin on the handle's, hand z along the handle's), so the
 posture nearest to a preferred one is taken: minimise |W (q - q_preferred)|^2 / 2 under the conditions. The
@@ -117,7 +117,7 @@ class GripSolver:
         return np.asarray(np.linalg.norm(points[:, self._handles] - chain[0], axis=-1) - arm)
 
     def solve(self, time_s: Array, q: Array, preferred: Array) -> Array:
-        """Give q (K, n_joints) arms that hold the handles, nearest to ``preferred`` (K, 2, 7)."""
+        """Set the arms of q (K, n_joints) so that the hands are on the handles, nearest to ``preferred`` (K, 2, 7)."""
         stride = max(1, round(_START_EVERY_S / float(np.median(np.diff(time_s)))))
         coarse = np.unique(np.append(np.arange(0, time_s.size, stride), time_s.size - 1))
         start = self._drawn_to_handles(q[coarse], preferred[coarse])
@@ -130,7 +130,7 @@ class GripSolver:
         return solved
 
     def nearest_miss(self, q: Array, preferred: Array) -> Array:
-        """Smallest distance hand to handle (K, 2), m, that keeps the hand along the handle; 0 if it holds."""
+        """Smallest distance from hand to handle (K, 2), m, with the hand along the handle; 0 if it reaches."""
         arms = preferred
         for _ in range(_MISS_STEPS):
             hands = self._conditions(self._with_arms(q, arms), None, 1.0)

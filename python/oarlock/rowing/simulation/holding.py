@@ -1,4 +1,4 @@
-"""Whether hands hold what they shall: checks of a rowed piece, with errors that say which hand, where in the stroke."""
+"""Checks that the hands of a simulated piece stay on the handles; errors name the hand and the time in the stroke."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Holding:
     what_to_try: str
 
     def solve(self, q: Array, preferred: Array) -> Array:
-        """Joints q (K, n_joints) with arms that hold the handles, nearest to ``preferred`` (K, 2, 7).
+        """Joints q (K, n_joints) with hands on the handles and arms nearest to ``preferred`` (K, 2, 7).
 
         Raises:
             DataError: out of reach, no posture holds, or one that no shoulder or elbow should take.
@@ -97,7 +97,7 @@ class Holding:
         where = self._where(int(open_knots[knot]))
         if miss[knot, side] < CLOSURE_TOLERANCE_M:
             raise DataError(
-                f"{self.activity}: no arm posture near a rower's usual one holds the handles {where}. "
+                f"{self.activity}: no arm posture near a rower's usual one reaches the handles {where}. "
                 f"{self.what_to_try}"
             )
         raise DataError(

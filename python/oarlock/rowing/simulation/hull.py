@@ -1,4 +1,4 @@
-"""A hull that turns under the rower: prescribed rotations, and models whose root does not turn with the boat.
+"""A simulated hull with prescribed rotations, and models whose root does not rotate with the boat.
 
 The sculler's root is the boat. Where the boat turns, the root becomes a frame that travels along, level and straight
 on, and everything that hung on the root hangs on a frame `hull`. The hull strays from the root by two slides,

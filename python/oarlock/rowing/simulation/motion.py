@@ -1,4 +1,4 @@
-"""A plausible sculling motion for any model with the sculler's joints and frames."""
+"""Simulates a plausible sculling motion for any model with the sculler's joints and frames."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _WHAT_TO_TRY = (
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A rowed piece: the motion, its strokes, the hull's motion, and how well the hands hold the handles.
+    """A simulated piece: the motion, its strokes, the hull's motion, and the closure residuals of the hands.
 
     ``closure_m`` and ``closure_axis`` are the largest distance hand to handle, m, and the largest difference
     of their z axes, over the knots and midway between them. ``hull`` is None without a boat.
@@ -56,7 +56,7 @@ def sculling(
     seed: int = 0,
     knots_hz: float = 250.0,
 ) -> Motion:
-    """Sculling with a surging boat as joint trajectories; hands hold the handles to 1e-6 m.
+    """Simulate sculling in a surging boat as joint trajectories; the hands are on the handles to 1e-6 m.
 
     Args:
         model: the sculler, or a model with the same joint and frame names.

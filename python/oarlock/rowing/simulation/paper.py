@@ -1,4 +1,4 @@
-"""Printed results of the paper that the sculler follows, for setting our own beside them.
+"""Printed results of the paper of the sculler, for comparison with ours.
 
 Source: E. Ruffaldi, L. Peppoloni, A. Filippeschi, "Sensor fusion for complex articulated body tracking
 applied in rowing", Journal of Sports Engineering and Technology. Tables 5 and 6, section 5.

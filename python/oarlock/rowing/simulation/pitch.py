@@ -1,4 +1,4 @@
-"""Pitch of the hull: the second degree of freedom, beside surge.
+"""Pitch of the simulated hull: the second degree of freedom after surge.
 
 Pitch rather than heave: some 230 N m of the rower's weight move along the keel in every stroke, and what follows tilts
 gravity in every accelerometer on board (0.3 deg is 0.05 m/s2), while heave stays at a millimetre or two. It is also
@@ -106,7 +106,7 @@ class HullPitch:
 def hull_pitch(
     model: Body, q: Array, timing: StrokeTiming, hull: HullMotion, boat: Boat, form: HullForm
 ) -> HullPitch:
-    """Pitch under a rower who moves as q (K, n_joints) in a hull that surges as told.
+    """Pitch of the hull for a rower's motion q (K, n_joints) and a given surge.
 
     It starts as if the first stroke had been rowed before.
     """

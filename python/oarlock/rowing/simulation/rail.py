@@ -1,4 +1,4 @@
-"""A seat's rail that slopes, as a state: for whoever has not measured it.
+"""Adds the slope of the seat's rail to a model as a state, for rigs whose slope was not measured.
 
 The models carry the slope as the parameter `rail_slope_rad`, positive rising toward the feet. The trunk's angle counts
 from the boat's upright, whatever the rail does.

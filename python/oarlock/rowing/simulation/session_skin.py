@@ -1,4 +1,4 @@
-"""Soft tissue under the units of a calibration session: the field simulator's skin, for postures that are not rowed."""
+"""Soft-tissue artefacts in a simulated calibration session: the field simulator's skin for postures outside rowing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `oarlock study` can simulate of rowing: sculling as modelled, and sculling as in the field."""
+"""The rowing simulators of `oarlock study`: sculling as modelled, and sculling with field errors."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class ScullingSimulator:
     """Sculling of `oarlock.rowing.sculling`: everything is as modelled, but for the boat's surge, noise and biases."""
 
     def keys(self, model: Model) -> Mapping[str, StudyKey]:
-        """Condition, length, stroke rate and variation beside the shared settings of sensors."""
+        """Condition, length, stroke rate and variation, in addition to the common sensor settings."""
         own = (StudyKey("variation", "number", 1.0, "stroke-to-stroke variation", least=0.0, most=5.0),)
         biases = {
             name: StudyKey(name, "by_name", None, StudyTrial.KEYS[name].about, optional=True)

@@ -1,4 +1,4 @@
-"""Where the rower sits: the foot-stretcher is moved until the arms reach the handles all through the stroke."""
+"""Adjusts the foot stretcher of a simulated rower so that the arms reach the handles in the whole stroke."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The shape of one sculling stroke: seat, trunk and oars over its phase.
+"""The shape of one simulated sculling stroke: seat, trunk and oars over its phase.
 
 Phases run from 0 (catch) over 0.5 (finish) to 1 (next catch). The order is the coaching one: legs, trunk, arms
 in the drive; arms, trunk, legs in the recovery. The default ends are a sculler's: catch near -60 to -66 deg and

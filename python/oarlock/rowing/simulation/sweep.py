@@ -1,4 +1,4 @@
-"""Sweep rowing: one oar, both hands on it, and a trunk that follows the handle.
+"""Simulates sweep rowing: one oar with both hands, and a trunk that follows the handle.
 
 The outside hand holds the handle near its end, the inside hand some 30 cm nearer to the pin. At the catch the handle
 stands at 54 degrees across the rower, so the shoulders turn after it and the trunk bends toward the rigger; toward the
@@ -57,7 +57,7 @@ PAIR_HULL = HullForm(length_m=9.7, beam_m=0.34, inertia_kg_m2=170.0, rowers=2)
 
 @dataclass(frozen=True)
 class SweepShape(StrokeShape):
-    """Ends of the movements of a sweep stroke, beside those of `StrokeShape`; pairs are (catch, finish).
+    """Ends of the movements of a sweep stroke, in addition to those of `StrokeShape`; pairs are (catch, finish).
 
     Attributes:
         bend_rad: trunk bent sideways, rad, positive toward the rigger.
@@ -93,7 +93,7 @@ def sweep_piece(
     seed: int = 0,
     knots_hz: float = 250.0,
 ) -> Piece:
-    """Sweep rowing with its strokes, the boat's speed and the closure residuals; both hands hold to 1e-6 m.
+    """Simulate sweep rowing with strokes, boat speed and closure residuals; both hands are on the handle to 1e-6 m.
 
     Args:
         model: `sweep`, `sweep_starboard`, or a model with their joint and frame names.

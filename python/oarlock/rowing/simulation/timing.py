@@ -1,4 +1,4 @@
-"""When a stroke is where: stroke rate, drive ratio and the phase of the stroke."""
+"""Stroke rate, drive ratio and phase of simulated strokes over time."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Strokes of a track: reversals, events, and the table with one row a stroke; offline and live."""
+"""Finds strokes in tracks and recordings, offline and live, and makes the table with one row per stroke."""

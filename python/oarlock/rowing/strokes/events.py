@@ -1,4 +1,4 @@
-"""From reversals to catches and finishes, and of two oars to one boat's."""
+"""Pairs reversals to catches and finishes, and joins those of two oars, for `find_strokes` and `LiveStrokes`."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import numpy as np
 from oarlock.rowing.strokes.reversals import Reversal
 
 PAIR_S = 0.2
-"""Catches, or finishes, of two oars that lie further apart belong to different strokes."""
+"""Catches (or finishes) of two oars that are further apart belong to different strokes."""
 
-# The seat turns before the handle: 15 to 25 ms with good technique, up to 50 (Kleshnev's catch factor).
+# The seat reverses before the handle: 15 to 25 ms with good technique, up to 50 (Kleshnev's catch factor).
 _SEAT_LEADS_S, _SEAT_LEADS_STD_S = 0.02, 0.025
 # Legs are down at 80 to 90 % of the drive (BioRow's segment sequence; the arms' window is its last fifth).
 _LEGS_DOWN_SHARE, _LEGS_DOWN_STD = 0.87, 0.07
-# The trunk opens after the catch, while the legs already push; how long after is style.
+# The trunk opens after the catch, while the legs already push; the delay depends on style.
 _TRUNK_OPENS_S, _TRUNK_OPENS_STD_S = 0.11, 0.07
-# The trunk turns back around the finish: before it or after it, again by style.
+# The trunk reverses before or after the finish, also depending on style.
 _TRUNK_TURNS_STD_S = 0.05
 
 
 @dataclass(frozen=True)
 class Event:
-    """A catch or a finish as one signal tells it: time and standard deviation, s."""
+    """A catch or a finish of one signal: time and standard deviation, s."""
 
     time_s: float
     time_std_s: float
@@ -32,7 +32,7 @@ class Event:
 
 
 def catch_of(source: str, low: Reversal) -> Event:
-    """The catch that a low of this source tells."""
+    """The catch that corresponds to a minimum of this source."""
     shift, std = 0.0, 0.0
     if source == "seat":
         shift, std = _SEAT_LEADS_S, _SEAT_LEADS_STD_S
@@ -42,7 +42,7 @@ def catch_of(source: str, low: Reversal) -> Event:
 
 
 def finish_of(source: str, high: Reversal, catch: Event) -> Event:
-    """The finish that a high of this source tells."""
+    """The finish that corresponds to a maximum of this source."""
     if source == "seat":
         drive_s = (high.time_s - catch.time_s) / _LEGS_DOWN_SHARE
         std = drive_s * _LEGS_DOWN_STD / _LEGS_DOWN_SHARE
@@ -53,7 +53,7 @@ def finish_of(source: str, high: Reversal, catch: Event) -> Event:
 
 @dataclass(frozen=True)
 class SideStroke:
-    """A stroke as one signal tells it; `end` is its next catch, None where none followed."""
+    """A stroke of one signal; `end` is its next catch, None if none followed."""
 
     catch: Event
     finish: Event
@@ -62,13 +62,13 @@ class SideStroke:
 
 @dataclass
 class SideStrokes:
-    """Strokes of one signal, from its reversals as they come."""
+    """Strokes of one signal, built from its reversals in order of time."""
 
     source: str
     _events: list[tuple[str, Event, int]] = field(default_factory=list)
 
     def add(self, reversal: Reversal, segment: int) -> tuple[str, Event, bool] | None:
-        """The event, whether it replaces the one before; None for a high that no low went before."""
+        """The event, and whether it replaces the previous one; None for a maximum without a preceding minimum."""
         before = self._events[-1] if self._events and self._events[-1][2] == segment else None
         if not reversal.high:
             kind, event = "catch", catch_of(self.source, reversal)
@@ -90,7 +90,7 @@ class SideStrokes:
         return None
 
     def strokes(self) -> list[SideStroke]:
-        """Every catch with a finish behind it."""
+        """Every catch that has a finish."""
         found = []
         for place, (kind, event, segment) in enumerate(self._events[:-1]):
             then = self._events[place + 1]
@@ -110,7 +110,7 @@ class Stroke:
 
     @property
     def catch(self) -> tuple[float, float]:
-        """Time and standard deviation, s; of two oars the mean."""
+        """Time and standard deviation, s; mean of two oars."""
         return mean_event([stroke.catch for stroke in self.sides.values()])
 
     @property
@@ -120,7 +120,7 @@ class Stroke:
 
     @property
     def end(self) -> tuple[float, float]:
-        """As `catch`, of the next catch; NaN where none followed."""
+        """As `catch`, for the next catch; NaN if none followed."""
         ends = [stroke.end for stroke in self.sides.values()]
         known = [end for end in ends if end is not None]
         return mean_event(known) if len(known) == len(ends) else (np.nan, np.nan)
@@ -133,7 +133,7 @@ def mean_event(events: Sequence[Event]) -> tuple[float, float]:
 
 
 def paired(sides: Mapping[str, Iterable[SideStroke]]) -> list[Stroke]:
-    """Strokes of the boat, in time: of two oars those that begin or end together."""
+    """Strokes of the boat in order of time; strokes of two oars that begin or end together are joined."""
     if len(sides) == 1:
         ((side, only),) = sides.items()
         return [Stroke({side: stroke}) for stroke in only]

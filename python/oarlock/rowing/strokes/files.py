@@ -1,4 +1,4 @@
-"""Files of a table of strokes: CSV for people, Parquet with reasons and curves for programs."""
+"""Writes a table of strokes as CSV for people and as Parquet, with reasons and curves, for programs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Finds the strokes of a recording or a track: when catch and finish were, and how sure that is."""
+"""`find_strokes`: finds catch and finish times of a recording or track, with standard deviations."""
 
 from __future__ import annotations
 
@@ -27,21 +27,22 @@ def find_strokes(
     model: Model | None = None,
     zero_std: float = ZERO_STD,
 ) -> Strokes:
-    """Find all strokes: from oar angles; without them from the seat, then from the trunk.
+    """Find all strokes from oar angles; without these from the seat, then from the trunk.
 
-    A catch is a low of the movement and a finish a high, at least 30 deg (0.4 m of an ergometer's handle, 0.15 m of the
-    seat, 15 deg of the trunk) apart; their times come from a polynomial around the turn (`rowing.strokes.reversals`).
-    From seat or trunk alone some times are only roughly known, and their standard deviations say so.
+    A catch is a minimum of the movement and a finish a maximum. They are at least 30 deg apart (0.4 m of an ergometer's
+    handle, 0.15 m of the seat, 15 deg of the trunk). A polynomial around each reversal gives its time
+    (`rowing.strokes.reversals`).
+    From seat or trunk alone some times are less accurate, which is included in their standard deviations.
 
     Args:
         data: a track, or a recording as it was made.
         source: `oars`, `handle`, `seat`, `trunk` (a track's) or `trunk_gyro` (a recording's unit `back`); None takes
             the first that is there.
-        model: tells how the unit on the back is mounted; without it the axis that it turns about most is taken.
-        zero_std: what the encoders' zeros may be off by, rad or m.
+        model: gives the mount of the unit on the back; without it the axis of largest rotation is used.
+        zero_std: standard deviation of the encoders' zeros, rad or m.
 
     Raises:
-        DataError: nothing there that tells strokes.
+        DataError: no signal from which strokes can be found.
     """
     signals, still = moving(signals_of(data, source, model))
     strokes = paired({signal.side: _side_strokes(signal) for signal in signals})
@@ -88,12 +89,12 @@ def _notes(signals: Sequence[Signal], strokes: Sequence[Stroke], still: Sequence
     notes = []
     if signals[0].source not in ("oars", "handle"):
         notes.append(
-            f"Strokes come from {kind.words}: catch and finish are only roughly known, see their standard deviations."
+            f"Strokes were found from {kind.words}: catch and finish are less accurate, see their standard deviations."
         )
     if signals[0].source == "oars" and len(signals) == 1 and signals[0].side:
-        told = "told" if still else "was read"
+        told = "moved" if still else "was read"
         notes.append(f"Only the {_OAR[signals[0].side]} oar {told}.")
-    notes += [f"The {_OAR[s.side]} oar never moved: its encoder is taken for broken." for s in still]
+    notes += [f"The {_OAR[s.side]} oar never moved: its encoder may be broken. Check it." for s in still]
     if not strokes:
         notes.append(f"No stroke: {kind.words} never moved by {kind.least:.2g} {kind.unit} and back.")
     return notes

@@ -1,4 +1,4 @@
-"""Rowing, starts, paddling, turns and pauses told apart, and which strokes count in averages."""
+"""Classifies strokes as rowing, start, paddling or turn, finds pauses, and selects strokes for averages."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from oarlock.rowing.strokes.signals import KINDS, Signal
 Floats = NDArray[np.float64]
 
 STILL_S = 1.2
-"""Hands that stand still for longer in a recovery pause."""
+"""The rower pauses if the hands are stationary for longer than this in a recovery, s."""
 _LONGEST_CYCLE_S = 5.5
 _LONG_CYCLE = 1.8
 _PADDLING_CYCLE_S = 4.0
@@ -31,7 +31,7 @@ _ODD_LEAST = 0.05
 
 @dataclass(frozen=True)
 class Stretch:
-    """A stretch of one kind: `rowing`, `start`, `paddling`, `turn` with strokes first to last, or a `pause`."""
+    """An interval of one kind: `rowing`, `start`, `paddling`, `turn` with strokes first to last, or a `pause`."""
 
     kind: str
     start_s: float
@@ -42,7 +42,7 @@ class Stretch:
 
 @dataclass(frozen=True, eq=False)
 class Told:
-    """Of each stroke: its kind, whether a pause follows, and why it counts in no average ("" if it does)."""
+    """For each stroke: its kind, whether a pause follows, and why it is excluded from averages ("" if it is not)."""
 
     kinds: tuple[str, ...]
     paused: NDArray[np.bool_]
@@ -50,7 +50,7 @@ class Told:
 
 
 def told_apart(strokes: Sequence[Stroke], signals: Sequence[Signal]) -> Told:
-    """What kind each stroke is of; strokes are in time."""
+    """The kind of each stroke; strokes are in order of time."""
     arcs, cycles = _arcs(strokes), _cycles(strokes)
     usual_cycle = float(np.median(cycles[np.isfinite(cycles)])) if np.isfinite(cycles).any() else 3.0
     longest_s = max(_LONGEST_CYCLE_S, _LONG_CYCLE * usual_cycle)
@@ -69,7 +69,7 @@ def told_apart(strokes: Sequence[Stroke], signals: Sequence[Signal]) -> Told:
 
 
 def stretches(strokes: Sequence[Stroke], told: Told, start_s: float, end_s: float) -> tuple[Stretch, ...]:
-    """Strokes of one kind in a row as stretches, with the pauses between, before and behind them."""
+    """Consecutive strokes of one kind as intervals, with the pauses before, between and after them."""
     found: list[Stretch] = []
     at = start_s
     place = 0
@@ -183,7 +183,7 @@ def _mark_start(kinds: list[str], shares: Floats, cycles: Floats, begin: int, en
 
 
 def _spare_single_strokes(kinds: list[str], paused: NDArray[np.bool_]) -> None:
-    """One odd stroke amid rowing is no paddling: it is left out of averages as odd."""
+    """A single unusual stroke within rowing is not paddling; it is excluded from averages as unusual."""
     for place in range(1, len(kinds) - 1):
         around = kinds[place - 1] == kinds[place + 1] == "rowing"
         if kinds[place] == "paddling" and around and not paused[place - 1 : place + 1].any():

@@ -1,4 +1,4 @@
-"""Strokes while they are rowed: readings in, catches and finishes out, each as soon as its surroundings are known."""
+"""`LiveStrokes`: finds catches and finishes during rowing, for live feedback."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ class StrokeEvent:
         time_s: when, s; of two oars the mean.
         time_std_s: its standard deviation.
         value: the movement there, in `KINDS`' unit: an oar's angle, rad; of two oars the mean.
-        published_s: stamp of the reading that made it known.
-        replaces: takes the place of the last event of this kind: the movement went on after all.
+        published_s: time stamp of the reading with which it was published.
+        replaces: replaces the last event of this kind, because the movement continued.
         sides: by side "r" and "l", or "" of one signal.
         drive_time_s: of a finish, from its catch; NaN if that was not seen.
         rate_per_min: of a catch, from the catch before; NaN if there was none or the signal fell silent between.
@@ -80,7 +80,7 @@ class LiveStrokes:
 
     Args:
         source: `oars`, `handle`, `seat`, `trunk` (its angle, say of a tracker's belief) or `trunk_gyro`.
-        model: tells which way the unit on the back is mounted; only for `trunk_gyro`, which needs it.
+        model: gives the mount of the unit on the back; needed only for `trunk_gyro`.
 
     Raises:
         DataError: no such source, or `trunk_gyro` without a model.
@@ -100,11 +100,11 @@ class LiveStrokes:
             raise DataError(f"strokes: no source '{self.source}'; choose one of {', '.join(SOURCES)}")
         if self.source == "trunk_gyro":
             if self.model is None:
-                raise DataError("strokes: 'trunk_gyro' needs the model, which tells how the unit is mounted")
+                raise DataError("strokes: 'trunk_gyro' needs the model, which contains the mount of the unit")
             self._axis = trunk_axis(self.model)
 
     def step(self, time_s: float, readings: Mapping[str, ArrayLike]) -> list[StrokeEvent]:
-        """Events that have become known with this sample.
+        """Return the events that this sample completes.
 
         Args:
             time_s: its stamp, s; not before the last.

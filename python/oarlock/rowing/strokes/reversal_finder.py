@@ -1,4 +1,4 @@
-"""Finds the reversals of a movement as it goes on: readings in, reversals out once their surroundings are known."""
+"""Finds the reversals of a signal reading by reading, for `find_strokes` and `LiveStrokes`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LEAST_STANDSTILL_STD_S = 0.05
 
 @dataclass
 class ReversalFinder:
-    """Alternating lows and highs of one signal, at least `least` apart; a low is a catch, a high a finish.
+    """Alternating minima and maxima of one signal, at least `least` apart; a minimum is a catch, a maximum a finish.
 
     A reversal is published when the signal has come back by a tenth of `least` and the fit has both its sides. Should
     the signal pass it again before it has come back by all of `least`, it was none: another is published in its place.
@@ -41,7 +41,7 @@ class ReversalFinder:
     _turned_s: float = -np.inf
 
     def step(self, time_s: float, value: float) -> list[Reversal]:
-        """Reversals that have become known; one that replaces the last published has its kind (`high`)."""
+        """Return completed reversals; one that replaces the last published has the same kind (`high`)."""
         if np.isnan(value):
             return []
         if self._readings and time_s - self._readings[-1][0] > _LOST_S:
@@ -53,7 +53,7 @@ class ReversalFinder:
         return self._turned(time_s, value)
 
     def restart(self) -> None:
-        """Forget: after a silence nobody knows what happened in it."""
+        """Reset the search after a gap in the readings."""
         self.segment += 1
         self.rising, self._low, self._high, self._published = None, None, None, False
         self._readings.clear()

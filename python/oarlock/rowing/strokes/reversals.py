@@ -1,4 +1,4 @@
-"""Where a movement turns: sub-sample times and values of its reversals, with their standard deviations.
+"""Fits times and values of reversals between samples, with standard deviations, for the stroke finders.
 
 A polynomial of fourth degree is fitted to what was read around the turn, over as much of it as the movement is still
 near (a share of the least movement that counts), and its extreme is the reversal. A low-pass before the search would
@@ -29,7 +29,7 @@ _FURTHEST = 0.7
 
 @dataclass(frozen=True)
 class Reversal:
-    """A turn of a movement.
+    """A reversal of a movement.
 
     Attributes:
         high: from rising to falling; else from falling to rising.
@@ -91,7 +91,7 @@ def edge_reversal(time_s: Floats, value: Floats, high: bool, reach: float) -> Re
 
 
 def needed_until(time_s: Floats, value: Floats, around_s: float, reach: float) -> float:
-    """Until when readings should have come for `fit_reversal` to have both sides, s."""
+    """Time up to which `fit_reversal` needs readings to have both sides, s."""
     return around_s + _half_window(time_s, value, around_s, reach)
 
 

@@ -1,4 +1,4 @@
-"""Which movement tells the strokes: oars, an ergometer's handle, seat or trunk; each turned to be low at the catch."""
+"""Selects the signal from which strokes are found: oars, handle, seat or trunk; each is lowest at the catch."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SIDED = {"r_oar_phi": "r", "l_oar_phi": "l", "oar_phi": ""}
 
 @dataclass(frozen=True)
 class Kind:
-    """What a source's movement is like.
+    """Properties of the movement of a source.
 
     Attributes:
         unit: of the movement.
@@ -71,7 +71,7 @@ def signals_of(data: Track | Recording, source: str | None, model: Model | None)
     """The signals of the asked source, or of the first that is there; one an oar.
 
     Raises:
-        DataError: no such source, or nothing that tells strokes.
+        DataError: no such source, or no signal from which strokes can be found.
     """
     if source is not None and source not in SOURCES:
         raise DataError(f"strokes: no source '{source}'; choose one of {', '.join(SOURCES)}")

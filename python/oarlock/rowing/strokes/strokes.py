@@ -1,4 +1,4 @@
-"""Strokes in time with their kinds, and as a table: rate, rhythm, oar angles and what differs between two oars."""
+"""`Strokes`: times and kinds of strokes, and their table with rate, rhythm, oar angles and side differences."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Strokes:
     """Strokes in time, (N,) each; see `oarlock.rowing.FEATURES` for what a catch and a finish are.
 
     Attributes:
-        source: what told them: `oars`, `handle` (ergometer), `seat`, `trunk` or `trunk_gyro`.
+        source: signal from which they were found: `oars`, `handle` (ergometer), `seat`, `trunk` or `trunk_gyro`.
         strokes: each with its sides.
         kinds: of each: `rowing`, `start`, `paddling`, `turn`.
         left_out: why a stroke counts in no average; "" if it does.

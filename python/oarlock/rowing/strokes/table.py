@@ -1,4 +1,4 @@
-"""A table of strokes: one row a stroke, columns by quantity and unit, unknowns with their reasons."""
+"""`StrokeTable`: one row per stroke, columns by quantity and unit, reasons for missing numbers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class StrokeTable:
-    """One row a stroke; (N,) each. What is not known is NaN, with its reason.
+    """One row per stroke; (N,) each. An unknown number is NaN, with its reason.
 
     Args:
         columns: numbers by name, SI and radians. `oarlock.rowing.FEATURES` explains the names; others are allowed.
@@ -60,7 +60,7 @@ class StrokeTable:
                     first = next(iter(self.columns))
                     raise DataError(
                         f"stroke table, {kind} of '{name}': has {len(rows)} rows, but '{first}' has {len(self)}. "
-                        "Give one row a stroke"
+                        "Give one row per stroke"
                     )
                 if kind in ("stds", "reasons") and name not in self.columns:
                     raise DataError(f"stroke table: {kind} of '{name}', but there is no such column")
