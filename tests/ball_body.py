@@ -74,7 +74,7 @@ class BallBody:
         world = {"up": [0.0, 1.0, 0.0], "forward": [0.0, 0.0, 1.0]}
         return {"joints": joints, "frames": frames, "sensors": [], "closures": [], "world": world}
 
-    def forward_kinematics(self, q: Floats) -> Floats:
+    def forward_kinematics(self, q: Floats, lengths: Floats | None = None) -> Floats:
         q = np.asarray(q, dtype=float)
         poses = np.tile(np.eye(4), (*q.shape[:-1], len(self.frame_names), 1, 1))
         columns = joint_columns(self.coordinate_names)

@@ -152,7 +152,7 @@ def _checked(condition: str, rate_hz: float, duration_s: float) -> SimulatedCond
 
 
 def _with_true_lengths(model: Model, true: Mapping[str, float]) -> Model:
-    return model.with_parameters(true)
+    return model.with_parameters(true) if true else model
 
 
 def _encoders(description: Mapping[str, Any]) -> list[Mapping[str, Any]]:
