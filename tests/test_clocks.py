@@ -144,7 +144,7 @@ def test_one_clock_for_all_stays_one(arm):
     model, recording = arm
     found = oarlock.calibrate_clocks(model, recording, reference="upperarm")
     assert not found.clocks
-    assert all("shares its stamps" in reason for reason in found.noted["clocks"]["refused"].values())
+    assert all("shares its time stamps" in reason for reason in found.noted["clocks"]["refused"].values())
 
 
 def test_where_no_stream_keeps_true_time_most_agree(arm):

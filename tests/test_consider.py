@@ -111,8 +111,8 @@ def test_what_is_off_changes_no_estimate() -> None:
     there = ~np.isnan(off.q_std)
     assert (learnt.q_std >= off.q_std)[there].all()
     assert np.median(learnt["trunk"].std_rad[settled]) > 3.0 * np.median(off["trunk"].std_rad[settled])
-    assert any("bands are wider" in note for note in learnt.notes)
-    assert not any("bands are wider" in note for note in off.notes)
+    assert any("uncertainty was increased" in note for note in learnt.notes)
+    assert not any("uncertainty was increased" in note for note in off.notes)
 
 
 TOLD_RAD = np.radians(1.0)

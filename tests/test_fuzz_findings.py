@@ -55,7 +55,7 @@ def matlab_file(folder, compressed=False, **variables):
 ROWS = np.arange(12.0).reshape(4, 3)
 
 
-ENDED = r"trial\.mat: is no MATLAB file, or is damaged \(its reader was ended by SIG\w+\)"
+ENDED = r"trial\.mat: is not a MATLAB file, or is damaged \(its reader was ended by SIG\w+\)"
 
 
 @pytest.mark.parametrize("kind", [0, 14, 255])
@@ -79,7 +79,7 @@ def test_a_matlab_file_whose_text_has_no_dimensions(tmp_path):
     file = matlab_file(tmp_path, note="eight oars")
     changed(file, file.read_bytes().index(struct.pack("<II", 5, 8)) + 4, bytes([0]))
     with pytest.raises(
-        DataError, match=r"trial\.mat: is no MATLAB file, or is damaged \(Error in SDE format data\)"
+        DataError, match=r"trial\.mat: is not a MATLAB file, or is damaged \(Error in SDE format data\)"
     ):
         read_mat(file)
 

@@ -139,7 +139,7 @@ def test_an_error_of_divergence_keeps_its_time_and_notes() -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"recordings": "one"}, r"expected a list of recordings, got Recording; oarlock\.track"),
+        ({"recordings": "one"}, r"expected a list of recordings, got Recording; use oarlock\.track"),
         ({"model": ["sculler"]}, "one Model for all recordings, got list"),
         ({"threads": 0}, "threads = 0: expected 1 or more"),
         ({"threads": 1.5}, r"threads = 1\.5"),
