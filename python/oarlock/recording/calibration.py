@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
@@ -25,6 +24,7 @@ from oarlock.recording.calibration_values import (
 from oarlock.recording.corrections import CORRECTING, corrected
 from oarlock.recording.stream_scales import Clock, EncoderScale
 from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.copies import copied_notes
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 
@@ -81,7 +81,7 @@ class Calibration:
         for name, check in _CHECKS.items():
             values = {str(k): check(v, str(k)) for k, v in _mapping(getattr(self, name), name).items()}
             object.__setattr__(self, name, MappingProxyType(values))
-        noted = copy.deepcopy(dict(_mapping(self.noted, "noted")))
+        noted = copied_notes(_mapping(self.noted, "noted"), "calibration, noted")
         object.__setattr__(self, "noted", MappingProxyType(noted))
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:

@@ -1,6 +1,5 @@
 """`Recording`: the streams of one trial. Importers and simulators create recordings; `oarlock.track` tracks them."""
 
-import copy
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from os import PathLike
@@ -11,6 +10,7 @@ import numpy as np
 
 from oarlock.recording.folder import read_folder, write_folder
 from oarlock.recording.streams import Stream
+from oarlock.storage.copies import copied_notes
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 
@@ -33,7 +33,7 @@ class Recording:
 
     def __init__(self, streams: Iterable[Stream], meta: Mapping[str, object] | None = None) -> None:
         object.__setattr__(self, "streams", tuple(streams))
-        object.__setattr__(self, "meta", MappingProxyType(copy.deepcopy(dict(meta or {}))))
+        object.__setattr__(self, "meta", MappingProxyType(copied_notes(meta or {}, "recording, meta")))
         self._check_streams()
 
     def _check_streams(self) -> None:
