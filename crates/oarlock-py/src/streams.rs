@@ -4,6 +4,7 @@ use crate::array::items;
 use crate::corrections::corrections;
 use crate::errors::{raise, DataError};
 use crate::lent::column;
+use oarlock::config::Config;
 use oarlock::corrections::Clock;
 use oarlock::recording::{Channel, Recording, Sample, Stream};
 use oarlock::rotation::Mat3;
@@ -26,11 +27,11 @@ pub fn samples(
     py: Python<'_>,
     tracker: &Tracker,
     clocks: &BTreeMap<String, Clock>,
-    merge_s: f64,
+    config: &Config,
     recording: &Bound<'_, PyAny>,
 ) -> PyResult<Vec<Sample>> {
     let body = tracker.body();
-    let recording = Recording::new(&body.model, &body.suite, streams(recording)?, clocks, merge_s);
+    let recording = Recording::new(&body.model, &body.suite, streams(recording)?, clocks, config.gathering());
     let recording = recording.map_err(|e| raise(py, e))?;
     let (mut cursor, mut sample, mut all) = (recording.start(), tracker.empty_sample(), Vec::new());
     while recording.next(&mut cursor, &mut sample) {

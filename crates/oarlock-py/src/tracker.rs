@@ -6,6 +6,7 @@ use crate::config::PyConfig;
 use crate::errors::{raise, DataError};
 use crate::model::PyModel;
 use crate::streams::{calibration, samples};
+use oarlock::config::Config;
 use oarlock::corrections::Clock;
 use oarlock::recording::{input_joint, Sample};
 use oarlock::rotation::turn::Turn;
@@ -38,7 +39,7 @@ impl PySample {
 #[pyclass(name = "Tracker", module = "oarlock")]
 pub struct PyTracker {
     tracker: Tracker,
-    merge_s: f64,
+    config: Config,
     clocks: BTreeMap<String, Clock>,
     /// Reused for each sample that is given as a dictionary.
     sample: Sample,
@@ -67,7 +68,7 @@ impl PyTracker {
         let sensors = tracker.body().suite.sources.iter().map(|s| s.name.clone()).collect();
         let sample = tracker.empty_sample();
         let clocks = calibration.corrections.clocks;
-        Ok(PyTracker { tracker, merge_s: config.merge_s, clocks, sample, names, sensors })
+        Ok(PyTracker { tracker, config, clocks, sample, names, sensors })
     }
 
     /// A sample at a true time from readings by sensor, as measured: `{"back": {"gyro_rad_s": (3,), ...}, "seat":
@@ -92,7 +93,7 @@ impl PyTracker {
 
     /// The samples of a recording as measured, merged by true time as `oarlock.track` merges them.
     fn samples(&self, py: Python<'_>, recording: &Bound<'_, PyAny>) -> PyResult<Vec<PySample>> {
-        let all = samples(py, &self.tracker, &self.clocks, self.merge_s, recording)?;
+        let all = samples(py, &self.tracker, &self.clocks, &self.config, recording)?;
         Ok(all.into_iter().map(PySample).collect())
     }
 

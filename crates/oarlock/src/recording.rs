@@ -1,6 +1,8 @@
 //! Streams of readings, and their merging into samples.
 
 pub mod column;
+pub mod ticks;
+pub mod timing;
 
 use crate::corrections::Clock;
 use crate::error::{Error, Result};
@@ -10,6 +12,7 @@ use crate::rotation::turn::Turn;
 use crate::sensor::{Quantity, Suite};
 use column::Column;
 use std::collections::BTreeMap;
+use ticks::Ticks;
 
 /// One quantity of a stream, row-major; NaN is missing.
 #[derive(Debug, Clone)]
@@ -41,32 +44,42 @@ pub struct Sample {
     pub z: Vec<f64>,
     /// Per coordinate of the model: readings of input joints, NaN where missing.
     pub inputs: Vec<f64>,
+    /// Per source: time of its readings after that of the sample, s.
+    pub offset_s: Vec<f64>,
 }
 
 impl Clone for Sample {
     fn clone(&self) -> Self {
-        Sample { time_s: self.time_s, z: self.z.clone(), inputs: self.inputs.clone() }
+        let Sample { time_s, z, inputs, offset_s } = self;
+        Sample { time_s: *time_s, z: z.clone(), inputs: inputs.clone(), offset_s: offset_s.clone() }
     }
 
     /// Copies into existing memory: a step allocates nothing.
     fn clone_from(&mut self, from: &Self) {
-        let Sample { time_s, z, inputs } = self;
+        let Sample { time_s, z, inputs, offset_s } = self;
         *time_s = from.time_s;
         z.clone_from(&from.z);
         inputs.clone_from(&from.inputs);
+        offset_s.clone_from(&from.offset_s);
     }
 }
 
 impl Sample {
     /// A sample without readings.
     pub fn empty(model: &Model, suite: &Suite) -> Self {
-        Sample { time_s: f64::NAN, z: vec![f64::NAN; suite.len()], inputs: vec![f64::NAN; model.coordinate_count()] }
+        Sample {
+            time_s: f64::NAN,
+            z: vec![f64::NAN; suite.len()],
+            inputs: vec![f64::NAN; model.coordinate_count()],
+            offset_s: vec![0.0; suite.sources.len()],
+        }
     }
 
     /// Removes all readings.
     pub fn clear(&mut self) {
         self.z.fill(f64::NAN);
         self.inputs.fill(f64::NAN);
+        self.offset_s.fill(0.0);
     }
 }
 
@@ -96,30 +109,51 @@ pub struct Recording {
     streams: Vec<Clocked>,
     /// Per stream and channel: its rows in the sample.
     targets: Vec<Vec<Target>>,
-    merge_s: f64,
+    /// Per stream: its source; `None` for an input.
+    sources: Vec<Option<usize>>,
+    gathering: Gathering,
     /// Notes on readings that the model does not use.
     pub notes: Vec<String>,
 }
 
-/// Position in a recording: the next row of every stream.
+/// How readings are gathered into samples.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Gathering {
+    /// All readings whose time stamps differ by less than this, s, at the first of these stamps.
+    Instants(f64),
+    /// At regular times; each reading keeps its offset from them.
+    Ticks(Ticks),
+}
+
+/// Position in a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Cursor(Vec<usize>);
+pub struct Cursor {
+    /// The next row of every stream.
+    rows: Vec<usize>,
+    /// With ticks: the slot of every stream's last reading, and that of the last sample.
+    slots: Vec<i64>,
+    slot: Option<i64>,
+}
 
 impl Recording {
-    /// Checks time stamps, lengths and names. Streams are merged by true time according to `clocks` (by stream).
+    /// Checks time stamps, lengths and names. Readings are gathered by true time according to `clocks` (by stream).
     pub fn new(
         model: &Model,
         suite: &Suite,
         streams: Vec<Stream>,
         clocks: &BTreeMap<String, Clock>,
-        merge_s: f64,
+        gathering: Gathering,
     ) -> Result<Self> {
-        let mut recording = Recording { streams: Vec::new(), targets: Vec::new(), merge_s, notes: Vec::new() };
+        let (streams_, notes) = (Vec::new(), Vec::new());
+        let mut recording = Recording { streams: streams_, targets: Vec::new(), sources: Vec::new(), gathering, notes };
         for stream in streams {
             let clock = clocks.get(&stream.name).copied().unwrap_or_default();
             let clocked = Clocked { stream, clock };
             check(&clocked)?;
             let targets = recording.targets_of(model, suite, &clocked.stream)?;
+            let is_source = |s: &crate::sensor::Source| s.name == clocked.stream.name;
+            let is_row = targets.iter().any(|t| matches!(t, Target::Row(_)));
+            recording.sources.push(suite.sources.iter().position(is_source).filter(|_| is_row));
             recording.targets.push(targets);
             recording.streams.push(clocked);
         }
@@ -156,7 +190,8 @@ impl Recording {
 
     /// The position before the first row.
     pub fn start(&self) -> Cursor {
-        Cursor(vec![0; self.streams.len()])
+        let count = self.streams.len();
+        Cursor { rows: vec![0; count], slots: vec![i64::MIN; count], slot: None }
     }
 
     /// Names of the streams.
@@ -172,37 +207,75 @@ impl Recording {
         Some((first, last))
     }
 
-    /// Reads the next sample, all rows within `merge_s` of the earliest; false at the end. Allocates nothing.
+    /// Reads the next sample; false at the end. Allocates nothing.
     pub fn next(&self, cursor: &mut Cursor, sample: &mut Sample) -> bool {
-        let heads = self.streams.iter().zip(&cursor.0).filter_map(|(s, &at)| s.true_s(at));
+        sample.clear();
+        match self.gathering {
+            Gathering::Instants(merge_s) => self.next_instant(merge_s, cursor, sample),
+            Gathering::Ticks(ticks) => self.next_tick(ticks, cursor, sample),
+        }
+    }
+
+    /// All rows within `merge_s` of the earliest.
+    fn next_instant(&self, merge_s: f64, cursor: &mut Cursor, sample: &mut Sample) -> bool {
+        let heads = self.streams.iter().zip(&cursor.rows).filter_map(|(s, &at)| s.true_s(at));
         let Some(time_s) = heads.reduce(f64::min) else {
             return false;
         };
-        sample.clear();
         sample.time_s = time_s;
-        for ((stream, targets), at) in self.streams.iter().zip(&self.targets).zip(&mut cursor.0) {
-            let here = stream.true_s(*at).is_some_and(|t| t - time_s < self.merge_s);
-            if !here {
-                continue;
+        for i in 0..self.streams.len() {
+            let here = self.streams[i].true_s(cursor.rows[i]).is_some_and(|t| t - time_s < merge_s);
+            if here {
+                self.take(i, cursor, sample);
             }
-            for (channel, target) in stream.stream.channels.iter().zip(targets) {
-                let width = width(channel.quantity);
-                match *target {
-                    Target::Row(usize::MAX) => {}
-                    Target::Row(row) if channel.quantity == Quantity::Orientation => {
-                        let mut quaternion = [0.0; 4];
-                        channel.values.read(*at * width, &mut quaternion);
-                        sample.z[row..row + 3].copy_from_slice(&Turn(quaternion).log());
-                    }
-                    Target::Row(row) => channel.values.read(*at * width, &mut sample.z[row..row + width]),
-                    Target::Input(coordinate) => {
-                        channel.values.read(*at * width, &mut sample.inputs[coordinate..=coordinate]);
-                    }
-                }
-            }
-            *at += 1;
         }
         true
+    }
+
+    /// All rows of the earliest slot, or the row of the output that comes before it.
+    fn next_tick(&self, ticks: Ticks, cursor: &mut Cursor, sample: &mut Sample) -> bool {
+        let slot_of = |i: usize, cursor: &Cursor| {
+            let true_s = self.streams[i].true_s(cursor.rows[i])?;
+            Some(ticks.slot(true_s).max(cursor.slots[i].saturating_add(1)))
+        };
+        let Some(first) = (0..self.streams.len()).filter_map(|i| slot_of(i, cursor)).min() else {
+            return false;
+        };
+        let slot = cursor.slot.and_then(|last| ticks.row_between(last, first)).unwrap_or(first);
+        sample.time_s = ticks.time_s(slot);
+        cursor.slot = Some(slot);
+        for i in 0..self.streams.len() {
+            if slot_of(i, cursor) != Some(slot) {
+                continue;
+            }
+            if let (Some(source), Some(true_s)) = (self.sources[i], self.streams[i].true_s(cursor.rows[i])) {
+                sample.offset_s[source] = true_s - sample.time_s;
+            }
+            cursor.slots[i] = slot;
+            self.take(i, cursor, sample);
+        }
+        true
+    }
+
+    /// Copies the next row of a stream into the sample.
+    fn take(&self, stream: usize, cursor: &mut Cursor, sample: &mut Sample) {
+        let at = &mut cursor.rows[stream];
+        for (channel, target) in self.streams[stream].stream.channels.iter().zip(&self.targets[stream]) {
+            let width = width(channel.quantity);
+            match *target {
+                Target::Row(usize::MAX) => {}
+                Target::Row(row) if channel.quantity == Quantity::Orientation => {
+                    let mut quaternion = [0.0; 4];
+                    channel.values.read(*at * width, &mut quaternion);
+                    sample.z[row..row + 3].copy_from_slice(&Turn(quaternion).log());
+                }
+                Target::Row(row) => channel.values.read(*at * width, &mut sample.z[row..row + width]),
+                Target::Input(coordinate) => {
+                    channel.values.read(*at * width, &mut sample.inputs[coordinate..=coordinate]);
+                }
+            }
+        }
+        *at += 1;
     }
 }
 

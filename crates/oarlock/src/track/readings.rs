@@ -12,16 +12,20 @@ pub(super) struct Readings {
     /// In the order of the measurement vector; missing or removed readings are NaN.
     pub z: Vec<f64>,
     pub moment: Moment,
+    /// Per source: time of its readings after that of the sample, s.
+    pub offset_s: Vec<f64>,
 }
 
 impl Readings {
     pub fn new(body: &Body) -> Self {
-        Readings { z: vec![f64::NAN; body.suite.len()], moment: body.moment() }
+        let offset_s = vec![0.0; body.suite.sources.len()];
+        Readings { z: vec![f64::NAN; body.suite.len()], moment: body.moment(), offset_s }
     }
 
     /// Copies the readings of a sample.
     pub fn take(&mut self, sample: &Sample) {
         self.z.copy_from_slice(&sample.z);
+        self.offset_s.copy_from_slice(&sample.offset_s);
         for (input, &value) in self.moment.inputs.iter_mut().zip(&sample.inputs) {
             *input = if value.is_nan() { 0.0 } else { value };
         }

@@ -13,7 +13,7 @@ use crate::estimate::belief::Belief;
 use crate::estimate::filter::Info;
 use crate::model::Model;
 use crate::motion::is_observed;
-use crate::recording::{Cursor, Recording, Sample, Stream};
+use crate::recording::{Cursor, Gathering, Recording, Sample, Stream};
 use packed::Packed;
 pub use series::{Report, Series};
 use std::collections::VecDeque;
@@ -78,9 +78,13 @@ pub fn track(
     start: Option<Hypothesis>,
     progress: Progress,
 ) -> Result<Run> {
+    let clocks = &calibration.corrections.clocks;
+    let first = Tracker::new(model.clone(), calibration, config)?;
+    let config = &first.settle(&streams, clocks, config)?;
     let mut tracker = Tracker::new(model.clone(), calibration, config)?;
-    let recording =
-        Recording::new(&model, &tracker.body().suite, streams, &calibration.corrections.clocks, config.merge_s)?;
+    let body = tracker.body();
+    let inputs = body.model.joints.iter().filter(|j| j.input).map(|j| j.first).collect();
+    let recording = Recording::new(&body.model, &body.suite, streams, clocks, config.gathering())?;
     if let Some(start) = start {
         tracker.resume(start)?;
     }
@@ -95,7 +99,7 @@ pub fn track(
         checkpoints: Vec::new(),
         partings: Vec::new(),
         losses_s: Vec::new(),
-        inputs: model.joints.iter().filter(|j| j.input).map(|j| j.first).collect(),
+        inputs,
         last: None,
         tracker,
     };
@@ -239,8 +243,14 @@ impl Keeper<'_> {
         run.losses_s.extend(info.lost.then_some(time_s));
         // Decided by the time stamp alone, so that a run in two parts keeps the same rows. A rounding error late counts
         // as on time.
-        let slot = |time_s: f64| run.config.output_rate_hz.map_or(f64::NAN, |rate| (time_s * rate + 1e-6).floor());
-        let is_row = slot(time_s) != slot(self.kept_s);
+        let is_row = match run.config.gathering() {
+            Gathering::Ticks(ticks) => ticks.is_row(ticks.nearest(time_s)),
+            Gathering::Instants(_) => {
+                let rate_hz = run.config.row_rate_hz();
+                let slot = |time_s: f64| rate_hz.map_or(f64::NAN, |rate| (time_s * rate + 1e-6).floor());
+                slot(time_s) != slot(self.kept_s)
+            }
+        };
         let row = run.series.time_s.len();
         let due = run.checkpoints.last().is_none_or(|c| {
             // A whole number of intervals up to rounding counts as reached.
@@ -279,14 +289,21 @@ impl Run {
     }
 
     fn grow(&mut self, sample: &Sample, info: &Info) {
-        let (n, s) = (self.tracker.body().layout.dim(), &mut self.series);
+        let (n, rest, s) = (self.tracker.body().layout.dim(), &self.tracker.body().axes, &mut self.series);
         s.time_s.push(sample.time_s);
         s.mean.resize(s.mean.len() + n, 0.0);
         s.std.resize(s.std.len() + n, 0.0);
         let is_input = |c: usize| self.inputs.contains(&c);
         let read = sample.inputs.iter().enumerate().map(|(c, x)| u8::from(is_input(c) && !x.is_nan()));
         s.observed.extend(read);
-        Arc::make_mut(&mut s.inputs).extend(self.inputs.iter().map(|&c| sample.inputs[c]));
+        Arc::make_mut(&mut s.inputs).extend(self.inputs.iter().map(|&c| {
+            let read = sample.inputs[c];
+            if read.is_nan() {
+                rest[c].rest
+            } else {
+                read
+            }
+        }));
         s.report(info, self.tracker.fields(info).zip(self.tracker.source_faults(info)));
     }
 }

@@ -1,6 +1,7 @@
 //! Checks a calibration against the model: parameter values, standard deviations and mounts.
 
 use super::Calibration;
+use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::model::suggest::hint;
 use crate::model::Model;
@@ -54,17 +55,21 @@ pub(super) fn check_stds(model: &Model, given: &Calibration) -> Result<()> {
 /// Smallest standard deviation of an estimated parameter, relative to the model's: zero would remove the state.
 const LEAST_SHARE: f64 = 1e-6;
 
-/// The model with the calibration's standard deviations.
-pub(super) fn as_known(model: Arc<Model>, given: &Calibration) -> Arc<Model> {
+/// The model with the calibration's standard deviations and the inputs of the configuration.
+pub(super) fn as_known(model: Arc<Model>, given: &Calibration, config: &Config) -> Result<Arc<Model>> {
+    let model = match &config.inputs {
+        Some(kept) => Arc::new(model.with_inputs(kept)?),
+        None => model,
+    };
     if given.parameter_stds.is_empty() {
-        return model;
+        return Ok(model);
     }
     let mut known = (*model).clone();
     for parameter in &mut known.parameters {
         let told = given.parameter_stds.get(&parameter.name);
         parameter.std = parameter.std.map(|own| told.map_or(own, |told| told.max(LEAST_SHARE * own)));
     }
-    Arc::new(known)
+    Ok(Arc::new(known))
 }
 
 /// Names of the sensors with a mount.
