@@ -1,9 +1,11 @@
 //! Readings at their own times: what a reading would have been at the time of its sample.
 //!
 //! The motion that the state estimate predicts from the sample's time to the reading's own is taken from the reading,
-//! z - (h(x(t + offset)) - h(x(t))), to second order in the offset. The driving noise of the time between adds its variance to
-//! that of the reading, and a time stamp that is uncertain adds (h' stamp_std)^2. What this leaves, the offset times the error
-//! of the velocity, is small beside the noise while offsets are milliseconds.
+//! z - (h(x(t + offset)) - h(x(t))), to second order in the offset. An acceleration changes in between. How much it changes
+//! from one tick to the next is the (learnt) driving noise; it is taken to change evenly, and the part of the offset adds its
+//! variance to that of the reading. White noise over the offset alone would be many times as much: bodies move smoothly. A time
+//! stamp that is uncertain adds (h' stamp_std)^2. What all this leaves, the offset times the error of the velocity, is small
+//! beside the noise while offsets are milliseconds.
 
 use super::readings::Readings;
 use super::subject::Subject;
@@ -14,6 +16,8 @@ use crate::estimate::belief::Belief;
 use crate::estimate::{Points, System};
 use crate::kernels::lane::{Lane, Real, LANES};
 
+/// Ticks per second where a program makes samples with offsets without ticks.
+const TICK_HZ: f64 = 100.0;
 /// Step for the time derivative of readings, s.
 const STEP_S: f64 = 1e-4;
 
@@ -22,8 +26,8 @@ const STEP_S: f64 = 1e-4;
 pub(super) struct OwnTime {
     /// Per source: standard deviation of its time stamps, s.
     stamp_std_s: Vec<f64>,
-    /// Standard deviation of each row, with that of its time stamp.
-    pub std: Vec<f64>,
+    /// Interval of the ticks, s.
+    tick_s: f64,
     scratch: BodyScratch,
     delta: Vec<Lane>,
     off: Vec<Lane>,
@@ -43,7 +47,7 @@ impl OwnTime {
         let known = |name: &str| config.stamp_std_s.as_ref().and_then(|stds| stds.get(name)).copied();
         OwnTime {
             stamp_std_s: body.suite.sources.iter().map(|s| known(&s.name).unwrap_or(0.0)).collect(),
-            std: subject.std.clone(),
+            tick_s: 1.0 / config.sample_rate_hz.filter(|hz| *hz > 0.0).unwrap_or(TICK_HZ),
             scratch: body.scratch(),
             delta: vec![zero; body.layout.dim()],
             off: vec![zero; body.input_std().len()],
@@ -57,8 +61,8 @@ impl OwnTime {
 
     /// Brings the readings to the time of the sample, at which `belief` is the state estimate.
     pub fn bring(&mut self, subject: &Subject, belief: &Belief, readings: &mut Readings) {
-        let Readings { z, moment, offset_s } = readings;
-        self.std.copy_from_slice(&subject.std);
+        let Readings { z, moment, offset_s, std } = readings;
+        std.copy_from_slice(&subject.std);
         let active = |s: &usize| moment.active[*s];
         let sources = &subject.body.suite.sources;
         let reach_s = (0..sources.len()).filter(active).map(|s| offset_s[s].abs()).fold(0.0, f64::max);
@@ -77,12 +81,12 @@ impl OwnTime {
             }
             for s in (first..sources.len().min(first + LANES)).filter(active) {
                 for row in sources[s].rows.clone() {
-                    let mut variance = self.std[row].powi(2) + (self.rate[row] * self.stamp_std_s[s]).powi(2);
+                    let mut variance = std[row].powi(2) + (self.rate[row] * self.stamp_std_s[s]).powi(2);
                     if offset_s[s] != 0.0 {
                         z[row] -= self.out[row].0[s - first] - self.here[row];
-                        variance += self.driven[row] * offset_s[s].abs() / reach_s;
+                        variance += self.driven[row] * (offset_s[s] / reach_s).powi(2);
                     }
-                    self.std[row] = variance.sqrt();
+                    std[row] = variance.sqrt();
                 }
             }
         }
@@ -97,18 +101,17 @@ impl OwnTime {
         }
     }
 
-    /// Variance of the readings by the driving noise of `reach_s`. Each lane has all of it, with the signs of a Walsh function:
+    /// Variance of the readings by the change of accelerations over `reach_s`. Each lane has all of it, with the signs of a Walsh function:
     /// in the mean over eight lanes the products of two drives cancel unless their numbers differ by a multiple of eight.
     fn drive(&mut self, subject: &Subject, belief: &Belief, reach_s: f64, moment: &Moment) {
         self.delta.fill(Lane::splat(0.0));
         for (i, ((accel, rate, density), factor)) in self.drives.iter().zip(&belief.drive).enumerate() {
-            let size = density * (factor * reach_s).sqrt();
+            let size = density * (factor / self.tick_s).sqrt() * reach_s;
             let sign = |lane: usize| if (lane & i).count_ones() % 2 == 0 { size } else { -size };
             let signed = Lane(std::array::from_fn(sign));
             self.delta[*accel] = signed;
             if let Some(rate) = rate {
-                // An integral of white noise over t has the variance t, and its own integral t^3 / 3.
-                self.delta[*rate] = Lane(signed.0.map(|x| x * reach_s / 3.0_f64.sqrt()));
+                self.delta[*rate] = Lane(signed.0.map(|x| 0.5 * x * reach_s));
             }
         }
         let at = Points { mean: &belief.mean, delta: &self.delta, off: &self.off };

@@ -259,7 +259,7 @@ impl Tracker {
         self.north.bar_turned(subject, &one.sources, time_s, &mut magnetic.excluded);
         let measured = Measurement {
             z: &readings.z,
-            std: &self.own_time.std,
+            std: &readings.std,
             excluded: &magnetic.excluded,
             strict: &self.strict,
             direction_tests: &magnetic.direction_tests,
