@@ -119,9 +119,8 @@ def track(
     json_output: Json = False,
 ) -> None:
     """Track a recording: write joint angles with uncertainty, run.toml and report.html into a folder."""
-    from oarlock import load_model, load_recording
+    from oarlock import load_calibration, load_model, load_recording
     from oarlock import suspects as find_suspects
-    from oarlock.recording.calibration import load_calibration
 
     body = load_model(model)
     parameters, chosen = split(settings, body.parameters)

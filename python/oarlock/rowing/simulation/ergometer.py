@@ -101,18 +101,9 @@ def ergometer_piece(
 ) -> Piece:
     """Simulate a piece on the ergometer; both hands are on the handle to 1e-6 m.
 
-    Args:
-        model: `ergometer`, or a model with its joint and frame names.
-        duration_s: length, s.
-        rate_spm: strokes per minute; (20, 34) goes evenly from 20 to 34.
-        drive_ratio: drive over cycle; None: 0.36 at 20 spm to 0.45 at 34.
-        shape: ends of the movements; None: a good rower's.
-        variation: 1 = the stroke-to-stroke variation of a good rower, 0 = every stroke the same.
-        machine: masses; None: a usual ergometer on slides under 80 kg.
-        slides: the machine runs freely along Z; False stands it on the floor (``base_acceleration_m_s2`` is None).
-        start_s: time of the first knot, which is a catch, s.
-        seed: of the variation.
-        knots_hz: knots of the splines per second.
+    Arguments are those of :func:`row_piece`, but for the boat; the model is `ergometer` or one with its joint and frame
+    names. With `slides` the machine runs freely along Z, with the masses of `machine` (None: 32 kg under 80 kg);
+    without, it stands on the floor (``base_acceleration_m_s2`` is None).
 
     Raises:
         DataError: the hands cannot hold the handle somewhere, or an argument is out of range.
