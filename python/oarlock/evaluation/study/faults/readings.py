@@ -23,8 +23,8 @@ def readings(names: Names) -> tuple[Fault, ...]:
     )
     negated = StudyKey("wrong_sign", "names", [], "encoders that count the wrong way", choices=encoders)
     zero = "zero of encoders of {} wrong by this, either way"
-    angle = sized("encoder_offset_deg", zero.format("angles"), names.angles)
-    length = sized("encoder_offset_m", zero.format("lengths"), names.lengths)
+    angle = sized("encoder_offset_deg", zero.format("angles"), names.angles, -np.inf)
+    length = sized("encoder_offset_m", zero.format("lengths"), names.lengths, -np.inf)
     return (
         Fault(clipped, of_units(_clipped, names.units)),
         Fault(swapped, _exchanged),
