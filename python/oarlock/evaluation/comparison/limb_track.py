@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from oarlock._core import Config
 from oarlock.evaluation.comparison.direct_readings import direct_readings
 from oarlock.evaluation.comparison.limbs import SHARED, Limb, cut_into_limbs
+from oarlock.evaluation.progress import share
 from oarlock.evaluation.resample import resample, resample_rotation
 from oarlock.model.coordinates import angle_sequences, coordinate_units, joint_columns, joint_units, parts
 from oarlock.model.rotation import quat_from_rotvec, rotvec_from_quat
@@ -64,16 +65,12 @@ def track_limbs(
     limbs = cut_into_limbs(model, config.closures)
     tracks, cpu_s = [], 0.0
     for i, limb in enumerate(limbs):
-        told = None if progress is None else _share(progress, i, len(limbs))
+        told = share(progress, i / len(limbs), (i + 1) / len(limbs))
         part = _streams_of(limb, recording)
         began_s = time.thread_time()
         tracks.append(track(limb.model, part, _worn(limb, calibration), config, progress=told))
         cpu_s += time.thread_time() - began_s
     return _merged(model, recording, calibration, limbs, tracks, cpu_s)
-
-
-def _share(progress: Callable[[float], object], i: int, count: int) -> Callable[[float], object]:
-    return lambda done: progress((i + done) / count)
 
 
 def _streams_of(limb: Limb, recording: Recording) -> Recording:

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from oarlock.evaluation.progress import Told, share
 from oarlock.lab.reproduce.claim_runs import BIASES, HULL, RATES_HZ, SIDES_OFF, Asked, asked
 from oarlock.lab.reproduce.contents import Cell, Claim, Part, Row, Table, Verdict, finite_mean, shown
 from oarlock.lab.reproduce.estimators import ELEVEN
-from oarlock.lab.reproduce.runs import Told, share
 from oarlock.lab.reproduce.technique import Features, features
 from oarlock.rowing.simulation import paper
 

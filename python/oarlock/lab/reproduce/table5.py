@@ -8,9 +8,9 @@ import numpy as np
 
 import oarlock
 from oarlock import Study, StudyResult, load_model
+from oarlock.evaluation.progress import Told
 from oarlock.lab.reproduce.contents import Cell, Floats, Mark, Part, Table, finite_mean, shown, spread
 from oarlock.lab.reproduce.estimators import ELEVEN, ESTIMATORS, Estimator
-from oarlock.lab.reproduce.runs import Told
 from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.simulators import SIMULATORS
 
