@@ -1,9 +1,7 @@
 """`evaluate_orientations`: hinge angles compared with orientations from another system for the same sensors.
 
-Such orientations disagree about the heading: every unit has a north of its own, so that the rotation between two
-neighbours does not stay about their hinge. Only how far each has turned since the still stretch, told in its own
-axes, is free of that: a constant turn of the earth axes cancels. The mount takes it to the link, the posture of the
-still stretch to the world, and the hinge angle is the twist of the link against the one before, about their hinge.
+Every unit of such a system has its own north, so only its rotation since a stationary interval, in its own axes, is
+used. The mount transforms it to the link; the hinge angle is the twist of a link relative to the one before.
 """
 
 from __future__ import annotations

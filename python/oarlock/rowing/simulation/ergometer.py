@@ -1,11 +1,7 @@
-"""Simulates rowing on an ergometer: one handle on a chain, on the floor or on slides.
+"""Simulates rowing on an ergometer with one handle on a chain, on the floor or on slides.
 
-The stroke is a sculler's without the boat: the same order of legs, trunk and arms, the same timing. The handle goes
-from the machine to the body as the hands of a sculler go along the boat, nearly level, a little lower in the recovery.
-Strokes of 1.3 to 1.4 m are usual on an ergometer.
-
-On slides nothing from outside pushes along the rail but their springs and friction, which are left out, so that the
-common centre of mass of rower and machine stays where it is: with z the rower's centre of mass on the machine,
+Order and timing of legs, trunk and arms are a sculler's; the handle moves nearly level, a little lower in the recovery.
+On slides, without friction, the common centre of mass stays in place; with z the rower's on the machine:
 
     (m_machine + m_rower) a = - m_rower d2z/dt2
 """

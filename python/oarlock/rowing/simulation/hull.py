@@ -93,16 +93,14 @@ def _stroke_shape(rng: np.random.Generator, in_step: bool) -> PeriodicCurve:
 
 
 def turning_hull(motion: Motion, angles: dict[str, Array], pivot_m: Array, shifted_m: Array) -> Motion:
-    """The same motion in a hull that turns about a point of its own.
+    """The same motion in a hull that rotates about a pivot; its origin then sways, heaves and surges.
 
     Args:
         motion: of a model with the hull's joints, at any values; its base acceleration acts along Z.
         angles: (K,) at the motion's knots, rad, by hull joint; those left out are zero.
         pivot_m: (3,) the point about which the hull turns, in hull axes, m.
-        shifted_m: (K,) part of the way along Z that the hull makes under the shifting rower, m: this part goes along
-            the keel, wherever it points, the rest of the base acceleration along the course.
-
-    The hull's origin lies beside the pivot, so that it sways, heaves and surges with the rotation.
+        shifted_m: (K,) displacement of the hull along its keel due to the moving rower, m; the rest of the base
+            acceleration acts along the course.
     """
     zero = np.zeros(motion.time_s.size)
     yaw, pitch, roll = (np.asarray(angles.get(name, zero), dtype=np.float64) for name in HULL_ANGLES)

@@ -1,13 +1,8 @@
-"""Simulates sweep rowing: one oar with both hands, and a trunk that follows the handle.
+"""Simulates sweep rowing: one oar with both hands; the trunk rotates and bends toward the rigger at the catch.
 
-The outside hand holds the handle near its end, the inside hand some 30 cm nearer to the pin. At the catch the handle
-stands at 54 degrees across the rower, so the shoulders turn after it and the trunk bends toward the rigger; toward the
-finish both come back and pass beyond. Sweep rowers bend and turn the spine more than scullers (Strahan et al., Clinical
-J. Sport Medicine 21, 2011), which is why the trunk has two more joints here; how far is a choice: the least, about half
-of the handle's angle, with which both arms reach and no wrist leaves its range.
-
-Oar: catch near -54 to -55 deg and finish near +33 to +36 deg (NK Sports' guideline, the Dutch federation's targets);
-spread 83 to 87 cm (Concept2's rigging pages), overlap 30 to 40 cm.
+Trunk rotation and bending (Strahan et al., Clinical J. Sport Medicine 21, 2011) are the smallest with which both arms
+reach and no wrist exceeds its range. Oar: catch near -54 deg and finish near +33 to +36 deg (NK Sports' guideline, the
+Dutch federation's targets); spread 83 to 87 cm (Concept2's rigging pages), overlap 30 to 40 cm.
 """
 
 from __future__ import annotations
