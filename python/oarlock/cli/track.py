@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from oarlock.cli.options import Force, Json, ModelName, OutFolder, example, names
+from oarlock.cli.options import CalibrationFile, Force, Json, ModelName, OutFolder, example, names
 from oarlock.cli.settings import (
     DEFAULTS,
     ConfiguredCommand,
@@ -74,10 +74,7 @@ def track(
             "--config", metavar="FILE", help="Settings of the filter: a TOML file, or an earlier run.toml."
         ),
     ] = None,
-    calibration: Annotated[
-        Path | None,
-        typer.Option("--calibration", metavar="FILE", help="Calibration file with mounts and lengths."),
-    ] = None,
+    calibration: CalibrationFile = None,
     only: Annotated[
         str | None,
         typer.Option(

@@ -148,7 +148,11 @@ def angles_from_orientations(
         column = list(model.coordinate_names).index(link.joint)
         q[:, column] = rest_q[column] + twist
         if i:
-            parent, child = (_bare(units[k][0], calibration.mounts[links[k].sensor][0]) for k in (i - 1, i))
+            # earth_from_link, with each unit's own north
+            parent, child = (
+                units[k][0] * Rotation.from_matrix(calibration.mounts[links[k].sensor][0]).inv()
+                for k in (i - 1, i)
+            )
             plain[link.joint] = _off_plain(parent.inv() * child, links[i - 1], link, good)
     provenance = {"model": model.name, "reference": "orientations"}
     return OrientationReference(track_without_filter(model, time_s, q, provenance=provenance), off, plain)
@@ -208,11 +212,6 @@ def _world_from_link(
     mount = Rotation.from_matrix(link_from_sensor)
     since_rest = unit[resting].mean().inv() * unit
     return Rotation.from_matrix(link.world_from_link) * mount * since_rest * mount.inv()
-
-
-def _bare(unit: Rotation, link_from_sensor: Floats) -> Rotation:
-    """earth_from_link (T), with the unit's own north."""
-    return unit * Rotation.from_matrix(link_from_sensor).inv()
 
 
 def _twist(between: Rotation, link: HingeLink, still: Rows, good: Bools) -> tuple[Floats, Floats]:

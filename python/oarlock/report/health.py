@@ -22,7 +22,7 @@ SMOOTHING_S = 0.5
 def health_table(scores: tuple[SensorScore, ...]) -> str:
     """NIS per measurement and rows used, rejected and missing of each sensor and closure."""
     rows = [
-        [_name(s), fixed(s.nis, 2), *_counts(s), _shares(s.disturbed), _shares(s.faults), _bar(s)]
+        [breakable(s.name), fixed(s.nis, 2), *_counts(s), _shares(s.disturbed), _shares(s.faults), _bar(s)]
         for s in scores
     ]
     caption = (
@@ -39,10 +39,6 @@ def health_table(scores: tuple[SensorScore, ...]) -> str:
         ["sensor", "NIS", "used", "rejected", "missing", "disturbed", "faults", "share"],
         rows,
     )
-
-
-def _name(score: SensorScore) -> str:
-    return breakable(score.name)
 
 
 def _counts(score: SensorScore) -> list[str]:

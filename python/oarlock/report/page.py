@@ -77,7 +77,7 @@ def shell(
         sections=[(key, name, _unbroken(content)) for key, name, content in sections],
         folded=folded,
         definitions=definitions,
-        style=_style() + style,
+        style=files(__package__).joinpath("style.css").read_text(encoding="utf-8") + style,
         scripts=scripts,
         policy=policy,
     )
@@ -143,7 +143,3 @@ def definitions() -> str:
         '<path class="hatch" d="M0 0V6"/></pattern></svg>'
     )
     return hatch + curves.clip_definition() + slow.clip_definition()
-
-
-def _style() -> str:
-    return files(__package__).joinpath("style.css").read_text(encoding="utf-8")

@@ -49,7 +49,8 @@ def joints_table(track: TrackLike, evaluation: Evaluation | None) -> str:
     head = ["joint", "unit", "range of motion", "mean std"]
     if evaluation:
         head += ["RMSE", "mean error", "correlation", "in 95 % band", "NEES"]
-    return table("joints", _joints_caption(evaluation, several), head, _aligned(rows, len(head)), styles)
+    filled = [[*row, *[DASH] * (len(head) - len(row))] for row in rows]
+    return table("joints", _joints_caption(evaluation, several), head, filled, styles)
 
 
 _SEVERAL = (
@@ -134,10 +135,6 @@ def _joint_row(shown: _Shown, score: JointScore | None, observed: bool) -> list[
     numbers = [number(score.rmse * factor), fixed(score.bias * factor, decimals(score.rmse * factor))]
     correlation = "constant" if math.isnan(score.correlation) else fixed(score.correlation, 4)
     return [*cells, *numbers, correlation, _coverage(score.coverage), fixed(score.nees, 2)]
-
-
-def _aligned(rows: Sequence[Sequence[str]], width: int) -> list[list[str]]:
-    return [[*row, *[DASH] * (width - len(row))] for row in rows]
 
 
 def _coverage(share: float) -> str:

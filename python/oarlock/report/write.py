@@ -40,15 +40,11 @@ def write_report(
     if not len(track.time_s):
         raise DataError("nothing to report: the track has no samples. Was the recording empty?")
     if evaluation is None and truth is not None:
-        evaluation = evaluate(track, truth, start_s=_settling_s(track))
+        # the default, or a tenth of a shorter recording
+        evaluation = evaluate(track, truth, min(2.0, 0.1 * float(track.time_s[-1] - track.time_s[0])))
     target = Path(path)
     if target.is_dir():
         target = target / "report.html"
     target.parent.mkdir(parents=True, exist_ok=True)
     target.write_text(render(track, evaluation, truth, title, sections), encoding="utf-8")
     return target
-
-
-def _settling_s(track: TrackLike) -> float:
-    """The default of 2 s, or a tenth of a shorter recording, s."""
-    return min(2.0, 0.1 * float(track.time_s[-1] - track.time_s[0]))

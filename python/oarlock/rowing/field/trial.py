@@ -104,7 +104,7 @@ def simulate_field(
 
     chosen, effects = _checked(condition, rate_hz, duration_s), FieldEffects() if effects is None else effects
     nominal = model.describe()
-    true_model = _with_true_lengths(model, true_parameters(nominal, effects, seed))
+    true_model = model.with_parameters(true_parameters(nominal, effects, seed))
     description = true_model.describe()
     session = rowed(description, nominal, effects, chosen.boat_surge, duration_s, rate_spm, seed)
     around = Surroundings.of(nominal["world"], effects, seed)
@@ -146,10 +146,6 @@ def _checked(condition: str, rate_hz: float, duration_s: float) -> SimulatedCond
     if not (np.isfinite(duration_s) and 1.0 <= duration_s <= 3600.0):
         raise DataError(f"field simulator: duration_s is {duration_s}; give 1 to 3600 s")
     return chosen
-
-
-def _with_true_lengths(model: Model, true: Mapping[str, float]) -> Model:
-    return model.with_parameters(true) if true else model
 
 
 def _encoders(description: Mapping[str, Any]) -> list[Mapping[str, Any]]:

@@ -46,14 +46,10 @@ def _exchanged(recording: Recording, value: Value, case: Case) -> Recording:
     if len(value) % 2 or len(set(value)) < len(value):
         raise DataError(f"exchanged = {value}: expected pairs of different units, such as two names")
     other = {a: b for pair in zip(value[::2], value[1::2], strict=True) for a, b in (pair, pair[::-1])}
-    streams = [_renamed(stream, other.get(stream.name, stream.name)) for stream in recording.streams]
+    streams = [replace(stream, name=other.get(stream.name, stream.name)) for stream in recording.streams]
     places = {name: place for place, name in enumerate(recording.names)}
     streams.sort(key=lambda stream: places.get(stream.name, len(places)))
     return Recording(streams, recording.meta)
-
-
-def _renamed(stream: Stream, name: str) -> Stream:
-    return stream if stream.name == name else replace(stream, name=name)
 
 
 def _negated(recording: Recording, value: Value, case: Case) -> Recording:
