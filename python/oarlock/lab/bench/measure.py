@@ -131,6 +131,3 @@ def _others(seconds: float, told: Told) -> Iterator[Figure | Failure]:
     for software in installed:
         with told(software.name):
             yield time_other(software, _OTHER / len(installed) * seconds)
-
-
-__all__ = ["PAPER", "Bench", "machine", "measure"]
