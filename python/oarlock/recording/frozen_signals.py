@@ -43,8 +43,7 @@ def stuck_texts(stream: ImuStream, others_move: bool) -> list[str]:
             else "for a while"
         )
         return [
-            f"looks stuck: all readings are identical {when}, unlike those of a working sensor. "
-            "Check its connection."
+            f"looks stuck: all readings are identical {when}, unlike those of a working sensor. Check its connection."
         ]
     texts = []
     for name, own in runs.items():

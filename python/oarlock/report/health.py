@@ -26,12 +26,11 @@ def health_table(scores: tuple[SensorScore, ...]) -> str:
         for s in scores
     ]
     caption = (
-        "Single readings (channels) of each sensor, and of each closure: the constraint that two points "
-        "coincide, such as a hand and its handle. NIS per measurement is 1 if innovations are as large as "
-        "the filter expects; above 1 they are larger, below 1 smaller. Disturbed: share of a magnetometer's "
-        "samples that were not used, by the first failed test: the field's norm, its dip, the "
-        "innovation. Faults: share of samples at the limit of the sensor's range (clipped) or exactly "
-        "constant (stuck), which were not used either."
+        "Single readings (channels) of each sensor, and of each closure: the constraint that two points coincide, such "
+        "as a hand and its handle. NIS per measurement is 1 if innovations are as large as the filter expects; above 1 "
+        "they are larger, below 1 smaller. Disturbed: share of a magnetometer's samples that were not used, by the "
+        "first failed test: the field's norm, its dip, the innovation. Faults: share of samples at the limit of the "
+        "sensor's range (clipped) or exactly constant (stuck), which were not used either."
     )
     return table(
         "sensors",

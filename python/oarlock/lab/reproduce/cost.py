@@ -52,10 +52,9 @@ def cost(told: Told | None) -> Part:
         key="cost",
         title="Equation (19): what a step costs",
         lead=(
-            "The paper counts O(m^3 + n m^2 + m n^2 + n^3 + n f + n s) for n states, m readings, f frames and s units, "
-            f"and measures {paper.STEPS_PER_S:.0f} steps/s at n = {paper.STATES}, m = "
-            f"{paper.MEASUREMENTS}. Here chains "
-            "and trees of hinges are generated as model files and tracked; a time is the median over "
+            "The paper counts O(m^3 + n m^2 + m n^2 + n^3 + n f + n s) for n states, m readings, f frames and s "
+            f"units, and measures {paper.STEPS_PER_S:.0f} steps/s at n = {paper.STATES}, m = {paper.MEASUREMENTS}. "
+            "Here chains and trees of hinges are generated as model files and tracked; a time is the median over "
             f"{ROUNDS} rounds, in each of which all sizes and filters took their turn, of the difference in processor "
             f"time between a recording of {LONG} and one of {SHORT} samples.",
             f"The sculler of 72 states and 58 readings takes {1e6 / sculler:,.0f} us a step as shipped, {sculler:,.0f} "

@@ -109,11 +109,10 @@ def _overview(result: StudyResult) -> Table:
     return Table(
         "table5-overview",
         "Mean RMSE of the eleven angles of Table 5, deg / RMSE of the seat, mm; mean over seeds. Small: what an "
-        "independent implementation reached on four recordings of its own, and whether ours, rounded "
-        "alike, is at most 5 % above. "
-        "eq. 6 and jerk: the process noise; as shipped: jerk, closure, surge and biases, with gates, learning and the "
-        "azimuth. Lost: seeds with a mean error beyond 5 deg; joints have their numbers below. "
-        "NEES per state (1 is consistent) and coverage in B-B.",
+        "independent implementation reached on four recordings of its own, and whether ours, rounded alike, is at "
+        "most 5 % above. eq. 6 and jerk: the process noise; as shipped: jerk, closure, surge and biases, with gates, "
+        "learning and the azimuth. Lost: seeds with a mean error beyond 5 deg; joints have their numbers below. NEES "
+        "per state (1 is consistent) and coverage in B-B.",
         head,
         tuple(rows),
     )

@@ -106,10 +106,7 @@ def _strokes(pieces: Sequence[Piece], csv_names: Sequence[str]) -> str:
 
 
 def _trends(pieces: Sequence[Piece], zones: dict[str, Zone]) -> str:
-    hint = (
-        "Dots: counted strokes. Bars: the 95 % interval of each value; "
-        "it is hidden if it is smaller than the dot."
-    )
+    hint = "Dots: counted strokes. Bars: the 95 % interval of each value; it is hidden if it is smaller than the dot."
     if zones:
         hint += (
             " Tinted: published targets with their source. No target is right for everyone: it depends on height, rig, "
