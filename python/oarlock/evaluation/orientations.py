@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from oarlock.evaluation.consistency import sensor_scores
+from oarlock.evaluation.interval import Bools, Floats, Interval
 from oarlock.evaluation.joints import joint_scores
 from oarlock.evaluation.scores import Evaluation
-from oarlock.evaluation.tracklike import Bools, Floats, Interval
 from oarlock.model.chain_geometry import HingeLink, hinge_links, posture
 from oarlock.storage.array_gate import real_array
 from oarlock.storage.errors import DataError

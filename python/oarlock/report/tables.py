@@ -12,17 +12,18 @@ import numpy as np
 
 from oarlock.evaluation.angles import named_angles
 from oarlock.evaluation.errors import seen
+from oarlock.evaluation.interval import Bools, Floats
 from oarlock.evaluation.joints import part_unit
 from oarlock.evaluation.scores import Evaluation, JointScore, PositionScore, StateScore, presentation
-from oarlock.evaluation.tracklike import Bools, Floats, TrackLike
 from oarlock.model.coordinates import Part, parts
 from oarlock.model.rotation import mean_quat, quat_from_rotvec, rotvec_between
 from oarlock.report.markup import table
 from oarlock.report.text import DASH, breakable, decimals, fixed, number, percent, plural
 from oarlock.report.verdict import NARROW_COVERAGE, WIDE_COVERAGE
+from oarlock.tracking.track import Track
 
 
-def joints_table(track: TrackLike, evaluation: Evaluation | None) -> str:
+def joints_table(track: Track, evaluation: Evaluation | None) -> str:
     """Per joint: range of motion and standard deviation; with truth also error, correlation, coverage and NEES.
 
     Rows of components and named angles follow a ball joint, a position and the rotation of a free joint.
@@ -84,7 +85,7 @@ class _Shown:
     mean_std: float
 
 
-def _shown(track: TrackLike, part: Part, kept: Bools) -> list[_Shown]:
+def _shown(track: Track, part: Part, kept: Bools) -> list[_Shown]:
     """The rows of a part: the part, then its components and named angles."""
     columns, unit = list(part.columns), part_unit(track, part)
     value, std = track.q[kept][:, columns], track.q_std[kept][:, columns]

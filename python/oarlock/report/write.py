@@ -7,17 +7,17 @@ from pathlib import Path
 
 from oarlock.evaluation.evaluate import evaluate
 from oarlock.evaluation.scores import Evaluation
-from oarlock.evaluation.tracklike import TrackLike
 from oarlock.report.page import render
 from oarlock.report.section import Section
 from oarlock.storage.errors import DataError
+from oarlock.tracking.track import Track
 
 
 def write_report(
-    track: TrackLike,
+    track: Track,
     path: str | Path,
     evaluation: Evaluation | None = None,
-    truth: TrackLike | None = None,
+    truth: Track | None = None,
     title: str | None = None,
     sections: Sequence[Section] = (),
 ) -> Path:
