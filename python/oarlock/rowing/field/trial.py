@@ -104,7 +104,8 @@ def simulate_field(
 
     chosen, effects = _checked(condition, rate_hz, duration_s), FieldEffects() if effects is None else effects
     nominal = model.describe()
-    true_model = model.with_parameters(true_parameters(nominal, effects, seed))
+    true = true_parameters(nominal, effects, seed)
+    true_model = model.with_parameters(true) if true else model
     description = true_model.describe()
     session = rowed(description, nominal, effects, chosen.boat_surge, duration_s, rate_spm, seed)
     around = Surroundings.of(nominal["world"], effects, seed)
