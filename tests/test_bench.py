@@ -7,9 +7,8 @@ import json
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from typer.testing import CliRunner
 
-from oarlock.cli import app
+from command_line import run
 from oarlock.lab.bench import with_biorbd, with_filterpy, with_jax, with_numpy
 from oarlock.lab.bench.plain_kinematics import PlainKinematics
 from oarlock.lab.bench.problem import WARM, Problem, sculling
@@ -41,8 +40,7 @@ def ours(problem: Problem) -> tuple[Floats, Floats]:
 
 @pytest.fixture(scope="module")
 def measured() -> dict:
-    done = CliRunner().invoke(app, ["bench", "--json", "--seconds", "0.2"], prog_name="oarlock")
-    assert done.exit_code == 0, done.output
+    done = run("bench", "--json", "--seconds", "0.2")
     return json.loads(done.stdout)
 
 
@@ -81,22 +79,20 @@ def test_other_software_is_measured_or_named_as_missing(measured):
 
 
 def test_text_names_the_filters_and_the_paper():
-    shown = CliRunner().invoke(app, ["bench", "--seconds", "0.1"], prog_name="oarlock")
-    assert shown.exit_code == 0, shown.output
+    shown = run("bench", "--seconds", "0.1")
     for word in ("ukf", "ekf", "textbook", "p99.9", "the paper", "two threads", "times faster than"):
         assert word in shown.stdout
 
 
 def test_help_names_every_key(measured):
-    shown = CliRunner().invoke(app, ["bench", "--help"], prog_name="oarlock").stdout
+    shown = run("bench", "--help").stdout
     filters = tuple(f"{name}_{what}" for name in ("ekf", "factorised") for what in ("us", "ratio"))
     missing = [key for key in measured if key not in shown and not key.startswith(filters)]
     assert missing == ["live_steps"] or not missing
 
 
 def test_seconds_must_be_a_time():
-    refused = CliRunner().invoke(app, ["bench", "--seconds", "0"], prog_name="oarlock")
-    assert refused.exit_code == 2
+    refused = run("bench", "--seconds", "0", status=2)
     assert "20" in refused.stderr
 
 

@@ -20,6 +20,7 @@ from oarlock.rowing import FieldEffects, simulate_field
 from oarlock.rowing.field.effects import GROUPS
 from oarlock.rowing.simulation.experiment import simulate_sculling
 from oarlock.rowing.simulation.motion import sculling
+from refusals import assert_refused
 
 STEP_S = 2e-3
 LARGEST_WAY_M = 2.5
@@ -269,12 +270,9 @@ def test_effects_out_of_range_are_refused(bad, told):
 def test_what_cannot_be_is_refused():
     with pytest.raises(ValueError, match="no condition 'B'"):
         simulate_field(sculler(), condition="B")
-    with pytest.raises(oarlock.DataError, match="no frame seat"):
-        simulate_field(oarlock.load_model("arm7"))
-    with pytest.raises(oarlock.DataError, match="rate_hz is 0"):
-        simulate_field(sculler(), rate_hz=0.0)
-    with pytest.raises(oarlock.DataError, match="no effect or group 'mount'"):
-        FieldEffects().only("mount")
+    assert_refused(lambda: simulate_field(oarlock.load_model("arm7")), "no frame seat")
+    assert_refused(lambda: simulate_field(sculler(), rate_hz=0.0), "rate_hz is 0")
+    assert_refused(lambda: FieldEffects().only("mount"), "no effect or group 'mount'")
     with pytest.raises(oarlock.DataError, match=r"beyond the stretched arm|no posture holds"):
         simulate_field(sculler(), replace(SILENT, rig_error_m=0.5), duration_s=3.0)
 

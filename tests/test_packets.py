@@ -4,10 +4,9 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+from command_line import run
 from oarlock import ImuStream, Recording, load_recording
-from oarlock.cli import app
 from oarlock.formats.csv import read_csv
 from oarlock.recording.packets import lost_packets, missing_packets
 from oarlock.recording.plausibility import plausibility
@@ -131,7 +130,7 @@ def test_a_mapping_that_makes_no_sense_is_refused(unit, time, said):
 
 def test_import_reports_missing_packets(unit, tmp_path):
     mapping = unit(lost=(40, 100, 101))
-    run = CliRunner().invoke(app, ["import", "csv", str(mapping), "--out", str(tmp_path / "a")])
-    assert run.exit_code == 0 and "back: 3 packets missing in 2 places" in run.output
-    run = CliRunner().invoke(app, ["import", "csv", str(mapping), "--out", str(tmp_path / "b"), "--json"])
+    run = run("import", "csv", str(mapping), "--out", str(tmp_path / "a"))
+    assert "back: 3 packets missing in 2 places" in run.output
+    run = run("import", "csv", str(mapping), "--out", str(tmp_path / "b"), "--json")
     assert json.loads(run.output)["streams"][0]["missing_packets"] == 3

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import oarlock
 from exact_recording import load_excerpt, read_exact, sculler
 from local_data import local_folder
-from oarlock import DataError, Model, Track
+from oarlock import Model, Track
 from oarlock.rowing import (
     FEATURES,
     FieldEffects,
@@ -25,6 +25,7 @@ from oarlock.rowing import (
     technique,
 )
 from oarlock.rowing.simulation.experiment import simulate_ergometer, simulate_sculling, simulate_sweep
+from refusals import assert_refused
 
 Floats = NDArray[np.float64]
 
@@ -359,12 +360,9 @@ def test_a_track_without_strokes_gives_an_empty_table():
 
 def test_what_is_no_rower_is_refused():
     track, _ = exact()
-    with pytest.raises(DataError, match="load the model file again"):
-        technique(replace(track, model=None))
-    with pytest.raises(DataError, match="no frame"):
-        technique(replace(track, model=oarlock.load_model("pendulum3")))
-    with pytest.raises(DataError, match="sculling_women"):
-        technique(track, find_strokes(track), "nothing")
+    assert_refused(lambda: technique(replace(track, model=None)), "load the model file again")
+    assert_refused(lambda: technique(replace(track, model=oarlock.load_model("pendulum3"))), "no frame")
+    assert_refused(lambda: technique(track, find_strokes(track), "nothing"), "sculling_women")
 
 
 def test_what_a_filtered_track_says_of_its_first_seconds_counts_in_no_average():
