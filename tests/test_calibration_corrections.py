@@ -138,7 +138,7 @@ def test_file_pickle_and_copy_give_back_every_bit(tmp_path):
 
 def test_a_file_holds_no_field_that_is_empty(tmp_path):
     Calibration(parameters={"l_b": 0.5}).save(tmp_path / "wearing.toml")
-    text = (tmp_path / "wearing.toml").read_text()
+    text = (tmp_path / "wearing.toml").read_text(encoding="utf-8")
     assert "format = 1" in text
     assert not [name for name in (*ARRAYS, "clocks", "encoders") if name in text]
 

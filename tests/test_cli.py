@@ -108,8 +108,8 @@ def test_model_show_writes_svg_and_takes_a_pose(tmp_path):
     at_rest, leaning = tmp_path / "rest.svg", tmp_path / "lean.svg"
     run("model", "show", "sculler", "--svg", at_rest)
     run("model", "show", "sculler", "--svg", leaning, "--at", "trunk=-0.4")
-    assert at_rest.read_text().startswith("<svg")
-    assert at_rest.read_text() != leaning.read_text()
+    assert at_rest.read_text(encoding="utf-8").startswith("<svg")
+    assert at_rest.read_text(encoding="utf-8") != leaning.read_text(encoding="utf-8")
 
 
 def test_an_unknown_joint_in_a_pose_is_a_usage_error_with_the_nearest_name():
@@ -142,9 +142,9 @@ def test_model_copy_is_a_fine_model_and_is_not_overwritten(tmp_path):
     run("model", "check", file)
     file.write_text("mine")
     run("model", "copy", "sculler", file, status=2)
-    assert file.read_text() == "mine"
+    assert file.read_text(encoding="utf-8") == "mine"
     run("model", "copy", "sculler", file, "--force")
-    assert file.read_text() != "mine"
+    assert file.read_text(encoding="utf-8") != "mine"
 
 
 # --- recording to report ------------------------------------------------------------------------------
@@ -172,9 +172,8 @@ def test_track_json_is_one_document(trial, tmp_path):
 
 def test_track_takes_a_filter_and_writes_it_down(trial, tmp_path):
     run("track", trial / "trial", "--model", "sculler", "--out", tmp_path / "out", "--filter", "ekf")
-    assert (
-        tomllib.loads((tmp_path / "out" / "run.toml").read_text())["provenance"]["config"]["filter"] == "ekf"
-    )
+    written = tomllib.loads((tmp_path / "out" / "run.toml").read_text(encoding="utf-8"))
+    assert written["provenance"]["config"]["filter"] == "ekf"
 
 
 def test_track_does_not_write_into_a_recording(trial):
@@ -192,7 +191,7 @@ def test_evaluate_prints_a_table_and_json(trial):
 def test_report_is_written_where_it_is_asked_for(trial, tmp_path):
     file = tmp_path / "a.html"
     run("report", trial / "out", "--truth", trial / "trial", "--to", file)
-    assert "<html" in file.read_text()
+    assert "<html" in file.read_text(encoding="utf-8")
 
 
 # --- settings of the filter ---------------------------------------------------------------------------

@@ -234,7 +234,7 @@ def test_a_sweep_runs_each_fault_alone_under_every_setting(swung, tmp_path):
     assert not usual["late", "0.1 ms"].noticed
     assert [fault.name for fault in ranked(found)] == ["unit turned", "late"]
     result.save(tmp_path)
-    rows = json.loads((tmp_path / "faults.json").read_text())
+    rows = json.loads((tmp_path / "faults.json").read_text(encoding="utf-8"))
     assert len(rows) == csv.read_csv(tmp_path / "faults.csv").num_rows == 8
     assert rows[2]["rmse_median_deg"] == pytest.approx(much.median_deg)
     page = study_page(result)

@@ -1,6 +1,7 @@
 """Real files with wounds at every reader: read, or refused with a reason."""
 
 import os
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.io import savemat
 import oarlock
 from fuzz_campaign import answered, campaign
 from fuzz_wounds import byte_wounds, wounded, wounded_bytes, wounds
+from oarlock.formats import mat
 from oarlock.formats.apdm import read_apdm, read_apdm_orientations
 from oarlock.formats.broad import read_broad, read_broad_reference
 from oarlock.formats.csv import read_csv
@@ -181,8 +183,28 @@ MATLAB = {
 }
 
 
+def outcomes(of):
+    """The function with its results and refusals kept, so that readers of one file share one child process."""
+
+    @cache
+    def outcome(_content, *arguments):
+        try:
+            return of(*arguments), None
+        except oarlock.DataError as refusal:
+            return None, refusal
+
+    def shared(kind, file):
+        arrays, refusal = outcome(file.read_bytes(), kind, file)
+        if refusal:
+            raise refusal
+        return dict(arrays)
+
+    return shared
+
+
 @pytest.mark.parametrize("name", MATLAB)
-def test_matlab_files(name, tmp_path):
+def test_matlab_files(name, tmp_path, monkeypatch):
+    monkeypatch.setattr(mat, "arrays_of", outcomes(mat.arrays_of))
     matlab_files(tmp_path)
     content, file = (tmp_path / name).read_bytes(), tmp_path / "wounded.mat"
 

@@ -9,6 +9,7 @@ from scipy.io import loadmat, savemat
 from scipy.sparse import csc_array
 
 import oarlock
+from oarlock.formats import child_process
 from oarlock.formats.apdm import read_apdm
 from oarlock.formats.broad import read_broad
 from oarlock.formats.mat import read_mat
@@ -305,7 +306,13 @@ def test_a_c3d_parameter_that_announces_gigabytes(c3d):
 
 
 @pytest.mark.parametrize("kept", [0.25, 0.9])
-def test_a_c3d_that_was_cut_off(tmp_path, kept):
+def test_a_c3d_that_was_cut_off(tmp_path, kept, monkeypatch):
+    """ezc3d reads on without end; the limit of processor time that ends it is 1 s here instead of 10."""
+    text = child_process._CHILD.read_text(encoding="utf-8")
+    assert text.count("_BYTES_PER_SECOND = 10,") == 1
+    child = tmp_path / "reader_child.py"
+    child.write_text(text.replace("_BYTES_PER_SECOND = 10,", "_BYTES_PER_SECOND = 1,"), encoding="utf-8")
+    monkeypatch.setattr(child_process, "_CHILD", child)
     file = tmp_path / "trial.c3d"
     c3d_file(file, [f"M{k}" for k in range(20)])
     content = file.read_bytes()

@@ -36,7 +36,7 @@ def refused(file):
 
 
 def edited(tmp_path, old, new):
-    text = PENDULUM.read_text()
+    text = PENDULUM.read_text(encoding="utf-8")
     assert old in text
     file = tmp_path / "export.csv"
     file.write_text(text.replace(old, new, 1))

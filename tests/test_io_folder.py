@@ -49,7 +49,7 @@ def refused(folder):
 
 def edit(folder, old, new):
     file = folder / "recording.toml"
-    text = file.read_text()
+    text = file.read_text(encoding="utf-8")
     assert old in text
     file.write_text(text.replace(old, new, 1))
 

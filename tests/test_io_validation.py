@@ -201,7 +201,7 @@ def test_mistakes_in_diodem(tmp_path):
     folder = diodem_folder(tmp_path)
     assert_refused(lambda: read_diodem(folder, "loose"), 'mounted = "loose"')
     file = folder / "imu_rigid.csv"
-    text = file.read_text()
+    text = file.read_text(encoding="utf-8")
     for old, new, words in (
         ("# sampling frequency: 40", "# rate 40", r"imu_rigid\.csv:1: .*does not state the rate"),
         ("# sampling frequency: 40", "# sampling frequency: 0", "does not state the rate"),

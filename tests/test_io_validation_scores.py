@@ -292,10 +292,10 @@ def test_page_and_figures(tmp_path):
         SetResult("gone", "Not there", "text", absent="no folder"),
     ]
     written, figures = page.write(results, {"vqf": "1.0"}, tmp_path / "out")
-    text = written.read_text()
+    text = written.read_text(encoding="utf-8")
     assert "Data &amp; more" in text and "not run: &lt;no model&gt;" in text and "Not run: no folder" in text
     assert "http" not in text.replace("http://www.w3.org", "")
-    found = json.loads(figures.read_text())
+    found = json.loads(figures.read_text(encoding="utf-8"))
     assert found["sets"]["here"]["tables"][0]["rows"]["Other"]["mean"] == 3.0
     assert found["sets"]["gone"]["absent"] == "no folder"
 
@@ -304,7 +304,10 @@ def test_a_figure_that_is_no_number_is_null(tmp_path):
     collected = Collected()
     collected.put("Other", {"one": float("nan")})
     _, figures = page.write([SetResult("s", "t", "", (collected.table("x"),))], {}, tmp_path)
-    assert json.loads(figures.read_text())["sets"]["s"]["tables"][0]["rows"]["Other"]["one"] is None
+    assert (
+        json.loads(figures.read_text(encoding="utf-8"))["sets"]["s"]["tables"][0]["rows"]["Other"]["one"]
+        is None
+    )
 
 
 def test_plots_are_drawn_with_names_of_their_own():
@@ -335,7 +338,7 @@ def test_what_is_absent_is_named_and_the_run_goes_on(tmp_path, monkeypatch, caps
         ["--out", str(tmp_path / "out"), "--only", "dfjimu", "diodem", "openaxes", "broad", "qmt"]
     )
     assert code == 1
-    found = json.loads((tmp_path / "out/figures.json").read_text())["sets"]
+    found = json.loads((tmp_path / "out/figures.json").read_text(encoding="utf-8"))["sets"]
     assert all(
         found[name]["absent"] for name in ("dfjimu", "diodem_arm", "openaxes_ur5", "broad", "qmt_full_body")
     )

@@ -40,7 +40,7 @@ def test_a_session_becomes_a_study_that_is_tracked_and_scored(tmp_path, monkeypa
         assert abs(document["body"]["parameters"][name] - length) < LENGTH_M
     assert sum(not gap["filled"] for gap in document["gaps"]) == 1
     assert max(document["rmse_m"].values()) < 2e-3
-    assert Path("study/gaps.csv").read_text().count("\n") == 1 + len(document["gaps"])
+    assert Path("study/gaps.csv").read_text(encoding="utf-8").count("\n") == 1 + len(document["gaps"])
     assert oarlock.load_recording("study").names == ("upperarm", "forearm", "hand")
     page = Path("study/report.html").read_text(encoding="utf-8")
     assert all(name in page for name in ("FA3", "longer than 0.2 s", "shoulder_<wbr>abduction"))

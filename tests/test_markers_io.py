@@ -70,7 +70,7 @@ def test_any_text_is_read_or_refused_with_a_data_error(tmp_path_factory, ending,
 @settings(max_examples=60, deadline=None)
 @given(cut=st.integers(0, 2690), junk=st.text(max_size=3))
 def test_a_spoilt_trc_is_read_or_refused_with_a_data_error(tmp_path_factory, cut, junk):
-    text = (OPENSIM / "dataWithNaNsOfDifferentCases.trc").read_text()
+    text = (OPENSIM / "dataWithNaNsOfDifferentCases.trc").read_text(encoding="utf-8")
     file = tmp_path_factory.mktemp("markers") / "cut.trc"
     file.write_text(text[:cut] + junk, encoding="utf-8")
     try:
@@ -133,7 +133,7 @@ def test_trc_whose_names_stand_side_by_side(tmp_path):
 )
 def test_a_wrong_trc_is_refused_with_its_place(tmp_path, change, said):
     file = tmp_path / "wrong.trc"
-    text = (OPENSIM / "dataWithNaNsOfDifferentCases.trc").read_text()
+    text = (OPENSIM / "dataWithNaNsOfDifferentCases.trc").read_text(encoding="utf-8")
     assert change[0] in text
     file.write_text(text.replace(*change, 1), encoding="utf-8")
     with pytest.raises(DataError, match=r"wrong\.trc") as refused:

@@ -266,5 +266,5 @@ def test_targets_hold_on_a_seed_that_nobody_has_seen():
 
 
 def test_docs_name_what_there_is():
-    page = (Path(__file__).parents[1] / "docs/reproduce.md").read_text()
+    page = (Path(__file__).parents[1] / "docs/reproduce.md").read_text(encoding="utf-8")
     assert all(f"`{part}`" in page for part in PARTS)

@@ -30,7 +30,7 @@ def test_a_session_becomes_a_calibration_and_a_page(folder):
     found = oarlock.load_calibration(folder / "cal.toml")
     true = oarlock.load_calibration(folder / "rec/true_calibration.toml")
     assert set(found.mounts) == set(true.mounts)
-    page = (folder / "cal.html").read_text()
+    page = (folder / "cal.html").read_text(encoding="utf-8")
     assert page.startswith("<!doctype html>")
     assert "Passed" in page and "Steps to repeat" not in page
     assert "http" not in page.replace("http-equiv", "")
@@ -53,7 +53,7 @@ def test_what_has_to_be_done_again_ends_with_status_1(folder):
     told = json.loads(done.stdout)
     assert not told["session"]["passed"]
     assert (folder / "s.toml").exists()
-    assert "Steps to repeat" in (folder / "s.html").read_text()
+    assert "Steps to repeat" in (folder / "s.html").read_text(encoding="utf-8")
 
 
 def test_the_plan_can_be_written_and_changed(folder):

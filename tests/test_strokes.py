@@ -12,6 +12,7 @@ import oarlock
 from exact_recording import sculler
 from oarlock.rowing import (
     FieldEffects,
+    FieldTrial,
     LiveStrokes,
     Strokes,
     ergometer_piece,
@@ -207,6 +208,11 @@ def test_live_from_the_trunks_gyroscope():
     assert np.abs(nearest(finishes, rows.finish_time_s)).max() < 1e-9
 
 
+@cache
+def field_trial(effects: FieldEffects, seed: int, rate: float | tuple[float, float]) -> FieldTrial:
+    return simulate_field(sculler(), effects, duration_s=25.0, rate_spm=rate, seed=seed)
+
+
 @pytest.mark.parametrize(
     ("seed", "rate", "effects"),
     [
@@ -216,7 +222,7 @@ def test_live_from_the_trunks_gyroscope():
 )
 @pytest.mark.parametrize("source", ["seat", "trunk_gyro"])
 def test_seat_and_trunk_say_how_little_they_know(seed, rate, effects, source):
-    trial = simulate_field(sculler(), effects, duration_s=25.0, rate_spm=rate, seed=seed)
+    trial = field_trial(effects, seed, rate)
     true = find_strokes(trial.truth)
     for model in (None, sculler()) if source == "trunk_gyro" else (None,):
         rows = find_strokes(trial.recording, source=source, model=model)

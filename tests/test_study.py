@@ -78,7 +78,7 @@ def test_a_stopped_study_goes_on_and_ends_in_the_same_rows(pendulum, tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         oarlock.study(study, jobs=1, folder=out, progress=stop)
-    kept = (out / UNFINISHED).read_text().splitlines()
+    kept = (out / UNFINISHED).read_text(encoding="utf-8").splitlines()
     assert kept and all(json.loads(line)["study"] == identity(study) for line in kept)
     (out / UNFINISHED).write_text("\n".join([*kept, '{"study": "cut of']))
     begun: list[float] = []
@@ -299,7 +299,7 @@ def test_the_verb_writes_tables_and_a_page_that_needs_nothing(pendulum, tmp_path
     out = tmp_path / "out"
     ran = run("study", str(file), "--out", str(out), "--jobs", "1", "--json")
     assert json.loads(ran.stdout)["runs"] == 6
-    page = (out / "report.html").read_text()
+    page = (out / "report.html").read_text(encoding="utf-8")
     assert "<svg" in page and "series-band" in page and "http" not in page.replace("http-equiv", "")
     assert {"runs.csv", "runs.parquet", "summary.csv", "summary.parquet", "run.toml"} <= {
         path.name for path in out.iterdir()
