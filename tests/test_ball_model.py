@@ -30,56 +30,26 @@ MAG_AGREES_UT = 1e-10
 ARM = """\
 format = 1
 name = "ball_arm"
-
+joint = [
+    { name = "trunk", kind = "hinge" },
+    { name = "shoulder", kind = "ball", angles = "YXY", rest = [0.1, 0.2, 0.3] },
+    { name = "elbow", kind = "hinge" },
+]
+frame = [
+    { name = "thorax", parent = "root", joint = "trunk", axis = "x", transform.translation = [0.0, 0.1, 0.0] },
+    { name = "upperarm", parent = "thorax", joint = "shoulder", transform.translation = [0.15, 0.4, 0.0] },
+    { name = "forearm", parent = "upperarm", joint = "elbow", axis = "x", transform.translation = [0.0, -0.3, 0.0] },
+    { name = "hand", parent = "forearm", transform.translation = [0.0, -0.27, 0.0] },
+]
 [world]
 up = "y"
 forward = "z"
 magnetic_norm_ut = 47.0
 magnetic_dip_rad = 1.05
 magnetic_azimuth_rad = 0.4
-
 [process]
 hinge = { kind = "jerk", density = 40.0, start_std = [0.2, 0.5, 5.0] }
 ball = { kind = "jerk", density = 40.0, start_std = [0.3, 0.5, 5.0] }
-
-[[joint]]
-name = "trunk"
-kind = "hinge"
-
-[[joint]]
-name = "shoulder"
-kind = "ball"
-angles = "YXY"
-rest = [0.1, 0.2, 0.3]
-
-[[joint]]
-name = "elbow"
-kind = "hinge"
-
-[[frame]]
-name = "thorax"
-parent = "root"
-joint = "trunk"
-axis = [1.0, 0.0, 0.0]
-transform = { translation = [0.0, 0.1, 0.0] }
-
-[[frame]]
-name = "upperarm"
-parent = "thorax"
-joint = "shoulder"
-transform = { translation = [0.15, 0.4, 0.0] }
-
-[[frame]]
-name = "forearm"
-parent = "upperarm"
-joint = "elbow"
-axis = [1.0, 0.0, 0.0]
-transform = { translation = [0.0, -0.3, 0.0] }
-
-[[frame]]
-name = "hand"
-parent = "forearm"
-transform = { translation = [0.0, -0.27, 0.0] }
 """
 UNITS = {"back": "thorax", "arm": "upperarm", "fore": "forearm"}
 UNIT = """

@@ -28,57 +28,45 @@ TWO_PLACES = """
 format = 1
 name = "two_places"
 world = { up = [0.6, 0, 0.8], forward = "y" }
-[[joint]]
-name = "knie_é"
-kind = "ball"
-rest = [0.1, 0.2, 0.3]
-[[joint]]
-name = "rail"
-kind = "slide"
-rest = 0.2
-[[joint]]
-name = "stiff"
-kind = "fixed"
-[[joint]]
-name = "away"
-kind = "free"
+joint = [
+    { name = "knie_é", kind = "ball", rest = [0.1, 0.2, 0.3] },
+    { name = "rail", kind = "slide", rest = 0.2 },
+    { name = "stiff", kind = "fixed" },
+    { name = "away", kind = "free" },
+]
+sensor = [{ name = "unit", kind = "imu", frame = "end", gyro_std_rad_s = 0.1 }]
 [[frame]]
 name = "ground"
 parent = "root"
-transform = { rpy = [0.1, -0.2, 2], translation = [0, 1, 0] }
 joint = "away"
+transform = { rpy = [0.1, -0.2, 2], translation = [0, 1, 0] }
 [[frame]]
 name = "links_ä"
 parent = "ground"
-transform = { rpy = [0.4, 0.2, -1], translation = [0.1, 1, 0] }
 joint = "knie_é"
+transform = { rpy = [0.4, 0.2, -1], translation = [0.1, 1, 0] }
 [[frame]]
 name = "rechts"
 parent = "links_ä"
-transform = { translation = [0, 0.5, 0.2] }
 joint = "knie_é"
+transform = { translation = [0, 0.5, 0.2] }
 [[frame]]
 name = "up_the_rail"
 parent = "rechts"
-transform = { rpy = [0, 1, 0], translation = [0, 0.5, 0.2] }
-axis = "-y"
 joint = "rail"
+axis = "-y"
+transform = { rpy = [0, 1, 0], translation = [0, 0.5, 0.2] }
 [[frame]]
 name = "down_the_rail"
 parent = "rechts"
-transform = { translation = [0, 0.5, 0.2] }
 joint = "rail"
 sign = -1
+transform = { translation = [0, 0.5, 0.2] }
 [[frame]]
 name = "end"
 parent = "down_the_rail"
-dh = { a = 0.3, alpha = 1, d = 0.2, theta = -0.4 }
 joint = "stiff"
-[[sensor]]
-name = "unit"
-kind = "imu"
-frame = "end"
-gyro_std_rad_s = 0.1
+dh = { a = 0.3, alpha = 1, d = 0.2, theta = -0.4 }
 """
 
 

@@ -19,6 +19,8 @@ HEAD = """
 format = 1
 name = "head"
 description = "one body on a ball"
+joint = [{ name = "neck", kind = "ball" }]
+frame = [{ name = "head", parent = "root", joint = "neck", transform = {} }]
 [world]
 up = [0, 0, 1]
 forward = [1, 0, 0]
@@ -26,14 +28,6 @@ magnetic_norm_ut = 48.0
 magnetic_dip_rad = "65*pi/180"
 magnetic_azimuth_rad = 0.0
 azimuth_fixed = true
-[[joint]]
-name = "neck"
-kind = "ball"
-[[frame]]
-name = "head"
-parent = "root"
-transform = {}
-joint = "neck"
 [[sensor]]
 name = "head"
 kind = "imu"

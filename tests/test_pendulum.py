@@ -201,51 +201,25 @@ def test_a_part_of_a_chain_is_a_chain(model):
 TILTED = """
 format = 1
 name = "tilted"
+parameters = { a_1 = 0.4, d_2 = 0.1 }
+process.hinge = { kind = "jerk", density = 40.0, start_std = [0.2, 0.5, 5.0] }
+joint = [{ name = "first", kind = "hinge" }, { name = "second", kind = "hinge" }]
+frame = [
+    { name = "stand", parent = "root", transform = { rpy = ["pi/2", 0, 0] } },
+    { name = "one", parent = "stand", joint = "first", dh = { a = "a_1", alpha = "pi/2", d = 0, theta = 0 } },
+    { name = "two", parent = "one", joint = "second", sign = -1, dh = { a = 0.3, alpha = 0, d = "d_2", theta = 0 } },
+]
+sensor = [
+    { name = "s_one", kind = "imu", frame = "one", gyro_std_rad_s = 0.01, accel_std_m_s2 = 0.1 },
+    { name = "s_two", kind = "imu", frame = "two", gyro_std_rad_s = 0.01, accel_std_m_s2 = 0.1 },
+]
 [world]
-up = [0, 0, 1]
-forward = [1, 0, 0]
+up = "z"
+forward = "x"
 gravity_m_s2 = 9.81
 magnetic_norm_ut = 50.0
 magnetic_dip_rad = 1.0
 magnetic_azimuth_rad = 0.3
-[parameters]
-a_1 = 0.4
-d_2 = 0.1
-[process]
-hinge = { kind = "jerk", density = 40.0, start_std = [0.2, 0.5, 5.0] }
-[[joint]]
-name = "first"
-kind = "hinge"
-[[joint]]
-name = "second"
-kind = "hinge"
-[[frame]]
-name = "stand"
-parent = "root"
-transform = { rpy = ["pi/2", 0, 0] }
-[[frame]]
-name = "one"
-parent = "stand"
-dh = { a = "a_1", alpha = "pi/2", d = 0, theta = 0 }
-joint = "first"
-[[frame]]
-name = "two"
-parent = "one"
-dh = { a = 0.3, alpha = 0, d = "d_2", theta = 0 }
-joint = "second"
-sign = -1
-[[sensor]]
-name = "s_one"
-kind = "imu"
-frame = "one"
-gyro_std_rad_s = 0.01
-accel_std_m_s2 = 0.1
-[[sensor]]
-name = "s_two"
-kind = "imu"
-frame = "two"
-gyro_std_rad_s = 0.01
-accel_std_m_s2 = 0.1
 """
 
 

@@ -26,29 +26,15 @@ std_m = {SEAT_STD_M}
 LEG = """
 format = 1
 name = "leg"
-[world]
-up = "y"
-forward = "z"
+world = { up = "y", forward = "z" }
+joint = [{ name = "hip", kind = "ball" }, { name = "knee", kind = "hinge" }]
+frame = [
+    { name = "thigh", parent = "root", joint = "hip", transform.translation = [0, 0.9, 0] },
+    { name = "shank", parent = "thigh", joint = "knee", axis = "x", transform.translation = [0, -0.4, 0] },
+]
 [process]
 hinge = { kind = "jerk", density = 8.0, start_std = [0.3, 0.5, 5.0] }
 ball = { kind = "jerk", density = 8.0, start_std = [0.3, 0.5, 5.0] }
-[[joint]]
-name = "hip"
-kind = "ball"
-[[joint]]
-name = "knee"
-kind = "hinge"
-[[frame]]
-name = "thigh"
-parent = "root"
-joint = "hip"
-transform = { translation = [0, 0.9, 0] }
-[[frame]]
-name = "shank"
-parent = "thigh"
-joint = "knee"
-axis = "x"
-transform = { translation = [0, -0.4, 0] }
 [[sensor]]
 name = "thigh"
 kind = "orientation"
@@ -228,22 +214,30 @@ def test_a_robot_from_orientations_alone():
     assert medians[0] < 0.8 * medians[2]
 
 
-ROBOT = "\n".join(
-    [
-        'format = 1\nname = "robot"\n[world]\nup = "z"\nforward = "x"',
-        '[[joint]]\nname = "radius"\nkind = "ball"',
-        '[[joint]]\nname = "wrist"\nkind = "hinge"',
-        '[[frame]]\nname = "radius"\nparent = "root"\njoint = "radius"',
-        "transform = { translation = [0, 0, 0] }",
-        '[[frame]]\nname = "carpus"\nparent = "radius"\njoint = "wrist"\naxis = "x"',
-        "transform = { translation = [0, 0, 0] }",
-        *(
-            f'[[sensor]]\nname = "{link}"\nkind = "orientation"\nframe = "{link}"\nstd_rad = 0.02\n'
-            f"mount.rotation = {[list(row) for row in LINK_FROM_SENSOR]}\n{heading}"
-            for link, heading in (("radius", ""), ("carpus", 'heading = "unknown"'))
-        ),
-    ]
-)
+MOUNT = [list(row) for row in LINK_FROM_SENSOR]
+ROBOT = f"""
+format = 1
+name = "robot"
+world = {{ up = "z", forward = "x" }}
+joint = [{{ name = "radius", kind = "ball" }}, {{ name = "wrist", kind = "hinge" }}]
+frame = [
+    {{ name = "radius", parent = "root", joint = "radius", transform.translation = [0, 0, 0] }},
+    {{ name = "carpus", parent = "radius", joint = "wrist", axis = "x", transform.translation = [0, 0, 0] }},
+]
+[[sensor]]
+name = "radius"
+kind = "orientation"
+frame = "radius"
+std_rad = 0.02
+mount.rotation = {MOUNT}
+[[sensor]]
+name = "carpus"
+kind = "orientation"
+frame = "carpus"
+std_rad = 0.02
+mount.rotation = {MOUNT}
+heading = "unknown"
+"""
 
 
 def headed_as(reference, link, quat):
