@@ -156,10 +156,6 @@ def test_deviations_of_what_is_not_there_are_refused(told: dict[str, Any], words
     )
 
 
-def test_a_strange_word_is_refused() -> None:
-    assert_refused(lambda: oarlock.Config(consider="sometimes"), "consider")
-
-
 def test_a_run_cut_in_two_doubts_alike() -> None:
     recording = wild(SEEDS[1]).recording
     whole = oarlock.track(sculler(), recording)

@@ -53,54 +53,46 @@ def matlab_file(folder, compressed=False, **variables):
 
 
 ROWS = np.arange(12.0).reshape(4, 3)
+TWO = np.array([ROWS, ROWS[:2]], object)
+ENDED = r"is not a MATLAB file, or is damaged \(its reader was ended by SIG\w+\)"
 
 
-ENDED = r"trial\.mat: is not a MATLAB file, or is damaged \(its reader was ended by SIG\w+\)"
-
-
-@pytest.mark.parametrize("kind", [0, 14, 255])
-@pytest.mark.parametrize("inside", [ROWS, {"field": ROWS}, np.array([ROWS, ROWS[:2]], object)])
-def test_a_matlab_file_with_a_type_that_there_is_not(tmp_path, kind, inside):
-    """scipy ends the process on these."""
-    file = matlab_file(tmp_path, imu_gyr=inside)
-    changed(file, file.read_bytes().index(struct.pack("<II", 9, ROWS.nbytes)), bytes([kind]))
-    with pytest.raises(DataError, match=ENDED):
-        read_mat(file)
-
-
-def test_a_matlab_file_whose_text_has_a_type_that_there_is_not(tmp_path):
-    file = matlab_file(tmp_path, note="eight oars")
-    changed(file, file.read_bytes().index(b"eight oars") - 8, bytes([250]))
-    with pytest.raises(DataError, match=ENDED):
-        read_mat(file)
-
-
-def test_a_matlab_file_whose_text_has_no_dimensions(tmp_path):
-    file = matlab_file(tmp_path, note="eight oars")
-    changed(file, file.read_bytes().index(struct.pack("<II", 5, 8)) + 4, bytes([0]))
-    with pytest.raises(
-        DataError, match=r"trial\.mat: is not a MATLAB file, or is damaged \(Error in SDE format data\)"
-    ):
-        read_mat(file)
-
-
-def test_a_matlab_file_whose_matrix_becomes_complex(tmp_path):
-    """Its second part would be read from the tag of the next variable."""
-    file = matlab_file(tmp_path, imu_gyr=ROWS, imu_acc=ROWS)
-    flags = file.read_bytes().index(struct.pack("<II", 6, 8)) + 8
-    changed(file, flags + 1, bytes([8]))
-    with pytest.raises(DataError, match=ENDED):
-        read_mat(file)
-
-
-def test_a_matlab_file_of_more_cells_than_bytes(tmp_path):
-    file = matlab_file(tmp_path, many=np.array([ROWS, ROWS[:2]], object))
-    changed(
-        file,
-        file.read_bytes().index(struct.pack("<IIII", 5, 8, 1, 2)) + 8,
-        struct.pack("<II", 1 << 30, 1 << 30),
-    )
-    with pytest.raises(DataError, match=r"trial\.mat: .* damaged \(array is too big"):
+@pytest.mark.parametrize(
+    ("variables", "mark", "further", "written", "said"),
+    [
+        # scipy ends the process on types that there are not, of rows, fields, cells and texts.
+        *(
+            ({"imu_gyr": inside}, struct.pack("<II", 9, ROWS.nbytes), 0, bytes([kind]), ENDED)
+            for kind in (0, 14, 255)
+            for inside in (ROWS, {"field": ROWS}, TWO)
+        ),
+        ({"note": "eight oars"}, b"eight oars", -8, bytes([250]), ENDED),
+        # A text without dimensions.
+        ({"note": "eight oars"}, struct.pack("<II", 5, 8), 4, bytes([0]), r"\(Error in SDE format data\)"),
+        # The second part of a matrix that becomes complex would be read from the tag of the next variable.
+        ({"imu_gyr": ROWS, "imu_acc": ROWS}, struct.pack("<II", 6, 8), 9, bytes([8]), ENDED),
+        # More cells than bytes.
+        (
+            {"many": TWO},
+            struct.pack("<4I", 5, 8, 1, 2),
+            8,
+            struct.pack("<II", 1 << 30, 1 << 30),
+            "array is too big",
+        ),
+        # A version that scipy does not read.
+        (
+            {"imu_gyr": ROWS},
+            struct.pack("<H", 0x0100),
+            0,
+            struct.pack("<H", 0x0200),
+            r"7\.3: save .* MATLAB with -v7",
+        ),
+    ],
+)
+def test_a_matlab_file_with_a_wrong_byte(tmp_path, variables, mark, further, written, said):
+    file = matlab_file(tmp_path, **variables)
+    changed(file, file.read_bytes().index(mark) + further, written)
+    with pytest.raises(DataError, match=rf"trial\.mat: .*{said}"):
         read_mat(file)
 
 
@@ -109,13 +101,6 @@ def test_a_matlab_file_that_was_cut_off(tmp_path, compressed):
     file = matlab_file(tmp_path, compressed, imu_gyr=ROWS)
     file.write_bytes(file.read_bytes()[:-8])
     with pytest.raises(DataError, match=r"trial\.mat: .* damaged \(could not read bytes\)"):
-        read_mat(file)
-
-
-def test_a_matlab_file_of_a_version_that_scipy_does_not_read(tmp_path):
-    file = matlab_file(tmp_path, imu_gyr=ROWS)
-    changed(file, 124, struct.pack("<H", 0x0200))
-    with pytest.raises(DataError, match=r"trial\.mat: .*version 7\.3: save it again in MATLAB with -v7"):
         read_mat(file)
 
 

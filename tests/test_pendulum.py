@@ -9,10 +9,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import oarlock
-from oarlock import Calibration, DataError, ImuStream, Motion, Recording
+from command_line import run
+from oarlock import Calibration, ImuStream, Motion, Recording
 from oarlock.evaluation.orientations import angles_from_orientations
 from oarlock.formats.apdm import read_apdm, read_apdm_orientations
 from oarlock.model.chain_geometry import hinge_links, posture
+from refusals import assert_refused
 
 FILE = Path(__file__).parents[1] / "examples/pendulum/imuData01.csv"
 UNITS = ("upper", "middle", "lower")
@@ -301,96 +303,64 @@ def test_the_noted_figures_are_finite_and_survive_a_file(found, tmp_path):
 
 
 def test_the_commands_of_the_page_lead_from_the_file_to_angles(tmp_path):
-    def run(*words):
-        done = run(str(word) for word in words)
-        return done.stdout
-
     rec, cal, out = (tmp_path / name for name in ("rec", "cal.toml", "out"))
     run("import", "apdm", FILE, "--out", rec)
-    shown = run("calibrate", "chain", rec, "--model", "pendulum3", "--out", cal)
+    calibrate = ("calibrate", "chain", rec, "--model", "pendulum3", "--out", cal)
+    shown = run(*calibrate).stdout
     assert "l_upper = 0.52" in shown
     assert f"--calibration {cal} --only upper,middle,lower" in " ".join(shown.split())
-    run(
-        "track",
-        rec,
-        "--model",
-        "pendulum3",
-        "--calibration",
-        cal,
-        "--only",
-        "upper,middle,lower",
-        "--out",
-        out,
-    )
+    only = ("--only", "upper,middle,lower")
+    run("track", rec, "--model", "pendulum3", "--calibration", cal, *only, "--out", out)
     assert (out / "report.html").is_file()
-    again = run("calibrate", "chain", str(rec), "--model", "pendulum3", "--out", str(cal), status=2)
-    assert "--force" in again.stderr
+    assert "--force" in run(*calibrate, status=2).stderr
 
 
 # --- refused ------------------------------------------------------------------------------------------
 
 
-def refused(call, *words):
-    with pytest.raises(DataError) as caught:
-        call()
-    text = str(caught.value)
-    assert [word for word in words if word not in text] == [], text
-
-
-def test_no_still_stretch(model, measured):
-    refused(lambda: oarlock.calibrate_hinge_chain(model, measured.slice(3.0)), "still", "upper")
-
-
-def test_no_swing(model, measured):
-    refused(lambda: oarlock.calibrate_hinge_chain(model, measured.slice(0.0, 2.3)), "turns by", "deg")
-
-
-def test_a_span_that_is_none(model, measured):
-    refused(lambda: oarlock.calibrate_hinge_chain(model, measured, still_s=(2.0, 1.0)), "still_s", "2.0, 1.0")
-    refused(lambda: oarlock.calibrate_hinge_chain(model, measured, swing_s={"lowr": (3, 7)}), '"lower"')
-
-
-def test_a_stream_without_gyroscope(model, measured):
+def without_gyroscope(measured):
     upper = ImuStream("upper", measured["upper"].time_s, accel_m_s2=measured["upper"].accel_m_s2)
-    recording = Recording([upper, measured["middle"], measured["lower"]])
-    refused(lambda: oarlock.calibrate_hinge_chain(model, recording), '"upper"', "gyro_rad_s")
+    return Recording([upper, measured["middle"], measured["lower"]])
 
 
-def test_none_of_the_sensors_was_recorded(model, measured):
-    refused(
-        lambda: oarlock.calibrate_hinge_chain(model, measured.only(["static"])),
-        "upper, middle, lower",
-        "static",
-    )
+@pytest.mark.parametrize(
+    ("recorded", "asked", "words"),
+    [
+        (lambda measured: measured.slice(3.0), {}, ["still", "upper"]),
+        (lambda measured: measured.slice(0.0, 2.3), {}, ["turns by", "deg"]),
+        (lambda measured: measured, {"still_s": (2.0, 1.0)}, ["still_s", "2.0, 1.0"]),
+        (lambda measured: measured, {"swing_s": {"lowr": (3, 7)}}, ['"lower"']),
+        (without_gyroscope, {}, ['"upper"', "gyro_rad_s"]),
+        (lambda measured: measured.only(["static"]), {}, ["upper, middle, lower", "static"]),
+        (
+            lambda measured: measured,
+            {"sensors": ["upper", "lower"]},
+            ['"lower"', "2 hinges", "middle_hinge, lower_hinge"],
+        ),
+    ],
+    ids=["no rest", "no swing", "rest", "swing", "no gyroscope", "no sensor", "link without sensor"],
+)
+def test_a_chain_that_cannot_be_found(model, measured, recorded, asked, words):
+    assert_refused(lambda: oarlock.calibrate_hinge_chain(model, recorded(measured), **asked), *words)
 
 
-def test_a_link_without_a_sensor(model, measured):
-    def call():
-        oarlock.calibrate_hinge_chain(model, measured, sensors=["upper", "lower"])
-
-    refused(call, '"lower"', "2 hinges", "middle_hinge, lower_hinge")
-
-
-def test_sensors_that_are_no_chain():
-    model = oarlock.load_model("sculler")
-    q = posture(model, None)
-    refused(lambda: hinge_links(model, ["back", "r_upperarm"], q), '"back"', "slide")
-
-
-def test_a_posture_that_is_none(model):
-    refused(lambda: posture(model, {"uper_hinge": 0.1}), "upper_hinge")
-    refused(lambda: posture(model, [0.1, 0.2]), "(2,)", "(3,)")
+def test_what_makes_no_chain_or_posture(model):
+    sculler = oarlock.load_model("sculler")
+    q = posture(sculler, None)
+    assert_refused(lambda: hinge_links(sculler, ["back", "r_upperarm"], q), '"back"', "slide")
+    assert_refused(lambda: posture(model, {"uper_hinge": 0.1}), "upper_hinge")
+    assert_refused(lambda: posture(model, [0.1, 0.2]), "(2,)", "(3,)")
 
 
 def test_a_stream_that_the_model_does_not_know_names_the_way_out(model, measured):
-    refused(lambda: oarlock.track(model, measured), '"static"', "--only upper,middle,lower")
+    assert_refused(lambda: oarlock.track(model, measured), '"static"', "--only upper,middle,lower")
     assert measured.only(["lower", "upper"]).names == ("upper", "lower")
-    refused(lambda: measured.only(["uper"]), '"upper"')
+    assert_refused(lambda: measured.only(["uper"]), '"upper"')
 
 
 def test_orientations_without_a_still_stretch(model, measured, found):
-    bare = Calibration(mounts=found.mounts)
     orientations = read_apdm_orientations(FILE)
-    refused(lambda: angles_from_orientations(model, measured, orientations, bare), "still_s")
     short = {name: rows[:-1] for name, rows in orientations.items()}
-    refused(lambda: angles_from_orientations(model, measured, short, found), "1023 rows", "1024")
+    bare = Calibration(mounts=found.mounts)
+    assert_refused(lambda: angles_from_orientations(model, measured, orientations, bare), "still_s")
+    assert_refused(lambda: angles_from_orientations(model, measured, short, found), "1023 rows", "1024")
