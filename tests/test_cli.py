@@ -13,23 +13,9 @@ from command_line import run
 from oarlock.cli import settings, terminal
 
 VERBS = (
-    ("bench",),
-    ("demo",),
-    ("simulate",),
-    ("strokes",),
-    ("track",),
-    ("evaluate",),
-    ("compare",),
-    ("report",),
-    ("export",),
-    ("import", "apdm"),
-    ("import", "csv"),
-    ("calibrate", "chain"),
-    ("calibrate", "session"),
-    ("model", "list"),
-    ("model", "show"),
-    ("model", "check"),
-    ("model", "copy"),
+    *((verb,) for verb in ("bench", "demo", "simulate", "strokes", "track", "evaluate", "compare", "report")),
+    *(("export",), ("import", "apdm"), ("import", "csv"), ("calibrate", "chain"), ("calibrate", "session")),
+    *(("model", verb) for verb in ("list", "show", "check", "copy")),
 )
 
 BROKEN_MODEL = """\
@@ -246,39 +232,29 @@ def test_a_flag_that_became_a_setting_says_so(flag):
 # --- errors -------------------------------------------------------------------------------------------
 
 
+TRACK = ("track", "nowhere", "--model", "sculler")
+OUT = ("--out", "unused")
+
+
 @pytest.mark.parametrize(
     ("status", "arguments"),
     [
         (1, ("model", "show", "scular")),
-        (1, ("track", "nowhere", "--model", "sculler", "--out", "unused")),
+        (1, (*TRACK, *OUT)),
         (1, ("evaluate", "nowhere", "nowhere")),
         (1, ("report", "nowhere")),
-        (1, ("import", "apdm", "nowhere.csv", "--out", "unused")),
-        (1, ("import", "csv", "nowhere.toml", "--out", "unused")),
-        (2, ("track", "nowhere", "--model", "sculler")),
-        (2, ("track", "nowhere", "--model", "sculler", "--out", "unused", "--set", "l_ua_r")),
-        (2, ("track", "nowhere", "--model", "sculler", "--out", "unused", "--set", "l_ua_r=long")),
-        (2, ("track", "nowhere", "--model", "sculler", "--out", "unused", "--set", "process_noise=pink")),
-        (
-            2,
-            (
-                "track",
-                "nowhere",
-                "--model",
-                "sculler",
-                "--out",
-                "unused",
-                "--set",
-                "gate=false",
-                "--set",
-                "gate=true",
-            ),
-        ),
-        (2, ("track", "nowhere", "--model", "sculler", "--out", "unused", "--set", "initial_q.knee=0.1")),
-        (1, ("track", "nowhere", "--model", "sculler", "--out", "unused", "--config", "nowhere.toml")),
-        (2, ("track", "nowhere", "--model", "sculler", "--out", "unused", "--filter", "kalman")),
-        (2, ("simulate", "--out", "unused", "--condition", "Q-Q")),
-        (2, ("simulate", "--out", "unused", "--rate-spm", "fast")),
+        (1, ("import", "apdm", "nowhere.csv", *OUT)),
+        (1, ("import", "csv", "nowhere.toml", *OUT)),
+        (2, TRACK),
+        (2, (*TRACK, *OUT, "--set", "l_ua_r")),
+        (2, (*TRACK, *OUT, "--set", "l_ua_r=long")),
+        (2, (*TRACK, *OUT, "--set", "process_noise=pink")),
+        (2, (*TRACK, *OUT, "--set", "gate=false", "--set", "gate=true")),
+        (2, (*TRACK, *OUT, "--set", "initial_q.knee=0.1")),
+        (1, (*TRACK, *OUT, "--config", "nowhere.toml")),
+        (2, (*TRACK, *OUT, "--filter", "kalman")),
+        (2, ("simulate", *OUT, "--condition", "Q-Q")),
+        (2, ("simulate", *OUT, "--rate-spm", "fast")),
         (2, ("model", "copy", "scular", "unused.toml")),
         (2, ("row",)),
     ],

@@ -22,20 +22,8 @@ RECORDING = oarlock.Recording(
 )
 
 KEYS = tuple(oarlock.Config().to_dict())
-WORDS = [
-    "ukf",
-    "ekf",
-    "factorised",
-    "jerk",
-    "paper",
-    "off",
-    "gated",
-    "on",
-    "gyro_bias",
-    "lengths",
-    "mounts",
-    "azimuth",
-]
+FILTERS = ["ukf", "ekf", "factorised"]
+WORDS = [*FILTERS, "jerk", "paper", "off", "gated", "on", "gyro_bias", "lengths", "mounts", "azimuth"]
 NUMBERS = st.floats() | st.integers() | st.sampled_from([1e-300, 1e300, 0.3, 2.0])
 VALUES = (
     NUMBERS

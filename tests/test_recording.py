@@ -138,7 +138,7 @@ def test_stream_name_must_be_text():
 
 def test_scalar_unit():
     assert ScalarStream("seat", TIME_S, ROWS[:, 0], unit="m").unit == "m"
-    assert_refused(lambda: ScalarStream("oar", TIME_S, ROWS[:, 0], unit="deg"), "deg")
+    assert_refused(lambda: ScalarStream("oar", TIME_S, ROWS[:, 0], unit="deg"), "unit is 'deg'")
 
 
 def test_rate_is_that_of_the_median_step():
