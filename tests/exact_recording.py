@@ -21,13 +21,8 @@ Floats = NDArray[np.float64]
 EXCERPT = Path(__file__).parent / "data/exact_B-B_10s.npz"
 UNITS = ("back", "r_upperarm", "r_forearm", "l_upperarm", "l_forearm")
 ENCODERS = ("seat", "r_oar_phi", "r_oar_alpha", "l_oar_phi", "l_oar_alpha")
-ARM = (
-    "shoulder_abduction",
-    "shoulder_rotation",
-    "shoulder_flexion",
-    "elbow_flexion",
-    "elbow_rotation",
-)
+SHOULDER = ("shoulder_abduction", "shoulder_rotation", "shoulder_flexion")
+ARM = (*SHOULDER, "elbow_flexion", "elbow_rotation")
 ELEVEN = ("trunk", *(f"{side}_{joint}" for side in "rl" for joint in ARM))
 RADIAL = ("r_hand_abduction", "l_hand_abduction")
 PALMAR = ("r_hand_flexion", "l_hand_flexion")

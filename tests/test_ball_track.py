@@ -33,13 +33,8 @@ def track(truth) -> oarlock.Track:
 
 
 def test_joints_come_as_what_they_are(track):
-    assert [type(track[name]) for name in track.joint_names] == [
-        FreeSeries,
-        JointSeries,
-        JointSeries,
-        BallSeries,
-        JointSeries,
-    ]
+    kinds = [FreeSeries, JointSeries, JointSeries, BallSeries, JointSeries]
+    assert [type(track[name]) for name in track.joint_names] == kinds
     assert track.joint_units == ("m, rad", "rad", "m", "rad", "rad")
     assert track.coordinate_units == ("m",) * 3 + ("rad",) * 4 + ("m",) + ("rad",) * 4
     shoulder, pelvis = track["shoulder"], track["pelvis"]

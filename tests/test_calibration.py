@@ -300,13 +300,7 @@ def test_searches_carry_everything_on_but_the_deviations_of_what_they_replace():
     assert set(found.mount_stds_rad) == {other}  # the unit was turned anew
     assert set(found.mount_offset_stds_m) == {unit}
     assert dict(found.parameter_stds) == {name: 0.01}
-    for field in (
-        "gyro_biases_rad_s",
-        "accel_biases_m_s2",
-        "accel_scales",
-        "mag_matrices",
-        "clocks",
-        "encoders",
-    ):
+    arrays = ("gyro_biases_rad_s", "accel_biases_m_s2", "accel_scales", "mag_matrices")
+    for field in (*arrays, "clocks", "encoders"):
         assert dict(getattr(found, field)).keys() == {unit}
     assert not worn.calibrated({}, {}, {name: 0.5}).parameter_stds

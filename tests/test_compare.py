@@ -29,11 +29,6 @@ BUILT_IN = ("ukf", "limbs", "limbs_open", "vector_kf")
 
 
 @pytest.fixture(scope="module")
-def sculler() -> oarlock.Model:
-    return oarlock.load_model("sculler")
-
-
-@pytest.fixture(scope="module")
 def rowed(sculler: oarlock.Model) -> tuple[oarlock.Track, Recording]:
     return simulate_sculling(sculler, "B-B", duration_s=4.0, seed=31)
 

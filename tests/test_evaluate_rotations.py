@@ -326,13 +326,8 @@ def test_a_report_draws_named_angles_and_says_where_they_are_singular(tmp_path, 
     assert read.errors == []
     drawn = read.all("figure")
     assert len(drawn) == 3 + 3 + 1 + 1 + 3 + 1
-    for text in (
-        "shoulder YXY y1",
-        "pelvis.rotation ZXY x",
-        "pelvis.x",
-        "within 15 deg of a pole",
-        "of its mean",
-    ):
+    angles = ("shoulder YXY y1", "pelvis.rotation ZXY x", "pelvis.x")
+    for text in (*angles, "within 15 deg of a pole", "of its mean"):
         assert text in read.text
     assert "5 of 5" in read.text
     assert any("singular-span" in (a.get("class") or "") for a in read.all("rect"))

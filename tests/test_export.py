@@ -237,13 +237,8 @@ def test_plain_names(name: str, plain: str) -> None:
 
 def test_plain_names_are_given_once() -> None:
     names = PlainNames(["ground"])
-    assert [names.give(n) for n in ("ground", "é", "e", "e", "e_2")] == [
-        "ground_2",
-        "e",
-        "e_2",
-        "e_3",
-        "e_2_2",
-    ]
+    given = [names.give(n) for n in ("ground", "é", "e", "e", "e_2")]
+    assert given == ["ground_2", "e", "e_2", "e_3", "e_2_2"]
 
 
 # --- typed --------------------------------------------------------------------------------------------

@@ -16,6 +16,7 @@ from pyarrow import csv
 
 import oarlock
 from command_line import run
+from exact_recording import UNITS
 from oarlock.evaluation.study.costs import doses, ranked
 from oarlock.evaluation.study.faults.catalogue import afflicted, faults_of, keys_of_faults
 from oarlock.evaluation.study.keys import with_turns
@@ -29,20 +30,13 @@ from oarlock.report.study_page import study_page
 from oarlock.rowing import SIMULATORS
 from refusals import assert_refused
 
-UNITS = ("back", "r_upperarm", "r_forearm", "l_upperarm", "l_forearm")
 ROUNDING = 1e-9
 """rad, or a share: what is left of exact turns of double numbers."""
 
 
 @pytest.fixture(scope="module")
-def sculler() -> oarlock.Model:
-    return oarlock.load_model("sculler")
-
-
-@pytest.fixture(scope="module")
-def trial(sculler) -> oarlock.StudyTrial:
-    values = {name: key.default for name, key in SIMULATORS["sculling"].keys(sculler).items()}
-    return SIMULATORS["sculling"].trial(sculler, values | {"duration_s": 4.0}, 5)
+def trial(four_seconds) -> oarlock.StudyTrial:
+    return four_seconds
 
 
 @pytest.fixture(scope="module")
@@ -197,16 +191,11 @@ def test_every_fault_has_its_unit_or_kind_and_says_what_it_does(sculler):
 
 
 @pytest.fixture(scope="module")
-def swung(tmp_path_factory) -> Path:
+def swung(pendulum_motion, tmp_path_factory) -> Path:
     """A study of faults of a body without oars, as a file."""
-    model = oarlock.load_model("pendulum3")
-    time_s = np.linspace(0.0, 4.2, 200)
-    joints = {name: 0.4 * np.sin(2.0 * time_s + k) for k, name in enumerate(model.joint_names)}
-    folder = tmp_path_factory.mktemp("motion")
-    oarlock.simulate(model, oarlock.Motion.from_joints(time_s, joints))[0].save(folder)
-    file = folder / "faults.toml"
+    file = tmp_path_factory.mktemp("faults") / "faults.toml"
     file.write_text(
-        f'format = 1\nmodel = "pendulum3"\nmotion = "{folder}"\nseeds = 2\nstart_s = 1.0\n'
+        f'format = 1\nmodel = "pendulum3"\nmotion = "{pendulum_motion}"\nseeds = 2\nstart_s = 1.0\n'
         "[fixed]\nduration_s = 3.0\n"
         '[[setting]]\nname = "default"\n[[setting]]\nname = "no gate"\nconfig.gate = false\n'
         '[[fault]]\nname = "unit turned"\nkey = "mount_error_deg"\nof = ["one"]\nstrengths = [1, 20]\nunit = "deg"\n'

@@ -5,17 +5,11 @@ import pytest
 
 import oarlock
 from exact_recording import figures, load_excerpt
-from exact_recording import sculler as shipped
 from oarlock import rowing
 
 FILTERS = ("ukf", "ekf", "factorised")
 # What a straight line may cost where readings are nearly straight.
 NEARLY = 1.05
-
-
-@pytest.fixture(scope="module")
-def sculler() -> oarlock.Model:
-    return oarlock.load_model("sculler")
 
 
 @pytest.fixture(scope="module")
@@ -83,11 +77,11 @@ MEAN_DEG, WORST_DEG, LEAST_COVERAGE = 0.03, 0.05, 0.93
 MOST_NEES = 1.44
 
 
-def test_limb_by_limb_keeps_the_targets_on_the_shipped_recording():
+def test_limb_by_limb_keeps_the_targets_on_the_shipped_recording(sculler):
     excerpt = load_excerpt()
     found = {
         name: figures(
-            oarlock.track(shipped(), excerpt.recording, config=oarlock.Config(filter=name)), excerpt, name
+            oarlock.track(sculler, excerpt.recording, config=oarlock.Config(filter=name)), excerpt, name
         )
         for name in ("ukf", "factorised")
     }

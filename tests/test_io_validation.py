@@ -58,26 +58,9 @@ def test_dfjimu(tmp_path):
     assert reference.quat_wxyz["body2"][0].tolist() == pytest.approx(TURNED)
     assert reference.scored.all() and reference.scored.shape == (ROWS,)
     assert reference.time_s[:2].tolist() == pytest.approx([0.0, 0.02])
-
-
-def test_the_joint_of_dfjimu_is_saved_with_the_recording(tmp_path):
-    recording = read_dfjimu(dfjimu_file(tmp_path))
+    # The joint is saved with the recording.
     recording.save(tmp_path / "rec")
     assert load_recording(tmp_path / "rec").meta["joint_in_sensor_m"]["body2"] == [-0.2, 0.01, 0.0]
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"rate": None}, ['no variable "data.rate"']),
-        ({"rate": 0.0}, ["data.rate", "0 Hz"]),
-        ({"sensorData": counted(11)}, ["data.sensorData", "(6, 11)", "(T, 12)"]),
-        ({"sensorData": np.full((ROWS, 12), np.inf)}, ['"body1"', "inf"]),
-        ({"r_12": [0.1, 0.2]}, ["data.r_12", "(1, 2)"]),
-    ],
-)
-def test_mistakes_in_dfjimu(tmp_path, changes, words):
-    assert_refused(lambda: read_dfjimu(dfjimu_file(tmp_path, **changes)), *words)
 
 
 def test_mistakes_in_the_reference_of_dfjimu(tmp_path):
@@ -131,14 +114,21 @@ def test_broad(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
+        ({"rate": None}, ['no variable "data.rate"']),
+        ({"rate": 0.0}, ["data.rate", "0 Hz"]),
+        ({"sensorData": counted(11)}, ["data.sensorData", "(6, 11)", "(T, 12)"]),
+        ({"sensorData": np.full((ROWS, 12), np.inf)}, ['"body1"', "inf"]),
+        ({"r_12": [0.1, 0.2]}, ["data.r_12", "(1, 2)"]),
         ({"imu_mag": None}, ['no variable "imu_mag"']),
         ({"imu_acc": counted(3, rows=5)}, ['"imu", accel_m_s2', "5 rows", "6"]),
         ({"sampling_rate": -1.0}, ["sampling_rate", "-1 Hz"]),
         ({"imu_gyr": np.full((ROWS, 3), 1j)}, ["imu_gyr", "not real"]),
     ],
 )
-def test_mistakes_in_broad(tmp_path, changes, words):
-    assert_refused(lambda: read_broad(broad_file(tmp_path, **changes)), *words)
+def test_mistakes_in_dfjimu_and_broad(tmp_path, changes, words):
+    broad = {"imu_mag", "imu_acc", "sampling_rate", "imu_gyr"} & set(changes)
+    read, written = (read_broad, broad_file) if broad else (read_dfjimu, dfjimu_file)
+    assert_refused(lambda: read(written(tmp_path, **changes)), *words)
 
 
 def qmt_file(folder):
@@ -250,9 +240,8 @@ def test_mistakes_in_openaxes(tmp_path):
 def test_a_reference_checks_what_it_is_given():
     time_s = np.arange(3.0)
     quats = np.tile(TURNED, (3, 1))
-    assert Reference("optical", time_s, {"a": quats * 1.005}).quat_wxyz["a"][0].tolist() == pytest.approx(
-        TURNED
-    )
+    near = Reference("optical", time_s, {"a": quats * 1.005})
+    assert near.quat_wxyz["a"][0].tolist() == pytest.approx(TURNED)
     for changed, words in (
         ({"quat_wxyz": {}}, "no body"),
         ({"quat_wxyz": {"a": quats[:2]}}, "2 rows"),

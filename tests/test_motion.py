@@ -159,18 +159,8 @@ def test_a_ball_joint_needs_all_its_coordinates():
 
 
 def test_coordinates_belong_to_joints():
-    names = (
-        "trunk",
-        "pelvis.x",
-        "pelvis.y",
-        "pelvis.z",
-        "pelvis.rx",
-        "pelvis.ry",
-        "pelvis.rz",
-        "a.rz",
-        "a.rx",
-        "a.ry",
-    )
+    pelvis = [f"pelvis.{label}" for label in ("x", "y", "z", "rx", "ry", "rz")]
+    names = ("trunk", *pelvis, "a.rz", "a.rx", "a.ry")
     assert joint_columns(names) == {"trunk": (0,), "pelvis": (1, 2, 3, 4, 5, 6), "a": (8, 9, 7)}
     assert [(p.name, p.kind) for p in parts(names)] == [
         ("trunk", "scalar"),

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 import oarlock
 from command_line import run
+from exact_recording import ARM
 from oarlock.rowing import SweepShape, sweep_piece, sweeping
 from oarlock.rowing.simulation.experiment import simulate_sweep
 from oarlock.storage.errors import DataError
@@ -24,7 +25,6 @@ ARM_MIRROR = np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0, 1.0])
 RIGHT, LEFT, TURNS = slice(4, 11), slice(11, 18), slice(2, 4)
 
 TRUNK = ("trunk", "trunk_bend", "trunk_rotation")
-ARM = ("shoulder_abduction", "shoulder_rotation", "shoulder_flexion", "elbow_flexion", "elbow_rotation")
 ANGLES = [*TRUNK, *(f"{side}_{name}" for side in "rl" for name in ARM)]
 # The sculler's bounds on 40 s; recordings of 10 s have half as much again, as elsewhere here.
 SHORT = 1.5

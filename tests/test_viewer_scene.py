@@ -25,15 +25,8 @@ from refusals import assert_refused
 HALF_STEP = 0.5 / 65534
 """Of a column's span: what rounding to int16 costs."""
 FLOAT = 1e-12
-ROWERS = (
-    "sculler",
-    "sculler_ball",
-    "sculler_boat",
-    "sculler_table2",
-    "sweep",
-    "sweep_starboard",
-    "ergometer",
-)
+SCULLERS = ("sculler", "sculler_ball", "sculler_boat", "sculler_table2")
+ROWERS = (*SCULLERS, "sweep", "sweep_starboard", "ergometer")
 OTHERS = ("pendulum3", "arm7", "diodem_arm", "qmt_full_body", "broad")
 LARGEST_BYTES = 1_200_000
 """Of a page of 40 s, script and data together."""
@@ -44,10 +37,8 @@ def moving(name: str, seed: int = 0, rows: int = 301) -> oarlock.Track:
     model = oarlock.load_model(name)
     rng = np.random.default_rng(seed)
     time_s = np.arange(rows) * 0.01
-    phase, speed = (
-        rng.uniform(0, 6, len(model.coordinate_names)),
-        rng.uniform(1, 5, len(model.coordinate_names)),
-    )
+    n = len(model.coordinate_names)
+    phase, speed = rng.uniform(0, 6, n), rng.uniform(1, 5, n)
     q = 0.3 * np.sin(time_s[:, None] * speed + phase)
     return track_without_filter(model, time_s, q, provenance={})
 
