@@ -1,7 +1,5 @@
 """`oarlock` as it is typed."""
 
-from __future__ import annotations
-
 from typer.testing import CliRunner, Result
 
 from oarlock.cli import app

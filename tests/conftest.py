@@ -1,7 +1,5 @@
 """Settings of all tests and what several files use: made once by each worker of a parallel run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

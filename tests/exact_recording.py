@@ -1,7 +1,5 @@
 """Simulated sculling with its truth, ways to spoil it, and the figures by which tracking it is judged."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache

@@ -1,7 +1,5 @@
 """A reader of pages for tests: nesting, tags, words."""
 
-from __future__ import annotations
-
 import re
 from html.parser import HTMLParser
 

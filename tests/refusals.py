@@ -1,7 +1,5 @@
 """A call that must be refused, and what the refusal must say."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest

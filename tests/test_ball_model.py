@@ -1,7 +1,5 @@
 """A model with a ball joint from its file to the report: simulated, tracked, smoothed, kept, scored, shown."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -21,11 +19,7 @@ from oarlock.model.rotation import quat_from_rotvec, rotvec_between
 from oarlock.report.pose_picture.skeleton import skeleton
 from oarlock.report.pose_picture.svg import draw_svg
 from oarlock.report.pose_picture.text import draw_text
-
-# As in test_simulate: the simulator differentiates poses, the model multiplies rates out.
-GYRO_AGREES_RAD_S = 1e-9
-ACCEL_AGREES_M_S2 = 1e-6
-MAG_AGREES_UT = 1e-10
+from test_simulate import assert_signals_agree
 
 ARM = """\
 format = 1
@@ -111,13 +105,7 @@ def test_truth_holds_rotation_vectors_and_body_rates(model, motion, simulated):
 
 
 def test_differentiated_poses_agree_with_the_models_body_rates(model, motion):
-    truth, clean = oarlock.simulate(model, motion, noise=False)
-    expected = model.predict_measurements(truth.q, truth.qd, truth.qdd)
-    found = np.column_stack([np.column_stack(list(clean[name].values.values())) for name in UNITS])
-    apart = np.abs(found - expected).reshape(len(truth), len(UNITS), 3, 3).max(axis=(0, 1, 3))
-    assert apart[0] <= GYRO_AGREES_RAD_S
-    assert apart[1] <= ACCEL_AGREES_M_S2
-    assert apart[2] <= MAG_AGREES_UT
+    assert_signals_agree(model, motion)
 
 
 def test_a_ball_joint_is_tracked_and_its_bands_hold(track, simulated):

@@ -1,7 +1,5 @@
 """Tracks with ball and free joints: what they hold, their columns, files and frames."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import replace
 

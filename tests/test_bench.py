@@ -1,7 +1,5 @@
 """`oarlock bench`: figures that can be, from a short run; other software gives the same estimates."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from functools import cache

@@ -1,7 +1,5 @@
 """The command line: help, exit status, one JSON document, errors as one block on stderr."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`oarlock simulate --field`: what it writes, and what it refuses."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from pathlib import Path

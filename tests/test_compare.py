@@ -1,7 +1,5 @@
 """Estimators side by side: the whole tree is ahead where its model holds, and the table says so honestly."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math

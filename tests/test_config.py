@@ -1,7 +1,5 @@
 """Configurations and models: wrong keys and values are explained, and both survive pickling."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 

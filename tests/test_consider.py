@@ -1,7 +1,5 @@
 """Bands that count what is known only roughly: how they are made, when they open, whether they hold the truth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from typing import Any

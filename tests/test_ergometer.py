@@ -1,7 +1,5 @@
 """A rower on an ergometer: the hands hold one handle, slides move the machine, and both are tracked."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Scores against closed forms on tracks made by hand."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

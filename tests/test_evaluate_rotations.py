@@ -1,7 +1,5 @@
 """Scores of ball and free joints, and of the orientations of frames, against closed forms."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What happens to sensors in the field: they fall silent, freeze, saturate and contradict each other."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace

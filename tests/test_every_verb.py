@@ -1,7 +1,5 @@
 """Every verb runs from beginning to end in `make test`: here, or in the test that is named here."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import json

@@ -3,8 +3,6 @@
 Run with `-s` to see the measured figures.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 

@@ -1,7 +1,5 @@
 """What is exported beside OpenSim's model and motion, read by others: Parquet, CSV, TRC; settings, notes, refusals."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import json

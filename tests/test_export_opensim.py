@@ -1,7 +1,5 @@
 """OpenSim reads what is exported, and its bodies are where ours are."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

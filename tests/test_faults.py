@@ -1,7 +1,5 @@
 """Faults of recordings: each does what it says and nothing else; sweeps, what they cost, and the page of it."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """Disturbed magnetometers: told in the track, its notes, the report and on disk, and not used."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The field simulator: all off it is the other one, each effect touches what it should, and it stands apart."""
 
-from __future__ import annotations
-
 import ast
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Places of frames with the lengths that were estimated, and their standard deviations."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -39,7 +39,7 @@ def test_an_apdm_export_whose_first_line_is_empty(tmp_path):
     assert_refused(lambda: read_apdm(file), "units.csv:1: is empty")
 
 
-@pytest.mark.parametrize("content", [b"", b"\x00" * 4, b" " * 126, b"M" * 130])
+@pytest.mark.parametrize("content", [b"", b"time,acc\n1,2\n", b"\x00" * 4, b" " * 126, b"M" * 130])
 def test_a_matlab_file_that_is_none(tmp_path, content):
     file = tmp_path / "trial.mat"
     file.write_bytes(content)

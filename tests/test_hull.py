@@ -1,7 +1,5 @@
 """A hull that turns: pitch obeys mechanics written anew here, rotations are as asked, a hull unit makes up for them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

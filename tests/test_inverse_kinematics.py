@@ -1,7 +1,5 @@
 """Joint variables from orientations: exact where these come from a posture, honest where they do not tell."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Exact derivatives of poses and readings: central differences and an independent library give the same."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

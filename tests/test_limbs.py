@@ -1,7 +1,5 @@
 """A tree cut into limbs: which joints go where, sub-models that predict as the whole does, and one track of all."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Live use and whole recordings are the same arithmetic: bit for bit, also across a cut."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

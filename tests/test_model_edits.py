@@ -1,7 +1,5 @@
 """Models that are made from others: files that extend a base, and edits in Python."""
 
-from __future__ import annotations
-
 import json
 import pickle
 import tomllib

@@ -1,7 +1,5 @@
 """Motions of ball and free joints: through every knot, smooth everywhere, and their rates in the child's axes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

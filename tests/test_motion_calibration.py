@@ -1,7 +1,5 @@
 """Self-calibration from ordinary movement, on simulated sculling whose lengths and mounts are known."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

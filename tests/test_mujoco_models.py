@@ -1,7 +1,5 @@
 """An independent simulator: MuJoCo, built from what a model file describes, feels what Oarlock's simulator feels."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

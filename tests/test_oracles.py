@@ -1,7 +1,5 @@
 """Random trees: poses and inertial signals agree with two independent rigid-body libraries."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Filters on single units: right axes and signs on signals without noise, gaps, and what they cannot do."""
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The report is one well-formed, self-contained page that holds every joint and says what is wrong."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The paper, run again: printed cells are the paper's, ours are measured, bounds hold on seeds of no one's choice."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """Plausible sculling: hands on the handles, ranges, rhythm, symmetry, smoothness and the boat's surge."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

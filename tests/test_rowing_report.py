@@ -1,7 +1,5 @@
 """The report of a rower: strokes in words and tables, every number explained, two pieces beside each other."""
 
-from __future__ import annotations
-
 import csv
 import re
 from dataclasses import replace

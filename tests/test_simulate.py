@@ -1,7 +1,5 @@
 """Simulated signals: the same seed gives the same, and what is asked for is what is in them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

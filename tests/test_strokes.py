@@ -1,7 +1,5 @@
 """Catches and finishes against the true reversals of simulated sessions: offline, live, and from other sources."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

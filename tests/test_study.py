@@ -1,7 +1,5 @@
 """Studies: what they refuse, that they repeat themselves on any number of processes, that they do what they say."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Sweep rowing: both hands on one handle, on either side of the boat, and tracked as well as sculling."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

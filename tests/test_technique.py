@@ -1,7 +1,5 @@
 """Numbers of technique against the simulated posture, their bands against draws, and what cannot be had."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Recordings tracked side by side: the same bits as alone, in order, each with its own error."""
 
-from __future__ import annotations
-
 import json
 import pickle
 import signal

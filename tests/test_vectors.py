@@ -1,7 +1,5 @@
 """The shipped scullers agree with reference vectors of an independent implementation, through the public API."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The player in headless Chromium: figure, slider and curves show one time, and nothing complains."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

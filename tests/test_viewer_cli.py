@@ -1,7 +1,5 @@
 """`oarlock view`: one file, and a browser if one is asked for."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

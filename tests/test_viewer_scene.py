@@ -1,7 +1,5 @@
 """The scene holds what the track says, to the step of its numbers, and the page holds everything that it needs."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

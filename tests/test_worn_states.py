@@ -1,7 +1,5 @@
 """Lengths and mounts that are estimated along the way."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
