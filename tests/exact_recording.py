@@ -67,6 +67,12 @@ def load_excerpt() -> Exact:
     return read_exact(EXCERPT, "B-B")
 
 
+@cache
+def excerpt_track() -> oarlock.Track:
+    """The excerpt, tracked by default."""
+    return oarlock.track(sculler(), load_excerpt().recording)
+
+
 def read_exact(file: Path, name: str) -> Exact:
     with np.load(file) as arrays:
         time_s, imu, oars = arrays["time_s"], arrays["imu"].astype(float), arrays["oar_rad"]

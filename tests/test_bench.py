@@ -6,14 +6,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from command_line import run
+from exact_recording import Floats
 from oarlock.lab.bench import measure, with_biorbd, with_filterpy, with_jax, with_numpy
 from oarlock.lab.bench.plain_kinematics import PlainKinematics
 from oarlock.lab.bench.problem import WARM, Problem, sculling
-
-Floats = NDArray[np.float64]
 
 # Closures of 2 mm beside accelerations make covariances whose condition takes half the digits, and the textbook's form
 # cancels. filterpy inverts the innovations' covariance, which takes some more.

@@ -6,15 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import oarlock
-from exact_recording import ELEVEN, SETTLED_S, UNITS, load_excerpt, sculler
+from exact_recording import ELEVEN, SETTLED_S, UNITS, excerpt_track, load_excerpt, sculler
 from oarlock.rowing import FieldEffects, FieldTrial, simulate_field
 from refusals import assert_refused
-
-Floats = NDArray[np.float64]
 
 STILL_MODEL = {"gate": False, "learning_memory_s": None}
 """With learning off the filter is nearly linear in a small error of a mount, so differences tell its slopes."""
@@ -61,7 +58,7 @@ def test_slopes_are_those_of_the_filter_itself() -> None:
 
 def test_a_model_that_is_right_is_not_doubted() -> None:
     recording = load_excerpt().recording
-    learnt = oarlock.track(sculler(), recording)
+    learnt = excerpt_track()
     off = oarlock.track(sculler(), recording, None, oarlock.Config(consider="off"))
     assert learnt.last_belief is not None and learnt.last_belief.doubt[0] == 0.0
     np.testing.assert_array_equal(learnt.q, off.q)

@@ -16,6 +16,7 @@ from exact_recording import (
     Exact,
     Figures,
     at_rate,
+    excerpt_track,
     figures,
     load_exact,
     load_excerpt,
@@ -57,11 +58,6 @@ def of_forty_seconds(test: Callable[..., None]) -> Callable[..., None]:
 @cache
 def tracked(condition: str, **config: object) -> oarlock.Track:
     return oarlock.track(sculler(), load_exact(condition).recording, config=oarlock.Config(**config))
-
-
-@cache
-def excerpt_track() -> oarlock.Track:
-    return oarlock.track(sculler(), load_excerpt().recording)
 
 
 def within(value: float, bounds: tuple[float, float]) -> bool:

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import oarlock
@@ -13,8 +12,6 @@ from oarlock.model.shipped_files import model_names
 from oarlock.rowing import ergometer_piece, sculling, sweeping
 from opensim_reader import OpensimReader, opensim
 from random_tree import load_tree, random_tree
-
-Floats = NDArray[np.float64]
 
 ROUNDING_M = 1e-12
 """Poses behind a dozen links of a metre, from numbers that are written with all their digits."""

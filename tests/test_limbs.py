@@ -2,15 +2,12 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import oarlock
 from exact_recording import at_rate
 from oarlock import Config, DataError, Recording
 from oarlock.evaluation.comparison.limbs import SHARED, Limb, cut_into_limbs
 from oarlock.rowing.simulation.experiment import simulate_sculling
-
-Floats = NDArray[np.float64]
 
 # The same kinematics from the same numbers, once written to a file and read again.
 SAME = 1e-12

@@ -2,15 +2,13 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 import oarlock
+from exact_recording import Floats
 from mujoco_body import MujocoBody, recorded
 from oarlock.rowing import sculling
 from random_tree import waves
-
-Floats = NDArray[np.float64]
 
 STEP_S = 2e-3
 """Spacing of the nine poses that the simulator differentiates."""

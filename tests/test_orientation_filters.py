@@ -4,16 +4,14 @@ import sys
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import oarlock
+from exact_recording import Floats
 from oarlock import DataError, ImuStream, Motion, Recording
 from oarlock.evaluation.comparison.orientation_track import ORIENTATION_FILTERS, root_from_north_west_up
 from oarlock.evaluation.comparison.single_units import orientations, stretches
 from oarlock.model.rotation import matrix_from_quat, rotvec_between
-
-Floats = NDArray[np.float64]
 
 FILTERS = tuple(ORIENTATION_FILTERS)
 PACKAGE = {"vqf": "vqf", "madgwick": "ahrs", "quaternion_ekf": "ahrs", "quest_ekf": "ahrs"}

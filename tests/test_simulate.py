@@ -5,14 +5,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import oarlock
-from exact_recording import UNITS, sculler
+from exact_recording import UNITS, Floats, sculler
 from oarlock.rowing import sculling
 from random_tree import load_tree, random_tree, waves
-
-Floats = NDArray[np.float64]
 
 # The simulator differentiates poses over nine instants 2 ms apart; the model multiplies rates and accelerations out.
 # What is left is the step in the fifth derivative of the joints' splines at each knot, and rounding over (2 ms)^2.

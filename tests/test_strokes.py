@@ -4,10 +4,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import oarlock
-from exact_recording import sculler
+from exact_recording import Floats, sculler
 from oarlock.rowing import (
     FieldEffects,
     FieldTrial,
@@ -20,8 +19,6 @@ from oarlock.rowing import (
 )
 from refusals import assert_refused
 from rowed_session import Part, Rowed, rowed, ten_minutes
-
-Floats = NDArray[np.float64]
 
 BIAS_S, SD_S = 0.002, 0.005
 """What is asked of catch and finish under 0.1 deg of encoder noise."""

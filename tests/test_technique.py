@@ -6,10 +6,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import oarlock
-from exact_recording import load_excerpt, read_exact, sculler
+from exact_recording import Floats, excerpt_track, load_excerpt, read_exact, sculler
 from local_data import local_folder
 from oarlock import Model, Track
 from oarlock.rowing import (
@@ -25,8 +24,6 @@ from oarlock.rowing import (
 from oarlock.rowing.simulation.experiment import simulate_ergometer, simulate_sculling, simulate_sweep
 from refusals import assert_refused
 
-Floats = NDArray[np.float64]
-
 SAME_RAD = np.radians(0.1)
 SAME_M = 2e-3
 """What interpolation between samples at 125 Hz may cost."""
@@ -40,11 +37,9 @@ DRAWS, LIKE_DRAWN = 32, (0.6, 1.6)
 """32 draws tell a standard deviation to 13 %, the worst of fifty to 30 %; the rest is what is not linear."""
 
 
-@cache
 def exact() -> tuple[Track, Track]:
     """A track and its truth, 10 s."""
-    excerpt = load_excerpt()
-    return oarlock.track(sculler(), excerpt.recording), excerpt.truth
+    return excerpt_track(), load_excerpt().truth
 
 
 @cache
