@@ -271,7 +271,7 @@ def measured(truth, **names) -> Reference:
     return Reference("optical", truth.time_s, quats)
 
 
-def test_another_systems_world_has_z_up_and_x_forward(track, truth):
+def test_another_systems_world_has_z_up_and_x_forward(truth):
     reference = measured(truth, arm="upperarm", hand="hand")
     scores = evaluate_frame_orientations(truth, reference, {"upperarm": "arm", "hand": "hand"})
     assert scores.reference == "optical"

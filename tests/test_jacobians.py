@@ -35,10 +35,6 @@ def turn_between(one, other):
     return rotvec_from_quat(quat_from_matrix(other @ np.swapaxes(one, -1, -2)))
 
 
-def by_difference(read, at, steps):
-    return np.stack([(read(at(k, s)) - read(at(k, -s))) / (2.0 * s) for k, s in enumerate(steps)], axis=-1)
-
-
 @pytest.mark.parametrize("name", model_names())
 def test_frames_move_as_central_differences_say(name):
     model = oarlock.load_model(name)

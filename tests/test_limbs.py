@@ -49,7 +49,7 @@ def test_without_closures_limbs_end_freely(sculler):
     assert len(left.own) == 7
 
 
-def test_a_body_on_a_free_hip(sculler):
+def test_a_body_on_a_free_hip():
     limbs = by_name(cut_into_limbs(oarlock.load_model("qmt_full_body")))
     assert limbs[SHARED].own == ("hip", "lumbar", "thoracic")
     assert limbs["shoulder_left"].own == ("shoulder_left", "elbow_left", "wrist_left")

@@ -81,7 +81,7 @@ def test_mistakes_are_told(arguments, status, said):
     assert said in run(*arguments, status=status).output
 
 
-def test_the_example_is_what_its_maker_makes(tmp_path, monkeypatch):
+def test_the_example_is_what_its_maker_makes(tmp_path):
     import runpy
     import shutil
 

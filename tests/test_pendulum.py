@@ -78,7 +78,7 @@ def wearing(seed):
     )
 
 
-def recorded(model, true, seed=0, noise=True, bias=ACCEL_BIAS_M_S2, **motion):
+def recorded(true, seed=0, noise=True, bias=ACCEL_BIAS_M_S2, **motion):
     levels = {name: NOISE if noise else dict.fromkeys(NOISE, 0.0) for name in UNITS}
     sized = oarlock.load_model("pendulum3", parameters=true.parameters)
     return oarlock.simulate(
@@ -102,7 +102,7 @@ def turn_between(a, b):
 @pytest.mark.parametrize("seed", range(5))
 def test_random_mounts_lengths_and_places_are_found(model, seed):
     true = wearing(seed)
-    calibration = oarlock.calibrate_hinge_chain(model, recorded(model, true, seed)[1])
+    calibration = oarlock.calibrate_hinge_chain(model, recorded(true, seed)[1])
     for name in UNITS:
         (rotation, place), (true_rotation, true_place) = calibration.mounts[name], true.mounts[name]
         assert turn_between(rotation, true_rotation) < MOUNT_BOUND_RAD
@@ -115,7 +115,7 @@ def test_random_mounts_lengths_and_places_are_found(model, seed):
 
 def test_without_noise_the_mounts_are_exact(model):
     true = wearing(7)
-    recording = recorded(model, true, noise=False)[1]
+    recording = recorded(true, noise=False)[1]
     calibration = oarlock.calibrate_hinge_chain(model, recording, still_s=STILL_S)
     for name in UNITS:
         assert turn_between(calibration.mounts[name][0], true.mounts[name][0]) < EXACT_BOUND_RAD
@@ -123,7 +123,7 @@ def test_without_noise_the_mounts_are_exact(model):
 
 def test_posture_and_sense_are_the_users(model):
     true, rest = wearing(3), {"upper_hinge": 0.3, "middle_hinge": -0.5}
-    _, recording = recorded(model, true, noise=False, sign=-1.0, rest=(0.3, -0.5, 0.0))
+    _, recording = recorded(true, noise=False, sign=-1.0, rest=(0.3, -0.5, 0.0))
     calibration = oarlock.calibrate_hinge_chain(
         model, recording, still_s=STILL_S, rest_q=rest, first_turn_positive=False
     )
@@ -134,7 +134,7 @@ def test_posture_and_sense_are_the_users(model):
 
 def test_a_chain_that_found_itself_is_tracked(model):
     true = wearing(1)
-    truth, recording = recorded(model, true)
+    truth, recording = recorded(true)
     calibration = oarlock.calibrate_hinge_chain(model, recording)
     scores = oarlock.evaluate(oarlock.track(model, recording, calibration), truth)
     # The zero of each angle is as good as the mounts are.
@@ -143,7 +143,7 @@ def test_a_chain_that_found_itself_is_tracked(model):
 
 def test_magnetometer_offsets_are_found_and_subtracted(model):
     true = wearing(2)
-    _, recording = recorded(model, true)
+    _, recording = recorded(true)
     offset_in_link = np.array([9.0, -7.0, 0.0])
     offset = true.mounts["upper"][0].T @ offset_in_link
     upper = replace(recording["upper"], mag_ut=recording["upper"].mag_ut + offset)
@@ -162,14 +162,14 @@ def test_magnetometer_offsets_are_found_and_subtracted(model):
 
 
 def test_an_undisturbed_magnetometer_keeps_its_readings(model):
-    calibration = oarlock.calibrate_hinge_chain(model, recorded(model, wearing(4))[1])
+    calibration = oarlock.calibrate_hinge_chain(model, recorded(wearing(4))[1])
     assert not calibration.mag_offsets_ut
     assert all(not figures["mag_offset_used"] for figures in calibration.noted["sensor"].values())
 
 
 def test_magnetometers_are_not_needed(model):
     true = wearing(5)
-    streams = [ImuStream(s.name, s.time_s, s.gyro_rad_s, s.accel_m_s2) for s in recorded(model, true)[1]]
+    streams = [ImuStream(s.name, s.time_s, s.gyro_rad_s, s.accel_m_s2) for s in recorded(true)[1]]
     calibration = oarlock.calibrate_hinge_chain(model, Recording(streams))
     assert "field" not in calibration.noted
     assert turn_between(calibration.mounts["lower"][0], true.mounts["lower"][0]) < MOUNT_BOUND_RAD
@@ -177,7 +177,7 @@ def test_magnetometers_are_not_needed(model):
 
 def test_a_gap_leaves_the_mounts_and_gives_up_the_rest(model):
     true = wearing(0)
-    recording = recorded(model, true)[1]
+    recording = recorded(true)[1]
     gyro_rad_s = np.array(recording["middle"].gyro_rad_s)
     gyro_rad_s[500:550] = np.nan
     middle = replace(recording["middle"], gyro_rad_s=gyro_rad_s)
@@ -192,7 +192,7 @@ def test_a_gap_leaves_the_mounts_and_gives_up_the_rest(model):
 
 def test_a_part_of_a_chain_is_a_chain(model):
     true = wearing(6)
-    calibration = oarlock.calibrate_hinge_chain(model, recorded(model, true)[1], sensors=["middle", "upper"])
+    calibration = oarlock.calibrate_hinge_chain(model, recorded(true)[1], sensors=["middle", "upper"])
     assert list(calibration.mounts) == ["upper", "middle"]
     assert calibration.noted["left_out"] == ["lower"]
 

@@ -171,7 +171,7 @@ def test_a_body_without_magnetometers_and_with_ball_joints():
 # --- plans --------------------------------------------------------------------------------------------
 
 
-def test_a_plan_is_a_file(model, tmp_path):
+def test_a_plan_is_a_file(tmp_path):
     for name in ("arm7", "sculler", "qmt_full_body"):
         plan = oarlock.default_plan(oarlock.load_model(name))
         plan.save(tmp_path / "plan.toml")

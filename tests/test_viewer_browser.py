@@ -54,30 +54,30 @@ def opened(browser: Any) -> Iterator[Opened]:
         yield open_player
 
 
+def swung(size_rad: float, rates: tuple[float, float], seed: int) -> oarlock.Track:
+    """An arm that swings for six seconds; each joint is faster than the one before."""
+    model = oarlock.load_model("arm7")
+    time_s = np.linspace(0.0, 6.0, 601)
+    swing = [size_rad * np.sin((rates[0] + rates[1] * k) * time_s) for k in range(len(model.joint_names))]
+    motion = Motion(tuple(model.joint_names), time_s, np.stack(swing, axis=1))
+    return oarlock.track(model, oarlock.simulate(model, motion, seed=seed)[1])
+
+
 @pytest.fixture(scope="module")
 def arm() -> oarlock.Track:
-    model = oarlock.load_model("arm7")
-    time_s = np.linspace(0.0, 6.0, 601)
-    swing = np.stack([0.4 * np.sin((1.0 + 0.3 * k) * time_s) for k in range(len(model.joint_names))], axis=1)
-    recording = oarlock.simulate(model, Motion(tuple(model.joint_names), time_s, swing), seed=0)[1]
-    return oarlock.smooth(oarlock.track(model, recording))
+    return oarlock.smooth(swung(0.4, (1.0, 0.3), 0))
 
 
 @pytest.fixture(scope="module")
-def arm_page(arm: oarlock.Track, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def slow() -> oarlock.Track:
+    return swung(0.3, (0.8, 0.2), 5)
+
+
+@pytest.fixture(scope="module")
+def arm_page(arm: oarlock.Track, slow: oarlock.Track, tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("arm") / "arm.html"
-    later = arm.time_s[arm.time_s <= 5.0]
-    slow = oarlock.track(*_slower())
-    assert len(later) and len(slow)
     file.write_text(page(scene(arm, marks=SPANS, ghost=slow), "arm"), encoding="utf-8")
     return file
-
-
-def _slower() -> tuple[oarlock.Model, oarlock.Recording]:
-    model = oarlock.load_model("arm7")
-    time_s = np.linspace(0.0, 6.0, 601)
-    swing = np.stack([0.3 * np.sin((0.8 + 0.2 * k) * time_s) for k in range(len(model.joint_names))], axis=1)
-    return model, oarlock.simulate(model, Motion(tuple(model.joint_names), time_s, swing), seed=5)[1]
 
 
 @pytest.fixture(scope="module")
@@ -93,19 +93,20 @@ def rower_page(rower: oarlock.Track, tmp_path_factory: pytest.TempPathFactory) -
     return file
 
 
-def player(tab: Any, code: str) -> Any:
-    """What an expression of the first player gives, after the next two frames."""
+def settle(tab: Any) -> None:
+    """Wait for the next two frames."""
     tab.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def player(tab: Any, code: str) -> Any:
+    """What an expression of the first player gives, once settled."""
+    settle(tab)
     return tab.evaluate(f"() => {{ const p = oarlock.players[0]; return ({code}); }}")
 
 
 def expected(track: oarlock.Track, frame: str, time_s: float) -> np.ndarray:
     places = track.frame_positions(frame)
     return np.array([np.interp(time_s, track.time_s, places[:, k]) for k in range(3)])
-
-
-def settle(tab: Any) -> None:
-    tab.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
 
 @pytest.mark.parametrize("size", WIDTHS)
@@ -240,8 +241,7 @@ def test_a_ghost_of_another_span_by_phase_and_by_time(opened, arm_page, arm):
     assert player(tab, "p.ghost_s") is None, "outside of all spans there is no ghost"
 
 
-def test_a_ghost_of_another_track(opened, arm_page):
-    slow = oarlock.track(*_slower())
+def test_a_ghost_of_another_track(opened, arm_page, slow):
     tab = opened(arm_page)
     tab.get_by_label("Ghost").select_option("other")
     player(tab, "p.seek(2.0)")
@@ -316,7 +316,7 @@ def test_several_players_in_one_page(opened, arm, rower, tmp_path):
     assert tab.evaluate("oarlock.players.map(p => p.time_s > 1)") == [False, True, False]
 
 
-def test_it_prints_as_a_still_picture(opened, rower_page, tmp_path):
+def test_it_prints_as_a_still_picture(opened, rower_page):
     tab = opened(rower_page, color_scheme="dark")
     player(tab, "p.seek(3.0)")
     tab.emulate_media(media="print", color_scheme="light")
