@@ -1,9 +1,14 @@
 """Harm to files, as hypothesis draws and shrinks it: what a hand, a bad disk or a bad merge does."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 from hypothesis import strategies as st
+
+from fuzz_campaign import EXAMPLES, answered, campaign
 
 Wound = tuple[str, float, float, str]
 
@@ -38,6 +43,23 @@ byte_wounds = st.lists(
     max_size=6,
 )
 """For `wounded_bytes`: kind, place as a share of the file's length, and bytes."""
+
+
+def feed(file: Path, content: str | bytes, *reads: Callable[[Path], object], count: int = EXAMPLES) -> None:
+    """Write the content into the file with many wounds; each reader must read it or refuse it."""
+
+    def check(harm: Any) -> None:
+        text = isinstance(content, str)
+        file.write_bytes(as_bytes(wounded(content, harm)) if text else wounded_bytes(content, harm))
+        for read in reads:
+            answered(partial(read, file))
+
+    campaign(check, wounds if isinstance(content, str) else byte_wounds, count=count)
+
+
+def as_bytes(text: str) -> bytes:
+    """UTF-8, of lone surrogates too."""
+    return text.encode("utf-8", errors="surrogatepass")
 
 
 def wounded(text: str, harm: Sequence[Wound]) -> str:
