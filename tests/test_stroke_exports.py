@@ -216,14 +216,18 @@ IN_DEGREES = {
 PLAIN = {"Force Max": "peak_force_n", "Force Avg": "mean_force_n", "Work": "work_j", "Power": "power_w"}
 
 
-def test_empower_values_are_unchanged():
-    table = example("speedcoach_empower.csv")
-    rows = cells_below(EXAMPLES / "speedcoach_empower.csv", "Stroke Rate", skipped=1)
-    for theirs, ours in IN_DEGREES.items():
-        np.testing.assert_array_equal(np.round(table[ours] / DEGREE, 9), degrees_of(rows, theirs))
-    for theirs, ours in PLAIN.items():
-        np.testing.assert_array_equal(table[ours], degrees_of(rows, theirs))
+def assert_empower_is_unchanged(table, file, shown):
+    """Columns as they stand in the file, by the file's names."""
+    rows = cells_below(file, "Stroke Rate", skipped=1)
+    for theirs in shown:
+        ours = table[PLAIN[theirs]] if theirs in PLAIN else np.round(table[IN_DEGREES[theirs]] / DEGREE, 9)
+        np.testing.assert_array_equal(ours, degrees_of(rows, theirs), err_msg=theirs)
     assert np.nanmedian(table["catch_angle_rad"]) < 0 < np.nanmedian(table["finish_angle_rad"])
+
+
+def test_empower_values_are_unchanged():
+    name = "speedcoach_empower.csv"
+    assert_empower_is_unchanged(example(name), EXAMPLES / name, (*IN_DEGREES, *PLAIN))
 
 
 def test_empower_strokes_that_the_speedcoach_did_not_count_stay():
