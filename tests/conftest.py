@@ -50,11 +50,16 @@ def four_seconds(sculler: oarlock.Model) -> oarlock.StudyTrial:
 
 
 @pytest.fixture(scope="session")
-def pendulum_motion(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a motion of the pendulum: the engine of studies knows no rowing."""
-    model = oarlock.load_model("pendulum3")
+def pendulum() -> oarlock.Model:
+    """The shipped pendulum: a body without oars."""
+    return oarlock.load_model("pendulum3")
+
+
+@pytest.fixture(scope="session")
+def pendulum_motion(pendulum: oarlock.Model, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a motion of the pendulum."""
     time_s = np.linspace(0.0, 4.2, 200)
-    joints = {name: 0.4 * np.sin(2.0 * time_s + k) for k, name in enumerate(model.joint_names)}
+    joints = {name: 0.4 * np.sin(2.0 * time_s + k) for k, name in enumerate(pendulum.joint_names)}
     folder = tmp_path_factory.mktemp("motion")
-    oarlock.simulate(model, oarlock.Motion.from_joints(time_s, joints))[0].save(folder)
+    oarlock.simulate(pendulum, oarlock.Motion.from_joints(time_s, joints))[0].save(folder)
     return folder

@@ -1,6 +1,5 @@
 """OpenSim reads what is exported, and its bodies are where ours are."""
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +11,12 @@ from oarlock.model.shipped_files import model_names
 from oarlock.rowing import ergometer_piece, sculling, sweeping
 from opensim_reader import OpensimReader, opensim
 from random_tree import load_tree, random_tree
+from test_docs import free_body
 
 ROUNDING_M = 1e-12
 """Poses behind a dozen links of a metre, from numbers that are written with all their digits."""
 SOLVED_M = 1e-6
 """OpenSim's inverse kinematics stops at an accuracy, here 1e-10 of its least squares, and then is this near."""
-MODEL_PAGE = Path(__file__).parents[1] / "docs/model-files.md"
 
 TWO_PLACES = """
 format = 1
@@ -184,9 +183,8 @@ def test_the_model_stands_at_rest_by_default(tmp_path):
 
 
 def test_the_free_body_of_the_page_on_model_files(tmp_path):
-    blocks = re.findall(r"^```toml\n(.*?)^```$", MODEL_PAGE.read_text(encoding="utf-8"), re.M | re.S)
     file = tmp_path / "body.toml"
-    file.write_text(next(b for b in blocks if 'name = "trunk_and_arm"' in b), encoding="utf-8")
+    file.write_text(free_body(), encoding="utf-8")
     model = oarlock.load_model(file)
     assert apart_m(truth_of(model, waves(model, 4)), tmp_path) <= ROUNDING_M
 

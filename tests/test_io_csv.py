@@ -1,4 +1,3 @@
-import re
 import tomllib
 from pathlib import Path
 
@@ -12,9 +11,11 @@ from oarlock.recording.plausibility import plausibility
 from oarlock.storage.errors import DataError
 from oarlock.storage.units import STANDARD_GRAVITY_M_S2
 from refusals import assert_refused
+from test_docs import blocks
 
 ROOT = Path(__file__).parents[1]
 CLUB = ROOT / "examples/club_csv"
+PAGE = ROOT / "docs/import.md"
 
 SEAT = """format = 1
 [[file]]
@@ -79,19 +80,14 @@ def test_example_reads_into_si():
     assert {f.severity for f in plausibility(recording)} == {"note"}
 
 
-def page_blocks(language):
-    page = (ROOT / "docs/import.md").read_text(encoding="utf-8")
-    return re.findall(rf"^```{language}\n(.*?)^```$", page, re.M | re.S)
-
-
 def test_page_shows_the_example():
-    shown = tomllib.loads(page_blocks("toml")[0])
+    shown = tomllib.loads(blocks(PAGE, "toml")[0])
     shipped = tomllib.loads((CLUB / "mapping.toml").read_text(encoding="utf-8"))
     assert shown["file"] == shipped["file"]
-    assert (CLUB / "rumpf.csv").read_text(encoding="cp1252").startswith(page_blocks("text")[0])
+    assert (CLUB / "rumpf.csv").read_text(encoding="cp1252").startswith(blocks(PAGE, "text")[0])
 
 
-@pytest.mark.parametrize("code", page_blocks("python"))
+@pytest.mark.parametrize("code", blocks(PAGE, "python"))
 def test_page_code_runs(code, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "examples").symlink_to(ROOT / "examples")

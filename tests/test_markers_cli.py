@@ -1,7 +1,6 @@
 """`oarlock markers` and `oarlock evaluate` with markers, typed as a laboratory would."""
 
 import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +8,7 @@ import pytest
 
 import oarlock
 from command_line import run
+from test_docs import blocks
 
 EXAMPLE = Path(__file__).parents[1] / "examples/markers"
 TRUE_LENGTHS_M = {"l_ua": 0.298, "l_fa": 0.245}
@@ -25,8 +25,7 @@ def test_show_tells_what_is_in_a_file():
 
 
 def console_of_the_page() -> list[list[str]]:
-    text = (EXAMPLE.parents[1] / "docs/markers.md").read_text(encoding="utf-8")
-    block = re.findall(r"^```console\n(.*?)^```$", text, re.M | re.S)[0]
+    block = blocks(EXAMPLE.parents[1] / "docs/markers.md", "console")[0]
     return [line.split()[1:] for line in block.splitlines() if line.startswith("oarlock ")]
 
 

@@ -14,11 +14,6 @@ SWING = np.stack(
 BESIDE = ("gyro_bias", "accel_bias")
 
 
-@pytest.fixture(scope="module")
-def pendulum() -> oarlock.Model:
-    return oarlock.load_model("pendulum3")
-
-
 def recorded(model: oarlock.Model, calibration: oarlock.Calibration | None = None) -> oarlock.Recording:
     motion = Motion(tuple(model.joint_names), TIME_S, SWING)
     return oarlock.simulate(model, motion, seed=3, calibration=calibration)[1]
