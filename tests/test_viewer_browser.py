@@ -104,9 +104,12 @@ def player(tab: Any, code: str) -> Any:
     return tab.evaluate(f"() => {{ const p = oarlock.players[0]; return ({code}); }}")
 
 
-def expected(track: oarlock.Track, frame: str, time_s: float) -> np.ndarray:
+def assert_there(tab: Any, track: oarlock.Track, frame: str, time_s: float, figure: str = "joint") -> None:
+    """The figure (or the `ghost`) has the frame where the track has it; between samples the page goes straight."""
     places = track.frame_positions(frame)
-    return np.array([np.interp(time_s, track.time_s, places[:, k]) for k in range(3)])
+    expected = [np.interp(time_s, track.time_s, places[:, k]) for k in range(3)]
+    found = player(tab, f"p.{figure}Position('{frame}')")
+    np.testing.assert_allclose(found, expected, rtol=0, atol=10 * PLACE_M)
 
 
 @pytest.mark.parametrize("size", WIDTHS)
@@ -118,9 +121,7 @@ def test_slider_figure_and_curves_move_together(opened, arm_page, arm, size):
         settle(tab)
         time_s = player(tab, "p.time_s")
         assert time_s == pytest.approx(asked, abs=1e-9)
-        found = player(tab, "p.jointPosition('hand')")
-        # between two shown samples the page goes straight
-        np.testing.assert_allclose(found, expected(arm, "hand", asked), rtol=0, atol=10 * PLACE_M)
+        assert_there(tab, arm, "hand", asked)
         heads = player(tab, "p.headTimes_s")
         assert len(heads) == 4 and heads == pytest.approx([asked] * 4, abs=PIXEL_S)
         assert f"{asked:.2f} s" in slider.get_attribute("aria-valuetext")
@@ -145,9 +146,7 @@ def test_a_click_in_a_curve_moves_the_figure(opened, arm_page, arm):
     time_s = player(tab, "p.time_s")
     assert time_s == pytest.approx(0.7 * 6.0, abs=2 * PIXEL_S)
     assert player(tab, "p.headTimes_s") == pytest.approx([time_s] * 4, abs=PIXEL_S)
-    np.testing.assert_allclose(
-        player(tab, "p.jointPosition('wrist')"), expected(arm, "wrist", time_s), rtol=0, atol=10 * PLACE_M
-    )
+    assert_there(tab, arm, "wrist", time_s)
     assert float(tab.get_by_role("slider", name="Time").input_value()) == pytest.approx(time_s, abs=1e-3)
 
 
@@ -226,9 +225,7 @@ def test_a_ghost_of_another_span_by_phase_and_by_time(opened, arm_page, arm):
     player(tab, "p.seek(1.75)")  # the middle of span one, 0.75 s into it
     by_phase = player(tab, "p.ghost_s")
     assert by_phase == pytest.approx(3.5)
-    np.testing.assert_allclose(
-        player(tab, "p.ghostPosition('hand')"), expected(arm, "hand", 3.5), rtol=0, atol=10 * PLACE_M
-    )
+    assert_there(tab, arm, "hand", 3.5, "ghost")
     tab.get_by_label("aligned by").select_option("time")
     assert player(tab, "p.ghost_s") == pytest.approx(3.25)
     assert player(tab, "p.panels[0].ghosts.size") == 1
@@ -247,9 +244,7 @@ def test_a_ghost_of_another_track(opened, arm_page, slow):
     player(tab, "p.seek(2.0)")
     then = player(tab, "p.ghost_s")
     assert then == pytest.approx(2.0, abs=0.05)
-    np.testing.assert_allclose(
-        player(tab, "p.ghostPosition('hand')"), expected(slow, "hand", then), rtol=0, atol=10 * PLACE_M
-    )
+    assert_there(tab, slow, "hand", then, "ghost")
     assert tab.locator(".op-key.op-ghost").is_visible()
     tab.get_by_label("Ghost").select_option("")
     assert player(tab, "p.ghost_s") is None
@@ -348,9 +343,7 @@ def test_without_webgl_the_figure_is_flat_and_the_page_says_so(driver, arm_page,
     player(tab, "p.seek(3.0)")
     settle(tab)
     assert tab.locator(".op-stage").screenshot() != before
-    np.testing.assert_allclose(
-        player(tab, "p.jointPosition('hand')"), expected(arm, "hand", 3.0), rtol=0, atol=10 * PLACE_M
-    )
+    assert_there(tab, arm, "hand", 3.0)
     tab.get_by_label("Uncertainty").select_option("10")
     tab.get_by_label("Ghost").select_option("other")
     settle(tab)
