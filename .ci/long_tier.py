@@ -21,8 +21,8 @@ FUZZED = ("arrays", "settings", "files", "wearings")
 CAMPAIGN_S = 5
 # The same in every run, so that a change does not fail for what it did not touch; `make fuzz` draws new ones.
 FUZZ_SEED = "1"
-# Processor time of a part run by itself, in seconds, rounded up; pages in a browser wait, so theirs is by the clock. The
-# last group are estimates from a run of all tests on two cores. A part that is not named here is new.
+# Processor time of a part run by itself, in seconds, rounded up; for pages in a browser, which wait, time by the clock.
+# A part that is not named here is new.
 USUAL_S = {
     "test_clocks": 10.0,
     "test_consider": 25.0,
@@ -35,7 +35,7 @@ USUAL_S = {
     "test_motion_calibration": 40.0,
     "test_report_browser": 50.0,
     "test_viewer_browser": 70.0,
-    #
+    # Estimates from a run of all tests on two cores.
     "engine": 90.0,
     "fuzz engine": 70.0,
     "fuzz arrays": 40.0,
