@@ -34,6 +34,13 @@ USUAL_S = {
     "test_hull": 5.0,
     "test_motion_calibration": 40.0,
     "test_report_browser": 50.0,
+    "test_reproduce": 20.0,
+    "test_strokes": 15.0,
+    "test_suspects": 190.0,
+    "test_sweep": 10.0,
+    "test_technique": 15.0,
+    "test_units_apart": 15.0,
+    "test_unobserved": 25.0,
     "test_viewer_browser": 70.0,
     # Estimates from a run of all tests on two cores.
     "engine": 90.0,
@@ -42,13 +49,6 @@ USUAL_S = {
     "fuzz files": 220.0,
     "fuzz settings": 30.0,
     "fuzz wearings": 45.0,
-    "test_reproduce": 25.0,
-    "test_strokes": 15.0,
-    "test_suspects": 145.0,
-    "test_sweep": 15.0,
-    "test_technique": 20.0,
-    "test_units_apart": 30.0,
-    "test_unobserved": 45.0,
 }
 NEW_S = 60.0
 # A machine that is shared is slower than the one that was measured.
