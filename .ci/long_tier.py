@@ -21,7 +21,7 @@ FUZZED = ("arrays", "settings", "files", "wearings")
 CAMPAIGN_S = 5
 # The same in every run, so that a change does not fail for what it did not touch; `make fuzz` draws new ones.
 FUZZ_SEED = "1"
-# Processor time of a part run by itself, in seconds, rounded up; of fuzzing, and of pages, which wait, time by the clock.
+# Processor time of a part by itself, in seconds, rounded up; of fuzzing and of pages, which wait, time by the clock.
 # A part that is not named here is new.
 USUAL_S = {
     "fuzz arrays": 35.0,
