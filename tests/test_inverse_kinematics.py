@@ -1,17 +1,14 @@
 """Joint variables from orientations: exact where these come from a posture, honest where they do not tell."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 import oarlock
+from exact_recording import Floats
 from oarlock import rowing
 from oarlock.evaluation.comparison.inverse_kinematics import Measured, solve
 from oarlock.model.rotation import quat_from_matrix, quat_from_rotvec, quat_product, rotvec_between
-
-Floats = NDArray[np.float64]
 
 # Gauss-Newton is quadratic where all agrees: the last step, under 1e-6, leaves 1e-12; rounding of angles is 1e-15.
 EXACT = 1e-8

@@ -55,10 +55,8 @@ def test_good_recordings_have_no_finding():
     ],
 )
 def test_wrong_units_that_show(factors, words):
-    errors = found("error", **swinging(**factors))
-    assert len(errors) == 1
-    for word in ["back: ", *words]:
-        assert word in errors[0]
+    (error,) = found("error", **swinging(**factors))
+    assert [word for word in ["back: ", *words] if word not in error] == []
 
 
 @pytest.mark.parametrize(
@@ -72,8 +70,7 @@ def test_wrong_units_that_show(factors, words):
 def test_what_may_be_right_is_a_warning(factors, words):
     assert found("error", **swinging(**factors)) == []
     (warning,) = found("warning", **swinging(**factors))
-    for word in words:
-        assert word in warning
+    assert [word for word in words if word not in warning] == []
 
 
 def test_errors_are_raised_together():

@@ -1,7 +1,5 @@
 """Faults of sensors are named from one second of readings, and a sound recording is left alone."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from math import pi
