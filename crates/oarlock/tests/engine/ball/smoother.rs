@@ -84,28 +84,22 @@ fn smoothed_errors_are_smaller_and_as_large_as_said() {
 const BALL: &str = r#"
 format = 1
 name = "ball"
+joint = [
+    { name = "b", kind = "ball",
+      process = { kind = "singer", density = 0.05, start_std = [0.002, 0.005, 0.02], time_s = 0.5 } },
+]
+frame = [
+    { name = "f", parent = "root", transform = {}, joint = "b" },
+]
+sensor = [
+    { name = "s", kind = "imu", frame = "f", gyro_std_rad_s = 0.002, accel_std_m_s2 = 0.03, mag_std_ut = 0.2 },
+]
 [world]
 up = [0, 0, 1]
 forward = [1, 0, 0]
 magnetic_norm_ut = 50
 magnetic_dip_rad = 1
 azimuth_fixed = true
-[[joint]]
-name = "b"
-kind = "ball"
-process = { kind = "singer", density = 0.05, start_std = [0.002, 0.005, 0.02], time_s = 0.5 }
-[[frame]]
-name = "f"
-parent = "root"
-transform = {}
-joint = "b"
-[[sensor]]
-name = "s"
-kind = "imu"
-frame = "f"
-gyro_std_rad_s = 0.002
-accel_std_m_s2 = 0.03
-mag_std_ut = 0.2
 "#;
 const TAU: f64 = 0.5;
 const DENSITY: f64 = 0.05;
