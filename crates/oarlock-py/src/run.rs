@@ -216,16 +216,15 @@ impl PyRun {
     fn infos<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let run = self.run();
         let (s, rows) = (&run.series, run.series.time_s.len());
-        let counts: [(&str, fn(&Report) -> u8); 5] = [
-            ("used", |i| i.used),
+        let out = PyDict::new(py);
+        out.set_item("nis", table(py, rows, s.nis.to_vec())?)?;
+        for (name, count) in [
+            ("used", (|i| i.used) as fn(&Report) -> u8),
             ("rejected", |i| i.rejected),
             ("missing", |i| i.missing),
             ("field", |i| i.field as u8),
             ("fault", |i| i.fault as u8),
-        ];
-        let out = PyDict::new(py);
-        out.set_item("nis", table(py, rows, s.nis.to_vec())?)?;
-        for (name, count) in counts {
+        ] {
             out.set_item(name, table(py, rows, s.reports.iter().map(count).collect())?)?;
         }
         let inertial: (Vec<f64>, Vec<u32>) = s.inertial.iter().copied().unzip();

@@ -69,13 +69,12 @@ fn engine(body: &Body, x: &State, t: f64) -> (State, Square9, Square9) {
     body.transition(t, x.as_slice(), &[1e-6; 9], &[1.0; 3], &mut transition);
     let mut mean = x.as_slice().to_vec();
     transition.apply_to_mean(&mut mean);
-    let (mut f, mut q) = (Square::zeros(9), Square::zeros(9));
-    (0..9).for_each(|i| *f.at_mut(i, i) = 1.0);
-    transition.multiply_right_transposed(&mut f);
+    let (mut f, mut q) = (Square9::identity().as_slice().to_vec(), Square::zeros(9));
+    transition.apply_to_rows(&mut f, 9);
     transition.apply_to_covariance(Arch::best(), &mut q);
-    let [f, q] = [f, q].map(|m| Square9::from_row_slice(m.as_slice()));
-    assert_transposed(&transition, &f, &q);
-    (State::from_row_slice(&mean), f.transpose(), q)
+    let [f, q] = [&f, q.as_slice()].map(Square9::from_row_slice);
+    assert_transposed(&transition, &f.transpose(), &q);
+    (State::from_row_slice(&mean), f, q)
 }
 
 /// The start's fit needs F' x and v' Q v of the same motion.
