@@ -1,7 +1,5 @@
 """A body with hinge, slide, ball and free joints whose kinematics are a few lines of scipy, and tracks of it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

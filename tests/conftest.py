@@ -1,11 +1,15 @@
-"""Settings of all tests: hypothesis measures no time; the last line counts functions beside their parameters."""
+"""Settings of all tests and what several files use: made once by each worker of a parallel run."""
 
-from __future__ import annotations
-
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import settings
+
+import exact_recording
+import oarlock
+from oarlock.rowing import SIMULATORS
 
 # A deadline would fail on a busy machine.
 settings.register_profile("oarlock", deadline=None)
@@ -30,3 +34,32 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
     items = config.stash.get(RUN, frozenset())
     functions = {item.partition("[")[0] for item in items}
     terminalreporter.write_line(f"{len(functions)} test functions, {len(items)} with their parameters")
+
+
+@pytest.fixture(scope="session")
+def sculler() -> oarlock.Model:
+    """The shipped sculler."""
+    return exact_recording.sculler()
+
+
+@pytest.fixture(scope="session")
+def four_seconds(sculler: oarlock.Model) -> oarlock.StudyTrial:
+    """A trial of the simulator of sculling as its defaults are."""
+    values = {name: key.default for name, key in SIMULATORS["sculling"].keys(sculler).items()}
+    return SIMULATORS["sculling"].trial(sculler, values | {"duration_s": 4.0}, 5)
+
+
+@pytest.fixture(scope="session")
+def pendulum() -> oarlock.Model:
+    """The shipped pendulum: a body without oars."""
+    return oarlock.load_model("pendulum3")
+
+
+@pytest.fixture(scope="session")
+def pendulum_motion(pendulum: oarlock.Model, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a motion of the pendulum."""
+    time_s = np.linspace(0.0, 4.2, 200)
+    joints = {name: 0.4 * np.sin(2.0 * time_s + k) for k, name in enumerate(pendulum.joint_names)}
+    folder = tmp_path_factory.mktemp("motion")
+    oarlock.simulate(pendulum, oarlock.Motion.from_joints(time_s, joints))[0].save(folder)
+    return folder

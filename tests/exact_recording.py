@@ -1,7 +1,5 @@
 """Simulated sculling with its truth, ways to spoil it, and the figures by which tracking it is judged."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -21,13 +19,8 @@ Floats = NDArray[np.float64]
 EXCERPT = Path(__file__).parent / "data/exact_B-B_10s.npz"
 UNITS = ("back", "r_upperarm", "r_forearm", "l_upperarm", "l_forearm")
 ENCODERS = ("seat", "r_oar_phi", "r_oar_alpha", "l_oar_phi", "l_oar_alpha")
-ARM = (
-    "shoulder_abduction",
-    "shoulder_rotation",
-    "shoulder_flexion",
-    "elbow_flexion",
-    "elbow_rotation",
-)
+SHOULDER = ("shoulder_abduction", "shoulder_rotation", "shoulder_flexion")
+ARM = (*SHOULDER, "elbow_flexion", "elbow_rotation")
 ELEVEN = ("trunk", *(f"{side}_{joint}" for side in "rl" for joint in ARM))
 RADIAL = ("r_hand_abduction", "l_hand_abduction")
 PALMAR = ("r_hand_flexion", "l_hand_flexion")
@@ -72,6 +65,12 @@ def load_exact(condition: str) -> Exact:
 def load_excerpt() -> Exact:
     """The first 10 s of B-B, which ship with the tests."""
     return read_exact(EXCERPT, "B-B")
+
+
+@cache
+def excerpt_track() -> oarlock.Track:
+    """The excerpt, tracked by default."""
+    return oarlock.track(sculler(), load_excerpt().recording)
 
 
 def read_exact(file: Path, name: str) -> Exact:

@@ -1,7 +1,5 @@
 """Tracks made by hand, with the attributes of a real one, for tests of what reads tracks."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Short simulated sessions with chosen effects, made once, and how two of them differ."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from typing import Any

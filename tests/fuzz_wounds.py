@@ -1,81 +1,28 @@
 """Harm to files, as hypothesis draws and shrinks it: what a hand, a bad disk or a bad merge does."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 from hypothesis import strategies as st
+
+from fuzz_campaign import EXAMPLES, answered, campaign
 
 Wound = tuple[str, float, float, str]
 
 _TOKEN = re.compile(r"[\w.+-]+")
 _SCRAPS = (
-    *(
-        "",
-        "0",
-        "-1",
-        "1e308",
-        "-1e309",
-        "1e-320",
-        "nan",
-        "NaN",
-        "inf",
-        "99999999999999999999",
-        "9007199254740993",
-    ),
-    *(
-        "true",
-        "false",
-        '""',
-        "[]",
-        "{}",
-        '"x"',
-        "x",
-        "²",
-        "١",
-        "1_0",
-        "0x10",
-        "1,5",
-        "-",
-        "--",
-        "1 2 3",
-        "[1, 2]",
-        "[[1]]",
-    ),
-    *(
-        ",",
-        ";",
-        "\t",
-        "\n",
-        "\r",
-        "\r\n",
-        " ",
-        "\x00",
-        '"',
-        "'",
-        "[",
-        "]",
-        "[[",
-        "=",
-        "#",
-        "\\",
-        "é",
-        "\u2028",
-        "\ufeff",
-    ),
-    *("\U0001f6a3", "2026-02-30T25:00:00", "1979-05-27", "time_s", "../x", "/", "mm", "inch", "rad/s"),
+    *("", "0", "-1", "1e308", "-1e309", "1e-320", "nan", "NaN", "inf", "9" * 20, "9007199254740993"),
+    *("true", "false", '""', "[]", "{}", '"x"', "x", "²", "١", "1_0", "0x10", "1,5", "-", "--", "1 2 3"),
+    *("[1, 2]", "[[1]]", ",", ";", "\t", "\n", "\r", "\r\n", " ", "\x00", '"', "'", "[", "]", "[[", "="),
+    *("#", "\\", "é", "\u2028", "\ufeff", "\U0001f6a3", "2026-02-30T25:00:00", "1979-05-27", "time_s"),
+    *("../x", "/", "mm", "inch", "rad/s"),
 )
 _KINDS = (
-    "token",
-    "token",
-    "token",
-    "swap",
-    "insert",
-    "delete",
-    "cut",
-    "repeat",
-    "line away",
-    "line twice",
-    "lines swapped",
+    *("token", "token", "token", "swap", "insert", "delete", "cut", "repeat"),
+    *("line away", "line twice", "lines swapped"),
 )
 _SHARE = st.floats(0, 1, exclude_max=True)
 
@@ -96,6 +43,23 @@ byte_wounds = st.lists(
     max_size=6,
 )
 """For `wounded_bytes`: kind, place as a share of the file's length, and bytes."""
+
+
+def feed(file: Path, content: str | bytes, *reads: Callable[[Path], object], count: int = EXAMPLES) -> None:
+    """Write the content into the file with many wounds; each reader must read it or refuse it."""
+
+    def check(harm: Any) -> None:
+        text = isinstance(content, str)
+        file.write_bytes(as_bytes(wounded(content, harm)) if text else wounded_bytes(content, harm))
+        for read in reads:
+            answered(partial(read, file))
+
+    campaign(check, wounds if isinstance(content, str) else byte_wounds, count=count)
+
+
+def as_bytes(text: str) -> bytes:
+    """UTF-8, of lone surrogates too."""
+    return text.encode("utf-8", errors="surrogatepass")
 
 
 def wounded(text: str, harm: Sequence[Wound]) -> str:

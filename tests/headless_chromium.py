@@ -1,7 +1,5 @@
 """Debian's Chromium without a window and without a network, for tests of pages."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """A reader of pages for tests: nesting, tags, words."""
 
-from __future__ import annotations
-
 import re
 from html.parser import HTMLParser
 
@@ -43,3 +41,29 @@ class Page(HTMLParser):
 
     def all(self, tag: str) -> list[dict[str, str | None]]:
         return [attributes for name, attributes in self.tags if name == tag]
+
+
+def assert_loads_nothing(page: Page) -> None:
+    """Tags are nested, every link leads to a place in the page, and nothing is loaded."""
+    assert page.errors == []
+    links = [value for _, a in page.tags for key, value in a.items() if key in {"src", "href", "xlink:href"}]
+    assert links and all(value is not None and value.startswith("#") for value in links)
+    assert not {"link", "img", "iframe"} & {tag for tag, _ in page.tags}
+
+
+def assert_references_lead_somewhere(page: Page) -> None:
+    """Identifiers are unique, and what is referred to is there."""
+    ids = [a["id"] for _, a in page.tags if "id" in a]
+    assert len(ids) == len(set(ids))
+    wanted = [key for _, a in page.tags for key in (a.get("aria-labelledby") or "").split()]
+    wanted += [a["href"].removeprefix("#") for _, a in page.tags if a.get("href")]
+    assert wanted and set(wanted) <= set(ids)
+
+
+def assert_speaks_to_screen_readers(page: Page) -> list[dict[str, str | None]]:
+    """Drawings and tables are described; returns the drawings."""
+    drawings = [a for a in page.all("svg") if a.get("aria-hidden") != "true"]
+    assert all(a.get("role") == "img" and a.get("aria-labelledby") for a in drawings)
+    assert len(page.all("desc")) == len(drawings)
+    assert len(page.all("caption")) == len(page.all("table"))
+    return drawings

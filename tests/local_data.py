@@ -1,7 +1,5 @@
 """Data that lies beside the checkout and not in it."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

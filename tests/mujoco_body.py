@@ -1,7 +1,5 @@
 """A model's description as a MuJoCo body whose gyroscopes and accelerometers can be read along a motion."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

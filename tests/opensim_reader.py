@@ -1,7 +1,5 @@
 """OpenSim as an independent reader of what is exported: where its bodies are along its motion."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

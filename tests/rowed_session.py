@@ -4,8 +4,6 @@ The movements are those of the simulator of strokes; only how the phase goes on,
 out here. True reversals are zeros of the derivative of the splines through the movements, near where the phase says.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A simulated truth as a track that a filter might have made."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

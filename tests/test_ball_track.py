@@ -1,7 +1,5 @@
 """Tracks with ball and free joints: what they hold, their columns, files and frames."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import replace
 
@@ -16,6 +14,7 @@ from oarlock.model.angle_sequence import quat_from_angles
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec, rotvec_between
 from oarlock.storage.toml import TomlTable, write_toml
 from oarlock.tracking.joint_series import BallSeries, FreeSeries, JointSeries
+from refusals import assert_refused
 
 ROUNDING = 1e-12
 STD = np.linspace(0.01, 0.03, 12)
@@ -32,13 +31,8 @@ def track(truth) -> oarlock.Track:
 
 
 def test_joints_come_as_what_they_are(track):
-    assert [type(track[name]) for name in track.joint_names] == [
-        FreeSeries,
-        JointSeries,
-        JointSeries,
-        BallSeries,
-        JointSeries,
-    ]
+    kinds = [FreeSeries, JointSeries, JointSeries, BallSeries, JointSeries]
+    assert [type(track[name]) for name in track.joint_names] == kinds
     assert track.joint_units == ("m, rad", "rad", "m", "rad", "rad")
     assert track.coordinate_units == ("m",) * 3 + ("rad",) * 4 + ("m",) + ("rad",) * 4
     shoulder, pelvis = track["shoulder"], track["pelvis"]
@@ -116,8 +110,7 @@ def test_frames_have_orientations(track):
     assert np.sum(relative[1:] * relative[:-1], axis=1).min() > 0.9
     with pytest.raises(oarlock.DataError, match=r"no frame 'forarm'.*forearm"):
         track.frame_quat_wxyz("forarm")
-    with pytest.raises(oarlock.DataError, match="without its model"):
-        replace(track, model=None).frame_quat_wxyz("forearm")
+    assert_refused(lambda: replace(track, model=None).frame_quat_wxyz("forearm"), "without its model")
 
 
 def test_what_is_missing_stays_missing(track):
@@ -178,8 +171,7 @@ def test_coordinates_without_units_are_named(saved):
     (saved / "run.toml").write_text(
         f"{head}[coordinates]{tail.replace('units', 'unit', 1)}", encoding="utf-8"
     )
-    with pytest.raises(oarlock.DataError, match=r"\[coordinates\] needs"):
-        oarlock.load_track(saved)
+    assert_refused(lambda: oarlock.load_track(saved), "[coordinates] needs")
 
 
 def test_tracks_of_hinges_need_no_coordinates():

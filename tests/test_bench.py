@@ -1,20 +1,17 @@
 """`oarlock bench`: figures that can be, from a short run; other software gives the same estimates."""
 
-from __future__ import annotations
-
 import json
+from collections.abc import Iterator
+from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from typer.testing import CliRunner
 
-from oarlock.cli import app
-from oarlock.lab.bench import with_biorbd, with_filterpy, with_jax, with_numpy
+from command_line import run
+from exact_recording import Floats
+from oarlock.lab.bench import measure, with_biorbd, with_filterpy, with_jax, with_numpy
 from oarlock.lab.bench.plain_kinematics import PlainKinematics
 from oarlock.lab.bench.problem import WARM, Problem, sculling
-
-Floats = NDArray[np.float64]
 
 # Closures of 2 mm beside accelerations make covariances whose condition takes half the digits, and the textbook's form
 # cancels. filterpy inverts the innovations' covariance, which takes some more.
@@ -39,11 +36,17 @@ def ours(problem: Problem) -> tuple[Floats, Floats]:
     return means, np.array([np.sqrt(np.diag(belief.covariance)) for belief in beliefs])
 
 
+@pytest.fixture(scope="module", autouse=True)
+def measured_once() -> Iterator[None]:
+    """Runs that ask for the same time show one measurement."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(measure, "measure", cache(measure.measure))
+        yield
+
+
 @pytest.fixture(scope="module")
 def measured() -> dict:
-    done = CliRunner().invoke(app, ["bench", "--json", "--seconds", "0.2"], prog_name="oarlock")
-    assert done.exit_code == 0, done.output
-    return json.loads(done.stdout)
+    return json.loads(run("bench", "--json", "--seconds", "0.2").stdout)
 
 
 def test_json_has_its_keys(measured):
@@ -81,22 +84,20 @@ def test_other_software_is_measured_or_named_as_missing(measured):
 
 
 def test_text_names_the_filters_and_the_paper():
-    shown = CliRunner().invoke(app, ["bench", "--seconds", "0.1"], prog_name="oarlock")
-    assert shown.exit_code == 0, shown.output
+    shown = run("bench", "--seconds", "0.2")
     for word in ("ukf", "ekf", "textbook", "p99.9", "the paper", "two threads", "times faster than"):
         assert word in shown.stdout
 
 
 def test_help_names_every_key(measured):
-    shown = CliRunner().invoke(app, ["bench", "--help"], prog_name="oarlock").stdout
+    shown = run("bench", "--help").stdout
     filters = tuple(f"{name}_{what}" for name in ("ekf", "factorised") for what in ("us", "ratio"))
     missing = [key for key in measured if key not in shown and not key.startswith(filters)]
     assert missing == ["live_steps"] or not missing
 
 
 def test_seconds_must_be_a_time():
-    refused = CliRunner().invoke(app, ["bench", "--seconds", "0"], prog_name="oarlock")
-    assert refused.exit_code == 2
+    refused = run("bench", "--seconds", "0", status=2)
     assert "20" in refused.stderr
 
 

@@ -1,7 +1,5 @@
 """Shipped bodies with ball joints: the sculler on ball shoulders is the sculler, and is tracked as well."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -4,14 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import oarlock
+from command_line import run
 from oarlock import Calibration, Clock, ImuStream, Motion, Recording, ScalarStream
 from oarlock.calibration.clocks.coarse import coarse_delays
 from oarlock.calibration.clocks.devices import most_agree, reference_streams, unknowns
 from oarlock.calibration.clocks.lines import CRYSTAL_DRIFT, MODEL_STD_S, after, line
-from oarlock.cli import app
 from oarlock.rowing.simulation.experiment import simulate_sculling
 
 FOUND_S = 5e-4
@@ -180,19 +179,9 @@ def test_what_is_known_stays(arm):
 def test_the_verb_writes_a_calibration_and_says_whose_clock_is_late(arm, tmp_path):
     _, recording = arm
     late(recording, {"hand": Clock(0.02)}).slice(0.0, 10.0).save(tmp_path / "rec")
-    out = str(tmp_path / "cal.toml")
-    words = [
-        "calibrate",
-        "clocks",
-        str(tmp_path / "rec"),
-        "--model",
-        "arm7",
-        "--reference",
-        "upperarm,forearm",
-    ]
-    run = CliRunner().invoke(app, [*words, "--out", out, "--json"])
-    assert run.exit_code == 0, run.output
-    told = json.loads(run.output)
+    out = tmp_path / "cal.toml"
+    words = ["calibrate", "clocks", tmp_path / "rec", "--model", "arm7", "--reference", "upperarm,forearm"]
+    told = json.loads(run(*words, "--out", out, "--json").output)
     assert told["noted"]["reference"] == ["upperarm", "forearm"]
     assert oarlock.load_calibration(out).clocks.keys() == told["clocks"].keys()
-    assert CliRunner().invoke(app, [*words, "--out", out]).exit_code == 2
+    run(*words, "--out", out, status=2)

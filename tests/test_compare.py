@@ -1,7 +1,5 @@
 """Estimators side by side: the whole tree is ahead where its model holds, and the table says so honestly."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math
@@ -14,27 +12,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from typer.testing import CliRunner, Result
 
 import oarlock
+from command_line import run
 from oarlock import Config, DataError, Recording
-from oarlock.cli import app
 from oarlock.evaluation.comparison.comparison import Comparison
 from oarlock.evaluation.comparison.estimators import estimator, estimators, tree_filters, usual_estimators
 from oarlock.evaluation.comparison.scores import best
 from oarlock.rowing.simulation.experiment import simulate_sculling
+from refusals import assert_refused
 
 BUILT_IN = ("ukf", "limbs", "limbs_open", "vector_kf")
 """One of each family that needs no other package."""
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments], prog_name="oarlock")
-
-
-@pytest.fixture(scope="module")
-def sculler() -> oarlock.Model:
-    return oarlock.load_model("sculler")
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +37,7 @@ def compared(sculler: oarlock.Model, rowed: tuple[oarlock.Track, Recording]) -> 
 
 
 @pytest.mark.parametrize("seed", [41, 42])
-def test_the_tree_is_ahead_of_limbs_and_single_units(sculler: oarlock.Model, seed: int) -> None:
+def test_the_tree_is_ahead_of_limbs_and_single_units(sculler, seed):
     """Boat surging and biased sensors; seeds that nothing was tuned to."""
     truth, recording = simulate_sculling(sculler, "B-B", duration_s=8.0, rate_spm=(20.0, 34.0), seed=seed)
     found = oarlock.compare(sculler, recording, truth, BUILT_IN)
@@ -64,7 +53,7 @@ def test_the_tree_is_ahead_of_limbs_and_single_units(sculler: oarlock.Model, see
     assert "ukf" in found.wins["mean_rmse_deg"]
 
 
-def test_filters_on_single_units_are_ahead_of_nothing_but_say_nothing(compared: Comparison) -> None:
+def test_filters_on_single_units_are_ahead_of_nothing_but_say_nothing(compared):
     units = compared["vector_kf"]
     assert math.isnan(units.nees)
     assert math.isnan(units.coverage)
@@ -73,34 +62,32 @@ def test_filters_on_single_units_are_ahead_of_nothing_but_say_nothing(compared: 
     assert compared["ukf"].coverage > 0.8
 
 
-def test_angles_are_those_that_units_feel(compared: Comparison) -> None:
+def test_angles_are_those_that_units_feel(compared):
     assert len(compared.joints) == 11  # Table 5 of the source
     assert not any("hand" in joint or "oar" in joint for joint in compared.joints)
     assert {row.joints for row in compared.scores} == {11}
 
 
-def test_every_estimator_has_a_title_a_source_and_assumptions() -> None:
+def test_every_estimator_has_a_title_a_source_and_assumptions():
     found = estimators()
     assert len({e.name for e in found}) == len(found)
     assert all(e.title and e.source and e.assumes for e in found)
     assert {e.name for e in usual_estimators()} <= {e.name for e in found}
 
 
-def test_the_page_names_all_of_them() -> None:
+def test_the_page_names_all_of_them():
     page = (Path(__file__).parents[1] / "docs/compare.md").read_text(encoding="utf-8")
     named = set(re.findall(r"`(\w+)`", page))
     assert {e.name for e in usual_estimators()} <= named
 
 
-def test_an_estimator_of_ones_own(sculler: oarlock.Model, rowed: tuple[oarlock.Track, Recording]) -> None:
+def test_an_estimator_of_ones_own(sculler, rowed):
     own = replace(estimator("ekf"), name="mine", config=Config(filter="ekf", estimate=("gyro_bias",)))
     found = oarlock.compare(sculler, rowed[1], rowed[0], [own, "ekf"])
     assert found["mine"].mean_rmse_deg > found["ekf"].mean_rmse_deg
 
 
-def test_a_calibration_reaches_all_of_them(
-    sculler: oarlock.Model, rowed: tuple[oarlock.Track, Recording]
-) -> None:
+def test_a_calibration_reaches_all_of_them(sculler, rowed):
     """Lengths and a mount that are wrong show in every family."""
     mount = next(s["mount"] for s in sculler.describe()["sensors"] if s["name"] == "r_forearm")
     turned = np.asarray(mount["rotation"]) @ Rotation.from_rotvec([0.0, 0.2, 0.0]).as_matrix()
@@ -111,7 +98,7 @@ def test_a_calibration_reaches_all_of_them(
         assert row.evaluation["r_elbow_rotation"].rmse > np.radians(3.0)
 
 
-def test_the_engine_says_which_trees_there_are() -> None:
+def test_the_engine_says_which_trees_there_are():
     assert {"ukf", "ekf"} <= set(tree_filters())
     for name in tree_filters():
         assert Config(filter=name).filter == name
@@ -120,7 +107,7 @@ def test_the_engine_says_which_trees_there_are() -> None:
         assert estimator(name).live
 
 
-def test_live_steps_are_refused_where_there_are_none(sculler: oarlock.Model) -> None:
+def test_live_steps_are_refused_where_there_are_none(sculler):
     assert estimator("ekf").tracker(sculler).state_names
     for name in ("limbs", "vqf", "vector_kf"):
         with pytest.raises(DataError, match=r"cannot step live.*ukf"):
@@ -129,14 +116,11 @@ def test_live_steps_are_refused_where_there_are_none(sculler: oarlock.Model) -> 
         Config(filter="vqf")
 
 
-def test_an_unknown_estimator_names_the_nearest(
-    sculler: oarlock.Model, rowed: tuple[oarlock.Track, Recording]
-) -> None:
-    with pytest.raises(DataError, match="limbs_open"):
-        oarlock.compare(sculler, rowed[1], rowed[0], ["limbs_opn"])
+def test_an_unknown_estimator_names_the_nearest(sculler, rowed):
+    assert_refused(lambda: oarlock.compare(sculler, rowed[1], rowed[0], ["limbs_opn"]), "limbs_open")
 
 
-def test_what_cannot_run_is_left_out_unless_it_was_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_cannot_run_is_left_out_unless_it_was_asked_for(monkeypatch):
     for package in ("vqf", "ahrs"):
         monkeypatch.setitem(sys.modules, package, None)
     model = oarlock.load_model("pendulum3")
@@ -151,22 +135,19 @@ def test_what_cannot_run_is_left_out_unless_it_was_asked_for(monkeypatch: pytest
     assert {"ukf", "vector_kf"} <= {row.name for row in found.scores}
     # every joint of a pendulum carries a unit
     assert found.joints == tuple(model.joint_names)
-    with pytest.raises(DataError, match=r"oarlock\[compare\]"):
-        oarlock.compare(model, recording, truth, ["ukf", "vqf"])
+    assert_refused(lambda: oarlock.compare(model, recording, truth, ["ukf", "vqf"]), "oarlock[compare]")
     with pytest.raises(KeyError, match="left out"):
         found["vqf"]
 
 
-def test_without_truth_all_are_held_against_the_first(
-    sculler: oarlock.Model, rowed: tuple[oarlock.Track, Recording]
-) -> None:
+def test_without_truth_all_are_held_against_the_first(sculler, rowed):
     found = oarlock.compare(sculler, rowed[1], None, ["ekf", "ukf"])
     assert found.reference == "ekf"
     assert found["ekf"].mean_rmse_deg == 0.0
     assert 0.0 < found["ukf"].mean_rmse_deg < 0.1
 
 
-def test_what_is_best_depends_on_the_column() -> None:
+def test_what_is_best_depends_on_the_column():
     assert best("mean_rmse_deg", {"a": 1.0, "b": 1.01, "c": 1.1, "d": math.nan}) == ("a", "b")
     assert best("steps_per_s", {"a": 100.0, "b": 1000.0}) == ("b",)
     assert best("nees_per_state", {"a": 0.5, "b": 1.8, "c": 40.0}) == ("b",)
@@ -183,11 +164,10 @@ def trial(rowed: tuple[oarlock.Track, Recording], tmp_path_factory: pytest.TempP
     return folder
 
 
-def test_the_verb_writes_table_and_page(trial: Path) -> None:
+def test_the_verb_writes_table_and_page(trial):
     out = trial / "compared"
     asked = [part for name in BUILT_IN for part in ("--filter", name)]
     done = run("compare", trial / "trial", "--model", "sculler", *asked, "--out", out)
-    assert done.exit_code == 0, done.output
     for name in BUILT_IN:
         assert re.search(rf"^  {name} ", done.stdout, re.M)
     document = tomllib.loads((out / "compare.toml").read_text(encoding="utf-8"))
@@ -203,32 +183,29 @@ def test_the_verb_writes_table_and_page(trial: Path) -> None:
     assert page.count("<circle") == len(BUILT_IN)
 
 
-def test_the_verb_speaks_json_and_leaves_the_page_out(trial: Path) -> None:
+def test_the_verb_speaks_json_and_leaves_the_page_out(trial):
     out = trial / "compared_json"
     asked = ("--filter", "ekf", "--filter", "vector_kf", "--no-html", "--json")
     done = run("compare", trial / "trial", trial / "trial/truth", "--model", "sculler", *asked, "--out", out)
-    assert done.exit_code == 0, done.output
     document = json.loads(done.stdout)
     assert document["wins"]["mean_rmse_deg"] == ["ekf"]
     assert document["estimators"][1]["nees_per_state"] is None
     assert not (out / "compare.html").exists()
 
 
-def test_the_verb_refuses_what_it_does_not_know(trial: Path) -> None:
-    done = run("compare", trial / "trial", "--model", "sculler", "--filter", "ukff", "--out", trial / "no")
-    assert done.exit_code == 2
+def test_the_verb_refuses_what_it_does_not_know(trial):
+    done = run(
+        "compare", trial / "trial", "--model", "sculler", "--filter", "ukff", "--out", trial / "no", status=2
+    )
     assert "ukf" in done.stderr
 
 
-def test_track_takes_the_same_names(trial: Path) -> None:
+def test_track_takes_the_same_names(trial):
     from_trial = ("track", trial / "trial", "--model", "sculler")
-    done = run(*from_trial, "--filter", "vector_kf", "--csv", "--out", trial / "units")
-    assert done.exit_code == 0, done.output
+    run(*from_trial, "--filter", "vector_kf", "--csv", "--out", trial / "units")
     assert (trial / "units/report.html").exists()
-    assert run("evaluate", trial / "units", trial / "trial").exit_code == 0
-    done = run(*from_trial, "--filter", "limbs", "--out", trial / "limbs")
-    assert done.exit_code == 0, done.output
-    done = run(*from_trial, "--filter", "vqf", "--smooth", "--out", trial / "no")
-    assert done.exit_code == 2
+    run("evaluate", trial / "units", trial / "trial")
+    run(*from_trial, "--filter", "limbs", "--out", trial / "limbs")
+    done = run(*from_trial, "--filter", "vqf", "--smooth", "--out", trial / "no", status=2)
     assert "--smooth" in done.stderr
-    assert run(*from_trial, "--filter", "nope", "--out", trial / "no").exit_code == 2
+    run(*from_trial, "--filter", "nope", "--out", trial / "no", status=2)

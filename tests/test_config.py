@@ -1,7 +1,5 @@
 """Configurations and models: wrong keys and values are explained, and both survive pickling."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 
@@ -10,6 +8,7 @@ import pytest
 
 import oarlock
 from exact_recording import load_excerpt, sculler
+from refusals import assert_refused
 
 DEFAULTS = {
     "estimate": ["gyro_bias", "accel_bias", "surge"],
@@ -52,9 +51,9 @@ def test_numbers_are_kept_to_the_last_bit():
     ("keys", "said"),
     [
         ({"closurs": False}, ["closurs", "closures"]),
-        ({"filter": "kalman"}, ["kalman", "ukf", "ekf", "factorised"]),
+        ({"filter": "kalman"}, ["filter", "kalman", "ukf", "ekf", "factorised"]),
         ({"filter": "iekf"}, ["iekf", "removed", 'filter = "ekf"']),
-        ({"process_noise": "jerky"}, ["jerky", "jerk", "paper"]),
+        ({"process_noise": "jerky"}, ["process_noise", "jerky", "jerk", "paper"]),
         ({"magnetometer": "maybe"}, ["maybe", "off", "gated", "on"]),
         ({"alpha": 2.0}, ["alpha", "2", "(0, 1]", "0.3"]),
         ({"alpha": 0.0}, ["alpha", "0", "(0, 1]"]),
@@ -64,35 +63,21 @@ def test_numbers_are_kept_to_the_last_bit():
         ({"learning_memory_s": -1.0}, ["learning_memory_s", "-1", "positive"]),
         ({"belief_interval_s": 0.0}, ["belief_interval_s", "0", "positive"]),
         ({"gate_patience_s": -1.0}, ["gate_patience_s", "-1", "positive"]),
-    ],
-    ids=str,
-)
-def test_wrong_key_or_value_is_explained(keys, said):
-    with pytest.raises(oarlock.DataError) as error:
-        oarlock.Config(**keys)
-    assert all(word in str(error.value) for word in said), error.value
-
-
-@pytest.mark.parametrize(
-    ("keys", "said"),
-    [
-        ({"filter": "kalman"}, ["filter"]),
-        ({"filter": "iekf"}, ["iekf", "removed", 'filter = "ekf"']),
-        ({"process_noise": "jerky"}, ["process_noise"]),
         ({"closures": 1}, ["closures", "True or False"]),
         ({"gate": "yes"}, ["gate", "True or False"]),
         ({"kappa": "x"}, ["kappa", "number"]),
         ({"estimate": "surge"}, ["estimate", "list"]),
         ({"start_window_s": float("nan")}, ["start_window_s", "nan"]),
         ({"initial_q": [float("nan")] * 22}, ["initial_q", "finite"]),
+        ({"consider": "sometimes"}, ["consider"]),
     ],
     ids=str,
 )
-def test_value_of_the_wrong_kind_is_explained_by_its_key(keys, said):
+def test_wrong_key_or_value_is_explained(keys, said):
     with pytest.raises(oarlock.DataError) as error:
         oarlock.Config(**keys)
-    assert "line 1" not in str(error.value), error.value
-    assert all(word in str(error.value) for word in said), error.value
+    assert "line 1" not in str(error.value)
+    assert [word for word in said if word not in str(error.value)] == [], error.value
 
 
 @pytest.mark.parametrize(
@@ -108,9 +93,7 @@ def test_value_of_the_wrong_kind_is_explained_by_its_key(keys, said):
 )
 def test_what_does_not_fit_the_model_is_explained_when_tracking(keys, said):
     recording = load_excerpt().recording.slice(end_s=0.5)
-    with pytest.raises(oarlock.DataError) as error:
-        oarlock.track(sculler(), recording, config=oarlock.Config(**keys))
-    assert all(word in str(error.value) for word in said), error.value
+    assert_refused(lambda: oarlock.track(sculler(), recording, config=oarlock.Config(**keys)), *said)
 
 
 def test_config_is_pickled_and_copied():

@@ -7,7 +7,8 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+
+from command_line import run as typed
 
 ROOT = Path(__file__).parents[1]
 MODEL_PAGE = ROOT / "docs/model-files.md"
@@ -102,13 +103,18 @@ def test_recipe_sets_a_length_that_exists():
 
 
 def test_command_table_names_verbs_that_exist():
-    from oarlock.cli import app
-
     table = (ROOT / "README.md").read_text(encoding="utf-8").split("| verb | does |")[1].split("\n\n")[0]
     verbs = {
         words.split()[0]
         for cell in re.findall(r"^\| (.*?) \|", table, re.M)
         for words in re.findall("`(.*?)`", cell)[:1]
     }
-    page = CliRunner().invoke(app, ["--help"]).stdout
+    page = typed("--help").stdout
     assert verbs and all(re.search(rf"\b{verb}\b", page) for verb in verbs), verbs
+
+
+def test_page_of_imports_lists_every_format():
+    from oarlock.formats.importers import FORMATS
+
+    rows = re.findall(r"^\| `oarlock import .*$", (ROOT / "docs/import.md").read_text(encoding="utf-8"), re.M)
+    assert rows == [f"| `{one.command}` | {one.reads} |" for one in FORMATS]

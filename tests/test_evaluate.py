@@ -1,7 +1,5 @@
 """Scores against closed forms on tracks made by hand."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 
@@ -32,20 +30,17 @@ def truth():
 
 def test_constant_offset_is_the_rmse_and_the_bias(truth):
     track = replace(noisy_track(truth, 0.01), q=truth.q + 0.01)
-    score = evaluate(track, truth)["elbow"]
+    evaluation = evaluate(track, truth)
+    score = evaluation["elbow"]
     assert score.rmse == pytest.approx(0.01, abs=EXACT)
     assert score.bias == pytest.approx(0.01, abs=EXACT)
     assert score.correlation == pytest.approx(1.0, abs=EXACT)
     assert score.nees == pytest.approx(1.0, abs=1e-9)
     assert score.coverage == 1.0
-
-
-def test_presentation_is_degrees_and_millimetres(truth):
-    track = replace(noisy_track(truth, 0.01), q=truth.q + 0.01)
-    seat, elbow, _ = evaluate(track, truth).rows
+    # Presented in degrees and millimetres.
+    seat, elbow, _ = evaluation.rows
     assert (seat["unit"], elbow["unit"]) == ("mm", "deg")
-    assert seat["rmse"] == pytest.approx(10.0)
-    assert elbow["rmse"] == pytest.approx(np.degrees(0.01))
+    assert (seat["rmse"], elbow["rmse"]) == pytest.approx((10.0, np.degrees(0.01)))
 
 
 def test_gaussian_errors_are_covered_and_consistent(truth):
@@ -201,22 +196,15 @@ def correlated(states: int) -> np.ndarray:
     return correlation * np.outer(scale, scale)
 
 
-def test_nees_per_state_uses_the_full_covariance(truth):
+@pytest.mark.parametrize("known", [9, 6])
+def test_nees_per_state_uses_the_full_covariance_of_what_truth_knows(truth, known):
     track = with_beliefs(noisy_track(truth, 0.01), truth, correlated(9), every=10, seed=5)
-    states = evaluate(track, truth).states
-    assert states is not None
-    assert states.degrees == states.beliefs * 9
+    states = evaluate(
+        track, truth if known == 9 else replace(truth, qdd=np.full(truth.q.shape, np.nan))
+    ).states
+    assert states.degrees == states.beliefs * known
     assert abs(states.nees - 1) < FIVE_SIGMA * np.sqrt(2 / states.degrees)
     assert states.interval_95[0] < 1 < states.interval_95[1]
-
-
-def test_nees_takes_the_states_that_truth_knows(truth):
-    track = with_beliefs(noisy_track(truth, 0.01), truth, correlated(9), every=10, seed=5)
-    blind = replace(truth, qdd=np.full(truth.q.shape, np.nan))
-    states = evaluate(track, blind).states
-    assert states is not None
-    assert states.degrees == states.beliefs * 6
-    assert abs(states.nees - 1) < FIVE_SIGMA * np.sqrt(2 / states.degrees)
 
 
 def test_beliefs_a_turn_away_are_the_same_angle(truth):
@@ -232,7 +220,6 @@ def test_singular_beliefs_are_counted_and_left_out(truth):
     covariance = track.beliefs.covariance.copy()
     covariance[-1] = 1.0
     states = evaluate(replace(track, beliefs=replace(track.beliefs, covariance=covariance)), truth).states
-    assert states is not None
     assert states.singular == 1
     assert states.degrees == states.beliefs * 9
 

@@ -1,7 +1,5 @@
 """What happens to sensors in the field: they fall silent, freeze, saturate and contradict each other."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -11,13 +9,21 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import oarlock
-from exact_recording import ELEVEN, UNITS, kept, load_exact, load_excerpt, lossy, sculler, silenced
+from exact_recording import (
+    ELEVEN,
+    UNITS,
+    Floats,
+    excerpt_track,
+    kept,
+    load_exact,
+    load_excerpt,
+    lossy,
+    sculler,
+    silenced,
+)
 from oarlock.report import write_report
-
-Floats = NDArray[np.float64]
 
 # With nothing wrong the excerpt has 0.03 deg. Two seconds on four of five units and the loops may cost some times
 # that; a filter that believed the fault has degrees.
@@ -87,7 +93,7 @@ def test_an_arm_without_a_unit_on_its_upper_link_finds_its_posture(unit: str, st
 
 def test_a_joint_where_bodies_seldom_go_is_named() -> None:
     recording = load_excerpt().recording
-    assert not any("soft limits" in note for note in oarlock.track(sculler(), recording).notes)
+    assert not any("soft limits" in note for note in excerpt_track().notes)
     elbow = 'name = "l_elbow_flexion"'
     head, tail = sculler().text.split(elbow)
     stiff = re.sub(r"limits = .*", "limits = [0.0, 0.1]", tail, count=1)

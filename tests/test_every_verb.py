@@ -1,7 +1,5 @@
 """Every verb runs from beginning to end in `make test`: here, or in the test that is named here."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import json
@@ -9,9 +7,9 @@ from typing import Any
 
 import pytest
 import typer
-from typer.testing import CliRunner
 
 import oarlock
+from command_line import run
 from exact_recording import at_rate, load_excerpt
 from oarlock.cli import app, load_verb
 
@@ -65,12 +63,6 @@ def leaves(command: Any, words: tuple[str, ...]) -> list[str]:
 ALL = [leaf for name in typer.main.get_group(app).commands for leaf in leaves(load_verb(name), (name,))]
 
 
-def run(*arguments: object) -> str:
-    done = CliRunner().invoke(app, [str(argument) for argument in arguments], prog_name="oarlock")
-    assert done.exit_code == 0, done.output
-    return done.stdout
-
-
 @pytest.mark.parametrize("verb", ALL)
 def test_it_is_run_by_a_test_of_every_change(verb):
     assert verb in LEAF, f"`oarlock {verb}`: run it once in a quick test and name that here"
@@ -89,7 +81,7 @@ def marks_of(file: str) -> list[pytest.Mark]:
 
 def test_demo(tmp_path):
     out = tmp_path / "demo"
-    assert json.loads(run("demo", "--out", out, "--json"))
+    assert json.loads(run("demo", "--out", out, "--json").stdout)
     assert list(out.rglob("report.html"))
 
 
@@ -97,7 +89,7 @@ def test_calibrate_motion(tmp_path):
     at_rate(load_excerpt().recording, 20.0).save(tmp_path / "rec")
     out = tmp_path / "cal.toml"
     shown = run("calibrate", "motion", tmp_path / "rec", "--model", "sculler", "--out", out)
-    assert "oarlock track" in shown
+    assert "oarlock track" in shown.stdout
     assert oarlock.load_calibration(out).noted["scores"]
 
 

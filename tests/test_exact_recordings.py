@@ -3,8 +3,7 @@
 Run with `-s` to see the measured figures.
 """
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -17,6 +16,7 @@ from exact_recording import (
     Exact,
     Figures,
     at_rate,
+    excerpt_track,
     figures,
     load_exact,
     load_excerpt,
@@ -51,14 +51,13 @@ SHORT = 1.5
 SHORT_NEES = (0.35, 1.5)
 
 
+def of_forty_seconds(test: Callable[..., None]) -> Callable[..., None]:
+    return pytest.mark.long(pytest.mark.data(test))
+
+
 @cache
 def tracked(condition: str, **config: object) -> oarlock.Track:
     return oarlock.track(sculler(), load_exact(condition).recording, config=oarlock.Config(**config))
-
-
-@cache
-def excerpt_track() -> oarlock.Track:
-    return oarlock.track(sculler(), load_excerpt().recording)
 
 
 def within(value: float, bounds: tuple[float, float]) -> bool:
@@ -73,6 +72,17 @@ def assert_consistent(found: Figures, *, nis: bool = True, nees: tuple[float, fl
     assert not nis or within(found.nis, NIS), f"NIS per inertial reading {found.nis:.3f}"
 
 
+def assert_small(found: Figures, times: float = 1.0) -> None:
+    assert found.mean_deg <= times * MEAN_DEG
+    assert found.worst_deg <= times * WORST_DEG
+    assert found.seat_mm <= times * SEAT_MM
+
+
+def assert_hands_small(found: Figures, times: float = 1.0) -> None:
+    assert found.radial_deg <= times * RADIAL_DEG
+    assert found.palmar_deg <= times * PALMAR_DEG
+
+
 def spoilt(exact: Exact, unit: str, whole: bool) -> oarlock.Recording:
     """A fifth of all rows gone, and one unit silent for two seconds somewhere."""
     seed = 10 * UNITS.index(unit) + whole
@@ -80,21 +90,16 @@ def spoilt(exact: Exact, unit: str, whole: bool) -> oarlock.Recording:
     return silenced(lossy(exact.recording, LOST, seed, whole), unit, start_s, SILENT_S)
 
 
-@pytest.mark.long
-@pytest.mark.data
+@of_forty_seconds
 @pytest.mark.parametrize("condition", CONDITIONS)
 def test_errors_and_consistency(condition):
     found = figures(tracked(condition), load_exact(condition), condition)
-    assert found.mean_deg <= MEAN_DEG
-    assert found.worst_deg <= WORST_DEG
-    assert found.seat_mm <= SEAT_MM
-    assert found.radial_deg <= RADIAL_DEG
-    assert found.palmar_deg <= PALMAR_DEG
+    assert_small(found)
+    assert_hands_small(found)
     assert_consistent(found)
 
 
-@pytest.mark.long
-@pytest.mark.data
+@of_forty_seconds
 @pytest.mark.parametrize("condition", CONDITIONS)
 def test_smoothed(condition):
     found = figures(oarlock.smooth(tracked(condition)), load_exact(condition), f"{condition} smoothed")
@@ -102,8 +107,7 @@ def test_smoothed(condition):
     assert_consistent(found, nis=False)
 
 
-@pytest.mark.long
-@pytest.mark.data
+@of_forty_seconds
 @pytest.mark.parametrize("condition", CONDITIONS)
 def test_without_closure(condition):
     track = tracked(condition, closures=False)
@@ -114,27 +118,22 @@ def test_without_closure(condition):
     assert within(coverage, COVERAGE)
 
 
-@pytest.mark.long
-@pytest.mark.data
+@of_forty_seconds
 def test_without_slow_states():
     found = figures(tracked("S-NB", estimate=()), load_exact("S-NB"), "S-NB estimate=()")
     assert found.mean_deg <= BARE_MEAN_DEG
     assert_consistent(found)
 
 
-@pytest.mark.long
-@pytest.mark.data
+@of_forty_seconds
 def test_oars_as_states(tmp_path):
     exact = load_exact("B-B")
     found = figures(oarlock.track(oars_as_states(tmp_path), exact.recording), exact, "B-B oars as states")
-    assert found.mean_deg <= MEAN_DEG
-    assert found.worst_deg <= WORST_DEG
-    assert found.seat_mm <= SEAT_MM
+    assert_small(found)
     assert_consistent(found)
 
 
-@pytest.mark.long
-@pytest.mark.data
+@of_forty_seconds
 @pytest.mark.parametrize("condition", ["S-NB", "B-B"])
 @pytest.mark.parametrize("whole", [False, True], ids=["rows_lost", "samples_lost"])
 @pytest.mark.parametrize("unit", UNITS)
@@ -145,8 +144,7 @@ def test_bands_hold_while_readings_are_missing(condition, unit, whole):
     assert_consistent(figures(track, exact, label), nis=False)
 
 
-@pytest.mark.long
-@pytest.mark.data
+@of_forty_seconds
 @pytest.mark.parametrize("condition", CONDITIONS)
 def test_slower_sensors_need_no_other_tuning(condition):
     exact = load_exact(condition)
@@ -174,11 +172,8 @@ def test_excerpt_places_the_joints_as_the_model_does():
 
 def test_excerpt_errors_and_consistency():
     found = figures(excerpt_track(), load_excerpt(), "excerpt")
-    assert found.mean_deg <= SHORT * MEAN_DEG
-    assert found.worst_deg <= SHORT * WORST_DEG
-    assert found.seat_mm <= SHORT * SEAT_MM
-    assert found.radial_deg <= SHORT * RADIAL_DEG
-    assert found.palmar_deg <= SHORT * PALMAR_DEG
+    assert_small(found, SHORT)
+    assert_hands_small(found, SHORT)
     assert_consistent(found)
 
 

@@ -1,13 +1,9 @@
 """OpenSim reads what is exported, and its bodies are where ours are."""
 
-from __future__ import annotations
-
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import oarlock
@@ -15,70 +11,56 @@ from oarlock.model.shipped_files import model_names
 from oarlock.rowing import ergometer_piece, sculling, sweeping
 from opensim_reader import OpensimReader, opensim
 from random_tree import load_tree, random_tree
-
-Floats = NDArray[np.float64]
+from test_docs import free_body
 
 ROUNDING_M = 1e-12
 """Poses behind a dozen links of a metre, from numbers that are written with all their digits."""
 SOLVED_M = 1e-6
 """OpenSim's inverse kinematics stops at an accuracy, here 1e-10 of its least squares, and then is this near."""
-MODEL_PAGE = Path(__file__).parents[1] / "docs/model-files.md"
 
 TWO_PLACES = """
 format = 1
 name = "two_places"
 world = { up = [0.6, 0, 0.8], forward = "y" }
-[[joint]]
-name = "knie_é"
-kind = "ball"
-rest = [0.1, 0.2, 0.3]
-[[joint]]
-name = "rail"
-kind = "slide"
-rest = 0.2
-[[joint]]
-name = "stiff"
-kind = "fixed"
-[[joint]]
-name = "away"
-kind = "free"
+joint = [
+    { name = "knie_é", kind = "ball", rest = [0.1, 0.2, 0.3] },
+    { name = "rail", kind = "slide", rest = 0.2 },
+    { name = "stiff", kind = "fixed" },
+    { name = "away", kind = "free" },
+]
+sensor = [{ name = "unit", kind = "imu", frame = "end", gyro_std_rad_s = 0.1 }]
 [[frame]]
 name = "ground"
 parent = "root"
-transform = { rpy = [0.1, -0.2, 2], translation = [0, 1, 0] }
 joint = "away"
+transform = { rpy = [0.1, -0.2, 2], translation = [0, 1, 0] }
 [[frame]]
 name = "links_ä"
 parent = "ground"
-transform = { rpy = [0.4, 0.2, -1], translation = [0.1, 1, 0] }
 joint = "knie_é"
+transform = { rpy = [0.4, 0.2, -1], translation = [0.1, 1, 0] }
 [[frame]]
 name = "rechts"
 parent = "links_ä"
-transform = { translation = [0, 0.5, 0.2] }
 joint = "knie_é"
+transform = { translation = [0, 0.5, 0.2] }
 [[frame]]
 name = "up_the_rail"
 parent = "rechts"
-transform = { rpy = [0, 1, 0], translation = [0, 0.5, 0.2] }
-axis = "-y"
 joint = "rail"
+axis = "-y"
+transform = { rpy = [0, 1, 0], translation = [0, 0.5, 0.2] }
 [[frame]]
 name = "down_the_rail"
 parent = "rechts"
-transform = { translation = [0, 0.5, 0.2] }
 joint = "rail"
 sign = -1
+transform = { translation = [0, 0.5, 0.2] }
 [[frame]]
 name = "end"
 parent = "down_the_rail"
-dh = { a = 0.3, alpha = 1, d = 0.2, theta = -0.4 }
 joint = "stiff"
-[[sensor]]
-name = "unit"
-kind = "imu"
-frame = "end"
-gyro_std_rad_s = 0.1
+dh = { a = 0.3, alpha = 1, d = 0.2, theta = -0.4 }
 """
 
 
@@ -201,9 +183,8 @@ def test_the_model_stands_at_rest_by_default(tmp_path):
 
 
 def test_the_free_body_of_the_page_on_model_files(tmp_path):
-    blocks = re.findall(r"^```toml\n(.*?)^```$", MODEL_PAGE.read_text(encoding="utf-8"), re.M | re.S)
     file = tmp_path / "body.toml"
-    file.write_text(next(b for b in blocks if 'name = "trunk_and_arm"' in b), encoding="utf-8")
+    file.write_text(free_body(), encoding="utf-8")
     model = oarlock.load_model(file)
     assert apart_m(truth_of(model, waves(model, 4)), tmp_path) <= ROUNDING_M
 

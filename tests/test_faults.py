@@ -1,7 +1,5 @@
 """Faults of recordings: each does what it says and nothing else; sweeps, what they cost, and the page of it."""
 
-from __future__ import annotations
-
 import json
 import math
 import re
@@ -13,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pyarrow import csv
-from typer.testing import CliRunner
 
 import oarlock
-from oarlock.cli import app
+from command_line import run
+from exact_recording import UNITS
 from oarlock.evaluation.study.costs import doses, ranked
 from oarlock.evaluation.study.faults.catalogue import afflicted, faults_of, keys_of_faults
 from oarlock.evaluation.study.keys import with_turns
@@ -28,21 +26,15 @@ from oarlock.report.fault_picture import fault_picture
 from oarlock.report.fault_words import findings
 from oarlock.report.study_page import study_page
 from oarlock.rowing import SIMULATORS
+from refusals import assert_refused
 
-UNITS = ("back", "r_upperarm", "r_forearm", "l_upperarm", "l_forearm")
 ROUNDING = 1e-9
 """rad, or a share: what is left of exact turns of double numbers."""
 
 
 @pytest.fixture(scope="module")
-def sculler() -> oarlock.Model:
-    return oarlock.load_model("sculler")
-
-
-@pytest.fixture(scope="module")
-def trial(sculler) -> oarlock.StudyTrial:
-    values = {name: key.default for name, key in SIMULATORS["sculling"].keys(sculler).items()}
-    return SIMULATORS["sculling"].trial(sculler, values | {"duration_s": 4.0}, 5)
+def trial(four_seconds) -> oarlock.StudyTrial:
+    return four_seconds
 
 
 @pytest.fixture(scope="module")
@@ -91,8 +83,7 @@ def test_a_gap_takes_as_many_samples_as_it_lasts_and_all_streams_share_it(trial)
 
 
 def test_a_gap_over_everything_is_refused(trial):
-    with pytest.raises(oarlock.DataError, match="leaves no stream"):
-        spoilt(trial, gap_s=100.0)
+    assert_refused(lambda: spoilt(trial, gap_s=100.0), "leaves no stream")
 
 
 def test_a_stuck_unit_repeats_one_reading(trial):
@@ -198,16 +189,11 @@ def test_every_fault_has_its_unit_or_kind_and_says_what_it_does(sculler):
 
 
 @pytest.fixture(scope="module")
-def swung(tmp_path_factory) -> Path:
+def swung(pendulum_motion, tmp_path_factory) -> Path:
     """A study of faults of a body without oars, as a file."""
-    model = oarlock.load_model("pendulum3")
-    time_s = np.linspace(0.0, 4.2, 200)
-    joints = {name: 0.4 * np.sin(2.0 * time_s + k) for k, name in enumerate(model.joint_names)}
-    folder = tmp_path_factory.mktemp("motion")
-    oarlock.simulate(model, oarlock.Motion.from_joints(time_s, joints))[0].save(folder)
-    file = folder / "faults.toml"
+    file = tmp_path_factory.mktemp("faults") / "faults.toml"
     file.write_text(
-        f'format = 1\nmodel = "pendulum3"\nmotion = "{folder}"\nseeds = 2\nstart_s = 1.0\n'
+        f'format = 1\nmodel = "pendulum3"\nmotion = "{pendulum_motion}"\nseeds = 2\nstart_s = 1.0\n'
         "[fixed]\nduration_s = 3.0\n"
         '[[setting]]\nname = "default"\n[[setting]]\nname = "no gate"\nconfig.gate = false\n'
         '[[fault]]\nname = "unit turned"\nkey = "mount_error_deg"\nof = ["one"]\nstrengths = [1, 20]\nunit = "deg"\n'
@@ -235,7 +221,7 @@ def test_a_sweep_runs_each_fault_alone_under_every_setting(swung, tmp_path):
     assert not usual["late", "0.1 ms"].noticed
     assert [fault.name for fault in ranked(found)] == ["unit turned", "late"]
     result.save(tmp_path)
-    rows = json.loads((tmp_path / "faults.json").read_text())
+    rows = json.loads((tmp_path / "faults.json").read_text(encoding="utf-8"))
     assert len(rows) == csv.read_csv(tmp_path / "faults.csv").num_rows == 8
     assert rows[2]["rmse_median_deg"] == pytest.approx(much.median_deg)
     page = study_page(result)
@@ -322,16 +308,14 @@ def test_a_wrong_fault_is_refused(tmp_path, text, says):
     file = tmp_path / "wrong.toml"
     head = 'format = 1\nmodel = "sculler"\nsimulator = "sculling"\nseeds = 1\n\n[[fault]]\nname = "silent"\n'
     file.write_text(head + text)
-    with pytest.raises(oarlock.DataError) as caught:
-        oarlock.load_study(file, SIMULATORS)
-    assert all(part in str(caught.value) for part in says), caught.value
+    assert_refused(lambda: oarlock.load_study(file, SIMULATORS), *says)
 
 
 def test_a_shipped_study_is_known_by_name():
-    keys = CliRunner().invoke(app, ["study", "robustness", "--keys", "--json"])
-    assert keys.exit_code == 0 and "gap_s" in json.loads(keys.stdout)
-    wrong = CliRunner().invoke(app, ["study", "robustnes", "--keys"])
-    assert wrong.exit_code == 1 and 'mean "robustness"' in wrong.output
+    keys = run("study", "robustness", "--keys", "--json")
+    assert "gap_s" in json.loads(keys.stdout)
+    wrong = run("study", "robustnes", "--keys", status=1)
+    assert 'mean "robustness"' in wrong.output
 
 
 def test_the_shipped_study_has_every_group_of_effects():

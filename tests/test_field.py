@@ -1,7 +1,5 @@
 """Disturbed magnetometers: told in the track, its notes, the report and on disk, and not used."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +8,7 @@ import pytest
 import oarlock
 from oarlock import Config, ImuStream, Motion, Recording
 from oarlock.evaluation.consistency import sensor_scores
-from oarlock.evaluation.tracklike import Interval
+from oarlock.evaluation.interval import Interval
 from oarlock.report import write_report
 from oarlock.storage.errors import DataError
 from oarlock.tracking.records import DISTURBED, FIELD
@@ -19,6 +17,8 @@ HEAD = """
 format = 1
 name = "head"
 description = "one body on a ball"
+joint = [{ name = "neck", kind = "ball" }]
+frame = [{ name = "head", parent = "root", joint = "neck", transform = {} }]
 [world]
 up = [0, 0, 1]
 forward = [1, 0, 0]
@@ -26,14 +26,6 @@ magnetic_norm_ut = 48.0
 magnetic_dip_rad = "65*pi/180"
 magnetic_azimuth_rad = 0.0
 azimuth_fixed = true
-[[joint]]
-name = "neck"
-kind = "ball"
-[[frame]]
-name = "head"
-parent = "root"
-transform = {}
-joint = "neck"
 [[sensor]]
 name = "head"
 kind = "imu"

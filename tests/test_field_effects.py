@@ -1,7 +1,5 @@
 """Each effect of the field simulator is as strong as it was asked for, measured on signals, truth and markers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,23 +1,15 @@
 """The filters: chosen by `Config.filter`, written down with the track, and as good as each other on a stroke."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import oarlock
 from exact_recording import figures, load_excerpt
-from exact_recording import sculler as shipped
 from oarlock import rowing
 
 FILTERS = ("ukf", "ekf", "factorised")
 # What a straight line may cost where readings are nearly straight.
 NEARLY = 1.05
-
-
-@pytest.fixture(scope="module")
-def sculler() -> oarlock.Model:
-    return oarlock.load_model("sculler")
 
 
 @pytest.fixture(scope="module")
@@ -43,9 +35,7 @@ def rms_deg(track: oarlock.Track, truth: oarlock.Track) -> float:
     return float(np.degrees(np.sqrt(np.mean((track.q[late][:, hinges] - true[late]) ** 2))))
 
 
-def test_all_filters_are_as_good_on_a_stroke(
-    tracks: dict[str, oarlock.Track], rowed: tuple[oarlock.Track, oarlock.Recording]
-) -> None:
+def test_all_filters_are_as_good_on_a_stroke(tracks, rowed):
     errors = {name: rms_deg(track, rowed[0]) for name, track in tracks.items()}
     assert max(errors.values()) < NEARLY * errors["ukf"], errors
     # Different filters, not one under three names.
@@ -53,24 +43,18 @@ def test_all_filters_are_as_good_on_a_stroke(
 
 
 @pytest.mark.parametrize("name", FILTERS)
-def test_each_is_smoothed(
-    name: str, rowed: tuple[oarlock.Track, oarlock.Recording], tracks: dict[str, oarlock.Track]
-) -> None:
+def test_each_is_smoothed(name, rowed, tracks):
     smooth = oarlock.smooth(tracks[name])
     assert rms_deg(smooth, rowed[0]) < rms_deg(tracks[name], rowed[0])
 
 
 @pytest.mark.parametrize("name", FILTERS)
-def test_the_filter_comes_back_with_its_track(
-    name: str, tracks: dict[str, oarlock.Track], tmp_path: Path
-) -> None:
+def test_the_filter_comes_back_with_its_track(name, tracks, tmp_path):
     tracks[name].save(tmp_path)
     assert oarlock.load_track(tmp_path).provenance["config"]["filter"] == name
 
 
-def test_a_track_of_the_removed_iterated_filter_still_loads(
-    tracks: dict[str, oarlock.Track], tmp_path: Path
-) -> None:
+def test_a_track_of_the_removed_iterated_filter_still_loads(tracks, tmp_path):
     tracks["ekf"].save(tmp_path)
     run = tmp_path / "run.toml"
     text = run.read_text(encoding="utf-8")
@@ -81,7 +65,7 @@ def test_a_track_of_the_removed_iterated_filter_still_loads(
     assert np.array_equal(loaded.q, tracks["ekf"].q, equal_nan=True)
 
 
-def test_a_pickled_config_of_the_removed_iterated_filter_takes_the_extended_one() -> None:
+def test_a_pickled_config_of_the_removed_iterated_filter_takes_the_extended_one():
     make, (keys,) = oarlock.Config(alpha=0.2).__reduce__()
     config = make({**keys, "filter": "iekf"})
     assert (config.filter, config.alpha) == ("ekf", 0.2)
@@ -93,11 +77,11 @@ MEAN_DEG, WORST_DEG, LEAST_COVERAGE = 0.03, 0.05, 0.93
 MOST_NEES = 1.44
 
 
-def test_limb_by_limb_keeps_the_targets_on_the_shipped_recording() -> None:
+def test_limb_by_limb_keeps_the_targets_on_the_shipped_recording(sculler):
     excerpt = load_excerpt()
     found = {
         name: figures(
-            oarlock.track(shipped(), excerpt.recording, config=oarlock.Config(filter=name)), excerpt, name
+            oarlock.track(sculler, excerpt.recording, config=oarlock.Config(filter=name)), excerpt, name
         )
         for name in ("ukf", "factorised")
     }

@@ -1,7 +1,5 @@
 """Calibrations found from real recordings themselves track no worse than those that are given."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 from validation import ours
@@ -26,55 +24,43 @@ def long(*values):
     return [pytest.param(value, marks=pytest.mark.long) for value in values]
 
 
-def joint_errors_deg(estimate, reference, pairs, after_s):
+def errors_deg(estimate, reference, pairs, after_s):
     """RMSE of the relative orientation of each pair."""
     kept = reference.time_s > after_s
     return np.array([rmse_deg(relative_error_rad(estimate, reference, pair), kept) for pair in pairs])
 
 
-def live(estimates):
-    return next(estimates)
+def assert_found_serves(name, given, found, errors):
+    """What was found tracks as well as what was given; both make estimates of which the first is live."""
+    given, found = (errors(next(estimates)) for estimates in (given, found))
+    print(name, "given", given.round(2), "found", found.round(2))
+    assert (found < given + COSTS_DEG).all()
 
 
-@pytest.mark.parametrize(
-    "trial",
-    ["1D_01", *(pytest.param(trial, marks=pytest.mark.long) for trial in ("2D_01", "3D_01", "3D_05"))],
-)
+@pytest.mark.parametrize("trial", ["1D_01", *long("2D_01", "3D_01", "3D_05")])
 def test_levers_found_serve_as_well_as_those_of_the_file(trial):
     file = local_folder("data/dfjimu") / f"data_{trial}.mat"
     recording, reference = read_dfjimu(file), read_dfjimu_reference(file)
-    given, found = (
-        joint_errors_deg(live(track(recording)), reference, [BODIES], AFTER_S["dfjimu"])
-        for track in (ours.track_dfjimu, ours.track_dfjimu_found)
-    )
-    print(trial, "given", given.round(2), "found", found.round(2))
-    assert found < given + COSTS_DEG
+    tracked = ours.track_dfjimu(recording), ours.track_dfjimu_found(recording)
+    assert_found_serves(trial, *tracked, lambda e: errors_deg(e, reference, [BODIES], AFTER_S["dfjimu"]))
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("mounted", ["rigid", "foam"])
+@pytest.mark.parametrize("mounted", long("rigid", "foam"))
 def test_places_and_lengths_found_serve_as_well_as_nominal_ones_at_the_hinges(mounted):
     trial = local_folder("data/diodem_arm") / "trial1"
     recording, reference = read_diodem(trial, mounted), later(read_diodem_reference(trial), CAMERAS_LATE_S)
     hinges = [("seg2", "seg3"), ("seg3", "seg4"), ("seg4", "seg5")]
-    given, found = (
-        joint_errors_deg(live(track(recording)), reference, hinges, AFTER_S["diodem"])
-        for track in (ours.track_diodem, partial(ours.track_diodem_found, mounted=mounted))
-    )
-    print(mounted, "given", given.round(2), "found", found.round(2))
-    assert (found < given + COSTS_DEG).all()
+    tracked = ours.track_diodem(recording), ours.track_diodem_found(recording, mounted=mounted)
+    assert_found_serves(mounted, *tracked, lambda e: errors_deg(e, reference, hinges, AFTER_S["diodem"]))
 
 
 @pytest.mark.parametrize("run", ["circle-250", *long("circle-100", "triangle-150", "triangle-250")])
 def test_a_robots_mounts_found_serve_as_well_as_nominal_ones(run):
     data = local_folder("data/openaxes_ur5")
     recording, reference = read_openaxes(data, run), read_openaxes_reference(data, run)
-    pair = ("radius", "carpus")
-    given, found = (
-        joint_errors_deg(
-            heading_zeroed(live(track(recording)), reference, 1.0), reference, [pair], AFTER_S["openaxes"]
-        )
-        for track in (ours.track_openaxes, ours.track_openaxes_found)
-    )
-    print(run, "given", given.round(2), "found", found.round(2))
-    assert found < given + COSTS_DEG
+
+    def errors(estimate):
+        headed = heading_zeroed(estimate, reference, 1.0)
+        return errors_deg(headed, reference, [("radius", "carpus")], AFTER_S["openaxes"])
+
+    assert_found_serves(run, ours.track_openaxes(recording), ours.track_openaxes_found(recording), errors)

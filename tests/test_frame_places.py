@@ -1,21 +1,19 @@
 """Places of frames with the lengths that were estimated, and their standard deviations."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import oarlock
+import test_worn_states
 from oarlock import Config, Motion
 from oarlock.tracking.records import Beliefs
 from oarlock.tracking.track import track_without_filter
+from refusals import assert_refused
 
-TIME_S = np.linspace(0.0, 12.0, 601)
-SWING = np.stack(
-    [0.8 * np.sin(2.0 * TIME_S), 0.6 * np.sin(3.1 * TIME_S + 0.4), 0.7 * np.cos(4.3 * TIME_S)], axis=1
-)
+TIME_S, SWING = test_worn_states.TIME_S[:601], test_worn_states.SWING[:601]
+"""Twelve seconds."""
 LENGTH = "l_upper"
 LONGER_M = 0.03
 ROUNDING_M = 1e-9
@@ -23,11 +21,6 @@ ROUNDING_M = 1e-9
 DRAWS = 20_000
 SAMPLING = 0.06
 """Of a covariance from so many draws: six times sqrt(2 / 20000)."""
-
-
-@pytest.fixture(scope="module")
-def pendulum() -> oarlock.Model:
-    return oarlock.load_model("pendulum3")
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +117,5 @@ def test_a_ball_joint_moves_places_by_small_turns():
 
 
 def test_odd_frames_are_refused(stretched):
-    with pytest.raises(oarlock.DataError, match=r"frame_position_spread: no frame 'uper'"):
-        stretched.frame_position_stds("uper")
-    with pytest.raises(oarlock.DataError, match="without its model"):
-        replace(stretched, model=None).frame_position_stds("root")
+    assert_refused(lambda: stretched.frame_position_stds("uper"), "frame_position_spread: no frame 'uper'")
+    assert_refused(lambda: replace(stretched, model=None).frame_position_stds("root"), "without its model")

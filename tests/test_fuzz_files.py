@@ -1,6 +1,7 @@
 """Real files with wounds at every reader: read, or refused with a reason."""
 
 import os
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,8 @@ from scipy.io import savemat
 
 import oarlock
 from fuzz_campaign import answered, campaign
-from fuzz_wounds import byte_wounds, wounded, wounded_bytes, wounds
+from fuzz_wounds import byte_wounds, feed, wounded, wounded_bytes, wounds
+from oarlock.formats import mat
 from oarlock.formats.apdm import read_apdm, read_apdm_orientations
 from oarlock.formats.broad import read_broad, read_broad_reference
 from oarlock.formats.csv import read_csv
@@ -76,14 +78,8 @@ def test_csv_with_its_mapping(tmp_path):
 
 
 def test_apdm(tmp_path):
-    text, file = first_lines(ROOT / "examples/pendulum/imuData01.csv", 12), tmp_path / "units.csv"
-
-    def check(harm):
-        put(file, wounded(text, harm))
-        answered(lambda: read_apdm(file))
-        answered(lambda: read_apdm_orientations(file))
-
-    campaign(check, wounds)
+    text = first_lines(ROOT / "examples/pendulum/imuData01.csv", 12)
+    feed(tmp_path / "units.csv", text, read_apdm, read_apdm_orientations)
 
 
 TOML = {
@@ -96,13 +92,7 @@ TOML = {
 @pytest.mark.parametrize("name", TOML)
 def test_toml_files(name, tmp_path):
     source, load = TOML[name]
-    text, file = source.read_text(encoding="utf-8"), tmp_path / "file.toml"
-
-    def check(harm):
-        put(file, wounded(text, harm))
-        answered(lambda: load(file))
-
-    campaign(check, wounds)
+    feed(tmp_path / "file.toml", source.read_text(encoding="utf-8"), load)
 
 
 def harm_one(whole, which, harm, text_harm):
@@ -153,13 +143,7 @@ def test_track_folders(tmp_path):
 
 def test_c3d(tmp_path):
     c3d_file(tmp_path / "whole.c3d", ["Bob:A", "Bob:B", "*12"])
-    content, file = (tmp_path / "whole.c3d").read_bytes(), tmp_path / "trial.c3d"
-
-    def check(harm):
-        file.write_bytes(wounded_bytes(content, harm))
-        answered(lambda: oarlock.load_markers(file))
-
-    campaign(check, byte_wounds, count=30)
+    feed(tmp_path / "trial.c3d", (tmp_path / "whole.c3d").read_bytes(), oarlock.load_markers, count=30)
 
 
 def matlab_files(folder):
@@ -181,33 +165,35 @@ MATLAB = {
 }
 
 
+def outcomes(of):
+    """The function with its results and refusals kept, so that readers of one file share one child process."""
+
+    @cache
+    def outcome(_content, *arguments):
+        try:
+            return of(*arguments), None
+        except oarlock.DataError as refusal:
+            return None, refusal
+
+    def shared(kind, file):
+        arrays, refusal = outcome(file.read_bytes(), kind, file)
+        if refusal:
+            raise refusal
+        return dict(arrays)
+
+    return shared
+
+
 @pytest.mark.parametrize("name", MATLAB)
-def test_matlab_files(name, tmp_path):
+def test_matlab_files(name, tmp_path, monkeypatch):
+    monkeypatch.setattr(mat, "arrays_of", outcomes(mat.arrays_of))
     matlab_files(tmp_path)
-    content, file = (tmp_path / name).read_bytes(), tmp_path / "wounded.mat"
-
-    def check(harm):
-        file.write_bytes(wounded_bytes(content, harm))
-        for read in MATLAB[name]:
-            answered(lambda read=read: read(file))
-
-    campaign(check, byte_wounds, count=12)
+    feed(tmp_path / "wounded.mat", (tmp_path / name).read_bytes(), *MATLAB[name], count=12)
 
 
-READERS = {
-    "load_model": oarlock.load_model,
-    "load_recording": oarlock.load_recording,
-    "load_calibration": oarlock.load_calibration,
-    "load_track": oarlock.load_track,
-    "load_study": oarlock.load_study,
-    "load_markers": oarlock.load_markers,
-    "load_attachments": oarlock.load_attachments,
-    "read_csv": read_csv,
-    "read_apdm": read_apdm,
-    "read_broad": read_broad,
-    "read_dfjimu": read_dfjimu,
-    "read_qmt": read_qmt,
-}
+OWN = ("load_model", "load_recording", "load_calibration", "load_track", "load_study", "load_markers")
+READERS = {name: getattr(oarlock, name) for name in (*OWN, "load_attachments")}
+READERS |= {read.__name__: read for read in (read_csv, read_apdm, read_broad, read_dfjimu, read_qmt)}
 
 
 @pytest.mark.parametrize("name", READERS)

@@ -5,9 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fuzz_campaign import answered, campaign
-from fuzz_wounds import byte_wounds, wounded, wounded_bytes, wounds
-from oarlock.rowing import EXPORT_FORMATS, StrokeTable, load_stroke_export, save_strokes, summarise_strokes
+from fuzz_wounds import feed
+from oarlock.rowing import EXPORT_FORMATS, load_stroke_export, save_strokes, summarise_strokes
 
 EXAMPLES = Path(__file__).parents[1] / "examples/strokes"
 FILES = sorted(file.name for file in EXAMPLES.glob("*.csv"))
@@ -22,26 +21,20 @@ MADE = {
 MOST_CHARACTERS = 6000
 
 
-def check_table(table: StrokeTable | None, folder: Path) -> None:
-    if table is None:
-        return
+def looked_at(file: Path) -> None:
+    table = load_stroke_export(file)
     for name, values in table.columns.items():
         assert not np.isinf(values).any(), name
         assert all(table.reason(name)[row] for row in np.flatnonzero(np.isnan(values))), name
     summarise_strokes(table)
-    save_strokes(table, folder)
+    save_strokes(table, file.parent / "out")
 
 
 @pytest.mark.parametrize("name", FILES)
 def test_wounded_examples(name, tmp_path):
     lines = (EXAMPLES / name).read_text(encoding="utf-8").splitlines(keepends=True)
     text = "".join(lines[: 1 + next(k for k in range(len(lines)) if k == len(lines) - 1 or _long(lines, k))])
-
-    def check(harm):
-        (tmp_path / name).write_bytes(wounded(text, harm).encode("utf-8", errors="surrogatepass"))
-        check_table(answered(lambda: load_stroke_export(tmp_path / name)), tmp_path / "out")
-
-    campaign(check, wounds)
+    feed(tmp_path / name, text, looked_at)
 
 
 def _long(lines, k):
@@ -51,21 +44,8 @@ def _long(lines, k):
 @pytest.mark.parametrize("format", MADE)
 def test_wounded_logs(format, tmp_path):
     assert format in EXPORT_FORMATS
-
-    def check(harm):
-        (tmp_path / "log.csv").write_bytes(
-            wounded(MADE[format], harm).encode("utf-8", errors="surrogatepass")
-        )
-        check_table(answered(lambda: load_stroke_export(tmp_path / "log.csv")), tmp_path / "out")
-
-    campaign(check, wounds)
+    feed(tmp_path / "log.csv", MADE[format], looked_at)
 
 
 def test_wounded_bytes(tmp_path):
-    content = (EXAMPLES / "rp3.csv").read_bytes()[:3000]
-
-    def check(harm):
-        (tmp_path / "log.csv").write_bytes(wounded_bytes(content, harm))
-        check_table(answered(lambda: load_stroke_export(tmp_path / "log.csv")), tmp_path / "out")
-
-    campaign(check, byte_wounds)
+    feed(tmp_path / "log.csv", (EXAMPLES / "rp3.csv").read_bytes()[:3000], looked_at)

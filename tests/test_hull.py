@@ -1,15 +1,12 @@
 """A hull that turns: pitch obeys mechanics written anew here, rotations are as asked, a hull unit makes up for them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import oarlock
-from exact_recording import ELEVEN
+from exact_recording import ELEVEN, Floats
 from oarlock.rowing import (
     Boat,
     HullForm,
@@ -26,8 +23,6 @@ from oarlock.rowing.simulation.hull import HULL_JOINTS, turning_hull
 from oarlock.rowing.simulation.timing import stroke_timing
 from oarlock.simulation.motion import Motion
 from oarlock.storage.errors import DataError
-
-Floats = NDArray[np.float64]
 
 GRAVITY = 9.80665
 TYPICAL = HullRotation()

@@ -147,12 +147,8 @@ def test_orientations_between_samples():
     assert good.tolist() == [False, True, True, False]
     assert twist_rad(found, "z")[1:3] == pytest.approx([0.1, 0.4])
     quats[1] = np.nan
-    assert at(np.array([0.0, 1.0, 2.0]), quats, np.array([0.0, 0.5, 1.5, 2.0]))[1].tolist() == [
-        True,
-        False,
-        False,
-        True,
-    ]
+    good = at(np.array([0.0, 1.0, 2.0]), quats, np.array([0.0, 0.5, 1.5, 2.0]))[1]
+    assert good.tolist() == [True, False, False, True]
 
 
 def test_mean_of_angles_on_either_side_of_half_a_turn():
@@ -292,10 +288,10 @@ def test_page_and_figures(tmp_path):
         SetResult("gone", "Not there", "text", absent="no folder"),
     ]
     written, figures = page.write(results, {"vqf": "1.0"}, tmp_path / "out")
-    text = written.read_text()
+    text = written.read_text(encoding="utf-8")
     assert "Data &amp; more" in text and "not run: &lt;no model&gt;" in text and "Not run: no folder" in text
     assert "http" not in text.replace("http://www.w3.org", "")
-    found = json.loads(figures.read_text())
+    found = json.loads(figures.read_text(encoding="utf-8"))
     assert found["sets"]["here"]["tables"][0]["rows"]["Other"]["mean"] == 3.0
     assert found["sets"]["gone"]["absent"] == "no folder"
 
@@ -304,7 +300,10 @@ def test_a_figure_that_is_no_number_is_null(tmp_path):
     collected = Collected()
     collected.put("Other", {"one": float("nan")})
     _, figures = page.write([SetResult("s", "t", "", (collected.table("x"),))], {}, tmp_path)
-    assert json.loads(figures.read_text())["sets"]["s"]["tables"][0]["rows"]["Other"]["one"] is None
+    assert (
+        json.loads(figures.read_text(encoding="utf-8"))["sets"]["s"]["tables"][0]["rows"]["Other"]["one"]
+        is None
+    )
 
 
 def test_plots_are_drawn_with_names_of_their_own():
@@ -335,7 +334,7 @@ def test_what_is_absent_is_named_and_the_run_goes_on(tmp_path, monkeypatch, caps
         ["--out", str(tmp_path / "out"), "--only", "dfjimu", "diodem", "openaxes", "broad", "qmt"]
     )
     assert code == 1
-    found = json.loads((tmp_path / "out/figures.json").read_text())["sets"]
+    found = json.loads((tmp_path / "out/figures.json").read_text(encoding="utf-8"))["sets"]
     assert all(
         found[name]["absent"] for name in ("dfjimu", "diodem_arm", "openaxes_ur5", "broad", "qmt_full_body")
     )

@@ -1,12 +1,10 @@
 """Exact derivatives of poses and readings: central differences and an independent library give the same."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 import oarlock
-from oarlock import Base, DataError
+from oarlock import DataError
 from oarlock.model.coordinates import plus, rotation_columns
 from oarlock.model.rotation import quat_from_matrix, rotvec_from_quat
 from oarlock.model.shipped_files import model_names
@@ -37,10 +35,6 @@ def turn_between(one, other):
     return rotvec_from_quat(quat_from_matrix(other @ np.swapaxes(one, -1, -2)))
 
 
-def by_difference(read, at, steps):
-    return np.stack([(read(at(k, s)) - read(at(k, -s))) / (2.0 * s) for k, s in enumerate(steps)], axis=-1)
-
-
 @pytest.mark.parametrize("name", model_names())
 def test_frames_move_as_central_differences_say(name):
     model = oarlock.load_model(name)
@@ -69,11 +63,7 @@ def test_readings_change_as_central_differences_say(name, rests):
     model = oarlock.load_model(name)
     random, q, qd, qdd = random_motion(model, 2)
     root = RootMotion.at_random(random)
-    base = (
-        None
-        if rests
-        else Base(root.rotation, root.angular_velocity, root.angular_acceleration, root.acceleration)
-    )
+    base = None if rests else root.base
     found = model.measurement_jacobian(q, qd, qdd, base)
     for column in range(q.shape[1]):
         for order, exact in enumerate((found.by_q, found.by_qd, found.by_qdd)):
@@ -90,7 +80,7 @@ def test_readings_change_as_central_differences_say(name, rests):
             np.testing.assert_allclose(exact[..., column], difference, rtol=0, atol=READING_DIFFERENCE)
     for column, length in enumerate(model.length_names):
         ahead, behind = (
-            oarlock.load_model(name, parameters={length: model.parameters[length] + by}).predict_measurements(
+            model.with_parameters({length: model.parameters[length] + by}).predict_measurements(
                 q, qd, qdd, base
             )
             for by in (LENGTH_STEP_M, -LENGTH_STEP_M)
@@ -124,9 +114,7 @@ def test_chosen_frames_and_lengths_of_each_row():
     each = lengths + 0.05 * np.arange(ROWS)[:, None]
     chosen = model.frame_jacobian(q, ["r_hand", "root"], each)
     for row in range(ROWS):
-        sized = oarlock.load_model(
-            "sculler", parameters=dict(zip(model.length_names, each[row], strict=True))
-        )
+        sized = model.with_parameters(dict(zip(model.length_names, each[row], strict=True)))
         alone = sized.frame_jacobian(q[row])
         for place, frame in enumerate(("r_hand", "root")):
             number = model.frame_names.index(frame)

@@ -1,18 +1,13 @@
 """A tree cut into limbs: which joints go where, sub-models that predict as the whole does, and one track of all."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import oarlock
 from exact_recording import at_rate
 from oarlock import Config, DataError, Recording
 from oarlock.evaluation.comparison.limbs import SHARED, Limb, cut_into_limbs
 from oarlock.rowing.simulation.experiment import simulate_sculling
-
-Floats = NDArray[np.float64]
 
 # The same kinematics from the same numbers, once written to a file and read again.
 SAME = 1e-12
@@ -32,7 +27,7 @@ def by_name(limbs: tuple[Limb, ...]) -> dict[str, Limb]:
     return {limb.name: limb for limb in limbs}
 
 
-def test_a_sculler_has_two_arms_and_what_carries_them(sculler: oarlock.Model) -> None:
+def test_a_sculler_has_two_arms_and_what_carries_them(sculler):
     limbs = by_name(cut_into_limbs(sculler))
     assert list(limbs) == [SHARED, "r_shoulder_abduction", "l_shoulder_abduction"]
     assert limbs[SHARED].own == ("seat", "trunk")
@@ -46,7 +41,7 @@ def test_a_sculler_has_two_arms_and_what_carries_them(sculler: oarlock.Model) ->
     assert right.model.sensor_names == ["back", "r_upperarm", "r_forearm", "seat", "r_oar_phi", "r_oar_alpha"]
 
 
-def test_without_closures_limbs_end_freely(sculler: oarlock.Model) -> None:
+def test_without_closures_limbs_end_freely(sculler):
     limbs = by_name(cut_into_limbs(sculler, closures=False))
     left = limbs["l_shoulder_abduction"]
     assert left.model.closure_names == []
@@ -54,7 +49,7 @@ def test_without_closures_limbs_end_freely(sculler: oarlock.Model) -> None:
     assert len(left.own) == 7
 
 
-def test_a_body_on_a_free_hip(sculler: oarlock.Model) -> None:
+def test_a_body_on_a_free_hip():
     limbs = by_name(cut_into_limbs(oarlock.load_model("qmt_full_body")))
     assert limbs[SHARED].own == ("hip", "lumbar", "thoracic")
     assert limbs["shoulder_left"].own == ("shoulder_left", "elbow_left", "wrist_left")
@@ -62,7 +57,7 @@ def test_a_body_on_a_free_hip(sculler: oarlock.Model) -> None:
 
 
 @pytest.mark.parametrize("name", ["sculler", "sculler_ball", "qmt_full_body"])
-def test_each_joint_is_answered_for_once(name: str) -> None:
+def test_each_joint_is_answered_for_once(name):
     model = oarlock.load_model(name)
     own = [joint for limb in cut_into_limbs(model) for joint in limb.own]
     assert sorted(own) == sorted(model.joint_names)
@@ -70,7 +65,7 @@ def test_each_joint_is_answered_for_once(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["sculler", "sculler_ball", "qmt_full_body"])
 @pytest.mark.parametrize("closures", [True, False])
-def test_sub_models_predict_what_the_whole_predicts(name: str, closures: bool) -> None:
+def test_sub_models_predict_what_the_whole_predicts(name, closures):
     parameters = {"l_fa_l": 0.29} if name == "sculler" else None
     model = oarlock.load_model(name, parameters=parameters)
     random = np.random.default_rng(3)
@@ -84,14 +79,12 @@ def test_sub_models_predict_what_the_whole_predicts(name: str, closures: bool) -
             assert np.abs(values - whole[row]).max() < SAME * max(1.0, np.abs(values).max())
 
 
-def test_one_chain_has_no_limbs() -> None:
+def test_one_chain_has_no_limbs():
     with pytest.raises(DataError, match=r"one chain.*Use ukf"):
         cut_into_limbs(oarlock.load_model("pendulum3"))
 
 
-def test_limbs_are_tracked_each_by_itself(
-    sculler: oarlock.Model, rowed: tuple[oarlock.Track, Recording]
-) -> None:
+def test_limbs_are_tracked_each_by_itself(sculler, rowed):
     truth, recording = rowed
     track = oarlock.track_limbs(sculler, recording)
     shared = by_name(cut_into_limbs(sculler))[SHARED].model
@@ -110,9 +103,7 @@ def test_limbs_are_tracked_each_by_itself(
     assert (across == 0.0).all()
 
 
-def test_limbs_at_different_rates_and_with_gaps_make_one_track(
-    sculler: oarlock.Model, rowed: tuple[oarlock.Track, Recording]
-) -> None:
+def test_limbs_at_different_rates_and_with_gaps_make_one_track(sculler, rowed):
     truth, recording = rowed
     right = [name for name in recording.names if name.startswith("r_")]
     slow = {s.name: s for s in at_rate(recording.only(right), 50.0)}
@@ -124,9 +115,7 @@ def test_limbs_at_different_rates_and_with_gaps_make_one_track(
     assert scores["l_elbow_flexion"].rmse < np.radians(0.2)
 
 
-def test_a_limb_without_any_stream_is_named(
-    sculler: oarlock.Model, rowed: tuple[oarlock.Track, Recording]
-) -> None:
+def test_a_limb_without_any_stream_is_named(sculler, rowed):
     only_right = rowed[1].only(["r_upperarm", "r_forearm"])
     with pytest.raises(DataError, match=r'limb "shared".*back'):
         oarlock.track_limbs(sculler, only_right, config=Config(closures=False))

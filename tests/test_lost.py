@@ -1,7 +1,5 @@
 """A track that its sensors contradict is reset, and a note reports the reset."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

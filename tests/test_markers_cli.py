@@ -1,39 +1,31 @@
 """`oarlock markers` and `oarlock evaluate` with markers, typed as a laboratory would."""
 
 import json
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import oarlock
-from oarlock.cli import app
+from command_line import run
+from test_docs import blocks
 
 EXAMPLE = Path(__file__).parents[1] / "examples/markers"
 TRUE_LENGTHS_M = {"l_ua": 0.298, "l_fa": 0.245}
 LENGTH_M = 1e-3  # 1 mm of noise in some 200 frames of a dozen markers
 
 
-def ran(*arguments: object, status: int = 0) -> str:
-    done = CliRunner().invoke(app, [str(argument) for argument in arguments])
-    assert done.exit_code == status, done.output
-    return done.output
-
-
 def test_show_tells_what_is_in_a_file():
-    text = ran("markers", "show", EXAMPLE / "reach.trc")
+    text = run("markers", "show", EXAMPLE / "reach.trc").output
     assert "3 filled, 1 left" in text
     assert "longer than 0.2 s" in text
-    found = json.loads(ran("markers", "show", EXAMPLE / "reach.trc", "--json"))
+    found = json.loads(run("markers", "show", EXAMPLE / "reach.trc", "--json").output)
     assert found["markers"] == 12
     assert [gap["marker"] for gap in found["gaps"] if not gap["filled"]] == ["FA3"]
 
 
 def console_of_the_page() -> list[list[str]]:
-    text = (EXAMPLE.parents[1] / "docs/markers.md").read_text(encoding="utf-8")
-    block = re.findall(r"^```console\n(.*?)^```$", text, re.M | re.S)[0]
+    block = blocks(EXAMPLE.parents[1] / "docs/markers.md", "console")[0]
     return [line.split()[1:] for line in block.splitlines() if line.startswith("oarlock ")]
 
 
@@ -41,22 +33,24 @@ def test_a_session_becomes_a_study_that_is_tracked_and_scored(tmp_path, monkeypa
     (tmp_path / "examples").symlink_to(EXAMPLE.parent)
     monkeypatch.chdir(tmp_path)
     show, simulate, track, truth, markers = console_of_the_page()
-    assert "longer than 0.2 s" in ran(*show)
-    document = json.loads(ran(*simulate, "--json"))
+    assert "longer than 0.2 s" in run(*show).output
+    document = json.loads(run(*simulate, "--json").output)
     for name, length in TRUE_LENGTHS_M.items():
         assert abs(document["body"]["parameters"][name] - length) < LENGTH_M
     assert sum(not gap["filled"] for gap in document["gaps"]) == 1
     assert max(document["rmse_m"].values()) < 2e-3
-    assert Path("study/gaps.csv").read_text().count("\n") == 1 + len(document["gaps"])
+    assert Path("study/gaps.csv").read_text(encoding="utf-8").count("\n") == 1 + len(document["gaps"])
     assert oarlock.load_recording("study").names == ("upperarm", "forearm", "hand")
     page = Path("study/report.html").read_text(encoding="utf-8")
     assert all(name in page for name in ("FA3", "longer than 0.2 s", "shoulder_<wbr>abduction"))
-    ran(*track)
-    assert json.loads(ran(*truth, "--json"))["mean_rmse_deg"] < 0.2
-    points = json.loads(ran(*markers, "--json"))
+    run(*track)
+    assert json.loads(run(*truth, "--json").output)["mean_rmse_deg"] < 0.2
+    points = json.loads(run(*markers, "--json").output)
     assert abs(points["clock_offset_s"]) < 0.01
     assert points["mean_rmse_3d_m"] < 4e-3, "1.7 mm of it are the noise of the markers"
-    text = ran("evaluate", "out", "study/markers.trc", "--frames", "HA1=hand,FA2=wrist", "--clock", "same")
+    text = run(
+        "evaluate", "out", "study/markers.trc", "--frames", "HA1=hand,FA2=wrist", "--clock", "same"
+    ).output
     assert "axes of root" in text
     assert "HA1" in text
 
@@ -66,22 +60,12 @@ def test_attach_places_markers_by_a_static_trial(tmp_path):
     rest = model.forward_kinematics(np.zeros(7))[model.frame_names.index("wrist")]
     place = rest[:3, :3] @ [0.0, 0.05, 0.02] + rest[:3, 3]
     oarlock.Markers(("WRA",), [0.0, 0.1], np.tile(place, (2, 1, 1))).save(tmp_path / "static.csv")
-    ran(
-        "markers",
-        "attach",
-        tmp_path / "static.csv",
-        "--model",
-        "arm7",
-        "--on",
-        "WRA=wrist",
-        "--out",
-        tmp_path / "p.toml",
-    )
+    command = ("markers", "attach", tmp_path / "static.csv", "--model", "arm7", "--on", "WRA=wrist", "--out")
+    run(*command, tmp_path / "p.toml")
     np.testing.assert_allclose(
         oarlock.load_attachments(tmp_path / "p.toml")[0].point_m, [0.0, 0.05, 0.02], atol=1e-12
     )
-    again = ("markers", "attach", tmp_path / "static.csv", "--model", "arm7", "--on", "WRA=wrist", "--out")
-    assert "exists" in ran(*again, tmp_path / "p.toml", status=2)
+    assert "exists" in run(*command, tmp_path / "p.toml", status=2).output
 
 
 @pytest.mark.parametrize(
@@ -93,10 +77,10 @@ def test_attach_places_markers_by_a_static_trial(tmp_path):
     ],
 )
 def test_mistakes_are_told(arguments, status, said):
-    assert said in ran(*arguments, status=status)
+    assert said in run(*arguments, status=status).output
 
 
-def test_the_example_is_what_its_maker_makes(tmp_path, monkeypatch):
+def test_the_example_is_what_its_maker_makes(tmp_path):
     import runpy
     import shutil
 

@@ -10,6 +10,7 @@ from oarlock import Attachment, DataError, Markers, fill_gaps, inverse_kinematic
 from oarlock.evaluation.markers.point_tree import PointTree
 from oarlock.model.rotation import quat_from_rotvec, rotvec_between
 from oarlock.model.shipped_files import model_names
+from refusals import assert_refused
 
 EXACT_RAD = 1e-9  # rounding of positions of a metre, over levers of 5 cm
 DIFFERENCE = 1e-8  # central differences of 1e-6
@@ -159,10 +160,8 @@ def test_a_joint_lost_for_long_is_refused_by_name_and_a_short_loss_is_bridged():
     assert any(note.startswith("hand_flexion: not determined in 15 of 200 frames") for note in short.notes)
     np.testing.assert_allclose(np.degrees(short.motion().at(time_s) - q), 0.0, atol=0.2)
     long = inverse_kinematics(model, without_hand(80, 140), attachments)
-    with pytest.raises(DataError, match=r"hand_abduction is not determined from 0\.800 to 1\.390 s"):
-        long.motion()
-    with pytest.raises(DataError, match="at an end"):
-        inverse_kinematics(model, without_hand(180, 200), attachments).motion()
+    assert_refused(long.motion, "hand_abduction is not determined from 0.800 to 1.390 s")
+    assert_refused(inverse_kinematics(model, without_hand(180, 200), attachments).motion, "at an end")
 
 
 def test_a_heavier_marker_counts_for_less():
@@ -214,8 +213,7 @@ def test_wrong_names_are_refused():
     model, markers = oarlock.load_model("arm7"), Markers(("LELB",), [0.0], np.zeros((1, 1, 3)))
     with pytest.raises(DataError, match="none of the attached markers"):
         inverse_kinematics(model, markers, {"RELB": "elbow"})
-    with pytest.raises(DataError, match='no frame "ellbow"'):
-        inverse_kinematics(model, markers, {"LELB": "ellbow"})
+    assert_refused(lambda: inverse_kinematics(model, markers, {"LELB": "ellbow"}), 'no frame "ellbow"')
     with pytest.raises(DataError, match="attached 2 times"):
         inverse_kinematics(model, markers, [Attachment("a", "hand", np.zeros(3))] * 2)
 

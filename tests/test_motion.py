@@ -1,7 +1,5 @@
 """Motions of ball and free joints: through every knot, smooth everywhere, and their rates in the child's axes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -159,18 +157,8 @@ def test_a_ball_joint_needs_all_its_coordinates():
 
 
 def test_coordinates_belong_to_joints():
-    names = (
-        "trunk",
-        "pelvis.x",
-        "pelvis.y",
-        "pelvis.z",
-        "pelvis.rx",
-        "pelvis.ry",
-        "pelvis.rz",
-        "a.rz",
-        "a.rx",
-        "a.ry",
-    )
+    pelvis = [f"pelvis.{label}" for label in ("x", "y", "z", "rx", "ry", "rz")]
+    names = ("trunk", *pelvis, "a.rz", "a.rx", "a.ry")
     assert joint_columns(names) == {"trunk": (0,), "pelvis": (1, 2, 3, 4, 5, 6), "a": (8, 9, 7)}
     assert [(p.name, p.kind) for p in parts(names)] == [
         ("trunk", "scalar"),

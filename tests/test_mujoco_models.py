@@ -1,17 +1,14 @@
 """An independent simulator: MuJoCo, built from what a model file describes, feels what Oarlock's simulator feels."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 import oarlock
+from exact_recording import Floats
 from mujoco_body import MujocoBody, recorded
 from oarlock.rowing import sculling
-
-Floats = NDArray[np.float64]
+from random_tree import waves
 
 STEP_S = 2e-3
 """Spacing of the nine poses that the simulator differentiates."""
@@ -25,15 +22,6 @@ ROUNDING = 4.0 * np.finfo(float).eps
 NEVER_MORE = (1e-9, 1e-6)
 """rad/s and m/s2: what `test_simulate` grants between the simulator and the engine's own readings."""
 MODELS = ("sculler", "sculler_ball", "arm7", "pendulum3", "diodem_arm", "qmt_full_body")
-
-
-def waves(model: oarlock.Model, seed: int = 0) -> oarlock.Motion:
-    """Three seconds of sines on every coordinate and on the root's acceleration."""
-    random, time_s = np.random.default_rng(seed), np.linspace(0.0, 3.0, 601)
-    n = len(model.coordinate_names)
-    speed, phase = random.uniform(1.0, 6.0, n + 3), random.uniform(0.0, 6.0, n + 3)
-    wave = np.sin(time_s[:, None] * speed + phase) * random.uniform(0.1, 0.6, n + 3)
-    return oarlock.Motion(tuple(model.coordinate_names), time_s, wave[:, :n], 5 * wave[:, n:])
 
 
 def of_a_kink(weights: Floats) -> float:

@@ -1,17 +1,13 @@
 """Random trees: poses and inertial signals agree with two independent rigid-body libraries."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from random_tree import GRAVITY_M_S2, RootMotion, Tree, load_tree, random_tree
+from random_tree import GRAVITY_M_S2, Floats, RootMotion, Tree, load_tree, random_tree
 
-Floats = NDArray[np.float64]
 SEEDS = range(12)
 POSTURES = 5
 AGREES = 1e-9  # readings up to about 1e3 and a dozen links: rounding stays near 1e-12

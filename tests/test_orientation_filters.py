@@ -1,22 +1,17 @@
 """Filters on single units: right axes and signs on signals without noise, gaps, and what they cannot do."""
 
-from __future__ import annotations
-
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import oarlock
+from exact_recording import Floats
 from oarlock import DataError, ImuStream, Motion, Recording
 from oarlock.evaluation.comparison.orientation_track import ORIENTATION_FILTERS, root_from_north_west_up
 from oarlock.evaluation.comparison.single_units import orientations, stretches
 from oarlock.model.rotation import matrix_from_quat, rotvec_between
-
-Floats = NDArray[np.float64]
 
 FILTERS = tuple(ORIENTATION_FILTERS)
 PACKAGE = {"vqf": "vqf", "madgwick": "ahrs", "quaternion_ekf": "ahrs", "quest_ekf": "ahrs"}
@@ -57,7 +52,7 @@ def error_deg(turn: Rotation, quats: Floats) -> Floats:
 
 
 @pytest.mark.parametrize("name", FILTERS)
-def test_an_orientation_is_found_without_noise(name: str) -> None:
+def test_an_orientation_is_found_without_noise(name):
     needs(name)
     turn, stream = turning_unit()
     found = [(s, ORIENTATION_FILTERS[name](s, DIP_RAD)) for s in stretches(stream, 0.01)]
@@ -67,7 +62,7 @@ def test_an_orientation_is_found_without_noise(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", FILTERS)
-def test_gaps_are_left_and_bridged(name: str) -> None:
+def test_gaps_are_left_and_bridged(name):
     """A silent magnetometer, one lost sample, and half a second without a gyroscope."""
     needs(name)
     turn, stream = turning_unit()
@@ -91,7 +86,7 @@ def test_gaps_are_left_and_bridged(name: str) -> None:
     assert error[time_s > 19.5].max() < 2 * CLEAN_DEG[name]
 
 
-def test_north_lies_where_the_model_has_it() -> None:
+def test_north_lies_where_the_model_has_it():
     """Against the field that the engine predicts for a unit."""
     for name in ("sculler", "pendulum3", "arm7"):
         model = oarlock.load_model(name)
@@ -130,9 +125,7 @@ def slow() -> tuple[oarlock.Model, oarlock.Track, Recording]:
 
 
 @pytest.mark.parametrize("name", FILTERS)
-def test_joint_angles_of_a_slow_motion(
-    name: str, slow: tuple[oarlock.Model, oarlock.Track, Recording]
-) -> None:
+def test_joint_angles_of_a_slow_motion(name, slow):
     needs(name)
     model, truth, recording = slow
     track = oarlock.track_orientations(model, recording, name)
@@ -145,9 +138,7 @@ def test_joint_angles_of_a_slow_motion(
     assert any("no standard deviations are estimated" in note for note in track.notes)
 
 
-def test_the_track_comes_back_from_its_folder_and_can_be_reported(
-    slow: tuple[oarlock.Model, oarlock.Track, Recording], tmp_path: Path
-) -> None:
+def test_the_track_comes_back_from_its_folder_and_can_be_reported(slow, tmp_path):
     from oarlock.report import write_report
 
     model, truth, recording = slow
@@ -160,9 +151,7 @@ def test_the_track_comes_back_from_its_folder_and_can_be_reported(
     assert write_report(again, tmp_path / "report.html", truth=truth).stat().st_size > 10_000
 
 
-def test_mounts_and_magnetic_offsets_of_a_calibration_are_used(
-    slow: tuple[oarlock.Model, oarlock.Track, Recording],
-) -> None:
+def test_mounts_and_magnetic_offsets_of_a_calibration_are_used(slow):
     model, _, recording = slow
     sensor = next(s for s in model.describe()["sensors"] if s["name"] == "r_forearm")
     askew = Rotation.from_rotvec([0.3, -0.2, 0.1])
@@ -185,9 +174,7 @@ def test_mounts_and_magnetic_offsets_of_a_calibration_are_used(
     assert np.nanmax(np.abs(track["r_elbow_rotation"].angle_rad - plain["r_elbow_rotation"].angle_rad)) < 1e-6
 
 
-def test_a_unit_without_compass_is_left_out_and_told(
-    slow: tuple[oarlock.Model, oarlock.Track, Recording],
-) -> None:
+def test_a_unit_without_compass_is_left_out_and_told(slow):
     model, _, recording = slow
     bare = recording["l_forearm"]
     blind = ImuStream("l_forearm", bare.time_s, gyro_rad_s=bare.gyro_rad_s, accel_m_s2=bare.accel_m_s2)
@@ -198,7 +185,7 @@ def test_a_unit_without_compass_is_left_out_and_told(
     assert any("l_forearm" in note and "magnetometer" in note for note in track.notes)
 
 
-def test_without_any_compass_it_is_refused(slow: tuple[oarlock.Model, oarlock.Track, Recording]) -> None:
+def test_without_any_compass_it_is_refused(slow):
     model, _, recording = slow
     blind = [
         ImuStream(s.name, s.time_s, gyro_rad_s=s.gyro_rad_s, accel_m_s2=s.accel_m_s2)
@@ -210,21 +197,14 @@ def test_without_any_compass_it_is_refused(slow: tuple[oarlock.Model, oarlock.Tr
 
 
 @pytest.mark.parametrize(("name", "package"), PACKAGE.items())
-def test_a_missing_package_is_named_with_its_extra(
-    name: str,
-    package: str,
-    slow: tuple[oarlock.Model, oarlock.Track, Recording],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_missing_package_is_named_with_its_extra(name, package, slow, monkeypatch):
     model, _, recording = slow
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(DataError, match=rf"{package}: pip install 'oarlock\[compare\]'"):
         oarlock.track_orientations(model, recording.slice(0.0, 1.0), name)
 
 
-def test_an_unknown_filter_names_the_nearest(
-    slow: tuple[oarlock.Model, oarlock.Track, Recording],
-) -> None:
+def test_an_unknown_filter_names_the_nearest(slow):
     model, _, recording = slow
     with pytest.raises(DataError, match="madgwick"):
         oarlock.track_orientations(model, recording, "madgwik")

@@ -1,7 +1,5 @@
 """The drawn pose: what stands where, in a terminal and in SVG."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np

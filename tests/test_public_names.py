@@ -1,6 +1,5 @@
 """The public names: all of them resolve, and importing the package loads no library that is not yet needed."""
 
-import pickle
 import subprocess
 import sys
 
@@ -41,8 +40,3 @@ def test_a_star_import_brings_every_name():
     found: dict[str, object] = {}
     exec("from oarlock import *", found)
     assert set(oarlock.__all__) <= set(found)
-
-
-def test_a_config_travels_between_processes():
-    config = oarlock.Config(alpha=0.5)
-    assert pickle.loads(pickle.dumps(config)) == config

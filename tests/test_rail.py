@@ -1,7 +1,5 @@
 """A seat's rail that slopes: what it does to the body, what it costs when nobody knows, and that tracking finds it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -14,6 +14,7 @@ from oarlock.recording.streams import ImuStream, ScalarStream, VectorStream
 from oarlock.rowing.simulation.experiment import simulate_sculling
 from oarlock.storage.array_gate import real_array
 from oarlock.storage.errors import DataError
+from refusals import assert_refused
 
 TIME_S = np.arange(5) / 100.0
 ROWS = np.arange(15.0).reshape(5, 3)
@@ -21,12 +22,6 @@ ROWS = np.arange(15.0).reshape(5, 3)
 
 def imu(name="back", **fields):
     return ImuStream(name, TIME_S, **(fields or {"gyro_rad_s": ROWS}))
-
-
-def refused(make):
-    with pytest.raises(DataError) as caught:
-        make()
-    return str(caught.value)
 
 
 # --- the gate ---------------------------------------------------------------------------------------------
@@ -99,9 +94,7 @@ def test_masked_entries_are_missing():
     ],
 )
 def test_gate_names_stream_and_field(values, words):
-    text = refused(lambda: imu(accel_m_s2=values))
-    for word in ['stream "back", accel_m_s2', *words]:
-        assert word in text
+    assert_refused(lambda: imu(accel_m_s2=values), 'stream "back", accel_m_s2', *words)
 
 
 # --- streams ----------------------------------------------------------------------------------------------
@@ -118,16 +111,12 @@ def test_gate_names_stream_and_field(values, words):
     ],
 )
 def test_bad_stamps(time_s, words):
-    text = refused(lambda: ImuStream("back", np.array(time_s), gyro_rad_s=ROWS))
-    for word in ['stream "back"', *words]:
-        assert word in text
+    assert_refused(lambda: ImuStream("back", np.array(time_s), gyro_rad_s=ROWS), 'stream "back"', *words)
 
 
 def test_rows_of_other_length_name_both():
-    text = refused(lambda: imu(gyro_rad_s=ROWS, mag_ut=ROWS[:4]))
-    assert 'stream "back", mag_ut' in text
-    assert "4 rows" in text
-    assert "time_s has 5" in text
+    short = ('stream "back", mag_ut', "4 rows", "time_s has 5")
+    assert_refused(lambda: imu(gyro_rad_s=ROWS, mag_ut=ROWS[:4]), *short)
 
 
 def test_nan_is_missing_and_infinity_is_refused():
@@ -135,22 +124,21 @@ def test_nan_is_missing_and_infinity_is_refused():
     rows[2, 1] = np.nan
     assert imu(gyro_rad_s=rows).missing_share == pytest.approx(1 / 15)
     rows[3, 2] = -np.inf
-    text = refused(lambda: imu(gyro_rad_s=rows))
-    assert "gyro_rad_s[3, 2] is -inf at 0.03 s" in text
+    assert_refused(lambda: imu(gyro_rad_s=rows), "gyro_rad_s[3, 2] is -inf at 0.03 s")
 
 
 def test_imu_without_quantity():
-    assert "no gyro_rad_s, accel_m_s2 or mag_ut" in refused(lambda: ImuStream("back", TIME_S))
+    assert_refused(lambda: ImuStream("back", TIME_S), "no gyro_rad_s, accel_m_s2 or mag_ut")
 
 
 def test_stream_name_must_be_text():
-    assert "name" in refused(lambda: imu(name=" "))
-    assert "7" in refused(lambda: imu(name=7))
+    assert_refused(lambda: imu(name=" "), "name")
+    assert_refused(lambda: imu(name=7), "7")
 
 
 def test_scalar_unit():
     assert ScalarStream("seat", TIME_S, ROWS[:, 0], unit="m").unit == "m"
-    assert '"deg"' in refused(lambda: ScalarStream("oar", TIME_S, ROWS[:, 0], unit="deg")).replace("'", '"')
+    assert_refused(lambda: ScalarStream("oar", TIME_S, ROWS[:, 0], unit="deg"), "unit is 'deg'")
 
 
 def test_rate_is_that_of_the_median_step():
@@ -174,15 +162,14 @@ def test_recording_finds_streams_by_name():
     assert recording.names == ("back", "seat", "wrist")
     assert recording["seat"] is recording.sensor("seat") is recording.streams[1]
     assert "back" in recording and "bow" not in recording
-    assert 'no stream "baak"' in refused(lambda: recording["baak"])
-    assert 'Did you mean "back"?' in refused(lambda: recording["baak"])
+    assert_refused(lambda: recording["baak"], 'no stream "baak"', 'Did you mean "back"?')
     assert (recording.start_s, recording.end_s) == (0.0, pytest.approx(0.06))
 
 
 def test_recording_needs_streams_of_different_names():
-    assert "empty" in refused(lambda: Recording([]))
-    assert 'two streams have the name "back"' in refused(lambda: Recording([imu(), imu()]))
-    assert "streams[0] is a ndarray" in refused(lambda: Recording([ROWS]))
+    assert_refused(lambda: Recording([]), "empty")
+    assert_refused(lambda: Recording([imu(), imu()]), 'two streams have the name "back"')
+    assert_refused(lambda: Recording([ROWS]), "streams[0] is a ndarray")
 
 
 def test_recording_does_not_change():
@@ -211,7 +198,7 @@ def test_slices_share_no_sample_and_lose_none():
     joined = np.concatenate([before["back"].gyro_rad_s, after["back"].gyro_rad_s])
     np.testing.assert_array_equal(joined, ROWS)
     assert after.meta == recording.meta
-    assert "0 to 0.06 s" in refused(lambda: recording.slice(1.0, 2.0))
+    assert_refused(lambda: recording.slice(1.0, 2.0), "0 to 0.06 s")
 
 
 def test_repr_tells_what_is_there():
@@ -255,10 +242,8 @@ def test_the_compiled_gate_holds_exactly_or_refuses_as_the_other_does():
     poses = model.forward_kinematics(np.ma.array([0.1, 9.0, 0.2], mask=[False, True, False]))
     assert np.isnan(poses[-1, :3, :3]).any()
     np.testing.assert_array_equal(poses[1], model.forward_kinematics([0.1, 0.0, 0.2])[1])
-    with pytest.raises(DataError, match="9007199254740993"):
-        model.forward_kinematics(np.array([0, 1, 2**53 + 1]))
-    with pytest.raises(DataError, match="bool"):
-        model.forward_kinematics(np.array([True, False, True]))
+    assert_refused(lambda: model.forward_kinematics(np.array([0, 1, 2**53 + 1])), "9007199254740993")
+    assert_refused(lambda: model.forward_kinematics(np.array([True, False, True])), "bool")
 
 
 @pytest.mark.parametrize("time_s", [10**400, b"", [1.0, 2.0], "soon"])

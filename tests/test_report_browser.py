@@ -1,7 +1,5 @@
 """A rower's report in headless Chromium, without a network: nothing complains, tables sort, figure and curves agree."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path

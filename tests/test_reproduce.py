@@ -1,7 +1,5 @@
 """The paper, run again: printed cells are the paper's, ours are measured, bounds hold on seeds of no one's choice."""
 
-from __future__ import annotations
-
 import json
 import math
 import re
@@ -10,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pyarrow import parquet
-from typer.testing import CliRunner
 
 import oarlock
-from oarlock.cli import app
+from command_line import run
 from oarlock.evaluation.study.rows import write_rows
 from oarlock.evaluation.study.told import told_model
 from oarlock.lab.reproduce.chains import Size, built
@@ -220,16 +217,15 @@ def test_generated_models_have_their_size_and_can_be_tracked(size):
 def test_the_verb_writes_a_page_and_tables(tmp_path):
     out = tmp_path / "fig3"
     command = ["reproduce", "fig3", "--seed", str(UNSEEN), "--duration-s", "5", "--out", str(out), "--json"]
-    ran = CliRunner().invoke(app, command)
-    assert ran.exit_code == 0, ran.output
+    ran = run(*command)
     assert json.loads(ran.stdout)["fig3"]["notes"]
     assert (out / "report.html").exists() and (out / "run.toml").exists()
     table = parquet.read_table(out / "fig3.parquet")
     assert table.num_rows > 500 and "trunk_true_rad" in table.column_names
-    assert CliRunner().invoke(app, command).exit_code == 0, "a folder of its own is written again"
-    other = CliRunner().invoke(app, ["reproduce", "fig3", "--out", str(tmp_path)])
-    assert other.exit_code == 2 and "contains other files" in other.output
-    assert CliRunner().invoke(app, ["reproduce", "table7", "--out", str(out)]).exit_code == 2
+    run(*command)
+    other = run("reproduce", "fig3", "--out", str(tmp_path), status=2)
+    assert "contains other files" in other.output
+    run("reproduce", "table7", "--out", str(out), status=2)
 
 
 def test_unknown_parts_are_refused():
@@ -268,5 +264,5 @@ def test_targets_hold_on_a_seed_that_nobody_has_seen():
 
 
 def test_docs_name_what_there_is():
-    page = (Path(__file__).parents[1] / "docs/reproduce.md").read_text()
+    page = (Path(__file__).parents[1] / "docs/reproduce.md").read_text(encoding="utf-8")
     assert all(f"`{part}`" in page for part in PARTS)

@@ -1,7 +1,5 @@
 """Rotations and their named angles against scipy, identities and what each promises at its poles."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 import oarlock
-from exact_recording import load_excerpt
-from exact_recording import sculler as exact_sculler
+from exact_recording import UNITS, load_excerpt
 from oarlock import rowing
 
-UNITS = ("back", "r_upperarm", "r_forearm", "l_upperarm", "l_forearm")
 ANGLES = (1, 2, 3, 4, 5, 6, 9, 10, 11, 12, 13)
 SILENT_FROM_S = 4.0
 DURATION_S = 10.0
@@ -16,11 +14,6 @@ DURATION_S = 10.0
 RECOVERED_DEG = 0.04
 # One second after, with readings of one sample to begin from.
 FOUND_DEG = 0.5
-
-
-@pytest.fixture(scope="module")
-def sculler():
-    return oarlock.load_model("sculler")
 
 
 @pytest.fixture(scope="module")
@@ -59,11 +52,11 @@ def test_posture_is_found_again(sculler, rowed, silent_s, names):
 @pytest.mark.parametrize(
     ("from_s", "silent_s"), [(3.3, 0.5), (3.5, 0.5), (6.2, 0.5), (6.4, 0.5), (6.2, 0.6), (6.6, 0.6)]
 )
-def test_a_posture_of_nobody_is_not_taken(from_s, silent_s):
+def test_a_posture_of_nobody_is_not_taken(sculler, from_s, silent_s):
     """The belief is wide by then; a fit from its mean ends in a mirror image, or far off."""
     exact = load_excerpt()
     recording = without(exact.recording, silent_s, exact.recording.names, from_s)
-    track = oarlock.track(exact_sculler(), recording.slice(from_s - 1.5, from_s + silent_s + 1.5))
+    track = oarlock.track(sculler, recording.slice(from_s - 1.5, from_s + silent_s + 1.5))
     after = track.time_s > from_s + silent_s + 1.0
     assert np.sqrt(np.mean(errors_deg(track, exact.truth)[after] ** 2)) < FOUND_DEG
 

@@ -1,7 +1,5 @@
 """The table of strokes, what its numbers mean, and targets."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

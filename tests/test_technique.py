@@ -1,19 +1,16 @@
 """Numbers of technique against the simulated posture, their bands against draws, and what cannot be had."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import oarlock
-from exact_recording import load_excerpt, read_exact, sculler
+from exact_recording import Floats, excerpt_track, load_excerpt, read_exact, sculler
 from local_data import local_folder
-from oarlock import DataError, Model, Track
+from oarlock import Model, Track
 from oarlock.rowing import (
     FEATURES,
     FieldEffects,
@@ -25,8 +22,7 @@ from oarlock.rowing import (
     technique,
 )
 from oarlock.rowing.simulation.experiment import simulate_ergometer, simulate_sculling, simulate_sweep
-
-Floats = NDArray[np.float64]
+from refusals import assert_refused
 
 SAME_RAD = np.radians(0.1)
 SAME_M = 2e-3
@@ -41,11 +37,9 @@ DRAWS, LIKE_DRAWN = 32, (0.6, 1.6)
 """32 draws tell a standard deviation to 13 %, the worst of fifty to 30 %; the rest is what is not linear."""
 
 
-@cache
 def exact() -> tuple[Track, Track]:
     """A track and its truth, 10 s."""
-    excerpt = load_excerpt()
-    return oarlock.track(sculler(), excerpt.recording), excerpt.truth
+    return excerpt_track(), load_excerpt().truth
 
 
 @cache
@@ -330,13 +324,8 @@ def test_other_boats_give_what_they_can(name):
     found = technique(oarlock.track(model, recording))
     true = technique(truth, found.found)
     assert len(found.strokes) == 4
-    for column in (
-        "catch_lean_rad",
-        "handle_travel_m",
-        "legs_share",
-        "r_arm_plane_rad",
-        "l_finish_elbow_flexion_rad",
-    ):
+    posture = ("catch_lean_rad", "r_arm_plane_rad", "l_finish_elbow_flexion_rad")
+    for column in (*posture, "handle_travel_m", "legs_share"):
         error = np.abs(found.strokes[column] - true.strokes[column])
         assert (error < np.maximum(4.0 * found.strokes.std(column), 1e-3)).all(), column
     word = "one oar" if name == "sweep" else "no oars"
@@ -359,12 +348,9 @@ def test_a_track_without_strokes_gives_an_empty_table():
 
 def test_what_is_no_rower_is_refused():
     track, _ = exact()
-    with pytest.raises(DataError, match="load the model file again"):
-        technique(replace(track, model=None))
-    with pytest.raises(DataError, match="no frame"):
-        technique(replace(track, model=oarlock.load_model("pendulum3")))
-    with pytest.raises(DataError, match="sculling_women"):
-        technique(track, find_strokes(track), "nothing")
+    assert_refused(lambda: technique(replace(track, model=None)), "load the model file again")
+    assert_refused(lambda: technique(replace(track, model=oarlock.load_model("pendulum3"))), "no frame")
+    assert_refused(lambda: technique(track, find_strokes(track), "nothing"), "sculling_women")
 
 
 def test_what_a_filtered_track_says_of_its_first_seconds_counts_in_no_average():

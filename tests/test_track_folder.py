@@ -1,7 +1,5 @@
 """A track comes back from its folder as it was saved, to the last bit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Ten minutes with the back's unit and the seat alone: the arms are said to be unobserved and harm nothing."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from pathlib import Path

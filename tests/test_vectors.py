@@ -1,7 +1,5 @@
 """The shipped scullers agree with reference vectors of an independent implementation, through the public API."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from pathlib import Path
@@ -96,30 +94,18 @@ def test_poses_of_one_posture_and_of_many_agree():
     assert np.array_equal(alone.reshape(2, 5, 26, 4, 4), model.forward_kinematics(q.reshape(2, 5, 22)))
 
 
-def test_inertial_signals_on_a_root_that_moves(tmp_path):
+@pytest.mark.parametrize("rests", [False, True])
+def test_inertial_signals(rests, tmp_path):
+    """A root at rest needs no base."""
     given = vectors("imu")
     model = model_with_sensors(given["sensors"], given["params"], tmp_path)
-    base = oarlock.Base(
-        rotation=np.array(given["base_R_world_from_root"]),
-        angular_velocity_rad_s=np.array(given["base_omega"]),
-        angular_acceleration_rad_s2=np.array(given["base_omegadot"]),
-        acceleration_m_s2=np.array(given["base_acc"]),
-    )
-    q, qd, qdd = (np.array(given[key]) for key in ("q", "qd", "qdd"))
-    z = model.predict_measurements(q, qd, qdd, base)[:, : 9 * len(given["sensors"])]
-    expected = np.array(given["out_gyro_acc_mag"]).reshape(len(q), -1)
-    np.testing.assert_allclose(z, expected, rtol=0, atol=SIGNAL)
-
-
-def test_inertial_signals_on_a_root_at_rest_need_no_base(tmp_path):
-    given = vectors("imu")
-    model = model_with_sensors(given["sensors"], given["params"], tmp_path)
-    still = slice(0, 5)
-    assert not np.any(np.array(given["base_acc"])[still])
-    q, qd, qdd = (np.array(given[key])[still] for key in ("q", "qd", "qdd"))
-    z = model.predict_measurements(q, qd, qdd)[:, : 9 * len(given["sensors"])]
-    expected = np.array(given["out_gyro_acc_mag"])[still].reshape(5, -1)
-    np.testing.assert_allclose(z, expected, rtol=0, atol=SIGNAL)
+    names = ("base_R_world_from_root", "base_omega", "base_omegadot", "base_acc")
+    base = None if rests else oarlock.Base(*(np.array(given[name]) for name in names))
+    rows = slice(0, 5) if rests else slice(None)
+    assert np.any(np.array(given["base_acc"])[rows]) != rests
+    z = model.predict_measurements(*(np.array(given[key])[rows] for key in ("q", "qd", "qdd")), base)
+    expected = np.array(given["out_gyro_acc_mag"])[rows].reshape(len(z), -1)
+    np.testing.assert_allclose(z[:, : 9 * len(given["sensors"])], expected, rtol=0, atol=SIGNAL)
 
 
 def test_closure_residuals():

@@ -1,7 +1,5 @@
 """The player in headless Chromium: figure, slider and curves show one time, and nothing complains."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -56,30 +54,30 @@ def opened(browser: Any) -> Iterator[Opened]:
         yield open_player
 
 
+def swung(size_rad: float, rates: tuple[float, float], seed: int) -> oarlock.Track:
+    """An arm that swings for six seconds; each joint is faster than the one before."""
+    model = oarlock.load_model("arm7")
+    time_s = np.linspace(0.0, 6.0, 601)
+    swing = [size_rad * np.sin((rates[0] + rates[1] * k) * time_s) for k in range(len(model.joint_names))]
+    motion = Motion(tuple(model.joint_names), time_s, np.stack(swing, axis=1))
+    return oarlock.track(model, oarlock.simulate(model, motion, seed=seed)[1])
+
+
 @pytest.fixture(scope="module")
 def arm() -> oarlock.Track:
-    model = oarlock.load_model("arm7")
-    time_s = np.linspace(0.0, 6.0, 601)
-    swing = np.stack([0.4 * np.sin((1.0 + 0.3 * k) * time_s) for k in range(len(model.joint_names))], axis=1)
-    recording = oarlock.simulate(model, Motion(tuple(model.joint_names), time_s, swing), seed=0)[1]
-    return oarlock.smooth(oarlock.track(model, recording))
+    return oarlock.smooth(swung(0.4, (1.0, 0.3), 0))
 
 
 @pytest.fixture(scope="module")
-def arm_page(arm: oarlock.Track, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def slow() -> oarlock.Track:
+    return swung(0.3, (0.8, 0.2), 5)
+
+
+@pytest.fixture(scope="module")
+def arm_page(arm: oarlock.Track, slow: oarlock.Track, tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("arm") / "arm.html"
-    later = arm.time_s[arm.time_s <= 5.0]
-    slow = oarlock.track(*_slower())
-    assert len(later) and len(slow)
     file.write_text(page(scene(arm, marks=SPANS, ghost=slow), "arm"), encoding="utf-8")
     return file
-
-
-def _slower() -> tuple[oarlock.Model, oarlock.Recording]:
-    model = oarlock.load_model("arm7")
-    time_s = np.linspace(0.0, 6.0, 601)
-    swing = np.stack([0.3 * np.sin((0.8 + 0.2 * k) * time_s) for k in range(len(model.joint_names))], axis=1)
-    return model, oarlock.simulate(model, Motion(tuple(model.joint_names), time_s, swing), seed=5)[1]
 
 
 @pytest.fixture(scope="module")
@@ -95,19 +93,23 @@ def rower_page(rower: oarlock.Track, tmp_path_factory: pytest.TempPathFactory) -
     return file
 
 
-def player(tab: Any, code: str) -> Any:
-    """What an expression of the first player gives, after the next two frames."""
+def settle(tab: Any) -> None:
+    """Wait for the next two frames."""
     tab.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def player(tab: Any, code: str) -> Any:
+    """What an expression of the first player gives, once settled."""
+    settle(tab)
     return tab.evaluate(f"() => {{ const p = oarlock.players[0]; return ({code}); }}")
 
 
-def expected(track: oarlock.Track, frame: str, time_s: float) -> np.ndarray:
+def assert_there(tab: Any, track: oarlock.Track, frame: str, time_s: float, figure: str = "joint") -> None:
+    """The figure (or the `ghost`) has the frame where the track has it; between samples the page goes straight."""
     places = track.frame_positions(frame)
-    return np.array([np.interp(time_s, track.time_s, places[:, k]) for k in range(3)])
-
-
-def settle(tab: Any) -> None:
-    tab.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    expected = [np.interp(time_s, track.time_s, places[:, k]) for k in range(3)]
+    found = player(tab, f"p.{figure}Position('{frame}')")
+    np.testing.assert_allclose(found, expected, rtol=0, atol=10 * PLACE_M)
 
 
 @pytest.mark.parametrize("size", WIDTHS)
@@ -119,9 +121,7 @@ def test_slider_figure_and_curves_move_together(opened, arm_page, arm, size):
         settle(tab)
         time_s = player(tab, "p.time_s")
         assert time_s == pytest.approx(asked, abs=1e-9)
-        found = player(tab, "p.jointPosition('hand')")
-        # between two shown samples the page goes straight
-        np.testing.assert_allclose(found, expected(arm, "hand", asked), rtol=0, atol=10 * PLACE_M)
+        assert_there(tab, arm, "hand", asked)
         heads = player(tab, "p.headTimes_s")
         assert len(heads) == 4 and heads == pytest.approx([asked] * 4, abs=PIXEL_S)
         assert f"{asked:.2f} s" in slider.get_attribute("aria-valuetext")
@@ -146,9 +146,7 @@ def test_a_click_in_a_curve_moves_the_figure(opened, arm_page, arm):
     time_s = player(tab, "p.time_s")
     assert time_s == pytest.approx(0.7 * 6.0, abs=2 * PIXEL_S)
     assert player(tab, "p.headTimes_s") == pytest.approx([time_s] * 4, abs=PIXEL_S)
-    np.testing.assert_allclose(
-        player(tab, "p.jointPosition('wrist')"), expected(arm, "wrist", time_s), rtol=0, atol=10 * PLACE_M
-    )
+    assert_there(tab, arm, "wrist", time_s)
     assert float(tab.get_by_role("slider", name="Time").input_value()) == pytest.approx(time_s, abs=1e-3)
 
 
@@ -227,9 +225,7 @@ def test_a_ghost_of_another_span_by_phase_and_by_time(opened, arm_page, arm):
     player(tab, "p.seek(1.75)")  # the middle of span one, 0.75 s into it
     by_phase = player(tab, "p.ghost_s")
     assert by_phase == pytest.approx(3.5)
-    np.testing.assert_allclose(
-        player(tab, "p.ghostPosition('hand')"), expected(arm, "hand", 3.5), rtol=0, atol=10 * PLACE_M
-    )
+    assert_there(tab, arm, "hand", 3.5, "ghost")
     tab.get_by_label("aligned by").select_option("time")
     assert player(tab, "p.ghost_s") == pytest.approx(3.25)
     assert player(tab, "p.panels[0].ghosts.size") == 1
@@ -242,16 +238,13 @@ def test_a_ghost_of_another_span_by_phase_and_by_time(opened, arm_page, arm):
     assert player(tab, "p.ghost_s") is None, "outside of all spans there is no ghost"
 
 
-def test_a_ghost_of_another_track(opened, arm_page):
-    slow = oarlock.track(*_slower())
+def test_a_ghost_of_another_track(opened, arm_page, slow):
     tab = opened(arm_page)
     tab.get_by_label("Ghost").select_option("other")
     player(tab, "p.seek(2.0)")
     then = player(tab, "p.ghost_s")
     assert then == pytest.approx(2.0, abs=0.05)
-    np.testing.assert_allclose(
-        player(tab, "p.ghostPosition('hand')"), expected(slow, "hand", then), rtol=0, atol=10 * PLACE_M
-    )
+    assert_there(tab, slow, "hand", then, "ghost")
     assert tab.locator(".op-key.op-ghost").is_visible()
     tab.get_by_label("Ghost").select_option("")
     assert player(tab, "p.ghost_s") is None
@@ -318,7 +311,7 @@ def test_several_players_in_one_page(opened, arm, rower, tmp_path):
     assert tab.evaluate("oarlock.players.map(p => p.time_s > 1)") == [False, True, False]
 
 
-def test_it_prints_as_a_still_picture(opened, rower_page, tmp_path):
+def test_it_prints_as_a_still_picture(opened, rower_page):
     tab = opened(rower_page, color_scheme="dark")
     player(tab, "p.seek(3.0)")
     tab.emulate_media(media="print", color_scheme="light")
@@ -350,9 +343,7 @@ def test_without_webgl_the_figure_is_flat_and_the_page_says_so(driver, arm_page,
     player(tab, "p.seek(3.0)")
     settle(tab)
     assert tab.locator(".op-stage").screenshot() != before
-    np.testing.assert_allclose(
-        player(tab, "p.jointPosition('hand')"), expected(arm, "hand", 3.0), rtol=0, atol=10 * PLACE_M
-    )
+    assert_there(tab, arm, "hand", 3.0)
     tab.get_by_label("Uncertainty").select_option("10")
     tab.get_by_label("Ghost").select_option("other")
     settle(tab)

@@ -1,7 +1,5 @@
 """The committed player is what its source builds, to the bit, and its parts are pinned and licensed."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,19 +1,15 @@
 """`oarlock view`: one file, and a browser if one is asked for."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import oarlock
+from command_line import run
 from oarlock import Motion
-from oarlock.cli import app, view
-
-run = CliRunner().invoke
+from oarlock.cli import view
 
 
 @pytest.fixture(scope="module")
@@ -35,21 +31,20 @@ def browsed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def test_it_writes_beside_the_track_and_opens_it(folder, browsed):
-    done = run(app, ["view", str(folder)])
-    assert done.exit_code == 0, done.output
+    run("view", folder)
     assert browsed == [(folder / "view.html").resolve().as_uri()]
     assert "pendulum3: swing" in (folder / "view.html").read_text(encoding="utf-8")
 
 
 def test_it_opens_nothing_when_told_so(folder, browsed, tmp_path):
     there = tmp_path / "new" / "a.html"
-    assert run(app, ["view", str(folder), "--no-open", "--to", str(there)]).exit_code == 0
+    run("view", folder, "--no-open", "--to", there)
     assert there.stat().st_size > 100_000 and not browsed
 
 
 def test_json_says_what_was_written(folder, browsed, tmp_path):
-    arguments = ["view", str(folder), "--ghost", str(folder), "--start", "1", "--end", "2.5", "--json"]
-    done = run(app, [*arguments, "--to", str(tmp_path / "a.html")])
+    arguments = ["view", folder, "--ghost", folder, "--start", "1", "--end", "2.5", "--json"]
+    done = run(*arguments, "--to", tmp_path / "a.html")
     said = json.loads(done.stdout)
     assert said["shown_s"] == [1.0, 2.5] and said["cut"] is False and not browsed
     assert said["bytes"] == (tmp_path / "a.html").stat().st_size
@@ -57,7 +52,7 @@ def test_json_says_what_was_written(folder, browsed, tmp_path):
 
 def test_a_long_track_is_cut_and_it_is_said(folder, browsed, tmp_path, monkeypatch):
     monkeypatch.setattr(view, "LONGEST_S", 2.0)
-    done = run(app, ["view", str(folder), "--no-open", "--to", str(tmp_path / "a.html")])
+    done = run("view", folder, "--no-open", "--to", tmp_path / "a.html")
     assert "0 to 2 s of a longer track" in done.output
 
 
@@ -71,5 +66,4 @@ def test_a_long_track_is_cut_and_it_is_said(folder, browsed, tmp_path, monkeypat
     ],
 )
 def test_bad_requests_are_refused(folder, browsed, arguments, status, words):
-    done = run(app, ["view", str(folder), "--no-open", *arguments])
-    assert done.exit_code == status and words in done.output
+    assert words in run("view", folder, "--no-open", *arguments, status=status).output

@@ -1,7 +1,5 @@
 """Lengths and mounts that are estimated along the way."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -14,11 +12,6 @@ SWING = np.stack(
     [0.8 * np.sin(2.0 * TIME_S), 0.6 * np.sin(3.1 * TIME_S + 0.4), 0.7 * np.cos(4.3 * TIME_S)], axis=1
 )
 BESIDE = ("gyro_bias", "accel_bias")
-
-
-@pytest.fixture(scope="module")
-def pendulum() -> oarlock.Model:
-    return oarlock.load_model("pendulum3")
 
 
 def recorded(model: oarlock.Model, calibration: oarlock.Calibration | None = None) -> oarlock.Recording:

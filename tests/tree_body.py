@@ -1,7 +1,5 @@
 """Bodies on ball joints and hinges with a unit each, moving in all directions, and how far a calibration is off."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 

@@ -3,7 +3,14 @@
 
 use crate::errors::DataError;
 use numpy::{IxDyn, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use oarlock::rotation::Mat3;
 use pyo3::prelude::*;
+use std::collections::BTreeMap;
+
+/// Any Python object.
+pub type Any<'py> = Bound<'py, PyAny>;
+/// Doubles of any shape.
+pub type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
 /// Doubles in C order, with their shape.
 pub struct Reals {
@@ -15,7 +22,7 @@ pub struct Reals {
 const LARGEST_EXACT_INTEGER: f64 = 9_007_199_254_740_992.0;
 
 /// Reads any real array; `name` is for the error. Masked values become NaN.
-pub fn reals(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Reals> {
+pub fn reals(value: &Any<'_>, name: &str) -> PyResult<Reals> {
     let py = value.py();
     let numpy = py.import("numpy")?;
     let refuse = |what: String| DataError::new_err(format!("{name}: {what}; expected an array of real numbers"));
@@ -40,7 +47,7 @@ pub fn reals(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Reals> {
 }
 
 /// Refuses integers that doubles cannot represent.
-fn check_exact(given: &Bound<'_, PyAny>, values: &[f64], name: &str) -> PyResult<()> {
+fn check_exact(given: &Any<'_>, values: &[f64], name: &str) -> PyResult<()> {
     for (i, value) in values.iter().enumerate().filter(|(_, v)| v.abs() >= LARGEST_EXACT_INTEGER) {
         let number = given.getattr("flat")?.get_item(i)?.call_method0("item")?;
         if !number.eq(value)? {
@@ -53,7 +60,7 @@ fn check_exact(given: &Bound<'_, PyAny>, values: &[f64], name: &str) -> PyResult
 }
 
 /// Reads an array whose last dimensions must be `tail`; returns the number of such items.
-pub fn items(value: &Bound<'_, PyAny>, name: &str, tail: &[usize]) -> PyResult<(Reals, usize)> {
+pub fn items(value: &Any<'_>, name: &str, tail: &[usize]) -> PyResult<(Reals, usize)> {
     let array = reals(value, name)?;
     let lead = array.shape.len().checked_sub(tail.len());
     match lead {
@@ -70,11 +77,40 @@ pub fn items(value: &Bound<'_, PyAny>, name: &str, tail: &[usize]) -> PyResult<(
 }
 
 /// An array whose first axes are `lead` and last ones `tail`.
-pub fn shaped<'py>(
-    py: Python<'py>,
-    values: Vec<f64>,
-    lead: &[usize],
-    tail: &[usize],
-) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+pub fn shaped<'py>(py: Python<'py>, values: Vec<f64>, lead: &[usize], tail: &[usize]) -> PyResult<Array<'py>> {
     PyArray1::from_vec(py, values).reshape(IxDyn(&[lead, tail].concat()))
+}
+
+/// The values of a mapping in the attribute `field`, by name; `read` takes the name too, for errors.
+pub fn by_name<'py, T>(
+    object: &Any<'py>,
+    field: &str,
+    read: impl Fn(&str, &Any<'py>) -> PyResult<T>,
+) -> PyResult<BTreeMap<String, T>> {
+    let one = |item: PyResult<Any<'py>>| {
+        let (name, value): (String, Any<'py>) = item?.extract()?;
+        let value = read(&name, &value)?;
+        Ok((name, value))
+    };
+    object.getattr(field)?.call_method0("items")?.try_iter()?.map(one).collect()
+}
+
+/// Three numbers.
+pub fn three(value: &Any<'_>, name: &str) -> PyResult<[f64; 3]> {
+    let (v, _) = items(value, name, &[3])?;
+    Ok([v.values[0], v.values[1], v.values[2]])
+}
+
+/// One matrix (3, 3).
+pub fn matrix(value: &Any<'_>, name: &str) -> PyResult<Mat3<f64>> {
+    let (nine, _) = items(value, name, &[3, 3])?;
+    if nine.values.len() != 9 {
+        return Err(DataError::new_err(format!("{name}: expected one matrix (3, 3)")));
+    }
+    Ok(matrix_of(&nine.values))
+}
+
+/// A matrix of nine numbers, row-major.
+pub fn matrix_of(v: &[f64]) -> Mat3<f64> {
+    Mat3([0, 3, 6].map(|i| [v[i], v[i + 1], v[i + 2]]))
 }

@@ -1,6 +1,6 @@
 //! Python classes `Belief` (state estimate) and `Info` (report of an update).
 
-use crate::array::items;
+use crate::array::{items, Any};
 use crate::errors::DataError;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use oarlock::estimate::belief::Belief;
@@ -33,12 +33,12 @@ impl PyBelief {
     #[new]
     fn new(
         time_s: f64,
-        mean: &Bound<'_, PyAny>,
-        covariance: &Bound<'_, PyAny>,
-        drive: &Bound<'_, PyAny>,
-        habit: &Bound<'_, PyAny>,
-        seen_s: &Bound<'_, PyAny>,
-        rejected_since_s: &Bound<'_, PyAny>,
+        mean: &Any<'_>,
+        covariance: &Any<'_>,
+        drive: &Any<'_>,
+        habit: &Any<'_>,
+        seen_s: &Any<'_>,
+        rejected_since_s: &Any<'_>,
         state_names: Vec<String>,
         inflation: (f64, f64, f64, f64),
         memory: Vec<[f64; MEMORY]>,
@@ -163,7 +163,7 @@ impl PyBelief {
         self.known.rivals.iter().map(alone).collect()
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Any<'py>, Bound<'py, PyTuple>)> {
         let (py, b) = (slf.py(), slf.get());
         let (drive, habit, seen, since) = (b.drive(py), b.habit(py), b.seen_s(py), b.rejected_since_s(py));
         let (hypothesis, rivals) = (b.hypothesis(), b.rivals());

@@ -1,6 +1,6 @@
 //! Python functions of the calibrations: mounts, lever arms, joints, magnetic field. `oarlock.calibration` calls them.
 
-use crate::array::{items, reals};
+use crate::array::{items, reals, Any};
 use crate::errors::{raise, DataError};
 use oarlock::calibrate::aligned::{aligned_mount, Sight};
 use oarlock::calibrate::hinge_axes::{hinge_axis, AxisOptions};
@@ -13,10 +13,10 @@ use oarlock::calibrate::pose_mounts::{pose_mounts, PoseOptions, PosedUnit};
 use oarlock::calibrate::signals::Signals;
 use oarlock::rotation::Mat3;
 use pyo3::prelude::*;
+use serde::Serialize;
 use serde_json::json;
 
 type Rows = Vec<[f64; 3]>;
-type Told<'py> = PyResult<Bound<'py, PyAny>>;
 
 /// Columns of one unit, owned, so that a search runs without the interpreter's lock.
 struct Unit {
@@ -37,7 +37,7 @@ struct Link {
 
 impl Unit {
     /// From a mapping of name, time_s (T,), gyro_rad_s, accel_m_s2 and mag_ut (T, 3); mag_ut may be None.
-    fn read(entry: &Bound<'_, PyAny>) -> PyResult<Self> {
+    fn read(entry: &Any<'_>) -> PyResult<Self> {
         let name: String = entry.get_item("name")?.extract()?;
         let label = |key: &str| format!("sensor '{name}', {key}");
         let rows = |key: &str| -> PyResult<Rows> {
@@ -59,7 +59,7 @@ impl Unit {
 }
 
 impl Link {
-    fn read(entry: &Bound<'_, PyAny>) -> PyResult<Self> {
+    fn read(entry: &Any<'_>) -> PyResult<Self> {
         Ok(Link {
             unit: Unit::read(entry)?,
             world_from_link: Mat3(entry.get_item("world_from_link")?.extract()?),
@@ -81,13 +81,17 @@ impl Link {
     }
 }
 
-/// Results of the engine for Python: dictionaries by field name, lists; NaN becomes None.
-fn told<'py>(py: Python<'py>, json: serde_json::Result<String>) -> Told<'py> {
-    let json = json.map_err(|e| DataError::new_err(e.to_string()))?;
+/// What a search finds without the interpreter's lock, for Python: dictionaries by field name, lists; NaN becomes None.
+fn found<'py, T: Serialize + Send>(
+    py: Python<'py>,
+    search: impl FnOnce() -> oarlock::Result<T> + Send,
+) -> PyResult<Any<'py>> {
+    let found = py.detach(search).map_err(|e| raise(py, e))?;
+    let json = serde_json::to_string(&found).map_err(|e| DataError::new_err(e.to_string()))?;
     py.import("json")?.call_method1("loads", (json,))
 }
 
-fn units(entries: &[Bound<'_, PyAny>]) -> PyResult<Vec<Unit>> {
+fn units(entries: &[Any<'_>]) -> PyResult<Vec<Unit>> {
     entries.iter().map(Unit::read).collect()
 }
 
@@ -99,74 +103,68 @@ fn units(entries: &[Bound<'_, PyAny>]) -> PyResult<Vec<Unit>> {
 #[pyfunction]
 pub fn find_hinge_chain<'py>(
     py: Python<'py>,
-    sensors: Vec<Bound<'py, PyAny>>,
+    sensors: Vec<Any<'py>>,
     up_in_world: [f64; 3],
     gravity_m_s2: f64,
     still_s: Option<(f64, f64)>,
     first_turn_positive: bool,
-) -> Told<'py> {
+) -> PyResult<Any<'py>> {
     let links = sensors.iter().map(Link::read).collect::<PyResult<Vec<_>>>()?;
     let options = ChainOptions { still_s, first_turn_positive, ..ChainOptions::default() };
     let levers = LeverOptions { gravity_m_s2, ..LeverOptions::default() };
-    let (mounts, arms, field) = py
-        .detach(|| {
-            let chain: Vec<ChainSensor> = links.iter().map(Link::borrow).collect();
-            let found = mounts(&chain, up_in_world, &options)?;
-            let arms = lever_arms(&chain, &found, up_in_world, &levers)?;
-            let field = field_of(&links, &chain, &found)?;
-            Ok((found, arms, field))
-        })
-        .map_err(|e| raise(py, e))?;
-    told(py, serde_json::to_string(&json!({ "mounts": mounts, "lever_arms": arms, "field": field })))
+    found(py, || {
+        let chain: Vec<ChainSensor> = links.iter().map(Link::borrow).collect();
+        let mounts = mounts(&chain, up_in_world, &options)?;
+        let arms = lever_arms(&chain, &mounts, up_in_world, &levers)?;
+        let field = field_of(&links, &chain, &mounts)?;
+        Ok(json!({ "mounts": mounts, "lever_arms": arms, "field": field }))
+    })
 }
 
 /// The joint between the bodies of two units; `expected` is the vector from joint to unit in each one's sensor axes, m.
 #[pyfunction]
 pub fn find_joint_center<'py>(
     py: Python<'py>,
-    first: Bound<'py, PyAny>,
-    second: Bound<'py, PyAny>,
+    first: Any<'py>,
+    second: Any<'py>,
     expected: [[f64; 3]; 2],
     window_s: f64,
     prior_std_m: f64,
-) -> Told<'py> {
+) -> PyResult<Any<'py>> {
     let (first, second) = (Unit::read(&first)?, Unit::read(&second)?);
     let options = CenterOptions { window_s, prior_std_m, ..CenterOptions::default() };
-    let found = py.detach(|| joint_center([&first.signals(), &second.signals()], expected, &options));
-    told(py, serde_json::to_string(&found.map_err(|e| raise(py, e))?))
+    found(py, || joint_center([&first.signals(), &second.signals()], expected, &options))
 }
 
 /// The axis of the hinge between the bodies of two units, in each one's sensor axes.
 #[pyfunction]
-pub fn find_hinge_axis<'py>(
-    py: Python<'py>,
-    first: Bound<'py, PyAny>,
-    second: Bound<'py, PyAny>,
-    window_s: f64,
-) -> Told<'py> {
+pub fn find_hinge_axis<'py>(py: Python<'py>, first: Any<'py>, second: Any<'py>, window_s: f64) -> PyResult<Any<'py>> {
     let (one, two) = (Unit::read(&first)?, Unit::read(&second)?);
     let options = AxisOptions { window_s, ..AxisOptions::default() };
-    let found = py.detach(|| hinge_axis([&one.signals(), &two.signals()], &options)).map_err(|e| raise(py, e))?;
-    told(py, serde_json::to_string(&found))
+    found(py, || hinge_axis([&one.signals(), &two.signals()], &options))
 }
 
 /// The rotation nearest to `nominal` that fits the sights best, each given as (in_sensor, in_link, std_rad).
 #[pyfunction]
-pub fn align_mount<'py>(py: Python<'py>, nominal: [[f64; 3]; 3], sights: Vec<([f64; 3], [f64; 3], f64)>) -> Told<'py> {
+pub fn align_mount<'py>(
+    py: Python<'py>,
+    nominal: [[f64; 3]; 3],
+    sights: Vec<([f64; 3], [f64; 3], f64)>,
+) -> PyResult<Any<'py>> {
     let sight = |&(in_sensor, in_link, std_rad): &([f64; 3], [f64; 3], f64)| Sight { in_sensor, in_link, std_rad };
-    let turned = aligned_mount(&Mat3(nominal), &sights.iter().map(sight).collect::<Vec<_>>());
-    told(py, serde_json::to_string(&turned))
+    let sights: Vec<Sight> = sights.iter().map(sight).collect();
+    found(py, || Ok(aligned_mount(&Mat3(nominal), &sights)))
 }
 
 /// Mounts of units at rest in a known posture: each also has link_from_sensor and world_from_link (3, 3), lists.
 #[pyfunction]
 pub fn find_pose_mounts<'py>(
     py: Python<'py>,
-    sensors: Vec<Bound<'py, PyAny>>,
+    sensors: Vec<Any<'py>>,
     up_in_world: [f64; 3],
     still_s: Option<(f64, f64)>,
     posture_std_rad: f64,
-) -> Told<'py> {
+) -> PyResult<Any<'py>> {
     let owned = units(&sensors)?;
     let rotation = |at: usize, key: &str| PyResult::Ok(Mat3(sensors[at].get_item(key)?.extract()?));
     let posed = |(at, unit)| -> PyResult<PosedUnit> {
@@ -175,18 +173,16 @@ pub fn find_pose_mounts<'py>(
     };
     let posed = owned.iter().enumerate().map(posed).collect::<PyResult<Vec<_>>>()?;
     let options = PoseOptions { still_s, posture_std_rad, ..PoseOptions::default() };
-    let found = py.detach(|| pose_mounts(&posed, up_in_world, &options)).map_err(|e| raise(py, e))?;
-    told(py, serde_json::to_string(&found))
+    found(py, || pose_mounts(&posed, up_in_world, &options))
 }
 
 /// Norm and dip of the magnetic field around units that all have a magnetometer.
 #[pyfunction]
-pub fn find_local_field<'py>(py: Python<'py>, sensors: Vec<Bound<'py, PyAny>>) -> Told<'py> {
+pub fn find_local_field<'py>(py: Python<'py>, sensors: Vec<Any<'py>>) -> PyResult<Any<'py>> {
     let owned = units(&sensors)?;
     let magnetic: Vec<MagneticUnit> =
         owned.iter().filter_map(|unit| Some((unit.signals(), unit.mag_ut.as_deref()?))).collect();
-    let found = py.detach(|| local_field(&magnetic, &FieldOptions::default())).map_err(|e| raise(py, e))?;
-    told(py, serde_json::to_string(&found))
+    found(py, || local_field(&magnetic, &FieldOptions::default()))
 }
 
 /// Readings of the sensors that have a magnetometer.

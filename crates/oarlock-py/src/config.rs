@@ -1,5 +1,6 @@
 //! Python class `Config`: keyword arguments in, attributes out. The defaults are the engine's.
 
+use crate::array::Any;
 use crate::errors::{raise, DataError};
 use oarlock::Config;
 use pyo3::prelude::*;
@@ -7,7 +8,7 @@ use pyo3::types::PyDict;
 use serde_json::{Map, Value};
 
 /// A value as JSON text; arrays become lists, and numbers must be finite.
-fn as_json(value: &Bound<'_, PyAny>) -> PyResult<String> {
+fn as_json(value: &Any<'_>) -> PyResult<String> {
     let py = value.py();
     let options = PyDict::new(py);
     options.set_item("default", py.import("operator")?.call_method1("methodcaller", ("tolist",))?)?;
@@ -57,12 +58,12 @@ impl PyConfig {
     }
 
     /// All keys and values.
-    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Any<'py>> {
         let json = serde_json::to_string(&self.0).map_err(|e| DataError::new_err(e.to_string()))?;
         py.import("json")?.call_method1("loads", (json,))
     }
 
-    fn __getattr__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+    fn __getattr__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Any<'py>> {
         let value = self.to_dict(py)?.get_item(name);
         value.map_err(|_| pyo3::exceptions::PyAttributeError::new_err(format!("Config has no key '{name}'")))
     }
@@ -71,11 +72,11 @@ impl PyConfig {
         Ok(format!("Config(**{})", self.to_dict(py)?.repr()?))
     }
 
-    fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
+    fn __eq__(&self, other: &Any<'_>) -> bool {
         other.cast::<PyConfig>().is_ok_and(|o| o.get().0 == self.0)
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyAny>,))> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Any<'py>, (Any<'py>,))> {
         let py = slf.py();
         let make = py.import("oarlock")?.getattr("_config_from_dict")?;
         Ok((make, (slf.get().to_dict(py)?,)))

@@ -1,65 +1,41 @@
 //! Python access to the corrections of a Calibration, for arrays of time stamps and readings.
 
-use crate::array::{items, reals, Reals};
+use crate::array::{by_name, items, matrix, reals, three, Any, Array, Reals};
 use crate::errors::DataError;
-use crate::streams::{matrix, threes, CHANNELS};
-use numpy::{PyArray1, PyArrayDyn, PyArrayMethods};
+use numpy::{PyArray1, PyArrayMethods};
 use oarlock::corrections::{Clock, Corrections, EncoderScale};
-use oarlock::rotation::Mat3;
+use oarlock::sensor::Quantity;
 use pyo3::prelude::*;
-use std::collections::BTreeMap;
-
-type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
 /// Reads the corrections of a Calibration.
-pub fn corrections(object: &Bound<'_, PyAny>) -> PyResult<Corrections> {
+pub fn corrections(object: &Any<'_>) -> PyResult<Corrections> {
+    let threes = |field: &str| by_name(object, field, |name, value| three(value, &format!("{field} '{name}'")));
     Ok(Corrections {
-        clocks: by_name(object, "clocks", clock)?,
-        encoders: by_name(object, "encoders", encoder)?,
-        gyro_biases: threes(object, "gyro_biases_rad_s")?,
-        accel_biases: threes(object, "accel_biases_m_s2")?,
-        accel_scales: threes(object, "accel_scales")?,
-        mag_offsets: threes(object, "mag_offsets_ut")?,
-        mag_matrices: by_name(object, "mag_matrices", soft_iron)?,
+        clocks: by_name(object, "clocks", |_, value| clock(value))?,
+        encoders: by_name(object, "encoders", |_, value| encoder(value))?,
+        gyro_biases: threes("gyro_biases_rad_s")?,
+        accel_biases: threes("accel_biases_m_s2")?,
+        accel_scales: threes("accel_scales")?,
+        mag_offsets: threes("mag_offsets_ut")?,
+        mag_matrices: by_name(object, "mag_matrices", |_, value| matrix(value, "mag_matrices"))?,
     })
 }
 
-fn by_name<T>(
-    object: &Bound<'_, PyAny>,
-    field: &str,
-    read: fn(&Bound<'_, PyAny>) -> PyResult<T>,
-) -> PyResult<BTreeMap<String, T>> {
-    let one = |item: PyResult<Bound<'_, PyAny>>| {
-        let (name, value): (String, Bound<'_, PyAny>) = item?.extract()?;
-        Ok((name, read(&value)?))
-    };
-    object.getattr(field)?.call_method0("items")?.try_iter()?.map(one).collect()
-}
-
-fn clock(object: &Bound<'_, PyAny>) -> PyResult<Clock> {
+fn clock(object: &Any<'_>) -> PyResult<Clock> {
     Ok(Clock { offset_s: object.getattr("offset_s")?.extract()?, drift: object.getattr("drift")?.extract()? })
 }
 
-fn encoder(object: &Bound<'_, PyAny>) -> PyResult<EncoderScale> {
+fn encoder(object: &Any<'_>) -> PyResult<EncoderScale> {
     Ok(EncoderScale { zero: object.getattr("zero")?.extract()?, scale: object.getattr("scale")?.extract()? })
 }
 
-fn soft_iron(object: &Bound<'_, PyAny>) -> PyResult<Mat3<f64>> {
-    let (nine, _) = items(object, "mag_matrices", &[3, 3])?;
-    matrix(&nine.values).ok_or_else(|| DataError::new_err("mag_matrices: expected one matrix (3, 3)"))
-}
-
-fn array<'py>(py: Python<'py>, Reals { shape, values }: Reals) -> PyResult<Array<'py>> {
+fn array(py: Python<'_>, Reals { shape, values }: Reals) -> PyResult<Array<'_>> {
     PyArray1::from_vec(py, values).reshape(shape)
 }
 
 /// True times, s, of time stamps (T,) by an `oarlock.Clock`.
 #[pyfunction]
-pub fn true_times_s<'py>(
-    py: Python<'py>,
-    clock_: &Bound<'py, PyAny>,
-    stamps_s: &Bound<'py, PyAny>,
-) -> PyResult<Array<'py>> {
+pub fn true_times_s<'py>(py: Python<'py>, clock_: &Any<'py>, stamps_s: &Any<'py>) -> PyResult<Array<'py>> {
     let (clock, mut stamps) = (clock(clock_)?, reals(stamps_s, "stamps")?);
     stamps.values.iter_mut().for_each(|t| *t = clock.true_s(*t));
     array(py, stamps)
@@ -67,11 +43,7 @@ pub fn true_times_s<'py>(
 
 /// Values of readings (T,) by an `oarlock.EncoderScale`.
 #[pyfunction]
-pub fn encoder_values<'py>(
-    py: Python<'py>,
-    encoder_: &Bound<'py, PyAny>,
-    readings: &Bound<'py, PyAny>,
-) -> PyResult<Array<'py>> {
+pub fn encoder_values<'py>(py: Python<'py>, encoder_: &Any<'py>, readings: &Any<'py>) -> PyResult<Array<'py>> {
     let (encoder, mut readings) = (encoder(encoder_)?, reals(readings, "readings")?);
     readings.values.iter_mut().for_each(|x| *x = encoder.value(*x));
     array(py, readings)
@@ -82,15 +54,18 @@ pub fn encoder_values<'py>(
 #[pyfunction]
 pub fn corrected_readings<'py>(
     py: Python<'py>,
-    calibration: &Bound<'py, PyAny>,
+    calibration: &Any<'py>,
     unit: &str,
     field: &str,
-    readings: &Bound<'py, PyAny>,
+    readings: &Any<'py>,
 ) -> PyResult<Option<Array<'py>>> {
-    let Some((_, quantity)) = CHANNELS.iter().find(|(name, _)| *name == field) else {
-        return Err(DataError::new_err(format!("'{field}' is no quantity of an inertial unit")));
+    let quantity = match field {
+        "gyro_rad_s" => Quantity::Gyro,
+        "accel_m_s2" => Quantity::Accel,
+        "mag_ut" => Quantity::Mag,
+        _ => return Err(DataError::new_err(format!("'{field}' is no quantity of an inertial unit"))),
     };
-    let Some(triad) = corrections(calibration)?.triad(unit, *quantity) else { return Ok(None) };
+    let Some(triad) = corrections(calibration)?.triad(unit, quantity) else { return Ok(None) };
     let (mut readings, _) = items(readings, &format!("{unit}, {field}"), &[3])?;
     readings.values.chunks_exact_mut(3).for_each(|three| triad.correct(three));
     array(py, readings).map(Some)

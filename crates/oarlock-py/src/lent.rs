@@ -1,6 +1,6 @@
 //! Borrows numpy arrays without a copy. A recording's arrays are backed by `bytes`, which are immutable.
 
-use crate::array::reals;
+use crate::array::{reals, Any};
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
 use oarlock::recording::column::{Column, Lender};
 use pyo3::prelude::*;
@@ -26,7 +26,7 @@ impl Lender for Lent {
 }
 
 /// The numbers of any real array with its shape; copied unless the array is backed by `bytes`; `name` is for the error.
-pub fn column(value: &Bound<'_, PyAny>, name: &str) -> PyResult<(Column, Vec<usize>)> {
+pub fn column(value: &Any<'_>, name: &str) -> PyResult<(Column, Vec<usize>)> {
     if let Some((bytes, shape)) = bytes_below(value)? {
         return Ok((Column::lent(Lent(bytes.into())), shape));
     }
@@ -35,7 +35,7 @@ pub fn column(value: &Bound<'_, PyAny>, name: &str) -> PyResult<(Column, Vec<usi
 }
 
 /// The `bytes` object that backs a whole array of doubles in C order, and the array's shape.
-fn bytes_below<'py>(value: &Bound<'py, PyAny>) -> PyResult<Option<(Bound<'py, PyBytes>, Vec<usize>)>> {
+fn bytes_below<'py>(value: &Any<'py>) -> PyResult<Option<(Bound<'py, PyBytes>, Vec<usize>)>> {
     let Ok(array) = value.cast::<PyArrayDyn<f64>>() else { return Ok(None) };
     let (shape, whole) = (array.shape().to_vec(), WIDTH * array.len());
     let mut base = value.getattr("base")?;

@@ -1,10 +1,9 @@
 //! Python class `Model`: built from text; gives names, kinematics and predicted readings.
 
-use crate::array::{items, shaped};
+use crate::array::{items, shaped, Any, Array};
 use crate::errors::{raise, DataError};
 use crate::jacobian::{of_frames, of_readings};
 use crate::motion::{poses, Bases, Lengths, Motion, Roots};
-use numpy::PyArrayDyn;
 use oarlock::body::Body;
 use oarlock::describe::describe;
 use oarlock::jacobian::{lengths_of, Jacobians};
@@ -117,7 +116,7 @@ impl PyModel {
     }
 
     /// Everything in the model, as plain dictionaries and lists; numbers in SI and rad.
-    fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    fn describe<'py>(&self, py: Python<'py>) -> PyResult<Any<'py>> {
         let json = describe(&self.body, &self.path).to_string();
         py.import("json")?.call_method1("loads", (json,))
     }
@@ -129,9 +128,9 @@ impl PyModel {
     fn forward_kinematics<'py>(
         &self,
         py: Python<'py>,
-        q: &Bound<'py, PyAny>,
-        lengths: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        q: &Any<'py>,
+        lengths: Option<&Any<'py>>,
+    ) -> PyResult<Array<'py>> {
         let (q, rows) = items(q, "q", &[self.model.coordinate_count()])?;
         let lengths = lengths.map(|l| Lengths::read(l, self.length_names().len(), rows)).transpose()?;
         let tree = if lengths.is_some() { self.jacobians().tree() } else { &self.body.tree };
@@ -149,11 +148,11 @@ impl PyModel {
     fn predict_measurements<'py>(
         &self,
         py: Python<'py>,
-        q: &Bound<'py, PyAny>,
-        qd: &Bound<'py, PyAny>,
-        qdd: &Bound<'py, PyAny>,
-        base: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        q: &Any<'py>,
+        qd: &Any<'py>,
+        qdd: &Any<'py>,
+        base: Option<&Any<'py>>,
+    ) -> PyResult<Array<'py>> {
         let (roots, motion) = (self.roots(), Motion::read(q, qd, qdd, self.model.coordinate_count())?);
         let roots = Roots { bases: base.map(|b| Bases::read(b, motion.rows)).transpose()?, ..roots };
         let out = (0..motion.rows).flat_map(|row| {
@@ -170,10 +169,10 @@ impl PyModel {
     fn frame_jacobian<'py>(
         &self,
         py: Python<'py>,
-        q: &Bound<'py, PyAny>,
+        q: &Any<'py>,
         frames: Option<Vec<String>>,
-        lengths: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+        lengths: Option<&Any<'py>>,
+    ) -> PyResult<Any<'py>> {
         let (q, rows) = items(q, "q", &[self.model.coordinate_count()])?;
         let frames = self.frames(frames)?;
         let jacobians = self.jacobians();
@@ -191,11 +190,11 @@ impl PyModel {
     fn measurement_jacobian<'py>(
         &self,
         py: Python<'py>,
-        q: &Bound<'py, PyAny>,
-        qd: &Bound<'py, PyAny>,
-        qdd: &Bound<'py, PyAny>,
-        base: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+        q: &Any<'py>,
+        qd: &Any<'py>,
+        qdd: &Any<'py>,
+        base: Option<&Any<'py>>,
+    ) -> PyResult<Any<'py>> {
         let motion = Motion::read(q, qd, qdd, self.model.coordinate_count())?;
         let bases = base.map(|b| Bases::read(b, motion.rows)).transpose()?;
         let (roots, jacobians) = (Roots { bases, ..self.roots() }, self.jacobians());
@@ -211,9 +210,9 @@ impl PyModel {
     #[pyo3(signature = (values=None, **named))]
     fn with_parameters<'py>(
         slf: &Bound<'py, Self>,
-        values: Option<&Bound<'py, PyAny>>,
+        values: Option<&Any<'py>>,
         named: Option<&Bound<'py, PyDict>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    ) -> PyResult<Any<'py>> {
         let all = named.map_or_else(|| Ok(PyDict::new(slf.py())), |n| n.copy())?;
         if let Some(values) = values {
             all.call_method1("update", (values,))?;
@@ -223,47 +222,31 @@ impl PyModel {
 
     /// The model with tables added or changed: kinds ("joint", "frame", "sensor", "closure", "base_acceleration") to lists of
     /// dictionaries with the keys of model files, found by their `name`; other keys are those of a file that `extends` this one.
-    fn with_tables<'py>(slf: &Bound<'py, Self>, changes: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    fn with_tables<'py>(slf: &Bound<'py, Self>, changes: &Any<'py>) -> PyResult<Any<'py>> {
         edit(slf, "with_tables", changes)
     }
 
     /// The model with this joint, a new one or with these keys changed.
     #[pyo3(signature = (name, **keys))]
-    fn with_joint<'py>(
-        slf: &Bound<'py, Self>,
-        name: &str,
-        keys: Option<&Bound<'py, PyDict>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    fn with_joint<'py>(slf: &Bound<'py, Self>, name: &str, keys: Option<&Bound<'py, PyDict>>) -> PyResult<Any<'py>> {
         with_one(slf, "joint", name, keys)
     }
 
     /// The model with this frame, a new one or with these keys changed.
     #[pyo3(signature = (name, **keys))]
-    fn with_frame<'py>(
-        slf: &Bound<'py, Self>,
-        name: &str,
-        keys: Option<&Bound<'py, PyDict>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    fn with_frame<'py>(slf: &Bound<'py, Self>, name: &str, keys: Option<&Bound<'py, PyDict>>) -> PyResult<Any<'py>> {
         with_one(slf, "frame", name, keys)
     }
 
     /// The model with this sensor, a new one or with these keys changed.
     #[pyo3(signature = (name, **keys))]
-    fn with_sensor<'py>(
-        slf: &Bound<'py, Self>,
-        name: &str,
-        keys: Option<&Bound<'py, PyDict>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    fn with_sensor<'py>(slf: &Bound<'py, Self>, name: &str, keys: Option<&Bound<'py, PyDict>>) -> PyResult<Any<'py>> {
         with_one(slf, "sensor", name, keys)
     }
 
     /// The model with this closure, a new one or with these keys changed.
     #[pyo3(signature = (name, **keys))]
-    fn with_closure<'py>(
-        slf: &Bound<'py, Self>,
-        name: &str,
-        keys: Option<&Bound<'py, PyDict>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    fn with_closure<'py>(slf: &Bound<'py, Self>, name: &str, keys: Option<&Bound<'py, PyDict>>) -> PyResult<Any<'py>> {
         with_one(slf, "closure", name, keys)
     }
 
@@ -272,12 +255,12 @@ impl PyModel {
     #[pyo3(signature = (*, joints=None, frames=None, sensors=None, closures=None, base_accelerations=None))]
     fn without<'py>(
         slf: &Bound<'py, Self>,
-        joints: Option<&Bound<'py, PyAny>>,
-        frames: Option<&Bound<'py, PyAny>>,
-        sensors: Option<&Bound<'py, PyAny>>,
-        closures: Option<&Bound<'py, PyAny>>,
-        base_accelerations: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+        joints: Option<&Any<'py>>,
+        frames: Option<&Any<'py>>,
+        sensors: Option<&Any<'py>>,
+        closures: Option<&Any<'py>>,
+        base_accelerations: Option<&Any<'py>>,
+    ) -> PyResult<Any<'py>> {
         let kinds = ["joint", "frame", "sensor", "closure", "base_acceleration"];
         let names = PyDict::new(slf.py());
         for (kind, given) in kinds.into_iter().zip([joints, frames, sensors, closures, base_accelerations]) {
@@ -317,7 +300,7 @@ fn whole(py: Python<'_>, text: String, path: &str) -> PyResult<String> {
 }
 
 /// What a function of `oarlock.model.edit` makes of the model.
-fn edit<'py>(model: &Bound<'py, PyModel>, function: &str, change: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+fn edit<'py>(model: &Bound<'py, PyModel>, function: &str, change: &Any<'py>) -> PyResult<Any<'py>> {
     model.py().import("oarlock.model.edit")?.call_method1(function, (model, change))
 }
 
@@ -326,7 +309,7 @@ fn with_one<'py>(
     kind: &str,
     name: &str,
     keys: Option<&Bound<'py, PyDict>>,
-) -> PyResult<Bound<'py, PyAny>> {
+) -> PyResult<Any<'py>> {
     let py = model.py();
     let table = keys.map_or_else(|| Ok(PyDict::new(py)), |k| k.copy())?;
     table.set_item("name", name)?;

@@ -1,9 +1,9 @@
 //! Motions of joints and of the root and lengths, read from arrays, and poses.
 
-use crate::array::items;
+use crate::array::{items, matrix_of, Any};
 use crate::errors::DataError;
 use oarlock::kinematics::{FrameMotion, JointMotion, Tree};
-use oarlock::rotation::{Mat3, Vec3};
+use oarlock::rotation::Vec3;
 use pyo3::prelude::*;
 
 /// Joint coordinates, rates and accelerations of several instants.
@@ -16,7 +16,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    pub fn read(q: &Bound<'_, PyAny>, qd: &Bound<'_, PyAny>, qdd: &Bound<'_, PyAny>, width: usize) -> PyResult<Self> {
+    pub fn read(q: &Any<'_>, qd: &Any<'_>, qdd: &Any<'_>, width: usize) -> PyResult<Self> {
         let [q, qd, qdd] = [(q, "q"), (qd, "qd"), (qdd, "qdd")].map(|(a, n)| items(a, n, &[width]));
         let ((q, rows), (qd, _), (qdd, _)) = (q?, qd?, qdd?);
         if qd.shape != q.shape || qdd.shape != q.shape {
@@ -53,7 +53,7 @@ impl Roots {
         };
         let row = if b.count == 1 { 0 } else { row };
         let r = &b.rotation[9 * row..9 * row + 9];
-        let world_from_root = Mat3([0, 3, 6].map(|i| [r[i], r[i + 1], r[i + 2]]));
+        let world_from_root = matrix_of(r);
         let [w, wd, a] = [0, 1, 2].map(|k: usize| {
             let v = &b.vectors[k][3 * row..3 * row + 3];
             Vec3([v[0], v[1], v[2]])
@@ -73,7 +73,7 @@ pub struct Bases {
 }
 
 impl Bases {
-    pub fn read(base: &Bound<'_, PyAny>, rows: usize) -> PyResult<Self> {
+    pub fn read(base: &Any<'_>, rows: usize) -> PyResult<Self> {
         let (rotation, count) = items(&base.getattr("rotation")?, "base.rotation", &[3, 3])?;
         let fields = ["angular_velocity_rad_s", "angular_acceleration_rad_s2", "acceleration_m_s2"];
         let mut vectors = [Vec::new(), Vec::new(), Vec::new()];
@@ -96,7 +96,7 @@ pub struct Lengths {
 }
 
 impl Lengths {
-    pub fn read(lengths: &Bound<'_, PyAny>, width: usize, rows: usize) -> PyResult<Self> {
+    pub fn read(lengths: &Any<'_>, width: usize, rows: usize) -> PyResult<Self> {
         let (lengths, count) = items(lengths, "lengths", &[width])?;
         if count != 1 && count != rows {
             return Err(DataError::new_err(format!("lengths has {count} rows; expected 1 or {rows}")));

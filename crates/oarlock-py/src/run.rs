@@ -1,5 +1,6 @@
 //! Python functions that track and smooth whole recordings.
 
+use crate::array::Any;
 use crate::belief::{matrix, PyBelief};
 use crate::config::PyConfig;
 use crate::errors::raise;
@@ -10,7 +11,7 @@ use oarlock::track::many::{track_many as engine_track_many, Job};
 use oarlock::track::notes::{at_nominal_mounts, notes};
 use oarlock::track::run::{track as engine_track, Report, Run};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::{PyDict, PyList, PyTuple};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A tracked recording, owned by the engine.
@@ -61,8 +62,8 @@ pub fn detached<T: Send>(
 pub fn track(
     py: Python<'_>,
     model: &Bound<'_, PyModel>,
-    recording: &Bound<'_, PyAny>,
-    calibration_: Option<&Bound<'_, PyAny>>,
+    recording: &Any<'_>,
+    calibration_: Option<&Any<'_>>,
     config: &Bound<'_, PyConfig>,
     start: Option<&Bound<'_, PyBelief>>,
     progress: Option<Py<PyAny>>,
@@ -75,7 +76,7 @@ pub fn track(
 }
 
 /// A recording with its calibration and configuration.
-pub type Wearing<'py> = (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>, Bound<'py, PyConfig>);
+pub type Wearing<'py> = (Any<'py>, Option<Any<'py>>, Bound<'py, PyConfig>);
 
 /// Several recordings, converted for the engine.
 pub fn engine_jobs<'py>(model: &Bound<'py, PyModel>, jobs: &[Wearing<'py>], smooth: bool) -> PyResult<Vec<Job>> {
@@ -100,10 +101,19 @@ pub fn track_many<'py>(
 ) -> PyResult<Bound<'py, PyList>> {
     let jobs = engine_jobs(model, &jobs, smooth)?;
     let results = detached(py, progress, move |p| engine_track_many(jobs, threads, p))?;
+    each(py, results, |done| (PyRun::new(done.run), done.notes, done.wall_s, done.smoothing_wall_s).into_pyobject(py))
+}
+
+/// What Python gets of each result, or the exception.
+pub fn each<'py, T>(
+    py: Python<'py>,
+    results: Vec<oarlock::Result<T>>,
+    made: impl Fn(T) -> PyResult<Bound<'py, PyTuple>>,
+) -> PyResult<Bound<'py, PyList>> {
     let out = PyList::empty(py);
     for result in results {
         match result {
-            Ok(done) => out.append((PyRun::new(done.run), done.notes, done.wall_s, done.smoothing_wall_s))?,
+            Ok(result) => out.append(made(result)?)?,
             Err(e) => out.append(raise(py, e).into_value(py))?,
         }
     }
@@ -189,6 +199,12 @@ impl PyRun {
         table(py, series.time_s.len(), values)
     }
 
+    /// The configuration with what was found from the time stamps.
+    #[getter]
+    fn config(&self) -> PyConfig {
+        PyConfig(self.kept().run.config().clone())
+    }
+
     /// Coordinates of input joints, and their readings (T, inputs).
     fn inputs<'py>(&self, py: Python<'py>) -> PyResult<(Vec<usize>, Bound<'py, PyArray2<f64>>)> {
         let run = self.run();
@@ -206,14 +222,17 @@ impl PyRun {
     fn infos<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let run = self.run();
         let (s, rows) = (&run.series, run.series.time_s.len());
-        let counts = |f: fn(&Report) -> u8| table(py, rows, s.reports.iter().map(f).collect());
         let out = PyDict::new(py);
         out.set_item("nis", table(py, rows, s.nis.to_vec())?)?;
-        out.set_item("used", counts(|i| i.used)?)?;
-        out.set_item("rejected", counts(|i| i.rejected)?)?;
-        out.set_item("missing", counts(|i| i.missing)?)?;
-        out.set_item("field", counts(|i| i.field as u8)?)?;
-        out.set_item("fault", counts(|i| i.fault as u8)?)?;
+        for (name, count) in [
+            ("used", (|i| i.used) as fn(&Report) -> u8),
+            ("rejected", |i| i.rejected),
+            ("missing", |i| i.missing),
+            ("field", |i| i.field as u8),
+            ("fault", |i| i.fault as u8),
+        ] {
+            out.set_item(name, table(py, rows, s.reports.iter().map(count).collect())?)?;
+        }
         let inertial: (Vec<f64>, Vec<u32>) = s.inertial.iter().copied().unzip();
         out.set_item("inertial_nis", PyArray1::from_vec(py, inertial.0))?;
         out.set_item("inertial_used", PyArray1::from_vec(py, inertial.1))?;

@@ -1,8 +1,7 @@
 //! Python function that scores recordings by their innovations, for `oarlock calibrate motion`.
 
-use crate::errors::raise;
 use crate::model::PyModel;
-use crate::run::{detached, engine_jobs, Wearing};
+use crate::run::{detached, each, engine_jobs, Wearing};
 use numpy::{PyArray1, PyArrayMethods};
 use oarlock::track::many::score_many as engine_score_many;
 use pyo3::prelude::*;
@@ -23,19 +22,12 @@ pub fn score_many<'py>(
 ) -> PyResult<Bound<'py, PyList>> {
     let jobs = engine_jobs(model, &jobs, false)?;
     let results = detached(py, progress, move |p| engine_score_many(jobs, (settle_s, window_s), threads, p))?;
-    let out = PyList::empty(py);
-    for result in results {
-        match result {
-            Err(e) => out.append(raise(py, e).into_value(py))?,
-            Ok(score) => {
-                let windows = PyList::empty(py);
-                for w in score.windows {
-                    let normal = PyArray1::from_vec(py, w.normal).reshape([score.width, score.width])?;
-                    windows.append((w.span_s.0, w.span_s.1, w.rows, normal, PyArray1::from_vec(py, w.right)))?;
-                }
-                out.append((score.parameters, windows))?;
-            }
+    each(py, results, |score| {
+        let windows = PyList::empty(py);
+        for w in score.windows {
+            let normal = PyArray1::from_vec(py, w.normal).reshape([score.width, score.width])?;
+            windows.append((w.span_s.0, w.span_s.1, w.rows, normal, PyArray1::from_vec(py, w.right)))?;
         }
-    }
-    Ok(out)
+        (score.parameters, windows).into_pyobject(py)
+    })
 }

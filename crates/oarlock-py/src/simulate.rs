@@ -1,6 +1,6 @@
 //! Python function that simulates inertial signals from joint values.
 
-use crate::array::items;
+use crate::array::{items, Any};
 use crate::errors::{raise, DataError};
 use crate::model::PyModel;
 use crate::streams::calibration;
@@ -18,10 +18,10 @@ use pyo3::prelude::*;
 pub fn imu_signals<'py>(
     py: Python<'py>,
     model: &Bound<'py, PyModel>,
-    calibration_: Option<&Bound<'py, PyAny>>,
-    q: &Bound<'py, PyAny>,
+    calibration_: Option<&Any<'py>>,
+    q: &Any<'py>,
     step_s: f64,
-    root_acceleration: &Bound<'py, PyAny>,
+    root_acceleration: &Any<'py>,
     azimuth_rad: f64,
 ) -> PyResult<Bound<'py, PyArray3<f64>>> {
     let (model, given) = (model.get().model.clone(), calibration(calibration_)?);

@@ -1,6 +1,6 @@
 //! Python class `Tracker` for live tracking, one sample at a time.
 
-use crate::array::{items, reals};
+use crate::array::{items, reals, Any};
 use crate::belief::{PyBelief, PyInfo};
 use crate::config::PyConfig;
 use crate::errors::{raise, DataError};
@@ -54,7 +54,7 @@ impl PyTracker {
     fn new(
         py: Python<'_>,
         model: &Bound<'_, PyModel>,
-        calibration_: Option<&Bound<'_, PyAny>>,
+        calibration_: Option<&Any<'_>>,
         config: Option<&Bound<'_, PyConfig>>,
         belief: Option<&Bound<'_, PyBelief>>,
     ) -> PyResult<Self> {
@@ -73,7 +73,7 @@ impl PyTracker {
 
     /// A sample at a true time from readings by sensor, as measured: `{"back": {"gyro_rad_s": (3,), ...}, "seat":
     /// 0.31}`. Missing sensors are allowed.
-    fn sample(&self, time_s: &Bound<'_, PyAny>, readings: &Bound<'_, PyDict>) -> PyResult<PySample> {
+    fn sample(&self, time_s: &Any<'_>, readings: &Bound<'_, PyDict>) -> PyResult<PySample> {
         let mut sample = self.tracker.empty_sample();
         self.fill(&mut sample, one_number(time_s, "sample, time_s")?, readings)?;
         Ok(PySample(sample))
@@ -92,7 +92,7 @@ impl PyTracker {
     }
 
     /// The samples of a recording as measured, merged by true time as `oarlock.track` merges them.
-    fn samples(&self, py: Python<'_>, recording: &Bound<'_, PyAny>) -> PyResult<Vec<PySample>> {
+    fn samples(&self, py: Python<'_>, recording: &Any<'_>) -> PyResult<Vec<PySample>> {
         let all = samples(py, &self.tracker, &self.clocks, &self.config, recording)?;
         Ok(all.into_iter().map(PySample).collect())
     }
@@ -103,7 +103,7 @@ impl PyTracker {
     fn step(
         &mut self,
         py: Python<'_>,
-        sample: &Bound<'_, PyAny>,
+        sample: &Any<'_>,
         readings: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<(Option<PyBelief>, PyInfo)> {
         let status = match (sample.cast::<PySample>(), readings) {
@@ -146,7 +146,7 @@ impl PyTracker {
     }
 }
 
-fn one_number(value: &Bound<'_, PyAny>, name: &str) -> PyResult<f64> {
+fn one_number(value: &Any<'_>, name: &str) -> PyResult<f64> {
     let numbers = reals(value, name)?.values;
     match numbers[..] {
         [number] => Ok(number),
@@ -158,7 +158,7 @@ fn one_number(value: &Bound<'_, PyAny>, name: &str) -> PyResult<f64> {
 const UNIT_TOLERANCE: f64 = 0.01;
 
 /// Rotation vector of a unit quaternion, scalar first; three NaN if any of its numbers is missing.
-fn rotation_vector(value: &Bound<'_, PyAny>, label: &str) -> PyResult<[f64; 3]> {
+fn rotation_vector(value: &Any<'_>, label: &str) -> PyResult<[f64; 3]> {
     let values = items(value, label, &[4])?.0.values;
     let [w, x, y, z] = values[..] else {
         return Err(DataError::new_err(format!("{label}: {} numbers, expected 4", values.len())));
@@ -198,7 +198,7 @@ impl PyTracker {
         oarlock::model::suggest::hint(name, &known)
     }
 
-    fn put(&self, sample: &mut Sample, name: &str, field: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
+    fn put(&self, sample: &mut Sample, name: &str, field: &str, value: &Any<'_>) -> PyResult<()> {
         let body = self.tracker.body();
         if let Some(joint) = input_joint(&body.model, name) {
             sample.inputs[body.model.joints[joint].first] = one_number(value, &format!("sample, {name}"))?;

@@ -8,11 +8,9 @@ mod split;
 use crate::config::Config;
 use crate::error::Result;
 use crate::estimate::filter::RowGroups;
-use crate::estimate::split::Split;
 use crate::estimate::transition::{Block, Transition};
-use crate::estimate::{Dependence, FastSystem, Partition, PerturbedStates, Points, System};
+use crate::estimate::{Partition, Points, System};
 use crate::kernels::lane::{Lane, Real};
-use crate::kernels::sparse_jacobian::SparseJacobian;
 use crate::kinematics::near::Reach;
 use crate::kinematics::pieces::Pieces;
 use crate::kinematics::{FrameMotion, JointMotion, Tree};
@@ -374,99 +372,5 @@ impl System for Body {
 
     fn linearise(&self, moment: &Moment, s: &mut BodyScratch, mean: &[f64], center: &mut [f64], jacobian: &mut [f64]) {
         self.jacobian(moment, &mut s.linear, mean, center, jacobian);
-    }
-}
-
-impl FastSystem for Body {
-    fn split(&self) -> Split {
-        self.limbs()
-    }
-
-    fn narrow(&self, moment: &Moment, asked: &[bool], out: &mut Moment) {
-        out.inputs.copy_from_slice(&moment.inputs);
-        out.references.copy_from_slice(&moment.references);
-        for (s, source) in self.suite.sources.iter().enumerate() {
-            out.active[s] = moment.active[s] && source.rows.clone().any(|r| asked[r]);
-        }
-        self.mark(out);
-    }
-
-    fn dependence(&self, row: usize) -> Dependence {
-        let parts = self.suite.sources.iter().flat_map(|s| &s.parts);
-        match parts.into_iter().find(|p| p.rows.contains(&row)).map(|p| p.quantity) {
-            Some(Quantity::Accel) => Dependence::Full,
-            Some(Quantity::Gyro | Quantity::Rest) => Dependence::Affine,
-            // Adds the slow errors of the sensors.
-            Some(Quantity::Orientation)
-                if self.biases.iter().any(|(_, first, _)| (*first..first + 3).contains(&row)) =>
-            {
-                Dependence::Affine
-            }
-            _ => Dependence::Pose,
-        }
-    }
-
-    #[inline(always)]
-    fn readings_at_mean<const FUSED: bool>(
-        &self,
-        moment: &Moment,
-        scratch: &mut BodyScratch,
-        at: Points,
-        out: &mut [Lane],
-    ) {
-        self.read_at_mean(moment, scratch, at.mean, out);
-    }
-
-    #[inline(always)]
-    fn readings_near_mean<const FUSED: bool>(
-        &self,
-        moment: &Moment,
-        scratch: &mut BodyScratch,
-        at: Points,
-        perturbed: PerturbedStates,
-        out: &mut [Lane],
-    ) {
-        self.read_near::<FUSED>(moment, scratch, at, perturbed, out);
-    }
-
-    fn linear_pattern(&self) -> Option<SparseJacobian> {
-        Some(self.causes(&self.tree.slopes(self.columns(false)), self.layout.partition.pose).0)
-    }
-
-    #[inline(always)]
-    fn linear_jacobian<const FUSED: bool>(
-        &self,
-        moment: &Moment,
-        scratch: &mut BodyScratch,
-        straight: &mut SparseJacobian,
-    ) {
-        self.linear_jacobian_at_mean::<FUSED>(moment, scratch, straight);
-    }
-
-    #[inline(always)]
-    fn second_order<const FUSED: bool>(
-        &self,
-        moment: &Moment,
-        scratch: &mut BodyScratch,
-        delta: &[Lane],
-        out: &mut [Lane],
-    ) {
-        self.second_order_at_mean::<FUSED>(moment, scratch, delta, out);
-    }
-
-    fn jacobian_pattern(&self) -> Option<SparseJacobian> {
-        Some(self.causes(&self.tree.slopes(self.columns(true)), 0).0)
-    }
-
-    #[inline(always)]
-    fn linearise_sparse<const FUSED: bool>(
-        &self,
-        moment: &Moment,
-        s: &mut BodyScratch,
-        mean: &[f64],
-        center: &mut [f64],
-        straight: &mut SparseJacobian,
-    ) {
-        self.readings_and_slopes::<FUSED>(moment, &mut s.linear, mean, center, straight);
     }
 }

@@ -134,6 +134,9 @@ impl Default for Config {
     }
 }
 
+/// Highest rate of samples and rows, Hz: sensors of bodies are slower, and a row takes a kilobyte.
+const HIGHEST_RATE_HZ: f64 = 20_000.0;
+
 /// States that are estimated by default, beside the joints.
 pub const DEFAULT_ESTIMATE: [&str; 3] = ["gyro_bias", "accel_bias", "surge"];
 
@@ -166,6 +169,11 @@ impl Config {
         for (key, value, unit) in positive {
             if !(value > 0.0 && value.is_finite()) {
                 return Err(Error::Data(format!("config: {key} = {value}: expected a positive number ({unit})")));
+            }
+        }
+        for (key, hz) in [("output_rate_hz", self.output_rate_hz), ("sample_rate_hz", self.sample_rate_hz)] {
+            if let Some(hz) = hz.filter(|hz| *hz > HIGHEST_RATE_HZ) {
+                return Err(Error::Data(format!("config: {key} = {hz}: expected at most {HIGHEST_RATE_HZ} Hz")));
             }
         }
         let stds = self.stamp_std_s.iter().flatten();

@@ -20,7 +20,7 @@ use crate::model::{Expr, Model, Point};
 use crate::rotation::{Mat3, Vec3};
 use kind::{all_keys, kinds, refuse_others, Described, Kind, Pending, Reads, Sits};
 pub use mount::{Mount, MountValue};
-use near::{Around, Homes, Stand};
+use near::{Homes, Nearby, Stand};
 use serde_json::Value;
 use slopes::{Answers, Found, Group, Moving};
 use std::ops::Range;
@@ -183,6 +183,9 @@ pub struct Wearing<'a> {
     pub headings: &'a [Option<usize>],
 }
 
+/// Frame, or piece of the tree, and point of each end of a loop or distance.
+pub type Sides<P> = [(usize, P); 2];
+
 /// Everything that turns a sensor of a model file into one that predicts its rows.
 pub(crate) struct Fit<'a> {
     model: &'a Model,
@@ -200,6 +203,10 @@ pub(crate) struct Fit<'a> {
 impl Fit<'_> {
     fn point(&self, point: &[Expr; 3]) -> Point {
         Point::of(point, self.worn.parameters, self.worn.estimated)
+    }
+
+    fn sides(&self, sides: &Sides<[Expr; 3]>) -> Sides<Point> {
+        sides.each_ref().map(|(frame, point)| (*frame, self.point(point)))
     }
 }
 

@@ -7,7 +7,7 @@ mod support;
 use oarlock::config::{Config, FilterKind};
 use oarlock::recording::Sample;
 use oarlock::track::run::track;
-use oarlock::track::{Calibration, Status, Tracker};
+use oarlock::track::{Calibration, Status};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use support::chance::Chance;
@@ -15,7 +15,7 @@ use support::record::{punch_holes, streams, times, Scene};
 use support::stroke::Stroke;
 use support::tree::TREE;
 use support::wave::Wave;
-use support::{body, model, SCULLER};
+use support::{body, model, tracker, SCULLER};
 
 struct Counting;
 
@@ -84,7 +84,7 @@ fn steps_allocate_nothing() {
 fn assert_steps_allocate_nothing(filter: FilterKind) {
     let config = Config { filter, ..Config::default() };
     let samples = samples(&config);
-    let mut tracker = Tracker::new(model(SCULLER), &Calibration::default(), &config).unwrap();
+    let mut tracker = tracker(&model(SCULLER), &config);
     for sample in &samples[..20] {
         tracker.step(sample).unwrap();
     }
@@ -155,7 +155,7 @@ fn assert_steps_with_balls_allocate_nothing(filter: FilterKind) {
         }
     }
     samples[100].z[..6].fill(150.0);
-    let mut tracker = Tracker::new(model, &Calibration::default(), &config).unwrap();
+    let mut tracker = tracker(&model, &config);
     for sample in &samples[..20] {
         tracker.step(sample).unwrap();
     }

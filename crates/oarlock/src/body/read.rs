@@ -3,7 +3,8 @@
 use super::linear::LinearScratch;
 use super::posture::Posture;
 use super::{Body, Moment};
-use crate::estimate::{PerturbedStates, Points};
+use crate::estimate::split::Split;
+use crate::estimate::{Dependence, FastSystem, PerturbedStates, Points};
 use crate::kernels::lane::{Lane, Real};
 use crate::kernels::sparse_jacobian::SparseJacobian;
 use crate::kinematics::near::{Mean, Near, Own, Pass, PerturbedMotion, Wanted};
@@ -12,7 +13,7 @@ use crate::kinematics::JointMotion;
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::near::{Around, Stand};
 use crate::sensor::slopes::{Causes, Moving};
-use crate::sensor::{Scene, Worn};
+use crate::sensor::{Quantity, Scene, Worn};
 use std::any::Any;
 
 /// Workspace of one batch of sigma points, and the data that they share with the mean.
@@ -118,10 +119,41 @@ impl Body {
         self.suite.predict(&scene, &moment.active, out);
         self.add_biases(moment, |i| at.at(i), out);
     }
+}
+
+impl FastSystem for Body {
+    fn split(&self) -> Split {
+        self.limbs()
+    }
+
+    fn narrow(&self, moment: &Moment, asked: &[bool], out: &mut Moment) {
+        out.inputs.copy_from_slice(&moment.inputs);
+        out.references.copy_from_slice(&moment.references);
+        for (s, source) in self.suite.sources.iter().enumerate() {
+            out.active[s] = moment.active[s] && source.rows.clone().any(|r| asked[r]);
+        }
+        self.mark(out);
+    }
+
+    fn dependence(&self, row: usize) -> Dependence {
+        let parts = self.suite.sources.iter().flat_map(|s| &s.parts);
+        match parts.into_iter().find(|p| p.rows.contains(&row)).map(|p| p.quantity) {
+            Some(Quantity::Accel) => Dependence::Full,
+            Some(Quantity::Gyro | Quantity::Rest) => Dependence::Affine,
+            // Adds the slow errors of the sensors.
+            Some(Quantity::Orientation)
+                if self.biases.iter().any(|(_, first, _)| (*first..first + 3).contains(&row)) =>
+            {
+                Dependence::Affine
+            }
+            _ => Dependence::Pose,
+        }
+    }
 
     /// Predicts at the mean and stores the motion of all pieces there.
     #[inline(always)]
-    pub(super) fn read_at_mean(&self, moment: &Moment, s: &mut BodyScratch, mean: &[f64], out: &mut [Lane]) {
+    fn readings_at_mean<const FUSED: bool>(&self, moment: &Moment, s: &mut BodyScratch, at: Points, out: &mut [Lane]) {
+        let mean = at.mean;
         let room = &mut s.posture;
         self.stand_at(moment, mean, room, &mut s.anchors, &mut s.slopes);
         s.mean.field = self.field.magnetic(self.azimuth(|i| mean[i]));
@@ -141,46 +173,9 @@ impl Body {
         self.add_biases(moment, |i| Lane::splat(mean[i]), out);
     }
 
-    /// Derivatives by rates, and the linear block, at the stored mean.
-    #[inline(always)]
-    pub(super) fn linear_jacobian_at_mean<const FUSED: bool>(
-        &self,
-        moment: &Moment,
-        s: &BodyScratch,
-        straight: &mut SparseJacobian,
-    ) {
-        let at = Moving {
-            frames: &s.posture.frames,
-            slopes: &s.slopes,
-            worn: s.posture.worn(),
-            magnetic_field: s.mean.field,
-            magnetic_slope: Vec3::zero(),
-            references: &moment.references,
-        };
-        self.suite.slopes::<FUSED>(&s.causes, at, &moment.active, straight);
-    }
-
-    /// Second-order effect of rate deviations on the accelerometers, at the mean.
-    #[inline(always)]
-    pub(super) fn second_order_at_mean<const FUSED: bool>(
-        &self,
-        moment: &Moment,
-        s: &mut BodyScratch,
-        delta: &[Lane],
-        out: &mut [Lane],
-    ) {
-        let Flock { posture, near, .. } = of_kind::<FUSED>(&mut s.plain, &mut s.fused);
-        posture.take_rates(self, &s.posture, |i| delta[i].cast());
-        let from = self.layout.partition.pose;
-        let perturbed = PerturbedMotion { from, inputs: false, motion: true, field: false };
-        let pass = Pass { wanted: &s.wanted, reaches: &self.piece_reaches, perturbed, mean: &s.mean };
-        self.pieces.pass(pass, posture.joints(&s.anchors), Own::nothing(), near);
-        self.seats.second_order(near, &s.stands, &moment.active, out);
-    }
-
     /// Predicts near the stored mean.
     #[inline(always)]
-    pub(super) fn read_near<const FUSED: bool>(
+    fn readings_near_mean<const FUSED: bool>(
         &self,
         moment: &Moment,
         s: &mut BodyScratch,
@@ -217,5 +212,51 @@ impl Body {
         };
         self.seats.predict(around, trail, out);
         self.add_biases(moment, |i| at.at(i), out);
+    }
+
+    fn linear_pattern(&self) -> Option<SparseJacobian> {
+        Some(self.causes(&self.tree.slopes(self.columns(false)), self.layout.partition.pose).0)
+    }
+
+    /// Derivatives by rates, and the linear block, at the stored mean.
+    #[inline(always)]
+    fn linear_jacobian<const FUSED: bool>(&self, moment: &Moment, s: &mut BodyScratch, straight: &mut SparseJacobian) {
+        let at = Moving {
+            frames: &s.posture.frames,
+            slopes: &s.slopes,
+            worn: s.posture.worn(),
+            magnetic_field: s.mean.field,
+            magnetic_slope: Vec3::zero(),
+            references: &moment.references,
+        };
+        self.suite.slopes::<FUSED>(&s.causes, at, &moment.active, straight);
+    }
+
+    /// Second-order effect of rate deviations on the accelerometers, at the mean.
+    #[inline(always)]
+    fn second_order<const FUSED: bool>(&self, moment: &Moment, s: &mut BodyScratch, delta: &[Lane], out: &mut [Lane]) {
+        let Flock { posture, near, .. } = of_kind::<FUSED>(&mut s.plain, &mut s.fused);
+        posture.take_rates(self, &s.posture, |i| delta[i].cast());
+        let from = self.layout.partition.pose;
+        let perturbed = PerturbedMotion { from, inputs: false, motion: true, field: false };
+        let pass = Pass { wanted: &s.wanted, reaches: &self.piece_reaches, perturbed, mean: &s.mean };
+        self.pieces.pass(pass, posture.joints(&s.anchors), Own::nothing(), near);
+        self.seats.second_order(near, &s.stands, &moment.active, out);
+    }
+
+    fn jacobian_pattern(&self) -> Option<SparseJacobian> {
+        Some(self.causes(&self.tree.slopes(self.columns(true)), 0).0)
+    }
+
+    #[inline(always)]
+    fn linearise_sparse<const FUSED: bool>(
+        &self,
+        moment: &Moment,
+        s: &mut BodyScratch,
+        mean: &[f64],
+        center: &mut [f64],
+        straight: &mut SparseJacobian,
+    ) {
+        self.readings_and_slopes::<FUSED>(moment, &mut s.linear, mean, center, straight);
     }
 }

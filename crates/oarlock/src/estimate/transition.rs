@@ -64,16 +64,6 @@ pub struct Transition {
     pub turnings: Vec<Turning>,
 }
 
-/// x <- F x, without offsets.
-fn multiply<'a>(blocks: impl Iterator<Item = &'a Block>, x: &mut [f64]) {
-    for b in blocks.filter(|b| !b.stays()) {
-        let old = b.index.map(|i| x[i]);
-        for r in 0..b.len {
-            x[b.index[r]] = (0..b.len).map(|c| b.factor[r][c] * old[c]).sum();
-        }
-    }
-}
-
 /// x <- F' x.
 fn multiply_transposed<'a>(blocks: impl Iterator<Item = &'a Block>, x: &mut [f64]) {
     for b in blocks.filter(|b| !b.stays()) {
@@ -140,13 +130,6 @@ impl Transition {
                     a[b.index[r] * width + k] = (0..b.len).map(|c| b.factor[r][c] * old[c]).sum();
                 }
             }
-        }
-    }
-
-    /// A <- A F'.
-    pub fn multiply_right_transposed(&self, a: &mut Square) {
-        for i in 0..a.n() {
-            multiply(self.before().chain(&self.blocks).chain(self.after()), a.row_mut(i));
         }
     }
 

@@ -2,7 +2,7 @@
 //!
 //! The derivatives are the right and left Jacobians of Sola, Deray and Atchuthan (2018, eqs. 143 to 146).
 
-use super::{Mat3, Vec3};
+use super::Mat3;
 use std::f64::consts::PI;
 
 /// A unit quaternion, scalar first: rotation from child to parent.
@@ -138,24 +138,6 @@ pub fn left_jacobian_inverse(r: [f64; 3]) -> Mat3<f64> {
     right_jacobian_inverse(r.map(|x| -x))
 }
 
-/// The smallest rotation from the unit vector `a` to the unit vector `b`, rad; half a turn about any axis if they are
-/// opposite.
-pub fn turn_between(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    let axis = Vec3(a).cross(Vec3(b)).0;
-    let (sin, cos) = (norm(axis), a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>());
-    if sin > 1e-9 {
-        return axis.map(|x| x * sin.atan2(cos) / sin);
-    }
-    if cos > 0.0 {
-        return axis;
-    }
-    let least = (0..3).min_by(|&i, &j| a[i].abs().total_cmp(&a[j].abs())).unwrap_or(0);
-    let mut other = [0.0; 3];
-    other[least] = 1.0;
-    let axis = Vec3(a).cross(Vec3(other)).0;
-    axis.map(|x| x * PI / norm(axis))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -245,16 +227,6 @@ mod tests {
             assert!(far(&right_jacobian(r).times(&right_jacobian_inverse(r)), &Mat3::identity()) < 1e-11, "{r:?}");
             let (left, turned) = (left_jacobian_inverse(r), Turn::exp(r).matrix());
             assert!(far(&right_jacobian_inverse(r).times(&turned.transposed()), &left) < 1e-11, "{r:?}");
-        }
-    }
-
-    #[test]
-    fn least_turn_leads_from_one_direction_to_the_other() {
-        for a in AXES {
-            for b in AXES.into_iter().chain([a.map(|x| -x)]) {
-                let turned = Turn::exp(turn_between(a, b)).matrix().apply_f64(a).0;
-                assert!(turned.iter().zip(b).all(|(x, y)| (x - y).abs() < ROUNDING), "{a:?} {b:?}");
-            }
         }
     }
 }

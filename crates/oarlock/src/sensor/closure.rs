@@ -1,11 +1,11 @@
 //! Closure: a virtual measurement of zero that keeps two points together, and optionally two axes (eqs. 15 to 18). It
 //! has its own table `[[closure]]` in a model file.
 
-use super::kind::{Described, Kind, Pending, Reads, Sits};
-use super::near::{both, put, Around, Homes, Stand};
+use super::kind::{read_sides, Described, Kind, Pending, Reads, Sits};
+use super::near::{Homes, Nearby};
 use super::slopes::{write_axes, write_sides, Answers, Found, Group, Moving};
-use super::{Fit, Quantity, RowGroups, Scene};
-use crate::kernels::lane::{Lane, Real};
+use super::{Fit, Quantity, RowGroups, Scene, Sides};
+use crate::kernels::lane::Real;
 use crate::kernels::sparse_jacobian::SparseJacobian;
 use crate::kinematics::near::{Reach, Wanted};
 use crate::kinematics::slopes::Kind as SlopeKind;
@@ -20,7 +20,7 @@ pub struct Closure {
     /// Unique among sensors and closures.
     pub name: String,
     /// Frame and point (m) of each side.
-    pub sides: [(usize, [Expr; 3]); 2],
+    pub sides: Sides<[Expr; 3]>,
     /// Unit axes in each frame that must agree.
     pub axes: Option<[[f64; 3]; 2]>,
     /// Standard deviation of the gap, m.
@@ -35,17 +35,13 @@ impl Kind for Closure {
     type Reader = ClosureReader;
 
     fn read(section: &Section) -> Pending<Self> {
-        let side = |frame, point| (section.need_reference(frame, "\"r_hand\""), section.point(point));
         let axes = read_axes(section);
-        let (a, b) = (side("frame_a", "point_a"), side("frame_b", "point_b"));
+        let sides = read_sides(section, "\"r_hand\"");
         let std_m = section.need_positive("std_m", "0.002", "m");
         let has_axes = section.has("axis_a") || section.has("axis_b");
         let std_axis = if has_axes { section.need_positive("std_axis", "0.005", "") } else { 1.0 };
         Box::new(move |at| {
-            // Both names are looked up, so that both mistakes are reported.
-            let frames = (at.frame("frame_a", &a.0), at.frame("frame_b", &b.0));
-            let sides = [(frames.0?, a.1), (frames.1?, b.1)];
-            at.need_joint_between(sides[0].0, sides[1].0, "a loop");
+            let sides = sides(at, "a loop")?;
             Some(Closure { name: at.name.text.clone(), sides, axes, std_m, std_axis })
         })
     }
@@ -59,9 +55,12 @@ impl Kind for Closure {
     }
 
     fn reader(&self, fit: &Fit) -> Option<ClosureReader> {
-        let side = |s: &(usize, [Expr; 3])| (s.0, fit.point(&s.1));
-        let sides = [side(&self.sides[0]), side(&self.sides[1])];
-        Some(ClosureReader { sides, axes: self.axes, std_m: self.std_m, std_axis: self.std_axis })
+        Some(ClosureReader {
+            sides: fit.sides(&self.sides),
+            axes: self.axes,
+            std_m: self.std_m,
+            std_axis: self.std_axis,
+        })
     }
 }
 
@@ -87,7 +86,7 @@ fn read_axes(section: &Section) -> Option<[[f64; 3]; 2]> {
 /// A closure at one set of parameters.
 #[derive(Debug, Clone)]
 pub struct ClosureReader {
-    sides: [(usize, Point); 2],
+    sides: Sides<Point>,
     axes: Option<[[f64; 3]; 2]>,
     std_m: f64,
     std_axis: f64,
@@ -129,14 +128,11 @@ impl Reads for ClosureReader {
     }
 
     fn causes(&self, row: usize, answers: &Answers) -> Vec<Found> {
-        let (mut gap, mut axes) = (Vec::new(), Vec::new());
-        for (side, (frame, point)) in self.sides.iter().enumerate() {
-            gap.extend(answers.chain(*frame, side, &[SlopeKind::Turn, SlopeKind::Shift]));
-            gap.extend(answers.stretches(point, side));
-            axes.extend(answers.chain(*frame, side, &[SlopeKind::Turn]));
-        }
-        let turned = self.axes.map(|_| Found { row: row + 3, count: 3, part: AXES, columns: axes });
-        std::iter::once(Found { row, count: 3, part: GAP, columns: gap }).chain(turned).collect()
+        let gap = Found { row, count: 3, part: GAP, columns: answers.places(&self.sides) };
+        let chains = self.sides.iter().enumerate();
+        let axes = chains.flat_map(|(side, (frame, _))| answers.chain(*frame, side, &[SlopeKind::Turn]));
+        let turned = self.axes.map(|_| Found { row: row + 3, count: 3, part: AXES, columns: axes.collect() });
+        std::iter::once(gap).chain(turned).collect()
     }
 
     #[inline(always)]
@@ -151,10 +147,9 @@ impl Reads for ClosureReader {
     }
 
     fn seat(&self, row: usize, homes: &Homes) -> (ClosureSeat, Reach) {
-        let sides = [0, 1].map(|i| homes.place(self.sides[i].0, &self.sides[i].1));
-        let [a, b] = [0, 1].map(|i| homes.reach(self.sides[i].0, homes.own(&sides[i].1)));
+        let (sides, reach) = homes.sides(&self.sides);
         let axes = self.axes.map(|axes| [0, 1].map(|i| homes.rotation(self.sides[i].0).apply_f64(axes[i]).0));
-        (ClosureSeat { row, sides, axes }, both(a, b))
+        (ClosureSeat { row, sides, axes }, reach)
     }
 }
 
@@ -162,7 +157,7 @@ impl Reads for ClosureReader {
 #[derive(Debug, Clone)]
 pub struct ClosureSeat {
     row: usize,
-    sides: [(usize, Point); 2],
+    sides: Sides<Point>,
     axes: Option<[[f64; 3]; 2]>,
 }
 
@@ -172,26 +167,17 @@ impl Sits for ClosureSeat {
     }
 
     #[inline(always)]
-    fn predict<const FUSED: bool>(
-        &self,
-        around: &Around<Lane<FUSED>>,
-        _: &Stand,
-        posed: bool,
-        trail: &mut [Vec3<Lane<FUSED>>],
-        out: &mut [Lane],
-    ) {
-        if !posed {
-            around.keep(out, Some(self.row), if self.axes.is_some() { 6 } else { 3 });
+    fn predict<const FUSED: bool>(&self, mut near: Nearby<FUSED>) {
+        if !near.posed {
+            near.keep(Some(self.row), if self.axes.is_some() { 6 } else { 3 });
             return;
         }
-        let [(a, at), (b, bt)] = &self.sides;
-        put(out, self.row, around.place(*a, at, trail) - around.place(*b, bt, trail));
+        let gap = near.gap(&self.sides);
+        near.put(self.row, gap);
         if let Some([za, zb]) = self.axes {
-            put(
-                out,
-                self.row + 3,
-                around.direction(*a, Vec3::splat(za), trail) - around.direction(*b, Vec3::splat(zb), trail),
-            );
+            let [(a, _), (b, _)] = self.sides;
+            let turn = near.direction(a, Vec3::splat(za)) - near.direction(b, Vec3::splat(zb));
+            near.put(self.row + 3, turn);
         }
     }
 }

@@ -1,15 +1,14 @@
 //! Encoder: reads a coordinate of a joint that is a state (eq. 10).
 
 use super::kind::{Described, Kind, Pending, Reads, Sits};
-use super::near::{Around, Homes, Stand};
+use super::near::{Homes, Nearby};
 use super::slopes::{Answers, Cause, Found, Group, Moving};
 use super::{Fit, Quantity, RowGroups, Scene};
-use crate::kernels::lane::{Lane, Real};
+use crate::kernels::lane::Real;
 use crate::kernels::sparse_jacobian::SparseJacobian;
 use crate::kinematics::near::Reach;
 use crate::model::section::{Known, Section};
 use crate::model::JointKind;
-use crate::rotation::Vec3;
 use serde_json::{json, Value};
 
 /// An encoder of a model file.
@@ -83,7 +82,7 @@ impl Reads for EncoderReader {
     }
 
     fn causes(&self, row: usize, answers: &Answers) -> Vec<Found> {
-        let own = answers.places.coordinates[self.coordinate].map(|column| (column, (Cause::Own, 0)));
+        let own = answers.columns.coordinates[self.coordinate].map(|column| (column, (Cause::Own, 0)));
         vec![Found { row, count: 1, part: 0, columns: own.into_iter().collect() }]
     }
 
@@ -109,14 +108,7 @@ pub struct EncoderSeat {
 
 impl Sits for EncoderSeat {
     #[inline(always)]
-    fn predict<const FUSED: bool>(
-        &self,
-        around: &Around<Lane<FUSED>>,
-        _: &Stand,
-        _: bool,
-        _: &mut [Vec3<Lane<FUSED>>],
-        out: &mut [Lane],
-    ) {
-        out[self.row] = around.joints.q[self.coordinate].cast();
+    fn predict<const FUSED: bool>(&self, near: Nearby<FUSED>) {
+        near.out[self.row] = near.around.joints.q[self.coordinate].cast();
     }
 }

@@ -5,7 +5,7 @@ mod seen;
 
 use super::kind::{Described, Kind, Pending, Reads, Sits};
 use super::mount::turned;
-use super::near::{put, Around, Homes, Stand};
+use super::near::{put, Around, Homes, Nearby, Stand};
 use super::slopes::{Answers, Cause, Column, Found, Group, Moving};
 use super::{Fit, Mount, Quantity, RowGroups, Scene, SlowError, Worn};
 use crate::kernels::lane::{Lane, Real};
@@ -93,7 +93,7 @@ impl Kind for Imu {
             "gyro_std_rad_s": noise.gyro_std, "accel_std_m_s2": noise.accel_std, "mag_std_ut": noise.mag_std,
             "rest_std_rad_s": noise.rest_std,
             "gyro_range_rad_s": noise.gyro_range, "accel_range_m_s2": noise.accel_range,
-            "mount": {"rotation": self.mount.rotation.0, "offset": at.point(&self.mount.offset)}})
+            "mount": at.mount(&self.mount)})
     }
 
     fn reader(&self, fit: &Fit) -> Option<ImuReader> {
@@ -108,10 +108,6 @@ impl Kind for Imu {
 
     fn mount(&self) -> Option<&Mount> {
         Some(&self.mount)
-    }
-
-    fn mount_mut(&mut self) -> Option<&mut Mount> {
-        Some(&mut self.mount)
     }
 
     fn slow_errors(&self) -> Vec<SlowError> {
@@ -273,12 +269,12 @@ impl Reads for ImuReader {
             use SlopeKind::{Accel, Push, Rate, Shift, Turn};
             let mut columns = chain(&[Turn, Rate, Accel, Shift, Push]);
             columns.extend(answers.stretches(&self.offset, 0));
-            columns.extend(answers.places.bases.iter().map(|(column, axis)| (*column, (Cause::Base(*axis), 0))));
+            columns.extend(answers.columns.bases.iter().map(|(column, axis)| (*column, (Cause::Base(*axis), 0))));
             all.push(found(row, ACCEL, columns));
         }
         if let Some(row) = mag {
             let mut mag = found(row, MAG, chain(&[SlopeKind::Turn]));
-            mag.columns.extend(answers.places.azimuth.map(|column| (column, (Cause::Own, 0))));
+            mag.columns.extend(answers.columns.azimuth.map(|column| (column, (Cause::Own, 0))));
             all.push(mag);
         }
         all
@@ -350,41 +346,35 @@ impl Sits for ImuSeat {
     }
 
     #[inline(always)]
-    fn predict<const FUSED: bool>(
-        &self,
-        around: &Around<Lane<FUSED>>,
-        stand: &Stand,
-        posed: bool,
-        _: &mut [Vec3<Lane<FUSED>>],
-        out: &mut [Lane],
-    ) {
+    fn predict<const FUSED: bool>(&self, mut near: Nearby<FUSED>) {
+        let (around, stand) = (near.around, near.stand);
         let (differs, own) = (around.near.differs[self.piece], &around.near.own[self.piece]);
-        let worn = posed && self.own_reach > around.perturbed.from;
+        let worn = near.posed && self.own_reach > around.perturbed.from;
         let axes = Axes { nominal: &self.rotation, stand: &stand.rotation, turn: self.turned(around, worn) };
         let Parts { gyro, accel, mag, rest } = self.parts;
         if !differs.motion {
-            around.keep(out, gyro, 3);
-            around.keep(out, accel, 3);
-            around.keep(out, rest, 3);
+            near.keep(gyro, 3);
+            near.keep(accel, 3);
+            near.keep(rest, 3);
         } else {
             if let Some(row) = accel {
                 let felt = if worn { own.felt_off(self.arm.at(around.joints.lengths)) } else { own.felt_at(stand.arm) };
-                put(out, row, axes.seen(felt));
+                near.put(row, axes.seen(felt));
             }
             if let Some(row) = gyro.or(rest) {
                 let spin = axes.seen(own.spin);
-                put(out, row, spin);
+                near.put(row, spin);
                 if let Some(row) = rest {
-                    put(out, row, spin);
+                    near.put(row, spin);
                 }
             }
         }
         let Some(row) = mag else { return };
         if differs.field || worn {
             let field = if differs.field { own.field } else { around.mean.field_in(self.piece) };
-            put(out, row, axes.seen(field));
+            near.put(row, axes.seen(field));
         } else {
-            around.keep(out, mag, 3);
+            near.keep(mag, 3);
         }
     }
 

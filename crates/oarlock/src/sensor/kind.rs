@@ -1,8 +1,8 @@
 //! Three traits that each kind of sensor implements in one file, and the list of all kinds.
 
-use super::near::{Around, Homes, Stand};
+use super::near::{Homes, Nearby, Stand};
 use super::slopes::{Answers, Found, Group, Moving};
-use super::{Fit, Heading, Mount, RowGroups, Scene, SlowError, Worn};
+use super::{Fit, Heading, Mount, RowGroups, Scene, Sides, SlowError, Worn};
 use crate::kernels::lane::{Lane, Real};
 use crate::kernels::sparse_jacobian::SparseJacobian;
 use crate::kinematics::near::{Near, Reach, Wanted};
@@ -10,7 +10,7 @@ use crate::model::build::Lookup;
 use crate::model::section::{Known, Section};
 use crate::model::{Expr, Model};
 use crate::rotation::{Mat3, Vec3};
-use serde_json::Value;
+use serde_json::{json, Value};
 
 /// A sensor with names of frames and joints that are looked up once all frames are read.
 pub(crate) type Pending<T> = Box<dyn FnOnce(&Lookup) -> Option<T>>;
@@ -28,6 +28,10 @@ impl Described<'_> {
 
     pub fn point(&self, point: &[Expr; 3]) -> [f64; 3] {
         [0, 1, 2].map(|i: usize| point[i].eval(self.values))
+    }
+
+    pub fn mount(&self, mount: &Mount) -> Value {
+        json!({"rotation": mount.rotation.0, "offset": self.point(&mount.offset)})
     }
 }
 
@@ -52,10 +56,6 @@ pub(crate) trait Kind: Sized {
     }
     /// Its mount, if its orientation on the link matters.
     fn mount(&self) -> Option<&Mount> {
-        None
-    }
-    /// The same, mutable.
-    fn mount_mut(&mut self) -> Option<&mut Mount> {
         None
     }
     /// Points in frames that it reads and that no mount gives.
@@ -106,18 +106,27 @@ pub(crate) trait Sits {
     fn settle(&self, _worn: Worn<f64>, _stand: &mut Stand) {}
     /// Second-order part of its readings by the rates, in the posture of the mean.
     fn curve<const FUSED: bool>(&self, _near: &Near<Lane<FUSED>>, _stand: &Stand, _out: &mut [Lane]) {}
-    /// Predicts its rows; `posed`: a pose that it depends on differs from the mean's.
-    fn predict<const FUSED: bool>(
-        &self,
-        around: &Around<Lane<FUSED>>,
-        stand: &Stand,
-        posed: bool,
-        trail: &mut [Vec3<Lane<FUSED>>],
-        out: &mut [Lane],
-    );
+    /// Predicts its rows.
+    fn predict<const FUSED: bool>(&self, near: Nearby<FUSED>);
     /// A vector in its own axes, if it has axes; the vector is given in the axes of every piece.
     fn seen_by(&self, _v: &[Vec3<f64>], _mounts: &[Vec3<f64>]) -> Option<Vec3<f64>> {
         None
+    }
+}
+
+/// Reads frame and point of two sides, which a joint must move relative to each other; `what` needs it.
+pub(crate) fn read_sides(
+    section: &Section,
+    example: &str,
+) -> impl FnOnce(&Lookup, &str) -> Option<Sides<[Expr; 3]>> + 'static {
+    let side = |frame, point| (section.need_reference(frame, example), section.point(point));
+    let (a, b) = (side("frame_a", "point_a"), side("frame_b", "point_b"));
+    move |at, what| {
+        // Both names are looked up, so that both mistakes are reported.
+        let frames = (at.frame("frame_a", &a.0), at.frame("frame_b", &b.0));
+        let sides = [(frames.0?, a.1), (frames.1?, b.1)];
+        at.need_joint_between(sides[0].0, sides[1].0, what);
+        Some(sides)
     }
 }
 
@@ -189,11 +198,6 @@ macro_rules! kinds {
             /// Its mount, if its orientation on the link matters.
             pub fn mount(&self) -> Option<&Mount> {
                 match self { $(SensorKind::$name(s) => s.mount(),)* }
-            }
-
-            /// The same, mutable.
-            pub fn mount_mut(&mut self) -> Option<&mut Mount> {
-                match self { $(SensorKind::$name(s) => s.mount_mut(),)* }
             }
 
             /// Points in frames that it reads: its place on its link, or the ends of what it measures.
@@ -292,15 +296,8 @@ macro_rules! kinds {
             }
 
             #[inline(always)]
-            fn predict<const FUSED: bool>(
-                &self,
-                around: &Around<Lane<FUSED>>,
-                stand: &Stand,
-                posed: bool,
-                trail: &mut [Vec3<Lane<FUSED>>],
-                out: &mut [Lane],
-            ) {
-                match self { $(Seat::$name(s) => s.predict(around, stand, posed, trail, out),)* }
+            fn predict<const FUSED: bool>(&self, near: Nearby<FUSED>) {
+                match self { $(Seat::$name(s) => s.predict(near),)* }
             }
 
             fn seen_by(&self, v: &[Vec3<f64>], mounts: &[Vec3<f64>]) -> Option<Vec3<f64>> {

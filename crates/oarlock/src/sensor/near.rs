@@ -1,8 +1,8 @@
 //! Readings at points near a mean (sigma points), computed on the rigid pieces of the tree. `body::read` uses it.
 
 use super::kind::{Reads, Sits};
-use super::{Seat, Suite, Worn};
-use crate::kernels::lane::{Lane, Real, LANES};
+use super::{Seat, Sides, Suite, Worn};
+use crate::kernels::lane::{Lane, LANES};
 use crate::kinematics::near::{Mean, Near, PerturbedMotion, Reach, Wanted};
 use crate::kinematics::pieces::Pieces;
 use crate::kinematics::JointMotion;
@@ -57,6 +57,19 @@ pub struct Around<'a, T> {
     pub active: &'a [bool],
 }
 
+/// What one sensor predicts its rows from, and where it writes them.
+pub(crate) struct Nearby<'a, const FUSED: bool> {
+    pub around: &'a Around<'a, Lane<FUSED>>,
+    /// Its pose at the mean.
+    pub stand: &'a Stand,
+    /// Whether a pose that it depends on differs from the mean's.
+    pub posed: bool,
+    /// Workspace with one vector per piece.
+    pub trail: &'a mut [Vec3<Lane<FUSED>>],
+    /// All rows.
+    pub out: &'a mut [Lane],
+}
+
 /// Positions of the frames on the pieces, and the states that move the frames.
 pub(crate) struct Homes<'a> {
     pub pieces: &'a Pieces,
@@ -97,16 +110,18 @@ impl Homes<'_> {
         number.map_or(0, |i| (self.heading)(i) + 1)
     }
 
+    /// Both sides on their pieces, and the states that they depend on.
+    pub fn sides(&self, sides: &Sides<Point>) -> (Sides<Point>, Reach) {
+        let placed = sides.each_ref().map(|(frame, point)| self.place(*frame, point));
+        let [a, b] = [0, 1].map(|i| self.reach(sides[i].0, self.own(&placed[i].1)));
+        (placed, Reach { last: a.last.max(b.last), input: a.input || b.input, ..a })
+    }
+
     /// The states that a sensor on a frame depends on; its own states are below `own`.
     pub fn reach(&self, frame: usize, own: usize) -> Reach {
         let reach = self.reaches[frame];
         Reach { last: reach.last.max(own), ..reach }
     }
-}
-
-/// The states that a sensor with two sides depends on.
-pub(super) fn both(a: Reach, b: Reach) -> Reach {
-    Reach { last: a.last.max(b.last), input: a.input || b.input, ..a }
 }
 
 impl Suite {
@@ -173,35 +188,53 @@ impl Seats {
     ) {
         for (i, seat) in self.seats.iter().enumerate().filter(|(i, _)| around.active[*i]) {
             let posed = around.perturbed.touches(&self.reaches[i]);
-            seat.predict(&around, &around.stands[i], posed, trail, out);
+            seat.predict(Nearby { around: &around, stand: &around.stands[i], posed, trail, out });
         }
     }
 }
 
-impl<T: Real> Around<'_, T> {
+impl<const FUSED: bool> Nearby<'_, FUSED> {
     /// Readings at the mean.
     #[inline(always)]
-    pub(super) fn keep(&self, out: &mut [Lane], first: Option<usize>, count: usize) {
+    pub(super) fn keep(&mut self, first: Option<usize>, count: usize) {
         let Some(first) = first else { return };
-        for (out, x) in out[first..first + count].iter_mut().zip(&self.center[first..first + count]) {
+        for (out, x) in self.out[first..first + count].iter_mut().zip(&self.around.center[first..first + count]) {
             *out = Lane([*x; LANES]);
         }
     }
 
     /// A point of a piece in root axes, m.
     #[inline(always)]
-    pub(super) fn place(&self, piece: usize, point: &Point, trail: &mut [Vec3<T>]) -> Vec3<T> {
+    pub(super) fn place(&mut self, piece: usize, point: &Point) -> Vec3<Lane<FUSED>> {
         let point = match point.constant() {
             Some(point) => point.everywhere(),
-            None => point.at(self.joints.lengths),
+            None => point.at(self.around.joints.lengths),
         };
-        self.pieces.raised::<T, false>(piece, point, self.mean, &self.joints, self.near, trail)
+        self.raised::<false>(piece, point)
+    }
+
+    /// The first of two points minus the second, in root axes, m.
+    #[inline(always)]
+    pub(super) fn gap(&mut self, [(a, at), (b, bt)]: &Sides<Point>) -> Vec3<Lane<FUSED>> {
+        self.place(*a, at) - self.place(*b, bt)
     }
 
     /// A direction of a piece in root axes.
     #[inline(always)]
-    pub(super) fn direction(&self, piece: usize, axis: Vec3<T>, trail: &mut [Vec3<T>]) -> Vec3<T> {
-        self.pieces.raised::<T, true>(piece, axis, self.mean, &self.joints, self.near, trail)
+    pub(super) fn direction(&mut self, piece: usize, axis: Vec3<Lane<FUSED>>) -> Vec3<Lane<FUSED>> {
+        self.raised::<true>(piece, axis)
+    }
+
+    #[inline(always)]
+    fn raised<const DIRECTION: bool>(&mut self, piece: usize, v: Vec3<Lane<FUSED>>) -> Vec3<Lane<FUSED>> {
+        let Around { pieces, mean, near, joints, .. } = self.around;
+        pieces.raised::<Lane<FUSED>, DIRECTION>(piece, v, mean, joints, near, self.trail)
+    }
+
+    /// Writes a vector into three rows.
+    #[inline(always)]
+    pub(super) fn put(&mut self, row: usize, v: Vec3<Lane<FUSED>>) {
+        put(self.out, row, v);
     }
 }
 

@@ -10,10 +10,10 @@
 
 use super::kind::{Described, Kind, Pending, Reads, Sits};
 use super::mount::turned;
-use super::near::{put, Around, Homes, Stand};
+use super::near::{Homes, Nearby};
 use super::slopes::{times, transposed, Answers, Cause, Columns, Found, Group, Moving};
 use super::{Fit, Heading, Mount, Quantity, RowGroups, Scene, SlowError};
-use crate::kernels::lane::{Lane, Real};
+use crate::kernels::lane::Real;
 use crate::kernels::sparse_jacobian::SparseJacobian;
 use crate::kinematics::near::{Reach, Wanted};
 use crate::kinematics::slopes::Kind as SlopeKind;
@@ -93,7 +93,7 @@ impl Kind for Orientation {
             "correlation_time_s": self.correlation_time_s, "heading": if heading.is_some() { "unknown" } else { "known" },
             "heading_group": heading.map(|h| &h.group), "heading_walk": heading.map(|h| h.walk),
             "root_from_reference": self.root_from_reference.0,
-            "mount": {"rotation": self.mount.rotation.0, "offset": at.point(&self.mount.offset)}})
+            "mount": at.mount(&self.mount)})
     }
 
     fn reader(&self, fit: &Fit) -> Option<OrientationReader> {
@@ -112,10 +112,6 @@ impl Kind for Orientation {
 
     fn mount(&self) -> Option<&Mount> {
         Some(&self.mount)
-    }
-
-    fn mount_mut(&mut self) -> Option<&mut Mount> {
-        Some(&mut self.mount)
     }
 
     fn heading(&self) -> Option<&Heading> {
@@ -240,7 +236,7 @@ impl Reads for OrientationReader {
     fn causes(&self, row: usize, answers: &Answers) -> Vec<Found> {
         let mut columns = answers.chain(self.frame, 0, &[SlopeKind::Turn]);
         columns.extend(answers.mount(self.turning.mount));
-        columns.extend(self.turning.heading.map(|i| (answers.places.headings[i], (Cause::Own, 0))));
+        columns.extend(self.turning.heading.map(|i| (answers.columns.headings[i], (Cause::Own, 0))));
         vec![Found { row, count: 3, part: 0, columns }]
     }
 
@@ -303,21 +299,14 @@ impl Sits for OrientationSeat {
     }
 
     #[inline(always)]
-    fn predict<const FUSED: bool>(
-        &self,
-        around: &Around<Lane<FUSED>>,
-        _: &Stand,
-        posed: bool,
-        trail: &mut [Vec3<Lane<FUSED>>],
-        out: &mut [Lane],
-    ) {
-        if !posed {
-            around.keep(out, Some(self.row), 3);
+    fn predict<const FUSED: bool>(&self, mut near: Nearby<FUSED>) {
+        if !near.posed {
+            near.keep(Some(self.row), 3);
             return;
         }
-        let axes = turned(self.rotation.everywhere(), self.turning.mount, around.mounts);
-        let axes = columns(&axes).map(|axis| around.direction(self.piece, axis, trail));
-        put(out, self.row, self.turning.rows(axes, around.references, around.headings));
+        let axes = turned(self.rotation.everywhere(), self.turning.mount, near.around.mounts);
+        let axes = columns(&axes).map(|axis| near.direction(self.piece, axis));
+        near.put(self.row, self.turning.rows(axes, near.around.references, near.around.headings));
     }
 
     fn seen_by(&self, v: &[Vec3<f64>], mounts: &[Vec3<f64>]) -> Option<Vec3<f64>> {

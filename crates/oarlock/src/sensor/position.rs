@@ -1,16 +1,14 @@
 //! Position sensor: reads a point of a frame in root axes.
 
 use super::kind::{Described, Kind, Pending, Reads, Sits};
-use super::near::{put, Around, Homes, Stand};
+use super::near::{Homes, Nearby};
 use super::slopes::{write_sides, Answers, Found, Group, Moving};
 use super::{Fit, Quantity, RowGroups, Scene};
-use crate::kernels::lane::{Lane, Real};
+use crate::kernels::lane::Real;
 use crate::kernels::sparse_jacobian::SparseJacobian;
 use crate::kinematics::near::{Reach, Wanted};
-use crate::kinematics::slopes::Kind as SlopeKind;
 use crate::model::section::{Known, Section};
 use crate::model::{Expr, Point};
-use crate::rotation::Vec3;
 use serde_json::{json, Value};
 
 /// A position sensor of a model file.
@@ -74,8 +72,7 @@ impl Reads for PositionReader {
     }
 
     fn causes(&self, row: usize, answers: &Answers) -> Vec<Found> {
-        let mut columns = answers.chain(self.frame, 0, &[SlopeKind::Turn, SlopeKind::Shift]);
-        columns.extend(answers.stretches(&self.point, 0));
+        let columns = answers.place(self.frame, &self.point, 0);
         vec![Found { row, count: 3, part: 0, columns }]
     }
 
@@ -107,18 +104,12 @@ impl Sits for PositionSeat {
     }
 
     #[inline(always)]
-    fn predict<const FUSED: bool>(
-        &self,
-        around: &Around<Lane<FUSED>>,
-        _: &Stand,
-        posed: bool,
-        trail: &mut [Vec3<Lane<FUSED>>],
-        out: &mut [Lane],
-    ) {
-        if posed {
-            put(out, self.row, around.place(self.piece, &self.point, trail));
+    fn predict<const FUSED: bool>(&self, mut near: Nearby<FUSED>) {
+        if near.posed {
+            let place = near.place(self.piece, &self.point);
+            near.put(self.row, place);
         } else {
-            around.keep(out, Some(self.row), 3);
+            near.keep(Some(self.row), 3);
         }
     }
 }

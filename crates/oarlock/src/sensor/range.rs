@@ -1,13 +1,12 @@
 //! Range sensor: distance between two points of the body, or between the body and its surroundings.
 
-use super::kind::{Described, Kind, Pending, Reads, Sits};
-use super::near::{both, Around, Homes, Stand};
+use super::kind::{read_sides, Described, Kind, Pending, Reads, Sits};
+use super::near::{Homes, Nearby};
 use super::slopes::{moved, Answers, Found, Group, Moving};
-use super::{Fit, Quantity, RowGroups, Scene};
-use crate::kernels::lane::{Lane, Real};
+use super::{Fit, Quantity, RowGroups, Scene, Sides};
+use crate::kernels::lane::Real;
 use crate::kernels::sparse_jacobian::SparseJacobian;
 use crate::kinematics::near::{Reach, Wanted};
-use crate::kinematics::slopes::Kind as SlopeKind;
 use crate::model::section::{Known, Section};
 use crate::model::{Expr, Point};
 use crate::rotation::Vec3;
@@ -17,7 +16,7 @@ use serde_json::{json, Value};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Range {
     /// Frame and point (m) of each end.
-    pub ends: [(usize, [Expr; 3]); 2],
+    pub ends: Sides<[Expr; 3]>,
     /// Standard deviation, m.
     pub std_m: f64,
 }
@@ -28,16 +27,9 @@ impl Kind for Range {
     type Reader = RangeReader;
 
     fn read(section: &Section) -> Pending<Self> {
-        let end = |frame, point| (section.need_reference(frame, "\"seat\""), section.point(point));
-        let (a, b) = (end("frame_a", "point_a"), end("frame_b", "point_b"));
+        let ends = read_sides(section, "\"seat\"");
         let std_m = section.need_positive("std_m", "0.005", "m");
-        Box::new(move |at| {
-            // Both names are looked up, so that both mistakes are reported.
-            let frames = (at.frame("frame_a", &a.0), at.frame("frame_b", &b.0));
-            let ends = [(frames.0?, a.1), (frames.1?, b.1)];
-            at.need_joint_between(ends[0].0, ends[1].0, "a distance");
-            Some(Range { ends, std_m })
-        })
+        Box::new(move |at| Some(Range { ends: ends(at, "a distance")?, std_m }))
     }
 
     fn describe(&self, at: &Described) -> Value {
@@ -47,8 +39,7 @@ impl Kind for Range {
     }
 
     fn reader(&self, fit: &Fit) -> Option<RangeReader> {
-        let end = |end: &(usize, [Expr; 3])| (end.0, fit.point(&end.1));
-        Some(RangeReader { ends: [end(&self.ends[0]), end(&self.ends[1])], std_m: self.std_m })
+        Some(RangeReader { ends: fit.sides(&self.ends), std_m: self.std_m })
     }
 
     fn points(&self) -> Vec<&[Expr; 3]> {
@@ -70,7 +61,7 @@ fn length<T: Real>(v: Vec3<T>) -> T {
 /// A range sensor at one set of parameters.
 #[derive(Debug, Clone)]
 pub struct RangeReader {
-    ends: [(usize, Point); 2],
+    ends: Sides<Point>,
     std_m: f64,
 }
 
@@ -93,12 +84,7 @@ impl Reads for RangeReader {
     }
 
     fn causes(&self, row: usize, answers: &Answers) -> Vec<Found> {
-        let mut columns = Vec::new();
-        for (side, (frame, point)) in self.ends.iter().enumerate() {
-            columns.extend(answers.chain(*frame, side, &[SlopeKind::Turn, SlopeKind::Shift]));
-            columns.extend(answers.stretches(point, side));
-        }
-        vec![Found { row, count: 1, part: 0, columns }]
+        vec![Found { row, count: 1, part: 0, columns: answers.places(&self.ends) }]
     }
 
     /// The derivative is that of the points' difference along the unit vector between them. It does not exist where the
@@ -118,9 +104,8 @@ impl Reads for RangeReader {
     }
 
     fn seat(&self, row: usize, homes: &Homes) -> (RangeSeat, Reach) {
-        let ends = [0, 1].map(|i| homes.place(self.ends[i].0, &self.ends[i].1));
-        let [a, b] = [0, 1].map(|i| homes.reach(self.ends[i].0, homes.own(&ends[i].1)));
-        (RangeSeat { row, ends }, both(a, b))
+        let (ends, reach) = homes.sides(&self.ends);
+        (RangeSeat { row, ends }, reach)
     }
 }
 
@@ -128,7 +113,7 @@ impl Reads for RangeReader {
 #[derive(Debug, Clone)]
 pub struct RangeSeat {
     row: usize,
-    ends: [(usize, Point); 2],
+    ends: Sides<Point>,
 }
 
 impl Sits for RangeSeat {
@@ -137,19 +122,11 @@ impl Sits for RangeSeat {
     }
 
     #[inline(always)]
-    fn predict<const FUSED: bool>(
-        &self,
-        around: &Around<Lane<FUSED>>,
-        _: &Stand,
-        posed: bool,
-        trail: &mut [Vec3<Lane<FUSED>>],
-        out: &mut [Lane],
-    ) {
-        if !posed {
-            around.keep(out, Some(self.row), 1);
-            return;
+    fn predict<const FUSED: bool>(&self, mut near: Nearby<FUSED>) {
+        if near.posed {
+            near.out[self.row] = length(near.gap(&self.ends)).cast();
+        } else {
+            near.keep(Some(self.row), 1);
         }
-        let [(a, at), (b, bt)] = &self.ends;
-        out[self.row] = length(around.place(*a, at, trail) - around.place(*b, bt, trail)).cast();
     }
 }

@@ -3,7 +3,7 @@
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
 use super::kind::Reads;
-use super::{Suite, Worn};
+use super::{Sides, Suite, Worn};
 use crate::kernels::arch::madd;
 use crate::kernels::sparse_jacobian::SparseJacobian;
 use crate::kinematics::slopes::{Kind, Slopes};
@@ -107,7 +107,7 @@ pub struct Causes {
 /// Finds the columns of everything that can move a sensor.
 pub(crate) struct Answers<'a> {
     pub slopes: &'a Slopes,
-    pub places: &'a Places,
+    pub columns: &'a Places,
 }
 
 impl Answers<'_> {
@@ -120,13 +120,25 @@ impl Answers<'_> {
 
     /// Columns of the lengths that a point of a frame depends on.
     pub fn stretches(&self, point: &Point, side: usize) -> Vec<Column> {
-        let column = |(l, slope): &(usize, [f64; 3])| (self.places.lengths[*l], (Cause::Stretch(*slope), side));
+        let column = |(l, slope): &(usize, [f64; 3])| (self.columns.lengths[*l], (Cause::Stretch(*slope), side));
         point.slopes().iter().map(column).collect()
+    }
+
+    /// Columns of a point of a frame.
+    pub fn place(&self, frame: usize, point: &Point, side: usize) -> Vec<Column> {
+        let mut columns = self.chain(frame, side, &[Kind::Turn, Kind::Shift]);
+        columns.extend(self.stretches(point, side));
+        columns
+    }
+
+    /// Columns of both points.
+    pub fn places(&self, sides: &Sides<Point>) -> Vec<Column> {
+        sides.iter().enumerate().flat_map(|(side, (frame, point))| self.place(*frame, point, side)).collect()
     }
 
     /// Columns of an estimated mount.
     pub fn mount(&self, number: Option<usize>) -> impl Iterator<Item = Column> {
-        let first = number.map(|i| self.places.mounts[i]);
+        let first = number.map(|i| self.columns.mounts[i]);
         first.into_iter().flat_map(|m| (0..3).map(move |k| (m + k, (Cause::Mount(k), 0))))
     }
 }
@@ -135,7 +147,7 @@ impl Suite {
     /// A Jacobian with `n` columns of states, followed by others.
     pub fn causes(&self, n: usize, slopes: &Slopes, places: &Places) -> (SparseJacobian, Causes) {
         let mut straight = SparseJacobian { n, ..SparseJacobian::default() };
-        let answers = Answers { slopes, places };
+        let answers = Answers { slopes, columns: places };
         let groups = self.readers.iter().zip(&self.sources).map(|(reader, source)| {
             let mut found = Vec::new();
             for Found { row, count, part, columns } in reader.causes(source.rows.start, &answers) {

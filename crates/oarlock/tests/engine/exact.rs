@@ -8,11 +8,11 @@ use oarlock::model::Model;
 use oarlock::recording::{Sample, Stream};
 use oarlock::track::hypothesis::Hypothesis;
 use oarlock::track::run::{track, Run};
-use oarlock::track::{Calibration, Status, Tracker};
+use oarlock::track::{Calibration, Status};
 use std::sync::Arc;
 use support::chance::Chance;
 use support::record::{punch_holes, rowed, streams, times};
-use support::{body, model, SCULLER};
+use support::{bits, body, model, tracker, SCULLER};
 
 struct Case {
     model: Arc<Model>,
@@ -40,10 +40,6 @@ fn whole(case: &Case, streams: Vec<Stream>, start: Option<Hypothesis>) -> Run {
     track(case.model.clone(), streams, &nominal, &case.config, start, &mut |_| true).unwrap()
 }
 
-fn bits(x: &[f64]) -> Vec<u64> {
-    x.iter().map(|x| x.to_bits()).collect()
-}
-
 /// Filters with room of different kinds.
 const FILTERS: [FilterKind; 2] = [FilterKind::Ukf, FilterKind::Factorised];
 
@@ -54,7 +50,7 @@ fn live_is_whole_bit_for_bit() {
 
 fn assert_live_is_whole(case: &Case) {
     let run = whole(case, streams(&case.body, &case.samples), None);
-    let mut tracker = Tracker::new(case.model.clone(), &Calibration::default(), &case.config).unwrap();
+    let mut tracker = tracker(&case.model, &case.config);
     let (mut times, mut mean, mut std) = (Vec::new(), Vec::new(), Vec::new());
     let mut nis = Vec::new();
     for sample in &case.samples {

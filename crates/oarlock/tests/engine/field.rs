@@ -11,13 +11,23 @@ use oarlock::track::{Calibration, Tracker};
 use support::chance::Chance;
 use support::record::{streams, times, Scene};
 use support::wave::Wave;
-use support::{body, model, so3};
+use support::{body, model, so3, tracker};
 
 /// A unit on a body that turns as it likes.
 const HEAD: &str = r#"
 format = 1
 name = "head"
 description = "one body on a ball"
+joint = [
+    { name = "neck", kind = "ball" },
+]
+frame = [
+    { name = "head", parent = "root", transform = {}, joint = "neck" },
+]
+sensor = [
+    { name = "head", kind = "imu", frame = "head", gyro_std_rad_s = 0.005, accel_std_m_s2 = 0.05, mag_std_ut = 0.5,
+      mount.rpy = [0.4, -0.2, 1.0] },
+]
 [world]
 up = [0, 0, 1]
 forward = [1, 0, 0]
@@ -25,22 +35,6 @@ magnetic_norm_ut = 48.0
 magnetic_dip_rad = "65*pi/180"
 magnetic_azimuth_rad = 0.0
 azimuth_fixed = true
-[[joint]]
-name = "neck"
-kind = "ball"
-[[frame]]
-name = "head"
-parent = "root"
-transform = {}
-joint = "neck"
-[[sensor]]
-name = "head"
-kind = "imu"
-frame = "head"
-gyro_std_rad_s = 0.005
-accel_std_m_s2 = 0.05
-mag_std_ut = 0.5
-mount.rpy = [0.4, -0.2, 1.0]
 "#;
 
 const DISTURBED_S: [f64; 2] = [10.0, 15.0];
@@ -103,7 +97,7 @@ impl Head {
 
     fn tracker(&self, magnetometer: Magnetometer) -> Tracker {
         let config = Config { magnetometer, ..Config::default() };
-        Tracker::new(self.body.model.clone(), &Calibration::default(), &config).unwrap()
+        tracker(&self.body.model, &config)
     }
 
     /// Of every sample: its stamp, what the field was, and how far off the head is, rad.

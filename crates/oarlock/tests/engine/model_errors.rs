@@ -217,13 +217,12 @@ fn balled(kind: &str, keys: &str) -> String {
     BODY.replace(shoulder, &format!("kind = \"{kind}\"\n{keys}\n"))
 }
 
-/// Expects one mistake, in the line of the ball's own keys unless `line` says otherwise.
-fn refused_ball(kind: &str, keys: &str, line: usize, wanted: &str) {
+/// Expects one mistake, in the line of the ball's own keys.
+fn refused_ball(kind: &str, keys: &str, wanted: &str) {
     let found = mistakes(&balled(kind, keys));
-    let place = format!("body.toml:{line}: ");
     assert!(
-        found.len() == 1 && found[0].starts_with(&place) && found[0].contains(wanted),
-        "expected `{place}... {wanted}`, found:\n{}",
+        found.len() == 1 && found[0].starts_with("body.toml:16: ") && found[0].contains(wanted),
+        "expected `body.toml:16: ... {wanted}`, found:\n{}",
         found.join("\n")
     );
 }
@@ -253,48 +252,27 @@ mod a_ball {
     fn with_bad_angles_is_refused() {
         let wanted = "joint `shoulder`: angles: expected three axes in a row, no neighbours equal";
         for angles in ["YYX", "YXX", "YX", "YXYX", "yxy", "ABC", ""] {
-            refused_ball("ball", &format!("angles = \"{angles}\""), 16, wanted);
+            refused_ball("ball", &format!("angles = \"{angles}\""), wanted);
         }
     }
 
     #[test]
-    fn with_lopsided_limits_is_refused() {
-        let wanted = "limits: [-1.0000, 1.5000] rad; a ball's limits count from its rest alike: expected [-a, a]";
-        refused_ball("ball", "limits = [-1, 1.5]", 16, wanted);
-        refused_ball("free", "limits = [-1, 1.5]", 16, wanted);
-    }
-
-    #[test]
-    fn with_a_rest_of_another_size_is_refused() {
-        refused_ball("ball", "rest = 0.1", 16, "rest: expected a rotation vector [rx, ry, rz] in rad");
-        refused_ball("ball", "rest = [0.1, 0.2]", 16, "rest: expected a rotation vector [rx, ry, rz] in rad");
-        refused_ball("free", "rest = [1, 2, 3]", 16, "rest: expected a place in m and a rotation vector in rad");
-    }
-
-    #[test]
-    fn that_is_an_input_is_refused() {
-        refused_ball(
-            "ball",
-            "input = true",
-            16,
-            "joint `shoulder`: `input`: no encoder reads a rotation in all directions",
-        );
-    }
-
-    #[test]
-    fn that_walks_is_refused() {
+    fn with_keys_that_do_not_fit_is_refused() {
+        let lopsided = "limits: [-1.0000, 1.5000] rad; a ball's limits count from its rest alike: expected [-a, a]";
+        let turned = "rest: expected a rotation vector [rx, ry, rz] in rad";
         let walk = "process = { kind = \"walk\", density = 1, start_std = [1] }";
-        refused_ball("ball", walk, 16, "a ball does not walk; expected kind = \"jerk\" or \"singer\"");
-    }
-
-    #[test]
-    fn that_only_turns_has_no_translation() {
-        refused_ball(
-            "ball",
-            "translation = { density = 1 }",
-            16,
-            "`translation`: only a free joint moves freely in space",
-        );
+        for (kind, keys, wanted) in [
+            ("ball", "limits = [-1, 1.5]", lopsided),
+            ("free", "limits = [-1, 1.5]", lopsided),
+            ("ball", "rest = 0.1", turned),
+            ("ball", "rest = [0.1, 0.2]", turned),
+            ("free", "rest = [1, 2, 3]", "rest: expected a place in m and a rotation vector in rad"),
+            ("ball", "input = true", "joint `shoulder`: `input`: no encoder reads a rotation in all directions"),
+            ("ball", walk, "a ball does not walk; expected kind = \"jerk\" or \"singer\""),
+            ("ball", "translation = { density = 1 }", "`translation`: only a free joint moves freely in space"),
+        ] {
+            refused_ball(kind, keys, wanted);
+        }
     }
 
     #[test]

@@ -1,29 +1,16 @@
 //! The shipped models against forward kinematics from an independent implementation.
 
 use super::support::extended::shipped;
+use super::support::{numbers, vectors, SCULLER};
 use oarlock::model::{JointKind, Model};
 use oarlock::rotation::Mat3;
 use serde_json::Value;
-use std::path::Path;
 
 /// What the vectors promise: both sides are double precision, six links deep.
 const AGREES: f64 = 1e-12;
 
-fn read(path: &str) -> String {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    std::fs::read_to_string(root.join(path)).unwrap_or_else(|e| panic!("{path}: {e}"))
-}
-
 fn model(name: &str) -> Model {
     Model::from_toml(&shipped(name), &format!("{name}.toml")).unwrap_or_else(|e| panic!("{e}"))
-}
-
-fn vectors(name: &str) -> Value {
-    serde_json::from_str(&read(&format!("tests/vectors/{name}"))).expect("valid JSON")
-}
-
-fn numbers(value: &Value) -> Vec<f64> {
-    value.as_array().expect("a list").iter().map(|x| x.as_f64().expect("a number")).collect()
 }
 
 /// The parameter vector with the lengths and pins of a vector file.
@@ -194,7 +181,7 @@ fn sculler_keeps_its_public_names() {
 
 #[test]
 fn oars_may_be_states() {
-    let text = read("python/oarlock/model/shipped/sculler.toml").replace("input = true\n", "");
+    let text = SCULLER.replace("input = true\n", "");
     let model = Model::from_toml(&text, "oars.toml").unwrap_or_else(|e| panic!("{e}"));
     assert!(model.joints.iter().all(|j| !j.input));
 }

@@ -5,13 +5,13 @@ use crate::support;
 use oarlock::config::Config;
 use oarlock::kernels::arch::Arch;
 use oarlock::recording::Sample;
-use oarlock::track::{Calibration, Status, Tracker};
+use oarlock::track::{Status, Tracker};
 use support::chance::Chance;
 use support::record::{punch_holes, times, Scene};
 use support::stroke::Stroke;
 use support::tree::TREE;
 use support::wave::Wave;
-use support::{body, fresh, model, plain, start_std, worse, SCULLER};
+use support::{body, model, plain, start_std, started, tracker, worse, SCULLER};
 
 /// As for the textbook filter: roundings, through covariances that lose eight of sixteen digits.
 const SAME_FILTER_SIGMA: f64 = 1e-8;
@@ -37,9 +37,8 @@ fn tree(config: &Config) -> Vec<Sample> {
 }
 
 /// A tracker that starts beside the truth.
-fn started(text: &str, config: &Config, arch: Arch) -> Tracker {
-    let model = model(text);
-    let body = body(&model, config);
+fn begun(text: &str, config: &Config, arch: Arch) -> Tracker {
+    let body = body(&model(text), config);
     let std = start_std(&body);
     let mut mean = vec![0.0; std.len()];
     body.moving().for_each(|(_, axis, slots)| mean[slots.q] = axis.rest);
@@ -48,16 +47,14 @@ fn started(text: &str, config: &Config, arch: Arch) -> Tracker {
         let scene = Scene { body: &body, motion: &|t| stroke.at(t), surge: &|_| 0.0, azimuth_rad: 0.5, noise: 1.0 };
         mean = scene.state(0.0);
     }
-    let start = fresh(&body, 0.0, mean, &std);
-    let mut tracker = Tracker::new(model, &Calibration::default(), config).unwrap();
+    let mut tracker = started(&body, config, mean, &std);
     tracker.use_arch(arch);
-    tracker.resume(start).unwrap();
     tracker
 }
 
 /// How far apart two trackers ever are on the same samples, in standard deviations.
 fn apart(text: &str, samples: &[Sample], config: &Config) -> f64 {
-    let [mut best, mut portable] = [Arch::best(), Arch::PORTABLE].map(|arch| started(text, config, arch));
+    let [mut best, mut portable] = [Arch::best(), Arch::PORTABLE].map(|arch| begun(text, config, arch));
     let mut worst: f64 = 0.0;
     for sample in samples {
         assert_eq!(best.step(sample).unwrap(), portable.step(sample).unwrap());
@@ -93,7 +90,7 @@ fn stiff(std: f64) -> String {
 fn row(std: f64, steps: usize) {
     let (text, config) = (stiff(std), plain(&[]));
     let samples = stroke(&text, &config);
-    let mut tracker = Tracker::new(model(&text), &Calibration::default(), &config).unwrap();
+    let mut tracker = tracker(&model(&text), &config);
     for k in 0..steps {
         let mut sample = samples[k % PERIOD].clone();
         sample.time_s = (k + 1) as f64 * STEP_S;

@@ -14,82 +14,31 @@ use oarlock::track::{Calibration, Status, Tracker};
 use oarlock::Error;
 use proptest::prelude::*;
 use std::sync::Arc;
+use support::absurd::{self, is_sound, odd, odd_samples, odd_time};
 use support::chance::Chance;
 use support::record::{times, Scene};
 use support::stroke::Stroke;
 use support::wave::Wave;
-use support::{body, fresh, model, plain, start_std, worse, CHAIN, SCULLER};
-
-fn tracker(model: &Arc<Model>, config: &Config) -> Tracker {
-    Tracker::new(model.clone(), &Calibration::default(), config).unwrap()
-}
-
-fn is_sound(belief: &Belief) -> bool {
-    let n = belief.mean.len();
-    let variances = (0..n).map(|i| belief.covariance.at(i, i));
-    belief.mean.iter().all(|x| x.is_finite()) && variances.into_iter().all(|v| v > 0.0 && v.is_finite())
-}
-
-/// Numbers as they come from broken cables and wrong units.
-fn odd() -> impl Strategy<Value = f64> {
-    prop_oneof![
-        4 => -20.0..20.0_f64,
-        1 => Just(f64::NAN),
-        1 => Just(f64::INFINITY),
-        1 => Just(f64::NEG_INFINITY),
-        1 => Just(0.0),
-        2 => any::<f64>(),
-        1 => (-300.0..300.0_f64).prop_map(|e| 10_f64.powf(e)),
-    ]
-}
+use support::{body, fresh, model, plain, start_std, started, tracker, worse, CHAIN, SCULLER};
 
 fn any_filter() -> impl Strategy<Value = FilterKind> {
     prop_oneof![Just(FilterKind::Ukf), Just(FilterKind::Ekf)]
 }
 
-/// Mostly a next stamp, at times one from another clock.
-fn odd_time() -> impl Strategy<Value = f64> {
-    prop_oneof![6 => 0.0..0.3_f64, 1 => Just(0.0), 1 => Just(-0.5), 1 => 0.0..1e5_f64, 1 => odd()]
-}
-
-fn odd_samples(rows: usize, joints: usize) -> impl Strategy<Value = Vec<Sample>> {
-    let values = prop::collection::vec(odd(), rows);
-    let sample = (odd_time(), values, prop::collection::vec(odd(), joints));
-    prop::collection::vec(sample, 1..25).prop_map(|samples| {
-        let mut clock = 0.0;
-        let one = |(step, z, inputs): (f64, Vec<f64>, Vec<f64>)| {
-            let time_s = clock + step;
-            clock = if time_s.is_finite() { time_s } else { clock };
-            Sample { time_s, z, inputs }
-        };
-        samples.into_iter().map(one).collect()
-    })
-}
-
-/// Steps through and checks that whatever was taken in left a belief.
 fn step_through(tracker: &mut Tracker, samples: &[Sample]) {
-    for sample in samples {
-        match tracker.step(sample) {
-            Ok(Status::Tracking) => assert!(is_sound(tracker.belief().unwrap())),
-            Ok(_) | Err(Error::Diverged { .. } | Error::Data(_)) => {}
-            Err(other) => panic!("{other}"),
-        }
-    }
+    absurd::step_through(tracker, samples, |tracker| is_sound(tracker.belief().unwrap()));
 }
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn absurd_samples_are_answered(samples in odd_samples(18, 2), gate in any::<bool>(), filter in any_filter()) {
+    fn absurd_samples_are_answered(samples in odd_samples(odd(), odd(), [18, 2]), gate in any::<bool>(), filter in any_filter()) {
         let model = model(CHAIN);
         let config = Config { gate, filter, ..Config::default() };
         step_through(&mut tracker(&model, &config), &samples);
-        let mut resumed = tracker(&model, &config);
         let body = body(&model, &config);
-        let n = body.layout.dim();
-        resumed.resume(fresh(&body, 0.0, vec![0.0; n], &start_std(&body))).unwrap();
-        step_through(&mut resumed, &samples);
+        step_through(&mut started(&body, &config, vec![0.0; body.layout.dim()], &start_std(&body)), &samples);
     }
 
     #[test]
@@ -121,7 +70,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 20, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn absurd_samples_of_a_sculler_are_answered(samples in odd_samples(58, 22)) {
+    fn absurd_samples_of_a_sculler_are_answered(samples in odd_samples(odd(), odd(), [58, 22])) {
         let model = model(SCULLER);
         step_through(&mut tracker(&model, &Config::default()), &samples);
     }
@@ -178,9 +127,7 @@ impl Way {
     fn tracker(&self) -> Tracker {
         let motion = |t| self.stroke.at(t);
         let mean = self.scene(&motion, 1.0).state(0.0);
-        let mut tracker = tracker(&self.model, &self.config);
-        tracker.resume(fresh(&self.body, 0.0, mean, &start_std(&self.body))).unwrap();
-        tracker
+        started(&self.body, &self.config, mean, &start_std(&self.body))
     }
 
     fn std(&self, belief: &Belief, joint: usize) -> f64 {
@@ -374,8 +321,7 @@ fn a_belief_that_its_sensors_contradict_is_given_up() {
         mean[slots.q] += 1.0;
         mean[slots.rates.unwrap().0] += 5.0;
     }
-    let mut tracker = tracker(&chain, &config);
-    tracker.resume(fresh(&body, 0.0, mean, &vec![1e-4; body.layout.dim()])).unwrap();
+    let mut tracker = started(&body, &config, mean, &vec![1e-4; body.layout.dim()]);
     let (mut lost_s, mut worst) = (Vec::new(), 0.0_f64);
     for sample in &scene.samples(&times(0.01, 0.01, 200), &mut Chance::new(3)) {
         tracker.step(sample).unwrap();

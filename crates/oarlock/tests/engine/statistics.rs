@@ -8,53 +8,17 @@
 use crate::support;
 
 use oarlock::config::Config;
-use oarlock::track::{Calibration, Tracker};
-use support::chance::Chance;
 use support::chi_square::interval_999;
-use support::nature::{nees, Nature};
+use support::nature::Sums;
 use support::tree::{narrow, narrow_of, spanned};
-use support::{body, fresh, model, plain, start_std, CHAIN};
+use support::{body, model, plain, start_std, CHAIN};
 
 const RUNS: usize = 100;
 const STEPS: usize = 150;
-const STEP_S: f64 = 0.01;
-
-/// Sums over all runs.
-struct Sums {
-    /// At the end of each run.
-    nees: f64,
-    states: usize,
-    nis: f64,
-    /// Over the inertial readings of a sensor alone.
-    one_sensor: f64,
-    readings: usize,
-    /// Of all runs, that of every driven joint.
-    drive: Vec<f64>,
-}
 
 fn simulate(text: &str, config: &Config) -> Sums {
-    let model = model(text);
-    let body = body(&model, config);
-    let (n, std) = (body.layout.dim(), start_std(&body));
-    let mut sums = Sums { nees: 0.0, states: 0, nis: 0.0, one_sensor: 0.0, readings: 0, drive: Vec::new() };
-    for run in 0..RUNS {
-        let mean = vec![0.0; n];
-        let mut nature = Nature::about(&body, &mean, &std, Chance::new(1_000 + run as u64));
-        let mut tracker = Tracker::new(model.clone(), &Calibration::default(), config).unwrap();
-        tracker.resume(fresh(&body, 0.0, mean, &std)).unwrap();
-        for k in 1..=STEPS {
-            nature.live(STEP_S);
-            tracker.step(&nature.read(k as f64 * STEP_S)).unwrap();
-            sums.nis += tracker.info().nis;
-            sums.one_sensor += tracker.info().sources[1].nis;
-            sums.readings += tracker.info().sources.iter().map(|s| usize::from(s.used)).sum::<usize>();
-        }
-        let now = tracker.belief().unwrap();
-        sums.nees += nees(&body, now, &nature.state);
-        sums.states += n;
-        sums.drive.extend_from_slice(&now.drive);
-    }
-    sums
+    let body = body(&model(text), config);
+    Sums::of(&body, config, &start_std(&body), [RUNS, STEPS], 1_000)
 }
 
 fn assert_inside(what: &str, sum: f64, degrees: usize) {
@@ -101,7 +65,7 @@ const COST_OF_LEARNING: f64 = 0.1;
 fn learning_what_is_right_already_costs_little() {
     let config = Config { learning_memory_s: Some(3.0), gate: true, ..plain(&["gyro_bias", "accel_bias"]) };
     let sums = simulate(CHAIN, &config);
-    let (nees, nis) = (sums.nees / sums.states as f64, sums.nis / sums.readings as f64);
+    let [nees, nis] = sums.shares();
     let logs: Vec<f64> = sums.drive.iter().map(|d| d.ln()).collect();
     let mean = logs.iter().sum::<f64>() / logs.len() as f64;
     let scatter = (logs.iter().map(|l| (l - mean).powi(2)).sum::<f64>() / logs.len() as f64).sqrt();

@@ -4,10 +4,10 @@ use super::campaign::campaign;
 use super::models::{answered, TEXTS};
 use super::numbers::{index, odd, one_in, pick};
 use super::settings::config;
+use super::support::absurd::is_sound;
 use super::support::chance::Chance;
 use super::support::model;
 use oarlock::config::Config;
-use oarlock::estimate::belief::Belief;
 use oarlock::model::SensorKind;
 use oarlock::recording::{Channel, Sample, Stream};
 use oarlock::sensor::Quantity;
@@ -15,12 +15,6 @@ use oarlock::track::run::track;
 use oarlock::track::{Calibration, Status, Tracker};
 use oarlock::Error;
 use std::fmt::Write;
-
-pub fn is_sound(belief: &Belief) -> bool {
-    let n = belief.mean.len();
-    let mut variances = (0..n).map(|i| belief.covariance.at(i, i));
-    belief.mean.iter().all(|x| x.is_finite()) && variances.all(|v| v > 0.0 && v.is_finite())
-}
 
 /// How odd a recording is: most are nearly right, for those come far.
 #[derive(Clone, Copy)]

@@ -3,7 +3,7 @@
 use super::campaign::campaign;
 use super::models::answered;
 use super::numbers::{index, one_in, pick};
-use super::streams::is_sound;
+use super::support::absurd::is_sound;
 use super::support::chance::Chance;
 use super::support::{model, CHAIN, SCULLER};
 use oarlock::config::{Config, FilterKind};

@@ -1,12 +1,14 @@
 //! What several tests share: models, seeded noise, a sculler who holds the oars, samples and streams of them.
 #![allow(dead_code)] // each test takes the part that it needs
 
+pub mod absurd;
 pub mod chance;
 pub mod chi_square;
 pub mod extended;
 pub mod nature;
 pub mod record;
 pub mod stroke;
+pub mod textbook;
 pub mod tree;
 pub mod wave;
 
@@ -21,6 +23,7 @@ use oarlock::estimate::System;
 use oarlock::kernels::dense::Square;
 use oarlock::model::Model;
 use oarlock::track::hypothesis::Hypothesis;
+use oarlock::track::{Calibration, Tracker};
 use std::sync::Arc;
 
 pub const SCULLER: &str = include_str!("../../../../python/oarlock/model/shipped/sculler.toml");
@@ -153,6 +156,23 @@ pub fn start_std(body: &Body) -> Vec<f64> {
         slot.rate.into_iter().for_each(|rate| std[rate] = base.rate_std());
     }
     std
+}
+
+/// A tracker without a calibration.
+pub fn tracker(model: &Arc<Model>, config: &Config) -> Tracker {
+    Tracker::new(model.clone(), &Calibration::default(), config).unwrap()
+}
+
+/// The same, started at a state.
+pub fn started(body: &Body, config: &Config, mean: Vec<f64>, std: &[f64]) -> Tracker {
+    let mut tracker = tracker(&body.model, config);
+    tracker.resume(fresh(body, 0.0, mean, std)).unwrap();
+    tracker
+}
+
+/// Numbers as they are stored, so that a missing one equals another.
+pub fn bits(x: &[f64]) -> Vec<u64> {
+    x.iter().map(|x| x.to_bits()).collect()
 }
 
 /// The larger one, and NaN if either is.

@@ -1,9 +1,10 @@
 //! A body that lives the life that its model describes, and tells what its sensors read.
 
 use super::chance::Chance;
-use super::so3;
+use super::{so3, started};
 use nalgebra::{DMatrix, DVector, Vector3};
 use oarlock::body::Body;
+use oarlock::config::Config;
 use oarlock::estimate::belief::Belief;
 use oarlock::estimate::transition::Transition;
 use oarlock::estimate::{Points, System};
@@ -70,7 +71,8 @@ impl<'a> Nature<'a> {
             let clean = so3::three(&z, source.rows.start) - noise - slow;
             z[source.rows.clone()].copy_from_slice(so3::plus(clean, slow + noise).as_slice());
         }
-        Sample { time_s, z, inputs: vec![f64::NAN; body.model.coordinate_count()] }
+        let offset_s = vec![0.0; body.suite.sources.len()];
+        Sample { time_s, z, inputs: vec![f64::NAN; body.model.coordinate_count()], offset_s }
     }
 }
 
@@ -90,4 +92,46 @@ pub fn nees(body: &Body, belief: &Belief, truth: &[f64]) -> f64 {
     let p = DMatrix::from_row_slice(n, n, belief.covariance.as_slice());
     let error = error(body, &belief.mean, truth);
     error.dot(&p.cholesky().expect("positive").solve(&error))
+}
+
+/// Sums over runs that are drawn from the filter's own model.
+pub struct Sums {
+    /// At the end of each run.
+    pub nees: f64,
+    pub states: usize,
+    pub nis: f64,
+    /// Of the second sensor alone.
+    pub one_sensor: f64,
+    pub readings: usize,
+    /// Of all runs, that of every driven joint.
+    pub drive: Vec<f64>,
+}
+
+impl Sums {
+    /// At 100 Hz, from starts that are as uncertain as `std`; `seed` is that of the first run.
+    pub fn of(body: &Body, config: &Config, std: &[f64], [runs, steps]: [usize; 2], seed: u64) -> Self {
+        let mut sums = Sums { nees: 0.0, states: 0, nis: 0.0, one_sensor: 0.0, readings: 0, drive: Vec::new() };
+        for run in 0..runs {
+            let mean = vec![0.0; std.len()];
+            let mut nature = Nature::about(body, &mean, std, Chance::new(seed + run as u64));
+            let mut tracker = started(body, config, mean, std);
+            for k in 1..=steps {
+                nature.live(0.01);
+                tracker.step(&nature.read(k as f64 * 0.01)).unwrap();
+                sums.nis += tracker.info().nis;
+                sums.one_sensor += tracker.info().sources[1].nis;
+                sums.readings += tracker.info().sources.iter().map(|s| usize::from(s.used)).sum::<usize>();
+            }
+            let now = tracker.belief().unwrap();
+            sums.nees += nees(body, now, &nature.state);
+            sums.states += std.len();
+            sums.drive.extend_from_slice(&now.drive);
+        }
+        sums
+    }
+
+    /// Squared errors and innovations, as shares of what is said of them.
+    pub fn shares(&self) -> [f64; 2] {
+        [self.nees / self.states as f64, self.nis / self.readings as f64]
+    }
 }

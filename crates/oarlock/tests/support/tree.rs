@@ -17,6 +17,37 @@ pub const TREE: &str = r#"
 format = 1
 name = "tree"
 description = "every kind of joint"
+joint = [
+    { name = "pelvis", kind = "free",
+      process = { kind = "singer", density = 4.0, start_std = [0.05, 0.2, 1.0], time_s = 0.5 },
+      translation = { kind = "singer", density = 3.0, start_std = [0.1, 0.2, 1.0], time_s = 0.3 } },
+    { name = "hip", kind = "ball", angles = "YXY" },
+    { name = "knee", kind = "hinge" },
+    { name = "rail", kind = "slide" },
+]
+frame = [
+    { name = "pelvis", parent = "root", transform = { translation = [0.1, 0, 0.2], rpy = [0.2, -0.3, 0.5] },
+      joint = "pelvis" },
+    { name = "thigh", parent = "pelvis", transform = { translation = [0.1, -0.2, 0.3], rpy = [1.0, 0.4, -0.6] },
+      joint = "hip" },
+    { name = "shank", parent = "thigh", transform = { translation = [0, 0.1, -0.4] }, joint = "knee", axis = "y" },
+    { name = "sled", parent = "shank", transform = { translation = [0, 0, -0.3], rpy = [0, 0.5, 0] }, joint = "rail",
+      axis = "x", sign = -1 },
+]
+sensor = [
+    { name = "pelvis", kind = "imu", frame = "pelvis", gyro_std_rad_s = 0.01, accel_std_m_s2 = 0.05, mag_std_ut = 1.0,
+      mount.offset = [0.05, 0.02, -0.1] },
+    { name = "thigh", kind = "imu", frame = "thigh", gyro_std_rad_s = 0.01, accel_std_m_s2 = 0.05, mag_std_ut = 1.0,
+      mount.offset = [0.03, 0, -0.2], mount.rpy = [0.4, -0.2, 1.0] },
+    { name = "sled", kind = "imu", frame = "sled", gyro_std_rad_s = 0.01, accel_std_m_s2 = 0.05, mag_std_ut = 1.0,
+      mount.rpy = [0, 1.0, 0.3] },
+    { name = "place", kind = "position", frame = "pelvis", point = [0.02, 0.1, 0.05], std_m = 0.01 },
+    { name = "angle", kind = "encoder", joint = "knee", std = 0.01 },
+]
+base_acceleration = [
+    { name = "surge", axis = [1, 0, 0], density = 1.0, start_std = 0.5, time_s = 0.7 },
+    { name = "heave", axis = [0, 0, 1], density = 0.5, start_std = 0.5, rise_s = 0.05 },
+]
 [world]
 up = [0, 0, 1]
 forward = [1, 0, 0]
@@ -28,138 +59,20 @@ azimuth_fixed = true
 hinge = { kind = "jerk", density = 2.0, start_std = [0.05, 0.2, 1.0] }
 slide = { kind = "jerk", density = 1.0, start_std = [0.02, 0.2, 1.0] }
 ball = { kind = "jerk", density = 2.0, start_std = [0.05, 0.2, 1.0] }
-[[joint]]
-name = "pelvis"
-kind = "free"
-process = { kind = "singer", density = 4.0, start_std = [0.05, 0.2, 1.0], time_s = 0.5 }
-translation = { kind = "singer", density = 3.0, start_std = [0.1, 0.2, 1.0], time_s = 0.3 }
-[[joint]]
-name = "hip"
-kind = "ball"
-angles = "YXY"
-[[joint]]
-name = "knee"
-kind = "hinge"
-[[joint]]
-name = "rail"
-kind = "slide"
-[[frame]]
-name = "pelvis"
-parent = "root"
-transform = { translation = [0.1, 0, 0.2], rpy = [0.2, -0.3, 0.5] }
-joint = "pelvis"
-[[frame]]
-name = "thigh"
-parent = "pelvis"
-transform = { translation = [0.1, -0.2, 0.3], rpy = [1.0, 0.4, -0.6] }
-joint = "hip"
-[[frame]]
-name = "shank"
-parent = "thigh"
-transform = { translation = [0, 0.1, -0.4] }
-joint = "knee"
-axis = "y"
-[[frame]]
-name = "sled"
-parent = "shank"
-transform = { translation = [0, 0, -0.3], rpy = [0, 0.5, 0] }
-joint = "rail"
-axis = "x"
-sign = -1
-[[sensor]]
-name = "pelvis"
-kind = "imu"
-frame = "pelvis"
-gyro_std_rad_s = 0.01
-accel_std_m_s2 = 0.05
-mag_std_ut = 1.0
-mount.offset = [0.05, 0.02, -0.1]
-[[sensor]]
-name = "thigh"
-kind = "imu"
-frame = "thigh"
-gyro_std_rad_s = 0.01
-accel_std_m_s2 = 0.05
-mag_std_ut = 1.0
-mount.offset = [0.03, 0, -0.2]
-mount.rpy = [0.4, -0.2, 1.0]
-[[sensor]]
-name = "sled"
-kind = "imu"
-frame = "sled"
-gyro_std_rad_s = 0.01
-accel_std_m_s2 = 0.05
-mag_std_ut = 1.0
-mount.rpy = [0, 1.0, 0.3]
-[[sensor]]
-name = "place"
-kind = "position"
-frame = "pelvis"
-point = [0.02, 0.1, 0.05]
-std_m = 0.01
-[[sensor]]
-name = "angle"
-kind = "encoder"
-joint = "knee"
-std = 0.01
-[[base_acceleration]]
-name = "surge"
-axis = [1, 0, 0]
-density = 1.0
-start_std = 0.5
-time_s = 0.7
-[[base_acceleration]]
-name = "heave"
-axis = [0, 0, 1]
-density = 0.5
-start_std = 0.5
-rise_s = 0.05
 "#;
 
 /// The same body with distances and orientations: one with the model's own heading and slow errors, two whose devices share an
 /// unknown heading, one of them with independent errors.
 pub fn spanned() -> String {
-    let more = r#"
-[[sensor]]
-name = "span"
-kind = "range"
-frame_a = "sled"
-point_a = [0.1, 0, -0.2]
-frame_b = "root"
-point_b = [1.5, 0.4, 0]
-std_m = 0.01
-[[sensor]]
-name = "stride"
-kind = "range"
-frame_a = "shank"
-frame_b = "pelvis"
-point_b = [-0.3, 0.2, 0.4]
-std_m = 0.005
-[[sensor]]
-name = "north"
-kind = "orientation"
-frame = "pelvis"
-mount.rpy = [0.1, 0.7, -0.4]
-std_rad = 0.03
-correlation_time_s = 0.4
-[[sensor]]
-name = "astray"
-kind = "orientation"
-frame = "thigh"
-mount.rpy = [-0.5, 0.2, 0.9]
-std_rad = 0.02
-white_std_rad = 0.01
-heading = "unknown"
-heading_group = "device"
-[[sensor]]
-name = "lone"
-kind = "orientation"
-frame = "sled"
-std_rad = 0.02
-correlation_time_s = 0
-heading = "unknown"
-heading_group = "device"
-heading_walk = 0.01
-"#;
-    TREE.replace("[[base_acceleration]]\nname = \"surge\"", &format!("{more}[[base_acceleration]]\nname = \"surge\""))
+    let more = r#"    { name = "span", kind = "range", frame_a = "sled", point_a = [0.1, 0, -0.2], frame_b = "root",
+      point_b = [1.5, 0.4, 0], std_m = 0.01 },
+    { name = "stride", kind = "range", frame_a = "shank", frame_b = "pelvis", point_b = [-0.3, 0.2, 0.4], std_m = 0.005 },
+    { name = "north", kind = "orientation", frame = "pelvis", mount.rpy = [0.1, 0.7, -0.4], std_rad = 0.03,
+      correlation_time_s = 0.4 },
+    { name = "astray", kind = "orientation", frame = "thigh", mount.rpy = [-0.5, 0.2, 0.9], std_rad = 0.02,
+      white_std_rad = 0.01, heading = "unknown", heading_group = "device" },
+    { name = "lone", kind = "orientation", frame = "sled", std_rad = 0.02, correlation_time_s = 0, heading = "unknown",
+      heading_group = "device", heading_walk = 0.01 },
+]"#;
+    TREE.replacen("]\nbase_acceleration", &format!("{more}\nbase_acceleration"), 1)
 }

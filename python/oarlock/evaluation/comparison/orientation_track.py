@@ -110,10 +110,8 @@ def track_orientations(
     }
     if progress is not None:
         progress(1.0)
-    track = track_without_filter(worn.model, time_s, q, provenance=provenance)
     told = (*_told(model, filter), *notes, *mended, *(f"{f.sensor}: {f.message}" for f in findings))
-    object.__setattr__(track, "notes", told)
-    return track
+    return track_without_filter(worn.model, time_s, q, provenance=provenance, notes=told)
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,21 +21,11 @@ LEAST_ROWS = 12
 """Samples of at least one stream, below which a second tells nothing."""
 
 
-def liveliest(recording: Recording, seconds: float, apart_from: float | None = None) -> tuple[float, float]:
-    """Where the second begins in which most sensors move most, s, and how lively it is, 0 to 1.
-
-    Args:
-        recording: any; what lacks readings counts as still.
-        seconds: how long the second is, s.
-        apart_from: no second that overlaps with the one that begins here, s. NaN comes back if there is none.
-    """
+def liveliest(recording: Recording, seconds: float) -> tuple[float, float]:
+    """Where the second begins in which most sensors move most, s, and how lively it is, 0 to 1."""
     begin, end = recording.start_s, min(recording.end_s, recording.start_s + SEARCHED_S)
     steps = np.arange(max(1, int((end - begin - seconds) / STEP_S + 1e-6) + 1))
     starts: FloatArray = np.asarray(begin + STEP_S * steps, dtype=np.float64)
-    if apart_from is not None:
-        starts = starts[np.abs(starts - apart_from) >= seconds]
-    if not len(starts):
-        return float("nan"), 0.0
     lively = np.mean([_liveliness(stream, starts, seconds) for stream in recording.streams], axis=0)
     best = int(np.argmax(lively))
     return float(starts[best]), float(lively[best])

@@ -1,12 +1,9 @@
 """Anatomy of the field simulator beyond rigid links: gliding shoulders, bending spine, slipping fingers.
 
-Kinematics of its own, in NumPy, from a model's description. The model's joints are kept and get company, the
-deviations, which are columns of the posture like any joint. All of them zero is the model's body.
-
-What a joint's angle means while the skeleton deviates: limbs keep the orientations that the model's joint frames have
-at these angles. The trunk's angle is the inclination of the line from the hip to the middle of the shoulders, and the
-shoulders' angles turn the upper arms against that line. So true angles, put into a model with the true lengths, give
-the true orientations of all limbs, while the places of the shoulders, and of all behind them, differ by what glides.
+Kinematics in NumPy from a model's description, independent of the engine. Deviations are additional columns of the
+posture; with all at zero the body is the model's. Limbs have the orientations of the model's joint frames. The trunk's
+angle is the inclination of the line from the hip to the middle of the shoulders. So the true angles with the true
+lengths give true orientations; positions from the shoulders outwards differ by the deviations.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Soft-tissue artefacts of the field simulator: lag of skin, swelling muscle, moving straps, vibration.
 
-Every share of it is a shift and a turn of the sensor against its link, in the link's axes, as a function of time. All
-are zero in the N-pose (q = 0), where mounts are calibrated, but for the random wander.
+Each is a shift and a rotation of the sensor relative to its link over time, in the link's axes. All but the random
+wander are zero in the N-pose (q = 0).
 """
 
 from __future__ import annotations

@@ -37,11 +37,9 @@ class FieldTrial:
 
     Attributes:
         recording: what the sensors gave.
-        truth: joints over true time. Its model has the true lengths. Limbs are turned as the model's joint frames are
-            at these angles; the trunk's angle is the inclination of the line from hip to middle of the shoulders.
-        markers: where shoulders, elbows and wrists truly were. They differ from `truth.frame_positions` by what no tree
-            of rigid links knows: gliding shoulders and a bent spine.
-        calibration: the true lengths, rig, mounts and hard iron, as a perfect calibration would find them.
+        truth: joints over true time; its model has the true lengths. `rowing.field.anatomy` defines its angles.
+        markers: true positions of shoulders, elbows and wrists, with gliding shoulders and a bent spine.
+        calibration: the true lengths, rig, mounts and hard iron.
         effects: as asked.
         condition: of Table 5.
         clocks: of the inertial units, by name.
@@ -86,18 +84,17 @@ def simulate_field(
 ) -> FieldTrial:
     """Sculling as it is recorded on the water, where nothing is as modelled.
 
-    Built apart from filter and engine: kinematics and differentiation of its own, from the model's description alone.
-    With `FieldEffects.off()` its signals are those of `simulate_sculling`, but for the draws of the noise.
+    Kinematics and differentiation are independent of filter and engine. With `FieldEffects.off()` the signals are those
+    of `simulate_sculling`, except for the noise.
 
     Args:
-        model: what the user of the recording has; the athlete and the sensors differ from it by the effects.
+        model: the model that the user has; athlete and sensors differ from it by the effects.
         effects: strengths; None is a careful session, `FieldEffects.wild()` a bad day.
         condition: `S-NB`, `B-NB`, `S-B` or `B-B`: boat still or moving, sensors without or with Table 5's biases.
         duration_s: length, s.
         rate_spm: strokes per minute; (20, 34) goes evenly from 20 to 34.
-        rate_hz: of all sensors; the source's test on the water had 100 Hz.
-        seed: of the strokes' variation, of every draw of an effect, and of the noise. An effect's draws do not depend
-            on which others are on.
+        rate_hz: of all sensors.
+        seed: of all random numbers. Those of one effect do not depend on which others are on.
 
     Raises:
         ValueError: an unknown condition.
@@ -107,7 +104,8 @@ def simulate_field(
 
     chosen, effects = _checked(condition, rate_hz, duration_s), FieldEffects() if effects is None else effects
     nominal = model.describe()
-    true_model = _with_true_lengths(model, true_parameters(nominal, effects, seed))
+    true = true_parameters(nominal, effects, seed)
+    true_model = model.with_parameters(true) if true else model
     description = true_model.describe()
     session = rowed(description, nominal, effects, chosen.boat_surge, duration_s, rate_spm, seed)
     around = Surroundings.of(nominal["world"], effects, seed)
@@ -149,10 +147,6 @@ def _checked(condition: str, rate_hz: float, duration_s: float) -> SimulatedCond
     if not (np.isfinite(duration_s) and 1.0 <= duration_s <= 3600.0):
         raise DataError(f"field simulator: duration_s is {duration_s}; give 1 to 3600 s")
     return chosen
-
-
-def _with_true_lengths(model: Model, true: Mapping[str, float]) -> Model:
-    return model.with_parameters(true) if true else model
 
 
 def _encoders(description: Mapping[str, Any]) -> list[Mapping[str, Any]]:

@@ -3,7 +3,7 @@
 use super::support::chance::Chance;
 use super::support::record::{streams, times};
 use super::support::wave::Wave;
-use super::support::{body, model, so3};
+use super::support::{bits, body, model, so3, tracker};
 use nalgebra::{Matrix3, Vector3};
 use oarlock::body::Body;
 use oarlock::config::{Config, FilterKind};
@@ -23,60 +23,28 @@ pub const PAIR: &str = r#"
 format = 1
 name = "pair"
 description = "two bodies on a ball"
+joint = [
+    { name = "trunk", kind = "ball" },
+    { name = "shoulder", kind = "ball" },
+]
+frame = [
+    { name = "trunk", parent = "root", transform = {}, joint = "trunk" },
+    { name = "arm", parent = "trunk", transform = { translation = [0.1, -0.2, 0.3] }, joint = "shoulder" },
+]
+sensor = [
+    { name = "trunk", kind = "imu", frame = "trunk", gyro_std_rad_s = 0.01, accel_std_m_s2 = 0.1,
+      mount.offset = [0.02, 0.05, 0] },
+    { name = "arm", kind = "imu", frame = "arm", gyro_std_rad_s = 0.01, accel_std_m_s2 = 0.1,
+      mount.offset = [0.05, 0, -0.25] },
+]
+base_acceleration = [
+    { name = "push_x", axis = "x", density = 20, start_std = 3, time_s = 0.3, always = true },
+    { name = "push_y", axis = "y", density = 20, start_std = 3, time_s = 0.3, always = true },
+    { name = "push_z", axis = "z", density = 20, start_std = 3, time_s = 0.3, always = true },
+]
 [world]
 up = [0, 0, 1]
 forward = [1, 0, 0]
-[[joint]]
-name = "trunk"
-kind = "ball"
-[[joint]]
-name = "shoulder"
-kind = "ball"
-[[frame]]
-name = "trunk"
-parent = "root"
-transform = {}
-joint = "trunk"
-[[frame]]
-name = "arm"
-parent = "trunk"
-transform = { translation = [0.1, -0.2, 0.3] }
-joint = "shoulder"
-[[sensor]]
-name = "trunk"
-kind = "imu"
-frame = "trunk"
-gyro_std_rad_s = 0.01
-accel_std_m_s2 = 0.1
-mount.offset = [0.02, 0.05, 0]
-[[sensor]]
-name = "arm"
-kind = "imu"
-frame = "arm"
-gyro_std_rad_s = 0.01
-accel_std_m_s2 = 0.1
-mount.offset = [0.05, 0, -0.25]
-[[base_acceleration]]
-name = "push_x"
-axis = "x"
-density = 20
-start_std = 3
-time_s = 0.3
-always = true
-[[base_acceleration]]
-name = "push_y"
-axis = "y"
-density = 20
-start_std = 3
-time_s = 0.3
-always = true
-[[base_acceleration]]
-name = "push_z"
-axis = "z"
-density = 20
-start_std = 3
-time_s = 0.3
-always = true
 "#;
 
 pub struct Pair {
@@ -133,7 +101,7 @@ impl Pair {
     }
 
     pub fn tracker(&self) -> Tracker {
-        Tracker::new(self.model.clone(), &Calibration::default(), &self.config).unwrap()
+        tracker(&self.model, &self.config)
     }
 
     pub fn run(&self, samples: &[Sample], start: Option<Hypothesis>) -> Run {
@@ -193,10 +161,6 @@ fn assert_every_heading_is_found(filter: FilterKind) {
             assert!(worst < COVERED, "{k}: {worst} sigma");
         }
     }
-}
-
-fn bits(x: &[f64]) -> Vec<u64> {
-    x.iter().map(|x| x.to_bits()).collect()
 }
 
 #[test]
@@ -312,12 +276,12 @@ fn hypotheses_open_again_and_again() {
 /// Who says of a joint how far it may start from rest leaves nothing to try: no hypotheses, and no more doubt than said.
 #[test]
 fn a_start_that_is_known_opens_no_bank() {
-    let known = "name = \"shoulder\"\nkind = \"ball\"\nprocess = { start_std = [0.2, 1.0, 10.0] }";
+    let known = "name = \"shoulder\", kind = \"ball\", process = { start_std = [0.2, 1.0, 10.0] }";
     let pair = Pair::new(0.1, 1);
     let samples = pair.samples(1.0);
-    let told = model(&PAIR.replace("name = \"shoulder\"\nkind = \"ball\"", known));
+    let told = model(&PAIR.replace("name = \"shoulder\", kind = \"ball\"", known));
     for (model, most) in [(pair.model.clone(), 12), (told, 1)] {
-        let mut tracker = Tracker::new(model, &Calibration::default(), &pair.config).unwrap();
+        let mut tracker = tracker(&model, &pair.config);
         let mut seen = Vec::new();
         for sample in &samples {
             let mut see = |_: &Sample, b: &Hypothesis, _: &oarlock::estimate::filter::Info| {

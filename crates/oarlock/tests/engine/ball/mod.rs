@@ -3,6 +3,7 @@
 use crate::support;
 
 mod absurd;
+mod chart;
 mod gauge;
 mod hypotheses;
 mod kinematics;

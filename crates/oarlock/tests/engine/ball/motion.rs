@@ -1,8 +1,9 @@
 //! How a ball moves by itself: against derivatives of the exact retraction, quadrature, and a fine integration.
 
+use super::chart::{away, moved, response, shifted, Square9, State};
 use super::support::chance::Chance;
 use super::support::{belief, body, model, plain, so3, start_std, worse};
-use nalgebra::{DMatrix, SMatrix, SVector, Vector3};
+use nalgebra::{DMatrix, SMatrix, Vector3};
 use oarlock::body::Body;
 use oarlock::estimate::belief::Belief;
 use oarlock::estimate::transition::Transition;
@@ -26,56 +27,18 @@ const JERK: &str = "kind = \"jerk\", density = 3, start_std = [0.1, 0.5, 2]";
 const SINGER: &str = "kind = \"singer\", density = 3, start_std = [0.1, 0.5, 2], time_s = 0.3";
 const TAU: f64 = 0.3;
 
-type State = SVector<f64, 9>;
-type Square9 = SMatrix<f64, 9, 9>;
-
-/// What a unit of acceleration at 0 has become t later: angle, rate, acceleration.
-fn response(tau: f64, t: f64) -> [f64; 3] {
-    if tau.is_infinite() {
-        return [t * t / 2.0, t, 1.0];
-    }
-    let e = (-t / tau).exp();
-    [tau * (t - tau * (1.0 - e)), tau * (1.0 - e), e]
-}
-
-/// The exact motion in the chart at the rotation itself: R Exp(phi), phi, w and wd being linear in the rates.
-fn moved(x: &State, tau: f64, t: f64) -> State {
-    let [r, w, a] = [0, 3, 6].map(|i| x.fixed_rows::<3>(i).into_owned());
-    let [p, v, k] = response(tau, t);
-    let mut out = State::zeros();
-    out.fixed_rows_mut::<3>(0).copy_from(&so3::plus(r, w * t + a * p));
-    out.fixed_rows_mut::<3>(3).copy_from(&(w + a * v));
-    out.fixed_rows_mut::<3>(6).copy_from(&(a * k));
-    out
-}
-
-fn shifted(x: &State, d: &State) -> State {
-    let mut out = x + d;
-    let [r, e] = [x, d].map(|v| v.fixed_rows::<3>(0).into_owned());
-    out.fixed_rows_mut::<3>(0).copy_from(&so3::plus(r, e));
-    out
-}
-
-fn away(to: &State, from: &State) -> State {
-    let mut out = to - from;
-    let [to, from] = [to, from].map(|v| v.fixed_rows::<3>(0).into_owned());
-    out.fixed_rows_mut::<3>(0).copy_from(&so3::minus(to, from));
-    out
-}
-
 /// The engine's motion over `t`: mean, F and Q.
 fn engine(body: &Body, x: &State, t: f64) -> (State, Square9, Square9) {
     let mut transition = Transition::default();
     body.transition(t, x.as_slice(), &[1e-6; 9], &[1.0; 3], &mut transition);
     let mut mean = x.as_slice().to_vec();
     transition.apply_to_mean(&mut mean);
-    let (mut f, mut q) = (Square::zeros(9), Square::zeros(9));
-    (0..9).for_each(|i| *f.at_mut(i, i) = 1.0);
-    transition.multiply_right_transposed(&mut f);
+    let (mut f, mut q) = (Square9::identity().as_slice().to_vec(), Square::zeros(9));
+    transition.apply_to_rows(&mut f, 9);
     transition.apply_to_covariance(Arch::best(), &mut q);
-    let [f, q] = [f, q].map(|m| Square9::from_row_slice(m.as_slice()));
-    assert_transposed(&transition, &f, &q);
-    (State::from_row_slice(&mean), f.transpose(), q)
+    let [f, q] = [&f, q.as_slice()].map(Square9::from_row_slice);
+    assert_transposed(&transition, &f.transpose(), &q);
+    (State::from_row_slice(&mean), f, q)
 }
 
 /// The start's fit needs F' x and v' Q v of the same motion.

@@ -1,12 +1,13 @@
 //! Going back over a body with balls: smoother, as sure as it says, and least squares where motions are small.
 
+use super::chart::{away, moved, response, shifted, Square9, State};
 use super::support::chance::Chance;
 use super::support::chi_square::interval_999;
 use super::support::nature::{error, nees, Nature};
 use super::support::record::streams;
 use super::support::tree::narrow;
 use super::support::{body, fresh, model, plain, so3, start_std, worse};
-use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector3};
+use nalgebra::{DMatrix, DVector, SMatrix, Vector3};
 use oarlock::body::Body;
 use oarlock::config::Config;
 use oarlock::model::Model;
@@ -84,62 +85,26 @@ fn smoothed_errors_are_smaller_and_as_large_as_said() {
 const BALL: &str = r#"
 format = 1
 name = "ball"
+joint = [
+    { name = "b", kind = "ball",
+      process = { kind = "singer", density = 0.05, start_std = [0.002, 0.005, 0.02], time_s = 0.5 } },
+]
+frame = [
+    { name = "f", parent = "root", transform = {}, joint = "b" },
+]
+sensor = [
+    { name = "s", kind = "imu", frame = "f", gyro_std_rad_s = 0.002, accel_std_m_s2 = 0.03, mag_std_ut = 0.2 },
+]
 [world]
 up = [0, 0, 1]
 forward = [1, 0, 0]
 magnetic_norm_ut = 50
 magnetic_dip_rad = 1
 azimuth_fixed = true
-[[joint]]
-name = "b"
-kind = "ball"
-process = { kind = "singer", density = 0.05, start_std = [0.002, 0.005, 0.02], time_s = 0.5 }
-[[frame]]
-name = "f"
-parent = "root"
-transform = {}
-joint = "b"
-[[sensor]]
-name = "s"
-kind = "imu"
-frame = "f"
-gyro_std_rad_s = 0.002
-accel_std_m_s2 = 0.03
-mag_std_ut = 0.2
 "#;
 const TAU: f64 = 0.5;
 const DENSITY: f64 = 0.05;
 const NOISE: [f64; 3] = [0.002, 0.03, 0.2];
-
-type State = SVector<f64, 9>;
-type Square9 = SMatrix<f64, 9, 9>;
-
-fn shifted(x: &State, d: &State) -> State {
-    let mut out = x + d;
-    out.fixed_rows_mut::<3>(0).copy_from(&so3::plus(so3::three(x.as_slice(), 0), so3::three(d.as_slice(), 0)));
-    out
-}
-
-fn away(to: &State, from: &State) -> State {
-    let mut out = to - from;
-    out.fixed_rows_mut::<3>(0).copy_from(&so3::minus(so3::three(to.as_slice(), 0), so3::three(from.as_slice(), 0)));
-    out
-}
-
-fn response(t: f64) -> [f64; 3] {
-    let e = (-t / TAU).exp();
-    [TAU * (t - TAU * (1.0 - e)), TAU * (1.0 - e), e]
-}
-
-fn moved(x: &State) -> State {
-    let [p, v, a] = response(STEP_S);
-    let [w, wd] = [3, 6].map(|i| so3::three(x.as_slice(), i));
-    let mut out = State::zeros();
-    out.fixed_rows_mut::<3>(0).copy_from(&so3::plus(so3::three(x.as_slice(), 0), w * STEP_S + wd * p));
-    out.fixed_rows_mut::<3>(3).copy_from(&(w + wd * v));
-    out.fixed_rows_mut::<3>(6).copy_from(&(wd * a));
-    out
-}
 
 /// What the singer's noise gathers in a step from `x`, by Simpson's rule, in the tangent space behind it.
 fn noise(x: &State) -> Square9 {
@@ -147,11 +112,11 @@ fn noise(x: &State) -> Square9 {
     let pieces = 400;
     for k in 0..=pieces {
         let weight = if k == 0 || k == pieces { 1.0 } else { 2.0 + 2.0 * f64::from(k % 2 == 1) };
-        let g = Vector3::from(response(STEP_S * f64::from(k) / f64::from(pieces)));
+        let g = Vector3::from(response(TAU, STEP_S * f64::from(k) / f64::from(pieces)));
         q += g * g.transpose() * (weight * STEP_S / (3.0 * f64::from(pieces)) * DENSITY * DENSITY);
     }
     let gathered = Square9::from_fn(|i, j| if i % 3 == j % 3 { q[(i / 3, j / 3)] } else { 0.0 });
-    let phi = so3::three(x.as_slice(), 3) * STEP_S + so3::three(x.as_slice(), 6) * response(STEP_S)[0];
+    let phi = so3::three(x.as_slice(), 3) * STEP_S + so3::three(x.as_slice(), 6) * response(TAU, STEP_S)[0];
     let mut out = Square9::identity();
     out.fixed_view_mut::<3, 3>(0, 0).copy_from(&so3::right_jacobian(phi));
     out * gathered * out.transpose()
@@ -181,7 +146,8 @@ fn slope(f: impl Fn(&State) -> State, minus: impl Fn(&State, &State) -> State, x
 /// orthogonal triangles. Returns the states and their covariances.
 fn batch(start: &State, std: &[f64], samples: &[Sample]) -> (Vec<State>, DMatrix<f64>) {
     let count = samples.len() + 1;
-    let mut states: Vec<State> = std::iter::successors(Some(*start), |x| Some(moved(x))).take(count).collect();
+    let mut states: Vec<State> =
+        std::iter::successors(Some(*start), |x| Some(moved(x, TAU, STEP_S))).take(count).collect();
     let prior = Square9::from_diagonal(&State::from_fn(|i, _| 1.0 / std[i]));
     let weight = Square9::from_diagonal(&State::from_fn(|i, _| 1.0 / NOISE[i / 3]));
     let mut covariance = DMatrix::zeros(0, 0);
@@ -197,7 +163,7 @@ fn batch(start: &State, std: &[f64], samples: &[Sample]) -> (Vec<State>, DMatrix
         for (k, sample) in samples.iter().enumerate() {
             let (now, next) = (states[k], states[k + 1]);
             let half = noise(&now).cholesky().expect("positive").l().try_inverse().expect("a triangle");
-            let gap = |a: &State, b: &State| away(a, &moved(b));
+            let gap = |a: &State, b: &State| away(a, &moved(b, TAU, STEP_S));
             let minus = |a: &State, b: &State| a - b;
             put(2 * k + 1, k, &(half * slope(|x| gap(&next, x), minus, &now)), Some(half * -gap(&next, &now)));
             put(2 * k + 1, k + 1, &(half * slope(|x| gap(x, &now), minus, &next)), None);

@@ -8,4 +8,4 @@ mod mixed;
 mod plain;
 mod tracking;
 
-use oarlock_oracle::{body, ukf};
+use oarlock_oracle::ukf;

@@ -2,14 +2,13 @@
 
 use super::support::chance::Chance;
 use super::support::chi_square::interval_999;
-use super::support::nature::{nees, Nature};
+use super::support::nature::Sums;
 use super::support::record::{on_a_stroke, times, Scene};
 use super::support::stroke::Stroke;
-use super::support::{body, fresh, model, plain, start_std, worse, CHAIN, SCULLER};
+use super::support::{body, model, plain, start_std, tracker, worse, CHAIN, SCULLER};
 use oarlock::body::Body;
 use oarlock::config::{Config, FilterKind};
 use oarlock::estimate::System;
-use oarlock::track::{Calibration, Tracker};
 
 const BOTH: [FilterKind; 2] = [FilterKind::Ukf, FilterKind::Ekf];
 
@@ -27,37 +26,19 @@ fn on_a_stroke_they_are_as_good_as_each_other() {
 }
 
 /// Over runs drawn from the filter's own model.
-fn nees_of(text: &str, config: &Config, std: &dyn Fn(&Body) -> Vec<f64>, steps: usize) -> (f64, f64, [f64; 2]) {
-    let model = model(text);
-    let body = body(&model, config);
-    let (n, std) = (body.layout.dim(), std(&body));
-    let (mut errors, mut nis, mut readings) = (0.0, 0.0, 0);
-    const RUNS: usize = 60;
-    for run in 0..RUNS {
-        let mean = vec![0.0; n];
-        let mut nature = Nature::about(&body, &mean, &std, Chance::new(500 + run as u64));
-        let mut tracker = Tracker::new(model.clone(), &Calibration::default(), config).unwrap();
-        tracker.resume(fresh(&body, 0.0, mean, &std)).unwrap();
-        for k in 1..=steps {
-            nature.live(0.01);
-            tracker.step(&nature.read(k as f64 * 0.01)).unwrap();
-            nis += tracker.info().nis;
-            readings += tracker.info().sources.iter().map(|s| usize::from(s.used)).sum::<usize>();
-        }
-        errors += nees(&body, tracker.belief().unwrap(), &nature.state);
-    }
-    let (low, high) = interval_999(RUNS * n);
-    let all = (RUNS * n) as f64;
-    (errors / all, nis / readings as f64, [low / all, high / all])
+fn sums(config: &Config, std: &dyn Fn(&Body) -> Vec<f64>, steps: usize) -> Sums {
+    let body = body(&model(CHAIN), config);
+    Sums::of(&body, config, &std(&body), [60, steps], 500)
 }
 
 #[test]
 fn errors_are_as_large_as_said_where_readings_are_nearly_straight() {
     for filter in BOTH {
         let config = Config { filter, ..plain(&["gyro_bias", "accel_bias"]) };
-        let (nees, nis, [low, high]) = nees_of(CHAIN, &config, &start_std, 100);
-        println!("{filter:?}: NEES {nees:.4} in {low:.4} to {high:.4}, NIS {nis:.4}");
-        assert!(low < nees && nees < high, "{filter:?}: {nees}");
+        let sums = sums(&config, &start_std, 100);
+        let ((low, high), [nees, nis]) = (interval_999(sums.states), sums.shares());
+        println!("{filter:?}: NEES {nees:.4}, {} in {low:.1} to {high:.1}, NIS {nis:.4}", sums.nees);
+        assert!(low < sums.nees && sums.nees < high, "{filter:?}: {nees}");
     }
 }
 
@@ -69,7 +50,7 @@ fn where_readings_are_far_from_linear_the_extended_filter_is_more_overconfident(
         std[..body.layout.partition.pose].fill(0.5);
         std
     };
-    let nees: Vec<f64> = BOTH.map(|filter| nees_of(CHAIN, &Config { filter, ..plain(&[]) }, &wide, 1).0).to_vec();
+    let nees = BOTH.map(|filter| sums(&Config { filter, ..plain(&[]) }, &wide, 1).shares()[0]);
     println!("first update from 0.5 rad, NEES: ukf {:.2}, ekf {:.2}", nees[0], nees[1]);
     // A first guess half a radian off is why the start is fitted and not filtered.
     assert!(nees[0] > 10.0 && nees[1] > nees[0], "{nees:?}");
@@ -86,7 +67,7 @@ fn worst_with_loops(filter: FilterKind, std: f64) -> f64 {
     let body = body(&model.into(), &config);
     let stroke = Stroke::new(&body, 2.2);
     let scene = Scene { body: &body, motion: &|t| stroke.at(t), surge: &|_| 0.0, azimuth_rad: 0.5, noise: 1.0 };
-    let mut tracker = Tracker::new(body.model.clone(), &Calibration::default(), &config).unwrap();
+    let mut tracker = tracker(&body.model, &config);
     let mut worst = 0.0;
     for sample in &scene.samples(&times(0.0, 0.01, 600), &mut Chance::new(12)) {
         tracker.step(sample).unwrap();

@@ -1,21 +1,15 @@
 //! The factorised filter of the product equals the plain one, step for step.
 
 use super::bodies::{limb_of, walker};
-use super::body::Naive;
 use super::plain::{update, Parts};
 use super::support::chance::Chance;
-use super::support::record::{punch_holes, times, with_loops, Scene};
+use super::support::record::Scene;
 use super::support::stroke::{Posture, Stroke};
+use super::support::textbook::{run_both, SAME_FILTER_SIGMA};
 use super::support::wave::Wave;
-use super::support::{body, fresh, model, plain, start_std, worse, SCULLER};
-use super::ukf::{Ukf, Weights};
-use nalgebra::{DMatrix, DVector};
+use super::support::{body, model, plain, SCULLER};
 use oarlock::body::Body;
 use oarlock::config::{Config, FilterKind};
-use oarlock::track::{Calibration, Status, Tracker};
-
-/// As for the unscented filter: rounding, at condition numbers that take eight of sixteen digits.
-const SAME_FILTER_SIGMA: f64 = 1e-8;
 
 fn parts(body: &Body) -> Parts {
     let states: Vec<usize> = body.layout.names.iter().map(|name| limb_of(name)).collect();
@@ -23,51 +17,14 @@ fn parts(body: &Body) -> Parts {
     Parts::new(&states, &rows.collect::<Vec<_>>())
 }
 
-/// Both filters side by side at 100 Hz: how far apart they ever were, mean and covariance.
-fn run_both(body: &Body, motion: &dyn Fn(f64) -> Posture, config: &Config, steps: usize, seed: u64) -> [f64; 2] {
+fn assert_same(name: &str, body: &Body, motion: &dyn Fn(f64) -> Posture, config: &Config, steps: usize, seed: u64) {
     let surge = |t: f64| if config.estimate.is_empty() { 0.0 } else { (2.9 * t).sin() };
     let scene = Scene { body, motion, surge: &surge, azimuth_rad: 0.3, noise: 1.0 };
-    let mut chance = Chance::new(seed);
-    let mut samples = scene.samples(&times(0.01, 0.01, steps), &mut chance);
-    punch_holes(body, &mut samples, &mut chance);
-    let std = start_std(body);
-    let n = std.len();
-    let spread = [config.alpha, config.beta, config.kappa];
-    let mut plain = Ukf::new(
-        Naive::new(&body.model, body.model.default_parameters(), &body.layout.names),
-        DVector::from_vec(scene.state(0.0)),
-        DMatrix::from_diagonal(&DVector::from_vec(std.iter().map(|s| s * s).collect())),
-        Weights::new(n, spread[0], spread[1], spread[2]),
-    );
-    plain.mean = plain.at(&DVector::from_vec(std.iter().map(|s| 0.2 * s * chance.normal()).collect()));
-    let mut tracker = Tracker::new(body.model.clone(), &Calibration::default(), config).unwrap();
-    tracker.resume(fresh(body, 0.0, plain.mean.as_slice().to_vec(), &std)).unwrap();
-    let (noise, parts) = (plain.body.std(), parts(body));
-    let (mut worst, mut before) = ([0.0; 2], 0.0);
-    for sample in &samples {
-        plain.predict(sample.time_s - before);
-        before = sample.time_s;
-        let z = with_loops(&sample.z, body, &sample.inputs);
-        update(&mut plain, &parts, spread, &z, &noise, &sample.inputs);
-        assert_eq!(tracker.step(sample).unwrap(), Status::Tracking);
-        let ours = tracker.belief().unwrap();
-        let away = plain.away(&DVector::from_row_slice(&ours.mean));
-        let sigma = plain.covariance.diagonal().map(f64::sqrt);
-        for i in 0..n {
-            worst[0] = worse(worst[0], away[i].abs() / sigma[i]);
-            for j in 0..n {
-                let gap = (ours.covariance.at(i, j) - plain.covariance[(i, j)]).abs();
-                worst[1] = worse(worst[1], gap / (sigma[i] * sigma[j]));
-            }
-        }
-    }
-    worst
-}
-
-fn assert_same(what: &str, [means, covariances]: [f64; 2]) {
-    println!("{what}: mean {means:.2e} sigma, covariance {covariances:.2e} sigma sigma");
-    assert!(means < SAME_FILTER_SIGMA, "{what}: mean {means:e}");
-    assert!(covariances < SAME_FILTER_SIGMA, "{what}: covariance {covariances:e}");
+    let (parts, spread) = (parts(body), [config.alpha, config.beta, config.kappa]);
+    let (worst, _) = run_both(&scene, config, steps, (0.2, &mut Chance::new(seed)), &mut |plain, z, std, inputs| {
+        update(plain, &parts, spread, z, std, inputs);
+    });
+    worst.assert_below(&format!("{name}, {} states", body.layout.dim()), SAME_FILTER_SIGMA);
 }
 
 #[test]
@@ -76,8 +33,7 @@ fn on_a_sculler() {
         let config = Config { filter: FilterKind::Factorised, ..plain(estimate) };
         let body = body(&model(SCULLER), &config);
         let stroke = Stroke::new(&body, 2.2);
-        let apart = run_both(&body, &|t| stroke.at(t), &config, steps, 1);
-        assert_same(&format!("sculler, {} states", body.layout.dim()), apart);
+        assert_same("sculler", &body, &|t| stroke.at(t), &config, steps, 1);
     }
 }
 
@@ -89,7 +45,6 @@ fn on_balls_and_free_joints() {
         let config = Config { filter: FilterKind::Factorised, ..plain(estimate) };
         let body = body(&model(&walker()), &config);
         let wave = Wave::random(&body.model, 0.6, 0.8, &mut Chance::new(2));
-        let apart = run_both(&body, &|t| wave.at(t), &config, steps, 3);
-        assert_same(&format!("walker, {} states", body.layout.dim()), apart);
+        assert_same("walker", &body, &|t| wave.at(t), &config, steps, 3);
     }
 }

@@ -4,12 +4,12 @@ use super::bodies::chains;
 use super::support::chance::Chance;
 use super::support::record::{punch_holes, times, Scene};
 use super::support::wave::Wave;
-use super::support::{body, fresh, model, plain, start_std, worse, CHAIN};
+use super::support::{body, model, plain, start_std, started, worse, CHAIN};
 use oarlock::body::Body;
 use oarlock::config::{Config, FilterKind};
 use oarlock::estimate::belief::Belief;
 use oarlock::recording::Sample;
-use oarlock::track::{Calibration, Status, Tracker};
+use oarlock::track::{Status, Tracker};
 
 /// Of the same equations, summed up in another order.
 const SAME_FILTER_SIGMA: f64 = 1e-8;
@@ -26,9 +26,7 @@ fn samples(body: &Body, steps: usize, seed: u64) -> (Vec<Sample>, Vec<f64>) {
 }
 
 fn tracker(body: &Body, config: &Config, mean: Vec<f64>) -> Tracker {
-    let mut tracker = Tracker::new(body.model.clone(), &Calibration::default(), config).unwrap();
-    tracker.resume(fresh(body, 0.0, mean, &start_std(body))).unwrap();
-    tracker
+    started(body, config, mean, &start_std(body))
 }
 
 /// Mean and covariance, in standard deviations of `b`; state i of `b` is state `of[i]` of `a`.

@@ -9,4 +9,4 @@ mod plain;
 mod split;
 mod tracking;
 
-use oarlock_oracle::{body, ukf};
+use oarlock_oracle::ukf;

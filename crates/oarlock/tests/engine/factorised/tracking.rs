@@ -1,12 +1,10 @@
 //! What the factorised filter loses against the unscented one, and what it says of itself.
 
 use super::bodies::walker;
-use super::support::chance::Chance;
-use super::support::nature::{nees, Nature};
+use super::support::nature::Sums;
 use super::support::record::on_a_stroke;
-use super::support::{body, fresh, model, plain, start_std};
+use super::support::{body, model, plain, start_std};
 use oarlock::config::{Config, FilterKind};
-use oarlock::track::{Calibration, Tracker};
 
 const BOTH: [FilterKind; 2] = [FilterKind::Ukf, FilterKind::Factorised];
 
@@ -26,28 +24,12 @@ fn a_stroke_is_tracked_nearly_as_well() {
 /// floating pelvis ties its legs together more than any trunk does.
 const SURER: f64 = 1.44;
 
-/// Over runs drawn from the filter's own model: squared errors and innovations, as shares of what is said of them.
+/// Over runs drawn from the filter's own model.
 fn consistency(filter: FilterKind) -> [f64; 2] {
-    const RUNS: usize = 60;
     let config = Config { filter, ..plain(&["gyro_bias", "accel_bias", "surge"]) };
-    let model = model(&walker());
-    let body = body(&model, &config);
+    let body = body(&model(&walker()), &config);
     let std: Vec<f64> = start_std(&body).iter().map(|s| s.min(0.1)).collect();
-    let (n, mut errors, mut nis, mut readings) = (std.len(), 0.0, 0.0, 0);
-    for run in 0..RUNS {
-        let mean = vec![0.0; n];
-        let mut nature = Nature::about(&body, &mean, &std, Chance::new(500 + run as u64));
-        let mut tracker = Tracker::new(model.clone(), &Calibration::default(), &config).unwrap();
-        tracker.resume(fresh(&body, 0.0, mean, &std)).unwrap();
-        for k in 1..=100 {
-            nature.live(0.01);
-            tracker.step(&nature.read(k as f64 * 0.01)).unwrap();
-            nis += tracker.info().nis;
-            readings += tracker.info().sources.iter().map(|s| usize::from(s.used)).sum::<usize>();
-        }
-        errors += nees(&body, tracker.belief().unwrap(), &nature.state);
-    }
-    [errors / (RUNS * n) as f64, nis / readings as f64]
+    Sums::of(&body, &config, &std, [60, 100], 500).shares()
 }
 
 #[test]

@@ -2,7 +2,7 @@
 //! triangles, which keep twice the digits of the normal equations.
 
 use super::system::{dense, matrix, start, Linear, STATES};
-use super::Sample;
+use super::{Kalman, Sample};
 use nalgebra::{DMatrix, DVector};
 
 pub struct Whole {
@@ -11,13 +11,13 @@ pub struct Whole {
 }
 
 impl Whole {
-    pub fn mean(&self, k: usize) -> DVector<f64> {
-        self.mean.rows(k * STATES, STATES).into_owned()
-    }
-
-    pub fn covariance(&self, k: usize) -> DMatrix<f64> {
-        let at = (k * STATES, k * STATES);
-        self.covariance.view(at, (STATES, STATES)).into_owned()
+    /// The estimate of sample `k`.
+    pub fn at(&self, k: usize) -> Kalman {
+        let first = k * STATES;
+        Kalman {
+            mean: self.mean.rows(first, STATES).into_owned(),
+            covariance: self.covariance.view((first, first), (STATES, STATES)).into_owned(),
+        }
     }
 }
 

@@ -14,7 +14,7 @@ use oarlock::estimate::sigma::Spread;
 use oarlock::estimate::smoother::Smoother;
 use oarlock::estimate::transition::Transition;
 use support::chance::Chance;
-use support::worse;
+use support::textbook::Worst;
 use system::{dense, matrix, start, Linear, ROWS, STATES};
 
 /// Both sides round differently. Short steps leave the driving noise of a pose small beside that of its acceleration, which
@@ -89,7 +89,7 @@ fn filtered_by(make: Make, system: &Linear, samples: &[Sample]) -> Way {
     Way { first, steps }
 }
 
-/// Kalman's filter as every textbook has it.
+/// An estimate, and Kalman's filter of it as every textbook has it.
 struct Kalman {
     mean: DVector<f64>,
     covariance: DMatrix<f64>,
@@ -113,19 +113,10 @@ impl Kalman {
         let keep = DMatrix::identity(STATES, STATES) - &gain * h;
         self.covariance = &keep * &self.covariance * keep.transpose() + &gain * r * gain.transpose();
     }
-}
 
-fn apart(ours: &Belief, mean: &DVector<f64>, covariance: &DMatrix<f64>) -> f64 {
-    let sigma = covariance.diagonal().map(f64::sqrt);
-    let mut worst: f64 = 0.0;
-    for i in 0..STATES {
-        worst = worse(worst, (ours.mean[i] - mean[i]).abs() / sigma[i]);
-        for j in 0..STATES {
-            let gap = (ours.covariance.at(i, j) - covariance[(i, j)]).abs();
-            worst = worse(worst, gap / (sigma[i] * sigma[j]));
-        }
+    fn show(&self, worst: &mut Worst, ours: &Belief) {
+        worst.see(ours, &(DVector::from_row_slice(&ours.mean) - &self.mean), &self.covariance);
     }
-    worst
 }
 
 #[test]
@@ -140,14 +131,14 @@ fn assert_is_kalmans(what: &str, make: Make) {
     let prior = start();
     let mut kalman = Kalman { mean: DVector::from_row_slice(&prior.mean), covariance: matrix(&prior.covariance) };
     kalman.update(&system, &samples[0].z);
-    let mut worst = apart(&way.first, &kalman.mean, &kalman.covariance);
+    let mut worst = Worst::default();
+    kalman.show(&mut worst, &way.first);
     for (pair, (_, _, belief)) in samples.windows(2).zip(&way.steps) {
         kalman.predict(&system, pair[1].time_s - pair[0].time_s);
         kalman.update(&system, &pair[1].z);
-        worst = worse(worst, apart(belief, &kalman.mean, &kalman.covariance));
+        kalman.show(&mut worst, belief);
     }
-    println!("{what} filter against Kalman, 500 samples: {worst:.1e} sigma");
-    assert!(worst < SAME_SIGMA, "{worst:e}");
+    worst.assert_below(&format!("{what} filter against Kalman, 500 samples"), SAME_SIGMA);
 }
 
 #[test]
@@ -156,7 +147,7 @@ fn smoother_is_least_squares_over_all_samples() {
     let way = filtered(&system, &samples);
     let whole = least_squares::solve(&system, &samples);
     let last = &way.steps.last().unwrap().2;
-    let mut worst = 0.0_f64;
+    let mut worst = Worst::default();
     let mut smoothed = vec![last.clone()];
     let mut smoother = Smoother::new(STATES);
     for k in (0..way.steps.len()).rev() {
@@ -169,10 +160,10 @@ fn smoother_is_least_squares_over_all_samples() {
     smoothed.reverse();
     assert_eq!(smoothed.len(), samples.len());
     for (k, belief) in smoothed.iter().enumerate() {
-        worst = worse(worst, apart(belief, &whole.mean(k), &whole.covariance(k)));
+        whole.at(k).show(&mut worst, belief);
     }
-    println!("smoother against least squares, every one of 60 samples: {worst:.1e} sigma");
-    assert!(worst < SAME_SIGMA, "{worst:e}");
-    let moved = apart(&way.first, &whole.mean(0), &whole.covariance(0));
-    assert!(moved > 0.1, "smoothing did nothing: {moved}");
+    worst.assert_below("smoother against least squares, every one of 60 samples", SAME_SIGMA);
+    let mut moved = Worst::default();
+    whole.at(0).show(&mut moved, &way.first);
+    assert!(moved.mean.max(moved.covariance) > 0.1, "smoothing did nothing: {}", moved.mean);
 }

@@ -1,9 +1,9 @@
 //! A damped oscillator that implements what `System` requires and nothing more; every filter of it is Kalman's.
 
 use super::support::chance::Chance;
-use super::support::worse;
+use super::support::textbook::Worst;
 use super::{OPEN, SAME_SIGMA};
-use nalgebra::{Matrix2, RowVector2, Vector2};
+use nalgebra::{DMatrix, DVector, Matrix2, RowVector2, Vector2};
 use oarlock::estimate::belief::Belief;
 use oarlock::estimate::filter::{Filter, Info, Measurement, RowGroups};
 use oarlock::estimate::transition::{Block, Transition};
@@ -91,7 +91,7 @@ fn assert_is_kalmans(what: &str, make: fn(&Oscillator, &RowGroups) -> Filter<Osc
     let (mut belief, mut chance, mut transition) = (start(), Chance::new(7), Transition::default());
     let (mut mean, mut covariance) = (Vector2::new(1.0, 0.0), Matrix2::from_diagonal(&START_VARIANCE.into()));
     let (h, q) = (RowVector2::from(READS), Matrix2::from_diagonal(&PROCESS_VARIANCE.into()));
-    let mut worst: f64 = 0.0;
+    let mut worst = Worst::default();
     for _ in 0..300 {
         let dt = chance.between(0.02, 0.3);
         let to_s = belief.time_s + dt;
@@ -113,15 +113,8 @@ fn assert_is_kalmans(what: &str, make: fn(&Oscillator, &RowGroups) -> Filter<Osc
         let gain = covariance * h.transpose() / variance;
         mean += gain * (z[0] - (h * mean)[0]);
         covariance -= gain * variance * gain.transpose();
-        for i in 0..2 {
-            let sigma = |k: usize| covariance[(k, k)].sqrt();
-            worst = worse(worst, (belief.mean[i] - mean[i]).abs() / sigma(i));
-            for j in 0..2 {
-                let gap = (belief.covariance.at(i, j) - covariance[(i, j)]).abs();
-                worst = worse(worst, gap / (sigma(i) * sigma(j)));
-            }
-        }
+        let away = DVector::from_fn(2, |i, _| belief.mean[i] - mean[i]);
+        worst.see(&belief, &away, &DMatrix::from_column_slice(2, 2, covariance.as_slice()));
     }
-    println!("{what} filter of an oscillator against Kalman's: {worst:.1e} sigma");
-    assert!(worst < SAME_SIGMA, "{worst:e}");
+    worst.assert_below(&format!("{what} filter of an oscillator against Kalman's"), SAME_SIGMA);
 }

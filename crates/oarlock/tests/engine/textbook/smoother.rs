@@ -1,10 +1,10 @@
 //! The smoother of the product equals Rauch, Tung and Striebel's as textbooks print it, in dense matrices.
 
-use super::agreement::Worst;
 use super::support::chance::Chance;
 use super::support::record::{punch_holes, streams, times, Scene};
 use super::support::stroke::Stroke;
-use super::support::{body, dense, model, plain, worse, SCULLER};
+use super::support::textbook::Worst;
+use super::support::{body, dense, model, plain, SCULLER};
 use nalgebra::{DMatrix, DVector};
 use oarlock::body::Body;
 use oarlock::config::Config;
@@ -50,18 +50,9 @@ impl Smoothed {
             covariance: &here.covariance + &gain * (self.covariance - predicted) * gain.transpose(),
         }
     }
-}
 
-impl Worst {
-    fn see_smoothed(&mut self, ours: &Belief, textbook: &Smoothed) {
-        let sigma = textbook.covariance.diagonal().map(f64::sqrt);
-        for i in 0..sigma.len() {
-            self.mean = worse(self.mean, (ours.mean[i] - textbook.mean[i]).abs() / sigma[i]);
-            for j in 0..sigma.len() {
-                let gap = (ours.covariance.at(i, j) - textbook.covariance[(i, j)]).abs();
-                self.covariance = worse(self.covariance, gap / (sigma[i] * sigma[j]));
-            }
-        }
+    fn show(&self, worst: &mut Worst, ours: &Belief) {
+        worst.see(ours, &(DVector::from_row_slice(&ours.mean) - &self.mean), &self.covariance);
     }
 }
 
@@ -82,16 +73,15 @@ fn assert_is_the_textbooks(what: &str, config: Config) {
     let (filtered, ours): (Vec<Belief>, Vec<Belief>) = (run.beliefs().collect(), smooth.beliefs().collect());
     assert_eq!((filtered.len(), ours.len()), (SAMPLES, SAMPLES));
     let mut textbook = Smoothed::of(filtered.last().unwrap());
-    let (mut worst, mut moved) = (Worst { mean: 0.0, covariance: 0.0 }, Worst { mean: 0.0, covariance: 0.0 });
+    let (mut worst, mut moved) = (Worst::default(), Worst::default());
     for k in (0..SAMPLES).rev() {
         if k + 1 < SAMPLES {
             textbook = textbook.back(&body, &filtered[k], filtered[k + 1].time_s);
         }
-        worst.see_smoothed(&ours[k], &textbook);
-        moved.see_smoothed(&filtered[k], &textbook);
+        textbook.show(&mut worst, &ours[k]);
+        textbook.show(&mut moved, &filtered[k]);
     }
-    println!("{what}: {SAMPLES} samples back: mean {:.1e}, covariance {:.1e} sigma", worst.mean, worst.covariance);
-    assert!(worst.mean < SAME_SMOOTHER_SIGMA && worst.covariance < SAME_SMOOTHER_SIGMA);
+    worst.assert_below(what, SAME_SMOOTHER_SIGMA);
     assert!(moved.mean > 1.0, "smoothing did nothing: {}", moved.mean);
 }
 

@@ -5,29 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from oarlock.evaluation.study.faults.fault import Case, Fault, Names, of_streams, rows_kept
-from oarlock.evaluation.study.keys import ONE, StudyKey
+from oarlock.evaluation.study.keys import ONE, sized
 from oarlock.recording.streams import Stream
 
 
 def silence(names: Names) -> tuple[Fault, ...]:
     """Gaps and frozen readings."""
     choices = (*names.streams, ONE)
-    gap = StudyKey(
-        "gap_s",
-        "by_name",
-        0.0,
-        "every stream, or those named, says nothing for so long",
-        0.0,
-        choices=choices,
-    )
-    stuck = StudyKey(
-        "stuck_s",
-        "by_name",
-        0.0,
-        "every stream, or those named, repeats one reading for so long",
-        0.0,
-        choices=choices,
-    )
+    gap = sized("gap_s", "every stream, or those named, says nothing for so long", choices)
+    stuck = sized("stuck_s", "every stream, or those named, repeats one reading for so long", choices)
     return (
         Fault(gap, of_streams(_silent, names.streams)),
         Fault(stuck, of_streams(_stuck, names.streams)),

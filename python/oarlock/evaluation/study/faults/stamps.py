@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from oarlock.evaluation.study.faults.fault import Case, Fault, Names, of_streams
-from oarlock.evaluation.study.keys import ONE, StudyKey
+from oarlock.evaluation.study.keys import ONE, sized
 from oarlock.recording.streams import ImuStream, Stream
 
 MOST_OF_A_STEP = 0.45
@@ -16,14 +16,8 @@ MOST_OF_A_STEP = 0.45
 
 def stamps(names: Names) -> tuple[Fault, ...]:
     """Stamps that are scattered."""
-    jitter = StudyKey(
-        "clock_jitter_s",
-        "by_name",
-        0.0,
-        "standard deviation of the stamps of all inertial units, or by stream; at most 0.45 steps",
-        0.0,
-        choices=(*names.streams, ONE),
-    )
+    about = "standard deviation of the stamps of all inertial units, or by stream; at most 0.45 steps"
+    jitter = sized("clock_jitter_s", about, (*names.streams, ONE))
     return (Fault(jitter, of_streams(_scattered, names.units)),)
 
 
