@@ -12,7 +12,7 @@ VAGUE_NAMES = {"base", "common", "factory", "helper", "helpers", "manager", "mis
 
 # Functions that are still longer, with their lines: none may be added, none may grow.
 STILL_LONG = {
-    "python/oarlock/evaluation/study/told.py: keys_of_told": 65,
+    "python/oarlock/evaluation/study/filter_inputs.py: keys_of_filter_inputs": 65,
 }
 
 

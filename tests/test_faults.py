@@ -19,11 +19,11 @@ import oarlock
 from oarlock.cli import app
 from oarlock.evaluation.study.costs import doses, ranked
 from oarlock.evaluation.study.faults.catalogue import afflicted, faults_of, keys_of_faults
+from oarlock.evaluation.study.filter_inputs import filter_model
 from oarlock.evaluation.study.keys import with_turns
 from oarlock.evaluation.study.result import StudyResult
 from oarlock.evaluation.study.run import MEAN, SCORES
 from oarlock.evaluation.study.spec import keys_of
-from oarlock.evaluation.study.told import told_model
 from oarlock.report.fault_picture import fault_picture
 from oarlock.report.fault_words import findings
 from oarlock.report.study_page import study_page
@@ -180,7 +180,7 @@ def test_the_filters_vertical_is_wrong_by_exactly_the_angle(sculler):
     values = {name: key.default for name, key in keys_of(sculler, SIMULATORS["sculling"]).items()}
     sides = set()
     for seed in range(4):
-        world = told_model(sculler, values | {"vertical_error_deg": 3.0}, seed).describe()["world"]
+        world = filter_model(sculler, values | {"vertical_error_deg": 3.0}, seed).describe()["world"]
         up, forward = np.asarray(world["up"]), np.asarray(world["forward"])
         assert math.degrees(math.acos(up @ [0.0, 1.0, 0.0])) == pytest.approx(3.0, abs=1e-6)
         assert abs(up @ forward) < ROUNDING

@@ -35,10 +35,10 @@ def render(
     sensors = evaluation.sensors if evaluation else sensor_scores(track, Interval.after(track.time_s, 0.0))
     own = _sections(track, evaluation, truth, sensors)
     refuse_doubles(handed, [key for key, _, _ in own])
-    told = [sentence for section in handed for sentence in section.sentences]
+    sentences = [sentence for section in handed for sentence in section.sentences]
     figures = [figure for section in handed for figure in section.figures]
     lead = (
-        f'<div class="lead">{verdict.summary(track, evaluation, sensors, told)}</div>'
+        f'<div class="lead">{verdict.summary(track, evaluation, sensors, sentences)}</div>'
         f"{tiles([*figures, *verdict.key_figures(track, evaluation, sensors)])}"
     )
     sections = [*((section.key, section.name, section.markup) for section in handed), *own]
@@ -129,9 +129,9 @@ def _notes(track: TrackLike) -> str:
             f"Nominal mounts are assumed (not calibrated): {', '.join(nominal)}. Run oarlock calibrate."
         )
     seen = verdict.observed_joints(track)
-    silent = [n for n in track.joint_names if n not in seen and not any(n in note for note in notes)]
-    if silent:
-        notes.append(f"Not observed: {', '.join(silent)}.")
+    unobserved = [n for n in track.joint_names if n not in seen and not any(n in note for note in notes)]
+    if unobserved:
+        notes.append(f"Not observed: {', '.join(unobserved)}.")
     return notes_list(notes) if notes else "<p>No notes.</p>"
 
 

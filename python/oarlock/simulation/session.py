@@ -128,7 +128,7 @@ def simulate_session(
     rng = np.random.default_rng([seed, 20])
     description = model.describe()
     units = [s for s in description["sensors"] if s["kind"] == "imu"]
-    truth = _worn(units, errors, rng)
+    truth = _true_calibration(units, errors, rng)
     rest = [np.ravel(j["rest"]) for j in description["joints"]]
     at_rest = dict(zip(model.coordinate_names, np.concatenate(rest).tolist(), strict=True))
     course = body_course(description, plan, at_rest, errors.posture_rad, errors.sway_rad, rng)
@@ -163,7 +163,9 @@ def simulate_session(
     )
 
 
-def _worn(units: list[dict[str, Any]], errors: SessionErrors, rng: np.random.Generator) -> Calibration:
+def _true_calibration(
+    units: list[dict[str, Any]], errors: SessionErrors, rng: np.random.Generator
+) -> Calibration:
     """True mounts and errors of each unit."""
     fields: dict[str, dict[str, Any]] = {}
 

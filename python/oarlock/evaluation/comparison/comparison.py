@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from oarlock._core import Model
 
 FORMAT: Final = 1
-Told = Callable[[str], AbstractContextManager[Callable[[float], None]]]
+Progress = Callable[[str], AbstractContextManager[Callable[[float], None]]]
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,8 @@ def compare(
     calibration: Calibration | None = None,
     start_s: float = 2.0,
     repeats: int = 1,
-    told: Told | None = None,
+    progress: Progress | None = None,
+    told: Progress | None = None,
 ) -> Comparison:
     """Run estimators on the same recording and score each.
 
@@ -149,25 +150,26 @@ def compare(
         calibration: calibration of this session, used by all estimators.
         start_s: time at the beginning that is not scored, s.
         repeats: number of runs of each estimator.
-        told: returns a context manager for each estimator, to show progress.
+        progress: returns a context manager for each estimator, to show progress.
+        told: earlier name of `progress`.
 
     Raises:
         DataError: a requested estimator cannot run, none can, or ground truth and recording do not overlap.
     """
-    asked = estimators is not None
+    asked, progress = estimators is not None, progress or told
     chosen = [estimator(e) if isinstance(e, str) else e for e in (estimators or usual_estimators())]
     if repeats < 1:
         raise DataError(f"compare: repeats = {repeats}; expected 1 or more")
     scores: list[Score] = []
     left_out: dict[str, str] = {}
     joints = chosen_joints(model)
-    # what is odd about a recording is looked for once, not in the time of the first estimator
+    # The recording is checked here, so that the time of the check does not count for the first estimator.
     admit(model, corrected(recording, calibration))
     reference, name = truth, "truth"
     for one in chosen:
         try:
-            with told(one.name) if told is not None else nullcontext(None) as progress:
-                track, step_us, kinematics_us = _timed(one, model, recording, calibration, repeats, progress)
+            with progress(one.name) if progress is not None else nullcontext(None) as share_done:
+                track, step_us, kinematics_us = _timed(one, model, recording, calibration, repeats, share_done)
         except (DataError, DivergedError) as error:
             if asked:
                 raise
@@ -178,7 +180,7 @@ def compare(
         found = evaluate(track, reference, start_s=start_s)
         scores.append(score(one, found, joints, step_us, kinematics_us, track.notes))
     if not scores:
-        first = next(iter(left_out.items()), ("", "none was asked for"))
+        first = next(iter(left_out.items()), ("", "none was requested"))
         raise DataError(f"compare: no estimator can run on this recording. {first[0]}: {first[1]}")
     return Comparison(tuple(scores), left_out, joints, name, start_s, model.name, _processor())
 

@@ -163,10 +163,10 @@ class _Problem:
     def seen(self, q: Floats, targets: _Targets) -> Bools:
         """Where the variance that the measurements leave is far below that of knowing nothing."""
         information = self._normal(q, targets)[0]
-        doubt = UNSEEN * ORIENTATION_STD_RAD**-2
-        variance = np.linalg.inv(information + doubt * np.eye(len(self._felt)))
+        prior_information = UNSEEN * ORIENTATION_STD_RAD**-2
+        variance = np.linalg.inv(information + prior_information * np.eye(len(self._felt)))
         seen = np.zeros(q.shape, dtype=bool)
-        seen[:, self._felt] = np.einsum("tii->ti", variance) * doubt < 0.5
+        seen[:, self._felt] = np.einsum("tii->ti", variance) * prior_information < 0.5
         return seen
 
     def _normal(self, q: Floats, targets: _Targets) -> tuple[Floats, Floats, Floats]:

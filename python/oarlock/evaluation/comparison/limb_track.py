@@ -64,10 +64,12 @@ def track_limbs(
     limbs = cut_into_limbs(model, config.closures)
     tracks, cpu_s = [], 0.0
     for i, limb in enumerate(limbs):
-        told = None if progress is None else _share(progress, i, len(limbs))
+        limb_progress = None if progress is None else _share(progress, i, len(limbs))
         part = _streams_of(limb, recording)
         began_s = time.thread_time()
-        tracks.append(track(limb.model, part, _worn(limb, calibration), config, progress=told))
+        tracks.append(
+            track(limb.model, part, _limb_calibration(limb, calibration), config, progress=limb_progress)
+        )
         cpu_s += time.thread_time() - began_s
     return _merged(model, recording, calibration, limbs, tracks, cpu_s)
 
@@ -88,7 +90,7 @@ def _streams_of(limb: Limb, recording: Recording) -> Recording:
     return recording.only(names)
 
 
-def _worn(limb: Limb, calibration: Calibration | None) -> Calibration | None:
+def _limb_calibration(limb: Limb, calibration: Calibration | None) -> Calibration | None:
     """What of a calibration concerns the limb."""
     if calibration is None:
         return None
@@ -175,18 +177,18 @@ def _beliefs(limbs: tuple[Limb, ...], tracks: list[Track]) -> Beliefs | None:
     kept = [t.beliefs for t in tracks]
     if any(b is None for b in kept):
         return None
-    told = [b for b in kept if b is not None]
-    first = told[0].time_s
-    if any(len(b.time_s) != len(first) or np.abs(b.time_s - first).max(initial=0.0) > 1e-9 for b in told):
+    beliefs = [b for b in kept if b is not None]
+    first = beliefs[0].time_s
+    if any(len(b.time_s) != len(first) or np.abs(b.time_s - first).max(initial=0.0) > 1e-9 for b in beliefs):
         return None
-    chosen = [_own_states(limb, b) for limb, b in zip(limbs, told, strict=True)]
-    mean = np.hstack([b.mean[:, rows] for rows, b in zip(chosen, told, strict=True)])
+    chosen = [_own_states(limb, b) for limb, b in zip(limbs, beliefs, strict=True)]
+    mean = np.hstack([b.mean[:, rows] for rows, b in zip(chosen, beliefs, strict=True)])
     covariance = np.zeros((len(first), mean.shape[1], mean.shape[1]))
     at = 0
-    for rows, b in zip(chosen, told, strict=True):
+    for rows, b in zip(chosen, beliefs, strict=True):
         covariance[:, at : at + len(rows), at : at + len(rows)] = b.covariance[:, rows][:, :, rows]
         at += len(rows)
-    names = [b.state_names[i] for rows, b in zip(chosen, told, strict=True) for i in rows]
+    names = [b.state_names[i] for rows, b in zip(chosen, beliefs, strict=True) for i in rows]
     return Beliefs(first, mean, covariance, tuple(names))
 
 
@@ -201,7 +203,7 @@ def _own_states(limb: Limb, beliefs: Beliefs) -> list[int]:
 
 def _notes(limbs: tuple[Limb, ...], tracks: list[Track]) -> tuple[str, ...]:
     names = ", ".join("what they share" if limb.name == SHARED else limb.name for limb in limbs)
-    told: list[str] = [f"each limb by a filter of its own: {names}"]
+    notes: list[str] = [f"each limb by a filter of its own: {names}"]
     for limb, part in zip(limbs, tracks, strict=True):
-        told += [f"{limb.name}: {note}" for note in part.notes]
-    return tuple(dict.fromkeys(told))
+        notes += [f"{limb.name}: {note}" for note in part.notes]
+    return tuple(dict.fromkeys(notes))

@@ -76,7 +76,7 @@ def track_orientations(
     if filter not in ORIENTATION_FILTERS:
         known = list(ORIENTATION_FILTERS)
         raise DataError(f"track_orientations: no filter '{filter}'. {did_you_mean(filter, known)}")
-    mended = correction_notes(recording, calibration)
+    corrections = correction_notes(recording, calibration)
     recording = corrected(recording, calibration)
     findings = admit(model, recording)
     worn = Worn.of(model, calibration)
@@ -111,8 +111,13 @@ def track_orientations(
     if progress is not None:
         progress(1.0)
     track = track_without_filter(worn.model, time_s, q, provenance=provenance)
-    told = (*_told(model, filter), *notes, *mended, *(f"{f.sensor}: {f.message}" for f in findings))
-    object.__setattr__(track, "notes", told)
+    all_notes = (
+        *_filter_notes(model, filter),
+        *notes,
+        *corrections,
+        *(f"{f.sensor}: {f.message}" for f in findings),
+    )
+    object.__setattr__(track, "notes", all_notes)
     return track
 
 
@@ -210,14 +215,14 @@ def root_from_north_west_up(model: Model) -> Floats:
     return quat_from_matrix(np.column_stack([north, np.cross(up, north), up]))
 
 
-def _told(model: Model, filter: str) -> tuple[str, ...]:
+def _filter_notes(model: Model, filter: str) -> tuple[str, ...]:
     described = model.describe()
     unused = [
         *(c["name"] for c in described["closures"]),
         *(b["name"] for b in described["base_acceleration"]),
     ]
-    told = (
+    texts = (
         f"{filter}: each inertial unit by itself, then inverse kinematics; no standard deviations are estimated",
         "the azimuth of the magnetic field is the model's, not estimated",
     )
-    return (*told, f"not used: {', '.join(unused)}") if unused else told
+    return (*texts, f"not used: {', '.join(unused)}") if unused else texts

@@ -176,13 +176,13 @@ def _badness(name: str, value: float) -> float:
 
 def row_of(score_: Score) -> dict[str, Any]:
     """A score as plain data, all of its evaluation included."""
-    told = score_.estimator
+    used = score_.estimator
     return {
-        "filter": told.name,
-        "family": told.family,
-        "title": told.title,
-        "assumes": told.assumes,
-        "source": told.source,
+        "filter": used.name,
+        "family": used.family,
+        "title": used.title,
+        "assumes": used.assumes,
+        "source": used.source,
         "joints_scored": score_.joints,
         **score_.columns(),
         "notes": list(score_.notes),

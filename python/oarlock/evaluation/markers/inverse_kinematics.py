@@ -118,14 +118,14 @@ def _all_frames(
     anchors = _anchors(time_s)
     walked = anchor_postures(tree, sight, prior, anchors, start, _share(progress, 0.0, 0.5))
     first = between_anchors(tree, time_s, time_s[anchors], walked)
-    told = _share(progress, 0.5, 1.0)
+    progress_of_fit = _share(progress, 0.5, 1.0)
     chunks = []
     for k in range(0, len(time_s), _FRAMES_AT_ONCE):
         rows = slice(k, k + _FRAMES_AT_ONCE)
         chunks.append(found_postures(tree, sight.rows(rows), Prior(first[rows], prior.std), first[rows]))
-        if told is not None:
-            told(min(1.0, (k + _FRAMES_AT_ONCE) / len(time_s)))
-    fields = ("q", "std", "told", "settled", "cost")
+        if progress_of_fit is not None:
+            progress_of_fit(min(1.0, (k + _FRAMES_AT_ONCE) / len(time_s)))
+    fields = ("q", "std", "determined", "settled", "cost")
     found = Found(*(np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in fields))
     return _begun_anew(tree, sight, prior, found)
 
@@ -151,7 +151,7 @@ def _begun_anew(tree: PointTree, sight: Sight, prior: Prior, found: Found) -> Fo
         start = found.q[near]
         again = found_postures(tree, sight.rows(rows), Prior(start, prior.std), start)
         better = again.cost < found.cost[rows]
-        for name in ("q", "std", "told", "settled", "cost"):
+        for name in ("q", "std", "determined", "settled", "cost"):
             getattr(found, name)[rows[better]] = getattr(again, name)[better]
     return found
 
@@ -160,8 +160,8 @@ def _fit(
     tree: PointTree, placed: Markers, sight: Sight, used: tuple[Attachment, ...], found: Found
 ) -> PostureFit:
     residual = placed.position_m - tree.at(found.q)
-    # every direction that is told takes one number away from the residuals
-    free = int(3 * placed.seen.sum()) - int(found.told.sum())
+    # each determined direction removes one degree of freedom of the residuals
+    free = int(3 * placed.seen.sum()) - int(found.determined.sum())
     spent = float(np.nansum((residual * sight.weight[..., None]) ** 2))
     scale = float(np.sqrt(spent / free)) if free > 0 else float("nan")
     return PostureFit(
@@ -169,7 +169,7 @@ def _fit(
         time_s=placed.time_s,
         q=found.q,
         q_std=found.std * (max(1.0, scale) if np.isfinite(scale) else 1.0),
-        determined=found.told & tree.touched,
+        determined=found.determined & tree.touched,
         settled=found.settled,
         attachments=used,
         residual_m=residual,

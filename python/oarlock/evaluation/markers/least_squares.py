@@ -15,7 +15,7 @@ _MOST_ROUNDS: Final = 60
 _SETTLED: Final = 1e-12
 """Step of a round in standard deviations of the prior: below, only rounding moves."""
 _LOOSE: Final = 1e-5
-_TOLD: Final = 25.0
+_DETERMINED: Final = 25.0
 """Information of a direction against its prior: the data tell it, if they know it five times better."""
 
 
@@ -58,7 +58,7 @@ class Found:
 
     q: FloatArray
     std: FloatArray
-    told: Bools
+    determined: Bools
     settled: Bools
     cost: FloatArray
 
@@ -72,10 +72,10 @@ def found_postures(tree: PointTree, sight: Sight, prior: Prior, start: FloatArra
     q = with_prior(tree, sight, prior, start, _LOOSE)
     q, settled = _without_prior(tree, sight, prior, q)
     residual, size, shapes = _directions(tree, sight, prior, q)
-    told = size > _TOLD
+    determined = size > _DETERMINED
     variance = np.einsum("tck,tk->tc", shapes**2, 1.0 / (np.maximum(size, 0.0) + 1.0))
-    untold_share = np.einsum("tck,tk->tc", shapes**2, 1.0 - told)
-    return Found(q, prior.std * np.sqrt(variance), untold_share < 0.01, settled, _square(residual))
+    undetermined_share = np.einsum("tck,tk->tc", shapes**2, 1.0 - determined)
+    return Found(q, prior.std * np.sqrt(variance), undetermined_share < 0.01, settled, _square(residual))
 
 
 def with_prior(
@@ -124,7 +124,7 @@ def _without_prior(
         residual, slopes = _linear(tree, near, here, q[rows])
         size, shapes = np.linalg.eigh(np.einsum("trc,trd->tcd", slopes, slopes))
         pull = np.einsum("trc,tr->tc", slopes, residual)
-        along = np.einsum("tck,tc->tk", shapes, pull) * (size > _TOLD) / np.maximum(size, _TOLD)
+        along = np.einsum("tck,tc->tk", shapes, pull) * (size > _DETERMINED) / np.maximum(size, _DETERMINED)
         step = np.einsum("tck,tk->tc", shapes, along)
         before = _square(residual)
         better, tried = _halved(tree, near, here, q[rows], step, before)

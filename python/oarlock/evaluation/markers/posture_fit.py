@@ -127,12 +127,12 @@ class PostureFit:
         found = []
         units = coordinate_units(self.model)
         for k, name in enumerate(self.coordinate_names):
-            told = self.determined[:, k]
+            determined = self.determined[:, k]
             factor, unit = (180.0 / np.pi, "deg") if units[k] == "rad" else (1e3, "mm")
-            q, std = factor * self.q[told, k], factor * self.q_std[told, k]
-            low, high = (float(q.min()), float(q.max())) if told.any() else (np.nan, np.nan)
-            middle = float(np.median(std)) if told.any() else np.nan
-            share = float(told.mean())
+            q, std = factor * self.q[determined, k], factor * self.q_std[determined, k]
+            low, high = (float(q.min()), float(q.max())) if determined.any() else (np.nan, np.nan)
+            middle = float(np.median(std)) if determined.any() else np.nan
+            share = float(determined.mean())
             found.append(
                 {
                     "joint": name,

@@ -67,7 +67,7 @@ def anchor_postures(
     prior: Prior,
     frames: Any,
     given: FloatArray | None,
-    told: Callable[[float], object] | None,
+    progress: Callable[[float], object] | None,
 ) -> FloatArray:
     """Postures (A, c) of some frames, each sought from its neighbour's, beginning where most markers are seen.
 
@@ -87,8 +87,8 @@ def anchor_postures(
             here = with_prior(tree, rows.rows(slice(k, k + 1)), Prior(here, prior.std), here)
             q[k] = here[0]
             done += 1
-            if told is not None:
-                told(done / len(frames))
+            if progress is not None:
+                progress(done / len(frames))
     return q
 
 

@@ -46,15 +46,15 @@ def all_rows(study: Study, jobs: int | None, folder: Path | None, progress: Prog
     count = sum(len(group.scenarios) for group in whole)
     finished = count - sum(len(group.scenarios) for group in left)
 
-    def tell(more: int) -> None:
+    def report(more: int) -> None:
         nonlocal finished
         finished += more
         if progress is not None:
             progress(finished / count)
 
-    # the longest first, so that no core is left with a long one at the end; the order of rows is mended below
+    # the longest first, so that no core is left with a long one at the end; the order of rows is restored below
     left.sort(key=lambda group: -len(group.scenarios))
-    for group, rows in _made(study, left, min(jobs or os.cpu_count() or 1, max(len(left), 1)), tell):
+    for group, rows in _made(study, left, min(jobs or os.cpu_count() or 1, max(len(left), 1)), report):
         done[_name(group)] = rows
         _keep(study, folder, group, rows)
     rows = [row for group in whole for row in done[_name(group)]]
@@ -66,11 +66,11 @@ def all_rows(study: Study, jobs: int | None, folder: Path | None, progress: Prog
 
 
 def _made(
-    study: Study, left: list[Group], jobs: int, tell: Callable[[int], None]
+    study: Study, left: list[Group], jobs: int, report: Callable[[int], None]
 ) -> Iterator[tuple[Group, list[Row]]]:
     if jobs == 1:
         for group in left:
-            yield group, run_group(study, group, lambda: tell(1))
+            yield group, run_group(study, group, lambda: report(1))
         return
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin, initargs=(study,))
@@ -80,7 +80,7 @@ def _made(
             ended, _ = wait(waiting, return_when=FIRST_COMPLETED)
             for future in ended:
                 group = waiting.pop(future)
-                tell(len(group.scenarios))
+                report(len(group.scenarios))
                 yield group, future.result()
         pool.shutdown()
     except BaseException:

@@ -13,9 +13,9 @@ from oarlock.evaluation.scores import Evaluation, JointScore, PositionScore, pre
 from oarlock.evaluation.study.degrade import degraded
 from oarlock.evaluation.study.faults.catalogue import afflicted
 from oarlock.evaluation.study.faults.fault import Names
+from oarlock.evaluation.study.filter_inputs import filter_calibration, filter_config, filter_model
 from oarlock.evaluation.study.keys import Value, with_turns
 from oarlock.evaluation.study.spec import Study, StudyScenario, stable_text
-from oarlock.evaluation.study.told import calibration_told, config_told, told_model
 from oarlock.evaluation.study.trial import StudyTrial
 from oarlock.tracking import tracking
 from oarlock.tracking.track import Track
@@ -131,10 +131,10 @@ def _filtered(study: Study, values: Mapping[str, Value], seed: int, made: _Trial
     values = with_turns(values, Names.of(model).units, seed)
     recording = degraded(afflicted(made.trial, model, values, seed), values, seed)
     return tracking.track(
-        told_model(model, values, seed),
+        filter_model(model, values, seed),
         recording,
-        calibration=calibration_told(model, lengths, values, seed),
-        config=config_told(made.trial, values, seed),
+        calibration=filter_calibration(model, lengths, values, seed),
+        config=filter_config(made.trial, values, seed),
     )
 
 

@@ -12,9 +12,9 @@ from functools import cached_property
 from oarlock._core import Config, Model
 from oarlock.evaluation.study.degrade import keys_of_streams
 from oarlock.evaluation.study.faults.catalogue import keys_of_faults
+from oarlock.evaluation.study.filter_inputs import check_model_key, keys_of_filter_inputs
 from oarlock.evaluation.study.keys import StudyKey, Value
 from oarlock.evaluation.study.sweeps import FaultSweep, fault_scenarios
-from oarlock.evaluation.study.told import check_model_key, keys_of_told
 from oarlock.evaluation.study.trial import StudySimulator
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
@@ -179,8 +179,8 @@ class Study:
 
 def keys_of(model: Model, simulator: StudySimulator) -> dict[str, StudyKey]:
     """Keys of the simulator, of the streams and of what the filter is told."""
-    told = keys_of_told(model, simulator.lengths(model))
-    return {**simulator.keys(model), **keys_of_faults(model), **keys_of_streams(model), **told}
+    filter_keys = keys_of_filter_inputs(model, simulator.lengths(model))
+    return {**simulator.keys(model), **keys_of_faults(model), **keys_of_streams(model), **filter_keys}
 
 
 def checked_value(model: Model, keys: Mapping[str, StudyKey], key: str, value: Value) -> Value:

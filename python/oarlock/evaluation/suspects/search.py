@@ -40,8 +40,8 @@ RATE_HZ, SCREEN_HZ = 50.0, 25.0
 FINALISTS = 5
 SETTLED, SETTLES = 0.7, 4.0
 """So far below the usual misfit, and so much less than before: nothing else need be tried."""
-UNITS_DOUBTED, CLOSE = 3, 2.0
-"""At most so many units are doubted, and none that leaves the rest with so much more misfit than another does."""
+UNITS_SUSPECTED, CLOSE = 3, 2.0
+"""At most so many units are suspicious, and none that leaves the rest with so much more misfit than another does."""
 MOST_EXCHANGED = 8
 """Exchanges are sought among no more units than this: those that fit worst."""
 
@@ -196,16 +196,16 @@ def _usual(judge: Judge, second: Second, misfit: Misfit) -> Iterator[Change]:
 def _rare(judge: Judge, second: Second, misfit: Misfit) -> Iterator[Change]:
     names = [s.name for s in second.like.units]
     yield from exchanges_of_two([names, [s.name for s in second.like.angles]])
-    yield from turns(_doubted(judge, second, names, Second.without), together=False)
+    yield from turns(_most_suspicious(judge, second, names, Second.without), together=False)
     plain = second.without_magnetometers(names)
     if has_magnetometers(second.fine) and plain and judge.misfit(plain.fine).total <= USUAL:
-        doubted = _doubted(judge, second, names, lambda s, cut: s.without_magnetometers(cut))
-        yield from compass_changes(doubted, together=False)
+        suspicious = _most_suspicious(judge, second, names, lambda s, cut: s.without_magnetometers(cut))
+        yield from compass_changes(suspicious, together=False)
         if len(names) > 1:
             yield from compass_changes(names, together=True)
 
 
-def _doubted(
+def _most_suspicious(
     judge: Judge, second: Second, units: Sequence[str], cut: Callable[[Second, Sequence[str]], Second | None]
 ) -> list[str]:
     """Units without which the rest fits best."""
@@ -213,7 +213,7 @@ def _doubted(
     fits = judge.sifted([recording for _, recording in left])
     ranked = sorted(zip(left, fits, strict=True), key=lambda pair: pair[1].total)
     close = [name for (name, _), fit in ranked if fit.total <= CLOSE * ranked[0][1].total]
-    return close[:UNITS_DOUBTED] if left else list(units)
+    return close[:UNITS_SUSPECTED] if left else list(units)
 
 
 def _sifted(judge: Judge, second: Second, changes: Sequence[Change]) -> list[Change]:

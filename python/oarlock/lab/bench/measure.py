@@ -34,7 +34,7 @@ USUAL_TEXTBOOK_US: Final = 405.0
 # shares of the time that is given
 _RACE, _RACE_WITH_BIASES, _LIVE, _THREADS, _OTHER = 0.25, 0.25, 0.15, 0.15, 0.2
 
-Told = Callable[[str], AbstractContextManager[object]]
+Progress = Callable[[str], AbstractContextManager[object]]
 
 
 @dataclass(frozen=True)
@@ -111,32 +111,32 @@ def _processor() -> str:
         return platform.processor() or "unknown"
 
 
-def measure(seconds: float, told: Told = lambda what: nullcontext()) -> Bench:
+def measure(seconds: float, progress: Progress = lambda what: nullcontext()) -> Bench:
     """Measures for about `seconds`, and a few more where other software compiles or is slow.
 
     Args:
         seconds: time for all measurements together.
-        told: makes a context around each part, to show what is under way.
+        progress: makes a context around each part, to show what is under way.
     """
-    with told("simulating"):
+    with progress("simulating"):
         problem = sculling()
-    with told("racing the textbook's filter"):
+    with progress("racing the textbook's filter"):
         joints = race(problem, "joints", _RACE * seconds)
         with_biases = race(problem, "with_biases", _RACE_WITH_BIASES * seconds)
-    with told("stepping live"):
+    with progress("stepping live"):
         lone, biased = (live(problem, name, _LIVE / 2 * seconds) for name in ("joints", "with_biases"))
-    with told("tracking on two threads"):
+    with progress("tracking on two threads"):
         many = threads(problem, _THREADS * seconds)
-    others = tuple(_others(seconds, told))
+    others = tuple(_others(seconds, progress))
     figures = tuple(one for one in others if isinstance(one, Figure))
     failed = tuple(one for one in others if isinstance(one, Failure))
     return Bench(joints, with_biases, lone, biased, many, figures, failed, tuple(missing()))
 
 
-def _others(seconds: float, told: Told) -> Iterator[Figure | Failure]:
+def _others(seconds: float, progress: Progress) -> Iterator[Figure | Failure]:
     installed = [software for software in SOFTWARE if software.installed()]
     for software in installed:
-        with told(software.name):
+        with progress(software.name):
             yield time_other(software, _OTHER / len(installed) * seconds)
 
 

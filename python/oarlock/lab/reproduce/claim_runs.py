@@ -12,7 +12,7 @@ from oarlock import Study, StudyResult, load_model
 from oarlock.lab.reproduce.contents import Floats, Row, finite_mean
 from oarlock.lab.reproduce.estimators import ELEVEN, ESTIMATORS
 from oarlock.lab.reproduce.field_trials import POINTS
-from oarlock.lab.reproduce.runs import Told, share
+from oarlock.lab.reproduce.runs import Progress, share
 from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.simulators import SIMULATORS
 
@@ -112,12 +112,12 @@ def studies(seeds: Sequence[int], duration_s: float) -> dict[str, Study]:
     }
 
 
-def asked(seeds: Sequence[int], duration_s: float, jobs: int | None, told: Told | None) -> Asked:
+def asked(seeds: Sequence[int], duration_s: float, jobs: int | None, progress: Progress | None) -> Asked:
     """Runs all studies."""
     wanted = studies(seeds, duration_s)
     whole, done, found = sum(study.run_count for study in wanted.values()), 0, {}
     for name, study in wanted.items():
-        part = share(told, done / whole, (done + study.run_count) / whole)
+        part = share(progress, done / whole, (done + study.run_count) / whole)
         found[name] = oarlock.study(study, jobs=jobs, progress=part)
         done += study.run_count
     return Asked(found)

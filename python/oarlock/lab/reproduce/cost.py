@@ -13,7 +13,7 @@ import oarlock
 from oarlock import Config, DataError, DivergedError, Model, Recording, load_model
 from oarlock.lab.reproduce.chains import Size, built
 from oarlock.lab.reproduce.contents import Cell, Chart, Floats, Part, Row, Table, shown
-from oarlock.lab.reproduce.runs import Told
+from oarlock.lab.reproduce.runs import Progress
 from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.experiment import simulate_sculling
 
@@ -42,11 +42,11 @@ class Job:
     start: list[float]
 
 
-def cost(told: Told | None) -> Part:
+def cost(progress: Progress | None) -> Part:
     """Measures every size with every filter, in turn, and fits powers."""
     filters = available()
     jobs = [_job(sweep, size) for sweep, size in _sizes()]
-    times = _measured(jobs, filters, told)
+    times = _measured(jobs, filters, progress)
     rows = [_row(job, filters, times) for job in jobs]
     sculler = _sculler_rate()
     return Part(
@@ -101,7 +101,7 @@ def _job(sweep: str, size: Size) -> Job:
 
 
 def _measured(
-    jobs: list[Job], filters: tuple[str, ...], told: Told | None
+    jobs: list[Job], filters: tuple[str, ...], progress: Progress | None
 ) -> dict[tuple[str, Size, str], float]:
     """Median time of a step, s; NaN where the filter loses the chain."""
     found: dict[tuple[str, Size, str], list[float]] = {}
@@ -109,8 +109,8 @@ def _measured(
         for k, job in enumerate(jobs):
             for name in filters:
                 found.setdefault((job.sweep, job.size, name), []).append(_step_s(job, name))
-            if told is not None:
-                told((turn * len(jobs) + k + 1) / (ROUNDS * len(jobs)))
+            if progress is not None:
+                progress((turn * len(jobs) + k + 1) / (ROUNDS * len(jobs)))
     return {key: statistics.median(times) for key, times in found.items()}
 
 

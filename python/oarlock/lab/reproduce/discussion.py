@@ -9,7 +9,7 @@ import numpy as np
 from oarlock.lab.reproduce.claim_runs import BIASES, HULL, RATES_HZ, SIDES_OFF, Asked, asked
 from oarlock.lab.reproduce.contents import Cell, Claim, Part, Row, Table, Verdict, finite_mean, shown
 from oarlock.lab.reproduce.estimators import ELEVEN
-from oarlock.lab.reproduce.runs import Told, share
+from oarlock.lab.reproduce.runs import Progress, share
 from oarlock.lab.reproduce.technique import Features, features
 from oarlock.rowing.simulation import paper
 
@@ -23,10 +23,10 @@ SAME = 1.05
 """Errors within 5 % of each other are the same."""
 
 
-def discussion(seeds: Sequence[int], duration_s: float, jobs: int | None, told: Told | None) -> Part:
+def discussion(seeds: Sequence[int], duration_s: float, jobs: int | None, progress: Progress | None) -> Part:
     """All claims."""
     length, seeds = min(duration_s, LONGEST_S), seeds[:MOST_SEEDS]
-    found = asked(seeds, length, jobs, share(told, 0.0, 0.95))
+    found = asked(seeds, length, jobs, share(progress, 0.0, 0.95))
     technique = features(seeds[0], length)
     claims = (
         _boat(found),

@@ -12,7 +12,7 @@ import oarlock
 from oarlock import Config, Track, load_model
 from oarlock.lab.reproduce.contents import Floats
 from oarlock.lab.reproduce.places import PlaceBand, place_band
-from oarlock.lab.reproduce.runs import Told
+from oarlock.lab.reproduce.runs import Progress
 from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.trial import FieldTrial, simulate_field
 from oarlock.rowing.simulation import paper
@@ -82,7 +82,11 @@ class Scored:
 
 
 def field_trials(
-    seeds: Sequence[int], duration_s: float, threads: int | None, told: Told | None, keys: Sequence[str] = ()
+    seeds: Sequence[int],
+    duration_s: float,
+    threads: int | None,
+    progress: Progress | None,
+    keys: Sequence[str] = (),
 ) -> list[Scored]:
     """Every setting for every seed; a tracker that is lost is left out."""
     settings = [s for s in SETTINGS if not keys or s.key in keys]
@@ -99,8 +103,8 @@ def field_trials(
                     rate_hz=RATE_HZ,
                     seed=seed,
                 )
-                if told is not None:
-                    told(0.5 * len(trials) / (len(seeds) * len({s.condition for s in settings})))
+                if progress is not None:
+                    progress(0.5 * len(trials) / (len(seeds) * len({s.condition for s in settings})))
     pairs = [(setting, seed) for setting in settings for seed in seeds]
     found: list[Scored] = []
     for smooth in (False, True):

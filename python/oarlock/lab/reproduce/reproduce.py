@@ -13,7 +13,7 @@ from oarlock.lab.reproduce.cost import cost
 from oarlock.lab.reproduce.discussion import discussion
 from oarlock.lab.reproduce.field_trials import Scored, field_trials
 from oarlock.lab.reproduce.figures import fig3, fig4, fig5
-from oarlock.lab.reproduce.runs import Told, share
+from oarlock.lab.reproduce.runs import Progress, share
 from oarlock.lab.reproduce.table5 import table5
 from oarlock.lab.reproduce.table6 import table6
 from oarlock.storage.errors import DataError
@@ -39,7 +39,7 @@ def reproduce(
     *,
     duration_s: float = 40.0,
     jobs: int | None = None,
-    progress: Told | None = None,
+    progress: Progress | None = None,
 ) -> list[Part]:
     """Runs parts of the paper again.
 
@@ -68,13 +68,15 @@ def reproduce(
     found: list[Part] = []
     trials: list[Scored] | None = None
     for name in chosen:
-        told = share(progress, done / whole, (done + _WEIGHTS[name]) / whole)
+        part_progress = share(progress, done / whole, (done + _WEIGHTS[name]) / whole)
         done += _WEIGHTS[name]
         if name in ("table6", "fig4", "fig5") and trials is None:
             # a figure alone needs one recording, tracked as it is drawn
             some = () if "table6" in chosen else ("indoor",)
-            trials = field_trials(seeds if "table6" in chosen else seeds[:1], duration_s, jobs, told, some)
-        found.append(_part(name, seeds, duration_s, jobs, told, trials or []))
+            trials = field_trials(
+                seeds if "table6" in chosen else seeds[:1], duration_s, jobs, part_progress, some
+            )
+        found.append(_part(name, seeds, duration_s, jobs, part_progress, trials or []))
     return found
 
 
@@ -83,15 +85,15 @@ def _part(
     seeds: Sequence[int],
     duration_s: float,
     jobs: int | None,
-    told: Told | None,
+    progress: Progress | None,
     trials: Sequence[Scored],
 ) -> Part:
     if name == "table5":
-        return table5(seeds, duration_s, jobs, told)
+        return table5(seeds, duration_s, jobs, progress)
     if name == "table6":
         return table6(trials, duration_s)
     if name == "fig3":
         return fig3(seeds[0], duration_s)
     if name in ("fig4", "fig5"):
         return (fig4 if name == "fig4" else fig5)(trials, duration_s)
-    return discussion(seeds, duration_s, jobs, told) if name == "discussion" else cost(told)
+    return discussion(seeds, duration_s, jobs, progress) if name == "discussion" else cost(progress)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-Told = Callable[[float], object]
+Progress = Callable[[float], object]
 
 
-def share(told: Told | None, start: float, end: float) -> Told | None:
+def share(progress: Progress | None, start: float, end: float) -> Progress | None:
     """A listener for the stretch from `start` to `end` of the whole, each 0 to 1."""
-    if told is None:
+    if progress is None:
         return None
-    return lambda done: told(start + (end - start) * done)
+    return lambda done: progress(start + (end - start) * done)

@@ -10,7 +10,7 @@ import oarlock
 from oarlock import Study, StudyResult, load_model
 from oarlock.lab.reproduce.contents import Cell, Floats, Mark, Part, Table, finite_mean, shown, spread
 from oarlock.lab.reproduce.estimators import ELEVEN, ESTIMATORS, Estimator
-from oarlock.lab.reproduce.runs import Told
+from oarlock.lab.reproduce.runs import Progress
 from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.simulators import SIMULATORS
 
@@ -22,9 +22,9 @@ LOST_DEG = 5.0
 ROUNDING = 0.05
 
 
-def table5(seeds: Sequence[int], duration_s: float, jobs: int | None, told: Told | None) -> Part:
+def table5(seeds: Sequence[int], duration_s: float, jobs: int | None, progress: Progress | None) -> Part:
     """The whole table, by study."""
-    result = oarlock.study(table5_study(seeds, duration_s), jobs=jobs, progress=told)
+    result = oarlock.study(table5_study(seeds, duration_s), jobs=jobs, progress=progress)
     return Part(
         key="table5",
         title="Table 5: simulated inertial sensors",
@@ -98,7 +98,7 @@ def _lead(result: StudyResult, duration_s: float) -> tuple[str, ...]:
         "it is in the field, which Table 6 asks.",
         f"{count} {'seed' if count == 1 else 'seeds'} of {duration_s:g} s, 20 to 34 strokes per minute, 125 Hz, the "
         "noise of Table 4, scored from 2 s on. Rows of 40 and 71 states have no gates, learn nothing, and "
-        "know the magnetic field; the shipped filter has one state more, the azimuth of the field. No filter is told "
+        "know the magnetic field; the shipped filter has one state more, the azimuth of the field. No filter is given "
         "the first posture.",
     )
 

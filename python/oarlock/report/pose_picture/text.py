@@ -28,7 +28,7 @@ _SPARSE = 4
 @dataclass(frozen=True)
 class _Style:
     spot: str
-    worn: str
+    has_sensor: str
     ascii_only: bool
     names: bool
 
@@ -59,7 +59,7 @@ def draw_text(
     else:
         panels = [_panel(body, view, box, beside, style) for view, box in pair]
         rows = [_BETWEEN.join(pieces) for pieces in zip(*_same_height(panels), strict=True)]
-    key = f"{style.worn} frame with a sensor   {style.spot} another frame"
+    key = f"{style.has_sensor} frame with a sensor   {style.spot} another frame"
     return "\n".join([*_without_blank_runs(rows), "", key])
 
 
@@ -107,9 +107,9 @@ def _panel(body: Skeleton, view: View, box: Bounds, dots_per_m: float, style: _S
     for link in body.links:
         canvas.line(dot(link.start), dot(link.end), 1 if link.moves else _SPARSE)
     cells = [canvas.cell(dot(spot.point)) for spot in body.spots]
-    for worn, glyph in ((False, style.spot), (True, style.worn)):
+    for has_sensor, glyph in ((False, style.spot), (True, style.has_sensor)):
         for spot, (row, column) in zip(body.spots, cells, strict=True):
-            if spot.worn is worn:
+            if spot.has_sensor is has_sensor:
                 canvas.write(row, column, glyph)
     if style.names:
         _write_names(canvas, body.spots, cells)

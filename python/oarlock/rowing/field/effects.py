@@ -215,10 +215,10 @@ class FieldEffects:
             raise DataError(
                 f"field effects: strength {strength}; give 0 (off) or more, 1 leaves them as they are"
             )
-        told = {name: value * strength for name, value in self.strengths().items() if name not in _RANGES}
-        told["noise_factor"] = 1.0 + (self.noise_factor - 1.0) * strength
+        scaled = {name: value * strength for name, value in self.strengths().items() if name not in _RANGES}
+        scaled["noise_factor"] = 1.0 + (self.noise_factor - 1.0) * strength
         cut = {name: getattr(self, name) / strength if strength > 0.0 else inf for name in _RANGES}
-        return FieldEffects(**told | cut)
+        return FieldEffects(**scaled | cut)
 
     def only(self, *names: str) -> FieldEffects:
         """These effects with all but the named ones off; names of effects or of `GROUPS`.

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from oarlock import ImuStream, ScalarStream
 from oarlock.rowing.field.courses import generator
 from oarlock.rowing.field.effects import FieldEffects
+from oarlock.rowing.field.placement import Encoder, Unit
 from oarlock.rowing.field.signals import Felt
-from oarlock.rowing.field.wearing import Encoder, Unit
 
 Array = NDArray[np.float64]
 
@@ -41,12 +41,12 @@ def stamped(name: str, time_s: Array, shown_s: Array, effects: FieldEffects, see
 
 
 def gap(name: str, units: list[str], time_s: Array, effects: FieldEffects, seed: int) -> NDArray[np.bool_]:
-    """(N,) where the unit says nothing: one unit, once, in the middle half of the recording."""
+    """(N,) True during the dropout of the unit: one unit has one dropout, in the middle half of the recording."""
     rng = generator(seed, "gap")
-    silent = units[int(rng.integers(len(units)))]
+    chosen = units[int(rng.integers(len(units)))]
     first, last = float(time_s[0]), float(time_s[-1])
     start = first + (last - first) * rng.uniform(0.25, 0.75)
-    return np.asarray((time_s >= start) & (time_s < start + effects.gap_s) & (name == silent))
+    return np.asarray((time_s >= start) & (time_s < start + effects.gap_s) & (name == chosen))
 
 
 def read_unit(
@@ -54,7 +54,7 @@ def read_unit(
     unit: Unit,
     felt: Felt,
     sampled: Sampled,
-    silent: NDArray[np.bool_],
+    dropout: NDArray[np.bool_],
     effects: FieldEffects,
     seed: int,
 ) -> ImuStream:
@@ -74,7 +74,7 @@ def read_unit(
         noise = rng.standard_normal(clean.shape)
         if std is not None:
             values = np.clip(clean + effects.noise_factor * std * noise, -limit, limit)
-            fields[key] = np.where(silent[:, None], np.nan, values)
+            fields[key] = np.where(dropout[:, None], np.nan, values)
     return ImuStream(name, sampled.stamp_s, **fields)
 
 

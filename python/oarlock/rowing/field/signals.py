@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from oarlock.rowing.field.anatomy import apply, rotation_by
 from oarlock.rowing.field.courses import generator
 from oarlock.rowing.field.effects import FieldEffects
+from oarlock.rowing.field.placement import Unit, direction
 from oarlock.rowing.field.session import Session
 from oarlock.rowing.field.skin import Skin
-from oarlock.rowing.field.wearing import Unit, direction
 
 Array = NDArray[np.float64]
 

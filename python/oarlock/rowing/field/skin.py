@@ -18,7 +18,7 @@ from scipy.signal import cont2discrete, lfilter
 from oarlock.rowing.field.anatomy import Anatomy, apply
 from oarlock.rowing.field.courses import generator, wander
 from oarlock.rowing.field.effects import FieldEffects
-from oarlock.rowing.field.wearing import Unit, direction
+from oarlock.rowing.field.placement import Unit, direction
 from oarlock.rowing.simulation.grip import SIDES
 from oarlock.rowing.simulation.timing import StrokeTiming
 

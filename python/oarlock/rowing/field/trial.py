@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from oarlock.rowing.field.anatomy import apply
 from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.electronics import gap, read_encoder, read_unit, stamped
+from oarlock.rowing.field.placement import Clock, Encoder, Unit, clock, encoder, placed_unit, true_parameters
 from oarlock.rowing.field.session import Session, rowed
 from oarlock.rowing.field.signals import REACH, STEP_S, Surroundings, felt
 from oarlock.rowing.field.skin import Course, Skin, bone_force, skin_of, units_of
-from oarlock.rowing.field.wearing import Clock, Encoder, Unit, clock, encoder, true_parameters, worn_unit
 from oarlock.rowing.simulation.grip import SIDES
 from oarlock.rowing.simulation.noise import SimulatedCondition, condition_named
 from oarlock.storage.errors import DataError
@@ -112,7 +112,7 @@ def simulate_field(
     session = rowed(description, nominal, effects, chosen.boat_surge, duration_s, rate_spm, seed)
     around = Surroundings.of(nominal["world"], effects, seed)
     bias = (chosen.gyro_bias_rad_s, chosen.accel_bias_m_s2)
-    units = {s["name"]: worn_unit(s, effects, bias, seed) for s in units_of(description)}
+    units = {s["name"]: placed_unit(s, effects, bias, seed) for s in units_of(description)}
     encoders = {
         s["name"]: encoder(s["name"], s["joint"] == "seat", effects, seed) for s in _encoders(description)
     }
@@ -183,8 +183,8 @@ def _unit_stream(
     sampled = stamped(name, true[inside], time_s[inside], effects, seed)
     skin = _skin(name, unit, session, around, effects, seed)
     clean = felt(session, around, unit, skin, sampled.time_s)
-    silent = gap(name, list(units), sampled.time_s, effects, seed)
-    return read_unit(sensor, unit, clean, sampled, silent, effects, seed)
+    dropout = gap(name, list(units), sampled.time_s, effects, seed)
+    return read_unit(sensor, unit, clean, sampled, dropout, effects, seed)
 
 
 def _skin(

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from oarlock._core import Model
+from oarlock.evaluation.study.faults.dropout import dropout
 from oarlock.evaluation.study.faults.fault import Case, Fault, Names
 from oarlock.evaluation.study.faults.magnetic import LASTING, magnetic
 from oarlock.evaluation.study.faults.readings import readings
-from oarlock.evaluation.study.faults.silence import silence
 from oarlock.evaluation.study.faults.stamps import stamps
 from oarlock.evaluation.study.keys import StudyKey, Value, by_name
 from oarlock.evaluation.study.trial import StudyTrial
@@ -21,7 +21,7 @@ from oarlock.recording.recording import Recording
 def faults_of(model: Model) -> tuple[Fault, ...]:
     """Every fault of a model's streams, in the order in which they befall a recording."""
     names = Names.of(model)
-    return (*readings(names), *magnetic(names), *silence(names), *stamps(names))
+    return (*readings(names), *magnetic(names), *dropout(names), *stamps(names))
 
 
 def keys_of_faults(model: Model) -> dict[str, StudyKey]:

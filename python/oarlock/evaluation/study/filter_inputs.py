@@ -21,7 +21,7 @@ from oarlock.tracking.track import Track
 _STD_KEYS = {"gyro": ("gyro_std_rad_s",), "accel": ("accel_std_m_s2",), "mag": ("mag_std_ut",)}
 
 
-def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
+def keys_of_filter_inputs(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
     """Keys for errors in the model and calibration of the filter, by name."""
     described = model.describe()
     units = tuple(s["name"] for s in described["sensors"] if s["kind"] == "imu")
@@ -90,7 +90,7 @@ def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
     )
 
 
-def told_model(model: Model, values: Mapping[str, Value], seed: int) -> Model:
+def filter_model(model: Model, values: Mapping[str, Value], seed: int) -> Model:
     """The model file as the filter reads it: `model.*` keys applied, noise as it is, its vertical wrong.
 
     Raises:
@@ -175,7 +175,7 @@ def _set(document: dict[str, Any], path: str, value: Value) -> None:
     here[last] = value
 
 
-def calibration_told(
+def filter_calibration(
     model: Model, lengths: tuple[str, ...], values: Mapping[str, Value], seed: int
 ) -> Calibration | None:
     """Lengths and mounts as the filter is told them; None where nothing is wrong.
@@ -218,7 +218,7 @@ def _mounts(model: Model, values: Mapping[str, Value], seed: int) -> dict[str, t
     return found
 
 
-def config_told(trial: StudyTrial, values: Mapping[str, Value], seed: int) -> Config:
+def filter_config(trial: StudyTrial, values: Mapping[str, Value], seed: int) -> Config:
     """The configuration of one run."""
     keys = {name.removeprefix("config."): v for name, v in values.items() if name.startswith("config.")}
     error = values["start_error_deg"]

@@ -9,7 +9,7 @@ from oarlock.evaluation.study.keys import ONE, StudyKey
 from oarlock.recording.streams import Stream
 
 
-def silence(names: Names) -> tuple[Fault, ...]:
+def dropout(names: Names) -> tuple[Fault, ...]:
     """Gaps and frozen readings."""
     choices = (*names.streams, ONE)
     gap = StudyKey(

@@ -82,7 +82,7 @@ def true_parameters(description: Mapping[str, Any], effects: FieldEffects, seed:
     }
 
 
-def worn_unit(
+def placed_unit(
     sensor: Mapping[str, Any], effects: FieldEffects, condition_bias: tuple[float, float], seed: int
 ) -> Unit:
     """One unit of a description (with the true lengths), with the errors that the seed gives it.
