@@ -22,7 +22,10 @@ from oarlock.model.rotation import mean_quat, quat_from_rotvec, quat_inverse, qu
 
 
 def joint_scores(track: TrackLike, truth: TrackLike, window: Interval) -> tuple[JointScore, ...]:
-    """One score per joint of the track, in its order, two of a free joint; what cannot be scored says so."""
+    """One score per joint of the track, in its order, two for a free joint.
+
+    A joint that cannot be scored gets a note.
+    """
     kept = window.of(track.time_s)
     return tuple(_score(track, truth, part, kept) for part in parts(track.coordinate_names))
 

@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 STAMP_TOLERANCE_S = 1e-9
-"""Stamps closer than this are the same instant."""
+"""Time stamps closer than this count as equal, s."""
 
 
 class SlowLike(Protocol):
@@ -28,7 +28,7 @@ class SlowLike(Protocol):
 
 
 class InfoLike(Protocol):
-    """What each update did with each sensor: (T, S) each; ``nis`` is NaN where nothing was measured."""
+    """Use of each sensor's readings in each update: (T, S) each; ``nis`` is NaN where nothing was measured."""
 
     @property
     def sensor_names(self) -> Sequence[str]: ...
@@ -117,7 +117,7 @@ class Interval:
         return cls(float(time_s[0]) + settle_s, float(time_s[-1]))
 
     def of(self, time_s: Floats) -> Bools:
-        """Which stamps lie inside, (T,)."""
+        """Which time stamps are inside, (T,)."""
         inside: Bools = (time_s >= self.start_s - STAMP_TOLERANCE_S) & (
             time_s <= self.end_s + STAMP_TOLERANCE_S
         )
@@ -131,6 +131,6 @@ def info_of(track: TrackLike) -> InfoLike | None:
 
 
 def beliefs_of(track: TrackLike) -> BeliefsLike | None:
-    """The kept beliefs; None for truth, or where none was kept."""
+    """The stored beliefs; None for a ground truth, or if none is stored."""
     beliefs: BeliefsLike | None = track.beliefs
     return beliefs if beliefs is not None and len(beliefs.time_s) else None

@@ -169,7 +169,9 @@ def compare(
     for one in chosen:
         try:
             with progress(one.name) if progress is not None else nullcontext(None) as share_done:
-                track, step_us, kinematics_us = _timed(one, model, recording, calibration, repeats, share_done)
+                track, step_us, kinematics_us = _timed(
+                    one, model, recording, calibration, repeats, share_done
+                )
         except (DataError, DivergedError) as error:
             if asked:
                 raise

@@ -40,32 +40,32 @@ def inverse_kinematics(
     """Joint values that bring the model's points nearest to the markers, frame by frame.
 
     Each frame is a weighted least-squares problem on the tree (hinges, slides, balls, free joints), solved by
-    Levenberg-Marquardt from its neighbours' postures. The model's soft limits are a weak prior: it decides between
-    postures that fit alike and holds what nothing tells; directions that the markers tell five times better than
-    the prior are then freed from it, so the result has no bias towards the middle of the limits.
+    Levenberg-Marquardt from its neighbours' postures. The model's soft limits are a weak prior. It chooses between
+    postures that fit equally well and keeps undetermined joints plausible. It is then removed in directions that the
+    markers determine five times better than the prior, so the result has no bias towards the middle of the limits.
 
     Args:
         model: with the person's lengths.
-        markers: in the model's root axes, or see `root_from_markers`; markers that are not attached are passed over.
-            What `fill_gaps` gives brings the standard deviations of the positions that it put in.
-        attachments: where markers sit on the model, with the standard deviations that weigh them, or a mapping
-            `{marker: frame}` of markers that stand for a frame's origin (a joint's centre).
+        markers: in the model's root axes, or see `root_from_markers`; markers without attachment are ignored. A result
+            of `fill_gaps` includes the standard deviations of the filled positions.
+        attachments: positions of the markers on the model with their standard deviations, or a mapping `{marker:
+            frame}` of markers at the origins of frames (joint centres).
         root_from_markers: (4, 4) pose of the measuring system in root axes; None if its axes are the root's.
-        added_std_m: (T, n) by frame and marker of `markers`, what each coordinate's standard deviation has besides that
-            of its attachment, m: `fill_gaps` gives it for positions that it put in.
-        start_q: a posture near that of the frame with most markers, where the search should begin there: values by
-            name (others 0) or an array. None tries many.
-        progress: told the share that is done, 0 to 1.
+        added_std_m: (T, n) by frame and marker of `markers`, a standard deviation in addition to that of the
+            attachment, m: `fill_gaps` gives it for filled positions.
+        start_q: initial posture for the frame with the most markers: values by name (others 0) or an array. None tries
+            many.
+        progress: called regularly with the share done, 0 to 1.
 
     Returns:
         Values, standard deviations and residuals, and which joints the markers do not determine.
 
     Source: T.-W. Lu, J. J. O'Connor 1999, "Bone position estimation from skin marker co-ordinates using global
-    optimisation with joint constraints", Journal of Biomechanics 32. Ours differs in the prior and in the standard
-    deviations.
+    optimisation with joint constraints", Journal of Biomechanics 32. This implementation differs in the prior and in
+    the standard deviations.
 
     Raises:
-        DataError: no attached marker is in the file, a frame that the model does not have, or no frame with a marker.
+        DataError: no attached marker is in the file, the model lacks a frame, or no instant has a marker.
     """
     if isinstance(markers, FilledMarkers):
         added_std_m = markers.std_m if added_std_m is None else added_std_m
@@ -76,7 +76,7 @@ def inverse_kinematics(
     )
     placed = placed.select([a.marker for a in used])
     if not placed.seen.any():
-        raise DataError("inverse_kinematics: none of the attached markers is ever seen")
+        raise DataError("inverse_kinematics: none of the attached markers is ever visible")
     tree = PointTree(model, used)
     sight = Sight(np.nan_to_num(placed.position_m), placed.seen / _std(markers, used, added_std_m))
     mean, std = body_prior(model)
@@ -140,7 +140,7 @@ def _anchors(time_s: FloatArray) -> FloatArray:
 
 
 def _begun_anew(tree: PointTree, sight: Sight, prior: Prior, found: Found) -> Found:
-    """Frames that fit far worse than usual, or did not settle, are sought again from the nearest good ones."""
+    """Fit frames with a large residual or without convergence again, starting from the nearest good ones."""
     bad = ~found.settled | (found.cost > _FAR_WORSE * (float(np.median(found.cost)) + 1.0))
     good = np.flatnonzero(~bad)
     rows = np.flatnonzero(bad)

@@ -19,11 +19,11 @@ _LABELS = (
 
 
 def frame_rate_hz(time_s: FloatArray) -> float:
-    """Frames per second; NaN of a single frame. Where frames are missing, one over the median step."""
+    """Frames per second; NaN for a single frame. If frames are missing, the reciprocal of the median step."""
     if len(time_s) < 2:
         return float("nan")
     steps = np.diff(time_s)
-    # the mean undoes stamps that were rounded to milliseconds
+    # the mean removes the rounding of time stamps to milliseconds
     usual = float(np.median(steps))
     step = steps.mean() if steps.max() < 1.5 * usual else usual
     return 1.0 / float(step)
@@ -58,7 +58,7 @@ def trc_text(
 
 
 def csv_text(names: Sequence[str], time_s: FloatArray, position_m: FloatArray, file: Path) -> str:
-    """The file's text, in m, every number with all its digits; an empty cell where a marker was not seen."""
+    """The file's text, in m, every number with all its digits; an empty cell where a marker was not visible."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     for name in names:

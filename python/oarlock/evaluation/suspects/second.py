@@ -10,24 +10,24 @@ from oarlock.recording.streams import ImuStream, Stream
 from oarlock.storage.array_gate import FloatArray
 
 STEP_S = 0.25
-"""Seconds that are looked at begin this far apart."""
+"""Interval between the starts of the examined seconds, s."""
 SEARCHED_S = 300.0
-"""No further into a recording than this."""
+"""Only this first part of a recording is searched, s."""
 LIVELY_RAD_S = 1.0
-"""A unit that turns so fast (root mean square) is as lively as one that turns faster."""
+"""Angular rate (root mean square) at which the motion score of a unit reaches 1."""
 LIVELY_CHANGE = 0.1
-"""The same of an encoder's or a position's deviation, rad or m."""
+"""The same for the deviation of an encoder or position, rad or m."""
 LEAST_ROWS = 12
-"""Samples of at least one stream, below which a second tells nothing."""
+"""Smallest number of samples of at least one stream for a usable second."""
 
 
 def liveliest(recording: Recording, seconds: float, apart_from: float | None = None) -> tuple[float, float]:
-    """Where the second begins in which most sensors move most, s, and how lively it is, 0 to 1.
+    """Start of the second with the most motion, s, and its motion score, 0 to 1.
 
     Args:
-        recording: any; what lacks readings counts as still.
-        seconds: how long the second is, s.
-        apart_from: no second that overlaps with the one that begins here, s. NaN comes back if there is none.
+        recording: the recording; missing readings count as no motion.
+        seconds: duration of the second, s.
+        apart_from: start of a second that the result must not overlap, s. The result is NaN if there is no other.
     """
     begin, end = recording.start_s, min(recording.end_s, recording.start_s + SEARCHED_S)
     steps = np.arange(max(1, int((end - begin - seconds) / STEP_S + 1e-6) + 1))
@@ -42,10 +42,10 @@ def liveliest(recording: Recording, seconds: float, apart_from: float | None = N
 
 
 def on_grid(recording: Recording, start_s: float, seconds: float, rate_hz: float) -> Recording | None:
-    """Each stream's readings that are nearest to the stamps of a common grid, moved to these stamps.
+    """The readings of each stream that are nearest to the time stamps of a common grid, assigned to these time stamps.
 
-    Units on clocks of their own then make samples together, so that every reading is held against all others. A
-    stream slower than the grid keeps its own pace. None if no stream has enough.
+    Units with their own clocks then form common samples, so that all readings are compared. A stream that is slower
+    than the grid keeps its rate. None if no stream has enough readings.
     """
     step = 1.0 / rate_hz
     rows = np.arange(max(1, round(seconds * rate_hz)))
@@ -57,7 +57,7 @@ def on_grid(recording: Recording, start_s: float, seconds: float, rate_hz: float
 
 
 def _liveliness(stream: Stream, starts: FloatArray, seconds: float) -> FloatArray:
-    """Of each second, 0 to 1: root mean square of the gyro, or deviation of a value, times the share of rows there."""
+    """Motion score, 0 to 1: root mean square of the gyroscope, or deviation of a value, times the share of rows."""
     if isinstance(stream, ImuStream):
         if stream.gyro_rad_s is None:
             return np.zeros(len(starts))

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from oarlock.recording.calibration import Calibration
 
 STILL = 0.1
-"""Liveliness below which signs and units of what moves cannot be told."""
+"""Motion score below which signs and units of moving sensors cannot be determined."""
 UNEXPLAINED = 1.5
-"""Misfit from which on a sensor is named that contradicts the others, where no fault explains it."""
+"""Misfit above which a sensor that contradicts the others is named although no fault explains it."""
 ALONE = 2.5
-"""... if the others fit better without it by this factor."""
+"""Factor by which the misfit of the others must be smaller without that sensor."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +52,11 @@ class Suspect:
 
     @property
     def note(self) -> str:
-        """The sentence for the notes of a track."""
+        """The text for the notes of a track."""
         return str(self) if self.fault == "untold" else f"{SUSPECT_NOTE}{self}"
 
     def to_dict(self) -> dict[str, object]:
-        """Plain values for JSON; what is unknown is None."""
+        """Plain values for JSON; None where unknown."""
         values = {name: getattr(self, name) for name in ("misfit_before", "misfit_after", "start_s")}
         known = {name: value if isfinite(value) else None for name, value in values.items()}
         texts = {"fault": self.fault, "message": self.message, "others": list(self.others)}
@@ -66,7 +66,7 @@ class Suspect:
         numbers = ""
         if isfinite(self.misfit_after):
             numbers = (
-                f" Misfit {_number(self.misfit_before)} as recorded, {_number(self.misfit_after)} so changed; "
+                f" Misfit {_number(self.misfit_before)} as recorded, {_number(self.misfit_after)} after this change; "
                 f"up to {USUAL} is usual."
             )
         others = f" Nearly as well fits: {' Or: '.join(self.others)}" if self.others else ""
@@ -113,7 +113,7 @@ def suspects(
 
 
 def _known(model: Model, recording: Recording) -> Recording | None:
-    """The streams that the model has a place for."""
+    """The streams for which the model has a sensor or input joint."""
     names = {*model.sensor_names, *(joint["name"] for joint in model.describe()["joints"] if joint["input"])}
     kept = [name for name in recording.names if name in names]
     return recording.only(kept) if kept else None
