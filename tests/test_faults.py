@@ -311,7 +311,7 @@ def test_page_and_picture_hold_no_nan_and_name_what_they_draw():
         ),
         ('key = "gap_s"\nstrengths = []\n', ("strengths is empty",)),
         ('key = "gap_s"\nstrengths = [1]\nof = ["backk"]\n', ('mean "back"',)),
-        ('key = "gap_s"\nstrengths = [1, 2]\nusual = 3\n', ("is none of its strengths [1, 2]",)),
+        ('key = "gap_s"\nstrengths = [1, 2]\nusual = 3\n', ("is not one of its strengths [1, 2]",)),
         ('key = "gap_s"\nstrengths = [1, 2]\nlabels = ["a"]\n', ("1 labels for 2 strengths",)),
         ('key = "gap_s"\nstrengths = [1]\nsays = "silent"\n', ("expected one {}",)),
         ('key = "gap_s"\nstrength = [1]\n', ('mean "strengths"',)),

@@ -76,8 +76,8 @@ def read_diodem_reference(folder: str | PathLike[str]) -> Reference:
         folder: the trial's folder.
 
     Returns:
-        ``seg1`` to ``seg5``, world with z up; the position is the mean of the segment's four markers. What the
-        cameras did not see is NaN.
+        ``seg1`` to ``seg5``, world with z up; the position is the mean of the segment's four markers. Rows that the
+        cameras did not see are NaN.
 
     Raises:
         DataError: As `read_diodem`.

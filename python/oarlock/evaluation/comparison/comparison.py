@@ -68,7 +68,7 @@ class Comparison:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of the columns that hold any number."""
+        """Names of the columns that contain a number."""
         names = dict.fromkeys(name for row in self.scores for name in row.columns())
         return tuple(
             n for n in names if any(math.isfinite(r.columns().get(n, math.nan)) for r in self.scores)
@@ -76,14 +76,14 @@ class Comparison:
 
     @property
     def wins(self) -> dict[str, tuple[str, ...]]:
-        """Column -> the estimators that are best in it: the first, and those that are level with it."""
+        """Column -> the best estimators in it, and those that are equal within `LEVEL`."""
         found = {}
         for name in self.columns:
             found[name] = best(name, {r.name: r.columns().get(name, math.nan) for r in self.scores})
         return {name: who for name, who in found.items() if who and name != "kinematics_us"}
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data, SI but where a key says otherwise; NaN where there is nothing to tell."""
+        """Plain data, in SI unless the key names another unit; NaN where there is no value."""
         return {
             "format": FORMAT,
             "oarlock": _core.__version__,
@@ -114,7 +114,7 @@ class Comparison:
 
 
 def _writable(value: Any) -> Any:
-    """Without what is None, which TOML has no word for."""
+    """Removes None, because TOML has no null."""
     if isinstance(value, Mapping):
         return {k: _writable(v) for k, v in value.items() if v is not None}
     if isinstance(value, list | tuple):

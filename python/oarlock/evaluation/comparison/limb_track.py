@@ -91,13 +91,13 @@ def _streams_of(limb: Limb, recording: Recording) -> Recording:
 
 
 def _limb_calibration(limb: Limb, calibration: Calibration | None) -> Calibration | None:
-    """What of a calibration concerns the limb."""
+    """The part of a calibration that applies to the limb."""
     if calibration is None:
         return None
     names = set(limb.model.sensor_names)
     mounts = {name: mount for name, mount in calibration.mounts.items() if name in names}
     offsets = {name: offset for name, offset in calibration.mag_offsets_ut.items() if name in names}
-    # Of the rest, a limb's recording and model take what they know.
+    # The limb's recording and model use the other entries as far as they contain their names.
     return replace(calibration, mounts=mounts, mag_offsets_ut=offsets)
 
 
@@ -109,7 +109,7 @@ def _merged(
     tracks: list[Track],
     cpu_s: float,
 ) -> Track:
-    """One track at the stamps of the longest; the others' estimates by splines through theirs."""
+    """One track at the time stamps of the longest; splines interpolate the estimates of the others."""
     time_s = max((t.time_s for t in tracks), key=len)
     n = len(model.coordinate_names)
     arrays: dict[str, Floats] = {name: np.full((len(time_s), n), np.nan) for name in _ESTIMATES}
@@ -159,7 +159,7 @@ def _merged(
 
 
 def _at(part: Track, name: str, time_s: Floats) -> Floats:
-    """An array (T, n) of a track at other stamps."""
+    """An array (T, n) of a track at other time stamps."""
     values: Floats = getattr(part, name)
     if len(part.time_s) == len(time_s) and np.array_equal(part.time_s, time_s):
         return values
@@ -173,7 +173,7 @@ def _at(part: Track, name: str, time_s: Floats) -> Floats:
 
 
 def _beliefs(limbs: tuple[Limb, ...], tracks: list[Track]) -> Beliefs | None:
-    """Beliefs of the joints side by side, without any covariance between limbs, where all were kept at one time."""
+    """Beliefs of all joints with zero covariance between limbs; None unless all limbs stored them at the same times."""
     kept = [t.beliefs for t in tracks]
     if any(b is None for b in kept):
         return None
@@ -203,7 +203,7 @@ def _own_states(limb: Limb, beliefs: Beliefs) -> list[int]:
 
 def _notes(limbs: tuple[Limb, ...], tracks: list[Track]) -> tuple[str, ...]:
     names = ", ".join("what they share" if limb.name == SHARED else limb.name for limb in limbs)
-    notes: list[str] = [f"each limb by a filter of its own: {names}"]
+    notes: list[str] = [f"each limb is tracked by a separate filter: {names}"]
     for limb, part in zip(limbs, tracks, strict=True):
         notes += [f"{limb.name}: {note}" for note in part.notes]
     return tuple(dict.fromkeys(notes))

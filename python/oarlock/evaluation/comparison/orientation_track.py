@@ -198,7 +198,7 @@ def _measured(
         sensor = quat_product(root, orientations(found[name], time_s))
         link = quat_product(sensor, quat_inverse(unit.link_from_sensor))
         if unit.frame in by_frame:
-            # two units on one link: the first one counts, the other fills its gaps
+            # with two units on one link the first is used, and the other fills its gaps
             first = by_frame[unit.frame]
             link = np.where(np.isfinite(first), first, link)
         by_frame[unit.frame] = link
@@ -207,7 +207,7 @@ def _measured(
 
 
 def root_from_north_west_up(model: Model) -> Floats:
-    """Quaternion (4,) from north-west-up to root axes, by the model's own azimuth of the field."""
+    """Quaternion (4,) from north-west-up to root axes, from the field azimuth of the model."""
     world = model.describe()["world"]
     up, forward = np.asarray(world["up"]), np.asarray(world["forward"])
     azimuth = world["magnetic_azimuth_rad"]
@@ -222,7 +222,7 @@ def _filter_notes(model: Model, filter: str) -> tuple[str, ...]:
         *(b["name"] for b in described["base_acceleration"]),
     ]
     texts = (
-        f"{filter}: each inertial unit by itself, then inverse kinematics; no standard deviations are estimated",
+        f"{filter}: one filter for each inertial unit, then inverse kinematics; no standard deviations are estimated",
         "the azimuth of the magnetic field is the model's, not estimated",
     )
     return (*texts, f"not used: {', '.join(unused)}") if unused else texts

@@ -16,20 +16,19 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 TURNS = 0.5
-"""One radian of a coordinate turns a frame by one radian or, where it is a shift, not at all."""
+"""Smallest rotation of a frame by one radian of a coordinate that counts: it is either 1 rad or 0."""
 
 
 class TurningAxes:
-    """How chosen frames turn with the coordinates of a model.
+    """Rotation of chosen frames by the coordinates of a model.
 
-    A hinge's axis, and each of a ball's three, stands still in the axes of the frame that it turns, whatever q is. So
-    they are read once, off poses with one coordinate at one radian each.
-
-    `columns` are the coordinates that turn any of them.
+    The axis of a hinge, and each of the three of a ball joint, is constant in the axes of the frame that it rotates. So
+    the axes are computed once, from poses with one coordinate at one radian. `columns` are the coordinates that rotate
+    any of the frames.
 
     Args:
         model: the tree.
-        frames: those whose turning is asked for.
+        frames: the chosen frames.
     """
 
     def __init__(self, model: Model, frames: Sequence[str]) -> None:
@@ -55,9 +54,10 @@ class TurningAxes:
         self.columns = np.flatnonzero(self._feels.any(axis=(0, 1)))
 
     def jacobian(self, rotations: Floats, columns: NDArray[np.intp]) -> Floats:
-        """(T, S, 3, k): turn of each chosen frame in root axes per unit of each of k coordinates.
+        """(T, S, 3, k): rotation of each chosen frame in root axes per unit of each of k coordinates.
 
-        Of a ball the coordinates are the error's in the child's axes. `rotations` (T, n_frames, 3, 3), root from frame.
+        For a ball joint the coordinates are those of the error in the child's axes. `rotations` (T, n_frames, 3, 3),
+        root from frame.
         """
         in_root = np.einsum("tfij,fj->tif", rotations[:, self._carriers], self._axes)
         chosen = self._feels[:, :, columns]

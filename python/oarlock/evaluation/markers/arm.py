@@ -283,8 +283,7 @@ def _hinges_between(model: Model, base: str, tip: str) -> list[str]:
 
 
 def _lines(model: Model, base: str, joints: list[str]) -> tuple[Line, ...]:
-    """The hinge axes in the base frame at coordinates 0, from poses after half turns: exact, without finite
-    differences."""
+    """The hinge axes in the base frame at coordinates 0, computed exactly from poses after half turns."""
     tip = np.zeros((1, len(model.coordinate_names)))
     pose = model.forward_kinematics(tip)[0]
     base_pose = pose[model.frame_names.index(base)]

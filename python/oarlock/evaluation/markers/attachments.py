@@ -60,10 +60,10 @@ GivenAttachments: TypeAlias = Sequence[Attachment] | Mapping[str, str]
 
 
 def attachments_of(given: GivenAttachments) -> tuple[Attachment, ...]:
-    """Attachments as they are, or from a mapping `{marker: frame}` of markers that stand for a frame's origin.
+    """Attachments unchanged, or made from a mapping `{marker: frame}` of markers at the origins of frames.
 
     Raises:
-        DataError: a marker comes twice, or there is none.
+        DataError: a marker occurs twice, or there is none.
     """
     if isinstance(given, Mapping):
         found = tuple(Attachment(marker, frame, np.zeros(3)) for marker, frame in given.items())

@@ -28,8 +28,7 @@ _MOST_ROUNDS: Final = 40
 _ROUNDS_A_HEADING: Final = 10
 _HEADINGS: Final = 8
 _PLACE_STD: Final = np.array([10.0, 10.0, 10.0, 3.0, 3.0, 3.0])
-"""Prior of the measuring system's pose, m and rad: very weak, only to fix what a free root joint leaves
-undetermined."""
+"""Weak prior of the measuring system's pose, m and rad: a free root joint leaves this pose undetermined."""
 _OFFSET_STD_M: Final = 0.1
 _UNKNOWN_STD_M: Final = 0.1
 """Prior of a length without a standard deviation in the model file, m."""

@@ -100,7 +100,7 @@ class Markers:
         return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
     def index(self, name: str) -> int:
-        """Place of a marker among the names.
+        """Index of a marker among the names.
 
         Raises:
             DataError: there is none of this name.
@@ -110,7 +110,7 @@ class Markers:
         return self.names.index(name)
 
     def select(self, names: Iterable[str] | Mapping[str, str]) -> Markers:
-        """Some of the markers, in the order asked for; a mapping `{name here: new name}` renames them.
+        """Some of the markers, in the given order; a mapping `{name here: new name}` renames them.
 
         Raises:
             DataError: there is no marker of a name.
@@ -156,10 +156,10 @@ class Markers:
         return Markers(self.names, self.time_s, self.position_m @ rotation.T + pose[:3, 3])
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write a `.trc` or `.csv` file in m; what is read back is equal to the last bit.
+        """Write a `.trc` or `.csv` file in m; reading it gives the same bits.
 
         Raises:
-            DataError: another ending, or the file cannot be written.
+            DataError: another file extension, or the file cannot be written.
         """
         file = Path(path)
         writers = {".trc": trc_text, ".csv": csv_text}

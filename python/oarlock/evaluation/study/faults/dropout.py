@@ -10,13 +10,13 @@ from oarlock.recording.streams import Stream
 
 
 def dropout(names: Names) -> tuple[Fault, ...]:
-    """Gaps and frozen readings."""
+    """The faults of this module: dropouts and repeated readings."""
     choices = (*names.streams, ONE)
     gap = StudyKey(
         "gap_s",
         "by_name",
         0.0,
-        "every stream, or those named, says nothing for so long",
+        "duration of a dropout of all streams, or of those named",
         0.0,
         choices=choices,
     )
@@ -24,7 +24,7 @@ def dropout(names: Names) -> tuple[Fault, ...]:
         "stuck_s",
         "by_name",
         0.0,
-        "every stream, or those named, repeats one reading for so long",
+        "duration for which all streams, or those named, repeat one reading",
         0.0,
         choices=choices,
     )

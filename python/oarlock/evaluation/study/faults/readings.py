@@ -14,13 +14,13 @@ from oarlock.storage.errors import DataError
 
 
 def readings(names: Names) -> tuple[Fault, ...]:
-    """Faults of electronics and of whoever straps the sensors on."""
+    """The faults of this module, from electronics and from mounting mistakes."""
     encoders = (*names.angles, *names.lengths)
     clipped = StudyKey(
         "gyro_range_deg_s",
         "by_name",
         0.0,
-        "gyroscopes read no more than this; 0: no limit",
+        "range of gyroscopes; readings beyond it are clipped; 0: no limit",
         0.0,
         choices=(*names.units, ONE),
     )
@@ -28,22 +28,22 @@ def readings(names: Names) -> tuple[Fault, ...]:
         "exchanged",
         "names",
         [],
-        "inertial units that are taken for each other, in pairs",
+        "exchanged inertial units, in pairs",
         choices=names.units,
     )
-    negated = StudyKey("wrong_sign", "names", [], "encoders that count the wrong way", choices=encoders)
+    negated = StudyKey("wrong_sign", "names", [], "encoders with the wrong sign", choices=encoders)
     angle = StudyKey(
         "encoder_offset_deg",
         "by_name",
         0.0,
-        "zero of encoders of angles wrong by this, either way",
+        "error of the zero of angle encoders, with random sign",
         choices=names.angles,
     )
     length = StudyKey(
         "encoder_offset_m",
         "by_name",
         0.0,
-        "zero of encoders of lengths wrong by this, either way",
+        "error of the zero of length encoders, with random sign",
         choices=names.lengths,
     )
     return (

@@ -11,16 +11,16 @@ from oarlock.evaluation.study.keys import ONE, StudyKey
 from oarlock.recording.streams import ImuStream, Stream
 
 MOST_OF_A_STEP = 0.45
-"""Stamps never overtake each other, whatever the jitter."""
+"""Largest jitter in steps, so that time stamps always increase."""
 
 
 def stamps(names: Names) -> tuple[Fault, ...]:
-    """Stamps that are scattered."""
+    """The fault of this module: jitter of time stamps."""
     jitter = StudyKey(
         "clock_jitter_s",
         "by_name",
         0.0,
-        "standard deviation of the stamps of all inertial units, or by stream; at most 0.45 steps",
+        "jitter (standard deviation) of the time stamps of all inertial units, or by stream; at most 0.45 steps",
         0.0,
         choices=(*names.streams, ONE),
     )
