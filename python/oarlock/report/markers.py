@@ -53,8 +53,8 @@ def _lead(study: MarkerStudy) -> str:
     refused = len(study.filled.refused)
     return (
         f"<p>{plural(len(markers.names), 'marker')} at {markers.rate_hz:.4g} Hz from {fit.time_s[0]:.2f} to "
-        f"{fit.time_s[-1]:.2f} s, {percent(1.0 - float((markers.seen & ~study.filled.estimated).mean()))} not seen. "
-        f"{plural(len(study.gaps), 'gap')}: {len(study.gaps) - refused} filled, {refused} left.</p>"
+        f"{fit.time_s[-1]:.2f} s, {percent(1.0 - float((markers.seen & ~study.filled.estimated).mean()))} not visible. "
+        f"{plural(len(study.gaps), 'gap')}: {len(study.gaps) - refused} filled, {refused} not filled.</p>"
         f"<p>Residuals are {fixed(fit.noise_scale, 2)} times the standard deviations in the attachments. "
         f"Simulated from this movement: {escape(', '.join(study.recording.names))}.</p>"
     )
@@ -76,7 +76,7 @@ def _curves(study: MarkerStudy) -> str:
             figures.append(_figure(k, name, shown, fit.time_s, course, determined))
     hint = (
         '<p class="hint">Values with their 95 % band, from the fit and the spread of the residuals. '
-        "Hatched: not determined by the markers of that time.</p>"
+        "Hatched: not determined by the markers at that time.</p>"
     )
     return hint + grid(figures)
 

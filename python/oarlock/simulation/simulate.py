@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 
 STENCIL = 9
 STEP_S = 2e-3
-"""Spacing of the poses that are differentiated: rounding and truncation are both near 1e-9 of a limb's signals."""
+"""Spacing of the differentiated poses, s: rounding and truncation errors are both near 1e-9 of a limb's signals."""
 
 
 def simulate(
@@ -203,7 +203,7 @@ def _imu_stream(
 
 @dataclass(frozen=True)
 class _Placement:
-    """True mounts, and the heading of a device's own reference."""
+    """True mounts, and the heading of an orientation sensor's reference."""
 
     calibration: Calibration | None
     heading_rad: float
@@ -252,7 +252,7 @@ def _orientation_stream(
     random: np.random.Generator,
     placement: _Placement,
 ) -> OrientationStream:
-    """What a device gives whose own filter errs: slowly, as a Gauss-Markov process, and from reading to reading."""
+    """Orientations of a device whose filter has a slow Gauss-Markov error and white noise."""
     given = {} if placement.calibration is None else dict(placement.calibration.mounts)
     link_from_sensor = given[sensor["name"]][0] if sensor["name"] in given else sensor["mount"]["rotation"]
     reference_from_root = Rotation.from_matrix(sensor["root_from_reference"]).inv()
@@ -271,7 +271,7 @@ def _orientation_stream(
 
 
 def _gauss_markov(time_s: Floats, correlation_time_s: float, random: np.random.Generator) -> Floats:
-    """(T, 3) numbers of unit variance whose correlation decays with the time constant `correlation_time_s`."""
+    """A Gauss-Markov process (T, 3) of unit variance with the time constant `correlation_time_s`."""
     kept = (
         np.exp(-np.diff(time_s) / correlation_time_s)
         if correlation_time_s > 0.0
@@ -289,7 +289,7 @@ _FROM_POSES: Mapping[str, Callable[..., Stream]] = {
     "range": _range_stream,
     "orientation": _orientation_stream,
 }
-"""Sensors that read poses alone."""
+"""Sensors that read only poses."""
 
 
 def _joint_stream(

@@ -16,7 +16,7 @@ from oarlock.rowing.simulation.paper import STEPS_PER_S
 
 @dataclass(frozen=True)
 class Printed:
-    """A figure that others have printed."""
+    """A published figure."""
 
     steps_s: float
     n: int
@@ -29,9 +29,9 @@ PAPER: Final = Printed(STEPS_PER_S, 37, 58, "Intel Core i7 M620, 2.66 GHz", "C g
 """The source's own figure (Ruffaldi, Peppoloni and Filippeschi, section 5)."""
 
 USUAL_TEXTBOOK_US: Final = 405.0
-"""What the textbook's filter takes at 41 states on one core of a 3.7 GHz Zen 4."""
+"""Time of a step of the textbook filter at 41 states on one core of a 3.7 GHz Zen 4, microseconds."""
 
-# shares of the time that is given
+# shares of the given time
 _RACE, _RACE_WITH_BIASES, _LIVE, _THREADS, _OTHER = 0.25, 0.25, 0.15, 0.15, 0.2
 
 Progress = Callable[[str], AbstractContextManager[object]]
@@ -39,7 +39,7 @@ Progress = Callable[[str], AbstractContextManager[object]]
 
 @dataclass(frozen=True)
 class Bench:
-    """All that was measured."""
+    """Results of all measurements."""
 
     joints: Race
     with_biases: Race
@@ -51,7 +51,7 @@ class Bench:
     missing: tuple[Software, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """One document: the joints' figures by name, those with biases under `with_biases`."""
+        """All figures by name; those with biases are under `with_biases`."""
         times_real_time = 1e6 / self.joints.filters["ukf"].us / RATE_HZ
         return {
             **_figures(self.joints, self.latency),
@@ -92,7 +92,7 @@ def _figures(timed: Race, latency: Latency) -> dict[str, Any]:
 
 
 def machine() -> dict[str, str]:
-    """What it was measured on."""
+    """Description of the machine."""
     from oarlock import __version__
 
     return {
@@ -116,11 +116,11 @@ def measure(seconds: float, progress: Progress = lambda what: nullcontext()) -> 
 
     Args:
         seconds: time for all measurements together.
-        progress: makes a context around each part, to show what is under way.
+        progress: returns a context manager for each part, to show progress.
     """
     with progress("simulating"):
         problem = sculling()
-    with progress("racing the textbook's filter"):
+    with progress("comparing with the textbook filter"):
         joints = race(problem, "joints", _RACE * seconds)
         with_biases = race(problem, "with_biases", _RACE_WITH_BIASES * seconds)
     with progress("stepping live"):

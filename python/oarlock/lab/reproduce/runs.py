@@ -8,7 +8,7 @@ Progress = Callable[[float], object]
 
 
 def share(progress: Progress | None, start: float, end: float) -> Progress | None:
-    """A listener for the stretch from `start` to `end` of the whole, each 0 to 1."""
+    """A progress function for the part from `start` to `end` of the whole, each 0 to 1."""
     if progress is None:
         return None
     return lambda done: progress(start + (end - start) * done)

@@ -43,9 +43,9 @@ def draw_text(
     """Side view and front view, side by side or, if this is larger, one above the other.
 
     Args:
-        body: what to draw.
-        columns: greatest width, characters; at least 60.
-        max_rows: greatest height of a view, characters.
+        body: the body to draw.
+        columns: largest width, characters; at least 60.
+        max_rows: largest height of a view, characters.
         ascii_only: no braille patterns and no squares.
         names: write the names of frames that fit.
     """
@@ -143,7 +143,7 @@ class _Canvas:
         self.marks: dict[tuple[int, int], str] = {}
 
     def cell(self, dot: tuple[float, float]) -> tuple[int, int]:
-        """Row and column of the character that holds a dot (across, down)."""
+        """Row and column of the character that contains a dot (across, down)."""
         return round(dot[1]) // _DOTS_DOWN, round(dot[0]) // _DOTS_ACROSS
 
     def line(self, start: tuple[float, float], end: tuple[float, float], every: int) -> None:
@@ -193,7 +193,7 @@ class _Canvas:
 
 
 def _stroke(dots: NDArray[np.bool_]) -> str:
-    """The ASCII character that is most like the dots of one cell."""
+    """The ASCII character that is most similar to the dots of one cell."""
     down, across = np.nonzero(dots)
     if len(down) == 1:
         return "."

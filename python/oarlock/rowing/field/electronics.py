@@ -19,19 +19,19 @@ Array = NDArray[np.float64]
 
 _MINUTE_S = 60.0
 _LARGEST_JITTER = 0.4
-"""Share of the interval between samples: stamps stay in order."""
+"""Largest jitter as a share of the sampling interval, so that time stamps stay in order."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """When a unit truly samples, (N,) s, and the stamps that it gives, (N,) s."""
+    """True sampling times of a unit, (N,) s, and its time stamps, (N,) s."""
 
     time_s: Array
     stamp_s: Array
 
 
 def stamped(name: str, time_s: Array, shown_s: Array, effects: FieldEffects, seed: int) -> Sampled:
-    """Stamps with jitter, and only those samples that arrive; the first and the last always do."""
+    """Time stamps with jitter of the samples that are not lost; the first and the last are never lost."""
     rng = generator(seed, f"radio {name}")
     jitter = effects.clock_jitter_s * rng.standard_normal(time_s.size)
     arrives = rng.random(time_s.size) >= effects.packet_loss
@@ -58,7 +58,7 @@ def read_unit(
     effects: FieldEffects,
     seed: int,
 ) -> ImuStream:
-    """The stream of one inertial unit; quantities for which the model names no noise are not measured."""
+    """The stream of one inertial unit; quantities without noise in the model are not measured."""
     name = sensor["name"]
     rng = generator(seed, f"noise {name}")
     drift = (effects.gyro_drift_rad_s, effects.accel_drift_m_s2)
@@ -81,7 +81,7 @@ def read_unit(
 def read_encoder(
     sensor: Mapping[str, Any], encoder: Encoder, value: Array, time_s: Array, effects: FieldEffects, seed: int
 ) -> ScalarStream:
-    """The stream of one encoder; its noise is the model's whatever the effects say of inertial units."""
+    """The stream of one encoder."""
     noise = (
         effects.noise_factor
         * sensor["std"]

@@ -20,12 +20,12 @@ Array = NDArray[np.float64]
 
 STEP_S = 2e-3
 REACH = 4
-"""Steps on each side of an instant whose poses are differentiated."""
+"""Number of poses on each side of an instant that are used for differentiation."""
 # Central differences of eighth order (Fornberg, Mathematics of Computation 51, 1988), for steps 1 to 4.
 _FIRST = np.array([4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0])
 _SECOND = np.array([8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0])
 _CHUNK = 2000
-# Iron of the boat: below the rail, amidships of the slide, as a dipole whose field is named at 0.3 m.
+# Iron of the boat: a dipole below the middle of the rail; its strength is the field at 0.3 m.
 _IRON_BELOW_M, _IRON_STERNWARD_M, _NAMED_AT_M = 0.15, 0.35, 0.3
 _IRON_NEAREST_M = 0.1
 
@@ -50,7 +50,7 @@ class Surroundings:
 
     @classmethod
     def of(cls, world: Mapping[str, Any], effects: FieldEffects, seed: int) -> Surroundings:
-        """From a description's world; the seed turns the iron."""
+        """The surroundings from a description's world; the seed rotates the iron."""
         up, forward = np.asarray(world["up"]), np.asarray(world["forward"])
         azimuth, dip = world["magnetic_azimuth_rad"], world["magnetic_dip_rad"]
         level = np.cos(azimuth) * forward + np.sin(azimuth) * np.cross(up, forward)
@@ -60,7 +60,7 @@ class Surroundings:
         return cls(float(world["gravity_m_s2"]), up, field, place, moment)
 
     def iron_field(self, place_m: Array) -> Array:
-        """Field (..., 3), uT, of the boat's iron at places (..., 3) in the boat's axes: a dipole."""
+        """Field (..., 3), uT, of the boat's iron (a dipole) at positions (..., 3) in the boat's axes."""
         reach = place_m - self.iron_place_m
         distance = np.maximum(np.linalg.norm(reach, axis=-1), _IRON_NEAREST_M)[..., None]
         along = np.sum(reach * self.iron_ut, axis=-1)[..., None] / distance**2 * reach
@@ -68,7 +68,7 @@ class Surroundings:
 
 
 def felt(session: Session, surroundings: Surroundings, unit: Unit, skin: Skin, time_s: Array) -> Felt:
-    """Ideal readings at times (N,); the field is in the sensor's axes, without what its own iron makes of it."""
+    """Ideal readings at times (N,); the field is in sensor axes, without hard and soft iron."""
     if time_s.size == 0:
         return Felt(*(np.zeros((0, 3)) for _ in range(3)))
     parts = [
@@ -100,7 +100,7 @@ def _felt(session: Session, around: Surroundings, unit: Unit, skin: Skin, time_s
 
 
 def sensor_pose(session: Session, unit: Unit, skin: Skin, time_s: Array) -> tuple[Array, Array]:
-    """Rotation (..., 3, 3), root from sensor, and place (..., 3) of a unit in root axes at times (...)."""
+    """Rotation (..., 3, 3), root from sensor, and position (..., 3) of a unit in root axes at times (...)."""
     posture = np.asarray(session.spline(time_s))
     rotation, origin = session.anatomy.bone(unit.frame, unit.offset_m, posture)
     shift, turn = skin.at(time_s)
@@ -115,7 +115,7 @@ def first_derivative(values: Array) -> Array:
 
 
 def second_derivative(values: Array) -> Array:
-    """Second derivative (N, ...) of values (N, 9, ...), per s2; differences from the middle keep far places exact."""
+    """Second derivative (N, ...) of values (N, 9, ...), per s2; differences from the middle avoid rounding errors."""
     here = values[:, REACH]
     ahead, behind = values[:, REACH + 1 :], values[:, REACH - 1 :: -1]
     return np.asarray(

@@ -36,19 +36,20 @@ class FieldTrial:
     """A simulated session.
 
     Attributes:
-        recording: what the sensors gave.
-        truth: joints over true time. Its model has the true lengths. Limbs are turned as the model's joint frames are
-            at these angles; the trunk's angle is the inclination of the line from hip to middle of the shoulders.
-        markers: where shoulders, elbows and wrists truly were. They differ from `truth.frame_positions` by what no tree
-            of rigid links knows: gliding shoulders and a bent spine.
+        recording: readings of the sensors.
+        truth: joints over true time. Its model has the true lengths. Limbs have the orientations of the model's joint
+            frames at these angles; the trunk's angle is the inclination of the line from hip to middle of the
+            shoulders.
+        markers: true positions of shoulders, elbows and wrists. They differ from `truth.frame_positions` because
+            shoulders glide and the spine bends, which a tree of rigid links cannot represent.
         calibration: the true lengths, rig, mounts and hard iron, as a perfect calibration would find them.
-        effects: as asked.
-        condition: of Table 5.
-        clocks: of the inertial units, by name.
-        encoders: zero and scale errors, by name.
+        effects: the simulated effects.
+        condition: condition of Table 5.
+        clocks: clocks of the inertial units, by name.
+        encoders: zero and scale errors of the encoders, by name.
         units: all errors of each inertial unit, by name.
         hull_angles_rad: (T, 3) pitch, roll and yaw of the boat.
-        hull_heave_m: (T,) its way up.
+        hull_heave_m: (T,) its upward displacement.
         surge_m_s2: (T,) acceleration of the boat, stern positive.
     """
 
@@ -84,24 +85,24 @@ def simulate_field(
     rate_hz: float = 125.0,
     seed: int = 0,
 ) -> FieldTrial:
-    """Sculling as it is recorded on the water, where nothing is as modelled.
+    """Simulate sculling on the water, with errors that the model does not have.
 
-    Built apart from filter and engine: kinematics and differentiation of its own, from the model's description alone.
-    With `FieldEffects.off()` its signals are those of `simulate_sculling`, but for the draws of the noise.
+    Independent of filter and engine: it has its own kinematics and differentiation and uses only the model's
+    description. With `FieldEffects.off()` its signals equal those of `simulate_sculling` except for the random noise.
 
     Args:
-        model: what the user of the recording has; the athlete and the sensors differ from it by the effects.
-        effects: strengths; None is a careful session, `FieldEffects.wild()` a bad day.
+        model: the model that a user has; athlete and sensors differ from it by the effects.
+        effects: strengths; None is a careful session, `FieldEffects.wild()` a poor one.
         condition: `S-NB`, `B-NB`, `S-B` or `B-B`: boat still or moving, sensors without or with Table 5's biases.
         duration_s: length, s.
-        rate_spm: strokes per minute; (20, 34) goes evenly from 20 to 34.
-        rate_hz: of all sensors; the source's test on the water had 100 Hz.
-        seed: of the strokes' variation, of every draw of an effect, and of the noise. An effect's draws do not depend
-            on which others are on.
+        rate_spm: strokes per minute; (20, 34) increases uniformly from 20 to 34.
+        rate_hz: sampling rate of all sensors, Hz; the paper's test on the water had 100 Hz.
+        seed: seed of stroke variation, effects and noise. The random numbers of an effect do not depend on other
+            effects.
 
     Raises:
         ValueError: an unknown condition.
-        DataError: the model is no sculler, the hands cannot hold the handles, or an argument is out of range.
+        DataError: the model is not a sculler, the hands cannot reach the handles, or an argument is out of range.
     """
     from oarlock import Recording
 
@@ -160,7 +161,7 @@ def _encoders(description: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 
 def _stamps(duration_s: float, rate_hz: float) -> Array:
-    """As `oarlock.simulate` lays them: the stencil stays inside the motion."""
+    """Sampling times as in `oarlock.simulate`: all differentiated poses are inside the motion."""
     room = REACH * STEP_S
     count = int(np.floor((duration_s - 2.0 * room) * rate_hz + 1e-9)) + 1
     return np.asarray(room + np.arange(count) / rate_hz)
@@ -176,7 +177,7 @@ def _unit_stream(
     effects: FieldEffects,
     seed: int,
 ) -> ImuStream:
-    """A unit samples when its own clock shows the stamps, as far as the motion lasts then."""
+    """The stream of a unit, sampled when its own clock shows the time stamps, within the motion."""
     name, unit = sensor["name"], units[sensor["name"]]
     true = own_clock.true(time_s)
     inside = (true >= time_s[0] - 1e-9) & (true <= time_s[-1] + 1e-9)
