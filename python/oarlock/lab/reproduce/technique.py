@@ -14,7 +14,7 @@ from oarlock.rowing.field.trial import simulate_field
 from oarlock.rowing.simulation.experiment import simulate_sculling
 
 NEAR_FINISH = 0.9
-"""Share of the oar's sweep, from the end, that counts as finish."""
+"""Share of the oar's sweep after which the oar counts as near the finish."""
 
 
 @dataclass(frozen=True)
