@@ -121,7 +121,7 @@ def _position_score(track: TrackLike, truth: TrackLike, frame: str, kept: NDArra
 
 
 def rms(error: Floats) -> float:
-    """Root mean square, in the unit of the error; NaN of nothing."""
+    """Root mean square, in the unit of the error; NaN for an empty array."""
     return float(np.sqrt(np.mean(error**2))) if len(error) else float("nan")
 
 
@@ -133,5 +133,5 @@ def correlation(a: Floats, b: Floats) -> float:
 
 
 def mean_of(values: NDArray[np.float64] | NDArray[np.bool_]) -> float:
-    """Mean; NaN of nothing."""
+    """Mean; NaN for an empty array."""
     return float(np.mean(values)) if len(values) else float("nan")

@@ -133,7 +133,7 @@ def _moving_frames(reference: Track) -> list[str]:
 
 
 def _counts(reference: Track | Reference, time_s: Floats) -> Bools:
-    """Which time stamps are scored: the flag of the nearest reference sample."""
+    """Mask of the scored time stamps: the flag of the nearest reference sample."""
     if not isinstance(reference, Reference) or reference.scored is None:
         return np.ones(len(time_s), dtype=bool)
     right = np.clip(np.searchsorted(reference.time_s, time_s), 1, max(len(reference.time_s) - 1, 1))

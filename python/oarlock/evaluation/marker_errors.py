@@ -228,7 +228,7 @@ def _score(frame: str, own: Floats, seen: Floats) -> PointScore:
 
 
 def _correlation(a: Floats, b: Floats) -> float:
-    """Of two signals without their means; NaN where either is constant to a hundredth of a millimetre."""
+    """Correlation of two signals; NaN if either is constant to a hundredth of a millimetre."""
     lengths = np.linalg.norm(a), np.linalg.norm(b)
     if min(lengths) < 1e-5 * np.sqrt(len(a)):
         return float("nan")

@@ -12,7 +12,7 @@ from oarlock.evaluation.tracklike import Floats
 
 @dataclass(frozen=True, eq=False)
 class PointScore:
-    """One point of the track against its marker.
+    """Scores of one point of the track relative to its marker.
 
     Args:
         frame: the model's frame that carries the point.
@@ -47,7 +47,7 @@ class PointScore:
 
 @dataclass(frozen=True, eq=False)
 class MarkerEvaluation:
-    """A track against optical markers.
+    """Scores of a track relative to optical markers.
 
     Args:
         points: by marker.

@@ -19,11 +19,11 @@ def presentation(unit: str) -> tuple[float, str]:
 
 @dataclass(frozen=True)
 class JointScore:
-    """One joint against truth. ``rmse``, ``bias`` (mean error) and ``mean_std`` are in ``unit`` (rad or m).
+    """Scores of one joint. ``rmse``, ``bias`` (mean error) and ``mean_std`` are in ``unit`` (rad or m).
 
     ``coverage`` is the share of samples with |error| <= 1.96 std; ``nees`` is the mean of (error / std)^2, 1 for
     a consistent filter (Bar-Shalom et al. 2001, section 5.4); ``correlation`` is NaN where either signal is
-    constant. Not scored (``observed`` False): all numbers are NaN and ``note`` says why.
+    constant. A joint that is not scored has ``observed`` False, NaN in all numbers, and the reason in ``note``.
 
     The error of a ball joint, and of position and rotation of a free joint (`pelvis.position`, `pelvis.rotation`), has
     three components. For a rotation it is -e with e = Log(R_est' R_true), in the child's axes. Then ``rmse`` is that of
@@ -88,7 +88,7 @@ class JointScore:
 
 @dataclass(frozen=True)
 class PositionScore:
-    """One frame's origin in root axes against truth: 3D and per axis, m; correlation NaN where constant."""
+    """Position errors of one frame's origin in root axes: 3D and per axis, m; correlation is NaN if constant."""
 
     frame: str
     samples: int

@@ -111,13 +111,13 @@ class Interval:
 
     @classmethod
     def after(cls, time_s: Floats, settle_s: float) -> Interval:
-        """From ``settle_s`` after the first stamp to the last one."""
+        """The interval from ``settle_s`` after the first time stamp to the last one."""
         if not len(time_s):
             return cls(np.inf, -np.inf)
         return cls(float(time_s[0]) + settle_s, float(time_s[-1]))
 
     def of(self, time_s: Floats) -> Bools:
-        """Which time stamps are inside, (T,)."""
+        """Mask of the time stamps inside the interval, (T,)."""
         inside: Bools = (time_s >= self.start_s - STAMP_TOLERANCE_S) & (
             time_s <= self.end_s + STAMP_TOLERANCE_S
         )

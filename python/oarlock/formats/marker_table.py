@@ -27,7 +27,7 @@ class Row:
 
 
 def read_rows(file: Path, delimiter: str) -> list[Row]:
-    """All lines, split at a delimiter. For commas and semicolons, quotes are handled.
+    """All lines, split at a delimiter. Quotes are supported for commas and semicolons.
 
     Raises:
         DataError: the file cannot be read, or contains zero bytes and so is not text.

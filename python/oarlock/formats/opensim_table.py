@@ -21,7 +21,7 @@ def table_text(
         title: first line; `Coordinates` of a motion, as OpenSim writes it.
         labels: names of the columns, plain ASCII.
         time_s: (T,) s.
-        values: (T, n), in m and, as `in_degrees` says, degrees or rad.
+        values: (T, n), in m and in degrees or rad, depending on `in_degrees`.
         in_degrees: unit of angles in the header, which OpenSim uses.
         remarks: sentences for people. Equals signs and other scripts are replaced, because readers mistake them for
             keys.

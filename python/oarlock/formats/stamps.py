@@ -11,7 +11,7 @@ def row_times_s(rows: int, rate_hz: float) -> FloatArray:
 
 
 def interval_middles_s(rows: int, rate_hz: float) -> FloatArray:
-    """Middles of the intervals that end at the rows, (rows,) s; the first lies half a step before 0 s.
+    """Middles of the intervals that end at the rows, (rows,) s; the first is half a step before 0 s.
 
     For units that average fast readings since the previous row: such a reading belongs to the middle of its interval,
     and an orientation computed with it belongs to the end.

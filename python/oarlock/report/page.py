@@ -14,7 +14,7 @@ from oarlock.report.markup import bar_legend, notes_list, rendered
 from oarlock.report.section import Section, refuse_doubles, tiles
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
-"""What a browser may load for this page: nothing from outside."""
+"""Content-Security-Policy of pages without scripts: a browser loads nothing from outside."""
 WITH_SCRIPT = f"{POLICY} blob:; script-src 'unsafe-inline'"
 """The same for a page with scripts."""
 FOLDED = ("positions", "slow", "provenance")

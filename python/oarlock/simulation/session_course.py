@@ -165,7 +165,7 @@ def _wander(count: int, columns: int, rng: np.random.Generator) -> Array:
 
 
 def table_course(rate_hz: float, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Times (T,) s and attitudes (T, 3, 3), room from sensor, of one unit on a table and then turned by hand."""
+    """Times (T,) s and attitudes (T, 3, 3), room from sensor, of a unit on a table, then turned by hand."""
     tilt = Rotation.from_rotvec(rng.normal(0.0, 0.05, 3)) * Rotation.from_rotvec([0, 0, rng.uniform(-3, 3)])
     faces = [tilt * Rotation.from_euler("xyz", face) for face in FACES]
     parts: list[Rotation] = [faces[0]] * round(LIE_S * rate_hz)

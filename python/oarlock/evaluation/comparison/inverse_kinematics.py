@@ -109,8 +109,8 @@ class _Problem:
         self._model = model
         self._axes = TurningAxes(model, frames)
         # coordinates on which a measurement depends; the others keep their values
-        self._felt = np.union1d(self._axes.columns, read)
-        self._read = np.searchsorted(self._felt, read)
+        self._measured_columns = np.union1d(self._axes.columns, read)
+        self._read = np.searchsorted(self._measured_columns, read)
         self._turns = rotation_columns(model.coordinate_names)
         self._low, self._high, self._rest = _limits_and_rest(model)
 
@@ -164,9 +164,9 @@ class _Problem:
         """True where the measurements reduce the variance far below that of a weak prior."""
         information = self._normal(q, targets)[0]
         prior_information = UNSEEN * ORIENTATION_STD_RAD**-2
-        variance = np.linalg.inv(information + prior_information * np.eye(len(self._felt)))
+        variance = np.linalg.inv(information + prior_information * np.eye(len(self._measured_columns)))
         seen = np.zeros(q.shape, dtype=bool)
-        seen[:, self._felt] = np.einsum("tii->ti", variance) * prior_information < 0.5
+        seen[:, self._measured_columns] = np.einsum("tii->ti", variance) * prior_information < 0.5
         return seen
 
     def _normal(self, q: Floats, targets: _Targets) -> tuple[Floats, Floats, Floats]:
@@ -174,7 +174,9 @@ class _Problem:
         rotations = self._model.forward_kinematics(q)[..., :3, :3]
         own = quat_from_matrix(rotations[:, self._axes.frames])
         error = rotvec_from_quat(quat_product(targets.quats, quat_inverse(own)))
-        jacobian = self._axes.jacobian(rotations, self._felt).reshape(len(q), -1, len(self._felt))
+        jacobian = self._axes.jacobian(rotations, self._measured_columns).reshape(
+            len(q), -1, len(self._measured_columns)
+        )
         weights = np.repeat(targets.weights, 3, axis=1)
         weighted = np.swapaxes(jacobian * weights[:, :, None], 1, 2)
         flat = error.reshape(len(q), -1)
@@ -188,7 +190,7 @@ class _Problem:
 
     def _moved(self, q: Floats, step: Floats) -> Floats:
         whole = np.zeros_like(q)
-        whole[:, self._felt] = step
+        whole[:, self._measured_columns] = step
         return plus(q, whole, self._turns)
 
 

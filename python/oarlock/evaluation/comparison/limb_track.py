@@ -43,8 +43,8 @@ def track_limbs(
     """Track every limb by an independent filter on its own chain, as was common before filters of whole bodies.
 
     After L. Peppoloni, A. Filippeschi, E. Ruffaldi and C. A. Avizzano (2013), "A novel 7 degrees of freedom model
-    for upper limb kinematic reconstruction based on wearable sensors", IEEE SISY: one arm, one filter. Where
-    several limbs share joints, a filter without limbs estimates these joints. Each limb's filter includes them as
+    for upper limb kinematic reconstruction based on wearable sensors", IEEE SISY: one arm, one filter. If several limbs
+    share joints, an additional filter without limbs estimates these joints. Each limb's filter includes them as
     states, to estimate the motion of its base, and its estimates of them are discarded. The filters exchange no
     information: the covariance is block-diagonal.
 

@@ -92,14 +92,14 @@ def chosen_joints(model: Model) -> tuple[str, ...]:
     """
     described = model.describe()
     frames = {f["name"]: f for f in described["frames"]}
-    felt: set[str] = set()
+    moves_unit: set[str] = set()
     for sensor in described["sensors"]:
         at = sensor["frame"] if sensor["kind"] == "imu" else None
         while at is not None:
-            felt.add(frames[at]["joint"])
+            moves_unit.add(frames[at]["joint"])
             at = frames[at]["parent"]
     turning = [j for j in described["joints"] if j["kind"] in ("hinge", "ball", "free") and not j["input"]]
-    names = [j for j in turning if j["name"] in felt] or turning
+    names = [j for j in turning if j["name"] in moves_unit] or turning
     return tuple(f"{j['name']}.rotation" if j["kind"] == "free" else j["name"] for j in names)
 
 

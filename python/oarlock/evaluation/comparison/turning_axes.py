@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 TURNS = 0.5
-"""Smallest rotation of a frame by one radian of a coordinate that counts: it is either 1 rad or 0."""
+"""Threshold, rad: one radian of a coordinate rotates a frame by 1 rad, or not at all."""
 
 
 class TurningAxes:

@@ -225,7 +225,7 @@ class Arm:
         return self._triple(left, slice(4, 7))
 
     def _nearer(self, both: FloatArray, which: slice) -> FloatArray:
-        """Of two solutions (T, 2, n), wrapped, the one nearer to the middle of the soft limits, (T, n)."""
+        """The one of two wrapped solutions (T, 2, n) that is nearer to the middle of the soft limits, (T, n)."""
         middle, width = self._middle[which], self._width[which]
         wrapped = middle + np.mod(both - middle + np.pi, 2.0 * np.pi) - np.pi
         away = np.sum(((wrapped - middle) / width) ** 2, axis=2)

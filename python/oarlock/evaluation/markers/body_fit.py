@@ -107,7 +107,7 @@ class _Problem:
         return Sight(self.position @ guess.pose[:3, :3].T + guess.pose[:3, 3], self.weight)
 
     def residual(self, guess: _Guess) -> FloatArray:
-        """(T, n, 3) in standard deviations; 0 where not seen."""
+        """Residuals (T, n, 3) in standard deviations; 0 where not visible."""
         sight = self.sight(guess)
         return np.asarray((sight.place_m - self.tree(guess).at(guess.q)) * sight.weight[..., None])
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _FRAMES_AT_ONCE: Final = 500
 _FAR_WORSE: Final = 25.0
-"""Cost of a frame against the usual one: its search may have ended in the wrong place and is begun anew beside it."""
+"""Ratio of a frame's cost to the median above which the frame is fitted again from its neighbours."""
 
 
 def inverse_kinematics(
@@ -127,7 +127,7 @@ def _all_frames(
             progress_of_fit(min(1.0, (k + _FRAMES_AT_ONCE) / len(time_s)))
     fields = ("q", "std", "determined", "settled", "cost")
     found = Found(*(np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in fields))
-    return _begun_anew(tree, sight, prior, found)
+    return _refitted(tree, sight, prior, found)
 
 
 def _anchors(time_s: FloatArray) -> FloatArray:
@@ -139,7 +139,7 @@ def _anchors(time_s: FloatArray) -> FloatArray:
     return np.array(found)
 
 
-def _begun_anew(tree: PointTree, sight: Sight, prior: Prior, found: Found) -> Found:
+def _refitted(tree: PointTree, sight: Sight, prior: Prior, found: Found) -> Found:
     """Fit frames with a large residual or without convergence again, starting from the nearest good ones."""
     bad = ~found.settled | (found.cost > _FAR_WORSE * (float(np.median(found.cost)) + 1.0))
     good = np.flatnonzero(~bad)

@@ -35,7 +35,7 @@ def smoothed_at(time_s: FloatArray, value: FloatArray, at_s: FloatArray) -> tupl
     size, shapes = np.linalg.eigh(rest.T @ kernel @ rest)
     heights = shapes.T @ rest.T @ (value - level)
     noise = _noise(size, heights)
-    # what every point contributes to every reading
+    # weight of each point in each interpolated value
     bend = rest @ shapes @ ((shapes.T @ rest.T) / (size + noise)[:, None])
     bent = (kernel + noise * np.eye(len(t))) @ bend
     trend = np.linalg.solve(own.T @ _parabola(t), own.T @ (np.eye(len(t)) - bent))

@@ -35,11 +35,11 @@ def trc_text(
     """The file's text, in m or another unit of length, every number with all its digits.
 
     Raises:
-        DataError: a name holds a tab or an end of line.
+        DataError: a name contains a tab or an end of line.
     """
     for name in names:
         if any(mark in name for mark in "\t\r\n"):
-            raise DataError(f"{file}: the marker's name {name!r} holds a tab or an end of line; rename it")
+            raise DataError(f"{file}: the marker's name {name!r} contains a tab or an end of line; rename it")
     rate = repr(frame_rate_hz(time_s)) if len(time_s) > 1 else "1.0"
     count, frames = len(names), len(time_s)
     lines = [
@@ -63,7 +63,7 @@ def csv_text(names: Sequence[str], time_s: FloatArray, position_m: FloatArray, f
     writer = csv.writer(stream, lineterminator="\n")
     for name in names:
         if any(mark in name for mark in "\r\n"):
-            raise DataError(f"{file}: the marker's name {name!r} holds an end of line; rename it")
+            raise DataError(f"{file}: the marker's name {name!r} contains an end of line; rename it")
     writer.writerow(["time_s", *(f"{name}_{axis}_m" for name in names for axis in "xyz")])
     for stamp_s, row in zip(time_s, position_m.reshape(len(time_s), -1), strict=True):
         writer.writerow([repr(float(stamp_s)), *("" if np.isnan(v) else repr(float(v)) for v in row)])

@@ -120,6 +120,6 @@ def _stream(stream: Stream, values: Mapping[str, Value], seed: int) -> Stream | 
 
 
 def _lost(count: int, share: float, together: int, random: np.random.Generator) -> np.ndarray:
-    """Which of `count` samples are lost, (count,), in whole packets."""
+    """Mask of the lost samples, (count,), in whole packets."""
     packets = random.random(-(-count // together)) < share
     return np.repeat(packets, together)[:count]

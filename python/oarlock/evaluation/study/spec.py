@@ -227,5 +227,5 @@ def shown(value: Value) -> str:
 
 
 def stable_text(value: Value) -> str:
-    """One text for equal values, whatever the order of keys."""
+    """A text that is equal for equal values, independent of the order of keys."""
     return json.dumps(value, sort_keys=True, default=list)

@@ -29,7 +29,7 @@ CLOSURE_STD_AXIS = 0.1
 RATES_WIDER, DRIVEN_HARDER = 6.0, 5.0
 START_WINDOWS_S = (0.1, 0.25, 0.04)
 # In the first selection of faults the noise is so large that the start fit converges quickly for every hypothesis.
-SIFTING_NOISE = 4.0
+PRESELECTION_NOISE = 4.0
 
 USUAL = 0.5
 """Largest misfit that the usual errors of real recordings explain."""
@@ -55,7 +55,7 @@ class Judge:
 
     def __init__(self, model: Model, calibration: Calibration | None, closures: bool = True) -> None:
         described = model.describe()
-        self._model, self._rough = (coarse(model, noise) for noise in (1.0, SIFTING_NOISE))
+        self._model, self._rough = (coarse(model, noise) for noise in (1.0, PRESELECTION_NOISE))
         self._calibration = calibration
         self._closures = closures
         self._bases = [base["name"] for base in described["base_acceleration"]]
@@ -71,7 +71,7 @@ class Judge:
                 found[i] = min(found[i], fit, key=lambda one: one.total)
         return found
 
-    def sifted(self, recordings: Sequence[Recording]) -> list[Misfit]:
+    def preselected(self, recordings: Sequence[Recording]) -> list[Misfit]:
         """As `misfits`, faster and less accurate; only for comparison with each other."""
         return self._tracked(self._rough, recordings, START_WINDOWS_S[0])
 

@@ -124,7 +124,7 @@ def _ranked(judge: Judge, second: Second, misfit: Misfit) -> Ranking:
     """The changes that reduce the misfit most; rare kinds are tried only if no common one suffices."""
     ranked: Ranking = []
     for family in (_units, _usual, _rare):
-        changes = _sifted(judge, second, list(family(judge, second, misfit)))
+        changes = _preselected(judge, second, list(family(judge, second, misfit)))
         fits = judge.misfits([change.applied(second.fine) for change in changes])
         ranked = sorted(
             [*ranked, *zip(changes, fits, strict=True)], key=lambda pair: pair[1].total * pair[0].rarity
@@ -210,14 +210,14 @@ def _most_suspicious(
 ) -> list[str]:
     """Units whose removal reduces the misfit most."""
     left = [(name, rest.coarse) for name in units if (rest := cut(second, [name])) is not None]
-    fits = judge.sifted([recording for _, recording in left])
+    fits = judge.preselected([recording for _, recording in left])
     ranked = sorted(zip(left, fits, strict=True), key=lambda pair: pair[1].total)
     close = [name for (name, _), fit in ranked if fit.total <= CLOSE * ranked[0][1].total]
     return close[:UNITS_SUSPECTED] if left else list(units)
 
 
-def _sifted(judge: Judge, second: Second, changes: Sequence[Change]) -> list[Change]:
-    fits = judge.sifted([change.applied(second.coarse) for change in changes])
+def _preselected(judge: Judge, second: Second, changes: Sequence[Change]) -> list[Change]:
+    fits = judge.preselected([change.applied(second.coarse) for change in changes])
     order = np.argsort([fit.total * c.rarity for fit, c in zip(fits, changes, strict=True)], kind="stable")
     return [changes[i] for i in order[:FINALISTS] if np.isfinite(fits[i].total)]
 

@@ -13,15 +13,15 @@ STEP_S = 0.25
 """Interval between the starts of the examined seconds, s."""
 SEARCHED_S = 300.0
 """Only this first part of a recording is searched, s."""
-LIVELY_RAD_S = 1.0
+FULL_MOTION_RAD_S = 1.0
 """Angular rate (root mean square) at which the motion score of a unit reaches 1."""
-LIVELY_CHANGE = 0.1
+FULL_MOTION_CHANGE = 0.1
 """The same for the deviation of an encoder or position, rad or m."""
 LEAST_ROWS = 12
 """Smallest number of samples of at least one stream for a usable second."""
 
 
-def liveliest(recording: Recording, seconds: float, apart_from: float | None = None) -> tuple[float, float]:
+def most_motion(recording: Recording, seconds: float, apart_from: float | None = None) -> tuple[float, float]:
     """Start of the second with the most motion, s, and its motion score, 0 to 1.
 
     Args:
@@ -36,9 +36,9 @@ def liveliest(recording: Recording, seconds: float, apart_from: float | None = N
         starts = starts[np.abs(starts - apart_from) >= seconds]
     if not len(starts):
         return float("nan"), 0.0
-    lively = np.mean([_liveliness(stream, starts, seconds) for stream in recording.streams], axis=0)
-    best = int(np.argmax(lively))
-    return float(starts[best]), float(lively[best])
+    full_motion = np.mean([_motion_score(stream, starts, seconds) for stream in recording.streams], axis=0)
+    best = int(np.argmax(full_motion))
+    return float(starts[best]), float(full_motion[best])
 
 
 def on_grid(recording: Recording, start_s: float, seconds: float, rate_hz: float) -> Recording | None:
@@ -56,14 +56,14 @@ def on_grid(recording: Recording, start_s: float, seconds: float, rate_hz: float
     return Recording(parts)
 
 
-def _liveliness(stream: Stream, starts: FloatArray, seconds: float) -> FloatArray:
+def _motion_score(stream: Stream, starts: FloatArray, seconds: float) -> FloatArray:
     """Motion score, 0 to 1: root mean square of the gyroscope, or deviation of a value, times the share of rows."""
     if isinstance(stream, ImuStream):
         if stream.gyro_rad_s is None:
             return np.zeros(len(starts))
-        rows, lively = stream.gyro_rad_s, LIVELY_RAD_S
+        rows, full_motion = stream.gyro_rad_s, FULL_MOTION_RAD_S
     else:
-        rows, lively = np.column_stack(list(stream.values.values())), LIVELY_CHANGE
+        rows, full_motion = np.column_stack(list(stream.values.values())), FULL_MOTION_CHANGE
     whole: NDArray[np.bool_] = np.asarray(np.isfinite(rows).all(axis=1))
     rows = np.where(whole[:, None], rows, 0.0)
     edges: NDArray[np.intp] = np.asarray(np.searchsorted(stream.time_s, np.stack([starts, starts + seconds])))
@@ -74,7 +74,7 @@ def _liveliness(stream: Stream, starts: FloatArray, seconds: float) -> FloatArra
             square -= np.sum([(_between(column, edges) / count) ** 2 for column in rows.T], axis=0)
     spread = np.sqrt(np.nan_to_num(square).clip(min=0.0))
     there = np.minimum(1.0, count / max(1.0, float(count.max())))
-    return np.asarray(np.minimum(1.0, spread / lively) * there)
+    return np.asarray(np.minimum(1.0, spread / full_motion) * there)
 
 
 def _between(values: FloatArray, edges: NDArray[np.intp]) -> FloatArray:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from oarlock.evaluation.suspects.fit import USUAL, Judge
 from oarlock.evaluation.suspects.search import RATE_HZ, SCREEN_HZ, Found, Outcome, Second, search
-from oarlock.evaluation.suspects.second import liveliest, on_grid
+from oarlock.evaluation.suspects.second import most_motion, on_grid
 from oarlock.evaluation.suspects.text import SUSPECT_NOTE
 from oarlock.recording.corrections import corrected
 from oarlock.recording.plausibility import Finding, plausibility
@@ -126,16 +126,16 @@ def _by_tracking(
     config: Config | None,
     seconds: float,
 ) -> list[Suspect]:
-    start_s, lively = liveliest(recording, seconds)
+    start_s, motion_score = most_motion(recording, seconds)
     grids = [on_grid(recording, start_s, seconds, rate) for rate in (RATE_HZ, SCREEN_HZ)]
     if grids[0] is None or grids[1] is None:
         return []
     judge = Judge(model, calibration, config.closures if config is not None else True)
     outcome = search(judge, Second(model, grids[0], grids[1]))
-    return _told(outcome, start_s, lively)
+    return _suspects_of(outcome, start_s, motion_score)
 
 
-def _told(outcome: Outcome, start_s: float, lively: float) -> list[Suspect]:
+def _suspects_of(outcome: Outcome, start_s: float, motion_score: float) -> list[Suspect]:
     if outcome.found:
         return [_of_found(found, start_s) for found in outcome.found]
     total = outcome.misfit.total
@@ -151,13 +151,13 @@ def _told(outcome: Outcome, start_s: float, lively: float) -> list[Suspect]:
                 start_s,
             )
         ]
-    if lively < STILL:
+    if motion_score < STILL:
         return [
             Suspect(
                 (),
                 "untold",
                 "the recording hardly moves: whether gyroscopes and encoders have the right unit and sign cannot be "
-                "told yet.",
+                "determined yet.",
                 start_s=start_s,
             )
         ]

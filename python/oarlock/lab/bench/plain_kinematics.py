@@ -217,12 +217,12 @@ class PlainKinematics:
     def _readings(self, x: Array, q: Array, frames: tuple[Array, Array, Array, Array, Array]) -> Array:
         xp, count = self.xp, x.shape[1]
         rotation, spin, rate, push = (frames[k][xp.asarray(self._units)] for k in (0, 2, 3, 4))
-        felt = push + self._swung(spin, rate, self._times(rotation, self._arms))
+        specific_force = push + self._swung(spin, rate, self._times(rotation, self._arms))
         sensor_from_root = xp.swapaxes(self._times(rotation, self._mounts), 1, 2)
         azimuth = x[self._place["azimuth"]] if "azimuth" in self._place else self._azimuth_rad + 0.0 * x[0]
         along, across, down = (v[:, None] for v in self._field)
         field = xp.cos(azimuth) * along + xp.sin(azimuth) * across + down
-        parts = [self._times(sensor_from_root, v) for v in (spin, felt, field[None, :, None])]
+        parts = [self._times(sensor_from_root, v) for v in (spin, specific_force, field[None, :, None])]
         rows = [part.reshape(-1, count) for part in parts]
         rows.append(q[xp.asarray(self._encoders)])
         turn, place = (frames[k][xp.asarray(self._ends)] for k in (0, 1))

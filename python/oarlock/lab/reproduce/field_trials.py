@@ -71,7 +71,7 @@ SETTINGS = (
 
 @dataclass(frozen=True)
 class Scored:
-    """A trial tracked in one way. `points` holds by name: RMSE (3,) m, 3D RMSE m, correlation (3,), NEES, coverage."""
+    """A tracked trial. `points` has for each name RMSE (3,) m, 3D RMSE m, correlation (3,), NEES, coverage."""
 
     setting: Setting
     seed: int

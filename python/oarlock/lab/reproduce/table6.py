@@ -1,4 +1,4 @@
-"""Table 6: positions of shoulders, elbows and wrists against optical markers, on simulated field recordings."""
+"""Table 6: errors of shoulder, elbow and wrist positions relative to markers, on simulated field recordings."""
 
 from __future__ import annotations
 

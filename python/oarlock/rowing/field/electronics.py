@@ -13,7 +13,7 @@ from oarlock import ImuStream, ScalarStream
 from oarlock.rowing.field.courses import generator
 from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.placement import Encoder, Unit
-from oarlock.rowing.field.signals import Felt
+from oarlock.rowing.field.signals import IdealReadings
 
 Array = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ def gap(name: str, units: list[str], time_s: Array, effects: FieldEffects, seed:
 def read_unit(
     sensor: Mapping[str, Any],
     unit: Unit,
-    felt: Felt,
+    ideal: IdealReadings,
     sampled: Sampled,
     dropout: NDArray[np.bool_],
     effects: FieldEffects,
@@ -62,9 +62,9 @@ def read_unit(
     name = sensor["name"]
     rng = generator(seed, f"noise {name}")
     drift = (effects.gyro_drift_rad_s, effects.accel_drift_m_s2)
-    gyro = unit.gyro_gain * felt.gyro_rad_s + unit.gyro_bias_rad_s + walk(rng, sampled.time_s, drift[0])
-    accel = unit.accel_gain * felt.accel_m_s2 + unit.accel_bias_m_s2 + walk(rng, sampled.time_s, drift[1])
-    mag = felt.field_ut @ unit.field_gain.T + unit.hard_iron_ut
+    gyro = unit.gyro_gain * ideal.gyro_rad_s + unit.gyro_bias_rad_s + walk(rng, sampled.time_s, drift[0])
+    accel = unit.accel_gain * ideal.accel_m_s2 + unit.accel_bias_m_s2 + walk(rng, sampled.time_s, drift[1])
+    mag = ideal.field_ut @ unit.field_gain.T + unit.hard_iron_ut
     limits = (effects.gyro_range_rad_s, effects.accel_range_m_s2, np.inf)
     stds = (sensor["gyro_std_rad_s"], sensor["accel_std_m_s2"], sensor["mag_std_ut"])
     fields: dict[str, Array | None] = {}

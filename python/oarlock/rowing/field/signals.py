@@ -30,7 +30,7 @@ _IRON_BELOW_M, _IRON_STERNWARD_M, _NAMED_AT_M = 0.15, 0.35, 0.3
 _IRON_NEAREST_M = 0.1
 
 
-class Felt(NamedTuple):
+class IdealReadings(NamedTuple):
     """Angular velocity rad/s, specific force m/s2 and magnetic field uT, (N, 3) each, in sensor axes."""
 
     gyro_rad_s: Array
@@ -67,18 +67,22 @@ class Surroundings:
         return np.asarray((_NAMED_AT_M / distance) ** 3 * (1.5 * along - 0.5 * self.iron_ut))
 
 
-def felt(session: Session, surroundings: Surroundings, unit: Unit, skin: Skin, time_s: Array) -> Felt:
+def ideal_readings(
+    session: Session, surroundings: Surroundings, unit: Unit, skin: Skin, time_s: Array
+) -> IdealReadings:
     """Ideal readings at times (N,); the field is in sensor axes, without hard and soft iron."""
     if time_s.size == 0:
-        return Felt(*(np.zeros((0, 3)) for _ in range(3)))
+        return IdealReadings(*(np.zeros((0, 3)) for _ in range(3)))
     parts = [
-        _felt(session, surroundings, unit, skin, part)
+        _readings_of(session, surroundings, unit, skin, part)
         for part in np.array_split(time_s, -(-time_s.size // _CHUNK))
     ]
-    return Felt(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+    return IdealReadings(*(np.concatenate(values) for values in zip(*parts, strict=True)))
 
 
-def _felt(session: Session, around: Surroundings, unit: Unit, skin: Skin, time_s: Array) -> Felt:
+def _readings_of(
+    session: Session, around: Surroundings, unit: Unit, skin: Skin, time_s: Array
+) -> IdealReadings:
     steps = np.arange(-REACH, REACH + 1) * STEP_S
     times = time_s[:, None] + steps
     root_rotation, root_place = sensor_pose(session, unit, skin, times)
@@ -96,7 +100,7 @@ def _felt(session: Session, around: Surroundings, unit: Unit, skin: Skin, time_s
     boat = session.boat(time_s)
     iron = around.iron_field(apply(np.swapaxes(boat[0], -1, -2), root_place[:, REACH] - boat[1]))
     field = field + apply(np.swapaxes(root_rotation[:, REACH], -1, -2) @ boat[0], iron)
-    return Felt(gyro, apply(sensor_from_rest, force), field)
+    return IdealReadings(gyro, apply(sensor_from_rest, force), field)
 
 
 def sensor_pose(session: Session, unit: Unit, skin: Skin, time_s: Array) -> tuple[Array, Array]:
@@ -109,7 +113,7 @@ def sensor_pose(session: Session, unit: Unit, skin: Skin, time_s: Array) -> tupl
 
 
 def first_derivative(values: Array) -> Array:
-    """Derivative (N, ...) of values (N, 9, ...) that lie 2 ms apart, at their middle; per s."""
+    """Derivative (N, ...) of values (N, 9, ...) at intervals of 2 ms, at their middle; per s."""
     ahead, behind = values[:, REACH + 1 :], values[:, REACH - 1 :: -1]
     return np.asarray(np.einsum("k,nk...->n...", _FIRST / STEP_S, ahead - behind))
 

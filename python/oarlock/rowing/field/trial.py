@@ -17,7 +17,7 @@ from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.electronics import gap, read_encoder, read_unit, stamped
 from oarlock.rowing.field.placement import Clock, Encoder, Unit, clock, encoder, placed_unit, true_parameters
 from oarlock.rowing.field.session import Session, rowed
-from oarlock.rowing.field.signals import REACH, STEP_S, Surroundings, felt
+from oarlock.rowing.field.signals import REACH, STEP_S, Surroundings, ideal_readings
 from oarlock.rowing.field.skin import Course, Skin, bone_force, skin_of, units_of
 from oarlock.rowing.simulation.grip import SIDES
 from oarlock.rowing.simulation.noise import SimulatedCondition, condition_named
@@ -183,7 +183,7 @@ def _unit_stream(
     inside = (true >= time_s[0] - 1e-9) & (true <= time_s[-1] + 1e-9)
     sampled = stamped(name, true[inside], time_s[inside], effects, seed)
     skin = _skin(name, unit, session, around, effects, seed)
-    clean = felt(session, around, unit, skin, sampled.time_s)
+    clean = ideal_readings(session, around, unit, skin, sampled.time_s)
     dropout = gap(name, list(units), sampled.time_s, effects, seed)
     return read_unit(sensor, unit, clean, sampled, dropout, effects, seed)
 
