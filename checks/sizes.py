@@ -11,9 +11,7 @@ MOST_LINES_OF_A_FUNCTION = 60
 VAGUE_NAMES = {"base", "common", "factory", "helper", "helpers", "manager", "misc", "types", "util", "utils"}
 
 # Functions that are still longer, with their lines: none may be added, none may grow.
-STILL_LONG = {
-    "python/oarlock/evaluation/study/filter_inputs.py: keys_of_filter_inputs": 65,
-}
+STILL_LONG: dict[str, int] = {}
 
 
 def long_files() -> list[str]:

@@ -112,3 +112,10 @@ def test_command_table_names_verbs_that_exist():
     }
     page = CliRunner().invoke(app, ["--help"]).stdout
     assert verbs and all(re.search(rf"\b{verb}\b", page) for verb in verbs), verbs
+
+
+def test_page_of_imports_lists_every_format():
+    from oarlock.formats.importers import FORMATS
+
+    rows = re.findall(r"^\| `oarlock import .*$", (ROOT / "docs/import.md").read_text(encoding="utf-8"), re.M)
+    assert rows == [f"| `{one.command}` | {one.reads} |" for one in FORMATS]

@@ -10,7 +10,7 @@ import pytest
 import oarlock
 from oarlock import Config, ImuStream, Motion, Recording
 from oarlock.evaluation.consistency import sensor_scores
-from oarlock.evaluation.tracklike import Interval
+from oarlock.evaluation.interval import Interval
 from oarlock.report import write_report
 from oarlock.storage.errors import DataError
 from oarlock.tracking.records import DISTURBED, FIELD

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 import oarlock
 from oarlock import rowing
 from oarlock.evaluation.comparison.inverse_kinematics import Measured, solve
-from oarlock.evaluation.comparison.turning_axes import TurningAxes
 from oarlock.model.rotation import quat_from_matrix, quat_from_rotvec, quat_product, rotvec_between
 
 Floats = NDArray[np.float64]
@@ -97,7 +96,7 @@ def test_contradictions_are_shared_out_by_weight() -> None:
     name = model.coordinate_names[0]
     frame = next(f["name"] for f in model.describe()["frames"] if f["joint"] == name)
     rotations = model.forward_kinematics(q)[..., :3, :3]
-    axis = TurningAxes(model, [frame]).jacobian(rotations, np.array([0]))[:, 0, :, 0]
+    axis = model.frame_jacobian(q, [frame]).by_coordinate[:, 0, 3:, 0]
     true = quat_from_matrix(rotations[:, model.frame_names.index(frame)])
     off = quat_product(quat_from_rotvec(0.1 * axis), true)
     found, seen = solve(
@@ -113,8 +112,7 @@ def test_axes_are_those_of_differences(name: str) -> None:
     model = oarlock.load_model(name)
     _, q = swinging(model, 0.2)
     frames = list(seen_by_units(model, q).orientations)
-    every = np.arange(q.shape[1])
-    jacobian = TurningAxes(model, frames).jacobian(model.forward_kinematics(q)[..., :3, :3], every)
+    jacobian = model.frame_jacobian(q, frames).by_coordinate[..., 3:, :]
     step = 1e-6
     hinges = [k for k, n in enumerate(model.coordinate_names) if ".r" not in n]
     rows = [model.frame_names.index(f) for f in frames]

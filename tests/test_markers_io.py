@@ -160,7 +160,9 @@ QUALISYS = (
 
 def test_a_nexus_export_without_its_rate_is_refused(tmp_path):
     (tmp_path / "nexus.csv").write_text(NEXUS.replace("\n100\n", "\n\n"))
-    with pytest.raises(DataError, match="expected rate, names, Frame and Sub Frame, and units after Trajectories"):
+    with pytest.raises(
+        DataError, match="expected rate, names, Frame and Sub Frame, and units after Trajectories"
+    ):
         load_markers(tmp_path / "nexus.csv")
 
 

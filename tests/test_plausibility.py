@@ -27,9 +27,9 @@ def swinging(gyro=1.0, accel=1.0, mag=1.0, amplitude_rad=0.3):
     return {"gyro_rad_s": gyro * gyro_rad_s, "accel_m_s2": accel * accel_m_s2, "mag_ut": mag * mag_ut}
 
 
-def found(severity, expected=(), **fields):
+def found(severity, **fields):
     recording = Recording([ImuStream("back", TIME_S, **fields)])
-    return [str(f) for f in plausibility(recording, expected) if f.severity == severity]
+    return [str(f) for f in plausibility(recording) if f.severity == severity]
 
 
 def test_good_recordings_have_no_finding():
@@ -104,11 +104,9 @@ def test_missing_data_are_notes_and_do_not_hide_units():
     assert any("mag_ut has no z axis" in n for n in notes)
 
 
-def test_absent_quantities_and_streams_are_notes():
+def test_absent_quantities_are_notes():
     fields = {"gyro_rad_s": swinging()["gyro_rad_s"]}
     assert any("no accel_m_s2 and no mag_ut" in n for n in found("note", **fields))
-    assert any(n.startswith("seat: ") for n in found("note", expected=["back", "seat"], **fields))
-    assert any('Did you mean "bak"?' in w for w in found("warning", expected=["bak"], **fields))
 
 
 def test_a_quantity_without_reading_is_a_warning():

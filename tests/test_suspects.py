@@ -159,7 +159,7 @@ def test_the_summary_of_a_report_begins_with_suspects(tmp_path) -> None:
 def test_changes_undo_what_they_name() -> None:
     assert len(PROPER) == 23 and len(MIRRORS) == 6
     recording = second(41)
-    for change in turns(["back"], together=False):
+    for change in turns(["back"]):
         if change.fault == "turned":
             spoilt = turned(np.asarray(change.matrix).T, "back")(recording)
             assert np.array_equal(change.applied(spoilt)["back"].gyro_rad_s, recording["back"].gyro_rad_s)

@@ -25,11 +25,10 @@ PARTS = ("inclination", "heading", "total")
 
 TITLE = "One unit with magnetometer (BROAD)"
 TEXT = (
-    "One 9-axis unit on a rigid body with optical markers, 286 Hz: rotations, translations, tapping, and "
-    "a magnet beside the path. Scored on the samples that the authors mark as movement, root mean square: "
-    "inclination, heading once its circular mean difference is removed, and both together. The published "
-    "figures are of the authors' search over parameters, with one setting for all 39 trials, and compare "
-    "headings as they are."
+    "One 9-axis unit on a rigid body with optical markers, 286 Hz: rotations, translations, tapping, and a magnet "
+    "beside the path. Scored on the samples that the authors mark as movement, root mean square: inclination, heading "
+    "once its circular mean difference is removed, and both together. The published figures are of the authors' search "
+    "over parameters, with one setting for all 39 trials, and compare headings as they are."
 )
 LIMITS_TEXT = "How late the optical stamps are (negative: early). The authors have aligned the axes already."
 

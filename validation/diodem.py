@@ -52,9 +52,8 @@ TEXT = (
 )
 PLAIN, REMOVED = "as it stands", "limits and delays removed"
 LIMITS_TEXT = (
-    "How late the optical stamps are beyond the 15 ms that are known, and how far each unit is turned "
-    "against its optical segment on average: under the foam-mounted units that is the mounting itself, "
-    "which no software was told."
+    "How late the optical stamps are beyond the 15 ms that are known, and how far each unit is turned against its "
+    "optical segment on average: under the foam-mounted units that is the mounting itself, which no software was told."
 )
 
 

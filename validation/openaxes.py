@@ -46,9 +46,8 @@ UNAIDED = (
     "has found it later is harmed by the rule above. Units by themselves know no relative heading."
 )
 ORIENTATIONS = (
-    "The raw signals go through VQF (6D, causal) and are dropped. Oarlock gets the quaternions as they are, the "
-    "second unit's heading being unknown; the other software gets them with both headings set to the reference's "
-    "at 1 s."
+    "The raw signals go through VQF (6D, causal) and are dropped. Oarlock gets the quaternions as they are, the second "
+    "unit's heading being unknown; the other software gets them with both headings set to the reference's at 1 s."
 )
 LIMITS_TEXT = (
     "How late the encoders' stamps are (negative: early), and how far each unit is off its nominal mount."

@@ -61,12 +61,11 @@ VQF_MODES = ("VQF 6D", "VQF 9D")
 NAME = "singular"
 TITLE = "A shoulder that passes its gimbal pose (simulated)"
 TEXT = (
-    "Upper arm and forearm on a fixed shoulder, a 9-axis unit on each, 100 Hz, 40 s, three seeds. "
-    "Flexion, abduction and rotation of the shoulder have a pole where the arm is raised sideways; the "
-    "arm swings through that pose twice in four seconds, each time in another direction. Scored after 2 s "
-    "is the orientation of the upper arm in the world. Estimates without magnetometer get their heading "
-    "at 1 s. Lost: how often the error rises above 20 deg. Flips: shoulder angles that change by more "
-    "than 90 deg from one sample to the next; an orientation has none."
+    "Upper arm and forearm on a fixed shoulder, a 9-axis unit on each, 100 Hz, 40 s, three seeds. Flexion, abduction "
+    "and rotation of the shoulder have a pole where the arm is raised sideways; the arm swings through that pose twice "
+    "in four seconds, each time in another direction. Scored after 2 s is the orientation of the upper arm in the "
+    "world. Estimates without magnetometer get their heading at 1 s. Lost: how often the error rises above 20 deg. "
+    "Flips: shoulder angles that change by more than 90 deg from one sample to the next; an orientation has none."
 )
 
 

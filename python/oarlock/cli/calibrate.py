@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from oarlock.cli import calibrate_clocks, calibrate_motion, calibrate_session, calibrate_tree
+from oarlock.cli.calibrate_tree import OutFile, RecordingFolder, Replace, Still, saved
 from oarlock.cli.options import Json, ModelName, Settings, assignments, example, names
-from oarlock.cli.terminal import free_file, heading, number, print_json, say, steps, table, verb
+from oarlock.cli.terminal import free_file, heading, number, say, steps, table, verb
 
 if TYPE_CHECKING:
     from oarlock import Calibration
@@ -40,9 +40,9 @@ def add_to(app: typer.Typer) -> None:
 )
 @verb
 def chain(
-    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="A recording folder.")],
+    recording: RecordingFolder,
     model: ModelName,
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Calibration file to write.")],
+    out: OutFile,
     settings: Settings = None,
     sensors: Annotated[
         str | None,
@@ -50,12 +50,7 @@ def chain(
             "--sensors", metavar="NAMES", help="Sensors of the chain, comma-separated; default: all recorded."
         ),
     ] = None,
-    still: Annotated[
-        tuple[float, float] | None,
-        typer.Option(
-            "--still", metavar="START END", help="Stationary interval, s; default: the longest one."
-        ),
-    ] = None,
+    still: Still = None,
     swing: Annotated[
         tuple[float, float] | None,
         typer.Option("--swing", metavar="START END", help="Swing interval, s; default: all other times."),
@@ -75,7 +70,7 @@ def chain(
             help="Sign of the first clear rotation of the first hinge.",
         ),
     ] = True,
-    force: Annotated[bool, typer.Option("--force", help="Replace a file that exists.")] = False,
+    force: Replace = False,
     json_output: Json = False,
 ) -> None:
     """Calibrate sensor mounts on a chain of hinges from a stationary interval and a swing."""
@@ -92,12 +87,9 @@ def chain(
         rest_q=assignments(rest, "--rest"),
         first_turn_positive=first_turn_positive,
     )
-    calibration.save(out)
+    saved(calibration, write_chain, out, json_output)
     if json_output:
-        print_json({"calibration": out, "parameters": calibration.parameters, "noted": calibration.noted})
         return
-    say(f"Wrote {out}", style="bold")
-    write_chain(calibration)
     only = f" --only {','.join(calibration.mounts)}" if calibration.noted["left_out"] else ""
     steps(f"oarlock track {recording} --model {model} --calibration {out}{only} --out {recording}-track")
 

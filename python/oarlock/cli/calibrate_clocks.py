@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from oarlock.cli.calibrate_tree import OutFile, RecordingFolder, Replace, Start, say_next
+from oarlock.cli.calibrate_tree import OutFile, RecordingFolder, Replace, Start, track_next
 from oarlock.cli.options import Json, ModelName, Settings, assignments, example, names
-from oarlock.cli.terminal import free_file, heading, number, print_json, progress, say, table, verb
+from oarlock.cli.terminal import free_file, heading, number, print_json, progress, say, steps, table, verb
 
 if TYPE_CHECKING:
     from oarlock import Calibration
@@ -69,7 +69,7 @@ def clocks(
         return
     say(f"Wrote {out}", style="bold")
     write_clocks(found)
-    say_next(recording, model, out)
+    steps(track_next(recording, model, out))
 
 
 def write_clocks(calibration: Calibration) -> None:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from oarlock.cli.calibrate_tree import OutFile, RecordingFolder, Replace, say_next
-from oarlock.cli.options import Json, ModelName, Settings, assignments, example
-from oarlock.cli.terminal import free_file, heading, number, print_json, say, steps, table, verb
+from oarlock.cli.calibrate_tree import OutFile, RecordingFolder, Replace, calibrated, saved
+from oarlock.cli.options import Json, ModelName, Settings, example
+from oarlock.cli.terminal import free_file, heading, number, say, steps, table, verb
 
 if TYPE_CHECKING:
     from oarlock import Calibration
@@ -58,19 +59,11 @@ def motion(
     """Calibrate mounts, lengths, sensor positions and encoder zeros from movement with closed loops."""
     import oarlock
 
-    body = oarlock.load_model(model, parameters=assignments(settings, "--set"))
-    free_file(out, force)
     known = None if calibration is None else oarlock.load_calibration(calibration)
-    found = oarlock.calibrate_motion(
-        body, oarlock.load_recording(recording), known, start_s=start_s, end_s=end_s, held_out=held_out
+    search = partial(
+        oarlock.calibrate_motion, calibration=known, start_s=start_s, end_s=end_s, held_out=held_out
     )
-    found.save(out)
-    if json_output:
-        print_json({"calibration": out, "parameters": found.parameters, "noted": found.noted})
-        return
-    say(f"Wrote {out}", style="bold")
-    write_motion(found)
-    say_next(recording, model, out)
+    calibrated(search, write_motion, recording, model, out, settings, force, json_output)
 
 
 @verb
@@ -86,15 +79,14 @@ def stature(
     from oarlock.rowing import anthropometry
 
     free_file(out, force)
-    found = anthropometry(oarlock.load_model(model), stature_m)
-    found.save(out)
-    if json_output:
-        print_json({"calibration": out, "parameters": found.parameters, "noted": found.noted})
-        return
-    say(f"Wrote {out}", style="bold")
-    for name, length_m in found.parameters.items():
-        say(f"{name} = {length_m:.3f} +- {found.parameter_stds[name]:.3f} m", indent=2)
-    steps(f"oarlock calibrate motion RECORDING --model {model} --calibration {out} --out cal.toml")
+    saved(anthropometry(oarlock.load_model(model), stature_m), _write_lengths, out, json_output)
+    if not json_output:
+        steps(f"oarlock calibrate motion RECORDING --model {model} --calibration {out} --out cal.toml")
+
+
+def _write_lengths(calibration: Calibration) -> None:
+    for name, length_m in calibration.parameters.items():
+        say(f"{name} = {length_m:.3f} +- {calibration.parameter_stds[name]:.3f} m", indent=2)
 
 
 def write_motion(calibration: Calibration) -> None:

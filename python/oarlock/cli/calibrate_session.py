@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from oarlock.cli.calibrate_tree import Sensors
 from oarlock.cli.options import Json, ModelName, Settings, assignments, example, names
 from oarlock.cli.terminal import UsageError, free_file, heading, number, print_json, say, steps, table, verb
 
@@ -49,12 +50,7 @@ def session(
         Path | None,
         typer.Option("--calibration", metavar="FILE", help="An earlier calibration, such as of clocks."),
     ] = None,
-    sensors: Annotated[
-        str | None,
-        typer.Option(
-            "--sensors", metavar="NAMES", help="Sensors to use, comma-separated; default: all recorded."
-        ),
-    ] = None,
+    sensors: Sensors = None,
     force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
     json_output: Json = False,
 ) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -31,23 +32,22 @@ Sensors = Annotated[
 ]
 Replace = Annotated[bool, typer.Option("--force", help="Replace a file that exists.")]
 Window = Annotated[float, typer.Option("--window", metavar="S", help="Averaging window of the readings, s.")]
-
-Search = Callable[["Model", "Recording", dict[str, Any]], "Calibration"]
+Still = Annotated[
+    tuple[float, float] | None,
+    typer.Option("--still", metavar="START END", help="Stationary interval, s; default: the longest one."),
+]
 
 
 def add_to(group: typer.Typer) -> None:
     """Registers the verbs."""
-    group.command("pose", epilog=example("oarlock calibrate pose rec --model my.toml --out cal.toml"))(pose)
-    group.command(
-        "axes",
-        epilog=example("oarlock calibrate axes rec --model my.toml --calibration cal.toml --out cal2.toml"),
-    )(axes)
-    group.command(
-        "joints", epilog=example("oarlock calibrate joints rec --model my.toml --window 0.3 --out cal.toml")
-    )(joints)
-    group.command("field", epilog=example("oarlock calibrate field rec --model my.toml --out cal.toml"))(
-        field
-    )
+    for own, options in (
+        (pose, "--out cal.toml"),
+        (axes, "--calibration cal.toml --out cal2.toml"),
+        (joints, "--window 0.3 --out cal.toml"),
+        (field, "--out cal.toml"),
+    ):
+        command = f"oarlock calibrate {own.__name__} rec --model my.toml {options}"
+        group.command(own.__name__, epilog=example(command))(own)
 
 
 @verb
@@ -65,13 +65,8 @@ def joints(
     """Calibrate joint centres from motion: sensor positions and lengths between joints."""
     import oarlock
 
-    def search(body: Model, measured: Recording, known: dict[str, Any]) -> Calibration:
-        return oarlock.calibrate_joint_centers(body, measured, window_s=window, **known)
-
-    found = _run(search, recording, model, out, settings, calibration, sensors, force, json_output)
-    if not json_output:
-        write_joints(found)
-        say_next(recording, model, out)
+    search = partial(oarlock.calibrate_joint_centers, window_s=window, **_known(sensors, calibration))
+    calibrated(search, write_joints, recording, model, out, settings, force, json_output)
 
 
 @verb
@@ -89,13 +84,8 @@ def axes(
     """Correct mounts so that hinge axes agree with the motion."""
     import oarlock
 
-    def search(body: Model, measured: Recording, known: dict[str, Any]) -> Calibration:
-        return oarlock.calibrate_hinge_axes(body, measured, window_s=window, **known)
-
-    found = _run(search, recording, model, out, settings, calibration, sensors, force, json_output)
-    if not json_output:
-        write_axes(found)
-        say_next(recording, model, out)
+    search = partial(oarlock.calibrate_hinge_axes, window_s=window, **_known(sensors, calibration))
+    calibrated(search, write_axes, recording, model, out, settings, force, json_output)
 
 
 @verb
@@ -106,12 +96,7 @@ def pose(
     settings: Settings = None,
     calibration: Start = None,
     sensors: Sensors = None,
-    still: Annotated[
-        tuple[float, float] | None,
-        typer.Option(
-            "--still", metavar="START END", help="Stationary interval, s; default: the longest one."
-        ),
-    ] = None,
+    still: Still = None,
     rest: Annotated[
         list[str] | None,
         typer.Option(
@@ -126,14 +111,11 @@ def pose(
     """Correct mounts so that a stationary posture agrees with gravity."""
     import oarlock
 
-    def search(body: Model, measured: Recording, known: dict[str, Any]) -> Calibration:
-        start_s, end_s = still or (None, None)
-        return oarlock.calibrate_pose(body, measured, assignments(rest, "--rest"), start_s, end_s, **known)
-
-    found = _run(search, recording, model, out, settings, calibration, sensors, force, json_output)
-    if not json_output:
-        write_pose(found)
-        say_next(recording, model, out)
+    start_s, end_s = still or (None, None)
+    posture = assignments(rest, "--rest")
+    known = _known(sensors, calibration)
+    search = partial(oarlock.calibrate_pose, pose=posture, start_s=start_s, end_s=end_s, **known)
+    calibrated(search, write_pose, recording, model, out, settings, force, json_output)
 
 
 @verb
@@ -150,47 +132,53 @@ def field(
     """Find the strength and dip of the magnetic field for a model with these parameters."""
     import oarlock
 
-    def search(body: Model, measured: Recording, known: dict[str, Any]) -> Calibration:
-        return oarlock.calibrate_field(body, measured, **known)
-
-    found = _run(search, recording, model, out, settings, calibration, sensors, force, json_output)
-    if not json_output:
-        write_field(found)
-        say_next(recording, model, out)
+    search = partial(oarlock.calibrate_field, **_known(sensors, calibration))
+    calibrated(search, write_field, recording, model, out, settings, force, json_output)
 
 
-def _run(
-    search: Search,
+def _known(sensors: str | None, calibration: Path | None) -> dict[str, Any]:
+    import oarlock
+
+    return {
+        "sensors": None if sensors is None else names(sensors),
+        "calibration": None if calibration is None else oarlock.load_calibration(calibration),
+    }
+
+
+def calibrated(
+    search: Callable[[Model, Recording], Calibration],
+    write: Callable[[Calibration], None],
     recording: Path,
     model: str,
     out: Path,
     settings: list[str] | None,
-    calibration: Path | None,
-    sensors: str | None,
     force: bool,
     json_output: bool,
-) -> Calibration:
-    """Runs one of the four verbs: reads, calibrates, writes the file and prints the result."""
+) -> None:
+    """Runs a verb of `calibrate`: loads, searches, saves, and prints the result and the command that tracks with it."""
     import oarlock
 
     body = oarlock.load_model(model, parameters=assignments(settings, "--set"))
     free_file(out, force)
-    known = {
-        "sensors": None if sensors is None else names(sensors),
-        "calibration": None if calibration is None else oarlock.load_calibration(calibration),
-    }
-    found = search(body, oarlock.load_recording(recording), known)
+    found = search(body, oarlock.load_recording(recording))
+    saved(found, write, out, json_output)
+    if not json_output:
+        steps(track_next(recording, model, out))
+
+
+def track_next(recording: Path, model: str, out: Path) -> str:
+    """The command that tracks with this calibration."""
+    return f"oarlock track {recording} --model {model} --calibration {out} --out {recording}-track"
+
+
+def saved(found: Calibration, write: Callable[[Calibration], None], out: Path, json_output: bool) -> None:
+    """Saves a calibration and prints it, as text by `write` or as JSON."""
     found.save(out)
     if json_output:
         print_json({"calibration": out, "parameters": found.parameters, "noted": found.noted})
-    else:
-        say(f"Wrote {out}", style="bold")
-    return found
-
-
-def say_next(recording: Path, model: str, out: Path) -> None:
-    """Prints the command that tracks with this calibration."""
-    steps(f"oarlock track {recording} --model {model} --calibration {out} --out {recording}-track")
+        return
+    say(f"Wrote {out}", style="bold")
+    write(found)
 
 
 # --- what is printed ----------------------------------------------------------------------------------

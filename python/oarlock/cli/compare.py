@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from oarlock.cli.evaluate import truth_folder
-from oarlock.cli.options import Force, Json, ModelName, OutFolder, Settings, assignments, example
+from oarlock.cli.options import (
+    CalibrationFile,
+    Force,
+    Json,
+    ModelName,
+    OutFolder,
+    Settings,
+    assignments,
+    example,
+)
 from oarlock.cli.terminal import (
     UsageError,
     fresh_folder,
@@ -68,10 +77,7 @@ def compare(
         list[str] | None,
         typer.Option("--filter", metavar="NAME", help="Filter to run, see below. Repeatable."),
     ] = None,
-    calibration: Annotated[
-        Path | None,
-        typer.Option("--calibration", metavar="FILE", help="Calibration file with mounts and lengths."),
-    ] = None,
+    calibration: CalibrationFile = None,
     settings: Settings = None,
     start_s: Annotated[
         float,

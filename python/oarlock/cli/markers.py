@@ -11,6 +11,7 @@ from oarlock.cli.options import Force, Json, ModelName, OutFolder, Settings, ass
 from oarlock.cli.options import names as listed
 from oarlock.cli.terminal import (
     UsageError,
+    free_file,
     heading,
     new_folder,
     number,
@@ -61,9 +62,9 @@ def show(
     json_output: Json = False,
 ) -> None:
     """Show a marker file: names, rate, range and gaps of each marker."""
-    from oarlock import fill_gaps
+    from oarlock import fill_gaps, load_markers
 
-    markers = _loaded(file, unit, axes)
+    markers = load_markers(file, unit, axes=axes)
     filled = fill_gaps(markers, longest_s)
     if json_output:
         print_json({**_described(markers), "gaps": [gap.row for gap in filled.gaps]})
@@ -115,10 +116,13 @@ def attach(
     """Attach markers to a model from a static trial in a known posture, in the model's root axes."""
     import oarlock
 
-    _free_file(out, force)
+    free_file(out, force)
     loaded = oarlock.load_model(model, parameters=assignments(settings, "--set"))
     found = oarlock.attach_markers(
-        loaded, _loaded(file, unit, axes), mapping(on, "--on"), assignments(posture, "--posture")
+        loaded,
+        oarlock.load_markers(file, unit, axes=axes),
+        mapping(on, "--on"),
+        assignments(posture, "--posture"),
     )
     oarlock.save_attachments(found, out)
     if json_output:
@@ -202,7 +206,7 @@ def simulate(
 
     values = assignments(settings, "--set")
     loaded = oarlock.load_model(model, parameters=values)
-    markers = _loaded(file, unit, axes)
+    markers = oarlock.load_markers(file, unit, axes=axes)
     if from_s is not None or to_s is not None:
         markers = markers.between(*(s if s is not None else d for s, d in ((from_s, -1e12), (to_s, 1e12))))
     placed = oarlock.load_attachments(attachments)
@@ -262,12 +266,6 @@ def mapping(text: str, flag: str) -> dict[str, str]:
     return found
 
 
-def _loaded(file: Path, unit: str | None, axes: str | None) -> Markers:
-    from oarlock import load_markers
-
-    return load_markers(file, unit, axes=axes)
-
-
 def _body(model: Model, markers: Markers, attachments: object, wanted: tuple[str, ...]) -> BodyFit:
     from oarlock import fit_body
 
@@ -279,11 +277,6 @@ def _body(model: Model, markers: Markers, attachments: object, wanted: tuple[str
         offsets=("all",) if "offsets" in wanted else (),
         place_root="root" in wanted,
     )
-
-
-def _free_file(file: Path, force: bool) -> None:
-    if file.exists() and not force:
-        raise UsageError(f"{file} exists\nChoose another name, or add --force.")
 
 
 def _described(markers: Markers) -> dict[str, object]:

@@ -132,7 +132,7 @@ def check(model: Named, json_output: Json = False) -> None:
     try:
         description = load_model(model).describe()
     except ModelError as error:
-        mistakes = _mistakes(error)
+        mistakes = [line.strip() for line in str(error).splitlines() if line.strip()] or ["(no message)"]
         if json_output:
             print_json({"model": model, "ok": False, "mistakes": mistakes})
         count = "1 mistake" if len(mistakes) == 1 else f"{len(mistakes)} mistakes"
@@ -148,10 +148,6 @@ def check(model: Named, json_output: Json = False) -> None:
     say(f"{description['path']}: fine", style="bold")
     for line in checked:
         say(line, indent=2)
-
-
-def _mistakes(error: ValueError) -> list[str]:
-    return [line.strip() for line in str(error).splitlines() if line.strip()] or ["(no message)"]
 
 
 @group.command(

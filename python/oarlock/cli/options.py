@@ -16,6 +16,13 @@ ModelName = Annotated[
 OutFolder = Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write.")]
 Json = Annotated[bool, typer.Option("--json", help="Print only one JSON document, on stdout.")]
 Force = Annotated[bool, typer.Option("--force", help="Write into a folder that contains other files.")]
+CalibrationFile = Annotated[
+    Path | None,
+    typer.Option("--calibration", metavar="FILE", help="Calibration file with mounts and lengths."),
+]
+Jobs = Annotated[
+    int | None, typer.Option("--jobs", metavar="N", min=1, help="Parallel processes; default: all cores.")
+]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="A model parameter, e.g. l_ua_r=0.31 (SI). Repeatable."),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from oarlock.cli.options import Force, Json, OutFolder, example
+from oarlock.cli.options import Force, Jobs, Json, OutFolder, example
 from oarlock.cli.terminal import (
     UsageError,
     fresh_folder,
@@ -75,9 +75,7 @@ def reproduce(
     duration_s: Annotated[
         float, typer.Option("--duration-s", metavar="S", min=4.0, help="Length of each recording.")
     ] = 40.0,
-    jobs: Annotated[
-        int | None, typer.Option("--jobs", metavar="N", min=1, help="Parallel processes; default: all cores.")
-    ] = None,
+    jobs: Jobs = None,
     force: Force = False,
     json_output: Json = False,
 ) -> None:

@@ -47,26 +47,20 @@ def asked_effects(
         UsageError: an unknown preset or effect, or options that need `--field`.
         DataError: a strength out of range.
     """
-    from oarlock.rowing import FieldEffects
+    from oarlock.rowing.simulation.simulators import PRESETS
 
-    presets = {
-        "careful": FieldEffects(),
-        "wild": FieldEffects.wild(),
-        "misfit": FieldEffects.misfit(),
-        "off": FieldEffects.off(),
-    }
     if field is None:
         if effect or strength != 1.0 or rate_hz != 125.0:
             raise UsageError("--effect, --strength and --rate-hz need --field, for example --field careful")
         return None
-    if field not in presets:
-        raise UsageError(f"--field {field}: choose one of {', '.join(presets)}")
+    if field not in PRESETS:
+        raise UsageError(f"--field {field}: choose one of {', '.join(PRESETS)}")
     told = assignments(effect, "--effect")
-    unknown = [name for name in told if name not in presets["off"].strengths()]
+    unknown = [name for name in told if name not in PRESETS["off"].strengths()]
     if unknown:
-        known = ", ".join(presets["off"].strengths())
+        known = ", ".join(PRESETS["off"].strengths())
         raise UsageError(f"--effect {unknown[0]}: no such effect. There are {known}")
-    return replace(presets[field].scaled(strength), **told)
+    return replace(PRESETS[field].scaled(strength), **told)
 
 
 def simulate_in_the_field(

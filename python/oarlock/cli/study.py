@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from oarlock.cli.options import Force, Json, example
+from oarlock.cli.options import Force, Jobs, Json, example
 from oarlock.cli.terminal import (
     UsageError,
     fresh_folder,
@@ -54,9 +54,7 @@ def study(
         int | None,
         typer.Option("--seeds", metavar="N", min=1, help="Use seeds 0 to N-1 instead of the file's."),
     ] = None,
-    jobs: Annotated[
-        int | None, typer.Option("--jobs", metavar="N", min=1, help="Parallel processes; default: all cores.")
-    ] = None,
+    jobs: Jobs = None,
     keys: Annotated[bool, typer.Option("--keys", help="List what this study can vary, and exit.")] = False,
     force: Force = False,
     json_output: Json = False,

@@ -10,16 +10,7 @@ from typing import TYPE_CHECKING
 from oarlock.cli.terminal import heading, say
 
 if TYPE_CHECKING:
-    from oarlock import Calibration, Config, Model, Recording, Suspect
-
-
-def look_for_suspects(
-    model: Model, recording: Recording, calibration: Calibration | None, config: Config
-) -> tuple[Suspect, ...]:
-    """Return the suspects that `oarlock.suspects` finds."""
-    import oarlock
-
-    return oarlock.suspects(model, recording, calibration, config)
+    from oarlock import Suspect
 
 
 def write_suspects(found: Sequence[Suspect]) -> None:

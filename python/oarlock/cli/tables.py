@@ -10,13 +10,13 @@ from oarlock.evaluation.marker_scores import MarkerEvaluation
 from oarlock.evaluation.scores import Evaluation, SensorScore, presentation
 from oarlock.evaluation.summary import TrackSummary, summarize
 from oarlock.evaluation.suspects.text import SUSPECT_NOTE
-from oarlock.evaluation.tracklike import TrackLike
+from oarlock.tracking.track import Track
 
 # decimals of an error in this unit
 _DIGITS = {"deg": ".3f", "mm": ".2f"}
 
 
-def write_summary(track: TrackLike) -> None:
+def write_summary(track: Track) -> None:
     """Prints samples, speed, unobserved joints and the health of each sensor."""
     summary = summarize(track)
     pairs(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from oarlock.cli.options import Force, Json, ModelName, OutFolder, example, names
+from oarlock.cli.options import CalibrationFile, Force, Json, ModelName, OutFolder, example, names
 from oarlock.cli.settings import (
     DEFAULTS,
     ConfiguredCommand,
@@ -16,7 +16,7 @@ from oarlock.cli.settings import (
     settings_of_file,
     split,
 )
-from oarlock.cli.suspects import explained, look_for_suspects, write_suspects
+from oarlock.cli.suspects import explained, write_suspects
 from oarlock.cli.tables import write_summary
 from oarlock.cli.terminal import UsageError, fresh_folder, print_json, say, steps, verb
 from oarlock.cli.track_folder import RECORDING_FILE, RUN_FILE, beside, document, run_filter, write_folder
@@ -74,10 +74,7 @@ def track(
             "--config", metavar="FILE", help="Settings of the filter: a TOML file, or an earlier run.toml."
         ),
     ] = None,
-    calibration: Annotated[
-        Path | None,
-        typer.Option("--calibration", metavar="FILE", help="Calibration file with mounts and lengths."),
-    ] = None,
+    calibration: CalibrationFile = None,
     only: Annotated[
         str | None,
         typer.Option(
@@ -119,8 +116,8 @@ def track(
     json_output: Json = False,
 ) -> None:
     """Track a recording: write joint angles with uncertainty, run.toml and report.html into a folder."""
-    from oarlock import load_model, load_recording
-    from oarlock.recording.calibration import load_calibration
+    from oarlock import load_calibration, load_model, load_recording
+    from oarlock import suspects as find_suspects
 
     body = load_model(model)
     parameters, chosen = split(settings, body.parameters)
@@ -165,7 +162,7 @@ def track(
     if (out / RECORDING_FILE).exists():
         raise UsageError(f"{out} is a recording; choose another folder for the results")
     fresh_folder(out, RUN_FILE, force)
-    found = look_for_suspects(body, measured, wearing, config) if suspects else ()
+    found = find_suspects(body, measured, wearing, config) if suspects else ()
     with explained(found, out, f"Track of {body.name}"):
         result = run_filter(body, measured, wearing, config, smooth, asked)
     result = result.with_notes(*(suspect.note for suspect in found))

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, NoReturn
 import typer
 from rich.text import Text
 
-from oarlock.cli.suspects import look_for_suspects
 from oarlock.cli.tables import speed
 from oarlock.cli.terminal import (
     EXIT_DATA,
@@ -107,6 +106,7 @@ def _results(
     told: Told,
 ) -> Iterator[tuple[Path, Track | Failure, tuple[Suspect, ...]]]:
     """Tracks as many recordings at a time as there are threads, to limit memory."""
+    from oarlock import suspects
     from oarlock.tracking.many import outcomes
 
     width = threads or os.cpu_count() or 1
@@ -121,7 +121,7 @@ def _results(
         found = broken | dict(zip(jobs, tracked, strict=True))
         for path in batch:
             job = jobs.get(str(path)) if look else None
-            looked = () if job is None else look_for_suspects(body, *job)
+            looked = () if job is None else suspects(body, *job)
             yield path, _with_reason(found[str(path)], looked), looked
 
 

@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 from scipy.signal import correlate, find_peaks
 
+from oarlock.evaluation.interval import Floats
 from oarlock.evaluation.resample import resample
-from oarlock.evaluation.tracklike import Floats
 from oarlock.storage.errors import DataError
 
 GRID_S: Final = 0.01

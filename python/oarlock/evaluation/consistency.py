@@ -16,21 +16,19 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.special import gammaincinv
 
-from oarlock.evaluation.resample import resample, resample_rotation
-from oarlock.evaluation.scores import SensorScore, StateScore
-from oarlock.evaluation.tracklike import (
-    BeliefsLike,
+from oarlock.evaluation.interval import (
     Bools,
     Floats,
-    InfoLike,
     Interval,
-    TrackLike,
     beliefs_of,
     info_of,
 )
+from oarlock.evaluation.resample import resample, resample_rotation
+from oarlock.evaluation.scores import SensorScore, StateScore
 from oarlock.model.coordinates import Kind, parts
 from oarlock.model.rotation import quat_from_rotvec, rotvec_between, wrap
-from oarlock.tracking.records import DISTURBED, FAULT, FIELD
+from oarlock.tracking.records import DISTURBED, FAULT, FIELD, Beliefs, SensorInfo
+from oarlock.tracking.track import Track
 
 
 def interval_95(degrees: float) -> tuple[float, float]:
@@ -46,7 +44,7 @@ def chi2_quantile(probability: float, degrees: ArrayLike) -> Floats:
     return quantile
 
 
-def sensor_scores(track: TrackLike, window: Interval) -> tuple[SensorScore, ...]:
+def sensor_scores(track: Track, window: Interval) -> tuple[SensorScore, ...]:
     """NIS per measurement of every sensor and closure: sum of NIS over sum of used rows in the window.
 
     The last one, `all inertial`, treats all inertial units of a sample as one measurement with their joint covariance.
@@ -83,7 +81,7 @@ def _disturbed(field: NDArray[Any]) -> dict[str, float]:
     return {test: count / there for test, count in failed.items() if count}
 
 
-def _rows(info: InfoLike, k: int) -> int:
+def _rows(info: SensorInfo, k: int) -> int:
     """Largest number of rows in one sample of the sensor."""
     return int((info.used[:, k] + info.rejected[:, k] + info.missing[:, k]).max(initial=0))
 
@@ -93,7 +91,7 @@ def _faults(fault: NDArray[Any], there: Bools) -> dict[str, float]:
     return {name: count / np.count_nonzero(there) for name, count in found.items() if count}
 
 
-def _inertial_score(info: InfoLike, kept: Bools) -> tuple[SensorScore, ...]:
+def _inertial_score(info: SensorInfo, kept: Bools) -> tuple[SensorScore, ...]:
     nis, used = info.inertial_nis[kept], info.inertial_used[kept]
     counted = np.isfinite(nis) & (used > 0)
     degrees = int(used[counted].sum())
@@ -103,9 +101,7 @@ def _inertial_score(info: InfoLike, kept: Bools) -> tuple[SensorScore, ...]:
     return (SensorScore("all inertial", value, interval_95(degrees), degrees, 0, 0, joint=True),)
 
 
-def state_score(
-    track: TrackLike, truth: TrackLike, window: Interval, joints: Sequence[str]
-) -> StateScore | None:
+def state_score(track: Track, truth: Track, window: Interval, joints: Sequence[str]) -> StateScore | None:
     """NEES per state of the given joints' angles, velocities and accelerations, with their full covariance.
 
     ``joints`` are named as their scores are (`pelvis.rotation`). The error of a rotation is the rotation from truth to
@@ -133,7 +129,7 @@ def state_score(
     return StateScore(value, interval_95(degrees), count, degrees, singular)
 
 
-def _state_errors(beliefs: BeliefsLike, track: TrackLike, truth: TrackLike, joints: Sequence[str]) -> Floats:
+def _state_errors(beliefs: Beliefs, track: Track, truth: Track, joints: Sequence[str]) -> Floats:
     """Mean minus truth, (B, n); NaN for states without a true value."""
     error = np.full(beliefs.mean.shape, np.nan)
     states = list(beliefs.state_names)

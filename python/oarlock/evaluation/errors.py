@@ -7,11 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock._core import Model
+from oarlock.evaluation.interval import Floats, Interval
 from oarlock.evaluation.resample import resample, resample_rotation
 from oarlock.evaluation.scores import JointScore, PositionScore
-from oarlock.evaluation.tracklike import Floats, Interval, TrackLike
 from oarlock.model.coordinates import Part, parts
 from oarlock.model.rotation import quat_from_rotvec, rotvec_between, wrap
+from oarlock.tracking.track import Track
 
 LANDMARKS = frozenset({"shoulder", "elbow", "wrist", "hand"})
 """Words in a frame's name that mark it as a landmark."""
@@ -23,7 +25,7 @@ CONSTANT = 1e-9
 """A signal that varies by less than this (rad or m) counts as constant: its correlation is not computed."""
 
 
-def true_values(track: TrackLike, truth: TrackLike, part: Part) -> Floats:
+def true_values(track: Track, truth: Track, part: Part) -> Floats:
     """Truth at the track's time stamps: (T, 1), a position (T, 3) or quat_wxyz (T, 4); NaN where missing."""
     other = next((p for p in parts(truth.coordinate_names) if p.name == part.name), None)
     if other is None or other.kind != part.kind:
@@ -36,7 +38,7 @@ def true_values(track: TrackLike, truth: TrackLike, part: Part) -> Floats:
     return np.stack(columns, axis=1)
 
 
-def part_error(track: TrackLike, truth: TrackLike, part: Part) -> Floats:
+def part_error(track: Track, truth: Track, part: Part) -> Floats:
     """Estimate minus truth at the track's stamps, rad or m; NaN where either is missing.
 
     (T, 1) for a hinge, rad in (-pi, pi], and for a slide; (T, 3) for a position, in its axes; for a rotation -e (T, 3)
@@ -49,7 +51,7 @@ def part_error(track: TrackLike, truth: TrackLike, part: Part) -> Floats:
     return wrap(error) if part.kind == "scalar" and track[part.joint].unit == "rad" else error
 
 
-def seen(track: TrackLike, part: Part, kept: NDArray[np.bool_]) -> bool:
+def seen(track: Track, part: Part, kept: NDArray[np.bool_]) -> bool:
     """Whether the part is observed in at least half of the kept samples (T,)."""
     return bool(np.mean(track.observed[kept][:, list(part.columns)].all(axis=1)) >= 0.5)
 
@@ -75,23 +77,23 @@ def scalar_score(
     )
 
 
-def landmark_frames(track: TrackLike, truth: TrackLike) -> tuple[str, ...]:
+def landmark_frames(track: Track, truth: Track) -> tuple[str, ...]:
     """Frames called shoulder, elbow, wrist or hand; if there are none, the frames without child frames."""
     if track.model is None or truth.model is None:
         return ()
     names = tuple(track.model.frame_names)
     known = set(truth.model.frame_names)
     landmarks = tuple(name for name in names if LANDMARKS & set(name.split("_")))
-    return tuple(name for name in landmarks or _leaves(track, names) if name in known)
+    return tuple(name for name in landmarks or _leaves(track.model, names) if name in known)
 
 
-def _leaves(track: TrackLike, names: Sequence[str]) -> tuple[str, ...]:
-    carrying = {frame["parent"] for frame in track.model.describe()["frames"]}
+def _leaves(model: Model, names: Sequence[str]) -> tuple[str, ...]:
+    carrying = {frame["parent"] for frame in model.describe()["frames"]}
     return tuple(name for name in names if name not in carrying)
 
 
 def position_scores(
-    track: TrackLike, truth: TrackLike, window: Interval, frames: Sequence[str]
+    track: Track, truth: Track, window: Interval, frames: Sequence[str]
 ) -> tuple[PositionScore, ...]:
     """One score per frame, positions in root axes; frames without any common finite sample are left out."""
     kept = window.of(track.time_s)
@@ -99,7 +101,7 @@ def position_scores(
     return tuple(score for score in scores if score.samples)
 
 
-def _position_score(track: TrackLike, truth: TrackLike, frame: str, kept: NDArray[np.bool_]) -> PositionScore:
+def _position_score(track: Track, truth: Track, frame: str, kept: NDArray[np.bool_]) -> PositionScore:
     at_s, estimate, true = (
         track.time_s[kept],
         track.frame_positions(frame)[kept],

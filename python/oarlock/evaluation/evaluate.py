@@ -12,14 +12,15 @@ import numpy as np
 
 from oarlock.evaluation.consistency import sensor_scores, state_score
 from oarlock.evaluation.errors import landmark_frames, position_scores
+from oarlock.evaluation.interval import Interval
 from oarlock.evaluation.joints import joint_scores
 from oarlock.evaluation.scores import Evaluation
-from oarlock.evaluation.tracklike import Interval, TrackLike
 from oarlock.storage.errors import DataError
+from oarlock.tracking.track import Track
 
 
 def evaluate(
-    track: TrackLike, truth: TrackLike, start_s: float = 2.0, frames: Sequence[str] | None = None
+    track: Track, truth: Track, start_s: float = 2.0, frames: Sequence[str] | None = None
 ) -> Evaluation:
     """Score a track against ground truth.
 
@@ -55,7 +56,7 @@ def evaluate(
     )
 
 
-def _require_overlap(track: TrackLike, truth: TrackLike, window: Interval) -> None:
+def _require_overlap(track: Track, truth: Track, window: Interval) -> None:
     inside = Interval(float(truth.time_s[0]), float(truth.time_s[-1])) if len(truth.time_s) else None
     kept = window.of(track.time_s)
     if not kept.any():
@@ -70,7 +71,7 @@ def _require_overlap(track: TrackLike, truth: TrackLike, window: Interval) -> No
         )
 
 
-def _span(track: TrackLike) -> str:
+def _span(track: Track) -> str:
     if not len(track.time_s):
         return "no samples"
     return f"{track.time_s[0]:.3f} to {track.time_s[-1]:.3f} s"

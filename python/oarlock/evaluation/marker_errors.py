@@ -9,11 +9,11 @@ import numpy as np
 from scipy.optimize import minimize, minimize_scalar
 
 from oarlock.evaluation.clock import coarse_offset
+from oarlock.evaluation.interval import Bools, Floats, Interval
 from oarlock.evaluation.marker_scores import MarkerEvaluation, PointScore
 from oarlock.evaluation.markers.attachments import Attachment, attachments_of, check_frames
 from oarlock.evaluation.markers.trajectories import Markers
 from oarlock.evaluation.resample import resample
-from oarlock.evaluation.tracklike import Bools, Floats, Interval
 from oarlock.model.rotation import matrix_from_quat
 from oarlock.storage.errors import DataError
 from oarlock.tracking.track import Track

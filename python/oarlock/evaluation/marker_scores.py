@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from oarlock.evaluation.scores import aligned, json_number
-from oarlock.evaluation.tracklike import Floats
+from oarlock.evaluation.interval import Floats
+from oarlock.evaluation.scores import aligned, json_number, plain
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,15 +34,7 @@ class PointScore:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-safe, SI; None where there is no number."""
-        return {
-            "frame": self.frame,
-            "samples": self.samples,
-            "rmse_m": [json_number(v) for v in self.rmse_m],
-            "rmse_3d_m": json_number(self.rmse_3d_m),
-            "correlation": [json_number(v) for v in self.correlation],
-            "correlation_3d": json_number(self.correlation_3d),
-            "mean_error_m": [json_number(v) for v in self.mean_error_m],
-        }
+        return {name: plain(value) for name, value in vars(self).items()}
 
 
 @dataclass(frozen=True, eq=False)

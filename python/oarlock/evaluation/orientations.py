@@ -1,9 +1,7 @@
 """`evaluate_orientations`: hinge angles compared with orientations from another system for the same sensors.
 
-Each unit has its own north, so headings of different units disagree, and the rotation between two neighbours is not a
-pure rotation about their hinge. The rotation of a unit since the stationary interval, in its own axes, does not depend
-on its north. The mount converts it to the link, and the posture in the stationary interval converts it to the world.
-The hinge angle is the twist of a link relative to the previous one, about their hinge.
+Every unit of such a system has its own north, so only its rotation since a stationary interval, in its own axes, is
+used. The mount transforms it to the link; the hinge angle is the twist of a link relative to the one before.
 """
 
 from __future__ import annotations
@@ -17,9 +15,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from oarlock.evaluation.consistency import sensor_scores
+from oarlock.evaluation.interval import Bools, Floats, Interval
 from oarlock.evaluation.joints import joint_scores
 from oarlock.evaluation.scores import Evaluation
-from oarlock.evaluation.tracklike import Bools, Floats, Interval
 from oarlock.model.chain_geometry import HingeLink, hinge_links, posture
 from oarlock.storage.array_gate import real_array
 from oarlock.storage.errors import DataError
@@ -151,7 +149,11 @@ def angles_from_orientations(
         column = list(model.coordinate_names).index(link.joint)
         q[:, column] = rest_q[column] + twist
         if i:
-            parent, child = (_bare(units[k][0], calibration.mounts[links[k].sensor][0]) for k in (i - 1, i))
+            # earth_from_link, with each unit's own north
+            parent, child = (
+                units[k][0] * Rotation.from_matrix(calibration.mounts[links[k].sensor][0]).inv()
+                for k in (i - 1, i)
+            )
             plain[link.joint] = _off_plain(parent.inv() * child, links[i - 1], link, good)
     provenance = {"model": model.name, "reference": "orientations"}
     return OrientationReference(track_without_filter(model, time_s, q, provenance=provenance), off, plain)
@@ -211,11 +213,6 @@ def _world_from_link(
     mount = Rotation.from_matrix(link_from_sensor)
     since_rest = unit[resting].mean().inv() * unit
     return Rotation.from_matrix(link.world_from_link) * mount * since_rest * mount.inv()
-
-
-def _bare(unit: Rotation, link_from_sensor: Floats) -> Rotation:
-    """earth_from_link (T), with the unit's own north."""
-    return unit * Rotation.from_matrix(link_from_sensor).inv()
 
 
 def _twist(between: Rotation, link: HingeLink, still: Rows, good: Bools) -> tuple[Floats, Floats]:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from oarlock.evaluation.tracklike import STAMP_TOLERANCE_S, Bools, Floats
+from oarlock.evaluation.interval import STAMP_TOLERANCE_S, Bools, Floats
 from oarlock.model.rotation import continuous_quat
 from oarlock.storage.errors import DataError
 

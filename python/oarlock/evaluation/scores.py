@@ -98,12 +98,7 @@ class PositionScore:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-safe, SI."""
-        return {
-            "samples": self.samples,
-            "rmse_m": json_number(self.rmse_m),
-            "axis_rmse_m": [json_number(v) for v in self.axis_rmse_m],
-            "axis_correlation": [json_number(v) for v in self.axis_correlation],
-        }
+        return {name: plain(value) for name, value in vars(self).items() if name != "frame"}
 
 
 @dataclass(frozen=True)
@@ -123,11 +118,7 @@ class StateScore:
     def to_dict(self) -> dict[str, Any]:
         """JSON-safe."""
         return {
-            "nees_per_state": json_number(self.nees),
-            "interval_95": [json_number(v) for v in self.interval_95],
-            "beliefs": self.beliefs,
-            "degrees": self.degrees,
-            "singular": self.singular,
+            "nees_per_state" if name == "nees" else name: plain(value) for name, value in vars(self).items()
         }
 
 
@@ -152,15 +143,10 @@ class SensorScore:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-safe."""
-        return {
-            "nis_per_measurement": json_number(self.nis),
-            "interval_95": [json_number(v) for v in self.interval_95],
-            "used": self.used,
-            "rejected": self.rejected,
-            "missing": self.missing,
-            "disturbed": dict(self.disturbed),
-            "faults": dict(self.faults),
+        own = {
+            name: plain(value) for name, value in vars(self).items() if name not in ("name", "joint", "nis")
         }
+        return {"nis_per_measurement": plain(self.nis), **own}
 
 
 @dataclass(frozen=True)
@@ -291,6 +277,15 @@ def _text_row(row: dict[str, Any]) -> list[str]:
 
 def _mean_of(values: Sequence[float]) -> float:
     return float(np.mean(values)) if values else NAN
+
+
+def plain(value: Any) -> Any:
+    """Numbers, lists and tables of them for JSON; None where there is no number."""
+    if isinstance(value, float):
+        return json_number(value)
+    if isinstance(value, Mapping):
+        return {key: plain(one) for key, one in value.items()}
+    return [plain(float(one)) for one in value] if isinstance(value, tuple | np.ndarray) else value
 
 
 def json_number(value: float) -> float | None:

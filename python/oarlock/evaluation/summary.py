@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from oarlock.evaluation.consistency import sensor_scores
+from oarlock.evaluation.interval import Interval
 from oarlock.evaluation.scores import SensorScore
-from oarlock.evaluation.tracklike import Interval, TrackLike
 from oarlock.model.coordinates import joint_columns
+from oarlock.tracking.track import Track
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class TrackSummary:
     sensors: tuple[SensorScore, ...]
 
 
-def summarize(track: TrackLike) -> TrackSummary:
+def summarize(track: Track) -> TrackSummary:
     """The summary of a track. That of a simulated ground truth contains no sensors."""
     samples = len(track.time_s)
     duration_s = float(track.time_s[-1] - track.time_s[0]) if samples else 0.0

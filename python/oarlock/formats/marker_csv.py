@@ -65,13 +65,10 @@ def _read_plain(file: Path, unit: str | None) -> Markers:
     held = held_unit(said, unit, f"{file}:{head.line}, header")
     if delimiter == ";":  # if semicolons separate columns, commas are decimal marks
         data = [Row(row.line, tuple(cell.replace(",", ".") for cell in row.cells)) for row in data]
-    values = numbers(data, 0, len(head.cells), file) if _all_numbers(head) else _picked(data, columns, file)
+    known = all(_TIME.fullmatch(cell) or _COLUMN.fullmatch(cell) for cell in head.cells)
+    values = numbers(data, 0, len(head.cells), file) if known else _picked(data, columns, file)
     chosen = values[:, columns] if values.shape[1] == len(head.cells) else values
     return markers_of(file, names, _time_column(data, times[0], file), chosen, held)
-
-
-def _all_numbers(head: Row) -> bool:
-    return all(_TIME.fullmatch(cell) or _COLUMN.fullmatch(cell) for cell in head.cells)
 
 
 def _picked(data: Sequence[Row], columns: Sequence[int], file: Path) -> FloatArray:

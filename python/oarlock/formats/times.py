@@ -104,8 +104,7 @@ def on_one_axis(files: Sequence[Stamps], names: Sequence[str]) -> tuple[list[Flo
     for stamps, name in zip(files, names, strict=True):
         if stamps.family != family:
             raise DataError(
-                f"{name}: its time is {_FAMILY_TEXT[stamps.family]}, "
-                f"that of {names[0]} is {_FAMILY_TEXT[family]}. "
+                f"{name}: its time is {_FAMILY_TEXT[stamps.family]}, that of {names[0]} is {_FAMILY_TEXT[family]}. "
                 "They have no common clock; import them separately, or export one of them again."
             )
     if family == "relative":

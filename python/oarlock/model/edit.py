@@ -39,6 +39,12 @@ def model_of(document: Table, model: Model) -> Model:
     return type(model).from_toml(toml_text(document), model.path, values)
 
 
+def moving_frame(name: str, parent: str, axis: str, joint: str, **more: object) -> Document:
+    """The table of a frame at its parent's origin that a joint rotates about, or moves along, an axis."""
+    still = {"translation": [0, 0, 0]}
+    return {"name": name, "parent": parent, "transform": still, "axis": axis, "joint": joint, **more}
+
+
 def with_parameters(model: Model, values: Mapping[str, float]) -> Model:
     """See `Model.with_parameters`."""
     return type(model).from_toml(model.text, model.path, model.parameters | dict(values)) if values else model

@@ -100,9 +100,8 @@ def _check_rotation(matrix: FloatArray, where: str) -> None:
         error = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
     if not error <= ROTATION_TOLERANCE:
         raise DataError(
-            f"{where}: rows are not orthonormal (R R^T is off by {error:.3g}, "
-            f"allowed {ROTATION_TOLERANCE:g}). "
-            "Give more digits, or use the nearest rotation."
+            f"{where}: rows are not orthonormal (R R^T is off by {error:.3g}, allowed {ROTATION_TOLERANCE:g}). Give "
+            "more digits, or use the nearest rotation."
         )
     if np.linalg.det(matrix) < 0:
         raise DataError(f"{where}: is a mirror (determinant -1), not a rotation. Check the sign of one axis.")

@@ -30,7 +30,10 @@ def stuck_texts(stream: ImuStream, others_move: bool) -> list[str]:
     """One sentence for each quantity whose axes keep one value for half a second while the unit moves."""
     if len(stream) < STUCK_ROWS:
         return []
-    runs = {name: [_longest_equal(column) for column in rows.T] for name, rows in stream.values.items()}
+    runs = {
+        name: [_longest(column[1:] == column[:-1]) for column in rows.T]
+        for name, rows in stream.values.items()
+    }
     if others_move and _whole(stream, runs):
         first = max(first for own in runs.values() for first, _ in own)
         stop = min(stop for own in runs.values() for _, stop in own)
@@ -40,8 +43,7 @@ def stuck_texts(stream: ImuStream, others_move: bool) -> list[str]:
             else "for a while"
         )
         return [
-            f"looks stuck: all readings are identical {when}, unlike those of a working sensor. "
-            "Check its connection."
+            f"looks stuck: all readings are identical {when}, unlike those of a working sensor. Check its connection."
         ]
     texts = []
     for name, own in runs.items():
@@ -109,12 +111,8 @@ def _is_long(stream: ImuStream, first: int, stop: int) -> bool:
     return stop - first >= STUCK_ROWS and stream.time_s[stop - 1] - stream.time_s[first] >= 0.99 * STUCK_S
 
 
-def _longest_equal(column: FloatArray) -> tuple[int, int]:
-    """Start and stop index of the longest run of equal values."""
-    return _longest(column[1:] == column[:-1])
-
-
 def _longest(same: NDArray[np.bool_]) -> tuple[int, int]:
+    """Start and stop index of the longest run of equal values, from where each equals the next."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(np.int8)))
     if not edges.size:
         return 0, 1

@@ -3,7 +3,6 @@
 Nothing is repaired. A finding states the sensor, the number and what to change.
 """
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -17,7 +16,6 @@ from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, ScalarStream, Stream
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
-from oarlock.storage.suggest import did_you_mean
 
 Severity: TypeAlias = Literal["error", "warning", "note"]
 
@@ -72,32 +70,22 @@ class Finding:
         return f"{self.sensor}: {self.message}"
 
 
-def plausibility(recording: Recording, expected: Collection[str] = ()) -> list[Finding]:
-    """Check for wrong units, dead sensors and gaps.
-
-    Args:
-        recording: the recording; it is not modified.
-        expected: names of the model's sensors and inputs, if a model is given. A missing stream is then a note, and
-            a stream without a sensor is a warning.
-
-    Returns:
-        Findings, errors first.
-    """
+def plausibility(recording: Recording) -> list[Finding]:
+    """Findings on wrong units, dead sensors and gaps, errors first. The recording is not modified."""
     # Overflowing sums are no numpy warning here: the checks report such readings.
     with np.errstate(over="ignore", invalid="ignore"):
         findings = [f for stream in recording.streams for f in _stream_findings(recording, stream)]
         findings += _frozen_findings([s for s in recording.streams if isinstance(s, ImuStream)])
-    findings += _name_findings(recording, expected)
     return sorted(findings, key=lambda f: ("error", "warning", "note").index(f.severity))
 
 
-def require_plausible(recording: Recording, expected: Collection[str] = ()) -> list[Finding]:
+def require_plausible(recording: Recording) -> list[Finding]:
     """The warnings and notes of `plausibility`.
 
     Raises:
         DataError: At least one finding is an error. The text contains all errors.
     """
-    findings = plausibility(recording, expected)
+    findings = plausibility(recording)
     errors = [str(f) for f in findings if f.severity == "error"]
     if errors:
         raise DataError("\n".join(errors))
@@ -270,22 +258,6 @@ def _gap_findings(recording: Recording, stream: Stream) -> list[Finding]:
             f"has {gaps.size} gaps in time, longest {steps[worst]:.3g} s after {stream.time_s[worst]:.3f} s.",
         )
     ]
-
-
-def _name_findings(recording: Recording, expected: Collection[str]) -> list[Finding]:
-    if not expected:
-        return []
-    absent = [
-        Finding(n, "note", "the recording has no stream of this name.")
-        for n in expected
-        if n not in recording
-    ]
-    unused = [
-        Finding(n, "warning", f"the model has no sensor or input of this name. {did_you_mean(n, expected)}")
-        for n in recording.names
-        if n not in expected
-    ]
-    return unused + absent
 
 
 def _norms(rows: FloatArray | None) -> tuple[FloatArray, NDArray[np.bool_]]:

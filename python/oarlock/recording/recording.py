@@ -49,8 +49,7 @@ class Recording:
             if stream.name in seen:
                 raise DataError(
                     f'two streams have the name "{stream.name}" '
-                    f"(streams[{seen[stream.name]}] and streams[{index}]). "
-                    "Give each sensor its own name."
+                    f"(streams[{seen[stream.name]}] and streams[{index}]). Give each sensor its own name."
                 )
             seen[stream.name] = index
 
@@ -136,8 +135,7 @@ class Recording:
         width = max(len(n) for n in self.names)
         kind_width = max(6, *(len(s.kind) for s in self))
         lines = [
-            f"Recording: {len(self)} streams, {self.start_s:.6g} to {self.end_s:.6g} s "
-            f"({self.duration_s:.4g} s)"
+            f"Recording: {len(self)} streams, {self.start_s:.6g} to {self.end_s:.6g} s ({self.duration_s:.4g} s)"
         ]
         for s in self.streams:
             rate = "-" if len(s) == 1 else f"{s.rate_hz:.4g}"

@@ -34,8 +34,7 @@ class _Stream:
         rows = real_array(getattr(self, field_name), shape, where)
         if len(rows) != len(self.time_s):
             raise DataError(
-                f"{where}: has {len(rows)} rows, but time_s has {len(self.time_s)}. "
-                "Give one row for each time stamp."
+                f"{where}: has {len(rows)} rows, but time_s has {len(self.time_s)}. Give one row for each time stamp."
             )
         check_no_infinity(rows, self.time_s, where)
         return rows

@@ -10,12 +10,13 @@ import numpy as np
 
 from oarlock.evaluation.angles import angle_error, named_angles
 from oarlock.evaluation.errors import BAND_95, part_error
+from oarlock.evaluation.interval import Bools, Floats, Interval
 from oarlock.evaluation.joints import part_unit
 from oarlock.evaluation.scores import Evaluation, JointScore, presentation
-from oarlock.evaluation.tracklike import Bools, Floats, Interval, TrackLike
 from oarlock.model.coordinates import Part, parts
 from oarlock.report import markup, plot
 from oarlock.report.text import MINUS, number, percent
+from oarlock.tracking.track import Track
 
 WIDTH, LEFT, RIGHT = 400.0, 44.0, 8.0
 CURVE_TOP, CURVE_HEIGHT, STRIP_GAP, STRIP_HEIGHT, FOOT = 6.0, 118.0, 40.0, 62.0, 20.0
@@ -46,7 +47,7 @@ class Curve:
         return bool(np.mean(self.observed) >= 0.5)
 
 
-def curves_section(track: TrackLike, truth: TrackLike | None, evaluation: Evaluation | None) -> str:
+def curves_section(track: Track, truth: Track | None, evaluation: Evaluation | None) -> str:
     """The grid of drawings with its legend."""
     reference = "truth" if evaluation is None or evaluation.reference == "truth" else "reference"
     window = detail_window(track, truth)
@@ -60,7 +61,7 @@ def curves_section(track: TrackLike, truth: TrackLike | None, evaluation: Evalua
     return f"{legend(shown, window)}{near}{markup.grid(figures, 'tall')}"
 
 
-def detail_window(track: TrackLike, truth: TrackLike | None) -> Interval:
+def detail_window(track: Track, truth: Track | None) -> Interval:
     """The middle seconds of the track, or of its overlap with the truth."""
     start, end = float(track.time_s[0]), float(track.time_s[-1])
     if truth is not None and len(truth.time_s):
@@ -69,7 +70,7 @@ def detail_window(track: TrackLike, truth: TrackLike | None) -> Interval:
     return Interval(middle - half, middle + half)
 
 
-def _curves(track: TrackLike, truth: TrackLike | None, part: Part) -> list[Curve]:
+def _curves(track: Track, truth: Track | None, part: Part) -> list[Curve]:
     """One curve of a hinge or slide, three of a position; named angles of a rotation, without bands near a pole."""
     columns = list(part.columns)
     observed: Bools = np.asarray(track.observed[:, columns].all(axis=1))
@@ -99,7 +100,7 @@ def _curves(track: TrackLike, truth: TrackLike | None, part: Part) -> list[Curve
 
 
 def _curve(
-    track: TrackLike,
+    track: Track,
     name: str,
     si_unit: str,
     series: tuple[Floats, Floats, Floats | None],

@@ -172,23 +172,14 @@ def ranking(
     rows: Sequence[Mapping[str, Dose]], scale: Scale, key: str, caption: str, clean_deg: float
 ) -> str:
     """One row per fault at its typical strength: median and range over the seeds, one mark per setting."""
-    content, size = ranking_content(rows, scale, clean_deg)
-    texts = "; ".join(f"{_sentence(row)}: {cost_text(next(iter(row.values())))}" for row in rows)
-    svg = plot.drawing(key, size, caption, texts, content)
-    return markup.figure(caption, svg, key=f"{key}-figure")
-
-
-def ranking_content(
-    rows: Sequence[Mapping[str, Dose]], scale: Scale, clean_deg: float, width: float = 400.0
-) -> tuple[str, tuple[float, float]]:
-    """The inside of a ranking, and its size."""
     height = ROW * len(rows)
     low, high = (math.log10(value) for value in scale.range)
-    panel = Panel(SIDE, TOP, width - 2 * SIDE, height, (low, high), (0.0, 1.0))
+    panel = Panel(SIDE, TOP, SIZE[0] - 2 * SIDE, height, (low, high), (0.0, 1.0))
     parts = [_upright(panel, scale, clean_deg)]
-    for k, row in enumerate(rows):
-        parts.append(_row(panel, row, TOP + ROW * k + 23.0, scale))
-    return "".join(parts), (width, TOP + height + 22.0)
+    parts += [_row(panel, row, TOP + ROW * k + 23.0, scale) for k, row in enumerate(rows)]
+    texts = "; ".join(f"{_sentence(row)}: {cost_text(next(iter(row.values())))}" for row in rows)
+    svg = plot.drawing(key, (SIZE[0], TOP + height + 22.0), caption, texts, "".join(parts))
+    return markup.figure(caption, svg, key=f"{key}-figure")
 
 
 def _row(panel: Panel, row: Mapping[str, Dose], y: float, scale: Scale) -> str:

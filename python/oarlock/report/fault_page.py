@@ -61,11 +61,6 @@ def usual_row(own: Mapping[str, Sequence[Dose]]) -> dict[str, Dose]:
     return {setting: row[row[0].fault.usual_index] for setting, row in own.items() if row[0].fault}
 
 
-def clean_level(clean: Mapping[str, Dose]) -> float:
-    """The first setting's median error without a fault, deg."""
-    return next(iter(clean.values())).median_deg
-
-
 def _ranking(clean: Mapping[str, Dose], curves: Curves, scale: charts.Scale, legend: str) -> str:
     rows = [usual_row(own) for own in curves.values()]
     size = max(-(-len(rows) // COLUMNS), FEWEST)
@@ -75,7 +70,7 @@ def _ranking(clean: Mapping[str, Dose], curves: Curves, scale: charts.Scale, leg
             scale,
             f"ranking-{first}",
             f"Ranks {first + 1} to {min(first + size, len(rows))}",
-            clean_level(clean),
+            next(iter(clean.values())).median_deg,
         )
         for first in range(0, len(rows), size)
     ]

@@ -26,7 +26,9 @@ def findings(clean: Mapping[str, Dose], curves: Curves) -> list[tuple[str, str]]
         ("Without a fault", _clean(clean[first])),
         (
             "Largest errors at typical strength:",
-            _listed([_costs(dose) for dose in usual if dose.noticed], MOST_ERRORS),
+            _listed(
+                [f"{_sentence(dose)} ({cost_text(dose)})" for dose in usual if dose.noticed], MOST_ERRORS
+            ),
         ),
         ("No measurable effect:", _listed(_free(own), MOST_NAMED)),
         ("Track lost in at least one seed:", _listed(_breaking(own), MOST_NAMED) or "no fault."),
@@ -92,10 +94,6 @@ def _against(pair: tuple[Dose, Dose]) -> str:
     other, usual = pair
     left = f"{number(other.median_deg, 2)} deg" if math.isfinite(other.median_deg) else "lost"
     return f"{_sentence(other)} ({left} instead of {number(usual.median_deg, 2)})"
-
-
-def _costs(dose: Dose) -> str:
-    return f"{_sentence(dose)} ({cost_text(dose)})"
 
 
 def _sentence(dose: Dose) -> str:

@@ -8,11 +8,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from oarlock.evaluation.consistency import chi2_quantile
+from oarlock.evaluation.interval import Floats, info_of
 from oarlock.evaluation.scores import SensorScore
-from oarlock.evaluation.tracklike import Floats, InfoLike, TrackLike, info_of
 from oarlock.report import plot
 from oarlock.report.markup import figure, grid, table
 from oarlock.report.text import DASH, breakable, fixed
+from oarlock.tracking.records import SensorInfo
+from oarlock.tracking.track import Track
 
 WIDTH, LEFT, RIGHT, TOP, HEIGHT, FOOT = 400.0, 44.0, 8.0, 6.0, 84.0, 20.0
 SMOOTHING_S = 0.5
@@ -22,16 +24,15 @@ SMOOTHING_S = 0.5
 def health_table(scores: tuple[SensorScore, ...]) -> str:
     """NIS per measurement and rows used, rejected and missing of each sensor and closure."""
     rows = [
-        [_name(s), fixed(s.nis, 2), *_counts(s), _shares(s.disturbed), _shares(s.faults), _bar(s)]
+        [breakable(s.name), fixed(s.nis, 2), *_counts(s), _shares(s.disturbed), _shares(s.faults), _bar(s)]
         for s in scores
     ]
     caption = (
-        "Single readings (channels) of each sensor, and of each closure: the constraint that two points "
-        "coincide, such as a hand and its handle. NIS per measurement is 1 if innovations are as large as "
-        "the filter expects; above 1 they are larger, below 1 smaller. Disturbed: share of a magnetometer's "
-        "samples that were not used, by the first failed test: the field's norm, its dip, the "
-        "innovation. Faults: share of samples at the limit of the sensor's range (clipped) or exactly "
-        "constant (stuck), which were not used either."
+        "Single readings (channels) of each sensor, and of each closure: the constraint that two points coincide, such "
+        "as a hand and its handle. NIS per measurement is 1 if innovations are as large as the filter expects; above 1 "
+        "they are larger, below 1 smaller. Disturbed: share of a magnetometer's samples that were not used, by the "
+        "first failed test: the field's norm, its dip, the innovation. Faults: share of samples at the limit of the "
+        "sensor's range (clipped) or exactly constant (stuck), which were not used either."
     )
     return table(
         "sensors",
@@ -39,10 +40,6 @@ def health_table(scores: tuple[SensorScore, ...]) -> str:
         ["sensor", "NIS", "used", "rejected", "missing", "disturbed", "faults", "share"],
         rows,
     )
-
-
-def _name(score: SensorScore) -> str:
-    return breakable(score.name)
 
 
 def _counts(score: SensorScore) -> list[str]:
@@ -69,7 +66,7 @@ def _bar(score: SensorScore) -> str:
     )
 
 
-def health_section(track: TrackLike, scores: tuple[SensorScore, ...]) -> str:
+def health_section(track: Track, scores: tuple[SensorScore, ...]) -> str:
     """NIS per measurement over time, one drawing per sensor that was ever used."""
     info = info_of(track)
     if info is None:
@@ -95,7 +92,7 @@ def smoothed_nis(time_s: Floats, nis: Floats, used: Floats) -> tuple[Floats, Flo
         return np.where(degrees > 0, (sums[last] - sums[first]) / degrees, np.nan), degrees
 
 
-def _nis_figure(time_s: Floats, info: InfoLike, k: int, mean_nis: float) -> str:
+def _nis_figure(time_s: Floats, info: SensorInfo, k: int, mean_nis: float) -> str:
     name = info.sensor_names[k]
     nis, degrees = smoothed_nis(time_s, info.nis[:, k], info.used[:, k].astype(float))
     low, high = _expected(degrees)

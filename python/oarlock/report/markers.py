@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from oarlock.evaluation.errors import BAND_95
+from oarlock.evaluation.interval import Bools, Floats
 from oarlock.evaluation.markers.gaps import Gap, stretches
 from oarlock.evaluation.markers.simulated import MarkerStudy
 from oarlock.evaluation.scores import presentation
-from oarlock.evaluation.tracklike import Bools, Floats
 from oarlock.model.coordinates import coordinate_units
 from oarlock.report import page, plot
 from oarlock.report.markup import bar_legend, figure, grid, notes_list, table

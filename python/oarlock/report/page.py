@@ -7,11 +7,12 @@ from collections.abc import Collection, Sequence
 from importlib.resources import files
 
 from oarlock.evaluation.consistency import sensor_scores
+from oarlock.evaluation.interval import Interval
 from oarlock.evaluation.scores import Evaluation, SensorScore
-from oarlock.evaluation.tracklike import Interval, TrackLike
 from oarlock.report import curves, health, slow, tables, verdict
 from oarlock.report.markup import bar_legend, notes_list, rendered
 from oarlock.report.section import Section, refuse_doubles, tiles
+from oarlock.tracking.track import Track
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 """Content-Security-Policy of pages without scripts: a browser loads nothing from outside."""
@@ -22,9 +23,9 @@ FOLDED = ("positions", "slow", "provenance")
 
 
 def render(
-    track: TrackLike,
+    track: Track,
     evaluation: Evaluation | None,
-    truth: TrackLike | None,
+    truth: Track | None,
     title: str | None,
     handed: Sequence[Section] = (),
 ) -> str:
@@ -77,7 +78,7 @@ def shell(
         sections=[(key, name, _unbroken(content)) for key, name, content in sections],
         folded=folded,
         definitions=definitions,
-        style=_style() + style,
+        style=files(__package__).joinpath("style.css").read_text(encoding="utf-8") + style,
         scripts=scripts,
         policy=policy,
     )
@@ -93,7 +94,7 @@ def _unbroken(markup: str) -> str:
 
 
 def _sections(
-    track: TrackLike, evaluation: Evaluation | None, truth: TrackLike | None, sensors: tuple[SensorScore, ...]
+    track: Track, evaluation: Evaluation | None, truth: Track | None, sensors: tuple[SensorScore, ...]
 ) -> list[tuple[str, str, str]]:
     nees = tables.states_sentence(evaluation.states if evaluation else None)
     sections = [
@@ -121,7 +122,7 @@ def _sections(
     return sections
 
 
-def _notes(track: TrackLike) -> str:
+def _notes(track: Track) -> str:
     notes = list(track.notes)
     nominal = [str(name) for name in track.provenance.get("nominal_mounts", ())]
     if nominal and not any("nominal" in note for note in notes):
@@ -143,7 +144,3 @@ def definitions() -> str:
         '<path class="hatch" d="M0 0V6"/></pattern></svg>'
     )
     return hatch + curves.clip_definition() + slow.clip_definition()
-
-
-def _style() -> str:
-    return files(__package__).joinpath("style.css").read_text(encoding="utf-8")

@@ -9,8 +9,6 @@ from oarlock.report.markup import rendered
 from oarlock.report.page import shell
 from oarlock.report.verdict import suspect_sentences
 
-__all__ = ["write_refusal"]
-
 
 def write_refusal(path: str | Path, title: str, notes: Sequence[str], reason: str) -> Path:
     """Write a page that works offline, instead of a report.

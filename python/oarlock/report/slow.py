@@ -7,10 +7,12 @@ import math
 import numpy as np
 
 from oarlock.evaluation.errors import BAND_95
-from oarlock.evaluation.tracklike import Floats, SlowLike, TrackLike
+from oarlock.evaluation.interval import Floats
 from oarlock.report import plot
 from oarlock.report.markup import figure, grid
 from oarlock.report.text import number
+from oarlock.tracking.records import SlowSeries
+from oarlock.tracking.track import Track
 
 WIDTH, HEIGHT, FOOT = 400.0, 84.0, 20.0
 PLACE = (44.0, 6.0, WIDTH - 52.0, HEIGHT)
@@ -24,10 +26,10 @@ SHOWN_UNITS = {
 SETTLED_SHARE = 0.05
 """The vertical range ignores this first share of the time, in which the filter converges."""
 
-Lines = list[tuple[str, SlowLike]]
+Lines = list[tuple[str, SlowSeries]]
 
 
-def slow_section(track: TrackLike, truth: TrackLike | None) -> str:
+def slow_section(track: Track, truth: Track | None) -> str:
     """One drawing per quantity with x, y and z; ground truth is dashed if it has the same name."""
     groups: dict[str, Lines] = {}
     for name, series in track.slow.items():
@@ -46,7 +48,7 @@ def _group(name: str) -> tuple[str, str]:
     return (f"{group}{dot}{rate}", axis) if axis in {"x", "y", "z"} else (name, "")
 
 
-def _true_lines(truth: TrackLike | None, group: str, lines: Lines) -> list[tuple[Floats, Floats]]:
+def _true_lines(truth: Track | None, group: str, lines: Lines) -> list[tuple[Floats, Floats]]:
     if truth is None:
         return []
     shown = {(group, axis) for axis, _ in lines}

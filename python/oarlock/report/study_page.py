@@ -75,9 +75,8 @@ def _scenarios(result: StudyResult, summary: Sequence[Mapping[str, Any]]) -> str
         )
     return table(
         "scenarios",
-        f"{MEAN[0].upper()}{MEAN[1:]}, RMSE in deg over the seeds; the interval is Student's t interval of "
-        "the mean. In the 95 % band: "
-        "share of samples; NEES per state is 1 for a consistent filter.",
+        f"{MEAN[0].upper()}{MEAN[1:]}, RMSE in deg over the seeds; the interval is Student's t interval of the mean. "
+        "In the 95 % band: share of samples; NEES per state is 1 for a consistent filter.",
         ["scenario", "mean deg", "SD", "95 % interval", "worst seed", "in 95 % band", "NEES", "seeds"],
         rows,
     )

@@ -12,17 +12,18 @@ import numpy as np
 
 from oarlock.evaluation.angles import named_angles
 from oarlock.evaluation.errors import seen
+from oarlock.evaluation.interval import Bools, Floats
 from oarlock.evaluation.joints import part_unit
 from oarlock.evaluation.scores import Evaluation, JointScore, PositionScore, StateScore, presentation
-from oarlock.evaluation.tracklike import Bools, Floats, TrackLike
 from oarlock.model.coordinates import Part, parts
 from oarlock.model.rotation import mean_quat, quat_from_rotvec, rotvec_between
 from oarlock.report.markup import table
 from oarlock.report.text import DASH, breakable, decimals, fixed, number, percent, plural
 from oarlock.report.verdict import NARROW_COVERAGE, WIDE_COVERAGE
+from oarlock.tracking.track import Track
 
 
-def joints_table(track: TrackLike, evaluation: Evaluation | None) -> str:
+def joints_table(track: Track, evaluation: Evaluation | None) -> str:
     """Per joint: range of motion and standard deviation; with truth also error, correlation, coverage and NEES.
 
     Rows of components and named angles follow a ball joint, a position and the rotation of a free joint.
@@ -49,7 +50,8 @@ def joints_table(track: TrackLike, evaluation: Evaluation | None) -> str:
     head = ["joint", "unit", "range of motion", "mean std"]
     if evaluation:
         head += ["RMSE", "mean error", "correlation", "in 95 % band", "NEES"]
-    return table("joints", _joints_caption(evaluation, several), head, _aligned(rows, len(head)), styles)
+    filled = [[*row, *[DASH] * (len(head) - len(row))] for row in rows]
+    return table("joints", _joints_caption(evaluation, several), head, filled, styles)
 
 
 _SEVERAL = (
@@ -83,7 +85,7 @@ class _Shown:
     mean_std: float
 
 
-def _shown(track: TrackLike, part: Part, kept: Bools) -> list[_Shown]:
+def _shown(track: Track, part: Part, kept: Bools) -> list[_Shown]:
     """The rows of a part: the part, then its components and named angles."""
     columns, unit = list(part.columns), part_unit(track, part)
     value, std = track.q[kept][:, columns], track.q_std[kept][:, columns]
@@ -134,10 +136,6 @@ def _joint_row(shown: _Shown, score: JointScore | None, observed: bool) -> list[
     numbers = [number(score.rmse * factor), fixed(score.bias * factor, decimals(score.rmse * factor))]
     correlation = "constant" if math.isnan(score.correlation) else fixed(score.correlation, 4)
     return [*cells, *numbers, correlation, _coverage(score.coverage), fixed(score.nees, 2)]
-
-
-def _aligned(rows: Sequence[Sequence[str]], width: int) -> list[list[str]]:
-    return [[*row, *[DASH] * (width - len(row))] for row in rows]
 
 
 def _coverage(share: float) -> str:

@@ -10,10 +10,10 @@ import numpy as np
 
 from oarlock.evaluation.scores import Evaluation, SensorScore
 from oarlock.evaluation.suspects.text import SUSPECT_NOTE
-from oarlock.evaluation.tracklike import TrackLike
 from oarlock.model.coordinates import joint_columns
 from oarlock.report.section import KeyFigure
 from oarlock.report.text import fixed, listing, number, percent, plural
+from oarlock.tracking.track import Track
 
 NARROW_COVERAGE, WIDE_COVERAGE = 0.93, 0.995
 """Share of samples in the 95 % band below which a band is too narrow, above which it is wider than needed."""
@@ -24,7 +24,7 @@ NIS_TOO_LARGE = 1.25
 
 
 def summary(
-    track: TrackLike,
+    track: Track,
     evaluation: Evaluation | None,
     sensors: tuple[SensorScore, ...],
     others: Sequence[str] = (),
@@ -49,20 +49,20 @@ def suspect_sentences(notes: Sequence[str]) -> list[str]:
     return [f"<strong>Suspect:</strong> {escape(text)}" for text in found]
 
 
-def observed_joints(track: TrackLike) -> list[str]:
+def observed_joints(track: Track) -> list[str]:
     """Names of the joints that were observed, in all their coordinates, at least half of the time."""
     columns = joint_columns(track.coordinate_names)
     seen = {name: track.observed[:, list(own)].all(axis=1) for name, own in columns.items()}
     return [name for name in track.joint_names if np.mean(seen[name]) >= 0.5]
 
 
-def rate_hz(track: TrackLike) -> float:
+def rate_hz(track: Track) -> float:
     """Typical number of samples per second; NaN for a single one."""
     return 1 / float(np.median(np.diff(track.time_s))) if len(track.time_s) > 1 else math.nan
 
 
 def key_figures(
-    track: TrackLike, evaluation: Evaluation | None, sensors: tuple[SensorScore, ...]
+    track: Track, evaluation: Evaluation | None, sensors: tuple[SensorScore, ...]
 ) -> list[KeyFigure]:
     """The key figures of the report."""
     duration = float(track.time_s[-1] - track.time_s[0])
@@ -95,12 +95,12 @@ def key_figures(
     return figures
 
 
-def _unseen(track: TrackLike) -> str:
+def _unseen(track: Track) -> str:
     count = len(track.joint_names) - len(observed_joints(track))
     return f"{count} not observed" if count else "all of the model"
 
 
-def _what(track: TrackLike) -> str:
+def _what(track: Track) -> str:
     seen = len(observed_joints(track))
     name = escape(str(getattr(track.model, "name", "") or track.provenance.get("model", "")))
     body = f"the model <b>{name}</b>" if name else "the model"

@@ -7,17 +7,17 @@ from pathlib import Path
 
 from oarlock.evaluation.evaluate import evaluate
 from oarlock.evaluation.scores import Evaluation
-from oarlock.evaluation.tracklike import TrackLike
 from oarlock.report.page import render
 from oarlock.report.section import Section
 from oarlock.storage.errors import DataError
+from oarlock.tracking.track import Track
 
 
 def write_report(
-    track: TrackLike,
+    track: Track,
     path: str | Path,
     evaluation: Evaluation | None = None,
-    truth: TrackLike | None = None,
+    truth: Track | None = None,
     title: str | None = None,
     sections: Sequence[Section] = (),
 ) -> Path:
@@ -40,15 +40,11 @@ def write_report(
     if not len(track.time_s):
         raise DataError("nothing to report: the track has no samples. Was the recording empty?")
     if evaluation is None and truth is not None:
-        evaluation = evaluate(track, truth, start_s=_settling_s(track))
+        # the default, or a tenth of a shorter recording
+        evaluation = evaluate(track, truth, min(2.0, 0.1 * float(track.time_s[-1] - track.time_s[0])))
     target = Path(path)
     if target.is_dir():
         target = target / "report.html"
     target.parent.mkdir(parents=True, exist_ok=True)
     target.write_text(render(track, evaluation, truth, title, sections), encoding="utf-8")
     return target
-
-
-def _settling_s(track: TrackLike) -> float:
-    """The default of 2 s, or a tenth of a shorter recording, s."""
-    return min(2.0, 0.1 * float(track.time_s[-1] - track.time_s[0]))

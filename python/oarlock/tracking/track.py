@@ -151,10 +151,11 @@ def track_without_filter(
     qdd: Floats | None = None,
     *,
     provenance: Mapping[str, Any],
+    **others: Any,
 ) -> Track:
     """A Track from given values, (T, n_coordinates) each: a simulated ground truth or a reference.
 
-    Its standard deviations are NaN.
+    Standard deviations are NaN and finite values count as observed, unless `others` (fields of `Estimates`) say more.
     """
     unknown, joints = np.full(q.shape, np.nan), model.describe()["joints"]
     return Track(
@@ -168,11 +169,8 @@ def track_without_filter(
         q=q,
         qd=unknown if qd is None else qd,
         qdd=unknown if qdd is None else qdd,
-        q_std=unknown,
-        qd_std=unknown,
-        qdd_std=unknown,
-        observed=np.isfinite(q),
         provenance=provenance,
+        **{**dict.fromkeys(("q_std", "qd_std", "qdd_std"), unknown), "observed": np.isfinite(q), **others},
     )
 
 

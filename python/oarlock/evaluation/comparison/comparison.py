@@ -184,7 +184,7 @@ def compare(
     if not scores:
         first = next(iter(left_out.items()), ("", "none was requested"))
         raise DataError(f"compare: no estimator can run on this recording. {first[0]}: {first[1]}")
-    return Comparison(tuple(scores), left_out, joints, name, start_s, model.name, _processor())
+    return Comparison(tuple(scores), left_out, joints, name, start_s, model.name, processor())
 
 
 def _timed(
@@ -206,7 +206,8 @@ def _timed(
     return track, float(shortest[0]), float(shortest[1])
 
 
-def _processor() -> str:
+def processor() -> str:
+    """Name of this machine's processor."""
     try:
         with open("/proc/cpuinfo", encoding="utf-8") as lines:
             return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))

@@ -119,8 +119,8 @@ _UNIT_TITLES = {
 
 
 def tree_filters() -> tuple[str, ...]:
-    """The engine's own filters: those of `_TREE_TITLES` that `Config.filter` accepts."""
-    return tuple(name for name in _TREE_TITLES if _accepted(name))
+    """The engine's own filters."""
+    return tuple(_TREE_TITLES)
 
 
 def estimators() -> tuple[Estimator, ...]:
@@ -186,11 +186,3 @@ def _four(whole: Estimator) -> Iterable[Estimator]:
         assumes="no closures, no biases, no base acceleration",
         config=Config(**keys | {"closures": False, "estimate": ()}),
     )
-
-
-def _accepted(name: str) -> bool:
-    try:
-        Config(filter=name)
-    except DataError:
-        return False
-    return True

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.evaluation.comparison.turning_axes import TurningAxes
 from oarlock.model.coordinates import plus, rotation_columns
 from oarlock.model.rotation import quat_from_matrix, quat_inverse, quat_product, rotvec_from_quat
 
@@ -42,6 +41,8 @@ LONGEST_STEP = 0.5
 STARTS, PLACES = 12, 9
 OUTSIDE = 1e-3
 UNSEEN = 1e-3
+TURNS = 0.5
+"""One radian of a coordinate turns a frame by one radian or, where it is a shift, not at all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,9 +108,15 @@ class _Problem:
 
     def __init__(self, model: Model, frames: list[str], read: Rows) -> None:
         self._model = model
-        self._axes = TurningAxes(model, frames)
+        self._frames = frames
+        self._rows = [model.frame_names.index(name) for name in frames]
+        turns = model.frame_jacobian(np.zeros((1, len(model.coordinate_names))), frames).by_coordinate[
+            ..., 3:, :
+        ]
         # coordinates on which a measurement depends; the others keep their values
-        self._measured_columns = np.union1d(self._axes.columns, read)
+        self._measured_columns = np.union1d(
+            np.flatnonzero(np.abs(turns).max(axis=(0, 1, 2), initial=0.0) > TURNS), read
+        )
         self._read = np.searchsorted(self._measured_columns, read)
         self._turns = rotation_columns(model.coordinate_names)
         self._low, self._high, self._rest = _limits_and_rest(model)
@@ -172,11 +179,10 @@ class _Problem:
     def _normal(self, q: Floats, targets: _Targets) -> tuple[Floats, Floats, Floats]:
         """Information (T, k, k), gradient (T, k) of the k measured coordinates, and cost (T,), at q."""
         rotations = self._model.forward_kinematics(q)[..., :3, :3]
-        own = quat_from_matrix(rotations[:, self._axes.frames])
+        own = quat_from_matrix(rotations[:, self._rows])
         error = rotvec_from_quat(quat_product(targets.quats, quat_inverse(own)))
-        jacobian = self._axes.jacobian(rotations, self._measured_columns).reshape(
-            len(q), -1, len(self._measured_columns)
-        )
+        turns = self._model.frame_jacobian(q, self._frames).by_coordinate[..., 3:, self._measured_columns]
+        jacobian = turns.reshape(len(q), -1, len(self._measured_columns))
         weights = np.repeat(targets.weights, 3, axis=1)
         weighted = np.swapaxes(jacobian * weights[:, :, None], 1, 2)
         flat = error.reshape(len(q), -1)

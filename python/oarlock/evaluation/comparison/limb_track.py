@@ -13,15 +13,16 @@ from numpy.typing import NDArray
 from oarlock._core import Config
 from oarlock.evaluation.comparison.direct_readings import direct_readings
 from oarlock.evaluation.comparison.limbs import SHARED, Limb, cut_into_limbs
+from oarlock.evaluation.progress import share
 from oarlock.evaluation.resample import resample, resample_rotation
-from oarlock.model.coordinates import angle_sequences, coordinate_units, joint_columns, joint_units, parts
+from oarlock.model.coordinates import joint_columns, parts
 from oarlock.model.rotation import quat_from_rotvec, rotvec_from_quat
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected
 from oarlock.recording.recording import Recording
 from oarlock.storage.errors import DataError
 from oarlock.tracking.records import Beliefs
-from oarlock.tracking.track import Track
+from oarlock.tracking.track import Track, track_without_filter
 from oarlock.tracking.tracking import admit, track
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ def track_limbs(
     limbs = cut_into_limbs(model, config.closures)
     tracks, cpu_s = [], 0.0
     for i, limb in enumerate(limbs):
-        limb_progress = None if progress is None else _share(progress, i, len(limbs))
+        limb_progress = share(progress, i / len(limbs), (i + 1) / len(limbs))
         part = _streams_of(limb, recording)
         began_s = time.thread_time()
         tracks.append(
@@ -72,10 +73,6 @@ def track_limbs(
         )
         cpu_s += time.thread_time() - began_s
     return _merged(model, recording, calibration, limbs, tracks, cpu_s)
-
-
-def _share(progress: Callable[[float], object], i: int, count: int) -> Callable[[float], object]:
-    return lambda done: progress((i + done) / count)
 
 
 def _streams_of(limb: Limb, recording: Recording) -> Recording:
@@ -123,23 +120,17 @@ def _merged(
             arrays[name][:, to] = _at(part, name, time_s)[:, from_]
         nearest = np.clip(np.searchsorted(part.time_s, time_s), 0, len(part) - 1)
         observed[:, to] = part.observed[nearest][:, from_]
-    joints = model.describe()["joints"]
     answered = {joint for limb in limbs for joint in limb.own}
-    inputs = {joint["name"] for joint in joints if joint["input"]} - answered
+    inputs = {joint["name"] for joint in model.describe()["joints"] if joint["input"]} - answered
     for name, value in direct_readings(model, corrected(recording, calibration), time_s)[0].items():
         if name in inputs:
             arrays["q"][:, whole[name][0]] = value
     steps, wall_s = max(len(t) for t in tracks), sum(t.provenance["wall_s"] for t in tracks)
     sized = model.with_parameters(calibration.parameters) if calibration is not None else model
     made: dict[str, Any] = dict(arrays)
-    return Track(
-        model=sized,
-        time_s=time_s.copy(),
-        joint_names=tuple(model.joint_names),
-        joint_units=joint_units(model, joints),
-        coordinate_names=tuple(model.coordinate_names),
-        coordinate_units=coordinate_units(model, joints),
-        angle_sequences=angle_sequences(model, joints),
+    return track_without_filter(
+        sized,
+        time_s,
         **made,
         observed=observed,
         beliefs=_beliefs(limbs, tracks),

@@ -56,7 +56,7 @@ def cut_into_limbs(model: Model, closures: bool = True) -> tuple[Limb, ...]:
     if not shared:
         return tuple(limbs)
     # joints that belong to no limb and move with the shared part
-    kept = {j for j in rest if set(tree.down(j)) <= set(rest) and tree.moves_with(j, shared)}
+    kept = {j for j in rest if set(tree.down(j)) <= set(rest) and set(tree.down(j)) & set(shared)}
     return (Limb(SHARED, sub_model(model, kept, set()), tuple(j for j in rest if j in kept)), *limbs)
 
 
@@ -64,9 +64,10 @@ def _limb(model: Model, tree: _JointTree, root: str, closures: bool) -> Limb:
     own = tree.above(root)
     kept = own | set(tree.down(root))
     bound: set[str] = set()
+    others = set(tree.limb_roots()) - {root}
     for closure in model.describe()["closures"] if closures else ():
         ends = [tree.joints_under(closure[end]) for end in ("frame_a", "frame_b")]
-        if any(own & set(end) for end in ends) and not any(tree.other_limbs(end, root) for end in ends):
+        if any(own & set(end) for end in ends) and not any(others & set(end) for end in ends):
             bound.add(closure["name"])
             kept |= set(ends[0]) | set(ends[1])
     answers = own | {j for j in kept if not tree.is_shared(j) and not tree.carries_unit(j)}
@@ -139,11 +140,3 @@ class _JointTree:
             and not self.is_shared(j)
             and all(self.is_shared(other) for other in self.down(j)[1:])
         ]
-
-    def other_limbs(self, chain: tuple[str, ...], root: str) -> bool:
-        """Whether a chain passes through another limb than that of `root`."""
-        return any(j != root and j in self.limb_roots() for j in chain)
-
-    def moves_with(self, joint: str, shared: tuple[str, ...]) -> bool:
-        """Whether the joint is shared, or a shared joint moves it."""
-        return any(j in shared for j in self.down(joint))

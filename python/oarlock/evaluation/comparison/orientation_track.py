@@ -110,15 +110,13 @@ def track_orientations(
     }
     if progress is not None:
         progress(1.0)
-    track = track_without_filter(worn.model, time_s, q, provenance=provenance)
     all_notes = (
         *_filter_notes(model, filter),
         *notes,
         *corrections,
         *(f"{f.sensor}: {f.message}" for f in findings),
     )
-    object.__setattr__(track, "notes", all_notes)
-    return track
+    return track_without_filter(worn.model, time_s, q, provenance=provenance, notes=all_notes)
 
 
 @dataclass(frozen=True, eq=False)

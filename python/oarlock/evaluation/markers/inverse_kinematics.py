@@ -15,6 +15,7 @@ from oarlock.evaluation.markers.point_tree import PointTree
 from oarlock.evaluation.markers.posture_fit import PostureFit
 from oarlock.evaluation.markers.start import ANCHOR_S, anchor_postures, between_anchors, body_prior
 from oarlock.evaluation.markers.trajectories import Markers
+from oarlock.evaluation.progress import share
 from oarlock.model.chain_geometry import posture
 from oarlock.storage.array_gate import FloatArray, real_array
 from oarlock.storage.errors import DataError
@@ -116,9 +117,9 @@ def _all_frames(
     progress: Callable[[float], object] | None,
 ) -> Found:
     anchors = _anchors(time_s)
-    walked = anchor_postures(tree, sight, prior, anchors, start, _share(progress, 0.0, 0.5))
+    walked = anchor_postures(tree, sight, prior, anchors, start, share(progress, 0.0, 0.5))
     first = between_anchors(tree, time_s, time_s[anchors], walked)
-    progress_of_fit = _share(progress, 0.5, 1.0)
+    progress_of_fit = share(progress, 0.5, 1.0)
     chunks = []
     for k in range(0, len(time_s), _FRAMES_AT_ONCE):
         rows = slice(k, k + _FRAMES_AT_ONCE)
@@ -175,11 +176,3 @@ def _fit(
         residual_m=residual,
         noise_scale=scale,
     )
-
-
-def _share(
-    progress: Callable[[float], object] | None, start: float, end: float
-) -> Callable[[float], object] | None:
-    if progress is None:
-        return None
-    return lambda share: progress(start + (end - start) * share)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.evaluation.study.rows import scores_of, write_rows
+from oarlock.evaluation.study.rows import null_if_nan, scores_of, write_rows
 from oarlock.evaluation.study.run import Row
 from oarlock.evaluation.study.spec import Study
 from oarlock.evaluation.study.sweeps import NO_FAULT, USUAL_SETTING, FaultSweep
@@ -156,10 +156,5 @@ def save_costs(study: Study, rows: Sequence[Row], folder: Path) -> None:
     """Write the increases as faults.csv, faults.parquet and faults.json; lost runs have no number."""
     costs = [dose.row() for dose in doses(study, rows)]
     write_rows(costs, folder / "faults")
-    plain = [{name: plain_number(value) for name, value in row.items()} for row in costs]
+    plain = [{name: null_if_nan(value) for name, value in row.items()} for row in costs]
     (folder / "faults.json").write_text(json.dumps(plain, indent=1) + "\n", encoding="utf-8")
-
-
-def plain_number(value: object) -> object:
-    """A value for JSON: None if it is not finite."""
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Mapping
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from oarlock._core import Model
 from oarlock.evaluation.study.faults.fault import Names
-from oarlock.evaluation.study.keys import ONE, StudyKey, Value, by_name, number_for
+from oarlock.evaluation.study.keys import ONE, StudyKey, Value, by_name, number_for, sized
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, Stream
 from oarlock.storage.errors import DataError
@@ -20,50 +21,21 @@ _QUANTITIES = ("gyro_rad_s", "accel_m_s2", "mag_ut")
 def keys_of_streams(model: Model) -> dict[str, StudyKey]:
     """Keys that change the streams of a model, by name."""
     streams = (*Names.of(model).streams, ONE)
+    delay = "delay of time stamps, s: of all inertial units relative to the other streams, or by stream"
+    drift = "clock drift, ppm: of all inertial units, or by stream"
+    lost = "share of lost samples: of all inertial units, or by stream"
+    thinned = "keep one sample in this many"
+    recorded = "streams that are recorded; none is all"
+    unmeasured = "quantities that inertial units do not measure"
     return by_name(
         [
-            StudyKey(
-                "sensors",
-                "names",
-                None,
-                "streams that are recorded; none is all",
-                choices=streams,
-                optional=True,
-            ),
+            StudyKey("sensors", "names", None, recorded, choices=streams, optional=True),
             StudyKey("without", "names", [], "streams that are not recorded", choices=streams),
-            StudyKey(
-                "without_quantity",
-                "names",
-                [],
-                "quantities that inertial units do not measure",
-                choices=_QUANTITIES,
-            ),
-            StudyKey(
-                "delay_s",
-                "by_name",
-                0.0,
-                "delay of time stamps, s: of all inertial units relative to the other streams, or by stream",
-                choices=streams,
-            ),
-            StudyKey(
-                "clock_drift_ppm",
-                "by_name",
-                0.0,
-                "clock drift, ppm: of all inertial units, or by stream",
-                choices=streams,
-            ),
-            StudyKey(
-                "keep_every", "by_name", 1.0, "keep one sample in this many", least=1.0, choices=streams
-            ),
-            StudyKey(
-                "packet_loss",
-                "by_name",
-                0.0,
-                "share of lost samples: of all inertial units, or by stream",
-                least=0.0,
-                most=0.99,
-                choices=streams,
-            ),
+            StudyKey("without_quantity", "names", [], unmeasured, choices=_QUANTITIES),
+            sized("delay_s", delay, streams, -math.inf),
+            sized("clock_drift_ppm", drift, streams, -math.inf),
+            StudyKey("keep_every", "by_name", 1.0, thinned, least=1.0, choices=streams),
+            sized("packet_loss", lost, streams, most=0.99),
             StudyKey("packet_samples", "integer", 1, "samples in one lost packet", least=1.0, most=10_000.0),
         ]
     )

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from oarlock._core import Config, Model
-from oarlock.evaluation.study.keys import ONE, StudyKey, Value, by_name, number_for
+from oarlock.evaluation.study.keys import ONE, StudyKey, Value, by_name, number_for, sized
 from oarlock.evaluation.study.trial import QUANTITIES, StudyTrial
 from oarlock.model.edit import document_of, model_of
 from oarlock.recording.calibration import Calibration
@@ -26,65 +26,23 @@ def keys_of_filter_inputs(model: Model, lengths: tuple[str, ...]) -> dict[str, S
     described = model.describe()
     units = tuple(s["name"] for s in described["sensors"] if s["kind"] == "imu")
     parameters = tuple(p["name"] for p in described["parameters"])
+    wearers = (*units, ONE)
+    turned = "each mount rotated by this angle about a random axis, new for each seed"
+    moved = "each sensor position moved by this distance in a random direction"
+    shown = f"standard deviation of the error of each length ({', '.join(lengths[:3])} ...)"
+    scaled = "error of each parameter in units of the standard deviation that the model file gives it"
+    tilt = "tilt of the root in a random direction; the filter assumes a level root"
+    start = "standard deviation of the error of the initial posture for the filter; none: no initial posture"
+    noise = "true: the filter is given the true noise; nominal: it uses the noise of the model file"
     return by_name(
         [
-            StudyKey(
-                "mount_error_deg",
-                "by_name",
-                0.0,
-                "each mount rotated by this angle about a random axis, new for each seed",
-                least=0.0,
-                most=180.0,
-                choices=(*units, ONE),
-            ),
-            StudyKey(
-                "mount_offset_error_m",
-                "by_name",
-                0.0,
-                "each sensor position moved by this distance in a random direction",
-                least=0.0,
-                choices=(*units, ONE),
-            ),
-            StudyKey(
-                "length_error_percent",
-                "by_name",
-                0.0,
-                f"standard deviation of the error of each length ({', '.join(lengths[:3])} ...)",
-                least=0.0,
-                most=50.0,
-                choices=parameters,
-            ),
-            StudyKey(
-                "parameter_error",
-                "by_name",
-                0.0,
-                "error of each parameter in units of the standard deviation that the model file gives it",
-                least=0.0,
-                choices=parameters,
-            ),
-            StudyKey(
-                "vertical_error_deg",
-                "number",
-                0.0,
-                "tilt of the root in a random direction; the filter assumes a level root",
-                least=0.0,
-                most=90.0,
-            ),
-            StudyKey(
-                "start_error_deg",
-                "number",
-                None,
-                "standard deviation of the error of the initial posture for the filter; none: no initial posture",
-                least=0.0,
-                optional=True,
-            ),
-            StudyKey(
-                "noise_told",
-                "choice",
-                "true",
-                "true: the filter is given the true noise; nominal: it uses the noise of the model file",
-                choices=("true", "nominal"),
-            ),
+            sized("mount_error_deg", turned, wearers, most=180.0),
+            sized("mount_offset_error_m", moved, wearers),
+            sized("length_error_percent", shown, parameters, most=50.0),
+            sized("parameter_error", scaled, parameters),
+            StudyKey("vertical_error_deg", "number", 0.0, tilt, least=0.0, most=90.0),
+            StudyKey("start_error_deg", "number", None, start, least=0.0, optional=True),
+            StudyKey("noise_told", "choice", "true", noise, choices=("true", "nominal")),
             StudyKey("smooth", "boolean", False, "smooth over the whole recording"),
         ]
     )

@@ -102,6 +102,13 @@ class StudyKey:
         return self.choices[0] if self.choices else "back"
 
 
+def sized(
+    name: str, about: str, choices: tuple[str, ...], least: float = 0.0, most: float = math.inf
+) -> StudyKey:
+    """A key of numbers by name, 0 where nothing is changed."""
+    return StudyKey(name, "by_name", 0.0, about, least, most, choices)
+
+
 def by_name(keys: Sequence[StudyKey]) -> dict[str, StudyKey]:
     """Keys by name."""
     return {key.name: key for key in keys}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os import PathLike
@@ -64,8 +65,8 @@ class StudyResult:
         for row in self.rows:
             if not row["error"]:
                 found.setdefault((row["scenario"], row["kind"], row["item"]), []).append(row)
-        failed = _counted(row["scenario"] for row in self.failures)
-        return [self._summed(rows, failed.get(scenario, 0)) for (scenario, *_), rows in found.items()]
+        failed = Counter(row["scenario"] for row in self.failures)
+        return [self._summed(rows, failed[scenario]) for (scenario, *_), rows in found.items()]
 
     def scores(self, item: str = MEAN, score: str = "rmse", kind: str | None = None) -> Floats:
         """One score of one item, (scenarios, seeds); NaN where a run failed or does not have it.
@@ -135,13 +136,6 @@ def _cell(value: Any) -> Any:
     if value is None:
         return None
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else shown(value)
-
-
-def _counted(values: Iterable[int]) -> dict[int, int]:
-    found: dict[int, int] = {}
-    for value in values:
-        found[value] = found.get(value, 0) + 1
-    return found
 
 
 def _mean(values: Iterable[float]) -> float:

@@ -33,7 +33,7 @@ def scores_of(
 def write_rows(rows: Sequence[Row], stem: Path) -> None:
     """Write rows as `stem`.csv and `stem`.parquet; NaN becomes an empty cell or null."""
     names = list(dict.fromkeys(name for row in rows for name in row))
-    columns = {name: _column([_null(row.get(name)) for row in rows]) for name in names}
+    columns = {name: _column([null_if_nan(row.get(name)) for row in rows]) for name in names}
     table = pa.table(columns)
     parquet.write_table(table, stem.with_name(f"{stem.name}.parquet"))
     csv.write_csv(table, stem.with_name(f"{stem.name}.csv"))
@@ -47,5 +47,6 @@ def _column(values: Sequence[Any]) -> pa.Array:
     return pa.array(values)
 
 
-def _null(value: Any) -> Any:
+def null_if_nan(value: Any) -> Any:
+    """None for what is not finite, which JSON and Parquet write as null."""
     return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -113,8 +113,7 @@ def _seeds(top: TomlTable) -> tuple[int, ...]:
     whole = isinstance(given, list) and given and all(type(s) is int and s >= 0 for s in given)
     if not whole or not isinstance(given, list):
         raise DataError(
-            f"{top.where('seeds')}: is {given!r}; expected how many (1 to {_MOST_SEEDS}), "
-            "or a list such as [0, 1, 2]"
+            f"{top.where('seeds')}: is {given!r}; expected how many (1 to {_MOST_SEEDS}), or a list such as [0, 1, 2]"
         )
     return tuple(given)
 

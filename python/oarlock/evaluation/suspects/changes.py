@@ -118,9 +118,9 @@ def unit_factors(units: Sequence[ImuStream]) -> Iterator[Change]:
             )
 
 
-def turns(names: Sequence[str], together: bool) -> Iterator[Change]:
+def turns(names: Sequence[str]) -> Iterator[Change]:
     """An inertial unit rotated on its link by quarter turns, or with two axes exchanged or one reversed."""
-    for streams in [tuple(names)] if together else [(name,) for name in names]:
+    for streams in [(name,) for name in names]:
         for matrix in PROPER:
             half = abs(np.trace(matrix) + 1.0) < 0.5
             text = turn_text(streams, matrix)

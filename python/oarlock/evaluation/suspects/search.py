@@ -196,7 +196,7 @@ def _usual(judge: Judge, second: Second, misfit: Misfit) -> Iterator[Change]:
 def _rare(judge: Judge, second: Second, misfit: Misfit) -> Iterator[Change]:
     names = [s.name for s in second.like.units]
     yield from exchanges_of_two([names, [s.name for s in second.like.angles]])
-    yield from turns(_most_suspicious(judge, second, names, Second.without), together=False)
+    yield from turns(_most_suspicious(judge, second, names, Second.without))
     plain = second.without_magnetometers(names)
     if has_magnetometers(second.fine) and plain and judge.misfit(plain.fine).total <= USUAL:
         suspicious = _most_suspicious(judge, second, names, lambda s, cut: s.without_magnetometers(cut))

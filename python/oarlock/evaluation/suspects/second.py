@@ -21,21 +21,11 @@ LEAST_ROWS = 12
 """Smallest number of samples of at least one stream for a usable second."""
 
 
-def most_motion(recording: Recording, seconds: float, apart_from: float | None = None) -> tuple[float, float]:
-    """Start of the second with the most motion, s, and its motion score, 0 to 1.
-
-    Args:
-        recording: the recording; missing readings count as no motion.
-        seconds: duration of the second, s.
-        apart_from: start of a second that the result must not overlap, s. The result is NaN if there is no other.
-    """
+def most_motion(recording: Recording, seconds: float) -> tuple[float, float]:
+    """Start of the second with the most motion, s, and its motion score, 0 to 1."""
     begin, end = recording.start_s, min(recording.end_s, recording.start_s + SEARCHED_S)
     steps = np.arange(max(1, int((end - begin - seconds) / STEP_S + 1e-6) + 1))
     starts: FloatArray = np.asarray(begin + STEP_S * steps, dtype=np.float64)
-    if apart_from is not None:
-        starts = starts[np.abs(starts - apart_from) >= seconds]
-    if not len(starts):
-        return float("nan"), 0.0
     full_motion = np.mean([_motion_score(stream, starts, seconds) for stream in recording.streams], axis=0)
     best = int(np.argmax(full_motion))
     return float(starts[best]), float(full_motion[best])

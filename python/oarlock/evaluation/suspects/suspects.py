@@ -11,7 +11,7 @@ from oarlock.evaluation.suspects.search import RATE_HZ, SCREEN_HZ, Found, Outcom
 from oarlock.evaluation.suspects.second import most_motion, on_grid
 from oarlock.evaluation.suspects.text import SUSPECT_NOTE
 from oarlock.recording.corrections import corrected
-from oarlock.recording.plausibility import Finding, plausibility
+from oarlock.recording.plausibility import plausibility
 from oarlock.recording.recording import Recording
 
 if TYPE_CHECKING:
@@ -103,7 +103,8 @@ def suspects(
     """
     measured = corrected(recording, calibration)
     known = _known(model, measured)
-    alone = [_of_finding(f) for f in plausibility(measured) if f.severity == "error" or f.kind]
+    findings = [f for f in plausibility(measured) if f.severity == "error" or f.kind]
+    alone = [Suspect((f.sensor,), f.kind or "reading", str(f)) for f in findings]
     if known is None:
         return tuple(alone)
     still = None if calibration is None else calibration.for_corrected()
@@ -168,10 +169,6 @@ def _of_found(found: Found, start_s: float) -> Suspect:
     change = found.change
     others = tuple(other.text for other in found.others)
     return Suspect(change.streams, change.fault, change.text, found.before, found.after, start_s, others)
-
-
-def _of_finding(finding: Finding) -> Suspect:
-    return Suspect((finding.sensor,), finding.kind or "reading", str(finding))
 
 
 def _number(value: float) -> str:

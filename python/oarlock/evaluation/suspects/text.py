@@ -51,9 +51,10 @@ def stuck_text(name: str, value: float) -> str:
 def turn_text(streams: Sequence[str], matrix: FloatArray) -> str:
     """Text for an inertial unit that is mounted in another orientation."""
     name = streams[0] if len(streams) == 1 else "NAME"
-    upside = ", upside down," if _is_half_turn(matrix) else ""
+    half_turn = abs(np.trace(matrix) + 1.0) < 0.5 and np.linalg.det(matrix) > 0
+    upside, them = ", upside down," if half_turn else "", "it" if len(streams) == 1 else "them"
     return (
-        f"{_of(streams)} {_look(streams)} mounted{upside} turned by {_angle(matrix)}. Turn {_them(streams)}, or set "
+        f"{_of(streams)} {_look(streams)} mounted{upside} turned by {_angle(matrix)}. Turn {them}, or set "
         f"axes = {_axes(matrix)} for gyro, accel and mag in the mapping file, or put mounts.{name}.rotation times "
         f"{_rows(matrix)} into the calibration."
     )
@@ -78,14 +79,6 @@ def _of(streams: Sequence[str], quantity: str = "") -> str:
 
 def _look(streams: Sequence[str]) -> str:
     return "looks" if len(streams) == 1 else "look"
-
-
-def _them(streams: Sequence[str]) -> str:
-    return "it" if len(streams) == 1 else "them"
-
-
-def _is_half_turn(matrix: FloatArray) -> bool:
-    return bool(abs(np.trace(matrix) + 1.0) < 0.5 and np.linalg.det(matrix) > 0)
 
 
 def _angle(matrix: FloatArray) -> str:

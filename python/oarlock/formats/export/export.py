@@ -192,6 +192,3 @@ def _checked(track: Track, formats: Sequence[str], axes: str, missing: str) -> t
             "model.toml, or choose csv and parquet"
         )
     return tuple(dict.fromkeys(chosen))
-
-
-__all__ = ["FORMATS", "Export", "export", "files_of"]

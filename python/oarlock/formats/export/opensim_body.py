@@ -195,11 +195,8 @@ def _kind_and_axes(kind: str, sign: float) -> tuple[Kind, FloatArray]:
 def _labels(part: Part) -> Sequence[str]:
     if part.kind == "scalar":
         return ("",)
-    return tuple(f"t{axis}" for axis in "xyz") if part.kind == "position" else _angle_names()
-
-
-def _angle_names() -> tuple[str, ...]:
-    return tuple(f"{SEQUENCE}_{label}" for label in angle_labels(SEQUENCE))
+    position = part.kind == "position"
+    return [f"t{axis}" for axis in "xyz"] if position else [f"{SEQUENCE}_{a}" for a in angle_labels(SEQUENCE)]
 
 
 def _default(joint: Mapping[str, Any], part: Part, axis: int) -> tuple[float, tuple[float, float]]:

@@ -8,6 +8,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Any, Final
 
+from oarlock.evaluation.comparison.comparison import processor
 from oarlock.lab.bench.others import INSTALL, SOFTWARE, Failure, Figure, Software, missing, time_other
 from oarlock.lab.bench.own import Latency, Race, Threads, live, race, threads
 from oarlock.lab.bench.problem import RATE_HZ, sculling
@@ -96,19 +97,11 @@ def machine() -> dict[str, str]:
     from oarlock import __version__
 
     return {
-        "processor": _processor(),
+        "processor": processor(),
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
         "oarlock": __version__,
     }
-
-
-def _processor() -> str:
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8") as lines:
-            return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return platform.processor() or "unknown"
 
 
 def measure(seconds: float, progress: Progress = lambda what: nullcontext()) -> Bench:
@@ -138,6 +131,3 @@ def _others(seconds: float, progress: Progress) -> Iterator[Figure | Failure]:
     for software in installed:
         with progress(software.name):
             yield time_other(software, _OTHER / len(installed) * seconds)
-
-
-__all__ = ["PAPER", "Bench", "machine", "measure"]

@@ -9,10 +9,10 @@ import numpy as np
 
 import oarlock
 from oarlock import Study, StudyResult, load_model
+from oarlock.evaluation.progress import Progress, share
 from oarlock.lab.reproduce.contents import Floats, Row, finite_mean
 from oarlock.lab.reproduce.estimators import ELEVEN, ESTIMATORS
 from oarlock.lab.reproduce.field_trials import POINTS
-from oarlock.lab.reproduce.runs import Progress, share
 from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.simulators import SIMULATORS
 

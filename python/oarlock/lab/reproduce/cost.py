@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 import oarlock
-from oarlock import Config, DataError, DivergedError, Model, Recording, load_model
+from oarlock import Config, DivergedError, Model, Recording, load_model
+from oarlock.evaluation.progress import Progress
 from oarlock.lab.reproduce.chains import Size, built
 from oarlock.lab.reproduce.contents import Cell, Chart, Floats, Part, Row, Table, shown
-from oarlock.lab.reproduce.runs import Progress
 from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.experiment import simulate_sculling
 
@@ -42,26 +42,24 @@ class Job:
 
 def cost(progress: Progress | None) -> Part:
     """Measures every size with every filter, in turn, and fits powers."""
-    filters = available()
     jobs = [_job(sweep, size) for sweep, size in _sizes()]
-    times = _measured(jobs, filters, progress)
-    rows = [_row(job, filters, times) for job in jobs]
+    times = _measured(jobs, progress)
+    rows = [_row(job, times) for job in jobs]
     sculler = _sculler_rate()
     return Part(
         key="cost",
         title="Equation (19): the time of a step",
         lead=(
-            "The paper counts O(m^3 + n m^2 + m n^2 + n^3 + n f + n s) for n states, m readings, f frames and s units, "
-            f"and measures {paper.STEPS_PER_S:.0f} steps/s at n = {paper.STATES}, m = "
-            f"{paper.MEASUREMENTS}. Here chains "
-            "and trees of hinges are generated as model files and tracked; a time is the median over "
+            "The paper counts O(m^3 + n m^2 + m n^2 + n^3 + n f + n s) for n states, m readings, f frames and s "
+            f"units, and measures {paper.STEPS_PER_S:.0f} steps/s at n = {paper.STATES}, m = {paper.MEASUREMENTS}. "
+            "Here chains and trees of hinges are generated as model files and tracked; a time is the median over "
             f"{ROUNDS} rounds, each with all sizes and filters in turn, of the difference in processor "
             f"time between a recording of {LONG} and one of {SHORT} samples.",
             f"The sculler with 72 states and 58 readings takes {1e6 / sculler:,.0f} us/step as shipped, {sculler:,.0f} "
             f"steps/s on one core: {sculler / paper.STEPS_PER_S:,.0f} times the paper's 116.",
         ),
-        tables=(_exponents(rows, filters), _times(rows, filters)),
-        charts=tuple(_chart(rows, filters, sweep) for sweep in ("joints", "units", "both")),
+        tables=(_exponents(rows), _times(rows)),
+        charts=tuple(_chart(rows, sweep) for sweep in ("joints", "units", "both")),
         notes=(
             paper.SLIPS["states"],
             paper.SLIPS["measurements"],
@@ -71,18 +69,6 @@ def cost(progress: Progress | None) -> Part:
         ),
         data={"cost": rows},
     )
-
-
-def available() -> tuple[str, ...]:
-    """The filters of this version."""
-    found = []
-    for name in FILTERS:
-        try:
-            Config(filter=name)
-        except DataError:
-            continue
-        found.append(name)
-    return tuple(found)
 
 
 def _sizes() -> list[tuple[str, Size]]:
@@ -98,14 +84,12 @@ def _job(sweep: str, size: Size) -> Job:
     return Job(sweep, size, model, long.slice(end_s=first), long, start)
 
 
-def _measured(
-    jobs: list[Job], filters: tuple[str, ...], progress: Progress | None
-) -> dict[tuple[str, Size, str], float]:
+def _measured(jobs: list[Job], progress: Progress | None) -> dict[tuple[str, Size, str], float]:
     """Median time of a step, s; NaN where the filter loses the chain."""
     found: dict[tuple[str, Size, str], list[float]] = {}
     for turn in range(ROUNDS):
         for k, job in enumerate(jobs):
-            for name in filters:
+            for name in FILTERS:
                 found.setdefault((job.sweep, job.size, name), []).append(_step_s(job, name))
             if progress is not None:
                 progress((turn * len(jobs) + k + 1) / (ROUNDS * len(jobs)))
@@ -131,7 +115,7 @@ def formula(states: int, readings: int, frames: int, units: int) -> int:
     return m**3 + n * m**2 + m * n**2 + n**3 + n * frames + n * units
 
 
-def _row(job: Job, filters: tuple[str, ...], times: dict[tuple[str, Size, str], float]) -> Row:
+def _row(job: Job, times: dict[tuple[str, Size, str], float]) -> Row:
     size = job.size
     return {
         "sweep": job.sweep,
@@ -141,7 +125,7 @@ def _row(job: Job, filters: tuple[str, ...], times: dict[tuple[str, Size, str], 
         "m": size.readings,
         "frames": size.joints + 1,
         "formula_19": formula(size.states, size.readings, size.joints + 1, size.units),
-        **{f"{name}_us": 1e6 * times[job.sweep, size, name] for name in filters},
+        **{f"{name}_us": 1e6 * times[job.sweep, size, name] for name in FILTERS},
     }
 
 
@@ -166,22 +150,22 @@ def _columns(rows: list[Row], sweep: str, *names: str) -> list[Floats]:
     return [np.array([row[name] for row in own], dtype=np.float64) for name in names]
 
 
-def _exponents(rows: list[Row], filters: tuple[str, ...]) -> Table:
+def _exponents(rows: list[Row]) -> Table:
     found = []
     for sweep, (axis, label) in _SWEEPS.items():
         x, expected = _columns(rows, sweep, axis, "formula_19")
-        cells = [Cell(shown(power(x, _columns(rows, sweep, f"{name}_us")[0]), 2)) for name in filters]
+        cells = [Cell(shown(power(x, _columns(rows, sweep, f"{name}_us")[0]), 2)) for name in FILTERS]
         grown = Cell(f"{axis} {x[0]:g} to {x[-1]:g}")
         found.append((Cell(label), grown, Cell(shown(power(x, expected), 2)), *cells))
     return Table(
         "cost-powers",
         "Power of n (or m) with which the time grows in the measured range: in (19), and for each filter.",
-        ("what grows", "range", "(19)", *filters),
+        ("what grows", "range", "(19)", *FILTERS),
         tuple(found),
     )
 
 
-def _times(rows: list[Row], filters: tuple[str, ...]) -> Table:
+def _times(rows: list[Row]) -> Table:
     reference = next(row for row in rows if row["sweep"] == "both" and row["joints"] == 12)
     found = []
     for row in rows:
@@ -191,7 +175,7 @@ def _times(rows: list[Row], filters: tuple[str, ...]) -> Table:
                 f"{shown(row[f'{name}_us'])} us",
                 spread=f"x {shown(row[f'{name}_us'] / reference[f'{name}_us'], 2)}",
             )
-            for name in filters
+            for name in FILTERS
         ]
         sizes = [Cell(str(row[key])) for key in ("joints", "units", "n", "m")]
         found.append((Cell(row["sweep"]), *sizes, Cell(f"x {shown(relative, 2)}"), *cells))
@@ -199,19 +183,19 @@ def _times(rows: list[Row], filters: tuple[str, ...]) -> Table:
         "cost-times",
         "Median time of a step, and its ratio to that of 12 joints with 5 units (n = 36, m = 45); "
         "(19) as the same ratio.",
-        ("sweep", "joints", "units", "n", "m", "(19)", *filters),
+        ("sweep", "joints", "units", "n", "m", "(19)", *FILTERS),
         tuple(found),
         closed=True,
     )
 
 
-def _chart(rows: list[Row], filters: tuple[str, ...], sweep: str) -> Chart:
+def _chart(rows: list[Row], sweep: str) -> Chart:
     axis, label = _SWEEPS[sweep]
     x, expected = _columns(rows, sweep, axis, "formula_19")
-    series = {name: (x, _columns(rows, sweep, f"{name}_us")[0]) for name in filters}
+    series = {name: (x, _columns(rows, sweep, f"{name}_us")[0]) for name in FILTERS}
     # (19) has no constant: it is drawn through the middle of the first filter's times
     middle = len(x) // 2
-    series["(19)"] = (x, expected * series[filters[0]][1][middle] / expected[middle])
+    series["(19)"] = (x, expected * series[FILTERS[0]][1][middle] / expected[middle])
     return Chart(f"cost-{sweep}", label, "states n" if axis == "n" else "readings m", "us per step", series)
 
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from oarlock.evaluation.progress import Progress, share
 from oarlock.lab.reproduce.claim_runs import BIASES, HULL, RATES_HZ, SIDES_OFF, Asked, asked
 from oarlock.lab.reproduce.contents import Cell, Claim, Part, Row, Table, Verdict, finite_mean, shown
 from oarlock.lab.reproduce.estimators import ELEVEN
-from oarlock.lab.reproduce.runs import Progress, share
 from oarlock.lab.reproduce.technique import Features, features
 from oarlock.rowing.simulation import paper
 
@@ -130,11 +130,10 @@ def _bias(found: Asked) -> Claim:
         "Increase of the error from S-NB to B-NB (boat) and to S-B (biases), without and with biases as states; then "
         f"gyroscope biases of {', '.join(f'{b:g}' for b in BIASES)} rad/s. Holds where biases cost more than the boat "
         "does in a filter that estimates neither.",
-        f"White jerk and closure: boat x {shown(plain[0], 2)}, biases x {shown(plain[1], 2)}. As shipped, with both as "
-        f"states: x {shown(shipped[0], 2)} and x {shown(shipped[1], 2)}. Over those biases "
-        f"{listed['jerk_closure']} deg "
-        f"without, {listed['shipped']} deg with bias states. The printed table itself: boat {boat:+.1f} %, biases "
-        f"{bias:+.1f} %.",
+        f"White jerk and closure: boat x {shown(plain[0], 2)}, biases x {shown(plain[1], 2)}. As shipped, with both "
+        f"as states: x {shown(shipped[0], 2)} and x {shown(shipped[1], 2)}. Over those biases "
+        f"{listed['jerk_closure']} deg without, {listed['shipped']} deg with bias states. The printed table itself: "
+        f"boat {boat:+.1f} %, biases {bias:+.1f} %.",
         _verdict([plain[1] > plain[0]]),
     )
 
@@ -220,9 +219,8 @@ def _sideways(found: Asked) -> Claim:
         "number of sensors involved.",
         "Correlation and error of the right shoulder along each axis in field recordings. Holds where x has no "
         "correlation while y or z has one above 0.9.",
-        f"x: {shown(x, 2)} mm, r {_r(r['x'])}; y: r {_r(r['y'])}; z: r {_r(r['z'])}. No sensor "
-        "could help: with one hinge "
-        "for the back the model's shoulder cannot move sideways at all.",
+        f"x: {shown(x, 2)} mm, r {_r(r['x'])}; y: r {_r(r['y'])}; z: r {_r(r['z'])}. No sensor could help: with one "
+        "hinge for the back the model's shoulder cannot move sideways at all.",
         _verdict([not r["x"] > 0.5 and max(r["y"], r["z"]) > 0.9]),
     )
 
@@ -242,8 +240,7 @@ def _technique(found: dict[str, Features]) -> Claim:
         "bent by more than 15 deg. Holds where both are under 5 deg in field recordings: coaches see lean and plane "
         "to about that.",
         f"As modelled {shown(exact.lean_deg, 2)} and {shown(exact.plane_deg, 2)} deg; field "
-        f"{shown(field.lean_deg, 2)} and "
-        f"{shown(field.plane_deg, 2)} deg.",
+        f"{shown(field.lean_deg, 2)} and {shown(field.plane_deg, 2)} deg.",
         _verdict([field.lean_deg < 5.0, field.plane_deg < 5.0]),
     )
 
@@ -266,18 +263,16 @@ def _hull(found: Asked) -> tuple[Claim, Claim]:
             "within a stroke are less than 1, 5 and 5 deg [...] Results from simulated data support this thesis.",
             "Hulls that rotate by the usual amplitudes (pitch, roll, yaw 0.3, 1.5, 0.5 deg) and by the paper's bounds, "
             f"tracked with a model without hull rotation. Holds where the error grows by less than {LOSS_DEG} deg.",
-            f"Level {shown(level)} deg; usual {shown(usual)} deg; at the bounds {shown(bounds)} "
-            "deg. The angles are small, "
-            "but they act as a wrong direction of gravity, not as an angular velocity.",
+            f"Level {shown(level)} deg; usual {shown(usual)} deg; at the bounds {shown(bounds)} deg. The angles are "
+            "small, but they enter as a wrong direction of gravity, not as an angular velocity.",
             _verdict([usual - level < LOSS_DEG, bounds - level < LOSS_DEG]),
         ),
         Claim(
             "section 5",
             "shell acceleration and its angular velocity can be accounted for by means of an IMU placed on the rower's "
             "waist.",
-            "The same recordings tracked with sculler_boat, whose hull rotates, with a unit on the "
-            "hull or one on the waist. "
-            f"Holds where the error is at most {LOSS_DEG} deg larger than with a level hull.",
+            "The same recordings tracked by sculler_boat, whose hull turns, with a unit on the hull or one on the "
+            f"waist. Holds where at most {LOSS_DEG} deg are lost against a level hull.",
             f"Hull unit: {shown(still['hull unit'])} deg level, {shown(aboard['hull unit'][0])} usual, "
             f"{shown(aboard['hull unit'][1])} at the bounds. Waist unit: {shown(still['waist unit'])}, "
             f"{shown(aboard['waist unit'][0])}, {shown(aboard['waist unit'][1])}. The simulated pelvis does not tilt "
@@ -335,9 +330,8 @@ def _sensor_table(found: Asked) -> Table:
         rows.append((Cell(name), Cell(shown(error)), Cell(shown(worst)), Cell(shown(seat, 2))))
     return Table(
         "discussion-sensors",
-        "Sensors left out, condition B-B, as modelled, deg and mm. A dash: an angle that is no "
-        "longer observed, so that "
-        "there is no mean over the eleven. In the field the differences are larger: see the study of sensors.",
+        "Sensors left out, condition B-B, as modelled, deg and mm. A dash: an angle that is no longer observed, so "
+        "that there is no mean over the eleven. In the field the differences are larger: see the study of sensors.",
         ("sensors", "mean of eleven deg", "worst deg", "seat mm"),
         tuple(rows),
     )
@@ -378,8 +372,7 @@ def _pace(found: dict[str, Features]) -> Claim:
         "advancements of mobile GPU open the possibility of using this algorithm in real-time in a wearable system.",
         "Steps per second of the shipped filter (72 states, 145 sigma points) on one core of this machine. Holds where "
         "it processes 125 samples per second without a GPU.",
-        f"{pace:,.0f} steps/s: {pace / paper.STEPS_PER_S:,.0f} times the paper's, "
-        f"{pace / 125.0:,.0f} times real time at 125 "
-        "Hz. The paper's 116 are slightly below its own 125 Hz.",
+        f"{pace:,.0f} steps/s: {pace / paper.STEPS_PER_S:,.0f} times the paper's, {pace / 125.0:,.0f} times real time "
+        "at 125 Hz. The paper's 116 were not quite its own 125 Hz.",
         _verdict([pace > 125.0]),
     )

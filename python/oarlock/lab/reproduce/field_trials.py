@@ -10,9 +10,9 @@ import numpy as np
 
 import oarlock
 from oarlock import Config, Track, load_model
+from oarlock.evaluation.progress import Progress
 from oarlock.lab.reproduce.contents import Floats
 from oarlock.lab.reproduce.places import PlaceBand, place_band
-from oarlock.lab.reproduce.runs import Progress
 from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.trial import FieldTrial, simulate_field
 from oarlock.rowing.simulation import paper

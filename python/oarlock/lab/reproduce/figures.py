@@ -130,11 +130,10 @@ def _positions(
         title=f"{title}, right arm",
         lead=(
             NOT_PUBLIC,
-            f"Indoors (boat still), seed {first.seed}, {RATE_HZ:g} Hz, filtered live as shipped, "
-            "in root axes: x to the "
-            f"rower's left, y up, z to the feet; {SHOWN_S:g} s of {duration_s:g} s. NEES per coordinate: {nees} "
-            "(1 is consistent; larger values mean that the bands, which do not include skin motion and wrong "
-            "lengths, are too narrow).",
+            f"Indoors (boat still), seed {first.seed}, {RATE_HZ:g} Hz, filtered live as shipped, in root axes: x to "
+            f"the rower's left, y up, z to the feet; {SHOWN_S:g} s of {duration_s:g} s. NEES per coordinate: {nees} "
+            "(1 is consistent; more says that the bands, which know nothing of skin and wrong lengths, are too "
+            "narrow).",
         ),
         curves=curves,
         notes=(paper.SLIPS["axes"],),

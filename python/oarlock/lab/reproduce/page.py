@@ -8,7 +8,7 @@ from html import escape
 
 import numpy as np
 
-from oarlock.evaluation.tracklike import Interval
+from oarlock.evaluation.interval import Interval
 from oarlock.lab.reproduce.contents import Chart, Curve, Part
 from oarlock.report import chart, curves
 from oarlock.report.markup import grid, rendered

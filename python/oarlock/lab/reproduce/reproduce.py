@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from oarlock.evaluation.progress import Progress, share
 from oarlock.lab.reproduce.contents import Part
 from oarlock.lab.reproduce.cost import cost
 from oarlock.lab.reproduce.discussion import discussion
 from oarlock.lab.reproduce.field_trials import Scored, field_trials
 from oarlock.lab.reproduce.figures import fig3, fig4, fig5
-from oarlock.lab.reproduce.runs import Progress, share
 from oarlock.lab.reproduce.table5 import table5
 from oarlock.lab.reproduce.table6 import table6
 from oarlock.storage.errors import DataError

@@ -8,9 +8,9 @@ import numpy as np
 
 import oarlock
 from oarlock import Study, StudyResult, load_model
+from oarlock.evaluation.progress import Progress
 from oarlock.lab.reproduce.contents import Cell, Floats, Mark, Part, Table, finite_mean, shown, spread
-from oarlock.lab.reproduce.estimators import ELEVEN, ESTIMATORS, Estimator
-from oarlock.lab.reproduce.runs import Progress
+from oarlock.lab.reproduce.estimators import ELEVEN, ESTIMATORS
 from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.simulators import SIMULATORS
 
@@ -83,10 +83,6 @@ def _label(name: str) -> str:
     return f"{own.label}, smoothed" if name.endswith(SMOOTHED) else own.label
 
 
-def _estimator(name: str) -> Estimator | None:
-    return next((e for e in ESTIMATORS if e.key == name), None)
-
-
 def _lead(result: StudyResult, duration_s: float) -> tuple[str, ...]:
     ours = finite_mean(scores_of(result, "shipped")[3])
     theirs = paper.mean_rmse_deg("B-B")
@@ -113,18 +109,17 @@ def _overview(result: StudyResult) -> Table:
     return Table(
         "table5-overview",
         "Mean RMSE of the eleven angles of Table 5, deg / RMSE of the seat, mm; mean over seeds. Small: result of an "
-        "independent implementation on four recordings of its own, and whether ours, rounded "
-        "equally, is at most 5 % above. "
-        "eq. 6 and jerk: the process noise; as shipped: jerk, closure, surge and biases, with gates, learning and the "
-        "azimuth. Lost: seeds with a mean error beyond 5 deg; joints have their numbers below. "
-        "NEES per state (1 is consistent) and coverage in B-B.",
+        "independent implementation reached on four recordings of its own, and whether ours, rounded alike, is at "
+        "most 5 % above. eq. 6 and jerk: the process noise; as shipped: jerk, closure, surge and biases, with gates, "
+        "learning and the azimuth. Lost: seeds with a mean error beyond 5 deg; joints have their numbers below. NEES "
+        "per state (1 is consistent) and coverage in B-B.",
         head,
         tuple(rows),
     )
 
 
 def _overview_row(result: StudyResult, name: str) -> tuple[Cell, ...]:
-    estimator = _estimator(name)
+    estimator = next((e for e in ESTIMATORS if e.key == name), None)
     states = next(e.states for e in ESTIMATORS if e.key == name.removesuffix(f" {SMOOTHED}"))
     mean, seat = scores_of(result, name), scores_of(result, name, "seat")
     cells = []

@@ -115,9 +115,8 @@ def _axes(scored: Sequence[Scored], setting: Setting) -> Table:
         found.append((Cell(point), *errors, *correlations, *kept))
     return Table(
         f"table6-{setting.key.replace('_', '-')}",
-        f"{setting.label[0].upper()}{setting.label[1:]}: RMSE in mm and correlation along each "
-        "axis (x left, y up, z to the "
-        "feet), share of samples inside the 95 % band, NEES per coordinate (1 is consistent).",
+        f"{setting.label[0].upper()}{setting.label[1:]}: RMSE in mm and correlation along each axis (x left, y up, z "
+        "to the feet), share of samples inside the 95 % band, NEES per coordinate (1 is consistent).",
         ("position", *(f"RMSE {a}" for a in "xyz"), *(f"r {a}" for a in "xyz"), "in 95 % band", "NEES"),
         tuple(found),
         closed=setting.key not in ("indoor", "water"),

@@ -17,6 +17,7 @@ _BRAILLE = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
 _DOTS_DOWN, _DOTS_ACROSS = 4, 2
 # characters kept free for names beside a view, and lines above and below it
 _NAME_COLUMNS = 12
+_MOST_ROWS = 22
 _MARGIN_ROWS = 1
 _BETWEEN = "  "
 # views are placed one above the other if this enlarges them by this factor
@@ -30,29 +31,20 @@ class _Style:
     spot: str
     has_sensor: str
     ascii_only: bool
-    names: bool
-
-    @property
-    def margin(self) -> int:
-        return _NAME_COLUMNS if self.names else 2
 
 
-def draw_text(
-    body: Skeleton, columns: int = 80, max_rows: int = 22, ascii_only: bool = False, names: bool = True
-) -> str:
+def draw_text(body: Skeleton, columns: int = 80, ascii_only: bool = False) -> str:
     """Side view and front view, side by side or, if this is larger, one above the other.
 
     Args:
         body: the body to draw.
         columns: largest width, characters; at least 60.
-        max_rows: largest height of a view, characters.
         ascii_only: no braille patterns and no squares.
-        names: write the names of frames that fit.
     """
-    style = _Style("o", "#" if ascii_only else "■", ascii_only, names)
+    style = _Style("o", "#" if ascii_only else "■", ascii_only)
     pair = [(view, view.bounds(body)) for view in views(body)]
-    beside = _dots_per_m([box for _, box in pair], columns - len(_BETWEEN), max_rows, style)
-    stacked = min(_dots_per_m([box], columns, max_rows, style) for _, box in pair)
+    beside = _dots_per_m([box for _, box in pair], columns - len(_BETWEEN), _MOST_ROWS, style)
+    stacked = min(_dots_per_m([box], columns, _MOST_ROWS, style) for _, box in pair)
     if stacked > _WORTH_STACKING * beside:
         panels = [_panel(body, view, box, stacked, style) for view, box in pair]
         rows = [row for panel in panels for row in [*panel, ""]]
@@ -64,7 +56,7 @@ def draw_text(
 
 
 def _dots_per_m(boxes: Sequence[Bounds], columns: int, rows: int, style: _Style) -> float:
-    free_columns = columns - len(boxes) * (2 * style.margin + 1)
+    free_columns = columns - len(boxes) * (2 * _NAME_COLUMNS + 1)
     width, height = sum(box.width for box in boxes), max(box.height for box in boxes)
     limits = [
         dots / size
@@ -93,7 +85,7 @@ def _without_blank_runs(rows: Sequence[str]) -> list[str]:
 
 
 def _panel(body: Skeleton, view: View, box: Bounds, dots_per_m: float, style: _Style) -> list[str]:
-    columns = math.ceil(box.width * dots_per_m / _DOTS_ACROSS) + 1 + 2 * style.margin
+    columns = math.ceil(box.width * dots_per_m / _DOTS_ACROSS) + 1 + 2 * _NAME_COLUMNS
     columns = max(columns, len(view.title))
     rows = math.ceil(box.height * dots_per_m / _DOTS_DOWN) + 1 + 2 * _MARGIN_ROWS
     canvas = _Canvas(columns, rows)
@@ -111,8 +103,7 @@ def _panel(body: Skeleton, view: View, box: Bounds, dots_per_m: float, style: _S
         for spot, (row, column) in zip(body.spots, cells, strict=True):
             if spot.has_sensor is has_sensor:
                 canvas.write(row, column, glyph)
-    if style.names:
-        _write_names(canvas, body.spots, cells)
+    _write_names(canvas, body.spots, cells)
     lines = [line.ljust(columns) for line in canvas.lines(style.ascii_only)]
     return [view.title.center(columns), *lines]
 

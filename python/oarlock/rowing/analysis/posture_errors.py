@@ -1,19 +1,15 @@
 """Uncertainty of technique: each error source is varied by its standard deviation, one at a time.
 
-A track's deviations are of single angles at single times. Errors are correlated in time: mounts are wrong,
-lengths are wrong, skin moves with the posture. So an angle's error e is modelled as a constant part, a part with the
-period of the stroke, and a small part of higher frequency, which matters for speeds,
+Errors of a track are correlated in time (mounts, lengths, skin), so they do not average out over a stroke. The error of
+an angle is modelled as a constant part, a part with the period of the stroke, and a small part of higher frequency:
 
     e = std(t) (a + (b cos u + c sin u) / sqrt 2 + 0.3 (d cos 4 u + f sin 4 u))
 
-with u = 0 at the catch, pi at the finish, and a, b, c, d, f of variance 1.
-It does not shrink when many samples are averaged. Its mean square is 1.6 std^2: the bands of a track hold over a whole
-stroke, but numbers are read at its ends, and there squared errors over squared deviations were 1.5 times as large
-(finish, nine joints, ten simulated recordings in which the model is wrong). Errors of different joints are taken as
-unrelated. With f0, f+ and f- a number as it is and with one source moved by plus and
-minus one deviation, and c = f+ + f- - 2 f0 its curvature, the source adds ((f+ - f-) / 2)^2 + 0.75 c^2 to the mean
-square error: exact for a quadratic function of a normal error, also at the top of a maximum. Errors of rates are
-quicker: they come and go within a quarter of a stroke.
+with u = 0 at the catch, pi at the finish, and a, b, c, d, f of variance 1. Its mean square is 1.6 std^2: numbers are
+read at the ends of the stroke, where squared errors were 1.5 times the variance (finish, nine joints, ten field
+simulations). Errors of different joints are independent. With f0 the number, f+ and f- with one source moved by plus
+and minus one deviation, and c = f+ + f- - 2 f0, a source adds ((f+ - f-) / 2)^2 + 0.75 c^2 to the mean square error:
+exact for a quadratic function of a normal error. Errors of rates change within a quarter of a stroke.
 """
 
 from __future__ import annotations

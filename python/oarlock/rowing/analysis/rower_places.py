@@ -15,6 +15,7 @@ from oarlock.storage.errors import DataError
 Floats = NDArray[np.float64]
 
 PARTS = ("shoulder", "elbow", "wrist", "hand", "handle")
+SIDES = ("r", "l")
 NEEDED = ("seat", "r_shoulder", "l_shoulder")
 
 
@@ -35,11 +36,6 @@ class Rower:
                 f"technique: the model '{self.model.name}' has no frame {', '.join(missing)}; give a rower's: sculler, "
                 "sweep, ergometer, or one with their frame names"
             )
-
-    @property
-    def sides(self) -> tuple[str, str]:
-        """Right, left."""
-        return "r", "l"
 
     @property
     def oars(self) -> Mapping[str, str]:
@@ -92,12 +88,12 @@ class Rower:
         return {frame: moves[..., k, :, :] for k, frame in enumerate(frames[1:])}
 
     def _frames(self, names: list[str]) -> list[str]:
-        wanted = [f"{side}_{part}" for side in self.sides for part in PARTS]
+        wanted = [f"{side}_{part}" for side in SIDES for part in PARTS]
         return [name for name in ("seat", *wanted) if name in names]
 
     def _forget(self, found: dict[str, Floats], unread: list[str]) -> None:
         """A handle without readings is nowhere, though the turn of an oar about itself matters to none."""
-        for side in self.sides:
+        for side in SIDES:
             own = [n for n in unread if n in self.handle_joints and n[:2] not in _other(side)]
             if own and f"{side}_handle" in found:
                 found[f"{side}_handle"] = np.full_like(found[f"{side}_handle"], np.nan)

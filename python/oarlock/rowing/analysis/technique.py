@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from oarlock import Calibration, Track
 from oarlock.rowing.analysis.features import CURVES, FEATURES, NUMBERS, Feature
 from oarlock.rowing.analysis.posture_errors import SHAPES, Events, Scatter
-from oarlock.rowing.analysis.rower_places import Rower
+from oarlock.rowing.analysis.rower_places import SIDES, Rower
 from oarlock.rowing.analysis.stroke_grid import Course, Grid
 from oarlock.rowing.analysis.stroke_means import (
     FeatureMean,
@@ -213,7 +213,7 @@ def _forget_unobserved(track: Track, rower: Rower, found: Strokes, values: Value
     told_by = [
         (("lean", "trunk", "arms_", "finish_factor"), "", rower.trunk_joints),
         (("seat", "legs", "share", "style", "catch_factor"), "", ("seat",)),
-        *((_ARM, f"{side}_", rower.arm_joints(side)) for side in rower.sides),
+        *((_ARM, f"{side}_", rower.arm_joints(side)) for side in SIDES),
     ]
     for words, side, joints in told_by:
         unseen = _unseen(track, found, [known.index(name) for name in joints if name in known])

@@ -94,6 +94,3 @@ def _unknown(file: Path, text: str, found: Sequence[Grid], format: str | None) -
     first = " ".join(text[:60].split())
     known = ", ".join(EXPORT_FORMATS)
     return f'{file}: is not a known stroke export (its text begins "{first}"); known are {known}'
-
-
-__all__ = ["EXPORT_FORMATS", "ExportFormat", "load_stroke_export"]

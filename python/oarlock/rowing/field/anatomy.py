@@ -1,12 +1,9 @@
 """Anatomy of the field simulator beyond rigid links: gliding shoulders, bending spine, slipping fingers.
 
-It has its own kinematics in NumPy, computed from a model's description. Deviations are added to the model's joints as
-further columns of the posture. If all are zero, the body equals the model.
-
-Definition of joint angles while the skeleton deviates: limbs have the orientations of the model's joint frames at these
-angles. The trunk's angle is the inclination of the line from the hip to the middle of the shoulders, and the shoulders'
-angles rotate the upper arms relative to that line. So the true angles, in a model with the true lengths, give the true
-orientations of all limbs. The positions of shoulders and arms differ by the gliding of the shoulders.
+Kinematics in NumPy from a model's description, independent of the engine. Deviations are additional columns of the
+posture; with all at zero the body is the model's. Limbs have the orientations of the model's joint frames. The trunk's
+angle is the inclination of the line from the hip to the middle of the shoulders. So the true angles with the true
+lengths give true orientations; positions from the shoulders outwards differ by the deviations.
 """
 
 from __future__ import annotations

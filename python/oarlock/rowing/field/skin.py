@@ -1,7 +1,7 @@
 """Soft-tissue artefacts of the field simulator: lag of skin, swelling muscle, moving straps, vibration.
 
-Each part is a displacement and a rotation of the sensor relative to its link, in link axes, over time. All are zero in
-the N-pose (q = 0), in which mounts are calibrated, except the slow random rotation.
+Each is a shift and a rotation of the sensor relative to its link over time, in the link's axes. All but the random
+wander are zero in the N-pose (q = 0).
 """
 
 from __future__ import annotations

@@ -37,12 +37,9 @@ class FieldTrial:
 
     Attributes:
         recording: readings of the sensors.
-        truth: joints over true time. Its model has the true lengths. Limbs have the orientations of the model's joint
-            frames at these angles; the trunk's angle is the inclination of the line from hip to middle of the
-            shoulders.
-        markers: true positions of shoulders, elbows and wrists. They differ from `truth.frame_positions` because
-            shoulders glide and the spine bends, which a tree of rigid links cannot represent.
-        calibration: the true lengths, rig, mounts and hard iron, as a perfect calibration would find them.
+        truth: joints over true time; its model has the true lengths. `rowing.field.anatomy` defines its angles.
+        markers: true positions of shoulders, elbows and wrists, with gliding shoulders and a bent spine.
+        calibration: the true lengths, rig, mounts and hard iron.
         effects: the simulated effects.
         condition: condition of Table 5.
         clocks: clocks of the inertial units, by name.
@@ -87,18 +84,17 @@ def simulate_field(
 ) -> FieldTrial:
     """Simulate sculling on the water, with errors that the model does not have.
 
-    Independent of filter and engine: it has its own kinematics and differentiation and uses only the model's
-    description. With `FieldEffects.off()` its signals equal those of `simulate_sculling` except for the random noise.
+    Kinematics and differentiation are independent of filter and engine. With `FieldEffects.off()` the signals are those
+    of `simulate_sculling`, except for the noise.
 
     Args:
-        model: the model that a user has; athlete and sensors differ from it by the effects.
+        model: the model that the user has; athlete and sensors differ from it by the effects.
         effects: strengths; None is a careful session, `FieldEffects.wild()` a poor one.
         condition: `S-NB`, `B-NB`, `S-B` or `B-B`: boat still or moving, sensors without or with Table 5's biases.
         duration_s: length, s.
         rate_spm: strokes per minute; (20, 34) increases uniformly from 20 to 34.
-        rate_hz: sampling rate of all sensors, Hz; the paper's test on the water had 100 Hz.
-        seed: seed of stroke variation, effects and noise. The random numbers of an effect do not depend on other
-            effects.
+        rate_hz: of all sensors.
+        seed: of all random numbers. Those of one effect do not depend on which others are on.
 
     Raises:
         ValueError: an unknown condition.
@@ -108,7 +104,8 @@ def simulate_field(
 
     chosen, effects = _checked(condition, rate_hz, duration_s), FieldEffects() if effects is None else effects
     nominal = model.describe()
-    true_model = _with_true_lengths(model, true_parameters(nominal, effects, seed))
+    true = true_parameters(nominal, effects, seed)
+    true_model = model.with_parameters(true) if true else model
     description = true_model.describe()
     session = rowed(description, nominal, effects, chosen.boat_surge, duration_s, rate_spm, seed)
     around = Surroundings.of(nominal["world"], effects, seed)
@@ -150,10 +147,6 @@ def _checked(condition: str, rate_hz: float, duration_s: float) -> SimulatedCond
     if not (np.isfinite(duration_s) and 1.0 <= duration_s <= 3600.0):
         raise DataError(f"field simulator: duration_s is {duration_s}; give 1 to 3600 s")
     return chosen
-
-
-def _with_true_lengths(model: Model, true: Mapping[str, float]) -> Model:
-    return model.with_parameters(true) if true else model
 
 
 def _encoders(description: Mapping[str, Any]) -> list[Mapping[str, Any]]:

@@ -39,7 +39,12 @@ def arms_at_finish(pieces: Sequence[Piece]) -> str:
         faint = (
             []
             if len(pieces) > 1
-            else [_seen(one, axis, "") for _, arms in held for arm in arms.values() for one in _thinned(arm)]
+            else [
+                _seen(one, axis, "")
+                for _, arms in held
+                for arm in arms.values()
+                for one in arm[:: math.ceil(len(arm) / MOST_FAINT) or 1]
+            ]
         )
         points = _points(held[0][1], axis) if len(pieces) == 1 and key == "arms-behind" else ()
         figures.append(
@@ -71,10 +76,6 @@ def _seen(arm: Floats, axis: Floats, name: str) -> Series:
 
 def _name(pieces: Sequence[Piece], piece: Piece, side: str) -> str:
     return SIDES[side] if len(pieces) == 1 else f"{piece.name}, {SIDES[side]}"
-
-
-def _thinned(arm: Floats) -> Floats:
-    return arm[:: max(1, math.ceil(len(arm) / MOST_FAINT))]
 
 
 def _points(arms: dict[str, Floats], axis: Floats) -> list[tuple[float, float, str]]:

@@ -37,7 +37,11 @@ def sections_of(pieces: Sequence[Piece], csv_names: Sequence[str]) -> list[Secti
         for name, target in first.technique.targets.items()
     }
     parts = [
-        ("compared-pieces", "Side by side", _compared(pieces)),
+        (
+            "compared-pieces",
+            "Side by side",
+            comparison_table("compared-pieces", *pieces) if pieces[1:] else "",
+        ),
         ("moving", "The strokes, moving", player(pieces)),
         ("strokes", "Strokes", _strokes(pieces, csv_names)),
         ("trends", "Over the piece", _trends(pieces, zones)),
@@ -88,10 +92,6 @@ def _hinted(hint: str, content: str) -> str:
     return f'<p class="hint">{escape(hint)}</p>{content}' if content else ""
 
 
-def _compared(pieces: Sequence[Piece]) -> str:
-    return comparison_table("compared-pieces", pieces[0], pieces[1]) if len(pieces) > 1 else ""
-
-
 def _strokes(pieces: Sequence[Piece], csv_names: Sequence[str]) -> str:
     parts = []
     for k, (piece, csv_name) in enumerate(zip(pieces, csv_names, strict=True)):
@@ -106,10 +106,7 @@ def _strokes(pieces: Sequence[Piece], csv_names: Sequence[str]) -> str:
 
 
 def _trends(pieces: Sequence[Piece], zones: dict[str, Zone]) -> str:
-    hint = (
-        "Dots: counted strokes. Bars: the 95 % interval of each value; "
-        "it is hidden if it is smaller than the dot."
-    )
+    hint = "Dots: counted strokes. Bars: the 95 % interval of each value; it is hidden if it is smaller than the dot."
     if zones:
         hint += (
             " Tinted: published targets with their source. No target is right for everyone: it depends on height, rig, "

@@ -49,11 +49,6 @@ def link(name: str, label: str) -> str:
     )
 
 
-def stroke_label(row: int) -> str:
-    """Name of a stroke in the player, as in `oarlock.rowing.stroke_marks`."""
-    return f"stroke {row + 1}"
-
-
 def anchor(name: str) -> str:
     """Anchor of the definition of a number in the page."""
     return f"def-{name.replace('_', '-')}"
@@ -90,7 +85,7 @@ def strokes_table(piece: Piece, key: str, played: bool) -> str:
 def _stroke_row(table: StrokeTable, names: Sequence[str], row: int, kept: bool, loops: bool) -> list[str]:
     number = str(row + 1)
     if loops:
-        number = f'<a class="term" href="#moving" data-stroke="{stroke_label(row)}">{row + 1}</a>'
+        number = f'<a class="term" href="#moving" data-stroke="stroke {row + 1}">{row + 1}</a>'
     head = f'<data value="{row + 1}">{number}</data>'
     if not kept:
         head += f' <span class="mark">{escape(table.reason("in_averages")[row] or "left out")}</span>'

@@ -1,14 +1,12 @@
-"""Surge of the simulated hull: its acceleration and deceleration during the stroke.
+"""Surge of the simulated hull: one degree of freedom along the keel.
 
-One degree of freedom along the keel. Momentum of boat and rower, with v the hull's speed toward the bow and z
-the rower's centre of mass on the boat, positive toward the stern:
+With v the hull's speed toward the bow and z the rower's centre of mass on the boat, positive toward the stern:
 
     (m_boat + m_rower) dv/dt = F(t) - c v |v| + m_rower d2z/dt2
 
-Sources: the model is the usual one-dimensional rowing balance (e.g. Cabrera, Ruina and Kleshnev, Human Movement
-Science 25, 2006; Baudouin and Hawkins, British J. Sports Medicine 36, 2002). Segment masses and centres of
-mass: Winter, Biomechanics and Motor Control of Human Movement, table 4.1. The force curve is a choice: broad, with
-its peak before mid-drive.
+Sources: Cabrera, Ruina and Kleshnev, Human Movement Science 25, 2006; Baudouin and Hawkins, British J. Sports Medicine
+36, 2002; segment masses: Winter, Biomechanics and Motor Control of Human Movement, table 4.1. The shape of the force
+curve is our choice.
 """
 
 from __future__ import annotations

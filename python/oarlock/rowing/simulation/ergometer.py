@@ -1,11 +1,7 @@
-"""Simulates rowing on an ergometer: one handle on a chain, on the floor or on slides.
+"""Simulates rowing on an ergometer with one handle on a chain, on the floor or on slides.
 
-The stroke is a sculler's without the boat: the same order of legs, trunk and arms, the same timing. The handle goes
-from the machine to the body as the hands of a sculler go along the boat, nearly level, a little lower in the recovery.
-Strokes of 1.3 to 1.4 m are usual on an ergometer.
-
-On slides nothing from outside pushes along the rail but their springs and friction, which are left out, so that the
-common centre of mass of rower and machine stays where it is: with z the rower's centre of mass on the machine,
+Order and timing of legs, trunk and arms are a sculler's; the handle moves nearly level, a little lower in the recovery.
+On slides, without friction, the common centre of mass stays in place; with z the rower's on the machine:
 
     (m_machine + m_rower) a = - m_rower d2z/dt2
 """
@@ -101,18 +97,9 @@ def ergometer_piece(
 ) -> Piece:
     """Simulate a piece on the ergometer; both hands are on the handle to 1e-6 m.
 
-    Args:
-        model: `ergometer`, or a model with its joint and frame names.
-        duration_s: length, s.
-        rate_spm: strokes per minute; (20, 34) goes evenly from 20 to 34.
-        drive_ratio: drive over cycle; None: 0.36 at 20 spm to 0.45 at 34.
-        shape: ends of the movements; None: a good rower's.
-        variation: 1 = the stroke-to-stroke variation of a good rower, 0 = every stroke the same.
-        machine: masses; None: a usual ergometer on slides under 80 kg.
-        slides: the machine runs freely along Z; False stands it on the floor (``base_acceleration_m_s2`` is None).
-        start_s: time of the first knot, which is a catch, s.
-        seed: of the variation.
-        knots_hz: knots of the splines per second.
+    Arguments are those of :func:`row_piece`, but for the boat; the model is `ergometer` or one with its joint and frame
+    names. With `slides` the machine runs freely along Z, with the masses of `machine` (None: 32 kg under 80 kg);
+    without, it stands on the floor (``base_acceleration_m_s2`` is None).
 
     Raises:
         DataError: the hands cannot hold the handle somewhere, or an argument is out of range.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,7 +34,6 @@ def simulate_sculling(
     *,
     hull_rotation: HullRotation | None = None,
     pitching: bool = False,
-    form: HullForm | None = None,
 ) -> tuple[Track, Recording]:
     """Truth and recording of a simulated sculler.
 
@@ -48,18 +48,14 @@ def simulate_sculling(
         seed: of the stroke-to-stroke variation, of the hull's rotation and of the sensors' noise.
         hull_rotation: prescribed rotation of the hull; None leaves it level.
         pitching: the hull pitches under the rower's weight, beside what is prescribed; it must surge for that.
-        form: how the hull pitches and where it turns about; None: a single scull's.
 
     Raises:
         ValueError: an unknown condition, or a boat that is to pitch and to stand still.
         DataError: the model cannot row so.
     """
-
-    def row(body: Model, surge: bool) -> Piece:
-        return row_piece(body, duration_s, rate_spm, surge=surge, seed=seed)
-
-    hull = _Hull(hull_rotation, pitching, HullForm() if form is None else form, Boat())
-    return _recorded(model, row, _condition(condition, pitching), seed, hull)
+    chosen = _condition(condition, pitching)
+    row = partial(row_piece, duration_s=duration_s, rate_spm=rate_spm, surge=chosen.boat_surge, seed=seed)
+    return _recorded(model, row, chosen, seed, _Hull(hull_rotation, pitching, HullForm(), Boat()))
 
 
 def simulate_sweep(
@@ -71,19 +67,15 @@ def simulate_sweep(
     *,
     hull_rotation: HullRotation | None = None,
     pitching: bool = False,
-    form: HullForm | None = None,
 ) -> tuple[Track, Recording]:
     """Truth and recording of a simulated sweep rower in a coxless pair.
 
     Arguments and errors are those of :func:`simulate_sculling`; the model is `sweep`, `sweep_starboard` or one with
     their joints, frames and sensors.
     """
-
-    def row(body: Model, surge: bool) -> Piece:
-        return sweep_piece(body, duration_s, rate_spm, surge=surge, seed=seed)
-
-    hull = _Hull(hull_rotation, pitching, PAIR_HULL if form is None else form, PAIR_SEAT)
-    return _recorded(model, row, _condition(condition, pitching), seed, hull)
+    chosen = _condition(condition, pitching)
+    row = partial(sweep_piece, duration_s=duration_s, rate_spm=rate_spm, surge=chosen.boat_surge, seed=seed)
+    return _recorded(model, row, chosen, seed, _Hull(hull_rotation, pitching, PAIR_HULL, PAIR_SEAT))
 
 
 def simulate_ergometer(
@@ -95,22 +87,14 @@ def simulate_ergometer(
 ) -> tuple[Track, Recording]:
     """Truth and recording of a simulated rower on an ergometer.
 
-    Args:
-        model: `ergometer`, or a model with its joints, frames and sensors.
-        condition: `S-NB`, `B-NB`, `S-B` or `B-B`: on the floor (S) or on slides (B), sensors without or with biases.
-        duration_s: length, s.
-        rate_spm: strokes per minute; two values go evenly from one to the other.
-        seed: of the stroke-to-stroke variation and of the sensors' noise.
-
-    Raises:
-        ValueError: an unknown condition.
-        DataError: the model cannot row so.
+    Arguments and errors are those of :func:`simulate_sculling`; the model is `ergometer` or one with its joints, frames
+    and sensors; conditions S- are on the floor, B- on slides.
     """
-
-    def row(body: Model, slides: bool) -> Piece:
-        return ergometer_piece(body, duration_s, rate_spm, slides=slides, seed=seed)
-
-    return _recorded(model, row, condition_named(condition), seed, _Hull(None, False, HullForm(), Boat()))
+    chosen = condition_named(condition)
+    row = partial(
+        ergometer_piece, duration_s=duration_s, rate_spm=rate_spm, slides=chosen.boat_surge, seed=seed
+    )
+    return _recorded(model, row, chosen, seed, _Hull(None, False, HullForm(), Boat()))
 
 
 def simulate_rowing(
@@ -171,13 +155,13 @@ def _condition(name: str, pitching: bool) -> SimulatedCondition:
 
 
 def _recorded(
-    model: Model, row: Callable[[Model, bool], Piece], condition: SimulatedCondition, seed: int, hull: _Hull
+    model: Model, row: Callable[[Model], Piece], condition: SimulatedCondition, seed: int, hull: _Hull
 ) -> tuple[Track, Recording]:
     from oarlock import simulate
 
     turns = hull.pitching or hull.rotation is not None
     body = on_hull(model) if turns else model
-    piece = row(body, condition.boat_surge)
+    piece = row(body)
     motion = hull.turned(body, piece, seed) if turns else piece.motion
     truth, recording = simulate(
         body,

@@ -1,10 +1,8 @@
-"""Arm angles of simulated rowers by inverse kinematics: the hands are on the handles.
+"""Inverse kinematics of the arms of simulated rowers: the hands are on the handles.
 
-Seven joints of an arm meet five conditions (hand origin on the handle's, hand z along the handle's), so the
-posture nearest to a preferred one is taken: minimise |W (q - q_preferred)|^2 / 2 under the conditions. The
-conditions' first and second derivatives are geometric, and Newton's method on the Karush-Kuhn-Tucker equations
-runs for all knots at once. The start is the preferred posture itself with the handle drawn from the hand to
-its place in small steps, so that neighbouring knots stay on one branch.
+Of all postures with the hand on the handle and its z axis along it (five conditions, seven joints), the one nearest to
+a preferred posture: minimise |W (q - q_preferred)|^2 / 2 by Newton's method on the Karush-Kuhn-Tucker equations, for
+all knots at once. The handle is first moved from the hand to its place in small steps, which keeps the branch.
 """
 
 from __future__ import annotations

@@ -1,15 +1,11 @@
-"""A simulated hull with prescribed rotations, and models whose root does not rotate with the boat.
+"""Simulated hulls with prescribed rotations, and models whose root does not rotate with the boat.
 
-The sculler's root is the boat. Where the boat turns, the root becomes a frame that travels along, level and straight
-on, and everything that hung on the root hangs on a frame `hull`. The hull strays from the root by two slides,
-`hull_sway` (X) and `hull_heave` (Y), and turns by three hinges: `hull_yaw` about the vertical (positive with the bow
-toward the rower's right, port), then `hull_pitch` about the transverse axis (positive with the stern down), then
-`hull_roll` about the keel (positive with the rower's left, starboard, up).
+The root then travels level and straight. It carries the frame `hull` by the slides `hull_sway` (X) and `hull_heave`
+(Y) and the hinges `hull_yaw` (positive: bow to port), `hull_pitch` (stern down) and `hull_roll` (starboard up).
 """
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from math import radians
 from typing import TYPE_CHECKING
@@ -18,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from oarlock.model.edit import document_of, merged, model_of
+from oarlock.model.edit import document_of, merged, model_of, moving_frame
 from oarlock.rowing.simulation.curves import PeriodicCurve, Variation
 from oarlock.rowing.simulation.timing import StrokeTiming
 from oarlock.simulation.motion import Motion
@@ -36,76 +32,26 @@ _HARMONICS = (1.0, 0.4, 0.2)
 _GRID = np.arange(512) / 512.0
 _SLOW = 4.0
 
-_JOINTS_AND_FRAMES = """
-[[joint]]
-name = "hull_sway"
-kind = "slide"
-
-[[joint]]
-name = "hull_heave"
-kind = "slide"
-[[joint]]
-name = "hull_yaw"
-kind = "hinge"
-
-[[joint]]
-name = "hull_pitch"
-kind = "hinge"
-
-[[joint]]
-name = "hull_roll"
-kind = "hinge"
-
-[[frame]]
-name = "hull_swayed"
-parent = "root"
-transform = { translation = [0, 0, 0] }
-axis = "x"
-joint = "hull_sway"
-
-[[frame]]
-name = "hull_heaved"
-parent = "hull_swayed"
-transform = { translation = [0, 0, 0] }
-axis = "y"
-joint = "hull_heave"
-
-[[frame]]
-name = "hull_yawed"
-parent = "hull_heaved"
-transform = { translation = [0, 0, 0] }
-axis = "y"
-joint = "hull_yaw"
-
-[[frame]]
-name = "hull_pitched"
-parent = "hull_yawed"
-transform = { translation = [0, 0, 0] }
-axis = "x"
-joint = "hull_pitch"
-
-[[frame]]
-name = "hull"
-parent = "hull_pitched"
-transform = { translation = [0, 0, 0] }
-axis = "z"
-joint = "hull_roll"
-"""
+_STEPS = (
+    ("hull_swayed", "hull_sway", "slide", "x"),
+    ("hull_heaved", "hull_heave", "slide", "y"),
+    ("hull_yawed", "hull_yaw", "hinge", "y"),
+    ("hull_pitched", "hull_pitch", "hinge", "x"),
+    ("hull", "hull_roll", "hinge", "z"),
+)
+"""Frames from the root to the hull, each with the name, kind and axis of its joint."""
 
 
 @dataclass(frozen=True)
 class HullRotation:
     """Small rotations of the hull within strokes, zero on average.
 
-    The part that repeats with the stroke swings from minus to plus the given amplitude (half of peak to peak). Pitch
-    has the stern down at the catch, where the rower sits sternmost; roll and yaw have a shape that the seed chooses,
-    three harmonics of the stroke. A random part is added, half of it from stroke to stroke, half over several strokes.
-
-    Usual amplitudes are the defaults; Formaggia et al. 2009 and Mola 2010, as the sculler's source reads them, bound
-    pitch, roll and yaw within a stroke by 1, 5 and 5 deg.
+    Each angle is periodic with the stroke, plus a random part. Pitch has the stern down at the catch; roll and yaw have
+    three harmonics with random phases. Defaults are usual values; Formaggia et al. 2009 and Mola 2010 bound pitch, roll
+    and yaw within a stroke by 1, 5 and 5 deg.
 
     Attributes:
-        pitch_rad, roll_rad, yaw_rad: amplitudes, rad.
+        pitch_rad, roll_rad, yaw_rad: amplitudes (half of peak to peak), rad.
         irregular: standard deviation of the random part as a share of the amplitude.
     """
 
@@ -147,16 +93,14 @@ def _stroke_shape(rng: np.random.Generator, in_step: bool) -> PeriodicCurve:
 
 
 def turning_hull(motion: Motion, angles: dict[str, Array], pivot_m: Array, shifted_m: Array) -> Motion:
-    """The same motion in a hull that turns about a point of its own.
+    """The same motion in a hull that rotates about a pivot; its origin then sways, heaves and surges.
 
     Args:
         motion: of a model with the hull's joints, at any values; its base acceleration acts along Z.
         angles: (K,) at the motion's knots, rad, by hull joint; those left out are zero.
         pivot_m: (3,) the point about which the hull turns, in hull axes, m.
-        shifted_m: (K,) part of the way along Z that the hull makes under the shifting rower, m: this part goes along
-            the keel, wherever it points, the rest of the base acceleration along the course.
-
-    The hull's origin lies beside the pivot, so that it sways, heaves and surges with the rotation.
+        shifted_m: (K,) displacement of the hull along its keel due to the moving rower, m; the rest of the base
+            acceleration acts along the course.
     """
     zero = np.zeros(motion.time_s.size)
     yaw, pitch, roll = (np.asarray(angles.get(name, zero), dtype=np.float64) for name in HULL_ANGLES)
@@ -182,16 +126,23 @@ def _turned(yaw: Array, pitch: Array, roll: Array, arm: Array) -> Array:
 
 
 def on_hull(model: Model) -> Model:
-    """The model with everything that hung on the root hung on a hull that turns in it; itself if it has one.
+    """The model with its root's children on a hull that rotates in it; the model itself if it has a hull.
 
-    For simulating what the sensors of any boat's model feel when the boat turns; see the model `sculler_boat` for
-    tracking.
+    For simulation; to track, use the model `sculler_boat`.
     """
     if set(HULL_JOINTS) <= set(model.joint_names):
         return model
+    parents = ("root", *(frame for frame, *_ in _STEPS))
+    added = {
+        "joint": [{"name": joint, "kind": kind} for _, joint, kind, _ in _STEPS],
+        "frame": [
+            moving_frame(frame, parent, axis, joint)
+            for parent, (frame, joint, _, axis) in zip(parents, _STEPS, strict=False)
+        ],
+    }
     document = document_of(model)
     for table in (table for kind in ("frame", "sensor", "closure") for table in document.get(kind, ())):
         for key in ("parent", "frame", "frame_a", "frame_b"):
             if table.get(key) == "root":
                 table[key] = "hull"
-    return model_of(merged(document, tomllib.loads(_JOINTS_AND_FRAMES)), model)
+    return model_of(merged(document, added), model)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import wraps
+from typing import ParamSpec
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,7 @@ from oarlock.simulation.motion import Motion
 from oarlock.storage.errors import DataError
 
 Array = NDArray[np.float64]
+Parameters = ParamSpec("Parameters")
 
 _SIDE_NAMES = {"r": "right (port oar)", "l": "left (starboard oar)"}
 _MODEL_OF = {"sculling": "sculler", "sweep": "sweep", "ergometer": "ergometer"}
@@ -42,7 +45,7 @@ class Piece:
     closure_axis: float
 
 
-def sculling(
+def row_piece(
     model: Body,
     duration_s: float = 40.0,
     rate_spm: float | Sequence[float] = 24.0,
@@ -55,8 +58,8 @@ def sculling(
     start_s: float = 0.0,
     seed: int = 0,
     knots_hz: float = 250.0,
-) -> Motion:
-    """Simulate sculling in a surging boat as joint trajectories; the hands are on the handles to 1e-6 m.
+) -> Piece:
+    """Simulate sculling with strokes, boat speed and closure residuals; the hands are on the handles to 1e-6 m.
 
     Args:
         model: the sculler, or a model with the same joint and frame names.
@@ -74,36 +77,6 @@ def sculling(
     Raises:
         DataError: the hands cannot hold the handles somewhere, or an argument is out of range.
     """
-    return row_piece(
-        model,
-        duration_s,
-        rate_spm,
-        drive_ratio=drive_ratio,
-        shape=shape,
-        variation=variation,
-        boat=boat,
-        surge=surge,
-        start_s=start_s,
-        seed=seed,
-        knots_hz=knots_hz,
-    ).motion
-
-
-def row_piece(
-    model: Body,
-    duration_s: float = 40.0,
-    rate_spm: float | Sequence[float] = 24.0,
-    *,
-    drive_ratio: float | None = None,
-    shape: StrokeShape | None = None,
-    variation: float = 1.0,
-    boat: Boat | None = None,
-    surge: bool = True,
-    start_s: float = 0.0,
-    seed: int = 0,
-    knots_hz: float = 250.0,
-) -> Piece:
-    """As :func:`sculling`, with the strokes, the boat's speed and the closure residuals beside the motion."""
     shape = StrokeShape() if shape is None else shape
     time = knots(duration_s, start_s, knots_hz, variation)
     streams = np.random.default_rng(seed).spawn(3)
@@ -113,6 +86,21 @@ def row_piece(
     check_joints(model, fixed, "sculling")
     holding = Holding(GripSolver(model, WEIGHTS), timing, "sculling", _SIDE_NAMES, _WHAT_TO_TRY)
     return held_piece(model, fixed, preferred, holding, Boat() if boat is None else boat, surge)
+
+
+def motion_of(piece: Callable[Parameters, Piece], name: str, about: str) -> Callable[Parameters, Motion]:
+    """The function `name` with the arguments of `piece` that returns the motion alone."""
+
+    @wraps(piece)
+    def motion(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Motion:
+        return piece(*args, **kwargs).motion
+
+    motion.__name__ = motion.__qualname__ = name
+    motion.__doc__ = f"{about} as joint trajectories; arguments and errors are those of `{piece.__name__}`."
+    return motion
+
+
+sculling = motion_of(row_piece, "sculling", "Sculling")
 
 
 def held_piece(
@@ -130,7 +118,12 @@ def held_piece(
         q[:, list(model.joint_names).index(name)] = value
     q = holding.solve(q, preferred)
     hull = hull_motion(model, q, timing, boat) if surge else None
-    motion = Motion(tuple(model.joint_names), timing.time_s, q, None if hull is None else _along_z(hull))
+    motion = Motion(
+        tuple(model.joint_names),
+        timing.time_s,
+        q,
+        None if hull is None else np.outer(hull.acceleration_m_s2, (0.0, 0.0, 1.0)),
+    )
     return Piece(motion, timing, hull, *holding.closure_everywhere(motion))
 
 
@@ -155,8 +148,3 @@ def check_joints(model: Body, needed: Iterable[str], activity: str) -> None:
                 f"{activity}: the model has no joint {name!r}; it has {', '.join(names)}. "
                 f"Use the model '{_MODEL_OF[activity]}' or one with the same joint names"
             )
-
-
-def _along_z(hull: HullMotion) -> Array:
-    zeros = np.zeros_like(hull.acceleration_m_s2)
-    return np.stack([zeros, zeros, hull.acceleration_m_s2], axis=-1)

@@ -117,8 +117,7 @@ SLIPS: dict[str, str] = {
     "sqrt(s) (m/s2 for the seat), as the white jerk beside it.",
     "table4": 'Table 4 heads gyroscopes "rad/s2 1e-3"; the figures are rad/s x 1e-3, and so they are used.',
     "axes": "Figure 4's caption lets x point to the feet, Figure 1 lets Z. Figure 1 is followed: "
-    "X to the rower's left, "
-    "Y up, Z to the feet.",
+    "X to the rower's left, Y up, Z to the feet.",
     "elbow": "Figure 3 draws the elbow's flexion negative. With Table 2 read as here it is positive.",
     "rates": "The simulated experiment ran at 125 Hz, the real one at 100 Hz; so do these.",
     "boat": "The boat model [4] is not printed. Here the hull surges by the momentum balance of hull and rower "

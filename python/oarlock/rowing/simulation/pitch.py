@@ -1,23 +1,15 @@
-"""Pitch of the simulated hull: the second degree of freedom after surge.
+"""Pitch of the simulated hull under the moving rower, in addition to surge. Heave (1 to 2 mm) is left out.
 
-Pitch rather than heave: some 230 N m of the rower's weight move along the keel in every stroke, and what follows tilts
-gravity in every accelerometer on board (0.3 deg is 0.05 m/s2), while heave stays at a millimetre or two. It is also
-what the literature on these boats carries beside surge in the plane of symmetry.
-
-Moments about the centre of flotation C, at the waterline, theta positive with the stern down, y up from the water and z
-toward the stern, for point masses m_i of the rower, with a the hull's acceleration toward the stern:
+Moments about the centre of flotation C at the waterline; theta positive with the stern down, y up from the water, z
+toward the stern; point masses m_i of the rower, hull acceleration a toward the stern:
 
     (I_hull + I_rower + A) theta'' + B theta' + K theta = g sum m_i z_i  - sum m_i (y_i z_i'' - z_i y_i'')
                                                           - a sum m_i y_i + d_blade F - d_drag c v |v|   (less its mean)
 
-K = rho g integral z^2 b dz of a waterline that is a parabola, b = beam (1 - 4 z^2 / length^2); the heights of the
-centres of buoyancy and of mass change it by less than one per cent and are left out. A is the added mass of half discs
-of that width (strip theory), B a share of critical damping. The mean moment is trim and taken away: zero is how the
-boat lies on average.
-
-Sources: surge, heave and pitch of a shell under moving rowers: Formaggia, Miglio, Mola and Montano, Int. J. Numerical
-Methods in Fluids 61, 2009; Mola, Virginia Tech, 2010, who find pitch under 1 deg in a stroke. Strips: Newman, Marine
-Hydrodynamics, 1977. The rower's masses are those of `rowing.simulation.boat`; legs count at the height of the hips.
+K = rho g integral z^2 b dz of a parabolic waterline b = beam (1 - 4 z^2 / length^2); A is the added mass of half discs
+of that width (strip theory: Newman, Marine Hydrodynamics, 1977), B a share of critical damping. The mean moment is trim
+and is subtracted. After Formaggia, Miglio, Mola and Montano, Int. J. Numerical Methods in Fluids 61, 2009; Mola,
+Virginia Tech, 2010, finds pitch below 1 deg within a stroke. The legs are at the height of the hips.
 """
 
 from __future__ import annotations
@@ -43,7 +35,7 @@ _RUN_IN_STROKES = 8
 
 @dataclass(frozen=True)
 class HullForm:
-    """What of a hull decides how it pitches; the defaults are a single scull's.
+    """Dimensions of a hull that determine its pitch; the defaults are those of a single scull.
 
     Attributes:
         length_m: of the waterline, m.

@@ -6,10 +6,9 @@ from the boat's upright, whatever the rail does.
 
 from __future__ import annotations
 
-import tomllib
 from typing import TYPE_CHECKING
 
-from oarlock.model.edit import document_of, merged, model_of
+from oarlock.model.edit import document_of, merged, model_of, moving_frame
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
@@ -18,30 +17,13 @@ if TYPE_CHECKING:
 RAIL_JOINT = "rail_slope"
 SHOULDERS = ("r_shoulder", "l_shoulder")
 
-_JOINT = """
-[[joint]]
-name = "rail_slope"
-kind = "hinge"
-label = "seat's rail beyond rail_slope_rad, positive rising toward the feet (stern)"
-limits = ["-3*pi/180", "3*pi/180"]
-process = { kind = "walk", density = 1e-4, start_std = [0.025] }
-
-[[frame]]
-name = "rail"
-parent = "PARENT"
-transform = { translation = [0, 0, 0] }
-axis = "-x"
-joint = "rail_slope"
-
-# Turned back, so that the trunk counts from the boat's upright.
-[[frame]]
-name = "hips"
-parent = "seat"
-transform = { translation = [0, 0, 0] }
-axis = "z"
-joint = "rail_slope"
-sign = -1
-"""
+_JOINT = {
+    "name": RAIL_JOINT,
+    "kind": "hinge",
+    "label": "seat's rail beyond rail_slope_rad, positive rising toward the feet (stern)",
+    "limits": ["-3*pi/180", "3*pi/180"],
+    "process": {"kind": "walk", "density": 1e-4, "start_std": [0.025]},
+}
 _SLOPE = "rail_slope_rad"
 
 
@@ -65,8 +47,10 @@ def on_unknown_rail(model: Model) -> Model:
             f"model '{model.name}': its seat does not slide along rail_slope_rad with both shoulders on it; "
             "start from a copy of `sculler`"
         )
-    rail = tomllib.loads(_JOINT.replace("PARENT", seat["parent"]))
+    rail = moving_frame("rail", seat["parent"], "-x", RAIL_JOINT)
+    # rotated back, so that the trunk's angle is relative to the boat
+    hips = moving_frame("hips", "seat", "z", RAIL_JOINT, sign=-1)
     seat["parent"] = "rail"
     for name in shoulders:
         frames[name]["parent"] = "hips"
-    return model_of(merged(document, rail), model)
+    return model_of(merged(document, {"joint": [_JOINT], "frame": [rail, hips]}), model)

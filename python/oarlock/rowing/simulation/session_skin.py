@@ -23,17 +23,11 @@ SessionSkin = Callable[[Mapping[str, Any], Array, Array], Array]
 
 
 def session_skin(model: Model, effects: FieldEffects | None = None, *, seed: int = 0) -> SessionSkin:
-    """Skin that lags behind a limb's turn and muscle that swells under a unit, for `oarlock.simulate_session`.
+    """Lag of the skin and swelling muscles for `oarlock.simulate_session`.
 
-    Args:
-        model: a sculler with the usual joints and frames.
-        effects: strengths; None is a careful session's. Only `skin_twist` and `skin_tilt_rad` count: what rings and
-            wanders needs strokes.
-        seed: of the directions in which muscles swell.
-
-    Returns:
-        (sensor's description, times (K,) s, coordinates (K, n)) -> (K, 3) turn of the unit against its link, rotation
-        vectors in rad about the link's axes; zero where arms hang.
+    Of `effects` (None: a careful session) only `skin_twist` and `skin_tilt_rad` apply. `seed` sets the directions in
+    which muscles swell. The result maps a sensor's description, times (K,) s and coordinates (K, n) to rotation vectors
+    (K, 3) of the unit relative to its link, rad in the link's axes; zero where the arms hang.
 
     Raises:
         DataError: the model is no sculler.

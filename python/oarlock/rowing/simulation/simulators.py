@@ -126,20 +126,14 @@ class FieldSimulator:
     def keys(self, model: Model) -> Mapping[str, StudyKey]:
         """Condition, length, stroke rate; which effects, and how strong."""
         names = tuple(FieldEffects().strengths())
+        some, groups = "effects, or groups of them, that are on; none is all", (*GROUPS, *names)
         own = [
             StudyKey(
                 "rate_hz", "number", 125.0, "samples per second of every sensor", least=1.0, most=2000.0
             ),
             StudyKey("effects", "choice", "careful", "which set of effects", choices=tuple(PRESETS)),
             StudyKey("strength", "number", 1.0, "times all of them", least=0.0, most=10.0),
-            StudyKey(
-                "only_effects",
-                "names",
-                None,
-                "effects, or groups of them, that are on; none is all",
-                choices=(*GROUPS, *names),
-                optional=True,
-            ),
+            StudyKey("only_effects", "names", None, some, choices=groups, optional=True),
             *(
                 StudyKey(f"effect.{name}", "number", None, "strength of this effect alone", optional=True)
                 for name in names

@@ -22,13 +22,7 @@ _ROUNDS = 12
 
 
 def adjusted_stretcher(model: Body, shape: StrokeShape | None = None) -> StrokeShape:
-    """The stroke with its seat travel shifted, as by moving the foot-stretcher, so that the arms reach.
-
-    A shape that leaves both arms ``SPARE_REACH_M`` everywhere in the stroke comes back as it is.
-
-    Args:
-        model: the sculler with this rower's lengths and rig.
-        shape: the stroke; None: a good sculler's.
+    """The stroke with its seat travel shifted until both arms have ``SPARE_REACH_M`` left in the whole stroke.
 
     Raises:
         DataError: moving the seat by 150 mm is not enough.

@@ -1,9 +1,7 @@
-"""The shape of one simulated sculling stroke: seat, trunk and oars over its phase.
+"""The shape of a simulated sculling stroke: seat, trunk and oars over phase 0 (catch), 0.5 (finish), 1 (next catch).
 
-Phases run from 0 (catch) over 0.5 (finish) to 1 (next catch). The order is the coaching one: legs, trunk, arms
-in the drive; arms, trunk, legs in the recovery. The default ends are a sculler's: catch near -60 to -66 deg and
-finish near +40 to +44 deg (NK Sports' guideline, the Dutch federation's targets), seat travel near 0.6 m (Kleshnev,
-BioRow newsletters), trunk about 25 to 35 deg forward at the catch and 20 to 30 deg back at the finish.
+Order: legs, trunk, arms in the drive; arms, trunk, legs in the recovery. Default oar angles follow NK Sports' guideline
+and the Dutch federation's targets, seat travel Kleshnev's BioRow newsletters.
 """
 
 from __future__ import annotations

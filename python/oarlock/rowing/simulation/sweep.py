@@ -1,13 +1,8 @@
-"""Simulates sweep rowing: one oar with both hands, and a trunk that follows the handle.
+"""Simulates sweep rowing: one oar with both hands; the trunk rotates and bends toward the rigger at the catch.
 
-The outside hand holds the handle near its end, the inside hand some 30 cm nearer to the pin. At the catch the handle
-stands at 54 degrees across the rower, so the shoulders turn after it and the trunk bends toward the rigger; toward the
-finish both come back and pass beyond. Sweep rowers bend and turn the spine more than scullers (Strahan et al., Clinical
-J. Sport Medicine 21, 2011), which is why the trunk has two more joints here; how far is a choice: the least, about half
-of the handle's angle, with which both arms reach and no wrist leaves its range.
-
-Oar: catch near -54 to -55 deg and finish near +33 to +36 deg (NK Sports' guideline, the Dutch federation's targets);
-spread 83 to 87 cm (Concept2's rigging pages), overlap 30 to 40 cm.
+Trunk rotation and bending (Strahan et al., Clinical J. Sport Medicine 21, 2011) are the smallest with which both arms
+reach and no wrist exceeds its range. Oar: catch near -54 deg and finish near +33 to +36 deg (NK Sports' guideline, the
+Dutch federation's targets); spread 83 to 87 cm (Concept2's rigging pages), overlap 30 to 40 cm.
 """
 
 from __future__ import annotations
@@ -24,11 +19,10 @@ from oarlock.rowing.simulation.boat import Boat
 from oarlock.rowing.simulation.curves import Variation
 from oarlock.rowing.simulation.grip import Body, GripSolver
 from oarlock.rowing.simulation.holding import Holding
-from oarlock.rowing.simulation.motion import Piece, check_joints, held_piece, knots
+from oarlock.rowing.simulation.motion import Piece, check_joints, held_piece, knots, motion_of
 from oarlock.rowing.simulation.pitch import HullForm
 from oarlock.rowing.simulation.stroke_shape import StrokeShape, between, oar_sweep, seat_and_trunk, single_oar
 from oarlock.rowing.simulation.timing import StrokeTiming, stroke_timing
-from oarlock.simulation.motion import Motion
 
 Array = NDArray[np.float64]
 
@@ -95,18 +89,8 @@ def sweep_piece(
 ) -> Piece:
     """Simulate sweep rowing with strokes, boat speed and closure residuals; both hands are on the handle to 1e-6 m.
 
-    Args:
-        model: `sweep`, `sweep_starboard`, or a model with their joint and frame names.
-        duration_s: length, s.
-        rate_spm: strokes per minute; (20, 34) goes evenly from 20 to 34.
-        drive_ratio: drive over cycle; None: 0.36 at 20 spm to 0.45 at 34.
-        shape: ends of the movements; None: a good sweep rower's.
-        variation: 1 = the stroke-to-stroke variation of a good rower, 0 = every stroke the same.
-        boat: masses, drag and speed per rower; None: half a coxless pair.
-        surge: False leaves the boat in uniform motion.
-        start_s: time of the first knot, which is a catch, s.
-        seed: of the variation.
-        knots_hz: knots of the splines per second.
+    Arguments are those of :func:`row_piece`; the model is `sweep`, `sweep_starboard` or one with their joint and frame
+    names, and the default boat is half a coxless pair.
 
     Raises:
         DataError: a hand cannot hold the handle somewhere, or an argument is out of range.
@@ -125,19 +109,7 @@ def sweep_piece(
     return held_piece(model, fixed, preferred, holding, PAIR_SEAT if boat is None else boat, surge)
 
 
-def sweeping(
-    model: Body,
-    duration_s: float = 40.0,
-    rate_spm: float | Sequence[float] = 24.0,
-    *,
-    shape: SweepShape | None = None,
-    variation: float = 1.0,
-    surge: bool = True,
-    seed: int = 0,
-) -> Motion:
-    """Sweep rowing as joint trajectories; see :func:`sweep_piece` for arguments and errors."""
-    piece = sweep_piece(model, duration_s, rate_spm, shape=shape, variation=variation, surge=surge, seed=seed)
-    return piece.motion
+sweeping = motion_of(sweep_piece, "sweeping", "Sweep rowing")
 
 
 def _body_and_oar(

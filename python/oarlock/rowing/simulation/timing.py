@@ -83,15 +83,11 @@ def stroke_timing(
     variation: float,
     rng: np.random.Generator,
 ) -> StrokeTiming:
-    """Lay strokes over the times; the first catch is at the first.
+    """Strokes over times (K,) s, the first catch at the first time.
 
-    Args:
-        time_s: (K,), s.
-        rate_spm: strokes per minute; a sequence is passed through smoothly over the whole duration, two
-            rates make a linear ramp.
-        drive_ratio: share of the cycle from catch to finish; None: 0.36 at 20 spm to 0.45 at 34.
-        variation: 1 gives periods a standard deviation of 1 %, as good scullers have.
-        rng: of the variation.
+    `rate_spm` is in strokes per minute; a sequence is passed smoothly over the whole duration, two rates make a linear
+    ramp. `drive_ratio` is the share of the cycle from catch to finish; None: 0.36 at 20 spm to 0.45 at 34. With
+    `variation` 1 periods have a standard deviation of 1 %, as those of good scullers.
 
     Raises:
         DataError: a rate or a ratio out of range.

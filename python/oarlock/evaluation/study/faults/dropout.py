@@ -5,29 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from oarlock.evaluation.study.faults.fault import Case, Fault, Names, of_streams, rows_kept
-from oarlock.evaluation.study.keys import ONE, StudyKey
+from oarlock.evaluation.study.keys import ONE, sized
 from oarlock.recording.streams import Stream
 
 
 def dropout(names: Names) -> tuple[Fault, ...]:
     """The faults of this module: dropouts and repeated readings."""
     choices = (*names.streams, ONE)
-    gap = StudyKey(
-        "gap_s",
-        "by_name",
-        0.0,
-        "duration of a dropout of all streams, or of those named",
-        0.0,
-        choices=choices,
-    )
-    stuck = StudyKey(
-        "stuck_s",
-        "by_name",
-        0.0,
-        "duration for which all streams, or those named, repeat one reading",
-        0.0,
-        choices=choices,
-    )
+    gap = sized("gap_s", "duration of a dropout of all streams, or of those named", choices)
+    stuck = sized("stuck_s", "duration for which all streams, or those named, repeat one reading", choices)
     return (
         Fault(gap, of_streams(_silent, names.streams)),
         Fault(stuck, of_streams(_stuck, names.streams)),

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from oarlock.evaluation.study.faults.fault import Case, Fault, Floats, Names, of_units, with_values
-from oarlock.evaluation.study.keys import ONE, StudyKey
+from oarlock.evaluation.study.keys import ONE, StudyKey, sized
 from oarlock.recording.streams import ImuStream
 
 LASTING = StudyKey("disturbed_s", "number", 3.0, "duration of a magnetic disturbance", 0.0)
@@ -16,14 +16,12 @@ def magnetic(names: Names) -> tuple[Fault, ...]:
     """The faults of this module: wrong heading, dip or norm of the measured field."""
     units = (*names.units, ONE)
 
-    def key(name: str, about: str, least: float, most: float, usual: float = 0.0) -> StudyKey:
-        return StudyKey(name, "by_name", usual, f"{about}, for disturbed_s", least, most, units)
+    def key(name: str, about: str, most: float) -> StudyKey:
+        return sized(name, f"{about}, for disturbed_s", units, most=most)
 
-    heading = key(
-        "heading_turn_deg", "the field rotated about the vertical, in a random direction", 0.0, 180.0
-    )
-    dip = key("dip_turn_deg", "the field tilted up or down", 0.0, 90.0)
-    share = key("field_error_percent", "the field stronger or weaker by this share", 0.0, 99.0)
+    heading = key("heading_turn_deg", "the field rotated about the vertical, in a random direction", 180.0)
+    dip = key("dip_turn_deg", "the field tilted up or down", 90.0)
+    share = key("field_error_percent", "the field stronger or weaker by this share", 99.0)
     return (
         Fault(heading, of_units(_heading, names.units)),
         Fault(dip, of_units(_dip, names.units)),

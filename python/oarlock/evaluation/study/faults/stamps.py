@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from oarlock.evaluation.study.faults.fault import Case, Fault, Names, of_streams
-from oarlock.evaluation.study.keys import ONE, StudyKey
+from oarlock.evaluation.study.keys import ONE, sized
 from oarlock.recording.streams import ImuStream, Stream
 
 MOST_OF_A_STEP = 0.45
@@ -16,14 +16,8 @@ MOST_OF_A_STEP = 0.45
 
 def stamps(names: Names) -> tuple[Fault, ...]:
     """The fault of this module: jitter of time stamps."""
-    jitter = StudyKey(
-        "clock_jitter_s",
-        "by_name",
-        0.0,
-        "jitter (standard deviation) of the time stamps of all inertial units, or by stream; at most 0.45 steps",
-        0.0,
-        choices=(*names.streams, ONE),
-    )
+    about = "jitter (standard deviation) of the time stamps of all inertial units, or by stream; at most 0.45 steps"
+    jitter = sized("clock_jitter_s", about, (*names.streams, ONE))
     return (Fault(jitter, of_streams(_scattered, names.units)),)
 
 

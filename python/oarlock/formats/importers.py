@@ -1,0 +1,128 @@
+"""`FORMATS`: recordings of other software that `oarlock import` reads, for its verbs, help and docs/import.md."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+if TYPE_CHECKING:
+    from oarlock.recording.recording import Recording
+
+
+@dataclass(frozen=True)
+class ReaderOption:
+    """A keyword of a reader, with its type, help and default; `...` if it must be given."""
+
+    name: str
+    kind: object
+    about: str
+    default: object = None
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format: the module `oarlock.formats.NAME` reads it with `read_NAME(path, **options)`.
+
+    Args:
+        name: of the verb.
+        place: what the path is: `FILE`, `FOLDER` or `MAPPING`.
+        contents: what the path contains.
+        summary: one line of help.
+        example: arguments of an example.
+        reads: what can be read, for the page.
+        options: further keywords of the reader.
+    """
+
+    name: str
+    place: str
+    contents: str
+    summary: str
+    example: str
+    reads: str
+    options: tuple[ReaderOption, ...] = ()
+
+    @property
+    def command(self) -> str:
+        """An example of the verb."""
+        return f"oarlock import {self.name} {self.example} --out rec"
+
+    def read(self, path: Path, **options: object) -> Recording:
+        """Read a recording.
+
+        Raises:
+            DataError: the file is not of this format.
+        """
+        reader = getattr(import_module(f"oarlock.formats.{self.name}"), f"read_{self.name}")
+        return cast("Recording", reader(path, **options))
+
+
+FORMATS = (
+    Format(
+        "apdm",
+        "FILE",
+        "CSV export of an APDM (Opal) recording.",
+        "Import an APDM export: gyroscope, accelerometer, magnetometer of every sensor.",
+        "imuData01.csv",
+        'CSV exports of APDM (Opal) units: the "Test Name" layout and "Format=7"',
+    ),
+    Format(
+        "csv",
+        "MAPPING",
+        "TOML file with the names of files, columns, units and sensors.",
+        "Import CSV files described by a mapping file; decimal commas, clock times and epoch milliseconds are read.",
+        "mapping.toml",
+        "any CSV file, as a mapping file describes it",
+    ),
+    Format(
+        "dfjimu",
+        "FILE",
+        "A recording of dfjimu, .mat.",
+        "Import a dfjimu recording: two inertial units on two bodies connected by a ball joint.",
+        "data_3D_01.mat",
+        "two units on bodies joined by a ball joint; see [public data sets](#public-data-sets)",
+    ),
+    Format(
+        "diodem",
+        "FOLDER",
+        "A trial: the folder with imu_rigid.csv.",
+        "Import a DIODEM trial: five inertial units on a chain of five links.",
+        "trial1 --mounted foam",
+        "five units on a chain of five links",
+        (
+            ReaderOption("mounted", str, "Which inertial units: rigid (screwed on) or foam.", "rigid"),
+            ReaderOption(
+                "mag_unit_ut",
+                float | None,
+                "Scale of the magnetometers, uT per unit; without it they are not imported.",
+            ),
+        ),
+    ),
+    Format(
+        "openaxes",
+        "FOLDER",
+        "The data folder that contains synced_imu.",
+        "Import an OpenAXES run: two inertial units on the links of a robot.",
+        "openaxes_ur5 --run circle-100",
+        "two units on the links of a robot",
+        (ReaderOption("run", str, "Name of the run, such as circle-100.", ...),),
+    ),
+    Format(
+        "broad",
+        "FILE",
+        "A trial of the BROAD data set, .mat.",
+        "Import a BROAD trial: one inertial unit with magnetometer.",
+        "01_undisturbed_slow_rotation_A.mat",
+        "one unit with magnetometer",
+    ),
+    Format(
+        "qmt",
+        "FILE",
+        "The full-body example of qmt, .mat.",
+        "Import the full-body example of qmt: an inertial unit on each of sixteen segments.",
+        "full_body_example_data.mat",
+        "sixteen units on a person",
+    ),
+)
+"""All formats, in the order of the help."""
