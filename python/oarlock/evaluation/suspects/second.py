@@ -26,9 +26,9 @@ def most_motion(recording: Recording, seconds: float) -> tuple[float, float]:
     begin, end = recording.start_s, min(recording.end_s, recording.start_s + SEARCHED_S)
     steps = np.arange(max(1, int((end - begin - seconds) / STEP_S + 1e-6) + 1))
     starts: FloatArray = np.asarray(begin + STEP_S * steps, dtype=np.float64)
-    full_motion = np.mean([_motion_score(stream, starts, seconds) for stream in recording.streams], axis=0)
-    best = int(np.argmax(full_motion))
-    return float(starts[best]), float(full_motion[best])
+    scores = np.mean([_motion_score(stream, starts, seconds) for stream in recording.streams], axis=0)
+    best = int(np.argmax(scores))
+    return float(starts[best]), float(scores[best])
 
 
 def on_grid(recording: Recording, start_s: float, seconds: float, rate_hz: float) -> Recording | None:
