@@ -1,4 +1,4 @@
-"""What each fault costs, measured now: the table and the picture of a page.
+"""The error that each fault causes: writes the table and the picture of docs/robustness.md.
 
 `python -m bench.robustness --page docs/robustness.md` runs the study `robustness`, puts the table between the page's
 two marks and the picture where the page shows it. Stopped, it goes on where it was.

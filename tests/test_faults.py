@@ -17,11 +17,11 @@ from command_line import run
 from exact_recording import UNITS
 from oarlock.evaluation.study.costs import doses, ranked
 from oarlock.evaluation.study.faults.catalogue import afflicted, faults_of, keys_of_faults
+from oarlock.evaluation.study.filter_inputs import filter_model
 from oarlock.evaluation.study.keys import with_turns
 from oarlock.evaluation.study.result import StudyResult
 from oarlock.evaluation.study.run import MEAN, SCORES
 from oarlock.evaluation.study.spec import keys_of
-from oarlock.evaluation.study.told import told_model
 from oarlock.report.fault_picture import fault_picture
 from oarlock.report.fault_words import findings
 from oarlock.report.study_page import study_page
@@ -171,7 +171,7 @@ def test_the_filters_vertical_is_wrong_by_exactly_the_angle(sculler):
     values = {name: key.default for name, key in keys_of(sculler, SIMULATORS["sculling"]).items()}
     sides = set()
     for seed in range(4):
-        world = told_model(sculler, values | {"vertical_error_deg": 3.0}, seed).describe()["world"]
+        world = filter_model(sculler, values | {"vertical_error_deg": 3.0}, seed).describe()["world"]
         up, forward = np.asarray(world["up"]), np.asarray(world["forward"])
         assert math.degrees(math.acos(up @ [0.0, 1.0, 0.0])) == pytest.approx(3.0, abs=1e-6)
         assert abs(up @ forward) < ROUNDING
@@ -297,7 +297,7 @@ def test_page_and_picture_hold_no_nan_and_name_what_they_draw():
         ),
         ('key = "gap_s"\nstrengths = []\n', ("strengths is empty",)),
         ('key = "gap_s"\nstrengths = [1]\nof = ["backk"]\n', ('mean "back"',)),
-        ('key = "gap_s"\nstrengths = [1, 2]\nusual = 3\n', ("is none of its strengths [1, 2]",)),
+        ('key = "gap_s"\nstrengths = [1, 2]\nusual = 3\n', ("is not one of its strengths [1, 2]",)),
         ('key = "gap_s"\nstrengths = [1, 2]\nlabels = ["a"]\n', ("1 labels for 2 strengths",)),
         ('key = "gap_s"\nstrengths = [1]\nsays = "silent"\n', ("expected one {}",)),
         ('key = "gap_s"\nstrength = [1]\n', ('mean "strengths"',)),

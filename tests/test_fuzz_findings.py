@@ -283,7 +283,9 @@ def changed(file, at, value):
 
 def test_a_c3d_header_that_announces_gigabytes(c3d):
     changed(c3d, 8, struct.pack("<H", 60_000))
-    with pytest.raises(DataError, match=r"trial\.c3d: .*announces 60000 frames and holds 4; was it cut off"):
+    with pytest.raises(
+        DataError, match=r"trial\.c3d: .*header states 60000 frames, but it contains 4; was it cut off"
+    ):
         oarlock.load_markers(c3d)
 
 

@@ -133,5 +133,5 @@ def test_low_pass_refuses(change, said):
 def test_low_pass_refuses_dropped_frames():
     whole = path()
     kept = np.delete(np.arange(600), [200, 201])
-    with pytest.raises(DataError, match="even stamps"):
+    with pytest.raises(DataError, match="even time stamps"):
         low_pass(Markers(("hand",), whole.time_s[kept], whole.position_m[kept]))

@@ -161,7 +161,10 @@ QUALISYS = (
 
 def test_a_nexus_export_without_its_rate_is_refused(tmp_path):
     (tmp_path / "nexus.csv").write_text(NEXUS.replace("\n100\n", "\n\n"))
-    assert_refused(lambda: load_markers(tmp_path / "nexus.csv"), "after Trajectories stand the rate")
+    assert_refused(
+        lambda: load_markers(tmp_path / "nexus.csv"),
+        "expected rate, names, Frame and Sub Frame, and units after Trajectories",
+    )
 
 
 def test_nexus_export(tmp_path):

@@ -135,7 +135,7 @@ def test_shapes_of_times_are_kept():
 @pytest.mark.parametrize(
     ("joints", "said"),
     [
-        ({"hip": np.outer(TIME_S, [40.0, 0, 0])}, r'"hip" turns by 115 deg.*closer'),
+        ({"hip": np.outer(TIME_S, [40.0, 0, 0])}, r'"hip" rotates by 115 deg.*more knots'),
         ({"hip": np.zeros((len(TIME_S), 5))}, r"shape \(81, 5\)"),
         ({"hip": np.full((len(TIME_S), 4), 0.7)}, "norm 1.4"),
         ({"hip": np.zeros((7, 3)), "knee": TIME_S}, r"different numbers of knots \(hip: 7, knee: 81\)"),

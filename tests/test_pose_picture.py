@@ -49,7 +49,7 @@ def test_front_view_shows_the_left_on_the_right() -> None:
 def test_frames_with_a_sensor_are_marked() -> None:
     model = load_model("sculler")
     body = skeleton(model, np.zeros(len(model.joint_names)))
-    assert {spot.name for spot in body.spots if spot.worn} == {
+    assert {spot.name for spot in body.spots if spot.has_sensor} == {
         "r_shoulder", "r_elbow", "r_wrist", "l_elbow", "l_wrist"
     }  # fmt: skip
 

@@ -11,8 +11,8 @@ from pyarrow import parquet
 
 import oarlock
 from command_line import run
+from oarlock.evaluation.study.filter_inputs import filter_model
 from oarlock.evaluation.study.rows import write_rows
-from oarlock.evaluation.study.told import told_model
 from oarlock.lab.reproduce.chains import Size, built
 from oarlock.lab.reproduce.claim_runs import studies
 from oarlock.lab.reproduce.contents import Part
@@ -147,17 +147,17 @@ def test_the_page_is_whole_and_needs_nothing(made):
 def test_the_papers_filter_has_40_states_and_58_readings():
     model = oarlock.load_model("sculler")
     plain = ESTIMATORS[0].values
-    told = told_model(model, {"noise_told": "nominal", "vertical_error_deg": 0.0} | plain, 0)
+    filter_body = filter_model(model, {"noise_told": "nominal", "vertical_error_deg": 0.0} | plain, 0)
     study = table5_study((0,), SHORT_S)
     assert study.joints == ELEVEN and len(ELEVEN) == 11
     trial = study.simulator.trial(
         model, {k: v.default for k, v in study.keys.items()} | {"duration_s": 3.0}, 0
     )
     config = oarlock.Config(estimate=(), learning_memory_s=None, gate=False, magnetometer="on")
-    track = oarlock.track(told, trial.recording, config=config)
+    track = oarlock.track(filter_body, trial.recording, config=config)
     assert len(track.run.state_names) == 40
     # the oars' encoders are inputs: neither states nor readings
-    assert len([n for n in told.measurement_names if "oar" not in n]) == paper.MEASUREMENTS
+    assert len([n for n in filter_body.measurement_names if "oar" not in n]) == paper.MEASUREMENTS
 
 
 def test_band_of_a_place_is_what_moving_the_state_gives():

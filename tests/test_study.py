@@ -11,10 +11,10 @@ from pyarrow import csv, parquet
 import oarlock
 from command_line import run
 from oarlock.evaluation.study.degrade import degraded, keys_of_streams
+from oarlock.evaluation.study.filter_inputs import filter_calibration, filter_model, keys_of_filter_inputs
 from oarlock.evaluation.study.pool import UNFINISHED, identity
 from oarlock.evaluation.study.rows import write_rows
 from oarlock.evaluation.study.run import groups, run_group
-from oarlock.evaluation.study.told import calibration_told, keys_of_told, told_model
 from oarlock.report.study_page import study_page
 from oarlock.rowing import SIMULATORS
 from refusals import assert_refused
@@ -157,16 +157,17 @@ def test_loss_delay_and_thinning_do_what_they_say(sculler, four_seconds):
     assert np.array_equal(again["back"].time_s, spoilt["back"].time_s)
 
 
-def told(model, **changed):
+def model_values(model, **changed):
     lengths = SIMULATORS["sculling"].lengths(model)
-    return {name: key.default for name, key in keys_of_told(model, lengths).items()} | changed
+    return {name: key.default for name, key in keys_of_filter_inputs(model, lengths).items()} | changed
 
 
 def test_mounts_are_wrong_by_exactly_the_angle(sculler):
     lengths = SIMULATORS["sculling"].lengths(sculler)
-    assert calibration_told(sculler, lengths, told(sculler), 0) is None
+    assert filter_calibration(sculler, lengths, model_values(sculler), 0) is None
     five, ten = (
-        calibration_told(sculler, lengths, told(sculler, mount_error_deg=angle), 7) for angle in (5.0, 10.0)
+        filter_calibration(sculler, lengths, model_values(sculler, mount_error_deg=angle), 7)
+        for angle in (5.0, 10.0)
     )
     for sensor in (s for s in sculler.describe()["sensors"] if s["kind"] == "imu"):
         off = [np.asarray(sensor["mount"]["rotation"]).T @ c.mounts[sensor["name"]][0] for c in (five, ten)]
@@ -177,19 +178,19 @@ def test_mounts_are_wrong_by_exactly_the_angle(sculler):
 
 def test_lengths_of_the_body_are_wrong_and_the_rig_is_not(sculler):
     lengths = SIMULATORS["sculling"].lengths(sculler)
-    wrong = calibration_told(sculler, lengths, told(sculler, length_error_percent=5.0), 2)
+    wrong = filter_calibration(sculler, lengths, model_values(sculler, length_error_percent=5.0), 2)
     assert set(wrong.parameters) == set(lengths) and "l_oar_r" not in lengths and "r_pin_x" not in lengths
 
 
 def test_the_filter_is_told_the_noise_unless_it_is_not(sculler):
-    known = told_model(sculler, told(sculler, gyro_noise_factor=3.0), 0)
-    blind = told_model(sculler, told(sculler, gyro_noise_factor=3.0, noise_told="nominal"), 0)
+    known = filter_model(sculler, model_values(sculler, gyro_noise_factor=3.0), 0)
+    blind = filter_model(sculler, model_values(sculler, gyro_noise_factor=3.0, noise_told="nominal"), 0)
     gyro = [m.describe()["sensors"][0]["gyro_std_rad_s"] for m in (sculler, known, blind)]
     assert gyro[1] == pytest.approx(3.0 * gyro[0]) and gyro[2] == gyro[0]
 
 
 def test_a_key_of_the_model_file_is_changed_for_the_filter_alone(sculler):
-    loose = told_model(sculler, told(sculler) | {"model.closure.r_grip.std_m": 0.01}, 0)
+    loose = filter_model(sculler, model_values(sculler) | {"model.closure.r_grip.std_m": 0.01}, 0)
     assert [c["std_m"] for c in loose.describe()["closures"]] == [0.01, 0.002]
 
 

@@ -1,7 +1,7 @@
 """Makes the pictures of README and docs from the demo, through Chromium.
 
     python docs/pictures/make.py                 # runs the demo first
-    python docs/pictures/make.py --demo out/demo # takes one that lies there
+    python docs/pictures/make.py --demo out/demo # uses the folder of an earlier demo
 
 It needs playwright (`pip install playwright`) and a Chromium in the path.
 """
@@ -32,6 +32,8 @@ PARTS = {
     "report-arms.png": "#arms",
 }
 """Parts of the page by the picture that they become."""
+CURVES_PX = 1040
+"""Height of the picture of the curves: three rows."""
 
 
 def main() -> None:
@@ -52,12 +54,17 @@ def run_demo(out: Path) -> Path:
 
 
 def take(report: Path) -> Iterator[Path]:
-    """Pictures of the parts at a desk's width, and of the first screen of a telephone."""
+    """Pictures of the parts and of the first curves at a desk's width, and of the first screen of a telephone."""
     with chromium() as browser:
         page = opened(browser, report, WIDE)
         for name, part in PARTS.items():
             page.locator(part).screenshot(path=HERE / name)
             yield HERE / name
+        page.evaluate("document.querySelector('#curves details').open = true")
+        page.evaluate("window.scrollTo(0, 0)")
+        clip = {**page.locator("#curves").bounding_box(), "height": CURVES_PX}
+        page.screenshot(path=HERE / "demo.png", full_page=True, clip=clip)
+        yield HERE / "demo.png"
         page = opened(browser, report, PHONE)
         page.screenshot(path=HERE / "report-phone.png")
         yield HERE / "report-phone.png"

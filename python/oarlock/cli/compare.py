@@ -108,7 +108,7 @@ def compare(
         calibration=wearing,
         start_s=start_s,
         repeats=repeats,
-        told=progress,
+        progress=progress,
     )
     found.save(out)
     page = _write_page(found, out, recording) if html else None

@@ -249,7 +249,7 @@ def _write_end(sculler: Scored, pendulum: Scored) -> None:
     table(
         ["what", ">mean RMSE deg", ">worst deg", "against", "report"],
         [
-            ("sculler, smoothed", *_two(sculler), "truth", str(sculler.report)),
+            ("sculler, smoothed, all angles", *_two(sculler), "truth", str(sculler.report)),
             ("pendulum, filtered", *_two(pendulum), "vendor", str(pendulum.report)),
         ],
         indent=0,

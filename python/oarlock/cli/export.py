@@ -26,17 +26,17 @@ Files:
 \b
 Axes:
   Tables are in the axes of the model's root. OpenSim's ground has Y up: the root's axes, rotated by the
-  smallest turn that makes the model's up Y (none where it is Y). --axes root rotates nothing; gravity in
+  smallest angle that makes the model's up Y. --axes root rotates nothing; gravity in
   model.osim then points along the model's down.
 
 \b
 Coordinates in OpenSim's files:
   hinge, slide     NAME, deg (or rad) or m
-  ball, free       NAME_XYZ_x, NAME_XYZ_y, NAME_XYZ_z: turns about x, y, z of the joint, each as those
-                   before have left it, R = Rx Ry Rz; continuous over time
+  ball, free       NAME_XYZ_x, NAME_XYZ_y, NAME_XYZ_z: body-fixed rotations about x, y, z of the joint,
+                   R = Rx Ry Rz; continuous over time
   free             NAME_tx, NAME_ty, NAME_tz, m
-  A joint that moves frames in several places has a coordinate for each, NAME_FRAME, made equal to NAME
-  by a CoordinateCouplerConstraint.
+  A joint that moves frames in several places has a coordinate for each, NAME_FRAME, which a
+  CoordinateCouplerConstraint makes equal to NAME.
 
 \b
 Missing readings:
@@ -123,7 +123,7 @@ def _check(flag: str, given: str, known: tuple[str, ...]) -> None:
 
 
 def _write(written: Export) -> None:
-    table(["file", "holds"], [*written.files.items(), (SUMMARY, "this table, settings, notes, names")])
+    table(["file", "contents"], [*written.files.items(), (SUMMARY, "this table, settings, notes, names")])
     if written.notes:
         heading("Notes")
         for note in written.notes:

@@ -209,7 +209,7 @@ def _closures(model: Described) -> None:
     heading("Closures", "two points (and two axes, if given) that must agree")
     factor, unit = presentation("m")
     table(
-        ["closure", "joins", "with", f">std {unit}", ">std axis", "holds", "rows"],
+        ["closure", "joins", "with", f">std {unit}", ">std axis", "constrains", "rows"],
         [
             (
                 c["name"],
@@ -253,4 +253,4 @@ def _layout(model: Described) -> None:
         ("Measurement", model["measurement_names"], sensors | closures),
     ):
         heading(title, f"{len(names)} rows")
-        table(["rows", ">count", "hold"], [(b.rows, b.count, b.kind) for b in blocks(names, kinds)])
+        table(["rows", ">count", "contents"], [(b.rows, b.count, b.kind) for b in blocks(names, kinds)])

@@ -16,7 +16,7 @@ from oarlock.tracking.track import Track
 
 @dataclass(frozen=True)
 class NamedAngles:
-    """Angles and standard deviations (T, 3), rad, by name, and where they are near singular (T,)."""
+    """Angles and standard deviations (T, 3), rad, by name; `near_singular` (T,) is True near a pole."""
 
     names: tuple[str, ...]
     value: Floats
@@ -39,7 +39,7 @@ def named_angles(track: Track, part: Part) -> NamedAngles:
 def angle_error(track: Track, truth: Track, part: Part) -> Floats:
     """Estimate minus truth at the track's stamps, (T, 3) rad; NaN without truth, and near a pole of either.
 
-    Of the triples that mean the true rotation the one nearest to the estimate's is taken.
+    Several triples of angles describe the true rotation; the one nearest to the estimate's is used.
     """
     series = track[part.joint]
     sequence, true = series.angle_sequence, true_values(track, truth, part)

@@ -14,20 +14,20 @@ from oarlock.storage.errors import DataError
 
 GRID_S: Final = 0.01
 _STRIDE_S: Final = 0.05
-"""Speed is the way between instants this far before and behind: a millimetre of noise becomes 14 mm/s of 1 m/s."""
+"""Speed is a central difference over twice this time: 1 mm of noise causes an error of 14 mm/s."""
 _LEAST_OVERLAP_S: Final = 2.0
 _ALIKE: Final = 0.01
-"""Peaks of the correlation this close to the highest fit as well: the one nearest to no offset is taken."""
+"""Correlation peaks within this distance of the highest count as equal; the smallest offset is used."""
 
 
 @dataclass(frozen=True)
 class CoarseOffset:
-    """The offset to a hundredth of a second.
+    """Coarse clock offset, accurate to 0.01 s.
 
     Args:
-        offset_s: what is added to the other's stamps, s.
+        offset_s: offset to add to the other's time stamps, s.
         correlation: of the speeds at that offset.
-        rivals_s: other offsets that fit as well, in movements that repeat.
+        rivals_s: other offsets that fit equally well, in repeating movements.
     """
 
     offset_s: float
@@ -38,17 +38,17 @@ class CoarseOffset:
 def coarse_offset(
     own_s: Floats, own_m: Floats, other_s: Floats, other_m: Floats, largest_s: float | None
 ) -> CoarseOffset:
-    """The offset at which the speeds of the same points correlate best; speeds do not depend on axes.
+    """Clock offset with the highest correlation of the points' speeds. Speeds do not depend on axes.
 
     Args:
         own_s: (T,) stamps.
         own_m: (T, n, 3) points.
         other_s: (S,) stamps by the other clock.
         other_m: (S, n, 3) the same points, in any axes.
-        largest_s: offsets beyond it are not looked at; None is any with enough overlap.
+        largest_s: largest offset that is searched; None searches all with enough overlap.
 
     Raises:
-        DataError: both together are too short, or nothing moves.
+        DataError: the overlap is too short, or nothing moves.
     """
     own, other = _speeds(own_s, own_m), _speeds(other_s, other_m)
     start = float(own_s[0] - other_s[0])
@@ -72,7 +72,7 @@ def coarse_offset(
 
 
 def _speeds(time_s: Floats, points_m: Floats) -> Floats:
-    """Speeds on an even grid from the first stamp on, (G, n), m/s; NaN where not known."""
+    """Speeds on a regular grid from the first time stamp, (G, n), m/s; NaN where unknown."""
     grid = np.arange(time_s[0], time_s[-1], GRID_S)
     found = []
     for k in range(points_m.shape[1]):
@@ -85,7 +85,7 @@ def _speeds(time_s: Floats, points_m: Floats) -> Floats:
 
 
 def _correlations(own: Floats, other: Floats) -> tuple[Floats, Floats]:
-    """Lags in steps of the grid, and the correlation of all points together at each; NaN with too little overlap."""
+    """Lags in grid steps, and the correlation of all points at each lag; NaN if the overlap is too short."""
     lags = np.arange(-(len(other) - 1), len(own), dtype=np.float64)
     sums = np.zeros((6, len(lags)))
     for k in range(own.shape[1]):

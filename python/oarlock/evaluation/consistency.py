@@ -2,8 +2,8 @@
 
 Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, "Estimation with Applications to Tracking and Navigation", Wiley
 2001, section 5.4: the normalised estimation error squared (NEES) and the normalised innovation squared (NIS) of a
-consistent filter are chi-square distributed with as many degrees of freedom as states or measurements. Both are
-given here per state and per measurement, so that 1 is what is expected.
+consistent filter are chi-square distributed with as many degrees of freedom as states or measurements. Both are given
+here per state and per measurement, so that 1 is expected.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from oarlock.tracking.track import Track
 
 
 def interval_95(degrees: float) -> tuple[float, float]:
-    """Bounds that hold a chi-square variable over its degrees of freedom 95 % of the time; NaN for none."""
+    """The 95 % interval of a chi-square variable divided by its degrees of freedom; NaN for zero degrees."""
     if degrees <= 0:
         return float("nan"), float("nan")
     return float(chi2_quantile(0.025, degrees)) / degrees, float(chi2_quantile(0.975, degrees)) / degrees
@@ -47,9 +47,9 @@ def chi2_quantile(probability: float, degrees: ArrayLike) -> Floats:
 def sensor_scores(track: Track, window: Interval) -> tuple[SensorScore, ...]:
     """NIS per measurement of every sensor and closure: sum of NIS over sum of used rows in the window.
 
-    The last one, `all inertial`, takes all inertial units of a sample as one measurement with their joint covariance:
-    units on one body share the body's uncertainty, so only this one is expected at 1; each alone stays below it where
-    the body's motion is less certain than its sensors. Source: Bar-Shalom et al. 2001, section 5.4.2.
+    The last one, `all inertial`, treats all inertial units of a sample as one measurement with their joint covariance.
+    Units on one body share the body's uncertainty, so only this NIS is expected to be 1. The NIS of a single unit is
+    smaller if the body's motion is less certain than the unit's noise. Source: Bar-Shalom et al. 2001, section 5.4.2.
     """
     info = info_of(track)
     if info is None:
@@ -82,7 +82,7 @@ def _disturbed(field: NDArray[Any]) -> dict[str, float]:
 
 
 def _rows(info: SensorInfo, k: int) -> int:
-    """How many rows a sample of the sensor may hold."""
+    """Largest number of rows in one sample of the sensor."""
     return int((info.used[:, k] + info.rejected[:, k] + info.missing[:, k]).max(initial=0))
 
 
@@ -104,10 +104,10 @@ def _inertial_score(info: SensorInfo, kept: Bools) -> tuple[SensorScore, ...]:
 def state_score(track: Track, truth: Track, window: Interval, joints: Sequence[str]) -> StateScore | None:
     """NEES per state of the given joints' angles, velocities and accelerations, with their full covariance.
 
-    ``joints`` are named as their scores are (`pelvis.rotation`). The error of a rotation is the turn from truth to
-    mean in the child's axes, those of its covariance; rates in the child's axes are subtracted. A state enters where
-    truth knows it. Beliefs whose covariance is not positive definite are counted and left out. None: the track keeps
-    no beliefs in the window. Source: Bar-Shalom et al. 2001, section 5.4.2.
+    ``joints`` are named as their scores are (`pelvis.rotation`). The error of a rotation is the rotation from truth to
+    mean in the child's axes, which are also the axes of its covariance. Rates in the child's axes are subtracted. A
+    state is included if the truth has it. Beliefs whose covariance is not positive definite are counted and left out.
+    Returns None if the track has no beliefs in the window. Source: Bar-Shalom et al. 2001, section 5.4.2.
     """
     beliefs = beliefs_of(track)
     if beliefs is None:
@@ -130,7 +130,7 @@ def state_score(track: Track, truth: Track, window: Interval, joints: Sequence[s
 
 
 def _state_errors(beliefs: Beliefs, track: Track, truth: Track, joints: Sequence[str]) -> Floats:
-    """Mean minus truth, (B, n); NaN for states that truth does not know."""
+    """Mean minus truth, (B, n); NaN for states without a true value."""
     error = np.full(beliefs.mean.shape, np.nan)
     states = list(beliefs.state_names)
     known = {part.name: part for part in parts(truth.coordinate_names)}
@@ -150,7 +150,7 @@ def _state_errors(beliefs: Beliefs, track: Track, truth: Track, joints: Sequence
 
 
 def _minus(mean: Floats, at_s: Floats, time_s: Floats, true: Floats, kind: Kind) -> Floats:
-    """Mean (B, k) minus truth (T, k); a scalar is taken as an angle, what lies on no circle as a position."""
+    """Mean (B, k) minus truth (T, k); differences of circular coordinates are wrapped."""
     if kind == "rotation":
         expected = resample_rotation(time_s, quat_from_rotvec(true), at_s)
         return -rotvec_between(quat_from_rotvec(mean), expected)

@@ -16,17 +16,17 @@ from oarlock.model.rotation import quat_from_rotvec, rotvec_between, wrap
 from oarlock.tracking.track import Track
 
 LANDMARKS = frozenset({"shoulder", "elbow", "wrist", "hand"})
-"""Words in a frame's name that mark it as one people ask for."""
+"""Words in a frame's name that mark it as a landmark."""
 
 BAND_95 = 1.96
 """Half-width of the 95 % band in standard deviations."""
 
 CONSTANT = 1e-9
-"""A signal that moves less than this (rad or m) is constant: its correlation has no meaning."""
+"""A signal that varies by less than this (rad or m) counts as constant: its correlation is not computed."""
 
 
 def true_values(track: Track, truth: Track, part: Part) -> Floats:
-    """Truth at the track's stamps, (T, 1), a position (T, 3) or quat_wxyz (T, 4); NaN where there is none."""
+    """Truth at the track's time stamps: (T, 1), a position (T, 3) or quat_wxyz (T, 4); NaN where missing."""
     other = next((p for p in parts(truth.coordinate_names) if p.name == part.name), None)
     if other is None or other.kind != part.kind:
         return np.full((len(track.time_s), 4 if part.kind == "rotation" else len(part.columns)), np.nan)
@@ -41,8 +41,8 @@ def true_values(track: Track, truth: Track, part: Part) -> Floats:
 def part_error(track: Track, truth: Track, part: Part) -> Floats:
     """Estimate minus truth at the track's stamps, rad or m; NaN where either is missing.
 
-    (T, 1) of a hinge, rad in (-pi, pi], and of a slide; (T, 3) of a position, in its axes; of a rotation -e (T, 3) with
-    e = Log(R_est' R_true), in the child's axes, as `Track.q_std` means it.
+    (T, 1) for a hinge, rad in (-pi, pi], and for a slide; (T, 3) for a position, in its axes; for a rotation -e (T, 3)
+    with e = Log(R_est' R_true), in the child's axes, the definition that `Track.q_std` uses.
     """
     value, true = track.q[:, list(part.columns)], true_values(track, truth, part)
     if part.kind == "rotation":
@@ -52,14 +52,14 @@ def part_error(track: Track, truth: Track, part: Part) -> Floats:
 
 
 def seen(track: Track, part: Part, kept: NDArray[np.bool_]) -> bool:
-    """Whether the sensors pin the part down at least half of the time, of the samples (T,) that are kept."""
+    """Whether the part is observed in at least half of the kept samples (T,)."""
     return bool(np.mean(track.observed[kept][:, list(part.columns)].all(axis=1)) >= 0.5)
 
 
 def scalar_score(
     name: str, unit: str, error: Floats, std: Floats, correlated: float, note: str = ""
 ) -> JointScore:
-    """The score of errors (N,), N > 0, with the standard deviations (N,) that were claimed for them."""
+    """The score of errors (N,), N > 0, with the estimated standard deviations (N,)."""
     banded = np.isfinite(std) & (std > 0)
     ratio = error[banded] / std[banded]
     return JointScore(
@@ -78,7 +78,7 @@ def scalar_score(
 
 
 def landmark_frames(track: Track, truth: Track) -> tuple[str, ...]:
-    """Frames called shoulder, elbow, wrist or hand; if there are none, the frames that carry no other."""
+    """Frames called shoulder, elbow, wrist or hand; if there are none, the frames without child frames."""
     if track.model is None or truth.model is None:
         return ()
     names = tuple(track.model.frame_names)
@@ -123,7 +123,7 @@ def _position_score(track: Track, truth: Track, frame: str, kept: NDArray[np.boo
 
 
 def rms(error: Floats) -> float:
-    """Root mean square, in the unit of the error; NaN of nothing."""
+    """Root mean square, in the unit of the error; NaN for an empty array."""
     return float(np.sqrt(np.mean(error**2))) if len(error) else float("nan")
 
 
@@ -135,5 +135,5 @@ def correlation(a: Floats, b: Floats) -> float:
 
 
 def mean_of(values: NDArray[np.float64] | NDArray[np.bool_]) -> float:
-    """Mean; NaN of nothing."""
+    """Mean; NaN for an empty array."""
     return float(np.mean(values)) if len(values) else float("nan")

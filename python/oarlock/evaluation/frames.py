@@ -133,7 +133,7 @@ def _moving_frames(reference: Track) -> list[str]:
 
 
 def _counts(reference: Track | Reference, time_s: Floats) -> Bools:
-    """Which stamps the reference wants scored: the mark of its nearest sample."""
+    """Mask of the scored time stamps: the flag of the nearest reference sample."""
     if not isinstance(reference, Reference) or reference.scored is None:
         return np.ones(len(time_s), dtype=bool)
     right = np.clip(np.searchsorted(reference.time_s, time_s), 1, max(len(reference.time_s) - 1, 1))
@@ -176,7 +176,7 @@ def _up(track: Track) -> Floats:
 
 
 def _root_from_world(track: Track) -> Floats:
-    """Of a world with x forward and z up, quat_wxyz (4,)."""
+    """Root from a world with x forward and z up, quat_wxyz (4,)."""
     assert track.model is not None
     up, forward = _up(track), np.asarray(track.model.describe()["world"]["forward"], dtype=np.float64)
     forward = forward - (forward @ up) * up
@@ -185,10 +185,10 @@ def _root_from_world(track: Track) -> Floats:
 
 
 def _best_heading(error: Floats, up: Floats) -> float:
-    """The turn about up, rad in [-pi, pi], that is nearest to errors (N, 4).
+    """The rotation about up, rad in [-pi, pi], that fits errors (N, 4) best.
 
-    What is left then has the greatest sum of squared cosines of half angles; the sum is a quadratic form in the turn's
-    own cosine and sine of the half angle, so the best one is known in closed form.
+    It maximises the sum of the squared cosines of the remaining half angles. This sum is a quadratic form in cosine and
+    sine of the rotation's half angle, so the solution has a closed form.
     """
     w, z = error[:, 0], error[:, 1:] @ up
     return math.atan2(2.0 * float(np.sum(w * z)), float(np.sum(w * w - z * z)))

@@ -23,7 +23,10 @@ from oarlock.tracking.track import Track
 
 
 def joint_scores(track: Track, truth: Track, window: Interval) -> tuple[JointScore, ...]:
-    """One score per joint of the track, in its order, two of a free joint; what cannot be scored says so."""
+    """One score per joint of the track, in its order, two for a free joint.
+
+    A joint that cannot be scored gets a note.
+    """
     kept = window.of(track.time_s)
     return tuple(_score(track, truth, part, kept) for part in parts(track.coordinate_names))
 

@@ -19,9 +19,12 @@ from oarlock.storage.errors import DataError
 from oarlock.tracking.track import Track
 
 _FINE_S: Final = 0.03
-"""Either side of the coarse offset, which is good to a hundredth of a second."""
+"""Search range on either side of the coarse offset, which is accurate to 0.01 s."""
 _FLAT: Final = 1e-3
-"""Second against first extent of the points: below, they lie on a line, and no rotation about it is determined."""
+"""Smallest ratio of second to first extent of the points.
+
+Below it they lie on a line, and the rotation about this line is undetermined.
+"""
 
 
 def evaluate_markers(
@@ -188,7 +191,7 @@ def _check_common(own: Floats, seen: Floats, used: Sequence[Attachment]) -> None
 
 
 def _rigid(own: Floats, seen: Floats, check: bool = True) -> Floats:
-    """The displacement (4, 4) that brings the markers nearest to the track's points, in least squares."""
+    """The rigid displacement (4, 4) that fits the markers to the track's points in least squares."""
     both = _both(own, seen)
     a, b = own[both], seen[both]
     a0, b0 = a.mean(axis=0), b.mean(axis=0)
@@ -225,7 +228,7 @@ def _score(frame: str, own: Floats, seen: Floats) -> PointScore:
 
 
 def _correlation(a: Floats, b: Floats) -> float:
-    """Of two signals without their means; NaN where either is constant to a hundredth of a millimetre."""
+    """Correlation of two signals; NaN if either is constant to a hundredth of a millimetre."""
     lengths = np.linalg.norm(a), np.linalg.norm(b)
     if min(lengths) < 1e-5 * np.sqrt(len(a)):
         return float("nan")

@@ -12,13 +12,13 @@ from oarlock.evaluation.scores import aligned, json_number, plain
 
 @dataclass(frozen=True, eq=False)
 class PointScore:
-    """One point of the track against its marker.
+    """Scores of one point of the track relative to its marker.
 
     Args:
         frame: the model's frame that carries the point.
-        samples: of the track that were compared.
+        samples: number of samples of the track that were compared.
         rmse_m: (3,) root mean square error along x, y, z of the reference frame, m.
-        rmse_3d_m: of the distance, m.
+        rmse_3d_m: root mean square distance, m.
         correlation: (3,) along x, y, z; NaN where either is constant.
         correlation_3d: of the three coordinates as one signal, each less its mean.
         mean_error_m: (3,) track minus marker, m.
@@ -39,16 +39,18 @@ class PointScore:
 
 @dataclass(frozen=True, eq=False)
 class MarkerEvaluation:
-    """A track against optical markers.
+    """Scores of a track relative to optical markers.
 
     Args:
         points: by marker.
-        clock_offset_s: what is added to the markers' stamps to have the track's clock, s; 0 if not aligned.
-        clock_drift: how much faster the track's clock runs; 0 if not estimated.
-        track_from_markers: (4, 4) pose of the measuring system in the track's reference frame; unity if not aligned.
+        clock_offset_s: offset that is added to the markers' time stamps to match the track's clock, s; 0 if not
+            aligned.
+        clock_drift: relative rate by which the track's clock is faster; 0 if not estimated.
+        track_from_markers: (4, 4) pose of the measuring system in the track's reference frame; the identity if not
+            aligned.
         relative_to: the track's frame in whose axes positions are compared.
-        start_s: seconds after the track's first stamp that were left out.
-        notes: what to know of the alignment.
+        start_s: time after the track's first time stamp that was not scored, s.
+        notes: notes on the alignment.
     """
 
     points: Mapping[str, PointScore]

@@ -13,9 +13,9 @@ from oarlock.evaluation.scores import aligned, json_number
 
 @dataclass(frozen=True)
 class OrientationScore:
-    """One frame: RMSE and greatest value of the whole error angle, RMSE of its inclination and heading, rad.
+    """One frame: RMSE and largest value of the whole error angle, RMSE of its inclination and heading, rad.
 
-    Of an error quaternion (w, v) in the axes of the world, z being v's part along the vertical: the angle is
+    For an error quaternion (w, v) in world axes, with z the component of v along the vertical, the angle is
     2 arccos |w|, the heading error 2 arctan |z / w|, the inclination error 2 arccos sqrt(w^2 + z^2). NaN: no common
     sample, or an orientation relative to another frame, which has neither inclination nor heading.
     """
@@ -49,8 +49,8 @@ class OrientationScore:
 class OrientationEvaluation:
     """Orientations of ``frames`` in the axes of the root, or of ``relative_to``.
 
-    ``removed_heading_rad`` is the angle about the vertical by which the track was turned back, None if it was not.
-    ``samples`` counts the samples of the track that were looked at; ``reference`` says what they were held against.
+    ``removed_heading_rad`` is the angle about the vertical that was removed from the track, None if none was.
+    ``samples`` is the number of scored samples of the track; ``reference`` names the reference.
     """
 
     frames: tuple[OrientationScore, ...]
@@ -74,7 +74,7 @@ class OrientationEvaluation:
         return tuple(score.row for score in self.frames)
 
     def mean_rmse_deg(self) -> float:
-        """Mean over the frames of their RMSE, deg; NaN if one has no common sample."""
+        """Mean RMSE over the frames, deg; NaN if one has no common sample."""
         return math.degrees(float(np.mean([score.rmse_rad for score in self.frames])))
 
     def table(self) -> list[list[str]]:

@@ -39,10 +39,10 @@ class OrientationReference:
     Args:
         track: the angles, rad, as a track without uncertainty; NaN where an orientation is missing, and for joints
             that the chain does not have.
-        off_hinge_rad: per joint, how far the neighbours' rotation leaves the hinge, (T,): the angle of what is left
-            when the twist about the hinge is taken away.
-        off_hinge_plain_rad: the same for the plain rotation from one unit to the next, with the heading of each. Not
-            for the first joint, which has no unit before it.
+        off_hinge_rad: per joint (T,), the part of the neighbours' rotation that is not about the hinge: the angle that
+            remains after the twist about the hinge is removed.
+        off_hinge_plain_rad: the same for the rotation from one unit to the next as in the file, with each unit's own
+            heading. The first joint has none, because no unit precedes it.
     """
 
     track: Track
@@ -63,28 +63,29 @@ def evaluate_orientations(
 ) -> Evaluation:
     """Score a track's hinge angles against orientations of the same sensors.
 
-    The reference angle of a joint is the twist about its hinge by which its link has turned against the link before
-    it, counted from the still stretch (see the head of this module); in a chain of parallel hinges that is the
-    sensor's own twist since rest less its neighbour's. The reference has errors of its own: coverage and NEES
-    tell how the two disagree, not which is right.
+    The reference angle of a joint is the twist of its link relative to the previous link about their hinge, since the
+    stationary interval (see the module's docstring). In a chain of parallel hinges this is the sensor's own twist since
+    rest minus that of its neighbour. The reference has errors of its own: coverage and NEES show the disagreement of
+    the two, not which of them is wrong.
 
     Args:
         track: the estimate.
-        recording: gives the orientations' stamps; the chain's streams share them.
+        recording: has the time stamps of the orientations; the streams of the chain share them.
         orientations: sensor name -> (T, 4) quat_wxyz, earth_from_sensor, one row per row of its stream; NaN is missing.
-        calibration: mounts of the sensors, and in ``noted`` the still stretch and its posture.
-        start_s: seconds after the track's first stamp that are left out, s.
-        end_s: scored until this many seconds after the track's first stamp; None is to the end.
-        still_s: the still stretch (start, end), s, if the calibration does not say.
-        reference: what tables and reports call the orientations.
+        calibration: mounts of the sensors; ``noted`` has the stationary interval and its posture.
+        start_s: time after the track's first time stamp that is not scored, s.
+        end_s: end of the scored part, s after the track's first time stamp; None scores to the end.
+        still_s: the stationary interval (start, end), s, if the calibration does not contain it.
+        reference: name of the orientations in tables and reports.
 
     Returns:
-        Evaluation of the joints, and the sensors' NIS. A joint's note says how far (RMS) the reference's rotation
-        between neighbours leaves the hinge, counted from rest, and plain, with each unit's own heading.
+        Evaluation of the joints, and NIS of the sensors. A joint's note gives the part of the reference's rotation
+        between neighbours that is not about the hinge (RMS): since rest, and as in the file with each unit's own
+        heading.
 
     Raises:
-        DataError: no sensor has both mount and orientation, rows that do not fit the stamps, no known
-            still stretch, or a track that does not reach into the window.
+        DataError: no sensor has both mount and orientation, the rows do not match the time stamps, the stationary
+            interval is unknown, or the track has no sample in the window.
     """
     if track.model is None:
         raise DataError(
@@ -172,13 +173,13 @@ def _shared_stamps(recording: Recording, names: Sequence[str]) -> Floats:
 def _still_rows(time_s: Floats, still_s: object) -> Rows:
     if not isinstance(still_s, list | tuple) or len(still_s) != 2:
         raise DataError(
-            "orientations: the calibration does not note the still stretch from which the turns are counted; "
+            "orientations: the calibration does not contain the stationary interval from which rotations are counted; "
             "give still_s=(start, end) in s"
         )
     rows = np.flatnonzero((time_s >= still_s[0]) & (time_s <= still_s[1]))
     if not rows.size:
         raise DataError(
-            f"orientations: no row lies in the still stretch {still_s[0]:.3f} to {still_s[1]:.3f} s; the stamps "
+            f"orientations: no row lies in the stationary interval {still_s[0]:.3f} to {still_s[1]:.3f} s; the stamps "
             f"span {time_s[0]:.3f} to {time_s[-1]:.3f} s"
         )
     return rows
@@ -187,7 +188,7 @@ def _still_rows(time_s: Floats, still_s: object) -> Rows:
 def _earth_from_sensor(
     orientations: Mapping[str, Floats], name: str, time_s: Floats
 ) -> tuple[Rotation, Bools]:
-    """Rotations (T), the identity where one is missing, and which are there."""
+    """Rotations (T), the identity where one is missing, and a mask of those present."""
     quat_wxyz = real_array(orientations[name], (None, 4), f'orientations of "{name}"')
     if len(quat_wxyz) != len(time_s):
         raise DataError(f'orientations of "{name}": {len(quat_wxyz)} rows, but its stream has {len(time_s)}')
@@ -205,10 +206,10 @@ def _earth_from_sensor(
 def _world_from_link(
     link: HingeLink, unit: Rotation, there: Bools, link_from_sensor: Floats, still: Rows
 ) -> Rotation:
-    """The link over time, (T): its posture at rest, turned as the sensor has turned in its own axes since."""
+    """Orientation of the link, (T): its posture at rest, rotated by the sensor's rotation since then."""
     resting = still[there[still]]
     if not resting.size:
-        raise DataError(f'orientations of "{link.sensor}": all are missing in the still stretch')
+        raise DataError(f'orientations of "{link.sensor}": all are missing in the stationary interval')
     mount = Rotation.from_matrix(link_from_sensor)
     since_rest = unit[resting].mean().inv() * unit
     return Rotation.from_matrix(link.world_from_link) * mount * since_rest * mount.inv()
@@ -226,14 +227,14 @@ def _twist(between: Rotation, link: HingeLink, still: Rows, good: Bools) -> tupl
 
 
 def _off_plain(between: Rotation, before: HingeLink, link: HingeLink, good: Bools) -> Floats:
-    """How far the rotation between neighbours is from one about their hinge, rad."""
+    """The part of the rotation between neighbours that is not about their hinge, rad."""
     at_rest = Rotation.from_matrix(before.world_from_link.T @ link.world_from_link)
     across = _parts(at_rest.inv() * between, link)[1]
     return np.where(good, across, np.nan)
 
 
 def _parts(turn: Rotation, link: HingeLink) -> tuple[Floats, Floats]:
-    """Swing and twist (Dobrowolski 2015): the angle about the hinge and that of what is left, rad."""
+    """Swing and twist (Dobrowolski 2015): the angle about the hinge and the angle of the remaining rotation, rad."""
     quat_xyzw = turn.as_quat()
     along = quat_xyzw[:, :3] @ link.axis_in_link
     w = quat_xyzw[:, 3]

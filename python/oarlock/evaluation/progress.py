@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-Told = Callable[[float], object]
+Progress = Callable[[float], object]
 
 
-def share(told: Told | None, start: float, end: float) -> Told | None:
+def share(progress: Progress | None, start: float, end: float) -> Progress | None:
     """A callback for the part from `start` to `end` of the whole, each 0 to 1."""
-    return None if told is None else lambda done: told(start + (end - start) * done)
+    return None if progress is None else lambda done: progress(start + (end - start) * done)

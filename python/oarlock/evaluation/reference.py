@@ -13,23 +13,23 @@ from oarlock.storage.errors import DataError
 Bools = NDArray[np.bool_]
 
 LARGEST_NORM_ERROR = 0.01
-"""A quaternion whose norm is further from 1 is no rounding, but another quantity or another column."""
+"""Largest deviation of a quaternion's norm from 1. A larger one means another quantity or a wrong column."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """Orientations of bodies over time from another system, with a clock of its own.
+    """Orientations of bodies over time from another measuring system with its own clock.
 
     Args:
-        source: what measured it, as tables and reports call it: "optical", "encoders".
+        source: name of the measuring system in tables and reports: "optical", "encoders".
         time_s: (T,) strictly increasing stamps in s.
-        quat_wxyz: body -> (T, 4) world_from_body, world with z up; a row of NaN in a gap. Held with norm 1.
-        position_m: body -> (T, 3) a point that is fixed to the body, in world axes, m; NaN in a gap. May be empty.
+        quat_wxyz: body -> (T, 4) world_from_body, world with z up; a row of NaN in a gap. Stored with norm 1.
+        position_m: body -> (T, 3) position of a point fixed to the body, in world axes, m; NaN in a gap. May be empty.
         scored: (T,) whether a sample counts in a comparison; all samples if empty. A gap never counts.
 
     Raises:
-        DataError: No body, stamps out of order, another shape, a norm that is not 1, or a quaternion that
-            is missing in part.
+        DataError: no body, time stamps out of order, a wrong shape, a norm that is not 1, or a quaternion with missing
+            components.
     """
 
     source: str
@@ -80,7 +80,7 @@ class Reference:
         return 1.0 / float(np.median(np.diff(self.time_s))) if len(self.time_s) > 1 else float("nan")
 
     def there(self, *bodies: str) -> Bools:
-        """(T,) where all of these bodies (all that there are, if none is named) have an orientation."""
+        """(T,) where all of these bodies have an orientation; without names, all bodies."""
         there = np.ones(len(self.time_s), dtype=np.bool_)
         for body in bodies or self.bodies:
             there &= np.isfinite(self.quat_wxyz[body]).all(axis=1)
@@ -88,7 +88,7 @@ class Reference:
 
 
 def _unit(quat_wxyz: FloatArray, where: str) -> FloatArray:
-    with np.errstate(over="ignore"):  # a norm beyond all numbers is not 1 either
+    with np.errstate(over="ignore"):  # an infinite or NaN norm is not 1 either
         norms = np.linalg.norm(quat_wxyz, axis=1)
     gap = np.isnan(quat_wxyz).all(axis=1)
     halves = np.flatnonzero(np.isnan(norms) & ~gap)

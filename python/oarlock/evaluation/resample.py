@@ -1,4 +1,4 @@
-"""Truth at the estimate's stamps."""
+"""Interpolates a ground truth at the time stamps of a track. Used by all evaluations."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from oarlock.storage.errors import DataError
 
 
 def resample(time_s: Floats, value: Floats, at_s: Floats, circular: bool = False) -> Floats:
-    """Values (T,) at other stamps (N,), by a cubic spline through each stretch without a gap.
+    """Values (T,) at other time stamps (N,), by a cubic spline through each stretch without a gap.
 
-    NaN outside the range of ``time_s`` and inside gaps (runs of NaN). Where stamps coincide within 1e-9 s the
-    value is copied. ``circular``: angles in rad that may jump by 2 pi are unwound first, so that no jump is
-    interpolated.
+    NaN outside the range of ``time_s`` and inside gaps (runs of NaN). Where time stamps agree within 1e-9 s the value
+    is copied. ``circular``: angles in rad that may jump by 2 pi are unwrapped first, so that no jump is interpolated.
     """
     result = np.full(len(at_s), np.nan)
     if not len(time_s):
@@ -35,9 +34,9 @@ def resample(time_s: Floats, value: Floats, at_s: Floats, circular: bool = False
 
 
 def resample_rotation(time_s: Floats, quat_wxyz: Floats, at_s: Floats) -> Floats:
-    """Rotations (T, 4) at other stamps (N,), (N, 4).
+    """Rotations (T, 4) at other time stamps (N,), (N, 4).
 
-    Each component of the quaternion, its sign continuous, is resampled like a value; the result is made unit.
+    Each component of the quaternion, with continuous sign, is resampled like a value; the result is normalised.
     """
     quat = continuous_quat(quat_wxyz)
     found = np.stack([resample(time_s, quat[:, k], at_s) for k in range(4)], axis=1)

@@ -13,24 +13,24 @@ NAN = float("nan")
 
 
 def presentation(unit: str) -> tuple[float, str]:
-    """Factor and name of the unit in which people read an error: rad -> deg, m -> mm."""
+    """Factor and name of the displayed unit of an error: rad -> deg, m -> mm."""
     return {"rad": (180 / math.pi, "deg"), "m": (1e3, "mm")}.get(unit, (1.0, unit))
 
 
 @dataclass(frozen=True)
 class JointScore:
-    """One joint against truth. ``rmse``, ``bias`` (mean error) and ``mean_std`` are in ``unit`` (rad or m).
+    """Scores of one joint. ``rmse``, ``bias`` (mean error) and ``mean_std`` are in ``unit`` (rad or m).
 
     ``coverage`` is the share of samples with |error| <= 1.96 std; ``nees`` is the mean of (error / std)^2, 1 for
     a consistent filter (Bar-Shalom et al. 2001, section 5.4); ``correlation`` is NaN where either signal is
-    constant. Not scored (``observed`` False): all numbers are NaN and ``note`` says why.
+    constant. A joint that is not scored has ``observed`` False, NaN in all numbers, and the reason in ``note``.
 
-    A ball joint, and position and rotation of a free joint (`pelvis.position`, `pelvis.rotation`), have an error of
-    three components: of a rotation -e with e = Log(R_est' R_true), in the child's axes. Then ``rmse`` is that of its
-    length, of a rotation the angle between estimate and truth; ``bias`` is the length of its mean, ``mean_std`` that
-    of the standard deviations; ``coverage`` and ``nees`` are means over the three. ``correlation`` takes the three
-    components as one signal, less its mean: the position, or the rotation vector against the truth's mean posture,
-    which no pole disturbs. ``parts`` holds a score of each component, and of each named angle.
+    The error of a ball joint, and of position and rotation of a free joint (`pelvis.position`, `pelvis.rotation`), has
+    three components. For a rotation it is -e with e = Log(R_est' R_true), in the child's axes. Then ``rmse`` is that of
+    its length, for a rotation the angle between estimate and truth; ``bias`` is the length of its mean, ``mean_std``
+    that of the standard deviations; ``coverage`` and ``nees`` are means over the three. ``correlation`` treats the
+    three components, minus their means, as one signal: the position, or the rotation vector relative to the truth's
+    mean posture, which has no singularity. ``parts`` has a score of each component, and of each named angle.
     """
 
     name: str
@@ -48,7 +48,7 @@ class JointScore:
 
     @classmethod
     def unscored(cls, name: str, unit: str, note: str) -> JointScore:
-        """A joint that cannot be scored, and why."""
+        """The score of a joint that cannot be scored; `note` gives the reason."""
         return cls(name, unit, False, note, 0, NAN, NAN, NAN, NAN, NAN, NAN)
 
     @property
@@ -88,7 +88,7 @@ class JointScore:
 
 @dataclass(frozen=True)
 class PositionScore:
-    """One frame's origin in root axes against truth: 3D and per axis, m; correlation NaN where constant."""
+    """Position errors of one frame's origin in root axes: 3D and per axis, m; correlation is NaN if constant."""
 
     frame: str
     samples: int
@@ -105,8 +105,8 @@ class PositionScore:
 class StateScore:
     """NEES per state over the beliefs (Bar-Shalom et al. 2001, section 5.4): 1 is expected.
 
-    ``interval_95`` holds it 95 % of the time for independent beliefs. ``degrees`` counts states times
-    beliefs; ``singular`` counts beliefs left out because their covariance is not positive definite.
+    ``interval_95`` is its 95 % interval if the beliefs are independent. ``degrees`` is the number of states times
+    beliefs; ``singular`` is the number of beliefs that were left out because their covariance is not positive definite.
     """
 
     nees: float
@@ -126,9 +126,9 @@ class StateScore:
 class SensorScore:
     """NIS per measurement of one sensor or closure, and its rows; 1 is expected.
 
-    `joint` marks a score over several sensors, whose rows are counted with these. `disturbed` is the share of a
-    magnetometer's samples that failed each test (`norm`, `dip`, `innovation`), where any did; `faults` that of
-    samples whose readings were no measurements (`clipped`, `stuck`). Source: Bar-Shalom et al. 2001, section 5.4.
+    `joint` marks a score over several sensors, whose rows are also counted in their own scores. `disturbed` is the
+    share of a magnetometer's samples that failed each test (`norm`, `dip`, `innovation`), without tests that none
+    failed; `faults` is the share of faulty samples (`clipped`, `stuck`). Source: Bar-Shalom et al. 2001, section 5.4.
     """
 
     name: str
@@ -188,9 +188,9 @@ class Evaluation:
         return tuple(part.row for score in self.joints for part in score.parts)
 
     def turning(self, names: Sequence[str] | None = None) -> tuple[JointScore, ...]:
-        """The joints among ``names`` that turn, scored or not: hinges, balls, rotations of free joints.
+        """The rotational joints among ``names``, scored or not: hinges, balls, rotations of free joints.
 
-        Default all scored ones.
+        Default: all scored ones.
         """
         chosen = self.joints if names is None else tuple(self[name] for name in names)
         return tuple(
@@ -202,19 +202,19 @@ class Evaluation:
         return tuple(score for score in self.turning(names) if not score.parts)
 
     def mean_rmse_deg(self, names: Sequence[str] | None = None) -> float:
-        """Mean over all joints that turn of their RMSE, deg, a ball's being that of its whole angle.
+        """Mean RMSE of the rotational joints, deg; for a ball joint that of the whole angle.
 
-        Default all scored ones. NaN if one of ``names`` is not scored.
+        Default: all scored ones. NaN if one of ``names`` is not scored.
         """
         return _mean_of([math.degrees(score.rmse) for score in self.turning(names)])
 
     def worst_rmse_deg(self, names: Sequence[str] | None = None) -> float:
-        """Largest RMSE among the joints that turn, deg; as ``mean_rmse_deg``."""
+        """Largest RMSE of the rotational joints, deg; see ``mean_rmse_deg``."""
         errors = [math.degrees(score.rmse) for score in self.turning(names)]
         return float(np.max(errors)) if errors else NAN
 
     def mean_coverage(self, names: Sequence[str] | None = None) -> float:
-        """Mean over the joints that turn of the share inside the 95 % band; those without a band are left out."""
+        """Mean coverage of the 95 % bands over the rotational joints; those without a band are left out."""
         shares = [score.coverage for score in self.turning(names)]
         return _mean_of([share for share in shares if not math.isnan(share)])
 
@@ -239,7 +239,7 @@ class Evaluation:
         return f"{joints}\n\n{components}" if self.part_rows else joints
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-safe: SI, None where there is no number; the means over all scored joints that turn, in deg."""
+        """JSON-safe: SI, None where there is no number; means over all scored rotational joints, in deg."""
         return {
             "reference": self.reference,
             "start_s": self.start_s,
@@ -255,7 +255,7 @@ class Evaluation:
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> str:
-    """Rows of cells as lines whose columns stand below each other."""
+    """Rows of cells as lines with aligned columns."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     return "\n".join(
         "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows

@@ -56,8 +56,8 @@ def read_apdm(path: str | PathLike[str]) -> Recording:
             "Format=7" states none and is SI by definition, with time in microseconds since 1970.
 
     Returns:
-        One `ImuStream` per unit, named by its label in lower case with "_" for spaces. Epoch times start at
-        0 s; ``meta["clock"]`` gives the start time.
+        One `ImuStream` per unit, named after its label in lower case with "_" for spaces. Epoch times are shifted to
+        start at 0 s; ``meta["clock"]`` has the start time.
 
     Raises:
         DataError: Another layout or unit, a missing column, or a cell that is not a number, with file and line.
@@ -111,7 +111,7 @@ def _open(file: Path) -> _Export:
     if head and head[0][0].strip() == "Test Name:":
         return _open_test_name(file, head)
     raise DataError(
-        f'{file}:1: is not an APDM export: it begins "{",".join(head[0])[:40] if head else ""}", '
+        f'{file}:1: is not an APDM export: it begins with "{",".join(head[0])[:40] if head else ""}", '
         'expected "Test Name:" or "Format=7". '
         "For other CSV files write a mapping file and use `oarlock import csv`."
     )

@@ -4,9 +4,10 @@ Source and description: Laidig, Caruso, Cereatti, Seel, "BROAD - a benchmark for
 estimation", Data 6(7):72, 2021, doi:10.3390/data6070072. The authors have synchronised and aligned both systems; the
 sampling rate, 286 Hz, is in each file.
 
-A reading is taken as the mean over the interval that ends at its row, as every filter that the authors compare takes
-it: one turn by the row's angular rate leads from the row before to this one. The gyroscope against the turns of the
-reference says the same: it is late by 4.0 ms in all five trials that were tried, of which this explains 1.75 ms.
+A reading is assumed to be the mean over the interval that ends at its row, as in all filters that the authors compare:
+the rotation by a row's angular rate leads from the previous row to this one. A comparison of the gyroscope with the
+rotation of the reference supports this: the gyroscope is late by 4.0 ms in all five examined trials, of which the
+assumption explains 1.75 ms.
 """
 
 from os import PathLike

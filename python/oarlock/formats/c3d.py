@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 def read_c3d(file: Path, unit: str | None = None) -> Markers:
     """Read the points of a C3D file.
 
-    A point counts as not seen if its residual is negative, or all its coordinates are 0 or NaN: writers differ.
-    Names are `POINT:LABELS` with those of `LABELS2` and so on behind them; the unit is `POINT:UNITS`. The stamp of a
-    frame is its number less one over the rate, so a cut file keeps the time of the whole trial.
+    A point counts as not visible if its residual is negative, or all its coordinates are 0 or NaN, because writers
+    differ. Names are those of `POINT:LABELS`, followed by `LABELS2` and so on; the unit is `POINT:UNITS`. The time
+    stamp of a frame is (number - 1) / rate, so a cut file keeps the time of the whole trial.
 
     Source: The C3D File Format, a technical user guide (Motion Lab Systems 2021), parameter section POINT.
 

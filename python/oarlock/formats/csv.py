@@ -129,7 +129,7 @@ def _read_table(entry: FileMapping, root: Path) -> _Table:
 
 
 def _wanted(layout: Layout, entry: FileMapping) -> list[int]:
-    """Positions of the columns that sensors read, each once; errors give the place in the mapping."""
+    """Positions of the columns that sensors use, each once; errors name the line of the mapping file."""
     found: dict[int, None] = {}
     for quantity in (q for s in entry.sensors for q in s.quantities):
         for column in quantity.columns:

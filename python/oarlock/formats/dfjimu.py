@@ -1,13 +1,13 @@
 """Reads the .mat files of the software dfjimu: two inertial units on two bodies connected by a ball joint.
 
 Format: one structure ``data`` with ``rate`` (Hz), ``sensorData`` (N, 12), ``ref`` (N, 17) and the vectors ``r_12``
-and ``r_21`` (m), as the evaluation script of the software reads it (github.com/daniel-om-weber/dfjimu). The method
-that the recordings were made for: Weygers and Kok, "Drift-free inertial sensor-based joint kinematics for long-term
+and ``r_21`` (m), as the evaluation script of the software reads it (github.com/daniel-om-weber/dfjimu). The recordings
+were made for this method: Weygers and Kok, "Drift-free inertial sensor-based joint kinematics for long-term
 arbitrary movements", IEEE Sensors Journal 20(14), 2020.
 
-A reading is taken as the mean over the interval that ends at its row. The gyroscopes against the turns of the
-reference say so: they are late by 14 to 19 ms, of which this explains 10 ms; the software's own script moves the
-reference by a whole row.
+A reading is assumed to be the mean over the interval that ends at its row. A comparison of the gyroscopes with the
+rotation of the reference supports this: they are late by 14 to 19 ms, of which the assumption explains 10 ms. The
+software's own script moves the reference by a whole row.
 """
 
 from os import PathLike
@@ -36,8 +36,8 @@ def read_dfjimu(path: str | PathLike[str]) -> Recording:
     Returns:
         The streams ``body1`` and ``body2`` (gyro and accel, no magnetometer). Time stamps are interval middles:
         the first is half a step before 0 s, where the reference begins.
-        ``meta["joint_in_sensor_m"]`` contains for each the joint's centre in the axes of the sensor, m, as the file
-        states it. (Its authors call minus that, the place of the sensor as seen from the joint, the lever arm.)
+        ``meta["joint_in_sensor_m"]`` contains for each the joint's centre in sensor axes, m, as in the file. (The
+        authors' lever arm is the negative of this vector: from the joint to the sensor.)
 
     Raises:
         DataError: Not such a file; a part of it is missing or has another shape.

@@ -4,10 +4,10 @@ Source: the copy in github.com/simon-bachhuber/ring_supplementary_material (data
 format as the data set DIODEM, doi:10.7910/DVN/SGJLZA, described in Scientific Data, doi:10.1038/s41597-025-05468-w.
 
 A trial is a folder with ``imu_rigid.csv`` and ``imu_nonrigid.csv`` (units screwed on, units on foam) and ``omc.csv``
-(optical). Each file states its sampling rate in a comment. None has time stamps; all begin together. The cameras run at
-30 Hz. Between ``seg1`` and ``seg2`` sits a ball joint, then follow hinges about x, y and z. The axes of the units are
-those of the segments: within about a degree where they are screwed on, and 5 to 12 degrees off and moving where they
-sit on foam.
+(optical). Each file states its sampling rate in a comment. The files have no time stamps and begin together. The rate
+of the cameras is 30 Hz. ``seg1`` and ``seg2`` are connected by a ball joint; the next joints are hinges about x, y and
+z. The axes of the units agree with those of the segments to about a degree if the units are screwed on. On foam they
+differ by 5 to 12 degrees and change.
 """
 
 import re
@@ -76,8 +76,8 @@ def read_diodem_reference(folder: str | PathLike[str]) -> Reference:
         folder: the trial's folder.
 
     Returns:
-        ``seg1`` to ``seg5``, world with z up; the position is the mean of the segment's four markers. What the
-        cameras did not see is NaN.
+        ``seg1`` to ``seg5``, world with z up; the position is the mean of the segment's four markers. Rows that the
+        cameras did not see are NaN.
 
     Raises:
         DataError: As `read_diodem`.

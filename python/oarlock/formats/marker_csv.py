@@ -27,16 +27,16 @@ _TIME = re.compile(r"(time|t)(?:[ _]*[\[(]?s(ec|econds)?[\])]?)?", re.I)
 
 
 def read_marker_csv(file: Path, unit: str | None = None) -> Markers:
-    """Read a text table of markers; which of the three kinds it is shows in its first lines.
+    """Read a text table of markers. Its first lines determine which of three kinds it is.
 
     - Plain: one header line with `time` (s) and `name_x`, `name_y`, `name_z` of each marker; a unit may follow, as in
-      `wrist_x_mm` or `wrist X (mm)`. Other columns are passed over.
+      `wrist_x_mm` or `wrist X (mm)`. Other columns are ignored.
     - Vicon Nexus: the section `Trajectories`: rate, names, `Frame, Sub Frame, X, Y, Z, ...`, units.
     - Qualisys: lines `NO_OF_FRAMES`, `FREQUENCY`, `MARKER_NAMES` ..., then rows of coordinates in mm, with or without
-      columns Frame and Time. All three coordinates 0 mean not seen, as QTM writes it.
+      columns Frame and Time. Three coordinates of 0 mean not visible, as QTM writes it.
 
     Raises:
-        DataError: none of these, a unit is not said, or a cell is no number; says file, line and column.
+        DataError: none of these kinds, a missing unit, or a cell that is not a number, with file, line and column.
     """
     start = read_text(file)[:4000]
     if re.search(r"^\s*\"?Trajectories\b", start, re.M):
@@ -51,7 +51,7 @@ def _read_plain(file: Path, unit: str | None) -> Markers:
     delimiter = max(",;\t", key=header.count)
     rows = [row for row in read_rows(file, delimiter) if filled(row)]
     if len(rows) < 2:
-        raise DataError(f"{file}: holds {len(rows)} lines; expected a header and a line for every frame")
+        raise DataError(f"{file}: has {len(rows)} lines; expected a header and a line for every frame")
     head, data = rows[0], rows[1:]
     times = [k for k, cell in enumerate(head.cells) if _TIME.fullmatch(cell)]
     if len(times) != 1:
@@ -63,7 +63,7 @@ def _read_plain(file: Path, unit: str | None) -> Markers:
     if len(units) > 1 and unit is None:
         raise DataError(f"{file}:{head.line}: columns have different units ({', '.join(sorted(units))})")
     held = held_unit(said, unit, f"{file}:{head.line}, header")
-    if delimiter == ";":  # where semicolons split, commas are decimal marks
+    if delimiter == ";":  # if semicolons separate columns, commas are decimal marks
         data = [Row(row.line, tuple(cell.replace(",", ".") for cell in row.cells)) for row in data]
     known = all(_TIME.fullmatch(cell) or _COLUMN.fullmatch(cell) for cell in head.cells)
     values = numbers(data, 0, len(head.cells), file) if known else _picked(data, columns, file)
@@ -84,7 +84,7 @@ def _plain_columns(head: Row, file: Path) -> tuple[list[str], list[int], set[str
         if parts := _COLUMN.fullmatch(cell):
             axes = found.setdefault(parts["name"], {})
             if parts["axis"].lower() in axes:
-                raise DataError(f'{file}:{head.line}: column "{cell}" is there twice')
+                raise DataError(f'{file}:{head.line}: column "{cell}" occurs twice')
             axes[parts["axis"].lower()] = k
             units |= {parts["unit"].lower()} if parts["unit"] else set()
     for name, axes in found.items():
@@ -112,7 +112,7 @@ def _read_nexus(file: Path, unit: str | None) -> Markers:
         or len(section[2].cells) < 2
     ):
         raise DataError(
-            f"{file}:{rows[start].line}: after Trajectories stand the rate, the names, Frame and Sub Frame, the units"
+            f"{file}:{rows[start].line}: expected rate, names, Frame and Sub Frame, and units after Trajectories"
         )
     rate, names_row, _, units_row = section
     rate_hz = number(rate.cells[0], rate.line, 1, file)
@@ -124,7 +124,7 @@ def _read_nexus(file: Path, unit: str | None) -> Markers:
     data = rows[start + 5 : end]
     if not data or not names:
         raise DataError(
-            f"{file}:{names_row.line}: Trajectories hold {len(names)} markers in {len(data)} frames"
+            f"{file}:{names_row.line}: Trajectories have {len(names)} markers in {len(data)} frames"
         )
     frames = np.array([number(row.cells[0], row.line, 1, file) for row in data])
     said = next((cell for cell in units_row.cells if cell), "")
@@ -143,7 +143,7 @@ def _read_qualisys(file: Path, unit: str | None) -> Markers:
     rate_hz = number(header["FREQUENCY"].cells[1], header["FREQUENCY"].line, 2, file)
     data = rows[first:]
     if not data or not rate_hz > 0.0:
-        raise DataError(f"{file}: holds {len(data)} frames at {rate_hz:g} Hz; nothing to read")
+        raise DataError(f"{file}: has {len(data)} frames at {rate_hz:g} Hz; nothing to read")
     columns = header.get("FRAME")
     before = 0 if columns is None else 1 + (columns.cells[1:2] == ("Time",))
     values = numbers(data, before, 3 * len(names), file)

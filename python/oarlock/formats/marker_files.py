@@ -31,18 +31,19 @@ def load_markers(
 
     Args:
         path: `.c3d` (needs the extra `oarlock[c3d]`), `.trc`, or a text table `.csv`, `.tsv`, `.txt`: columns `time`,
-            `name_x`, `name_y`, `name_z`, or what Vicon Nexus (Trajectories) and Qualisys (TSV) export.
-        unit: of length, `m`, `cm` or `mm`, instead of what the file says; needed where it says none.
-        names: the markers wanted, all if None; a mapping `{name in the file: name wanted}` renames. A subject's prefix
-            (`Anna:LELB`) may be left out where that leaves no two names alike, and is left out of the result.
-        axes: turns the points, see `Markers.turned`; None leaves the file's axes.
+            `name_x`, `name_y`, `name_z`, or an export of Vicon Nexus (Trajectories) or Qualisys (TSV).
+        unit: unit of length, `m`, `cm` or `mm`, instead of that in the file; required if the file names none.
+        names: markers to read; None reads all; a mapping `{name in the file: new name}` renames them. A subject's
+            prefix (`Anna:LELB`) may be left out and is removed from the result, unless two names would become equal.
+        axes: rotates the points, see `Markers.turned`; None keeps the file's axes.
 
     Returns:
-        Positions in m, NaN where a marker was not seen: in C3D a negative residual, all three coordinates 0 or NaN;
-        in text an empty cell or NaN. Stamps are those of the file; C3D counts from its first frame's number.
+        Positions in m, NaN where a marker was not visible: in C3D a negative residual, or all three coordinates 0 or
+        NaN; in text an empty cell or NaN. Time stamps are those of the file; in C3D they count from the number of the
+        first frame.
 
     Raises:
-        DataError: the file cannot be read or understood; it says where, and what to try.
+        DataError: the file cannot be read or understood; the text names the place and a remedy.
     """
     file = place_of(path)
     if not file.is_file():
@@ -72,7 +73,7 @@ def _checked_unit(unit: str | None) -> str | None:
 
 
 def _full_names(markers: Markers, names: Iterable[str] | Mapping[str, str]) -> dict[str, str]:
-    """What was asked for with the prefix that the file's names may carry, and how it is to be called."""
+    """The requested names with the prefixes of the file, and the names in the result."""
     chosen = dict(names) if isinstance(names, Mapping) else {name: name for name in names}
     found = {}
     for name, wanted in chosen.items():

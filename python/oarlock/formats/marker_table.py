@@ -27,10 +27,10 @@ class Row:
 
 
 def read_rows(file: Path, delimiter: str) -> list[Row]:
-    """All lines, split at a delimiter; of a comma or semicolon quotes are understood.
+    """All lines, split at a delimiter. Quotes are supported for commas and semicolons.
 
     Raises:
-        DataError: the file cannot be read, or holds zero bytes and is no text.
+        DataError: the file cannot be read, or contains zero bytes and so is not text.
     """
     text = read_text(file)
     if delimiter in ",;":
@@ -43,10 +43,10 @@ def read_rows(file: Path, delimiter: str) -> list[Row]:
 
 
 def read_text(file: Path) -> str:
-    """A file's text: UTF-8 with or without mark, UTF-16 with mark, else Latin-1, as motion capture software writes it.
+    """A file's text: UTF-8 with or without byte order mark, UTF-16 with mark, otherwise Latin-1.
 
     Raises:
-        DataError: the file cannot be read, is empty, or is no text.
+        DataError: the file cannot be read, is empty, or is not text.
     """
     try:
         raw = file.read_bytes()
@@ -60,14 +60,14 @@ def read_text(file: Path) -> str:
         except UnicodeDecodeError:
             text = raw.decode("latin-1")
     if "\x00" in text:
-        raise DataError(f"{file}: holds zero bytes, so it is no text. Is it a C3D file with another ending?")
+        raise DataError(f"{file}: contains zero bytes, so it is not text. Is it a renamed C3D file?")
     if not text.strip():
         raise DataError(f"{file}: is empty")
     return text
 
 
 def filled(row: Row) -> bool:
-    """Whether any cell holds something."""
+    """Whether a cell is not empty."""
     return any(row.cells)
 
 
@@ -75,13 +75,13 @@ def numbers(rows: Sequence[Row], start: int, width: int, file: Path) -> FloatArr
     """Cells `start` to `start + width` of every row, (rows, width); NaN where missing or where a row ends early.
 
     Raises:
-        DataError: a cell that is no finite number, or one that is filled beyond the last column.
+        DataError: a cell that is not a finite number, or a filled cell beyond the last column.
     """
     values = np.full((len(rows), width), np.nan)
     for k, row in enumerate(rows):
         if any(row.cells[start + width :]):
             raise DataError(
-                f"{file}:{row.line}: has {len(row.cells)} cells, but the header leaves room for {start + width}"
+                f"{file}:{row.line}: has {len(row.cells)} cells, but the header has {start + width}"
             )
         for i, cell in enumerate(row.cells[start : start + width]):
             if cell and cell.lower() not in _MISSING:
@@ -93,7 +93,7 @@ def number(cell: str, line: int, column: int, file: Path) -> float:
     """One cell as a finite number.
 
     Raises:
-        DataError: it is none; says file, line and column.
+        DataError: it is not a finite number; the text names file, line and column.
     """
     try:
         value = float(cell) if "_" not in cell else float("nan")
@@ -105,12 +105,12 @@ def number(cell: str, line: int, column: int, file: Path) -> float:
             if cell.replace(",", "", 1).lstrip("-").isdigit()
             else ""
         )
-        raise DataError(f'{file}:{line}, column {column}: "{cell}" is no finite number.{hint}')
+        raise DataError(f'{file}:{line}, column {column}: "{cell}" is not a finite number.{hint}')
     return value
 
 
 def held_unit(said: str, asked: str | None, where: str) -> str:
-    """The unit that counts: what was asked for, else what the file says.
+    """The unit of length: the requested one, otherwise that of the file.
 
     Raises:
         DataError: neither names a known unit of length.
@@ -129,12 +129,12 @@ def held_unit(said: str, asked: str | None, where: str) -> str:
     unit = spelled.get(unit, unit)
     if unit not in LENGTH:
         hint = unknown_unit_text(said, LENGTH) if said else "no unit of length is named."
-        raise DataError(f'{where}: {hint} Say unit="mm" or unit="m".')
+        raise DataError(f'{where}: {hint} Give unit="mm" or unit="m".')
     return unit
 
 
 def short_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Names without the subject before the colon, where that leaves no two alike."""
+    """Names without the subject before the colon, unless two names would become equal."""
     short = tuple(name.rpartition(":")[2].strip() or name for name in names)
     return short if max(Counter(short).values(), default=0) <= 1 else tuple(names)
 

@@ -1,8 +1,8 @@
-"""Two links of a UR5 robot with inertial units: runs in the layout of the OpenAXES example data, CSV files.
+"""Reads OpenAXES runs: CSV files of two links of a UR5 robot with inertial units.
 
 Source: Webering et al. 2023, data repository of the Leibniz University Hannover, doi:10.25835/psqqs9w0, in the form
 of the copy in github.com/simon-bachhuber/ring_supplementary_material (data/openaxes_dataset).
-``synced_imu/RUN/LINK_adx.csv`` holds the units' readings on the robot's clock, ``groundtruth/robot-RUN/LINK.csv``
+``synced_imu/RUN/LINK_adx.csv`` has the units' readings on the robot's clock, ``groundtruth/robot-RUN/LINK.csv`` has
 that clock (us) and the links' orientations from the joint encoders. There is no magnetometer. The accelerometers are
 not calibrated: they read 9.4 to 9.5 m/s2 at rest.
 """
@@ -24,10 +24,10 @@ from oarlock.storage.paths import place_of
 LINKS = ("radius", "carpus")
 
 LINK_FROM_SENSOR = ((0.0, 0.0, -1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
-"""How the units sit on both links in all runs: a turn by -90 deg about y.
+"""Mount of the units on both links in all runs: a rotation by -90 deg about y.
 
-Measured from the recordings, by turning the readings to the world with the encoders' orientations; it fits within
-0.6 deg.
+Found from the recordings, by rotating the readings to the world with the encoders' orientations; it is accurate to 0.6
+deg.
 """
 
 
@@ -35,13 +35,13 @@ def openaxes_runs(folder: str | PathLike[str]) -> tuple[str, ...]:
     """Names of the runs in a copy of the data, such as "circle-100" (shape and speed in mm/s).
 
     Raises:
-        DataError: The folder holds no run.
+        DataError: The folder contains no run.
     """
     root = place_of(folder) / "synced_imu"
     runs = tuple(sorted(run.name for run in root.glob("*") if (run / f"{LINKS[0]}_adx.csv").is_file()))
     if not runs:
         raise DataError(
-            f"{folder}: holds no run; expected files such as synced_imu/circle-100/radius_adx.csv"
+            f"{folder}: contains no run; expected files such as synced_imu/circle-100/radius_adx.csv"
         )
     return runs
 
@@ -50,7 +50,7 @@ def read_openaxes(folder: str | PathLike[str], run: str) -> Recording:
     """Read the inertial units of one run.
 
     Args:
-        folder: the data's folder, with ``synced_imu`` and ``groundtruth`` in it.
+        folder: the data folder, which contains ``synced_imu`` and ``groundtruth``.
         run: name of the run, see `openaxes_runs`.
 
     Returns:
@@ -58,7 +58,7 @@ def read_openaxes(folder: str | PathLike[str], run: str) -> Recording:
         `LINK_FROM_SENSOR`.
 
     Raises:
-        DataError: No such run, a missing file or column, a cell that is no number, or readings and clock of
+        DataError: No such run, a missing file or column, a cell that is not a number, or readings and clock of
             different length.
     """
     streams = []
@@ -95,7 +95,7 @@ def read_openaxes_reference(folder: str | PathLike[str], run: str) -> Reference:
 
 
 def _clock_and_orientation(folder: str | PathLike[str], run: str, link: str) -> tuple[FloatArray, FloatArray]:
-    """Stamps of the robot in s, (T,) from 0, and world_from_link as quat_wxyz, (T, 4)."""
+    """Time stamps of the robot in s, (T,) from 0, and world_from_link as quat_wxyz, (T, 4)."""
     file = _reference_file(folder, run, link)
     rows = read_columns(Layout.of(file, Dialect()), ["TIME", *(f"QUATERNION_{i}" for i in range(4))])
     return time_array((rows[:, 0] - rows[0, 0]) * 1e-6, f"{file}, TIME"), rows[:, 1:]

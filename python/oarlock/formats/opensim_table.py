@@ -1,4 +1,4 @@
-"""OpenSim's tables over time, `.mot` and `.sto`: a header, then columns split by tabs."""
+"""Writes OpenSim's tables over time, `.mot` and `.sto`: a header, then columns separated by tabs. Used by exports."""
 
 from __future__ import annotations
 
@@ -19,11 +19,12 @@ def table_text(
 
     Args:
         title: first line; `Coordinates` of a motion, as OpenSim writes it.
-        labels: of the columns, plain ASCII.
+        labels: names of the columns, plain ASCII.
         time_s: (T,) s.
-        values: (T, n), in m and, as `in_degrees` says, degrees or rad.
-        in_degrees: what the header says of angles; OpenSim believes it.
-        remarks: sentences for people; signs of equality and other scripts are replaced, for readers take them for keys.
+        values: (T, n), in m and in degrees or rad, depending on `in_degrees`.
+        in_degrees: unit of angles in the header, which OpenSim uses.
+        remarks: sentences for people. Equals signs and other scripts are replaced, because readers mistake them for
+            keys.
     """
     unit = "degrees" if in_degrees else "radians"
     head = [

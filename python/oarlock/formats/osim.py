@@ -1,4 +1,4 @@
-"""OpenSim models: the XML of format 4, which OpenSim 4.0 and later read."""
+"""Writes OpenSim models as XML of format 4, which OpenSim 4.0 and later read. Used by exports."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _BONE_RADIUS_M: Final = 0.006
 _SHORTEST_BONE_M: Final = 1e-3
 _MASSES: Final = (
     f" Masses and moments of inertia are placeholders, {_PLACEHOLDER_KG:g} kg and {_PLACEHOLDER_KG_M2:g} kg m2 for "
-    "every body: the model is for kinematics, forces from it mean nothing. "
+    "every body: the model is for kinematics, and forces computed from it mean nothing. "
 )
 
 
@@ -35,8 +35,8 @@ class OsimCoordinate:
 
     Args:
         name: its name, unique in the model.
-        default: where the model stands when nothing is told, rad or m.
-        span: what a slider on the screen offers, rad or m; nothing is clamped.
+        default: default value, rad or m.
+        span: range of the slider on the screen, rad or m; values are not clamped.
     """
 
     name: str
@@ -50,13 +50,15 @@ class OsimJoint:
 
     Args:
         name: its name, unique among the joints.
-        kind: M is nothing (weld), a turn about z (pin), a shift along x (slider), or of `custom` a shift along x, y and
-            z, if there are six coordinates, and then turns about x, y and z as the turns before have left them.
+        kind: M is the identity (weld), a rotation about z (pin), or a translation along x (slider). For `custom` it is
+            a translation along x, y and z, if there are six coordinates, and then body-fixed rotations about x, y and
+            z.
         parent: body's name, or `ground`.
         child: body's name.
         parent_from_joint: (4, 4), m.
         child_from_joint: (4, 4), m.
-        coordinates: none of a weld, one of pin and slider; of `custom` the three angles, then x, y, z if it shifts.
+        coordinates: none for a weld, one for pin and slider; for `custom` the three angles, then x, y, z if there are
+            six.
     """
 
     name: str
@@ -70,7 +72,7 @@ class OsimJoint:
 
 @dataclass(frozen=True, eq=False)
 class OsimBody:
-    """A body; `bones` (N, 2, 3) are lines to be drawn in its axes, from and to, m."""
+    """A body; `bones` (N, 2, 3) are lines that are drawn in its axes, start and end, m."""
 
     name: str
     bones: FloatArray
@@ -78,14 +80,14 @@ class OsimBody:
 
 @dataclass(frozen=True)
 class OsimModel:
-    """What a file holds.
+    """Contents of a model file.
 
     Args:
-        name: of the model.
-        credits: a sentence on what it was made from.
+        name: name of the model.
+        credits: a sentence on its origin.
         gravity_m_s2: (3,) in ground axes.
-        bodies: each once, parents before children.
-        joints: one of each body, in their order.
+        bodies: all bodies, parents before children.
+        joints: one for each body, in the same order.
         couplers: pairs of coordinates, the second always equal to the first.
         markers: (marker, body): one at the origin of that body.
     """
@@ -137,7 +139,7 @@ def _body(parent: ElementTree.Element, body: OsimBody) -> None:
 
 
 def _bone(parent: ElementTree.Element, name: str, start: FloatArray, end: FloatArray) -> None:
-    """A cylinder: its axis is y, its middle the origin."""
+    """A cylinder with axis y, centred at the origin."""
     length = float(np.linalg.norm(end - start))
     pose = np.eye(4)
     pose[:3, :3] = _rotation_from_y((end - start) / length)
@@ -206,7 +208,7 @@ def _offset_frame(
     element = ElementTree.SubElement(parent, "PhysicalOffsetFrame", name=name)
     _leaf(element, "socket_parent", socket)
     _numbers(element, "translation", pose[:3, 3])
-    # body-fixed turns about x, y, z, as OpenSim has it
+    # body-fixed rotations about x, y, z, OpenSim's convention
     _numbers(element, "orientation", angles_from_quat(quat_from_matrix(pose[None, :3, :3]), "XYZ")[0])
     return element
 
@@ -224,12 +226,12 @@ def _leaf(parent: ElementTree.Element, tag: str, text: str) -> None:
 
 
 def _numbers(parent: ElementTree.Element, tag: str, values: Iterable[float] | ArrayLike) -> None:
-    # adding 0 turns -0 into 0
+    # adding 0 converts -0 to 0
     _leaf(parent, tag, " ".join(repr(float(v) + 0.0) for v in np.asarray(values).ravel()))
 
 
 def _rotation_from_y(direction: FloatArray) -> FloatArray:
-    """A rotation (3, 3) that takes y to a unit vector."""
+    """A rotation (3, 3) that maps y to a unit vector."""
     aside = np.eye(3)[int(np.argmin(np.abs(direction)))]
     third = np.cross(aside, direction)
     third /= np.linalg.norm(third)

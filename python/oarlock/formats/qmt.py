@@ -1,9 +1,9 @@
-"""A person with sixteen inertial units: the full-body example of the toolbox qmt, a .mat file.
+"""Reads the full-body example of the toolbox qmt: a .mat file of a person with sixteen inertial units.
 
 Source: examples/full_body_example_data.mat of github.com/dlaidig/qmt, MIT licence. A variable ``t`` (s) and one
 structure for each body segment with ``acc`` (m/s2) and ``gyr`` (rad/s, offset removed by the authors). There is no
-magnetometer and no reference. The field ``quat`` is not read: the toolbox's basic example does not use it, and
-nothing says what it is.
+magnetometer and no reference. The field ``quat`` is not read: the toolbox's basic example does not use it, and it is
+not documented.
 """
 
 from os import PathLike
@@ -24,10 +24,10 @@ def read_qmt(path: str | PathLike[str]) -> Recording:
 
     Returns:
         One stream (gyro and accel) for each segment, named as in the file: ``hip``, ``lower_back``,
-        ``upper_arm_left``, ... The stamps are those of the file.
+        ``upper_arm_left``, ... The time stamps are those of the file.
 
     Raises:
-        DataError: Not such a file; a part of it is missing or has another shape.
+        DataError: The file is not of this format, or a part is missing or has another shape.
     """
     file = place_of(path)
     variables = read_mat(file)

@@ -20,7 +20,7 @@ _MOST_HEADER = 256 * _BLOCK
 
 
 def limit_resources(file: str) -> None:
-    """Bound memory and processor time: a damaged byte may announce gigabytes, or a loop without end."""
+    """Limit memory and processor time: a damaged byte may request gigabytes or cause an endless loop."""
     try:
         import resource
     except ImportError:  # Windows has no such limits
@@ -68,7 +68,7 @@ def read_c3d(file: str) -> dict[str, Any]:
     content = ezc3d.c3d(file)
     held, announced = content["data"]["points"].shape[2], _announced_frames(file)
     if held < announced:
-        raise ValueError(f"it announces {announced} frames and holds {held}; was it cut off?")
+        raise ValueError(f"its header states {announced} frames, but it contains {held}; was it cut off?")
     point, header = content["parameters"]["POINT"], content["header"]["points"]
     units = point["UNITS"]["value"] if "UNITS" in point else []
     return {
@@ -82,7 +82,7 @@ def read_c3d(file: str) -> dict[str, Any]:
 
 
 def _announced_frames(file: str) -> int:
-    """As the header says. ezc3d reads what is there and changes the header to match."""
+    """Number of frames in the header of the file. ezc3d changes the header to match the data."""
     with open(file, "rb") as stream:
         raw = stream.read(_MOST_HEADER)
     processor = raw[(raw[0] - 1) * _BLOCK + 3]
@@ -91,7 +91,7 @@ def _announced_frames(file: str) -> int:
 
 
 def _labels(point: Any) -> list[str]:
-    """All labels: a C3D parameter holds 255, so large sets go on in LABELS2, LABELS3, ..."""
+    """All labels: a C3D parameter has at most 255, so larger sets continue in LABELS2, LABELS3, ..."""
     found: list[str] = []
     for number in range(1, 100):
         key = "LABELS" if number == 1 else f"LABELS{number}"
@@ -106,7 +106,7 @@ def main(kind: str, file: str) -> int:
     try:
         limit_resources(file)
         arrays = {"c3d": read_c3d, "mat": read_mat}[kind](file)
-    except Exception as error:  # a library raises whatever its parts do
+    except Exception as error:  # the library may raise any exception
         print(str(error) or type(error).__name__, file=sys.stderr)
         return 1
     held = io.BytesIO()

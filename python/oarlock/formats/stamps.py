@@ -1,4 +1,4 @@
-"""Stamps of files that have none: rows at a steady rate."""
+"""Time stamps for files without any: rows at a constant rate. Used by the readers of data sets."""
 
 import numpy as np
 
@@ -11,9 +11,9 @@ def row_times_s(rows: int, rate_hz: float) -> FloatArray:
 
 
 def interval_middles_s(rows: int, rate_hz: float) -> FloatArray:
-    """Middles of the intervals that end at the rows, (rows,) s; the first lies half a step before 0 s.
+    """Middles of the intervals that end at the rows, (rows,) s; the first is half a step before 0 s.
 
-    For units that add up fast readings on the device and give each row the mean since the row before: such a reading
-    belongs to the middle of its interval, and an orientation reached with it to the end.
+    For units that average fast readings since the previous row: such a reading belongs to the middle of its interval,
+    and an orientation computed with it belongs to the end.
     """
     return row_times_s(rows, rate_hz) - 0.5 / rate_hz

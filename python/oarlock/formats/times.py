@@ -1,4 +1,7 @@
-"""Time columns: seconds, epochs, clock times and ISO date-times, brought to seconds on one axis."""
+"""Converts time columns (seconds, epochs, clock times, ISO date-times) to seconds on a common axis.
+
+For the CSV reader.
+"""
 
 import datetime
 import re
@@ -22,7 +25,7 @@ EPOCH = MappingProxyType({"epoch_s": 10**9, "epoch_ms": 10**6, "epoch_us": 10**3
 CLOCK = "HH:MM:SS"
 ISO = "iso"
 COUNTED = (*RELATIVE, TICKS)
-"""Units of numbers that count from an unnamed start."""
+"""Units of numbers that count from an unknown start."""
 TIME_UNITS = (*COUNTED, *EPOCH, CLOCK, ISO)
 
 _CLOCK_TIME = re.compile(r"(\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,9}))?")
@@ -33,10 +36,10 @@ _EPOCH_LOCAL = datetime.datetime(1970, 1, 1)
 
 @dataclass(frozen=True)
 class Stamps:
-    """Stamps of one file before a common zero is chosen.
+    """Time stamps of one file before a common zero is chosen.
 
     Args:
-        family: what the stamps count from: an unnamed start, UTC, a local calendar, or midnight.
+        family: origin of the time stamps: an unknown start, UTC, a local calendar, or midnight.
         seconds: (T,) s, for "relative".
         nanoseconds: (T,) integers since 1970 or since midnight, for the others: float64 seconds since 1970
             would round to 0.2 us.
@@ -56,13 +59,13 @@ def plain_time_unit(unit: str) -> str:
 
 
 def relative_stamps(values: FloatArray, unit: str, tick_s: float = 1.0) -> Stamps:
-    """Stamps counted in s, ms, us or ticks of `tick_s` from a start that the file does not name."""
+    """Time stamps in s, ms, us or ticks of `tick_s` from an unknown start."""
     seconds = values * tick_s if unit == TICKS else values / RELATIVE[unit]
     return Stamps("relative", seconds, np.zeros(0, dtype=np.int64))
 
 
 def parsed_stamps(cells: Sequence[str], places: Sequence[str], unit: str) -> Stamps:
-    """Stamps from texts: epochs, clock times, ISO date-times.
+    """Time stamps from texts: epochs, clock times, ISO date-times.
 
     Args:
         cells: the texts, in order.
@@ -70,7 +73,7 @@ def parsed_stamps(cells: Sequence[str], places: Sequence[str], unit: str) -> Sta
         unit: one of EPOCH, CLOCK, ISO.
 
     Raises:
-        DataError: A text that is not of this unit, or date-times with and without a time zone mixed.
+        DataError: A text does not match the unit, or date-times with and without a time zone are mixed.
     """
     if unit == ISO:
         return _iso_stamps(cells, places)
@@ -83,26 +86,26 @@ def parsed_stamps(cells: Sequence[str], places: Sequence[str], unit: str) -> Sta
 
 
 def on_one_axis(files: Sequence[Stamps], names: Sequence[str]) -> tuple[list[FloatArray], dict[str, object]]:
-    """Seconds of every file on one axis, and a note of what its zero is.
+    """Times of all files in seconds on a common axis, and a note on its zero.
 
-    Relative stamps stay as they are; for the others the earliest stamp becomes 0 s.
+    Relative time stamps stay unchanged; for the others the earliest time stamp becomes 0 s.
 
     Args:
-        files: the stamps of each file.
+        files: the time stamps of each file.
         names: the files' names, for errors.
 
     Returns:
         Arrays (T,) of s, one a file; the note for ``Recording.meta["clock"]``.
 
     Raises:
-        DataError: Files whose clocks have nothing in common.
+        DataError: the origins of the files' clocks differ.
     """
     family = files[0].family
     for stamps, name in zip(files, names, strict=True):
         if stamps.family != family:
             raise DataError(
                 f"{name}: its time is {_FAMILY_TEXT[stamps.family]}, that of {names[0]} is {_FAMILY_TEXT[family]}. "
-                "They cannot be put on one clock; import them on their own, or export one of them again."
+                "They have no common clock; import them separately, or export one of them again."
             )
     if family == "relative":
         return [s.seconds for s in files], {"kind": "relative"}
@@ -165,7 +168,7 @@ def _iso(cell: str, place: str) -> datetime.datetime:
 
 
 def _across_midnight(ticks: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Adds a day after each step back of more than twelve hours; smaller steps back are left to be found."""
+    """Adds a day after each step back of more than twelve hours; later checks report smaller steps back."""
     days = np.cumsum(np.diff(ticks, prepend=ticks[:1]) < -_DAY_NS // 2)
     return ticks + days * _DAY_NS
 

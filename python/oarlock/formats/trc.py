@@ -1,4 +1,4 @@
-"""TRC files: track row column, the text format of Motion Analysis that OpenSim reads and writes."""
+"""Reads TRC files (track row column), the marker format of Motion Analysis and OpenSim, for `load_markers`."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from oarlock.storage.errors import DataError
 def read_trc(file: Path, unit: str | None = None) -> Markers:
     """Read a TRC file.
 
-    Header lines are found by what they hold, not by their number: blank ones may stand between them. Names may stand
-    three columns apart or, as some writers have it, one after the other. Cells that are empty, `NaN` in any
-    spelling, or missing at the end of a line are markers that were not seen. Stamps come from the column Time.
+    Header lines are found by their content, not by their number; blank lines between them are allowed. Names are three
+    columns apart or, from some writers, in adjacent columns. Cells that are empty, `NaN` in any spelling, or missing at
+    the end of a line mean that the marker was not visible. Time stamps come from the column Time.
 
     Raises:
-        DataError: a header line is missing, names and `NumMarkers` disagree, or a cell is no number.
+        DataError: a header line is missing, names and `NumMarkers` disagree, or a cell is not a number.
     """
     rows = [row for row in read_rows(file, "\t") if filled(row)]
     settings = _settings(rows, file)
@@ -51,7 +51,7 @@ def _row_starting(rows: Sequence[Row], word: str, file: Path) -> int:
         if row.cells[0].split(" ")[0].casefold() == word.casefold():
             return k
     raise DataError(
-        f'{file}: no line starts with "{word}", so this is no TRC file (columns are split by tabs)'
+        f'{file}: no line starts with "{word}", so this is not a TRC file (columns are separated by tabs)'
     )
 
 
@@ -59,7 +59,7 @@ def _names(row: Row, settings: dict[str, str], file: Path) -> tuple[str, ...]:
     names = tuple(cell for cell in row.cells[2:] if cell)
     count = settings.get("NumMarkers", "")
     if not names:
-        raise DataError(f"{file}:{row.line}: names no marker behind Time")
+        raise DataError(f"{file}:{row.line}: has no marker name after Time")
     if count.isdigit() and int(count) != len(names):
         raise DataError(
             f"{file}:{row.line}: names {len(names)} markers, but NumMarkers is {count}. Is a name empty, or the line "

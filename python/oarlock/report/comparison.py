@@ -123,8 +123,8 @@ def _bars(rows: list[Score]) -> str:
         place = f'x="{left}" y="{y:.1f}" width="{length:.1f}" height="15" rx="2"'
         parts.append(f'<rect class="{_style_of(row.estimator.family)}" {place}/>')
         parts.append(label(left + length + 5, y + 12, number(row.mean_rmse_deg)))
-    told = "; ".join(f"{row.name} {number(row.mean_rmse_deg)} deg" for row in rows)
-    return drawing("bars", (left + width + 50, bottom + 20), "Mean angle error", told, "".join(parts))
+    texts = "; ".join(f"{row.name} {number(row.mean_rmse_deg)} deg" for row in rows)
+    return drawing("bars", (left + width + 50, bottom + 20), "Mean angle error", texts, "".join(parts))
 
 
 def _scatter(rows: list[Score]) -> str:
@@ -149,8 +149,8 @@ def _scatter(rows: list[Score]) -> str:
     parts += _names_at_right([(x, y, row.name) for x, y, row in points], panel)
     for x, y, row in points:
         parts.append(f'<circle class="{_style_of(row.estimator.family)}" cx="{x:.1f}" cy="{y:.1f}" r="4.5"/>')
-    told = "; ".join(f"{r.name} {number(r.step_us)} µs, {number(r.mean_rmse_deg)} deg" for r in timed)
-    return drawing("scatter", (440, bottom + 20), "Error over time per step", told, "".join(parts))
+    texts = "; ".join(f"{r.name} {number(r.step_us)} µs, {number(r.mean_rmse_deg)} deg" for r in timed)
+    return drawing("scatter", (440, bottom + 20), "Error over time per step", texts, "".join(parts))
 
 
 LINE = 14.0
@@ -224,13 +224,13 @@ def _what(found: Comparison) -> str:
 
 
 def _notes(found: Comparison) -> str:
-    told = [f"{name} was not run: {why}" for name, why in found.left_out.items()]
-    told += [f"{row.name}: {row.joints} of {len(found.joints)} joints estimated" for row in _partial(found)]
-    told.append(
+    texts = [f"{name} was not run: {why}" for name, why in found.left_out.items()]
+    texts += [f"{row.name}: {row.joints} of {len(found.joints)} joints estimated" for row in _partial(found)]
+    texts.append(
         "Filters on single units are given the azimuth of the magnetic field, which the others estimate; they use no "
         "lengths, closures or base accelerations, and encoders are read directly."
     )
-    return notes_list(told)
+    return notes_list(texts)
 
 
 def _partial(found: Comparison) -> list[Score]:

@@ -218,16 +218,16 @@ def _axis_name(panel: Panel, x: Axis) -> str:
 
 
 def _ends(series: Sequence[Series], unit: str) -> str:
-    told = []
+    ranges = []
     for s in series:
         finite = s.y[np.isfinite(s.y)]
         if len(finite):
-            told.append(
+            ranges.append(
                 f"{s.name}: from {number(float(finite.min()))} to {number(float(finite.max()))} {unit}"
             )
         else:
-            told.append(f"{s.name}: not known")
-    return "; ".join(told) + "."
+            ranges.append(f"{s.name}: not known")
+    return "; ".join(ranges) + "."
 
 
 def _drawn(key: str, size: tuple[float, float], caption: str, words: str, content: str) -> str:

@@ -9,8 +9,8 @@ from oarlock.evaluation.study.costs import Dose, middle
 from oarlock.report.fault_charts import cost_text
 from oarlock.report.text import number, percent
 
-DEAREST, MOST_NAMED, EXAMPLES = 8, 12, 3
-TELLS = 1.5
+MOST_ERRORS, MOST_NAMED, EXAMPLES = 8, 12, 3
+NOTABLE_RATIO = 1.5
 """A safeguard is mentioned if the error without it is larger or smaller by this factor."""
 
 Curves = Mapping[str, Mapping[str, Sequence[Dose]]]
@@ -26,7 +26,9 @@ def findings(clean: Mapping[str, Dose], curves: Curves) -> list[tuple[str, str]]
         ("Without a fault", _clean(clean[first])),
         (
             "Largest errors at typical strength:",
-            _listed([f"{_said(dose)} ({cost_text(dose)})" for dose in usual if dose.noticed], DEAREST),
+            _listed(
+                [f"{_sentence(dose)} ({cost_text(dose)})" for dose in usual if dose.noticed], MOST_ERRORS
+            ),
         ),
         ("No measurable effect:", _listed(_free(own), MOST_NAMED)),
         ("Track lost in at least one seed:", _listed(_breaking(own), MOST_NAMED) or "no fault."),
@@ -48,13 +50,13 @@ def _clean(dose: Dose) -> str:
 def _breaking(own: Sequence[Sequence[Dose]]) -> list[str]:
     """The smallest strength of each fault at which a seed is lost."""
     broken = (next((dose for dose in doses if dose.lost), None) for doses in own)
-    return [f"{_said(dose)} ({dose.lost} of {len(dose.error_deg)})" for dose in broken if dose]
+    return [f"{_sentence(dose)} ({dose.lost} of {len(dose.error_deg)})" for dose in broken if dose]
 
 
 def _free(own: Sequence[Sequence[Dose]]) -> list[str]:
     """The largest strength of each fault without measurable effect."""
     quiet = [(doses, next((k for k, d in enumerate(doses) if d.noticed), len(doses))) for doses in own]
-    return [_said(doses[count - 1]) for doses, count in reversed(quiet) if count]
+    return [_sentence(doses[count - 1]) for doses, count in reversed(quiet) if count]
 
 
 def _setting(name: str, first: str, curves: Curves) -> tuple[str, str]:
@@ -82,7 +84,7 @@ def _most(pairs: Sequence[tuple[Dose, Dose]], sign: float) -> list[tuple[Dose, D
 
     found: dict[str, tuple[Dose, Dose]] = {}
     for pair in sorted(pairs, key=ratio, reverse=True):
-        if ratio(pair) < math.log(TELLS):
+        if ratio(pair) < math.log(NOTABLE_RATIO):
             break
         found.setdefault(pair[0].fault.name if pair[0].fault else "", pair)
     return list(found.values())[:EXAMPLES]
@@ -91,10 +93,10 @@ def _most(pairs: Sequence[tuple[Dose, Dose]], sign: float) -> list[tuple[Dose, D
 def _against(pair: tuple[Dose, Dose]) -> str:
     other, usual = pair
     left = f"{number(other.median_deg, 2)} deg" if math.isfinite(other.median_deg) else "lost"
-    return f"{_said(other)} ({left} instead of {number(usual.median_deg, 2)})"
+    return f"{_sentence(other)} ({left} instead of {number(usual.median_deg, 2)})"
 
 
-def _said(dose: Dose) -> str:
+def _sentence(dose: Dose) -> str:
     return dose.fault.sentence(dose.index) if dose.fault else ""
 
 

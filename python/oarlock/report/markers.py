@@ -53,8 +53,8 @@ def _lead(study: MarkerStudy) -> str:
     refused = len(study.filled.refused)
     return (
         f"<p>{plural(len(markers.names), 'marker')} at {markers.rate_hz:.4g} Hz from {fit.time_s[0]:.2f} to "
-        f"{fit.time_s[-1]:.2f} s, {percent(1.0 - float((markers.seen & ~study.filled.estimated).mean()))} not seen. "
-        f"{plural(len(study.gaps), 'gap')}: {len(study.gaps) - refused} filled, {refused} left.</p>"
+        f"{fit.time_s[-1]:.2f} s, {percent(1.0 - float((markers.seen & ~study.filled.estimated).mean()))} not visible. "
+        f"{plural(len(study.gaps), 'gap')}: {len(study.gaps) - refused} filled, {refused} not filled.</p>"
         f"<p>Residuals are {fixed(fit.noise_scale, 2)} times the standard deviations in the attachments. "
         f"Simulated from this movement: {escape(', '.join(study.recording.names))}.</p>"
     )
@@ -70,25 +70,26 @@ def _curves(study: MarkerStudy) -> str:
     fit, figures = study.fit, []
     for k, (name, unit) in enumerate(zip(fit.coordinate_names, coordinate_units(fit.model), strict=True)):
         factor, shown = presentation(unit)
-        told = fit.determined[:, k]
-        if told.any():
+        determined = fit.determined[:, k]
+        if determined.any():
             course = (factor * fit.q[:, k], factor * fit.q_std[:, k])
-            figures.append(_figure(k, name, shown, fit.time_s, course, told))
+            figures.append(_figure(k, name, shown, fit.time_s, course, determined))
     hint = (
         '<p class="hint">Values with their 95 % band, from the fit and the spread of the residuals. '
-        "Hatched: not determined by the markers of that time.</p>"
+        "Hatched: not determined by the markers at that time.</p>"
     )
     return hint + grid(figures)
 
 
 def _figure(
-    key: int, name: str, unit: str, time_s: Floats, course: tuple[Floats, Floats], told: Bools
+    key: int, name: str, unit: str, time_s: Floats, course: tuple[Floats, Floats], determined: Bools
 ) -> str:
-    value, std = (np.where(told, part, np.nan) for part in course)
+    value, std = (np.where(determined, part, np.nan) for part in course)
     half = BAND_95 * std
     panel = plot.over_time(time_s, PLACE, plot.padded([value - half, value + half]))
     lost = "".join(
-        plot.span(panel, float(time_s[a]), float(time_s[b - 1]), "unseen-span") for a, b in stretches(~told)
+        plot.span(panel, float(time_s[a]), float(time_s[b - 1]), "unseen-span")
+        for a, b in stretches(~determined)
     )
     content = (
         f'{plot.axes(panel, wanted=(5, 4))}<g clip-path="url(#marker-clip)">{lost}'

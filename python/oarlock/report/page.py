@@ -15,7 +15,7 @@ from oarlock.report.section import Section, refuse_doubles, tiles
 from oarlock.tracking.track import Track
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
-"""What a browser may load for this page: nothing from outside."""
+"""Content-Security-Policy of pages without scripts: a browser loads nothing from outside."""
 WITH_SCRIPT = f"{POLICY} blob:; script-src 'unsafe-inline'"
 """The same for a page with scripts."""
 FOLDED = ("positions", "slow", "provenance")
@@ -36,10 +36,10 @@ def render(
     sensors = evaluation.sensors if evaluation else sensor_scores(track, Interval.after(track.time_s, 0.0))
     own = _sections(track, evaluation, truth, sensors)
     refuse_doubles(handed, [key for key, _, _ in own])
-    told = [sentence for section in handed for sentence in section.sentences]
+    sentences = [sentence for section in handed for sentence in section.sentences]
     figures = [figure for section in handed for figure in section.figures]
     lead = (
-        f'<div class="lead">{verdict.summary(track, evaluation, sensors, told)}</div>'
+        f'<div class="lead">{verdict.summary(track, evaluation, sensors, sentences)}</div>'
         f"{tiles([*figures, *verdict.key_figures(track, evaluation, sensors)])}"
     )
     sections = [*((section.key, section.name, section.markup) for section in handed), *own]
@@ -130,9 +130,9 @@ def _notes(track: Track) -> str:
             f"Nominal mounts are assumed (not calibrated): {', '.join(nominal)}. Run oarlock calibrate."
         )
     seen = verdict.observed_joints(track)
-    silent = [n for n in track.joint_names if n not in seen and not any(n in note for note in notes)]
-    if silent:
-        notes.append(f"Not observed: {', '.join(silent)}.")
+    unobserved = [n for n in track.joint_names if n not in seen and not any(n in note for note in notes)]
+    if unobserved:
+        notes.append(f"Not observed: {', '.join(unobserved)}.")
     return notes_list(notes) if notes else "<p>No notes.</p>"
 
 

@@ -16,7 +16,7 @@ from oarlock.report.text import MINUS
 Floats = NDArray[np.float64]
 
 BUCKETS = 280
-"""Columns of a decimated curve; each keeps its least and greatest sample."""
+"""Columns of a decimated curve; each keeps its smallest and largest sample."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def over_time(
 
 
 def clip(key: str, place: tuple[float, float, float, float]) -> str:
-    """A hidden drawing that holds a clipping rectangle for others."""
+    """A hidden drawing with a clipping rectangle for other drawings."""
     left, top, width, height = place
     return (
         f'<svg class="definitions" width="0" height="0" aria-hidden="true"><clipPath id="{key}">'
@@ -94,7 +94,7 @@ def tick_labels(values: Sequence[float]) -> list[str]:
 
 
 def decimate(x: Floats, y: Floats, buckets: int = BUCKETS) -> tuple[Floats, Floats]:
-    """At most two samples per bucket: the least and the greatest, in order of time. NaN marks a gap."""
+    """At most two samples per column: the smallest and the largest, in order of time. NaN marks a gap."""
     if len(x) <= 2 * buckets:
         return x, y
     kept_x: list[float] = []

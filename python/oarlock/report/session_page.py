@@ -105,8 +105,8 @@ def _steps(session: Mapping[str, Any]) -> str:
     for k, step in enumerate(session["step"], 1):
         times = f"{fixed(step['start_s'], 1)} to {fixed(step['end_s'], 1)}" if "start_s" in step else DASH
         asked = f'<span class="printed">{escape(step["say"])}</span>' if step["say"] else ""
-        told = escape(step["sentence"]) + asked
-        rows.append([f"{k}. {escape(step['name'])}", times, _outcome(step["outcome"]), told])
+        outcome_text = escape(step["sentence"]) + asked
+        rows.append([f"{k}. {escape(step['name'])}", times, _outcome(step["outcome"]), outcome_text])
     listed = table(
         "steps-list",
         "In the order of the plan; times of the recording.",

@@ -22,7 +22,7 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def decimals(value: float, digits: int = 3) -> int:
-    """How many decimals show ``digits`` significant digits of a value; at most 6."""
+    """Number of decimals for ``digits`` significant digits of a value; at most 6."""
     if not math.isfinite(value) or value == 0:
         return 0
     return min(max(digits - 1 - math.floor(math.log10(abs(value))), 0), 6)

@@ -27,15 +27,15 @@ def summary(
     track: Track,
     evaluation: Evaluation | None,
     sensors: tuple[SensorScore, ...],
-    told: Sequence[str] = (),
+    others: Sequence[str] = (),
 ) -> str:
     """A few sentences: suspect sensors, what was tracked, its errors, and the coverage of the bands.
 
-    `told` are sentences of other sections, markup each; they follow suspects.
+    `others` are sentences of other sections, each as markup; they follow the suspects.
     """
     sentences = [
         *suspect_sentences(track.notes),
-        *told,
+        *others,
         _what(track),
         _how_well(evaluation),
         _verdict(evaluation, sensors),

@@ -17,7 +17,7 @@ from oarlock.storage.errors import DataError
 _DEGREE = 5
 _MIN_KNOTS = _DEGREE + 1
 _WIDEST_TURN_RAD = 0.5 * np.pi
-"""Between two knots of a ball joint: beyond, which way round it went is a guess."""
+"""Largest rotation of a ball joint between two knots, rad; beyond it the direction of rotation is ambiguous."""
 
 
 def _finite(values: ArrayLike, name: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
@@ -49,8 +49,8 @@ def _check_turns(joint: str, time_s: NDArray[np.float64], rotvec_rad: NDArray[np
     worst = int(np.argmax(turns))
     if turns[worst] > _WIDEST_TURN_RAD:
         raise DataError(
-            f'motion: ball joint "{joint}" turns by {np.degrees(turns[worst]):.0f} deg from {time_s[worst]:.6f} to '
-            f"{time_s[worst + 1]:.6f} s, so which way round is not known. Put knots closer: at most 90 deg apart"
+            f'motion: ball joint "{joint}" rotates by {np.degrees(turns[worst]):.0f} deg from {time_s[worst]:.6f} to '
+            f"{time_s[worst + 1]:.6f} s, so the direction is ambiguous. Use more knots: at most 90 deg apart"
         )
 
 
@@ -60,8 +60,8 @@ def _as_coordinates(joint: str, values: NDArray[np.float64]) -> tuple[list[str],
         return [joint], values[:, None]
     if values.ndim != 2 or values.shape[1] not in (3, 4, 6, 7):
         raise DataError(
-            f'motion: joint "{joint}" has values of shape {values.shape}; expected (K,) of a hinge or slide, (K, 4) '
-            "quat_wxyz or (K, 3) rotation vectors of a ball joint, (K, 7) or (K, 6) of a free one, position first"
+            f'motion: joint "{joint}" has values of shape {values.shape}; expected (K,) for a hinge or slide, (K, 4) '
+            "quat_wxyz or (K, 3) rotation vectors for a ball joint, (K, 7) or (K, 6) for a free one, position first"
         )
     free = values.shape[1] > 4
     place, turn = values[:, : 3 * free], values[:, 3 * free :]
@@ -73,16 +73,15 @@ def _as_coordinates(joint: str, values: NDArray[np.float64]) -> tuple[list[str],
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Joint values at knots, joined by quintic splines (continuous fourth derivative).
+    """Joint values at knots, interpolated by quintic splines (continuous fourth derivative).
 
-    The rotation of a ball or free joint is given as a rotation vector. Its splines run through the knots' unit
-    quaternions, each with the sign nearest to the one before, and the result is made unit again: so the trajectory is
-    as smooth through half turns, whole turns and any posture as elsewhere, and it passes through every knot. It takes
-    the shorter way from knot to knot.
+    The rotation of a ball or free joint is given as a rotation vector. Its splines interpolate the unit quaternions of
+    the knots, with continuous signs, and are normalised. So the trajectory passes through every knot, is smooth in all
+    postures and full turns, and takes the shorter way between knots.
 
     Args:
         joint_names: names of the columns of ``q``: joints, or coordinates where a joint has several (`hip.rx`,
-            `hip.ry`, `hip.rz`), in any order. They are kept as ``coordinate_names``; ``joint_names`` then holds the
+            `hip.ry`, `hip.rz`), in any order. They are stored as ``coordinate_names``; ``joint_names`` then has the
             joints.
         time_s: (K,) knot times, s, increasing, at least 6.
         q: (K, n_coordinates) hinges and rotation vectors in rad, slides and positions in m.
@@ -90,8 +89,8 @@ class Motion:
             gravity; None for a root at rest or in uniform motion.
 
     Raises:
-        DataError: wrong shape, values that are not finite, times that do not increase, a ball joint that lacks a
-            coordinate or turns by more than 90 deg between two knots.
+        DataError: wrong shape, values that are not finite, times that do not increase, or a ball joint that lacks a
+            coordinate or rotates by more than 90 deg between two knots.
     """
 
     joint_names: tuple[str, ...]
@@ -127,13 +126,13 @@ class Motion:
 
         Args:
             time_s: (K,) knot times, s, increasing, at least 6.
-            joints: per joint its values at the knots: (K,) of a hinge (rad) or slide (m); of a ball joint (K, 4)
-                quat_wxyz or (K, 3) rotation vectors, rad; of a free joint the position x, y, z (m) before either of
-                these, (K, 7) or (K, 6).
-            base_acceleration_m_s2: as of `Motion`.
+            joints: values of each joint at the knots: (K,) for a hinge (rad) or slide (m); for a ball joint (K, 4)
+                quat_wxyz or (K, 3) rotation vectors, rad; for a free joint the position x, y, z (m), followed by either
+                of these, (K, 7) or (K, 6).
+            base_acceleration_m_s2: as for `Motion`.
 
         Raises:
-            DataError: as `Motion`; another shape, or quaternions that are not unit.
+            DataError: as `Motion`; or a wrong shape, or quaternions that are not unit.
         """
         names: list[str] = []
         columns: list[NDArray[np.float64]] = []
@@ -166,7 +165,7 @@ class Motion:
         """Values q (..., n_coordinates) at ``time_s`` (...), s; rotation vectors are the shortest, at most pi long.
 
         Raises:
-            DataError: a time further than one knot interval outside the motion.
+            DataError: a time more than one knot interval outside the motion.
         """
         time = self._inside(time_s)
         q = np.empty((*time.shape, len(self.coordinate_names)))
@@ -181,11 +180,11 @@ class Motion:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """(q, qd, qdd), each (..., n_coordinates), in rad or m per s and s2, at ``time_s`` (...).
 
-        Of a rotation qd is the angular velocity of the child against the parent, in the child's axes, and qdd its
-        derivative; both follow from the splines without differencing.
+        For a rotation qd is the angular velocity of the child relative to the parent, in the child's axes, and qdd its
+        derivative; both follow from the splines without finite differences.
 
         Raises:
-            DataError: a time further than one knot interval outside the motion.
+            DataError: a time more than one knot interval outside the motion.
         """
         time = self._inside(time_s)
         q = self.at(time)
@@ -197,10 +196,10 @@ class Motion:
         return q, qd, qdd
 
     def base_acceleration_at(self, time_s: ArrayLike) -> NDArray[np.float64]:
-        """Coordinate acceleration of the root's origin (..., 3), m/s2, root axes; zeros where there is none.
+        """Coordinate acceleration of the root's origin (..., 3), m/s2, root axes; zeros if none is given.
 
         Raises:
-            DataError: a time further than one knot interval outside the motion.
+            DataError: a time more than one knot interval outside the motion.
         """
         time = self._inside(time_s)
         return np.asarray(self._base_spline(time), dtype=np.float64)
@@ -249,14 +248,14 @@ class Motion:
         return make_interp_spline(self.time_s, base, k=_DEGREE)
 
     def _inside(self, time_s: ArrayLike) -> NDArray[np.float64]:
-        """One interval of slack lets a simulation take central differences at the very ends."""
+        """Checks times. One knot interval beyond each end is allowed for central differences."""
         time = np.asarray(time_s, dtype=np.float64)
         first = self.start_s - (self.time_s[1] - self.time_s[0])
         last = self.end_s + (self.time_s[-1] - self.time_s[-2])
         outside = ~((time >= first) & (time <= last))
         if outside.any():
             raise DataError(
-                f"motion: asked for {float(time[outside].flat[0]):.6f} s, but it lasts from {self.start_s:.6f} "
-                f"to {self.end_s:.6f} s. Make the motion longer or ask inside it"
+                f"motion: {float(time[outside].flat[0]):.6f} s was requested, but it lasts from {self.start_s:.6f} "
+                f"to {self.end_s:.6f} s. Make the motion longer, or request a time inside it"
             )
         return time

@@ -1,7 +1,7 @@
 """`simulate_session`: a simulated guided session with unknown mounts and sensor errors.
 
-It shares no code with the search: signals of the body come from `oarlock.simulate`, which differentiates poses, those
-of units on the table from differenced attitudes, and every error is put in here.
+It shares no code with the calibration: signals of the body come from `oarlock.simulate`, which differentiates poses,
+those of units on the table from differences of attitudes, and all errors are added here.
 """
 
 from __future__ import annotations
@@ -37,20 +37,20 @@ Skin = Callable[[Mapping[str, Any], Array, Array], Array]
 
 @dataclass(frozen=True)
 class SessionErrors:
-    """Standard deviations of what is wrong in a session, each drawn for every unit and axis.
+    """Standard deviations of the errors of a session, drawn for each unit and axis.
 
     Args:
-        mount_rad: how far units are turned on their links, about each axis.
-        posture_rad: how far each joint is off in each posture, and in the posture held while another joint moves.
-        sway_rad: how far joints wander in a posture; four times as far in a movement.
-        gyro_bias_rad_s: of each axis.
-        accel_bias_m_s2: of each axis.
-        accel_scale: of each axis, as a share.
-        hard_iron_ut: of each axis.
-        soft_iron: of each entry of a symmetric matrix, as a share.
-        clock_offset_s: of each unit.
-        clock_drift: of each unit, s per s.
-        skin_rad: by how far a unit turns on its link, about each axis, for each radian that a joint has left its rest
+        mount_rad: mount error of each unit about each axis, rad.
+        posture_rad: error of each joint in each posture, also while another joint moves, rad.
+        sway_rad: slow motion of joints during a posture, rad; four times as large during a movement.
+        gyro_bias_rad_s: gyroscope bias of each axis.
+        accel_bias_m_s2: accelerometer bias of each axis.
+        accel_scale: accelerometer scale error of each axis, as a share.
+        hard_iron_ut: magnetometer offset of each axis.
+        soft_iron: each entry of a symmetric matrix, as a share.
+        clock_offset_s: clock offset of each unit.
+        clock_drift: clock drift of each unit, s per s.
+        skin_rad: rotation of a unit on its link about each axis, for each radian of a joint's distance from its rest
             posture.
     """
 
@@ -77,11 +77,11 @@ class SessionTrial:
     """A simulated session.
 
     Args:
-        recording: what the sensors gave.
-        truth: the body over the time in which units were worn; true time.
+        recording: readings of the sensors.
+        truth: motion of the body while units are mounted; true time.
         calibration: true mounts, biases, scales, iron and clocks.
-        spans: where each step truly lies, (start, end) s.
-        plan: that was followed.
+        spans: true interval of each step, (start, end) s.
+        plan: the plan.
     """
 
     recording: Recording
@@ -91,7 +91,7 @@ class SessionTrial:
     plan: SessionPlan
 
     def save(self, folder: str | PathLike[str]) -> None:
-        """Write the recording; beside it `truth/`, `true_calibration.toml` and `plan.toml`."""
+        """Write the recording with `truth/`, `true_calibration.toml` and `plan.toml`."""
         place = Path(folder)
         self.recording.save(place)
         self.truth.save(place / "truth")
@@ -108,16 +108,16 @@ def simulate_session(
     rate_hz: float = 100.0,
     skin: Skin | None = None,
 ) -> SessionTrial:
-    """Simulate somebody who follows a session's plan.
+    """Simulate a person who follows the plan of a calibration session.
 
     Args:
         model: the body with nominal mounts; the simulated mounts differ.
-        plan: the steps; None takes the protocol that ships with the model. Times in it are not looked at.
-        errors: what is wrong with postures and sensors; None is a careful person with consumer sensors.
-        seed: of every draw.
-        rate_hz: of all units.
-        skin: by how far each unit turns on its link in the course of the body, beside `SessionErrors.skin_rad`:
-            (sensor's description, times (K,) s, coordinates (K, n)) -> rotation vectors (K, 3), rad, link's axes.
+        plan: the steps; None uses the plan that ships with the model. Times in it are ignored.
+        errors: errors of postures and sensors; None is a careful person with consumer sensors.
+        seed: seed of all random numbers.
+        rate_hz: sampling rate of all units, Hz.
+        skin: function for the rotation of each unit on its link, in addition to `SessionErrors.skin_rad`: (sensor's
+            description, times (K,) s, coordinates (K, n)) -> rotation vectors (K, 3), rad, link axes.
 
     Raises:
         DataError: the plan does not fit the model.
@@ -128,7 +128,7 @@ def simulate_session(
     rng = np.random.default_rng([seed, 20])
     description = model.describe()
     units = [s for s in description["sensors"] if s["kind"] == "imu"]
-    truth = _worn(units, errors, rng)
+    truth = _true_calibration(units, errors, rng)
     rest = [np.ravel(j["rest"]) for j in description["joints"]]
     at_rest = dict(zip(model.coordinate_names, np.concatenate(rest).tolist(), strict=True))
     course = body_course(description, plan, at_rest, errors.posture_rad, errors.sway_rad, rng)
@@ -163,7 +163,9 @@ def simulate_session(
     )
 
 
-def _worn(units: list[dict[str, Any]], errors: SessionErrors, rng: np.random.Generator) -> Calibration:
+def _true_calibration(
+    units: list[dict[str, Any]], errors: SessionErrors, rng: np.random.Generator
+) -> Calibration:
     """True mounts and errors of each unit."""
     fields: dict[str, dict[str, Any]] = {}
 
@@ -188,7 +190,7 @@ def _worn(units: list[dict[str, Any]], errors: SessionErrors, rng: np.random.Gen
 
 
 def _with_skin(stream: ImuStream, knots_s: Array, turns: Array) -> dict[str, Array]:
-    """The signals of a unit that turns against its mount, by rotation vectors (K, 3) in its own axes."""
+    """The signals of a unit that rotates relative to its mount, by rotation vectors (K, 3) in its own axes."""
     signals = {name: np.array(values) for name, values in stream.values.items()}
     if not turns.any():
         return signals
@@ -207,7 +209,7 @@ def _after_table(
     time_s: Array,
     signals: dict[str, Array],
 ) -> tuple[Array, dict[str, Array]]:
-    """Times and signals of a unit on the table, and then worn."""
+    """Times and signals of a unit that first lies on a table and is then mounted."""
     lying_s, room_from_sensor = table  # z of the room is up, x forward
     strength, dip = world["magnetic_norm_ut"], world["magnetic_dip_rad"]
     level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
@@ -230,7 +232,7 @@ def _read(
     truth: Calibration,
     rng: np.random.Generator,
 ) -> ImuStream:
-    """What the unit gives for what it feels."""
+    """The readings of a unit for given ideal signals."""
     name = sensor["name"]
     noise = {
         "gyro_rad_s": sensor["rest_std_rad_s"] or sensor["gyro_std_rad_s"] or 0.0,

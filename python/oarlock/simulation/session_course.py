@@ -1,6 +1,6 @@
 """Simulated movements of a person and of units on a table during a session, for `simulate_session`.
 
-Nothing here is used by the search, and nothing of the search is used here but the plan.
+The calibration uses nothing of this module, and this module uses only the plan of the calibration.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ LIE_S, FACE_S, TURN_S, TUMBLE_S = 10.0, 3.0, 0.8, 12.0
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Coordinates (K, n) at knots (K,) s, and where each step truly lies."""
+    """Coordinates (K, n) at knots (K,) s, and the true interval of each step."""
 
     time_s: Array
     q: Array
@@ -38,7 +38,7 @@ class Course:
 
 
 class _Score:
-    """Waypoints joined by the smoothest course (minimum jerk, Flash and Hogan 1985), one after the other."""
+    """Waypoints, connected by minimum-jerk movements (Flash and Hogan 1985)."""
 
     def __init__(self, q: Array) -> None:
         self.parts: list[Array] = [q[None]]
@@ -60,7 +60,7 @@ class _Score:
 
 
 def smooth_step(share: Array) -> Array:
-    """0 to 1 with rest at both ends."""
+    """A minimum-jerk transition from 0 to 1, at rest at both ends."""
     return np.asarray(share**3 * (10.0 - 15.0 * share + 6.0 * share**2))
 
 
@@ -72,15 +72,15 @@ def body_course(
     sway_rad: float,
     rng: np.random.Generator,
 ) -> Course:
-    """The body through all steps of a plan that are done by it.
+    """Movement of the body through all steps of a plan except those on the table.
 
     Args:
-        description: of the model.
-        plan: its steps; times are not looked at.
+        description: description of the model.
+        plan: the steps; times are ignored.
         rest: coordinate -> rest posture.
-        posture_error_rad: how far each turning coordinate is off in each step, standard deviation.
-        sway_rad: how far it wanders meanwhile; four times as far in a movement.
-        rng: draws both.
+        posture_error_rad: standard deviation of the error of each angle in each step, rad.
+        sway_rad: slow motion during a step, rad; four times as large during a movement.
+        rng: random generator of both.
     """
     names = list(rest)
     turning = np.array([_turns(description, n) for n in names])
@@ -125,7 +125,7 @@ def _coordinates(description: Mapping[str, Any], joint: str) -> list[str]:
 def _swings(
     description: Mapping[str, Any], step: SessionStep, names: Sequence[str], posture: Array
 ) -> list[Array]:
-    """Waypoints: to the first side, to the other as far as the joint allows it, four times, and back."""
+    """Waypoints: four times to the first side and to the other, as far as the joint allows, and back."""
     waypoints = []
     for k in range(2 * SWINGS + 1):
         q = posture.copy()
@@ -165,7 +165,7 @@ def _wander(count: int, columns: int, rng: np.random.Generator) -> Array:
 
 
 def table_course(rate_hz: float, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Times (T,) s and attitudes (T, 3, 3), room from sensor, of one unit on a table and then turned by hand."""
+    """Times (T,) s and attitudes (T, 3, 3), room from sensor, of a unit on a table, then turned by hand."""
     tilt = Rotation.from_rotvec(rng.normal(0.0, 0.05, 3)) * Rotation.from_rotvec([0, 0, rng.uniform(-3, 3)])
     faces = [tilt * Rotation.from_euler("xyz", face) for face in FACES]
     parts: list[Rotation] = [faces[0]] * round(LIE_S * rate_hz)

@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 
 STENCIL = 9
 STEP_S = 2e-3
-"""Spacing of the poses that are differentiated: rounding and truncation are both near 1e-9 of a limb's signals."""
+"""Spacing of the differentiated poses, s: rounding and truncation errors are both near 1e-9 of a limb's signals."""
 
 
 def simulate(
@@ -87,10 +87,10 @@ def simulate(
             bias = (gyro_bias, _bias(accel_bias_m_s2, "accel_bias_m_s2", name))
             streams.append(_imu_stream(sensor, time_s, clean, bias, noise, random))
         elif sensor is not None and sensor["kind"] in _FROM_POSES:
-            worn = _Worn(
+            placement = _Placement(
                 calibration, heading_rad.get(name, 0.0) if isinstance(heading_rad, Mapping) else heading_rad
             )
-            streams.append(_FROM_POSES[sensor["kind"]](sensor, truth, noise, random, worn))
+            streams.append(_FROM_POSES[sensor["kind"]](sensor, truth, noise, random, placement))
         else:
             streams.append(_joint_stream(model, name, sensor, truth, noise, random))
     return truth, Recording(streams)
@@ -202,8 +202,8 @@ def _imu_stream(
 
 
 @dataclass(frozen=True)
-class _Worn:
-    """True mounts, and the heading of a device's own reference."""
+class _Placement:
+    """True mounts, and the heading of an orientation sensor's reference."""
 
     calibration: Calibration | None
     heading_rad: float
@@ -224,7 +224,7 @@ def _position_stream(
     truth: Track,
     noise: bool | Mapping[str, Mapping[str, float]],
     random: np.random.Generator,
-    _: _Worn,
+    _: _Placement,
 ) -> VectorStream:
     point = _point(truth, sensor["frame"], sensor["point"])
     std = _std(noise, sensor["name"], "value", sensor["std_m"])
@@ -236,7 +236,7 @@ def _range_stream(
     truth: Track,
     noise: bool | Mapping[str, Mapping[str, float]],
     random: np.random.Generator,
-    _: _Worn,
+    _: _Placement,
 ) -> ScalarStream:
     ends = [_point(truth, sensor[f"frame_{end}"], sensor[f"point_{end}"]) for end in "ab"]
     distance = np.linalg.norm(ends[0] - ends[1], axis=1)
@@ -250,29 +250,33 @@ def _orientation_stream(
     truth: Track,
     noise: bool | Mapping[str, Mapping[str, float]],
     random: np.random.Generator,
-    worn: _Worn,
+    placement: _Placement,
 ) -> OrientationStream:
-    """What a device gives whose own filter errs: slowly, as a Gauss-Markov process, and from reading to reading."""
-    given = {} if worn.calibration is None else dict(worn.calibration.mounts)
+    """Orientations of a device whose filter has a slow Gauss-Markov error and white noise."""
+    given = {} if placement.calibration is None else dict(placement.calibration.mounts)
     link_from_sensor = given[sensor["name"]][0] if sensor["name"] in given else sensor["mount"]["rotation"]
     reference_from_root = Rotation.from_matrix(sensor["root_from_reference"]).inv()
     root_from_sensor = Rotation.from_matrix(
         _pose(truth, sensor["frame"])[:, :3, :3] @ np.asarray(link_from_sensor)
     )
-    lasts_s = sensor["correlation_time_s"]
+    correlation_time_s = sensor["correlation_time_s"]
     scale = _std(noise, sensor["name"], "quat_wxyz", sensor["std_rad"]) / sensor["std_rad"]
-    white_std = scale * (sensor["white_std_rad"] if lasts_s > 0.0 else sensor["std_rad"])
-    slow_std = scale * sensor["std_rad"] if lasts_s > 0.0 else 0.0
+    white_std = scale * (sensor["white_std_rad"] if correlation_time_s > 0.0 else sensor["std_rad"])
+    slow_std = scale * sensor["std_rad"] if correlation_time_s > 0.0 else 0.0
     errors = white_std * random.standard_normal((len(truth.time_s), 3))
-    errors += slow_std * _lasting(truth.time_s, lasts_s, random)
-    turned = Rotation.from_rotvec([0.0, 0.0, worn.heading_rad])
+    errors += slow_std * _gauss_markov(truth.time_s, correlation_time_s, random)
+    turned = Rotation.from_rotvec([0.0, 0.0, placement.heading_rad])
     measured = turned * reference_from_root * root_from_sensor * Rotation.from_rotvec(errors)
     return OrientationStream(sensor["name"], truth.time_s, measured.as_quat(scalar_first=True))
 
 
-def _lasting(time_s: Floats, lasts_s: float, random: np.random.Generator) -> Floats:
-    """(T, 3) numbers of unit variance whose correlation decays with the time constant `lasts_s`."""
-    kept = np.exp(-np.diff(time_s) / lasts_s) if lasts_s > 0.0 else np.zeros(len(time_s) - 1)
+def _gauss_markov(time_s: Floats, correlation_time_s: float, random: np.random.Generator) -> Floats:
+    """A Gauss-Markov process (T, 3) of unit variance with the time constant `correlation_time_s`."""
+    kept = (
+        np.exp(-np.diff(time_s) / correlation_time_s)
+        if correlation_time_s > 0.0
+        else np.zeros(len(time_s) - 1)
+    )
     fresh = random.standard_normal((len(time_s), 3))
     values = [fresh[0]]
     for keep, new in zip(kept, fresh[1:], strict=True):
@@ -285,7 +289,7 @@ _FROM_POSES: Mapping[str, Callable[..., Stream]] = {
     "range": _range_stream,
     "orientation": _orientation_stream,
 }
-"""Sensors that read poses alone."""
+"""Sensors that read only poses."""
 
 
 def _joint_stream(

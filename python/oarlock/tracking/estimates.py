@@ -90,7 +90,7 @@ class Estimates:
             if not isinstance(self.__dict__[name], Later):
                 object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
-    if not TYPE_CHECKING:  # it would hide misspelt names from the checker
+    if not TYPE_CHECKING:  # the type checker would no longer find misspelt names
 
         def __getattribute__(self, name: str) -> Any:
             value = object.__getattribute__(self, name)

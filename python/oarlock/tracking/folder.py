@@ -57,7 +57,7 @@ def read_track(folder: str | PathLike[str]) -> dict[str, Any]:
         )
     top = _read_description(place / "run.toml")
     table = read_table(place / "track.parquet", _AGAIN)
-    # earlier versions wrote no coordinates for models with hinges and slides only: there each joint is one
+    # earlier versions wrote no coordinates for models with only hinges and slides; there each joint is a coordinate
     coordinates = top.get("coordinates", top["joints"])
     names, units = tuple(coordinates["names"]), tuple(coordinates["units"])
     with columns_of(place / "track.parquet", _AGAIN):

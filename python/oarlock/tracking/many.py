@@ -73,8 +73,8 @@ def track_many(
         smooth: smooth each track, as `oarlock.smooth` does. The filtered tracks are discarded.
         threads: number of recordings tracked at a time; None uses all cores.
         on_error: "raise" raises the first error, in the order of the recordings, after all others are tracked
-            (immediately if a recording is refused before tracking starts). "return" returns each error in the
-            place of its track.
+            (immediately if a recording is refused before tracking starts). "return" returns each error
+            instead of its track.
         progress: called regularly with the share of all work done, 0 to 1.
 
     Returns:

@@ -21,20 +21,20 @@ Source = Literal["beliefs", "deviations", "unknown"]
 
 LENGTH_PREFIX = "parameters."
 NO_EFFECT = 1e-8
-"""A coordinate that moves a place by less than this, m per rad or m, does not move it."""
+"""A coordinate that moves a position by less than this, m per rad or per m, counts as not moving it."""
 ALL = slice(None)
 
 
 @dataclass(frozen=True)
 class PositionSpread:
-    """How uncertain the place of a frame is over time.
+    """Uncertainty of a frame's position over time.
 
     Args:
-        covariance_m2: (T, 3, 3) m2, in the axes of the frame that the places are relative to. NaN where a standard
-            deviation that matters is not known.
-        source: "beliefs": the coordinates' deviations at each sample with the correlations of the beliefs that the
-            track keeps, between two beliefs a mixture of both. "deviations": coordinates taken as independent, for want
-            of beliefs. "unknown": no filter made this track.
+        covariance_m2: (T, 3, 3) m2, in the axes of the frame to which the positions are relative. NaN where a required
+            standard deviation is unknown.
+        source: "beliefs": standard deviations of the coordinates at each sample, with correlations from the stored
+            beliefs, interpolated between two beliefs. "deviations": coordinates treated as independent, because no
+            beliefs are stored. "unknown": the track does not come from a filter.
     """
 
     covariance_m2: Floats
@@ -48,7 +48,7 @@ class PositionSpread:
 
 
 def poses_of(track: Estimates, rows: Rows = ALL) -> Floats:
-    """Poses of all frames (T, F, 4, 4) in root axes, of the chosen rows; estimated lengths are those of each row.
+    """Poses of all frames (T, F, 4, 4) in root axes, for the chosen rows, with the estimated lengths of each row.
 
     A joint without any reading is assumed to be 0; where a required reading is missing, the pose is NaN.
 
@@ -82,7 +82,7 @@ def relative_positions(poses: Floats, frames: Sequence[int], reference: int) -> 
 def position_spreads(
     track: Estimates, frames: Sequence[int], reference: int = 0, rows: Rows = ALL
 ) -> tuple[Floats, Source]:
-    """Covariances (T, K, 3, 3) of the frames' places, m2, and where they come from; see `PositionSpread`.
+    """Covariances (T, K, 3, 3) of the frames' positions, m2, and their source; see `PositionSpread`.
 
     First order: J P J' with the exact Jacobian (JCGM 100, 2008, eq. 13). Lengths that are not estimated count as
     exact.
@@ -117,7 +117,7 @@ def _estimated_lengths(track: Estimates, model: Model, rows: Rows) -> dict[str, 
 
 
 def _all_lengths(model: Model, estimated: Mapping[str, Floats]) -> Floats | None:
-    """Lengths of each row (T, n_lengths), None where all are the model's."""
+    """Lengths of each row (T, n_lengths); None if all are the model's."""
     if not estimated:
         return None
     of_all = [np.asarray(estimated.get(name, model.parameters[name])) for name in model.length_names]
@@ -125,7 +125,7 @@ def _all_lengths(model: Model, estimated: Mapping[str, Floats]) -> Floats | None
 
 
 def _slopes(model: Model, q: Floats, lengths: Mapping[str, Floats], frames: Sequence[int]) -> Floats:
-    """Slopes (T, K, 3, n) of places in the axes of the first frame, by coordinates and then by estimated lengths."""
+    """Derivatives (T, K, 3, n) of positions in the axes of the first frame, by coordinates and estimated lengths."""
     of_rows = _all_lengths(model, lengths)
     poses = np.asarray(model.forward_kinematics(q, of_rows))[:, frames]
     by_coordinate, by_length = model.frame_jacobian(q, [model.frame_names[f] for f in frames], of_rows)
@@ -136,7 +136,7 @@ def _slopes(model: Model, q: Floats, lengths: Mapping[str, Floats], frames: Sequ
 
 
 def _correlations(track: Estimates, states: Sequence[str]) -> Callable[[Floats], Floats]:
-    """Correlations (T, n, n) of these states at any times; what is no state is independent of all."""
+    """Correlations (T, n, n) of these states at any times; quantities that are not states are independent."""
     beliefs = track.beliefs
     assert beliefs is not None
     known = {name: k for k, name in enumerate(beliefs.state_names)}

@@ -76,7 +76,7 @@ class SensorInfo:
 
 @dataclass(frozen=True)
 class Beliefs:
-    """State estimates every few seconds: times (B,) s, means (B, n), covariances (B, n, n); states in SI and rad."""
+    """State estimates every few seconds: times (B,) s, means (B, n), covariances (B, n, n); in SI and rad."""
 
     time_s: Floats
     mean: Floats

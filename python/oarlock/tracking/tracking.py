@@ -22,7 +22,7 @@ from oarlock.tracking.track import Track, track_of_run
 Progress = Callable[[float], object]
 
 ROOM_TO_GIVE_BYTES = 100 * 2**20
-"""Filtered estimates above this size are freed on smoothing, if nobody has read them; reading them filters again."""
+"""Smoothing frees filtered estimates above this size that have not been read; reading them filters again."""
 
 
 # A recording is immutable, so its checks are cached for further runs with other settings.

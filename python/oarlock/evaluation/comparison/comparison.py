@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from oarlock._core import Model
 
 FORMAT: Final = 1
-Told = Callable[[str], AbstractContextManager[Callable[[float], None]]]
+Progress = Callable[[str], AbstractContextManager[Callable[[float], None]]]
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Comparison:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of the columns that hold any number."""
+        """Names of the columns that contain a number."""
         names = dict.fromkeys(name for row in self.scores for name in row.columns())
         return tuple(
             n for n in names if any(math.isfinite(r.columns().get(n, math.nan)) for r in self.scores)
@@ -76,14 +76,14 @@ class Comparison:
 
     @property
     def wins(self) -> dict[str, tuple[str, ...]]:
-        """Column -> the estimators that are best in it: the first, and those that are level with it."""
+        """Column -> the best estimators in it, and those that are equal within `LEVEL`."""
         found = {}
         for name in self.columns:
             found[name] = best(name, {r.name: r.columns().get(name, math.nan) for r in self.scores})
         return {name: who for name, who in found.items() if who and name != "kinematics_us"}
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data, SI but where a key says otherwise; NaN where there is nothing to tell."""
+        """Plain data, in SI unless the key names another unit; NaN where there is no value."""
         return {
             "format": FORMAT,
             "oarlock": _core.__version__,
@@ -114,7 +114,7 @@ class Comparison:
 
 
 def _writable(value: Any) -> Any:
-    """Without what is None, which TOML has no word for."""
+    """Removes None, because TOML has no null."""
     if isinstance(value, Mapping):
         return {k: _writable(v) for k, v in value.items() if v is not None}
     if isinstance(value, list | tuple):
@@ -131,7 +131,8 @@ def compare(
     calibration: Calibration | None = None,
     start_s: float = 2.0,
     repeats: int = 1,
-    told: Told | None = None,
+    progress: Progress | None = None,
+    told: Progress | None = None,
 ) -> Comparison:
     """Run estimators on the same recording and score each.
 
@@ -149,25 +150,28 @@ def compare(
         calibration: calibration of this session, used by all estimators.
         start_s: time at the beginning that is not scored, s.
         repeats: number of runs of each estimator.
-        told: returns a context manager for each estimator, to show progress.
+        progress: returns a context manager for each estimator, to show progress.
+        told: earlier name of `progress`.
 
     Raises:
         DataError: a requested estimator cannot run, none can, or ground truth and recording do not overlap.
     """
-    asked = estimators is not None
+    asked, progress = estimators is not None, progress or told
     chosen = [estimator(e) if isinstance(e, str) else e for e in (estimators or usual_estimators())]
     if repeats < 1:
         raise DataError(f"compare: repeats = {repeats}; expected 1 or more")
     scores: list[Score] = []
     left_out: dict[str, str] = {}
     joints = chosen_joints(model)
-    # what is odd about a recording is looked for once, not in the time of the first estimator
+    # The recording is checked here, so that the time of the check does not count for the first estimator.
     admit(model, corrected(recording, calibration))
     reference, name = truth, "truth"
     for one in chosen:
         try:
-            with told(one.name) if told is not None else nullcontext(None) as progress:
-                track, step_us, kinematics_us = _timed(one, model, recording, calibration, repeats, progress)
+            with progress(one.name) if progress is not None else nullcontext(None) as share_done:
+                track, step_us, kinematics_us = _timed(
+                    one, model, recording, calibration, repeats, share_done
+                )
         except (DataError, DivergedError) as error:
             if asked:
                 raise
@@ -178,7 +182,7 @@ def compare(
         found = evaluate(track, reference, start_s=start_s)
         scores.append(score(one, found, joints, step_us, kinematics_us, track.notes))
     if not scores:
-        first = next(iter(left_out.items()), ("", "none was asked for"))
+        first = next(iter(left_out.items()), ("", "none was requested"))
         raise DataError(f"compare: no estimator can run on this recording. {first[0]}: {first[1]}")
     return Comparison(tuple(scores), left_out, joints, name, start_s, model.name, processor())
 

@@ -19,10 +19,10 @@ Floats = NDArray[np.float64]
 def direct_readings(
     model: Model, recording: Recording, time_s: Floats
 ) -> tuple[dict[str, Floats], dict[str, float]]:
-    """What encoders and input streams tell of coordinates at other stamps, by straight lines, not across gaps.
+    """Readings of encoders and input streams at other time stamps, linearly interpolated, but not across gaps.
 
     Returns:
-        Coordinate -> (T,) rad or m, NaN where nothing is near; and the standard deviation of those that have one.
+        Coordinate -> (T,) rad or m, NaN without a near reading; and coordinate -> standard deviation, if it has one.
     """
     described = model.describe()
     joints = {s["name"]: s["joint"] for s in described["sensors"] if s["kind"] == "encoder"}

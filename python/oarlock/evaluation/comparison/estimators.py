@@ -26,7 +26,7 @@ LIMB_FILTER: Final = "limbs"
 
 @dataclass(frozen=True)
 class Estimator:
-    """One way from a recording to joint variables.
+    """A method that computes joint coordinates from a recording.
 
     Args:
         name: name for `--filter`.
@@ -48,7 +48,7 @@ class Estimator:
 
     @property
     def live(self) -> bool:
-        """Whether it can go sample by sample."""
+        """Whether it can run live, sample by sample."""
         return self.family == TREE
 
     def track(
@@ -70,10 +70,10 @@ class Estimator:
         return way(model, recording, calibration, self.config, progress=progress)
 
     def tracker(self, model: Model, calibration: Calibration | None = None) -> Tracker:
-        """For live steps.
+        """A tracker for live steps.
 
         Raises:
-            DataError: this estimator goes over whole recordings.
+            DataError: this estimator needs the whole recording.
         """
         if not self.live:
             raise DataError(
@@ -105,13 +105,13 @@ _UNIT_TITLES = {
     ),
     "quest_ekf": (
         "QUEST, then a Kalman filter on rates and quaternion",
-        "in the manner of X. Yun and E. R. Bachmann (2006)",
+        "after X. Yun and E. R. Bachmann (2006)",
         "ahrs",
         "no biases",
     ),
     "vector_kf": (
         "linear Kalman filter on the vectors of gravity and field",
-        "in the manner of R. Zhu and Z. Zhou (2004)",
+        "after R. Zhu and Z. Zhou (2004)",
         "",
         "no biases",
     ),
@@ -124,23 +124,23 @@ def tree_filters() -> tuple[str, ...]:
 
 
 def estimators() -> tuple[Estimator, ...]:
-    """All that this version has, whether or not the packages that some need are installed.
+    """All estimators of this version, including those whose packages are not installed.
 
-    The tree's filters and the limbs' come in four: with closures and slow states; `_open` without closures; `_plain`
+    Filters of trees and limbs have four variants: with closures and slow states; `_open` without closures; `_plain`
     without biases and base acceleration; `_open_plain` without both.
     """
     found: list[Estimator] = []
     for name in tree_filters():
         title, source = _TREE_TITLES[name]
         found += _four(Estimator(name, TREE, title, "", source, config=Config(filter=name)))
-    source = "in the manner of L. Peppoloni, A. Filippeschi, E. Ruffaldi and C. A. Avizzano (2013)"
+    source = "after L. Peppoloni, A. Filippeschi, E. Ruffaldi and C. A. Avizzano (2013)"
     limbs = Estimator(
         LIMB_FILTER, LIMBS, "an unscented Kalman filter on each limb", "", source, config=Config()
     )
     found += _four(limbs)
     for name in ORIENTATION_FILTERS:
         title, source, package, own = _UNIT_TITLES[name]
-        assumes = f"{own}; heading told; no lengths, no closures, no base acceleration"
+        assumes = f"{own}; heading given; no lengths, no closures, no base acceleration"
         found.append(Estimator(name, UNITS, title, assumes, source, package))
     return tuple(found)
 
@@ -158,7 +158,7 @@ def estimator(name: str) -> Estimator:
 
 
 def usual_estimators() -> tuple[Estimator, ...]:
-    """What `compare` runs if nothing is said: each family's own, and what closures and slow states give the default."""
+    """The default selection of `compare`: one filter of each family, and all variants of the default filter."""
     left_out = {name + suffix for name in tree_filters() if name != "ukf" for suffix in _SUFFIXES}
     left_out |= {LIMB_FILTER + suffix for suffix in (PLAIN, OPEN + PLAIN)}
     return tuple(e for e in estimators() if e.name not in left_out)

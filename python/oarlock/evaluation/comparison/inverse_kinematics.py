@@ -1,7 +1,7 @@
 """Joint coordinates from link orientations by weighted least squares, for `track_orientations`.
 
-At each instant sum_s |Log(M_s R_s')|^2 / std_s^2 + sum_e (z_e - q_e)^2 / std_e^2 is made smallest, with R_s the
-orientation that the model gives link s, M_s the measured one and z_e what encoders read. Source: Levenberg-
+At each instant sum_s |Log(M_s R_s')|^2 / std_s^2 + sum_e (z_e - q_e)^2 / std_e^2 is minimised, with R_s the modelled
+orientation of link s, M_s the measured one and z_e the readings of encoders. Source: Levenberg-
 Marquardt on the rotation group after J. Sola, J. Deray and D. Atchuthan (2018), "A micro Lie theory for state
 estimation in robotics".
 """
@@ -26,15 +26,15 @@ Bools = NDArray[np.bool_]
 Rows = NDArray[np.intp]
 
 ORIENTATION_STD_RAD = 0.05
-"""What a filter on a single unit is usually off by in motion; it only matters where encoders read the same joint."""
+"""Usual error of a single unit's filter in motion. It matters only if encoders read the same joint."""
 READING_STD = 1e-3
 
 KNOTS_HZ = 20.0
-"""Instants that are solved one after the other, each from the one before, so that no joint changes its branch."""
+"""Rate of the instants that are solved in sequence, each from the previous one, so that no joint changes its branch."""
 
 ROUNDS = 25
 CONVERGED = 1e-6
-"""rad or m: the step after one of this length is at least ten times shorter, and far more where all agrees."""
+"""Step length at which the iteration ends, rad or m: the next step would be at least ten times shorter."""
 LEAST_DAMPING, MOST_DAMPING = 1e-9, 1e3
 FOLLOWING_DAMPING = 1e-5
 LONGEST_STEP = 0.5
@@ -47,13 +47,13 @@ TURNS = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What is known of a body, T instants.
+    """Measured orientations and readings of a body at T instants.
 
     Args:
-        orientations: frame -> (T, 4) quat_wxyz, root from frame; NaN where nothing is known.
+        orientations: frame -> (T, 4) quat_wxyz, root from frame; NaN where missing.
         readings: coordinate of a hinge or slide -> (T,) rad or m; NaN where missing.
-        orientation_std_rad: frame -> standard deviation, rad; `ORIENTATION_STD_RAD` where left out.
-        reading_std: coordinate -> standard deviation, rad or m; `READING_STD` where left out.
+        orientation_std_rad: frame -> standard deviation, rad; default `ORIENTATION_STD_RAD`.
+        reading_std: coordinate -> standard deviation, rad or m; default `READING_STD`.
     """
 
     orientations: Mapping[str, Floats]
@@ -78,14 +78,14 @@ class _Targets:
 
 
 def solve(model: Model, measured: Measured, time_s: Floats) -> tuple[Floats, Bools]:
-    """Joint variables (T, n_coordinates), and whether what was measured pins each down, (T, n_coordinates).
+    """Joint coordinates (T, n_coordinates), and whether the measurements determine each, (T, n_coordinates).
 
-    A coordinate that nothing pins down is NaN there. Directions that no measurement feels stay where they were an
-    instant before, so a pose in which two axes align costs accuracy and not the track.
+    An undetermined coordinate is NaN. Directions that no measurement depends on keep their previous values, so a
+    singular pose reduces the accuracy, but the track is not lost.
 
     Args:
-        model: the tree: hinges, slides, balls and free joints.
-        measured: orientations of its frames, and readings of its joints.
+        model: the tree, with hinges, slides, balls and free joints.
+        measured: orientations of frames and readings of joints.
         time_s: (T,) s.
     """
     targets = _targets(model, measured)
@@ -104,7 +104,7 @@ def solve(model: Model, measured: Measured, time_s: Floats) -> tuple[Floats, Boo
 
 
 class _Problem:
-    """The least squares of one model and its measured frames."""
+    """The least-squares problem of one model and its measured frames."""
 
     def __init__(self, model: Model, frames: list[str], read: Rows) -> None:
         self._model = model
@@ -113,16 +113,18 @@ class _Problem:
         turns = model.frame_jacobian(np.zeros((1, len(model.coordinate_names))), frames).by_coordinate[
             ..., 3:, :
         ]
-        # coordinates that anything measured feels; the others stay where they are
-        self._felt = np.union1d(np.flatnonzero(np.abs(turns).max(axis=(0, 1, 2), initial=0.0) > TURNS), read)
-        self._read = np.searchsorted(self._felt, read)
+        # coordinates on which a measurement depends; the others keep their values
+        self._measured_columns = np.union1d(
+            np.flatnonzero(np.abs(turns).max(axis=(0, 1, 2), initial=0.0) > TURNS), read
+        )
+        self._read = np.searchsorted(self._measured_columns, read)
         self._turns = rotation_columns(model.coordinate_names)
         self._low, self._high, self._rest = _limits_and_rest(model)
 
     def start(self, targets: _Targets, knots: Rows) -> tuple[int, Floats]:
-        """A knot and its posture (n,): where several guesses at several knots fit best.
+        """A knot and its posture (n,): the best fit from several guesses at several knots.
 
-        Three hinges in a row reach every orientation in two ways; the way inside the joints' limits is taken.
+        Three hinges in a row reach every orientation in two ways; the one inside the joints' limits is chosen.
         """
         full = np.count_nonzero(targets.weights[knots], axis=1)
         chances = np.flatnonzero(full == full.max())
@@ -137,7 +139,7 @@ class _Problem:
         return int(chosen[best // STARTS]), found[best]
 
     def fit(self, q: Floats, targets: _Targets, rounds: int) -> Floats:
-        """Levenberg-Marquardt, each instant with a damping of its own."""
+        """Levenberg-Marquardt with a separate damping for each instant."""
         q, going = q.copy(), np.arange(len(q))
         damping = np.full(len(q), LEAST_DAMPING)
         state = self._normal(q, targets)
@@ -160,27 +162,27 @@ class _Problem:
         return q
 
     def follow(self, q: Floats, target: _Targets) -> Floats:
-        """One step (n,) towards a neighbouring instant: near enough to stay on the branch."""
+        """One step (n,) to a neighbouring instant, short enough to stay on the branch."""
         information, gradient, _ = self._normal(q[None], target)
         step = _damped_step(information, gradient, np.full(1, FOLLOWING_DAMPING))
         return np.asarray(self._moved(q[None], step)[0])
 
     def seen(self, q: Floats, targets: _Targets) -> Bools:
-        """Where the variance that the measurements leave is far below that of knowing nothing."""
+        """True where the measurements reduce the variance far below that of a weak prior."""
         information = self._normal(q, targets)[0]
-        doubt = UNSEEN * ORIENTATION_STD_RAD**-2
-        variance = np.linalg.inv(information + doubt * np.eye(len(self._felt)))
+        prior_information = UNSEEN * ORIENTATION_STD_RAD**-2
+        variance = np.linalg.inv(information + prior_information * np.eye(len(self._measured_columns)))
         seen = np.zeros(q.shape, dtype=bool)
-        seen[:, self._felt] = np.einsum("tii->ti", variance) * doubt < 0.5
+        seen[:, self._measured_columns] = np.einsum("tii->ti", variance) * prior_information < 0.5
         return seen
 
     def _normal(self, q: Floats, targets: _Targets) -> tuple[Floats, Floats, Floats]:
-        """Information (T, k, k), gradient (T, k) of the k coordinates that are felt, and cost (T,), at q."""
+        """Information (T, k, k), gradient (T, k) of the k measured coordinates, and cost (T,), at q."""
         rotations = self._model.forward_kinematics(q)[..., :3, :3]
         own = quat_from_matrix(rotations[:, self._rows])
         error = rotvec_from_quat(quat_product(targets.quats, quat_inverse(own)))
-        turns = self._model.frame_jacobian(q, self._frames).by_coordinate[..., 3:, self._felt]
-        jacobian = turns.reshape(len(q), -1, len(self._felt))
+        turns = self._model.frame_jacobian(q, self._frames).by_coordinate[..., 3:, self._measured_columns]
+        jacobian = turns.reshape(len(q), -1, len(self._measured_columns))
         weights = np.repeat(targets.weights, 3, axis=1)
         weighted = np.swapaxes(jacobian * weights[:, :, None], 1, 2)
         flat = error.reshape(len(q), -1)
@@ -194,7 +196,7 @@ class _Problem:
 
     def _moved(self, q: Floats, step: Floats) -> Floats:
         whole = np.zeros_like(q)
-        whole[:, self._felt] = step
+        whole[:, self._measured_columns] = step
         return plus(q, whole, self._turns)
 
 
@@ -227,7 +229,7 @@ def _targets(model: Model, measured: Measured) -> _Targets:
 
 
 def _limits_and_rest(model: Model) -> tuple[Floats, Floats, Floats]:
-    """Soft limits and rest of each coordinate; a coordinate without limits goes half a turn either way."""
+    """Soft limits and rest of each coordinate; without limits half a turn in both directions."""
     names = list(model.coordinate_names)
     low, high, rest = (np.full(len(names), x) for x in (-np.pi, np.pi, 0.0))
     for joint in model.describe()["joints"]:
@@ -240,6 +242,6 @@ def _limits_and_rest(model: Model) -> tuple[Floats, Floats, Floats]:
 
 
 def _knots(time_s: Floats) -> Rows:
-    """Rows about 1 / `KNOTS_HZ` apart, the first one among them."""
+    """Rows about 1 / `KNOTS_HZ` apart, including the first one."""
     slots = np.floor((time_s - time_s[0]) * KNOTS_HZ)
     return np.flatnonzero(np.concatenate([[True], np.diff(slots) > 0]))

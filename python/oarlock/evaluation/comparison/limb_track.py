@@ -44,8 +44,8 @@ def track_limbs(
     """Track every limb by an independent filter on its own chain, as was common before filters of whole bodies.
 
     After L. Peppoloni, A. Filippeschi, E. Ruffaldi and C. A. Avizzano (2013), "A novel 7 degrees of freedom model
-    for upper limb kinematic reconstruction based on wearable sensors", IEEE SISY: one arm, one filter. Where
-    several limbs share joints, a filter without limbs estimates these joints. Each limb's filter includes them as
+    for upper limb kinematic reconstruction based on wearable sensors", IEEE SISY: one arm, one filter. If several limbs
+    share joints, an additional filter without limbs estimates these joints. Each limb's filter includes them as
     states, to estimate the motion of its base, and its estimates of them are discarded. The filters exchange no
     information: the covariance is block-diagonal.
 
@@ -65,10 +65,12 @@ def track_limbs(
     limbs = cut_into_limbs(model, config.closures)
     tracks, cpu_s = [], 0.0
     for i, limb in enumerate(limbs):
-        told = share(progress, i / len(limbs), (i + 1) / len(limbs))
+        limb_progress = share(progress, i / len(limbs), (i + 1) / len(limbs))
         part = _streams_of(limb, recording)
         began_s = time.thread_time()
-        tracks.append(track(limb.model, part, _worn(limb, calibration), config, progress=told))
+        tracks.append(
+            track(limb.model, part, _limb_calibration(limb, calibration), config, progress=limb_progress)
+        )
         cpu_s += time.thread_time() - began_s
     return _merged(model, recording, calibration, limbs, tracks, cpu_s)
 
@@ -85,14 +87,14 @@ def _streams_of(limb: Limb, recording: Recording) -> Recording:
     return recording.only(names)
 
 
-def _worn(limb: Limb, calibration: Calibration | None) -> Calibration | None:
-    """What of a calibration concerns the limb."""
+def _limb_calibration(limb: Limb, calibration: Calibration | None) -> Calibration | None:
+    """The part of a calibration that applies to the limb."""
     if calibration is None:
         return None
     names = set(limb.model.sensor_names)
     mounts = {name: mount for name, mount in calibration.mounts.items() if name in names}
     offsets = {name: offset for name, offset in calibration.mag_offsets_ut.items() if name in names}
-    # Of the rest, a limb's recording and model take what they know.
+    # The limb's recording and model use the other entries as far as they contain their names.
     return replace(calibration, mounts=mounts, mag_offsets_ut=offsets)
 
 
@@ -104,7 +106,7 @@ def _merged(
     tracks: list[Track],
     cpu_s: float,
 ) -> Track:
-    """One track at the stamps of the longest; the others' estimates by splines through theirs."""
+    """One track at the time stamps of the longest; splines interpolate the estimates of the others."""
     time_s = max((t.time_s for t in tracks), key=len)
     n = len(model.coordinate_names)
     arrays: dict[str, Floats] = {name: np.full((len(time_s), n), np.nan) for name in _ESTIMATES}
@@ -148,7 +150,7 @@ def _merged(
 
 
 def _at(part: Track, name: str, time_s: Floats) -> Floats:
-    """An array (T, n) of a track at other stamps."""
+    """An array (T, n) of a track at other time stamps."""
     values: Floats = getattr(part, name)
     if len(part.time_s) == len(time_s) and np.array_equal(part.time_s, time_s):
         return values
@@ -162,22 +164,22 @@ def _at(part: Track, name: str, time_s: Floats) -> Floats:
 
 
 def _beliefs(limbs: tuple[Limb, ...], tracks: list[Track]) -> Beliefs | None:
-    """Beliefs of the joints side by side, without any covariance between limbs, where all were kept at one time."""
+    """Beliefs of all joints with zero covariance between limbs; None unless all limbs stored them at the same times."""
     kept = [t.beliefs for t in tracks]
     if any(b is None for b in kept):
         return None
-    told = [b for b in kept if b is not None]
-    first = told[0].time_s
-    if any(len(b.time_s) != len(first) or np.abs(b.time_s - first).max(initial=0.0) > 1e-9 for b in told):
+    beliefs = [b for b in kept if b is not None]
+    first = beliefs[0].time_s
+    if any(len(b.time_s) != len(first) or np.abs(b.time_s - first).max(initial=0.0) > 1e-9 for b in beliefs):
         return None
-    chosen = [_own_states(limb, b) for limb, b in zip(limbs, told, strict=True)]
-    mean = np.hstack([b.mean[:, rows] for rows, b in zip(chosen, told, strict=True)])
+    chosen = [_own_states(limb, b) for limb, b in zip(limbs, beliefs, strict=True)]
+    mean = np.hstack([b.mean[:, rows] for rows, b in zip(chosen, beliefs, strict=True)])
     covariance = np.zeros((len(first), mean.shape[1], mean.shape[1]))
     at = 0
-    for rows, b in zip(chosen, told, strict=True):
+    for rows, b in zip(chosen, beliefs, strict=True):
         covariance[:, at : at + len(rows), at : at + len(rows)] = b.covariance[:, rows][:, :, rows]
         at += len(rows)
-    names = [b.state_names[i] for rows, b in zip(chosen, told, strict=True) for i in rows]
+    names = [b.state_names[i] for rows, b in zip(chosen, beliefs, strict=True) for i in rows]
     return Beliefs(first, mean, covariance, tuple(names))
 
 
@@ -192,7 +194,7 @@ def _own_states(limb: Limb, beliefs: Beliefs) -> list[int]:
 
 def _notes(limbs: tuple[Limb, ...], tracks: list[Track]) -> tuple[str, ...]:
     names = ", ".join("what they share" if limb.name == SHARED else limb.name for limb in limbs)
-    told: list[str] = [f"each limb by a filter of its own: {names}"]
+    notes: list[str] = [f"each limb is tracked by a separate filter: {names}"]
     for limb, part in zip(limbs, tracks, strict=True):
-        told += [f"{limb.name}: {note}" for note in part.notes]
-    return tuple(dict.fromkeys(told))
+        notes += [f"{limb.name}: {note}" for note in part.notes]
+    return tuple(dict.fromkeys(notes))

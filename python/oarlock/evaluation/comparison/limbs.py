@@ -15,12 +15,12 @@ SHARED = "shared"
 
 @dataclass(frozen=True, eq=False)
 class Limb:
-    """A part of a tree that is tracked by itself.
+    """A part of a tree that is tracked separately.
 
     Args:
-        name: that of its first own joint, or `shared`.
+        name: name of its first own joint, or `shared`.
         model: the sub-model: its own joints, those below it down to the root, and their sensors.
-        own: the joints that this part answers for in the whole, in the order of the model.
+        own: the joints that this part contributes to the whole track, in the order of the model.
     """
 
     name: str
@@ -29,11 +29,11 @@ class Limb:
 
 
 def cut_into_limbs(model: Model, closures: bool = True) -> tuple[Limb, ...]:
-    """The part that limbs share, if there is one, and each limb.
+    """The part that the limbs share, if there is one, and each limb.
 
-    A joint is shared if inertial units stand on two or more branches above it. Branches above shared joints that
-    carry a unit are limbs. A closure, and the joints that hold its other end, go with the limb that alone moves
-    it; one that binds two limbs to each other can go with neither and is dropped.
+    A joint is shared if two or more of the branches that it moves have inertial units. These branches are the limbs. A
+    closure, and the joints at its other end, belong to the limb that alone moves it. A closure between two limbs
+    belongs to neither and is dropped.
 
     Args:
         model: the whole.
@@ -46,7 +46,7 @@ def cut_into_limbs(model: Model, closures: bool = True) -> tuple[Limb, ...]:
     roots = tree.limb_roots()
     if len(roots) < 2:
         raise DataError(
-            f'model "{model.name}": its inertial units stand on {"one chain" if roots else "no joint"}, so there '
+            f'model "{model.name}": its inertial units are on {"one chain" if roots else "no joint"}, so there '
             "are no limbs to split it into. Use ukf, which tracks the whole body."
         )
     limbs = [_limb(model, tree, root, closures) for root in roots]
@@ -55,7 +55,7 @@ def cut_into_limbs(model: Model, closures: bool = True) -> tuple[Limb, ...]:
     rest = tuple(j for j in tree.order if j not in covered)
     if not shared:
         return tuple(limbs)
-    # what belongs to no limb and moves with the shared part
+    # joints that belong to no limb and move with the shared part
     kept = {j for j in rest if set(tree.down(j)) <= set(rest) and set(tree.down(j)) & set(shared)}
     return (Limb(SHARED, sub_model(model, kept, set()), tuple(j for j in rest if j in kept)), *limbs)
 
@@ -75,9 +75,9 @@ def _limb(model: Model, tree: _JointTree, root: str, closures: bool) -> Limb:
 
 
 def sub_model(model: Model, joints: set[str], closures: set[str]) -> Model:
-    """The model with some of its joints and closures: frames behind other joints go, with all that stands on them.
+    """The model with only some joints and closures: frames that other joints move are removed with their sensors.
 
-    What is left predicts the same measurements as the whole, for none of it hangs on what was dropped.
+    The rest predicts the same measurements as the whole model, because it does not depend on the removed part.
     """
     return model.without(
         joints=[name for name in model.joint_names if name not in joints],
@@ -86,7 +86,7 @@ def sub_model(model: Model, joints: set[str], closures: set[str]) -> Model:
 
 
 class _JointTree:
-    """Which joint stands on which, and which carry inertial units."""
+    """Parent joint of each joint, and the joints that move inertial units."""
 
     def __init__(self, model: Model) -> None:
         described = model.describe()
@@ -111,24 +111,24 @@ class _JointTree:
         return tuple(found)
 
     def down(self, joint: str) -> tuple[str, ...]:
-        """A joint and those between it and the root."""
+        """A joint and all joints between it and the root."""
         return (joint, *self._below.get(joint, ()))
 
     def above(self, joint: str) -> set[str]:
-        """A joint and all that stand on it."""
+        """A joint and all joints that it moves."""
         return {j for j in self.order if joint in self.down(j)}
 
     def carries_unit(self, joint: str) -> bool:
-        """Whether an inertial unit feels the joint."""
+        """Whether the joint moves an inertial unit."""
         return any(joint in chain for chain in self._unit_chains)
 
     def _branches(self, joint: str | None) -> list[str]:
-        """Joints right on a joint, or on the root, that carry units."""
+        """Direct child joints of a joint, or of the root, that move units."""
         right_on = [j for j in self.order if (self.down(j)[1:2] or (None,))[0] == joint]
         return [j for j in right_on if self.carries_unit(j)]
 
     def is_shared(self, joint: str) -> bool:
-        """Whether two branches with units stand on the joint or on one above it."""
+        """Whether the joint, or a joint that it moves, has two branches with units."""
         return any(len(self._branches(j)) > 1 for j in self.above(joint))
 
     def limb_roots(self) -> list[str]:

@@ -1,6 +1,6 @@
 """Published orientation filters for a single inertial unit, called through their packages.
 
-World axes are north-west-up: x along magnetic north, z up. Settings are those that the packages come with.
+World axes are north-west-up: x along magnetic north, z up. Settings are the defaults of the packages.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def package(name: str) -> ModuleType:
 
 
 def upright(accel_m_s2: Floats, mag_ut: Floats) -> Floats:
-    """Quaternions (..., 4) from two vectors: up along the specific force, north by what is left of the field.
+    """Quaternions (..., 4) from two vectors: up along the specific force, north along the horizontal part of the field.
 
     Source: H. D. Black (1964), "A passive system for determining the attitude of a satellite" (TRIAD).
     """
@@ -50,9 +50,10 @@ def upright(accel_m_s2: Floats, mag_ut: Floats) -> Floats:
 
 
 def begun(stretch: Stretch) -> Floats:
-    """The first quaternion (4,): both vectors, turned back by the gyroscope and averaged over `START_S`.
+    """The first quaternion (4,): both vectors, rotated back by the gyroscope and averaged over `START_S`.
 
-    A single sample of a moving unit may be wrong by half a radian, which slow filters carry along for many seconds.
+    A single sample of a moving unit may be wrong by half a radian, from which slow filters need many seconds to
+    recover.
     """
     count = min(len(stretch.time_s), max(1, round(START_S / stretch.step_s)))
     turned = Rotation.identity()
@@ -104,7 +105,7 @@ def quaternion_ekf(stretch: Stretch, dip_rad: float) -> Floats:
     The two directions are its measurement (A. M. Sabatini 2011, "Kalman-filter-based orientation determination").
     """
     field = np.array([np.cos(dip_rad), 0.0, -np.sin(dip_rad)])
-    # `frame` only names the reference of gravity: with "NED" an upright unit at rest reads +z, as ours do
+    # `frame` only sets the sign of gravity: with "NED" an upright unit at rest reads +z, as in our convention
     made = package("ahrs").filters.EKF(Dt=stretch.step_s, frame="NED", magnetic_ref=field, mag=np.zeros(3))
     there = _whole(stretch.mag_ut)
     quats = np.empty((len(there), 4))

@@ -76,7 +76,7 @@ def track_orientations(
     if filter not in ORIENTATION_FILTERS:
         known = list(ORIENTATION_FILTERS)
         raise DataError(f"track_orientations: no filter '{filter}'. {did_you_mean(filter, known)}")
-    mended = correction_notes(recording, calibration)
+    corrections = correction_notes(recording, calibration)
     recording = corrected(recording, calibration)
     findings = admit(model, recording)
     worn = Worn.of(model, calibration)
@@ -110,8 +110,13 @@ def track_orientations(
     }
     if progress is not None:
         progress(1.0)
-    told = (*_told(model, filter), *notes, *mended, *(f"{f.sensor}: {f.message}" for f in findings))
-    return track_without_filter(worn.model, time_s, q, provenance=provenance, notes=told)
+    all_notes = (
+        *_filter_notes(model, filter),
+        *notes,
+        *corrections,
+        *(f"{f.sensor}: {f.message}" for f in findings),
+    )
+    return track_without_filter(worn.model, time_s, q, provenance=provenance, notes=all_notes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +196,7 @@ def _measured(
         sensor = quat_product(root, orientations(found[name], time_s))
         link = quat_product(sensor, quat_inverse(unit.link_from_sensor))
         if unit.frame in by_frame:
-            # two units on one link: the first one counts, the other fills its gaps
+            # with two units on one link the first is used, and the other fills its gaps
             first = by_frame[unit.frame]
             link = np.where(np.isfinite(first), first, link)
         by_frame[unit.frame] = link
@@ -200,7 +205,7 @@ def _measured(
 
 
 def root_from_north_west_up(model: Model) -> Floats:
-    """Quaternion (4,) from north-west-up to root axes, by the model's own azimuth of the field."""
+    """Quaternion (4,) from north-west-up to root axes, from the field azimuth of the model."""
     world = model.describe()["world"]
     up, forward = np.asarray(world["up"]), np.asarray(world["forward"])
     azimuth = world["magnetic_azimuth_rad"]
@@ -208,14 +213,14 @@ def root_from_north_west_up(model: Model) -> Floats:
     return quat_from_matrix(np.column_stack([north, np.cross(up, north), up]))
 
 
-def _told(model: Model, filter: str) -> tuple[str, ...]:
+def _filter_notes(model: Model, filter: str) -> tuple[str, ...]:
     described = model.describe()
     unused = [
         *(c["name"] for c in described["closures"]),
         *(b["name"] for b in described["base_acceleration"]),
     ]
-    told = (
-        f"{filter}: each inertial unit by itself, then inverse kinematics; no standard deviations are estimated",
+    texts = (
+        f"{filter}: one filter for each inertial unit, then inverse kinematics; no standard deviations are estimated",
         "the azimuth of the magnetic field is the model's, not estimated",
     )
-    return (*told, f"not used: {', '.join(unused)}") if unused else told
+    return (*texts, f"not used: {', '.join(unused)}") if unused else texts

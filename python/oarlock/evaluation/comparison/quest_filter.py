@@ -1,10 +1,9 @@
 """Kalman filter on angular rate and quaternion of a single unit, with quaternions from QUEST as measurements.
 
-In the manner of X. Yun and E. R. Bachmann (2006), "Design, implementation, and experimental results of a
-quaternion-based Kalman filter for human body motion tracking", IEEE Transactions on Robotics 22(6): accelerometer
-and magnetometer are first made one quaternion, so that the measurement is linear: the rates from the gyroscope and
-that quaternion. Rates are a Gauss-Markov process. Their figures for its noise belong to their sensors; ours are
-below.
+After X. Yun and E. R. Bachmann (2006), "Design, implementation, and experimental results of a quaternion-based Kalman
+filter for human body motion tracking", IEEE Transactions on Robotics 22(6). A quaternion is first computed from
+accelerometer and magnetometer, so that the measurement (rates and quaternion) is linear. Rates are a Gauss-Markov
+process. The noise in the paper is that of its sensors; the constants below are ours.
 """
 
 from __future__ import annotations
@@ -20,10 +19,10 @@ from oarlock.model.rotation import quat_product
 Floats = NDArray[np.float64]
 
 RATE_STD_RAD_S, RATE_MEMORY_S = 5.0, 0.5
-"""How fast limbs turn, and for how long they go on so."""
+"""Standard deviation of limbs' angular rates, rad/s, and their correlation time, s."""
 
 QUATERNION_STD = ACCEL_STD / 2
-"""Of QUEST's quaternion: half the angle by which motion turns the accelerometer's vector."""
+"""Standard deviation of QUEST's quaternion: half the angle by which motion rotates the measured vertical."""
 
 
 def quest_ekf(stretch: Stretch, dip_rad: float) -> Floats:
@@ -52,7 +51,7 @@ def quest_ekf(stretch: Stretch, dip_rad: float) -> Floats:
 
 
 def _quest(stretch: Stretch, dip_rad: float) -> Floats:
-    """QUEST's quaternion of each instant; NaN without a magnetometer. `ahrs` writes it in north-east-down."""
+    """QUEST's quaternion at each instant; NaN without a magnetometer. `ahrs` uses north-east-down axes."""
     solver = package("ahrs").filters.QUEST(magnetic_dip=float(np.degrees(dip_rad)))
     found = np.full((len(stretch.time_s), 4), np.nan)
     for i in np.flatnonzero(np.isfinite(stretch.mag_ut).all(axis=1)):
@@ -70,7 +69,7 @@ def _read(
 
 
 def _turned(mean: Floats, covariance: Floats, step_s: float) -> tuple[Floats, Floats]:
-    """The quaternion after a step at the rates, to first order as in the source."""
+    """The quaternion after a step with the given rates, to first order as in the source."""
     (x, y, z), (qw, qx, qy, qz) = 0.5 * step_s * mean[:3], mean[3:]
     change = np.eye(7)
     change[3:, 3:] += [[0, -x, -y, -z], [x, 0, z, -y], [y, -z, 0, x], [z, y, -x, 0]]

@@ -20,7 +20,7 @@ LANDMARKS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 FINE_COVERAGE = 0.95
 
 LEVEL = 0.02
-"""Numbers that differ by less than this share are level: another seed may turn them round."""
+"""Numbers that differ by less than this share count as equal: another seed may change their order."""
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,8 @@ class Score:
 
     Args:
         estimator: the estimator.
-        mean_rmse_deg: mean over the chosen joints that turn of their RMSE, deg.
-        worst_rmse_deg: the largest of them, deg.
+        mean_rmse_deg: mean RMSE of the chosen rotational joints, deg.
+        worst_rmse_deg: the largest RMSE of these, deg.
         correlation: mean over the same joints.
         slides_rmse_m: RMSE of each slide, m.
         positions_rmse_m: RMSE of frames' positions in root axes, m; both sides of a body together.
@@ -68,7 +68,7 @@ class Score:
         return 1e6 / self.step_us
 
     def columns(self) -> dict[str, float]:
-        """The numbers under plain names with their units, as in `compare.csv`."""
+        """The numbers by column name, as in `compare.csv`."""
         slides = {f"{name}_rmse_mm": 1e3 * value for name, value in self.slides_rmse_m.items()}
         places = {f"{name}_position_mm": 1e3 * value for name, value in self.positions_rmse_m.items()}
         return {
@@ -86,20 +86,20 @@ class Score:
 
 
 def chosen_joints(model: Model) -> tuple[str, ...]:
-    """Parts that turn between the root and an inertial unit: what every estimator can see, hands on a grip are not.
+    """Rotational joints between the root and an inertial unit, which every estimator can determine.
 
-    Named as `Evaluation` names them. All joints that turn and are no inputs, if the model has no unit.
+    Named as in `Evaluation`. Without units in the model: all rotational joints that are not inputs.
     """
     described = model.describe()
     frames = {f["name"]: f for f in described["frames"]}
-    felt: set[str] = set()
+    moves_unit: set[str] = set()
     for sensor in described["sensors"]:
         at = sensor["frame"] if sensor["kind"] == "imu" else None
         while at is not None:
-            felt.add(frames[at]["joint"])
+            moves_unit.add(frames[at]["joint"])
             at = frames[at]["parent"]
     turning = [j for j in described["joints"] if j["kind"] in ("hinge", "ball", "free") and not j["input"]]
-    names = [j for j in turning if j["name"] in felt] or turning
+    names = [j for j in turning if j["name"] in moves_unit] or turning
     return tuple(f"{j['name']}.rotation" if j["kind"] == "free" else j["name"] for j in names)
 
 
@@ -133,9 +133,9 @@ def score(
 
 
 def _positions(evaluation: Evaluation) -> dict[str, float]:
-    """Landmarks by name without their side, `r_elbow` and `l_elbow` as `elbow`; else all frames that were scored.
+    """Landmarks by name without their side, `r_elbow` and `l_elbow` as `elbow`; otherwise all scored frames.
 
-    Frames that only help to turn one, such as `r_elbow_flexed`, stand where another does and are left out.
+    Auxiliary frames with the same position as another, such as `r_elbow_flexed`, are left out.
     """
     sides: dict[str, list[float]] = {}
     for place in evaluation.positions:
@@ -148,10 +148,10 @@ def _positions(evaluation: Evaluation) -> dict[str, float]:
 
 
 def best(name: str, values: Mapping[str, float]) -> tuple[str, ...]:
-    """Which estimators win a column, the best first and those that are level with it; empty where none has a number.
+    """The best estimators of a column, and those that are equal to the best; empty if none has a number.
 
-    The least error and time, the greatest correlation and speed, the NEES nearest to 1 (as a ratio), the coverage
-    nearest to 95 %.
+    Best is the smallest error and time, the largest correlation and speed, the NEES nearest to 1 (as a ratio), and the
+    coverage nearest to 95 %.
     """
     known = {who: _badness(name, value) for who, value in values.items() if math.isfinite(value)}
     if not known:
@@ -164,7 +164,7 @@ _LEAST_DIFFERENCE = {"correlation": 1e-5, "nees_per_state": LEVEL, "coverage_95"
 
 
 def _badness(name: str, value: float) -> float:
-    """0 is perfect."""
+    """Distance from the ideal value; 0 is ideal."""
     if name == "correlation":
         return 1.0 - value
     if name == "steps_per_s":
@@ -175,14 +175,14 @@ def _badness(name: str, value: float) -> float:
 
 
 def row_of(score_: Score) -> dict[str, Any]:
-    """A score as plain data, all of its evaluation included."""
-    told = score_.estimator
+    """A score as plain data, with its whole evaluation."""
+    used = score_.estimator
     return {
-        "filter": told.name,
-        "family": told.family,
-        "title": told.title,
-        "assumes": told.assumes,
-        "source": told.source,
+        "filter": used.name,
+        "family": used.family,
+        "title": used.title,
+        "assumes": used.assumes,
+        "source": used.source,
         "joints_scored": score_.joints,
         **score_.columns(),
         "notes": list(score_.notes),

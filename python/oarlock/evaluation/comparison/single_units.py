@@ -15,7 +15,7 @@ from oarlock.recording.streams import ImuStream
 Floats = NDArray[np.float64]
 
 BRIDGED_S = 0.1
-"""A longer stretch without gyroscope or accelerometer is a gap: the filter begins anew behind it."""
+"""A longer stretch without gyroscope or accelerometer is a gap, after which the filter restarts, s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,10 +25,10 @@ class Stretch:
     Args:
         time_s: (T,) s.
         step_s: between instants, s.
-        gyro_rad_s: (T, 3) mean rate over the step that ends at each instant: what turns the unit there.
+        gyro_rad_s: (T, 3) mean rate over the step that ends at each instant.
         accel_m_s2: (T, 3) specific force.
         mag_ut: (T, 3) uT; NaN where missing, but not in the first row.
-        gyro_std_rad_s: noise of the gyroscope by the model.
+        gyro_std_rad_s: noise of the gyroscope in the model.
     """
 
     time_s: Floats
@@ -40,11 +40,11 @@ class Stretch:
 
 
 OrientationFilter = Callable[[Stretch, float], Floats]
-"""From a stretch and the field's dip, rad, to (T, 4) quat_wxyz: north-west-up from sensor."""
+"""Filter function: stretch and dip of the field, rad -> (T, 4) quat_wxyz, north-west-up from sensor."""
 
 
 def stretches(stream: ImuStream, gyro_std_rad_s: float) -> Iterator[Stretch]:
-    """The stretches of a stream that has all three quantities; short gaps are bridged by straight lines."""
+    """The stretches of a stream that has all three quantities; short gaps are interpolated linearly."""
     gyro, accel, mag = stream.gyro_rad_s, stream.accel_m_s2, stream.mag_ut
     assert gyro is not None and accel is not None and mag is not None
     whole = np.flatnonzero(np.isfinite(gyro).all(axis=1) & np.isfinite(accel).all(axis=1))
@@ -56,7 +56,7 @@ def stretches(stream: ImuStream, gyro_std_rad_s: float) -> Iterator[Stretch]:
     gaps = np.flatnonzero(np.diff(time_s) > max(BRIDGED_S, 1.5 * step_s)) + 1
     for begin, end in pairwise([0, *gaps, len(whole)]):
         first, last = time_s[begin], time_s[end - 1]
-        # a filter needs a compass to begin with
+        # a filter needs a magnetometer reading to start
         later = stream.time_s[seen[np.searchsorted(stream.time_s[seen], first - 1e-9) :]]
         if not len(later) or later[0] > last - step_s:
             continue
@@ -73,7 +73,7 @@ def stretches(stream: ImuStream, gyro_std_rad_s: float) -> Iterator[Stretch]:
 
 
 def orientations(stretches_found: list[tuple[Stretch, Floats]], at_s: Floats) -> Floats:
-    """Quaternions (N, 4) at other stamps, straight lines made unit; NaN outside the stretches."""
+    """Quaternions (N, 4) at other time stamps, interpolated linearly and normalised; NaN outside the stretches."""
     found = np.full((len(at_s), 4), np.nan)
     for stretch, quats in stretches_found:
         margin = 0.5 * stretch.step_s
@@ -88,7 +88,7 @@ def _line(at_s: Floats, time_s: Floats, values: Floats) -> Floats:
 
 
 def _near(at_s: Floats, time_s: Floats, values: Floats, within_s: float) -> Floats:
-    """By a straight line where a reading is near, else NaN: a magnetometer that is silent is not made up."""
+    """Linear interpolation near a reading, otherwise NaN: magnetometer readings are not invented in a dropout."""
     right = np.clip(np.searchsorted(time_s, at_s), 0, len(time_s) - 1)
     left = np.maximum(right - 1, 0)
     away = np.minimum(np.abs(time_s[right] - at_s), np.abs(time_s[left] - at_s))

@@ -1,9 +1,8 @@
 """Linear Kalman filter on the directions of gravity and magnetic field in the axes of a single unit.
 
-In the manner of R. Zhu and Z. Zhou (2004), "A real-time articulated human motion tracking using tri-axis
-inertial/magnetic sensors package", IEEE Transactions on Neural Systems and Rehabilitation Engineering 12(2): the
-gyroscope turns both vectors, the accelerometer and the magnetometer measure them, and their directions give the
-orientation.
+After R. Zhu and Z. Zhou (2004), "A real-time articulated human motion tracking using tri-axis inertial/magnetic sensors
+package", IEEE Transactions on Neural Systems and Rehabilitation Engineering 12(2). The gyroscope rotates both vectors,
+accelerometer and magnetometer measure them, and their directions give the orientation.
 """
 
 from __future__ import annotations
@@ -18,11 +17,11 @@ from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
 Floats = NDArray[np.float64]
 
 GYRO_STD_RAD_S, ACCEL_STD, MAG_STD = 0.3, 0.5, 0.8
-"""Noise that `ahrs` gives its own Kalman filter; the last two of vectors of length 1. Motion is part of it."""
+"""Noise of the Kalman filter in `ahrs`, including motion; the last two are of vectors of length 1."""
 
 
 def vector_kf(stretch: Stretch, dip_rad: float) -> Floats:
-    """Quaternions (T, 4). Noise is the same in all directions, so each vector's covariance is a number."""
+    """Quaternions (T, 4). Noise is equal in all directions, so each vector's covariance is a number."""
     measured = np.stack([stretch.accel_m_s2, stretch.mag_ut], axis=2)
     measured /= np.linalg.norm(measured, axis=1, keepdims=True)
     there = np.asarray(np.isfinite(measured).all(axis=1))

@@ -19,9 +19,12 @@ if TYPE_CHECKING:
     from oarlock._core import Model
 
 _MEET_M: Final = 1e-6
-"""How closely the axes of shoulder and wrist must meet."""
+"""Largest distance between axes that count as intersecting, m."""
 _STRETCHED: Final = 1e-3
-"""Radius of the elbow's circle against the upper arm: below, a millimetre at the elbow turns the arm by radians."""
+"""Smallest ratio of the elbow circle's radius to the upper arm.
+
+Below it a millimetre at the elbow rotates the arm by radians.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,16 +32,16 @@ class ArmPostures:
     """Joint values of an arm over time.
 
     Args:
-        joint_names: the arm's joints from the shoulder down: four, five (with the forearm's turn) or seven.
+        joint_names: the arm's joints from the shoulder down: four, five (with forearm rotation) or seven.
         q: (T, joints) rad.
-        reachable: (T,) whether shoulder and wrist are no further apart, and no closer, than the arm allows. Else the
-            arm is stretched, or folded, toward the target.
-        miss_m: (T,) by how much the target is out of reach, m; 0 where reachable.
-        stretched: (T,) whether elbow and wrist lie on one line with the shoulder: which way the elbow points is then
-            not determined and taken from `swivel_rad` 0.
-        pole: (T,) whether the shoulder's first and third hinge (or the forearm's and the hand's last) lie on one line.
-        swivel_rad: (T,) angle of the elbow on its circle about the line from shoulder to wrist, from the lowest point
-            on; right-handed about that line. NaN where stretched.
+        reachable: (T,) true if the arm can reach the distance from shoulder to wrist. Otherwise the arm is stretched or
+            folded toward the target.
+        miss_m: (T,) distance by which the target is out of reach, m; 0 where reachable.
+        stretched: (T,) true if shoulder, elbow and wrist lie on one line. The direction of the elbow is then
+            undetermined, and `swivel_rad` 0 is used.
+        pole: (T,) true if the first and third hinge of the shoulder (or of the wrist) lie on one line.
+        swivel_rad: (T,) angle of the elbow on its circle about the line from shoulder to wrist, measured from the
+            lowest point, right-handed about that line. NaN where stretched.
     """
 
     joint_names: tuple[str, ...]
@@ -53,14 +56,14 @@ class ArmPostures:
 class Arm:
     """An arm of a model: hinges that meet in the shoulder, one at the elbow, up to three that meet in the wrist.
 
-    With the wrist's place, the hand's orientation and one number more (where the elbow is on its circle), everything
-    follows without a search: the elbow's angle by the law of cosines, the shoulder's rotation from two directions, and
-    each triple of hinges from its rotation. Of two postures that differ only in the way a hinge triple or the elbow
-    gets there, the one nearer to the middle of the soft limits is given.
+    Position of the wrist, orientation of the hand and the angle of the elbow on its circle determine all joints in
+    closed form: the elbow's angle follows from the law of cosines, the shoulder's rotation from two directions, and
+    each triple of hinges from its rotation. If two postures are equivalent, the one nearer to the middle of the soft
+    limits is returned.
 
     Source: D. Tolani, A. Goswami, N. I. Badler 2000, "Real-time inverse kinematics techniques for anthropomorphic
-    limbs", Graphical Models 62(5). Ours takes any axes that meet, not only those along coordinate axes, and a measured
-    elbow in place of the swivel angle.
+    limbs", Graphical Models 62(5). This implementation accepts any intersecting axes, not only coordinate axes, and a
+    measured elbow instead of the swivel angle.
 
     Args:
         model: with the person's lengths.
@@ -81,7 +84,7 @@ class Arm:
         self._shoulder = _meeting(self._lines[:3], f"arm from {base}: the first three hinges")
         self._wrist = self._wrist_point()
         elbow = self._lines[3]
-        # the point of the elbow's axis that is nearest to the shoulder stands for the elbow
+        # the elbow is the point of its axis that is nearest to the shoulder
         self._elbow = elbow.point + elbow.axis * (elbow.axis @ (self._shoulder - elbow.point))
         rest = model.forward_kinematics(np.zeros(len(model.coordinate_names)))
         self._root_from_base = rest[model.frame_names.index(base)]
@@ -107,14 +110,15 @@ class Arm:
         tip_rotation: ArrayLike | None = None,
         root_from_base: ArrayLike | None = None,
     ) -> ArmPostures:
-        """Joint values that bring the wrist to its place.
+        """Joint values for given positions of the wrist.
 
         Args:
             wrist_m: (T, 3) or (3,) root axes, m.
-            elbow_m: of the same shape: near which point of its circle the elbow lies, such as a measured elbow.
+            elbow_m: of the same shape: a point near the elbow, such as a measured elbow; the nearest point of its
+                circle is used.
             swivel_rad: (T,) or one number instead of `elbow_m`; see `ArmPostures`.
-            tip_rotation: (T, 3, 3) or (3, 3) root-from-tip; without it the joints behind the elbow are left out.
-            root_from_base: (T, 4, 4) or (4, 4) pose of the base frame; None is the model's at rest.
+            tip_rotation: (T, 3, 3) or (3, 3) root-from-tip; without it the joints below the elbow are left out.
+            root_from_base: (T, 4, 4) or (4, 4) pose of the base frame; None uses the model's rest posture.
 
         Raises:
             DataError: another shape, or not exactly one of `elbow_m` and `swivel_rad`.
@@ -158,7 +162,7 @@ class Arm:
         )
 
     def _wrist_point(self) -> FloatArray:
-        """Where the axes below the elbow meet; with one axis alone, the tip's origin."""
+        """Intersection of the axes below the elbow; with a single axis, the tip's origin."""
         if len(self._lines) >= 7:
             return _meeting(self._lines[4:7], f"arm to {self.tip}: the last three hinges")
         tree = PointTree(self.model, [Attachment("tip", self.tip, np.zeros(3))])
@@ -167,10 +171,10 @@ class Arm:
         return np.asarray(_in_base(pose[self.model.frame_names.index(self.base)], at[None])[0])
 
     def _elbow_angle(self, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Law of cosines: d^2 = middle + swing cos(q - turned). Also by how much a distance is out of reach."""
+        """Law of cosines: d^2 = middle + swing cos(q - turned). The second result is the distance beyond reach."""
         middle, swing, turned = self._reach
         nearest, furthest = self.reach_m
-        # rounding of a target made from a stretched arm is no miss
+        # rounding errors of a stretched arm do not count as out of reach
         miss = np.maximum(np.maximum(distance - furthest, nearest - distance), 0.0)
         miss[miss < 1e-12] = 0.0
         bend = np.arccos(np.clip((distance**2 - middle) / swing, -1.0, 1.0))
@@ -178,9 +182,9 @@ class Arm:
         return self._nearer(both[:, :, None], slice(3, 4))[:, 0], miss
 
     def _circle(self, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Directions from the circle's centre to its lowest point, and a quarter turn on."""
+        """Directions from the circle's centre to its lowest point, and to the point a quarter turn further."""
         down = np.broadcast_to(self._down, unit.shape)
-        # straight down or up any direction would do; forward is the model's
+        # if the line is vertical any direction is possible: the model's forward is used
         upright = np.linalg.norm(np.cross(unit, down), axis=1) < 1e-9
         forward = self._root_from_base[:3, :3].T @ np.asarray(self.model.describe()["world"]["forward"])
         reference = np.where(upright[:, None], forward, down)
@@ -192,7 +196,7 @@ class Arm:
         unit = wrist / np.linalg.norm(wrist, axis=1, keepdims=True)
         out = elbow - unit * np.sum(elbow * unit, axis=1, keepdims=True)
         length = np.linalg.norm(out, axis=1, keepdims=True)
-        # a stretched arm has no outside: across the elbow's axis serves as well as any
+        # for a stretched arm any direction perpendicular to the elbow's axis is possible
         across = np.cross(np.broadcast_to(self._lines[3].axis, unit.shape), unit)
         return np.asarray(np.where(length > 1e-12, out, across))
 
@@ -221,7 +225,7 @@ class Arm:
         return self._triple(left, slice(4, 7))
 
     def _nearer(self, both: FloatArray, which: slice) -> FloatArray:
-        """Of two solutions (T, 2, n), wrapped, the one nearer to the middle of the soft limits, (T, n)."""
+        """The one of two wrapped solutions (T, 2, n) that is nearer to the middle of the soft limits, (T, n)."""
         middle, width = self._middle[which], self._width[which]
         wrapped = middle + np.mod(both - middle + np.pi, 2.0 * np.pi) - np.pi
         away = np.sum(((wrapped - middle) / width) ** 2, axis=2)
@@ -279,7 +283,7 @@ def _hinges_between(model: Model, base: str, tip: str) -> list[str]:
 
 
 def _lines(model: Model, base: str, joints: list[str]) -> tuple[Line, ...]:
-    """The hinges' axes in axes of the base frame, all coordinates 0, by half turns: exact, without differences."""
+    """The hinge axes in the base frame at coordinates 0, computed exactly from poses after half turns."""
     tip = np.zeros((1, len(model.coordinate_names)))
     pose = model.forward_kinematics(tip)[0]
     base_pose = pose[model.frame_names.index(base)]
@@ -296,7 +300,7 @@ def _lines(model: Model, base: str, joints: list[str]) -> tuple[Line, ...]:
 
 
 def _meeting(lines: tuple[Line, ...], what: str) -> FloatArray:
-    """The point where axes meet."""
+    """The intersection of axes."""
     across = [np.eye(3) - np.outer(line.axis, line.axis) for line in lines]
     point = np.linalg.solve(sum(across), sum(a @ line.point for a, line in zip(across, lines, strict=True)))
     apart = max(

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from oarlock._core import Model
 
 MARKER_STD_M: Final = 1e-3
-"""Of a marker that is glued to a rigid body; on skin say more."""
+"""Default standard deviation of a marker on a rigid body, m; use a larger one on skin."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +33,8 @@ class Attachment:
     Args:
         marker: its name.
         frame: name of the model's frame that carries it.
-        point_m: (3,) its place in the frame's axes, m.
-        std_m: how far it strays from there, skin and cameras together, m; sets its weight.
+        point_m: (3,) its position in the frame's axes, m.
+        std_m: standard deviation of this position, from skin motion and cameras together, m; it determines the weight.
 
     Raises:
         DataError: a point that is not finite, or a standard deviation that is not positive.
@@ -60,10 +60,10 @@ GivenAttachments: TypeAlias = Sequence[Attachment] | Mapping[str, str]
 
 
 def attachments_of(given: GivenAttachments) -> tuple[Attachment, ...]:
-    """Attachments as they are, or from a mapping `{marker: frame}` of markers that stand for a frame's origin.
+    """Attachments unchanged, or made from a mapping `{marker: frame}` of markers at the origins of frames.
 
     Raises:
-        DataError: a marker comes twice, or there is none.
+        DataError: a marker occurs twice, or there is none.
     """
     if isinstance(given, Mapping):
         found = tuple(Attachment(marker, frame, np.zeros(3)) for marker, frame in given.items())
@@ -82,7 +82,7 @@ def check_frames(model: Model, frames: Iterable[str], where: str) -> None:
     """Refuse a frame that the model does not have.
 
     Raises:
-        DataError: names the frame and the nearest one that is there.
+        DataError: the model has no such frame; names the most similar one.
     """
     for frame in frames:
         if frame not in model.frame_names:
@@ -92,7 +92,7 @@ def check_frames(model: Model, frames: Iterable[str], where: str) -> None:
 
 
 def load_attachments(path: str | PathLike[str]) -> tuple[Attachment, ...]:
-    """Read a file of attachments: `format = 1` and a table `[[marker]]` each, with name, frame, point (m), std_m.
+    """Read attachments: `format = 1`, and for each marker a table `[[marker]]` with name, frame, point (m), std_m.
 
     Raises:
         DataError: a mistake in the file, with line and key.
@@ -136,18 +136,18 @@ def attach_markers(
     root_from_markers: ArrayLike | None = None,
     std_m: float = MARKER_STD_M,
 ) -> tuple[Attachment, ...]:
-    """Places markers by a trial in which the body holds a known posture.
+    """Determine marker positions on the model from a static trial in a known posture.
 
     Args:
         model: with the person's lengths.
-        static: the trial; each marker's mean place counts.
+        static: the trial; the mean position of each marker is used.
         frames: marker -> frame that carries it.
-        q: the posture held: values by name (others 0), an array (n_coordinates,), or None, all 0; rad and m.
+        q: the posture in the trial: values by name (others 0), an array (n_coordinates,), or None for all 0; rad and m.
         root_from_markers: (4, 4) pose of the measuring system in root axes; None if its axes are the root's.
         std_m: of every marker, m.
 
     Raises:
-        DataError: a marker that the trial never saw, or a frame that the model does not have.
+        DataError: a marker is never visible in the trial, or the model lacks a frame.
     """
     check_frames(model, frames.values(), "attach_markers")
     placed = static if root_from_markers is None else static.moved(root_from_markers)

@@ -28,24 +28,24 @@ _MOST_ROUNDS: Final = 40
 _ROUNDS_A_HEADING: Final = 10
 _HEADINGS: Final = 8
 _PLACE_STD: Final = np.array([10.0, 10.0, 10.0, 3.0, 3.0, 3.0])
-"""Prior of the measuring system's pose, m and rad: next to nothing, but it holds what a free root leaves open."""
+"""Weak prior of the measuring system's pose, m and rad: a free root joint leaves this pose undetermined."""
 _OFFSET_STD_M: Final = 0.1
 _UNKNOWN_STD_M: Final = 0.1
-"""Prior of a length whose model file gives no standard deviation."""
+"""Prior of a length without a standard deviation in the model file, m."""
 
 
 @dataclass(frozen=True, eq=False)
 class BodyFit:
-    """What `fit_body` found.
+    """Result of `fit_body`.
 
     Args:
         parameters: the model's parameters that were estimated, m.
         parameter_std: their standard deviations, from the normal equations and the residuals.
-        attachments: all of them, those asked for in their new places.
+        attachments: all attachments; the requested ones have their estimated positions.
         root_from_markers: (4, 4) pose of the measuring system in root axes.
         rms_m: root mean square distance of markers and model points in the frames that were used, m.
-        frames: how many that were.
-        notes: parameters that the trial tells no better than was known before.
+        frames: number of these frames.
+        notes: parameters that the trial does not determine better than their prior.
     """
 
     parameters: Mapping[str, float]
@@ -64,7 +64,7 @@ class BodyFit:
 
 @dataclass(frozen=True, eq=False)
 class _Guess:
-    """Everything that is sought: lengths, points, pose, and the postures of the frames."""
+    """All unknowns: lengths, points, pose, and the postures of the frames."""
 
     lengths: FloatArray
     points: FloatArray
@@ -73,7 +73,7 @@ class _Guess:
 
 
 class _Problem:
-    """Residuals of chosen frames, and their slopes by everything that is constant."""
+    """Residuals of the chosen frames, and their derivatives by all constants."""
 
     def __init__(
         self,
@@ -96,7 +96,7 @@ class _Problem:
         )
 
     def tree(self, guess: _Guess) -> PointTree:
-        """The model's points at a guess."""
+        """The model's points for given unknowns."""
         values = self.model.parameters | dict(zip(self.names, guess.lengths, strict=True))
         lengths = np.array([values[name] for name in self.model.length_names])
         points = [replace(a, point_m=p) for a, p in zip(self.used, guess.points, strict=True)]
@@ -107,23 +107,23 @@ class _Problem:
         return Sight(self.position @ guess.pose[:3, :3].T + guess.pose[:3, 3], self.weight)
 
     def residual(self, guess: _Guess) -> FloatArray:
-        """(T, n, 3) in standard deviations; 0 where not seen."""
+        """Residuals (T, n, 3) in standard deviations; 0 where not visible."""
         sight = self.sight(guess)
         return np.asarray((sight.place_m - self.tree(guess).at(guess.q)) * sight.weight[..., None])
 
     def constant_residual(self, guess: _Guess) -> FloatArray:
-        """Distances of lengths and points from where they were, in standard deviations; the pose has none."""
+        """Changes of lengths and points from their priors, in standard deviations; the pose has none."""
         moved = (guess.points - self.start_points)[list(self.free)].ravel() / _OFFSET_STD_M
         return np.concatenate([(guess.lengths - self.start_lengths) / self.length_std, moved])
 
     def cost(self, guess: _Guess) -> float:
-        """Squares of residuals, postures' distances from the prior, and constants' from theirs."""
+        """Sum of squares of residuals and of the deviations of postures and constants from their priors."""
         away = self.tree(guess).minus(guess.q, np.tile(self.mean, (len(guess.q), 1))) / self.std
         parts = (self.residual(guess), away, self.constant_residual(guess))
         return float(sum(np.sum(part**2) for part in parts))
 
     def slopes(self, guess: _Guess) -> tuple[FloatArray, FloatArray]:
-        """By postures (T, 3 n, c) and by constants (T, 3 n, k), each in standard deviations of its prior."""
+        """Derivatives by postures (T, 3 n, c) and by constants (T, 3 n, k), in standard deviations of the priors."""
         rows = len(guess.q)
         _, by_q = self.tree(guess).with_slopes(guess.q)
         weight = self.weight[..., None, None]
@@ -138,7 +138,7 @@ class _Problem:
         )
 
     def moved(self, guess: _Guess, constants: FloatArray, q: FloatArray) -> _Guess:
-        """A guess after steps in standard deviations."""
+        """The unknowns after steps in standard deviations."""
         step = constants * self.constant_std
         lengths, points = len(self.names), guess.points.copy()
         points[list(self.free)] += step[lengths : lengths + 3 * len(self.free)].reshape(-1, 3)
@@ -163,7 +163,7 @@ class _Problem:
         return found
 
     def _by_pose(self, guess: _Guess) -> list[FloatArray]:
-        # a residual grows with the marker: the model's point would have to go the other way
+        # residual = marker minus model point, so the two derivatives have opposite signs
         places = self.sight(guess).place_m
         shifts = [np.broadcast_to(-axis, places.shape) for axis in np.eye(3)]
         return [*shifts, *(-np.cross(axis, places - self._middle(guess)) for axis in np.eye(3))]
@@ -185,26 +185,26 @@ def fit_body(
     start_q: Mapping[str, float] | ArrayLike | None = None,
     frames: int = 60,
 ) -> BodyFit:
-    """Lengths, marker places and the measuring system's pose that fit a trial best, all joints moving.
+    """Fit lengths, marker positions and the pose of the measuring system to a trial in which all joints move.
 
-    One least-squares problem over the postures of some frames and everything that is constant; postures are
-    eliminated frame by frame (Schur complement), so it takes seconds. Lengths keep to the model file's standard
-    deviations, marker places to 0.1 m around where they were said to be.
+    This is one least-squares problem over the postures of some frames and all constants. Postures are eliminated frame
+    by frame (Schur complement), so it takes seconds. The priors of lengths are the model file's standard deviations,
+    those of marker positions 0.1 m around the given positions.
 
     Args:
-        model: to start from.
-        markers: a trial that moves every joint; gaps are no harm.
-        attachments: to start from.
+        model: the model with initial lengths.
+        markers: a trial in which every joint moves; gaps are allowed.
+        attachments: initial marker positions.
         parameters: names of the model's lengths to estimate.
-        offsets: names of the markers whose places to estimate, or `("all",)`.
-        place_root: estimate where the measuring system stands in root axes. It is searched for in eight headings about
-            the vertical; turn the markers so that up is up first (`Markers.turned`).
-        root_from_markers: (4, 4) to start from, or to keep; None is unity.
+        offsets: names of the markers whose positions are estimated, or `("all",)`.
+        place_root: estimate the pose of the measuring system in root axes. The search starts from eight headings about
+            the vertical; first rotate the markers so that their vertical agrees with the model's (`Markers.turned`).
+        root_from_markers: (4, 4) initial pose, or the fixed pose without `place_root`; None is the identity.
         start_q: as `inverse_kinematics`.
-        frames: how many are used, evenly over the trial.
+        frames: number of frames that are used, evenly over the trial.
 
     Raises:
-        DataError: an unknown name, nothing to estimate, or fewer frames with markers than it takes.
+        DataError: an unknown name, nothing to estimate, or too few frames with markers.
     """
     used = tuple(a for a in attachments_of(attachments) if a.marker in markers.names)
     names, free = tuple(parameters), _free_markers(used, tuple(offsets))
@@ -235,17 +235,17 @@ def _free_markers(used: Sequence[Attachment], offsets: tuple[str, ...]) -> list[
 
 
 def _chosen(markers: Markers, frames: int) -> Markers:
-    """Frames evenly over those that see at least two markers in three of the most."""
+    """Frames evenly over those in which at least two thirds of the largest number of markers are visible."""
     seen = markers.seen.sum(axis=1)
     good = np.flatnonzero(seen >= max(1, int(2 * seen.max() / 3)))
     if seen.max() == 0 or len(good) < 2:
-        raise DataError("fit_body: hardly any frame has a marker that is attached; check the names")
+        raise DataError("fit_body: too few frames have an attached marker; check the names")
     rows = np.unique(good[np.linspace(0, len(good) - 1, min(frames, len(good))).astype(int)])
     return Markers(markers.names, markers.time_s[rows], markers.position_m[rows])
 
 
 def _first(problem: _Problem, pose: FloatArray, start: FloatArray | None) -> _Guess:
-    """Postures from the starting constants; with an unknown pose, in the best of eight headings."""
+    """Postures for the initial constants; with an unknown pose, for the best of eight headings."""
     rows = len(problem.weight)
     guess = _Guess(problem.start_lengths, problem.start_points, pose, np.tile(problem.mean, (rows, 1)))
     if problem.place:
@@ -283,7 +283,7 @@ def _heading(problem: _Problem, guess: _Guess, k: int, start: FloatArray | None)
 
 
 def _best(problem: _Problem, guess: _Guess, rounds: int = _MOST_ROUNDS) -> _Guess:
-    """Levenberg and Marquardt over constants and postures together."""
+    """Levenberg-Marquardt over constants and postures together."""
     damping, cost = 1e-3, problem.cost(guess)
     for _ in range(rounds):
         constants, q = _step(problem, guess, damping)[:2]
@@ -332,7 +332,11 @@ def _body(problem: _Problem, guess: _Guess, attachments: GivenAttachments) -> Bo
     scale = max(1.0, float(np.sqrt(np.sum(residual**2) / free)))
     std = np.sqrt(np.diag(np.linalg.inv(information)))[: len(problem.names)]
     loose = [name for name, s in zip(problem.names, std, strict=True) if s > 0.5]
-    notes = (f"hardly told by this trial, so close to the model's own: {', '.join(loose)}",) if loose else ()
+    notes = (
+        (f"not determined by this trial, so close to the model's values: {', '.join(loose)}",)
+        if loose
+        else ()
+    )
     placed = {a.marker: replace(a, point_m=p) for a, p in zip(problem.used, guess.points, strict=True)}
     metres = (problem.sight(guess).place_m - problem.tree(guess).at(guess.q))[problem.weight > 0.0]
     return BodyFit(

@@ -16,27 +16,27 @@ from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
 
 WINDOW_S: Final = 0.2
-"""Of a gap's neighbours on either side that shape its filling: shorter ones know no slope, longer ones add nothing."""
+"""Length of data on either side of a gap to which the spline is fitted, s. Shorter data do not determine a slope."""
 _FEWEST: Final = 3
-"""Frames seen on either side: a spline's slope needs two, and its noise is judged by more."""
+"""Smallest number of visible frames on either side: a slope needs two, the noise level more."""
 _LEAST_STD_M: Final = 1e-9
-"""Of a position that was put in: above 0, so that it can be told from one that was seen."""
+"""Smallest standard deviation of a filled position, m. It is above 0 to distinguish it from a measured one."""
 _MOST: Final = 64
-"""Frames on either side: more only cost time."""
+"""Largest number of frames on either side; more only take time."""
 
 
 @dataclass(frozen=True)
 class Gap:
-    """A stretch in which a marker was not seen.
+    """A stretch in which a marker was not visible.
 
     Args:
         marker: its name.
-        start_s: stamp of the first missing frame, s.
-        end_s: stamp of the last missing frame, s.
-        duration_s: from the first missing frame to the first that is there again, s.
-        frames: how many are missing.
-        filled: whether positions were put in.
-        reason: why not; empty if filled.
+        start_s: time stamp of the first missing frame, s.
+        end_s: time stamp of the last missing frame, s.
+        duration_s: from the first missing frame to the next visible one, s.
+        frames: number of missing frames.
+        filled: whether the gap was filled.
+        reason: why it was not filled; empty if filled.
     """
 
     marker: str
@@ -55,13 +55,13 @@ class Gap:
 
 @dataclass(frozen=True)
 class FilledMarkers:
-    """What `fill_gaps` gives.
+    """Result of `fill_gaps`.
 
     Args:
         markers: short gaps filled, long ones still NaN.
-        gaps: every gap that was found, by marker and time.
-        std_m: (T, n) standard deviation of each coordinate that was put in, largest in the middle of a gap; 0 where
-            the marker was seen, and where it is still missing.
+        gaps: all gaps, by marker and time.
+        std_m: (T, n) standard deviation of each filled coordinate, largest in the middle of a gap; 0 where the marker
+            was visible, and where it is still missing.
     """
 
     markers: Markers
@@ -70,30 +70,30 @@ class FilledMarkers:
 
     @property
     def estimated(self) -> Bools:
-        """Where a position was put in, (T, n): no measurement stands behind it."""
+        """Where a position was filled and not measured, (T, n)."""
         return np.asarray(self.std_m > 0.0)
 
     @property
     def refused(self) -> tuple[Gap, ...]:
-        """The gaps that were left."""
+        """The gaps that were not filled."""
         return tuple(gap for gap in self.gaps if not gap.filled)
 
 
 def fill_gaps(markers: Markers, longest_s: float = 0.2) -> FilledMarkers:
-    """Fill gaps up to a length by splines through the neighbours; leave longer ones, and say which is which.
+    """Fill gaps up to a given length by splines; leave longer ones, and report all gaps.
 
-    Each gap gets a quintic smoothing spline over what was seen within 0.2 s of it, its smoothness chosen by likelihood
-    (`smoothing_spline`). An interpolating spline would take the noise of the last frames for a slope:
-    with 1 mm of noise at 100 Hz it misses a gap of 200 ms in the path of a quick hand by 6 mm (cubic) or 40 mm
-    (quintic), the smoothing spline by 1.3 mm; without noise that is 0.1 mm.
+    Each gap is filled by a quintic smoothing spline through the positions within 0.2 s of it. Its smoothness follows
+    from the likelihood (`smoothing_spline`). An interpolating spline would mistake the noise of the last frames for a
+    slope: with 1 mm of noise at 100 Hz its error in a gap of 200 ms in the path of a fast hand is 6 mm (cubic) or 40 mm
+    (quintic), that of the smoothing spline 1.3 mm, without noise 0.1 mm.
 
     Args:
-        markers: with NaN where not seen.
-        longest_s: longest gap that is filled, s, counted from the first missing frame to the next one seen.
+        markers: the trajectories, NaN where not visible.
+        longest_s: longest gap that is filled, s, from the first missing frame to the next visible one.
 
     Returns:
-        The filled trajectories and all gaps. Refused, and left NaN, are longer gaps, gaps at the start or the end,
-        and gaps with fewer than three frames seen beside them on one side.
+        The filled trajectories and all gaps. Longer gaps, gaps at the start or end, and gaps with fewer than three
+        visible frames on one side stay NaN.
 
     Raises:
         DataError: `longest_s` is negative or no number.
@@ -116,20 +116,20 @@ def fill_gaps(markers: Markers, longest_s: float = 0.2) -> FilledMarkers:
 
 
 def stretches(true: Bools) -> Iterator[tuple[int, int]]:
-    """Runs of True, as first index and the one behind the last."""
+    """Runs of True: first index and the index after the last."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(np.int8)))
     for first, last in edges.reshape(-1, 2):
         yield int(first), int(last)
 
 
 def _span(time_s: FloatArray, first: int, last: int) -> tuple[float, float, float, int]:
-    # behind the last frame there is none; it lasts as long as the one before it
+    # the last frame has no successor; the previous interval is used
     again = time_s[last] if last < len(time_s) else 2.0 * time_s[-1] - time_s[max(len(time_s) - 2, 0)]
     return float(time_s[first]), float(time_s[last - 1]), float(again - time_s[first]), last - first
 
 
 def _neighbours(markers: Markers, k: int, gap: tuple[int, int], longest_s: float) -> tuple[str, Any]:
-    """Why a gap is not filled, or the frames seen on both sides that it is filled from."""
+    """The reason why a gap is not filled, or the visible frames on both sides from which it is filled."""
     first, last = gap
     time_s, seen = markers.time_s, markers.seen[:, k]
     if not seen.any():
@@ -137,7 +137,7 @@ def _neighbours(markers: Markers, k: int, gap: tuple[int, int], longest_s: float
     if first == 0 or last == len(time_s):
         return "at the start" if first == 0 else "at the end", None
     length = float(time_s[last] - time_s[first])
-    # stamps may be rounded: half a frame is no reason to refuse
+    # time stamps may be rounded, so half a frame more is allowed
     if length > longest_s + 0.5 / markers.rate_hz:
         return f"longer than {longest_s:g} s", None
     before, behind = _side(time_s, seen, gap, -1), _side(time_s, seen, gap, 1)
@@ -148,7 +148,7 @@ def _neighbours(markers: Markers, k: int, gap: tuple[int, int], longest_s: float
 
 
 def _side(time_s: FloatArray, seen: Bools, gap: tuple[int, int], side: int) -> Any:
-    """Frames seen before (-1) or behind (1) a gap, in order of time."""
+    """Visible frames before (-1) or after (1) a gap, in order of time."""
     if side < 0:
         seen_there, edge = np.flatnonzero(seen[: gap[0]])[::-1], time_s[gap[0] - 1]
     else:
@@ -159,7 +159,7 @@ def _side(time_s: FloatArray, seen: Bools, gap: tuple[int, int], side: int) -> A
 
 
 def gaps_text(gaps: Sequence[Gap]) -> str:
-    """A table of gaps: marker, from, to, length, frames, filled or why not."""
+    """A table of gaps: marker, start, end, duration, frames, filled or the reason."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(["marker", "start_s", "end_s", "duration_s", "frames", "filled", "reason"])

@@ -12,7 +12,7 @@ from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
 from oarlock.storage.array_gate import FloatArray
 
 _POLE: Final = 1e-6
-"""Sine between first and third axis: below, only the sum of their angles is determined."""
+"""Smallest sine between first and third axis; below it only the sum of their angles is determined."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,13 +24,13 @@ class Line:
 
 
 def turn(line: Line, angle_rad: FloatArray, point: FloatArray | None = None) -> FloatArray:
-    """Rotations (T, 3, 3) about a line, or a point (3,) turned about it, (T, 3)."""
+    """Rotations (T, 3, 3) about a line, or a point (3,) rotated about it, (T, 3)."""
     rotation = matrix_from_quat(quat_from_rotvec(np.asarray(angle_rad)[:, None] * line.axis))
     return rotation if point is None else line.point + rotation @ (point - line.point)
 
 
 def hinge_angle(rotation: FloatArray, axis: FloatArray) -> FloatArray:
-    """The angle (T,) about an axis that comes nearest to a rotation (T, 3, 3)."""
+    """The angle (T,) about an axis that fits a rotation (T, 3, 3) best."""
     across = _across(axis)
     turned = rotation @ across
     return np.asarray(np.arctan2(np.cross(across, turned) @ axis, turned @ across))
@@ -39,13 +39,13 @@ def hinge_angle(rotation: FloatArray, axis: FloatArray) -> FloatArray:
 def hinge_triple(
     rotation: FloatArray, first: FloatArray, second: FloatArray, third: FloatArray
 ) -> tuple[FloatArray, Bools]:
-    """Both triples of angles (T, 2, 3) with R = Exp(first q1) Exp(second q2) Exp(third q3), and where a pole is, (T,).
+    """Both triples of angles (T, 2, 3) with R = Exp(first q1) Exp(second q2) Exp(third q3), and poles (T,).
 
-    The second angle is the one about which the third axis comes to its place against the first axis; the other two
-    follow from directions. At a pole the first angle is 0. Axes may have any directions that reach the rotation.
+    The angle between the first and the third axis determines the second angle; the other two follow from directions. At
+    a pole the first angle is 0. Axes may have any directions with which the rotation can be reached.
 
-    Source: B. Paden 1986, "Kinematics and control of robot manipulators" (subproblems 1 and 2); of orthogonal
-    neighbours these are Euler's and Cardan's angles.
+    Source: B. Paden 1986, "Kinematics and control of robot manipulators" (subproblems 1 and 2); for orthogonal
+    neighbours these are Euler or Cardan angles.
 
     Args:
         rotation: (T, 3, 3).

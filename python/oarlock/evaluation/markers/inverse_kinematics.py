@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 _FRAMES_AT_ONCE: Final = 500
 _FAR_WORSE: Final = 25.0
-"""Cost of a frame against the usual one: its search may have ended in the wrong place and is begun anew beside it."""
+"""Ratio of a frame's cost to the median above which the frame is fitted again from its neighbours."""
 
 
 def inverse_kinematics(
@@ -41,32 +41,32 @@ def inverse_kinematics(
     """Joint values that bring the model's points nearest to the markers, frame by frame.
 
     Each frame is a weighted least-squares problem on the tree (hinges, slides, balls, free joints), solved by
-    Levenberg-Marquardt from its neighbours' postures. The model's soft limits are a weak prior: it decides between
-    postures that fit alike and holds what nothing tells; directions that the markers tell five times better than
-    the prior are then freed from it, so the result has no bias towards the middle of the limits.
+    Levenberg-Marquardt from its neighbours' postures. The model's soft limits are a weak prior. It chooses between
+    postures that fit equally well and keeps undetermined joints plausible. It is then removed in directions that the
+    markers determine five times better than the prior, so the result has no bias towards the middle of the limits.
 
     Args:
         model: with the person's lengths.
-        markers: in the model's root axes, or see `root_from_markers`; markers that are not attached are passed over.
-            What `fill_gaps` gives brings the standard deviations of the positions that it put in.
-        attachments: where markers sit on the model, with the standard deviations that weigh them, or a mapping
-            `{marker: frame}` of markers that stand for a frame's origin (a joint's centre).
+        markers: in the model's root axes, or see `root_from_markers`; markers without attachment are ignored. A result
+            of `fill_gaps` includes the standard deviations of the filled positions.
+        attachments: positions of the markers on the model with their standard deviations, or a mapping `{marker:
+            frame}` of markers at the origins of frames (joint centres).
         root_from_markers: (4, 4) pose of the measuring system in root axes; None if its axes are the root's.
-        added_std_m: (T, n) by frame and marker of `markers`, what each coordinate's standard deviation has besides that
-            of its attachment, m: `fill_gaps` gives it for positions that it put in.
-        start_q: a posture near that of the frame with most markers, where the search should begin there: values by
-            name (others 0) or an array. None tries many.
-        progress: told the share that is done, 0 to 1.
+        added_std_m: (T, n) by frame and marker of `markers`, a standard deviation in addition to that of the
+            attachment, m: `fill_gaps` gives it for filled positions.
+        start_q: initial posture for the frame with the most markers: values by name (others 0) or an array. None tries
+            many.
+        progress: called regularly with the share done, 0 to 1.
 
     Returns:
         Values, standard deviations and residuals, and which joints the markers do not determine.
 
     Source: T.-W. Lu, J. J. O'Connor 1999, "Bone position estimation from skin marker co-ordinates using global
-    optimisation with joint constraints", Journal of Biomechanics 32. Ours differs in the prior and in the standard
-    deviations.
+    optimisation with joint constraints", Journal of Biomechanics 32. This implementation differs in the prior and in
+    the standard deviations.
 
     Raises:
-        DataError: no attached marker is in the file, a frame that the model does not have, or no frame with a marker.
+        DataError: no attached marker is in the file, the model lacks a frame, or no instant has a marker.
     """
     if isinstance(markers, FilledMarkers):
         added_std_m = markers.std_m if added_std_m is None else added_std_m
@@ -77,7 +77,7 @@ def inverse_kinematics(
     )
     placed = placed.select([a.marker for a in used])
     if not placed.seen.any():
-        raise DataError("inverse_kinematics: none of the attached markers is ever seen")
+        raise DataError("inverse_kinematics: none of the attached markers is ever visible")
     tree = PointTree(model, used)
     sight = Sight(np.nan_to_num(placed.position_m), placed.seen / _std(markers, used, added_std_m))
     mean, std = body_prior(model)
@@ -119,16 +119,16 @@ def _all_frames(
     anchors = _anchors(time_s)
     walked = anchor_postures(tree, sight, prior, anchors, start, share(progress, 0.0, 0.5))
     first = between_anchors(tree, time_s, time_s[anchors], walked)
-    told = share(progress, 0.5, 1.0)
+    progress_of_fit = share(progress, 0.5, 1.0)
     chunks = []
     for k in range(0, len(time_s), _FRAMES_AT_ONCE):
         rows = slice(k, k + _FRAMES_AT_ONCE)
         chunks.append(found_postures(tree, sight.rows(rows), Prior(first[rows], prior.std), first[rows]))
-        if told is not None:
-            told(min(1.0, (k + _FRAMES_AT_ONCE) / len(time_s)))
-    fields = ("q", "std", "told", "settled", "cost")
+        if progress_of_fit is not None:
+            progress_of_fit(min(1.0, (k + _FRAMES_AT_ONCE) / len(time_s)))
+    fields = ("q", "std", "determined", "settled", "cost")
     found = Found(*(np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in fields))
-    return _begun_anew(tree, sight, prior, found)
+    return _refitted(tree, sight, prior, found)
 
 
 def _anchors(time_s: FloatArray) -> FloatArray:
@@ -140,8 +140,8 @@ def _anchors(time_s: FloatArray) -> FloatArray:
     return np.array(found)
 
 
-def _begun_anew(tree: PointTree, sight: Sight, prior: Prior, found: Found) -> Found:
-    """Frames that fit far worse than usual, or did not settle, are sought again from the nearest good ones."""
+def _refitted(tree: PointTree, sight: Sight, prior: Prior, found: Found) -> Found:
+    """Fit frames with a large residual or without convergence again, starting from the nearest good ones."""
     bad = ~found.settled | (found.cost > _FAR_WORSE * (float(np.median(found.cost)) + 1.0))
     good = np.flatnonzero(~bad)
     rows = np.flatnonzero(bad)
@@ -152,7 +152,7 @@ def _begun_anew(tree: PointTree, sight: Sight, prior: Prior, found: Found) -> Fo
         start = found.q[near]
         again = found_postures(tree, sight.rows(rows), Prior(start, prior.std), start)
         better = again.cost < found.cost[rows]
-        for name in ("q", "std", "told", "settled", "cost"):
+        for name in ("q", "std", "determined", "settled", "cost"):
             getattr(found, name)[rows[better]] = getattr(again, name)[better]
     return found
 
@@ -161,8 +161,8 @@ def _fit(
     tree: PointTree, placed: Markers, sight: Sight, used: tuple[Attachment, ...], found: Found
 ) -> PostureFit:
     residual = placed.position_m - tree.at(found.q)
-    # every direction that is told takes one number away from the residuals
-    free = int(3 * placed.seen.sum()) - int(found.told.sum())
+    # each determined direction removes one degree of freedom of the residuals
+    free = int(3 * placed.seen.sum()) - int(found.determined.sum())
     spent = float(np.nansum((residual * sight.weight[..., None]) ** 2))
     scale = float(np.sqrt(spent / free)) if free > 0 else float("nan")
     return PostureFit(
@@ -170,7 +170,7 @@ def _fit(
         time_s=placed.time_s,
         q=found.q,
         q_std=found.std * (max(1.0, scale) if np.isfinite(scale) else 1.0),
-        determined=found.told & tree.touched,
+        determined=found.determined & tree.touched,
         settled=found.settled,
         attachments=used,
         residual_m=residual,

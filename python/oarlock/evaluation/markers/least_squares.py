@@ -13,19 +13,19 @@ from oarlock.storage.array_gate import FloatArray
 
 _MOST_ROUNDS: Final = 60
 _SETTLED: Final = 1e-12
-"""Step of a round in standard deviations of the prior: below, only rounding moves."""
+"""Smallest step of an iteration in standard deviations of the prior; smaller ones are rounding errors."""
 _LOOSE: Final = 1e-5
-_TOLD: Final = 25.0
-"""Information of a direction against its prior: the data tell it, if they know it five times better."""
+_DETERMINED: Final = 25.0
+"""Smallest information of a determined direction relative to its prior: a standard deviation five times smaller."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """What was seen in some frames.
+    """Visible markers in some frames.
 
     Args:
-        place_m: (T, n, 3), anything where not seen.
-        weight: (T, n) one over the standard deviation in m; 0 where not seen.
+        place_m: (T, n, 3) positions, arbitrary where not visible.
+        weight: (T, n) reciprocal of the standard deviation in m; 0 where not visible.
     """
 
     place_m: FloatArray
@@ -38,7 +38,7 @@ class Sight:
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What is known of a posture before it is seen: mean (T, c) and standard deviation (c,)."""
+    """Prior of a posture: mean (T, c) and standard deviation (c,)."""
 
     mean: FloatArray
     std: FloatArray
@@ -50,38 +50,38 @@ class Found:
 
     Args:
         q: (T, c).
-        std: (T, c) of small steps, from the normal equations, data and prior together.
-        told: (T, c) whether the data tell the coordinate; the prior holds the rest.
-        settled: (T,) whether the search came to an end.
+        std: (T, c) standard deviations of small steps, from the normal equations with data and prior.
+        determined: (T, c) whether the data determine the coordinate; otherwise it follows from the prior.
+        settled: (T,) whether the iteration converged.
         cost: (T,) sum of the squared residuals in standard deviations.
     """
 
     q: FloatArray
     std: FloatArray
-    told: Bools
+    determined: Bools
     settled: Bools
     cost: FloatArray
 
 
 def found_postures(tree: PointTree, sight: Sight, prior: Prior, start: FloatArray) -> Found:
-    """The postures that fit best what was seen; where that tells nothing, nearest to the prior.
+    """The postures that fit the markers best; undetermined directions stay nearest to the prior.
 
-    First Levenberg and Marquardt with the prior, which no posture can fail; then Gauss and Newton without it, in the
-    directions that the data tell: so the prior leaves no bias in them, and exact data are met exactly.
+    Levenberg-Marquardt with the prior comes first and always converges. Gauss-Newton without the prior follows, in the
+    determined directions only. So the prior causes no bias in them, and exact data give exact postures.
     """
     q = with_prior(tree, sight, prior, start, _LOOSE)
     q, settled = _without_prior(tree, sight, prior, q)
     residual, size, shapes = _directions(tree, sight, prior, q)
-    told = size > _TOLD
+    determined = size > _DETERMINED
     variance = np.einsum("tck,tk->tc", shapes**2, 1.0 / (np.maximum(size, 0.0) + 1.0))
-    untold_share = np.einsum("tck,tk->tc", shapes**2, 1.0 - told)
-    return Found(q, prior.std * np.sqrt(variance), untold_share < 0.01, settled, _square(residual))
+    undetermined_share = np.einsum("tck,tk->tc", shapes**2, 1.0 - determined)
+    return Found(q, prior.std * np.sqrt(variance), undetermined_share < 0.01, settled, _square(residual))
 
 
 def with_prior(
     tree: PointTree, sight: Sight, prior: Prior, start: FloatArray, tolerance: float = _LOOSE
 ) -> FloatArray:
-    """Postures (T, c) of least cost, residuals and distance from the prior together."""
+    """Postures (T, c) that minimise the squares of residuals and of deviations from the prior."""
     q, damping = np.array(start), np.full(len(start), 1e-3)
     cost = _cost(tree, sight, prior, q)
     active = np.ones(len(q), dtype=bool)
@@ -112,7 +112,7 @@ def with_prior(
 def _without_prior(
     tree: PointTree, sight: Sight, prior: Prior, start: FloatArray
 ) -> tuple[FloatArray, Bools]:
-    """Gauss and Newton in the directions that the data tell; a round that makes the fit worse is halved, then left."""
+    """Gauss-Newton in the determined directions. A step that makes the fit worse is halved; if that fails it ends."""
     q = np.array(start)
     active = np.ones(len(q), dtype=bool)
     settled = np.zeros(len(q), dtype=bool)
@@ -124,13 +124,13 @@ def _without_prior(
         residual, slopes = _linear(tree, near, here, q[rows])
         size, shapes = np.linalg.eigh(np.einsum("trc,trd->tcd", slopes, slopes))
         pull = np.einsum("trc,tr->tc", slopes, residual)
-        along = np.einsum("tck,tc->tk", shapes, pull) * (size > _TOLD) / np.maximum(size, _TOLD)
+        along = np.einsum("tck,tc->tk", shapes, pull) * (size > _DETERMINED) / np.maximum(size, _DETERMINED)
         step = np.einsum("tck,tk->tc", shapes, along)
         before = _square(residual)
         better, tried = _halved(tree, near, here, q[rows], step, before)
         q[rows[better]] = tried[better]
         small = np.abs(step).max(axis=1) < _SETTLED
-        # no step, however short, makes the fit better: rounding is all that is left
+        # no step improves the fit any more: only rounding errors remain
         stuck = ~better
         settled[rows[small | (stuck & (np.abs(step).max(axis=1) < _LOOSE))]] = True
         active[rows[small | stuck]] = False
@@ -162,7 +162,7 @@ def _directions(
 
 
 def _linear(tree: PointTree, sight: Sight, prior: Prior, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Residuals (T, 3 n) in standard deviations, and slopes (T, 3 n, c) by steps in those of the prior."""
+    """Residuals (T, 3 n) in standard deviations, and derivatives (T, 3 n, c) by steps in those of the prior."""
     places, slopes = tree.with_slopes(q)
     weight = sight.weight[..., None]
     residual = np.where(weight > 0.0, sight.place_m - places, 0.0) * weight

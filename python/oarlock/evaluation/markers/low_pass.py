@@ -15,7 +15,7 @@ from oarlock.storage.errors import DataError
 
 _FEWEST_FRAMES_A_PERIOD: Final = 2.5
 _MOST_JITTER: Final = 0.25
-"""Of a step against the usual one: stamps rounded to milliseconds stay below, a dropped frame does not."""
+"""Largest relative deviation of a time step: time stamps rounded to milliseconds stay below, a lost frame does not."""
 
 
 @overload
@@ -31,21 +31,22 @@ def low_pass(
 ) -> Markers | FilledMarkers:
     """Butterworth low-pass, forward and backward: no delay.
 
-    Each stretch between gaps is filtered alone, so nothing leaks across; a marker seen in a single frame stays as it
-    is. The ends of a stretch are continued by odd reflection over one period of the cut-off, or as much as there is.
+    Each stretch between gaps is filtered separately; a marker that is visible in a single frame stays unchanged. The
+    ends of a stretch are extended by odd reflection over one period of the cut-off, or over the length of the stretch.
 
     Args:
-        markers: evenly sampled; NaN where not seen. Fill short gaps first: what `fill_gaps` gives may stand here too,
-            and comes back with its markers filtered.
-        cutoff_hz: where the amplitude falls to 1/sqrt(2) after both passes, Hz.
-        order: of the whole, even: each pass has half of it, and a design cut-off that is higher than `cutoff_hz` by
-            the factor (sqrt(2) - 1)^(-1 / order), 1.25 at order 4, which the second pass takes back.
+        markers: evenly sampled; NaN where not visible. Fill short gaps first: a result of `fill_gaps` is accepted and
+            is returned with filtered markers.
+        cutoff_hz: frequency at which the amplitude falls to 1/sqrt(2) after both passes, Hz.
+        order: order of both passes together, even. Each pass has half of it. The cut-off of one pass is higher than
+            `cutoff_hz` by the factor (sqrt(2) - 1)^(-1 / order), 1.25 at order 4, so that both together have
+            `cutoff_hz`.
 
     Source: D. A. Winter 2009, "Biomechanics and Motor Control of Human Movement", section 3.4.4.2 (factor of two
     passes); bilinear transform with the frequencies warped.
 
     Raises:
-        DataError: fewer than 2.5 frames a period of the cut-off, uneven stamps, or an order that is not even.
+        DataError: fewer than 2.5 frames per period of the cut-off, uneven time stamps, or an odd order.
     """
     if isinstance(markers, FilledMarkers):
         return replace(markers, markers=low_pass(markers.markers, cutoff_hz, order))
@@ -53,11 +54,11 @@ def low_pass(
     if not (cutoff_hz > 0.0 and np.isfinite(cutoff_hz)):
         raise DataError(f"low_pass: cutoff_hz = {cutoff_hz}; expected a positive number of Hz")
     if order < 2 or order % 2:
-        raise DataError(f"low_pass: order = {order}; expected 2, 4, 6 ...: half of it a pass")
+        raise DataError(f"low_pass: order = {order}; expected 2, 4, 6 ...: each pass has half of it")
     if not rate_hz >= _FEWEST_FRAMES_A_PERIOD * cutoff_hz:
         raise DataError(
-            f"low_pass: {rate_hz:.4g} frames/s are too few for a cut-off of {cutoff_hz:g} Hz; it takes "
-            f"{_FEWEST_FRAMES_A_PERIOD:g} a period. Lower the cut-off to "
+            f"low_pass: {rate_hz:.4g} frames/s are too few for a cut-off of {cutoff_hz:g} Hz; it needs "
+            f"{_FEWEST_FRAMES_A_PERIOD:g} per period. Lower the cut-off to "
             f"{rate_hz / _FEWEST_FRAMES_A_PERIOD:.3g} Hz or less."
         )
     _check_even(markers.time_s)
@@ -73,7 +74,7 @@ def low_pass(
 
 
 def _sections(cutoff_hz: float, rate_hz: float, order: int) -> FloatArray:
-    """One pass, made so that two of them have the cut-off that is asked for."""
+    """Coefficients of one pass; two passes together have the requested cut-off."""
     twice = (np.sqrt(2.0) - 1.0) ** (-1.0 / order)
     warped = np.arctan(np.tan(np.pi * cutoff_hz / rate_hz) * twice) / np.pi * rate_hz
     return np.asarray(butter(order // 2, warped, fs=rate_hz, output="sos"))
@@ -86,5 +87,5 @@ def _check_even(time_s: FloatArray) -> None:
     if off.size:
         raise DataError(
             f"low_pass: frames are {steps[off[0]]:.4g} s apart at {time_s[off[0]]:.4g} s, {usual:.4g} s elsewhere "
-            f"({off.size} such places); a filter needs even stamps. Put frames of NaN where some are missing."
+            f"({off.size} such places); a filter needs even time stamps. Insert frames of NaN where some are missing."
         )

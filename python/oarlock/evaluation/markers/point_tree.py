@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 class PointTree:
     """Points fixed to frames of a model.
 
-    Coordinates change by small steps: hinges, slides and places add, a rotation R becomes R Exp(e) with e in the
-    child's axes, so no posture of a ball is singular.
+    Coordinates change by small steps: steps of hinges, slides and positions are added; a rotation R becomes R Exp(e)
+    with e in the child's axes, so no posture of a ball joint is singular.
 
     Args:
         model: the tree.
-        attachments: points on it, in this order.
-        lengths_m: (n_lengths,) in the order of `model.length_names`; None are the model's.
+        attachments: the points on it, in this order.
+        lengths_m: (n_lengths,) in the order of `model.length_names`; None uses the model's.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class PointTree:
 
     @property
     def touched(self) -> Bools:
-        """Which coordinates move any point, (n_coordinates,)."""
+        """Coordinates that move at least one point, (n_coordinates,)."""
         described = self.model.describe()
         coordinates = {joint["name"]: joint["coordinates"] for joint in described["joints"]}
         frames = {frame["name"]: frame for frame in described["frames"]}
@@ -85,7 +85,7 @@ class PointTree:
         return np.asarray(self.model.forward_kinematics(q, self.lengths_m))
 
     def _placed(self, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Points from their frames' origins and from the root's, root axes."""
+        """Positions of the points relative to their frames' origins and to the root, in root axes."""
         carriers = poses[:, self._frames]
         arms = np.einsum("tnij,nj->tni", carriers[..., :3, :3], self._points)
         return arms, np.asarray(arms + carriers[..., :3, 3])

@@ -25,20 +25,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class PostureFit:
-    """Joint values over time that `inverse_kinematics` found.
+    """Result of `inverse_kinematics`: joint values over time.
 
     Args:
-        model: what was fitted.
+        model: the fitted model.
         time_s: (T,) stamps of the markers, s.
-        q: (T, n_coordinates) in the model's order, rad or m; finite everywhere: what the markers do not determine stays
-            near its neighbours or in the middle of its soft limits.
-        q_std: standard deviations by the normal equations with the attachments' `std_m`, enlarged where the residuals
-            are larger than these say; of a rotation, of the error about the child's axes.
-        determined: (T, n_coordinates) whether the markers of that frame tell the coordinate at least five times
+        q: (T, n_coordinates) in the model's order, rad or m; always finite: undetermined coordinates stay near their
+            neighbours or in the middle of their soft limits.
+        q_std: standard deviations from the normal equations with the attachments' `std_m`, enlarged if the residuals
+            are larger; for a rotation, those of the error about the child's axes.
+        determined: (T, n_coordinates) whether the markers of that frame determine the coordinate at least five times
             better than its soft limits do.
-        settled: (T,) whether the search came to an end.
-        attachments: those that were used.
-        residual_m: (T, n, 3) marker minus model point, root axes, m; NaN where not seen.
+        settled: (T,) whether the iteration converged.
+        attachments: the attachments that were used.
+        residual_m: (T, n, 3) marker minus model point, root axes, m; NaN where not visible.
         noise_scale: root mean square of the residuals in their standard deviations; 1 if `std_m` are right.
     """
 
@@ -59,7 +59,7 @@ class PostureFit:
 
     @property
     def rmse_m(self) -> dict[str, float]:
-        """Root mean square distance of each marker from its point on the model, m; NaN if never seen."""
+        """Root mean square distance of each marker from its point on the model, m; NaN if never visible."""
         squares = np.sum(self.residual_m**2, axis=2)
         seen = np.isfinite(squares)
         count = np.maximum(seen.sum(axis=0), 1)
@@ -68,7 +68,7 @@ class PostureFit:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a user has to know: joints that are not determined, never or at times; frames that did not settle."""
+        """Notes on joints that are undetermined, always or at times, and on frames without convergence."""
         never = [
             name for name, d in zip(self.coordinate_names, self.determined.T, strict=True) if not d.any()
         ]
@@ -81,19 +81,20 @@ class PostureFit:
         if not self.settled.all():
             where = self._where(~self.settled)
             found.append(
-                f"the search did not settle in {int((~self.settled).sum())} of {len(self.settled)} frames{where}"
+                f"no convergence in {int((~self.settled).sum())} of {len(self.settled)} frames{where}"
             )
         return tuple(found)
 
     def motion(self, longest_s: float = 0.2) -> Motion:
-        """A motion to simulate sensors on. It runs through the frames as they are: filter the markers first.
+        """A motion for simulated sensors. It interpolates the frames unchanged: filter the markers first.
 
         Args:
-            longest_s: stretches up to this length in which a coordinate is not determined are bridged by a spline.
-                Where a coordinate is never determined its values are those of `q`.
+            longest_s: stretches up to this length in which a coordinate is undetermined are bridged by a spline, s.
+                A coordinate that is never determined has the values of `q`.
 
         Raises:
-            DataError: a coordinate is lost for longer, or at an end; says which and when. Cut the markers there.
+            DataError: a coordinate is undetermined for longer, or at an end; the message says which and when. Cut the
+            markers there.
         """
         q = np.array(self.q)
         for part in parts(self.coordinate_names):
@@ -112,7 +113,7 @@ class PostureFit:
         return Motion(self.coordinate_names, self.time_s, q)
 
     def track(self) -> Track:
-        """The values as a `Track`, NaN where not determined, to be evaluated against another or shown."""
+        """The values as a `Track`, NaN where undetermined, for evaluation or display."""
         q = np.where(self.determined, self.q, np.nan)
         provenance: dict[str, Any] = {
             "oarlock": _core.__version__,
@@ -123,16 +124,16 @@ class PostureFit:
         return track_without_filter(self.model, self.time_s, q, provenance=provenance)
 
     def rows(self) -> tuple[dict[str, Any], ...]:
-        """One row a coordinate, in deg or mm: range, median standard deviation, share of frames determined."""
+        """One row for each coordinate, in deg or mm: range, median standard deviation, share of determined frames."""
         found = []
         units = coordinate_units(self.model)
         for k, name in enumerate(self.coordinate_names):
-            told = self.determined[:, k]
+            determined = self.determined[:, k]
             factor, unit = (180.0 / np.pi, "deg") if units[k] == "rad" else (1e3, "mm")
-            q, std = factor * self.q[told, k], factor * self.q_std[told, k]
-            low, high = (float(q.min()), float(q.max())) if told.any() else (np.nan, np.nan)
-            middle = float(np.median(std)) if told.any() else np.nan
-            share = float(told.mean())
+            q, std = factor * self.q[determined, k], factor * self.q_std[determined, k]
+            low, high = (float(q.min()), float(q.max())) if determined.any() else (np.nan, np.nan)
+            middle = float(np.median(std)) if determined.any() else np.nan
+            share = float(determined.mean())
             found.append(
                 {
                     "joint": name,
@@ -153,7 +154,7 @@ class PostureFit:
                 raise DataError(
                     f"motion from markers: {name} is not determined from {start:.3f} to {self.time_s[last - 1]:.3f} s"
                     + (", at an end of the trial" if at_end else f", which is longer than {longest_s:g} s")
-                    + ". Cut the markers to a stretch in which it is (between), or attach more markers."
+                    + ". Cut the markers to a stretch in which it is determined (between), or attach more markers."
                 )
 
     def _where(self, rows: Bools) -> str:

@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class MarkerStudy:
-    """Virtual sensors on a measured movement, and what led to them.
+    """Simulated sensors on a measured movement, with the intermediate results.
 
     Args:
-        filled: the markers with their gaps, before the filter.
-        markers: what the postures were fitted to: filled, filtered, in root axes.
+        filled: the markers after filling of gaps, before the low-pass filter.
+        markers: the markers to which the postures were fitted: filled, filtered, in root axes.
         fit: the postures.
         truth: the movement as a track.
-        recording: what the model's sensors would have measured.
+        recording: the simulated readings of the model's sensors.
     """
 
     filled: FilledMarkers
@@ -71,30 +71,30 @@ def simulate_from_markers(
     accel_bias_m_s2: Mapping[str, Any] | float = 0.0,
     progress: Callable[[float], object] | None = None,
 ) -> MarkerStudy:
-    """What inertial units would have measured while the markers were recorded: section 4.1 of the published method.
+    """Simulate inertial units on a movement recorded with markers, after section 4.1 of the paper.
 
-    Gaps up to `longest_s` are filled by splines, positions filtered at `cutoff_hz` without delay, joint values fitted
-    on the model's tree, and the model's sensors simulated on the resulting movement with noise and biases. The truth
-    is the fitted movement: what the fit got wrong about the person is not in the errors of a track.
+    Gaps up to `longest_s` are filled by splines, positions are filtered at `cutoff_hz` without delay, joint values are
+    fitted on the model's tree, and the model's sensors are simulated on this movement with noise and biases. The ground
+    truth is the fitted movement, so errors of the fit are not part of a track's errors.
 
     Args:
         model: with the person's lengths and the sensors to be simulated.
-        markers: of the session; those that are not attached are passed over.
-        attachments: where markers sit on the model.
-        longest_s: of a gap that is filled, and of a stretch without enough markers that is bridged, s.
-        cutoff_hz: of the low-pass; None leaves the positions as they are.
-        root_from_markers: as `inverse_kinematics`; `start_q` too.
-        start_q: a posture near the one where the search begins.
-        sensors: as `oarlock.simulate`, like those that follow.
-        seed: of the noise.
-        rate_hz: of the sensors.
-        noise: white noise as the model says, none, or by sensor.
-        gyro_bias_rad_s: of all units, or by name.
-        accel_bias_m_s2: of all units, or by name.
-        progress: told the share that is done, 0 to 1.
+        markers: the recorded markers; those without attachment are ignored.
+        attachments: positions of the markers on the model.
+        longest_s: longest gap that is filled, and longest stretch without enough markers that is bridged, s.
+        cutoff_hz: cut-off of the low-pass filter, Hz; None does not filter.
+        root_from_markers: as for `inverse_kinematics`.
+        start_q: as for `inverse_kinematics`.
+        sensors: as for `oarlock.simulate`, as are the following arguments.
+        seed: seed of the noise.
+        rate_hz: sampling rate of the sensors, Hz.
+        noise: white noise of the model file, none, or standard deviations by sensor.
+        gyro_bias_rad_s: bias of all units, or by name.
+        accel_bias_m_s2: bias of all units, or by name.
+        progress: called regularly with the share done, 0 to 1.
 
     Raises:
-        DataError: as the functions that it calls; a joint that the markers lose for longer than `longest_s`.
+        DataError: as in the functions that it calls; or a joint is undetermined for longer than `longest_s`.
     """
     wanted = [a.marker for a in attachments_of(attachments) if a.marker in markers.names]
     filled = fill_gaps(markers.select(wanted) if wanted else markers, longest_s)

@@ -9,16 +9,16 @@ import numpy as np
 from oarlock.storage.array_gate import FloatArray
 
 _SHARES: Final = np.logspace(-13, 3, 97)
-"""Of noise variance in the largest variance of the spline's shapes: from rounding to a plain parabola."""
+"""Range of the noise variance relative to the largest variance of the spline: from rounding errors to a parabola."""
 
 
 def smoothed_at(time_s: FloatArray, value: FloatArray, at_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The smoothing spline through (T, c) noisy values, read at other stamps: (N, c), and its standard deviation (N,).
 
-    It minimises the squared distance to the points plus a multiple of the integral of its squared third derivative:
-    the best estimate of a path that white jerk drives and white noise blurs. One multiple serves all columns; it is
-    the one of greatest restricted likelihood, so smooth exact points are met and noisy ones passed between. The
-    deviation is that of the estimate in this picture, with the jerk that the points show.
+    It minimises the squared distance to the points plus a multiple of the integral of its squared third derivative.
+    This is the best estimate of a path with white jerk that is measured with white noise. The multiple is the same for
+    all columns and maximises the restricted likelihood, so the spline meets exact points and passes between noisy ones.
+    The standard deviation is that of this estimate.
 
     Source: G. Wahba 1985, "A comparison of GCV and GML for choosing the smoothing parameter in the generalized spline
     smoothing problem", Annals of Statistics 13; the random path: G. Wahba 1978, J. R. Statist. Soc. B 40.
@@ -26,7 +26,7 @@ def smoothed_at(time_s: FloatArray, value: FloatArray, at_s: FloatArray) -> tupl
     Args:
         time_s: (T,) stamps, increasing, at least 4.
         value: (T, c).
-        at_s: (N,) stamps inside the range.
+        at_s: (N,) time stamps inside the range.
     """
     origin, span = time_s[0], time_s[-1] - time_s[0]
     t, at = (time_s - origin) / span, (at_s - origin) / span
@@ -35,7 +35,7 @@ def smoothed_at(time_s: FloatArray, value: FloatArray, at_s: FloatArray) -> tupl
     size, shapes = np.linalg.eigh(rest.T @ kernel @ rest)
     heights = shapes.T @ rest.T @ (value - level)
     noise = _noise(size, heights)
-    # what every point contributes to every reading
+    # weight of each point in each interpolated value
     bend = rest @ shapes @ ((shapes.T @ rest.T) / (size + noise)[:, None])
     bent = (kernel + noise * np.eye(len(t))) @ bend
     trend = np.linalg.solve(own.T @ _parabola(t), own.T @ (np.eye(len(t)) - bent))
@@ -59,7 +59,7 @@ def _kernel(t: FloatArray, s: FloatArray) -> FloatArray:
 
 
 def _noise(size: FloatArray, heights: FloatArray) -> float:
-    """The noise's variance against the kernel, of greatest restricted likelihood."""
+    """The noise variance relative to the kernel that maximises the restricted likelihood."""
     candidates = _SHARES * float(size.max())
     total = np.maximum(size, 0.0) + candidates[:, None]
     squares = (np.sum(heights**2, axis=1) / total).sum(axis=1)

@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from oarlock._core import Model
 
 ANCHOR_S: Final = 0.1
-"""From one posture that starts a search to the next: limbs turn by less than a right angle meanwhile."""
+"""Time between two frames that are solved one after the other, s: limbs rotate by less than a right angle meanwhile."""
 _TRIES: Final = 48
 _PLACE_STD_M: Final = 10.0
-"""Of a free joint in a laboratory."""
+"""Standard deviation of the position of a free joint in a laboratory, m."""
 
 
 def body_prior(model: Model) -> tuple[FloatArray, FloatArray]:
@@ -40,9 +40,9 @@ def body_prior(model: Model) -> tuple[FloatArray, FloatArray]:
 
 
 def first_posture(tree: PointTree, sight: Sight, prior: Prior, given: FloatArray | None) -> FloatArray:
-    """The best of many searches in one frame, (1, c): one from the prior's mean, others around it.
+    """The best of many fits of one frame, (1, c): one starts at the prior's mean, others around it.
 
-    Tries are the same in every run: they come from a seed of their own.
+    The start postures are the same in every run because their seed is fixed.
     """
     if given is not None:
         return with_prior(tree, sight, prior, given[None])
@@ -67,11 +67,11 @@ def anchor_postures(
     prior: Prior,
     frames: Any,
     given: FloatArray | None,
-    told: Callable[[float], object] | None,
+    progress: Callable[[float], object] | None,
 ) -> FloatArray:
-    """Postures (A, c) of some frames, each sought from its neighbour's, beginning where most markers are seen.
+    """Postures (A, c) of some frames, each fitted from its neighbour's, beginning with the most visible markers.
 
-    What a frame does not tell stays as its neighbour had it: the prior's mean goes along.
+    The prior's mean is the neighbour's posture, so undetermined directions keep its values.
     """
     seen = (sight.weight[frames] > 0.0).sum(axis=1)
     seed = int(np.argmax(seen))
@@ -87,13 +87,13 @@ def anchor_postures(
             here = with_prior(tree, rows.rows(slice(k, k + 1)), Prior(here, prior.std), here)
             q[k] = here[0]
             done += 1
-            if told is not None:
-                told(done / len(frames))
+            if progress is not None:
+                progress(done / len(frames))
     return q
 
 
 def between_anchors(tree: PointTree, at_s: FloatArray, anchors_s: FloatArray, q: FloatArray) -> FloatArray:
-    """Postures (T, c) at all stamps: on straight lines between the anchors, rotations on the shorter way."""
+    """Postures (T, c) at all time stamps, interpolated linearly between the anchors; rotations take the shorter way."""
     found = np.stack([np.interp(at_s, anchors_s, q[:, k]) for k in range(q.shape[1])], axis=1)
     for columns in tree.rotations:
         quat = continuous_quat(quat_from_rotvec(q[:, columns]))
@@ -103,7 +103,7 @@ def between_anchors(tree: PointTree, at_s: FloatArray, anchors_s: FloatArray, q:
 
 
 def _placed_mean(tree: PointTree, sight: Sight, prior: Prior) -> FloatArray:
-    """The prior's mean (1, c), free joints of the root moved to where the markers are."""
+    """The prior's mean (1, c), with free joints of the root moved to the markers."""
     mean = np.array(prior.mean[:1])
     places = np.where(sight.weight[..., None] > 0.0, sight.place_m, np.nan)
     offset = np.nanmean(places - tree.at(mean), axis=(0, 1)) if np.isfinite(places).any() else np.zeros(3)
@@ -115,7 +115,7 @@ def _placed_mean(tree: PointTree, sight: Sight, prior: Prior) -> FloatArray:
     for k in free[:1]:
         _, slopes = tree.with_slopes(mean)
         seen = sight.weight[0] > 0.0
-        # where the free joint carries everything, its axes in root axes are the slopes of any point
+        # the derivatives of any point are the axes of the free joint, in root axes
         axes = slopes[0, int(np.argmax(seen))][:, k : k + 3]
         if np.linalg.norm(axes) > 0.0:
             mean[0, k : k + 3] += axes.T @ offset

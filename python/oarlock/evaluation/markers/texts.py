@@ -19,11 +19,11 @@ _LABELS = (
 
 
 def frame_rate_hz(time_s: FloatArray) -> float:
-    """Frames per second; NaN of a single frame. Where frames are missing, one over the median step."""
+    """Frames per second; NaN for a single frame. If frames are missing, the reciprocal of the median step."""
     if len(time_s) < 2:
         return float("nan")
     steps = np.diff(time_s)
-    # the mean undoes stamps that were rounded to milliseconds
+    # the mean removes the rounding of time stamps to milliseconds
     usual = float(np.median(steps))
     step = steps.mean() if steps.max() < 1.5 * usual else usual
     return 1.0 / float(step)
@@ -35,11 +35,11 @@ def trc_text(
     """The file's text, in m or another unit of length, every number with all its digits.
 
     Raises:
-        DataError: a name holds a tab or an end of line.
+        DataError: a name contains a tab or an end of line.
     """
     for name in names:
         if any(mark in name for mark in "\t\r\n"):
-            raise DataError(f"{file}: the marker's name {name!r} holds a tab or an end of line; rename it")
+            raise DataError(f"{file}: the marker's name {name!r} contains a tab or an end of line; rename it")
     rate = repr(frame_rate_hz(time_s)) if len(time_s) > 1 else "1.0"
     count, frames = len(names), len(time_s)
     lines = [
@@ -58,12 +58,12 @@ def trc_text(
 
 
 def csv_text(names: Sequence[str], time_s: FloatArray, position_m: FloatArray, file: Path) -> str:
-    """The file's text, in m, every number with all its digits; an empty cell where a marker was not seen."""
+    """The file's text, in m, every number with all its digits; an empty cell where a marker was not visible."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     for name in names:
         if any(mark in name for mark in "\r\n"):
-            raise DataError(f"{file}: the marker's name {name!r} holds an end of line; rename it")
+            raise DataError(f"{file}: the marker's name {name!r} contains an end of line; rename it")
     writer.writerow(["time_s", *(f"{name}_{axis}_m" for name in names for axis in "xyz")])
     for stamp_s, row in zip(time_s, position_m.reshape(len(time_s), -1), strict=True):
         writer.writerow([repr(float(stamp_s)), *("" if np.isnan(v) else repr(float(v)) for v in row)])

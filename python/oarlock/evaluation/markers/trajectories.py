@@ -21,7 +21,7 @@ Bools = NDArray[np.bool_]
 NamedAxes = Literal["y-up-from-z-up", "z-up-from-y-up"]
 
 ROTATION_TOLERANCE: Final = 1e-6
-"""Of R'R = 1: a matrix typed with six digits is a rotation, one with a scale or a mirror in it is none."""
+"""Tolerance of R'R = 1: it accepts matrices with six digits, and rejects scales and reflections."""
 
 _NAMED_AXES: Mapping[str, tuple[tuple[float, ...], ...]] = MappingProxyType(
     {
@@ -33,17 +33,17 @@ _NAMED_AXES: Mapping[str, tuple[tuple[float, ...], ...]] = MappingProxyType(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Markers:
-    """Trajectories of optical markers. Never changes; what alters them gives others.
+    """Trajectories of optical markers. Immutable: methods return new objects.
 
     Args:
-        names: of the markers, each once.
-        time_s: (T,) strictly increasing stamps, s.
-        position_m: (T, n, 3) in the axes of the measuring system (or whatever they were turned to), m; NaN where a
-            marker was not seen.
+        names: names of the markers, each once.
+        time_s: (T,) strictly increasing time stamps, s.
+        position_m: (T, n, 3) in the axes of the measuring system (or those after `turned`), m; NaN where a marker was
+            not visible.
 
     Raises:
-        DataError: another shape, stamps out of order, a name that is empty or comes twice, an infinite value, or a
-            marker that has some of its three coordinates at an instant and lacks others.
+        DataError: a wrong shape, time stamps out of order, a name that is empty or occurs twice, an infinite value, or
+            a marker with only some of its three coordinates at an instant.
     """
 
     names: tuple[str, ...]
@@ -83,24 +83,24 @@ class Markers:
 
     @property
     def rate_hz(self) -> float:
-        """Frames per second; NaN of a single frame. Where frames are missing, one over the median step."""
+        """Frames per second; NaN for a single frame. If frames are missing, the reciprocal of the median step."""
         return frame_rate_hz(self.time_s)
 
     @property
     def seen(self) -> Bools:
-        """Whether a marker was seen, (T, n)."""
+        """Whether a marker was visible, (T, n)."""
         there: Bools = np.isfinite(self.position_m[:, :, 0])
         return there
 
     @property
     def middle_m(self) -> FloatArray:
-        """Mean place of each marker, (n, 3), m; NaN if never seen."""
+        """Mean position of each marker, (n, 3), m; NaN if never visible."""
         count = self.seen.sum(axis=0)[:, None]
         total = np.where(self.seen[:, :, None], self.position_m, 0.0).sum(axis=0)
         return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
     def index(self, name: str) -> int:
-        """Place of a marker among the names.
+        """Index of a marker among the names.
 
         Raises:
             DataError: there is none of this name.
@@ -110,7 +110,7 @@ class Markers:
         return self.names.index(name)
 
     def select(self, names: Iterable[str] | Mapping[str, str]) -> Markers:
-        """Some of the markers, in the order asked for; a mapping `{name here: new name}` renames them.
+        """Some of the markers, in the given order; a mapping `{name here: new name}` renames them.
 
         Raises:
             DataError: there is no marker of a name.
@@ -137,8 +137,8 @@ class Markers:
         """The same points in other axes.
 
         Args:
-            axes: rotation (3, 3) that takes coordinates here to the wanted ones, or by name `y-up-from-z-up`
-                (x stays, z becomes y) or `z-up-from-y-up`.
+            axes: rotation (3, 3) from the present to the new coordinates, or a name: `y-up-from-z-up` (x stays, z
+                becomes y) or `z-up-from-y-up`.
 
         Raises:
             DataError: an unknown name, or a matrix that is no rotation.
@@ -149,17 +149,17 @@ class Markers:
         """The same points after a rigid displacement (4, 4).
 
         Raises:
-            DataError: the matrix is no rigid displacement.
+            DataError: the matrix is not a rigid displacement.
         """
         pose = real_array(wanted_from_here, (4, 4), "markers, wanted_from_here")
         rotation = rotation_of(pose[:3, :3])
         return Markers(self.names, self.time_s, self.position_m @ rotation.T + pose[:3, 3])
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write a `.trc` or `.csv` file in m; what is read back is equal to the last bit.
+        """Write a `.trc` or `.csv` file in m; reading it gives the same bits.
 
         Raises:
-            DataError: another ending, or the file cannot be written.
+            DataError: another file extension, or the file cannot be written.
         """
         file = Path(path)
         writers = {".trc": trc_text, ".csv": csv_text}
@@ -173,7 +173,7 @@ class Markers:
 
 
 def rotation_of(axes: NamedAxes | ArrayLike) -> FloatArray:
-    """The rotation (3, 3) that a name or a matrix stands for.
+    """The rotation (3, 3) for a name or a matrix.
 
     Raises:
         DataError: an unknown name, or a matrix that is no rotation.

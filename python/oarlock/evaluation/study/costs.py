@@ -20,9 +20,9 @@ from oarlock.evaluation.study.sweeps import NO_FAULT, USUAL_SETTING, FaultSweep
 Floats = NDArray[np.float64]
 
 LOST_DEG = 30.0
-"""A posture that is wrong by more than this on average is none: the run counts as lost, as one that ended early."""
+"""Mean error above which a run counts as lost, like a run that ended early."""
 NOTICED_DEG, NOTICED_SHARE = 0.01, 0.1
-"""Less than both, of an angle and of the error without a fault, is nothing that seeds would not do too."""
+"""An increase below both (in deg; as a share of the error without a fault) is within the variation of the seeds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,9 +30,9 @@ class Dose:
     """One fault at one strength under one setting; (S,) over the seeds.
 
     Args:
-        fault: what is swept; None without a fault.
-        index: which strength.
-        setting: of the filter.
+        fault: the fault; None for the run without a fault.
+        index: index of the strength.
+        setting: the filter setting.
         error_deg: mean RMSE of the angles; infinite where the run failed.
         clean_deg: the same without the fault.
         place_mm: mean RMSE of the scored positions; NaN where none are scored or the run failed.
@@ -56,7 +56,7 @@ class Dose:
 
     @property
     def median_deg(self) -> float:
-        """Over all seeds; infinite where half of them failed."""
+        """Median over all seeds; infinite if half of them failed."""
         return float(np.median(self.error_deg))
 
     @property
@@ -66,23 +66,23 @@ class Dose:
 
     @property
     def cost_deg(self) -> float:
-        """Median over the seeds of what the fault adds."""
+        """Median over the seeds of the increase by the fault."""
         with np.errstate(invalid="ignore"):
             return float(np.median(np.nan_to_num(self.error_deg - self.clean_deg, nan=math.inf)))
 
     @property
     def place_cost_mm(self) -> float:
-        """Median over the seeds of what the fault adds to the scored positions; NaN where none are."""
+        """The same for the scored positions; NaN without scored positions."""
         return middle(self.place_mm - self.clean_place_mm)
 
     @property
     def lost(self) -> int:
-        """Seeds that failed, or whose posture is none."""
+        """Number of seeds that failed or were lost."""
         return int(np.sum(self.error_deg > LOST_DEG))
 
     @property
     def noticed(self) -> bool:
-        """Whether the fault can be told from none."""
+        """Whether the fault has a measurable effect."""
         return self.lost > 0 or self.cost_deg > max(
             NOTICED_DEG, NOTICED_SHARE * float(np.median(self.clean_deg))
         )
@@ -139,7 +139,7 @@ def doses(study: Study, rows: Sequence[Row]) -> tuple[Dose, ...]:
 
 
 def ranked(found: Sequence[Dose]) -> list[FaultSweep]:
-    """Faults by what their usual strength costs the first setting, the dearest first."""
+    """Faults by the increase at their typical strength in the first setting, the largest first."""
     setting = found[0].setting if found else USUAL_SETTING
     usual = [d for d in found if d.fault and d.setting == setting and d.index == d.fault.usual_index]
     usual.sort(key=lambda dose: -dose.cost_deg)
@@ -147,13 +147,13 @@ def ranked(found: Sequence[Dose]) -> list[FaultSweep]:
 
 
 def middle(values: Floats) -> float:
-    """Median of what is there; NaN of nothing."""
+    """Median of the finite values; NaN without any."""
     there = values[np.isfinite(values)]
     return float(np.median(there)) if len(there) else math.nan
 
 
 def save_costs(study: Study, rows: Sequence[Row], folder: Path) -> None:
-    """Write what faults cost as faults.csv, faults.parquet and faults.json; what is lost has no number there."""
+    """Write the increases as faults.csv, faults.parquet and faults.json; lost runs have no number."""
     costs = [dose.row() for dose in doses(study, rows)]
     write_rows(costs, folder / "faults")
     plain = [{name: null_if_nan(value) for name, value in row.items()} for row in costs]

@@ -64,7 +64,7 @@ def _stream(stream: Stream, values: Mapping[str, Value], seed: int) -> Stream | 
     inertial = isinstance(stream, ImuStream)
 
     def of(key: str, usual: float) -> float:
-        """A number without a name is meant for inertial units, but for thinning."""
+        """A number without a name applies to inertial units; for thinning it applies to all streams."""
         value = values[key]
         if not isinstance(value, Mapping) and not inertial and key != "keep_every":
             return usual
@@ -92,6 +92,6 @@ def _stream(stream: Stream, values: Mapping[str, Value], seed: int) -> Stream | 
 
 
 def _lost(count: int, share: float, together: int, random: np.random.Generator) -> np.ndarray:
-    """Which of so many samples are lost (count,), in packets."""
+    """Mask of the lost samples, (count,), in whole packets."""
     packets = random.random(-(-count // together)) < share
     return np.repeat(packets, together)[:count]

@@ -12,24 +12,24 @@ from oarlock.storage.suggest import did_you_mean
 
 Value: TypeAlias = object
 ONE = "one"
-"""In place of a stream's name: one inertial unit, another one for each seed."""
+"""Used instead of a stream's name: one inertial unit, a different one for each seed."""
 Kind: TypeAlias = Literal["number", "numbers", "integer", "boolean", "choice", "names", "by_name"]
 
 
 @dataclass(frozen=True)
 class StudyKey:
-    """One thing that a study can vary.
+    """A quantity that a study can vary.
 
     Args:
-        name: as it stands in a study file; its unit is part of it.
+        name: key in a study file; contains its unit.
         kind: a number; a number or a list of them ("numbers"); a whole number; true or false; a choice; a list of
             names; a number, or a table of numbers by name ("by_name").
-        default: what holds where the study says nothing.
-        about: what it does, one line.
-        least: smallest number that makes sense.
-        most: largest number that makes sense.
-        choices: the texts of a choice, or the names that a list or a table may hold.
-        optional: None is a value too ("not done").
+        default: value if the study does not set it.
+        about: description in one line.
+        least: smallest allowed number.
+        most: largest allowed number.
+        choices: the texts of a choice, or the names allowed in a list or table.
+        optional: whether None is allowed ("not done").
     """
 
     name: str
@@ -42,7 +42,7 @@ class StudyKey:
     optional: bool = False
 
     def check(self, value: Value) -> Value:
-        """The value, in the form in which it is used.
+        """The checked value in its final form.
 
         Raises:
             DataError: a value of another kind or out of bounds; the text says what was expected.
@@ -93,9 +93,9 @@ class StudyKey:
 
     def _name(self, value: Value) -> str:
         if not isinstance(value, str):
-            raise DataError(f'holds {value!r}; expected names, such as "{self._example()}"')
+            raise DataError(f'contains {value!r}; expected names, such as "{self._example()}"')
         if self.choices and value not in self.choices:
-            raise DataError(f'holds "{value}". {did_you_mean(value, self.choices)}')
+            raise DataError(f'contains "{value}". {did_you_mean(value, self.choices)}')
         return value
 
     def _example(self) -> str:
@@ -110,19 +110,19 @@ def sized(
 
 
 def by_name(keys: Sequence[StudyKey]) -> dict[str, StudyKey]:
-    """Keys under their names."""
+    """Keys by name."""
     return {key.name: key for key in keys}
 
 
 def number_for(value: Value, name: str, default: float = 0.0) -> float:
-    """The number of one name: of a table its entry, else the number that holds for all."""
+    """The number for one name: its entry in a table, otherwise the common number."""
     if isinstance(value, Mapping):
         return float(value.get(name, default))
     return float(value) if isinstance(value, int | float) else default
 
 
 def with_turns(values: Mapping[str, Value], units: Sequence[str], seed: int) -> dict[str, Value]:
-    """Values in which `one` is the inertial unit whose turn it is: as many seeds as units meet each once."""
+    """Values in which `one` is replaced by a unit. With as many seeds as units each unit is used once."""
     turn = units[seed % len(units)] if units else ONE
 
     def told(value: Value) -> Value:

@@ -21,7 +21,7 @@ from oarlock.storage.errors import DataError
 Progress = Callable[[float], object]
 
 UNFINISHED = "unfinished.jsonl"
-"""Rows of the groups that are done, a line each, while a study runs."""
+"""File with the rows of finished groups, one line each, while a study runs."""
 
 _OWN: Study | None = None
 
@@ -30,13 +30,13 @@ def all_rows(study: Study, jobs: int | None, folder: Path | None, progress: Prog
     """Rows of all runs, by scenario, then seed.
 
     Args:
-        study: what to run.
-        jobs: processes; None is one for each core.
-        folder: keeps what is done, so that a study that was stopped goes on; None keeps nothing.
-        progress: told the share done.
+        study: the study.
+        jobs: number of processes; None uses all cores.
+        folder: folder for finished groups, so that an interrupted study can continue; None stores nothing.
+        progress: called regularly with the share done, 0 to 1.
 
     Raises:
-        DataError: `jobs` is no positive number.
+        DataError: `jobs` is not a positive number.
     """
     if jobs is not None and (type(jobs) is not int or jobs < 1):
         raise DataError(f"study: jobs = {jobs!r}: expected 1 or more, or None for all cores")
@@ -46,15 +46,15 @@ def all_rows(study: Study, jobs: int | None, folder: Path | None, progress: Prog
     count = sum(len(group.scenarios) for group in whole)
     finished = count - sum(len(group.scenarios) for group in left)
 
-    def tell(more: int) -> None:
+    def report(more: int) -> None:
         nonlocal finished
         finished += more
         if progress is not None:
             progress(finished / count)
 
-    # the longest first, so that no core is left with a long one at the end; the order of rows is mended below
+    # the longest first, so that no process ends much later than the others; the order of rows is restored below
     left.sort(key=lambda group: -len(group.scenarios))
-    for group, rows in _made(study, left, min(jobs or os.cpu_count() or 1, max(len(left), 1)), tell):
+    for group, rows in _made(study, left, min(jobs or os.cpu_count() or 1, max(len(left), 1)), report):
         done[_name(group)] = rows
         _keep(study, folder, group, rows)
     rows = [row for group in whole for row in done[_name(group)]]
@@ -66,11 +66,11 @@ def all_rows(study: Study, jobs: int | None, folder: Path | None, progress: Prog
 
 
 def _made(
-    study: Study, left: list[Group], jobs: int, tell: Callable[[int], None]
+    study: Study, left: list[Group], jobs: int, report: Callable[[int], None]
 ) -> Iterator[tuple[Group, list[Row]]]:
     if jobs == 1:
         for group in left:
-            yield group, run_group(study, group, lambda: tell(1))
+            yield group, run_group(study, group, lambda: report(1))
         return
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin, initargs=(study,))
@@ -80,7 +80,7 @@ def _made(
             ended, _ = wait(waiting, return_when=FIRST_COMPLETED)
             for future in ended:
                 group = waiting.pop(future)
-                tell(len(group.scenarios))
+                report(len(group.scenarios))
                 yield group, future.result()
         pool.shutdown()
     except BaseException:
@@ -91,7 +91,7 @@ def _made(
 
 
 def _begin(study: Study) -> None:
-    """Ctrl-C is the parent's to answer, and who has lost it ends."""
+    """Start of a child process: it ignores Ctrl-C, which the parent handles, and ends if the parent ends."""
     global _OWN
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -99,7 +99,7 @@ def _begin(study: Study) -> None:
 
 
 def _end_with_parent() -> None:
-    """A parent that is killed cannot tell: its end of a pipe closes, and nobody would read any further row."""
+    """Ends the process when the parent's end of the pipe closes: a killed parent cannot stop its children."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         wait_for_any([parent.sentinel])
@@ -111,11 +111,11 @@ def _one(group: Group) -> list[Row]:
     return run_group(_OWN, group)
 
 
-# --- what is done already -----------------------------------------------------------------------------
+# --- finished groups ----------------------------------------------------------------------------------
 
 
 def identity(study: Study) -> str:
-    """A hash of everything that the rows follow from."""
+    """A hash of everything on which the rows depend."""
     parts = [
         _core.__version__,
         study.model.text,
@@ -138,7 +138,7 @@ def _read(study: Study, folder: Path | None) -> dict[str, list[Row]]:
     for line in (folder / UNFINISHED).read_text(encoding="utf-8").splitlines():
         try:
             kept = json.loads(line)
-        except json.JSONDecodeError:  # stopped while it was written
+        except json.JSONDecodeError:  # the process was stopped while it wrote the line
             continue
         if kept["study"] == own:
             found[kept["group"]] = kept["rows"]

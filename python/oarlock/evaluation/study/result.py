@@ -72,14 +72,14 @@ class StudyResult:
         """One score of one item, (scenarios, seeds); NaN where a run failed or does not have it.
 
         Args:
-            item: a joint, a frame, an axis of it (`r_wrist.x`), a sensor; left out, the mean over the angles.
+            item: a joint, a frame, an axis of it (`r_wrist.x`), a sensor; default: the mean over the angles.
             score: a column of `table`.
-            kind: joint, frame, sensor or mean; None is the first that has this item.
+            kind: joint, frame, sensor or mean; None uses the first that has this item.
         """
         return scores_of(self.study, self.rows, item, score, kind)
 
     def save(self, folder: str | PathLike[str]) -> None:
-        """Write runs and summary as CSV and Parquet, what faults cost if any were swept, and run.toml."""
+        """Write runs and summary as CSV and Parquet, the table of faults if there are any, and run.toml."""
         place = Path(folder)
         place.mkdir(parents=True, exist_ok=True)
         write_rows(self.table(), place / "runs")
@@ -132,7 +132,7 @@ def mean_and_interval(values: Floats) -> tuple[float, float, float]:
 
 
 def _cell(value: Any) -> Any:
-    """Numbers stay numbers, None stays empty, all else becomes a text."""
+    """Numbers stay numbers, None stays empty, everything else becomes text."""
     if value is None:
         return None
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else shown(value)

@@ -31,7 +31,7 @@ def scores_of(
 
 
 def write_rows(rows: Sequence[Row], stem: Path) -> None:
-    """Write rows as `stem`.csv and `stem`.parquet; NaN becomes empty, and null."""
+    """Write rows as `stem`.csv and `stem`.parquet; NaN becomes an empty cell or null."""
     names = list(dict.fromkeys(name for row in rows for name in row))
     columns = {name: _column([null_if_nan(row.get(name)) for row in rows]) for name in names}
     table = pa.table(columns)
@@ -40,7 +40,7 @@ def write_rows(rows: Sequence[Row], stem: Path) -> None:
 
 
 def _column(values: Sequence[Any]) -> pa.Array:
-    """One type a column: texts where a key is a number here and a text or a table there."""
+    """One type for each column: text if the values of a key have different types."""
     kinds = {type(value) for value in values if value is not None}
     if str in kinds and len(kinds) > 1:
         return pa.array([None if value is None else shown(value) for value in values])

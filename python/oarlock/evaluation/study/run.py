@@ -13,9 +13,9 @@ from oarlock.evaluation.scores import Evaluation, JointScore, PositionScore, pre
 from oarlock.evaluation.study.degrade import degraded
 from oarlock.evaluation.study.faults.catalogue import afflicted
 from oarlock.evaluation.study.faults.fault import Names
+from oarlock.evaluation.study.filter_inputs import filter_calibration, filter_config, filter_model
 from oarlock.evaluation.study.keys import Value, with_turns
 from oarlock.evaluation.study.spec import Study, StudyScenario, stable_text
-from oarlock.evaluation.study.told import calibration_told, config_told, told_model
 from oarlock.evaluation.study.trial import StudyTrial
 from oarlock.tracking import tracking
 from oarlock.tracking.track import Track
@@ -25,12 +25,12 @@ Row = dict[str, Any]
 SCORES = ("rmse", "bias", "correlation", "coverage_95", "nees", "mean_std", "nis")
 MEAN = "mean of angles"
 MOST_TOGETHER = 40
-"""Scenarios that one process tracks of a trial before another may take over; more simulate it again."""
+"""Largest number of scenarios in a group. Each group simulates its trial once."""
 
 
 @dataclass(frozen=True)
 class Group:
-    """Scenarios that track one and the same trial."""
+    """Scenarios that track the same trial."""
 
     key: str
     seed: int
@@ -39,7 +39,7 @@ class Group:
 
 
 def groups(study: Study) -> list[Group]:
-    """All runs, those of one trial together, in the order in which they first occur."""
+    """All runs, grouped by trial, in the order of their first occurrence."""
     found: dict[tuple[str, int], list[StudyScenario]] = {}
     for scenario in study.expanded():
         for seed in study.seeds:
@@ -52,13 +52,13 @@ def groups(study: Study) -> list[Group]:
 
 
 def _simulated(study: Study, values: Mapping[str, Value]) -> dict[str, Value]:
-    """The values that make the trial, whatever the filter is told of it."""
+    """The values that determine the trial, without those that only the filter uses."""
     own = study.simulator.keys(study.model)
     return {name: v for name, v in values.items() if name in own or name.startswith("parameters.")}
 
 
-def run_group(study: Study, group: Group, told: Callable[[], object] | None = None) -> list[Row]:
-    """Rows of all runs of a group, in order; `told` is called after each run."""
+def run_group(study: Study, group: Group, progress: Callable[[], object] | None = None) -> list[Row]:
+    """Rows of all runs of a group, in order; `progress` is called after each run."""
     rows: list[Row] = []
     try:
         made: _Trial | Exception = _Trial.make(study, group)
@@ -66,14 +66,14 @@ def run_group(study: Study, group: Group, told: Callable[[], object] | None = No
         made = error
     for scenario in group.scenarios:
         rows += _rows(study, scenario, group.seed, made)
-        if told is not None:
-            told()
+        if progress is not None:
+            progress()
     return rows
 
 
 @dataclass
 class _Trial:
-    """A trial with the model that is true in it, and the tracks made of it so far."""
+    """A trial with its true model, and its tracks so far."""
 
     model: Model
     trial: StudyTrial
@@ -115,7 +115,7 @@ def _rows(study: Study, scenario: StudyScenario, seed: int, made: _Trial | Excep
 
 
 def _tracked(study: Study, scenario: StudyScenario, seed: int, made: _Trial) -> Track:
-    """The track that is scored; one that only differs by smoothing is not filtered anew."""
+    """The scored track. If a scenario differs only by smoothing, the filter is not run again."""
     values = _with_defaults(study, scenario.values)
     smooth = values.pop("smooth")
     key = stable_text(values)
@@ -131,10 +131,10 @@ def _filtered(study: Study, values: Mapping[str, Value], seed: int, made: _Trial
     values = with_turns(values, Names.of(model).units, seed)
     recording = degraded(afflicted(made.trial, model, values, seed), values, seed)
     return tracking.track(
-        told_model(model, values, seed),
+        filter_model(model, values, seed),
         recording,
-        calibration=calibration_told(model, lengths, values, seed),
-        config=config_told(made.trial, values, seed),
+        calibration=filter_calibration(model, lengths, values, seed),
+        config=filter_config(made.trial, values, seed),
     )
 
 
@@ -179,7 +179,7 @@ def _mean_row(study: Study, scores: Evaluation) -> Row:
     names = study.joints or None
     turning = scores.turning(names)
     if gone := [joint.name for joint in turning if not joint.observed]:
-        missing = f"no mean: the sensors that are left do not observe {', '.join(gone)}"
+        missing = f"no mean: the remaining sensors do not observe {', '.join(gone)}"
         return _row("mean", MEAN, "deg") | {"error": missing}
     r = [joint.correlation for joint in turning if math.isfinite(joint.correlation)]
     return _row(

@@ -12,9 +12,9 @@ from functools import cached_property
 from oarlock._core import Config, Model
 from oarlock.evaluation.study.degrade import keys_of_streams
 from oarlock.evaluation.study.faults.catalogue import keys_of_faults
+from oarlock.evaluation.study.filter_inputs import check_model_key, keys_of_filter_inputs
 from oarlock.evaluation.study.keys import StudyKey, Value
 from oarlock.evaluation.study.sweeps import FaultSweep, fault_scenarios
-from oarlock.evaluation.study.told import check_model_key, keys_of_told
 from oarlock.evaluation.study.trial import StudySimulator
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
@@ -25,7 +25,7 @@ _OF_FAULTS = ("fault", "strength", "label", "setting")
 
 @dataclass(frozen=True)
 class StudyScenario:
-    """One combination of values. `values` holds every key that is set; `swept` those that differ in the study."""
+    """One combination of values. `values` has all keys; `swept` has those that differ in the study."""
 
     index: int
     name: str
@@ -94,7 +94,7 @@ class Study:
                 raise DataError(f'study, grid: "{key}" has no value; give a list of one or more')
         self._check_faults()
         if self.run_count > MOST_RUNS:
-            raise DataError(f"study: {self.run_count} runs; the most is {MOST_RUNS}. Sweep fewer values")
+            raise DataError(f"study: {self.run_count} runs; the limit is {MOST_RUNS}. Sweep fewer values")
 
     @property
     def run_count(self) -> int:
@@ -106,7 +106,7 @@ class Study:
 
     @cached_property
     def keys(self) -> dict[str, StudyKey]:
-        """Every key that this study understands, but for `config.*`, `parameters.*` and `model.*`."""
+        """All keys of this study except `config.*`, `parameters.*` and `model.*`."""
         return keys_of(self.model, self.simulator)
 
     @property
@@ -118,7 +118,7 @@ class Study:
         return tuple(dict.fromkeys([*named, *self.grid]))
 
     def expanded(self) -> tuple[StudyScenario, ...]:
-        """All scenarios, in order: the named ones outside, the grid inside."""
+        """All scenarios, in order: outer loop over the named ones, inner loop over the grid."""
         return self._scenarios
 
     @cached_property
@@ -161,7 +161,7 @@ class Study:
             raise DataError("study: give faults and settings, or scenarios and a grid, not both")
         names = [fault.name for fault in self.faults]
         if len(set(names)) < len(names):
-            raise DataError("study, faults: two of them have one name")
+            raise DataError("study, faults: two faults have the same name")
         for fault in self.faults:
             for index in range(len(fault.strengths)):
                 for key, value in fault.values(index).items():
@@ -178,13 +178,13 @@ class Study:
 
 
 def keys_of(model: Model, simulator: StudySimulator) -> dict[str, StudyKey]:
-    """Keys of the simulator, of the streams and of what the filter is told."""
-    told = keys_of_told(model, simulator.lengths(model))
-    return {**simulator.keys(model), **keys_of_faults(model), **keys_of_streams(model), **told}
+    """Keys of the simulator, the streams and the filter's inputs."""
+    filter_keys = keys_of_filter_inputs(model, simulator.lengths(model))
+    return {**simulator.keys(model), **keys_of_faults(model), **keys_of_streams(model), **filter_keys}
 
 
 def checked_value(model: Model, keys: Mapping[str, StudyKey], key: str, value: Value) -> Value:
-    """The value of a key as it is used.
+    """The checked value of a key.
 
     Raises:
         DataError: the rest of a sentence that begins with the key.
@@ -214,7 +214,7 @@ def checked_value(model: Model, keys: Mapping[str, StudyKey], key: str, value: V
 
 
 def shown(value: Value) -> str:
-    """A value as a label: lists and tables in short, numbers without idle zeros."""
+    """A value as a label: short lists and tables, numbers without trailing zeros."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
@@ -227,5 +227,5 @@ def shown(value: Value) -> str:
 
 
 def stable_text(value: Value) -> str:
-    """One text for equal values, whatever the order of keys."""
+    """A text that is equal for equal values, independent of the order of keys."""
     return json.dumps(value, sort_keys=True, default=list)

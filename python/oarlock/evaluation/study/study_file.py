@@ -34,11 +34,11 @@ def load_study(
 
     Args:
         path: the file, or the name of a shipped study.
-        simulators: what `simulator = "name"` may name; `motion = "folder"` needs none.
-        seeds: instead of the file's.
+        simulators: simulators by name, for `simulator = "name"`; `motion = "folder"` needs none.
+        seeds: used instead of the file's seeds.
 
     Raises:
-        DataError: an unknown key or a value that makes no sense, with file, line and the nearest valid name.
+        DataError: an unknown key or an invalid value, with file, line and the nearest valid name.
         ModelError: the model's file is wrong.
     """
     top = TomlTable.read(_file(path))
@@ -67,7 +67,7 @@ def load_study(
 
 
 def shipped_studies() -> dict[str, Path]:
-    """Files of the studies that come with the package, by name; none where only the package is installed."""
+    """Files of the shipped studies, by name; empty if only the package is installed."""
     try:
         folder = examples.path("studies")
     except FileNotFoundError:
@@ -88,7 +88,7 @@ def _file(path: str | PathLike[str]) -> Path:
 
 
 def _beside(top: TomlTable, name: str) -> str:
-    """A path in a study file counts from the file."""
+    """A path in a study file, relative to the file."""
     own = top.file.parent / name
     return str(own) if own.suffix and own.exists() else name
 
@@ -136,7 +136,7 @@ def _named(
     for table in top.tables(kind) if kind in top.values else ():
         name = table.string("name")
         if not name or name in found:
-            raise DataError(f"{table.where('name')}: is {name!r}; every {kind} needs a name of its own")
+            raise DataError(f"{table.where('name')}: is {name!r}; every {kind} needs a different name")
         found[name] = _flat(table, model, keys, skip=("name",))
     return found
 
@@ -187,7 +187,7 @@ def _flat(
     skip: Sequence[str] = (),
     prefix: str = "",
 ) -> dict[str, Value]:
-    """Keys of a table with dots for tables inside it, each checked where it stands."""
+    """Keys of a table, with dots for nested tables; each key is checked with its line."""
     found: dict[str, Value] = {}
     for name, value in table.values.items():
         key = f"{prefix}{name}"

@@ -25,7 +25,7 @@ class FaultSweep:
         usual: the strength at which faults are compared, typical of an ordinary recording; None is the middle one.
         meanwhile: other keys that are set together with the fault.
         labels: labels of the strengths, if a number with its unit is not suitable.
-        says: a clause with `{}` in place of the strength, such as "mounts turned by {}"; empty uses the name.
+        says: a clause with `{}` instead of the strength, such as "mounts rotated by {}"; empty uses the name.
     """
 
     name: str
@@ -48,25 +48,25 @@ class FaultSweep:
             )
         if self.usual is not None and self.usual not in self.strengths:
             raise DataError(
-                f'fault "{self.name}": usual = {self.usual!r} is none of its strengths {list(self.strengths)}'
+                f'fault "{self.name}": usual = {self.usual!r} is not one of its strengths {list(self.strengths)}'
             )
         if self.says and self.says.count("{}") != 1:
             raise DataError(f'fault "{self.name}": says = {self.says!r}; expected one {{}} for the strength')
 
     @property
     def usual_index(self) -> int:
-        """Which strength an ordinary day may bring."""
+        """Index of the typical strength."""
         if self.usual is None:
             return (len(self.strengths) - 1) // 2
         return self.strengths.index(self.usual)
 
     @property
     def ordered(self) -> bool:
-        """Whether strengths are numbers, and so go from weak to strong."""
+        """Whether strengths are numbers, so that they can be ordered."""
         return all(isinstance(value, int | float) for value in self.strengths)
 
     def values(self, index: int) -> dict[str, Value]:
-        """What a study is told for one strength."""
+        """The keys of a study for one strength."""
         strength = self.strengths[index]
         told: Value = dict.fromkeys(self.of, strength) if self.of else strength
         return {**self.meanwhile, self.key: told}
@@ -82,7 +82,7 @@ class FaultSweep:
 
 
 def amount(value: Value, unit: str) -> str:
-    """A number with its unit, small seconds and metres in thousandths, shares in per cent."""
+    """A number with its unit: small times and lengths in ms and mm, shares in per cent."""
     if not isinstance(value, int | float) or isinstance(value, bool):
         return str(value)
     if unit in ("s", "m") and 0.0 < abs(value) < 0.1:
@@ -95,7 +95,7 @@ def amount(value: Value, unit: str) -> str:
 def fault_scenarios(
     faults: Sequence[FaultSweep], settings: Mapping[str, Mapping[str, Value]]
 ) -> Iterator[tuple[str, dict[str, Value], dict[str, Value]]]:
-    """Names, values and columns of all scenarios: for each setting none and every fault at every strength."""
+    """Names, values and columns of all scenarios: for each setting no fault, and every fault at every strength."""
     for setting, own in (settings or {USUAL_SETTING: {}}).items():
         for name, label, told, column in _doses(faults):
             text = f"{name}, {label}" if label else name

@@ -25,21 +25,21 @@ QUANTITIES = {
     "mag": "mag_ut",
     "encoder": "value",
 }
-"""What a noise factor is of, and the name of that quantity in a recording."""
+"""Name of each noise factor's quantity, and the name of that quantity in a recording."""
 
 SENSOR_KEYS = by_name(
     [
         StudyKey("rate_hz", "number", 125.0, "samples per second of every sensor", least=1.0, most=5000.0),
-        StudyKey("noise_factor", "number", 1.0, "times the model file's noise, all sensors", least=0.0),
+        StudyKey("noise_factor", "number", 1.0, "factor on the model file's noise, all sensors", least=0.0),
         *(
-            StudyKey(f"{name}_noise_factor", "number", 1.0, f"the same for {name}s alone", least=0.0)
+            StudyKey(f"{name}_noise_factor", "number", 1.0, f"the same for {name}s only", least=0.0)
             for name in QUANTITIES
         ),
         StudyKey("gyro_bias_rad_s", "by_name", 0.0, "constant bias on every axis, of all units or by unit"),
         StudyKey("accel_bias_m_s2", "by_name", 0.0, "constant bias on every axis, of all units or by unit"),
     ]
 )
-"""Settings of sensors that every simulated motion takes."""
+"""Sensor settings of all simulated motions."""
 
 
 @dataclass(frozen=True)
@@ -61,10 +61,10 @@ class StudyTrial:
         """Simulates every sensor of a model along a motion.
 
         Args:
-            model: as the body truly is.
+            model: the true model of the body.
             motion: joint trajectories.
-            values: of `StudyTrial.KEYS`; those of other keys are left alone.
-            seed: of the noise.
+            values: values of `StudyTrial.KEYS`; other keys are ignored.
+            seed: seed of the noise.
         """
         settings = {name: values.get(name, key.default) for name, key in SENSOR_KEYS.items()}
         truth, recording = simulate(
@@ -100,16 +100,18 @@ class TruthFolder:
     """Simulates sensors along a motion that was recorded or tracked before: a folder with a track.
 
     Args:
-        folder: a track folder that holds every joint of the model, without gaps.
+        folder: a track folder with all joints of the model, without gaps.
     """
 
     folder: str
 
     def keys(self, model: Model) -> Mapping[str, StudyKey]:
-        """The shared settings of sensors, and which stretch of the motion."""
+        """The common sensor settings, and the used part of the motion."""
         stretch = [
-            StudyKey("start_s", "number", 0.0, "where in the motion to begin", least=0.0),
-            StudyKey("duration_s", "number", None, "how long; none is to the end", least=0.1, optional=True),
+            StudyKey("start_s", "number", 0.0, "start of the used part of the motion", least=0.0),
+            StudyKey(
+                "duration_s", "number", None, "its duration; none: to the end", least=0.1, optional=True
+            ),
         ]
         return SENSOR_KEYS | by_name(stretch)
 
@@ -118,7 +120,7 @@ class TruthFolder:
         return lengths_of(model)
 
     def trial(self, model: Model, values: Mapping[str, Value], seed: int) -> StudyTrial:
-        """The same motion for every seed, with other noise."""
+        """The same motion for every seed, with different noise."""
         from oarlock.simulation.motion import Motion
 
         track = load_track(Path(self.folder))
@@ -132,7 +134,7 @@ class TruthFolder:
                 n for n, col in zip(track.coordinate_names, q.T, strict=True) if not np.isfinite(col).all()
             ]
             raise DataError(
-                f"{self.folder}: the motion of {', '.join(gone)} has gaps; a motion needs every value"
+                f"{self.folder}: the motion of {', '.join(gone)} has gaps; a motion must have all values"
             )
         return StudyTrial.of_motion(
             model, Motion(track.coordinate_names, track.time_s[kept], q), values, seed

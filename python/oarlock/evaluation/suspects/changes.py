@@ -21,23 +21,23 @@ if TYPE_CHECKING:
 UNIT_FIELDS = ("gyro_rad_s", "accel_m_s2", "mag_ut")
 GRAVITY_M_S2 = 9.80665
 LESS_USUAL, RARE = 1.1, 1.25
-"""A fault that happens less, or seldom, has to explain a second better than a usual one, by this factor."""
+"""Factors by which an uncommon or rare fault must reduce the misfit more than a common one."""
 MOST_DOUBLE = 6
-"""Two exchanges at a time are tried among no more streams than this."""
+"""Double exchanges are tried among at most this number of streams."""
 
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """One fault, and how readings would have to be changed if it were there.
+    """One fault, and the change of the readings that corrects it.
 
     Args:
         fault: "exchanged", "unit", "sign", "turned", "axes".
-        streams: which streams it is about.
-        text: what they look like, and what to do, as a whole sentence or two.
+        streams: the affected streams.
+        text: the symptom and the remedy, in one or two sentences.
         names: stream -> the name it should have.
-        fields: whose values are changed; empty for an exchange.
-        matrix: (3, 3) right axes from recorded ones, or a factor.
-        rarity: 1 for what happens often, more for what seldom does.
+        fields: the changed quantities; empty for an exchange.
+        matrix: (3, 3) correct axes from recorded axes, or a factor.
+        rarity: 1 for common faults, larger for rare ones.
     """
 
     fault: str
@@ -49,7 +49,7 @@ class Change:
     rarity: float = 1.0
 
     def applied(self, recording: Recording) -> Recording:
-        """The recording as it would be without the fault."""
+        """The recording with the fault corrected."""
         return Recording([self._mended(s) if s.name in self.streams else s for s in recording.streams])
 
     def _mended(self, stream: Stream) -> Stream:
@@ -62,20 +62,23 @@ class Change:
 
 
 def exchanges(groups: Iterable[Sequence[str]]) -> Iterator[Change]:
-    """Two streams of a kind in each other's place."""
+    """Exchanges of two streams of one kind."""
     for group in groups:
         yield from (_exchanged((pair,)) for pair in combinations(group, 2))
 
 
 def exchanges_of_two(groups: Iterable[Sequence[str]]) -> Iterator[Change]:
-    """Two pairs of a kind in each other's place at a time, where streams are few."""
+    """Double exchanges within one kind, if there are few streams."""
     for group in groups:
         doubles = combinations(combinations(group, 2), 2) if len(group) <= MOST_DOUBLE else ()
         yield from (_exchanged(two) for two in doubles if len({n for pair in two for n in pair}) == 4)
 
 
 def value_changes(angles: Sequence[Stream], places: Sequence[Stream], units: bool) -> Iterator[Change]:
-    """Signs, or `units`, of encoders: one, two or all of a kind at a time. Units are where numbers are large."""
+    """Signs, or with `units` wrong units, of encoders: one, two or all of a kind.
+
+    Units are tried if values are large.
+    """
     for group, factors in ((angles, _ANGLES), (places, _PLACES)):
         for what, factor, least in factors:
             if units != (factor != -1.0):
@@ -89,7 +92,7 @@ def value_changes(angles: Sequence[Stream], places: Sequence[Stream], units: boo
 
 
 def stuck_values(streams: Sequence[Stream]) -> Iterator[Change]:
-    """Encoders that give one number throughout: their readings are left out."""
+    """Encoders with constant readings: their readings are left out."""
     for stream in streams:
         values = stream.values["value"]
         there = values[np.isfinite(values)]
@@ -99,14 +102,14 @@ def stuck_values(streams: Sequence[Stream]) -> Iterator[Change]:
 
 
 def unit_signs(names: Sequence[str], together: bool) -> Iterator[Change]:
-    """Signs of gyroscopes and accelerometers: of each unit, or of all of them."""
+    """Signs of gyroscopes and accelerometers: of each unit, or of all units."""
     for streams in [tuple(names)] if together else [(name,) for name in names]:
         for quantity, what in _UNIT_SIGNS:
             yield Change("sign", streams, factor_text(streams, quantity, what, -1.0), {}, (quantity,), -1.0)
 
 
 def unit_factors(units: Sequence[ImuStream]) -> Iterator[Change]:
-    """Units of gyroscopes and accelerometers, where numbers are large or small: of each unit, and of all of them."""
+    """Wrong units of gyroscopes and accelerometers, if values are large or small: of each inertial unit, or of all."""
     for quantity, what, factor, low, high in _UNIT_FACTORS:
         there = [s for s in units if quantity in s.values and low < _largest(s.values[quantity]) < high]
         for streams in _alone_and_all([s.name for s in there]):
@@ -116,7 +119,7 @@ def unit_factors(units: Sequence[ImuStream]) -> Iterator[Change]:
 
 
 def turns(names: Sequence[str]) -> Iterator[Change]:
-    """A unit turned by quarter turns on what carries it, or with two axes exchanged or one reversed."""
+    """An inertial unit rotated on its link by quarter turns, or with two axes exchanged or one reversed."""
     for streams in [(name,) for name in names]:
         for matrix in PROPER:
             half = abs(np.trace(matrix) + 1.0) < 0.5
@@ -133,7 +136,7 @@ def turns(names: Sequence[str]) -> Iterator[Change]:
 
 
 def compass_changes(names: Sequence[str], together: bool) -> Iterator[Change]:
-    """Axes and unit of magnetometers: of each unit, or of all of them."""
+    """Axes and units of magnetometers: of each inertial unit, or of all."""
     for streams in [tuple(names)] if together else [(name,) for name in names]:
         for matrix in (*PROPER, *MIRRORS, -np.eye(3)):
             text = axes_text(streams, ("mag_ut",), matrix)
@@ -146,7 +149,7 @@ def compass_changes(names: Sequence[str], together: bool) -> Iterator[Change]:
 
 @dataclass(frozen=True, eq=False)
 class LikeStreams:
-    """Streams of a kind: inertial units, encoders of angles, and those of places."""
+    """Streams by kind: inertial units, encoders of angles, encoders of positions."""
 
     units: tuple[ImuStream, ...]
     angles: tuple[Stream, ...]
@@ -154,7 +157,7 @@ class LikeStreams:
 
     @classmethod
     def of(cls, model: Model, recording: Recording) -> LikeStreams:
-        """By what the model says of the joints that they read."""
+        """Sorts the streams by the joints that they read in the model."""
         described = model.describe()
         slides = {joint["name"] for joint in described["joints"] if joint["kind"] == "slide"}
         joint_of = {s["name"]: s["joint"] for s in described["sensors"] if s["kind"] == "encoder"}
@@ -168,7 +171,7 @@ class LikeStreams:
 
 
 def _largest(rows: FloatArray) -> float:
-    """Largest magnitude that is there; 0 without any."""
+    """Largest magnitude; 0 without readings."""
     sizes = np.abs(rows) if rows.ndim == 1 else np.sqrt((rows**2).sum(axis=1))
     sizes = sizes[np.isfinite(sizes)]
     return float(sizes.max()) if sizes.size else 0.0
@@ -202,14 +205,14 @@ def _signed_permutations() -> list[FloatArray]:
 
 
 PROPER = tuple(m for m in _signed_permutations() if np.linalg.det(m) > 0 and np.trace(m) < 2.5)
-"""Quarter and half turns about an axis, and thirds about a diagonal: 23."""
+"""The 23 rotations by quarter and half turns about an axis and by third turns about a diagonal."""
 _REFLECTED = [m for m in _signed_permutations() if np.linalg.det(m) < 0]
 MIRRORS = tuple(
     m for m in _REFLECTED if not (m < 0).any() or ((m < 0).sum() == 1 and np.count_nonzero(np.diag(m)) == 3)
 )
-"""Two axes exchanged, or one reversed: 6."""
+"""The 6 reflections with two axes exchanged or one reversed."""
 
-# With what a reading has to exceed for a fault to show at all.
+# With the value that a reading must exceed for the fault to be visible.
 _ANGLES = (("with the wrong sign", -1.0, 0.0), ("in degrees", pi / 180.0, 2.0))
 _PLACES = (("with the wrong sign", -1.0, 0.0), ("in cm", 0.01, 3.0), ("in mm", 0.001, 20.0))
 _UNIT_SIGNS = (

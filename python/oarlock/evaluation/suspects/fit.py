@@ -18,28 +18,28 @@ if TYPE_CHECKING:
     from oarlock._core import Model, Run
     from oarlock.recording.calibration import Calibration
 
-# What mounts 5 deg off, lengths 5 % off, soft tissue and iron nearby do to a reading, rather than its noise at rest.
+# Errors of readings from mounts 5 deg off, lengths 5 % off, soft tissue and nearby iron, not the noise at rest.
 GYRO_STD_RAD_S = 0.15
 ACCEL_STD_M_S2 = 1.0
 MAG_STD_UT = 6.0
 HINGE_STD_RAD = 0.02
 PLACE_STD_M = 0.02
 CLOSURE_STD_AXIS = 0.1
-# A second may begin in full motion, and is too short to learn how a body is driven.
+# A second may begin in full motion, and is too short to learn the process noise.
 RATES_WIDER, DRIVEN_HARDER = 6.0, 5.0
 START_WINDOWS_S = (0.1, 0.25, 0.04)
-# Where many faults are sifted, noise is so large that a start fit ends soon, however wrong the hypothesis.
-SIFTING_NOISE = 4.0
+# In the first selection of faults the noise is so large that the start fit converges quickly for every hypothesis.
+PRESELECTION_NOISE = 4.0
 
 USUAL = 0.5
-"""Misfit that ordinary errors of the field explain."""
+"""Largest misfit that the usual errors of real recordings explain."""
 
 
 @dataclass(frozen=True)
 class Misfit:
-    """Squared innovations over what the filter for field errors expects, mean of all readings; and of each source.
+    """Squared innovations relative to their expected value: the mean of all readings, and by sensor.
 
-    `posture` is the one it began with, rad and m.
+    `posture` is the start posture, rad and m.
     """
 
     total: float
@@ -51,18 +51,18 @@ LOST = Misfit(float("inf"), {})
 
 
 class Judge:
-    """Tracks short recordings of one model side by side and says how badly each fits."""
+    """Tracks short recordings of one model in parallel and computes the misfit of each."""
 
     def __init__(self, model: Model, calibration: Calibration | None, closures: bool = True) -> None:
         described = model.describe()
-        self._model, self._rough = (coarse(model, noise) for noise in (1.0, SIFTING_NOISE))
+        self._model, self._rough = (coarse(model, noise) for noise in (1.0, PRESELECTION_NOISE))
         self._calibration = calibration
         self._closures = closures
         self._bases = [base["name"] for base in described["base_acceleration"]]
         self._units = {s["name"] for s in described["sensors"] if s["kind"] == "imu"}
 
     def misfits(self, recordings: Sequence[Recording]) -> list[Misfit]:
-        """Of each recording; a longer start is tried where the first does not fit."""
+        """Misfit of each recording; if it is large, a longer start window is tried."""
         found = self._tracked(self._model, recordings, START_WINDOWS_S[0])
         for window_s in START_WINDOWS_S[1:]:
             bad = [i for i, fit in enumerate(found) if fit.total > USUAL]
@@ -71,16 +71,16 @@ class Judge:
                 found[i] = min(found[i], fit, key=lambda one: one.total)
         return found
 
-    def sifted(self, recordings: Sequence[Recording]) -> list[Misfit]:
-        """As `misfits`, quickly, and only to be compared with each other."""
+    def preselected(self, recordings: Sequence[Recording]) -> list[Misfit]:
+        """As `misfits`, faster and less accurate; only for comparison with each other."""
         return self._tracked(self._rough, recordings, START_WINDOWS_S[0])
 
     def misfit(self, recording: Recording) -> Misfit:
-        """Of one recording."""
+        """Misfit of one recording."""
         return self.misfits([recording])[0]
 
     def misfits_from(self, recordings: Sequence[Recording], posture: tuple[float, ...]) -> list[Misfit]:
-        """Of each recording, started near this posture."""
+        """Misfit of each recording, started near this posture."""
         return self._tracked(self._model, recordings, START_WINDOWS_S[0], posture)
 
     def _tracked(
@@ -121,7 +121,7 @@ class Judge:
 
 
 def without_magnetometers(recording: Recording, names: Sequence[str]) -> Recording | None:
-    """The recording without the magnetic fields of these units; None if nothing else is left."""
+    """The recording without the magnetometers of these units; None if nothing else is left."""
     kept: list[Stream] = []
     for stream in recording.streams:
         if not isinstance(stream, ImuStream) or stream.name not in names:
@@ -132,13 +132,13 @@ def without_magnetometers(recording: Recording, names: Sequence[str]) -> Recordi
 
 
 def has_magnetometers(recording: Recording) -> bool:
-    """Whether any unit has one."""
+    """Whether any unit has a magnetometer."""
     return any(isinstance(s, ImuStream) and s.mag_ut is not None for s in recording.streams)
 
 
 @lru_cache(maxsize=8)
 def coarse(model: Model, noise: float) -> Model:
-    """The model whose readings err as in the field, times `noise`, and whose start may be in motion."""
+    """The model with the reading errors of real recordings, times `noise`, and a start that may be in motion."""
     document = document_of(model)
     slides = {joint["name"] for joint in document.get("joint", ()) if joint.get("kind") == "slide"}
     for sensor in document.get("sensor", ()):

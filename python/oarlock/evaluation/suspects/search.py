@@ -28,22 +28,22 @@ if TYPE_CHECKING:
 
 MOST_FAULTS = 3
 EXPLAINS = 1.8
-"""A change that puts right the last fault makes the misfit smaller by this factor at least."""
+"""Smallest factor by which correcting the last fault reduces the misfit."""
 HELPS = 1.3
-"""The same of one after which others are left."""
+"""The same for a fault after which others remain."""
 ALIKE = 1.25
-"""Changes whose misfits differ by less than this cannot be told apart."""
+"""Changes whose misfits differ by less than this factor are indistinguishable."""
 STARTS = 4
 FLOOR = 0.1
-"""Misfits far below the usual one are all as good."""
+"""Misfits below this value count as equal."""
 RATE_HZ, SCREEN_HZ = 50.0, 25.0
 FINALISTS = 5
 SETTLED, SETTLES = 0.7, 4.0
-"""So far below the usual misfit, and so much less than before: nothing else need be tried."""
-UNITS_DOUBTED, CLOSE = 3, 2.0
-"""At most so many units are doubted, and none that leaves the rest with so much more misfit than another does."""
+"""If the misfit is this far below the usual one and below its previous value, the search ends."""
+UNITS_SUSPECTED, CLOSE = 3, 2.0
+"""Largest number of suspicious units, and largest ratio between the misfits that remain without them."""
 MOST_EXCHANGED = 8
-"""Exchanges are sought among no more units than this: those that fit worst."""
+"""Exchanges are tried among at most this number of units: those with the largest misfit."""
 
 
 Ranking: TypeAlias = list[tuple[Change, Misfit]]
@@ -51,7 +51,7 @@ Ranking: TypeAlias = list[tuple[Change, Misfit]]
 
 @dataclass(frozen=True, eq=False)
 class Second:
-    """A second of readings on a fine grid, and on a coarse one to sift by."""
+    """One second of readings on a fine grid, and on a coarse one for the first selection."""
 
     model: Model
     fine: Recording
@@ -63,7 +63,7 @@ class Second:
         return LikeStreams.of(self.model, self.fine)
 
     def applied(self, change: Change) -> Second:
-        """As it would be without the fault."""
+        """The second with the fault corrected."""
         return Second(self.model, change.applied(self.fine), change.applied(self.coarse))
 
     def without(self, names: Sequence[str]) -> Second | None:
@@ -72,14 +72,14 @@ class Second:
         return Second(self.model, *(Recording(part) for part in parts)) if all(parts) else None
 
     def without_magnetometers(self, names: Sequence[str]) -> Second | None:
-        """Without the magnetic fields of these units."""
+        """The second without the magnetometers of these units."""
         fine, coarse = (without_magnetometers(r, names) for r in (self.fine, self.coarse))
         return Second(self.model, fine, coarse) if fine is not None and coarse is not None else None
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A change, the misfit before and after it, and others that do nearly as well."""
+    """A change, the misfit before and after it, and other changes that are nearly as good."""
 
     change: Change
     before: float
@@ -89,7 +89,7 @@ class Found:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What was found, in order; the misfit that is left, and the stream without which it would be least."""
+    """The changes in order; the remaining misfit, and the stream whose removal would reduce it most."""
 
     found: tuple[Found, ...]
     misfit: Misfit
@@ -121,10 +121,10 @@ def search(judge: Judge, second: Second) -> Outcome:
 
 
 def _ranked(judge: Judge, second: Second, misfit: Misfit) -> Ranking:
-    """Changes that help most; rarer kinds are tried only where no usual one settles it."""
+    """The changes that reduce the misfit most; rare kinds are tried only if no common one suffices."""
     ranked: Ranking = []
     for family in (_units, _usual, _rare):
-        changes = _sifted(judge, second, list(family(judge, second, misfit)))
+        changes = _preselected(judge, second, list(family(judge, second, misfit)))
         fits = judge.misfits([change.applied(second.fine) for change in changes])
         ranked = sorted(
             [*ranked, *zip(changes, fits, strict=True)], key=lambda pair: pair[1].total * pair[0].rarity
@@ -135,7 +135,7 @@ def _ranked(judge: Judge, second: Second, misfit: Misfit) -> Ranking:
 
 
 def _from_the_best_start(judge: Judge, second: Second, ranked: Ranking) -> Ranking:
-    """Again, with all that came near started where the best one did, so that they compete by what they explain."""
+    """Repeats the best changes from the start posture of the best one, so that only the change differs."""
     if not ranked or not ranked[0][1].posture:
         return ranked
     rivals = [pair[0] for pair in ranked[1 : 1 + STARTS]]
@@ -146,7 +146,7 @@ def _from_the_best_start(judge: Judge, second: Second, ranked: Ranking) -> Ranki
 
 
 def _from_their_starts(judge: Judge, second: Second, misfit: Misfit, ranked: Ranking) -> Misfit:
-    """The misfit without any change, from the postures that changes led to: a lucky start is no evidence of a fault."""
+    """The misfit without any change, from the start postures to which changes led."""
     starts = [fit.posture for _, fit in ranked[:STARTS] if fit.total < misfit.total and fit.posture]
     tried = [fit for posture in starts for fit in judge.misfits_from([second.fine], posture)]
     return min([misfit, *tried], key=lambda fit: fit.total)
@@ -170,7 +170,7 @@ def _weighed(change: Change, fit: Misfit) -> float:
 
 
 def _more_than(one: Change, other: Change) -> bool:
-    """Whether the other is the same fault of further streams, too."""
+    """True if `other` is the same fault on additional streams."""
     return one.fault == other.fault and set(one.streams) < set(other.streams)
 
 
@@ -196,28 +196,28 @@ def _usual(judge: Judge, second: Second, misfit: Misfit) -> Iterator[Change]:
 def _rare(judge: Judge, second: Second, misfit: Misfit) -> Iterator[Change]:
     names = [s.name for s in second.like.units]
     yield from exchanges_of_two([names, [s.name for s in second.like.angles]])
-    yield from turns(_doubted(judge, second, names, Second.without))
+    yield from turns(_most_suspicious(judge, second, names, Second.without))
     plain = second.without_magnetometers(names)
     if has_magnetometers(second.fine) and plain and judge.misfit(plain.fine).total <= USUAL:
-        doubted = _doubted(judge, second, names, lambda s, cut: s.without_magnetometers(cut))
-        yield from compass_changes(doubted, together=False)
+        suspicious = _most_suspicious(judge, second, names, lambda s, cut: s.without_magnetometers(cut))
+        yield from compass_changes(suspicious, together=False)
         if len(names) > 1:
             yield from compass_changes(names, together=True)
 
 
-def _doubted(
+def _most_suspicious(
     judge: Judge, second: Second, units: Sequence[str], cut: Callable[[Second, Sequence[str]], Second | None]
 ) -> list[str]:
-    """Units without which the rest fits best."""
+    """Units whose removal reduces the misfit most."""
     left = [(name, rest.coarse) for name in units if (rest := cut(second, [name])) is not None]
-    fits = judge.sifted([recording for _, recording in left])
+    fits = judge.preselected([recording for _, recording in left])
     ranked = sorted(zip(left, fits, strict=True), key=lambda pair: pair[1].total)
     close = [name for (name, _), fit in ranked if fit.total <= CLOSE * ranked[0][1].total]
-    return close[:UNITS_DOUBTED] if left else list(units)
+    return close[:UNITS_SUSPECTED] if left else list(units)
 
 
-def _sifted(judge: Judge, second: Second, changes: Sequence[Change]) -> list[Change]:
-    fits = judge.sifted([change.applied(second.coarse) for change in changes])
+def _preselected(judge: Judge, second: Second, changes: Sequence[Change]) -> list[Change]:
+    fits = judge.preselected([change.applied(second.coarse) for change in changes])
     order = np.argsort([fit.total * c.rarity for fit, c in zip(fits, changes, strict=True)], kind="stable")
     return [changes[i] for i in order[:FINALISTS] if np.isfinite(fits[i].total)]
 

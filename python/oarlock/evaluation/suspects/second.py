@@ -10,32 +10,32 @@ from oarlock.recording.streams import ImuStream, Stream
 from oarlock.storage.array_gate import FloatArray
 
 STEP_S = 0.25
-"""Seconds that are looked at begin this far apart."""
+"""Interval between the starts of the examined seconds, s."""
 SEARCHED_S = 300.0
-"""No further into a recording than this."""
-LIVELY_RAD_S = 1.0
-"""A unit that turns so fast (root mean square) is as lively as one that turns faster."""
-LIVELY_CHANGE = 0.1
-"""The same of an encoder's or a position's deviation, rad or m."""
+"""Only this first part of a recording is searched, s."""
+FULL_MOTION_RAD_S = 1.0
+"""Angular rate (root mean square) at which the motion score of a unit reaches 1."""
+FULL_MOTION_CHANGE = 0.1
+"""The same for the deviation of an encoder or position, rad or m."""
 LEAST_ROWS = 12
-"""Samples of at least one stream, below which a second tells nothing."""
+"""Smallest number of samples of at least one stream for a usable second."""
 
 
-def liveliest(recording: Recording, seconds: float) -> tuple[float, float]:
-    """Where the second begins in which most sensors move most, s, and how lively it is, 0 to 1."""
+def most_motion(recording: Recording, seconds: float) -> tuple[float, float]:
+    """Start of the second with the most motion, s, and its motion score, 0 to 1."""
     begin, end = recording.start_s, min(recording.end_s, recording.start_s + SEARCHED_S)
     steps = np.arange(max(1, int((end - begin - seconds) / STEP_S + 1e-6) + 1))
     starts: FloatArray = np.asarray(begin + STEP_S * steps, dtype=np.float64)
-    lively = np.mean([_liveliness(stream, starts, seconds) for stream in recording.streams], axis=0)
-    best = int(np.argmax(lively))
-    return float(starts[best]), float(lively[best])
+    scores = np.mean([_motion_score(stream, starts, seconds) for stream in recording.streams], axis=0)
+    best = int(np.argmax(scores))
+    return float(starts[best]), float(scores[best])
 
 
 def on_grid(recording: Recording, start_s: float, seconds: float, rate_hz: float) -> Recording | None:
-    """Each stream's readings that are nearest to the stamps of a common grid, moved to these stamps.
+    """The readings of each stream that are nearest to the time stamps of a common grid, assigned to these time stamps.
 
-    Units on clocks of their own then make samples together, so that every reading is held against all others. A
-    stream slower than the grid keeps its own pace. None if no stream has enough.
+    Units with their own clocks then form common samples, so that all readings are compared. A stream that is slower
+    than the grid keeps its rate. None if no stream has enough readings.
     """
     step = 1.0 / rate_hz
     rows = np.arange(max(1, round(seconds * rate_hz)))
@@ -46,14 +46,14 @@ def on_grid(recording: Recording, start_s: float, seconds: float, rate_hz: float
     return Recording(parts)
 
 
-def _liveliness(stream: Stream, starts: FloatArray, seconds: float) -> FloatArray:
-    """Of each second, 0 to 1: root mean square of the gyro, or deviation of a value, times the share of rows there."""
+def _motion_score(stream: Stream, starts: FloatArray, seconds: float) -> FloatArray:
+    """Motion score, 0 to 1: root mean square of the gyroscope, or deviation of a value, times the share of rows."""
     if isinstance(stream, ImuStream):
         if stream.gyro_rad_s is None:
             return np.zeros(len(starts))
-        rows, lively = stream.gyro_rad_s, LIVELY_RAD_S
+        rows, full_motion = stream.gyro_rad_s, FULL_MOTION_RAD_S
     else:
-        rows, lively = np.column_stack(list(stream.values.values())), LIVELY_CHANGE
+        rows, full_motion = np.column_stack(list(stream.values.values())), FULL_MOTION_CHANGE
     whole: NDArray[np.bool_] = np.asarray(np.isfinite(rows).all(axis=1))
     rows = np.where(whole[:, None], rows, 0.0)
     edges: NDArray[np.intp] = np.asarray(np.searchsorted(stream.time_s, np.stack([starts, starts + seconds])))
@@ -64,7 +64,7 @@ def _liveliness(stream: Stream, starts: FloatArray, seconds: float) -> FloatArra
             square -= np.sum([(_between(column, edges) / count) ** 2 for column in rows.T], axis=0)
     spread = np.sqrt(np.nan_to_num(square).clip(min=0.0))
     there = np.minimum(1.0, count / max(1.0, float(count.max())))
-    return np.asarray(np.minimum(1.0, spread / lively) * there)
+    return np.asarray(np.minimum(1.0, spread / full_motion) * there)
 
 
 def _between(values: FloatArray, edges: NDArray[np.intp]) -> FloatArray:

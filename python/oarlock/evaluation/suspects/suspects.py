@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from oarlock.evaluation.suspects.fit import USUAL, Judge
 from oarlock.evaluation.suspects.search import RATE_HZ, SCREEN_HZ, Found, Outcome, Second, search
-from oarlock.evaluation.suspects.second import liveliest, on_grid
+from oarlock.evaluation.suspects.second import most_motion, on_grid
 from oarlock.evaluation.suspects.text import SUSPECT_NOTE
 from oarlock.recording.corrections import corrected
 from oarlock.recording.plausibility import plausibility
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from oarlock.recording.calibration import Calibration
 
 STILL = 0.1
-"""Liveliness below which signs and units of what moves cannot be told."""
+"""Motion score below which signs and units of moving sensors cannot be determined."""
 UNEXPLAINED = 1.5
-"""Misfit from which on a sensor is named that contradicts the others, where no fault explains it."""
+"""Misfit above which a sensor that contradicts the others is named although no fault explains it."""
 ALONE = 2.5
-"""... if the others fit better without it by this factor."""
+"""Factor by which the misfit of the others must be smaller without that sensor."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +52,11 @@ class Suspect:
 
     @property
     def note(self) -> str:
-        """The sentence for the notes of a track."""
+        """The text for the notes of a track."""
         return str(self) if self.fault == "untold" else f"{SUSPECT_NOTE}{self}"
 
     def to_dict(self) -> dict[str, object]:
-        """Plain values for JSON; what is unknown is None."""
+        """Plain values for JSON; None where unknown."""
         values = {name: getattr(self, name) for name in ("misfit_before", "misfit_after", "start_s")}
         known = {name: value if isfinite(value) else None for name, value in values.items()}
         texts = {"fault": self.fault, "message": self.message, "others": list(self.others)}
@@ -66,7 +66,7 @@ class Suspect:
         numbers = ""
         if isfinite(self.misfit_after):
             numbers = (
-                f" Misfit {_number(self.misfit_before)} as recorded, {_number(self.misfit_after)} so changed; "
+                f" Misfit {_number(self.misfit_before)} as recorded, {_number(self.misfit_after)} after this change; "
                 f"up to {USUAL} is usual."
             )
         others = f" Nearly as well fits: {' Or: '.join(self.others)}" if self.others else ""
@@ -114,7 +114,7 @@ def suspects(
 
 
 def _known(model: Model, recording: Recording) -> Recording | None:
-    """The streams that the model has a place for."""
+    """The streams for which the model has a sensor or input joint."""
     names = {*model.sensor_names, *(joint["name"] for joint in model.describe()["joints"] if joint["input"])}
     kept = [name for name in recording.names if name in names]
     return recording.only(kept) if kept else None
@@ -127,16 +127,16 @@ def _by_tracking(
     config: Config | None,
     seconds: float,
 ) -> list[Suspect]:
-    start_s, lively = liveliest(recording, seconds)
+    start_s, motion_score = most_motion(recording, seconds)
     grids = [on_grid(recording, start_s, seconds, rate) for rate in (RATE_HZ, SCREEN_HZ)]
     if grids[0] is None or grids[1] is None:
         return []
     judge = Judge(model, calibration, config.closures if config is not None else True)
     outcome = search(judge, Second(model, grids[0], grids[1]))
-    return _told(outcome, start_s, lively)
+    return _suspects_of(outcome, start_s, motion_score)
 
 
-def _told(outcome: Outcome, start_s: float, lively: float) -> list[Suspect]:
+def _suspects_of(outcome: Outcome, start_s: float, motion_score: float) -> list[Suspect]:
     if outcome.found:
         return [_of_found(found, start_s) for found in outcome.found]
     total = outcome.misfit.total
@@ -152,13 +152,13 @@ def _told(outcome: Outcome, start_s: float, lively: float) -> list[Suspect]:
                 start_s,
             )
         ]
-    if lively < STILL:
+    if motion_score < STILL:
         return [
             Suspect(
                 (),
                 "untold",
                 "the recording hardly moves: whether gyroscopes and encoders have the right unit and sign cannot be "
-                "told yet.",
+                "determined yet.",
                 start_s=start_s,
             )
         ]

@@ -9,7 +9,7 @@ import numpy as np
 from oarlock.storage.array_gate import FloatArray
 
 SUSPECT_NOTE = "Suspect: "
-"""How a note of a track begins that names a suspect."""
+"""First word of a track's note that names a suspect."""
 
 _QUANTITY = {"gyro_rad_s": "gyro", "accel_m_s2": "accel", "mag_ut": "mag", "value": "value"}
 _SENSOR = {"gyro_rad_s": "gyroscope", "accel_m_s2": "accelerometer", "mag_ut": "magnetometer"}
@@ -25,13 +25,13 @@ _MAPPING_UNIT |= {"in gauss": "gauss", "in mG": "mG", "in nT": "nT"}
 
 
 def exchange_text(pairs: Sequence[tuple[str, str]]) -> str:
-    """Streams in each other's place."""
+    """Text for exchanged streams."""
     looks = "; and ".join(f"{a} and {b} look exchanged" for a, b in pairs)
     return f"{looks}. Give each the other's name where the recording is imported."
 
 
 def factor_text(streams: Sequence[str], quantity: str, what: str, factor: float) -> str:
-    """Readings in another unit or with the other sign."""
+    """Text for readings in a wrong unit or with a wrong sign."""
     key = _QUANTITY[quantity]
     subject = _of(streams, quantity)
     if (unit := _MAPPING_UNIT.get(what)) is not None:
@@ -44,12 +44,12 @@ def factor_text(streams: Sequence[str], quantity: str, what: str, factor: float)
 
 
 def stuck_text(name: str, value: float) -> str:
-    """An encoder that does not follow."""
+    """Text for an encoder with constant readings."""
     return f"{name} looks stuck: it reads {value:.5g} throughout. Check the sensor; until then leave it out."
 
 
 def turn_text(streams: Sequence[str], matrix: FloatArray) -> str:
-    """A unit that sits otherwise on what carries it."""
+    """Text for an inertial unit that is mounted in another orientation."""
     name = streams[0] if len(streams) == 1 else "NAME"
     half_turn = abs(np.trace(matrix) + 1.0) < 0.5 and np.linalg.det(matrix) > 0
     upside, them = ", upside down," if half_turn else "", "it" if len(streams) == 1 else "them"
@@ -61,7 +61,7 @@ def turn_text(streams: Sequence[str], matrix: FloatArray) -> str:
 
 
 def axes_text(streams: Sequence[str], quantities: Sequence[str], matrix: FloatArray) -> str:
-    """Readings in axes of another convention."""
+    """Text for readings in axes of another convention."""
     one = quantities[0] if len(quantities) == 1 else ""
     keys = _QUANTITY[one] if one else "gyro, accel and mag"
     what = f"turned by {_angle(matrix)}" if np.linalg.det(matrix) > 0 else _mirrored(matrix)
@@ -82,7 +82,7 @@ def _look(streams: Sequence[str]) -> str:
 
 
 def _angle(matrix: FloatArray) -> str:
-    """`180 deg about its x`; the turn is that of the readings, from recorded to right axes."""
+    """`180 deg about its x`: the rotation of the readings from recorded to correct axes."""
     cosine = (np.trace(matrix) - 1.0) / 2.0
     angle = round(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
     if angle == 180:
@@ -113,7 +113,7 @@ def _mirrored(matrix: FloatArray) -> str:
 
 
 def _axes(matrix: FloatArray) -> str:
-    """The mapping file's `axes`: which recorded axis gives each right one."""
+    """`axes` for the mapping file: the recorded axis for each correct axis."""
     found = []
     for row in matrix:
         column = int(np.argmax(np.abs(row)))

@@ -23,19 +23,19 @@ _FILES: Final[Mapping[str, Mapping[str, str]]] = MappingProxyType(
     {
         "csv": {
             "coordinates.csv": "all estimates, one column each, unit in its name; SI, rad, root axes; empty: no number",
-            "frames.csv": "places of all frames, m, root axes; empty: no number",
+            "frames.csv": "positions of all frames, m, root axes; empty: no number",
         },
         "parquet": {
-            "coordinates.parquet": "the same as coordinates.csv; units are metadata, too; NaN: no number",
+            "coordinates.parquet": "the same as coordinates.csv; units are also metadata; NaN: no number",
             "frames.parquet": "the same as frames.csv",
         },
         "mot": {"coordinates.mot": "coordinates of model.osim over time, {angle} and m; nan: no reading"},
         "sto": {
-            "velocities.sto": "their derivatives in time, {angle} and m per second",
+            "velocities.sto": "their time derivatives, {angle} and m per second",
             "std.sto": "their standard deviations, {angle} and m",
         },
-        "trc": {"frames.trc": "places of all frames as markers, mm, {ground}; NaN: no place"},
-        "osim": {"model.osim": "one body and one marker a frame, {ground}; masses are placeholders"},
+        "trc": {"frames.trc": "positions of all frames as markers, mm, {ground}; NaN: no position"},
+        "osim": {"model.osim": "one body and one marker for each frame, {ground}; masses are placeholders"},
     }
 )
 FORMATS: Final = tuple(_FILES)
@@ -55,10 +55,10 @@ def files_of(
 
 @dataclass(frozen=True)
 class Export:
-    """What was written.
+    """Result of `export`.
 
     Args:
-        folder: where.
+        folder: the written folder.
         files: contents of each file, by its name in the folder.
         notes: sentences about missing data.
         body_names: body and marker in OpenSim's files, by the name of the frame here.
@@ -70,7 +70,7 @@ class Export:
     body_names: Mapping[str, str]
 
     def to_dict(self) -> dict[str, Any]:
-        """As it stands in export.toml and in `oarlock export --json`."""
+        """The contents of export.toml and of `oarlock export --json`."""
         return {
             "folder": str(self.folder),
             "files": dict(self.files),
@@ -91,24 +91,24 @@ def export(
     """Write a track for other software, and export.toml, which lists the contents of each file.
 
     `csv`: coordinates.csv and frames.csv. `parquet`: the same as .parquet, with the unit of each column in its
-    metadata. `mot`: coordinates.mot. `sto`: velocities.sto and std.sto. `trc`: frames.trc, places of frames as virtual
-    markers, mm. `osim`: model.osim, in which each frame is a body and a marker.
+    metadata. `mot`: coordinates.mot. `sto`: velocities.sto and std.sto. `trc`: frames.trc, positions of frames as
+    virtual markers, mm. `osim`: model.osim, in which each frame is a body and a marker.
 
-    A ball or free joint has, in OpenSim's files, three angles `NAME_XYZ_x`, `NAME_XYZ_y`, `NAME_XYZ_z`: turns about x,
-    y and z of the joint, each as those before have left it, R = Rx Ry Rz, continuous over time; a free joint also
-    `NAME_tx`, `NAME_ty`, `NAME_tz`. Rates in velocities.sto are derivatives of these angles. A joint that no stream
-    ever told stands at 0; single readings that are missing give NaN.
+    In OpenSim's files a ball or free joint has three angles `NAME_XYZ_x`, `NAME_XYZ_y`, `NAME_XYZ_z`: body-fixed
+    rotations about x, y and z of the joint, R = Rx Ry Rz, continuous over time. A free joint also has `NAME_tx`,
+    `NAME_ty`, `NAME_tz`. Rates in velocities.sto are derivatives of these angles. A joint without any stream is written
+    as 0; single missing readings give NaN.
 
     Args:
-        track: what to write; without its model it can be written as `csv` and `parquet` alone, without frames.
-        folder: is made; files of the same names are replaced.
+        track: the track; without its model only `csv` and `parquet` without frames can be written.
+        folder: folder to write; it is created, and files of the same names are replaced.
         formats: some of `csv`, `parquet`, `mot`, `sto`, `trc`, `osim`.
         degrees: angles of .mot and .sto in degrees, else in rad; their headers (`inDegrees`) say which.
-        axes: of OpenSim's ground and of the .trc. `y-up`: the root's axes, turned by the smallest turn that makes the
-            model's `up` Y, none where it is Y; `root`: the root's axes, with gravity along the model's down. Tables are
-            in root axes always.
+        axes: axes of OpenSim's ground and of the .trc. `y-up`: the root's axes, rotated by the smallest angle that
+            makes the model's `up` Y; `root`: the root's axes, with gravity along the model's down. Tables are always in
+            root axes.
         missing: rows of .mot and .sto in which a coordinate has no reading: `nan` keeps them, `drop` leaves them out,
-            as OpenSim's tools with splines need it.
+            which OpenSim's tools with splines need.
 
     Raises:
         DataError: an unknown format, no samples, no model where one is needed, or a folder that cannot be written.
@@ -138,7 +138,7 @@ def _written(
     texts = files_of("deg" if degrees else "rad", "ground with Y up" if axes == "y-up" else "root axes")
     held = {file: text for name in formats for file, text in texts[name].items() if file in done}
     for file in (file for name in formats for file in texts[name] if file not in done):
-        (place / file).unlink(missing_ok=True)  # another track's
+        (place / file).unlink(missing_ok=True)  # files of another track
     found = Export(place, held, notes, names)
     about = {
         "format": 1,
@@ -188,7 +188,7 @@ def _checked(track: Track, formats: Sequence[str], axes: str, missing: str) -> t
     needing = [name for name in chosen if name in OPENSIM]
     if track.model is None and needing:
         raise DataError(
-            f"export: {', '.join(needing)} need the track's model, which was not found when it was loaded; put its "
-            "model.toml back, or choose csv and parquet"
+            f"export: {', '.join(needing)} need the track's model, which was not found when it was loaded; restore its "
+            "model.toml, or choose csv and parquet"
         )
     return tuple(dict.fromkeys(chosen))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def frame_places(track: Track) -> Markers:
-    """Origins of all frames in root axes, m, as `Track.frame_positions` has them; NaN where a reading is missing.
+    """Origins of all frames in root axes, m, equal to `Track.frame_positions`; NaN where a reading is missing.
 
     Raises:
         DataError: the track has no model.

@@ -74,8 +74,8 @@ def _on_part(name: str, track: Track, columns: list[int]) -> Iterator[str]:
     unseen: Bools = ~track.observed[:, columns].all(axis=1) & ~missing
     if unseen.any():
         yield (
-            f"{name}: not observed in {_share(unseen, track)}. A prior holds it there; its standard deviation says how "
-            "well."
+            f"{name}: not observed in {_share(unseen, track)}. Its value there follows from "
+            "the prior; its standard deviation shows how uncertain it is."
         )
 
 
@@ -84,7 +84,7 @@ def _on_pole(name: str, rotvec_rad: FloatArray) -> Iterator[str]:
     if near.any():
         yield (
             f"{name}: within 15 deg of the pole of the angles {SEQUENCE} in {near.sum()} of {len(near)} rows. The "
-            "posture is right there, but single angles, their rates and their standard deviations are large."
+            "posture is exact there, but single angles, their rates and their standard deviations are large."
         )
 
 

@@ -1,8 +1,8 @@
 """Builds an OpenSim model from a model's tree: one body per frame, one joint per body.
 
-A frame of Oarlock lies at (before M after) in its parent, M being a turn about z, or a shift along it, by the joint's
-value times a sign. OpenSim's pins turn about z and its sliders shift along x by the value itself, so each joint gets
-axes Q of its own: M = Q N Q', N being OpenSim's movement. Where the sign is negative, Q points z down.
+The pose of a frame in its parent is (before M after); M is a rotation about z, or a translation along z, by the joint's
+value times a sign. OpenSim's pins rotate about z and its sliders move along x by the value itself. So each joint has
+its own axes Q with M = Q N Q', where N is OpenSim's movement. If the sign is negative, Q reverses z.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from oarlock.model.rotation import quat_from_rotvec
 from oarlock.storage.array_gate import FloatArray
 
 SEQUENCE: Final = "XYZ"
-"""Order of the angles of balls and free joints in OpenSim's files."""
+"""Order of the angles of ball and free joints in OpenSim's files."""
 _TURN: Final = (-np.pi, np.pi)
 _SHIFT_M: Final = (-2.0, 2.0)
 
@@ -34,9 +34,9 @@ class CoordinateSource:
     """The source of a coordinate of the OpenSim model.
 
     Args:
-        name: in OpenSim.
-        part: of a joint of ours: a value, a position or a rotation.
-        axis: which of the part's three numbers or angles; 0 of a value.
+        name: name in OpenSim.
+        part: part of a joint of Oarlock: a value, a position or a rotation.
+        axis: index of one of the part's three numbers or angles; 0 for a value.
     """
 
     name: str
@@ -46,12 +46,12 @@ class CoordinateSource:
 
 @dataclass(frozen=True, eq=False)
 class OpensimBody:
-    """An OpenSim model, and its correspondence to ours.
+    """An OpenSim model, and its relation to Oarlock's model.
 
     Args:
-        osim: content of the file.
-        coordinates: of all its joints in their order, also those that follow another one.
-        frames: name of the body, and of the marker at its origin, by the name of our frame.
+        osim: contents of the file.
+        coordinates: coordinates of all its joints in their order, including coupled ones.
+        frames: name of the body, and of the marker at its origin, by the name of Oarlock's frame.
     """
 
     osim: OsimModel
@@ -69,7 +69,7 @@ def opensim_body(model: Model, ground_from_root: FloatArray) -> OpensimBody:
 
 
 class _Tree:
-    """Grows body by body; a frame's parent is there before it."""
+    """Builds the model body by body, parents first."""
 
     def __init__(self, model: Model) -> None:
         self.description = model.describe()
@@ -127,7 +127,7 @@ class _Tree:
 
     def _coordinates(self, joint: str, child: str) -> tuple[OsimCoordinate, ...]:
         found = []
-        # OpenSim names the angles of a joint before its shifts
+        # OpenSim lists the angles of a joint before its translations
         for part in sorted(self.parts[joint], key=lambda part: part.kind == "position"):
             for axis, label in enumerate(_labels(part)):
                 wanted = f"{joint}_{label}" if label else joint
@@ -160,12 +160,12 @@ class _Tree:
 
 
 def _twin_key(frame: Frame) -> tuple[Any, ...]:
-    before = (_pose(frame["before"]) + 0.0).tobytes()  # -0 is 0
+    before = (_pose(frame["before"]) + 0.0).tobytes()  # converts -0 to 0
     return (frame["parent"], frame["joint"], frame["sign"], before)
 
 
 def _twins(frames: Sequence[Frame]) -> dict[tuple[Any, ...], list[str]]:
-    """Frames that one movement of one joint carries: same parent, same place of the joint, same sign."""
+    """Frames that move together: same joint, same parent, same joint position, same sign."""
     found: dict[tuple[Any, ...], list[str]] = {}
     for frame in frames:
         found.setdefault(_twin_key(frame), []).append(frame["name"])
@@ -180,13 +180,13 @@ def _pose(given: Mapping[str, Any] | None) -> FloatArray:
 
 
 def _kind_and_axes(kind: str, sign: float) -> tuple[Kind, FloatArray]:
-    """OpenSim's joint for one of ours, and its axes Q (4, 4) in ours."""
+    """OpenSim's joint for a joint of Oarlock, and its axes Q (4, 4) in that joint's axes."""
     axes = np.eye(4)
     if kind == "hinge":
         axes[1, 1] = axes[2, 2] = sign
         return "pin", axes
     if kind == "slide":
-        # x of the slider along z times the sign
+        # the slider's x is along z times the sign
         axes[:3, :3] = np.array([[0.0, 0.0, -sign], [0.0, 1.0, 0.0], [sign, 0.0, 0.0]])
         return "slider", axes
     return "custom", axes
@@ -200,7 +200,7 @@ def _labels(part: Part) -> Sequence[str]:
 
 
 def _default(joint: Mapping[str, Any], part: Part, axis: int) -> tuple[float, tuple[float, float]]:
-    """Value at rest and span of one coordinate."""
+    """Rest value and slider range of one coordinate."""
     if part.kind == "scalar":
         low, high = joint["limits"]
         return float(joint["rest"]), (float(low), float(high))

@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class OpensimMotion:
-    """What the tables hold, (T, n) each, SI and rad.
+    """The numbers of the tables, (T, n) each, SI and rad.
 
     Args:
-        names: of the columns, those of the OpenSim model's coordinates.
+        names: names of the columns: the coordinates of the OpenSim model.
         turns: (n,) whether a column is an angle.
-        value: rad or m; a joint that no stream ever told stands at 0, where some readings are missing there is NaN.
-        rate: derivatives of the values in time; NaN where the track holds none.
-        std: standard deviations of the values; NaN where the track holds none.
+        value: rad or m; 0 for a joint without any stream, NaN where single readings are missing.
+        rate: time derivatives of the values; NaN if the track has none.
+        std: standard deviations of the values; NaN if the track has none.
     """
 
     names: tuple[str, ...]
@@ -58,7 +58,7 @@ def _numbers(track: Track, q: FloatArray, part: Part) -> tuple[FloatArray, Float
     if part.kind != "rotation":
         return value, rate, std
     angles = angles_from_quat(quat_from_rotvec(value), SEQUENCE)
-    # the rates of a rotation are those of the body, the table's are those of its angles
+    # a track has body rates of a rotation, the table has derivatives of its angles
     with np.errstate(invalid="ignore"):
         rates = np.einsum("tij,tj->ti", angles_per_turn(angles, SEQUENCE), rate)
     return angles, _finite(rates), _finite(angle_stds(angles, SEQUENCE, std))

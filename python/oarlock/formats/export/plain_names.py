@@ -14,7 +14,7 @@ class PlainNames:
         self._taken = set(taken)
 
     def give(self, wanted: str) -> str:
-        """The name in plain letters, or the next one that is free: `bein`, `bein_2`."""
+        """The name in plain letters, with a number if it is not unique: `bein`, `bein_2`."""
         plain = plain_name(wanted)
         numbered = (plain if k == 1 else f"{plain}_{k}" for k in range(1, len(self._taken) + 2))
         found = next(name for name in numbered if name not in self._taken)
@@ -23,7 +23,7 @@ class PlainNames:
 
 
 def plain_name(name: str) -> str:
-    """Accents go (`é` is `e`), letters without a plain one become their number (`u0436`), other signs `_`."""
+    """Removes accents (`é` becomes `e`), replaces other letters by their number (`u0436`) and other signs by `_`."""
     parts = unicodedata.normalize("NFKD", name)
     kept = (letter for letter in parts if not unicodedata.combining(letter))
     spelled = "".join(letter if letter.isascii() else f"u{ord(letter):04x}" for letter in kept)

@@ -36,7 +36,10 @@ def write_csv(columns: Columns, file: Path) -> None:
 
 
 def write_parquet(columns: Columns, file: Path, about: Mapping[str, str | Sequence[str]]) -> None:
-    """Float64, NaN where there is none; a column carries its `unit`, the table what `about` says (lists as JSON)."""
+    """Writes float64, NaN where missing.
+
+    Each column's metadata has its `unit`, the table's has `about` (lists as JSON).
+    """
     fields = [pa.field(name, pa.float64(), metadata={"unit": unit_of(name)}) for name in columns]
     said = {key: text if isinstance(text, str) else json.dumps(list(text)) for key, text in about.items()}
     schema = pa.schema(fields, metadata={"oarlock": __version__, **said})

@@ -39,7 +39,7 @@ class Written:
 def write_opensim(
     track: Track, place: Path, formats: Sequence[str], degrees: bool, axes: str, missing: str
 ) -> Written:
-    """Write those of coordinates.mot, velocities.sto, std.sto, frames.trc and model.osim that are asked for.
+    """Write the requested files of coordinates.mot, velocities.sto, std.sto, frames.trc and model.osim.
 
     Raises:
         DataError: `missing` is `drop` and no row has all its readings.
@@ -83,7 +83,7 @@ class _Table:
 
     @property
     def there(self) -> Bools:
-        """Whether a column holds any number, (n,)."""
+        """Whether a column contains a number, (n,)."""
         return np.asarray(np.isfinite(self.values).any(axis=0))
 
 

@@ -17,7 +17,7 @@ from oarlock.rowing.simulation.paper import STEPS_PER_S
 
 @dataclass(frozen=True)
 class Printed:
-    """A figure that others have printed."""
+    """A published figure."""
 
     steps_s: float
     n: int
@@ -30,17 +30,17 @@ PAPER: Final = Printed(STEPS_PER_S, 37, 58, "Intel Core i7 M620, 2.66 GHz", "C g
 """The source's own figure (Ruffaldi, Peppoloni and Filippeschi, section 5)."""
 
 USUAL_TEXTBOOK_US: Final = 405.0
-"""What the textbook's filter takes at 41 states on one core of a 3.7 GHz Zen 4."""
+"""Time of a step of the textbook filter at 41 states on one core of a 3.7 GHz Zen 4, microseconds."""
 
-# shares of the time that is given
+# shares of the given time
 _RACE, _RACE_WITH_BIASES, _LIVE, _THREADS, _OTHER = 0.25, 0.25, 0.15, 0.15, 0.2
 
-Told = Callable[[str], AbstractContextManager[object]]
+Progress = Callable[[str], AbstractContextManager[object]]
 
 
 @dataclass(frozen=True)
 class Bench:
-    """All that was measured."""
+    """Results of all measurements."""
 
     joints: Race
     with_biases: Race
@@ -52,7 +52,7 @@ class Bench:
     missing: tuple[Software, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """One document: the joints' figures by name, those with biases under `with_biases`."""
+        """All figures by name; those with biases are under `with_biases`."""
         times_real_time = 1e6 / self.joints.filters["ukf"].us / RATE_HZ
         return {
             **_figures(self.joints, self.latency),
@@ -93,7 +93,7 @@ def _figures(timed: Race, latency: Latency) -> dict[str, Any]:
 
 
 def machine() -> dict[str, str]:
-    """What it was measured on."""
+    """Description of the machine."""
     from oarlock import __version__
 
     return {
@@ -104,30 +104,30 @@ def machine() -> dict[str, str]:
     }
 
 
-def measure(seconds: float, told: Told = lambda what: nullcontext()) -> Bench:
+def measure(seconds: float, progress: Progress = lambda what: nullcontext()) -> Bench:
     """Measures for about `seconds`, and a few more where other software compiles or is slow.
 
     Args:
         seconds: time for all measurements together.
-        told: makes a context around each part, to show what is under way.
+        progress: returns a context manager for each part, to show progress.
     """
-    with told("simulating"):
+    with progress("simulating"):
         problem = sculling()
-    with told("racing the textbook's filter"):
+    with progress("comparing with the textbook filter"):
         joints = race(problem, "joints", _RACE * seconds)
         with_biases = race(problem, "with_biases", _RACE_WITH_BIASES * seconds)
-    with told("stepping live"):
+    with progress("stepping live"):
         lone, biased = (live(problem, name, _LIVE / 2 * seconds) for name in ("joints", "with_biases"))
-    with told("tracking on two threads"):
+    with progress("tracking on two threads"):
         many = threads(problem, _THREADS * seconds)
-    others = tuple(_others(seconds, told))
+    others = tuple(_others(seconds, progress))
     figures = tuple(one for one in others if isinstance(one, Figure))
     failed = tuple(one for one in others if isinstance(one, Failure))
     return Bench(joints, with_biases, lone, biased, many, figures, failed, tuple(missing()))
 
 
-def _others(seconds: float, told: Told) -> Iterator[Figure | Failure]:
+def _others(seconds: float, progress: Progress) -> Iterator[Figure | Failure]:
     installed = [software for software in SOFTWARE if software.installed()]
     for software in installed:
-        with told(software.name):
+        with progress(software.name):
             yield time_other(software, _OTHER / len(installed) * seconds)

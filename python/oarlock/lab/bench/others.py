@@ -1,7 +1,7 @@
 """Times installed other software on the same readings, and lists what is not installed, for `oarlock bench`.
 
-Each runs in a process of its own and on one core, as Oarlock's filter does: libraries that share small products
-among threads lose by it, and more so on a busy machine.
+Each runs in a separate process and on one core, like Oarlock's filter: libraries that divide small matrix products
+among threads become slower, especially on a busy machine.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from oarlock.lab.bench import with_biorbd, with_filterpy, with_jax, with_numpy
 from oarlock.lab.bench.problem import Floats, Problem, sculling
 
 Run = Callable[[], Floats]
-"""A run over the samples behind the warm ones: estimates, (steps, states). The same again each time."""
+"""A run over the samples after the warm-up: estimates, (steps, states). Every run gives the same result."""
 
 SAME = "the same filter on the same readings"
 SMALLER = "a far smaller problem: 11 angles from 5 orientations that another filter must find first"
@@ -50,7 +50,7 @@ class Software:
 
 @dataclass(frozen=True)
 class Figure:
-    """What other software reached."""
+    """Result of other software."""
 
     name: str
     package: str
@@ -61,7 +61,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Failure:
-    """Other software that is installed and does not run."""
+    """Other software that is installed but does not run."""
 
     name: str
     package: str
@@ -78,7 +78,7 @@ SOFTWARE = (
 
 
 def missing() -> list[Software]:
-    """What is not installed here."""
+    """Other software that is not installed."""
     return [software for software in SOFTWARE if software.installed() is None]
 
 
@@ -91,7 +91,7 @@ ONE_CORE = {
 
 
 def time_other(software: Software, seconds: float) -> Figure | Failure:
-    """Times it for `seconds`, and a few more to start and to compile."""
+    """Times one software for `seconds`; starting and compiling take a few seconds more."""
     command = [sys.executable, "-m", "oarlock.lab.bench.others", software.package, str(seconds)]
     done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, **ONE_CORE})
     installed = software.installed() or ""
@@ -103,7 +103,7 @@ def time_other(software: Software, seconds: float) -> Figure | Failure:
 
 
 def steps_per_second(run: Run, seconds: float) -> float:
-    """Runs once to warm up (JAX compiles), then for `seconds`, and once at least; the median run counts."""
+    """Runs once to warm up (JAX compiles), then at least once and for `seconds`; the result is the median run."""
     run()
     spent: list[float] = []
     begun = time.perf_counter()

@@ -17,21 +17,21 @@ FILTERS: Final = ("ukf", "ekf", "factorised")
 
 @dataclass(frozen=True)
 class StepTime:
-    """Time of one filter's step, in µs: half, and a tenth of all steps are shorter."""
+    """Time of one filter's step, in µs: median and 10 % quantile."""
 
     us: float
     us_p10: float
 
     @classmethod
     def of(cls, times_us: Floats) -> StepTime:
-        """From the times of many steps."""
+        """The quantiles of the times of many steps."""
         half, tenth = np.quantile(times_us, [0.5, 0.1])
         return cls(float(half), float(tenth))
 
 
 @dataclass(frozen=True)
 class Race:
-    """Filters and the textbook's unscented one, in turn: n states, m readings."""
+    """Times of Oarlock's filters and of the textbook filter, measured in turn: n states, m readings."""
 
     n: int
     m: int
@@ -39,17 +39,17 @@ class Race:
     textbook: StepTime
 
     def ratio(self, filter_name: str) -> float:
-        """How many steps of the filter fit into one of the textbook's; medians."""
+        """Time of the textbook filter divided by that of this filter; medians."""
         return self.textbook.us / self.filters[filter_name].us
 
     def ratio_p10(self, filter_name: str) -> float:
-        """The same of the 10 % quantiles, which neighbours on the machine disturb less."""
+        """The same for the 10 % quantiles, which other processes disturb less."""
         return self.textbook.us_p10 / self.filters[filter_name].us_p10
 
 
 @dataclass(frozen=True)
 class Latency:
-    """Of `Tracker.step`, called from Python with one sample after the other, µs."""
+    """Latency of `Tracker.step`, called from Python for one sample after the other, µs."""
 
     p50_us: float
     p99_us: float
@@ -59,7 +59,7 @@ class Latency:
 
 @dataclass(frozen=True)
 class Threads:
-    """Samples per second by `track_many`, recordings being as many for each thread."""
+    """Samples per second by `track_many`, with the same number of recordings for each thread."""
 
     cores: int
     one_steps_s: float
@@ -67,7 +67,7 @@ class Threads:
 
     @property
     def ratio(self) -> float:
-        """Two threads against one."""
+        """Speed with two threads relative to one."""
         return self.two_steps_s / self.one_steps_s
 
 
@@ -83,7 +83,7 @@ def race(problem: Problem, estimate: str, seconds: float) -> Race:
 
 
 def live(problem: Problem, estimate: str, seconds: float) -> Latency:
-    """Times `Tracker.step` from Python, belief and report included, with the default filter."""
+    """Times `Tracker.step` from Python with the default filter, including state estimate and report."""
     from oarlock import Tracker
 
     config = problem.config(estimate)
@@ -109,7 +109,7 @@ def _live_steps(tracker, samples: Iterable[object]) -> list[float]:  # type: ign
 
 
 def threads(problem: Problem, seconds: float) -> Threads:
-    """Times `track_many` on one thread and on two, in turn; the best round of each counts."""
+    """Times `track_many` on one thread and on two, in turn; the best round of each is used."""
     from oarlock import track_many
 
     config = problem.config("with_biases")

@@ -1,7 +1,7 @@
 """Forward kinematics and readings of a model of hinges and slides, in arrays over sigma points; NumPy or JAX.
 
-Written from the model's description and nothing of the engine, as a user of array libraries would write it: all points
-at once, all frames of one depth at once.
+It uses only the model's description, not the engine, and is written as a user of array libraries would write it: all
+points at once, all frames of one depth at once.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-# Of NumPy or of JAX: neither has a type for both.
+# An array of NumPy or JAX; there is no common type.
 Array = Any
 
 _NEXT = np.array([1, 2, 0])
@@ -20,7 +20,7 @@ _NEXT = np.array([1, 2, 0])
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """Frames of one depth: k of them, each on a frame of the level before."""
+    """The k frames of one depth; each has its parent in the previous level."""
 
     parents: list[int]
     coordinates: list[int]
@@ -31,10 +31,10 @@ class Level:
 
 
 class PlainKinematics:
-    """What a model's sensors read.
+    """Predicted readings of a model's sensors.
 
     Args:
-        described: `Model.describe()`; joints are hinges, slides or fixed, inertial units have all three parts.
+        described: `Model.describe()`; joints are hinges, slides or fixed, inertial units have all three quantities.
         states: names of the states.
         xp: `numpy` or `jax.numpy`.
     """
@@ -58,7 +58,7 @@ class PlainKinematics:
         frames = self._frames(q, self._padded(qd), self._padded(qdd), self._force(x.T))
         return self._readings(x.T, q, frames).T
 
-    # --- once --------------------------------------------------------------------------------------------
+    # --- preparation -------------------------------------------------------------------------------------
 
     def _spread(self) -> None:
         """Matrices from states to values, velocities and accelerations of the joints."""
@@ -88,7 +88,7 @@ class PlainKinematics:
         self, above: list[Mapping[str, Any]], frames: list[Mapping[str, Any]], kinds: Mapping[str, str]
     ) -> Level:
         parents = [frame["name"] for frame in above]
-        # a frame without a joint is moved by the column behind the last
+        # frames without a joint use an additional column of zeros
         columns = [self._joints.index(f["joint"]) if f["joint"] else len(self._joints) for f in frames]
         signs = {
             kind: [f["sign"] * (kinds.get(f["joint"]) == kind) for f in frames] for kind in ("hinge", "slide")
@@ -112,7 +112,7 @@ class PlainKinematics:
         return self.xp.asarray(rotation)[..., None], self.xp.asarray(translation)[..., None, None]
 
     def _see(self, described: Mapping[str, Any], order: Mapping[str, int]) -> None:
-        """Sensors and closures: frames, arms, and where their rows stand."""
+        """Frames, arms and rows of sensors and closures."""
         units = [s for s in described["sensors"] if s["kind"] == "imu"]
         inputs = {joint["name"] for joint in described["joints"] if joint["input"]}
         encoders = [s for s in described["sensors"] if s["kind"] == "encoder" and s["joint"] not in inputs]
@@ -174,7 +174,7 @@ class PlainKinematics:
     def _frames(
         self, q: Array, qd: Array, qdd: Array, force: Array
     ) -> tuple[Array, Array, Array, Array, Array]:
-        """Orientation, place, spin, its rate and force of all frames, in root axes."""
+        """Orientation, position, angular velocity and acceleration, and specific force of all frames, in root axes."""
         xp = self.xp
         zero = xp.zeros_like(force)
         levels = [(xp.eye(3)[None, :, :, None] + zero, zero, zero, zero, force)]
@@ -204,7 +204,7 @@ class PlainKinematics:
         return rotation, place, spin, rate, push
 
     def _times(self, a: Array, b: Array) -> Array:
-        """Products of matrices, written so that compilers fuse them with what follows."""
+        """Matrix products, written so that compilers fuse them with the following operations."""
         terms = (a[:, :, k : k + 1] * b[:, k : k + 1] for k in range(3))
         return sum(terms, start=next(terms))
 
@@ -217,12 +217,12 @@ class PlainKinematics:
     def _readings(self, x: Array, q: Array, frames: tuple[Array, Array, Array, Array, Array]) -> Array:
         xp, count = self.xp, x.shape[1]
         rotation, spin, rate, push = (frames[k][xp.asarray(self._units)] for k in (0, 2, 3, 4))
-        felt = push + self._swung(spin, rate, self._times(rotation, self._arms))
+        specific_force = push + self._swung(spin, rate, self._times(rotation, self._arms))
         sensor_from_root = xp.swapaxes(self._times(rotation, self._mounts), 1, 2)
         azimuth = x[self._place["azimuth"]] if "azimuth" in self._place else self._azimuth_rad + 0.0 * x[0]
         along, across, down = (v[:, None] for v in self._field)
         field = xp.cos(azimuth) * along + xp.sin(azimuth) * across + down
-        parts = [self._times(sensor_from_root, v) for v in (spin, felt, field[None, :, None])]
+        parts = [self._times(sensor_from_root, v) for v in (spin, specific_force, field[None, :, None])]
         rows = [part.reshape(-1, count) for part in parts]
         rows.append(q[xp.asarray(self._encoders)])
         turn, place = (frames[k][xp.asarray(self._ends)] for k in (0, 1))

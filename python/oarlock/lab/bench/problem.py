@@ -16,15 +16,15 @@ Floats = NDArray[np.float64]
 
 RATE_HZ: Final = 125.0
 WARM: Final = 100
-"""Samples until the start is found and the belief has settled."""
+"""Number of samples until the start is fitted and the state estimate has converged."""
 
 ESTIMATES: Final[dict[str, tuple[str, ...]]] = {
     "joints": (),
     "with_biases": ("gyro_bias", "accel_bias", "surge"),
 }
-"""The joints and the azimuth of the field alone, as the source has it; and all that is estimated by default."""
+"""Only joints and azimuth of the field, as in the paper; and all states of the default configuration."""
 
-# Each textbook filter uses every reading as it comes: so does Oarlock where the two are compared.
+# The textbook filter has no gates and no learning, so they are off in Oarlock for the comparison.
 _PLAIN: Final[dict[str, Any]] = {
     "gate": False,
     "consider": "off",
@@ -42,19 +42,19 @@ class Problem:
     described: dict[str, Any] = field(repr=False)
 
     def config(self, estimate: str = "joints", filter_name: str = "ukf", plain: bool = False) -> Config:
-        """How to track: `estimate` is a key of `ESTIMATES`; `plain` leaves gates and learning out."""
+        """Configuration of the filter: `estimate` is a key of `ESTIMATES`; `plain` switches off gates and learning."""
         from oarlock import Config
 
         return Config(estimate=ESTIMATES[estimate], filter=filter_name, **(_PLAIN if plain else {}))
 
     @cached_property
     def time_s(self) -> Floats:
-        """Stamps, (T,), s; all streams share them."""
+        """Time stamps, (T,), s, which all streams share."""
         return np.asarray(self.recording.streams[0].time_s)
 
     @cached_property
     def readings(self) -> Floats:
-        """Readings, (T, m), in the order of the measurement; closed loops read zero."""
+        """Readings, (T, m), in the order of the measurement; closures read zero."""
         columns: dict[str, Floats] = {}
         for stream in self.recording.streams:
             for name, values in stream.values.items():
@@ -68,7 +68,7 @@ class Problem:
 
     @cached_property
     def inputs(self) -> Floats:
-        """Readings of input joints, (T, n_coordinates); zero where a joint is none, or nothing reads it."""
+        """Readings of input joints, (T, n_coordinates); zero for other joints and without a stream."""
         found = np.zeros((len(self.time_s), len(self.model.coordinate_names)))
         for column, joint in enumerate(self.described["joints"]):
             if joint["input"] and joint["name"] in self.recording:
@@ -77,7 +77,7 @@ class Problem:
 
     @cached_property
     def read_inputs(self) -> list[int]:
-        """Columns of `inputs` that a stream fills."""
+        """Columns of `inputs` with a stream."""
         return [
             column
             for column, joint in enumerate(self.described["joints"])
@@ -85,7 +85,7 @@ class Problem:
         ]
 
     def started(self) -> tuple[Tracker, Floats, Floats]:
-        """A plain tracker behind the first `WARM` samples, its mean (n,) and covariance (n, n)."""
+        """A plain tracker after the first `WARM` samples, its mean (n,) and covariance (n, n)."""
         from oarlock import Tracker
 
         tracker = Tracker(self.model, None, self.config(plain=True))

@@ -12,10 +12,10 @@ from oarlock.lab.bench.problem import RATE_HZ, Floats, Problem
 
 
 class SigmaFilter:
-    """One problem's matrices, and one step.
+    """The matrices of one problem, and one filter step.
 
     Args:
-        problem: the readings; its states are those of the plain configuration.
+        problem: the readings; the states are those of the plain configuration.
         states: their names.
         xp: `numpy` or `jax.numpy`.
         cho_solve: SciPy's, or that of `jax.scipy.linalg`.
@@ -42,13 +42,13 @@ class SigmaFilter:
         self._off = xp.asarray(np.vstack([np.zeros((2 * self.n + 1, off.shape[1])), off]))
 
     def step(self, mean: Array, covariance: Array, z: Array, inputs: Array) -> tuple[Array, Array]:
-        """Predicts over one sample, takes in readings z (m,) and inputs (n_coordinates,)."""
+        """Predicts over one sample and updates with readings z (m,) and inputs (n_coordinates,)."""
         xp, n = self.xp, self.n
         mean = self.transition @ mean
         covariance = self.transition @ covariance @ self.transition.T + self.drive
         spread = xp.linalg.cholesky(covariance).T * xp.sqrt(self.reach)
         away = xp.concatenate([xp.zeros((1, n)), spread, -spread])
-        # behind the sigma points: the mean again, with one input off by its standard deviation
+        # after the sigma points: the mean with each input changed by its standard deviation
         count = self._off.shape[0] - len(away)
         points = mean + xp.concatenate([away, xp.zeros((count, n))])
         read = self.kinematics.measure(points, inputs + self._off)
@@ -63,7 +63,7 @@ class SigmaFilter:
         return mean + gain @ (z - expected), 0.5 * (covariance + covariance.T)
 
     def input_noise(self, mean: Floats, inputs: Floats) -> Floats:
-        """What noisy inputs add to the covariance of the readings, (m, m)."""
+        """Covariance of the readings due to noisy inputs, (m, m)."""
         off = np.asarray(self._off)[2 * self.n :]
         read = self.kinematics.measure(np.tile(mean, (len(off), 1)), inputs + off)
         changes = read[1:] - read[0]

@@ -1,7 +1,7 @@
-"""biorbd's extended Kalman filter, which finds a posture from the orientations of the links.
+"""Times biorbd's extended Kalman filter, which finds a posture from the orientations of the links.
 
-A smaller problem than the others': no rates, biases or loops, and another filter has to find the orientations
-first. The chain is a trunk with two arms, with as many angles and units as the model has there.
+This is a smaller problem than those of other software: no rates, biases or closures, and another filter must find the
+orientations first. The chain is a trunk with two arms, with as many angles and units as the model has there.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ _CHAIN: Final = (
     ("l_upperarm", "trunk", "xyz"),
     ("l_forearm", "l_upperarm", "xz"),
 )
-# What biorbd's class defaults to.
+# Defaults of biorbd's class.
 _NOISE_FACTOR, _ERROR_FACTOR = 5e-3, 1e-10
 
 
 def angles_rad(problem: Problem) -> Floats:
-    """Angles of the chain, (T, 11): smooth swings at the rate of the recording, of a size that limbs make."""
+    """Angles of the chain, (T, 11): smooth swings of realistic size at the rate of the recording."""
     phase = 2.0 * np.pi * 0.4 * problem.time_s[:, None]
     joints = np.arange(sum(len(axes) for _, _, axes in _CHAIN))
     return np.asarray(0.4 * np.sin(phase + 0.7 * joints))
@@ -75,7 +75,7 @@ def _orientations(angles: Floats) -> Floats:
 
 
 def _units(biorbd, matrices: Floats):  # type: ignore[no-untyped-def]
-    """One sample's orientations, as biorbd takes them."""
+    """The orientations of one sample in biorbd's format."""
     seen = biorbd.VecBiorbdIMU()
     still = biorbd.Vector3d(0.0, 0.0, 0.0)
     for (name, _, _), matrix in zip(_CHAIN, matrices, strict=True):

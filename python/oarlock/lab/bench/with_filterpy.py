@@ -1,4 +1,4 @@
-"""filterpy's `UnscentedKalmanFilter` with a measurement function in Python, one sigma point at a time."""
+"""Times filterpy's `UnscentedKalmanFilter` with a measurement function in Python, one sigma point at a time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The unscented filter in JAX: the whole recording is one compiled `lax.scan`, in doubles."""
+"""Times the unscented filter in JAX: the whole recording is one compiled `lax.scan`, in double precision."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from oarlock.lab.bench.sigma_filter import SigmaFilter
 
 
 def make(problem: Problem) -> Callable[[], Floats]:
-    """A run over all samples behind the warm ones: means, (steps, n). The first call compiles."""
+    """A run over all samples after the warm-up: means, (steps, n). The first call compiles."""
     import jax
     from jax import lax
     from jax import numpy as jnp
     from jax.scipy.linalg import cho_solve
 
-    # JAX computes in single precision unless told before its first array
+    # JAX uses single precision unless this is set before its first array
     jax.config.update("jax_enable_x64", True)
     tracker, mean, covariance = problem.started()
     filter_ = SigmaFilter(problem, tracker.state_names, jnp, cho_solve)

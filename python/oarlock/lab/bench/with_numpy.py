@@ -1,4 +1,4 @@
-"""The unscented filter in NumPy, kinematics vectorised over sigma points."""
+"""Times the unscented filter in NumPy, with kinematics vectorised over sigma points."""
 
 from __future__ import annotations
 

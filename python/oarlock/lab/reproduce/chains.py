@@ -52,7 +52,7 @@ mag_std_ut = 1.0
 
 @dataclass(frozen=True)
 class Size:
-    """Hinges, and inertial units of nine rows each; a tree grows arms of `arm` links from its root, 0 is one chain."""
+    """Number of hinges and inertial units of nine rows; a tree has arms of `arm` links, 0 is a single chain."""
 
     joints: int
     units: int
@@ -70,7 +70,7 @@ class Size:
 
 
 def model_text(size: Size) -> str:
-    """A chain or a tree of hinges whose axes turn from link to link; its units spread evenly, the last at the end."""
+    """A chain or tree of hinges with alternating axes and evenly distributed units, the last one at the end."""
     parts = [_HEAD.format(joints=size.joints, units=size.units)]
     for k in range(size.joints):
         starts = k == 0 or (size.arm > 0 and k % size.arm == 0)
@@ -83,7 +83,7 @@ def model_text(size: Size) -> str:
 
 
 def built(size: Size, samples: int, seed: int = 0) -> tuple[Model, Recording, list[float]]:
-    """A model, a recording of a slow swing of all its joints, and the posture in which it starts."""
+    """A model, a recording of a slow swing of all its joints, and the start posture."""
     model = Model.from_toml(model_text(size), f"chain_{size.joints}_{size.units}.toml", {})
     random = np.random.default_rng([seed, size.joints, size.units])
     time_s = np.linspace(0.0, samples / RATE_HZ + 0.1, max(8, int(25 * samples / RATE_HZ) + 8))

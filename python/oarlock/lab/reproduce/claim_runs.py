@@ -9,7 +9,7 @@ import numpy as np
 
 import oarlock
 from oarlock import Study, StudyResult, load_model
-from oarlock.evaluation.progress import Told, share
+from oarlock.evaluation.progress import Progress, share
 from oarlock.lab.reproduce.contents import Floats, Row, finite_mean
 from oarlock.lab.reproduce.estimators import ELEVEN, ESTIMATORS
 from oarlock.lab.reproduce.field_trials import POINTS
@@ -28,18 +28,18 @@ BIASES = (0.0, 0.001, 0.01, 0.05)
 
 @dataclass(frozen=True)
 class Asked:
-    """Results of the studies, by what they ask."""
+    """Results of the studies, by question."""
 
     results: Mapping[str, StudyResult] = field(default_factory=dict)
 
     def error(self, study: str, item: str | None = None, score: str = "rmse", **values: object) -> float:
-        """Mean over the seeds of one score, in the scenario with these values; of the eleven angles, or of an item."""
+        """Mean of one score over the seeds, in the scenario with these values, for the eleven angles or one item."""
         return finite_mean(self.over_seeds(study, item, score, **values))
 
     def over_seeds(
         self, study: str, item: str | None = None, score: str = "rmse", **values: object
     ) -> Floats:
-        """The same by seed."""
+        """The same for each seed."""
         result = self.results[study]
         wanted = {key.replace("__", "."): value for key, value in values.items()}
         name = wanted.pop("name", None)
@@ -52,12 +52,12 @@ class Asked:
 
     @property
     def rows(self) -> list[Row]:
-        """The summaries of all studies, tidy; keys that only some have are empty elsewhere."""
+        """The summaries of all studies in one table; keys that a study lacks are empty."""
         return [{"study": name, **row} for name, result in self.results.items() for row in result.summary()]
 
 
 def studies(seeds: Sequence[int], duration_s: float) -> dict[str, Study]:
-    """What is run, by name."""
+    """The studies by name."""
     sculler, boat = load_model("sculler"), load_model("sculler_boat")
     fixed: dict[str, object] = {"duration_s": duration_s, "rate_spm": [20, 34]}
 
@@ -112,12 +112,12 @@ def studies(seeds: Sequence[int], duration_s: float) -> dict[str, Study]:
     }
 
 
-def asked(seeds: Sequence[int], duration_s: float, jobs: int | None, told: Told | None) -> Asked:
+def asked(seeds: Sequence[int], duration_s: float, jobs: int | None, progress: Progress | None) -> Asked:
     """Runs all studies."""
     wanted = studies(seeds, duration_s)
     whole, done, found = sum(study.run_count for study in wanted.values()), 0, {}
     for name, study in wanted.items():
-        part = share(told, done / whole, (done + study.run_count) / whole)
+        part = share(progress, done / whole, (done + study.run_count) / whole)
         found[name] = oarlock.study(study, jobs=jobs, progress=part)
         done += study.run_count
     return Asked(found)

@@ -29,7 +29,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows under a header; the first cell of a row names it. A closed table is shown when it is asked for."""
+    """Rows under a header; the first cell of a row is its name. A closed table is folded on the page."""
 
     key: str
     caption: str
@@ -65,7 +65,7 @@ class Chart:
 
 @dataclass(frozen=True)
 class Claim:
-    """A sentence of the paper, what was done to check it, what came out."""
+    """A sentence of the paper, the check, its result and the verdict."""
 
     source: str
     sentence: str
@@ -76,7 +76,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Part:
-    """A table, a figure or a section of the paper, run again."""
+    """A reproduced table, figure or section of the paper."""
 
     key: str
     title: str
@@ -90,13 +90,13 @@ class Part:
 
     @property
     def marks(self) -> tuple[int, int]:
-        """How many bounds are met, of how many."""
+        """Number of bounds that are met, and number of bounds."""
         found = [c.mark for table in self.tables for row in table.rows for c in row if c.mark]
         return found.count("met"), len(found)
 
 
 def shown(value: float, digits: int = 3) -> str:
-    """So many significant digits; a dash for no number."""
+    """A number with some significant digits; a dash for NaN."""
     if not math.isfinite(value):
         return "–"
     if value == 0.0:
@@ -108,14 +108,14 @@ def shown(value: float, digits: int = 3) -> str:
 
 
 def finite_mean(values: Sequence[float] | Floats) -> float:
-    """Mean of those that are numbers; NaN of none."""
+    """Mean of the finite values; NaN without any."""
     kept = np.asarray(values, dtype=np.float64)
     kept = kept[np.isfinite(kept)]
     return float(kept.mean()) if len(kept) else math.nan
 
 
 def finite_sd(values: Sequence[float] | Floats) -> float:
-    """Standard deviation of those that are numbers; NaN of fewer than two."""
+    """Standard deviation of the finite values; NaN for fewer than two."""
     kept = np.asarray(values, dtype=np.float64)
     kept = kept[np.isfinite(kept)]
     return float(kept.std(ddof=1)) if len(kept) > 1 else math.nan

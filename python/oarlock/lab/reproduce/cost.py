@@ -1,4 +1,4 @@
-"""The cost of a step, eq. (19), measured on growing models, against O(m^3 + n m^2 + m n^2 + n^3 + n f + n s)."""
+"""Measures the time of a step on models of growing size and compares it with eq. (19) of the paper."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 import oarlock
 from oarlock import Config, DivergedError, Model, Recording, load_model
-from oarlock.evaluation.progress import Told
+from oarlock.evaluation.progress import Progress
 from oarlock.lab.reproduce.chains import Size, built
 from oarlock.lab.reproduce.contents import Cell, Chart, Floats, Part, Row, Table, shown
 from oarlock.rowing.simulation import paper
@@ -19,9 +19,7 @@ from oarlock.rowing.simulation.experiment import simulate_sculling
 
 FILTERS = ("ukf", "ekf", "factorised")
 SHORT, LONG = 40, 840
-"""Samples of the two recordings whose difference in time is that of the steps between: starts cancel.
-
-Time is the processor's, so that others on the machine do not count."""
+"""Numbers of samples of two recordings; the difference of their processor times is that of the steps between."""
 ROUNDS = 7
 UNITS_FIXED, JOINTS_FIXED = 5, 15
 JOINTS = (4, 6, 9, 13, 18, 25, 34)
@@ -42,22 +40,22 @@ class Job:
     start: list[float]
 
 
-def cost(told: Told | None) -> Part:
+def cost(progress: Progress | None) -> Part:
     """Measures every size with every filter, in turn, and fits powers."""
     jobs = [_job(sweep, size) for sweep, size in _sizes()]
-    times = _measured(jobs, told)
+    times = _measured(jobs, progress)
     rows = [_row(job, times) for job in jobs]
     sculler = _sculler_rate()
     return Part(
         key="cost",
-        title="Equation (19): what a step costs",
+        title="Equation (19): the time of a step",
         lead=(
             "The paper counts O(m^3 + n m^2 + m n^2 + n^3 + n f + n s) for n states, m readings, f frames and s "
             f"units, and measures {paper.STEPS_PER_S:.0f} steps/s at n = {paper.STATES}, m = {paper.MEASUREMENTS}. "
             "Here chains and trees of hinges are generated as model files and tracked; a time is the median over "
-            f"{ROUNDS} rounds, in each of which all sizes and filters took their turn, of the difference in processor "
+            f"{ROUNDS} rounds, each with all sizes and filters in turn, of the difference in processor "
             f"time between a recording of {LONG} and one of {SHORT} samples.",
-            f"The sculler of 72 states and 58 readings takes {1e6 / sculler:,.0f} us a step as shipped, {sculler:,.0f} "
+            f"The sculler with 72 states and 58 readings takes {1e6 / sculler:,.0f} us/step as shipped, {sculler:,.0f} "
             f"steps/s on one core: {sculler / paper.STEPS_PER_S:,.0f} times the paper's 116.",
         ),
         tables=(_exponents(rows), _times(rows)),
@@ -65,9 +63,9 @@ def cost(told: Told | None) -> Part:
         notes=(
             paper.SLIPS["states"],
             paper.SLIPS["measurements"],
-            "A fitted power is a power over this range of sizes, not a limit: small models pay for what does not grow. "
-            "Where (19) says n^3 the filter spends its time on columns that it can take as linear, and where (19) "
-            "says m^3 it factors in the smaller of two spaces; so the measured powers lie below.",
+            "A fitted power is valid for this range of sizes, not a limit: in small models constant parts dominate. "
+            "The measured powers are below those of (19): where it has n^3, most columns are linear and need no sigma "
+            "points, and where it has m^3, the filter factors in the smaller of two spaces.",
         ),
         data={"cost": rows},
     )
@@ -86,15 +84,15 @@ def _job(sweep: str, size: Size) -> Job:
     return Job(sweep, size, model, long.slice(end_s=first), long, start)
 
 
-def _measured(jobs: list[Job], told: Told | None) -> dict[tuple[str, Size, str], float]:
+def _measured(jobs: list[Job], progress: Progress | None) -> dict[tuple[str, Size, str], float]:
     """Median time of a step, s; NaN where the filter loses the chain."""
     found: dict[tuple[str, Size, str], list[float]] = {}
     for turn in range(ROUNDS):
         for k, job in enumerate(jobs):
             for name in FILTERS:
                 found.setdefault((job.sweep, job.size, name), []).append(_step_s(job, name))
-            if told is not None:
-                told((turn * len(jobs) + k + 1) / (ROUNDS * len(jobs)))
+            if progress is not None:
+                progress((turn * len(jobs) + k + 1) / (ROUNDS * len(jobs)))
     return {key: statistics.median(times) for key, times in found.items()}
 
 
@@ -132,7 +130,7 @@ def _row(job: Job, times: dict[tuple[str, Size, str], float]) -> Row:
 
 
 def power(x: Floats, y: Floats) -> float:
-    """Slope of log y over log x, of the points that are positive; NaN of fewer than three."""
+    """Slope of log y over log x for positive points; NaN for fewer than three."""
     good = np.isfinite(y) & (y > 0.0)
     if good.sum() < 3:
         return math.nan
@@ -161,7 +159,7 @@ def _exponents(rows: list[Row]) -> Table:
         found.append((Cell(label), grown, Cell(shown(power(x, expected), 2)), *cells))
     return Table(
         "cost-powers",
-        "By which power of n (or m) the time grows over the range measured; in (19), and for each filter.",
+        "Power of n (or m) with which the time grows in the measured range: in (19), and for each filter.",
         ("what grows", "range", "(19)", *FILTERS),
         tuple(found),
     )
@@ -195,7 +193,7 @@ def _chart(rows: list[Row], sweep: str) -> Chart:
     axis, label = _SWEEPS[sweep]
     x, expected = _columns(rows, sweep, axis, "formula_19")
     series = {name: (x, _columns(rows, sweep, f"{name}_us")[0]) for name in FILTERS}
-    # (19) has no constant: drawn through the middle of the first filter's times
+    # (19) has no constant: it is drawn through the middle of the first filter's times
     middle = len(x) // 2
     series["(19)"] = (x, expected * series[FILTERS[0]][1][middle] / expected[middle])
     return Chart(f"cost-{sweep}", label, "states n" if axis == "n" else "readings m", "us per step", series)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from oarlock.evaluation.progress import Told, share
+from oarlock.evaluation.progress import Progress, share
 from oarlock.lab.reproduce.claim_runs import BIASES, HULL, RATES_HZ, SIDES_OFF, Asked, asked
 from oarlock.lab.reproduce.contents import Cell, Claim, Part, Row, Table, Verdict, finite_mean, shown
 from oarlock.lab.reproduce.estimators import ELEVEN
@@ -18,15 +18,15 @@ SHOULDERS, ELBOWS, WRISTS = (
     tuple(f"{s}_{part}" for s in ("r", "l")) for part in ("shoulder", "elbow", "wrist")
 )
 LOSS_DEG = 0.05
-"""What a turning hull may cost when a unit sits on it."""
+"""Largest increase of the error by a rotating hull with a unit on it, deg."""
 SAME = 1.05
-"""Errors within 5 % of each other are the same."""
+"""Errors within 5 % of each other count as equal."""
 
 
-def discussion(seeds: Sequence[int], duration_s: float, jobs: int | None, told: Told | None) -> Part:
+def discussion(seeds: Sequence[int], duration_s: float, jobs: int | None, progress: Progress | None) -> Part:
     """All claims."""
     length, seeds = min(duration_s, LONGEST_S), seeds[:MOST_SEEDS]
-    found = asked(seeds, length, jobs, share(told, 0.0, 0.95))
+    found = asked(seeds, length, jobs, share(progress, 0.0, 0.95))
     technique = features(seeds[0], length)
     claims = (
         _boat(found),
@@ -43,12 +43,12 @@ def discussion(seeds: Sequence[int], duration_s: float, jobs: int | None, told: 
     )
     return Part(
         key="discussion",
-        title="Section 5: what the paper says of its results",
+        title="Section 5: the paper's claims about its results",
         lead=(
             f"Each sentence is checked on simulated recordings of {length:g} s, {len(seeds)} "
             f"{'seed' if len(seeds) == 1 else 'seeds'}; errors are the mean RMSE of the eleven angles of Table 5 "
-            "unless said otherwise. A verdict follows from the numbers by the rule that stands with it; a sentence "
-            "about the paper's own recordings can only be held against its own tables.",
+            "unless stated otherwise. Each verdict follows from the numbers by the given rule. A sentence "
+            "about the paper's own recordings can only be compared with its own tables.",
         ),
         tables=(_sensor_table(found), _rate_table(found), _hull_table(found)),
         claims=claims,
@@ -127,7 +127,7 @@ def _bias(found: Asked) -> Claim:
     return Claim(
         "section 5",
         "The estimation is more affected, from this point of view, by erroneous estimation of the biases.",
-        "Growth of the error from S-NB to B-NB (boat) and to S-B (biases), without and with biases as states; then "
+        "Increase of the error from S-NB to B-NB (boat) and to S-B (biases), without and with biases as states; then "
         f"gyroscope biases of {', '.join(f'{b:g}' for b in BIASES)} rad/s. Holds where biases cost more than the boat "
         "does in a filter that estimates neither.",
         f"White jerk and closure: boat x {shown(plain[0], 2)}, biases x {shown(plain[1], 2)}. As shipped, with both "
@@ -151,7 +151,7 @@ def _state_of_the_art(found: Asked) -> Claim:
         "the accuracy of the reconstruction is comparable to state of the art results (see [16], [23] and [15]) "
         "obtained when the trunk of the tracked person is steady",
         "Section 2 quotes [15]: RMS error under 8 deg and r of at least 0.95 for every joint. Holds where every angle "
-        "keeps both, on simulated sensors as modelled.",
+        "meets both, with simulated sensors as modelled.",
         f"Ours: at most {shown(max(errors))} deg, r at least {min(r):.4f}. The paper's own table: "
         f"{sum(e >= 8.0 for e in theirs)} of 11 angles are at 8 deg or more, up to {max(theirs):g}.",
         _verdict([max(errors) < 8.0, min(r) >= 0.95]),
@@ -199,7 +199,7 @@ def _wrists(found: Asked) -> Claim:
         "the position placement is matched with varying precision, higher on the wrists, with increasing correlation "
         "from the shoulder to the wrist as expected from the closed kinematics",
         "Field recordings, boat still: 3D error and correlation of shoulders / elbows / wrists with closure and "
-        "without (told the first posture). Holds where wrists have the smallest error and correlation rises with "
+        "without (first posture given). Holds where wrists have the smallest error and correlation rises with "
         "closure.",
         f"With closure {listed(closed)} mm, r {listed(r['closed'], 3)}; without {listed(error['open'])} mm, r "
         f"{listed(r['open'], 3)}; the paper {listed(printed)} mm.",
@@ -237,7 +237,7 @@ def _technique(found: dict[str, Features]) -> Claim:
         "features [...] the back leaning and the orientation of the plane defined by the upper arm and the forearm "
         "during the finish phase",
         "Error of the trunk's lean, and of the normal of the arm's plane in the last tenth of the oar's sweep, elbow "
-        "bent by more than 15 deg. Holds where both are under 5 deg in field recordings: coaches tell lean and plane "
+        "bent by more than 15 deg. Holds where both are under 5 deg in field recordings: coaches see lean and plane "
         "to about that.",
         f"As modelled {shown(exact.lean_deg, 2)} and {shown(exact.plane_deg, 2)} deg; field "
         f"{shown(field.lean_deg, 2)} and {shown(field.plane_deg, 2)} deg.",
@@ -261,8 +261,8 @@ def _hull(found: Asked) -> tuple[Claim, Claim]:
             "section 5",
             "angular velocity of the shell is much lower than that of the limbs: boat pitch, roll and yaw variation "
             "within a stroke are less than 1, 5 and 5 deg [...] Results from simulated data support this thesis.",
-            "Hulls that turn by the usual amplitudes (pitch, roll, yaw 0.3, 1.5, 0.5 deg) and by the paper's bounds, "
-            f"tracked by a filter that knows nothing of it. Holds where that costs less than {LOSS_DEG} deg.",
+            "Hulls that rotate by the usual amplitudes (pitch, roll, yaw 0.3, 1.5, 0.5 deg) and by the paper's bounds, "
+            f"tracked with a model without hull rotation. Holds where the error grows by less than {LOSS_DEG} deg.",
             f"Level {shown(level)} deg; usual {shown(usual)} deg; at the bounds {shown(bounds)} deg. The angles are "
             "small, but they enter as a wrong direction of gravity, not as an angular velocity.",
             _verdict([usual - level < LOSS_DEG, bounds - level < LOSS_DEG]),
@@ -276,7 +276,7 @@ def _hull(found: Asked) -> tuple[Claim, Claim]:
             f"Hull unit: {shown(still['hull unit'])} deg level, {shown(aboard['hull unit'][0])} usual, "
             f"{shown(aboard['hull unit'][1])} at the bounds. Waist unit: {shown(still['waist unit'])}, "
             f"{shown(aboard['waist unit'][0])}, {shown(aboard['waist unit'][1])}. The simulated pelvis does not tilt "
-            "against the boat; a real one does, so prefer the hull.",
+            "relative to the boat; a real one does, so prefer the hull.",
             _verdict([error - still["waist unit"] < LOSS_DEG for error in aboard["waist unit"]]),
         ),
     )
@@ -292,7 +292,7 @@ def _hull_table(found: Asked) -> Table:
         rows.append((Cell(name), *(Cell(shown(value)) for value in cells)))
     return Table(
         "discussion-hull",
-        "A hull that turns: mean RMSE of the eleven angles, deg.",
+        "A rotating hull: mean RMSE of the eleven angles, deg.",
         ("hull", "sculler: not modelled", "sculler_boat, no unit aboard", "waist unit", "hull unit"),
         tuple(rows),
     )
@@ -309,13 +309,13 @@ def _sensors(found: Asked) -> Claim:
     return Claim(
         "section 3.2",
         "The setup we propose is minimally invasive [five inertial units, seat, two angles of each oar]",
-        "Each kind of sensor left out in turn (told the first posture). Holds where every one of them earns its place: "
+        "Each kind of sensor left out in turn (first posture given). Holds where every one of them is needed: "
         "without it the error grows by more than 5 %.",
         f"All {shown(full)} deg; worst without: {worst.removeprefix('no ')} ({shown(cost[worst])} deg)"
         + (
-            f"; not missed: {', '.join(name.removeprefix('no ') for name in idle)}."
+            f"; without effect: {', '.join(name.removeprefix('no ') for name in idle)}."
             if idle
-            else "; each is missed."
+            else "; each has an effect."
         ),
         _verdict([error > SAME * full or not np.isfinite(error) for error in cost.values()]),
     )
@@ -342,8 +342,8 @@ def _rate(found: Asked) -> Claim:
     return Claim(
         "sections 4.1, 4.2",
         "Data capturing frequency was 100 Hz for all the devices [the simulated experiment: 125 Hz]",
-        f"The same motion at {', '.join(f'{r:g}' for r in RATES_HZ)} Hz. Holds (100 Hz suffice) where 250 Hz gain less "
-        f"than {LOSS_DEG} deg.",
+        f"The same motion at {', '.join(f'{r:g}' for r in RATES_HZ)} Hz. Holds (100 Hz suffice) where 250 Hz gain "
+        f"less than {LOSS_DEG} deg.",
         "; ".join(f"{rate:g} Hz {shown(error)} deg" for rate, error in errors.items()) + ".",
         _verdict([errors[100.0] - errors[250.0] < LOSS_DEG]),
     )
@@ -371,7 +371,7 @@ def _pace(found: dict[str, Features]) -> Claim:
         "The execution of the reconstruction [...] produces an average rate of 116 steps per second [...] recent "
         "advancements of mobile GPU open the possibility of using this algorithm in real-time in a wearable system.",
         "Steps per second of the shipped filter (72 states, 145 sigma points) on one core of this machine. Holds where "
-        "125 samples a second are kept up with, without a GPU.",
+        "it processes 125 samples per second without a GPU.",
         f"{pace:,.0f} steps/s: {pace / paper.STEPS_PER_S:,.0f} times the paper's, {pace / 125.0:,.0f} times real time "
         "at 125 Hz. The paper's 116 were not quite its own 125 Hz.",
         _verdict([pace > 125.0]),

@@ -8,7 +8,7 @@ ARM = ("shoulder_abduction", "shoulder_rotation", "shoulder_flexion", "elbow_fle
 ELEVEN = ("trunk", *(f"{side}_{joint}" for side in ("r", "l") for joint in ARM))
 """The angles of Table 5."""
 
-# As the paper had it: no learning, no gates, a known field; so n = 40 and no state more.
+# As in the paper: no learning, no gates, a known field; so n = 40.
 _PLAIN: dict[str, object] = {
     "config.learning_memory_s": "none",
     "config.gate": False,

@@ -10,7 +10,7 @@ import numpy as np
 
 import oarlock
 from oarlock import Config, Track, load_model
-from oarlock.evaluation.progress import Told
+from oarlock.evaluation.progress import Progress
 from oarlock.lab.reproduce.contents import Floats
 from oarlock.lab.reproduce.places import PlaceBand, place_band
 from oarlock.rowing.field.effects import FieldEffects
@@ -22,9 +22,9 @@ RATE_HZ = 100.0
 BELIEFS_S = 0.1
 POINTS = tuple(paper.table_6())
 NOT_PUBLIC = (
-    "The paper's recordings are not public. These are simulated: oarlock.rowing.simulate_field moves the skin under "
-    "the sensors, glides the shoulders, bends the spine, lets the grip slip, turns the boat, sets mounts, lengths and "
-    "encoders wrong, adds iron, drift, gaps and clock errors. What it leaves out, nobody has measured here: compare "
+    "The paper's recordings are not public. These are simulated: oarlock.rowing.simulate_field models skin motion, "
+    "gliding shoulders, a bending spine, a slipping grip, rotation of the boat, and errors of mounts, lengths, "
+    "encoders, iron, drift, dropouts and clocks. Other errors of real recordings are not included: compare "
     "the pattern, not the digits."
 )
 _PAPER_CONFIG = {"estimate": (), "learning_memory_s": None, "gate": False, "magnetometer": "on"}
@@ -32,7 +32,7 @@ _PAPER_CONFIG = {"estimate": (), "learning_memory_s": None, "gate": False, "magn
 
 @dataclass(frozen=True)
 class Setting:
-    """A way to track: where, how."""
+    """A setting of the field and the filter."""
 
     key: str
     label: str
@@ -43,7 +43,7 @@ class Setting:
 
 
 def _indoor() -> FieldEffects:
-    """On an ergometer that stands still: all but the boat's rotation."""
+    """Effects on an ergometer at rest: all except the boat's rotation."""
     hull = dict.fromkeys(("hull_pitch_rad", "hull_roll_rad", "hull_yaw_rad", "hull_heave_m"), 0.0)
     return FieldEffects(**hull)
 
@@ -71,7 +71,7 @@ SETTINGS = (
 
 @dataclass(frozen=True)
 class Scored:
-    """A trial tracked in one way. `points` holds by name: RMSE (3,) m, 3D RMSE m, correlation (3,), NEES, coverage."""
+    """A tracked trial. `points` has for each name RMSE (3,) m, 3D RMSE m, correlation (3,), NEES, coverage."""
 
     setting: Setting
     seed: int
@@ -82,9 +82,13 @@ class Scored:
 
 
 def field_trials(
-    seeds: Sequence[int], duration_s: float, threads: int | None, told: Told | None, keys: Sequence[str] = ()
+    seeds: Sequence[int],
+    duration_s: float,
+    threads: int | None,
+    progress: Progress | None,
+    keys: Sequence[str] = (),
 ) -> list[Scored]:
-    """Every setting for every seed; a tracker that is lost is left out."""
+    """All settings for all seeds; lost tracks are left out."""
     settings = [s for s in SETTINGS if not keys or s.key in keys]
     model = load_model("sculler")
     trials: dict[tuple[str, int], FieldTrial] = {}
@@ -99,8 +103,8 @@ def field_trials(
                     rate_hz=RATE_HZ,
                     seed=seed,
                 )
-                if told is not None:
-                    told(0.5 * len(trials) / (len(seeds) * len({s.condition for s in settings})))
+                if progress is not None:
+                    progress(0.5 * len(trials) / (len(seeds) * len({s.condition for s in settings})))
     pairs = [(setting, seed) for setting in settings for seed in seeds]
     found: list[Scored] = []
     for smooth in (False, True):
@@ -144,13 +148,13 @@ def _scored(setting: Setting, seed: int, trial: FieldTrial, track: Track) -> Sco
 
 
 def marker_at(trial: FieldTrial, name: str, time_s: Floats) -> Floats:
-    """Where a marker was (T, 3), m, root axes; NaN outside the recording."""
+    """Position of a marker (T, 3), m, root axes; NaN outside the recording."""
     own, k = trial.markers, trial.markers.names.index(name)
     columns = [np.interp(time_s, own.time_s, own.position_m[:, k, axis], np.nan, np.nan) for axis in range(3)]
     return np.stack(columns, axis=1)
 
 
 def mean_r(correlation: Floats) -> float:
-    """Mean over the axes: the paper gives one figure and does not say of what."""
+    """Mean over the axes: the paper gives a single figure without a definition."""
     kept = np.asarray(correlation)[np.isfinite(correlation)]
     return float(kept.mean()) if len(kept) else math.nan

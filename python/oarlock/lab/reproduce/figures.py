@@ -15,7 +15,7 @@ from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.experiment import simulate_sculling
 
 SHOWN_S = 12.0
-"""Of each curve; the tables hold all."""
+"""Largest number of points of each drawn curve; the tables have all."""
 _BACK = ("trunk", "seat")
 _SHOULDER = ("shoulder_abduction", "shoulder_rotation", "shoulder_flexion", "elbow_flexion", "elbow_rotation")
 _WRIST = ("hand_abduction", "hand_flexion")
@@ -45,15 +45,15 @@ def fig3(seed: int, duration_s: float) -> Part:
         lead=(
             f"Condition B-B, seed {seed}, filtered live as shipped; {SHOWN_S:g} s of {duration_s:g} s. NEES per state "
             f"{shown(nees)}, {100 * scores.mean_coverage():.1f} % of the angles inside their 95 % bands. At this scale "
-            "estimate and truth are one line: below each course stands the error, enlarged, inside the band that the "
-            "filter claims. The paper's own curve of the trunk is off by about 24 deg.",
+            "estimate and truth coincide: below each curve is the enlarged error inside the band that the "
+            "filter states. The paper's own curve of the trunk is off by about 24 deg.",
         ),
         curves=curves,
         notes=(
             paper.SLIPS["elbow"],
             paper.SLIPS["left_arm"],
-            "The paper's elbow over-extends because nothing limits it. Here limits are soft and only act where no "
-            "sensor sees a joint; the smallest elbow flexion is "
+            "The paper's elbow over-extends because it has no limits. Here limits are soft and only act where no "
+            "sensor measures a joint; the smallest elbow flexion is "
             f"{shown(_least(track, 'r_elbow_flexion'))} deg estimated, {shown(_least(truth, 'r_elbow_flexion'))} true.",
         ),
         data={"fig3": _joint_rows(track, truth)},

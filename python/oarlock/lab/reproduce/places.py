@@ -28,7 +28,7 @@ class PlaceBand:
     def nees(self, truth_m: Floats) -> float:
         """Mean of (error / std)^2 over beliefs and axes (Bar-Shalom et al. 2001, section 5.4); truth (K, 3).
 
-        Axes along which the model lets the frame not move (a shoulder sideways) have no band and are left out.
+        Axes along which the frame cannot move in the model (a shoulder sideways) have no band and are left out.
         """
         return float(np.nanmean(self._ratio(truth_m) ** 2))
 
@@ -44,9 +44,9 @@ class PlaceBand:
 
 
 def place_band(track: Track, frame: str, start_s: float) -> PlaceBand:
-    """To first order around each belief.
+    """Position and covariance to first order around each belief.
 
-    Coordinates that are inputs and lengths that are not states count as known.
+    Input coordinates and lengths that are not states count as exact.
     """
     beliefs, model = track.beliefs, track.model
     if beliefs is None or model is None:

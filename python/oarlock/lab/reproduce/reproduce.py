@@ -1,4 +1,4 @@
-"""Every table and figure of the paper, run again: the printed value and ours beside each other.
+"""Reproduces every table and figure of the paper, with the printed value beside ours, for `oarlock reproduce`.
 
 Source: E. Ruffaldi, L. Peppoloni, A. Filippeschi, "Sensor fusion for complex articulated body tracking applied in
 rowing", Journal of Sports Engineering and Technology.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from oarlock.evaluation.progress import Told, share
+from oarlock.evaluation.progress import Progress, share
 from oarlock.lab.reproduce.contents import Part
 from oarlock.lab.reproduce.cost import cost
 from oarlock.lab.reproduce.discussion import discussion
@@ -19,9 +19,9 @@ from oarlock.lab.reproduce.table6 import table6
 from oarlock.storage.errors import DataError
 
 PARTS = ("table5", "table6", "fig3", "fig4", "fig5", "discussion", "cost")
-"""What can be asked for, in the order of the paper."""
+"""Names of the parts, in the order of the paper."""
 
-# how long each takes, roughly, for the progress bar
+# approximate relative durations for the progress bar
 _WEIGHTS = {
     "table5": 5.0,
     "table6": 2.0,
@@ -39,19 +39,19 @@ def reproduce(
     *,
     duration_s: float = 40.0,
     jobs: int | None = None,
-    progress: Told | None = None,
+    progress: Progress | None = None,
 ) -> list[Part]:
-    """Runs parts of the paper again.
+    """Reproduce parts of the paper.
 
     Args:
-        what: of `PARTS`.
-        seeds: of the strokes and of all noise.
-        duration_s: of each recording, s; the paper's lasted 40.
-        jobs: processes and threads; None is one for each core.
-        progress: called now and then with the share done, 0 to 1.
+        what: names of `PARTS`.
+        seeds: seeds of stroke variation and noise.
+        duration_s: duration of each recording, s; the paper has 40.
+        jobs: number of processes and threads; None uses all cores.
+        progress: called regularly with the share done, 0 to 1.
 
     Returns:
-        The parts asked for, in the order of the paper.
+        The requested parts, in the order of the paper.
 
     Raises:
         DataError: an unknown part, no seed, or a recording too short to be scored.
@@ -68,13 +68,15 @@ def reproduce(
     found: list[Part] = []
     trials: list[Scored] | None = None
     for name in chosen:
-        told = share(progress, done / whole, (done + _WEIGHTS[name]) / whole)
+        part_progress = share(progress, done / whole, (done + _WEIGHTS[name]) / whole)
         done += _WEIGHTS[name]
         if name in ("table6", "fig4", "fig5") and trials is None:
-            # a figure alone needs one recording, tracked as it is drawn
+            # a figure without table 6 needs only one recording with one setting
             some = () if "table6" in chosen else ("indoor",)
-            trials = field_trials(seeds if "table6" in chosen else seeds[:1], duration_s, jobs, told, some)
-        found.append(_part(name, seeds, duration_s, jobs, told, trials or []))
+            trials = field_trials(
+                seeds if "table6" in chosen else seeds[:1], duration_s, jobs, part_progress, some
+            )
+        found.append(_part(name, seeds, duration_s, jobs, part_progress, trials or []))
     return found
 
 
@@ -83,15 +85,15 @@ def _part(
     seeds: Sequence[int],
     duration_s: float,
     jobs: int | None,
-    told: Told | None,
+    progress: Progress | None,
     trials: Sequence[Scored],
 ) -> Part:
     if name == "table5":
-        return table5(seeds, duration_s, jobs, told)
+        return table5(seeds, duration_s, jobs, progress)
     if name == "table6":
         return table6(trials, duration_s)
     if name == "fig3":
         return fig3(seeds[0], duration_s)
     if name in ("fig4", "fig5"):
         return (fig4 if name == "fig4" else fig5)(trials, duration_s)
-    return discussion(seeds, duration_s, jobs, told) if name == "discussion" else cost(told)
+    return discussion(seeds, duration_s, jobs, progress) if name == "discussion" else cost(progress)

@@ -8,7 +8,7 @@ import numpy as np
 
 import oarlock
 from oarlock import Study, StudyResult, load_model
-from oarlock.evaluation.progress import Told
+from oarlock.evaluation.progress import Progress
 from oarlock.lab.reproduce.contents import Cell, Floats, Mark, Part, Table, finite_mean, shown, spread
 from oarlock.lab.reproduce.estimators import ELEVEN, ESTIMATORS
 from oarlock.rowing.simulation import paper
@@ -18,13 +18,13 @@ SMOOTHED = "smoothed"
 HANDS = {"radial": ("r_hand_abduction", "l_hand_abduction"), "palmar": ("r_hand_flexion", "l_hand_flexion")}
 LOST_DEG = 5.0
 """Above this mean error, rad, the filter is lost."""
-# an estimate may be better than what was reached before, but its figures are only known to two digits
+# the bounds are known to two digits only
 ROUNDING = 0.05
 
 
-def table5(seeds: Sequence[int], duration_s: float, jobs: int | None, told: Told | None) -> Part:
+def table5(seeds: Sequence[int], duration_s: float, jobs: int | None, progress: Progress | None) -> Part:
     """The whole table, by study."""
-    result = oarlock.study(table5_study(seeds, duration_s), jobs=jobs, progress=told)
+    result = oarlock.study(table5_study(seeds, duration_s), jobs=jobs, progress=progress)
     return Part(
         key="table5",
         title="Table 5: simulated inertial sensors",
@@ -68,7 +68,7 @@ def table5_study(seeds: Sequence[int], duration_s: float = 40.0) -> Study:
 
 
 def scores_of(result: StudyResult, name: str, item: str | None = None, score: str = "rmse") -> Floats:
-    """(conditions, seeds) of one estimator: of an item, or of the mean over the eleven angles."""
+    """Errors (conditions, seeds) of one estimator: of an item, or the mean over the eleven angles."""
     rows = list(result.study.scenarios).index(name) * len(paper.CONDITIONS)
     found: Floats = result.scores(score=score) if item is None else result.scores(item, score)
     return found[rows : rows + len(paper.CONDITIONS)]
@@ -90,11 +90,11 @@ def _lead(result: StudyResult, duration_s: float) -> tuple[str, ...]:
     return (
         f"Boat moving, sensors biased (B-B): the mean error of the eleven angles is {shown(ours)} deg as shipped; the "
         f"paper's nine angles that are not 0 have {theirs:.1f} deg on average. Its rower, motion and noise were real "
-        "where ours are simulated from the model itself: these figures say that the estimator is right, not how good "
-        "it is in the field, which Table 6 asks.",
+        "where ours are simulated from the model itself: these figures show that the estimator is right, not how good "
+        "it is in the field. For that see Table 6.",
         f"{count} {'seed' if count == 1 else 'seeds'} of {duration_s:g} s, 20 to 34 strokes per minute, 125 Hz, the "
-        "noise of Table 4, scored from 2 s on. Rows of 40 and 71 states have no gates, learn nothing, and "
-        "know the magnetic field; the shipped filter has one state more, the azimuth of the field. No filter is told "
+        "noise of Table 4, scored from 2 s on. Rows with 40 and 71 states have no gates, learn nothing, and "
+        "know the magnetic field; the shipped filter has one state more, the azimuth of the field. No filter is given "
         "the first posture.",
     )
 
@@ -108,7 +108,7 @@ def _overview(result: StudyResult) -> Table:
     rows.append((Cell("the paper, as printed"), Cell(str(paper.STATES)), *printed, Cell(""), Cell("")))
     return Table(
         "table5-overview",
-        "Mean RMSE of the eleven angles of Table 5, deg / RMSE of the seat, mm; mean over seeds. Small: what an "
+        "Mean RMSE of the eleven angles of Table 5, deg / RMSE of the seat, mm; mean over seeds. Small: result of an "
         "independent implementation reached on four recordings of its own, and whether ours, rounded alike, is at "
         "most 5 % above. eq. 6 and jerk: the process noise; as shipped: jerk, closure, surge and biases, with gates, "
         "learning and the azimuth. Lost: seeds with a mean error beyond 5 deg; joints have their numbers below. NEES "
@@ -156,7 +156,7 @@ def _met(ours: tuple[float, float], bound: tuple[float, float]) -> Mark:
 
 
 def _rounded(value: float, like: float) -> float:
-    """To as many decimals as the figure that it is compared with has."""
+    """Rounded to the decimals of the figure with which it is compared."""
     text = f"{like:g}"
     return round(value, max(len(text.partition(".")[2]), 1) if like < 100 else 0)
 
@@ -171,14 +171,14 @@ def _targets(result: StudyResult) -> Table:
     ]
     return Table(
         "table5-targets",
-        "Targets for condition B-B as shipped: mean over the seeds, and the worst seed. Met means on the mean.",
+        "Targets for condition B-B as shipped: mean over the seeds, and the worst seed. The mean decides.",
         ("what", "mean (worst seed)", "target", ""),
         tuple(rows),
     )
 
 
 def target_rows(result: StudyResult) -> list[tuple[str, Floats, str, Mark]]:
-    """What is asked of the shipped filter in B-B: values by seed, the target in words, whether the mean keeps it."""
+    """Targets of the shipped filter in B-B: values by seed, the target as text, whether the mean meets it."""
 
     def of(name: str, item: str | None = None, score: str = "rmse") -> Floats:
         found: Floats = scores_of(result, name, item, score)[3]

@@ -1,4 +1,4 @@
-"""Table 6: positions of shoulders, elbows and wrists against optical markers, on simulated field recordings."""
+"""Table 6: errors of shoulder, elbow and wrist positions relative to markers, on simulated field recordings."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ def table6(scored: Sequence[Scored], duration_s: float) -> Part:
             NOT_PUBLIC,
             f"{len(seeds)} simulated {'trial' if len(seeds) == 1 else 'trials'} of {duration_s:g} s at {RATE_HZ:g} Hz, "
             "20 to 34 strokes per minute, scored from 2 s on in root axes, without fitting clock or axes to the "
-            "markers. Markers stand at the true joint centres. The filter has nominal lengths and mounts: nothing was "
+            "markers. Markers are at the true joint centres. The filter has nominal lengths and mounts: nothing was "
             "calibrated.",
         ),
         tables=(_main(scored, settings), *(_axes(scored, setting) for setting in settings)),
         notes=(
             paper.SLIPS["rates"],
             paper.SLIPS["axes"],
-            "The paper gives one correlation a position and does not say of what; ours is the mean over the axes.",
+            "The paper gives one correlation for each position without a definition; ours is the mean over the axes.",
             "Target: a mean 3D error of at most 30 mm on the water, as shipped.",
         ),
         data={"table6": rows(scored)},

@@ -14,12 +14,12 @@ from oarlock.rowing.field.trial import simulate_field
 from oarlock.rowing.simulation.experiment import simulate_sculling
 
 NEAR_FINISH = 0.9
-"""The oar is within the last tenth of its sweep."""
+"""Share of the oar's sweep after which the oar counts as near the finish."""
 
 
 @dataclass(frozen=True)
 class Features:
-    """RMS errors in deg: of the trunk's lean, of the arm plane's normal near the finish; and the filter's pace."""
+    """RMS errors of the trunk's lean and of the arm plane's normal near the finish, deg; and steps per second."""
 
     lean_deg: float
     plane_deg: float
@@ -27,7 +27,7 @@ class Features:
 
 
 def features(seed: int, duration_s: float) -> dict[str, Features]:
-    """Of a recording as modelled, and of one from the field."""
+    """Errors in a recording as modelled, and in a field recording."""
     model = load_model("sculler")
     truth, recording = simulate_sculling(model, "B-B", duration_s, (20.0, 34.0), seed)
     trial = simulate_field(model, condition="B-B", duration_s=duration_s, seed=seed)

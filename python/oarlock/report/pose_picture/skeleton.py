@@ -30,11 +30,11 @@ class Link:
 
 @dataclass(frozen=True)
 class Spot:
-    """A named point in root axes, m; `worn` if a sensor is mounted on its frame."""
+    """A named point in root axes, m; `has_sensor` if a sensor is mounted on its frame."""
 
     name: str
     point: Vector
-    worn: bool
+    has_sensor: bool
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ def _links(frame: Mapping[str, Any], place: Mapping[str, Vector], moves: bool, k
 
 
 def _spots(
-    frames: Sequence[Mapping[str, Any]], place: Mapping[str, Vector], worn: set[str | None]
+    frames: Sequence[Mapping[str, Any]], place: Mapping[str, Vector], with_sensor: set[str | None]
 ) -> tuple[Spot, ...]:
     spots: list[Spot] = []
     for frame in frames:
@@ -154,9 +154,9 @@ def _spots(
         if here:
             # frames at the same point have the name of the first
             first = spots[here[0]]
-            spots[here[0]] = Spot(first.name, first.point, first.worn or frame["name"] in worn)
+            spots[here[0]] = Spot(first.name, first.point, first.has_sensor or frame["name"] in with_sensor)
         else:
-            spots.append(Spot(frame["name"], point, frame["name"] in worn))
+            spots.append(Spot(frame["name"], point, frame["name"] in with_sensor))
     return tuple(spots)
 
 

@@ -58,9 +58,11 @@ def _svg_panel(body: Skeleton, view: View, box: Bounds, px_per_m: float, left: f
     gap_style = 'stroke="#c0392b" stroke-width="1.5" stroke-dasharray="3 4"'
     parts += [_svg_line(place(a), place(b), gap_style) for a, b in body.gaps]
     points = [place(spot.point) for spot in body.spots]
-    for worn in (False, True):
+    for has_sensor in (False, True):
         parts += [
-            _svg_mark(at, worn) for spot, at in zip(body.spots, points, strict=True) if spot.worn is worn
+            _svg_mark(at, has_sensor)
+            for spot, at in zip(body.spots, points, strict=True)
+            if spot.has_sensor is has_sensor
         ]
     lines = [(place(link.start), place(link.end)) for link in body.links]
     lines += [(place(a), place(b)) for a, b in body.gaps]
@@ -78,8 +80,8 @@ def _svg_line(start: Point, end: Point, style: str) -> str:
     return f'<line x1="{start[0]:.1f}" y1="{start[1]:.1f}" x2="{end[0]:.1f}" y2="{end[1]:.1f}" {style}/>'
 
 
-def _svg_mark(at: Point, worn: bool) -> str:
-    if worn:
+def _svg_mark(at: Point, has_sensor: bool) -> str:
+    if has_sensor:
         return (
             f'<rect x="{at[0] - 5:.1f}" y="{at[1] - 5:.1f}" width="10" height="10" rx="2" '
             'fill="#e67e22" stroke="#ffffff"/>'

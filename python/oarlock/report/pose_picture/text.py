@@ -29,7 +29,7 @@ _SPARSE = 4
 @dataclass(frozen=True)
 class _Style:
     spot: str
-    worn: str
+    has_sensor: str
     ascii_only: bool
 
 
@@ -37,8 +37,8 @@ def draw_text(body: Skeleton, columns: int = 80, ascii_only: bool = False) -> st
     """Side view and front view, side by side or, if this is larger, one above the other.
 
     Args:
-        body: what to draw.
-        columns: greatest width, characters; at least 60.
+        body: the body to draw.
+        columns: largest width, characters; at least 60.
         ascii_only: no braille patterns and no squares.
     """
     style = _Style("o", "#" if ascii_only else "■", ascii_only)
@@ -51,7 +51,7 @@ def draw_text(body: Skeleton, columns: int = 80, ascii_only: bool = False) -> st
     else:
         panels = [_panel(body, view, box, beside, style) for view, box in pair]
         rows = [_BETWEEN.join(pieces) for pieces in zip(*_same_height(panels), strict=True)]
-    key = f"{style.worn} frame with a sensor   {style.spot} another frame"
+    key = f"{style.has_sensor} frame with a sensor   {style.spot} another frame"
     return "\n".join([*_without_blank_runs(rows), "", key])
 
 
@@ -99,9 +99,9 @@ def _panel(body: Skeleton, view: View, box: Bounds, dots_per_m: float, style: _S
     for link in body.links:
         canvas.line(dot(link.start), dot(link.end), 1 if link.moves else _SPARSE)
     cells = [canvas.cell(dot(spot.point)) for spot in body.spots]
-    for worn, glyph in ((False, style.spot), (True, style.worn)):
+    for has_sensor, glyph in ((False, style.spot), (True, style.has_sensor)):
         for spot, (row, column) in zip(body.spots, cells, strict=True):
-            if spot.worn is worn:
+            if spot.has_sensor is has_sensor:
                 canvas.write(row, column, glyph)
     _write_names(canvas, body.spots, cells)
     lines = [line.ljust(columns) for line in canvas.lines(style.ascii_only)]
@@ -134,7 +134,7 @@ class _Canvas:
         self.marks: dict[tuple[int, int], str] = {}
 
     def cell(self, dot: tuple[float, float]) -> tuple[int, int]:
-        """Row and column of the character that holds a dot (across, down)."""
+        """Row and column of the character that contains a dot (across, down)."""
         return round(dot[1]) // _DOTS_DOWN, round(dot[0]) // _DOTS_ACROSS
 
     def line(self, start: tuple[float, float], end: tuple[float, float], every: int) -> None:
@@ -184,7 +184,7 @@ class _Canvas:
 
 
 def _stroke(dots: NDArray[np.bool_]) -> str:
-    """The ASCII character that is most like the dots of one cell."""
+    """The ASCII character that is most similar to the dots of one cell."""
     down, across = np.nonzero(dots)
     if len(down) == 1:
         return "."

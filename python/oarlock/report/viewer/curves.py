@@ -73,7 +73,7 @@ def packed_panels(
     twice = [key for key in dict.fromkeys(keys) if keys.count(key) > 1]
     if twice:
         raise DataError(f'curve "{twice[0]}": there are two with this key; each needs its own')
-    wanted = [key for key in first if key in panels] or _liveliest(panels)
+    wanted = [key for key in first if key in panels] or _largest_ranges(panels)
     order = [*wanted, *(key for key in panels if key not in wanted)]
     return [_panel(key, panels[key], rows, key in wanted) for key in order]
 
@@ -82,7 +82,7 @@ AT_FIRST = 4
 """Number of panels that are open by default."""
 
 
-def _liveliest(panels: Mapping[str, Sequence[Curve]]) -> list[str]:
+def _largest_ranges(panels: Mapping[str, Sequence[Curve]]) -> list[str]:
     """The panels with the largest ranges; degrees and millimetres count the same."""
 
     def travel(key: str) -> float:

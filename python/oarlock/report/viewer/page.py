@@ -12,7 +12,7 @@ from oarlock.report.markup import rendered
 from oarlock.storage.errors import DataError
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data: blob:"
-"""What a browser may load for the page: nothing from outside."""
+"""Content-Security-Policy of the page: a browser loads nothing from outside."""
 
 
 def page(scene: Mapping[str, Any], title: str) -> str:

@@ -26,7 +26,7 @@ DEVIATIONS = (
     "trunk_twist",
     *(f"{side}_{name}" for side in SIDES for name in ("protraction", "elevation", "grip_slip", "grip_turn")),
 )
-"""rad (positive straightens the spine), rad, then of each side m, m, m, rad."""
+"""Names of the deviations: rad (positive straightens the spine), rad, then for each side m, m, m, rad."""
 # The seat's frame: x up, y toward the bow, z to the rower's right.
 _UP, _BOW, _RIGHT = np.eye(3)
 _NEEDED_FRAMES = (
@@ -36,13 +36,14 @@ _NEEDED_FRAMES = (
 
 
 class Anatomy:
-    """The richer body; it can stand in for a model wherever only postures are asked for.
+    """The body with deviations.
 
-    ``boat`` names the frame of the boat: the root, or the frame `hull` of a model whose root does not turn with it.
+    It can replace a model where only postures are needed. ``boat`` is the frame of the boat: the root, or the frame
+    `hull` of a model whose root does not rotate with it.
 
     Args:
         description: `Model.describe()` of the model with the true lengths.
-        grip_direction_rad: of each side, about which axis across the handle the fingers turn.
+        grip_direction_rad: for each side, the axis across the handle about which the fingers rotate.
 
     Raises:
         DataError: the model lacks a frame or a joint of the sculler.
@@ -73,17 +74,17 @@ class Anatomy:
             lacking = [name for name in names if name not in there]
             if lacking:
                 raise DataError(
-                    f"field simulator: the model has no {kind} {', '.join(lacking)}; it moves 'sculler' and "
+                    f"field simulator: the model has no {kind} {', '.join(lacking)}; it supports 'sculler' and "
                     "models with the same joints and frames"
                 )
         other = sorted({kind for kind in self._kinds.values() if kind not in ("hinge", "slide")})
         if other:
             raise DataError(
-                f"field simulator: the model has {', '.join(other)} joints; it moves hinges and slides"
+                f"field simulator: the model has {', '.join(other)} joints; it supports hinges and slides"
             )
 
     def _upright_m(self) -> float:
-        """From the hip to the middle of the shoulder line, m."""
+        """Distance from the hip to the middle of the shoulder line, m."""
         upright = self.poses(
             np.zeros(len(self.joint_names)), ("seat", *(f"{side}_shoulder" for side in SIDES))
         )
@@ -111,7 +112,7 @@ class Anatomy:
         return stacked
 
     def poses(self, posture: Array, names: Iterable[str]) -> dict[str, Pose]:
-        """The named frames in root axes, and those between them and the root."""
+        """Poses of the named frames in root axes, and of the frames between them and the root."""
         found: dict[str, Pose] = {}
         for name in names:
             self._reach(name, posture, found)
@@ -142,7 +143,7 @@ class Anatomy:
         return np.asarray(posture[..., self._column[name]])
 
     def _glided(self, pose: Pose, side: str, posture: Array, found: dict[str, Pose]) -> Pose:
-        """The shoulder's frame: turned as a rigid trunk turns it, its origin where girdle and scapula carry it."""
+        """The shoulder's frame: oriented as on a rigid trunk, with its origin moved by girdle and scapula."""
         if not posture[..., self._gliding].any():
             return pose
         hip, girdle = found["seat"], self.trunk_at(np.float64(1.0), posture, found)
@@ -154,9 +155,9 @@ class Anatomy:
         return pose[0], origin
 
     def trunk_at(self, share: Array | np.float64, posture: Array, found: dict[str, Pose]) -> Pose:
-        """The spine, a share of the way from hip to shoulder line: how it is turned beyond a rigid trunk, and where.
+        """The spine at a share of the way from hip to shoulder line: rotation relative to a rigid trunk, and position.
 
-        The spine is an arc of the trunk's length; its chord has the trunk's inclination. It twists evenly.
+        The spine is an arc of the trunk's length. Its chord has the trunk's inclination, and its twist is uniform.
         """
         hip, lean = found["seat"], self._of(posture, "trunk")
         bend, twist = (self._of(posture, name) for name in ("spine_bend", "trunk_twist"))
@@ -168,7 +169,7 @@ class Anatomy:
         return beyond, hip[1] + chord[..., None] * there
 
     def bone(self, frame: str, offset_m: Array, posture: Array) -> Pose:
-        """The link under a sensor at ``offset_m`` (3,) in a frame's axes; on the trunk it is the spine there."""
+        """The link under a sensor at ``offset_m`` (3,) in a frame's axes; on the trunk this is the spine."""
         found = self.poses(posture, (frame,))
         rotation, origin = found[frame]
         side = frame.partition("_")[0]
@@ -187,7 +188,7 @@ class Anatomy:
         return rotation, place - apply(rotation, offset_m)
 
     def _gripped(self, pose: Pose, side: str, posture: Array) -> Pose:
-        """The handle relative to the hand: slipped along it and tilted against it, independent of feathering."""
+        """Pose of the handle relative to the hand, with slip along it and tilt, independent of feathering."""
         if not posture[..., self.columns([f"{side}_grip_turn", f"{side}_grip_slip"])].any():
             return pose
         angle = self._of(posture, f"{side}_grip_turn")
@@ -231,7 +232,7 @@ def rotation_by(vector: Array) -> Array:
 
 
 def placed(pose: Pose, fixed: Mapping[str, Any] | None) -> Pose:
-    """A pose moved on by a constant transform of a description."""
+    """A pose followed by a constant transform of a description."""
     if fixed is None:
         return pose
     rotation, translation = np.asarray(fixed["rotation"]), np.asarray(fixed["translation"])
@@ -241,7 +242,7 @@ def placed(pose: Pose, fixed: Mapping[str, Any] | None) -> Pose:
 
 
 def turned(pose: Pose, angle: Array) -> Pose:
-    """A pose turned about its own z."""
+    """A pose rotated about its own z."""
     x, y, z = (pose[0][..., :, k] for k in range(3))
     cosine, sine = np.cos(angle)[..., None], np.sin(angle)[..., None]
     return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=-1), pose[1]

@@ -14,7 +14,7 @@ from oarlock.rowing.simulation.timing import StrokeTiming
 
 Array = NDArray[np.float64]
 
-# Keys at catch, mid-drive, finish, hands away, mid-recovery. Only their shape matters, strengths come from the effects.
+# Values at catch, mid-drive, finish, hands away, mid-recovery. Only the shape matters: effects give the strengths.
 _CURVES = {
     "spine_bend": PeriodicCurve.through([(0.0, -1.0), (0.25, -0.6), (0.5, 0.2), (0.7, -0.5)], 0.06),
     "protraction": PeriodicCurve.through(
@@ -29,13 +29,13 @@ _CURVES = {
     "hull_yaw": PeriodicCurve.through([(0.0, 0.0), (0.3, 1.0), (0.6, 0.0), (0.8, -0.6)], 0.08),
     "hull_heave": PeriodicCurve.through([(0.0, -1.0), (0.25, 0.5), (0.5, 0.2), (0.75, 0.4)], 0.08),
 }
-# How much of a course is the same in every stroke; the rest wanders.
+# Share of a course that is the same in every stroke; the rest varies.
 _REGULAR = {"hull_roll": 0.0, "trunk_twist": 0.0, "hull_yaw": 0.5}
 _USUALLY_REGULAR = 0.8
 
 
 def generator(seed: int, purpose: str) -> np.random.Generator:
-    """Random numbers of one purpose: no effect changes what another draws."""
+    """A random generator for one purpose, so that no effect changes the random numbers of another."""
     return np.random.default_rng([seed, crc32(purpose.encode())])
 
 
@@ -67,7 +67,7 @@ def hull_courses(effects: FieldEffects, timing: StrokeTiming, seed: int) -> dict
 
 
 def course(name: str, strength: float, timing: StrokeTiming, seed: int) -> Array:
-    """A curve (K,) in time with the strokes, from stroke to stroke a little different; its peak is the strength."""
+    """A curve (K,) that repeats with the strokes, with some variation; its peak is the strength."""
     if strength == 0.0:
         return np.zeros_like(timing.time_s)
     kind = name.removeprefix("r_").removeprefix("l_")

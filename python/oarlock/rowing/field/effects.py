@@ -41,7 +41,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "saturation": ("gyro_range_rad_s", "accel_range_m_s2"),
     }
 )
-"""Effects by what causes them."""
+"""Effects by cause."""
 
 _SHARES = {"skin_twist": 1.0, "packet_loss": 0.9, "length_error": 0.3, "oar_scale": 0.5, "seat_scale": 0.5}
 _SHARES |= {
@@ -62,54 +62,54 @@ class FieldEffects:
     "random" a draw by the seed; every other strength is met exactly, with a random sign or direction.
 
     Attributes:
-        skin_twist: share of a limb's turn about its own length that the skin does not follow. Cuffs on the upper arm
+        skin_twist: share of a limb's rotation about its length that the skin does not follow. Cuffs on the upper arm
             are off by 5 to 30 deg about the humerus (Hamming et al., J. Biomechanics 45, 2012); straps near the elbow
             do better than those near the shoulder (Warner and Heller, J. Biomechanics, 2025).
         skin_tilt_rad: tilt of a unit by the muscle under it, with the elbow at 90 deg, rad; up to 4 deg in other
             directions than about the humerus (Hamming et al. 2012).
-        skin_shift_m: how far that muscle lifts a unit, with the elbow at 90 deg, m.
-        skin_wander_rad: slow random turn of a unit on the skin, rms about each axis, rad.
-        wobble_rad: tilt of a unit under one g of specific force, rad; it rings at 10 Hz with a quarter of critical
-            damping (soft tissues: Wakeling and Nigg, J. Applied Physiology 90, 2001).
-        wobble_m: displacement under one g, m, by the same oscillator.
+        skin_shift_m: displacement of a unit by that muscle, with the elbow at 90 deg, m.
+        skin_wander_rad: slow random rotation of a unit on the skin, rms about each axis, rad.
+        wobble_rad: tilt of a unit under one g of specific force, rad, through an oscillator of 10 Hz with a quarter of
+            critical damping (soft tissues: Wakeling and Nigg, J. Applied Physiology 90, 2001).
+        wobble_m: displacement under one g, m, through the same oscillator.
         shoulder_protraction_m: peak displacement of the shoulder centres along the trunk's forward normal, m:
             forward at the catch, back at the finish.
         shoulder_elevation_m: peak displacement along the trunk, m: raised as the handles are drawn in.
-        spine_bend_rad: peak angle between the pelvis and the shoulder girdle, rad: flexed at the catch. That a
-            rower's lumbar spine moves all through the stroke: Holt et al., Int. J. Sports Medicine 24, 2003.
-        trunk_twist_rad: peak turn of the shoulder girdle about the trunk's length, rad.
+        spine_bend_rad: peak angle between the pelvis and the shoulder girdle, rad: flexed at the catch. A rower's
+            lumbar spine moves through the whole stroke (Holt et al., Int. J. Sports Medicine 24, 2003).
+        trunk_twist_rad: peak rotation of the shoulder girdle about the trunk's length, rad.
         grip_slip_m: peak slip of the hand along the handle, m.
-        grip_turn_rad: peak angle between the handle and the axis that the fingers hold, rad.
+        grip_turn_rad: peak angle between the handle and the axis of the fingers' grip, rad.
         hull_pitch_rad: peak; positive lowers the stern. In time with the stroke (Loschner, Smith and Galloway,
             ISBS 2000; Sinclair, Greene and Smith, ISBS 2009), rad.
         hull_roll_rad: peak, from stroke to stroke, rad.
         hull_yaw_rad: peak, rad.
         hull_heave_m: peak, m.
         mount_error_rad: angle between each unit's true and its nominal mount, rad.
-        mount_offset_m: distance between each unit's true and its nominal place, m.
+        mount_offset_m: distance between each unit's true and its nominal position, m.
         length_error: share by which each length of the body differs from its nominal value.
-        rig_error_m: by how much each coordinate of the pins and each inboard differs, m.
+        rig_error_m: error of each coordinate of the pins and of each inboard, m.
         oar_offset_rad: zero error of each oar encoder, rad.
         oar_scale: scale error of each oar encoder.
         seat_offset_m: zero error of the seat encoder, m.
         seat_scale: its scale error.
-        hard_iron_ut: length of the constant added to each magnetometer, uT.
+        hard_iron_ut: length of the constant vector that is added to each magnetometer, uT.
         soft_iron: largest stretch of the field that a magnetometer reads, as a share.
-        rail_iron_ut: field of the boat's iron (rail, bolts, stretcher) 0.3 m from it, uT; it falls with the third
-            power.
-        gyro_bias_rad_s: random-signed bias on each axis beside the condition's, rad/s.
+        rail_iron_ut: field of the boat's iron (rail, bolts, stretcher) at 0.3 m, uT; it decreases with the third power
+            of the distance.
+        gyro_bias_rad_s: bias on each axis with random sign, in addition to the condition's, rad/s.
         accel_bias_m_s2: the same for accelerometers, m/s2.
-        gyro_drift_rad_s: random: how far a bias walks in a minute, standard deviation, rad/s.
+        gyro_drift_rad_s: random: standard deviation of the change of a bias in a minute, rad/s.
         accel_drift_m_s2: the same for accelerometers, m/s2.
         gyro_scale: scale error of each axis.
         accel_scale: scale error of each axis.
-        clock_offset_s: by how much each unit's clock is off at the start, s; oars and seat keep the true time.
-        clock_drift: how much too fast or slow it runs (20e-6 is a usual crystal).
-        clock_jitter_s: random: standard deviation of its stamps, s.
-        packet_loss: random: share of each unit's samples that never arrive.
-        gap_s: how long one unit, chosen by the seed, says nothing but NaN, s.
-        noise_factor: white noise over that of the model file; 1 is what was measured at rest.
-        gyro_range_rad_s: readings beyond are cut off, rad/s.
+        clock_offset_s: offset of each unit's clock at the start, s; oars and seat have the true time.
+        clock_drift: relative rate error of the clock (20e-6 is typical of a crystal).
+        clock_jitter_s: random: standard deviation of its time stamps, s.
+        packet_loss: random: share of each unit's samples that are lost.
+        gap_s: duration of a dropout (NaN) of one unit, which the seed chooses, s.
+        noise_factor: white noise relative to that of the model file; 1 is the noise at rest.
+        gyro_range_rad_s: readings beyond it are clipped, rad/s.
         accel_range_m_s2: the same for accelerometers, m/s2.
     """
 
@@ -171,7 +171,7 @@ class FieldEffects:
 
     @classmethod
     def off(cls) -> FieldEffects:
-        """Everything as modelled: what is left is the model's white noise and the condition's biases."""
+        """Everything as modelled, with only the model's white noise and the condition's biases."""
         neutral = dict.fromkeys((field.name for field in fields(cls)), 0.0)
         return cls(**neutral | {"noise_factor": 1.0} | dict.fromkeys(_RANGES, inf))
 
@@ -189,7 +189,7 @@ class FieldEffects:
 
     @classmethod
     def wild(cls) -> FieldEffects:
-        """A bad day: the defaults with loose straps, a poor radio, more iron and three times the noise."""
+        """A poor session: the defaults with loose straps, a poor radio, more iron and three times the noise."""
         return replace(
             cls(),
             skin_tilt_rad=radians(3.0),
@@ -213,15 +213,15 @@ class FieldEffects:
         """
         if not (isfinite(strength) and strength >= 0.0):
             raise DataError(
-                f"field effects: strength {strength}; give 0 (off) or more, 1 leaves them as they are"
+                f"field effects: strength {strength}; give 0 (off) or more; 1 does not change the effects"
             )
-        told = {name: value * strength for name, value in self.strengths().items() if name not in _RANGES}
-        told["noise_factor"] = 1.0 + (self.noise_factor - 1.0) * strength
+        scaled = {name: value * strength for name, value in self.strengths().items() if name not in _RANGES}
+        scaled["noise_factor"] = 1.0 + (self.noise_factor - 1.0) * strength
         cut = {name: getattr(self, name) / strength if strength > 0.0 else inf for name in _RANGES}
-        return FieldEffects(**told | cut)
+        return FieldEffects(**scaled | cut)
 
     def only(self, *names: str) -> FieldEffects:
-        """These effects with all but the named ones off; names of effects or of `GROUPS`.
+        """These effects with all others switched off; names of effects or of `GROUPS`.
 
         Raises:
             DataError: no effect and no group has such a name.

@@ -12,26 +12,26 @@ from numpy.typing import NDArray
 from oarlock import ImuStream, ScalarStream
 from oarlock.rowing.field.courses import generator
 from oarlock.rowing.field.effects import FieldEffects
-from oarlock.rowing.field.signals import Felt
-from oarlock.rowing.field.wearing import Encoder, Unit
+from oarlock.rowing.field.placement import Encoder, Unit
+from oarlock.rowing.field.signals import IdealReadings
 
 Array = NDArray[np.float64]
 
 _MINUTE_S = 60.0
 _LARGEST_JITTER = 0.4
-"""Share of the interval between samples: stamps stay in order."""
+"""Largest jitter as a share of the sampling interval, so that time stamps stay in order."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """When a unit truly samples, (N,) s, and the stamps that it gives, (N,) s."""
+    """True sampling times of a unit, (N,) s, and its time stamps, (N,) s."""
 
     time_s: Array
     stamp_s: Array
 
 
 def stamped(name: str, time_s: Array, shown_s: Array, effects: FieldEffects, seed: int) -> Sampled:
-    """Stamps with jitter, and only those samples that arrive; the first and the last always do."""
+    """Time stamps with jitter of the samples that are not lost; the first and the last are never lost."""
     rng = generator(seed, f"radio {name}")
     jitter = effects.clock_jitter_s * rng.standard_normal(time_s.size)
     arrives = rng.random(time_s.size) >= effects.packet_loss
@@ -41,30 +41,30 @@ def stamped(name: str, time_s: Array, shown_s: Array, effects: FieldEffects, see
 
 
 def gap(name: str, units: list[str], time_s: Array, effects: FieldEffects, seed: int) -> NDArray[np.bool_]:
-    """(N,) where the unit says nothing: one unit, once, in the middle half of the recording."""
+    """(N,) True during the dropout of the unit: one unit has one dropout, in the middle half of the recording."""
     rng = generator(seed, "gap")
-    silent = units[int(rng.integers(len(units)))]
+    chosen = units[int(rng.integers(len(units)))]
     first, last = float(time_s[0]), float(time_s[-1])
     start = first + (last - first) * rng.uniform(0.25, 0.75)
-    return np.asarray((time_s >= start) & (time_s < start + effects.gap_s) & (name == silent))
+    return np.asarray((time_s >= start) & (time_s < start + effects.gap_s) & (name == chosen))
 
 
 def read_unit(
     sensor: Mapping[str, Any],
     unit: Unit,
-    felt: Felt,
+    ideal: IdealReadings,
     sampled: Sampled,
-    silent: NDArray[np.bool_],
+    dropout: NDArray[np.bool_],
     effects: FieldEffects,
     seed: int,
 ) -> ImuStream:
-    """The stream of one inertial unit; quantities for which the model names no noise are not measured."""
+    """The stream of one inertial unit; quantities without noise in the model are not measured."""
     name = sensor["name"]
     rng = generator(seed, f"noise {name}")
     drift = (effects.gyro_drift_rad_s, effects.accel_drift_m_s2)
-    gyro = unit.gyro_gain * felt.gyro_rad_s + unit.gyro_bias_rad_s + walk(rng, sampled.time_s, drift[0])
-    accel = unit.accel_gain * felt.accel_m_s2 + unit.accel_bias_m_s2 + walk(rng, sampled.time_s, drift[1])
-    mag = felt.field_ut @ unit.field_gain.T + unit.hard_iron_ut
+    gyro = unit.gyro_gain * ideal.gyro_rad_s + unit.gyro_bias_rad_s + walk(rng, sampled.time_s, drift[0])
+    accel = unit.accel_gain * ideal.accel_m_s2 + unit.accel_bias_m_s2 + walk(rng, sampled.time_s, drift[1])
+    mag = ideal.field_ut @ unit.field_gain.T + unit.hard_iron_ut
     limits = (effects.gyro_range_rad_s, effects.accel_range_m_s2, np.inf)
     stds = (sensor["gyro_std_rad_s"], sensor["accel_std_m_s2"], sensor["mag_std_ut"])
     fields: dict[str, Array | None] = {}
@@ -74,14 +74,14 @@ def read_unit(
         noise = rng.standard_normal(clean.shape)
         if std is not None:
             values = np.clip(clean + effects.noise_factor * std * noise, -limit, limit)
-            fields[key] = np.where(silent[:, None], np.nan, values)
+            fields[key] = np.where(dropout[:, None], np.nan, values)
     return ImuStream(name, sampled.stamp_s, **fields)
 
 
 def read_encoder(
     sensor: Mapping[str, Any], encoder: Encoder, value: Array, time_s: Array, effects: FieldEffects, seed: int
 ) -> ScalarStream:
-    """The stream of one encoder; its noise is the model's whatever the effects say of inertial units."""
+    """The stream of one encoder."""
     noise = (
         effects.noise_factor
         * sensor["std"]

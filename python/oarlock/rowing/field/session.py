@@ -24,21 +24,21 @@ Array = NDArray[np.float64]
 
 KNOTS_HZ = 250.0
 HANDS_HOLD = 1e-6
-"""m, and as a difference of directions: the hands stay this near to what they hold, slip included."""
+"""Tolerance of the hands on the handles: position, m, and difference of directions; slip is taken into account."""
 _STRETCHER_ROUNDS = 12
 _LARGEST_MOVE_M = 0.15
 HULL_JOINTS = ("hull_sway", "hull_heave", "hull_yaw", "hull_pitch", "hull_roll")
-"""A model whose root does not turn with the boat has these, in this order: m, m, rad, rad, rad."""
-# What the hull rocks about, from the hip pivot at seat 0: 0.2 m below it and 0.3 m toward the stern.
+"""Joints of a model whose root does not rotate with the boat, in this order: m, m, rad, rad, rad."""
+# Centre of the hull's rotation from the hip pivot at seat 0: 0.2 m below it and 0.3 m toward the stern.
 _BELOW_M, _STERNWARD_M = 0.2, 0.3
 
 
 @dataclass(frozen=True, eq=False)
 class Hull:
-    """The boat against axes at rest (those of the root, were the boat still) over time.
+    """Motion of the boat over time, relative to axes at rest (those of the root of a still boat).
 
-    ``angles_rad`` gives pitch, roll and yaw, ``heave_m`` the way up, ``surge_m_s2`` the acceleration of the root's
-    origin along ``forward`` (stern positive) and ``surge_m`` the way that comes of it, from rest.
+    ``angles_rad`` has pitch, roll and yaw, ``heave_m`` the upward displacement, ``surge_m_s2`` the acceleration of the
+    root's origin along ``forward`` (stern positive) and ``surge_m`` the resulting displacement from rest.
     """
 
     angles_rad: BSpline
@@ -49,7 +49,7 @@ class Hull:
     forward: Array
 
     def pose(self, time_s: Array) -> tuple[Array, Array]:
-        """Rotation (..., 3, 3) of the root against axes at rest, and the place (..., 3) of its origin in them."""
+        """Rotation (..., 3, 3) of the root relative to axes at rest, and position (..., 3) of its origin in them."""
         pitch, roll, yaw = np.moveaxis(np.asarray(self.angles_rad(time_s)), -1, 0)
         left = np.cross(self.up, self.forward)
         rotation = (
@@ -62,14 +62,14 @@ class Hull:
         return rotation, np.asarray(way + rocked)
 
     def at_joints(self, time_s: Array) -> dict[str, Array]:
-        """The same as values (K,) of a model's hull joints; only surge is none."""
+        """The same as values (K,) of a model's hull joints; surge has no joint."""
         _, place = self.pose(time_s)
         pitch, roll, yaw = np.moveaxis(np.asarray(self.angles_rad(time_s)), -1, 0)
         sway, heave = place @ np.cross(self.up, self.forward), place @ self.up
         return dict(zip(HULL_JOINTS, (sway, heave, yaw, pitch, roll), strict=True))
 
     def level(self) -> Hull:
-        """A root that is carried along by such a hull and does not turn."""
+        """The motion of a root that moves with such a hull but does not rotate."""
         return replace(self, angles_rad=_nothing(self.angles_rad), heave_m=_nothing(self.heave_m))
 
 
@@ -81,7 +81,7 @@ def _nothing(spline: BSpline) -> BSpline:
 class Session:
     """The moving body: postures (K, n) over ``timing.time_s`` with their spline, and the hull.
 
-    ``carrier`` is what the hull does that no joint of the model does: all of it where the root is the boat.
+    ``carrier`` is the part of the hull's motion for which the model has no joint: all of it if the root is the boat.
     """
 
     anatomy: Anatomy
@@ -111,7 +111,7 @@ def rowed(
     The rower has set the stretcher so that the arms have the reach that they would have with the nominal lengths.
 
     Raises:
-        DataError: the hands cannot hold the handles.
+        DataError: the hands cannot reach the handles.
     """
     anatomy = Anatomy(description, _grip_directions(seed))
     time = np.linspace(0.0, duration_s, max(6, int(np.ceil(duration_s * KNOTS_HZ)) + 1))
@@ -145,7 +145,7 @@ def _laid_out(anatomy: Anatomy, courses: Mapping[str, Array]) -> Array:
 
 
 def _stretcher(anatomy: Anatomy, nominal: Mapping[str, Any], posture: Array) -> float:
-    """By how much the seat's travel is shifted toward the stern, m: 0 if no reach is lost to the nominal body."""
+    """Shift of the seat's travel toward the stern, m; 0 if the true body reaches as far as the nominal one."""
     usual = Anatomy(nominal)
     neutral = posture.copy()
     neutral[:, len(usual.own_joint_names) :] = 0.0

@@ -12,25 +12,25 @@ from numpy.typing import NDArray
 from oarlock.rowing.field.anatomy import apply, rotation_by
 from oarlock.rowing.field.courses import generator
 from oarlock.rowing.field.effects import FieldEffects
+from oarlock.rowing.field.placement import Unit, direction
 from oarlock.rowing.field.session import Session
 from oarlock.rowing.field.skin import Skin
-from oarlock.rowing.field.wearing import Unit, direction
 
 Array = NDArray[np.float64]
 
 STEP_S = 2e-3
 REACH = 4
-"""Steps on each side of an instant whose poses are differentiated."""
+"""Number of poses on each side of an instant that are used for differentiation."""
 # Central differences of eighth order (Fornberg, Mathematics of Computation 51, 1988), for steps 1 to 4.
 _FIRST = np.array([4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0])
 _SECOND = np.array([8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0])
 _CHUNK = 2000
-# Iron of the boat: below the rail, amidships of the slide, as a dipole whose field is named at 0.3 m.
+# Iron of the boat: a dipole below the middle of the rail; its strength is the field at 0.3 m.
 _IRON_BELOW_M, _IRON_STERNWARD_M, _NAMED_AT_M = 0.15, 0.35, 0.3
 _IRON_NEAREST_M = 0.1
 
 
-class Felt(NamedTuple):
+class IdealReadings(NamedTuple):
     """Angular velocity rad/s, specific force m/s2 and magnetic field uT, (N, 3) each, in sensor axes."""
 
     gyro_rad_s: Array
@@ -50,7 +50,7 @@ class Surroundings:
 
     @classmethod
     def of(cls, world: Mapping[str, Any], effects: FieldEffects, seed: int) -> Surroundings:
-        """From a description's world; the seed turns the iron."""
+        """The surroundings from a description's world; the seed rotates the iron."""
         up, forward = np.asarray(world["up"]), np.asarray(world["forward"])
         azimuth, dip = world["magnetic_azimuth_rad"], world["magnetic_dip_rad"]
         level = np.cos(azimuth) * forward + np.sin(azimuth) * np.cross(up, forward)
@@ -60,25 +60,29 @@ class Surroundings:
         return cls(float(world["gravity_m_s2"]), up, field, place, moment)
 
     def iron_field(self, place_m: Array) -> Array:
-        """Field (..., 3), uT, of the boat's iron at places (..., 3) in the boat's axes: a dipole."""
+        """Field (..., 3), uT, of the boat's iron (a dipole) at positions (..., 3) in the boat's axes."""
         reach = place_m - self.iron_place_m
         distance = np.maximum(np.linalg.norm(reach, axis=-1), _IRON_NEAREST_M)[..., None]
         along = np.sum(reach * self.iron_ut, axis=-1)[..., None] / distance**2 * reach
         return np.asarray((_NAMED_AT_M / distance) ** 3 * (1.5 * along - 0.5 * self.iron_ut))
 
 
-def felt(session: Session, surroundings: Surroundings, unit: Unit, skin: Skin, time_s: Array) -> Felt:
-    """Ideal readings at times (N,); the field is in the sensor's axes, without what its own iron makes of it."""
+def ideal_readings(
+    session: Session, surroundings: Surroundings, unit: Unit, skin: Skin, time_s: Array
+) -> IdealReadings:
+    """Ideal readings at times (N,); the field is in sensor axes, without hard and soft iron."""
     if time_s.size == 0:
-        return Felt(*(np.zeros((0, 3)) for _ in range(3)))
+        return IdealReadings(*(np.zeros((0, 3)) for _ in range(3)))
     parts = [
-        _felt(session, surroundings, unit, skin, part)
+        _readings_of(session, surroundings, unit, skin, part)
         for part in np.array_split(time_s, -(-time_s.size // _CHUNK))
     ]
-    return Felt(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+    return IdealReadings(*(np.concatenate(values) for values in zip(*parts, strict=True)))
 
 
-def _felt(session: Session, around: Surroundings, unit: Unit, skin: Skin, time_s: Array) -> Felt:
+def _readings_of(
+    session: Session, around: Surroundings, unit: Unit, skin: Skin, time_s: Array
+) -> IdealReadings:
     steps = np.arange(-REACH, REACH + 1) * STEP_S
     times = time_s[:, None] + steps
     root_rotation, root_place = sensor_pose(session, unit, skin, times)
@@ -96,11 +100,11 @@ def _felt(session: Session, around: Surroundings, unit: Unit, skin: Skin, time_s
     boat = session.boat(time_s)
     iron = around.iron_field(apply(np.swapaxes(boat[0], -1, -2), root_place[:, REACH] - boat[1]))
     field = field + apply(np.swapaxes(root_rotation[:, REACH], -1, -2) @ boat[0], iron)
-    return Felt(gyro, apply(sensor_from_rest, force), field)
+    return IdealReadings(gyro, apply(sensor_from_rest, force), field)
 
 
 def sensor_pose(session: Session, unit: Unit, skin: Skin, time_s: Array) -> tuple[Array, Array]:
-    """Rotation (..., 3, 3), root from sensor, and place (..., 3) of a unit in root axes at times (...)."""
+    """Rotation (..., 3, 3), root from sensor, and position (..., 3) of a unit in root axes at times (...)."""
     posture = np.asarray(session.spline(time_s))
     rotation, origin = session.anatomy.bone(unit.frame, unit.offset_m, posture)
     shift, turn = skin.at(time_s)
@@ -109,13 +113,13 @@ def sensor_pose(session: Session, unit: Unit, skin: Skin, time_s: Array) -> tupl
 
 
 def first_derivative(values: Array) -> Array:
-    """Derivative (N, ...) of values (N, 9, ...) that lie 2 ms apart, at their middle; per s."""
+    """Derivative (N, ...) of values (N, 9, ...) at intervals of 2 ms, at their middle; per s."""
     ahead, behind = values[:, REACH + 1 :], values[:, REACH - 1 :: -1]
     return np.asarray(np.einsum("k,nk...->n...", _FIRST / STEP_S, ahead - behind))
 
 
 def second_derivative(values: Array) -> Array:
-    """Second derivative (N, ...) of values (N, 9, ...), per s2; differences from the middle keep far places exact."""
+    """Second derivative (N, ...) of values (N, 9, ...), per s2; differences from the middle avoid rounding errors."""
     here = values[:, REACH]
     ahead, behind = values[:, REACH + 1 :], values[:, REACH - 1 :: -1]
     return np.asarray(

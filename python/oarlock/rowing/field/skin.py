@@ -18,7 +18,7 @@ from scipy.signal import cont2discrete, lfilter
 from oarlock.rowing.field.anatomy import Anatomy, apply
 from oarlock.rowing.field.courses import generator, wander
 from oarlock.rowing.field.effects import FieldEffects
-from oarlock.rowing.field.wearing import Unit, direction
+from oarlock.rowing.field.placement import Unit, direction
 from oarlock.rowing.simulation.grip import SIDES
 from oarlock.rowing.simulation.timing import StrokeTiming
 
@@ -27,18 +27,18 @@ Array = NDArray[np.float64]
 _RINGS_HZ = 10.0
 _DAMPING = 0.25
 _G_M_S2 = 9.80665
-# The limb that a limb turns against when its skin lags, and the joint whose bending swells the muscle under it.
+# For each limb: the limb relative to which its rotation makes the skin lag, and the joint that swells its muscle.
 _BEFORE = {"elbow": "shoulder", "wrist": "elbow"}
 
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """Shift, m, and turn as a rotation vector, rad, of one unit against its link, in the link's axes, over time."""
+    """Displacement, m, and rotation vector, rad, of one unit relative to its link, in link axes, over time."""
 
     spline: BSpline | None
 
     def at(self, time_s: Array) -> tuple[Array, Array]:
-        """Shift (..., 3) and turn (..., 3) at times (...)."""
+        """Displacement (..., 3) and rotation vector (..., 3) at times (...)."""
         if self.spline is None:
             nothing = np.zeros((*time_s.shape, 3))
             return nothing, nothing
@@ -58,7 +58,7 @@ class Course:
 def skin_of(
     name: str, unit: Unit, anatomy: Anatomy, course: Course, effects: FieldEffects, seed: int
 ) -> Skin:
-    """What lies between one unit and its bone."""
+    """The soft tissue between one unit and its bone."""
     shift, turn = np.zeros((2, *course.force.shape))
     outward, across = _directions(unit, generator(seed, f"skin {name}"))
     side, _, part = unit.frame.partition("_")
@@ -81,7 +81,7 @@ def skin_of(
 
 
 def _directions(unit: Unit, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Away from the bone, and an axis across that about which swelling tilts the unit."""
+    """Direction away from the bone, and the axis about which swelling tilts the unit."""
     place = unit.offset_m.copy()
     place[np.argmax(np.abs(place))] = 0.0  # along the limb, or sideways to the spine
     outward = place / np.linalg.norm(place) if place.any() else direction(rng)
@@ -102,7 +102,7 @@ def swelling(anatomy: Anatomy, side: str | None, posture: Array) -> Array:
 
 
 def _bent(anatomy: Anatomy, frames: tuple[str, str, str], posture: Array) -> Array:
-    """By how much the cosine between two limbs has left its value in the N-pose: about 1 after a quarter turn."""
+    """Change of the cosine between two limbs since the N-pose: about 1 after a quarter turn."""
     first, second = _limbs(anatomy, frames, posture)
     hanging = np.sum(np.multiply(*_limbs(anatomy, frames, _neutral(posture))), axis=-1)
     return np.asarray(np.sign(hanging) * (hanging - np.sum(first * second, axis=-1)))
@@ -117,9 +117,9 @@ def _limbs(anatomy: Anatomy, frames: tuple[str, str, str], posture: Array) -> tu
 
 
 def twist(anatomy: Anatomy, frames: tuple[str, str], posture: Array) -> Array:
-    """Rotation vector (K, 3) of the limb's turn about its own length since the N-pose, in its axes.
+    """Rotation vector (K, 3) of the limb's rotation about its length since the N-pose, in its axes.
 
-    The part about the limb's length of the turn against the limb before (swing and twist).
+    This is the twist of its rotation relative to the previous limb (swing and twist).
     """
     found, still = anatomy.poses(posture, frames), anatomy.poses(_neutral(posture), frames)
     between = np.swapaxes(found[frames[0]][0], -1, -2) @ found[frames[1]][0]
@@ -131,7 +131,7 @@ def twist(anatomy: Anatomy, frames: tuple[str, str], posture: Array) -> Array:
     sine = np.stack(
         [turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]], -1
     )
-    # tan(half twist) = (vector part of the quaternion along the axis) / (scalar part), with 4 w (w, v) read off.
+    # tan(half twist) = (vector part of the quaternion along the axis) / (scalar part), from 4 w (w, v).
     angle = 2.0 * np.arctan2(sine @ axis, 1.0 + np.trace(turn, axis1=-2, axis2=-1))
     return np.asarray(np.unwrap(angle)[:, None] * axis)
 
@@ -149,7 +149,7 @@ def _at_rest(anatomy: Anatomy, unit: Unit, posture: Array) -> Array:
 
 
 def rung(time_s: Array, force: Array) -> Array:
-    """What follows (K, 3) a force through a damped oscillator: x'' + 2 d w x' + w2 x = w2 force, started at rest."""
+    """Response (K, 3) of a damped oscillator to a force: x'' + 2 d w x' + w2 x = w2 force, from rest."""
     rate = 2.0 * np.pi * _RINGS_HZ
     system = ([rate**2], [1.0, 2.0 * _DAMPING * rate, rate**2])
     numerator, denominator, _ = cont2discrete(system, float(time_s[1] - time_s[0]), method="foh")
@@ -157,14 +157,14 @@ def rung(time_s: Array, force: Array) -> Array:
 
 
 def _wander(name: str, timing: StrokeTiming, seed: int) -> Array:
-    """Random turns (K, 3) whose rms about each axis is 1."""
+    """Random rotation vectors (K, 3) with an rms of 1 about each axis."""
     rng = generator(seed, f"wander {name}")
     turns = np.stack([wander(rng, timing) for _ in range(3)], axis=-1)
     return np.asarray(turns / np.sqrt(np.mean(turns**2, axis=0)))
 
 
 def bone_force(time_s: Array, place: Array, rotation: Array, up: Array, gravity_m_s2: float) -> Array:
-    """Specific force (K, 3) in link axes of a bone at ``place`` (K, 3) in axes at rest, with ``up`` (3,) in them."""
+    """Specific force (K, 3) in link axes of a bone at ``place`` (K, 3) in axes at rest, with vertical ``up`` (3,)."""
     acceleration = np.asarray(make_interp_spline(time_s, place, k=5)(time_s, 2))
     force: Any = acceleration + gravity_m_s2 * up
     return apply(np.swapaxes(rotation, -1, -2), np.asarray(force))

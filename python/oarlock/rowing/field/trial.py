@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from oarlock.rowing.field.anatomy import apply
 from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.electronics import gap, read_encoder, read_unit, stamped
+from oarlock.rowing.field.placement import Clock, Encoder, Unit, clock, encoder, placed_unit, true_parameters
 from oarlock.rowing.field.session import Session, rowed
-from oarlock.rowing.field.signals import REACH, STEP_S, Surroundings, felt
+from oarlock.rowing.field.signals import REACH, STEP_S, Surroundings, ideal_readings
 from oarlock.rowing.field.skin import Course, Skin, bone_force, skin_of, units_of
-from oarlock.rowing.field.wearing import Clock, Encoder, Unit, clock, encoder, true_parameters, worn_unit
 from oarlock.rowing.simulation.grip import SIDES
 from oarlock.rowing.simulation.noise import SimulatedCondition, condition_named
 from oarlock.storage.errors import DataError
@@ -36,17 +36,17 @@ class FieldTrial:
     """A simulated session.
 
     Attributes:
-        recording: what the sensors gave.
+        recording: readings of the sensors.
         truth: joints over true time; its model has the true lengths. `rowing.field.anatomy` defines its angles.
         markers: true positions of shoulders, elbows and wrists, with gliding shoulders and a bent spine.
         calibration: the true lengths, rig, mounts and hard iron.
-        effects: as asked.
-        condition: of Table 5.
-        clocks: of the inertial units, by name.
-        encoders: zero and scale errors, by name.
+        effects: the simulated effects.
+        condition: condition of Table 5.
+        clocks: clocks of the inertial units, by name.
+        encoders: zero and scale errors of the encoders, by name.
         units: all errors of each inertial unit, by name.
         hull_angles_rad: (T, 3) pitch, roll and yaw of the boat.
-        hull_heave_m: (T,) its way up.
+        hull_heave_m: (T,) its upward displacement.
         surge_m_s2: (T,) acceleration of the boat, stern positive.
     """
 
@@ -82,23 +82,23 @@ def simulate_field(
     rate_hz: float = 125.0,
     seed: int = 0,
 ) -> FieldTrial:
-    """Sculling as it is recorded on the water, where nothing is as modelled.
+    """Simulate sculling on the water, with errors that the model does not have.
 
     Kinematics and differentiation are independent of filter and engine. With `FieldEffects.off()` the signals are those
     of `simulate_sculling`, except for the noise.
 
     Args:
         model: the model that the user has; athlete and sensors differ from it by the effects.
-        effects: strengths; None is a careful session, `FieldEffects.wild()` a bad day.
+        effects: strengths; None is a careful session, `FieldEffects.wild()` a poor one.
         condition: `S-NB`, `B-NB`, `S-B` or `B-B`: boat still or moving, sensors without or with Table 5's biases.
         duration_s: length, s.
-        rate_spm: strokes per minute; (20, 34) goes evenly from 20 to 34.
+        rate_spm: strokes per minute; (20, 34) increases uniformly from 20 to 34.
         rate_hz: of all sensors.
         seed: of all random numbers. Those of one effect do not depend on which others are on.
 
     Raises:
         ValueError: an unknown condition.
-        DataError: the model is no sculler, the hands cannot hold the handles, or an argument is out of range.
+        DataError: the model is not a sculler, the hands cannot reach the handles, or an argument is out of range.
     """
     from oarlock import Recording
 
@@ -110,7 +110,7 @@ def simulate_field(
     session = rowed(description, nominal, effects, chosen.boat_surge, duration_s, rate_spm, seed)
     around = Surroundings.of(nominal["world"], effects, seed)
     bias = (chosen.gyro_bias_rad_s, chosen.accel_bias_m_s2)
-    units = {s["name"]: worn_unit(s, effects, bias, seed) for s in units_of(description)}
+    units = {s["name"]: placed_unit(s, effects, bias, seed) for s in units_of(description)}
     encoders = {
         s["name"]: encoder(s["name"], s["joint"] == "seat", effects, seed) for s in _encoders(description)
     }
@@ -154,7 +154,7 @@ def _encoders(description: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 
 def _stamps(duration_s: float, rate_hz: float) -> Array:
-    """As `oarlock.simulate` lays them: the stencil stays inside the motion."""
+    """Sampling times as in `oarlock.simulate`: all differentiated poses are inside the motion."""
     room = REACH * STEP_S
     count = int(np.floor((duration_s - 2.0 * room) * rate_hz + 1e-9)) + 1
     return np.asarray(room + np.arange(count) / rate_hz)
@@ -170,15 +170,15 @@ def _unit_stream(
     effects: FieldEffects,
     seed: int,
 ) -> ImuStream:
-    """A unit samples when its own clock shows the stamps, as far as the motion lasts then."""
+    """The stream of a unit, sampled when its own clock shows the time stamps, within the motion."""
     name, unit = sensor["name"], units[sensor["name"]]
     true = own_clock.true(time_s)
     inside = (true >= time_s[0] - 1e-9) & (true <= time_s[-1] + 1e-9)
     sampled = stamped(name, true[inside], time_s[inside], effects, seed)
     skin = _skin(name, unit, session, around, effects, seed)
-    clean = felt(session, around, unit, skin, sampled.time_s)
-    silent = gap(name, list(units), sampled.time_s, effects, seed)
-    return read_unit(sensor, unit, clean, sampled, silent, effects, seed)
+    clean = ideal_readings(session, around, unit, skin, sampled.time_s)
+    dropout = gap(name, list(units), sampled.time_s, effects, seed)
+    return read_unit(sensor, unit, clean, sampled, dropout, effects, seed)
 
 
 def _skin(

@@ -1,6 +1,6 @@
 """List of all sensor faults that a study can simulate.
 
-A fault is a key of a study and a function of a recording. Another one is a function and a line in its family.
+A fault is a key of a study and a function of a recording. To add one, write a function and a line in its family.
 """
 
 from __future__ import annotations
@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from oarlock._core import Model
+from oarlock.evaluation.study.faults.dropout import dropout
 from oarlock.evaluation.study.faults.fault import Case, Fault, Names
 from oarlock.evaluation.study.faults.magnetic import LASTING, magnetic
 from oarlock.evaluation.study.faults.readings import readings
-from oarlock.evaluation.study.faults.silence import silence
 from oarlock.evaluation.study.faults.stamps import stamps
 from oarlock.evaluation.study.keys import StudyKey, Value, by_name
 from oarlock.evaluation.study.trial import StudyTrial
@@ -19,13 +19,13 @@ from oarlock.recording.recording import Recording
 
 
 def faults_of(model: Model) -> tuple[Fault, ...]:
-    """Every fault of a model's streams, in the order in which they befall a recording."""
+    """All faults of a model's streams, in the order in which they are applied to a recording."""
     names = Names.of(model)
-    return (*readings(names), *magnetic(names), *silence(names), *stamps(names))
+    return (*readings(names), *magnetic(names), *dropout(names), *stamps(names))
 
 
 def keys_of_faults(model: Model) -> dict[str, StudyKey]:
-    """How faults are named in a study."""
+    """Keys of all faults in a study."""
     return by_name([*(fault.key for fault in faults_of(model)), LASTING])
 
 
@@ -33,7 +33,7 @@ def afflicted(trial: StudyTrial, model: Model, values: Mapping[str, Value], seed
     """The recording of a trial with its faults.
 
     Raises:
-        DataError: a fault leaves nothing, or its value makes no sense for this recording.
+        DataError: a fault leaves no samples, or its value is invalid for this recording.
     """
     case = Case(trial, values, seed)
     recording = trial.recording

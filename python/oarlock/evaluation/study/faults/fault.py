@@ -22,12 +22,12 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 MIDDLE_HALF = (0.25, 0.75)
-"""Faults that last a while begin in this part of a recording: the filter has settled, and has time to recover."""
+"""Part of a recording in which temporary faults begin: the filter has converged, and has time to recover."""
 
 
 @dataclass(frozen=True)
 class Names:
-    """What faults of a model may be told to hit, by name."""
+    """Names of the streams that faults may affect."""
 
     streams: tuple[str, ...]
     units: tuple[str, ...]
@@ -52,33 +52,33 @@ class Names:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """What a fault may know: the trial that it befalls, the study's values, and the seed of all that is drawn."""
+    """Input of a fault: the trial, the study's values, and the seed of all random numbers."""
 
     trial: StudyTrial
     values: Mapping[str, Value]
     seed: int
 
     def random(self, what: str) -> np.random.Generator:
-        """Draws that do not depend on which other faults there are."""
+        """A random generator that does not depend on other faults."""
         return np.random.default_rng([self.seed, 4, zlib.crc32(what.encode())])
 
     def sign(self, what: str) -> float:
-        """-1 or 1."""
+        """A random sign, -1 or 1."""
         return 1.0 if self.random(what).random() < 0.5 else -1.0
 
     def number(self, key: str) -> float:
-        """A value of the study that is one number."""
+        """A value of the study as a number."""
         return number_for(self.values[key], "")
 
     def meanwhile(self, time_s: Floats, lasting_s: float) -> Bools:
-        """Which stamps (N,) lie in the stretch of this length that the seed picks; all streams share it."""
+        """True for time stamps (N,) in the random interval of this length; all streams share it."""
         whole = self.trial.recording
         begin = self.random("meanwhile").uniform(*MIDDLE_HALF) * whole.duration_s
         start = whole.start_s + min(begin, max(whole.duration_s - lasting_s, 0.0))
         return np.asarray((time_s >= start) & (time_s < start + lasting_s))
 
     def up_in(self, unit: str, time_s: Floats) -> Floats:
-        """The vertical (N, 3) in the axes of an inertial unit, as the truth has it, at stamps (N,)."""
+        """The true vertical (N, 3) in the axes of an inertial unit, at time stamps (N,)."""
         true_s = self.trial.truth.time_s
         between = np.stack([np.interp(time_s, true_s, column) for column in self._up[unit].T], axis=-1)
         return np.asarray(between / np.linalg.norm(between, axis=1, keepdims=True))
@@ -105,11 +105,11 @@ Spoil: TypeAlias = Callable[[Recording, Value, Case], Recording]
 
 @dataclass(frozen=True)
 class Fault:
-    """One thing that goes wrong with a recording.
+    """A fault of a recording.
 
     Args:
-        key: how a study names it, with its unit in the name; by its default nothing is wrong.
-        spoil: the recording as it is then; called only where the value is not the default.
+        key: its key in a study, with the unit in its name; the default means no fault.
+        spoil: applies the fault to a recording; called only if the value is not the default.
     """
 
     key: StudyKey
@@ -117,7 +117,7 @@ class Fault:
 
 
 def of_streams(change: Callable[[Stream, float, Case], Stream | None], all_of: tuple[str, ...]) -> Spoil:
-    """A fault of streams one by one; a number without a name is meant for `all_of`. None takes a stream away."""
+    """A fault of single streams. A number without a name applies to `all_of`; a result of None removes the stream."""
 
     def spoil(recording: Recording, value: Value, case: Case) -> Recording:
         sizes = value if isinstance(value, Mapping) else dict.fromkeys(all_of, number_for(value, ""))
@@ -127,7 +127,7 @@ def of_streams(change: Callable[[Stream, float, Case], Stream | None], all_of: t
         ]
         left = [stream for stream in changed if stream is not None]
         if not left:
-            raise DataError("the study leaves no stream: a fault took every sample")
+            raise DataError("the study leaves no stream: a fault removed all samples")
         return Recording(left, recording.meta)
 
     return spoil
@@ -143,12 +143,12 @@ def of_units(change: Callable[[ImuStream, float, Case], Stream], units: tuple[st
 
 
 def with_values(stream: ImuStream, **changed: Floats) -> ImuStream:
-    """The unit with other readings, by field name; fields that it does not have stay away."""
+    """The unit with changed readings, by field name; quantities that it does not measure stay absent."""
     return ImuStream(stream.name, stream.time_s, **{n: changed.get(n, v) for n, v in stream.values.items()})
 
 
 def rows_kept(stream: Stream, kept: Bools) -> Stream | None:
-    """The samples of a stream that are left; None if there is none."""
+    """The remaining samples of a stream; None without any."""
     if not kept.any():
         return None
     return stream.at_rows(kept)

@@ -9,19 +9,19 @@ from oarlock.evaluation.study.faults.fault import Case, Fault, Floats, Names, of
 from oarlock.evaluation.study.keys import ONE, StudyKey, sized
 from oarlock.recording.streams import ImuStream
 
-LASTING = StudyKey("disturbed_s", "number", 3.0, "how long a magnetic disturbance lasts", 0.0)
+LASTING = StudyKey("disturbed_s", "number", 3.0, "duration of a magnetic disturbance", 0.0)
 
 
 def magnetic(names: Names) -> tuple[Fault, ...]:
-    """Heading, dip and norm of the field that magnetometers feel."""
+    """The faults of this module: wrong heading, dip or norm of the measured field."""
     units = (*names.units, ONE)
 
     def key(name: str, about: str, most: float) -> StudyKey:
         return sized(name, f"{about}, for disturbed_s", units, most=most)
 
-    heading = key("heading_turn_deg", "the field turned about the vertical, either way", 180.0)
+    heading = key("heading_turn_deg", "the field rotated about the vertical, in a random direction", 180.0)
     dip = key("dip_turn_deg", "the field tilted up or down", 90.0)
-    share = key("field_error_percent", "the field stronger, or weaker, by this", 99.0)
+    share = key("field_error_percent", "the field stronger or weaker by this share", 99.0)
     return (
         Fault(heading, of_units(_heading, names.units)),
         Fault(dip, of_units(_dip, names.units)),

@@ -14,14 +14,12 @@ from oarlock.storage.errors import DataError
 
 
 def readings(names: Names) -> tuple[Fault, ...]:
-    """Faults of electronics and of whoever straps the sensors on."""
+    """The faults of this module, from electronics and from mounting mistakes."""
     encoders = (*names.angles, *names.lengths)
     units = names.units
     clipped = sized("gyro_range_deg_s", "gyroscopes read no more than this; 0: no limit", (*units, ONE))
-    swapped = StudyKey(
-        "exchanged", "names", [], "inertial units that are taken for each other, in pairs", choices=units
-    )
-    negated = StudyKey("wrong_sign", "names", [], "encoders that count the wrong way", choices=encoders)
+    swapped = StudyKey("exchanged", "names", [], "exchanged inertial units, in pairs", choices=units)
+    negated = StudyKey("wrong_sign", "names", [], "encoders with the wrong sign", choices=encoders)
     zero = "zero of encoders of {} wrong by this, either way"
     angle = sized("encoder_offset_deg", zero.format("angles"), names.angles, -np.inf)
     length = sized("encoder_offset_m", zero.format("lengths"), names.lengths, -np.inf)

@@ -11,12 +11,12 @@ from oarlock.evaluation.study.keys import ONE, sized
 from oarlock.recording.streams import ImuStream, Stream
 
 MOST_OF_A_STEP = 0.45
-"""Stamps never overtake each other, whatever the jitter."""
+"""Largest jitter in steps, so that time stamps always increase."""
 
 
 def stamps(names: Names) -> tuple[Fault, ...]:
-    """Stamps that are scattered."""
-    about = "standard deviation of the stamps of all inertial units, or by stream; at most 0.45 steps"
+    """The fault of this module: jitter of time stamps."""
+    about = "jitter (standard deviation) of the time stamps of all inertial units, or by stream; at most 0.45 steps"
     jitter = sized("clock_jitter_s", about, (*names.streams, ONE))
     return (Fault(jitter, of_streams(_scattered, names.units)),)
 

@@ -9,11 +9,11 @@ from oarlock.evaluation.study.keys import ONE, sized
 from oarlock.recording.streams import Stream
 
 
-def silence(names: Names) -> tuple[Fault, ...]:
-    """Gaps and frozen readings."""
+def dropout(names: Names) -> tuple[Fault, ...]:
+    """The faults of this module: dropouts and repeated readings."""
     choices = (*names.streams, ONE)
-    gap = sized("gap_s", "every stream, or those named, says nothing for so long", choices)
-    stuck = sized("stuck_s", "every stream, or those named, repeats one reading for so long", choices)
+    gap = sized("gap_s", "duration of a dropout of all streams, or of those named", choices)
+    stuck = sized("stuck_s", "duration for which all streams, or those named, repeat one reading", choices)
     return (
         Fault(gap, of_streams(_silent, names.streams)),
         Fault(stuck, of_streams(_stuck, names.streams)),

@@ -21,7 +21,7 @@ from oarlock.tracking.track import Track
 _STD_KEYS = {"gyro": ("gyro_std_rad_s",), "accel": ("accel_std_m_s2",), "mag": ("mag_std_ut",)}
 
 
-def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
+def keys_of_filter_inputs(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
     """Keys for errors in the model and calibration of the filter, by name."""
     described = model.describe()
     units = tuple(s["name"] for s in described["sensors"] if s["kind"] == "imu")
@@ -33,7 +33,7 @@ def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
     scaled = "error of each parameter in units of the standard deviation that the model file gives it"
     tilt = "tilt of the root in a random direction; the filter assumes a level root"
     start = "standard deviation of the error of the initial posture for the filter; none: no initial posture"
-    noise = "true: the filter uses noise_factor; false: it uses the noise of the model file"
+    noise = "true: the filter is given the true noise; nominal: it uses the noise of the model file"
     return by_name(
         [
             sized("mount_error_deg", turned, wearers, most=180.0),
@@ -48,12 +48,12 @@ def keys_of_told(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
     )
 
 
-def told_model(model: Model, values: Mapping[str, Value], seed: int) -> Model:
-    """The model file as the filter reads it: `model.*` keys applied, noise as it is, its vertical wrong.
+def filter_model(model: Model, values: Mapping[str, Value], seed: int) -> Model:
+    """The model that the filter receives: `model.*` keys applied, with the true noise and a wrong vertical.
 
     Raises:
         ModelError: a changed file is refused.
-        DataError: a key leads nowhere in the file.
+        DataError: a key does not exist in the file.
     """
     edits = {
         name.removeprefix("model."): value for name, value in values.items() if name.startswith("model.")
@@ -79,7 +79,7 @@ def told_model(model: Model, values: Mapping[str, Value], seed: int) -> Model:
 
 
 def _tilt(document: dict[str, Any], model: Model, angle_deg: float, seed: int) -> None:
-    """Turns what the file calls up and forward about a level axis."""
+    """Rotates `up` and `forward` of the file about a horizontal axis."""
     world = model.describe()["world"]
     up, forward = np.asarray(world["up"]), np.asarray(world["forward"])
     side = np.random.default_rng([seed, 5]).uniform(0.0, 2.0 * np.pi)
@@ -92,7 +92,7 @@ def _tilt(document: dict[str, Any], model: Model, angle_deg: float, seed: int) -
 
 
 def check_model_key(model: Model, path: str) -> None:
-    """Refuses a path that leads nowhere in the model file.
+    """Refuses a path that does not exist in the model file.
 
     Raises:
         DataError: names the nearest key.
@@ -105,7 +105,7 @@ def _noise_factors(values: Mapping[str, Value]) -> dict[str, float]:
     factors = {
         name: whole * number_for(values.get(f"{name}_noise_factor", 1.0), "", 1.0) for name in QUANTITIES
     }
-    # a filter that is told of no noise divides by nought
+    # a filter with zero noise would divide by zero
     return {name: max(factor, 1e-3) for name, factor in factors.items() if factor != 1.0}
 
 
@@ -133,12 +133,12 @@ def _set(document: dict[str, Any], path: str, value: Value) -> None:
     here[last] = value
 
 
-def calibration_told(
+def filter_calibration(
     model: Model, lengths: tuple[str, ...], values: Mapping[str, Value], seed: int
 ) -> Calibration | None:
-    """Lengths and mounts as the filter is told them; None where nothing is wrong.
+    """Lengths and mounts that the filter receives; None without errors.
 
-    Directions and signs follow from the seed alone, so that scenarios of one seed differ in size only.
+    Directions and signs depend only on the seed, so scenarios of one seed differ only in size.
     """
     parameters = _parameters(model, lengths, values, seed)
     mounts = _mounts(model, values, seed)
@@ -176,7 +176,7 @@ def _mounts(model: Model, values: Mapping[str, Value], seed: int) -> dict[str, t
     return found
 
 
-def config_told(trial: StudyTrial, values: Mapping[str, Value], seed: int) -> Config:
+def filter_config(trial: StudyTrial, values: Mapping[str, Value], seed: int) -> Config:
     """The configuration of one run."""
     keys = {name.removeprefix("config."): v for name, v in values.items() if name.startswith("config.")}
     error = values["start_error_deg"]
@@ -186,7 +186,7 @@ def config_told(trial: StudyTrial, values: Mapping[str, Value], seed: int) -> Co
 
 
 def start_posture(truth: Track, error_deg: float, seed: int) -> list[float]:
-    """Where the truth begins, hinges and balls wrong by a standard deviation, slides as they are."""
+    """The true initial posture, with a random error of hinges and balls; slides have no error."""
     angles = np.array([unit == "rad" for unit in truth.coordinate_units])
     draw = np.random.default_rng([seed, 3]).standard_normal(len(angles))
     start = truth.q[0] + np.where(angles, np.radians(error_deg) * draw, 0.0)

@@ -20,9 +20,8 @@ Array = NDArray[np.float64]
 class Unit:
     """Mount and constant errors of one inertial unit.
 
-    ``link_from_sensor`` (3, 3) and ``offset_m`` (3,) are where it truly sits; ``field_gain`` (3, 3) and
-    ``hard_iron_ut`` (3,) make its magnetometer's reading from the field; biases and gains (3,) are those of gyroscope
-    and accelerometer.
+    ``link_from_sensor`` (3, 3) and ``offset_m`` (3,) are its true mount. Its magnetometer reads ``field_gain`` (3, 3)
+    times the field plus ``hard_iron_ut`` (3,). Biases and gains (3,) are those of gyroscope and accelerometer.
     """
 
     frame: str
@@ -44,11 +43,11 @@ class Clock:
     drift: float = 0.0
 
     def shown(self, time_s: Array) -> Array:
-        """What the clock shows at true times."""
+        """Time stamps of the clock at true times."""
         return time_s * (1.0 + self.drift) + self.offset_s
 
     def true(self, shown_s: Array) -> Array:
-        """The true times at which it shows these."""
+        """True times for time stamps of the clock."""
         return (shown_s - self.offset_s) / (1.0 + self.drift)
 
 
@@ -61,9 +60,9 @@ class Encoder:
 
 
 def true_parameters(description: Mapping[str, Any], effects: FieldEffects, seed: int) -> dict[str, float]:
-    """The athlete's and the boat's true values; only those that differ from the model's.
+    """True parameters of athlete and boat that differ from the model's.
 
-    Lengths of the body differ by a share, pins and inboards by a length; each with a sign of its own.
+    Lengths of the body differ by a share, pins and inboards by a length, each with a random sign.
     """
     rng = generator(seed, "lengths")
     true = {}
@@ -82,12 +81,12 @@ def true_parameters(description: Mapping[str, Any], effects: FieldEffects, seed:
     }
 
 
-def worn_unit(
+def placed_unit(
     sensor: Mapping[str, Any], effects: FieldEffects, condition_bias: tuple[float, float], seed: int
 ) -> Unit:
-    """One unit of a description (with the true lengths), with the errors that the seed gives it.
+    """One unit of a description (with the true lengths), with random errors from the seed.
 
-    The condition's biases stand on every axis, as in the published experiment; the effects add theirs.
+    The condition's biases are on every axis, as in the paper's experiment; biases of the effects are added.
     """
     rng = generator(seed, f"unit {sensor['name']}")
     mount = sensor["mount"]
@@ -122,13 +121,13 @@ def encoder(name: str, slide: bool, effects: FieldEffects, seed: int) -> Encoder
 
 
 def direction(rng: np.random.Generator) -> Array:
-    """A unit vector (3,), any direction as likely as any other."""
+    """A random unit vector (3,), uniform on the sphere."""
     vector = rng.standard_normal(3)
     return np.asarray(vector / np.linalg.norm(vector))
 
 
 def _soft_iron(rng: np.random.Generator, strength: float) -> Array:
-    """Symmetric (3, 3), its largest stretch or squeeze that of the strength."""
+    """A random symmetric matrix (3, 3) whose largest relative change of length is the strength."""
     axes, _ = np.linalg.qr(rng.standard_normal((3, 3)))
     stretches = rng.uniform(-1.0, 1.0, 3)
     stretches /= np.abs(stretches).max()
