@@ -202,7 +202,7 @@ impl PyRun {
     /// The configuration with what was found from the time stamps.
     #[getter]
     fn config(&self) -> PyConfig {
-        PyConfig(self.kept().run.config().clone())
+        PyConfig(self.run().config().clone())
     }
 
     /// Coordinates of input joints, and their readings (T, inputs).

@@ -175,13 +175,13 @@ def _one_each(
 
 
 def _result(model: Model, label: str, job: Job, run: _Ended, findings: list[Finding]) -> Track | Failure:
-    recording, calibration, config = job
+    recording, calibration, _ = job
     if not isinstance(run, tuple):
         if isinstance(run, DivergedError):
             add_findings(run, findings)
         return _named(run, label)
     done, notes, wall_s, smoothing_wall_s = run
-    return finished(model, recording, calibration, config, done, notes, findings, wall_s, smoothing_wall_s)
+    return finished(model, recording, calibration, done, notes, findings, wall_s, smoothing_wall_s)
 
 
 def _named(error: _AnyFailure, label: str) -> _AnyFailure:

@@ -66,7 +66,7 @@ def track(
         raise
     wall_s = time.perf_counter() - began
     return finished(
-        model, recording, calibration, config, run, run.notes, findings, wall_s, resumed=start is not None
+        model, recording, calibration, run, run.notes, findings, wall_s, resumed=start is not None
     )
 
 
@@ -94,7 +94,6 @@ def finished(
     model: Model,
     recording: Recording,
     calibration: Calibration | None,
-    config: Config,
     run: Run,
     run_notes: Iterable[str],
     findings: Iterable[Finding],
@@ -109,7 +108,7 @@ def finished(
         "model_sha256": hashlib.sha256(model.text.encode()).hexdigest(),
         "parameters": model.parameters | dict(calibration.parameters if calibration else {}),
         "recording_sha256": _hash(recording),
-        "config": config.to_dict(),
+        "config": run.config.to_dict(),
         "nominal_mounts": run.nominal_mounts,
         "steps": run.steps,
         "wall_s": wall_s,
