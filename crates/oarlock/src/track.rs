@@ -1,5 +1,6 @@
 //! Tracks a model: `Tracker` takes samples one by one and returns state estimates. `run` and the Python package use it.
 
+pub mod arrivals;
 mod bank;
 mod begin;
 mod consider;
@@ -263,6 +264,12 @@ impl Tracker {
                 sample.z.len(),
                 sample.inputs.len(),
                 self.subject.body.model.name
+            )));
+        }
+        if let Some(offset_s) = sample.offset_s.iter().find(|s| !s.is_finite()) {
+            return Err(Error::Data(format!(
+                "sample at {:.3} s: a reading is {offset_s} s after it; expected a finite time",
+                sample.time_s
             )));
         }
         self.check_finite(sample)

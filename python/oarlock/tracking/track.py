@@ -190,9 +190,13 @@ def track_of_run(model: Model, run: Run, notes: tuple[str, ...], provenance: Map
 
     def q_std() -> Floats:
         values = estimates("", True)
-        columns, readings = run.inputs()
-        known = {joint["name"]: joint["std"] for joint in joints if joint["input"]}
-        values[:, columns] = np.where(np.isnan(readings), np.nan, [known[names[c]] for c in columns])
+        columns, _ = run.inputs()
+        # Where an input has no reading, its estimate is its rest and its band the prior: the soft limits are two
+        # standard deviations from their middle.
+        known = {joint["name"]: (joint["std"], np.ptp(joint["limits"]) / 4) for joint in joints if joint["input"]}
+        read = run.observed()[:, columns] == 1
+        stds = np.array([known[names[c]] for c in columns]).reshape(len(columns), 2)
+        values[:, columns] = np.where(read, stds[:, 0], stds[:, 1])
         return values
 
     def later(make: Callable[[], Any]) -> Any:
