@@ -43,6 +43,8 @@ class FolderLock:
             except FileNotFoundError:  # the writer before us is just removing it
                 continue
             except FileExistsError:
+                if self.work.is_dir() or not self.work.exists():
+                    continue  # as above
                 raise DataError(f"{self.work}: is a file; remove it, then run the command again") from None
             if not _locked(number):
                 who = os.pread(number, 20, 0).decode(errors="replace").strip() if hasattr(os, "pread") else ""
