@@ -30,7 +30,7 @@ LAYERS = (
 # What rowing uses beside the public names.
 ROWING_OWN = (
     "oarlock.rowing",
-    "oarlock.storage.errors",
+    "oarlock.storage",
     "oarlock.simulation.motion",
     "oarlock.model.edit",
     "oarlock.model.jacobians",

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from oarlock.cli import model_sheet
-from oarlock.cli.options import Json, Settings, assignments, example
-from oarlock.cli.terminal import EXIT_DATA, UsageError, page, print_json, say, steps, table, verb
+from oarlock.cli.options import Json, Replace, Settings, assignments, example
+from oarlock.cli.terminal import EXIT_DATA, UsageError, free_file, page, print_json, say, steps, table, verb
 
 group = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Show, check and copy model files.")
 
@@ -77,6 +77,7 @@ def show(
         ),
     ] = None,
     settings: Settings = None,
+    force: Replace = False,
     json_output: Json = False,
 ) -> None:
     """Frames, joints, sensors, parameters, layout of state and measurement, and the pose, drawn."""
@@ -84,12 +85,15 @@ def show(
     from oarlock.report.pose_picture.skeleton import skeleton
     from oarlock.report.pose_picture.svg import draw_svg
     from oarlock.report.pose_picture.text import draw_text
+    from oarlock.storage.write_file import write_file
 
+    if svg is not None:
+        free_file(svg, force)
     loaded = load_model(model, parameters=assignments(settings, "--set"))
     description = loaded.describe()
     body = skeleton(loaded, posture(description, assignments(at, "--at"), "--at"))
     if svg is not None:
-        svg.write_text(draw_svg(body, description["name"]), encoding="utf-8")
+        write_file(svg, draw_svg(body, description["name"]))
     if json_output:
         print_json(description)
         return
@@ -163,12 +167,12 @@ def copy(
     """Copy a shipped model to a file that you can edit."""
     from oarlock.model.shipped_files import model_names, model_path
     from oarlock.storage.suggest import did_you_mean
+    from oarlock.storage.write_file import write_file
 
     if name not in model_names():
         raise UsageError(f"no shipped model is called '{name}'. {did_you_mean(name, model_names())}")
-    if file.exists() and not force:
-        raise UsageError(f"{file} exists and was not changed\nAdd --force to overwrite it.")
-    file.write_text(model_path(name).read_text(encoding="utf-8"), encoding="utf-8")
+    free_file(file, force)
+    write_file(file, model_path(name).read_text(encoding="utf-8"))
     if json_output:
         print_json({"model": name, "written": file})
         return

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +25,7 @@ from oarlock.simulation.motion import Motion
 from oarlock.simulation.session_course import body_course, table_course
 from oarlock.simulation.simulate import simulate
 from oarlock.storage.errors import DataError
+from oarlock.storage.folder_writer import replaced_folder
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -92,11 +92,11 @@ class SessionTrial:
 
     def save(self, folder: str | PathLike[str]) -> None:
         """Write the recording with `truth/`, `true_calibration.toml` and `plan.toml`."""
-        place = Path(folder)
-        self.recording.save(place)
-        self.truth.save(place / "truth")
-        self.calibration.save(place / "true_calibration.toml")
-        self.plan.save(place / "plan.toml")
+        with replaced_folder(folder, "recording") as place:
+            self.recording.save(place)
+            self.truth.save(place / "truth")
+            self.calibration.save(place / "true_calibration.toml")
+            self.plan.save(place / "plan.toml")
 
 
 def simulate_session(

@@ -16,6 +16,7 @@ from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, OrientationStream, ScalarStream, Stream, VectorStream
 from oarlock.storage.array_gate import real_array
 from oarlock.storage.errors import DataError
+from oarlock.storage.memory_limit import check_memory
 from oarlock.storage.suggest import did_you_mean
 from oarlock.tracking.track import Track, track_without_filter
 
@@ -28,6 +29,8 @@ Floats = NDArray[np.float64]
 STENCIL = 9
 STEP_S = 2e-3
 """Spacing of the differentiated poses, s: rounding and truncation errors are both near 1e-9 of a limb's signals."""
+READINGS, ARRAYS = 9, 9
+"""Numbers that a sample keeps at least: readings of a sensor, and arrays of a coordinate (values and rates)."""
 
 
 def simulate(
@@ -69,7 +72,7 @@ def simulate(
     _check_settings(model, noise, gyro_bias_rad_s, accel_bias_m_s2)
     if calibration is not None and calibration.parameters:
         model = model.with_parameters(calibration.parameters)
-    time_s = _stamps(motion, rate_hz)
+    time_s = _stamps(model, motion, rate_hz)
     truth = _truth(model, motion, time_s)
     names = _chosen(model, sensors)
     world = model.describe()["world"]
@@ -112,7 +115,7 @@ def _check_settings(model: Model, noise: bool | Mapping[str, Mapping[str, float]
                 raise DataError(f"simulate, noise of '{name}': no quantity '{field}'. {hint}")
 
 
-def _stamps(motion: Motion, rate_hz: float) -> Floats:
+def _stamps(model: Model, motion: Motion, rate_hz: float) -> Floats:
     if not (rate_hz > 0.0 and np.isfinite(rate_hz)):
         raise DataError(f"simulate: rate_hz = {rate_hz}; expected a positive number of samples per second")
     # The spline's first and last interval leave room for the stencil inside the motion.
@@ -121,6 +124,12 @@ def _stamps(motion: Motion, rate_hz: float) -> Floats:
     count = int(np.floor((last - first) * rate_hz + 1e-9)) + 1
     if count < 2:
         raise DataError(f"simulate: the motion lasts {last - first:.3f} s, too short for {rate_hz} Hz")
+    numbers = READINGS * len(model.sensor_names) + ARRAYS * len(model.coordinate_names)
+    check_memory(
+        8.0 * count * numbers,
+        f"simulate: {last - first:g} s at {rate_hz:g} Hz",
+        "Simulate a shorter motion, or at a lower rate.",
+    )
     return np.asarray(first + np.arange(count) / rate_hz)
 
 

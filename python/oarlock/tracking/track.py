@@ -124,9 +124,20 @@ class Track(Estimates):
         time_s = columns.pop("time_s")
         return xr.Dataset({k: ("time_s", v) for k, v in columns.items()}, coords={"time_s": time_s})
 
-    def save(self, folder: str | PathLike[str]) -> None:
-        """Write track.parquet, sensors.parquet, beliefs.parquet, model.toml and run.toml into a folder."""
-        write_track(self, folder)
+    def save(self, folder: str | PathLike[str], *, force: bool = False) -> None:
+        """Write track.parquet, sensors.parquet, beliefs.parquet, model.toml and run.toml into a folder.
+
+        A track that was saved there before is replaced as a whole, with its pages.
+
+        Args:
+            folder: created if it does not exist.
+            force: replace files that are not Oarlock's, too.
+
+        Raises:
+            DataError: a file that is not Oarlock's would be replaced, another process writes into the folder, or it
+                cannot be written. The folder is unchanged then.
+        """
+        write_track(self, folder, force)
 
     @staticmethod
     def load(folder: str | PathLike[str]) -> Track:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from os import PathLike
-from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +21,7 @@ from oarlock.rowing.field.skin import Course, Skin, bone_force, skin_of, units_o
 from oarlock.rowing.simulation.grip import SIDES
 from oarlock.rowing.simulation.noise import SimulatedCondition, condition_named
 from oarlock.storage.errors import DataError
+from oarlock.storage.folder_writer import replaced_folder
 
 if TYPE_CHECKING:
     from oarlock import Calibration, ImuStream, Markers, Model, Recording, ScalarStream, Track
@@ -65,11 +65,11 @@ class FieldTrial:
 
     def save(self, folder: str | PathLike[str]) -> None:
         """Write the recording into a folder, with `truth/`, `markers.csv` (m) and `true_calibration.toml`."""
-        place = Path(folder)
-        self.recording.save(place)
-        self.truth.save(place / "truth")
-        self.calibration.save(place / "true_calibration.toml")
-        self.markers.save(place / "markers.csv")
+        with replaced_folder(folder, "recording") as place:
+            self.recording.save(place)
+            self.truth.save(place / "truth")
+            self.calibration.save(place / "true_calibration.toml")
+            self.markers.save(place / "markers.csv")
 
 
 def simulate_field(
