@@ -50,7 +50,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use subject::Subject;
 use worn::{as_known, check_stds};
-pub use worn::{mount_values, parameter_values};
+pub use worn::{calibrated, mount_values, parameter_values};
 
 /// Calibration of one session: everything about the sensors and the body that differs from the model file.
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -168,7 +168,7 @@ def track_without_filter(
 
     Standard deviations are NaN and finite values count as observed, unless `others` (fields of `Estimates`) say more.
     """
-    unknown, joints = np.full(q.shape, np.nan), model.describe()["joints"]
+    unknown, joints = np.full(q.shape, np.nan), model.describe().joints
     return Track(
         model=model,
         time_s=time_s.copy(),
@@ -188,7 +188,7 @@ def track_without_filter(
 def track_of_run(model: Model, run: Run, notes: tuple[str, ...], provenance: Mapping[str, Any]) -> Track:
     """A Track from the engine's run. Its arrays are computed when they are first read."""
     states = {name: i for i, name in enumerate(run.state_names)}
-    names, joints = model.coordinate_names, model.describe()["joints"]
+    names, joints = model.coordinate_names, model.describe().joints
 
     def estimates(suffix: str, std: bool) -> Floats:
         return run.states([states.get(name + suffix) for name in names], std)
@@ -202,7 +202,7 @@ def track_of_run(model: Model, run: Run, notes: tuple[str, ...], provenance: Map
     def q_std() -> Floats:
         values = estimates("", True)
         columns, readings = run.inputs()
-        known = {joint["name"]: joint["std"] for joint in joints if joint["input"]}
+        known = {joint.name: joint.std or 0.0 for joint in joints if joint.input}
         values[:, columns] = np.where(np.isnan(readings), np.nan, [known[names[c]] for c in columns])
         return values
 

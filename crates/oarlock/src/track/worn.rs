@@ -3,7 +3,7 @@
 use super::Calibration;
 use crate::error::{Error, Result};
 use crate::model::suggest::hint;
-use crate::model::Model;
+use crate::model::{Expr, Model};
 use crate::rotation::Mat3;
 use crate::sensor::MountValue;
 use std::collections::BTreeMap;
@@ -65,6 +65,20 @@ pub(super) fn as_known(model: Arc<Model>, given: &Calibration) -> Arc<Model> {
         parameter.std = parameter.std.map(|own| told.map_or(own, |told| told.max(LEAST_SHARE * own)));
     }
     Arc::new(known)
+}
+
+/// The model with the values, mounts and standard deviations of a calibration as its own.
+pub fn calibrated(model: &Model, given: &Calibration) -> Result<Model> {
+    let (values, mounts) = (parameter_values(model, &given.parameters)?, mount_values(model, &given.mounts)?);
+    check_stds(model, given)?;
+    let mut own = (*as_known(Arc::new(model.clone()), given)).clone();
+    own.parameters.iter_mut().zip(values).for_each(|(parameter, value)| parameter.default = value);
+    for (sensor, mount) in own.sensors.iter_mut().zip(mounts) {
+        if let (Some(nominal), Some((rotation, offset))) = (sensor.kind.mount_mut(), mount) {
+            (nominal.rotation, nominal.offset) = (rotation, offset.map(Expr::constant));
+        }
+    }
+    Ok(own)
 }
 
 /// Names of the sensors with a mount.

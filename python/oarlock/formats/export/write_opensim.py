@@ -46,7 +46,7 @@ def write_opensim(
         DataError: `missing` is `drop` and no row has all its readings.
     """
     assert track.model is not None
-    up = np.asarray(track.model.describe()["world"]["up"])
+    up = np.asarray(track.model.describe().world.up)
     turned = ground_from_root(up, axes == "y-up")
     body = opensim_body(track.model, turned)
     texts: dict[str, str] = {}
