@@ -54,7 +54,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use subject::Subject;
 use worn::{as_known, check_stds};
-pub use worn::{mount_values, parameter_values};
+pub use worn::{calibrated, mount_values, parameter_values};
 
 /// Calibration of one session: everything about the sensors and the body that differs from the model file.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -124,7 +124,11 @@ impl Tracker {
     /// Combines model, calibration and configuration. Allocates all memory that steps need.
     pub fn new(model: Arc<Model>, calibration: &Calibration, config: &Config) -> Result<Self> {
         config.check()?;
-        let model = as_known(model, calibration, config)?;
+        let model = match &config.inputs {
+            Some(kept) => Arc::new(model.with_inputs(kept)?),
+            None => model,
+        };
+        let model = as_known(model, calibration);
         let parameters = parameter_values(&model, &calibration.parameters)?;
         let mounts = mount_values(&model, &calibration.mounts)?;
         check_stds(&model, calibration)?;

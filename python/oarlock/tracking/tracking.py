@@ -159,7 +159,7 @@ def require_recording(given: object) -> None:
 
 
 def _require_known(model: Model, recording: Recording) -> None:
-    inputs = [j["name"] for j in model.describe()["joints"] if j["input"]]
+    inputs = [j.name for j in model.describe().inputs]
     known = [*model.sensor_names, *inputs]
     unknown = [name for name in recording.names if name not in known]
     if not unknown:

@@ -76,7 +76,7 @@ def track_limbs(
 
 
 def _streams_of(limb: Limb, recording: Recording) -> Recording:
-    inputs = [j["name"] for j in limb.model.describe()["joints"] if j["input"]]
+    inputs = [j.name for j in limb.model.describe().inputs]
     known = {*limb.model.sensor_names, *inputs}
     names = [name for name in recording.names if name in known]
     if not names:
@@ -121,7 +121,7 @@ def _merged(
         nearest = np.clip(np.searchsorted(part.time_s, time_s), 0, len(part) - 1)
         observed[:, to] = part.observed[nearest][:, from_]
     answered = {joint for limb in limbs for joint in limb.own}
-    inputs = {joint["name"] for joint in model.describe()["joints"] if joint["input"]} - answered
+    inputs = {joint.name for joint in model.describe().inputs} - answered
     for name, value in direct_readings(model, corrected(recording, calibration), time_s)[0].items():
         if name in inputs:
             arrays["q"][:, whole[name][0]] = value
