@@ -10,6 +10,7 @@ use super::support::{model, CHAIN, SCULLER};
 use oarlock::config::{Config, Consider, FilterKind, Magnetometer, ProcessNoise};
 use oarlock::rotation::Mat3;
 use oarlock::track::{Calibration, Tracker};
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 /// Within the range that is allowed, or any number.
