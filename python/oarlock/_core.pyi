@@ -122,6 +122,10 @@ class Config:
     beta: float
     kappa: float
     merge_s: float
+    sample_rate_hz: float | None
+    inputs: list[str] | None
+    stamp_std_s: dict[str, float] | None
+    wait_s: float
     start_window_s: float
     gate: bool
     gate_patience_s: float
@@ -193,6 +197,12 @@ class Tracker:
     def step(
         self, sample: Sample | float, readings: Mapping[str, Any] | None = None
     ) -> tuple[Belief | None, Info]: ...
+    def push(
+        self, stream: str, stamp_s: float, readings: Mapping[str, Any] | float
+    ) -> list[tuple[Belief, Info]]: ...
+    def flush(self) -> list[tuple[Belief, Info]]: ...
+    @property
+    def arrivals(self) -> dict[str, int]: ...
 
 class Run:
     last_belief: Belief | None

@@ -80,8 +80,11 @@ def track(
         typer.Option(
             "--only",
             metavar="NAMES",
-            help="Streams to use, comma-separated; default: all.",
+            help="Streams to use, comma-separated; default: all that the model has a sensor for.",
         ),
+    ] = None,
+    without: Annotated[
+        str | None, typer.Option("--without", metavar="NAMES", help="Streams to leave out, comma-separated.")
     ] = None,
     smooth: Annotated[bool, typer.Option("--smooth", help="Smooth over the whole recording.")] = False,
     filter_name: Annotated[
@@ -96,7 +99,9 @@ def track(
     ] = None,
     output_rate_hz: Annotated[
         float | None,
-        typer.Option(metavar="HZ", help="Reduce the output to this rate; default: every sample."),
+        typer.Option(
+            metavar="HZ", help="Rate of the rows, 0: one for every sample; default: found, see docs."
+        ),
     ] = None,
     threads: Annotated[
         int | None,
@@ -135,7 +140,9 @@ def track(
 
     def load(folder: Path) -> Recording:
         measured = load_recording(folder)
-        return measured if only is None else measured.only(names(only))
+        if only is not None:
+            measured = measured.only(names(only))
+        return measured if without is None else measured.without(names(without))
 
     if asked in OTHER_FILTERS and (smooth or len(recordings) > 1):
         lacks = "--smooth" if smooth else "several recordings at once"

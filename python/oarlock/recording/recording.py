@@ -121,6 +121,15 @@ class Recording:
         kept = {self.sensor(name).name for name in ([names] if isinstance(names, str) else names)}
         return Recording([s for s in self.streams if s.name in kept], self.meta)
 
+    def without(self, names: Iterable[str]) -> "Recording":
+        """The recording without the streams of these names.
+
+        Raises:
+            DataError: There is no stream of one of the names, or none would be left.
+        """
+        dropped = {self.sensor(name).name for name in ([names] if isinstance(names, str) else names)}
+        return self.only(name for name in self.names if name not in dropped)
+
     def save(
         self,
         folder: str | PathLike[str],
