@@ -7,7 +7,7 @@ from oarlock.recording.recording import Recording
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 
-NEAR = 0.8
+NEAR = 0.75
 """Similarity (0 to 1, `difflib`) from which an unknown name counts as a misspelt one."""
 
 

@@ -174,7 +174,7 @@ fn late_readings_are_used_by_going_back_or_counted() {
     let streams = apart(2.0);
     let run = tracked(streams.clone(), &Config::default());
     let expected = run.last().unwrap().belief.mean.clone();
-    for (late_s, is_used) in [(0.2, true), (1.2, false)] {
+    for (late_s, is_used) in [(0.2, true), (0.8, false)] {
         let tracker = live_tracker(run.config());
         let mut count = 0;
         // Not within the start window, which is fitted once, and not at the end, where nothing comes after them.
