@@ -107,7 +107,7 @@ impl OwnTime {
         self.delta.fill(Lane::splat(0.0));
         for (i, ((accel, rate, density), factor)) in self.drives.iter().zip(&belief.drive).enumerate() {
             let size = density * (factor / self.tick_s).sqrt() * reach_s;
-            let sign = |lane: usize| if (lane & i).count_ones() % 2 == 0 { size } else { -size };
+            let sign = |lane: usize| if (lane & i).count_ones().is_multiple_of(2) { size } else { -size };
             let signed = Lane(std::array::from_fn(sign));
             self.delta[*accel] = signed;
             if let Some(rate) = rate {
