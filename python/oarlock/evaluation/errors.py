@@ -52,8 +52,8 @@ def part_error(track: Track, truth: Track, part: Part) -> Floats:
 
 
 def seen(track: Track, part: Part, kept: NDArray[np.bool_]) -> bool:
-    """Whether the part is observed in at least half of the kept samples (T,)."""
-    return bool(np.mean(track.observed[kept][:, list(part.columns)].all(axis=1)) >= 0.5)
+    """Whether the part is observed in at least half of the kept rows (T,), as `observed_joints` has it."""
+    return bool(np.mean(track.observed[kept][:, list(part.columns)].all(axis=1)) >= OBSERVED_SHARE)
 
 
 def scalar_score(

@@ -90,6 +90,27 @@ def _by_steps(stream: Stream) -> Lost | None:
     return Lost(stream.time_s[gaps], packets, steps[gaps] - usual, False)
 
 
+def expected_rows(recording: Recording, stream: Stream) -> int:
+    """Rows of a stream that has its own rate from the recording's first to its last time stamp.
+
+    They are the rows received, the lost packets, and the rows before the stream's first and after its last one. Packets
+    are not counted as lost where that is undetermined.
+    """
+    if not len(stream):
+        return 0
+    step_s = 1.0 / stream.rate_hz
+    silent_s = (stream.time_s[0] - recording.start_s, recording.end_s - stream.time_s[-1])
+    outside = sum(int(silence // step_s) for silence in silent_s if silence > _GAP_STEPS * step_s)
+    return len(stream) + (missing_packets(recording, stream) or 0) + outside
+
+
+def missing_share(recording: Recording, stream: Stream) -> float:
+    """Share of the expected values of a stream that are absent or NaN."""
+    width = sum(v.size for v in stream.values.values())
+    received = sum(np.count_nonzero(np.isfinite(v)) for v in stream.values.values())
+    return 1.0 - received * len(stream) / (width * expected_rows(recording, stream))
+
+
 def missing_packets(recording: Recording, stream: Stream) -> int | None:
     """Number of missing packets of a stream; None if undetermined."""
     lost = lost_packets(recording, stream)

@@ -19,6 +19,7 @@ from oarlock.storage.paths import place_of
 from oarlock.storage.toml import TomlTable, write_toml
 from oarlock.tracking.columns import FIELDS, column_name, observed_name
 from oarlock.tracking.columns import columns_of as track_columns
+from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.estimates import Estimates
 from oarlock.tracking.records import FAULT, FIELD, Beliefs, SensorInfo, SlowSeries
 
@@ -86,6 +87,7 @@ def read_track(folder: str | PathLike[str]) -> dict[str, Any]:
         "notes": tuple(top["notes"]),
         "provenance": _with_none_read(top["provenance"]),
         "smoothed": bool(top["smoothed"]),
+        "counts": tuple(StreamCount(name, **count) for name, count in top.get("streams", {}).items()),
     }
 
 
@@ -125,6 +127,7 @@ def _description(track: Estimates) -> dict[str, Any]:
         "coordinates": {"names": list(track.coordinate_names), "units": list(track.coordinate_units)},
         "angle_sequences": dict(track.angle_sequences),
         "slow": {name: slow.unit for name, slow in track.slow.items()},
+        "streams": {count.name: count.to_dict() for count in track.counts},
         "provenance": _with_none_named(track.provenance),
     }
 
