@@ -9,14 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from oarlock.evaluation.consistency import sensor_scores
+from oarlock.evaluation.errors import OBSERVED_SHARE
 from oarlock.evaluation.interval import Interval
 from oarlock.evaluation.scores import SensorScore
 from oarlock.model.coordinates import joint_columns
 from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.track import Track
 
-OBSERVED_SHARE = 0.5
-"""A joint counts as observed if all its coordinates are observed in at least this share of the rows."""
 RATES_ALIKE = 0.005
 """Relative difference of rates that are written as one."""
 LEAST_SHARE = 0.0005
@@ -28,8 +27,8 @@ class TrackSummary:
     """Key figures of a track for the top of a page.
 
     `samples` counts the rows of the track and `rate_hz` is their rate; each stream has its own (`stream_rates`).
-    `steps_per_s` is None for a track without a filter run, and `real_time_factor` is the recording's time divided by the
-    time of computation. `readings` are the sums over all streams.
+    `steps_per_s` is None for a track without a filter run, and `real_time_factor` is the recording's time divided by
+    the time of computation. `readings` are the sums over all streams.
     """
 
     model: str

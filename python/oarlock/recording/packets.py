@@ -90,17 +90,24 @@ def _by_steps(stream: Stream) -> Lost | None:
     return Lost(stream.time_s[gaps], packets, steps[gaps] - usual, False)
 
 
+def own_rate_hz(recording: Recording, stream: Stream) -> float:
+    """Rate of a stream without its lost packets, Hz; NaN for a single row."""
+    if len(stream) < 2:
+        return float("nan")
+    rows = len(stream) + (missing_packets(recording, stream) or 0)
+    return (rows - 1) / float(stream.time_s[-1] - stream.time_s[0])
+
+
 def expected_rows(recording: Recording, stream: Stream) -> int:
     """Rows of a stream that has its own rate from the recording's first to its last time stamp.
 
     They are the rows received, the lost packets, and the rows before the stream's first and after its last one. Packets
     are not counted as lost where that is undetermined.
     """
-    if not len(stream):
-        return 0
-    step_s = 1.0 / stream.rate_hz
-    silent_s = (stream.time_s[0] - recording.start_s, recording.end_s - stream.time_s[-1])
-    outside = sum(int(silence // step_s) for silence in silent_s if silence > _GAP_STEPS * step_s)
+    steps = own_rate_hz(recording, stream) * np.array(
+        [stream.time_s[0] - recording.start_s, recording.end_s - stream.time_s[-1]]
+    )
+    outside = int(np.floor(steps[steps > _GAP_STEPS]).sum())
     return len(stream) + (missing_packets(recording, stream) or 0) + outside
 
 

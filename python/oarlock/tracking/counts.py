@@ -1,4 +1,4 @@
-"""`StreamCount`: readings of a stream expected, received, missing, used and rejected. Every page shows these numbers."""
+"""`StreamCount`: readings of a stream expected, received, missing, used, rejected. Every page shows these numbers."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from oarlock.recording.packets import expected_rows
+from oarlock.recording.packets import expected_rows, own_rate_hz
 from oarlock.recording.recording import Recording
 from oarlock.tracking.records import DISTURBED, FAULT, FIELD
 
@@ -60,7 +60,7 @@ class StreamCount:
 
 def count_streams(recording: Recording, counts: Sequence[Mapping[str, Any]]) -> tuple[StreamCount, ...]:
     """The counts of a run (`Run.counts`) against the rates of the recording's streams."""
-    rows = {stream.name: (stream.rate_hz, expected_rows(recording, stream)) for stream in recording.streams}
+    rows = {s.name: (own_rate_hz(recording, s), expected_rows(recording, s)) for s in recording.streams}
     return tuple(_count(one, *rows[one["name"]]) for one in counts)
 
 

@@ -175,7 +175,13 @@ def track_without_filter(
     )
 
 
-def track_of_run(model: Model, run: Run, notes: tuple[str, ...], provenance: Mapping[str, Any], counts: tuple[StreamCount, ...]) -> Track:
+def track_of_run(
+    model: Model,
+    run: Run,
+    notes: tuple[str, ...],
+    provenance: Mapping[str, Any],
+    counts: tuple[StreamCount, ...],
+) -> Track:
     """A Track from the engine's run. Its arrays are computed when they are first read."""
     states = {name: i for i, name in enumerate(run.state_names)}
     names, joints = model.coordinate_names, model.describe()["joints"]
