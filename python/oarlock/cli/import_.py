@@ -53,6 +53,7 @@ for _format in FORMATS:
 
 
 def _write(recording: Recording, source: Path, out: Path, force: bool, json_output: bool) -> None:
+    from oarlock.evaluation.summary import rate_text
     from oarlock.recording.packets import lost_packets, missing_packets, missing_share, own_rate_hz
 
     new_folder(out, force)
@@ -86,7 +87,7 @@ def _write(recording: Recording, source: Path, out: Path, force: bool, json_outp
                 s.name,
                 s.kind,
                 len(s),
-                number(own_rate_hz(recording, s), ".4g"),
+                rate_text(own_rate_hz(recording, s)),
                 number(100 * missing_share(recording, s), ".1f"),
             )
             for s in recording.streams

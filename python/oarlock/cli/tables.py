@@ -8,7 +8,7 @@ from typing import Any
 from oarlock.cli.terminal import heading, number, pairs, say, table
 from oarlock.evaluation.marker_scores import MarkerEvaluation
 from oarlock.evaluation.scores import Evaluation, SensorScore, presentation
-from oarlock.evaluation.summary import Readings, TrackSummary, shares_text, summarize
+from oarlock.evaluation.summary import Readings, TrackSummary, rate_text, shares_text, summarize
 from oarlock.evaluation.suspects.text import SUSPECT_NOTE
 from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.track import Track
@@ -25,7 +25,7 @@ def write_summary(track: Track) -> None:
             ("model", summary.model),
             (
                 "rows",
-                f"{summary.samples:,} in {number(summary.duration_s, '.4g')} s, {number(summary.rate_hz, '.4g')} Hz",
+                f"{summary.samples:,} in {number(summary.duration_s, '.4g')} s, {rate_text(summary.rate_hz)} Hz",
             ),
             ("streams", summary.stream_rates),
             ("readings", _readings(summary.readings)),
@@ -83,7 +83,7 @@ def _counted(count: StreamCount | None) -> tuple[object, ...]:
     if count is None:
         return ("",) * 8
     return (
-        number(count.rate_hz, ".4g"),
+        rate_text(count.rate_hz),
         *(f"{n:,}" for n in (count.expected, count.used, count.rejected, count.missing)),
         f"{count.unused:,}" if count.unused else "",
         shares_text(count.disturbed),

@@ -115,9 +115,16 @@ def stream_rates(counts: Sequence[StreamCount]) -> str:
         elif math.isfinite(count.rate_hz):
             groups.append([count])
     if len(groups) == 1:
-        return f"{groups[0][0].rate_hz:.4g} Hz"
+        return f"{rate_text(groups[0][0].rate_hz)} Hz"
     who = (group[0].name if len(group) == 1 else f"{len(group)} streams" for group in groups)
-    return ", ".join(f"{group[0].rate_hz:.4g} Hz ({name})" for group, name in zip(groups, who, strict=True))
+    return ", ".join(
+        f"{rate_text(group[0].rate_hz)} Hz ({name})" for group, name in zip(groups, who, strict=True)
+    )
+
+
+def rate_text(rate_hz: float) -> str:
+    """A rate with four digits, without its unit; a dash where there is none."""
+    return f"{float(f'{rate_hz:.4g}'):,.10g}" if math.isfinite(rate_hz) else "-"
 
 
 def readings(counts: Sequence[StreamCount]) -> Readings | None:

@@ -11,10 +11,10 @@ import numpy as np
 from oarlock.evaluation.consistency import ALL_INERTIAL, chi2_quantile
 from oarlock.evaluation.interval import Floats, info_of
 from oarlock.evaluation.scores import SensorScore
-from oarlock.evaluation.summary import shares_text
+from oarlock.evaluation.summary import rate_text, shares_text
 from oarlock.report import plot
 from oarlock.report.markup import Column, figure, grid, table
-from oarlock.report.text import DASH, breakable, fixed, number
+from oarlock.report.text import DASH, breakable, fixed
 from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.records import SensorInfo
 from oarlock.tracking.track import Track
@@ -61,7 +61,7 @@ class _Counted:
 
 
 _COLUMNS = (
-    _Counted(Column("rate", "Hz"), lambda c: number(c.rate_hz, 4)),
+    _Counted(Column("rate", "Hz"), lambda c: rate_text(c.rate_hz)),
     _Counted(Column("expected"), lambda c: f"{c.expected:,}"),
     _Counted(Column("used"), lambda c: f"{c.used:,}"),
     _Counted(Column("rejected"), lambda c: f"{c.rejected:,}"),

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from html import escape
 
 from oarlock.evaluation.scores import Evaluation, SensorScore
-from oarlock.evaluation.summary import observed_joints, row_rate_hz, stream_rates, summarize
+from oarlock.evaluation.summary import observed_joints, rate_text, row_rate_hz, stream_rates, summarize
 from oarlock.evaluation.suspects.text import SUSPECT_NOTE
 from oarlock.report.section import KeyFigure
 from oarlock.report.text import fixed, listing, number, percent, plural
@@ -55,7 +55,7 @@ def key_figures(track: Track, evaluation: Evaluation | None) -> list[KeyFigure]:
         KeyFigure(
             "duration",
             f"{number(whole.duration_s, 4)} s",
-            f"{whole.samples:,} rows at {number(whole.rate_hz, 4)} Hz",
+            f"{whole.samples:,} rows at {rate_text(whole.rate_hz)} Hz",
         ),
         KeyFigure(
             "joints observed",
@@ -83,7 +83,7 @@ def _what(track: Track) -> str:
     name = escape(str(getattr(track.model, "name", "") or track.provenance.get("model", "")))
     body = f"the model <b>{name}</b>" if name else "the model"
     duration = float(track.time_s[-1] - track.time_s[0])
-    rate = f" at {number(row_rate_hz(track), 4)} Hz" if len(track.time_s) > 1 else ""
+    rate = f" at {rate_text(row_rate_hz(track))} Hz" if len(track.time_s) > 1 else ""
     rates = stream_rates(track.counts)
     streams = f"; the sensors' rates: {escape(rates)}" if rates else ""
     how = (
