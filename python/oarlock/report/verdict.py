@@ -18,7 +18,7 @@ NARROW_COVERAGE, WIDE_COVERAGE = 0.93, 0.995
 MISLEADING_COVERAGE = 0.8
 """Share below which a band is not usable."""
 NIS_TOO_LARGE = 1.25
-"""NIS per measurement above which the innovations of a sensor are clearly larger than expected."""
+"""NIS per reading above which the innovations of a sensor are clearly larger than expected."""
 
 
 def summary(

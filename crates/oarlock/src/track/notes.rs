@@ -1,7 +1,7 @@
 //! Notes: sentences about what a run could not use or observe. `track` stores them and the report prints them.
 
-use super::loops::dependence;
 use super::faults::Fault;
+use super::loops::dependence;
 use super::magnetic::Field;
 use super::run::{Run, StreamCount};
 use crate::config::Magnetometer;
@@ -189,8 +189,7 @@ fn faults(counts: &[StreamCount]) -> Vec<String> {
 
 /// Names the units whose magnetometer, which the model has, never gave a reading.
 fn no_magnetometers(run: &Run, counts: &[StreamCount]) -> Option<String> {
-    let without: Vec<&str> =
-        counts.iter().filter(|c| c.magnetometer == Some(false)).map(|c| c.name.as_str()).collect();
+    let without: Vec<&str> = counts.iter().filter(|c| c.magnetometer == Some(false)).map(|c| c.name.as_str()).collect();
     if without.is_empty() || run.config().magnetometer == Magnetometer::Off {
         return None;
     }
