@@ -9,8 +9,11 @@ from checks.project_files import ROOT, name_of, text_of
 
 PACKAGE = ROOT / "python/oarlock"
 
-# A room may use those before it, never one behind it. "" is the public face, `oarlock/__init__.py`.
+# A room may use those before it, never one behind it. "" is the public face, `oarlock/__init__.py`. Modules of plain
+# data that the engine returns stand before it, apart from their room.
 LAYERS = (
+    "model.description",
+    "model.jacobians",
     "_core",
     "storage",
     "model",
@@ -30,7 +33,7 @@ LAYERS = (
 # What rowing uses beside the public names.
 ROWING_OWN = (
     "oarlock.rowing",
-    "oarlock.storage.errors",
+    "oarlock.storage",
     "oarlock.simulation.motion",
     "oarlock.model.edit",
     "oarlock.model.jacobians",
@@ -61,7 +64,7 @@ def owner(name: str, modules: Collection[str]) -> str:
 
 def upward(uses: Mapping[str, set[str]]) -> list[str]:
     """Imports of a room by one that stands before it, and rooms that no layer names."""
-    rooms = {module: (*module.split("."), "")[1] for module in uses}
+    rooms = {module: layer_of(module) for module in uses}
     unknown = sorted({room for room in rooms.values() if room not in LAYERS})
     found = [f"give the room '{room}' its place in LAYERS of checks/arrows.py" for room in unknown]
     place = {module: LAYERS.index(room) for module, room in rooms.items() if room in LAYERS}
@@ -71,6 +74,12 @@ def upward(uses: Mapping[str, set[str]]) -> list[str]:
         for used in sorted(uses[module])
         if place.get(used, 0) > place[module]
     ]
+
+
+def layer_of(module: str) -> str:
+    """The layer that names the module itself, or else its room."""
+    inside = module.partition(".")[2]
+    return inside if inside in LAYERS else inside.partition(".")[0]
 
 
 def circles(uses: Mapping[str, set[str]]) -> list[str]:

@@ -1,12 +1,13 @@
 """A body with hinge, slide, ball and free joints whose kinematics are a few lines of scipy, and tracks of it."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from fake_track import frame
+from oarlock import JointDescription, ModelDescription, ProcessDescription, load_model
 from oarlock.model.coordinates import angle_sequences, coordinate_units, joint_columns, joint_units
 from oarlock.model.rotation import quat_from_rotvec, quat_product, rotvec_from_quat
 from oarlock.simulation.motion import Motion
@@ -49,28 +50,41 @@ class BallBody:
         self.links = [(links[name], name) for name in kinds]
         self.frame_names = ["root", *(link for link, _ in self.links), "hand"]
 
-    def describe(self) -> dict[str, Any]:
-        joints = [
-            {
-                "name": name,
-                "kind": kind,
-                "coordinates": [name + end for end in COORDINATES[kind]],
-                "angles": SEQUENCES.get(name),
-                "input": False,
-                "std": None,
-                "label": "",
-                "limits": [-1.0, 1.0],
-                "rest": 0.0 if len(COORDINATES[kind]) == 1 else [0.0] * len(COORDINATES[kind]),
-                "process": {"kind": "jerk", "density": 11.2},
-            }
+    def describe(self) -> ModelDescription:
+        joints = tuple(
+            JointDescription(
+                name=name,
+                kind=kind,
+                coordinates=tuple(name + end for end in COORDINATES[kind]),
+                angles=SEQUENCES.get(name),
+                input=False,
+                std=None,
+                label="",
+                limits=(-1.0, 1.0),
+                rest=0.0 if len(COORDINATES[kind]) == 1 else (0.0,) * len(COORDINATES[kind]),
+                process=ProcessDescription(kind="jerk", density=11.2, start_std=(0.2, 0.5, 5.0)),
+            )
             for name, kind in self.kinds.items()
-        ]
+        )
         chain = [*self.links, ("hand", None)]
-        frames = [{"name": "root", "parent": None, "joint": None, "sign": 1.0}]
+        frames = [frame("root", None)]
         for parent, (link, joint) in zip(self.frame_names, chain, strict=False):
-            frames.append({"name": link, "parent": parent, "joint": joint, "sign": 1.0})
-        world = {"up": [0.0, 1.0, 0.0], "forward": [0.0, 0.0, 1.0]}
-        return {"joints": joints, "frames": frames, "sensors": [], "closures": [], "world": world}
+            frames.append(frame(link, parent, joint))
+        world = load_model("sculler").describe().world
+        none = dict.fromkeys(
+            ("parameters", "sensors", "closures", "base_acceleration", "measurement_names"), ()
+        )
+        rates = ("", ".velocity", ".acceleration")
+        return ModelDescription(
+            name=self.name,
+            description="",
+            path="",
+            world=world,
+            joints=joints,
+            frames=tuple(frames),
+            state_names=tuple(c + rate for rate in rates for c in self.coordinate_names),
+            **none,
+        )
 
     def forward_kinematics(self, q: Floats, lengths: Floats | None = None) -> Floats:
         q = np.asarray(q, dtype=float)

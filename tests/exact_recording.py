@@ -218,7 +218,7 @@ def true_states(exact: Exact, names: Sequence[str], time_s: float) -> Floats:
     row = int(np.argmin(np.abs(truth.time_s - time_s)))
     assert abs(truth.time_s[row] - time_s) < 1e-9
     joints = {"": truth.q, "velocity": truth.qd, "acceleration": truth.qdd}
-    slow = {"surge": exact.surge_m_s2[row], "azimuth": sculler().describe()["world"]["magnetic_azimuth_rad"]}
+    slow = {"surge": exact.surge_m_s2[row], "azimuth": sculler().describe().world.magnetic_azimuth_rad}
     values = []
     for name in names:
         stem, _, what = name.partition(".")

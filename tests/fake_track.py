@@ -2,14 +2,20 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock import FrameDescription
 from oarlock.tracking.counts import StreamCount
 
 Floats = NDArray[np.float64]
+
+
+def frame(name: str, parent: str | None, joint: str | None = None) -> FrameDescription:
+    return FrameDescription(name=name, parent=parent, joint=joint, sign=1.0, before=None, after=None)
 
 
 @dataclass(frozen=True)
@@ -18,10 +24,10 @@ class FakeModel:
     frame_parents: tuple[int, ...] = (-1, 0, 1, 2)
     name: str = "fake"
 
-    def describe(self) -> dict[str, Any]:
+    def describe(self) -> SimpleNamespace:
         parents = [None if p < 0 else self.frame_names[p] for p in self.frame_parents]
-        frames = [{"name": n, "parent": p} for n, p in zip(self.frame_names, parents, strict=True)]
-        return {"frames": frames}
+        frames = [frame(name, parent) for name, parent in zip(self.frame_names, parents, strict=True)]
+        return SimpleNamespace(frames=frames)
 
 
 @dataclass(frozen=True)

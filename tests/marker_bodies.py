@@ -13,8 +13,8 @@ def arm_motion(model: oarlock.Model, duration_s: float, seed: int, share: float 
     random = np.random.default_rng(seed)
     time_s = np.arange(-0.1, duration_s + 0.1, 0.01)
     columns = []
-    for joint in model.describe()["joints"]:
-        low, high = joint["limits"]
+    for joint in model.describe().joints:
+        low, high = joint.limits
         rate, phase = random.uniform(0.2, 0.9), random.uniform(0, 2 * np.pi)
         columns.append(0.5 * (low + high) + share * (high - low) * np.sin(2 * np.pi * rate * time_s + phase))
     return Motion(tuple(model.joint_names), time_s, np.stack(columns, axis=1))

@@ -1,6 +1,6 @@
 """A model's description as a MuJoCo body whose gyroscopes and accelerometers can be read along a motion."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import oarlock
+from oarlock import FrameDescription, ImuDescription, ModelDescription, TransformDescription, WorldDescription
 
 Floats = NDArray[np.float64]
 
@@ -25,26 +26,26 @@ class MujocoBody:
 
     def __init__(
         self,
-        description: Mapping[str, Any],
+        description: ModelDescription,
         rocks_about: Sequence[Floats] = (),
         pivot_m: Floats | None = None,
     ) -> None:
         reason = "the oracle mujoco is not installed: pip install -r requirements/dev.txt"
         self.mujoco: Any = pytest.importorskip("mujoco", reason=reason)
-        self.kinds = {joint["name"]: joint["kind"] for joint in description["joints"]}
+        self.kinds = {joint.name: joint.kind for joint in description.joints}
         self.columns = _columns(description)
-        self.frames = [frame for frame in description["frames"] if frame["joint"] is not None]
-        self.units = [s for s in description["sensors"] if s["kind"] == "imu"]
+        self.frames = [frame for frame in description.frames if frame.joint is not None]
+        self.units = list(description.inertial_units)
         spec = self.mujoco.MjSpec()
-        world = description["world"]
-        spec.option.gravity = -world["gravity_m_s2"] * np.asarray(world["up"])
+        world = description.world
+        spec.option.gravity = -world.gravity_m_s2 * np.asarray(world.up)
         spec.option.magnetic = field_ut(world)
         ends = {"root": self._root(spec, rocks_about, pivot_m)}
-        for frame in description["frames"]:
-            if frame["parent"] is not None:
-                ends[frame["name"]] = self._frame(ends[frame["parent"]], frame)
+        for frame in description.frames:
+            if frame.parent is not None:
+                ends[frame.name] = self._frame(ends[frame.parent], frame)
         for unit in self.units:
-            self._unit(spec, ends[unit["frame"]], unit)
+            self._unit(spec, ends[unit.frame], unit)
         self.model = spec.compile()
         self.data = self.mujoco.MjData(self.model)
 
@@ -57,17 +58,17 @@ class MujocoBody:
             root.add_joint(name=name, type=kinds.mjJNT_HINGE, axis=axis, pos=pivot_m)
         return root
 
-    def _frame(self, parent: Any, frame: Mapping[str, Any]) -> Any:
-        moved = self._body(parent, f"{frame['name']} moved", frame["before"])
+    def _frame(self, parent: Any, frame: FrameDescription) -> Any:
+        moved = self._body(parent, f"{frame.name} moved", frame.before)
         for name, kind, axis in self._joints(frame):
             moved.add_joint(name=name, type=kind, axis=axis)
-        return self._body(moved, frame["name"], frame["after"])
+        return self._body(moved, frame.name, frame.after)
 
-    def _joints(self, frame: Mapping[str, Any]) -> list[tuple[str, Any, Floats]]:
+    def _joints(self, frame: FrameDescription) -> list[tuple[str, Any, Floats]]:
         """MuJoCo's joints of one frame; a free joint is three slides and a ball, for only the world may hold one."""
-        if frame["joint"] is None:
+        if frame.joint is None:
             return []
-        kinds, name, kind = self.mujoco.mjtJoint, frame["name"], self.kinds[frame["joint"]]
+        kinds, name, kind = self.mujoco.mjtJoint, frame.name, self.kinds[frame.joint]
         slides = [(f"{name} {way}", kinds.mjJNT_SLIDE, axis) for way, axis in zip("xyz", WAYS, strict=True)]
         ball = [(f"{name} turn", kinds.mjJNT_BALL, WAYS[2])]
         along_z = {"hinge": kinds.mjJNT_HINGE, "slide": kinds.mjJNT_SLIDE}
@@ -75,18 +76,18 @@ class MujocoBody:
             return [(name, along_z[kind], WAYS[2])]
         return {"ball": ball, "free": slides + ball, "fixed": []}[kind]
 
-    def _body(self, parent: Any, name: str, fixed: Mapping[str, Any] | None) -> Any:
-        place = {} if fixed is None else {"pos": fixed["translation"], "quat": wxyz(fixed["rotation"])}
+    def _body(self, parent: Any, name: str, fixed: TransformDescription | None) -> Any:
+        place = {} if fixed is None else {"pos": fixed.translation, "quat": wxyz(fixed.rotation)}
         body = parent.add_body(name=name, **place)
         body.mass, body.inertia, body.explicitinertial = 1.0, [1.0, 1.0, 1.0], True
         return body
 
-    def _unit(self, spec: Any, body: Any, unit: Mapping[str, Any]) -> None:
-        mount, sensors = unit["mount"], self.mujoco.mjtSensor
-        body.add_site(name=unit["name"], pos=mount["offset"], quat=wxyz(mount["rotation"]))
+    def _unit(self, spec: Any, body: Any, unit: ImuDescription) -> None:
+        mount, sensors = unit.mount, self.mujoco.mjtSensor
+        body.add_site(name=unit.name, pos=mount.offset, quat=wxyz(mount.rotation))
         for kind in (sensors.mjSENS_GYRO, sensors.mjSENS_ACCELEROMETER, sensors.mjSENS_MAGNETOMETER):
             site = self.mujoco.mjtObj.mjOBJ_SITE
-            spec.add_sensor(name=f"{unit['name']} {kind.name}", type=kind, objtype=site, objname=unit["name"])
+            spec.add_sensor(name=f"{unit.name} {kind.name}", type=kind, objtype=site, objname=unit.name)
 
     def readings(
         self, q: Floats, qd: Floats, qdd: Floats, base_acceleration: Floats, rocking: Floats | None = None
@@ -100,10 +101,8 @@ class MujocoBody:
         for k, name in enumerate(self.rocks if rocking is not None else ()):
             self._one(name, *rocking[:, [k]], acceleration)
         for frame in self.frames:
-            columns, sign = self.columns[frame["joint"]], frame["sign"]
-            self._impose(
-                frame["name"], sign * q[columns], sign * qd[columns], sign * qdd[columns], acceleration
-            )
+            columns, sign = self.columns[frame.joint], frame.sign
+            self._impose(frame.name, sign * q[columns], sign * qd[columns], sign * qdd[columns], acceleration)
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fwdVelocity(model, data)
         data.qacc[:] = acceleration
@@ -130,21 +129,21 @@ class MujocoBody:
         acceleration[first : first + len(a)] = a
 
 
-def _columns(description: Mapping[str, Any]) -> dict[str, list[int]]:
+def _columns(description: ModelDescription) -> dict[str, list[int]]:
     """Columns of each joint among the coordinates."""
     found, first = {}, 0
-    for joint in description["joints"]:
-        found[joint["name"]] = list(range(first, first + len(joint["coordinates"])))
-        first += len(joint["coordinates"])
+    for joint in description.joints:
+        found[joint.name] = list(range(first, first + len(joint.coordinates)))
+        first += len(joint.coordinates)
     return found
 
 
-def field_ut(world: Mapping[str, Any]) -> Floats:
+def field_ut(world: WorldDescription) -> Floats:
     """The magnetic field (3,), uT, in root axes, as CONVENTIONS.md has it."""
-    up, forward = np.asarray(world["up"]), np.asarray(world["forward"])
-    azimuth, dip = world["magnetic_azimuth_rad"], world["magnetic_dip_rad"]
+    up, forward = np.asarray(world.up), np.asarray(world.forward)
+    azimuth, dip = world.magnetic_azimuth_rad, world.magnetic_dip_rad
     level = np.cos(azimuth) * forward + np.sin(azimuth) * np.cross(up, forward)
-    return np.asarray(world["magnetic_norm_ut"] * (np.cos(dip) * level - np.sin(dip) * up))
+    return np.asarray(world.magnetic_norm_ut * (np.cos(dip) * level - np.sin(dip) * up))
 
 
 def wxyz(rotation: Any) -> Floats:

@@ -77,8 +77,8 @@ def postures(count=40):
 
 
 def test_ball_shoulders_are_at_rest_where_the_hinges_are(ball):
-    rest = np.concatenate([np.ravel(j["rest"]) for j in ball.describe()["joints"]])
-    hinges = np.array([[j["rest"] for j in sculler().describe()["joints"]]])
+    rest = np.concatenate([np.ravel(j.rest) for j in ball.describe().joints])
+    hinges = np.array([[j.rest for j in sculler().describe().joints]])
     assert rest == pytest.approx(on_balls(ball, hinges, 0 * hinges, 0 * hinges)[0][0], abs=EQUAL)
 
 

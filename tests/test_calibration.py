@@ -288,7 +288,7 @@ def test_a_calibration_without_corrections_changes_no_bit(swing):
 
 def test_searches_carry_everything_on_but_the_deviations_of_what_they_replace():
     model = oarlock.load_model("arm7")
-    unit, other, *_ = (s["name"] for s in model.describe()["sensors"] if s["kind"] == "imu")
+    unit, other, *_ = (s.name for s in model.describe().inertial_units)
     name = next(iter(model.parameters))
     before = Calibration(
         **{k: {unit: next(iter(v.values()))} for k, v in FULL.items() if k not in ("parameters", "noted")}

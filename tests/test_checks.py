@@ -46,6 +46,9 @@ def test_an_import_of_a_room_above_and_a_room_without_a_layer_are_found(tmp_path
     )
     found = arrows.upward(arrows.imports_of(package))
     assert len(found) == 2 and "'attic'" in found[0] and "oarlock.storage.b must not import" in found[1]
+    assert arrows.layer_of("oarlock.model.description") == "model.description"
+    package = planted(tmp_path, model__description="from oarlock.storage.b import f")
+    assert any("oarlock.model.description must not" in f for f in arrows.upward(arrows.imports_of(package)))
 
 
 def test_an_arrow_that_runs_upwards_is_found():

@@ -202,11 +202,11 @@ def test_a_setting_overrides_the_file_that_overrides_the_default(tmp_path):
     assert parameters == {"l_ua_r": 0.31}
     assert (config["alpha"], config["beta"], config["gate"]) == (0.4, 1.0, False)
     assert config["estimate"] == ["gyro_bias"] and config["output_rate_hz"] is None
-    assert config["initial_q"][model.describe()["joints"].index(joint_named(model, "seat"))] == 0.1
+    assert config["initial_q"][model.describe().joints.index(joint_named(model, "seat"))] == 0.1
 
 
 def joint_named(model: oarlock.Model, name: str) -> dict[str, object]:
-    return next(joint for joint in model.describe()["joints"] if joint["name"] == name)
+    return next(joint for joint in model.describe().joints if joint.name == name)
 
 
 def test_a_parameter_of_the_model_takes_precedence_over_a_setting():

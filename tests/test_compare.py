@@ -89,9 +89,9 @@ def test_an_estimator_of_ones_own(sculler, rowed):
 
 def test_a_calibration_reaches_all_of_them(sculler, rowed):
     """Lengths and a mount that are wrong show in every family."""
-    mount = next(s["mount"] for s in sculler.describe()["sensors"] if s["name"] == "r_forearm")
-    turned = np.asarray(mount["rotation"]) @ Rotation.from_rotvec([0.0, 0.2, 0.0]).as_matrix()
-    worn = oarlock.Calibration({"l_ua_r": 0.30}, {"r_forearm": (turned, mount["offset"])})
+    mount = next(s.mount for s in sculler.describe().sensors if s.name == "r_forearm")
+    turned = np.asarray(mount.rotation) @ Rotation.from_rotvec([0.0, 0.2, 0.0]).as_matrix()
+    worn = oarlock.Calibration({"l_ua_r": 0.30}, {"r_forearm": (turned, mount.offset)})
     names = ["ekf", "limbs_open", "vector_kf"]
     told = oarlock.compare(sculler, rowed[1], rowed[0], names, calibration=worn)
     for row in told.scores:

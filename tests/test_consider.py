@@ -26,13 +26,13 @@ SEEDS = (51, 52, 53, 54, 55, 56)
 
 
 def turned(unit: str, axis: int) -> oarlock.Calibration:
-    (sensor,) = (s for s in sculler().describe()["sensors"] if s["name"] == unit)
+    (sensor,) = (s for s in sculler().describe().sensors if s.name == unit)
     turn = np.eye(3)
     i, j = (axis + 1) % 3, (axis + 2) % 3
     turn[i, i] = turn[j, j] = np.cos(STEP_RAD)
     turn[i, j], turn[j, i] = -np.sin(STEP_RAD), np.sin(STEP_RAD)
-    mount = sensor["mount"]
-    return oarlock.Calibration(mounts={unit: (np.asarray(mount["rotation"]) @ turn, mount["offset"])})
+    mount = sensor.mount
+    return oarlock.Calibration(mounts={unit: (np.asarray(mount.rotation) @ turn, mount.offset)})
 
 
 def last_belief(calibration: oarlock.Calibration | None, **keys: object) -> oarlock.Belief:
@@ -119,12 +119,12 @@ TOLD_HOLDS = (0.88, 0.995)
 @pytest.mark.long
 def test_what_a_calibration_tells_of_itself_is_in_the_bands() -> None:
     exact, random, shares = load_excerpt(), np.random.default_rng(5), []
-    mounts = {s["name"]: s["mount"] for s in sculler().describe()["sensors"] if s["kind"] == "imu"}
+    mounts = {s.name: s.mount for s in sculler().describe().inertial_units}
     for _ in range(12):
         askew = {
             unit: (
-                Rotation.from_rotvec(random.normal(0.0, TOLD_RAD, 3)).as_matrix() @ mount["rotation"],
-                mount["offset"],
+                Rotation.from_rotvec(random.normal(0.0, TOLD_RAD, 3)).as_matrix() @ mount.rotation,
+                mount.offset,
             )
             for unit, mount in mounts.items()
         }

@@ -230,6 +230,17 @@ def test_a_folder_keeps_the_counts(kind: str, told: Callable[[str], Told], tmp_p
         }
 
 
+def test_damaged_counts_are_refused(told: Callable[[str], Told], tmp_path: Path) -> None:
+    told("rest").track.save(tmp_path / "track")
+    file = tmp_path / "track" / "run.toml"
+    (tmp_path / "track" / "manifest.toml").unlink(missing_ok=True)
+    file.write_text(
+        file.read_text(encoding="utf-8").replace("expected = ", "unexpected = "), encoding="utf-8"
+    )
+    with pytest.raises(oarlock.DataError, match=r"run\.toml: \[streams\] is damaged"):
+        oarlock.load_track(tmp_path / "track")
+
+
 def _plain(value: Any) -> Any:
     return vars(value) if hasattr(value, "__dataclass_fields__") else str(value)
 

@@ -62,7 +62,7 @@ def test_recipe_of_a_ball_on_a_free_body(tmp_path):
     turns, places = ("rx", "ry", "rz"), ("x", "y", "z")
     trunk = [f"trunk.{label}" for label in places + turns]
     assert model.coordinate_names == [*trunk, *(f"r_shoulder.{label}" for label in turns)]
-    assert [joint["angles"] for joint in model.describe()["joints"]] == ["ZXY", "YXY"]
+    assert [joint.angles for joint in model.describe().joints] == ["ZXY", "YXY"]
 
 
 def test_recipe_of_a_ball_with_pushes_in_place_of_a_free_body(tmp_path):

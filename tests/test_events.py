@@ -215,7 +215,7 @@ def test_readings_at_the_end_of_the_range_are_not_used(gyro: float, accel: float
     exact = load_excerpt()
     ranges = f"gyro_range_rad_s = {gyro}\naccel_range_m_s2 = {accel}\ngyro_std_rad_s"
     model = oarlock.Model.from_toml(sculler().text.replace("gyro_std_rad_s", ranges), "sculler.toml", {})
-    assert model.describe()["sensors"][0]["gyro_range_rad_s"] == gyro
+    assert model.describe().sensors[0].gyro_range_rad_s == gyro
 
     def clipped(s: Any) -> Mapping[str, Floats]:
         if not isinstance(s, oarlock.ImuStream):

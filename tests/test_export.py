@@ -15,6 +15,7 @@ from command_line import run
 from oarlock.formats.export.export import FORMATS, files_of
 from oarlock.formats.export.plain_names import PlainNames, plain_name
 from oarlock.rowing import sculling
+from oarlock.storage.manifest import MANIFEST
 from refusals import assert_refused
 
 SIZES = {name: set(files) for name, files in files_of().items()}
@@ -37,8 +38,8 @@ def exported(track: oarlock.Track, tmp_path_factory: pytest.TempPathFactory) -> 
 
 
 def test_all_files_are_there_and_said(exported: oarlock.Export) -> None:
-    there = {file.name for file in exported.folder.iterdir()}
-    assert there == set(exported.files) | {"export.toml"} == set().union(*SIZES.values()) | {"export.toml"}
+    there, beside = {file.name for file in exported.folder.iterdir()}, {"export.toml", MANIFEST}
+    assert there == set(exported.files) | beside == set().union(*SIZES.values()) | beside
     about = tomllib.loads((exported.folder / "export.toml").read_text(encoding="utf-8"))
     assert about["files"] == dict(exported.files)
     assert about["notes"] == list(exported.notes)
@@ -49,7 +50,9 @@ def test_all_files_are_there_and_said(exported: oarlock.Export) -> None:
 @pytest.mark.parametrize("name", FORMATS)
 def test_each_format_writes_its_own_files(name: str, track: oarlock.Track, tmp_path: Path) -> None:
     written = oarlock.export(track, tmp_path, [name])
-    assert set(written.files) == SIZES[name] == {f.name for f in tmp_path.iterdir()} - {"export.toml"}
+    assert (
+        set(written.files) == SIZES[name] == {f.name for f in tmp_path.iterdir()} - {"export.toml", MANIFEST}
+    )
 
 
 def test_parquet_holds_every_number_and_every_unit(track: oarlock.Track, exported: oarlock.Export) -> None:
@@ -183,8 +186,10 @@ def test_standard_deviations_of_a_ball_are_those_of_its_angles(tmp_path: Path) -
 def test_what_the_track_does_not_hold_is_left_out_and_said(tmp_path: Path) -> None:
     model = oarlock.load_model("arm7")
     motion = oarlock.Motion(tuple(model.coordinate_names), np.linspace(0, 1, 51), np.zeros((51, 7)))
-    (tmp_path / "std.sto").write_text("of another track", encoding="utf-8")
-    written = oarlock.export(oarlock.simulate(model, motion)[0], tmp_path, ["sto"])
+    truth = oarlock.simulate(model, motion)[0]
+    other = dataclasses.replace(truth, q_std=np.full_like(truth.q, 0.1))
+    assert "std.sto" in oarlock.export(other, tmp_path, ["sto"]).files
+    written = oarlock.export(truth, tmp_path, ["sto"])
     assert list(written.files) == ["velocities.sto"]
     assert not (tmp_path / "std.sto").exists()
     assert "std.sto is not written: the track has no standard deviation." in written.notes
@@ -223,7 +228,8 @@ def test_a_folder_of_a_track_keeps_its_own_files(track: oarlock.Track, tmp_path:
     track.save(tmp_path)
     before = {file: file.read_bytes() for file in tmp_path.iterdir()}
     oarlock.export(track, tmp_path)
-    assert all(file.read_bytes() == old for file, old in before.items())
+    assert all(file.read_bytes() == old for file, old in before.items() if file.name != MANIFEST)
+    oarlock.load_track(tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -174,7 +174,7 @@ def test_the_model_stands_at_rest_by_default(tmp_path):
     written = oarlock.export(truth_of(model, waves(model, 2)), tmp_path, ("osim", "mot"), axes="root")
     reader = OpensimReader(tmp_path)
     reader.model.realizePosition(reader.state)
-    rest = np.concatenate([np.atleast_1d(joint["rest"]) for joint in model.describe()["joints"]])
+    rest = np.concatenate([np.atleast_1d(joint.rest) for joint in model.describe().joints])
     poses = model.forward_kinematics(rest)
     for k, frame in enumerate(model.frame_names):
         body = reader.model.getBodySet().get(written.body_names[frame])
@@ -257,7 +257,7 @@ def test_gravity_and_axes(tmp_path):
         track = truth_of(model, waves(model, 1))
         written = oarlock.export(track, tmp_path / name)
         reader = OpensimReader(tmp_path / name)
-        g = model.describe()["world"]["gravity_m_s2"]
+        g = model.describe().world.gravity_m_s2
         np.testing.assert_allclose(reader.model.getGravity().to_numpy(), [0, -g, 0], atol=1e-14)
         rows = np.arange(0, len(track), 20)
         for frame, places in reader.places(dict(written.body_names), rows).items():
@@ -270,7 +270,7 @@ def test_gravity_and_axes(tmp_path):
 def test_any_up_becomes_y(seed, tmp_path):
     model = load_tree(random_tree(seed), tmp_path)
     oarlock.export(truth_of(model, waves(model, seed)), tmp_path)
-    g = model.describe()["world"]["gravity_m_s2"]
+    g = model.describe().world.gravity_m_s2
     np.testing.assert_allclose(OpensimReader(tmp_path).model.getGravity().to_numpy(), [0, -g, 0], atol=1e-12)
 
 

@@ -171,8 +171,8 @@ def test_the_filters_vertical_is_wrong_by_exactly_the_angle(sculler):
     values = {name: key.default for name, key in keys_of(sculler, SIMULATORS["sculling"]).items()}
     sides = set()
     for seed in range(4):
-        world = filter_model(sculler, values | {"vertical_error_deg": 3.0}, seed).describe()["world"]
-        up, forward = np.asarray(world["up"]), np.asarray(world["forward"])
+        world = filter_model(sculler, values | {"vertical_error_deg": 3.0}, seed).describe().world
+        up, forward = np.asarray(world.up), np.asarray(world.forward)
         assert math.degrees(math.acos(up @ [0.0, 1.0, 0.0])) == pytest.approx(3.0, abs=1e-6)
         assert abs(up @ forward) < ROUNDING
         sides.add(round(float(math.atan2(up[0], up[2])), 3))

@@ -17,13 +17,13 @@ from oarlock.rowing.field.skin import rung, swelling, twist
 
 def test_mounts_are_turned_and_moved_by_their_errors():
     field, clean = with_only(mount_error_rad=0.07, mount_offset_m=0.012), trial()
-    for sensor in sculler().describe()["sensors"][:5]:
-        rotation, offset = field.calibration.mounts[sensor["name"]]
-        nominal = np.asarray(sensor["mount"]["rotation"])
+    for sensor in sculler().describe().sensors[:5]:
+        rotation, offset = field.calibration.mounts[sensor.name]
+        nominal = np.asarray(sensor.mount.rotation)
         assert angle_rad(rotation @ nominal.T) == pytest.approx(0.07, rel=1e-6)
-        assert np.linalg.norm(offset - sensor["mount"]["offset"]) == pytest.approx(0.012, rel=SAME)
-        gyro = clean.recording[sensor["name"]].gyro_rad_s @ nominal.T @ rotation
-        np.testing.assert_allclose(field.recording[sensor["name"]].gyro_rad_s, gyro, rtol=0, atol=1e-10)
+        assert np.linalg.norm(offset - sensor.mount.offset) == pytest.approx(0.012, rel=SAME)
+        gyro = clean.recording[sensor.name].gyro_rad_s @ nominal.T @ rotation
+        np.testing.assert_allclose(field.recording[sensor.name].gyro_rad_s, gyro, rtol=0, atol=1e-10)
 
 
 def test_lengths_and_rig_differ_by_their_errors_and_hands_still_hold():
@@ -142,7 +142,7 @@ def test_magnetometers_see_iron():
 
 
 def test_the_boats_iron_is_a_dipole_of_the_strength_asked():
-    around = Surroundings.of(sculler().describe()["world"], replace(SILENT, rail_iron_ut=5.0), SEED)
+    around = Surroundings.of(sculler().describe().world, replace(SILENT, rail_iron_ut=5.0), SEED)
     moment = around.iron_ut / np.linalg.norm(around.iron_ut)
     fields = [np.linalg.norm(around.iron_field(around.iron_place_m + d * moment)) for d in (0.3, 3.0, 6.0)]
     assert fields[0] == pytest.approx(5.0, rel=SAME)

@@ -226,11 +226,10 @@ def test_sculler_boat_is_the_sculler_on_a_hull() -> None:
             there = hull @ poses[:, list(moved.frame_names).index(name)]
             assert np.abs(there - plain[:, k]).max() < SAME_POSE
     described, other = sculler.describe(), boat.describe()
-    assert other["parameters"] == described["parameters"]
-    assert [s for s in other["sensors"] if s["name"] not in ("hull", "waist")] == described["sensors"]
-    assert other["closures"] == described["closures"]
-    joints = [{**j, "index": 0} for j in other["joints"] if j["name"] not in HULL_JOINTS]
-    assert [j["name"] for j in joints] == [j["name"] for j in described["joints"]]
+    assert other.parameters == described.parameters
+    assert tuple(s for s in other.sensors if s.name not in ("hull", "waist")) == described.sensors
+    assert other.closures == described.closures
+    assert [j for j in other.joints if j.name not in HULL_JOINTS] == list(described.joints)
     assert on_hull(boat) is boat
 
 

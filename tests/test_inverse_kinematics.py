@@ -32,9 +32,9 @@ def rowed(model: oarlock.Model) -> tuple[Floats, Floats]:
 def seen_by_units(model: oarlock.Model, q: Floats) -> Measured:
     """Orientations of the frames that carry inertial units, and what encoders would read."""
     poses = model.forward_kinematics(q)
-    sensors = model.describe()["sensors"]
-    frames = {s["frame"] for s in sensors if s["kind"] == "imu"}
-    joints = {s["joint"] for s in sensors if s["kind"] == "encoder"}
+    sensors = model.describe().sensors
+    frames = {s.frame for s in sensors if s.kind == "imu"}
+    joints = {s.joint for s in sensors if s.kind == "encoder"}
     return Measured(
         {f: quat_from_matrix(poses[:, model.frame_names.index(f), :3, :3]) for f in sorted(frames)},
         {j: q[:, model.coordinate_names.index(j)] for j in sorted(joints)},
@@ -44,8 +44,8 @@ def seen_by_units(model: oarlock.Model, q: Floats) -> Measured:
 def furthest(model: oarlock.Model, found: Floats, q: Floats, seen: NDArray[np.bool_]) -> float:
     """Largest error of what is seen; rotation vectors are compared as turns."""
     error = np.where(seen, found - q, 0.0)
-    for joint in model.describe()["joints"]:
-        columns = [model.coordinate_names.index(c) for c in joint["coordinates"] if c.rpartition(".r")[1]]
+    for joint in model.describe().joints:
+        columns = [model.coordinate_names.index(c) for c in joint.coordinates if c.rpartition(".r")[1]]
         if len(columns) == 3 and seen[:, columns].all():
             quats = (quat_from_rotvec(a[:, columns]) for a in (found, q))
             error[:, columns] = rotvec_between(*quats)
@@ -91,7 +91,7 @@ def test_contradictions_are_shared_out_by_weight() -> None:
     model = oarlock.load_model("pendulum3")
     time_s, q = swinging(model)
     name = model.coordinate_names[0]
-    frame = next(f["name"] for f in model.describe()["frames"] if f["joint"] == name)
+    frame = next(f.name for f in model.describe().frames if f.joint == name)
     rotations = model.forward_kinematics(q)[..., :3, :3]
     axis = model.frame_jacobian(q, [frame]).by_coordinate[:, 0, 3:, 0]
     true = quat_from_matrix(rotations[:, model.frame_names.index(frame)])

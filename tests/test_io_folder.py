@@ -83,7 +83,7 @@ def test_time_is_the_first_column(folder):
 
 def test_saving_again_leaves_nothing_of_the_old(folder):
     Recording([ScalarStream("seat", TIME_S, ROWS[:, 0])]).save(folder, "csv")
-    assert sorted(p.name for p in folder.iterdir()) == ["recording.toml", "seat.csv"]
+    assert sorted(p.name for p in folder.iterdir()) == ["oarlock-manifest.toml", "recording.toml", "seat.csv"]
 
 
 def test_names_that_no_file_can_have(tmp_path):

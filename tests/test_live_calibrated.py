@@ -27,9 +27,9 @@ def of_units(number: float, three: tuple[float, float, float]) -> dict[str, list
 
 def mounts() -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """The model's, each turned and moved a little."""
-    nominal = {s["name"]: s["mount"] for s in sculler().describe()["sensors"] if s["kind"] == "imu"}
+    nominal = {s.name: s.mount for s in sculler().describe().inertial_units}
     turn = Rotation.from_rotvec([0.002, -0.001, 0.003]).as_matrix()
-    return {n: (np.asarray(m["rotation"]) @ turn, np.asarray(m["offset"]) + 1e-3) for n, m in nominal.items()}
+    return {n: (np.asarray(m.rotation) @ turn, np.asarray(m.offset) + 1e-3) for n, m in nominal.items()}
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ ARMS = [
 
 def random_postures(model, joints, count, seed):
     random = np.random.default_rng(seed)
-    limits = {j["name"]: np.array(j["limits"]) for j in model.describe()["joints"]}
+    limits = {j.name: np.array(j.limits) for j in model.describe().joints}
     q = np.zeros((count, len(model.coordinate_names)))
     for name in model.coordinate_names:
         middle, half = limits[name].mean(), 0.3 * np.ptp(limits[name])

@@ -49,7 +49,7 @@ def test_exact_markers_give_back_the_postures(name):
     model = oarlock.load_model(name)
     random = np.random.default_rng(1)
     time_s = np.arange(12) / 100.0
-    moved = [f["name"] for f in model.describe()["frames"] if f["joint"] is not None]
+    moved = [f.name for f in model.describe().frames if f.joint is not None]
     attachments = clusters(moved, 3, 0.05, 2)
     start = 0.15 * random.standard_normal(len(model.coordinate_names))
     q = start + 0.02 * np.cumsum(random.standard_normal((12, len(start))), axis=0)
@@ -137,7 +137,7 @@ def test_what_no_marker_sees_is_said_and_held_by_its_limits():
     told = dict(zip(fit.coordinate_names, fit.determined.all(axis=0), strict=True))
     assert told == {name: name not in ("elbow_rotation", "hand_abduction", "hand_flexion") for name in told}
     assert "not determined by these markers: elbow_rotation, hand_abduction, hand_flexion" in fit.notes
-    middle = {j["name"]: np.mean(j["limits"]) for j in model.describe()["joints"]}
+    middle = {j.name: np.mean(j.limits) for j in model.describe().joints}
     for name in ("elbow_rotation", "hand_flexion"):
         np.testing.assert_allclose(fit.q[:, fit.coordinate_names.index(name)], middle[name], atol=EXACT_RAD)
     assert np.isnan(fit.track()["hand_flexion"].angle_rad).all()

@@ -3,6 +3,7 @@
 import json
 import pickle
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -35,15 +36,15 @@ def test_rowers_that_extend_others_hold_their_whole_text(name):
     document = tomllib.loads(model.text)
     assert not {"extends", "remove"} & set(document)
     again = oarlock.Model.from_toml(model.text, model.path, {})
-    assert json.dumps(again.describe()) == json.dumps(model.describe())
+    assert again.describe().to_dict() == model.describe().to_dict()
     assert pickle.loads(pickle.dumps(model)).describe() == model.describe()
 
 
 def test_rowers_share_the_scullers_arms():
     sculler = oarlock.load_model("sculler")
-    described = {f["name"]: f for f in sculler.describe()["frames"]}
+    described = {f.name: f for f in sculler.describe().frames}
     for name in ("sweep", "ergometer", "sculler_boat"):
-        own = {f["name"]: f for f in oarlock.load_model(name).describe()["frames"]}
+        own = {f.name: f for f in oarlock.load_model(name).describe().frames}
         assert all(
             own[f] == described[f] for f in ("r_elbow", "r_forearm_pronated", "l_elbow") if f in described
         )
@@ -77,13 +78,13 @@ gyro_std_rad_s = 0.01
     names.insert(names.index("back") + 1, "neck")
     assert own.sensor_names == names
     described, before = own.describe(), sculler.describe()
-    parameters = {p["name"]: p for p in described["parameters"]}
-    assert (parameters["l_b"]["value"], parameters["l_b"]["unit"]) == (0.6, "m")
-    assert parameters["l_ua_r"]["std"] == 0.001
-    assert described["world"] == before["world"] | {"magnetic_norm_ut": 50.0}
-    back = next(s for s in described["sensors"] if s["name"] == "back")
-    assert back == next(s for s in before["sensors"] if s["name"] == "back") | {"mag_std_ut": 9.0}
-    assert described["joints"] == before["joints"]
+    parameters = {p.name: p for p in described.parameters}
+    assert (parameters["l_b"].value, parameters["l_b"].unit) == (0.6, "m")
+    assert parameters["l_ua_r"].std == 0.001
+    assert described.world == replace(before.world, magnetic_norm_ut=50.0)
+    back = next(s for s in described.sensors if s.name == "back")
+    assert back == replace(next(s for s in before.sensors if s.name == "back"), mag_std_ut=9.0)
+    assert described.joints == before.joints
 
 
 def test_a_file_extends_a_file_beside_it(tmp_path):

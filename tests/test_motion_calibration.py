@@ -80,7 +80,7 @@ def test_saved_and_read_again(tmp_path):
 @pytest.mark.parametrize("name", ["sculler", "sculler_boat", "sweep"])
 def test_searched_model_is_the_model_while_all_constants_are_zero(name, hypothesis):
     model = oarlock.load_model(name)
-    encoders = [s["name"] for s in model.describe()["sensors"] if s["kind"] == "encoder"]
+    encoders = [s.name for s in model.describe().encoders]
     more = searched_model(model, oarlock.Calibration(), hypothesis, azimuth_rad=0.3, zeros_of=encoders)
     q = np.random.default_rng(3).normal(0.0, 0.3, len(model.joint_names))
     wide = np.zeros(len(more.joint_names))

@@ -1,5 +1,7 @@
 """An independent simulator: MuJoCo, built from what a model file describes, feels what Oarlock's simulator feels."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
@@ -54,13 +56,13 @@ def assert_agree(model: oarlock.Model, motion: oarlock.Motion, every: int) -> No
     rows = np.arange(0, len(truth), every)
     base = motion.base_acceleration_at(truth.time_s)
     expected = np.stack([body.readings(truth.q[r], truth.qd[r], truth.qdd[r], base[r]) for r in rows])
-    found = recorded(recording, [unit["name"] for unit in body.units])[rows]
+    found = recorded(recording, [unit.name for unit in body.units])[rows]
     turns, moves = differentiation_accuracy(motion)
     apart = np.abs(found - expected).max(axis=(0, 1, 3))
     print(f"{model.name}: apart {apart[0]:.1e} of {turns:.1e} rad/s, {apart[1]:.1e} of {moves:.1e} m/s2")
     assert apart[0] <= min(turns, NEVER_MORE[0])
     assert apart[1] <= min(moves, NEVER_MORE[1])
-    measured = [u["mag_std_ut"] is not None for u in body.units]
+    measured = [u.mag_std_ut is not None for u in body.units]
     # Nothing is differentiated for a field of 50 uT: only poses are rounded.
     assert np.abs(found - expected)[:, measured, 2].max(initial=0.0) <= 100.0 * 50.0 * ROUNDING
 
@@ -79,12 +81,12 @@ def test_mujoco_feels_the_same_while_sculling():
 def test_the_models_hold_what_could_go_wrong():
     """Every kind of joint, shared and negated joints, transforms on both sides of a joint."""
     descriptions = [oarlock.load_model(name).describe() for name in MODELS]
-    kinds = {joint["kind"] for d in descriptions for joint in d["joints"]}
+    kinds = {joint.kind for d in descriptions for joint in d.joints}
     assert kinds == {"hinge", "slide", "ball", "free"}
-    frames = [frame for d in descriptions for frame in d["frames"] if frame["joint"]]
-    assert {1.0, -1.0} == {frame["sign"] for frame in frames}
-    assert any(frame["before"] and frame["after"] for frame in frames)
-    trunk = [frame["name"] for frame in descriptions[0]["frames"] if frame["joint"] == "trunk"]
+    frames = [frame for d in descriptions for frame in d.frames if frame.joint]
+    assert {1.0, -1.0} == {frame.sign for frame in frames}
+    assert any(frame.before and frame.after for frame in frames)
+    trunk = [frame.name for frame in descriptions[0].frames if frame.joint == "trunk"]
     assert trunk == ["r_shoulder", "l_shoulder"]
 
 
@@ -92,12 +94,12 @@ def test_a_wrong_sign_is_noticed():
     """The comparison can fail: with one joint negated MuJoCo feels something else."""
     model = oarlock.load_model("arm7")
     description = model.describe()
-    next(f for f in description["frames"] if f["joint"] == "shoulder_flexion")["sign"] = -1.0
+    negated = (replace(f, sign=-1.0) if f.joint == "shoulder_flexion" else f for f in description.frames)
     motion = waves(model)
     truth, recording = oarlock.simulate(model, motion, noise=False)
-    body = MujocoBody(description)
+    body = MujocoBody(replace(description, frames=tuple(negated)))
     there = body.readings(
         truth.q[50], truth.qd[50], truth.qdd[50], motion.base_acceleration_at(truth.time_s[50])
     )
-    found = recorded(recording, [unit["name"] for unit in body.units])[50]
+    found = recorded(recording, [unit.name for unit in body.units])[50]
     assert np.abs(found - there)[:, 1].max() > 0.1

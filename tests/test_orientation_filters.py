@@ -93,12 +93,12 @@ def test_north_lies_where_the_model_has_it():
         described = model.describe()
         q = np.zeros(len(model.coordinate_names))
         rows = dict(zip(model.measurement_names, model.predict_measurements(q, q, q), strict=True))
-        unit = next(s for s in described["sensors"] if s["kind"] == "imu")
-        read = np.array([rows[f"{unit['name']}.mag_{axis}"] for axis in "xyz"])
-        pose = model.forward_kinematics(q)[model.frame_names.index(unit["frame"]), :3, :3]
-        in_root = pose @ np.asarray(unit["mount"]["rotation"]) @ read
-        world = described["world"]
-        dip, norm = world["magnetic_dip_rad"], world["magnetic_norm_ut"]
+        unit = next(s for s in described.inertial_units)
+        read = np.array([rows[f"{unit.name}.mag_{axis}"] for axis in "xyz"])
+        pose = model.forward_kinematics(q)[model.frame_names.index(unit.frame), :3, :3]
+        in_root = pose @ np.asarray(unit.mount.rotation) @ read
+        world = described.world
+        dip, norm = world.magnetic_dip_rad, world.magnetic_norm_ut
         field = norm * np.array([np.cos(dip), 0.0, -np.sin(dip)])
         assert np.allclose(matrix_from_quat(root_from_north_west_up(model)) @ field, in_root, atol=1e-9)
 
@@ -153,7 +153,7 @@ def test_the_track_comes_back_from_its_folder_and_can_be_reported(slow, tmp_path
 
 def test_mounts_and_magnetic_offsets_of_a_calibration_are_used(slow):
     model, _, recording = slow
-    sensor = next(s for s in model.describe()["sensors"] if s["name"] == "r_forearm")
+    sensor = next(s for s in model.describe().sensors if s.name == "r_forearm")
     askew = Rotation.from_rotvec([0.3, -0.2, 0.1])
     unit, offset_ut = recording["r_forearm"], np.array([5.0, -3.0, 8.0])
     worn = ImuStream(
@@ -164,9 +164,9 @@ def test_mounts_and_magnetic_offsets_of_a_calibration_are_used(slow):
         mag_ut=unit.mag_ut @ askew.as_matrix() + offset_ut,
     )
     others = [s for s in recording if s.name != "r_forearm"]
-    rotation = np.asarray(sensor["mount"]["rotation"]) @ askew.as_matrix()
+    rotation = np.asarray(sensor.mount.rotation) @ askew.as_matrix()
     calibration = oarlock.Calibration(
-        mounts={"r_forearm": (rotation, sensor["mount"]["offset"])}, mag_offsets_ut={"r_forearm": offset_ut}
+        mounts={"r_forearm": (rotation, sensor.mount.offset)}, mag_offsets_ut={"r_forearm": offset_ut}
     )
     track = oarlock.track_orientations(model, Recording([*others, worn]), "vector_kf", calibration)
     plain = oarlock.track_orientations(model, recording, "vector_kf")

@@ -80,7 +80,7 @@ def test_skin_is_at_rest_where_arms_hang_and_tilts_where_they_bend():
     time_s = np.linspace(0.0, 2.0, 41)
     q = np.zeros((41, len(model.coordinate_names)))
     q[:, model.coordinate_names.index("r_elbow_flexion")] = np.linspace(0.0, np.pi / 2, 41)
-    sensor = next(s for s in model.describe()["sensors"] if s["name"] == "r_upperarm")
+    sensor = next(s for s in model.describe().sensors if s.name == "r_upperarm")
     turn = skin(sensor, time_s, q)
     assert np.linalg.norm(turn[0]) < TILT_TOLERANCE_RAD
     assert np.linalg.norm(turn[-1]) == pytest.approx(SKIN_TILT_RAD, abs=TILT_TOLERANCE_RAD)

@@ -43,7 +43,7 @@ def as_readings(recording: oarlock.Recording, units: Any) -> Floats:
 
 def assert_signals_agree(model: oarlock.Model, motion: oarlock.Motion) -> None:
     truth, recording = oarlock.simulate(model, motion, noise=False)
-    units = [s["name"] for s in model.describe()["sensors"] if s["kind"] == "imu"]
+    units = [s.name for s in model.describe().inertial_units]
     rows = len(truth)
     base = oarlock.Base(
         np.broadcast_to(np.eye(3), (rows, 3, 3)), acceleration_m_s2=motion.base_acceleration_at(truth.time_s)
@@ -112,10 +112,10 @@ def assert_noise(found: Floats, mean: Any, std: float, where: str) -> None:
 
 def test_noise_is_the_models(motion, clean):
     found = noise_of(motion, clean[1])
-    for sensor in sculler().describe()["sensors"]:
-        for field, values in found[sensor["name"]].items():
-            std = sensor[FIELDS[field][0]] if sensor["kind"] == "imu" else sensor["std"]
-            assert_noise(values.reshape(len(values), -1), 0.0, std, f"{sensor['name']}.{field}")
+    for sensor in sculler().describe().sensors:
+        for field, values in found[sensor.name].items():
+            std = getattr(sensor, FIELDS[field][0]) if sensor.kind == "imu" else sensor.std
+            assert_noise(values.reshape(len(values), -1), 0.0, std, f"{sensor.name}.{field}")
 
 
 def test_noise_is_white(motion, clean):
@@ -134,7 +134,7 @@ def test_noise_as_asked(motion, clean):
     found = noise_of(motion, clean[1], noise=asked)
     assert_noise(found["back"]["gyro_rad_s"], 0.0, 0.5, "back")
     assert_noise(found["seat"]["value"][:, None], 0.0, 0.2, "seat")
-    own = sculler().describe()["sensors"][0]["accel_std_m_s2"]
+    own = sculler().describe().sensors[0].accel_std_m_s2
     assert_noise(found["back"]["accel_m_s2"], 0.0, own, "what is not named keeps the model's")
 
 
@@ -164,12 +164,12 @@ def test_surge_enters_the_accelerometers_only(motion, clean):
     surge = motion.base_acceleration_at(truth.time_s)
     assert np.abs(surge[:, 2]).max() > 3.0
     poses = sculler().forward_kinematics(truth.q)
-    for sensor in sculler().describe()["sensors"]:
-        if sensor["kind"] != "imu":
+    for sensor in sculler().describe().sensors:
+        if sensor.kind != "imu":
             continue
-        name = sensor["name"]
-        frame = poses[:, sculler().frame_names.index(sensor["frame"]), :3, :3]
-        root_from_sensor = frame @ np.array(sensor["mount"]["rotation"])
+        name = sensor.name
+        frame = poses[:, sculler().frame_names.index(sensor.frame), :3, :3]
+        root_from_sensor = frame @ np.array(sensor.mount.rotation)
         felt = np.einsum("tji,tj->ti", root_from_sensor, surge)
         added = moving[name].accel_m_s2 - still[name].accel_m_s2
         np.testing.assert_allclose(added, felt, rtol=0, atol=SURGE_IS_FELT_M_S2, err_msg=name)
@@ -181,14 +181,14 @@ def test_other_lengths_and_mounts_are_other_signals(motion, clean):
     turned = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     calibration = oarlock.Calibration(mounts={"back": (turned, [0.0, 0.0, 0.0])})
     recording = oarlock.simulate(sculler(), motion, noise=False, calibration=calibration)[1]
-    own = np.array(sculler().describe()["sensors"][0]["mount"]["rotation"])
+    own = np.array(sculler().describe().sensors[0].mount.rotation)
     expected = clean[1]["back"].gyro_rad_s @ own.T @ turned
     np.testing.assert_allclose(recording["back"].gyro_rad_s, expected, atol=1e-9)
     assert np.array_equal(recording["r_forearm"].accel_m_s2, clean[1]["r_forearm"].accel_m_s2)
 
 
 def test_azimuth_turns_the_field(motion, clean):
-    azimuth = sculler().describe()["world"]["magnetic_azimuth_rad"]
+    azimuth = sculler().describe().world.magnetic_azimuth_rad
     same, turned = (
         oarlock.simulate(sculler(), motion, noise=False, azimuth_rad=a)[1]["back"].mag_ut
         for a in (azimuth, azimuth + 1.0)

@@ -379,7 +379,8 @@ def test_summary_is_in_degrees_and_counts_what_is_there():
 def test_command_shows_and_writes(tmp_path):
     shown = run("strokes", EXAMPLES / "speedcoach_empower.csv", "--each", "--out", tmp_path / "out")
     assert "30 strokes" in shown.output and "catch angle" in shown.output and "-59.0" in shown.output
-    assert {file.name for file in (tmp_path / "out").iterdir()} == {"strokes.csv", "strokes.parquet"}
+    written = {file.name for file in (tmp_path / "out").iterdir()}
+    assert written == {"oarlock-manifest.toml", "strokes.csv", "strokes.parquet"}
     document = json.loads(run("strokes", EXAMPLES / "rp3.csv", "--json").stdout)
     assert document["strokes"] == len(document["rows"]) == 22
     assert document["rows"][9]["peak_force_n"] is None

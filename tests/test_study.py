@@ -169,8 +169,8 @@ def test_mounts_are_wrong_by_exactly_the_angle(sculler):
         filter_calibration(sculler, lengths, model_values(sculler, mount_error_deg=angle), 7)
         for angle in (5.0, 10.0)
     )
-    for sensor in (s for s in sculler.describe()["sensors"] if s["kind"] == "imu"):
-        off = [np.asarray(sensor["mount"]["rotation"]).T @ c.mounts[sensor["name"]][0] for c in (five, ten)]
+    for sensor in (s for s in sculler.describe().inertial_units):
+        off = [np.asarray(sensor.mount.rotation).T @ c.mounts[sensor.name][0] for c in (five, ten)]
         angles = [math.degrees(math.acos((np.trace(r) - 1.0) / 2.0)) for r in off]
         assert angles == pytest.approx([5.0, 10.0], abs=1e-6)
         assert np.allclose(off[0] @ off[0], off[1], atol=1e-9), "the same axis for one seed"
@@ -185,13 +185,13 @@ def test_lengths_of_the_body_are_wrong_and_the_rig_is_not(sculler):
 def test_the_filter_is_told_the_noise_unless_it_is_not(sculler):
     known = filter_model(sculler, model_values(sculler, gyro_noise_factor=3.0), 0)
     blind = filter_model(sculler, model_values(sculler, gyro_noise_factor=3.0, noise_told="nominal"), 0)
-    gyro = [m.describe()["sensors"][0]["gyro_std_rad_s"] for m in (sculler, known, blind)]
+    gyro = [m.describe().sensors[0].gyro_std_rad_s for m in (sculler, known, blind)]
     assert gyro[1] == pytest.approx(3.0 * gyro[0]) and gyro[2] == gyro[0]
 
 
 def test_a_key_of_the_model_file_is_changed_for_the_filter_alone(sculler):
     loose = filter_model(sculler, model_values(sculler) | {"model.closure.r_grip.std_m": 0.01}, 0)
-    assert [c["std_m"] for c in loose.describe()["closures"]] == [0.01, 0.002]
+    assert [c.std_m for c in loose.describe().closures] == [0.01, 0.002]
 
 
 def test_a_group_simulates_once_and_smoothing_filters_once(sculler):

@@ -104,12 +104,12 @@ def test_ranges_are_a_sweep_rowers():
         values = motion.column(name)
         assert np.radians(low) - RANGE_SLACK_RAD < values.min() < np.radians(low) + RANGE_SLACK_RAD, name
         assert np.radians(high) - RANGE_SLACK_RAD < values.max() < np.radians(high) + RANGE_SLACK_RAD, name
-    for joint in oarlock.load_model("sweep").describe()["joints"]:
-        low, high = joint["limits"]
-        values = motion.column(joint["name"])
+    for joint in oarlock.load_model("sweep").describe().joints:
+        low, high = joint.limits
+        values = motion.column(joint.name)
         # Limits are soft, and a rigid grip asks for all that the outside forearm can turn.
-        assert values.min() > low - RANGE_SLACK_RAD, joint["name"]
-        assert values.max() < high + RANGE_SLACK_RAD, joint["name"]
+        assert values.min() > low - RANGE_SLACK_RAD, joint.name
+        assert values.max() < high + RANGE_SLACK_RAD, joint.name
 
 
 def test_shoulders_turn_after_the_handle():

@@ -219,8 +219,8 @@ def drawn_track(track: Track, std: Floats, found: Technique, rng: np.random.Gene
     for name in track.coordinate_names:
         if "oar" in name:
             q[:, track.coordinate_names.index(name)] += found.found.zero_std * rng.standard_normal()
-    rows = {row["name"]: row for row in sculler().describe()["parameters"]}
-    lengths = {name: row["value"] + row["std"] * rng.standard_normal() for name, row in rows.items()}
+    rows = {row.name: row for row in sculler().describe().parameters}
+    lengths = {name: row.value + row.std * rng.standard_normal() for name, row in rows.items()}
     nothing = np.full_like(track.q, np.nan)
     return replace(track, model=certain_lengths(lengths), q=q, q_std=nothing, qd_std=nothing, run=None)
 

@@ -78,15 +78,15 @@ def test_the_arms_are_said_to_be_unobserved(track):
 
 def test_nothing_runs_away(track):
     names = [*SEEN, *ARMS]
-    joints = {joint["name"]: joint for joint in sculler().describe()["joints"]}
+    joints = {joint.name: joint for joint in sculler().describe().joints}
     assert len(track) == pytest.approx(DURATION_S * RATE_HZ, abs=RATE_HZ)
     for name in names:
-        series, (low, high) = track[name], joints[name]["limits"]
+        series, (low, high) = track[name], joints[name].limits
         assert np.isfinite(series.value).all(), name
         assert np.isfinite(series.std).all(), name
         assert (series.std > 0).all(), name
         # Limits are two standard deviations either side of the middle, so the prior's is a quarter of their span.
-        prior, start = (high - low) / 4, joints[name]["process"]["start_std"][0]
+        prior, start = (high - low) / 4, joints[name].process.start_std[0]
         assert series.std.max() <= 1.05 * max(prior, start), name
         assert series.std[track.time_s > DURATION_S / 2].max() <= 1.05 * prior, name
         assert ((series.value >= low) & (series.value <= high)).all(), name

@@ -137,12 +137,12 @@ def joint_values(given: dict[str, Any], model: oarlock.Model) -> tuple[NDArray[n
 def test_whole_measurement_of_the_filter():
     given = vectors("filter_blocks")
     model = oarlock.load_model("sculler", parameters=parameters(given["params"]))
-    described = {s["name"]: s for s in model.describe()["sensors"]}
+    described = {s.name: s for s in model.describe().sensors}
     for sensor in given["sensors"]:
         own = described[IMUS[sensor["name"]]]
-        assert own["frame"] == model.frame_names[sensor["frame"]]
-        np.testing.assert_allclose(own["mount"]["rotation"], sensor["R_link_from_sensor"], rtol=0, atol=POSE)
-        np.testing.assert_allclose(own["mount"]["offset"], sensor["offset_in_link"], rtol=0, atol=POSE)
+        assert own.frame == model.frame_names[sensor["frame"]]
+        np.testing.assert_allclose(own.mount.rotation, sensor["R_link_from_sensor"], rtol=0, atol=POSE)
+        np.testing.assert_allclose(own.mount.offset, sensor["offset_in_link"], rtol=0, atol=POSE)
     z = model.predict_measurements(*joint_values(given, model))
     np.testing.assert_allclose(z, np.array(given["h"]), rtol=0, atol=SIGNAL)
 

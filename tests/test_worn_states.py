@@ -44,14 +44,14 @@ def test_a_length_starts_with_what_its_calibration_says_of_it(pendulum: oarlock.
 
 
 def test_a_mount_askew_about_the_hinges_axis_is_found(pendulum: oarlock.Model) -> None:
-    described = pendulum.describe()["sensors"]
-    name = described[-1]["name"]
-    mount = described[-1]["mount"]
+    described = pendulum.describe().sensors
+    name = described[-1].name
+    mount = described[-1].mount
     askew = np.deg2rad(4.0)
     turn = np.array(
         [[1.0, 0.0, 0.0], [0.0, np.cos(askew), -np.sin(askew)], [0.0, np.sin(askew), np.cos(askew)]]
     )
-    worn = oarlock.Calibration(mounts={name: (np.asarray(mount["rotation"]) @ turn, mount["offset"])})
+    worn = oarlock.Calibration(mounts={name: (np.asarray(mount.rotation) @ turn, mount.offset)})
     track = oarlock.track(pendulum, recorded(pendulum, worn), config=Config(estimate=(*BESIDE, "mounts")))
     found = track.slow[f"{name}.mount_rx"]
     assert found.unit == "rad"

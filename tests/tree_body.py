@@ -114,12 +114,12 @@ def waving(model, seconds=40.0, amplitude=0.35, still_s=0.0, seed=0):
         pairs = np.sin(2 * np.pi * hertz * moving[:, None, None] + phase) - np.sin(phase)
         return size * pairs.sum(axis=1) * onset[:, None]
 
-    rest = np.concatenate([np.ravel(j["rest"]) for j in model.describe()["joints"]])
+    rest = np.concatenate([np.ravel(j.rest) for j in model.describe().joints])
     return oarlock.Motion(
         tuple(model.coordinate_names),
         time_s,
         waves(len(rest), amplitude) + rest,
-        waves(3, 1.5) if model.describe()["base_acceleration"] else None,
+        waves(3, 1.5) if model.describe().base_acceleration else None,
     )
 
 

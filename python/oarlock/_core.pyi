@@ -1,14 +1,17 @@
 """Types of the compiled engine, for type checkers. Arrays are float64; time in s, angles in rad, lengths in m."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from oarlock.model.description import ModelDescription
+from oarlock.model.jacobians import FrameJacobian, MeasurementJacobian
+
 Floats = NDArray[np.float64]
 
-# Protocols of the package's objects that the engine reads, so that this stub imports no module of the package.
+# Protocols of the package's objects that the engine reads, so that this stub imports no module that uses the engine.
 class _Base(Protocol):
     @property
     def rotation(self) -> ArrayLike: ...
@@ -57,16 +60,6 @@ class _Recording(Protocol):
     @property
     def streams(self) -> Sequence[Any]: ...
 
-class _FrameJacobian(NamedTuple):
-    by_coordinate: Floats
-    by_length: Floats
-
-class _MeasurementJacobian(NamedTuple):
-    by_q: Floats
-    by_qd: Floats
-    by_qdd: Floats
-    by_length: Floats
-
 __version__: str
 
 class ModelError(ValueError): ...
@@ -106,17 +99,17 @@ class Model:
         closures: Iterable[str] = (),
         base_accelerations: Iterable[str] = (),
     ) -> Model: ...
-    def describe(self) -> dict[str, Any]: ...
+    def describe(self, calibration: _Calibration | None = None) -> ModelDescription: ...
     def forward_kinematics(self, q: ArrayLike, lengths: ArrayLike | None = None) -> Floats: ...
     def frame_jacobian(
         self, q: ArrayLike, frames: Sequence[str] | None = None, lengths: ArrayLike | None = None
-    ) -> _FrameJacobian: ...
+    ) -> FrameJacobian: ...
     def predict_measurements(
         self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, base: _Base | None = None
     ) -> Floats: ...
     def measurement_jacobian(
         self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, base: _Base | None = None
-    ) -> _MeasurementJacobian: ...
+    ) -> MeasurementJacobian: ...
 
 class Config:
     estimate: list[str]
@@ -129,6 +122,10 @@ class Config:
     beta: float
     kappa: float
     merge_s: float
+    sample_rate_hz: float | None
+    inputs: list[str] | None
+    stamp_std_s: dict[str, float] | None
+    wait_s: float
     start_window_s: float
     gate: bool
     gate_patience_s: float
@@ -200,6 +197,12 @@ class Tracker:
     def step(
         self, sample: Sample | float, readings: Mapping[str, Any] | None = None
     ) -> tuple[Belief | None, Info]: ...
+    def push(
+        self, stream: str, stamp_s: float, readings: Mapping[str, Any] | float
+    ) -> list[tuple[Belief, Info]]: ...
+    def flush(self) -> list[tuple[Belief, Info]]: ...
+    @property
+    def arrivals(self) -> dict[str, int]: ...
 
 class Run:
     last_belief: Belief | None
@@ -261,7 +264,7 @@ def imu_signals(
 ) -> Floats: ...
 def find_hinge_chain(
     sensors: list[dict[str, Any]],
-    up_in_world: list[float],
+    up_in_world: Sequence[float],
     gravity_m_s2: float,
     still_s: tuple[float, float] | None,
     first_turn_positive: bool,
@@ -279,7 +282,7 @@ def align_mount(
 ) -> dict[str, Any]: ...
 def find_pose_mounts(
     sensors: list[dict[str, Any]],
-    up_in_world: list[float],
+    up_in_world: Sequence[float],
     still_s: tuple[float, float] | None,
     posture_std_rad: float,
 ) -> list[dict[str, Any]]: ...

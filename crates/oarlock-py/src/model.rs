@@ -4,12 +4,13 @@ use crate::array::{items, shaped, Any, Array};
 use crate::errors::{raise, DataError};
 use crate::jacobian::{of_frames, of_readings};
 use crate::motion::{poses, Bases, Lengths, Motion, Roots};
+use crate::streams;
 use oarlock::body::Body;
 use oarlock::describe::describe;
 use oarlock::jacobian::{lengths_of, Jacobians};
 use oarlock::rotation::Vec3;
 use oarlock::track::loops::readings_from;
-use oarlock::track::parameter_values;
+use oarlock::track::{calibrated, parameter_values};
 use oarlock::{Config, Model};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
@@ -38,11 +39,8 @@ impl PyModel {
         let mut model = Model::from_toml(&text, &path).map_err(|e| raise(py, e))?;
         let values = parameter_values(&model, &parameters).map_err(|e| raise(py, e))?;
         model.parameters.iter_mut().zip(&values).for_each(|(p, v)| p.default = *v);
-        let model = Arc::new(model);
-        let mounts = vec![None; model.sensors.len()];
-        let config = Config::default();
-        let body = Body::new(model.clone(), &values, &mounts, &config).map_err(|e| raise(py, e))?;
-        Ok(PyModel { model, body, text, path, given: parameters, jacobians: OnceLock::new() })
+        let body = body_of(model).map_err(|e| raise(py, e))?;
+        Ok(PyModel { model: body.model.clone(), body, text, path, given: parameters, jacobians: OnceLock::new() })
     }
 
     #[getter]
@@ -115,10 +113,17 @@ impl PyModel {
         self.body.layout.names.clone()
     }
 
-    /// Everything in the model, as plain dictionaries and lists; numbers in SI and rad.
-    fn describe<'py>(&self, py: Python<'py>) -> PyResult<Any<'py>> {
-        let json = describe(&self.body, &self.path).to_string();
-        py.import("json")?.call_method1("loads", (json,))
+    /// Everything in the model as a `ModelDescription`, with the values of a calibration if one is given; numbers in SI
+    /// and rad.
+    #[pyo3(signature = (calibration=None))]
+    fn describe<'py>(&self, py: Python<'py>, calibration: Option<&Any<'py>>) -> PyResult<Any<'py>> {
+        let json = if calibration.is_some() {
+            let model = calibrated(&self.model, &streams::calibration(calibration)?);
+            describe(&model.and_then(body_of).map_err(|e| raise(py, e))?, &self.path)
+        } else {
+            describe(&self.body, &self.path)
+        };
+        py.import("oarlock.model.description")?.call_method1("described", (json.to_string(),))
     }
 
     /// Poses of all frames: q (..., n_coordinates), rad or m -> (..., n_frames, 4, 4), root from frame.
@@ -288,6 +293,12 @@ impl PyModel {
         let m = slf.get();
         (make, (m.text.clone(), m.path.clone(), m.given.clone())).into_pyobject(slf.py())
     }
+}
+
+/// The model as a system, with its own values.
+fn body_of(model: Model) -> oarlock::Result<Body> {
+    let (values, mounts) = (model.default_parameters(), vec![None; model.sensors.len()]);
+    Body::new(Arc::new(model), &values, &mounts, &Config::default())
 }
 
 /// The text with all that it extends put in.

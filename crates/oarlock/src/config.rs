@@ -91,6 +91,8 @@ pub struct Config {
     pub inputs: Option<Vec<String>>,
     /// Per stream: standard deviation of its time stamps, s. None: found from the time stamps; for a live tracker zero.
     pub stamp_std_s: Option<BTreeMap<String, f64>>,
+    /// Time that a live tracker waits for readings that come late, s.
+    pub wait_s: f64,
     /// Duration of the first samples that are fitted together as the start, s.
     pub start_window_s: f64,
     /// Reject innovations with a tail probability below 1e-6.
@@ -123,6 +125,7 @@ impl Default for Config {
             sample_rate_hz: None,
             inputs: None,
             stamp_std_s: None,
+            wait_s: 0.03,
             start_window_s: 0.1,
             gate: true,
             gate_patience_s: 0.05,
@@ -179,6 +182,12 @@ impl Config {
         let stds = self.stamp_std_s.iter().flatten();
         if let Some((stream, std)) = { stds }.find(|(_, std)| !(**std >= 0.0 && std.is_finite())) {
             return Err(Error::Data(format!("config: stamp_std_s of '{stream}' = {std}: expected 0 s or more")));
+        }
+        if !(self.wait_s >= 0.0 && self.wait_s.is_finite()) {
+            return Err(Error::Data(format!(
+                "config: wait_s = {}: expected 0 s or more, for example 0.03",
+                self.wait_s
+            )));
         }
         if !(self.alpha > 0.0 && self.alpha <= 1.0) {
             return Err(Error::Data(format!(

@@ -1,6 +1,8 @@
 //! Streams of readings, and their merging into samples.
 
 pub mod column;
+pub mod feed;
+pub mod gathering;
 pub mod ticks;
 pub mod timing;
 
@@ -11,8 +13,9 @@ use crate::model::{Model, SensorKind};
 use crate::rotation::turn::Turn;
 use crate::sensor::{Quantity, Suite};
 use column::Column;
+use gathering::Heads;
+pub use gathering::{Cursor, Gathering};
 use std::collections::BTreeMap;
-use ticks::Ticks;
 
 /// One quantity of a stream, row-major; NaN is missing.
 #[derive(Debug, Clone)]
@@ -44,7 +47,7 @@ pub struct Sample {
     pub z: Vec<f64>,
     /// Per coordinate of the model: readings of input joints, NaN where missing.
     pub inputs: Vec<f64>,
-    /// Per source: time of its readings after that of the sample, s.
+    /// Per source: time of its readings after that of the sample, s. Empty: zero.
     pub offset_s: Vec<f64>,
 }
 
@@ -127,25 +130,6 @@ pub struct Feeds {
     pub input: Option<usize>,
 }
 
-/// How readings are gathered into samples.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Gathering {
-    /// All readings whose time stamps differ by less than this, s, at the first of these stamps.
-    Instants(f64),
-    /// At regular times; each reading keeps its offset from them.
-    Ticks(Ticks),
-}
-
-/// Position in a recording.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Cursor {
-    /// The next row of every stream.
-    rows: Vec<usize>,
-    /// With ticks: the slot of every stream's last reading, and that of the last sample.
-    slots: Vec<i64>,
-    slot: Option<i64>,
-}
-
 impl Recording {
     /// Checks time stamps, lengths and names. Readings are gathered by true time according to `clocks` (by stream).
     pub fn new(
@@ -201,8 +185,7 @@ impl Recording {
 
     /// The position before the first row.
     pub fn start(&self) -> Cursor {
-        let count = self.streams.len();
-        Cursor { rows: vec![0; count], slots: vec![i64::MIN; count], slot: None }
+        Cursor::new(self.streams.len())
     }
 
     /// Names of the streams.
@@ -235,73 +218,39 @@ impl Recording {
 
     /// Reads the next sample; false at the end. Allocates nothing.
     pub fn next(&self, cursor: &mut Cursor, sample: &mut Sample) -> bool {
-        sample.clear();
-        match self.gathering {
-            Gathering::Instants(merge_s) => self.next_instant(merge_s, cursor, sample),
-            Gathering::Ticks(ticks) => self.next_tick(ticks, cursor, sample),
-        }
+        self.gathering.next(self, cursor, sample)
+    }
+}
+
+impl Heads for Recording {
+    fn count(&self) -> usize {
+        self.streams.len()
     }
 
-    /// All rows within `merge_s` of the earliest.
-    fn next_instant(&self, merge_s: f64, cursor: &mut Cursor, sample: &mut Sample) -> bool {
-        let heads = self.streams.iter().zip(&cursor.rows).filter_map(|(s, &at)| s.true_s(at));
-        let Some(time_s) = heads.reduce(f64::min) else {
-            return false;
-        };
-        sample.time_s = time_s;
-        for i in 0..self.streams.len() {
-            let here = self.streams[i].true_s(cursor.rows[i]).is_some_and(|t| t - time_s < merge_s);
-            if here {
-                self.take(i, cursor, sample);
-            }
-        }
-        true
+    fn true_s(&self, stream: usize, row: usize) -> Option<f64> {
+        self.streams[stream].true_s(row)
     }
 
-    /// All rows of the earliest slot, or the row of the output that comes before it.
-    fn next_tick(&self, ticks: Ticks, cursor: &mut Cursor, sample: &mut Sample) -> bool {
-        let slot_of = |i: usize, cursor: &Cursor| {
-            let true_s = self.streams[i].true_s(cursor.rows[i])?;
-            Some(ticks.slot(true_s).max(cursor.slots[i].saturating_add(1)))
-        };
-        let Some(first) = (0..self.streams.len()).filter_map(|i| slot_of(i, cursor)).min() else {
-            return false;
-        };
-        let slot = cursor.slot.and_then(|last| ticks.row_between(last, first)).unwrap_or(first);
-        sample.time_s = ticks.time_s(slot);
-        cursor.slot = Some(slot);
-        for i in 0..self.streams.len() {
-            if slot_of(i, cursor) != Some(slot) {
-                continue;
-            }
-            if let (Some(source), Some(true_s)) = (self.sources[i], self.streams[i].true_s(cursor.rows[i])) {
-                sample.offset_s[source] = true_s - sample.time_s;
-            }
-            cursor.slots[i] = slot;
-            self.take(i, cursor, sample);
-        }
-        true
+    fn source(&self, stream: usize) -> Option<usize> {
+        self.sources[stream]
     }
 
-    /// Copies the next row of a stream into the sample.
-    fn take(&self, stream: usize, cursor: &mut Cursor, sample: &mut Sample) {
-        let at = &mut cursor.rows[stream];
+    fn put(&self, stream: usize, row: usize, sample: &mut Sample) {
         for (channel, target) in self.streams[stream].stream.channels.iter().zip(&self.targets[stream]) {
             let width = width(channel.quantity);
             match *target {
                 Target::Row(usize::MAX) => {}
-                Target::Row(row) if channel.quantity == Quantity::Orientation => {
+                Target::Row(first) if channel.quantity == Quantity::Orientation => {
                     let mut quaternion = [0.0; 4];
-                    channel.values.read(*at * width, &mut quaternion);
-                    sample.z[row..row + 3].copy_from_slice(&Turn(quaternion).log());
+                    channel.values.read(row * width, &mut quaternion);
+                    sample.z[first..first + 3].copy_from_slice(&Turn(quaternion).log());
                 }
-                Target::Row(row) => channel.values.read(*at * width, &mut sample.z[row..row + width]),
+                Target::Row(first) => channel.values.read(row * width, &mut sample.z[first..first + width]),
                 Target::Input(coordinate) => {
-                    channel.values.read(*at * width, &mut sample.inputs[coordinate..=coordinate]);
+                    channel.values.read(row * width, &mut sample.inputs[coordinate..=coordinate]);
                 }
             }
         }
-        *at += 1;
     }
 }
 

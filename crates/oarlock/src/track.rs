@@ -1,5 +1,6 @@
 //! Tracks a model: `Tracker` takes samples one by one and returns state estimates. `run` and the Python package use it.
 
+pub mod arrivals;
 mod bank;
 mod begin;
 mod consider;
@@ -53,7 +54,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use subject::Subject;
 use worn::{as_known, check_stds};
-pub use worn::{mount_values, parameter_values};
+pub use worn::{calibrated, mount_values, parameter_values};
 
 /// Calibration of one session: everything about the sensors and the body that differs from the model file.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -123,7 +124,11 @@ impl Tracker {
     /// Combines model, calibration and configuration. Allocates all memory that steps need.
     pub fn new(model: Arc<Model>, calibration: &Calibration, config: &Config) -> Result<Self> {
         config.check()?;
-        let model = as_known(model, calibration, config)?;
+        let model = match &config.inputs {
+            Some(kept) => Arc::new(model.with_inputs(kept)?),
+            None => model,
+        };
+        let model = as_known(model, calibration);
         let parameters = parameter_values(&model, &calibration.parameters)?;
         let mounts = mount_values(&model, &calibration.mounts)?;
         check_stds(&model, calibration)?;
@@ -263,6 +268,12 @@ impl Tracker {
                 sample.z.len(),
                 sample.inputs.len(),
                 self.subject.body.model.name
+            )));
+        }
+        if let Some(offset_s) = sample.offset_s.iter().find(|s| !s.is_finite()) {
+            return Err(Error::Data(format!(
+                "sample at {:.3} s: a reading is {offset_s} s after it; expected a finite time",
+                sample.time_s
             )));
         }
         self.check_finite(sample)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from oarlock.cli import calibrate_clocks, calibrate_motion, calibrate_session, calibrate_tree
-from oarlock.cli.calibrate_tree import OutFile, RecordingFolder, Replace, Still, saved
-from oarlock.cli.options import Json, ModelName, Settings, assignments, example, names
+from oarlock.cli.calibrate_tree import OutFile, RecordingFolder, Still, saved
+from oarlock.cli.options import Json, ModelName, Replace, Settings, assignments, example, names
 from oarlock.cli.terminal import free_file, heading, number, say, steps, table, verb
 
 if TYPE_CHECKING:

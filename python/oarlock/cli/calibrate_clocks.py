@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from oarlock.cli.calibrate_tree import OutFile, RecordingFolder, Replace, Start, track_next
-from oarlock.cli.options import Json, ModelName, Settings, assignments, example, names
+from oarlock.cli.calibrate_tree import OutFile, RecordingFolder, Start, track_next
+from oarlock.cli.options import Json, ModelName, Replace, Settings, assignments, example, names
 from oarlock.cli.terminal import free_file, heading, number, print_json, progress, say, steps, table, verb
 
 if TYPE_CHECKING:

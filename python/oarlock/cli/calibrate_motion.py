@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from oarlock.cli.calibrate_tree import OutFile, RecordingFolder, Replace, calibrated, saved
-from oarlock.cli.options import Json, ModelName, Settings, example
+from oarlock.cli.calibrate_tree import OutFile, RecordingFolder, calibrated, saved
+from oarlock.cli.options import Json, ModelName, Replace, Settings, example
 from oarlock.cli.terminal import free_file, heading, number, say, steps, table, verb
 
 if TYPE_CHECKING:

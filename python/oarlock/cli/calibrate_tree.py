@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from oarlock.cli.options import Json, ModelName, Settings, assignments, example, names
+from oarlock.cli.options import Json, ModelName, Replace, Settings, assignments, example, names
 from oarlock.cli.terminal import free_file, heading, number, print_json, say, steps, table, verb
 
 if TYPE_CHECKING:
@@ -30,7 +30,6 @@ Sensors = Annotated[
         "--sensors", metavar="NAMES", help="Sensors to use, comma-separated; default: all recorded."
     ),
 ]
-Replace = Annotated[bool, typer.Option("--force", help="Replace a file that exists.")]
 Window = Annotated[float, typer.Option("--window", metavar="S", help="Averaging window of the readings, s.")]
 Still = Annotated[
     tuple[float, float] | None,

@@ -20,9 +20,9 @@ from oarlock.cli.options import (
 )
 from oarlock.cli.terminal import (
     UsageError,
-    fresh_folder,
     heading,
     number,
+    output_folder,
     pairs,
     print_json,
     progress,
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from oarlock.evaluation.comparison.estimators import Estimator
     from oarlock.evaluation.comparison.scores import Score
 
-COMPARE_FILE = "compare.toml"
+PAGE = "compare.html"
 ALL = "all"
 
 
@@ -99,19 +99,21 @@ def compare(
     place = truth_folder(recording if truth is None else truth)
     known = None if truth is None and place == recording else oarlock.load_track(place)
     wearing = oarlock.load_calibration(calibration) if calibration is not None else None
-    fresh_folder(out, COMPARE_FILE, force)
-    found = oarlock.compare(
-        body,
-        measured,
-        known,
-        chosen,
-        calibration=wearing,
-        start_s=start_s,
-        repeats=repeats,
-        progress=progress,
-    )
-    found.save(out)
-    page = _write_page(found, out, recording) if html else None
+    with output_folder(out, "comparison", force) as stage:
+        found = oarlock.compare(
+            body,
+            measured,
+            known,
+            chosen,
+            calibration=wearing,
+            start_s=start_s,
+            repeats=repeats,
+            progress=progress,
+        )
+        found.save(stage)
+        if html:
+            _write_page(found, stage, recording)
+    page = out / PAGE if html else None
     if json_output:
         print_json(found.to_dict() | {"out": out, "page": page})
         return
@@ -132,10 +134,10 @@ def _chosen(names: list[str] | None) -> list[Estimator] | None:
         raise UsageError(f"--filter: {error}") from None
 
 
-def _write_page(found: Comparison, out: Path, recording: Path) -> Path:
+def _write_page(found: Comparison, folder: Path, recording: Path) -> None:
     from oarlock.report.comparison import write_comparison
 
-    return write_comparison(found, out / "compare.html", f"Filters on {recording.name}")
+    write_comparison(found, folder / PAGE, f"Filters on {recording.name}")
 
 
 _HEADERS = {

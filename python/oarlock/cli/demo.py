@@ -11,9 +11,9 @@ from oarlock.cli.calibrate import write_chain
 from oarlock.cli.options import Force, Json, example
 from oarlock.cli.tables import error, speed, write_notes, write_sensors
 from oarlock.cli.terminal import (
-    fresh_folder,
     heading,
     number,
+    output_folder,
     page,
     pairs,
     print_json,
@@ -33,8 +33,6 @@ DURATION_S = 40.0
 SEED = 0
 # the vendor's orientation of the lower unit is wrong after the fastest rotation
 BEFORE_FASTEST_TURN_S = 3.85
-# an earlier demo may have written this folder inside its output folder
-_OWN_MARK = "sculler"
 
 
 class Scored(NamedTuple):
@@ -70,11 +68,11 @@ def demo(
     json_output: Json = False,
 ) -> None:
     """Track a simulated sculler and a real pendulum, and print the errors of both."""
-    fresh_folder(out, _OWN_MARK, force)
-    filtered, smoothed = _sculler(out / "sculler")
-    if not json_output:
-        _write_sculler(filtered, smoothed)
-    pendulum = _pendulum(out / "pendulum")
+    with output_folder(out, "demo", force) as stage:
+        filtered, smoothed = _sculler(stage / "sculler", out / "sculler")
+        if not json_output:
+            _write_sculler(filtered, smoothed)
+        pendulum = _pendulum(stage / "pendulum", out / "pendulum")
     if json_output:
         print_json(_document(filtered, smoothed, pendulum))
         return
@@ -85,8 +83,8 @@ def demo(
 # --- sculler ------------------------------------------------------------------------------------------
 
 
-def _sculler(folder: Path) -> tuple[Scored, Scored]:
-    """Simulate, track, smooth and score; return the results of filter and smoother."""
+def _sculler(folder: Path, place: Path) -> tuple[Scored, Scored]:
+    """Simulate, track, smooth and score; return the results of filter and smoother. `place`: where it will be."""
     import oarlock
     from oarlock.rowing.simulation.experiment import simulate_sculling
 
@@ -101,8 +99,8 @@ def _sculler(folder: Path) -> tuple[Scored, Scored]:
     results = []
     for name, track in (("filter", filtered), ("smoother", smoothed)):
         evaluation = oarlock.evaluate(track, truth)
-        report = write_folder(track, folder / name, evaluation=evaluation, truth=truth)
-        results.append(Scored(track, evaluation, report))
+        write_folder(track, folder / name, evaluation=evaluation, truth=truth)
+        results.append(Scored(track, evaluation, place / name / "report.html"))
     return results[0], results[1]
 
 
@@ -170,8 +168,11 @@ def _mean(scored: Scored) -> str:
 # --- pendulum -----------------------------------------------------------------------------------------
 
 
-def _pendulum(folder: Path) -> Pendulum:
-    """Calibrate mounts of a real three-link pendulum, track it and score it against the vendor's orientations."""
+def _pendulum(folder: Path, place: Path) -> Pendulum:
+    """Calibrate mounts of a real three-link pendulum, track it and score it against the vendor's orientations.
+
+    `place` is where the folder will be.
+    """
     import oarlock
     from oarlock.evaluation.orientations import angles_from_orientations
     from oarlock.formats.apdm import read_apdm, read_apdm_orientations
@@ -194,8 +195,8 @@ def _pendulum(folder: Path) -> Pendulum:
         for end_s in (None, BEFORE_FASTEST_TURN_S)
     )
     vendor = angles_from_orientations(model, recording, orientations, calibration)
-    report = write_folder(track, folder, evaluation=whole, truth=vendor.track)
-    return Pendulum(Scored(track, whole, report), early, calibration)
+    write_folder(track, folder, evaluation=whole, truth=vendor.track)
+    return Pendulum(Scored(track, whole, place / "report.html"), early, calibration)
 
 
 def _write_pendulum(result: Pendulum) -> None:

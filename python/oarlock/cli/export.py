@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 import typer
 
 from oarlock.cli.options import Force, Json, example, names
-from oarlock.cli.terminal import UsageError, fresh_folder, heading, print_json, say, steps, table, verb
-from oarlock.formats.export.export import FORMATS, SUMMARY, files_of
+from oarlock.cli.terminal import UsageError, heading, output_folder, print_json, say, steps, table, verb
+from oarlock.formats.export.export import FORMATS, KIND, SUMMARY, files_of
 
 if TYPE_CHECKING:
     from oarlock import Export
@@ -93,15 +94,16 @@ def export(
     _check("--axes", axes, AXES)
     _check("--missing", missing, MISSING)
     track = oarlock.load_track(out)
-    fresh_folder(to, SUMMARY, force)
-    written = oarlock.export(
-        track,
-        to,
-        chosen,
-        degrees=degrees,
-        axes=cast(Literal["y-up", "root"], axes),
-        missing=cast(Literal["nan", "drop"], missing),
-    )
+    with output_folder(to, KIND, force) as stage:
+        written = oarlock.export(
+            track,
+            stage,
+            chosen,
+            degrees=degrees,
+            axes=cast(Literal["y-up", "root"], axes),
+            missing=cast(Literal["nan", "drop"], missing),
+        )
+    written = replace(written, folder=to)
     if json_output:
         print_json(written.to_dict())
         return

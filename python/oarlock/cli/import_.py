@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from oarlock.cli.options import Force, Json, OutFolder, example
-from oarlock.cli.terminal import new_folder, number, print_json, say, steps, table, verb
+from oarlock.cli.terminal import number, output_folder, print_json, say, steps, table, verb
 from oarlock.formats.importers import FORMATS, Format
 
 if TYPE_CHECKING:
@@ -56,8 +56,8 @@ def _write(recording: Recording, source: Path, out: Path, force: bool, json_outp
     from oarlock.evaluation.summary import rate_text
     from oarlock.recording.packets import lost_packets, missing_packets, missing_share, own_rate_hz
 
-    new_folder(out, force)
-    recording.save(out)
+    with output_folder(out, "recording", force, fresh=True) as stage:
+        recording.save(stage)
     if json_output:
         print_json(
             {

@@ -11,10 +11,11 @@ from oarlock.cli.options import Force, Json, ModelName, OutFolder, Settings, ass
 from oarlock.cli.options import names as listed
 from oarlock.cli.terminal import (
     UsageError,
+    check_folder,
     free_file,
     heading,
-    new_folder,
     number,
+    output_folder,
     pairs,
     print_json,
     progress,
@@ -210,7 +211,7 @@ def simulate(
     if from_s is not None or to_s is not None:
         markers = markers.between(*(s if s is not None else d for s, d in ((from_s, -1e12), (to_s, 1e12))))
     placed = oarlock.load_attachments(attachments)
-    new_folder(out, force)
+    check_folder(out, (), force)
     body = None
     if estimate:
         with progress("fitting the body"):
@@ -232,11 +233,12 @@ def simulate(
             accel_bias_m_s2=accel_bias_m_s2,
             progress=told,
         )
-    study.save(out)
-    oarlock.save_attachments(placed, out / "attachments.toml")
-    if body is not None:
-        body.calibration().save(out / "calibration.toml")
-    write_marker_report(study, out, title=f"Markers of {file.name}")
+    with output_folder(out, "recording", force, fresh=True) as stage:
+        study.save(stage)
+        oarlock.save_attachments(placed, stage / "attachments.toml")
+        if body is not None:
+            body.calibration().save(stage / "calibration.toml")
+        write_marker_report(study, stage, title=f"Markers of {file.name}")
     if json_output:
         print_json(_document(study, body, out))
         return

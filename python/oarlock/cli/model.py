@@ -8,8 +8,9 @@ from typing import Annotated, Any
 import typer
 
 from oarlock.cli import model_sheet
-from oarlock.cli.options import Json, Settings, assignments, example
-from oarlock.cli.terminal import EXIT_DATA, UsageError, page, print_json, say, steps, table, verb
+from oarlock.cli.options import Json, Replace, Settings, assignments, example
+from oarlock.cli.terminal import EXIT_DATA, UsageError, free_file, page, print_json, say, steps, table, verb
+from oarlock.model.description import ModelDescription
 
 group = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Show, check and copy model files.")
 
@@ -34,22 +35,19 @@ def list_(json_output: Json = False) -> None:
         return
     table(
         ["model", ">joints", ">frames", ">sensors", "description"],
-        [
-            (name, len(d["joints"]), len(d["frames"]) - 1, len(d["sensors"]), d["description"])
-            for name, d in models
-        ],
+        [(name, len(d.joints), len(d.frames) - 1, len(d.sensors), d.description) for name, d in models],
         indent=0,
     )
     steps("oarlock model show sculler", "oarlock model copy sculler my.toml")
 
 
-def _short(description: dict[str, Any]) -> dict[str, Any]:
+def _short(description: ModelDescription) -> dict[str, Any]:
     return {
-        "name": description["name"],
-        "description": description["description"],
-        "joints": [joint["name"] for joint in description["joints"]],
-        "coordinates": [name for joint in description["joints"] for name in joint["coordinates"]],
-        "sensors": [sensor["name"] for sensor in description["sensors"]],
+        "name": description.name,
+        "description": description.description,
+        "joints": [joint.name for joint in description.joints],
+        "coordinates": [name for joint in description.joints for name in joint.coordinates],
+        "sensors": [sensor.name for sensor in description.sensors],
     }
 
 
@@ -77,6 +75,7 @@ def show(
         ),
     ] = None,
     settings: Settings = None,
+    force: Replace = False,
     json_output: Json = False,
 ) -> None:
     """Frames, joints, sensors, parameters, layout of state and measurement, and the pose, drawn."""
@@ -84,14 +83,17 @@ def show(
     from oarlock.report.pose_picture.skeleton import skeleton
     from oarlock.report.pose_picture.svg import draw_svg
     from oarlock.report.pose_picture.text import draw_text
+    from oarlock.storage.write_file import write_file
 
+    if svg is not None:
+        free_file(svg, force)
     loaded = load_model(model, parameters=assignments(settings, "--set"))
     description = loaded.describe()
     body = skeleton(loaded, posture(description, assignments(at, "--at"), "--at"))
     if svg is not None:
-        svg.write_text(draw_svg(body, description["name"]), encoding="utf-8")
+        write_file(svg, draw_svg(body, description.name))
     if json_output:
-        print_json(description)
+        print_json(description.to_dict())
         return
     model_sheet.write(description)
     encoding = page().encoding.lower()
@@ -100,17 +102,17 @@ def show(
         say(f"\nPose written to {svg}")
 
 
-def posture(description: dict[str, Any], given: dict[str, float], flag: str) -> list[float]:
+def posture(description: ModelDescription, given: dict[str, float], flag: str) -> list[float]:
     """Values of the coordinates (n_coordinates,): the given ones; the others at rest.
 
     Raises:
         UsageError: a name is no coordinate of the model.
     """
     resting: dict[str, float] = {}
-    for joint in description["joints"]:
-        own, rest = joint["coordinates"], joint["rest"]
-        resting |= dict(zip(own, rest if len(own) > 1 else [rest], strict=True))
-    several = {joint["name"]: joint["coordinates"] for joint in description["joints"]}
+    for joint in description.joints:
+        rest = joint.rest if isinstance(joint.rest, tuple) else (joint.rest,)
+        resting |= dict(zip(joint.coordinates, rest, strict=True))
+    several = {joint.name: joint.coordinates for joint in description.joints}
     for name in given:
         if name not in resting and name in several:
             raise UsageError(
@@ -145,7 +147,7 @@ def check(model: Named, json_output: Json = False) -> None:
     if json_output:
         print_json({"model": model, "ok": True, "mistakes": [], "checked": checked})
         return
-    say(f"{description['path']}: fine", style="bold")
+    say(f"{description.path}: fine", style="bold")
     for line in checked:
         say(line, indent=2)
 
@@ -163,12 +165,12 @@ def copy(
     """Copy a shipped model to a file that you can edit."""
     from oarlock.model.shipped_files import model_names, model_path
     from oarlock.storage.suggest import did_you_mean
+    from oarlock.storage.write_file import write_file
 
     if name not in model_names():
         raise UsageError(f"no shipped model is called '{name}'. {did_you_mean(name, model_names())}")
-    if file.exists() and not force:
-        raise UsageError(f"{file} exists and was not changed\nAdd --force to overwrite it.")
-    file.write_text(model_path(name).read_text(encoding="utf-8"), encoding="utf-8")
+    free_file(file, force)
+    write_file(file, model_path(name).read_text(encoding="utf-8"))
     if json_output:
         print_json({"model": name, "written": file})
         return

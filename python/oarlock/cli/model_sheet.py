@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from oarlock.cli.terminal import heading, number, say, table
 from oarlock.evaluation.scores import presentation
 from oarlock.model.angle_sequence import angle_labels
+from oarlock.model.description import (
+    ImuDescription,
+    JointDescription,
+    ModelDescription,
+    OrientationDescription,
+    RangeDescription,
+    SensorDescription,
+)
 from oarlock.model.layout import blocks, parts_of, quantities, rows_of
 
-Described = dict[str, Any]
 _SI = {"hinge": "rad", "slide": "m"}
 
 
-def write(model: Described) -> None:
+def write(model: ModelDescription) -> None:
     """Prints everything but the pose."""
-    say(model["name"], style="bold")
-    for line in (model["description"], model["path"]):
+    say(model.name, style="bold")
+    for line in (model.description, model.path):
         if line:
-            say(line, style="dim" if line == model["path"] else "")
+            say(line, style="dim" if line == model.path else "")
     _parameters(model)
     _joints(model)
     _frames(model)
@@ -36,71 +42,68 @@ def write_pose(picture: str, given: Sequence[str]) -> None:
         say(f"  {line}".rstrip())
 
 
-def checked(model: Described) -> list[str]:
+def checked(model: ModelDescription) -> list[str]:
     """What was checked in a model file without mistakes, one sentence each."""
-    inputs = sum(joint["input"] for joint in model["joints"])
+    inputs = sum(joint.input for joint in model.joints)
     return [
-        f"{len(model['parameters'])} parameters; every expression uses names that exist",
-        f"{len(model['frames']) - 1} frames; every parent exists, no cycle, every joint is known",
-        f"{len(model['joints'])} joints, {inputs} of them inputs{_counted(model)}; kinds, limits, processes are valid",
-        f"{len(model['sensors'])} sensors; each sits on a frame or joint that exists and has its noise",
-        f"{len(model['closures'])} closures; points and axes are complete",
-        f"state {len(model['state_names'])} rows, measurement {len(model['measurement_names'])} rows",
+        f"{len(model.parameters)} parameters; every expression uses names that exist",
+        f"{len(model.frames) - 1} frames; every parent exists, no cycle, every joint is known",
+        f"{len(model.joints)} joints, {inputs} of them inputs{_counted(model)}; kinds, limits, processes are valid",
+        f"{len(model.sensors)} sensors; each sits on a frame or joint that exists and has its noise",
+        f"{len(model.closures)} closures; points and axes are complete",
+        f"state {len(model.state_names)} rows, measurement {len(model.measurement_names)} rows",
     ]
 
 
-def _counted(model: Described) -> str:
+def _counted(model: ModelDescription) -> str:
     """Return the number of coordinates as text if it differs from the number of joints."""
-    count = sum(len(joint["coordinates"]) for joint in model["joints"])
-    return f", {count} coordinates" if count > len(model["joints"]) else ""
+    count = sum(len(joint.coordinates) for joint in model.joints)
+    return f", {count} coordinates" if count > len(model.joints) else ""
 
 
-def _parameters(model: Described) -> None:
-    if not model["parameters"]:
+def _parameters(model: ModelDescription) -> None:
+    if not model.parameters:
         return
     heading("Parameters", "change one with --set NAME=VALUE")
     table(
         ["name", ">value", "unit", ">std", "what it is"],
         [
             (
-                p["name"],
-                number(p["value"], ".4f"),
-                p["unit"] or "",
-                number(p["std"], ".4f", ""),
-                p["label"] or "",
+                p.name,
+                number(p.value, ".4f"),
+                p.unit,
+                number(p.std, ".4f", ""),
+                p.label,
             )
-            for p in model["parameters"]
+            for p in model.parameters
         ],
     )
 
 
-def _joints(model: Described) -> None:
+def _joints(model: ModelDescription) -> None:
     heading("Joints", "limits are soft; process noise density per sqrt(s)")
     table(
         ["joint", "kind", ">from", ">to", ">rest", "unit", "moves as", "state"],
-        [_joint_row(joint, model["state_names"]) for joint in model["joints"]],
+        [_joint_row(joint, model.state_names) for joint in model.joints],
     )
     _coordinates(model)
-    labelled = [joint for joint in model["joints"] if joint["label"]]
+    labelled = [joint for joint in model.joints if joint.label]
     if labelled:
         heading("Descriptions of the joints")
-        table(["joint", "what it is"], [(joint["name"], joint["label"]) for joint in labelled])
+        table(["joint", "what it is"], [(joint.name, joint.label) for joint in labelled])
 
 
-def _joint_row(joint: Described, state_names: Sequence[str]) -> tuple[str, ...]:
-    low, high = joint["limits"] or (None, None)
-    shown = [_in_unit(value, joint["kind"]) for value in (low, high, joint["rest"])]
-    process = joint["process"]
-    motion = "input" if joint["input"] else f"{process['kind']} {process['density']:g}" if process else ""
-    rows = _joint_states(joint["name"], state_names)
-    unit = {"slide": "m", "fixed": "m", "free": "m, deg"}.get(joint["kind"], presentation("rad")[1])
-    return (joint["name"], joint["kind"], *shown, unit, motion, rows)
+def _joint_row(joint: JointDescription, state_names: Sequence[str]) -> tuple[str, ...]:
+    shown = [_in_unit(value, joint.kind) for value in (*joint.limits, joint.rest)]
+    process = joint.process
+    motion = "input" if joint.input else f"{process.kind} {process.density:g}" if process else ""
+    rows = _joint_states(joint.name, state_names)
+    unit = {"slide": "m", "fixed": "m", "free": "m, deg"}.get(joint.kind, presentation("rad")[1])
+    return (joint.name, joint.kind, *shown, unit, motion, rows)
 
 
-def _in_unit(value: float | Sequence[float] | None, kind: str) -> str:
+def _in_unit(value: float | Sequence[float], kind: str) -> str:
     """A limit or rest posture as text; a free joint lists the position before the rotation vector."""
-    if value is None:
-        return ""
     numbers = [value] if isinstance(value, int | float) else list(value)
     lengths = len(numbers) if kind in ("slide", "fixed") else 3 if len(numbers) == 6 else 0
     factor = presentation("rad")[0]
@@ -109,8 +112,8 @@ def _in_unit(value: float | Sequence[float] | None, kind: str) -> str:
     )
 
 
-def _coordinates(model: Described) -> None:
-    several = [joint for joint in model["joints"] if len(joint["coordinates"]) > 1]
+def _coordinates(model: ModelDescription) -> None:
+    several = [(joint, joint.angles) for joint in model.joints if joint.angles is not None]
     if not several:
         return
     heading("Joints with several coordinates", "rx, ry, rz: rotation vector of parent-from-child, rad")
@@ -118,20 +121,20 @@ def _coordinates(model: Described) -> None:
         ["joint", "coordinates", "named angles", "rotates about"],
         [
             (
-                joint["name"],
+                joint.name,
                 ", ".join(_short(joint)),
-                joint["angles"],
-                ", ".join(angle_labels(joint["angles"])),
+                angles,
+                ", ".join(angle_labels(angles)),
             )
-            for joint in several
+            for joint, angles in several
         ],
     )
 
 
-def _short(joint: Described) -> list[str]:
+def _short(joint: JointDescription) -> list[str]:
     """The first name in full; only the differing part of the others."""
-    first, *others = joint["coordinates"]
-    return [first, *(name.removeprefix(joint["name"]) for name in others)]
+    first, *others = joint.coordinates
+    return [first, *(name.removeprefix(joint.name) for name in others)]
 
 
 def _joint_states(name: str, state_names: Sequence[str]) -> str:
@@ -139,27 +142,27 @@ def _joint_states(name: str, state_names: Sequence[str]) -> str:
     return rows_of(name, ["" if "_bias_" in row else row for row in state_names])
 
 
-def _frames(model: Described) -> None:
+def _frames(model: ModelDescription) -> None:
     heading("Frames", "the sign is that of the joint's motion")
     worn: dict[str, list[str]] = {}
-    for sensor in model["sensors"]:
-        worn.setdefault(sensor.get("frame") or "", []).append(sensor["name"])
+    for sensor in model.sensors:
+        worn.setdefault(sensor.frame or "", []).append(sensor.name)
     table(
         [">#", "frame", "parent", "moved by", "carries"],
         [
             (
                 index,
-                frame["name"],
-                frame["parent"] or "",
-                "" if not frame["joint"] else f"{'-' if frame['sign'] < 0 else '+'} {frame['joint']}",
-                ", ".join(worn.get(frame["name"], [])),
+                frame.name,
+                frame.parent or "",
+                "" if not frame.joint else f"{'-' if frame.sign < 0 else '+'} {frame.joint}",
+                ", ".join(worn.get(frame.name, [])),
             )
-            for index, frame in enumerate(model["frames"])
+            for index, frame in enumerate(model.frames)
         ],
     )
 
 
-def _sensors(model: Described) -> None:
+def _sensors(model: ModelDescription) -> None:
     heading("Sensors", "noise as standard deviations")
     table(
         [
@@ -173,38 +176,40 @@ def _sensors(model: Described) -> None:
             "rows",
             "biases in state",
         ],
-        [_sensor_row(sensor, model) for sensor in model["sensors"]],
+        [_sensor_row(sensor, model) for sensor in model.sensors],
     )
 
 
-def _sensor_row(sensor: Described, model: Described) -> tuple[str, ...]:
-    kinds = {joint["name"]: joint["kind"] for joint in model["joints"]}
-    inputs = {joint["name"] for joint in model["joints"] if joint["input"]}
-    unit = _SI.get(kinds.get(sensor.get("joint") or "", ""), "")
-    std = sensor.get("std")
-    for own_unit in ("m", "rad"):
-        if sensor.get(f"std_{own_unit}") is not None:
-            unit, std = own_unit, sensor[f"std_{own_unit}"]
-    reading = number(std, "g", "")
-    rows = rows_of(sensor["name"], model["measurement_names"])
+def _sensor_row(sensor: SensorDescription, model: ModelDescription) -> tuple[str, ...]:
+    reading = next((f"{std:g} {unit}".strip() for std, unit in _stds(sensor, model) if std is not None), "")
+    noise: tuple[float | None, ...] = (None, None, None)
+    if isinstance(sensor, ImuDescription):
+        noise = (sensor.gyro_std_rad_s, sensor.accel_std_m_s2, sensor.mag_std_ut)
+    ends = f"{sensor.frame_a}, {sensor.frame_b}" if isinstance(sensor, RangeDescription) else ""
+    rows = rows_of(sensor.name, model.measurement_names)
     return (
-        sensor["name"],
-        sensor["kind"],
-        sensor.get("frame") or sensor.get("joint") or f"{sensor['frame_a']}, {sensor['frame_b']}",
-        number(sensor.get("gyro_std_rad_s"), ".5f", ""),
-        number(sensor.get("accel_std_m_s2"), ".5f", ""),
-        number(sensor.get("mag_std_ut"), ".3f", ""),
-        f"{reading} {unit}".strip(),
-        rows or ("input" if sensor.get("joint") in inputs else ""),
+        sensor.name,
+        sensor.kind,
+        sensor.frame or sensor.joint or ends,
+        *(number(std, form, "") for std, form in zip(noise, (".5f", ".5f", ".3f"), strict=True)),
+        reading,
+        rows or ("input" if sensor.joint in {joint.name for joint in model.inputs} else ""),
         rows_of(
-            sensor["name"],
-            [row if "_bias_" in row or "_error_" in row else "" for row in model["state_names"]],
+            sensor.name,
+            [row if "_bias_" in row or "_error_" in row else "" for row in model.state_names],
         ),
     )
 
 
-def _closures(model: Described) -> None:
-    if not model["closures"]:
+def _stds(sensor: SensorDescription, model: ModelDescription) -> list[tuple[float | None, str]]:
+    """Standard deviations of a reading that is one quantity, with their units."""
+    kind = next((joint.kind for joint in model.joints if joint.name == sensor.joint), "")
+    turn = sensor.std_rad if isinstance(sensor, OrientationDescription) else None
+    return [(sensor.std, _SI.get(kind, "")), (sensor.std_m, "m"), (turn, "rad")]
+
+
+def _closures(model: ModelDescription) -> None:
+    if not model.closures:
         return
     heading("Closures", "two points (and two axes, if given) that must agree")
     factor, unit = presentation("m")
@@ -212,45 +217,45 @@ def _closures(model: Described) -> None:
         ["closure", "joins", "with", f">std {unit}", ">std axis", "constrains", "rows"],
         [
             (
-                c["name"],
-                c["frame_a"],
-                c["frame_b"],
-                number(c["std_m"] * factor, "g"),
-                number(c.get("std_axis"), "g", ""),
-                quantities(parts_of(c["name"], model["measurement_names"])),
-                rows_of(c["name"], model["measurement_names"]),
+                c.name,
+                c.frame_a,
+                c.frame_b,
+                number(c.std_m * factor, "g"),
+                number(c.std_axis, "g", ""),
+                quantities(parts_of(c.name, model.measurement_names)),
+                rows_of(c.name, model.measurement_names),
             )
-            for c in model["closures"]
+            for c in model.closures
         ],
     )
 
 
-def _base_accelerations(model: Described) -> None:
-    if not model["base_acceleration"]:
+def _base_accelerations(model: ModelDescription) -> None:
+    if not model.base_acceleration:
         return
     heading("Base accelerations", "estimated, not measured")
     table(
         ["name", "axis", ">density", "state", "what it is"],
         [
             (
-                b["name"],
-                " ".join(f"{x:g}" for x in b["axis"]),
-                f"{b['density']:g}",
-                rows_of(b["name"], model["state_names"]),
-                b.get("label") or "",
+                b.name,
+                " ".join(f"{x:g}" for x in b.axis),
+                f"{b.density:g}",
+                rows_of(b.name, model.state_names),
+                b.label,
             )
-            for b in model["base_acceleration"]
+            for b in model.base_acceleration
         ],
     )
 
 
-def _layout(model: Described) -> None:
-    joints = {joint["name"]: "joints" for joint in model["joints"]}
-    sensors = {sensor["name"]: f"{sensor['kind']} sensors" for sensor in model["sensors"]}
-    closures = {closure["name"]: "closures" for closure in model["closures"]}
+def _layout(model: ModelDescription) -> None:
+    joints = {joint.name: "joints" for joint in model.joints}
+    sensors = {sensor.name: f"{sensor.kind} sensors" for sensor in model.sensors}
+    closures = {closure.name: "closures" for closure in model.closures}
     for title, names, kinds in (
-        ("State", model["state_names"], joints),
-        ("Measurement", model["measurement_names"], sensors | closures),
+        ("State", model.state_names, joints),
+        ("Measurement", model.measurement_names, sensors | closures),
     ):
         heading(title, f"{len(names)} rows")
         table(["rows", ">count", "contents"], [(b.rows, b.count, b.kind) for b in blocks(names, kinds)])

@@ -23,6 +23,7 @@ CalibrationFile = Annotated[
 Jobs = Annotated[
     int | None, typer.Option("--jobs", metavar="N", min=1, help="Parallel processes; default: all cores.")
 ]
+Replace = Annotated[bool, typer.Option("--force", help="Replace a file that exists.")]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="A model parameter, e.g. l_ua_r=0.31 (SI). Repeatable."),

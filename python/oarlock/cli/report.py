@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from oarlock.cli.evaluate import truth_folder
-from oarlock.cli.options import Json, example
-from oarlock.cli.terminal import UsageError, print_json, say, verb
+from oarlock.cli.options import Json, Replace, example
+from oarlock.cli.terminal import UsageError, free_file, print_json, say, verb
 
 if TYPE_CHECKING:
     from oarlock import Evaluation, Track
@@ -67,6 +67,7 @@ def report(
     to: Annotated[
         Path | None, typer.Option("--to", metavar="FILE", help="The file to write; else TRACK/report.html.")
     ] = None,
+    force: Replace = False,
     json_output: Json = False,
 ) -> None:
     """Write report.html: one file that works offline, with a summary, curves and sensor health.
@@ -76,14 +77,20 @@ def report(
     with its unit, sign and source.
     """
     from oarlock import load_track
+    from oarlock.storage.added_files import added_files
 
+    page = to or out / "report.html"
+    page = page / "report.html" if page.is_dir() else page
+    free_file(page, force)
     known = load_track(truth_folder(truth)) if truth is not None else None
     other = load_track(compare) if compare is not None else None
     track = load_track(out)
     names = (out.name, compare.name if compare is not None else "")
-    written = write_any_report(
-        track, to or out / "report.html", truth=known, other=other, names=names, targets=targets
-    )
+    with added_files(page.parent, force) as stage:
+        staged = write_any_report(
+            track, stage / page.name, truth=known, other=other, names=names, targets=targets
+        )
+    written = [page.with_name(file.name) for file in staged]
     if json_output:
         print_json({"report": written[0], "beside": written[1:]})
         return

@@ -11,8 +11,8 @@ import typer
 from oarlock.cli.options import Force, Jobs, Json, OutFolder, example
 from oarlock.cli.terminal import (
     UsageError,
-    fresh_folder,
     heading,
+    output_folder,
     print_json,
     progress,
     say,
@@ -88,10 +88,10 @@ def reproduce(
         raise UsageError(f"{', '.join(chosen)}: one of them is named twice")
     count = seeds if seeds is not None else (3 if seed is None else 1)
     numbers = tuple(range(seed or 0, (seed or 0) + count))
-    fresh_folder(out, RUN_FILE, force)
-    with progress("running the paper's experiments") as told:
-        parts = run(chosen, numbers, duration_s=duration_s, jobs=jobs, progress=told)
-    report = write_reproduction(parts, out, numbers, duration_s)
+    with output_folder(out, "reproduction", force) as stage:
+        with progress("running the paper's experiments") as told:
+            parts = run(chosen, numbers, duration_s=duration_s, jobs=jobs, progress=told)
+        report = out / write_reproduction(parts, stage, numbers, duration_s).name
     if json_output:
         print_json(_document(parts, report))
         return
@@ -107,13 +107,14 @@ def write_reproduction(parts: list[Part], out: Path, seeds: tuple[int, ...], dur
     from oarlock.evaluation.study.rows import write_rows
     from oarlock.lab.reproduce.page import reproduction_page
     from oarlock.storage.toml import write_toml
+    from oarlock.storage.write_file import write_file
 
     for part in parts:
         for name, rows in part.data.items():
             write_rows(rows, out / name)
     title = parts[0].title if len(parts) == 1 else "Reproduction of the paper"
     report = out / "report.html"
-    report.write_text(reproduction_page(parts, title, LEAD), encoding="utf-8")
+    write_file(report, reproduction_page(parts, title, LEAD))
     description: dict[str, object] = {
         "format": 1,
         "oarlock": __version__,

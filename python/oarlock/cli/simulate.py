@@ -10,7 +10,7 @@ import typer
 from oarlock.cli.options import Force, Json, ModelName, OutFolder, Settings, assignments, example
 from oarlock.cli.simulate_field import Effect, Field, RateHz, Strength, asked_effects, simulate_in_the_field
 from oarlock.cli.simulate_session import simulate_guided_session
-from oarlock.cli.terminal import UsageError, new_folder, pairs, print_json, progress, say, steps, verb
+from oarlock.cli.terminal import UsageError, output_folder, pairs, print_json, progress, say, steps, verb
 
 if TYPE_CHECKING:
     from oarlock.rowing import HullRotation
@@ -113,13 +113,12 @@ def simulate(
         raise UsageError(
             f"--boat {boat.value} with --field: there the hull turns by --effect hull_pitch_rad=0.01"
         )
-    new_folder(out, force)
     if effects is not None:
         simulate_in_the_field(
-            loaded, effects, out, (chosen, duration_s, rates, rate_hz, seed), model, json_output
+            loaded, effects, out, (chosen, duration_s, rates, rate_hz, seed), model, force, json_output
         )
         return
-    with progress("simulating"):
+    with output_folder(out, "recording", force, fresh=True) as stage, progress("simulating"):
         truth, recording = simulate_rowing(
             loaded,
             chosen,
@@ -129,8 +128,8 @@ def simulate(
             hull_rotation=rotation,
             pitching=boat is BoatMotion.pitch,
         )
-    recording.save(out)
-    truth.save(out / "truth")
+        recording.save(stage)
+        truth.save(stage / "truth")
     if json_output:
         print_json({"recording": out, "truth": out / "truth", "streams": recording.names, "seed": seed})
         return

@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from oarlock.cli.options import assignments
-from oarlock.cli.terminal import UsageError, heading, pairs, print_json, progress, say, steps, table
+from oarlock.cli.terminal import (
+    UsageError,
+    heading,
+    output_folder,
+    pairs,
+    print_json,
+    progress,
+    say,
+    steps,
+    table,
+)
 
 if TYPE_CHECKING:
     from oarlock import Model
@@ -64,13 +74,13 @@ def asked_effects(
 
 
 def simulate_in_the_field(
-    model: Model, effects: FieldEffects, out: Path, course: Course, named: str, json_output: bool
+    model: Model, effects: FieldEffects, out: Path, course: Course, named: str, force: bool, json_output: bool
 ) -> None:
     """Writes the recording, ground truth, markers and true calibration, and prints the files."""
     from oarlock.rowing import simulate_field
 
     condition, duration_s, rate_spm, rate_hz, seed = course
-    with progress("simulating"):
+    with output_folder(out, "recording", force, fresh=True) as stage, progress("simulating"):
         trial = simulate_field(
             model,
             effects,
@@ -80,7 +90,7 @@ def simulate_in_the_field(
             rate_hz=rate_hz,
             seed=seed,
         )
-    trial.save(out)
+        trial.save(stage)
     written = {
         "recording": out,
         "truth": out / "truth",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from oarlock.cli.terminal import new_folder, pairs, print_json, progress, say, steps
+from oarlock.cli.terminal import output_folder, pairs, print_json, progress, say, steps
 
 if TYPE_CHECKING:
     from oarlock import Model
@@ -17,10 +17,9 @@ def simulate_guided_session(
     """Writes a recording of a person who follows the model's plan, and the ground truth."""
     from oarlock import simulate_session
 
-    new_folder(out, force)
-    with progress("simulating"):
+    with output_folder(out, "recording", force, fresh=True) as stage, progress("simulating"):
         trial = simulate_session(model, seed=seed)
-    trial.save(out)
+        trial.save(stage)
     if json_output:
         names = trial.recording.names
         print_json({"recording": out, "truth": out / "truth", "streams": names, "seed": seed})

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from oarlock.cli.options import Force, Json, example
-from oarlock.cli.terminal import UsageError, fresh_folder, heading, number, print_json, say, table, verb
+from oarlock.cli.terminal import UsageError, heading, number, output_folder, print_json, say, table, verb
 
 if TYPE_CHECKING:
     from oarlock.rowing import StrokeTable
@@ -74,8 +74,8 @@ def strokes(
     found = _loaded(source, format)
     files: tuple[Path, ...] = ()
     if out is not None:
-        fresh_folder(out, "strokes.parquet", force)
-        files = save_strokes(found, out)
+        with output_folder(out, "strokes", force) as stage:
+            files = tuple(out / file.name for file in save_strokes(found, stage))
     if json_output:
         print_json(_document(found, files))
         return

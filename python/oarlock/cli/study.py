@@ -10,9 +10,9 @@ import typer
 from oarlock.cli.options import Force, Jobs, Json, example
 from oarlock.cli.terminal import (
     UsageError,
-    fresh_folder,
     heading,
     number,
+    output_folder,
     print_json,
     progress,
     say,
@@ -22,10 +22,9 @@ from oarlock.cli.terminal import (
 )
 
 if TYPE_CHECKING:
-    from oarlock import Study, StudyResult
+    from oarlock import Study
     from oarlock.evaluation.study.costs import Dose
-
-RUN_FILE = "run.toml"
+    from oarlock.evaluation.study.result import StudyResult
 
 
 def add_to(app: typer.Typer) -> None:
@@ -64,10 +63,11 @@ def study(
     Ctrl-C keeps the finished runs; the same command continues from there.
     """
     from oarlock import load_study
-    from oarlock.evaluation.study.pool import UNFINISHED
-    from oarlock.evaluation.study.study import study as run
+    from oarlock.evaluation.study.pool import UNFINISHED, all_rows, forget
+    from oarlock.evaluation.study.result import KIND, StudyResult
     from oarlock.report.study_page import study_page
     from oarlock.rowing import SIMULATORS
+    from oarlock.storage.write_file import write_file
 
     given = load_study(file, SIMULATORS, None if seeds is None else range(seeds))
     if keys:
@@ -75,12 +75,13 @@ def study(
         return
     if out is None:
         raise UsageError("--out FOLDER is missing: the folder for the results")
-    fresh_folder(out, UNFINISHED if (out / UNFINISHED).exists() else RUN_FILE, force)
-    with progress(f"{given.run_count} runs") as told:
-        result = run(given, jobs=jobs, folder=out, progress=told)
-    result.save(out)
     report = out / "report.html"
-    report.write_text(study_page(result), encoding="utf-8")
+    with output_folder(out, KIND, force, beside=UNFINISHED) as stage:
+        with progress(f"{given.run_count} runs") as told:
+            result = StudyResult(given, tuple(all_rows(given, jobs, out, told)))
+        result.save(stage)
+        write_file(stage / report.name, study_page(result))
+    forget(out)
     if json_output and given.faults:
         print_json(_of_faults(result, report))
         return

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from oarlock.cli.terminal import heading, say
+from oarlock.cli.track_folder import TRACK
+from oarlock.storage.added_files import added_files
 
 if TYPE_CHECKING:
     from oarlock import Suspect
@@ -24,17 +26,22 @@ def write_suspects(found: Sequence[Suspect]) -> None:
 
 
 @contextmanager
-def explained(found: Sequence[Suspect], out: Path, title: str) -> Iterator[None]:
-    """If the data stop a run, adds suspects to the error and writes a page instead of the report."""
+def explained(out: Path, title: str, force: bool) -> Iterator[list[Suspect]]:
+    """Gives a list for suspects. If the data stop the run, adds them to the error and writes a page about them.
+
+    The page is refused.html: a track that was in the folder before is still there, with its own report.
+    """
     from oarlock import DataError, DivergedError
 
+    found: list[Suspect] = []
     try:
-        yield
+        yield found
     except (DataError, DivergedError) as error:
         if found:
             from oarlock.report.refusal import write_refusal
 
-            reason = str(error)
-            report = write_refusal(out / "report.html", title, [s.note for s in found], reason)
-            error.args = ("\n".join([reason, *(s.note for s in found), f"Wrote {report}"]),)
+            reason, page = str(error), out / "refused.html"
+            with added_files(out, force, TRACK) as stage:
+                write_refusal(stage / page.name, title, [s.note for s in found], reason)
+            error.args = ("\n".join([reason, *(s.note for s in found), f"Wrote {page}"]),)
         raise

@@ -178,7 +178,7 @@ def verb(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]
             fail("usage", str(error), EXIT_USAGE, as_json)
         except KeyboardInterrupt:
             fail(
-                "stopped", "stopped by Ctrl-C; the files written so far are incomplete", EXIT_STOPPED, as_json
+                "stopped", "stopped by Ctrl-C; output folders are as they were before", EXIT_STOPPED, as_json
             )
         except BrokenPipeError:
             # The reader of the pipe (such as `head`) has closed it. Without this Python prints a second error at exit.
@@ -232,34 +232,68 @@ def _fault(error: Exception) -> str:
 
 
 def free_file(file: Path, force: bool) -> None:
-    """Check that a file can be written.
+    """Check that a file can be written: nothing is there, or what Oarlock wrote into a folder of its own.
 
     Raises:
-        UsageError: it exists, and `force` is not set.
+        UsageError: something else is there, and `force` is not set; or it is a folder or a device.
     """
-    if file.exists() and not force:
-        raise UsageError(f"{file} exists\nChoose another file, or add --force.")
+    from oarlock.storage.added_files import check_free
+    from oarlock.storage.errors import DataError
+
+    try:
+        check_free(file, force)
+    except DataError as error:
+        raise UsageError(str(error)) from None
 
 
-def fresh_folder(folder: Path, own_mark: str | None, force: bool) -> Path:
-    """Make an output folder, or accept one that an earlier run of the same verb wrote (it contains `own_mark`).
+@contextmanager
+def output_folder(
+    folder: Path, kind: str, force: bool, fresh: bool = False, beside: str = ""
+) -> Iterator[Path]:
+    """Context that gives the folder to write into; at its end its files are in `folder`, and never a part of them.
+
+    Args:
+        folder: as the user named it.
+        kind: what it will hold, as its manifest says.
+        force: write into a folder with other files, and replace files of the same names.
+        fresh: a folder of the same kind counts as other files, too.
+        beside: name of a file that does not count.
 
     Raises:
         UsageError: it contains other files, and `force` is not set.
+        DataError: another run is writing into it, or a file in it was changed.
     """
-    if folder.exists() and not folder.is_dir():
-        raise UsageError(f"{folder} is a file; --out names a folder")
-    ours = own_mark is not None and (folder / own_mark).exists()
-    if folder.is_dir() and any(folder.iterdir()) and not ours and not force:
-        raise UsageError(f"{folder} exists and contains other files\nChoose another folder, or add --force.")
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
+    from oarlock.storage.folder_writer import replaced_folder
+
+    check_folder(folder, () if fresh else (kind,), force, beside)
+    with replaced_folder(folder, kind, force) as stage:
+        yield stage
 
 
-def new_folder(folder: Path, force: bool) -> Path:
-    """Make an output folder that must be empty.
+def check_folder(folder: Path, kinds: Sequence[str], force: bool, beside: str = "") -> None:
+    """Check that a folder is empty but for `beside`, or of one of the `kinds`, with all files as they were written.
 
     Raises:
-        UsageError: it contains files, and `force` is not set.
+        UsageError: it is not so, and `force` is not set; or it is a file.
     """
-    return fresh_folder(folder, own_mark=None, force=force)
+    from oarlock.storage.folder_lock import WORK
+    from oarlock.storage.folder_writer import read_manifest
+
+    if os.path.lexists(folder) and not folder.is_dir():
+        raise UsageError(f"{folder} is a file; --out names a folder")
+    if force or not folder.is_dir():
+        return
+    manifest = read_manifest(folder)
+    if manifest is None or not set(manifest.kinds) <= set(kinds):
+        if any(entry.name not in (WORK, beside) for entry in folder.iterdir()):
+            raise UsageError(
+                f"{folder} exists and contains other files\nChoose another folder, or add --force."
+            )
+        return
+    listed = manifest.with_nested()
+    for name in listed.sha256:
+        if (folder / name).exists() and not listed.is_unchanged(name):
+            raise UsageError(
+                f"{folder / name} was changed since it was written\n"
+                "Choose another folder, move the file away, or add --force to replace it."
+            )

@@ -18,8 +18,8 @@ from oarlock.cli.settings import (
 )
 from oarlock.cli.suspects import explained, write_suspects
 from oarlock.cli.tables import write_summary
-from oarlock.cli.terminal import UsageError, fresh_folder, print_json, say, steps, verb
-from oarlock.cli.track_folder import RECORDING_FILE, RUN_FILE, beside, document, run_filter, write_folder
+from oarlock.cli.terminal import UsageError, output_folder, print_json, say, steps, verb
+from oarlock.cli.track_folder import RECORDING_FILE, TRACK, beside, document, run_filter, write_folder
 from oarlock.cli.track_several import folders_for, track_several
 from oarlock.evaluation.comparison.estimators import LIMB_FILTER, tree_filters
 from oarlock.evaluation.comparison.orientation_track import ORIENTATION_FILTERS
@@ -80,8 +80,11 @@ def track(
         typer.Option(
             "--only",
             metavar="NAMES",
-            help="Streams to use, comma-separated; default: all.",
+            help="Streams to use, comma-separated; default: all that the model has a sensor for.",
         ),
+    ] = None,
+    without: Annotated[
+        str | None, typer.Option("--without", metavar="NAMES", help="Streams to leave out, comma-separated.")
     ] = None,
     smooth: Annotated[bool, typer.Option("--smooth", help="Smooth over the whole recording.")] = False,
     filter_name: Annotated[
@@ -96,7 +99,9 @@ def track(
     ] = None,
     output_rate_hz: Annotated[
         float | None,
-        typer.Option(metavar="HZ", help="Reduce the output to this rate; default: every sample."),
+        typer.Option(
+            metavar="HZ", help="Rate of the rows, 0: one for every sample; default: found, see docs."
+        ),
     ] = None,
     threads: Annotated[
         int | None,
@@ -135,7 +140,9 @@ def track(
 
     def load(folder: Path) -> Recording:
         measured = load_recording(folder)
-        return measured if only is None else measured.only(names(only))
+        if only is not None:
+            measured = measured.only(names(only))
+        return measured if without is None else measured.without(names(without))
 
     if asked in OTHER_FILTERS and (smooth or len(recordings) > 1):
         lacks = "--smooth" if smooth else "several recordings at once"
@@ -153,6 +160,7 @@ def track(
             threads=threads,
             look=suspects,
             csv=csv,
+            force=force,
             json_output=json_output,
         )
         return
@@ -161,12 +169,11 @@ def track(
     wearing = load_calibration(calibration) if calibration is not None else None
     if (out / RECORDING_FILE).exists():
         raise UsageError(f"{out} is a recording; choose another folder for the results")
-    fresh_folder(out, RUN_FILE, force)
-    found = find_suspects(body, measured, wearing, config) if suspects else ()
-    with explained(found, out, f"Track of {body.name}"):
+    with explained(out, f"Track of {body.name}", force) as found, output_folder(out, TRACK, force) as stage:
+        found += find_suspects(body, measured, wearing, config) if suspects else ()
         result = run_filter(body, measured, wearing, config, smooth, asked)
-    result = result.with_notes(*(suspect.note for suspect in found))
-    write_folder(result, out, csv)
+        result = result.with_notes(*(suspect.note for suspect in found))
+        write_folder(result, stage, csv)
     if json_output:
         print_json(document(result, out, found))
         return

@@ -13,7 +13,8 @@ from oarlock.evaluation.comparison.orientation_track import ORIENTATION_FILTERS
 if TYPE_CHECKING:
     from oarlock import Calibration, Config, Evaluation, Model, Recording, Suspect, Track
 
-RUN_FILE = "run.toml"
+TRACK = "track"
+"""What the manifest of such a folder says."""
 RECORDING_FILE = "recording.toml"
 
 
@@ -42,23 +43,25 @@ def run_filter(
 
 def write_folder(
     result: Track,
-    out: Path,
+    stage: Path,
     csv: bool = False,
     evaluation: Evaluation | None = None,
     truth: Track | None = None,
-) -> Path:
-    """Write the track's tables, run.toml and a report; `csv` adds CSV tables. Return the report's path."""
+) -> None:
+    """Write the track's tables, run.toml and report.html into a folder of `output_folder`; `csv` adds CSV tables."""
     from oarlock.cli.report import write_any_report
+    from oarlock.storage.folder_writer import replaced_folder
 
-    result.save(out)
-    report = write_any_report(result, out / "report.html", evaluation, truth)[0]
-    if csv:
-        from pyarrow import csv as arrow_csv
-        from pyarrow import parquet
+    with replaced_folder(stage, TRACK) as place:
+        result.save(place)
+        write_any_report(result, place / "report.html", evaluation, truth)
+        if csv:
+            from pyarrow import parquet
 
-        for name in ("track", *(n for n in beside(result) if n == "sensors")):
-            arrow_csv.write_csv(parquet.read_table(out / f"{name}.parquet"), out / f"{name}.csv")
-    return report
+            from oarlock.storage.csv_cells import write_csv
+
+            for name in ("track", *(n for n in beside(result) if n == "sensors")):
+                write_csv(parquet.read_table(place / f"{name}.parquet"), place / f"{name}.csv")
 
 
 def beside(result: Track) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -15,7 +16,7 @@ from oarlock.cli.terminal import (
     EXIT_DATA,
     Told,
     UsageError,
-    fresh_folder,
+    check_folder,
     number,
     page,
     print_json,
@@ -24,7 +25,8 @@ from oarlock.cli.terminal import (
     steps,
     table,
 )
-from oarlock.cli.track_folder import RECORDING_FILE, RUN_FILE, document, write_folder
+from oarlock.cli.track_folder import RECORDING_FILE, TRACK, document, write_folder
+from oarlock.storage.folder_writer import FolderWriter
 
 if TYPE_CHECKING:
     from oarlock import Calibration, Config, Model, Recording, Suspect, Track
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
 
 
 def folders_for(recordings: Sequence[Path], out: Path, force: bool) -> dict[Path, Path]:
-    """Make a folder inside `out` for each recording, with its name.
+    """A folder inside `out` for each recording, with its name.
 
     Raises:
         UsageError: two recordings have the same name, or a folder contains other files.
@@ -51,7 +53,9 @@ def folders_for(recordings: Sequence[Path], out: Path, force: bool) -> dict[Path
         if (out / name / RECORDING_FILE).exists():
             raise UsageError(f"{out / name} is a recording; choose another folder for the results")
         taken[name] = recording
-    return {path: fresh_folder(out / name, RUN_FILE, force) for name, path in taken.items()}
+    for name in taken:
+        check_folder(out / name, (TRACK,), force)
+    return {path: out / name for name, path in taken.items()}
 
 
 def track_several(
@@ -65,13 +69,17 @@ def track_several(
     threads: int | None,
     look: bool,
     csv: bool,
+    force: bool,
     json_output: bool,
 ) -> None:
     """Tracks and writes each recording. If one failed, exits with status 1 after the others are written."""
     rows: list[tuple[object, ...]] = []
     documents: dict[str, object] = {}
     failed: list[str] = []
-    with progress("tracking") as told:
+    with progress("tracking") as told, ExitStack() as ended:
+        writers = {path: FolderWriter(out, TRACK, force) for path, out in folders.items()}
+        for writer in writers.values():
+            ended.callback(writer.abandon)
         for path, result, suspects in _results(
             body, load, list(folders), wearing, config, smooth, threads, look, told
         ):
@@ -79,11 +87,10 @@ def track_several(
             if isinstance(result, Exception):
                 failed.append(str(result))
                 documents[out.name] = {"error": str(result)}
-                if not any(out.iterdir()):
-                    out.rmdir()
                 continue
             result = result.with_notes(*(suspect.note for suspect in suspects))
-            write_folder(result, out, csv)
+            write_folder(result, writers[path].stage, csv)
+            writers[path].commit()
             documents[out.name] = document(result, out, suspects)
             rows.append(_row(out, result))
     if json_output:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from oarlock.cli.options import Json, example
-from oarlock.cli.terminal import UsageError, print_json, progress, say, verb
+from oarlock.cli.options import Json, Replace, example
+from oarlock.cli.terminal import UsageError, free_file, print_json, progress, say, verb
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -55,6 +55,7 @@ def view(
     no_open: Annotated[
         bool, typer.Option("--no-open", help="Write the file without opening a browser.")
     ] = False,
+    force: Replace = False,
     json_output: Json = False,
 ) -> None:
     """Write view.html and open it: one file that works offline.
@@ -64,16 +65,18 @@ def view(
     """
     from oarlock import load_track
     from oarlock.report.viewer import page
+    from oarlock.storage.added_files import added_files
+    from oarlock.storage.write_file import write_file
 
     track = load_track(out)
     other = load_track(ghost) if ghost is not None else None
     shown_s, cut = _stretch(track, start_s, end_s)
-    with progress("drawing"):
+    target = to or out / "view.html"
+    free_file(target, force)
+    with progress("drawing"), added_files(target.parent, force) as stage:
         drawn = _scene(track, other, shown_s, every_s, str(ghost or ""))
         text = page(drawn, f"{drawn['model']}: {out.resolve().name}")
-    target = to or out / "view.html"
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(text, encoding="utf-8")
+        write_file(stage / target.name, text)
     opened = not (no_open or json_output) and webbrowser.open(target.resolve().as_uri())
     if json_output:
         samples = drawn["places_m"]["rows"]

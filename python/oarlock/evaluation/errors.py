@@ -91,7 +91,7 @@ def landmark_frames(track: Track, truth: Track) -> tuple[str, ...]:
 
 
 def _leaves(model: Model, names: Sequence[str]) -> tuple[str, ...]:
-    carrying = {frame["parent"] for frame in model.describe()["frames"]}
+    carrying = {frame.parent for frame in model.describe().frames}
     return tuple(name for name in names if name not in carrying)
 
 

@@ -126,9 +126,9 @@ def _moving_frames(reference: Track) -> list[str]:
     if reference.model is None:
         return []
     moving: list[str] = []
-    for frame in reference.model.describe()["frames"]:
-        if frame["joint"] is not None or frame["parent"] in moving:
-            moving.append(frame["name"])
+    for frame in reference.model.describe().frames:
+        if frame.joint is not None or frame.parent in moving:
+            moving.append(frame.name)
     return moving
 
 
@@ -171,14 +171,14 @@ def _reference_quat(reference: Track | Reference, name: str, track: Track) -> Fl
 
 def _up(track: Track) -> Floats:
     assert track.model is not None
-    up = np.asarray(track.model.describe()["world"]["up"], dtype=np.float64)
+    up = np.asarray(track.model.describe().world.up, dtype=np.float64)
     return np.asarray(up / np.linalg.norm(up))
 
 
 def _root_from_world(track: Track) -> Floats:
     """Root from a world with x forward and z up, quat_wxyz (4,)."""
     assert track.model is not None
-    up, forward = _up(track), np.asarray(track.model.describe()["world"]["forward"], dtype=np.float64)
+    up, forward = _up(track), np.asarray(track.model.describe().world.forward, dtype=np.float64)
     forward = forward - (forward @ up) * up
     forward /= np.linalg.norm(forward)
     return quat_from_matrix(np.stack([forward, np.cross(up, forward), up], axis=1))

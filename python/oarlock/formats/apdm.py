@@ -17,6 +17,7 @@ from oarlock.storage.array_gate import FloatArray, disorder_text
 from oarlock.storage.delimited import Dialect, Layout, numbers
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
+from oarlock.storage.regular_file import open_text
 from oarlock.storage.units import plain_unit
 
 # sensor label -> quantity -> position of each column in the file
@@ -119,7 +120,7 @@ def _open(file: Path) -> _Export:
 
 def _first_lines(file: Path, count: int) -> list[list[str]]:
     try:
-        with file.open(encoding="utf-8-sig", newline="") as stream:
+        with open_text(file, "utf-8-sig") as stream:
             return [row for row, _ in zip(csv.reader(stream), range(count), strict=False)]
     except OSError as error:
         raise DataError(f"{file}: cannot be read ({error.strerror})") from error

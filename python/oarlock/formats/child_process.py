@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.storage.errors import DataError
+from oarlock.storage.regular_file import open_regular
 
 _CHILD = Path(__file__).with_name("reader_child.py")
 _NAMES = {"c3d": "C3D", "mat": "MATLAB"}
@@ -26,8 +27,9 @@ def arrays_of(kind: Literal["c3d", "mat"], file: Path) -> dict[str, NDArray[Any]
         DataError: The file cannot be read, or its library refuses it or crashes.
     """
     try:
-        with file.open("rb"):
-            pass
+        open_regular(file).close()
+    except DataError:
+        raise
     except (OSError, ValueError) as error:
         raise DataError(f"{file}: cannot be read ({getattr(error, 'strerror', None) or error})") from error
     # -P: do not import from the folder of the script. The child's address space is limited, and each thread of

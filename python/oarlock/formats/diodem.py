@@ -26,6 +26,7 @@ from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.delimited import Dialect, Layout
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
+from oarlock.storage.regular_file import open_text
 
 SEGMENTS = ("seg1", "seg2", "seg3", "seg4", "seg5")
 
@@ -106,7 +107,7 @@ def _read(layout: Layout, axes: Mapping[str, str]) -> dict[str, FloatArray]:
 def _open(file: Path) -> tuple[Layout, float]:
     """The columns of a file, and its sampling rate in Hz."""
     try:
-        with file.open(encoding="utf-8") as stream:
+        with open_text(file, "utf-8") as stream:
             first = stream.readline()
     except OSError as error:
         raise DataError(f"{file}: cannot be read ({error.strerror})") from error

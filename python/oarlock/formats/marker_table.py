@@ -13,6 +13,7 @@ import numpy as np
 from oarlock.evaluation.markers.trajectories import Markers
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
+from oarlock.storage.regular_file import read_bytes
 from oarlock.storage.units import LENGTH, plain_unit, to_held_unit, unknown_unit_text
 
 _MISSING = frozenset({"", "nan", "null", "none", "-nan", "nan(ind)", "-nan(ind)", "---"})
@@ -49,7 +50,7 @@ def read_text(file: Path) -> str:
         DataError: the file cannot be read, is empty, or is not text.
     """
     try:
-        raw = file.read_bytes()
+        raw = read_bytes(file)
     except OSError as error:
         raise DataError(f"{file}: cannot be read ({error.strerror})") from error
     if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from oarlock.model.description import ModelDescription
 from oarlock.storage.array_gate import FloatArray, real_array
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
@@ -51,7 +52,7 @@ def hinge_links(model: Model, sensors: Sequence[str], q: FloatArray) -> tuple[Hi
             no hinge, or sensors on different branches.
     """
     described = model.describe()
-    frame_of = {s["name"]: s["frame"] for s in described["sensors"] if s["kind"] == "imu"}
+    frame_of = {s.name: s.frame for s in described.inertial_units}
     for name in sensors:
         if name not in frame_of:
             raise DataError(
@@ -86,24 +87,24 @@ def posture(model: Model, rest_q: Mapping[str, float] | ArrayLike | None) -> Flo
     return q
 
 
-def joints_above(described: Mapping[str, Any], frame: str) -> list[str]:
+def joints_above(described: ModelDescription, frame: str) -> list[str]:
     """The joints that move a frame, from the root to it; a joint that moves several frames comes as often."""
-    frames = {f["name"]: f for f in described["frames"]}
-    fixed = {j["name"] for j in described["joints"] if j["kind"] == "fixed"}
+    frames = {f.name: f for f in described.frames}
+    fixed = {j.name for j in described.joints if j.kind == "fixed"}
     found: list[str] = []
     here: str | None = frame
     while here is not None:
-        joint = frames[here]["joint"]
+        joint = frames[here].joint
         if joint is not None and joint not in fixed:
             found.insert(0, joint)
-        here = frames[here]["parent"]
+        here = frames[here].parent
     return found
 
 
 def _check_chain(
-    described: Mapping[str, Any], ordered: Sequence[str], paths: Mapping[str, Sequence[str]]
+    described: ModelDescription, ordered: Sequence[str], paths: Mapping[str, Sequence[str]]
 ) -> None:
-    kinds = {j["name"]: j["kind"] for j in described["joints"]}
+    kinds = {j.name: j.kind for j in described.joints}
     before, carried = "the root", list[str]()
     for name in ordered:
         path = list(paths[name])

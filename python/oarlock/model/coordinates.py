@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock.model.description import JointDescription
 from oarlock.model.rotation import quat_from_rotvec, quat_product, rotvec_from_quat
 from oarlock.storage.errors import DataError
 
@@ -88,7 +89,7 @@ def plus(
     return moved
 
 
-Joints = Sequence[Mapping[str, Any]]
+Joints = Sequence[JointDescription]
 
 
 def coordinate_units(model: Model, joints: Joints | None = None) -> tuple[str, ...]:
@@ -96,7 +97,7 @@ def coordinate_units(model: Model, joints: Joints | None = None) -> tuple[str, .
 
     `joints` are those of `model.describe()`, where they are at hand.
     """
-    slides = {joint["name"] for joint in _joints(model, joints) if joint["kind"] == "slide"}
+    slides = {joint.name for joint in _joints(model, joints) if joint.kind == "slide"}
     in_m = [name in slides or _split(name)[1] in POSITION for name in model.coordinate_names]
     return tuple("m" if length else "rad" for length in in_m)
 
@@ -104,18 +105,16 @@ def coordinate_units(model: Model, joints: Joints | None = None) -> tuple[str, .
 def joint_units(model: Model, joints: Joints | None = None) -> tuple[str, ...]:
     """Unit of each joint: "m" for slides, "m, rad" for free joints, "rad" for the rest."""
     special = {"slide": "m", "free": "m, rad"}
-    return tuple(special.get(joint["kind"], "rad") for joint in _joints(model, joints))
+    return tuple(special.get(joint.kind, "rad") for joint in _joints(model, joints))
 
 
 def angle_sequences(model: Model, joints: Joints | None = None) -> Mapping[str, str]:
     """The model's angle sequence of each ball and free joint."""
-    found = ((joint["name"], joint["angles"]) for joint in _joints(model, joints))
-    return {str(name): str(sequence) for name, sequence in found if sequence is not None}
+    return {joint.name: joint.angles for joint in _joints(model, joints) if joint.angles is not None}
 
 
 def _joints(model: Model, joints: Joints | None) -> Joints:
-    given: Joints = model.describe()["joints"] if joints is None else joints
-    return given
+    return model.describe().joints if joints is None else joints
 
 
 def _split(name: str) -> tuple[str, str]:

@@ -11,6 +11,7 @@ from typing import Any
 from oarlock.model.edit import NAMED, merged
 from oarlock.model.shipped_files import model_names, model_path
 from oarlock.storage.errors import DataError, ModelError
+from oarlock.storage.regular_file import read_text
 from oarlock.storage.suggest import did_you_mean
 from oarlock.storage.toml import key_lines, toml_text
 
@@ -93,13 +94,15 @@ def _base(where: str, path: Path, name: Any, above: tuple[Path, ...]) -> ModelFi
         chain = " extends ".join(str(file) for file in (*above, base))
         raise ModelError(f"{where}: the files extend each other in a circle: {chain}")
     try:
-        text = base.read_text(encoding="utf-8")
+        text = read_text(base)
         tomllib.loads(text)
     except OSError as error:
         raise ModelError(
             f"{where}: no shipped model is called '{name}', and {base} cannot be read ({error.strerror}). "
             f"{did_you_mean(name, shipped)}"
         ) from None
+    except DataError as error:
+        raise ModelError(str(error)) from None
     except ValueError as error:
         raise ModelError(f"{base}: is not valid TOML: {error}") from None
     return model_file(base, text, above)

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 from oarlock._core import Model
 from oarlock.model.extends import model_file
 from oarlock.model.shipped_files import model_names, model_path
-from oarlock.storage.errors import ModelError
+from oarlock.storage.errors import DataError, ModelError
+from oarlock.storage.regular_file import read_text
 from oarlock.storage.suggest import did_you_mean
 
 
@@ -56,7 +57,9 @@ def load_model(name: str | PathLike[str], parameters: Mapping[str, float] | None
     shipped = model_names()
     path = model_path(str(name)) if str(name) in shipped else Path(name)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
+    except DataError as error:
+        raise ModelError(str(error)) from None
     except UnicodeDecodeError as error:
         raise ModelError(f"{path}: is not UTF-8 text (byte {error.start}); save it as UTF-8") from None
     except (OSError, ValueError) as error:

@@ -1,6 +1,5 @@
 """Reads and writes recording folders: recording.toml and one Parquet or CSV file for each stream, ``time_s`` first."""
 
-import re
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
@@ -22,13 +21,17 @@ from oarlock.recording.streams import (
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.delimited import Dialect, Layout, numbers
 from oarlock.storage.errors import DataError
+from oarlock.storage.folder_writer import check_files, read_manifest, replaced_folder
+from oarlock.storage.names import file_names
 from oarlock.storage.parquet_table import read_table
 from oarlock.storage.paths import place_of
 from oarlock.storage.suggest import did_you_mean
-from oarlock.storage.toml import TomlTable, write_toml
+from oarlock.storage.toml import TomlTable, toml_text
+from oarlock.storage.write_file import write_file
 
 FORMAT = 1
 INDEX_FILE = "recording.toml"
+KIND = "recording"
 
 # field -> (key in units, unit, columns)
 _IMU_FIELDS: Mapping[str, tuple[str, str, tuple[str, ...]]] = MappingProxyType(
@@ -48,37 +51,34 @@ def write_folder(
     meta: Mapping[str, object],
     folder: str | PathLike[str],
     file_format: Literal["parquet", "csv"] = "parquet",
+    force: bool = False,
 ) -> None:
-    """Write a recording. An existing recording in the folder is replaced.
-
-    recording.toml is written last, so that an incomplete folder is not read as a recording.
+    """Write a recording, in place of the recording that Oarlock wrote into the folder before.
 
     Args:
         streams: the recording's streams.
         meta: the recording's `meta`.
         folder: created if it does not exist.
         file_format: of the stream files. Both formats are exact.
+        force: replace files that are not Oarlock's, too.
 
     Raises:
-        DataError: The folder cannot be written, or `meta` contains a value that TOML cannot store.
+        DataError: The folder cannot be written, another process writes into it, a file that is not Oarlock's would be
+            replaced, or `meta` contains a value that TOML cannot store. The folder is unchanged then.
     """
     if file_format not in ("parquet", "csv"):
         raise DataError(f'file_format is {file_format!r}; expected "parquet" or "csv"')
-    root = Path(folder)
-    files = _file_names([stream.name for stream in streams], file_format)
+    files = file_names([stream.name for stream in streams], file_format)
     document = {
         "format": FORMAT,
         "stream": [_entry(s, f) for s, f in zip(streams, files, strict=True)],
         "meta": dict(meta),
     }
-    try:
-        root.mkdir(parents=True, exist_ok=True)
-        _remove_old(root)
+    text = toml_text(document)
+    with replaced_folder(folder, KIND, force) as root:
         for stream, file in zip(streams, files, strict=True):
             _write_columns(root / file, _columns_of(stream))
-    except OSError as error:
-        raise DataError(f"{root}: cannot be written ({error.strerror or error})") from error
-    write_toml(root / INDEX_FILE, document)
+        write_file(root / INDEX_FILE, text)
 
 
 def read_folder(path: str | PathLike[str]) -> tuple[list[Stream], Mapping[str, object]]:
@@ -93,6 +93,7 @@ def read_folder(path: str | PathLike[str]) -> tuple[list[Stream], Mapping[str, o
     index = place_of(path)
     if index.is_dir():
         index = index / INDEX_FILE
+    manifest = read_manifest(index.parent)
     if not index.is_file():
         raise DataError(
             f'{index}: does not exist, so "{path}" is not a recording. '
@@ -101,23 +102,12 @@ def read_folder(path: str | PathLike[str]) -> tuple[list[Stream], Mapping[str, o
     top = TomlTable.read(index)
     top.check_format(FORMAT)
     top.check_keys({"format", "stream", "meta"})
-    streams = [_read_stream(table, index.parent) for table in top.tables("stream")]
+    tables = top.tables("stream")
+    streams = [_read_stream(table, index.parent) for table in tables]
+    check_files(manifest, [index.name, *(table.string("file") for table in tables)])
     # pyarrow keeps its buffers for the next file; for an hour of data they are a third of the recording's size.
     pa.default_memory_pool().release_unused()
     return streams, top.table("meta", default={}).values
-
-
-def _file_names(stream_names: Sequence[str], file_format: str) -> list[str]:
-    """One file name for each stream: the stream's name where it is a valid file name, numbered where two are equal."""
-    taken: set[str] = set()
-    names = []
-    for number, name in enumerate(stream_names, start=1):
-        plain = re.sub(r"[^A-Za-z0-9_.-]", "_", name).strip(".") or "stream"
-        if plain.casefold() in taken:
-            plain = f"{plain}_{number}"
-        taken.add(plain.casefold())
-        names.append(f"{plain}.{file_format}")
-    return names
 
 
 def _entry(stream: Stream, file: str) -> dict[str, object]:
@@ -153,22 +143,6 @@ def _write_columns(file: Path, columns: Mapping[str, FloatArray]) -> None:
         out.write(",".join(columns) + "\n")
         for row in zip(*(v.tolist() for v in columns.values()), strict=True):
             out.write(",".join("" if x != x else repr(x) for x in row) + "\n")
-
-
-def _remove_old(root: Path) -> None:
-    """Remove an existing recording: its stream files and its index."""
-    index = root / INDEX_FILE
-    if not index.exists():
-        return
-    try:
-        entries = TomlTable.read(index).tables("stream")
-    except DataError:
-        entries = []
-    for entry in entries:
-        file = entry.values.get("file")
-        if isinstance(file, str) and Path(file).name == file and file.endswith((".parquet", ".csv")):
-            (root / file).unlink(missing_ok=True)
-    index.unlink()
 
 
 def _read_stream(table: TomlTable, root: Path) -> Stream:
@@ -260,8 +234,9 @@ def _read_parquet(file: Path, names: list[str]) -> dict[str, FloatArray]:
     columns = {}
     for name in names:
         column = table.column(name)
+        kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
         if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
-            raise DataError(f'{file}: column "{name}" is of type {column.type}; expected numbers')
+            raise DataError(f'{file}: column "{name}" is of type {kind}; expected numbers')
         columns[name] = column.to_numpy()
     return columns
 

@@ -30,7 +30,7 @@ def chosen_units(
     Raises:
         DataError: none was recorded, a name is not an inertial unit of the model, or a stream lacks a quantity.
     """
-    units = [s["name"] for s in model.describe()["sensors"] if s["kind"] == "imu"]
+    units = [s.name for s in model.describe().inertial_units]
     if sensors is None:
         names = [n for n in units if n in recording]
     else:

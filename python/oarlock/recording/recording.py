@@ -121,15 +121,36 @@ class Recording:
         kept = {self.sensor(name).name for name in ([names] if isinstance(names, str) else names)}
         return Recording([s for s in self.streams if s.name in kept], self.meta)
 
-    def save(self, folder: str | PathLike[str], file_format: Literal["parquet", "csv"] = "parquet") -> None:
-        """Write a recording folder: recording.toml and one file for each stream.
-
-        `load_recording` reads back identical values. An existing recording in the folder is replaced.
+    def without(self, names: Iterable[str]) -> "Recording":
+        """The recording without the streams of these names.
 
         Raises:
-            DataError: The folder cannot be written, or `meta` contains a value that TOML cannot store.
+            DataError: There is no stream of one of the names, or none would be left.
         """
-        write_folder(self.streams, self.meta, folder, file_format)
+        dropped = {self.sensor(name).name for name in ([names] if isinstance(names, str) else names)}
+        return self.only(name for name in self.names if name not in dropped)
+
+    def save(
+        self,
+        folder: str | PathLike[str],
+        file_format: Literal["parquet", "csv"] = "parquet",
+        *,
+        force: bool = False,
+    ) -> None:
+        """Write a recording folder: recording.toml and one file for each stream.
+
+        `load_recording` reads back identical values. A recording that was saved there before is replaced as a whole.
+
+        Args:
+            folder: created if it does not exist.
+            file_format: of the stream files. Both formats are exact.
+            force: replace files that are not Oarlock's, too.
+
+        Raises:
+            DataError: The folder cannot be written, another process writes into it, a file that is not Oarlock's would
+                be replaced, or `meta` contains a value that TOML cannot store. The folder is unchanged then.
+        """
+        write_folder(self.streams, self.meta, folder, file_format, force)
 
     def __repr__(self) -> str:
         from oarlock.recording.packets import missing_share, own_rate_hz

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from oarlock.storage.array_gate import FloatArray, check_no_infinity, real_array, time_array
 from oarlock.storage.errors import DataError
+from oarlock.storage.names import check_name
 
 ScalarUnit: TypeAlias = Literal["m", "rad"]
 
@@ -24,6 +25,7 @@ class _Stream:
         name: object = self.name
         if not isinstance(name, str) or not name.strip():
             raise DataError(f"a stream's name must be a non-empty text, got {name!r}")
+        check_name(name, "stream")
         self._put("time_s", time_array(self.time_s, f"{self._where}, time_s"))
         for field_name in names:
             self._put(field_name, self._rows(field_name, width))

@@ -14,6 +14,7 @@ from oarlock.report.markup import bar_legend, figure, notes_list, table
 from oarlock.report.page import shell
 from oarlock.report.plot import Panel, drawing, label
 from oarlock.report.text import DASH, breakable, number, percent
+from oarlock.storage.write_file import write_file
 
 if TYPE_CHECKING:
     from oarlock.evaluation.comparison.comparison import Comparison
@@ -41,7 +42,7 @@ def write_comparison(found: Comparison, path: str | Path, title: str) -> Path:
     """Write the page; it works offline: no script, no request."""
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(_page(found, title), encoding="utf-8")
+    write_file(target, _page(found, title))
     return target
 
 

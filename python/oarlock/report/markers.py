@@ -17,6 +17,7 @@ from oarlock.model.coordinates import coordinate_units
 from oarlock.report import page, plot
 from oarlock.report.markup import bar_legend, figure, grid, notes_list, table
 from oarlock.report.text import breakable, fixed, percent, plural
+from oarlock.storage.write_file import write_file
 
 WIDTH, HEIGHT, FOOT = 400.0, 96.0, 20.0
 PLACE = (44.0, 6.0, WIDTH - 52.0, HEIGHT)
@@ -44,7 +45,7 @@ def write_marker_report(study: MarkerStudy, path: str | Path, title: str = "Mark
     ]
     definitions = page.definitions() + plot.clip("marker-clip", PLACE)
     lead = f'<div class="lead">{_lead(study)}</div>'
-    target.write_text(page.shell(title, lead, sections, definitions), encoding="utf-8")
+    write_file(target, page.shell(title, lead, sections, definitions))
     return target
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from oarlock.report.markup import rendered
 from oarlock.report.page import shell
 from oarlock.report.verdict import suspect_sentences
+from oarlock.storage.write_file import write_file
 
 
 def write_refusal(path: str | Path, title: str, notes: Sequence[str], reason: str) -> Path:
@@ -25,5 +26,5 @@ def write_refusal(path: str | Path, title: str, notes: Sequence[str], reason: st
     lead = rendered("refusal", suspects=suspect_sentences(notes), lines=reason.strip().splitlines())
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(shell(title, lead, []), encoding="utf-8")
+    write_file(target, shell(title, lead, []))
     return target

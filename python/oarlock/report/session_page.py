@@ -14,6 +14,7 @@ from oarlock.report.page import shell
 from oarlock.report.section import KeyFigure, tiles
 from oarlock.report.text import DASH, breakable, fixed, listing, number, plural
 from oarlock.storage.errors import DataError
+from oarlock.storage.write_file import write_file
 
 STYLES = {"pass": "good", "redo": "bad", "kept": "open"}
 WORDS = {"pass": "pass", "redo": "do again", "kept": "kept"}
@@ -30,7 +31,7 @@ def write_session_page(calibration: Calibration, path: str | Path) -> Path:
         DataError: the calibration was not made by a session.
     """
     target = Path(path)
-    target.write_text(session_page(calibration), encoding="utf-8")
+    write_file(target, session_page(calibration))
     return target
 
 

@@ -10,6 +10,7 @@ from oarlock.evaluation.scores import Evaluation
 from oarlock.report.page import render
 from oarlock.report.section import Section
 from oarlock.storage.errors import DataError
+from oarlock.storage.write_file import write_file
 from oarlock.tracking.track import Track
 
 
@@ -46,5 +47,5 @@ def write_report(
     if target.is_dir():
         target = target / "report.html"
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(render(track, evaluation, truth, title, sections), encoding="utf-8")
+    write_file(target, render(track, evaluation, truth, title, sections))
     return target

@@ -6,10 +6,9 @@ those of units on the table from differences of attitudes, and all errors are ad
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from oarlock.calibration.session.plan import SessionPlan, default_plan
+from oarlock.model.description import ImuDescription, WorldDescription
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.recording import Recording
 from oarlock.recording.stream_scales import Clock
@@ -26,13 +26,14 @@ from oarlock.simulation.motion import Motion
 from oarlock.simulation.session_course import body_course, table_course
 from oarlock.simulation.simulate import simulate
 from oarlock.storage.errors import DataError
+from oarlock.storage.folder_writer import replaced_folder
 
 if TYPE_CHECKING:
     from oarlock._core import Model
     from oarlock.tracking.track import Track
 
 Array = NDArray[np.float64]
-Skin = Callable[[Mapping[str, Any], Array, Array], Array]
+Skin = Callable[[ImuDescription, Array, Array], Array]
 
 
 @dataclass(frozen=True)
@@ -92,11 +93,11 @@ class SessionTrial:
 
     def save(self, folder: str | PathLike[str]) -> None:
         """Write the recording with `truth/`, `true_calibration.toml` and `plan.toml`."""
-        place = Path(folder)
-        self.recording.save(place)
-        self.truth.save(place / "truth")
-        self.calibration.save(place / "true_calibration.toml")
-        self.plan.save(place / "plan.toml")
+        with replaced_folder(folder, "recording") as place:
+            self.recording.save(place)
+            self.truth.save(place / "truth")
+            self.calibration.save(place / "true_calibration.toml")
+            self.plan.save(place / "plan.toml")
 
 
 def simulate_session(
@@ -127,13 +128,13 @@ def simulate_session(
     errors = SessionErrors() if errors is None else errors
     rng = np.random.default_rng([seed, 20])
     description = model.describe()
-    units = [s for s in description["sensors"] if s["kind"] == "imu"]
+    units = description.inertial_units
     truth = _true_calibration(units, errors, rng)
-    rest = [np.ravel(j["rest"]) for j in description["joints"]]
+    rest = [np.ravel(j.rest) for j in description.joints]
     at_rest = dict(zip(model.coordinate_names, np.concatenate(rest).tolist(), strict=True))
     course = body_course(description, plan, at_rest, errors.posture_rad, errors.sway_rad, rng)
     motion = Motion(tuple(at_rest), course.time_s, course.q)
-    names = [s["name"] for s in units]
+    names = [s.name for s in units]
     azimuth = float(rng.uniform(-np.pi, np.pi))
     track, clean = simulate(
         model, motion, names, rate_hz=rate_hz, calibration=truth, noise=False, azimuth_rad=azimuth
@@ -143,18 +144,16 @@ def simulate_session(
     shift = max((t[-1] for t, _ in tables.values()), default=-1.0 / rate_hz) + 1.0 / rate_hz - track.time_s[0]
     streams = []
     for sensor in units:
-        stream = clean[sensor["name"]]
+        stream = clean[sensor.name]
         assert isinstance(stream, ImuStream)
         ways = errors.skin_rad * rng.normal(0.0, 1.0, (course.q.shape[1], 3))
         turns = (course.q - course.q[0]) @ ways
         if skin is not None:
             turns = turns + skin(sensor, course.time_s, course.q)
-        signals = _with_skin(stream, course.time_s, turns @ truth.mounts[sensor["name"]][0])
+        signals = _with_skin(stream, course.time_s, turns @ truth.mounts[sensor.name][0])
         time_s = stream.time_s + shift
         if lying:
-            time_s, signals = _after_table(
-                tables[sensor["name"]], description["world"], azimuth, time_s, signals
-            )
+            time_s, signals = _after_table(tables[sensor.name], description.world, azimuth, time_s, signals)
         streams.append(_read(sensor, time_s, signals, truth, rng))
     spans = {n: (a + shift, b + shift) for n, (a, b) in course.spans.items()}
     moved = replace(track, time_s=track.time_s + shift)
@@ -164,7 +163,7 @@ def simulate_session(
 
 
 def _true_calibration(
-    units: list[dict[str, Any]], errors: SessionErrors, rng: np.random.Generator
+    units: Sequence[ImuDescription], errors: SessionErrors, rng: np.random.Generator
 ) -> Calibration:
     """True mounts and errors of each unit."""
     fields: dict[str, dict[str, Any]] = {}
@@ -173,9 +172,9 @@ def _true_calibration(
         fields.setdefault(field, {})[unit] = value
 
     for sensor in units:
-        name, mount = sensor["name"], sensor["mount"]
+        name, mount = sensor.name, sensor.mount
         turn = Rotation.from_rotvec(rng.normal(0.0, errors.mount_rad, 3)).as_matrix()
-        put("mounts", name, (turn @ np.asarray(mount["rotation"]), np.asarray(mount["offset"])))
+        put("mounts", name, (turn @ np.asarray(mount.rotation), np.asarray(mount.offset)))
         put("gyro_biases_rad_s", name, rng.normal(0.0, errors.gyro_bias_rad_s, 3))
         put("accel_biases_m_s2", name, rng.normal(0.0, errors.accel_bias_m_s2, 3))
         put("accel_scales", name, 1.0 + rng.normal(0.0, errors.accel_scale, 3))
@@ -204,21 +203,21 @@ def _with_skin(stream: ImuStream, knots_s: Array, turns: Array) -> dict[str, Arr
 
 def _after_table(
     table: tuple[Array, Array],
-    world: Mapping[str, Any],
+    world: WorldDescription,
     azimuth: float,
     time_s: Array,
     signals: dict[str, Array],
 ) -> tuple[Array, dict[str, Array]]:
     """Times and signals of a unit that first lies on a table and is then mounted."""
     lying_s, room_from_sensor = table  # z of the room is up, x forward
-    strength, dip = world["magnetic_norm_ut"], world["magnetic_dip_rad"]
+    strength, dip = world.magnetic_norm_ut, world.magnetic_dip_rad
     level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     field = strength * (np.cos(dip) * level - np.sin(dip) * np.array([0.0, 0.0, 1.0]))
     turns = Rotation.from_matrix(np.swapaxes(room_from_sensor[:-1], -1, -2) @ room_from_sensor[1:])
     rates = turns.as_rotvec() / np.diff(lying_s)[:, None]
     lying = {
         "gyro_rad_s": np.vstack([rates, rates[-1:]]),
-        "accel_m_s2": world["gravity_m_s2"] * room_from_sensor[:, 2],
+        "accel_m_s2": world.gravity_m_s2 * room_from_sensor[:, 2],
         "mag_ut": np.einsum("tji,j->ti", room_from_sensor, field),
     }
     both = {name: np.vstack([lying[name], values]) for name, values in signals.items()}
@@ -226,18 +225,18 @@ def _after_table(
 
 
 def _read(
-    sensor: Mapping[str, Any],
+    sensor: ImuDescription,
     time_s: Array,
     signals: Mapping[str, Array],
     truth: Calibration,
     rng: np.random.Generator,
 ) -> ImuStream:
     """The readings of a unit for given ideal signals."""
-    name = sensor["name"]
+    name = sensor.name
     noise = {
-        "gyro_rad_s": sensor["rest_std_rad_s"] or sensor["gyro_std_rad_s"] or 0.0,
-        "accel_m_s2": min(sensor["accel_std_m_s2"] or 0.0, 0.05),
-        "mag_ut": sensor["mag_std_ut"] or 0.0,
+        "gyro_rad_s": sensor.rest_std_rad_s or sensor.gyro_std_rad_s or 0.0,
+        "accel_m_s2": min(sensor.accel_std_m_s2 or 0.0, 0.05),
+        "mag_ut": sensor.mag_std_ut or 0.0,
     }
     read = {k: values + rng.normal(0.0, 1.0, values.shape) * noise[k] for k, values in signals.items()}
     read["gyro_rad_s"] = read["gyro_rad_s"] + truth.gyro_biases_rad_s[name]

@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from oarlock.calibration.session.plan import SessionPlan, SessionStep
+from oarlock.model.description import ModelDescription
 
 Array = NDArray[np.float64]
 
@@ -65,7 +65,7 @@ def smooth_step(share: Array) -> Array:
 
 
 def body_course(
-    description: Mapping[str, Any],
+    description: ModelDescription,
     plan: SessionPlan,
     rest: Mapping[str, float],
     posture_error_rad: float,
@@ -112,28 +112,28 @@ def body_course(
     return Course(time_s, np.asarray(q + sways, dtype=np.float64), spans)
 
 
-def _turns(description: Mapping[str, Any], coordinate: str) -> bool:
-    joint = next(j for j in description["joints"] if coordinate in j["coordinates"])
-    return joint["kind"] != "slide" and not joint["input"] and not coordinate.endswith((".x", ".y", ".z"))
+def _turns(description: ModelDescription, coordinate: str) -> bool:
+    joint = next(j for j in description.joints if coordinate in j.coordinates)
+    return joint.kind != "slide" and not joint.input and not coordinate.endswith((".x", ".y", ".z"))
 
 
-def _coordinates(description: Mapping[str, Any], joint: str) -> list[str]:
-    own = next(j for j in description["joints"] if j["name"] == joint)
-    return [c for c in own["coordinates"] if not c.endswith((".x", ".y", ".z"))]
+def _coordinates(description: ModelDescription, joint: str) -> list[str]:
+    own = next(j for j in description.joints if j.name == joint)
+    return [c for c in own.coordinates if not c.endswith((".x", ".y", ".z"))]
 
 
 def _swings(
-    description: Mapping[str, Any], step: SessionStep, names: Sequence[str], posture: Array
+    description: ModelDescription, step: SessionStep, names: Sequence[str], posture: Array
 ) -> list[Array]:
     """Waypoints: four times to the first side and to the other, as far as the joint allows, and back."""
     waypoints = []
     for k in range(2 * SWINGS + 1):
         q = posture.copy()
         for joint in step.joints:
-            own = next(j for j in description["joints"] if j["name"] == joint)
+            own = next(j for j in description.joints if j.name == joint)
             columns = [names.index(c) for c in _coordinates(description, joint)]
             if len(columns) == 1:
-                low, high = own["limits"] or (-np.pi, np.pi)
+                low, high = own.limits
                 room = {1: high - q[columns[0]], -1: q[columns[0]] - low}
                 side = step.first if k % 2 == 0 else -step.first
                 far = min(MOST_SWING_RAD, room[side] - 0.1)

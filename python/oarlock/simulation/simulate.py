@@ -12,10 +12,18 @@ from scipy.spatial.transform import Rotation
 
 from oarlock import _core
 from oarlock._core import Model
+from oarlock.model.description import (
+    ImuDescription,
+    OrientationDescription,
+    PositionDescription,
+    RangeDescription,
+    SensorDescription,
+)
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, OrientationStream, ScalarStream, Stream, VectorStream
 from oarlock.storage.array_gate import real_array
 from oarlock.storage.errors import DataError
+from oarlock.storage.memory_limit import check_memory
 from oarlock.storage.suggest import did_you_mean
 from oarlock.tracking.track import Track, track_without_filter
 
@@ -28,6 +36,8 @@ Floats = NDArray[np.float64]
 STENCIL = 9
 STEP_S = 2e-3
 """Spacing of the differentiated poses, s: rounding and truncation errors are both near 1e-9 of a limb's signals."""
+READINGS, ARRAYS = 9, 9
+"""Numbers that a sample keeps at least: readings of a sensor, and arrays of a coordinate (values and rates)."""
 
 
 def simulate(
@@ -69,28 +79,28 @@ def simulate(
     _check_settings(model, noise, gyro_bias_rad_s, accel_bias_m_s2)
     if calibration is not None and calibration.parameters:
         model = model.with_parameters(calibration.parameters)
-    time_s = _stamps(motion, rate_hz)
+    time_s = _stamps(model, motion, rate_hz)
     truth = _truth(model, motion, time_s)
     names = _chosen(model, sensors)
-    world = model.describe()["world"]
-    azimuth = world["magnetic_azimuth_rad"] if azimuth_rad is None else azimuth_rad
+    world = model.describe().world
+    azimuth = world.magnetic_azimuth_rad if azimuth_rad is None else azimuth_rad
     signals = _imu_signals(model, motion, time_s, calibration, azimuth)
     random = np.random.default_rng(seed)
     streams: list[Stream] = []
-    described = {s["name"]: s for s in model.describe()["sensors"]}
-    units = [name for name, s in described.items() if s["kind"] == "imu"]
+    described = {s.name: s for s in model.describe().sensors}
+    units = [name for name, s in described.items() if isinstance(s, ImuDescription)]
     for name in names:
         sensor = described.get(name)
-        if sensor is not None and sensor["kind"] == "imu":
+        if isinstance(sensor, ImuDescription):
             clean = signals[:, units.index(name)]
             gyro_bias = _bias(gyro_bias_rad_s, "gyro_bias_rad_s", name)
             bias = (gyro_bias, _bias(accel_bias_m_s2, "accel_bias_m_s2", name))
             streams.append(_imu_stream(sensor, time_s, clean, bias, noise, random))
-        elif sensor is not None and sensor["kind"] in _FROM_POSES:
+        elif sensor is not None and sensor.kind in _FROM_POSES:
             placement = _Placement(
                 calibration, heading_rad.get(name, 0.0) if isinstance(heading_rad, Mapping) else heading_rad
             )
-            streams.append(_FROM_POSES[sensor["kind"]](sensor, truth, noise, random, placement))
+            streams.append(_FROM_POSES[sensor.kind](sensor, truth, noise, random, placement))
         else:
             streams.append(_joint_stream(model, name, sensor, truth, noise, random))
     return truth, Recording(streams)
@@ -112,7 +122,7 @@ def _check_settings(model: Model, noise: bool | Mapping[str, Mapping[str, float]
                 raise DataError(f"simulate, noise of '{name}': no quantity '{field}'. {hint}")
 
 
-def _stamps(motion: Motion, rate_hz: float) -> Floats:
+def _stamps(model: Model, motion: Motion, rate_hz: float) -> Floats:
     if not (rate_hz > 0.0 and np.isfinite(rate_hz)):
         raise DataError(f"simulate: rate_hz = {rate_hz}; expected a positive number of samples per second")
     # The spline's first and last interval leave room for the stencil inside the motion.
@@ -121,6 +131,12 @@ def _stamps(motion: Motion, rate_hz: float) -> Floats:
     count = int(np.floor((last - first) * rate_hz + 1e-9)) + 1
     if count < 2:
         raise DataError(f"simulate: the motion lasts {last - first:.3f} s, too short for {rate_hz} Hz")
+    numbers = READINGS * len(model.sensor_names) + ARRAYS * len(model.coordinate_names)
+    check_memory(
+        8.0 * count * numbers,
+        f"simulate: {last - first:g} s at {rate_hz:g} Hz",
+        "Simulate a shorter motion, or at a lower rate.",
+    )
     return np.asarray(first + np.arange(count) / rate_hz)
 
 
@@ -145,8 +161,8 @@ def _truth(model: Model, motion: Motion, time_s: Floats) -> Track:
 
 def _chosen(model: Model, sensors: Iterable[str] | None) -> list[str]:
     own = list(model.sensor_names)
-    encoded = {s["joint"] for s in model.describe()["sensors"] if s["kind"] == "encoder"}
-    inputs = [j["name"] for j in model.describe()["joints"] if j["input"] and j["name"] not in encoded]
+    encoded = {s.joint for s in model.describe().encoders}
+    inputs = [j.name for j in model.describe().inputs if j.name not in encoded]
     if sensors is None:
         return own
     chosen = list(sensors)
@@ -180,7 +196,7 @@ def _std(noise: bool | Mapping[str, Mapping[str, float]], name: str, field: str,
 
 
 def _imu_stream(
-    sensor: Mapping[str, Any],
+    sensor: ImuDescription,
     time_s: Floats,
     clean: Floats,
     bias: tuple[Floats, Floats],
@@ -189,16 +205,16 @@ def _imu_stream(
 ) -> ImuStream:
     fields: dict[str, Floats | None] = {}
     quantities = (
-        ("gyro_rad_s", "gyro_std_rad_s", bias[0]),
-        ("accel_m_s2", "accel_std_m_s2", bias[1]),
-        ("mag_ut", "mag_std_ut", np.zeros(3)),
+        ("gyro_rad_s", sensor.gyro_std_rad_s, bias[0]),
+        ("accel_m_s2", sensor.accel_std_m_s2, bias[1]),
+        ("mag_ut", sensor.mag_std_ut, np.zeros(3)),
     )
-    for i, (field, key, offset) in enumerate(quantities):
-        if sensor[key] is not None:
-            std = _std(noise, sensor["name"], field, sensor[key])
+    for i, (field, own, offset) in enumerate(quantities):
+        if own is not None:
+            std = _std(noise, sensor.name, field, own)
             values = clean[:, 3 * i : 3 * i + 3] + offset
             fields[field] = values + std * random.standard_normal(values.shape)
-    return ImuStream(sensor["name"], time_s, **fields)
+    return ImuStream(sensor.name, time_s, **fields)
 
 
 @dataclass(frozen=True)
@@ -220,33 +236,33 @@ def _point(truth: Track, frame: str, point: Any) -> Floats:
 
 
 def _position_stream(
-    sensor: Mapping[str, Any],
+    sensor: PositionDescription,
     truth: Track,
     noise: bool | Mapping[str, Mapping[str, float]],
     random: np.random.Generator,
     _: _Placement,
 ) -> VectorStream:
-    point = _point(truth, sensor["frame"], sensor["point"])
-    std = _std(noise, sensor["name"], "value", sensor["std_m"])
-    return VectorStream(sensor["name"], truth.time_s, point + std * random.standard_normal(point.shape))
+    point = _point(truth, sensor.frame, sensor.point)
+    std = _std(noise, sensor.name, "value", sensor.std_m)
+    return VectorStream(sensor.name, truth.time_s, point + std * random.standard_normal(point.shape))
 
 
 def _range_stream(
-    sensor: Mapping[str, Any],
+    sensor: RangeDescription,
     truth: Track,
     noise: bool | Mapping[str, Mapping[str, float]],
     random: np.random.Generator,
     _: _Placement,
 ) -> ScalarStream:
-    ends = [_point(truth, sensor[f"frame_{end}"], sensor[f"point_{end}"]) for end in "ab"]
-    distance = np.linalg.norm(ends[0] - ends[1], axis=1)
-    std = _std(noise, sensor["name"], "value", sensor["std_m"])
+    first = _point(truth, sensor.frame_a, sensor.point_a)
+    distance = np.linalg.norm(first - _point(truth, sensor.frame_b, sensor.point_b), axis=1)
+    std = _std(noise, sensor.name, "value", sensor.std_m)
     value = distance + std * random.standard_normal(distance.shape)
-    return ScalarStream(sensor["name"], truth.time_s, value, "m")
+    return ScalarStream(sensor.name, truth.time_s, value, "m")
 
 
 def _orientation_stream(
-    sensor: Mapping[str, Any],
+    sensor: OrientationDescription,
     truth: Track,
     noise: bool | Mapping[str, Mapping[str, float]],
     random: np.random.Generator,
@@ -254,20 +270,20 @@ def _orientation_stream(
 ) -> OrientationStream:
     """Orientations of a device whose filter has a slow Gauss-Markov error and white noise."""
     given = {} if placement.calibration is None else dict(placement.calibration.mounts)
-    link_from_sensor = given[sensor["name"]][0] if sensor["name"] in given else sensor["mount"]["rotation"]
-    reference_from_root = Rotation.from_matrix(sensor["root_from_reference"]).inv()
+    link_from_sensor = given[sensor.name][0] if sensor.name in given else sensor.mount.rotation
+    reference_from_root = Rotation.from_matrix(sensor.root_from_reference).inv()
     root_from_sensor = Rotation.from_matrix(
-        _pose(truth, sensor["frame"])[:, :3, :3] @ np.asarray(link_from_sensor)
+        _pose(truth, sensor.frame)[:, :3, :3] @ np.asarray(link_from_sensor)
     )
-    correlation_time_s = sensor["correlation_time_s"]
-    scale = _std(noise, sensor["name"], "quat_wxyz", sensor["std_rad"]) / sensor["std_rad"]
-    white_std = scale * (sensor["white_std_rad"] if correlation_time_s > 0.0 else sensor["std_rad"])
-    slow_std = scale * sensor["std_rad"] if correlation_time_s > 0.0 else 0.0
+    correlation_time_s = sensor.correlation_time_s
+    scale = _std(noise, sensor.name, "quat_wxyz", sensor.std_rad) / sensor.std_rad
+    white_std = scale * (sensor.white_std_rad if correlation_time_s > 0.0 else sensor.std_rad)
+    slow_std = scale * sensor.std_rad if correlation_time_s > 0.0 else 0.0
     errors = white_std * random.standard_normal((len(truth.time_s), 3))
     errors += slow_std * _gauss_markov(truth.time_s, correlation_time_s, random)
     turned = Rotation.from_rotvec([0.0, 0.0, placement.heading_rad])
     measured = turned * reference_from_root * root_from_sensor * Rotation.from_rotvec(errors)
-    return OrientationStream(sensor["name"], truth.time_s, measured.as_quat(scalar_first=True))
+    return OrientationStream(sensor.name, truth.time_s, measured.as_quat(scalar_first=True))
 
 
 def _gauss_markov(time_s: Floats, correlation_time_s: float, random: np.random.Generator) -> Floats:
@@ -295,14 +311,14 @@ _FROM_POSES: Mapping[str, Callable[..., Stream]] = {
 def _joint_stream(
     model: Model,
     name: str,
-    sensor: Mapping[str, Any] | None,
+    sensor: SensorDescription | None,
     truth: Track,
     noise: bool | Mapping[str, Mapping[str, float]],
     random: np.random.Generator,
 ) -> ScalarStream:
-    joint = name if sensor is None else sensor["joint"]
-    described = next(j for j in model.describe()["joints"] if j["name"] == joint)
-    own = described["std"] if described["input"] else (sensor or {}).get("std")
+    joint = name if sensor is None or sensor.joint is None else sensor.joint
+    described = next(j for j in model.describe().joints if j.name == joint)
+    own = described.std if described.input else sensor and sensor.std
     value = truth[joint].value
     std = _std(noise, name, "value", own or 0.0)
     return ScalarStream(name, truth.time_s, value + std * random.standard_normal(value.shape))

@@ -10,6 +10,9 @@ from oarlock.storage.errors import DataError
 
 FloatArray = NDArray[np.float64]
 
+LEAST_INTERVAL_S = 5e-7
+"""Half a microsecond. Loggers count microseconds at best, and float64 keeps stamps of the epoch to 2.4e-7 s, so two
+samples of one sensor that are closer have no order that can be trusted."""
 _LARGEST_EXACT_INTEGER = 2**53
 
 
@@ -56,10 +59,28 @@ def time_array(value: ArrayLike, where: str) -> FloatArray:
             f"{where}[{bad[0]}] is {time_s[bad[0]]:g}; a time stamp must be finite "
             f"({bad.size} of {time_s.size} are not). Remove these samples."
         )
-    late = np.flatnonzero(np.diff(time_s) <= 0.0)
+    steps_s = np.diff(time_s)
+    late = np.flatnonzero(steps_s <= 0.0)
     if late.size:
         raise DataError(f"{where}{disorder_text(time_s, int(late[0]) + 1)}")
+    close = np.flatnonzero(steps_s < LEAST_INTERVAL_S)
+    if close.size:
+        raise DataError(f"{where}{_too_close_text(steps_s, close)}")
     return time_s
+
+
+def _too_close_text(steps_s: FloatArray, close: NDArray[np.intp]) -> str:
+    first = int(close[0])
+    reason = (
+        "Are the stamps in another unit? They must be seconds."
+        if close.size > steps_s.size // 2
+        else "Two stamps of one sample were rounded apart, or samples were stamped when they arrived in a burst: "
+        "keep one of them, or use the sensor's own stamps."
+    )
+    return (
+        f"[{first + 1}] is only {steps_s[first]:.3g} s after the stamp before it; the least interval is "
+        f"{LEAST_INTERVAL_S:g} s ({close.size} of {steps_s.size} intervals are smaller). {reason}"
+    )
 
 
 def disorder_text(time_s: FloatArray, index: int) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
+from oarlock.storage.regular_file import open_regular, open_text
 from oarlock.storage.suggest import did_you_mean
 
 MISSING_MARKERS = ("", "NaN", "---")
@@ -221,7 +222,7 @@ def _opened(file: Path, dialect: Dialect) -> Iterator[Iterator[tuple[int, list[s
         "utf-8-sig" if dialect.encoding.lower().replace("_", "-") in ("utf-8", "utf8") else dialect.encoding
     )
     try:
-        with file.open(encoding=encoding, newline="") as stream:
+        with open_text(file, encoding) as stream:
             for _ in range(dialect.skip_rows):
                 next(stream, None)
             reader = csv.reader(stream, delimiter=dialect.delimiter)
@@ -241,7 +242,8 @@ def _opened(file: Path, dialect: Dialect) -> Iterator[Iterator[tuple[int, list[s
 
 
 def _encoding_hint(file: Path) -> str:
-    start = file.read_bytes()[:2]
+    with open_regular(file) as stream:
+        start = stream.read(2)
     if start in (b"\xff\xfe", b"\xfe\xff"):
         return 'It begins like UTF-16: set encoding = "utf-16".'
     return 'Set encoding, for example "latin-1", "cp1252" or "utf-16".'

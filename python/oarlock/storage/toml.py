@@ -12,7 +12,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from oarlock.storage.errors import DataError
+from oarlock.storage.regular_file import read_text
 from oarlock.storage.suggest import did_you_mean
+from oarlock.storage.write_file import write_file
 
 _HEADER = re.compile(r"\s*\[{1,2}\s*([^\[\]]+?)\s*\]{1,2}\s*(#.*)?$")
 _LINE_KEY = re.compile(r"\s*((?:[\"']?[A-Za-z0-9_-]+[\"']?\s*\.\s*)*[\"']?[A-Za-z0-9_-]+[\"']?)\s*=")
@@ -43,12 +45,13 @@ class TomlTable:
     def read(cls, file: Path) -> "TomlTable":
         """Parse a file; a `DataError` tells where it is no TOML."""
         try:
-            text = file.read_text(encoding="utf-8-sig")
-            return cls(tomllib.loads(text), file, text)
+            text = read_text(file, "utf-8-sig")
         except OSError as error:
             raise DataError(f"{file}: cannot be read ({error.strerror})") from error
         except UnicodeDecodeError as error:
             raise DataError(f"{file}: is not UTF-8 text (byte {error.start}). Save it as UTF-8.") from error
+        try:
+            return cls(tomllib.loads(text), file, text)
         except (ValueError, RecursionError) as error:
             # Numbers of thousands of digits and brackets in thousands of brackets are not the parser's own errors.
             raise DataError(f"{file}: is not valid TOML: {error}") from error
@@ -171,16 +174,12 @@ def _resolve(dotted: str, is_list: bool, counts: dict[KeyPath, int]) -> KeyPath:
 
 
 def write_toml(file: Path, document: Mapping[str, object]) -> None:
-    """Write a document of texts, numbers, booleans, dates, lists and tables.
+    """Write a document of texts, numbers, booleans, dates, lists and tables. The file is replaced as a whole.
 
     Raises:
         DataError: A value that TOML cannot hold, or the file cannot be written.
     """
-    text = toml_text(document)
-    try:
-        file.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise DataError(f"{file}: cannot be written ({error.strerror})") from error
+    write_file(file, toml_text(document))
 
 
 def toml_text(document: Mapping[str, object]) -> str:

@@ -14,9 +14,12 @@ from pyarrow import parquet
 
 from oarlock._core import Model
 from oarlock.storage.errors import DataError
+from oarlock.storage.folder_writer import check_files, read_manifest, replaced_folder
 from oarlock.storage.parquet_table import columns_of, read_table
 from oarlock.storage.paths import place_of
+from oarlock.storage.regular_file import read_text
 from oarlock.storage.toml import TomlTable, write_toml
+from oarlock.storage.write_file import write_file
 from oarlock.tracking.columns import FIELDS, column_name, observed_name
 from oarlock.tracking.columns import columns_of as track_columns
 from oarlock.tracking.counts import StreamCount
@@ -24,25 +27,29 @@ from oarlock.tracking.estimates import Estimates
 from oarlock.tracking.records import FAULT, FIELD, Beliefs, SensorInfo, SlowSeries
 
 FORMAT = 1
+KIND = "track"
+_FILES = ("run.toml", "track.parquet", "sensors.parquet", "beliefs.parquet", "model.toml")
 _COUNTS = ("used", "rejected", "missing")
 
 
-def write_track(track: Estimates, folder: str | PathLike[str]) -> None:
-    """Write estimates, innovations, beliefs, model and provenance.
+def write_track(track: Estimates, folder: str | PathLike[str], force: bool = False) -> None:
+    """Write estimates, innovations, beliefs, model and provenance, in place of what Oarlock wrote there before.
 
     Samples and the engine's run are not written, so a loaded track can be neither smoothed nor continued.
+
+    Raises:
+        DataError: a file that is not Oarlock's would be replaced and `force` is not set, another process writes into
+            the folder, or it cannot be written.
     """
-    place = Path(folder)
-    place.mkdir(parents=True, exist_ok=True)
-    parquet.write_table(pa.table(track_columns(track)), place / "track.parquet")
-    if track.info is not None:
-        parquet.write_table(_sensor_table(track.time_s, track.info), place / "sensors.parquet")
-    if track.beliefs is not None:
-        parquet.write_table(_belief_table(track.beliefs), place / "beliefs.parquet")
-    (place / "model.toml").unlink(missing_ok=True)
-    if track.model is not None:
-        (place / "model.toml").write_text(track.model.text, encoding="utf-8")
-    write_toml(place / "run.toml", _description(track))
+    with replaced_folder(folder, KIND, force) as place:
+        parquet.write_table(pa.table(track_columns(track)), place / "track.parquet")
+        if track.info is not None:
+            parquet.write_table(_sensor_table(track.time_s, track.info), place / "sensors.parquet")
+        if track.beliefs is not None:
+            parquet.write_table(_belief_table(track.beliefs), place / "beliefs.parquet")
+        if track.model is not None:
+            write_file(place / "model.toml", track.model.text)
+        write_toml(place / "run.toml", _description(track))
 
 
 def read_track(folder: str | PathLike[str]) -> dict[str, Any]:
@@ -52,6 +59,7 @@ def read_track(folder: str | PathLike[str]) -> dict[str, Any]:
         DataError: the folder contains no track, or a file in it is damaged.
     """
     place = place_of(folder)
+    manifest = read_manifest(place)
     if not (place / "run.toml").is_file() or not (place / "track.parquet").is_file():
         raise DataError(
             f"{place}: contains no track (run.toml or track.parquet is missing); write one with `oarlock track`"
@@ -72,7 +80,7 @@ def read_track(folder: str | PathLike[str]) -> dict[str, Any]:
             for name, unit in top["slow"].items()
         }
         time_s = _one(table, "time_s")
-    return arrays | {
+    found = arrays | {
         "model": _model(place, top["provenance"]),
         "time_s": time_s,
         "joint_names": tuple(top["joints"]["names"]),
@@ -87,8 +95,10 @@ def read_track(folder: str | PathLike[str]) -> dict[str, Any]:
         "notes": tuple(top["notes"]),
         "provenance": _with_none_read(top["provenance"]),
         "smoothed": bool(top["smoothed"]),
-        "counts": tuple(StreamCount(name, **count) for name, count in top.get("streams", {}).items()),
+        "counts": _counts(place / "run.toml", top.get("streams", {})),
     }
+    check_files(manifest, [name for name in _FILES if (place / name).is_file()])
+    return found
 
 
 def _read_description(file: Path) -> Mapping[str, Any]:
@@ -114,6 +124,14 @@ def _read_description(file: Path) -> Mapping[str, Any]:
                 f"{file}: [{table}] needs the lists 'names' and 'units'; track the recording again"
             )
     return top
+
+
+def _counts(file: Path, streams: Any) -> tuple[StreamCount, ...]:
+    # earlier versions wrote no counts
+    try:
+        return tuple(StreamCount(name, **count) for name, count in streams.items())
+    except (AttributeError, TypeError):
+        raise DataError(f"{file}: [streams] is damaged{_AGAIN}") from None
 
 
 def _description(track: Estimates) -> dict[str, Any]:
@@ -190,8 +208,11 @@ def _info(file: Path, names: tuple[str, ...]) -> SensorInfo | None:
 
 def _words(table: pa.Table, name: str, known: tuple[str, ...]) -> NDArray[np.int64]:
     # earlier versions did not write this column
-    words = table[name].to_pylist() if name in table.column_names else [known[0]] * len(table)
-    return np.array([known.index(word) for word in words], dtype=np.int64)
+    if name not in table.column_names:
+        return np.zeros(len(table), dtype=np.int64)
+    words = table[name].combine_chunks()
+    places = np.array([known.index(word) for word in words.dictionary.to_pylist()], dtype=np.int64)
+    return np.asarray(places[words.indices.to_numpy(zero_copy_only=False)])
 
 
 def _beliefs(file: Path, states: tuple[str, ...]) -> Beliefs | None:
@@ -210,9 +231,7 @@ def _model(place: Path, provenance: Mapping[str, Any]) -> Model | None:
     file = place / "model.toml"
     if not file.is_file():
         return None
-    return Model.from_toml(
-        file.read_text(encoding="utf-8"), str(file), dict(provenance.get("parameters", {}))
-    )
+    return Model.from_toml(read_text(file), str(file), dict(provenance.get("parameters", {})))
 
 
 def _one(table: pa.Table, name: str) -> NDArray[np.float64]:

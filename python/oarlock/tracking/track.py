@@ -125,9 +125,20 @@ class Track(Estimates):
         time_s = columns.pop("time_s")
         return xr.Dataset({k: ("time_s", v) for k, v in columns.items()}, coords={"time_s": time_s})
 
-    def save(self, folder: str | PathLike[str]) -> None:
-        """Write track.parquet, sensors.parquet, beliefs.parquet, model.toml and run.toml into a folder."""
-        write_track(self, folder)
+    def save(self, folder: str | PathLike[str], *, force: bool = False) -> None:
+        """Write track.parquet, sensors.parquet, beliefs.parquet, model.toml and run.toml into a folder.
+
+        A track that was saved there before is replaced as a whole, with its pages.
+
+        Args:
+            folder: created if it does not exist.
+            force: replace files that are not Oarlock's, too.
+
+        Raises:
+            DataError: a file that is not Oarlock's would be replaced, another process writes into the folder, or it
+                cannot be written. The folder is unchanged then.
+        """
+        write_track(self, folder, force)
 
     @staticmethod
     def load(folder: str | PathLike[str]) -> Track:
@@ -158,7 +169,7 @@ def track_without_filter(
 
     Standard deviations are NaN and finite values count as observed, unless `others` (fields of `Estimates`) say more.
     """
-    unknown, joints = np.full(q.shape, np.nan), model.describe()["joints"]
+    unknown, joints = np.full(q.shape, np.nan), model.describe().joints
     return Track(
         model=model,
         time_s=time_s.copy(),
@@ -184,7 +195,7 @@ def track_of_run(
 ) -> Track:
     """A Track from the engine's run. Its arrays are computed when they are first read."""
     states = {name: i for i, name in enumerate(run.state_names)}
-    names, joints = model.coordinate_names, model.describe()["joints"]
+    names, joints = model.coordinate_names, model.describe().joints
 
     def estimates(suffix: str, std: bool) -> Floats:
         return run.states([states.get(name + suffix) for name in names], std)
@@ -197,9 +208,13 @@ def track_of_run(
 
     def q_std() -> Floats:
         values = estimates("", True)
-        columns, readings = run.inputs()
-        known = {joint["name"]: joint["std"] for joint in joints if joint["input"]}
-        values[:, columns] = np.where(np.isnan(readings), np.nan, [known[names[c]] for c in columns])
+        columns, _ = run.inputs()
+        # Where an input has no reading, its estimate is its rest and its band the prior: the soft limits are two
+        # standard deviations from their middle.
+        known = {joint.name: (joint.std or 0.0, np.ptp(joint.limits) / 4) for joint in joints if joint.input}
+        read = run.observed()[:, columns] == 1
+        stds = np.array([known[names[c]] for c in columns]).reshape(len(columns), 2)
+        values[:, columns] = np.where(read, stds[:, 0], stds[:, 1])
         return values
 
     def later(make: Callable[[], Any]) -> Any:

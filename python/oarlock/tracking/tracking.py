@@ -16,8 +16,8 @@ from oarlock.recording.corrections import corrected, correction_notes
 from oarlock.recording.plausibility import Finding, require_plausible
 from oarlock.recording.recording import Recording
 from oarlock.storage.errors import DataError, DivergedError
-from oarlock.storage.suggest import did_you_mean
 from oarlock.tracking.counts import count_streams
+from oarlock.tracking.known_streams import known_streams
 from oarlock.tracking.track import Track, track_of_run
 
 Progress = Callable[[float], object]
@@ -52,12 +52,13 @@ def track(
         progress: called regularly with the share done, 0 to 1.
 
     Raises:
-        DataError: streams without a sensor in the model (`Recording.only` removes them), time stamps out of
-            order, or values in a wrong unit.
+        DataError: no stream has a sensor in the model, or a name is probably misspelt; time stamps out of order, or
+            values in a wrong unit. Other streams without a sensor are left out with a note.
         DivergedError: the filter diverged; `time_s` is the time at which it did.
     """
     config = config if config is not None else Config()
     require_recording(recording)
+    recording, left_out = known_streams(model, recording)
     findings = admit(model, corrected(recording, calibration))
     began = time.perf_counter()
     try:
@@ -67,7 +68,14 @@ def track(
         raise
     wall_s = time.perf_counter() - began
     return finished(
-        model, recording, calibration, run, run.notes, findings, wall_s, resumed=start is not None
+        model,
+        recording,
+        calibration,
+        run,
+        (*run.notes, *left_out),
+        findings,
+        wall_s,
+        resumed=start is not None,
     )
 
 
@@ -78,7 +86,6 @@ def admit(model: Model, recording: Recording) -> list[Finding]:
         DataError: as `track`.
     """
     require_recording(recording)
-    _require_known(model, recording)
     _require_one_clock(recording)
     if recording not in _FINDINGS:
         _FINDINGS[recording] = tuple(require_plausible(recording))
@@ -161,24 +168,6 @@ def require_recording(given: object) -> None:
         raise DataError(
             f"track: expected a Recording, got {kind}; read one from a folder with oarlock.load_recording"
         )
-
-
-def _require_known(model: Model, recording: Recording) -> None:
-    inputs = [j["name"] for j in model.describe()["joints"] if j["input"]]
-    known = [*model.sensor_names, *inputs]
-    unknown = [name for name in recording.names if name not in known]
-    if not unknown:
-        return
-    kept = [name for name in recording.names if name in known]
-    way_out = (
-        f"To leave it out, keep the others: recording.only({kept}), or --only {','.join(kept)}"
-        if kept
-        else f"No stream of the recording ({', '.join(recording.names)}) belongs to this model: rename the streams"
-    )
-    raise DataError(
-        f'stream "{unknown[0]}": model "{model.name}" has no sensor or input of that name. '
-        f"{did_you_mean(unknown[0], known)} {way_out}"
-    )
 
 
 def _require_one_clock(recording: Recording) -> None:

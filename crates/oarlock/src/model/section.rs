@@ -1,7 +1,7 @@
 //! A table of the model file: reads its keys and reports unknown ones.
 
 use super::expr::Expr;
-use super::slot::{Named, Reader, Slot};
+use super::slot::{shown_name, Named, Reader, Slot};
 use super::suggest;
 use toml::de::{DeTable, DeValue};
 use toml::Spanned;
@@ -156,7 +156,7 @@ impl<'a> Section<'a> {
 
 fn called(key: &str, index: usize, value: &DeValue) -> String {
     match value.get("name").and_then(|name| name.get_ref().as_str()) {
-        Some(name) => format!("{key} `{name}`"),
+        Some(name) => format!("{key} `{}`", shown_name(name)),
         None => format!("{key} number {}", index + 1),
     }
 }

@@ -32,6 +32,8 @@ pub(crate) struct Named {
     pub(crate) at: usize,
 }
 
+/// Longest name, in characters; the shipped models need 24.
+pub(crate) const LONGEST_NAME: usize = 80;
 /// Largest plausible length, m: a larger one was probably given in millimetres.
 const LENGTH_BOUND_M: f64 = 100.0;
 /// Tolerance of a unit vector or rotation matrix: seven digits.
@@ -73,11 +75,21 @@ impl<'a> Slot<'a> {
         let starts = letters.next().is_some_and(|c| c.is_alphabetic() || c == '_');
         if !starts || !letters.all(|c| c.is_alphanumeric() || c == '_') {
             self.mistake(format!(
-                "`{text}` is no name: expected letters, digits and `_`, a letter first (try `{}`)",
-                as_name(text)
+                "`{}` is no name: expected letters, digits and `_`, a letter first (try `{}`)",
+                shown_name(text),
+                as_name(shown_name(text))
             ));
         }
+        self.check_length(text);
         Some(Named { text: text.to_string(), at: self.at() })
+    }
+
+    /// Names become columns and labels of pages; nobody types one of 10,000 characters.
+    pub(crate) fn check_length(&self, name: &str) {
+        let count = name.chars().count();
+        if count > LONGEST_NAME {
+            self.mistake(format!("the name has {count} characters; at most {LONGEST_NAME} are allowed"));
+        }
     }
 
     /// One of several words.
@@ -255,6 +267,11 @@ fn integer(text: &str, radix: u32) -> Option<f64> {
         10 => text.parse().ok(),
         _ => i64::from_str_radix(text, radix).ok().map(|i| i as f64),
     }
+}
+
+/// The beginning of a name, for messages: all of one that is allowed.
+pub(crate) fn shown_name(name: &str) -> &str {
+    name.char_indices().nth(LONGEST_NAME).map_or(name, |(end, _)| &name[..end])
 }
 
 fn as_name(text: &str) -> String {

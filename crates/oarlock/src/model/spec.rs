@@ -12,7 +12,7 @@ pub(super) use joint::JointSpec;
 
 use super::locate::Mistakes;
 use super::section::Section;
-use super::slot::{Named, Reader, Slot};
+use super::slot::{shown_name, Named, Reader, Slot};
 use super::{BaseAcceleration, Closure, Parameter, World};
 use crate::sensor::kind::{Kind, Pending};
 use crate::sensor::SensorKind;
@@ -148,8 +148,9 @@ fn read_parameters(whole: &Section) -> Vec<(Named, Parameter)> {
 }
 
 fn read_parameter(name: Named, mut slot: Slot) -> (Named, Parameter) {
-    slot.path = format!("parameter `{}`", name.text);
+    slot.path = format!("parameter `{}`", shown_name(&name.text));
     check_parameter_name(&name, &slot);
+    slot.check_length(&name.text);
     let mut parameter =
         Parameter { name: name.text.clone(), label: String::new(), unit: String::new(), default: f64::NAN, std: None };
     if slot.value.get_ref().as_table().is_none() {

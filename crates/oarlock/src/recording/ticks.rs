@@ -30,6 +30,11 @@ impl Ticks {
         slot as f64 / (2.0 * self.rate_hz)
     }
 
+    /// Time before which all readings of a slot were taken, unless they have moved on from the slot before, s.
+    pub fn end_s(&self, slot: i64) -> f64 {
+        (slot.div_euclid(2) as f64 + 0.5) / self.rate_hz
+    }
+
     /// The slot at a sample's time.
     pub fn nearest(&self, time_s: f64) -> i64 {
         (2.0 * time_s * self.rate_hz).round() as i64

@@ -15,6 +15,8 @@ const TOGETHER: f64 = 1.25;
 const NICE_SHARE: f64 = 0.002;
 /// Ticks may be slower than the fastest stream by this share: its surplus readings have slots between them.
 const SLOWER_SHARE: f64 = 0.02;
+/// A smaller standard deviation of time stamps is rounding, s.
+const LEAST_STD_S: f64 = 1e-6;
 /// Output rows count as even if they are within this of their rate's times, s.
 const EVEN_S: f64 = 1e-6;
 
@@ -49,7 +51,10 @@ impl Streams<'_> {
         found.sample_rate_hz = Some(sample_rate_hz);
         found.output_rate_hz.get_or_insert_with(|| if apart { self.clean_rate_hz() } else { 0.0 });
         found.inputs.get_or_insert_with(|| self.inputs(if apart { &[] } else { &census.complete }));
-        let jitter = || self.streams.iter().map(|s| (s.name.clone(), jitter_s(&self.times(s)))).collect();
+        let jitter = || {
+            let stds = self.streams.iter().map(|s| (s.name.clone(), jitter_s(&self.times(s))));
+            stds.filter(|(_, std_s)| *std_s > LEAST_STD_S).collect()
+        };
         found.stamp_std_s.get_or_insert_with(|| if apart { jitter() } else { BTreeMap::new() });
         Ok(found)
     }

@@ -110,6 +110,10 @@ impl Kind for Imu {
         Some(&self.mount)
     }
 
+    fn mount_mut(&mut self) -> Option<&mut Mount> {
+        Some(&mut self.mount)
+    }
+
     fn slow_errors(&self) -> Vec<SlowError> {
         let noise = &self.noise;
         let walks = |quantity, name, start_std, walk| SlowError {

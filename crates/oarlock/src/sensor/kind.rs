@@ -58,6 +58,10 @@ pub(crate) trait Kind: Sized {
     fn mount(&self) -> Option<&Mount> {
         None
     }
+    /// The same, mutable.
+    fn mount_mut(&mut self) -> Option<&mut Mount> {
+        None
+    }
     /// Points in frames that it reads and that no mount gives.
     fn points(&self) -> Vec<&[Expr; 3]> {
         Vec::new()
@@ -198,6 +202,11 @@ macro_rules! kinds {
             /// Its mount, if its orientation on the link matters.
             pub fn mount(&self) -> Option<&Mount> {
                 match self { $(SensorKind::$name(s) => s.mount(),)* }
+            }
+
+            /// The same, mutable.
+            pub fn mount_mut(&mut self) -> Option<&mut Mount> {
+                match self { $(SensorKind::$name(s) => s.mount_mut(),)* }
             }
 
             /// Points in frames that it reads: its place on its link, or the ends of what it measures.

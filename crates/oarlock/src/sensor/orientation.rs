@@ -114,6 +114,10 @@ impl Kind for Orientation {
         Some(&self.mount)
     }
 
+    fn mount_mut(&mut self) -> Option<&mut Mount> {
+        Some(&mut self.mount)
+    }
+
     fn heading(&self) -> Option<&Heading> {
         self.heading.as_ref()
     }

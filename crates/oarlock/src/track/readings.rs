@@ -27,7 +27,8 @@ impl Readings {
     /// Copies the readings of a sample.
     pub fn take(&mut self, sample: &Sample) {
         self.z.copy_from_slice(&sample.z);
-        self.offset_s.copy_from_slice(&sample.offset_s);
+        let offsets = sample.offset_s.iter().copied().chain(std::iter::repeat(0.0));
+        self.offset_s.iter_mut().zip(offsets).for_each(|(own, s)| *own = s);
         for (input, &value) in self.moment.inputs.iter_mut().zip(&sample.inputs) {
             *input = if value.is_nan() { 0.0 } else { value };
         }

@@ -1,10 +1,9 @@
 //! Checks a calibration against the model: parameter values, standard deviations and mounts.
 
 use super::Calibration;
-use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::model::suggest::hint;
-use crate::model::Model;
+use crate::model::{Expr, Model};
 use crate::rotation::Mat3;
 use crate::sensor::MountValue;
 use std::collections::BTreeMap;
@@ -55,21 +54,31 @@ pub(super) fn check_stds(model: &Model, given: &Calibration) -> Result<()> {
 /// Smallest standard deviation of an estimated parameter, relative to the model's: zero would remove the state.
 const LEAST_SHARE: f64 = 1e-6;
 
-/// The model with the calibration's standard deviations and the inputs of the configuration.
-pub(super) fn as_known(model: Arc<Model>, given: &Calibration, config: &Config) -> Result<Arc<Model>> {
-    let model = match &config.inputs {
-        Some(kept) => Arc::new(model.with_inputs(kept)?),
-        None => model,
-    };
+/// The model with the calibration's standard deviations.
+pub(super) fn as_known(model: Arc<Model>, given: &Calibration) -> Arc<Model> {
     if given.parameter_stds.is_empty() {
-        return Ok(model);
+        return model;
     }
     let mut known = (*model).clone();
     for parameter in &mut known.parameters {
         let told = given.parameter_stds.get(&parameter.name);
         parameter.std = parameter.std.map(|own| told.map_or(own, |told| told.max(LEAST_SHARE * own)));
     }
-    Ok(Arc::new(known))
+    Arc::new(known)
+}
+
+/// The model with the values, mounts and standard deviations of a calibration as its own.
+pub fn calibrated(model: &Model, given: &Calibration) -> Result<Model> {
+    let (values, mounts) = (parameter_values(model, &given.parameters)?, mount_values(model, &given.mounts)?);
+    check_stds(model, given)?;
+    let mut own = (*as_known(Arc::new(model.clone()), given)).clone();
+    own.parameters.iter_mut().zip(values).for_each(|(parameter, value)| parameter.default = value);
+    for (sensor, mount) in own.sensors.iter_mut().zip(mounts) {
+        if let (Some(nominal), Some((rotation, offset))) = (sensor.kind.mount_mut(), mount) {
+            (nominal.rotation, nominal.offset) = (rotation, offset.map(Expr::constant));
+        }
+    }
+    Ok(own)
 }
 
 /// Names of the sensors with a mount.

@@ -102,16 +102,16 @@ class Constants:
         at = {name: i for i, name in enumerate(self.names)}
         values = {n.removeprefix("parameters."): v for n, v in self._values() if n.startswith("parameters.")}
         sized = searched.with_parameters(values)
-        units = {s["name"]: s["mount"] for s in sized.describe()["sensors"] if s["kind"] == "imu"}
+        units = {s.name: s.mount for s in sized.describe().inertial_units}
         turns = {unit: [at[f"{unit}.mount_r{a}"] for a in "xyz"] for unit in units}
-        turned = {u: np.asarray(m["rotation"]) @ _turned(self.moved[turns[u]]) for u, m in units.items()}
+        turned = {u: np.asarray(m.rotation) @ _turned(self.moved[turns[u]]) for u, m in units.items()}
         places = {u: [at[f"parameters.{PLACE}_{u}_{a}"] for a in "xyz"] for u in units}
         return replace(
             before,
             parameters={**before.parameters, **{n: v for n, v in values.items() if n in parameters}},
             mounts={
                 **before.mounts,
-                **{u: (nearest_rotation(turned[u]), np.asarray(m["offset"])) for u, m in units.items()},
+                **{u: (nearest_rotation(turned[u]), np.asarray(m.offset)) for u, m in units.items()},
             },
             parameter_stds={
                 **before.parameter_stds,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -184,5 +184,5 @@ def _add_rocking(document: Document, model: Model, azimuth_rad: float | None) ->
 
 
 def _directions(model: Model) -> tuple[Any, Any]:
-    world: Mapping[str, Any] = model.describe()["world"]
-    return np.asarray(world["up"], dtype=float), np.asarray(world["forward"], dtype=float)
+    world = model.describe().world
+    return np.asarray(world.up, dtype=float), np.asarray(world.forward, dtype=float)

@@ -80,12 +80,12 @@ class Stretch:
         Raises:
             DivergedError: the filter loses the track.
         """
-        encoders = [s["name"] for s in self.model.describe()["sensors"] if s["kind"] == "encoder"]
+        encoders = [s.name for s in self.model.describe().encoders]
         zeros = [name for name in encoders if name in part]
         searched = searched_model(
             self.model, self.known, hypothesis, azimuth_rad=self.azimuth_rad, zeros_of=zeros
         )
-        pushes = [base["name"] for base in searched.describe()["base_acceleration"]]
+        pushes = [base.name for base in searched.describe().base_acceleration]
         estimate = ("gyro_bias", "accel_bias", *pushes, "mounts", "lengths")
         config = Config(estimate=estimate, initial_q=self._posture(searched, 0))
         corrections = replace(
@@ -134,12 +134,12 @@ def _nis_per_reading(tracked: Track) -> float:
 
 def _check(model: Model, whole: Recording, held_out: float) -> None:
     described = model.describe()
-    if not described["closures"]:
+    if not described.closures:
         raise DataError(
             f'calibrate motion: model "{model.name}" has no closure. Free movement determines mounts and lengths '
             "only with a closed loop. Use oarlock calibrate axes, joints or pose"
         )
-    units = [s["name"] for s in described["sensors"] if s["kind"] == "imu" and s["name"] in whole]
+    units = [s.name for s in described.inertial_units if s.name in whole]
     if not units:
         raise DataError(f"calibrate motion: the recording has no inertial unit of the model ({model.name})")
     if not 0.1 <= held_out <= 0.5:

@@ -46,12 +46,12 @@ class Body:
     def of(cls, model: Model, units: Sequence[str]) -> Body:
         """Probes in a posture away from singular ones which coordinate turns which link."""
         told = model.describe()
-        described = {s["name"]: s for s in told["sensors"]}
-        frames = {name: model.frame_names.index(described[name]["frame"]) for name in units}
+        frame_of = {s.name: s.frame for s in told.inertial_units}
+        frames = {name: model.frame_names.index(frame_of[name]) for name in units}
         joints = {
-            j["name"]: tuple(c for c in j["coordinates"] if not c.endswith((".x", ".y", ".z")))
-            for j in told["joints"]
-            if j["kind"] != "slide"
+            j.name: tuple(c for c in j.coordinates if not c.endswith((".x", ".y", ".z")))
+            for j in told.joints
+            if j.kind != "slide"
         }
         names = model.coordinate_names
         q = rest_posture(model, None) + 0.1 * np.sin(1.0 + np.arange(len(names)))
@@ -60,7 +60,7 @@ class Body:
         for unit, frame in frames.items():
             turned = np.abs(by_coordinate[frame, 3:]).max(axis=0)
             turns[unit] = frozenset(n for n, t in zip(names, turned, strict=True) if t > TURNS)
-        up, forward = (np.asarray(told["world"][k], dtype=np.float64) for k in ("up", "forward"))
+        up, forward = np.asarray(told.world.up), np.asarray(told.world.forward)
         return cls(model, tuple(units), frames, turns, joints, up, forward)
 
     def posture(self, pose: Mapping[str, float]) -> FloatArray:

@@ -142,7 +142,7 @@ class SessionPlan:
         Raises:
             DataError: a joint or coordinate of no such name; it names the nearest.
         """
-        joints = {j["name"]: j["kind"] for j in model.describe()["joints"]}
+        joints = {j.name: j.kind for j in model.describe().joints}
         for step in self.steps:
             where = f'plan, step "{step.name}"'
             for name in step.pose:
@@ -206,7 +206,7 @@ def default_plan(model: Model) -> SessionPlan:
     shipped = model_folder() / "plans" / f"{model.name}.toml"
     if shipped.is_file():
         return load_session_plan(shipped)
-    hinges = [j["name"] for j in model.describe()["joints"] if j["kind"] == "hinge" and not j["input"]]
+    hinges = [j.name for j in model.describe().joints if j.kind == "hinge" and not j.input]
     moves = [SessionStep(f"turn {name}", "move", joints=(name,)) for name in hinges]
     rest = [SessionStep(f"rest posture {k}", "pose") for k in range(len(moves) + 1)]
     paired = [step for both in zip(rest, [*moves, rest[-1]], strict=True) for step in both][:-1]

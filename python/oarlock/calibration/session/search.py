@@ -82,8 +82,8 @@ def calibrate_session(
     body = Body.of(worn.model, names)
     spans = located(plan, body, units)
     _check_spans(plan, spans, clocked)
-    described = {s["name"]: s for s in model.describe()["sensors"]}
-    gravity = model.describe()["world"]["gravity_m_s2"]
+    nominal = model.describe()
+    described, gravity = {s.name: s for s in nominal.inertial_units}, nominal.world.gravity_m_s2
     searches = {n: SensorSearch.of(unit, plan, spans, gravity) for n, unit in units.items()}
     known = _with_sensors(before, searches)
     rows = {n: s.corrected(known) for n, s in searches.items()}

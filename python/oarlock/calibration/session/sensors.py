@@ -15,6 +15,7 @@ from oarlock.calibration.session.magnetometer import NORM_LIMIT, OFFSET_LIMIT_UT
 from oarlock.calibration.session.plan import SessionPlan
 from oarlock.calibration.session.timing import stills_of
 from oarlock.calibration.session.unit_rows import Span, UnitRows
+from oarlock.model.description import ImuDescription
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import true_readings
 
@@ -59,11 +60,11 @@ class SensorSearch:
         mag = None if rows.mag is None else true_readings(calibration, rows.name, "mag_ut", rows.mag)
         return replace(rows, gyro=gyro, accel=accel, mag=mag)
 
-    def checks(self, described: Mapping[str, Any]) -> list[Check]:
+    def checks(self, described: ImuDescription) -> list[Check]:
         """The lines of the page."""
         return [*self._gyro_checks(described), self._accel_check(), *self._mag_checks()]
 
-    def _gyro_checks(self, described: Mapping[str, Any]) -> list[Check]:
+    def _gyro_checks(self, described: ImuDescription) -> list[Check]:
         name, rest = self.rows.name, self.gyro
         if rest is None:
             sentence = "The unit never rested for a second: lay it down for five seconds and record again."
@@ -101,7 +102,7 @@ class SensorSearch:
                 sentence,
             )
         ]
-        expected = described["rest_std_rad_s"] or described["gyro_std_rad_s"]
+        expected = described.rest_std_rad_s or described.gyro_std_rad_s
         if expected:
             noise = float(rest.noise_rad_s.max())
             quiet = noise <= NOISE_LIMIT * expected

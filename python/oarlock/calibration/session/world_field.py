@@ -54,15 +54,15 @@ def field_checks(model: Model, searches: Mapping[str, SensorSearch]) -> list[Che
                 f"The others see {norm:.1f} uT and {np.degrees(dip):.0f} deg: turn it again, away from iron."
             )
             checks.append(Check("turn", name, "field", text, np.nan, np.nan, "", REDO, sentence))
-    world = model.describe()["world"]
+    world = model.describe().world
     taken = field_parameters(model, searches)
-    apart = abs(norm / world["magnetic_norm_ut"] - 1.0) > NORM_APART
-    apart |= bool(abs(dip - world["magnetic_dip_rad"]) > DIP_APART_RAD)
+    apart = abs(norm / world.magnetic_norm_ut - 1.0) > NORM_APART
+    apart |= bool(abs(dip - world.magnetic_dip_rad) > DIP_APART_RAD)
     text = f"{norm:.1f} uT, dip {np.degrees(dip):.0f} deg"
     if taken:
         outcome, sentence = PASSED, f"The model takes it as {', '.join(taken)}."
     elif apart:
-        held = f"{world['magnetic_norm_ut']:.1f} uT and {np.degrees(world['magnetic_dip_rad']):.0f} deg"
+        held = f"{world.magnetic_norm_ut:.1f} uT and {np.degrees(world.magnetic_dip_rad):.0f} deg"
         outcome = KEPT
         sentence = (
             f"The model's [world] has {held}: write the measured values into [world] of your model file."

@@ -79,11 +79,11 @@ def calibrate_hinge_chain(
     require_plausible(recording.only(names))
     q = posture(model, rest_q)
     links = hinge_links(model, names, q)
-    world = model.describe()["world"]
+    world = model.describe().world
     found = _core.find_hinge_chain(
         [_entry(link, recording[link.sensor], _swing_of(swing_s, link.sensor)) for link in links],
-        world["up"],
-        world["gravity_m_s2"],
+        world.up,
+        world.gravity_m_s2,
         still_s,
         first_turn_positive,
     )
@@ -95,7 +95,7 @@ def calibrate_hinge_chain(
         found |= {"lever_arms": [None] * len(links), "field": None}
     sized = model.with_parameters(lengths)
     mounts: dict[str, Mount] = {}
-    nominal = {s["name"]: s["mount"]["offset"] for s in sized.describe()["sensors"] if s["kind"] == "imu"}
+    nominal = {s.name: s.mount.offset for s in sized.describe().inertial_units}
     for link, mount, arm in zip(
         hinge_links(sized, names, q), found["mounts"], found["lever_arms"], strict=True
     ):

@@ -155,7 +155,7 @@ class Tree:
     def of(cls, worn: Worn, pairs: Sequence[LinkPair], prior_std_m: float) -> Tree:
         """Unknown are the offsets of the units and the lengths that move a centre."""
         slopes = _slopes(worn.model, pairs)
-        stds = {p["name"]: p["std"] or prior_std_m for p in worn.model.describe()["parameters"]}
+        stds = {p.name: p.std or prior_std_m for p in worn.model.describe().parameters}
         columns: dict[str, slice] = {}
         prior: list[float] = []
         for name in _unknown_units(pairs, slopes):

@@ -69,7 +69,7 @@ def link_pairs(
         DataError: two units move with the same joints.
     """
     described = model.describe()
-    frame_of = {s["name"]: s["frame"] for s in described["sensors"] if s["kind"] == "imu"}
+    frame_of = {s.name: s.frame for s in described.inertial_units}
     paths = {name: tuple(joints_above(described, frame_of[name])) for name in sensors}
     for child, path in paths.items():
         twins = [other for other, own in paths.items() if other != child and own == path]
@@ -78,8 +78,8 @@ def link_pairs(
                 f'{search}: "{child}" and "{twins[0]}" sit on the same body. Name the sensors to use, one a body.'
             )
     if root_at_rest is None:
-        free = any(j["kind"] == "free" for j in described["joints"])
-        root_at_rest = not free and not described["base_acceleration"]
+        free = any(j.kind == "free" for j in described.joints)
+        root_at_rest = not free and not described.base_acceleration
     if root_at_rest and () not in paths.values():
         frame_of[ROOT], paths = model.frame_names[0], {ROOT: (), **paths}
     poses = _poses(model)
@@ -97,7 +97,7 @@ def link_pairs(
 def _poses(model: Model) -> FloatArray:
     """(POSTURES, n_frames, 4, 4) in postures of no meaning, always the same ones."""
     described = model.describe()
-    slides = {j["name"] for j in described["joints"] if j["kind"] == "slide"}
+    slides = {j.name for j in described.joints if j.kind == "slide"}
     # a free joint's positions are as good as its turns
     scale = [0.3 if name in slides else 0.7 for name in model.coordinate_names]
     q = np.random.default_rng(1).standard_normal((POSTURES, len(scale))) * scale

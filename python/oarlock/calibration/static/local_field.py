@@ -83,12 +83,10 @@ def _with_magnetometer(model: Model, recording: Recording) -> list[str]:
 
 def parameter_of(model: Model, key: str) -> str | None:
     """The one parameter that is this number of the world, if there is such a one."""
-    here = model.describe()["world"][key]
-    if here is None:
-        return None
+    here = getattr(model.describe().world, key)
     moving = {}
     for name, value in model.parameters.items():
-        there = model.with_parameters({name: value + STEP}).describe()["world"][key]
+        there = getattr(model.with_parameters({name: value + STEP}).describe().world, key)
         if there != here:
             moving[name] = (there - here) / STEP
     alone = len(moving) == 1 and abs(next(iter(moving.values())) - 1.0) < EXACT / STEP

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from copy import deepcopy
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
 from oarlock.calibration.static.worn_model import Worn
+from oarlock.model.description import ImuDescription, ModelDescription
 from oarlock.storage.array_gate import FloatArray
 
 STEP_M = 0.01
@@ -47,7 +47,7 @@ def offset_parameters(
     return found
 
 
-def _moved_alone(model: Mapping[str, Any], longer: Mapping[str, Any]) -> list[tuple[str, int]]:
+def _moved_alone(model: ModelDescription, longer: ModelDescription) -> list[tuple[str, int]]:
     """The unit and the axis along which a longer parameter moves it and nothing else, metre for metre; else nothing."""
     here, there = _places(model), _places(longer)
     moved = {unit: there[unit] - here[unit] for unit in here}
@@ -60,13 +60,15 @@ def _moved_alone(model: Mapping[str, Any], longer: Mapping[str, Any]) -> list[tu
     return [(unit, axis)] if follows else []
 
 
-def _places(model: Mapping[str, Any]) -> dict[str, FloatArray]:
-    return {s["name"]: np.asarray(s["mount"]["offset"]) for s in model["sensors"] if s["kind"] == "imu"}
+def _places(model: ModelDescription) -> dict[str, FloatArray]:
+    return {s.name: np.asarray(s.mount.offset) for s in model.inertial_units}
 
 
-def _without_places(model: Mapping[str, Any]) -> dict[str, Any]:
-    rest = deepcopy({key: part for key, part in model.items() if key != "parameters"})
-    for sensor in rest["sensors"]:
-        if sensor["kind"] == "imu":
-            del sensor["mount"]["offset"]
-    return rest
+def _without_places(model: ModelDescription) -> ModelDescription:
+    sensors = (
+        replace(sensor, mount=replace(sensor.mount, offset=(0.0, 0.0, 0.0)))
+        if isinstance(sensor, ImuDescription)
+        else sensor
+        for sensor in model.sensors
+    )
+    return replace(model, parameters=(), sensors=tuple(sensors))

@@ -70,11 +70,7 @@ def calibrate_pose(
     worn = Worn.of(model, calibration)
     q = rest_posture(worn.model, pose)
     described = worn.model.describe()
-    frames = {
-        s["name"]: worn.model.frame_names.index(s["frame"])
-        for s in described["sensors"]
-        if s["kind"] == "imu"
-    }
+    frames = {s.name: worn.model.frame_names.index(s.frame) for s in described.inertial_units}
     poses = worn.model.forward_kinematics(q)
     units = [
         readings(recording[name])
@@ -84,7 +80,7 @@ def calibrate_pose(
         }
         for name in names
     ]
-    found = _core.find_pose_mounts(units, described["world"]["up"], still_s, float(posture_std_rad))
+    found = _core.find_pose_mounts(units, described.world.up, still_s, float(posture_std_rad))
     mounts = {m["name"]: (np.array(m["link_from_sensor"]), worn.offsets[m["name"]]) for m in found}
     noted = {
         "how": "a still posture",
@@ -102,7 +98,7 @@ def rest_posture(model: Model, pose: Mapping[str, float] | ArrayLike | None) -> 
     Raises:
         DataError: as `oarlock.model.chain_geometry.posture`.
     """
-    rest = np.concatenate([np.ravel(j["rest"]) for j in model.describe()["joints"]] or [np.zeros(0)])
+    rest = np.concatenate([np.ravel(j.rest) for j in model.describe().joints] or [np.zeros(0)])
     if pose is None:
         return posture(model, rest)
     if not isinstance(pose, Mapping):

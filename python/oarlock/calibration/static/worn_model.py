@@ -40,11 +40,9 @@ class Worn:
         """The model's own mounts where the calibration has none."""
         before = Calibration() if calibration is None else calibration
         sized = model.with_parameters(before.parameters)
-        mounts = {s["name"]: s["mount"] for s in sized.describe()["sensors"] if s["kind"] == "imu"}
-        rotations = {name: np.asarray(m["rotation"]) for name, m in mounts.items()}
-        offsets = {name: np.asarray(m["offset"]) for name, m in mounts.items()}
-        for name, (rotation, offset) in before.mounts.items():
-            rotations[name], offsets[name] = rotation, offset
+        mounts = {s.name: s.mount for s in model.describe(before).inertial_units}
+        rotations = {name: np.asarray(m.rotation) for name, m in mounts.items()}
+        offsets = {name: np.asarray(m.offset) for name, m in mounts.items()}
         rotations[ROOT], offsets[ROOT] = np.eye(3), np.zeros(3)
         return cls(sized, rotations, offsets, before)
 
@@ -53,9 +51,9 @@ class Worn:
         child = readings(recording[pair.child])
         if pair.parent != ROOT:
             return readings(recording[pair.parent]), child
-        world = self.model.describe()["world"]
+        world = self.model.describe().world
         rest = np.zeros((len(child["time_s"]), 3))
-        up = rest + np.asarray(world["up"]) * world["gravity_m_s2"]
+        up = rest + np.asarray(world.up) * world.gravity_m_s2
         return child | {"name": ROOT, "gyro_rad_s": rest, "accel_m_s2": up, "mag_ut": None}, child
 
     def calibrated(

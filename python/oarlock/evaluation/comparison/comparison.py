@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 import platform
 import time
@@ -10,7 +11,6 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -22,8 +22,12 @@ from oarlock.evaluation.evaluate import evaluate
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected
 from oarlock.recording.recording import Recording
+from oarlock.storage.csv_cells import inert
 from oarlock.storage.errors import DataError, DivergedError
+from oarlock.storage.folder_writer import replaced_folder
 from oarlock.storage.toml import write_toml
+from oarlock.storage.write_file import write_file
+from oarlock.tracking.known_streams import known_streams
 from oarlock.tracking.track import Track
 from oarlock.tracking.tracking import admit
 
@@ -99,18 +103,20 @@ class Comparison:
 
     def save(self, folder: str | PathLike[str]) -> None:
         """Write compare.toml (all scores) and compare.csv (the table) into a folder."""
-        place = Path(folder)
-        place.mkdir(parents=True, exist_ok=True)
-        write_toml(place / "compare.toml", _writable(self.to_dict()))
-        with open(place / "compare.csv", "w", encoding="utf-8", newline="") as file:
-            table = csv.writer(file, lineterminator="\n")
-            table.writerow(["filter", "family", *self.columns])
-            for row in self.scores:
-                values = row.columns()
-                numbers = [values.get(name, math.nan) for name in self.columns]
-                table.writerow(
-                    [row.name, row.estimator.family, *(v if math.isfinite(v) else "" for v in numbers)]
-                )
+        with replaced_folder(folder, "comparison") as place:
+            write_toml(place / "compare.toml", _writable(self.to_dict()))
+            write_file(place / "compare.csv", self._csv())
+
+    def _csv(self) -> str:
+        text = io.StringIO(newline="")
+        table = csv.writer(text, lineterminator="\n")
+        table.writerow(["filter", "family", *(inert(name) for name in self.columns)])
+        for row in self.scores:
+            values = row.columns()
+            numbers = [values.get(name, math.nan) for name in self.columns]
+            named = [inert(row.name), inert(row.estimator.family)]
+            table.writerow([*named, *(v if math.isfinite(v) else "" for v in numbers)])
+        return text.getvalue()
 
 
 def _writable(value: Any) -> Any:
@@ -164,6 +170,7 @@ def compare(
     left_out: dict[str, str] = {}
     joints = chosen_joints(model)
     # The recording is checked here, so that the time of the check does not count for the first estimator.
+    recording, _ = known_streams(model, recording)
     admit(model, corrected(recording, calibration))
     reference, name = truth, "truth"
     for one in chosen:

@@ -25,9 +25,9 @@ def direct_readings(
         Coordinate -> (T,) rad or m, NaN without a near reading; and coordinate -> standard deviation, if it has one.
     """
     described = model.describe()
-    joints = {s["name"]: s["joint"] for s in described["sensors"] if s["kind"] == "encoder"}
-    joints |= {j["name"]: j["name"] for j in described["joints"] if j["input"]}
-    noise = {s["joint"]: s["std"] for s in described["sensors"] if s["kind"] == "encoder" and s["std"]}
+    joints = {s.name: s.joint for s in described.encoders}
+    joints |= {j.name: j.name for j in described.inputs}
+    noise = {s.joint: s.std for s in described.encoders if s.std}
     readings: dict[str, Floats] = {}
     for stream in recording:
         joint = joints.get(stream.name)

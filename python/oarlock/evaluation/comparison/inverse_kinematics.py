@@ -232,12 +232,11 @@ def _limits_and_rest(model: Model) -> tuple[Floats, Floats, Floats]:
     """Soft limits and rest of each coordinate; without limits half a turn in both directions."""
     names = list(model.coordinate_names)
     low, high, rest = (np.full(len(names), x) for x in (-np.pi, np.pi, 0.0))
-    for joint in model.describe()["joints"]:
-        if len(joint["coordinates"]) == 1:
-            k = names.index(joint["coordinates"][0])
-            if joint["limits"] is not None:
-                low[k], high[k] = joint["limits"]
-            rest[k] = joint["rest"] or 0.0
+    for joint in model.describe().joints:
+        if len(joint.coordinates) == 1:
+            k = names.index(joint.coordinates[0])
+            low[k], high[k] = joint.limits
+            rest[k] = joint.rest
     return low, high, rest
 
 

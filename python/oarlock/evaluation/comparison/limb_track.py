@@ -21,6 +21,7 @@ from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected
 from oarlock.recording.recording import Recording
 from oarlock.storage.errors import DataError
+from oarlock.tracking.known_streams import known_streams
 from oarlock.tracking.records import Beliefs
 from oarlock.tracking.track import Track, track_without_filter
 from oarlock.tracking.tracking import admit, track
@@ -61,6 +62,7 @@ def track_limbs(
         DivergedError: a filter diverged.
     """
     config = Config() if config is None else config
+    recording, _ = known_streams(model, recording)
     admit(model, corrected(recording, calibration))
     limbs = cut_into_limbs(model, config.closures)
     tracks, cpu_s = [], 0.0
@@ -76,7 +78,7 @@ def track_limbs(
 
 
 def _streams_of(limb: Limb, recording: Recording) -> Recording:
-    inputs = [j["name"] for j in limb.model.describe()["joints"] if j["input"]]
+    inputs = [j.name for j in limb.model.describe().inputs]
     known = {*limb.model.sensor_names, *inputs}
     names = [name for name in recording.names if name in known]
     if not names:
@@ -121,7 +123,7 @@ def _merged(
         nearest = np.clip(np.searchsorted(part.time_s, time_s), 0, len(part) - 1)
         observed[:, to] = part.observed[nearest][:, from_]
     answered = {joint for limb in limbs for joint in limb.own}
-    inputs = {joint["name"] for joint in model.describe()["joints"] if joint["input"]} - answered
+    inputs = {joint.name for joint in model.describe().inputs} - answered
     for name, value in direct_readings(model, corrected(recording, calibration), time_s)[0].items():
         if name in inputs:
             arrays["q"][:, whole[name][0]] = value

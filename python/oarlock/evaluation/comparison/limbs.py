@@ -65,10 +65,10 @@ def _limb(model: Model, tree: _JointTree, root: str, closures: bool) -> Limb:
     kept = own | set(tree.down(root))
     bound: set[str] = set()
     others = set(tree.limb_roots()) - {root}
-    for closure in model.describe()["closures"] if closures else ():
-        ends = [tree.joints_under(closure[end]) for end in ("frame_a", "frame_b")]
+    for closure in model.describe().closures if closures else ():
+        ends = [tree.joints_under(frame) for frame in (closure.frame_a, closure.frame_b)]
         if any(own & set(end) for end in ends) and not any(others & set(end) for end in ends):
-            bound.add(closure["name"])
+            bound.add(closure.name)
             kept |= set(ends[0]) | set(ends[1])
     answers = own | {j for j in kept if not tree.is_shared(j) and not tree.carries_unit(j)}
     return Limb(root, sub_model(model, kept, bound), tuple(j for j in tree.order if j in answers))
@@ -91,23 +91,22 @@ class _JointTree:
     def __init__(self, model: Model) -> None:
         described = model.describe()
         self.order = tuple(model.joint_names)
-        self._frames = {f["name"]: f for f in described["frames"]}
+        self._frames = {f.name: f for f in described.frames}
         self._below: dict[str, tuple[str, ...]] = {}
-        for frame in described["frames"]:
-            joint = frame["joint"]
+        for frame in described.frames:
+            joint = frame.joint
             if joint is not None and joint not in self._below:
-                self._below[joint] = self.joints_under(frame["name"])[1:]
-        imus = [s for s in described["sensors"] if s["kind"] == "imu"]
-        self._unit_chains = [self.joints_under(s["frame"]) for s in imus]
+                self._below[joint] = self.joints_under(frame.name)[1:]
+        self._unit_chains = [self.joints_under(s.frame) for s in described.inertial_units]
 
     def joints_under(self, frame: str) -> tuple[str, ...]:
         """Joints from a frame down to the root, nearest first."""
         found = []
         at: str | None = frame
         while at is not None:
-            if self._frames[at]["joint"] is not None:
-                found.append(self._frames[at]["joint"])
-            at = self._frames[at]["parent"]
+            if (joint := self._frames[at].joint) is not None:
+                found.append(joint)
+            at = self._frames[at].parent
         return tuple(found)
 
     def down(self, joint: str) -> tuple[str, ...]:

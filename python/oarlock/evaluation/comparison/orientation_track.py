@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from oarlock.evaluation.comparison.orientation_filters import madgwick, quaterni
 from oarlock.evaluation.comparison.quest_filter import quest_ekf
 from oarlock.evaluation.comparison.single_units import OrientationFilter, Stretch, orientations, stretches
 from oarlock.evaluation.comparison.vector_filter import vector_kf
+from oarlock.model.description import ImuDescription
 from oarlock.model.rotation import quat_from_matrix, quat_inverse, quat_product
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected, correction_notes
@@ -25,6 +26,7 @@ from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
+from oarlock.tracking.known_streams import known_streams
 from oarlock.tracking.track import Track, track_without_filter
 from oarlock.tracking.tracking import admit
 
@@ -76,7 +78,8 @@ def track_orientations(
     if filter not in ORIENTATION_FILTERS:
         known = list(ORIENTATION_FILTERS)
         raise DataError(f"track_orientations: no filter '{filter}'. {did_you_mean(filter, known)}")
-    corrections = correction_notes(recording, calibration)
+    recording, others = known_streams(model, recording)
+    corrections = (*others, *correction_notes(recording, calibration))
     recording = corrected(recording, calibration)
     findings = admit(model, recording)
     worn = Worn.of(model, calibration)
@@ -132,10 +135,8 @@ class _Unit:
 def _complete_units(worn: Worn, recording: Recording) -> tuple[dict[str, _Unit], list[str]]:
     units: dict[str, _Unit] = {}
     notes = []
-    for sensor in worn.model.describe()["sensors"]:
-        name = sensor["name"]
-        if sensor["kind"] != "imu":
-            continue
+    for sensor in worn.model.describe().inertial_units:
+        name = sensor.name
         stream = next((s for s in recording if s.name == name), None)
         lacks = _lacks(stream, sensor)
         if lacks:
@@ -148,7 +149,7 @@ def _complete_units(worn: Worn, recording: Recording) -> tuple[dict[str, _Unit],
                 name, stream.time_s, stream.gyro_rad_s, stream.accel_m_s2, stream.mag_ut - offset
             )
         rotation = quat_from_matrix(worn.rotations[name])
-        units[name] = _Unit(stream, sensor["frame"], rotation, sensor["gyro_std_rad_s"] or 0.0)
+        units[name] = _Unit(stream, sensor.frame, rotation, sensor.gyro_std_rad_s or 0.0)
     if not units:
         raise DataError(
             "track_orientations: no inertial unit of the model was recorded with gyroscope, accelerometer and "
@@ -158,7 +159,7 @@ def _complete_units(worn: Worn, recording: Recording) -> tuple[dict[str, _Unit],
     return units, notes
 
 
-def _lacks(stream: object, sensor: Mapping[str, Any]) -> str:
+def _lacks(stream: object, sensor: ImuDescription) -> str:
     if not isinstance(stream, ImuStream):
         return "stream"
     for label, field in (
@@ -169,14 +170,14 @@ def _lacks(stream: object, sensor: Mapping[str, Any]) -> str:
         values = getattr(stream, field)
         if values is None or np.isnan(values).all():
             return label
-    return "" if sensor["mag_std_ut"] is not None else "magnetometer in the model"
+    return "" if sensor.mag_std_ut is not None else "magnetometer in the model"
 
 
 def _filtered(
     unit: _Unit, run: OrientationFilter, model: Model
 ) -> tuple[list[tuple[Stretch, Floats]], Floats]:
     """Each stretch with (T, 4) north-west-up from sensor; wall-clock and processor time of the filter alone, s."""
-    dip_rad = model.describe()["world"]["magnetic_dip_rad"]
+    dip_rad = model.describe().world.magnetic_dip_rad
     prepared = list(stretches(unit.stream, unit.gyro_std_rad_s))
     began = np.array([time.perf_counter(), time.thread_time()])
     found = [(stretch, run(stretch, dip_rad)) for stretch in prepared]
@@ -206,9 +207,9 @@ def _measured(
 
 def root_from_north_west_up(model: Model) -> Floats:
     """Quaternion (4,) from north-west-up to root axes, from the field azimuth of the model."""
-    world = model.describe()["world"]
-    up, forward = np.asarray(world["up"]), np.asarray(world["forward"])
-    azimuth = world["magnetic_azimuth_rad"]
+    world = model.describe().world
+    up, forward = np.asarray(world.up), np.asarray(world.forward)
+    azimuth = world.magnetic_azimuth_rad
     north = np.cos(azimuth) * forward + np.sin(azimuth) * np.cross(up, forward)
     return quat_from_matrix(np.column_stack([north, np.cross(up, north), up]))
 
@@ -216,8 +217,8 @@ def root_from_north_west_up(model: Model) -> Floats:
 def _filter_notes(model: Model, filter: str) -> tuple[str, ...]:
     described = model.describe()
     unused = [
-        *(c["name"] for c in described["closures"]),
-        *(b["name"] for b in described["base_acceleration"]),
+        *(c.name for c in described.closures),
+        *(b.name for b in described.base_acceleration),
     ]
     texts = (
         f"{filter}: one filter for each inertial unit, then inverse kinematics; no standard deviations are estimated",

@@ -91,16 +91,16 @@ def chosen_joints(model: Model) -> tuple[str, ...]:
     Named as in `Evaluation`. Without units in the model: all rotational joints that are not inputs.
     """
     described = model.describe()
-    frames = {f["name"]: f for f in described["frames"]}
-    moves_unit: set[str] = set()
-    for sensor in described["sensors"]:
-        at = sensor["frame"] if sensor["kind"] == "imu" else None
+    frames = {f.name: f for f in described.frames}
+    moves_unit: set[str | None] = set()
+    for sensor in described.inertial_units:
+        at: str | None = sensor.frame
         while at is not None:
-            moves_unit.add(frames[at]["joint"])
-            at = frames[at]["parent"]
-    turning = [j for j in described["joints"] if j["kind"] in ("hinge", "ball", "free") and not j["input"]]
-    names = [j for j in turning if j["name"] in moves_unit] or turning
-    return tuple(f"{j['name']}.rotation" if j["kind"] == "free" else j["name"] for j in names)
+            moves_unit.add(frames[at].joint)
+            at = frames[at].parent
+    turning = [j for j in described.joints if j.kind in ("hinge", "ball", "free") and not j.input]
+    names = [j for j in turning if j.name in moves_unit] or turning
+    return tuple(f"{j.name}.rotation" if j.kind == "free" else j.name for j in names)
 
 
 def score(

@@ -12,6 +12,7 @@ from oarlock.evaluation.markers.attachments import Attachment, check_frames
 from oarlock.evaluation.markers.hinge_triple import Line, hinge_angle, hinge_triple, turn
 from oarlock.evaluation.markers.point_tree import PointTree
 from oarlock.evaluation.markers.trajectories import Bools
+from oarlock.model.description import pose_of
 from oarlock.storage.array_gate import FloatArray, real_array
 from oarlock.storage.errors import DataError
 
@@ -91,7 +92,7 @@ class Arm:
         self._rest_rotation = (np.linalg.inv(self._root_from_base) @ rest[model.frame_names.index(tip)])[
             :3, :3
         ]
-        up = np.asarray(model.describe()["world"]["up"])
+        up = np.asarray(model.describe().world.up)
         self._down = -self._root_from_base[:3, :3].T @ up
         self._reach = _cosine(self._lines[3], self._wrist, self._shoulder)
 
@@ -186,7 +187,7 @@ class Arm:
         down = np.broadcast_to(self._down, unit.shape)
         # if the line is vertical any direction is possible: the model's forward is used
         upright = np.linalg.norm(np.cross(unit, down), axis=1) < 1e-9
-        forward = self._root_from_base[:3, :3].T @ np.asarray(self.model.describe()["world"]["forward"])
+        forward = self._root_from_base[:3, :3].T @ np.asarray(self.model.describe().world.forward)
         reference = np.where(upright[:, None], forward, down)
         low = reference - unit * np.sum(reference * unit, axis=1, keepdims=True)
         low /= np.linalg.norm(low, axis=1, keepdims=True)
@@ -263,17 +264,17 @@ def _cosine(line: Line, wrist: FloatArray, shoulder: FloatArray) -> tuple[float,
 
 def _hinges_between(model: Model, base: str, tip: str) -> list[str]:
     described = model.describe()
-    frames = {f["name"]: f for f in described["frames"]}
-    kinds = {j["name"]: j["kind"] for j in described["joints"]}
+    frames = {f.name: f for f in described.frames}
+    kinds = {j.name: j.kind for j in described.joints}
     found: list[str] = []
     here = tip
     while here != base:
         frame = frames[here]
-        if frame["parent"] is None:
+        if frame.parent is None:
             raise DataError(f'arm: frame "{tip}" does not hang on "{base}"')
-        if frame["joint"] is not None and kinds[frame["joint"]] != "fixed":
-            found.insert(0, frame["joint"])
-        here = frame["parent"]
+        if frame.joint is not None and kinds[frame.joint] != "fixed":
+            found.insert(0, frame.joint)
+        here = frame.parent
     if len(found) not in (4, 5, 7) or any(kinds[joint] != "hinge" for joint in found):
         raise DataError(
             f'arm from "{base}" to "{tip}": joints are {", ".join(f"{j} ({kinds[j]})" for j in found)}; expected '
@@ -287,14 +288,12 @@ def _lines(model: Model, base: str, joints: list[str]) -> tuple[Line, ...]:
     tip = np.zeros((1, len(model.coordinate_names)))
     pose = model.forward_kinematics(tip)[0]
     base_pose = pose[model.frame_names.index(base)]
-    frames = model.describe()["frames"]
+    frames = model.describe().frames
     found = []
     for joint in joints:
-        frame = next(f for f in frames if f["joint"] == joint)
-        parent = pose[model.frame_names.index(frame["parent"])]
-        before = frame["before"] or {"rotation": np.eye(3), "translation": np.zeros(3)}
-        axis = parent[:3, :3] @ np.asarray(before["rotation"])[:, 2] * frame["sign"]
-        point = parent[:3, :3] @ np.asarray(before["translation"]) + parent[:3, 3]
+        frame = next(f for f in frames if f.joint == joint)
+        hinge = pose[model.frame_names.index(frame.parent or "")] @ pose_of(frame.before)
+        axis, point = hinge[:3, 2] * frame.sign, hinge[:3, 3]
         found.append(Line(base_pose[:3, :3].T @ axis, _in_base(base_pose, point[None])[0]))
     return tuple(found)
 
@@ -314,6 +313,6 @@ def _meeting(lines: tuple[Line, ...], what: str) -> FloatArray:
 
 
 def _habits(model: Model, joints: list[str]) -> tuple[FloatArray, FloatArray]:
-    limits = {j["name"]: j["limits"] for j in model.describe()["joints"]}
+    limits = {j.name: j.limits for j in model.describe().joints}
     both = np.array([limits[joint] for joint in joints], dtype=np.float64)
     return both.mean(axis=1), np.diff(both, axis=1)[:, 0]

@@ -258,7 +258,7 @@ def _first(problem: _Problem, pose: FloatArray, start: FloatArray | None) -> _Gu
 
 
 def _heading(problem: _Problem, guess: _Guess, k: int, start: FloatArray | None) -> tuple[float, _Guess]:
-    up = np.asarray(problem.model.describe()["world"]["up"])
+    up = np.asarray(problem.model.describe().world.up)
     turn = matrix_from_quat(quat_from_rotvec(up * 2.0 * np.pi * k / _HEADINGS))
     pose = np.eye(4)
     pose[:3, :3] = turn @ guess.pose[:3, :3]
@@ -351,5 +351,5 @@ def _body(problem: _Problem, guess: _Guess, attachments: GivenAttachments) -> Bo
 
 
 def _known_std(model: Model, name: str) -> float:
-    std = next(p["std"] for p in model.describe()["parameters"] if p["name"] == name)
+    std = next(p.std for p in model.describe().parameters if p.name == name)
     return float(std) if std else _UNKNOWN_STD_M

@@ -43,13 +43,14 @@ class PointTree:
     def touched(self) -> Bools:
         """Coordinates that move at least one point, (n_coordinates,)."""
         described = self.model.describe()
-        coordinates = {joint["name"]: joint["coordinates"] for joint in described["joints"]}
-        frames = {frame["name"]: frame for frame in described["frames"]}
+        coordinates = {joint.name: joint.coordinates for joint in described.joints}
+        frames = {frame.name: frame for frame in described.frames}
         moved: set[str] = set()
-        for name in self._carriers:
+        for carrier in self._carriers:
+            name: str | None = carrier
             while name is not None:
-                moved.update(coordinates.get(frames[name]["joint"], ()))
-                name = frames[name]["parent"]
+                moved.update(coordinates.get(frames[name].joint or "", ()))
+                name = frames[name].parent
         return np.array([name in moved for name in self.model.coordinate_names], dtype=bool)
 
     def at(self, q: FloatArray) -> FloatArray:

@@ -17,6 +17,8 @@ from oarlock.evaluation.markers.posture_fit import PostureFit
 from oarlock.evaluation.markers.trajectories import Markers
 from oarlock.recording.recording import Recording
 from oarlock.simulation.simulate import simulate
+from oarlock.storage.folder_writer import replaced_folder
+from oarlock.storage.write_file import write_file
 from oarlock.tracking.track import Track
 
 if TYPE_CHECKING:
@@ -48,10 +50,11 @@ class MarkerStudy:
 
     def save(self, folder: Path) -> None:
         """Write the recording, the truth into `truth/`, the markers into `markers.trc`, the gaps into `gaps.csv`."""
-        self.recording.save(folder)
-        self.truth.save(folder / "truth")
-        self.markers.save(folder / "markers.trc")
-        (folder / "gaps.csv").write_text(gaps_text(self.gaps), encoding="utf-8")
+        with replaced_folder(folder, "recording") as place:
+            self.recording.save(place)
+            self.truth.save(place / "truth")
+            self.markers.save(place / "markers.trc")
+            write_file(place / "gaps.csv", gaps_text(self.gaps))
 
 
 def simulate_from_markers(

@@ -25,16 +25,16 @@ _PLACE_STD_M: Final = 10.0
 def body_prior(model: Model) -> tuple[FloatArray, FloatArray]:
     """Mean and standard deviation (c,) of a posture: soft limits lie two standard deviations from their middle."""
     mean, std = [], []
-    for joint in model.describe()["joints"]:
-        width = len(joint["coordinates"])
+    for joint in model.describe().joints:
+        width = len(joint.coordinates)
         if not width:
             continue
-        low, high = joint["limits"]
+        low, high = joint.limits
         if width == 1:
             mean.append(0.5 * (low + high))
             std.append(0.25 * (high - low))
             continue
-        mean += list(joint["rest"])
+        mean += np.ravel(joint.rest).tolist()
         std += [_PLACE_STD_M] * (width - 3) + [0.25 * (high - low)] * 3
     return np.array(mean), np.array(std)
 

@@ -16,6 +16,7 @@ from oarlock.evaluation.markers.texts import csv_text, frame_rate_hz, trc_text
 from oarlock.storage.array_gate import FloatArray, check_no_infinity, real_array, time_array
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
+from oarlock.storage.write_file import write_file
 
 Bools = NDArray[np.bool_]
 NamedAxes = Literal["y-up-from-z-up", "z-up-from-y-up"]
@@ -166,10 +167,7 @@ class Markers:
         if file.suffix.lower() not in writers:
             raise DataError(f"{file}: markers are written as .trc or .csv")
         text = writers[file.suffix.lower()](self.names, self.time_s, self.position_m, file)
-        try:
-            file.write_text(text, encoding="utf-8", newline="")
-        except OSError as error:
-            raise DataError(f"{file}: cannot be written ({error.strerror})") from error
+        write_file(file, text)
 
 
 def rotation_of(axes: NamedAxes | ArrayLike) -> FloatArray:

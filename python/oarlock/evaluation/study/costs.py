@@ -16,6 +16,7 @@ from oarlock.evaluation.study.rows import null_if_nan, scores_of, write_rows
 from oarlock.evaluation.study.run import Row
 from oarlock.evaluation.study.spec import Study
 from oarlock.evaluation.study.sweeps import NO_FAULT, USUAL_SETTING, FaultSweep
+from oarlock.storage.write_file import write_file
 
 Floats = NDArray[np.float64]
 
@@ -157,4 +158,4 @@ def save_costs(study: Study, rows: Sequence[Row], folder: Path) -> None:
     costs = [dose.row() for dose in doses(study, rows)]
     write_rows(costs, folder / "faults")
     plain = [{name: null_if_nan(value) for name, value in row.items()} for row in costs]
-    (folder / "faults.json").write_text(json.dumps(plain, indent=1) + "\n", encoding="utf-8")
+    write_file(folder / "faults.json", json.dumps(plain, indent=1) + "\n")

@@ -24,8 +24,8 @@ _STD_KEYS = {"gyro": ("gyro_std_rad_s",), "accel": ("accel_std_m_s2",), "mag": (
 def keys_of_filter_inputs(model: Model, lengths: tuple[str, ...]) -> dict[str, StudyKey]:
     """Keys for errors in the model and calibration of the filter, by name."""
     described = model.describe()
-    units = tuple(s["name"] for s in described["sensors"] if s["kind"] == "imu")
-    parameters = tuple(p["name"] for p in described["parameters"])
+    units = tuple(s.name for s in described.inertial_units)
+    parameters = tuple(p.name for p in described.parameters)
     wearers = (*units, ONE)
     turned = "each mount rotated by this angle about a random axis, new for each seed"
     moved = "each sensor position moved by this distance in a random direction"
@@ -80,8 +80,8 @@ def filter_model(model: Model, values: Mapping[str, Value], seed: int) -> Model:
 
 def _tilt(document: dict[str, Any], model: Model, angle_deg: float, seed: int) -> None:
     """Rotates `up` and `forward` of the file about a horizontal axis."""
-    world = model.describe()["world"]
-    up, forward = np.asarray(world["up"]), np.asarray(world["forward"])
+    world = model.describe().world
+    up, forward = np.asarray(world.up), np.asarray(world.forward)
     side = np.random.default_rng([seed, 5]).uniform(0.0, 2.0 * np.pi)
     axis = np.cos(side) * forward + np.sin(side) * np.cross(up, forward)
     turn = Rotation.from_rotvec(np.radians(angle_deg) * axis)
@@ -150,12 +150,12 @@ def _parameters(
 ) -> dict[str, float]:
     percent, factor = values["length_error_percent"], values["parameter_error"]
     found: dict[str, float] = {}
-    for parameter in model.describe()["parameters"]:
-        name, true = parameter["name"], parameter["value"]
+    for parameter in model.describe().parameters:
+        name, true = parameter.name, parameter.value
         draw = np.random.default_rng([seed, 1, zlib.crc32(name.encode())]).standard_normal()
         listed = isinstance(percent, Mapping) or name in lengths
         off = 0.01 * number_for(percent, name) * true if listed else 0.0
-        off += number_for(factor, name) * (parameter["std"] or 0.0)
+        off += number_for(factor, name) * (parameter.std or 0.0)
         if off:
             found[name] = true + off * float(draw)
     return found
@@ -163,16 +163,16 @@ def _parameters(
 
 def _mounts(model: Model, values: Mapping[str, Value], seed: int) -> dict[str, tuple[Any, Any]]:
     found = {}
-    for sensor in model.describe()["sensors"]:
-        name = sensor["name"]
+    for sensor in model.describe().inertial_units:
+        name = sensor.name
         angle = np.radians(number_for(values["mount_error_deg"], name))
         moved = number_for(values["mount_offset_error_m"], name)
-        if sensor["kind"] != "imu" or not (angle or moved):
+        if not (angle or moved):
             continue
         draw = np.random.default_rng([seed, 2, zlib.crc32(name.encode())]).standard_normal((2, 3))
         axis, away = draw / np.linalg.norm(draw, axis=1, keepdims=True)
-        turned = np.asarray(sensor["mount"]["rotation"]) @ Rotation.from_rotvec(angle * axis).as_matrix()
-        found[name] = (turned, np.asarray(sensor["mount"]["offset"]) + moved * away)
+        turned = np.asarray(sensor.mount.rotation) @ Rotation.from_rotvec(angle * axis).as_matrix()
+        found[name] = (turned, np.asarray(sensor.mount.offset) + moved * away)
     return found
 
 

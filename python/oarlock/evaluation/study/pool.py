@@ -60,9 +60,12 @@ def all_rows(study: Study, jobs: int | None, folder: Path | None, progress: Prog
     rows = [row for group in whole for row in done[_name(group)]]
     seeds = {seed: place for place, seed in enumerate(study.seeds)}
     rows.sort(key=lambda row: (row["scenario"], seeds[row["seed"]]))
-    if folder is not None:
-        (folder / UNFINISHED).unlink(missing_ok=True)
     return rows
+
+
+def forget(folder: Path) -> None:
+    """Remove the rows that a study kept while it ran, after its result was saved elsewhere."""
+    (folder / UNFINISHED).unlink(missing_ok=True)
 
 
 def _made(
@@ -149,5 +152,7 @@ def _keep(study: Study, folder: Path | None, group: Group, rows: list[Row]) -> N
     if folder is None:
         return
     folder.mkdir(parents=True, exist_ok=True)
+    if (folder / UNFINISHED).is_symlink():
+        raise DataError(f"{folder / UNFINISHED}: is a link; remove it")
     with (folder / UNFINISHED).open("a", encoding="utf-8") as file:
         file.write(json.dumps({"study": identity(study), "group": _name(group), "rows": rows}) + "\n")

@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,12 +19,14 @@ from oarlock.evaluation.study.pool import identity
 from oarlock.evaluation.study.rows import scores_of, write_rows
 from oarlock.evaluation.study.run import MEAN, SCORES, Row
 from oarlock.evaluation.study.spec import Study, shown
+from oarlock.storage.folder_writer import replaced_folder
 from oarlock.storage.toml import write_toml
 
 Floats = NDArray[np.float64]
 
 CONFIDENCE = 0.95
 RUN_FILE = "run.toml"
+KIND = "study"
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,13 +81,12 @@ class StudyResult:
 
     def save(self, folder: str | PathLike[str]) -> None:
         """Write runs and summary as CSV and Parquet, the table of faults if there are any, and run.toml."""
-        place = Path(folder)
-        place.mkdir(parents=True, exist_ok=True)
-        write_rows(self.table(), place / "runs")
-        write_rows(self.summary(), place / "summary")
-        if self.study.faults:
-            save_costs(self.study, self.rows, place)
-        write_toml(place / RUN_FILE, _description(self))
+        with replaced_folder(folder, KIND) as place:
+            write_rows(self.table(), place / "runs")
+            write_rows(self.summary(), place / "summary")
+            if self.study.faults:
+                save_costs(self.study, self.rows, place)
+            write_toml(place / RUN_FILE, _description(self))
 
     def _flat(self, row: Row) -> Row:
         swept = {key: _cell(value) for key, value in row["swept"].items()}

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
-from pyarrow import csv, parquet
+from pyarrow import parquet
 
 from oarlock.evaluation.study.run import MEAN, Row
 from oarlock.evaluation.study.spec import Study, shown
+from oarlock.storage.csv_cells import write_csv
 
 Floats = NDArray[np.float64]
 
@@ -36,7 +37,7 @@ def write_rows(rows: Sequence[Row], stem: Path) -> None:
     columns = {name: _column([null_if_nan(row.get(name)) for row in rows]) for name in names}
     table = pa.table(columns)
     parquet.write_table(table, stem.with_name(f"{stem.name}.parquet"))
-    csv.write_csv(table, stem.with_name(f"{stem.name}.csv"))
+    write_csv(table, stem.with_name(f"{stem.name}.csv"))
 
 
 def _column(values: Sequence[Any]) -> pa.Array:

@@ -17,6 +17,7 @@ from oarlock.evaluation.study.keys import StudyKey, Value
 from oarlock.evaluation.study.sweeps import FaultSweep, fault_scenarios
 from oarlock.evaluation.study.trial import StudySimulator
 from oarlock.storage.errors import DataError
+from oarlock.storage.names import check_name
 from oarlock.storage.suggest import did_you_mean
 
 MOST_RUNS = 100_000
@@ -168,6 +169,14 @@ class Study:
                     self._checked(key, value, f'fault "{fault.name}"')
 
     def _check_names(self) -> None:
+        named = {
+            "scenario": self.scenarios,
+            "setting": self.settings,
+            "fault": [fault.name for fault in self.faults],
+        }
+        for what, own in named.items():
+            for name in own:
+                check_name(name, f"study, {what}")
         for what, names, known in (
             ("frames", self.frames, self.model.frame_names),
             ("joints", self.joints, self.model.joint_names),

@@ -8,7 +8,7 @@ from __future__ import annotations
 from os import PathLike
 from pathlib import Path
 
-from oarlock.evaluation.study.pool import Progress, all_rows
+from oarlock.evaluation.study.pool import Progress, all_rows, forget
 from oarlock.evaluation.study.result import StudyResult
 from oarlock.evaluation.study.spec import Study
 
@@ -36,4 +36,7 @@ def study(
         DataError: `jobs` is not a positive number.
     """
     place = None if folder is None else Path(folder)
-    return StudyResult(what, tuple(all_rows(what, jobs, place, progress)))
+    result = StudyResult(what, tuple(all_rows(what, jobs, place, progress)))
+    if place is not None:
+        forget(place)
+    return result

@@ -11,6 +11,7 @@ import numpy as np
 
 from oarlock._core import Model
 from oarlock.evaluation.study.keys import StudyKey, Value, by_name
+from oarlock.model.description import ImuDescription
 from oarlock.recording.recording import Recording
 from oarlock.simulation.simulate import simulate
 from oarlock.storage.errors import DataError
@@ -143,7 +144,7 @@ class TruthFolder:
 
 def lengths_of(model: Model) -> tuple[str, ...]:
     """Names of a model's parameters in metres."""
-    return tuple(p["name"] for p in model.describe()["parameters"] if p["unit"] == "m")
+    return tuple(p.name for p in model.describe().parameters if p.unit == "m")
 
 
 def _float(value: Value) -> float:
@@ -164,16 +165,15 @@ def _noise(model: Model, settings: Mapping[str, Value]) -> bool | dict[str, dict
     if all(factor == 1.0 for factor in factors.values()):
         return True
     described = model.describe()
-    inputs = {joint["name"]: joint["std"] for joint in described["joints"] if joint["input"]}
+    inputs = {joint.name: joint.std for joint in described.inputs}
     found: dict[str, dict[str, float]] = {}
-    for sensor in described["sensors"]:
-        name = sensor["name"]
-        single = sensor.get("std") or sensor.get("std_m") or inputs.get(sensor.get("joint"))
-        own = {
-            "gyro_rad_s": sensor.get("gyro_std_rad_s"),
-            "accel_m_s2": sensor.get("accel_std_m_s2"),
-            "mag_ut": sensor.get("mag_std_ut"),
-            "value": single,
-        }
-        found[name] = {field: std * factors[field] for field, std in own.items() if std is not None}
+    for sensor in described.sensors:
+        own = {"value": sensor.std or sensor.std_m or inputs.get(sensor.joint or "")}
+        if isinstance(sensor, ImuDescription):
+            own |= {
+                "gyro_rad_s": sensor.gyro_std_rad_s,
+                "accel_m_s2": sensor.accel_std_m_s2,
+                "mag_ut": sensor.mag_std_ut,
+            }
+        found[sensor.name] = {field: std * factors[field] for field, std in own.items() if std is not None}
     return found

@@ -159,8 +159,8 @@ class LikeStreams:
     def of(cls, model: Model, recording: Recording) -> LikeStreams:
         """Sorts the streams by the joints that they read in the model."""
         described = model.describe()
-        slides = {joint["name"] for joint in described["joints"] if joint["kind"] == "slide"}
-        joint_of = {s["name"]: s["joint"] for s in described["sensors"] if s["kind"] == "encoder"}
+        slides = {joint.name for joint in described.joints if joint.kind == "slide"}
+        joint_of = {s.name: s.joint for s in described.encoders}
         scalars = [s for s in recording.streams if s.kind == "scalar"]
         places = [s.name for s in scalars if joint_of.get(s.name, s.name) in slides]
         return cls(

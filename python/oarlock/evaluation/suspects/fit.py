@@ -58,8 +58,8 @@ class Judge:
         self._model, self._rough = (coarse(model, noise) for noise in (1.0, PRESELECTION_NOISE))
         self._calibration = calibration
         self._closures = closures
-        self._bases = [base["name"] for base in described["base_acceleration"]]
-        self._units = {s["name"] for s in described["sensors"] if s["kind"] == "imu"}
+        self._bases = [base.name for base in described.base_acceleration]
+        self._units = {s.name for s in described.inertial_units}
 
     def misfits(self, recordings: Sequence[Recording]) -> list[Misfit]:
         """Misfit of each recording; if it is large, a longer start window is tried."""

@@ -115,7 +115,7 @@ def suspects(
 
 def _known(model: Model, recording: Recording) -> Recording | None:
     """The streams for which the model has a sensor or input joint."""
-    names = {*model.sensor_names, *(joint["name"] for joint in model.describe()["joints"] if joint["input"])}
+    names = {*model.sensor_names, *(joint.name for joint in model.describe().inputs)}
     kept = [name for name in recording.names if name in names]
     return recording.only(kept) if kept else None
 

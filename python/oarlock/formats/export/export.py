@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 
 from oarlock._core import __version__
 from oarlock.storage.errors import DataError
+from oarlock.storage.folder_writer import replaced_folder
 from oarlock.storage.suggest import did_you_mean
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ _FILES: Final[Mapping[str, Mapping[str, str]]] = MappingProxyType(
 FORMATS: Final = tuple(_FILES)
 OPENSIM: Final = ("mot", "sto", "trc", "osim")
 SUMMARY: Final = "export.toml"
+KIND: Final = "export"
 
 
 def files_of(
@@ -87,6 +89,7 @@ def export(
     degrees: bool = True,
     axes: Axes = "y-up",
     missing: Missing = "nan",
+    force: bool = False,
 ) -> Export:
     """Write a track for other software, and export.toml, which lists the contents of each file.
 
@@ -101,7 +104,7 @@ def export(
 
     Args:
         track: the track; without its model only `csv` and `parquet` without frames can be written.
-        folder: folder to write; it is created, and files of the same names are replaced.
+        folder: folder to write; it is created, and an earlier export in it is replaced as a whole.
         formats: some of `csv`, `parquet`, `mot`, `sto`, `trc`, `osim`.
         degrees: angles of .mot and .sto in degrees, else in rad; their headers (`inDegrees`) say which.
         axes: axes of OpenSim's ground and of the .trc. `y-up`: the root's axes, rotated by the smallest angle that
@@ -109,17 +112,16 @@ def export(
             root axes.
         missing: rows of .mot and .sto in which a coordinate has no reading: `nan` keeps them, `drop` leaves them out,
             which OpenSim's tools with splines need.
+        force: replace files that are not Oarlock's, too.
 
     Raises:
-        DataError: an unknown format, no samples, no model where one is needed, or a folder that cannot be written.
+        DataError: an unknown format, no samples, no model where one is needed, or a folder that cannot be written or
+            has files of others in the way.
     """
     chosen = _checked(track, formats, axes, missing)
-    place = Path(folder)
-    try:
-        place.mkdir(parents=True, exist_ok=True)
-        return _written(track, place, chosen, degrees, axes, missing)
-    except OSError as error:
-        raise DataError(f"export: {place} cannot be written ({error.strerror or error})") from error
+    with replaced_folder(folder, KIND, force) as stage:
+        written = _written(track, stage, chosen, degrees, axes, missing)
+    return replace(written, folder=Path(folder))
 
 
 def _written(
@@ -137,8 +139,6 @@ def _written(
         notes, names = (*notes, *opensim.notes), dict(opensim.body_names)
     texts = files_of("deg" if degrees else "rad", "ground with Y up" if axes == "y-up" else "root axes")
     held = {file: text for name in formats for file, text in texts[name].items() if file in done}
-    for file in (file for name in formats for file in texts[name] if file not in done):
-        (place / file).unlink(missing_ok=True)  # files of another track
     found = Export(place, held, notes, names)
     about = {
         "format": 1,

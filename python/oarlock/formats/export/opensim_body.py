@@ -18,6 +18,7 @@ from oarlock.formats.export.plain_names import PlainNames, plain_name
 from oarlock.formats.osim import GROUND, Kind, OsimBody, OsimCoordinate, OsimJoint, OsimModel
 from oarlock.model.angle_sequence import angle_labels, angles_from_quat
 from oarlock.model.coordinates import Part, parts
+from oarlock.model.description import FrameDescription, JointDescription, pose_of
 from oarlock.model.rotation import quat_from_rotvec
 from oarlock.storage.array_gate import FloatArray
 
@@ -25,8 +26,6 @@ SEQUENCE: Final = "XYZ"
 """Order of the angles of ball and free joints in OpenSim's files."""
 _TURN: Final = (-np.pi, np.pi)
 _SHIFT_M: Final = (-2.0, 2.0)
-
-Frame = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -63,7 +62,7 @@ def opensim_body(model: Model, ground_from_root: FloatArray) -> OpensimBody:
     """The OpenSim model of `model`, whose root lies in OpenSim's ground at `ground_from_root` (4, 4)."""
     tree = _Tree(model)
     tree.weld("root_in_ground", GROUND, "root", ground_from_root)
-    for frame in tree.description["frames"][1:]:
+    for frame in tree.description.frames[1:]:
         tree.add(frame)
     return tree.finished(ground_from_root)
 
@@ -73,11 +72,11 @@ class _Tree:
 
     def __init__(self, model: Model) -> None:
         self.description = model.describe()
-        frames = self.description["frames"]
+        frames = self.description.frames
         self.body_names = PlainNames([GROUND])
-        self.bodies = {frame["name"]: self.body_names.give(frame["name"]) for frame in frames}
+        self.bodies = {frame.name: self.body_names.give(frame.name) for frame in frames}
         self.joint_names, self.coordinate_names = PlainNames(), PlainNames()
-        self.described = {joint["name"]: joint for joint in self.description["joints"]}
+        self.described = {joint.name: joint for joint in self.description.joints}
         self.parts: dict[str, list[Part]] = {}
         for part in parts(model.coordinate_names):
             self.parts.setdefault(part.joint, []).append(part)
@@ -96,24 +95,25 @@ class _Tree:
         if parent != GROUND:
             self._bone(parent, np.zeros(3), parent_from_frame[:3, 3])
 
-    def add(self, frame: Frame) -> None:
-        parent, name, joint = self.bodies[frame["parent"]], frame["name"], frame["joint"]
-        before, after = _pose(frame["before"]), _pose(frame["after"])
-        if joint is None or self.described[joint]["kind"] == "fixed":
+    def add(self, frame: FrameDescription) -> None:
+        parent, name, joint = self.bodies[frame.parent or ""], frame.name, frame.joint
+        before, after = pose_of(frame.before), pose_of(frame.after)
+        if joint is None or self.described[joint].kind == "fixed":
             self.weld(f"{name}_weld", parent, name, before @ after)
             return
         if len(self.twins[_twin_key(frame)]) == 1:
-            self._move(frame, parent, self.bodies[name], before, after)
+            self._move(joint, frame.sign, parent, self.bodies[name], before, after)
             return
         key = _twin_key(frame)
         if key not in self.moved:
             self.moved[key] = self.body_names.give(f"{joint}_moved")
-            self._move(frame, parent, self.moved[key], before, np.eye(4))
+            self._move(joint, frame.sign, parent, self.moved[key], before, np.eye(4))
         self.weld(f"{name}_weld", self.moved[key], name, after)
 
-    def _move(self, frame: Frame, parent: str, child: str, before: FloatArray, after: FloatArray) -> None:
-        joint = frame["joint"]
-        kind, axes = _kind_and_axes(self.described[joint]["kind"], frame["sign"])
+    def _move(
+        self, joint: str, sign: float, parent: str, child: str, before: FloatArray, after: FloatArray
+    ) -> None:
+        kind, axes = _kind_and_axes(self.described[joint].kind, sign)
         child_from_joint = np.linalg.inv(after) @ axes
         coordinates = self._coordinates(joint, child)
         again = joint in self.first
@@ -141,8 +141,8 @@ class _Tree:
         self.bones.setdefault(body, []).append((start, end))
 
     def finished(self, ground_from_root: FloatArray) -> OpensimBody:
-        world, name = self.description["world"], self.description["name"]
-        down = -world["gravity_m_s2"] * (ground_from_root[:3, :3] @ np.asarray(world["up"]))
+        world, name = self.description.world, self.description.name
+        down = -world.gravity_m_s2 * (ground_from_root[:3, :3] @ np.asarray(world.up))
         bodies = tuple(
             OsimBody(joint.child, np.array(self.bones.get(joint.child, [])).reshape(-1, 2, 3))
             for joint in self.joints
@@ -159,24 +159,17 @@ class _Tree:
         return OpensimBody(osim, tuple(self.sources), self.bodies)
 
 
-def _twin_key(frame: Frame) -> tuple[Any, ...]:
-    before = (_pose(frame["before"]) + 0.0).tobytes()  # converts -0 to 0
-    return (frame["parent"], frame["joint"], frame["sign"], before)
+def _twin_key(frame: FrameDescription) -> tuple[Any, ...]:
+    before = (pose_of(frame.before) + 0.0).tobytes()  # converts -0 to 0
+    return (frame.parent, frame.joint, frame.sign, before)
 
 
-def _twins(frames: Sequence[Frame]) -> dict[tuple[Any, ...], list[str]]:
+def _twins(frames: Sequence[FrameDescription]) -> dict[tuple[Any, ...], list[str]]:
     """Frames that move together: same joint, same parent, same joint position, same sign."""
     found: dict[tuple[Any, ...], list[str]] = {}
     for frame in frames:
-        found.setdefault(_twin_key(frame), []).append(frame["name"])
+        found.setdefault(_twin_key(frame), []).append(frame.name)
     return found
-
-
-def _pose(given: Mapping[str, Any] | None) -> FloatArray:
-    pose = np.eye(4)
-    if given is not None:
-        pose[:3, :3], pose[:3, 3] = given["rotation"], given["translation"]
-    return pose
 
 
 def _kind_and_axes(kind: str, sign: float) -> tuple[Kind, FloatArray]:
@@ -199,12 +192,12 @@ def _labels(part: Part) -> Sequence[str]:
     return [f"t{axis}" for axis in "xyz"] if position else [f"{SEQUENCE}_{a}" for a in angle_labels(SEQUENCE)]
 
 
-def _default(joint: Mapping[str, Any], part: Part, axis: int) -> tuple[float, tuple[float, float]]:
+def _default(joint: JointDescription, part: Part, axis: int) -> tuple[float, tuple[float, float]]:
     """Rest value and slider range of one coordinate."""
+    rest = np.ravel(joint.rest)
     if part.kind == "scalar":
-        low, high = joint["limits"]
-        return float(joint["rest"]), (float(low), float(high))
-    rest = np.asarray(joint["rest"], dtype=np.float64)
+        low, high = joint.limits
+        return float(rest[0]), (low, high)
     if part.kind == "position":
         return float(rest[axis]), _SHIFT_M
     angles = angles_from_quat(quat_from_rotvec(rest[None, -3:]), SEQUENCE)

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pyarrow as pa
-from pyarrow import csv as arrow_csv
 from pyarrow import parquet
 
 from oarlock._core import __version__
+from oarlock.storage import csv_cells
 from oarlock.storage.array_gate import FloatArray
 from oarlock.tracking.columns import unit_of
 
@@ -32,7 +32,7 @@ def frame_columns(frames: Markers) -> dict[str, FloatArray]:
 def write_csv(columns: Columns, file: Path) -> None:
     """One header line with units in the names; every number with all its digits, an empty cell where there is none."""
     empty = {name: pa.array(values, from_pandas=True) for name, values in columns.items()}
-    arrow_csv.write_csv(pa.table(empty), file)
+    csv_cells.write_csv(pa.table(empty), file)
 
 
 def write_parquet(columns: Columns, file: Path, about: Mapping[str, str | Sequence[str]]) -> None:

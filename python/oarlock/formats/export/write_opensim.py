@@ -20,6 +20,7 @@ from oarlock.formats.opensim_table import table_text
 from oarlock.formats.osim import osim_text
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
+from oarlock.storage.write_file import write_file
 
 if TYPE_CHECKING:
     from oarlock.tracking.track import Track
@@ -45,7 +46,7 @@ def write_opensim(
         DataError: `missing` is `drop` and no row has all its readings.
     """
     assert track.model is not None
-    up = np.asarray(track.model.describe()["world"]["up"])
+    up = np.asarray(track.model.describe().world.up)
     turned = ground_from_root(up, axes == "y-up")
     body = opensim_body(track.model, turned)
     texts: dict[str, str] = {}
@@ -70,7 +71,7 @@ def write_opensim(
             if table.there.any() or not motion.names:
                 texts[table.file] = _text(table, motion, track.time_s, kept, degrees, remarks)
     for name, text in texts.items():
-        (place / name).write_text(text, encoding="utf-8", newline="")
+        write_file(place / name, text)
     return Written(list(texts), tuple(notes), body.frames)
 
 

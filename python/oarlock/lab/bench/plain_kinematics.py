@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from oarlock.model.description import FrameDescription, ModelDescription, TransformDescription, pose_of
+
 # An array of NumPy or JAX; there is no common type.
 Array = Any
 
@@ -39,11 +41,11 @@ class PlainKinematics:
         xp: `numpy` or `jax.numpy`.
     """
 
-    def __init__(self, described: Mapping[str, Any], states: Sequence[str], xp: Any = np) -> None:
+    def __init__(self, described: ModelDescription, states: Sequence[str], xp: Any = np) -> None:
         self.xp = xp
         self._place = {name: k for k, name in enumerate(states)}
-        self._joints = [joint["name"] for joint in described["joints"]]
-        kinds = {joint["kind"] for joint in described["joints"]}
+        self._joints = [joint.name for joint in described.joints]
+        kinds = {joint.kind for joint in described.joints}
         if not kinds <= {"hinge", "slide", "fixed"}:
             raise ValueError(f"joints of kinds {sorted(kinds)}; this is written for hinges and slides")
         self._spread()
@@ -69,68 +71,68 @@ class PlainKinematics:
                     parts[part, self._place[state], column] = 1.0
         self._parts = [self.xp.asarray(part.T) for part in parts]
 
-    def _level_frames(self, described: Mapping[str, Any]) -> dict[str, int]:
+    def _level_frames(self, described: ModelDescription) -> dict[str, int]:
         """Sorts frames by depth; returns the position of each in the concatenated levels."""
-        frames = described["frames"]
-        kinds = {joint["name"]: joint["kind"] for joint in described["joints"]}
-        depth = {frames[0]["name"]: 0}
-        levels: list[list[Mapping[str, Any]]] = [[frames[0]]]
+        frames = described.frames
+        kinds = {joint.name: joint.kind for joint in described.joints}
+        depth = {frames[0].name: 0}
+        levels: list[list[FrameDescription]] = [[frames[0]]]
         for frame in frames[1:]:
-            depth[frame["name"]] = deep = depth[frame["parent"]] + 1
+            depth[frame.name] = deep = depth[frame.parent or ""] + 1
             if deep == len(levels):
                 levels.append([])
             levels[deep].append(frame)
         self._levels = [self._level(levels[k - 1], levels[k], kinds) for k in range(1, len(levels))]
-        names = [frame["name"] for level in levels for frame in level]
+        names = [frame.name for level in levels for frame in level]
         return {name: k for k, name in enumerate(names)}
 
     def _level(
-        self, above: list[Mapping[str, Any]], frames: list[Mapping[str, Any]], kinds: Mapping[str, str]
+        self, above: list[FrameDescription], frames: list[FrameDescription], kinds: Mapping[str, str]
     ) -> Level:
-        parents = [frame["name"] for frame in above]
+        parents = [frame.name for frame in above]
         # frames without a joint use an additional column of zeros
-        columns = [self._joints.index(f["joint"]) if f["joint"] else len(self._joints) for f in frames]
+        columns = [self._joints.index(f.joint) if f.joint else len(self._joints) for f in frames]
         signs = {
-            kind: [f["sign"] * (kinds.get(f["joint"]) == kind) for f in frames] for kind in ("hinge", "slide")
+            kind: [f.sign * (kinds.get(f.joint or "") == kind) for f in frames] for kind in ("hinge", "slide")
         }
-        before = [f["before"] for f in frames]
+        before = [f.before for f in frames]
         return Level(
-            [parents.index(f["parent"]) for f in frames],
+            [parents.index(f.parent or "") for f in frames],
             columns,
             self.xp.asarray(signs["hinge"], dtype=float)[:, None, None, None],
             self.xp.asarray(signs["slide"], dtype=float)[:, None, None, None]
             if any(signs["slide"])
             else None,
             self._fixed(before) if any(before) else None,
-            self._fixed([f["after"] for f in frames]),
+            self._fixed([f.after for f in frames]),
         )
 
-    def _fixed(self, transforms: Sequence[Mapping[str, Any] | None]) -> tuple[Array, Array]:
-        still: Mapping[str, Any] = {"rotation": np.eye(3), "translation": np.zeros(3)}
-        rotation = np.array([(t or still)["rotation"] for t in transforms])
-        translation = np.array([(t or still)["translation"] for t in transforms])
+    def _fixed(self, transforms: Sequence[TransformDescription | None]) -> tuple[Array, Array]:
+        poses = np.array([pose_of(transform) for transform in transforms])
+        rotation, translation = (np.ascontiguousarray(part) for part in (poses[:, :3, :3], poses[:, :3, 3]))
         return self.xp.asarray(rotation)[..., None], self.xp.asarray(translation)[..., None, None]
 
-    def _see(self, described: Mapping[str, Any], order: Mapping[str, int]) -> None:
+    def _see(self, described: ModelDescription, order: Mapping[str, int]) -> None:
         """Frames, arms and rows of sensors and closures."""
-        units = [s for s in described["sensors"] if s["kind"] == "imu"]
-        inputs = {joint["name"] for joint in described["joints"] if joint["input"]}
-        encoders = [s for s in described["sensors"] if s["kind"] == "encoder" and s["joint"] not in inputs]
-        loops = described["closures"]
-        self._units = [order[s["frame"]] for s in units]
-        self._mounts = self.xp.asarray([s["mount"]["rotation"] for s in units])[..., None]
-        self._arms = self.xp.asarray([s["mount"]["offset"] for s in units])[..., None, None]
-        self._encoders = [self._joints.index(s["joint"]) for s in encoders]
-        self._ends = [order[c[side]] for side in ("frame_a", "frame_b") for c in loops]
-        points = [c[side] for side in ("point_a", "point_b") for c in loops]
-        axes = [c[side] for side in ("axis_a", "axis_b") for c in loops]
+        units = described.inertial_units
+        inputs = {joint.name for joint in described.inputs}
+        encoders = [s for s in described.encoders if s.joint not in inputs]
+        loops = described.closures
+        self._units = [order[s.frame] for s in units]
+        self._mounts = self.xp.asarray([s.mount.rotation for s in units])[..., None]
+        self._arms = self.xp.asarray([s.mount.offset for s in units])[..., None, None]
+        self._encoders = [self._joints.index(s.joint) for s in encoders]
+        self._ends = [order[frame] for frame in (*(c.frame_a for c in loops), *(c.frame_b for c in loops))]
+        points = [*(c.point_a for c in loops), *(c.point_b for c in loops)]
+        no_axis = (np.nan, np.nan, np.nan)
+        axes = [*(c.axis_a or no_axis for c in loops), *(c.axis_b or no_axis for c in loops)]
         self._grips = self.xp.asarray(np.stack([points, axes], axis=-1))[..., None]
         rows = [
-            f"{s['name']}.{part}_{axis}" for part in ("gyro", "accel", "mag") for s in units for axis in "xyz"
+            f"{s.name}.{part}_{axis}" for part in ("gyro", "accel", "mag") for s in units for axis in "xyz"
         ]
-        rows += [s["name"] for s in encoders]
-        rows += [f"{c['name']}.{part}{axis}" for part in ("", "axis_") for c in loops for axis in "xyz"]
-        wanted = described["measurement_names"]
+        rows += [s.name for s in encoders]
+        rows += [f"{c.name}.{part}{axis}" for part in ("", "axis_") for c in loops for axis in "xyz"]
+        wanted = described.measurement_names
         if sorted(rows) != sorted(wanted):
             raise ValueError(
                 "this is written for whole inertial units, encoders and closures of points and axes"
@@ -143,20 +145,20 @@ class PlainKinematics:
                 bias[self._place[state], row] = 1.0
         self._bias = self.xp.asarray(bias) if bias.any() else None
 
-    def _surround(self, described: Mapping[str, Any]) -> None:
-        world, n = described["world"], len(self._place)
-        up, forward = (np.asarray(world[key], dtype=float) for key in ("up", "forward"))
-        norm, dip = world["magnetic_norm_ut"], world["magnetic_dip_rad"]
-        self._lift = self.xp.asarray(up * world["gravity_m_s2"])
+    def _surround(self, described: ModelDescription) -> None:
+        world, n = described.world, len(self._place)
+        up, forward = np.asarray(world.up), np.asarray(world.forward)
+        norm, dip = world.magnetic_norm_ut, world.magnetic_dip_rad
+        self._lift = self.xp.asarray(up * world.gravity_m_s2)
         self._field = [
             self.xp.asarray(norm * v)
             for v in (forward * np.cos(dip), np.cross(up, forward) * np.cos(dip), -up * np.sin(dip))
         ]
-        self._azimuth_rad = float(world["magnetic_azimuth_rad"])
+        self._azimuth_rad = float(world.magnetic_azimuth_rad)
         pushes = np.zeros((n, 3))
-        for base in described["base_acceleration"]:
-            if base["name"] in self._place:
-                pushes[self._place[base["name"]]] = base["axis"]
+        for base in described.base_acceleration:
+            if base.name in self._place:
+                pushes[self._place[base.name]] = base.axis
         self._pushes = self.xp.asarray(pushes) if pushes.any() else None
 
     # --- at every step: vectors (frames, 3, 1, P), matrices (frames, 3, 3, P), points side by side in memory ---

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock.model.description import ModelDescription
+
 if TYPE_CHECKING:
     from oarlock import Config, Model, Recording, Tracker
 
@@ -39,7 +41,7 @@ class Problem:
 
     model: Model
     recording: Recording
-    described: dict[str, Any] = field(repr=False)
+    described: ModelDescription = field(repr=False)
 
     def config(self, estimate: str = "joints", filter_name: str = "ukf", plain: bool = False) -> Config:
         """Configuration of the filter: `estimate` is a key of `ESTIMATES`; `plain` switches off gates and learning."""
@@ -70,9 +72,9 @@ class Problem:
     def inputs(self) -> Floats:
         """Readings of input joints, (T, n_coordinates); zero for other joints and without a stream."""
         found = np.zeros((len(self.time_s), len(self.model.coordinate_names)))
-        for column, joint in enumerate(self.described["joints"]):
-            if joint["input"] and joint["name"] in self.recording:
-                found[:, column] = self.recording[joint["name"]].values["value"]
+        for column, joint in enumerate(self.described.joints):
+            if joint.input and joint.name in self.recording:
+                found[:, column] = self.recording[joint.name].values["value"]
         return found
 
     @cached_property
@@ -80,8 +82,8 @@ class Problem:
         """Columns of `inputs` with a stream."""
         return [
             column
-            for column, joint in enumerate(self.described["joints"])
-            if joint["input"] and joint["name"] in self.recording
+            for column, joint in enumerate(self.described.joints)
+            if joint.input and joint.name in self.recording
         ]
 
     def started(self) -> tuple[Tracker, Floats, Floats]:

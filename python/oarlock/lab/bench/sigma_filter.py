@@ -9,6 +9,7 @@ from scipy import linalg
 
 from oarlock.lab.bench.plain_kinematics import Array, PlainKinematics
 from oarlock.lab.bench.problem import RATE_HZ, Floats, Problem
+from oarlock.model.description import ModelDescription
 
 
 class SigmaFilter:
@@ -38,7 +39,7 @@ class SigmaFilter:
         self.noise = xp.asarray(np.diag(row_std(problem.described) ** 2))
         off = np.zeros((len(problem.read_inputs), problem.inputs.shape[1]))
         for row, column in enumerate(problem.read_inputs):
-            off[row, column] = problem.described["joints"][column]["std"]
+            off[row, column] = problem.described.joints[column].std
         self._off = xp.asarray(np.vstack([np.zeros((2 * self.n + 1, off.shape[1])), off]))
 
     def step(self, mean: Array, covariance: Array, z: Array, inputs: Array) -> tuple[Array, Array]:
@@ -70,7 +71,7 @@ class SigmaFilter:
         return np.asarray(changes.T @ changes)
 
 
-def transition_and_drive(described: dict[str, Any], states: list[str], dt: float) -> tuple[Floats, Floats]:
+def transition_and_drive(described: ModelDescription, states: list[str], dt: float) -> tuple[Floats, Floats]:
     """Linear motion over `dt` seconds and its noise, (n, n) each: white jerk, or walks."""
     place = {name: k for k, name in enumerate(states)}
     transition, drive = np.eye(len(states)), np.zeros((len(states), len(states)))
@@ -81,34 +82,30 @@ def transition_and_drive(described: dict[str, Any], states: list[str], dt: float
             [dt**2 / 6, dt / 2, 1.0],
         ]
     )
-    for joint in described["joints"]:
-        if joint["name"] not in place:
+    for joint in described.joints:
+        if joint.name not in place or joint.process is None:
             continue
-        power = joint["process"]["density"] ** 2 * dt
-        if joint["process"]["kind"] == "walk":
-            drive[place[joint["name"]], place[joint["name"]]] = power
+        power = joint.process.density**2 * dt
+        if joint.process.kind == "walk":
+            drive[place[joint.name], place[joint.name]] = power
             continue
-        at = [place[joint["name"] + rate] for rate in ("", ".velocity", ".acceleration")]
+        at = [place[joint.name + rate] for rate in ("", ".velocity", ".acceleration")]
         transition[at[0], at[1]] = transition[at[1], at[2]] = dt
         transition[at[0], at[2]] = dt**2 / 2
         drive[np.ix_(at, at)] = power * jerk
     if "azimuth" in place:
-        drive[place["azimuth"], place["azimuth"]] = described["world"]["azimuth_walk"] ** 2 * dt
+        drive[place["azimuth"], place["azimuth"]] = described.world.azimuth_walk**2 * dt
     return transition, drive
 
 
-def row_std(described: dict[str, Any]) -> Floats:
+def row_std(described: ModelDescription) -> Floats:
     """Standard deviation of every row, (m,), in the order of `measurement_names`."""
     found: dict[str, float] = {}
-    for sensor in described["sensors"]:
-        if sensor["kind"] == "imu":
-            parts = {"gyro": "gyro_std_rad_s", "accel": "accel_std_m_s2", "mag": "mag_std_ut"}
-            found |= {
-                f"{sensor['name']}.{part}_{a}": sensor[key] for part, key in parts.items() for a in "xyz"
-            }
-        else:
-            found[sensor["name"]] = sensor["std"]
-    for closure in described["closures"]:
-        found |= {f"{closure['name']}.{a}": closure["std_m"] for a in "xyz"}
-        found |= {f"{closure['name']}.axis_{a}": closure["std_axis"] for a in "xyz"}
-    return np.array([found[name] for name in described["measurement_names"]])
+    for unit in described.inertial_units:
+        parts = {"gyro": unit.gyro_std_rad_s, "accel": unit.accel_std_m_s2, "mag": unit.mag_std_ut}
+        found |= {f"{unit.name}.{part}_{a}": std for part, std in parts.items() if std for a in "xyz"}
+    found |= {encoder.name: encoder.std for encoder in described.encoders}
+    for closure in described.closures:
+        found |= {f"{closure.name}.{a}": closure.std_m for a in "xyz"}
+        found |= {f"{closure.name}.axis_{a}": closure.std_axis for a in "xyz"}
+    return np.array([found[name] for name in described.measurement_names])

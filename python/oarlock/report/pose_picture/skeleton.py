@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from oarlock.model.description import ClosureDescription, FrameDescription
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -105,38 +107,38 @@ def skeleton(model: Model, q: ArrayLike) -> Skeleton:
         ValueError: q has the wrong shape.
     """
     description = model.describe()
-    frames: Sequence[Mapping[str, Any]] = description["frames"]
+    frames = description.frames
     poses = np.asarray(model.forward_kinematics(np.asarray(q, dtype=np.float64)), dtype=np.float64)
-    place = {frame["name"]: pose for frame, pose in zip(frames, poses, strict=True)}
+    place = {frame.name: pose for frame, pose in zip(frames, poses, strict=True)}
     moving = _moving(frames)
-    kinds = {joint["name"]: joint["kind"] for joint in description["joints"]}
+    kinds = {joint.name: joint.kind for joint in description.joints}
     links = [
         link
         for frame in frames
-        for link in _links(frame, place, frame["name"] in moving, kinds.get(frame["joint"], "fixed"))
+        for link in _links(frame, place, frame.name in moving, kinds.get(frame.joint or "", "fixed"))
     ]
     return Skeleton(
         links=tuple(links),
-        spots=_spots(frames, place, {sensor.get("frame") for sensor in description["sensors"]}),
-        gaps=tuple(_gap(closure, place) for closure in description["closures"]),
-        up=_unit(description["world"]["up"]),
-        forward=_unit(description["world"]["forward"]),
+        spots=_spots(frames, place, {sensor.frame for sensor in description.sensors}),
+        gaps=tuple(_gap(closure, place) for closure in description.closures),
+        up=_unit(description.world.up),
+        forward=_unit(description.world.forward),
     )
 
 
-def _moving(frames: Sequence[Mapping[str, Any]]) -> set[str]:
+def _moving(frames: Sequence[FrameDescription]) -> set[str]:
     moving: set[str] = set()
     for frame in frames:
-        if frame["joint"] is not None or frame["parent"] in moving:
-            moving.add(frame["name"])
+        if frame.joint is not None or frame.parent in moving:
+            moving.add(frame.name)
     return moving
 
 
-def _links(frame: Mapping[str, Any], place: Mapping[str, Vector], moves: bool, kind: str) -> list[Link]:
+def _links(frame: FrameDescription, place: Mapping[str, Vector], moves: bool, kind: str) -> list[Link]:
     # no line joins a free body to its parent
-    if frame["parent"] is None or kind == "free":
+    if frame.parent is None or kind == "free":
         return []
-    parent, child = place[frame["parent"]], place[frame["name"]]
+    parent, child = place[frame.parent], place[frame.name]
     start, end = parent[:3, 3], child[:3, 3]
     # a Denavit-Hartenberg row translates along x, then along the joint's z: a spine, then a collar bone
     corner = end - float((end - start) @ parent[:3, 2]) * parent[:3, 2]
@@ -145,24 +147,24 @@ def _links(frame: Mapping[str, Any], place: Mapping[str, Vector], moves: bool, k
 
 
 def _spots(
-    frames: Sequence[Mapping[str, Any]], place: Mapping[str, Vector], with_sensor: set[str | None]
+    frames: Sequence[FrameDescription], place: Mapping[str, Vector], with_sensor: set[str | None]
 ) -> tuple[Spot, ...]:
     spots: list[Spot] = []
     for frame in frames:
-        point = place[frame["name"]][:3, 3]
+        point = place[frame.name][:3, 3]
         here = [k for k, spot in enumerate(spots) if np.linalg.norm(spot.point - point) <= SAME_POINT_M]
         if here:
             # frames at the same point have the name of the first
             first = spots[here[0]]
-            spots[here[0]] = Spot(first.name, first.point, first.has_sensor or frame["name"] in with_sensor)
+            spots[here[0]] = Spot(first.name, first.point, first.has_sensor or frame.name in with_sensor)
         else:
-            spots.append(Spot(frame["name"], point, frame["name"] in with_sensor))
+            spots.append(Spot(frame.name, point, frame.name in with_sensor))
     return tuple(spots)
 
 
-def _gap(closure: Mapping[str, Any], place: Mapping[str, Vector]) -> tuple[Vector, Vector]:
-    a, b = place[closure["frame_a"]], place[closure["frame_b"]]
-    return a[:3, :3] @ closure["point_a"] + a[:3, 3], b[:3, :3] @ closure["point_b"] + b[:3, 3]
+def _gap(closure: ClosureDescription, place: Mapping[str, Vector]) -> tuple[Vector, Vector]:
+    a, b = place[closure.frame_a], place[closure.frame_b]
+    return a[:3, :3] @ closure.point_a + a[:3, 3], b[:3, :3] @ closure.point_b + b[:3, 3]
 
 
 def _unit(direction: ArrayLike) -> Vector:

@@ -118,7 +118,7 @@ def _series(curve: Curve, rows: NDArray[np.int64]) -> dict[str, Any]:
 def _labels(track: Track) -> dict[str, str]:
     if track.model is None:
         return {}
-    return {joint["name"]: joint["label"] or "" for joint in track.model.describe()["joints"]}
+    return {joint.name: joint.label or "" for joint in track.model.describe().joints}
 
 
 def _of_joint(series: JointSeries | BallSeries, label: str) -> Iterator[Curve]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock.model.description import ModelDescription, Vector
 from oarlock.model.rotation import continuous_quat, quat_from_matrix
 from oarlock.model.shapes import Look
 from oarlock.report.viewer.sides import side_of
@@ -54,27 +55,27 @@ class Figure:
 
 
 def add_frames(
-    figure: Figure, description: Mapping[str, Any], poses: Floats, look: Look
+    figure: Figure, description: ModelDescription, poses: Floats, look: Look
 ) -> list[dict[str, Any]]:
     """Adds points of all frames, and the bones from each to its parent, except those that the look hides."""
-    frames: Sequence[Mapping[str, Any]] = description["frames"]
-    kinds = {joint["name"]: joint["kind"] for joint in description["joints"]}
-    number = {frame["name"]: k for k, frame in enumerate(frames)}
+    frames = description.frames
+    kinds = {joint.name: joint.kind for joint in description.joints}
+    number = {frame.name: k for k, frame in enumerate(frames)}
     moves: set[str] = set()
     bones: list[dict[str, Any]] = []
     for k, frame in enumerate(frames):
-        end = figure.point(poses[:, k, :3, 3], frame["name"], frame["name"])
-        if frame["joint"] is not None or frame["parent"] in moves:
-            moves.add(frame["name"])
-        kind = kinds.get(frame["joint"], "fixed")
-        if frame["parent"] is None or kind == "free":  # no bone joins a free body to its parent
+        end = figure.point(poses[:, k, :3, 3], frame.name, frame.name)
+        if frame.joint is not None or frame.parent in moves:
+            moves.add(frame.name)
+        kind = kinds.get(frame.joint or "", "fixed")
+        if frame.parent is None or kind == "free":  # no bone joins a free body to its parent
             continue
-        parent = poses[:, number[frame["parent"]]]
-        chain = _through_corner(figure, parent, poses[:, k, :3, 3], kind, frame["name"], end)
+        parent = poses[:, number[frame.parent]]
+        chain = _through_corner(figure, parent, poses[:, k, :3, 3], kind, frame.name, end)
         bones += [
-            {"ends": [a, b], "moves": frame["name"] in moves, "side": side_of(frame["name"])[0]}
+            {"ends": [a, b], "moves": frame.name in moves, "side": side_of(frame.name)[0]}
             for a, b in itertools.pairwise(chain)
-            if a != b and frame["name"] not in look.without_lines
+            if a != b and frame.name not in look.without_lines
         ]
     return [bone for bone in _once(bones) if bone["moves"] or look.fixed_lines]
 
@@ -93,18 +94,24 @@ def _through_corner(
     return [start, corner, end]
 
 
-def add_loops(figure: Figure, description: Mapping[str, Any], poses: Floats) -> list[dict[str, Any]]:
+def add_loops(figure: Figure, description: ModelDescription, poses: Floats) -> list[dict[str, Any]]:
     """Adds both points of each closure."""
-    number = {frame["name"]: k for k, frame in enumerate(description["frames"])}
+    number = {frame.name: k for k, frame in enumerate(description.frames)}
 
-    def side(closure: Mapping[str, Any], which: str) -> int:
-        pose = poses[:, number[closure[f"frame_{which}"]]]
-        place = pose[:, :3, :3] @ np.asarray(closure[f"point_{which}"]) + pose[:, :3, 3]
-        return figure.point(place, f"{closure['name']} ({which})")
+    def side(name: str, frame: str, point: Vector) -> int:
+        pose = poses[:, number[frame]]
+        return figure.point(pose[:, :3, :3] @ np.asarray(point) + pose[:, :3, 3], name)
 
     return [
-        {"name": c["name"], "ends": [side(c, "a"), side(c, "b")], "std_m": float(c["std_m"])}
-        for c in description["closures"]
+        {
+            "name": c.name,
+            "ends": [
+                side(f"{c.name} (a)", c.frame_a, c.point_a),
+                side(f"{c.name} (b)", c.frame_b, c.point_b),
+            ],
+            "std_m": c.std_m,
+        }
+        for c in description.closures
     ]
 
 

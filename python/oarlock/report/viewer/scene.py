@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock.model.description import WorldDescription
 from oarlock.model.shapes import Look, Viewpoint
 from oarlock.report.viewer.curves import Curve, joint_curves, packed_panels
 from oarlock.report.viewer.figure import Figure, add_frames, add_loops, add_strands, carried_shapes
@@ -81,9 +82,9 @@ def scene(
         "title": title,
         "model": model.name,
         "time_s": packed_times(times),
-        "world": {key: [float(v) for v in description["world"][key]] for key in ("up", "forward")},
+        "world": {"up": list(description.world.up), "forward": list(description.world.forward)},
         "ground": {"kind": seen.ground, "height_m": seen.ground_m},
-        "viewpoints": [_viewpoint(one) for one in seen.viewpoints or _usual(description["world"])],
+        "viewpoints": [_viewpoint(one) for one in seen.viewpoints or _usual(description.world)],
         "limb_radius_m": seen.limb_radius_m,
         "points": points,
         "places_m": packed(places),
@@ -178,9 +179,9 @@ def _viewpoint(viewpoint: Viewpoint) -> dict[str, Any]:
     return {"name": viewpoint.name, "seen_from": direction, "zoom": float(viewpoint.zoom)}
 
 
-def _usual(world: Mapping[str, Any]) -> tuple[Viewpoint, ...]:
+def _usual(world: WorldDescription) -> tuple[Viewpoint, ...]:
     """Views from its right side, from the front, and from above."""
-    up, forward = np.asarray(world["up"], dtype=np.float64), np.asarray(world["forward"], dtype=np.float64)
+    up, forward = np.asarray(world.up, dtype=np.float64), np.asarray(world.forward, dtype=np.float64)
     right = np.cross(forward, up)
     directions = {"side": right + 0.12 * up, "front": forward + 0.12 * up, "above": up}
     return tuple(Viewpoint(name, tuple(float(v) for v in where)) for name, where in directions.items())  # type: ignore[arg-type]

@@ -13,6 +13,7 @@ from types import MappingProxyType
 
 from oarlock.rowing.analysis.features import FEATURES
 from oarlock.storage.errors import DataError
+from oarlock.storage.regular_file import read_text
 
 # Ending of a key in the file, ending of the column, factor.
 _UNITS = (
@@ -69,7 +70,7 @@ def load_targets(which: str | PathLike[str]) -> Mapping[str, Target]:
             "oarlock.rowing, change it, and give its path"
         )
     try:
-        classes = tomllib.loads(place.read_text(encoding="utf-8"))
+        classes = tomllib.loads(read_text(place))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise DataError(f"targets: {place}: {error}") from None
     if chosen not in classes and len(classes) != 1:

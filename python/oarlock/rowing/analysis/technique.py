@@ -139,7 +139,7 @@ def _events(found: Strokes) -> Events:
 
 
 def _lengths_std(rower: Rower, calibration: Calibration | None) -> dict[str, float]:
-    known = {row["name"]: float(row["std"] or 0.0) for row in rower.model.describe()["parameters"]}
+    known = {row.name: float(row.std or 0.0) for row in rower.model.describe().parameters}
     return known | dict({} if calibration is None else calibration.parameter_stds)
 
 

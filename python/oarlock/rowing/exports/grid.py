@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from oarlock.storage.errors import DataError
+from oarlock.storage.regular_file import read_bytes
 
 _BYTE_ORDER_MARKS = (b"\xff\xfe", b"\xfe\xff")
 _MOST_BYTES = 200_000_000
@@ -103,11 +104,7 @@ def text_of(file: Path) -> str:
         DataError: it cannot be read, is too large, or is no text.
     """
     try:
-        if file.stat().st_size > _MOST_BYTES:
-            raise DataError(
-                f"{file}: has more than {_MOST_BYTES // 1_000_000} MB, too much for a table of strokes"
-            )
-        raw = file.read_bytes()
+        raw = read_bytes(file, _MOST_BYTES)
     except OSError as error:
         raise DataError(f"{file}: cannot be read ({error.strerror})") from error
     for encoding in ("utf-16",) if raw[:2] in _BYTE_ORDER_MARKS else ("utf-8-sig", "cp1252", "latin-1"):

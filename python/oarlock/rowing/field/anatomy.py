@@ -8,12 +8,12 @@ lengths give true orientations; positions from the shoulders outwards differ by 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from oarlock import ModelDescription, TransformDescription
 from oarlock.rowing.simulation.grip import ARM_JOINTS, SIDES
 from oarlock.storage.errors import DataError
 
@@ -50,10 +50,10 @@ class Anatomy:
     """
 
     def __init__(
-        self, description: Mapping[str, Any], grip_direction_rad: tuple[float, float] = (0.0, 0.0)
+        self, description: ModelDescription, grip_direction_rad: tuple[float, float] = (0.0, 0.0)
     ) -> None:
-        self._frames = {frame["name"]: frame for frame in description["frames"]}
-        self._kinds = {joint["name"]: joint["kind"] for joint in description["joints"]}
+        self._frames = {frame.name: frame for frame in description.frames}
+        self._kinds = {joint.name: joint.kind for joint in description.joints}
         self.own_joint_names = tuple(self._kinds)
         self.joint_names = (*self.own_joint_names, *DEVIATIONS)
         self.frame_names = tuple(self._frames)
@@ -93,9 +93,10 @@ class Anatomy:
 
     def wears(self, frame: str) -> bool:
         """Whether a frame is part of the rower, not of the boat."""
-        while frame != "seat" and self._frames[frame]["parent"] is not None:
-            frame = self._frames[frame]["parent"]
-        return frame == "seat"
+        at: str | None = frame
+        while at is not None and at != "seat":
+            at = self._frames[at].parent
+        return at == "seat"
 
     def columns(self, names: Iterable[str]) -> list[int]:
         """Columns of the posture of these joints and deviations."""
@@ -122,15 +123,15 @@ class Anatomy:
         if name in found:
             return found[name]
         frame = self._frames[name]
-        if frame["parent"] is None:
+        if frame.parent is None:
             shape = posture.shape[:-1]
             found[name] = np.broadcast_to(np.eye(3), (*shape, 3, 3)), np.zeros((*shape, 3))
             return found[name]
-        pose = placed(self._reach(frame["parent"], posture, found), frame["before"])
-        if frame["joint"] is not None:
-            value = frame["sign"] * posture[..., self._column[frame["joint"]]]
-            pose = turned(pose, value) if self._kinds[frame["joint"]] == "hinge" else slid(pose, value)
-        pose = placed(pose, frame["after"])
+        pose = placed(self._reach(frame.parent, posture, found), frame.before)
+        if frame.joint is not None:
+            value = frame.sign * posture[..., self._column[frame.joint]]
+            pose = turned(pose, value) if self._kinds[frame.joint] == "hinge" else slid(pose, value)
+        pose = placed(pose, frame.after)
         side = name.partition("_")[0]
         if name == f"{side}_shoulder":
             pose = self._glided(pose, side, posture, found)
@@ -231,11 +232,11 @@ def rotation_by(vector: Array) -> Array:
     return rotation_about(vector / np.maximum(angle, 1e-300)[..., None], angle)
 
 
-def placed(pose: Pose, fixed: Mapping[str, Any] | None) -> Pose:
+def placed(pose: Pose, fixed: TransformDescription | None) -> Pose:
     """A pose followed by a constant transform of a description."""
     if fixed is None:
         return pose
-    rotation, translation = np.asarray(fixed["rotation"]), np.asarray(fixed["translation"])
+    rotation, translation = np.asarray(fixed.rotation), np.asarray(fixed.translation)
     moved = pose[1] + apply(pose[0], translation) if translation.any() else pose[1]
     turned_on = (pose[0].reshape(-1, 3) @ rotation).reshape(pose[0].shape)
     return turned_on, moved

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock import ImuStream, ScalarStream
+from oarlock import EncoderDescription, ImuDescription, ImuStream, ScalarStream
 from oarlock.rowing.field.courses import generator
 from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.placement import Encoder, Unit
@@ -50,7 +48,7 @@ def gap(name: str, units: list[str], time_s: Array, effects: FieldEffects, seed:
 
 
 def read_unit(
-    sensor: Mapping[str, Any],
+    sensor: ImuDescription,
     unit: Unit,
     ideal: IdealReadings,
     sampled: Sampled,
@@ -59,14 +57,14 @@ def read_unit(
     seed: int,
 ) -> ImuStream:
     """The stream of one inertial unit; quantities without noise in the model are not measured."""
-    name = sensor["name"]
+    name = sensor.name
     rng = generator(seed, f"noise {name}")
     drift = (effects.gyro_drift_rad_s, effects.accel_drift_m_s2)
     gyro = unit.gyro_gain * ideal.gyro_rad_s + unit.gyro_bias_rad_s + walk(rng, sampled.time_s, drift[0])
     accel = unit.accel_gain * ideal.accel_m_s2 + unit.accel_bias_m_s2 + walk(rng, sampled.time_s, drift[1])
     mag = ideal.field_ut @ unit.field_gain.T + unit.hard_iron_ut
     limits = (effects.gyro_range_rad_s, effects.accel_range_m_s2, np.inf)
-    stds = (sensor["gyro_std_rad_s"], sensor["accel_std_m_s2"], sensor["mag_std_ut"])
+    stds = (sensor.gyro_std_rad_s, sensor.accel_std_m_s2, sensor.mag_std_ut)
     fields: dict[str, Array | None] = {}
     for key, clean, limit, std in zip(
         ("gyro_rad_s", "accel_m_s2", "mag_ut"), (gyro, accel, mag), limits, stds, strict=True
@@ -79,15 +77,17 @@ def read_unit(
 
 
 def read_encoder(
-    sensor: Mapping[str, Any], encoder: Encoder, value: Array, time_s: Array, effects: FieldEffects, seed: int
+    sensor: EncoderDescription,
+    encoder: Encoder,
+    value: Array,
+    time_s: Array,
+    effects: FieldEffects,
+    seed: int,
 ) -> ScalarStream:
     """The stream of one encoder."""
-    noise = (
-        effects.noise_factor
-        * sensor["std"]
-        * generator(seed, f"noise {sensor['name']}").standard_normal(value.shape)
-    )
-    return ScalarStream(sensor["name"], time_s, value * (1.0 + encoder.scale) + encoder.offset + noise)
+    drawn = generator(seed, f"noise {sensor.name}").standard_normal(value.shape)
+    noise = effects.noise_factor * sensor.std * drawn
+    return ScalarStream(sensor.name, time_s, value * (1.0 + encoder.scale) + encoder.offset + noise)
 
 
 def walk(rng: np.random.Generator, time_s: Array, per_minute: float) -> Array:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock import ImuDescription, ModelDescription
 from oarlock.rowing.field.anatomy import rotation_by
 from oarlock.rowing.field.courses import generator
 from oarlock.rowing.field.effects import FieldEffects
@@ -59,43 +58,39 @@ class Encoder:
     scale: float = 0.0
 
 
-def true_parameters(description: Mapping[str, Any], effects: FieldEffects, seed: int) -> dict[str, float]:
+def true_parameters(description: ModelDescription, effects: FieldEffects, seed: int) -> dict[str, float]:
     """True parameters of athlete and boat that differ from the model's.
 
     Lengths of the body differ by a share, pins and inboards by a length, each with a random sign.
     """
     rng = generator(seed, "lengths")
     true = {}
-    for parameter in description["parameters"]:
-        name, value, sign = parameter["name"], float(parameter["value"]), rng.choice([-1.0, 1.0])
-        if parameter["unit"] != "m":
+    for parameter in description.parameters:
+        name, value, sign = parameter.name, float(parameter.value), rng.choice([-1.0, 1.0])
+        if parameter.unit != "m":
             continue
         if name.startswith("l_") and not name.startswith(("l_oar", "l_pin")):
             true[name] = value * (1.0 + sign * effects.length_error)
         else:
             true[name] = value + sign * effects.rig_error_m
-    return {
-        p["name"]: true[p["name"]]
-        for p in description["parameters"]
-        if true.get(p["name"], p["value"]) != p["value"]
-    }
+    return {p.name: true[p.name] for p in description.parameters if true.get(p.name, p.value) != p.value}
 
 
 def placed_unit(
-    sensor: Mapping[str, Any], effects: FieldEffects, condition_bias: tuple[float, float], seed: int
+    sensor: ImuDescription, effects: FieldEffects, condition_bias: tuple[float, float], seed: int
 ) -> Unit:
     """One unit of a description (with the true lengths), with random errors from the seed.
 
     The condition's biases are on every axis, as in the paper's experiment; biases of the effects are added.
     """
-    rng = generator(seed, f"unit {sensor['name']}")
-    mount = sensor["mount"]
+    rng = generator(seed, f"unit {sensor.name}")
+    mount = sensor.mount
     turned, shifted, iron = (direction(rng) for _ in range(3))
     signs = rng.choice([-1.0, 1.0], (4, 3))
     return Unit(
-        frame=sensor["frame"],
-        link_from_sensor=rotation_by(effects.mount_error_rad * turned) @ np.asarray(mount["rotation"]),
-        offset_m=np.asarray(mount["offset"]) + effects.mount_offset_m * shifted,
+        frame=sensor.frame,
+        link_from_sensor=rotation_by(effects.mount_error_rad * turned) @ np.asarray(mount.rotation),
+        offset_m=np.asarray(mount.offset) + effects.mount_offset_m * shifted,
         field_gain=_soft_iron(rng, effects.soft_iron),
         hard_iron_ut=effects.hard_iron_ut * iron,
         gyro_bias_rad_s=condition_bias[0] + effects.gyro_bias_rad_s * signs[0],

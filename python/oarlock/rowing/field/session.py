@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
+from oarlock import ModelDescription, WorldDescription
 from oarlock.rowing.field.anatomy import Anatomy, apply, rotation_about
 from oarlock.rowing.field.courses import body_courses, generator, hull_courses
 from oarlock.rowing.field.effects import FieldEffects
@@ -98,8 +98,8 @@ class Session:
 
 
 def rowed(
-    description: Mapping[str, Any],
-    nominal: Mapping[str, Any],
+    description: ModelDescription,
+    nominal: ModelDescription,
     effects: FieldEffects,
     surge: bool,
     duration_s: float,
@@ -122,7 +122,7 @@ def rowed(
     posture = _laid_out(anatomy, joints | body_courses(effects, timing, seed))
     posture[:, anatomy.columns(["seat"])] += _stretcher(anatomy, nominal, posture)
     posture = _held(anatomy, time, posture, preferred)
-    hull = _hull(anatomy, nominal["world"], effects, timing, posture, surge, seed)
+    hull = _hull(anatomy, nominal.world, effects, timing, posture, surge, seed)
     carrier = hull
     if set(HULL_JOINTS) <= set(anatomy.own_joint_names):
         for name, value in hull.at_joints(time).items():
@@ -144,7 +144,7 @@ def _laid_out(anatomy: Anatomy, courses: Mapping[str, Array]) -> Array:
     return posture
 
 
-def _stretcher(anatomy: Anatomy, nominal: Mapping[str, Any], posture: Array) -> float:
+def _stretcher(anatomy: Anatomy, nominal: ModelDescription, posture: Array) -> float:
     """Shift of the seat's travel toward the stern, m; 0 if the true body reaches as far as the nominal one."""
     usual = Anatomy(nominal)
     neutral = posture.copy()
@@ -185,7 +185,7 @@ def _held(anatomy: Anatomy, time: Array, posture: Array, preferred: Array) -> Ar
 
 def _hull(
     anatomy: Anatomy,
-    world: Mapping[str, Any],
+    world: WorldDescription,
     effects: FieldEffects,
     timing: StrokeTiming,
     posture: Array,
@@ -207,8 +207,8 @@ def _hull(
         heave,
         surging,
         surging.antiderivative(2),
-        np.asarray(world["up"], dtype=np.float64),
-        np.asarray(world["forward"], dtype=np.float64),
+        np.asarray(world.up, dtype=np.float64),
+        np.asarray(world.forward, dtype=np.float64),
     )
 
 

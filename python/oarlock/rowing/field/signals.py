@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock import WorldDescription
 from oarlock.rowing.field.anatomy import apply, rotation_by
 from oarlock.rowing.field.courses import generator
 from oarlock.rowing.field.effects import FieldEffects
@@ -49,15 +49,15 @@ class Surroundings:
     iron_ut: Array
 
     @classmethod
-    def of(cls, world: Mapping[str, Any], effects: FieldEffects, seed: int) -> Surroundings:
+    def of(cls, world: WorldDescription, effects: FieldEffects, seed: int) -> Surroundings:
         """The surroundings from a description's world; the seed rotates the iron."""
-        up, forward = np.asarray(world["up"]), np.asarray(world["forward"])
-        azimuth, dip = world["magnetic_azimuth_rad"], world["magnetic_dip_rad"]
+        up, forward = np.asarray(world.up), np.asarray(world.forward)
+        azimuth, dip = world.magnetic_azimuth_rad, world.magnetic_dip_rad
         level = np.cos(azimuth) * forward + np.sin(azimuth) * np.cross(up, forward)
-        field = world["magnetic_norm_ut"] * (np.cos(dip) * level - np.sin(dip) * up)
+        field = world.magnetic_norm_ut * (np.cos(dip) * level - np.sin(dip) * up)
         place = _IRON_STERNWARD_M * forward - _IRON_BELOW_M * up
         moment = effects.rail_iron_ut * direction(generator(seed, "rail iron"))
-        return cls(float(world["gravity_m_s2"]), up, field, place, moment)
+        return cls(world.gravity_m_s2, up, field, place, moment)
 
     def iron_field(self, place_m: Array) -> Array:
         """Field (..., 3), uT, of the boat's iron (a dipole) at positions (..., 3) in the boat's axes."""

@@ -6,7 +6,6 @@ wander are zero in the N-pose (q = 0).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -168,8 +167,3 @@ def bone_force(time_s: Array, place: Array, rotation: Array, up: Array, gravity_
     acceleration = np.asarray(make_interp_spline(time_s, place, k=5)(time_s, 2))
     force: Any = acceleration + gravity_m_s2 * up
     return apply(np.swapaxes(rotation, -1, -2), np.asarray(force))
-
-
-def units_of(description: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """The inertial units of a description."""
-    return [sensor for sensor in description["sensors"] if sensor["kind"] == "imu"]

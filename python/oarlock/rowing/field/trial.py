@@ -5,23 +5,24 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from os import PathLike
-from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock import EncoderDescription, ImuDescription, ModelDescription
 from oarlock.rowing.field.anatomy import apply
 from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.electronics import gap, read_encoder, read_unit, stamped
 from oarlock.rowing.field.placement import Clock, Encoder, Unit, clock, encoder, placed_unit, true_parameters
 from oarlock.rowing.field.session import Session, rowed
 from oarlock.rowing.field.signals import REACH, STEP_S, Surroundings, ideal_readings
-from oarlock.rowing.field.skin import Course, Skin, bone_force, skin_of, units_of
+from oarlock.rowing.field.skin import Course, Skin, bone_force, skin_of
 from oarlock.rowing.simulation.grip import SIDES
 from oarlock.rowing.simulation.noise import SimulatedCondition, condition_named
 from oarlock.storage.errors import DataError
+from oarlock.storage.folder_writer import replaced_folder
 
 if TYPE_CHECKING:
     from oarlock import Calibration, ImuStream, Markers, Model, Recording, ScalarStream, Track
@@ -65,11 +66,11 @@ class FieldTrial:
 
     def save(self, folder: str | PathLike[str]) -> None:
         """Write the recording into a folder, with `truth/`, `markers.csv` (m) and `true_calibration.toml`."""
-        place = Path(folder)
-        self.recording.save(place)
-        self.truth.save(place / "truth")
-        self.calibration.save(place / "true_calibration.toml")
-        self.markers.save(place / "markers.csv")
+        with replaced_folder(folder, "recording") as place:
+            self.recording.save(place)
+            self.truth.save(place / "truth")
+            self.calibration.save(place / "true_calibration.toml")
+            self.markers.save(place / "markers.csv")
 
 
 def simulate_field(
@@ -108,21 +109,18 @@ def simulate_field(
     true_model = model.with_parameters(true) if true else model
     description = true_model.describe()
     session = rowed(description, nominal, effects, chosen.boat_surge, duration_s, rate_spm, seed)
-    around = Surroundings.of(nominal["world"], effects, seed)
+    around = Surroundings.of(nominal.world, effects, seed)
     bias = (chosen.gyro_bias_rad_s, chosen.accel_bias_m_s2)
-    units = {s["name"]: placed_unit(s, effects, bias, seed) for s in units_of(description)}
-    encoders = {
-        s["name"]: encoder(s["name"], s["joint"] == "seat", effects, seed) for s in _encoders(description)
-    }
+    units = {s.name: placed_unit(s, effects, bias, seed) for s in description.inertial_units}
+    encoders = {s.name: encoder(s.name, s.joint == "seat", effects, seed) for s in description.encoders}
     clocks = {name: clock(name, effects, seed) for name in units}
     time_s = _stamps(duration_s, rate_hz)
     streams: list[ImuStream | ScalarStream] = [
-        _unit_stream(s, units, clocks[s["name"]], session, around, time_s, effects, seed)
-        for s in units_of(description)
+        _unit_stream(s, units, clocks[s.name], session, around, time_s, effects, seed)
+        for s in description.inertial_units
     ]
     streams += [
-        _encoder_stream(s, encoders[s["name"]], session, time_s, effects, seed)
-        for s in _encoders(description)
+        _encoder_stream(s, encoders[s.name], session, time_s, effects, seed) for s in description.encoders
     ]
     return FieldTrial(
         recording=Recording(streams, meta=_meta(effects, condition, seed)),
@@ -149,10 +147,6 @@ def _checked(condition: str, rate_hz: float, duration_s: float) -> SimulatedCond
     return chosen
 
 
-def _encoders(description: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    return [sensor for sensor in description["sensors"] if sensor["kind"] == "encoder"]
-
-
 def _stamps(duration_s: float, rate_hz: float) -> Array:
     """Sampling times as in `oarlock.simulate`: all differentiated poses are inside the motion."""
     room = REACH * STEP_S
@@ -161,7 +155,7 @@ def _stamps(duration_s: float, rate_hz: float) -> Array:
 
 
 def _unit_stream(
-    sensor: Mapping[str, Any],
+    sensor: ImuDescription,
     units: Mapping[str, Unit],
     own_clock: Clock,
     session: Session,
@@ -171,7 +165,7 @@ def _unit_stream(
     seed: int,
 ) -> ImuStream:
     """The stream of a unit, sampled when its own clock shows the time stamps, within the motion."""
-    name, unit = sensor["name"], units[sensor["name"]]
+    name, unit = sensor.name, units[sensor.name]
     true = own_clock.true(time_s)
     inside = (true >= time_s[0] - 1e-9) & (true <= time_s[-1] + 1e-9)
     sampled = stamped(name, true[inside], time_s[inside], effects, seed)
@@ -195,14 +189,14 @@ def _skin(
 
 
 def _encoder_stream(
-    sensor: Mapping[str, Any],
+    sensor: EncoderDescription,
     error: Encoder,
     session: Session,
     time_s: Array,
     effects: FieldEffects,
     seed: int,
 ) -> ScalarStream:
-    value = np.asarray(session.spline(time_s))[:, session.anatomy.columns([sensor["joint"]])[0]]
+    value = np.asarray(session.spline(time_s))[:, session.anatomy.columns([sensor.joint])[0]]
     return read_encoder(sensor, error, value, time_s, effects, seed)
 
 
@@ -212,7 +206,7 @@ def _truth(model: Model, session: Session, time_s: Array) -> Track:
     own = session.anatomy.own_joint_names
     q, qd, qdd = (np.asarray(session.spline(time_s, order))[:, : len(own)] for order in range(3))
     unknown = np.full_like(q, np.nan)
-    units = tuple("m" if joint["kind"] == "slide" else "rad" for joint in model.describe()["joints"])
+    units = tuple("m" if joint.kind == "slide" else "rad" for joint in model.describe().joints)
     return Track(
         model=model,
         time_s=time_s,
@@ -251,14 +245,14 @@ def _meta(effects: FieldEffects, condition: str, seed: int) -> dict[str, object]
 
 def _calibration(
     model: Model,
-    nominal: Mapping[str, Any],
+    nominal: ModelDescription,
     units: Mapping[str, Unit],
     clocks: Mapping[str, Clock],
     encoders: Mapping[str, Encoder],
 ) -> Calibration:
     from oarlock import Calibration
 
-    was = {p["name"]: p["value"] for p in nominal["parameters"]}
+    was = {p.name: p.value for p in nominal.parameters}
     return Calibration(
         parameters={name: value for name, value in dict(model.parameters).items() if value != was[name]},
         mounts={name: (unit.link_from_sensor, unit.offset_m) for name, unit in units.items()},

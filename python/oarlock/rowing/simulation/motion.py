@@ -18,10 +18,13 @@ from oarlock.rowing.simulation.stroke_shape import StrokeShape, body_and_oars
 from oarlock.rowing.simulation.timing import StrokeTiming, stroke_timing
 from oarlock.simulation.motion import Motion
 from oarlock.storage.errors import DataError
+from oarlock.storage.memory_limit import check_memory
 
 Array = NDArray[np.float64]
 Parameters = ParamSpec("Parameters")
 
+KNOT_BYTES = 5000.0
+"""Memory for each knot of a simulated sculler's motion and recording, measured between 40 and 1240 s."""
 _SIDE_NAMES = {"r": "right (port oar)", "l": "left (starboard oar)"}
 _MODEL_OF = {"sculling": "sculler", "sweep": "sweep", "ergometer": "ergometer"}
 _WHAT_TO_TRY = (
@@ -136,6 +139,11 @@ def knots(duration_s: float, start_s: float, knots_hz: float, variation: float) 
         )
     if not 0.0 <= variation <= 5.0:
         raise DataError(f"rowing: variation is {variation}; give 0 (every stroke the same) to 5, 1 is usual")
+    check_memory(
+        KNOT_BYTES * duration_s * knots_hz,
+        f"rowing: duration_s = {duration_s:g}",
+        "Simulate a shorter piece, or several.",
+    )
     return start_s + np.linspace(0.0, duration_s, max(6, int(np.ceil(duration_s * knots_hz)) + 1))
 
 

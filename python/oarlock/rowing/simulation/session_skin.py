@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock import ImuDescription
 from oarlock.rowing.field.anatomy import Anatomy
 from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.placement import placed_unit
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from oarlock import Model
 
 Array = NDArray[np.float64]
-SessionSkin = Callable[[Mapping[str, Any], Array, Array], Array]
+SessionSkin = Callable[[ImuDescription, Array, Array], Array]
 
 
 def session_skin(model: Model, effects: FieldEffects | None = None, *, seed: int = 0) -> SessionSkin:
@@ -36,13 +37,13 @@ def session_skin(model: Model, effects: FieldEffects | None = None, *, seed: int
     chosen = replace(given, wobble_rad=0.0, wobble_m=0.0, skin_wander_rad=0.0, skin_shift_m=0.0)
     anatomy = Anatomy(model.describe())
 
-    def turned(sensor: Mapping[str, Any], time_s: Array, q: Array) -> Array:
+    def turned(sensor: ImuDescription, time_s: Array, q: Array) -> Array:
         posture = np.zeros((len(q), len(anatomy.joint_names)))
         posture[:, : q.shape[1]] = q
         nothing = np.zeros(len(time_s))
         timing = StrokeTiming(time_s, nothing, nothing, nothing, nothing)
         unit = placed_unit(sensor, FieldEffects.off(), (0.0, 0.0), seed)
         course = Course(timing, posture, np.zeros((len(time_s), 3)))
-        return np.asarray(skin_of(sensor["name"], unit, anatomy, course, chosen, seed).at(time_s)[1])
+        return np.asarray(skin_of(sensor.name, unit, anatomy, course, chosen, seed).at(time_s)[1])
 
     return turned

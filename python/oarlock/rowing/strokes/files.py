@@ -12,13 +12,17 @@ import pyarrow.parquet as pq
 
 from oarlock.rowing.analysis.features import FEATURES
 from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.folder_writer import replaced_folder
 
 CSV_NAME = "strokes.csv"
 PARQUET_NAME = "strokes.parquet"
+KIND = "strokes"
 
 
-def save_strokes(table: StrokeTable, folder: str | PathLike[str]) -> tuple[Path, Path]:
+def save_strokes(table: StrokeTable, folder: str | PathLike[str], force: bool = False) -> tuple[Path, Path]:
     """Write `strokes.csv` and `strokes.parquet`, SI and radians; makes the folder.
+
+    Strokes that were saved there before are replaced; files that are not Oarlock's only if `force` is set.
 
     The Parquet file holds each column and its `NAME_std`, as `NAME_reason` why a number is missing, and of each curve
     `NAME_curve` (K values a stroke) and, where the curve tells, `NAME_curve_at` (the time or place of each). Its
@@ -27,11 +31,10 @@ def save_strokes(table: StrokeTable, folder: str | PathLike[str]) -> tuple[Path,
     Returns:
         The two files.
     """
-    place = Path(folder)
-    place.mkdir(parents=True, exist_ok=True)
-    table.to_csv(place / CSV_NAME)
-    pq.write_table(_arrow(table), place / PARQUET_NAME)
-    return place / CSV_NAME, place / PARQUET_NAME
+    with replaced_folder(folder, KIND, force) as place:
+        table.to_csv(place / CSV_NAME)
+        pq.write_table(_arrow(table), place / PARQUET_NAME)
+    return Path(folder) / CSV_NAME, Path(folder) / PARQUET_NAME
 
 
 def _arrow(table: StrokeTable) -> pa.Table:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from os import PathLike
@@ -13,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.rowing.analysis.features import FEATURES
+from oarlock.storage.csv_cells import inert
 from oarlock.storage.errors import DataError
+from oarlock.storage.write_file import write_file
 
 Floats = NDArray[np.float64]
 
@@ -98,13 +101,14 @@ class StrokeTable:
             explained: lines that begin with # before the header say what each column means, and why cells are empty.
         """
         named = self._flat()
-        with Path(path).open("w", encoding="utf-8", newline="") as file:
-            if explained:
-                file.writelines(f"# {line}\n" for line in self._explanations())
-            writer = csv.writer(file)
-            writer.writerow(named)
-            for row in range(len(self)):
-                writer.writerow([_cell(values[row]) for values in named.values()])
+        text = io.StringIO(newline="")
+        if explained:
+            text.writelines(f"# {line}\n" for line in self._explanations())
+        writer = csv.writer(text)
+        writer.writerow(map(inert, named))
+        for row in range(len(self)):
+            writer.writerow([_cell(values[row]) for values in named.values()])
+        write_file(Path(path), text.getvalue())
 
     def _flat(self) -> dict[str, Floats]:
         flat: dict[str, Floats] = {}

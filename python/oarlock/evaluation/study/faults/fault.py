@@ -38,10 +38,10 @@ class Names:
     def of(cls, model: Model) -> Names:
         """Streams of sensors and input joints; inertial units; encoders in rad; encoders in m."""
         described = model.describe()
-        kinds = {joint["name"]: joint["kind"] for joint in described["joints"]}
-        joint_of = {joint["name"]: joint["name"] for joint in described["joints"] if joint["input"]}
-        joint_of |= {s["name"]: s["joint"] for s in described["sensors"] if s["kind"] == "encoder"}
-        units = tuple(s["name"] for s in described["sensors"] if s["kind"] == "imu")
+        kinds = {joint.name: joint.kind for joint in described.joints}
+        joint_of = {joint.name: joint.name for joint in described.inputs}
+        joint_of |= {s.name: s.joint for s in described.encoders}
+        units = tuple(s.name for s in described.inertial_units)
         return cls(
             streams=tuple(dict.fromkeys([*model.sensor_names, *joint_of])),
             units=units,
@@ -88,15 +88,12 @@ class Case:
         model = self.trial.truth.model
         assert model is not None
         described = model.describe()
-        up = np.asarray(described["world"]["up"])
+        up = np.asarray(described.world.up)
         poses = model.forward_kinematics(np.nan_to_num(self.trial.truth.q))
         frames = {name: place for place, name in enumerate(model.frame_names)}
         return {
-            sensor["name"]: up
-            @ poses[:, frames[sensor["frame"]], :3, :3]
-            @ np.asarray(sensor["mount"]["rotation"])
-            for sensor in described["sensors"]
-            if sensor["kind"] == "imu"
+            sensor.name: up @ poses[:, frames[sensor.frame], :3, :3] @ np.asarray(sensor.mount.rotation)
+            for sensor in described.inertial_units
         }
 
 

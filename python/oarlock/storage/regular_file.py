@@ -1,0 +1,99 @@
+"""Reads files only if they are regular and within a limit of size, for every reader of the package."""
+
+from __future__ import annotations
+
+import io
+import os
+import stat
+from pathlib import Path
+from typing import TextIO
+
+from oarlock.storage.errors import DataError
+
+TEXT_LIMIT_BYTES = 16 * 2**20
+"""The largest TOML file that is read. A model has 10 kB, a calibration 100 kB."""
+LINE_LIMIT_BYTES = 2**20
+TABLE_LIMIT_BYTES = 2 * 2**30
+"""The largest file that is read into memory as a whole, other than Parquet."""
+
+
+def open_regular(file: Path) -> io.BufferedReader:
+    """The file, open for reading bytes.
+
+    Raises:
+        OSError: it cannot be opened.
+        DataError: it is a folder, a pipe, a socket or a device, whose end may never come.
+    """
+    # O_NONBLOCK: the opening of a pipe that nobody writes to would not return.
+    number = os.open(file, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    try:
+        _require_regular(file, os.fstat(number).st_mode)
+        return os.fdopen(number, "rb")
+    except BaseException:
+        os.close(number)
+        raise
+
+
+def open_text(file: Path, encoding: str) -> TextIO:
+    """The file, open for reading lines as they are; their ends are kept for `csv`.
+
+    Raises:
+        OSError, LookupError: it cannot be opened, or the encoding is not known.
+        DataError: as `open_regular`, or the first line does not end within `LINE_LIMIT_BYTES`.
+    """
+    stream = open_regular(file)
+    start = stream.read(LINE_LIMIT_BYTES)
+    if len(start) == LINE_LIMIT_BYTES and b"\n" not in start and b"\r" not in start:
+        stream.close()
+        raise DataError(
+            f"{file}: has no line end in its first {shown_bytes(LINE_LIMIT_BYTES)}; it is no table of text"
+        )
+    stream.seek(0)
+    return io.TextIOWrapper(stream, encoding=encoding, newline="")
+
+
+def read_bytes(file: Path, limit_bytes: int = TABLE_LIMIT_BYTES) -> bytes:
+    """The contents of a regular file.
+
+    Raises:
+        OSError: it cannot be read.
+        DataError: it is no regular file, or larger than the limit.
+    """
+    with open_regular(file) as stream:
+        size = os.fstat(stream.fileno()).st_size
+        found = stream.read(limit_bytes + 1) if size <= limit_bytes else b""
+    if max(size, len(found)) > limit_bytes:
+        raise DataError(
+            f"{file}: has {shown_bytes(max(size, len(found)))}, more than the {shown_bytes(limit_bytes)} that are "
+            "read of such a file. Is it the right one?"
+        )
+    return found
+
+
+def read_text(file: Path, encoding: str = "utf-8") -> str:
+    """The text of a regular file of at most `TEXT_LIMIT_BYTES`, with plain line ends.
+
+    Raises:
+        OSError, UnicodeDecodeError: it cannot be read.
+        DataError: it is no regular file, or too large.
+    """
+    text = read_bytes(file, TEXT_LIMIT_BYTES).decode(encoding)
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def shown_bytes(count: float) -> str:
+    """A size for people, such as 4.0 GB."""
+    for unit, size in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if count >= size:
+            return f"{count / size:,.1f} {unit}"
+    return f"{count:.0f} bytes"
+
+
+def _require_regular(file: Path, mode: int) -> None:
+    if not stat.S_ISREG(mode):
+        raise DataError(f"{file}: is {_kind(mode)}, not a regular file. Copy its contents into a file first.")
+
+
+def _kind(mode: int) -> str:
+    kinds = {stat.S_ISDIR: "a folder", stat.S_ISFIFO: "a pipe", stat.S_ISSOCK: "a socket"}
+    return next((name for test, name in kinds.items() if test(mode)), "a device")

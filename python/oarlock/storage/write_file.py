@@ -1,0 +1,97 @@
+"""Replaces one file as a whole: what a reader finds is the old file or the new one, whenever the writer ends."""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+import stat
+from pathlib import Path
+
+from oarlock.storage.errors import DataError
+from oarlock.storage.folder_lock import is_staged
+from oarlock.storage.names import check_text
+
+TEMPORARY = ".oarlock-"
+
+
+def write_file(file: Path, contents: str | bytes) -> None:
+    """Write a new file beside `file`, sync it to the disk and rename it. A link is replaced, not followed.
+
+    Args:
+        file: the file; it is replaced if it exists.
+        contents: bytes, or text that is written as UTF-8 without changes to its line ends.
+
+    Raises:
+        DataError: the text contains half a character, the file cannot be written, or it is a folder or a device.
+    """
+    if isinstance(contents, str):
+        check_text(contents, str(file))
+        contents = contents.encode("utf-8")
+    check_replaceable(file)
+    if is_staged(file.parent):
+        file.write_bytes(contents)
+        return
+    temporary = file.with_name(f"{TEMPORARY}{secrets.token_hex(8)}")
+    try:
+        _write_new(temporary, contents)
+        os.replace(temporary, file)
+        sync_folder(file.parent)
+    except BaseException as error:
+        temporary.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise unwritable(file, error) from error
+        raise
+
+
+def check_replaceable(file: Path) -> None:
+    """Refuse a target that is a folder or a device, such as /dev/null.
+
+    Raises:
+        DataError: it is.
+    """
+    try:
+        mode = file.lstat().st_mode
+    except (OSError, ValueError):
+        return
+    if not (stat.S_ISREG(mode) or stat.S_ISLNK(mode)):
+        what = "a folder" if stat.S_ISDIR(mode) else "a device or a pipe"
+        raise DataError(f"{file}: is {what}, so it cannot be replaced by a file; choose another name")
+
+
+def sync_folder(folder: Path) -> None:
+    """Make the names in a folder last through a loss of power, where the system can do it."""
+    if os.name == "nt":
+        return
+    number = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(number)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP, errno.EROFS):
+            raise
+    finally:
+        os.close(number)
+
+
+def sync_file(file: Path) -> None:
+    """Make the contents of a file last through a loss of power."""
+    with file.open("rb+") as stream:
+        os.fsync(stream.fileno())
+
+
+def unwritable(place: Path, error: OSError) -> DataError:
+    """The error of a file or folder that the system does not let us write; it says what can be done."""
+    advice = {
+        errno.ENOSPC: " Free some space, or choose a folder on another disk; what was there before is unchanged.",
+        errno.EFBIG: " The file would exceed the limit on file sizes (ulimit -f); what was there is unchanged.",
+        errno.EDQUOT: " Your quota is used up; what was there before is unchanged.",
+    }.get(error.errno or 0, "")
+    return DataError(f"{place}: cannot be written ({error.strerror or error}).{advice}")
+
+
+def _write_new(file: Path, contents: bytes) -> None:
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+    with os.fdopen(os.open(file, flags, 0o666), "wb") as stream:
+        stream.write(contents)
+        stream.flush()
+        os.fsync(stream.fileno())
