@@ -20,6 +20,7 @@ from oarlock.cli.track_folder import document
 from oarlock.recording.packets import missing_share
 from oarlock.rowing import simulate_field
 from oarlock.rowing.simulation.experiment import simulate_sculling
+from oarlock.storage.manifest import MANIFEST
 
 RATE_HZ = 125.0
 DURATION_S = 5.0
@@ -233,7 +234,7 @@ def test_a_folder_keeps_the_counts(kind: str, told: Callable[[str], Told], tmp_p
 def test_damaged_counts_are_refused(told: Callable[[str], Told], tmp_path: Path) -> None:
     told("rest").track.save(tmp_path / "track")
     file = tmp_path / "track" / "run.toml"
-    (tmp_path / "track" / "manifest.toml").unlink(missing_ok=True)
+    (tmp_path / "track" / MANIFEST).unlink()
     file.write_text(
         file.read_text(encoding="utf-8").replace("expected = ", "unexpected = "), encoding="utf-8"
     )
