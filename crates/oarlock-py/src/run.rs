@@ -239,6 +239,23 @@ impl PyRun {
         Ok(out)
     }
 
+    /// Counts of each stream's readings over all samples, in the recording's order.
+    fn counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        let out = PyList::empty(py);
+        for count in self.run().counts() {
+            let one = PyDict::new(py);
+            one.set_item("name", count.name)?;
+            one.set_item("channels", count.channels)?;
+            one.set_item("received", count.received)?;
+            one.set_item("used", count.used)?;
+            one.set_item("rejected", count.rejected)?;
+            one.set_item("fields", count.fields)?;
+            one.set_item("faults", count.faults)?;
+            out.append(one)?;
+        }
+        Ok(out)
+    }
+
     /// Full state estimates, each as (time_s, mean, covariance).
     fn beliefs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let list = PyList::empty(py);

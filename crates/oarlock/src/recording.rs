@@ -119,6 +119,17 @@ pub struct Recording {
     pub notes: Vec<String>,
 }
 
+/// What a stream supplies.
+#[derive(Debug, Clone)]
+pub struct Feeds {
+    /// Its source; `None` for an input.
+    pub source: Option<usize>,
+    /// First row of each part of the measurement vector that it supplies.
+    pub rows: Vec<usize>,
+    /// Coordinate of the input that it supplies.
+    pub input: Option<usize>,
+}
+
 impl Recording {
     /// Checks time stamps, lengths and names. Readings are gathered by true time according to `clocks` (by stream).
     pub fn new(
@@ -180,6 +191,21 @@ impl Recording {
     /// Names of the streams.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.streams.iter().map(|s| s.stream.name.as_str())
+    }
+
+    /// Name of every stream, and what it supplies.
+    pub fn feeds(&self) -> impl Iterator<Item = (&str, Feeds)> {
+        self.names().zip(self.targets.iter().zip(&self.sources)).map(|(name, (targets, source))| {
+            let mut feeds = Feeds { source: *source, rows: Vec::new(), input: None };
+            for target in targets {
+                match *target {
+                    Target::Row(usize::MAX) => {}
+                    Target::Row(first) => feeds.rows.push(first),
+                    Target::Input(coordinate) => feeds.input = Some(coordinate),
+                }
+            }
+            (name, feeds)
+        })
     }
 
     /// First and last true time, s; `None` without rows.

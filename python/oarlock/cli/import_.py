@@ -53,7 +53,8 @@ for _format in FORMATS:
 
 
 def _write(recording: Recording, source: Path, out: Path, force: bool, json_output: bool) -> None:
-    from oarlock.recording.packets import lost_packets, missing_packets
+    from oarlock.evaluation.summary import rate_text
+    from oarlock.recording.packets import lost_packets, missing_packets, missing_share, own_rate_hz
 
     with output_folder(out, "recording", force, fresh=True) as stage:
         recording.save(stage)
@@ -69,8 +70,9 @@ def _write(recording: Recording, source: Path, out: Path, force: bool, json_outp
                         "name": s.name,
                         "kind": s.kind,
                         "samples": len(s),
-                        "rate_hz": s.rate_hz,
+                        "rate_hz": own_rate_hz(recording, s),
                         "missing_packets": missing_packets(recording, s),
+                        "missing_share": missing_share(recording, s),
                     }
                     for s in recording.streams
                 ],
@@ -79,9 +81,15 @@ def _write(recording: Recording, source: Path, out: Path, force: bool, json_outp
         return
     say(f"Wrote {out} from {source}", style="bold")
     table(
-        ["stream", "kind", ">samples", ">rate Hz", ">missing"],
+        ["stream", "kind", ">samples", ">rate Hz", ">missing %"],
         [
-            (s.name, s.kind, len(s), number(s.rate_hz, ".1f"), number(s.missing_share, ".1%"))
+            (
+                s.name,
+                s.kind,
+                len(s),
+                rate_text(own_rate_hz(recording, s)),
+                number(100 * missing_share(recording, s), ".1f"),
+            )
             for s in recording.streams
         ],
     )

@@ -90,6 +90,34 @@ def _by_steps(stream: Stream) -> Lost | None:
     return Lost(stream.time_s[gaps], packets, steps[gaps] - usual, False)
 
 
+def own_rate_hz(recording: Recording, stream: Stream) -> float:
+    """Rate of a stream without its lost packets, Hz; NaN for a single row."""
+    if len(stream) < 2:
+        return float("nan")
+    rows = len(stream) + (missing_packets(recording, stream) or 0)
+    return (rows - 1) / float(stream.time_s[-1] - stream.time_s[0])
+
+
+def expected_rows(recording: Recording, stream: Stream) -> int:
+    """Rows of a stream that has its own rate from the recording's first to its last time stamp.
+
+    They are the rows received, the lost packets, and the rows before the stream's first and after its last one. Packets
+    are not counted as lost where that is undetermined.
+    """
+    steps = own_rate_hz(recording, stream) * np.array(
+        [stream.time_s[0] - recording.start_s, recording.end_s - stream.time_s[-1]]
+    )
+    outside = int(np.floor(steps[steps > _GAP_STEPS]).sum())
+    return len(stream) + (missing_packets(recording, stream) or 0) + outside
+
+
+def missing_share(recording: Recording, stream: Stream) -> float:
+    """Share of the expected values of a stream that are absent or NaN."""
+    width = sum(v.size for v in stream.values.values())
+    received = sum(np.count_nonzero(np.isfinite(v)) for v in stream.values.values())
+    return 1.0 - received * len(stream) / (width * expected_rows(recording, stream))
+
+
 def missing_packets(recording: Recording, stream: Stream) -> int | None:
     """Number of missing packets of a stream; None if undetermined."""
     lost = lost_packets(recording, stream)

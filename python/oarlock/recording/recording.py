@@ -153,16 +153,18 @@ class Recording:
         write_folder(self.streams, self.meta, folder, file_format, force)
 
     def __repr__(self) -> str:
+        from oarlock.recording.packets import missing_share, own_rate_hz
+
         width = max(len(n) for n in self.names)
         kind_width = max(6, *(len(s.kind) for s in self))
         lines = [
             f"Recording: {len(self)} streams, {self.start_s:.6g} to {self.end_s:.6g} s ({self.duration_s:.4g} s)"
         ]
         for s in self.streams:
-            rate = "-" if len(s) == 1 else f"{s.rate_hz:.4g}"
+            rate = "-" if len(s) == 1 else f"{own_rate_hz(self, s):.4g}"
             lines.append(
                 f"  {s.name:<{width}}  {s.kind:<{kind_width}}  {rate:>6} Hz  {len(s):>8} samples  "
-                f"{100 * s.missing_share:5.1f} % missing  {' '.join(s.values)}"
+                f"{100 * missing_share(self, s):5.1f} % missing  {' '.join(s.values)}"
             )
         return "\n".join(lines)
 

@@ -14,6 +14,7 @@ from oarlock.model.rotation import continuous_quat, quat_from_matrix
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 from oarlock.tracking.columns import columns_of
+from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.estimates import Estimates, Floats, Later
 from oarlock.tracking.folder import read_track, write_track
 from oarlock.tracking.places import PositionSpread, model_of, poses_of, position_spreads, relative_positions
@@ -185,7 +186,13 @@ def track_without_filter(
     )
 
 
-def track_of_run(model: Model, run: Run, notes: tuple[str, ...], provenance: Mapping[str, Any]) -> Track:
+def track_of_run(
+    model: Model,
+    run: Run,
+    notes: tuple[str, ...],
+    provenance: Mapping[str, Any],
+    counts: tuple[StreamCount, ...],
+) -> Track:
     """A Track from the engine's run. Its arrays are computed when they are first read."""
     states = {name: i for i, name in enumerate(run.state_names)}
     names, joints = model.coordinate_names, model.describe().joints
@@ -236,6 +243,7 @@ def track_of_run(model: Model, run: Run, notes: tuple[str, ...], provenance: Map
         smoothed=run.smoothed,
         last_belief=run.last_belief,
         run=run,
+        counts=counts,
     )
 
 

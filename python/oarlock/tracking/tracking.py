@@ -16,6 +16,7 @@ from oarlock.recording.corrections import corrected, correction_notes
 from oarlock.recording.plausibility import Finding, require_plausible
 from oarlock.recording.recording import Recording
 from oarlock.storage.errors import DataError, DivergedError
+from oarlock.tracking.counts import count_streams
 from oarlock.tracking.known_streams import known_streams
 from oarlock.tracking.track import Track, track_of_run
 
@@ -108,7 +109,7 @@ def finished(
     smoothing_wall_s: float | None = None,
     resumed: bool = False,
 ) -> Track:
-    """The track of a run with notes and provenance; `run_notes` are the notes of the filtered run."""
+    """The track of a run with notes, counts and provenance; `run_notes` are the notes of the run."""
     provenance = {
         "oarlock": _core.__version__,
         "model": model.name,
@@ -132,7 +133,8 @@ def finished(
         *correction_notes(recording, calibration),
         *(f"{f.sensor}: {f.message}" for f in findings),
     )
-    return track_of_run(model, run, notes, provenance)
+    counts = count_streams(corrected(recording, calibration), run.counts())
+    return track_of_run(model, run, notes, provenance, counts)
 
 
 def smooth(track: Track, *, progress: Progress | None = None) -> Track:
@@ -150,10 +152,13 @@ def smooth(track: Track, *, progress: Progress | None = None) -> Track:
             "smooth: this track has no samples (it was loaded from files, or is simulated). "
             "Track the recording again and smooth the result, or use `oarlock track --smooth`"
         )
+    filtered_notes = track.run.notes
     began = time.perf_counter()
     run = track.run.smooth(ROOM_TO_GIVE_BYTES, progress)
     provenance = dict(track.provenance) | {"smoothing_wall_s": time.perf_counter() - began}
-    return track_of_run(track.model, run, track.notes, provenance)
+    # Smoothing can determine joints that the filter alone does not, so the notes of the run are made again.
+    others = [note for note in track.notes if note not in filtered_notes]
+    return track_of_run(track.model, run, (*run.notes, *others), provenance, track.counts)
 
 
 def require_recording(given: object) -> None:

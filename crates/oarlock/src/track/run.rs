@@ -1,6 +1,7 @@
 //! `Run`: tracks a whole recording by a loop over `Tracker::step` and stores the estimates.
 
 mod back;
+mod counts;
 mod packed;
 mod series;
 
@@ -14,6 +15,8 @@ use crate::estimate::filter::Info;
 use crate::model::Model;
 use crate::motion::is_observed;
 use crate::recording::{Cursor, Gathering, Recording, Sample, Stream};
+pub use counts::StreamCount;
+use counts::Tally;
 use packed::Packed;
 pub use series::{Report, Series};
 use std::collections::VecDeque;
@@ -60,6 +63,7 @@ pub struct Run {
     pub refused: usize,
     checkpoints: Vec<Checkpoint>,
     partings: Vec<Parting>,
+    tally: Tally,
     /// Times of the resets, s.
     pub losses_s: Vec<f64>,
     /// Coordinates of joints that are inputs.
@@ -98,6 +102,7 @@ pub fn track(
         refused: 0,
         checkpoints: Vec::new(),
         partings: Vec::new(),
+        tally: Tally::default(),
         losses_s: Vec::new(),
         inputs,
         last: None,
@@ -120,6 +125,7 @@ impl Run {
         let mut count = 0;
         while recording.next(&mut cursor, &mut sample) {
             keeper.cursors.push_back(cursor.clone());
+            keeper.run.tally.receive(&sample);
             let status = tracker.step_with(&sample, &mut |sample, known, info| keeper.keep(sample, known, info))?;
             if status == Status::OutOfOrder {
                 keeper.cursors.pop_back();
@@ -137,7 +143,7 @@ impl Run {
 
     /// A run of the same recording with these estimates and only the last state estimate.
     fn with(&self, series: Series) -> Run {
-        let Run { tracker, recording, calibration, config, partings, losses_s, inputs, last, .. } = self;
+        let Run { tracker, recording, calibration, config, partings, tally, losses_s, inputs, last, .. } = self;
         Run {
             tracker: tracker.clone(),
             recording: recording.clone(),
@@ -146,6 +152,7 @@ impl Run {
             series,
             checkpoints: Vec::new(),
             partings: partings.clone(),
+            tally: tally.clone(),
             losses_s: losses_s.clone(),
             inputs: inputs.clone(),
             last: last.clone(),
@@ -162,7 +169,7 @@ impl Run {
     pub fn again(&self, progress: Progress) -> Result<Run> {
         let mut run = self.with(Series::default());
         (run.partings, run.losses_s, run.last) = (Vec::new(), Vec::new(), None);
-        (run.steps, run.refused) = (0, 0);
+        (run.steps, run.refused, run.tally) = (0, 0, Tally::default());
         run.filter(progress)?;
         Ok(run)
     }
@@ -175,6 +182,11 @@ impl Run {
     /// The recording.
     pub fn recording(&self) -> &Recording {
         &self.recording
+    }
+
+    /// Readings of every stream, received, used and rejected, in the recording's order.
+    pub fn counts(&self) -> Vec<StreamCount> {
+        self.tally.counts(&self.tracker.subject, &self.recording)
     }
 
     /// State estimate after the last sample, from which a later run can continue.
@@ -241,6 +253,8 @@ impl Keeper<'_> {
         run.steps += 1;
         run.note_partings(known);
         run.losses_s.extend(info.lost.then_some(time_s));
+        let Run { tally, tracker, .. } = run;
+        tally.judge(&tracker.subject, info, tracker.fields(info).zip(tracker.source_faults(info)));
         // Decided by the time stamp alone, so that a run in two parts keeps the same rows. A rounding error late counts
         // as on time.
         let is_row = match run.config.gathering() {

@@ -222,6 +222,7 @@ impl Tracker {
         self.info.lost = is_lost;
         self.north.report(&mut self.info);
         self.faults.report(&self.subject, &self.readings, &mut self.info);
+        self.rest.report(&self.subject, &mut self.info);
         Ok(())
     }
 
