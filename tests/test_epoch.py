@@ -152,6 +152,7 @@ def test_seconds_since_1970_start_at_0_and_keep_the_moment(tmp_path):
 
 def test_an_older_folder_with_such_stamps_loads_from_0(tmp_path):
     recording_of(np.arange(3) / 64).save(tmp_path / "rec", "csv")
+    (tmp_path / "rec/oarlock-manifest.toml").unlink()
     (tmp_path / "rec/seat.csv").write_text(f"time_s,value\n{EPOCH_S}.25,0\n{EPOCH_S}.5,0\n{EPOCH_S}.75,0\n")
     old = load_recording(tmp_path / "rec")
     assert old["seat"].time_s.tolist() == [0.0, 0.25, 0.5]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -66,15 +67,14 @@ def placed(hinges: Sequence[Hinge], q: Floats, qd: Callable[[], Floats], time_s:
     for hinge in hinges:
         known = np.flatnonzero(np.isfinite(q[:, hinge.column]))
         if known.size:
-            angle = _unwrapped(
-                q[known, hinge.column], lambda h=hinge, k=known: qd()[k, h.column], time_s[known]
-            )
+            rate = partial(_rates, qd, known, hinge.column)
+            angle = _unwrapped(q[known, hinge.column], rate, time_s[known])
             q[known, hinge.column] = angle - TURN * _turns_away(angle, hinge.middle_rad)
     return q
 
 
 def _rates(qd: Callable[[], Floats], rows: NDArray[np.int64], column: int) -> Floats:
-    return qd()[rows, column]
+    return np.asarray(qd()[rows, column])
 
 
 def _unwrapped(angle: Floats, rate: Callable[[], Floats], time_s: Floats) -> Floats:
