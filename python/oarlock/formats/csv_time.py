@@ -16,6 +16,7 @@ from oarlock.formats.times import COUNTED, SAMPLES, Stamps, relative_stamps
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.delimited import Batch, Layout, numbers
 from oarlock.storage.errors import DataError
+from oarlock.storage.regular_file import open_text
 
 _RATE = re.compile(r"(?<![\d.,])(\d+(?:[.,]\d+)?)\s*hz\b", re.IGNORECASE)
 
@@ -99,7 +100,7 @@ def _as_numbers(layout: Layout, batch: Batch, index: int) -> FloatArray | None:
 
 def _rate_above_header(layout: Layout, entry: FileMapping) -> float:
     """The one rate that the skipped lines name, Hz."""
-    with layout.file.open(encoding=layout.dialect.encoding) as file:
+    with open_text(layout.file, layout.dialect.encoding) as file:
         above = list(islice(file, layout.dialect.skip_rows))
     found = {float(text.replace(",", ".")) for line in above for text in _RATE.findall(line)}
     if len(found) == 1 and (rate_hz := found.pop()) > 0.0:
