@@ -23,6 +23,7 @@ def write_summary(track: Track) -> None:
         [
             ("model", summary.model),
             ("samples", f"{summary.samples}, {summary.duration_s:.1f} s at {summary.rate_hz:.0f} Hz"),
+            ("start", summary.start),
             ("speed", speed(summary)),
             ("joints", f"{summary.joints_observed} of {summary.joints} observed"),
             ("smoothed", "yes" if summary.smoothed else "no"),

@@ -11,6 +11,7 @@ from oarlock.evaluation.consistency import sensor_scores
 from oarlock.evaluation.interval import Interval
 from oarlock.evaluation.scores import SensorScore
 from oarlock.model.coordinates import joint_columns
+from oarlock.storage.epoch import moment_text
 from oarlock.tracking.track import Track
 
 
@@ -18,12 +19,15 @@ from oarlock.tracking.track import Track
 class TrackSummary:
     """Key figures of a track for the top of a page; `steps_per_s` is None for a track without a filter run.
 
+    `start` is the moment of the first sample as text, empty if it is not known.
+
     A joint is observed if at some time all of its coordinates were.
     """
 
     model: str
     samples: int
     duration_s: float
+    start: str
     rate_hz: float
     steps_per_s: float | None
     smoothed: bool
@@ -47,6 +51,7 @@ def summarize(track: Track) -> TrackSummary:
         model=str(getattr(track.model, "name", track.provenance.get("model", "unknown"))),
         samples=samples,
         duration_s=duration_s,
+        start=moment_text(track.provenance.get("epoch"), float(track.time_s[0])) if samples else "",
         rate_hz=(samples - 1) / duration_s if duration_s > 0.0 else math.nan,
         steps_per_s=None if steps_per_s is None else float(steps_per_s),
         smoothed=bool(track.smoothed),

@@ -13,6 +13,7 @@ from oarlock.evaluation.suspects.text import SUSPECT_NOTE
 from oarlock.model.coordinates import joint_columns
 from oarlock.report.section import KeyFigure
 from oarlock.report.text import fixed, listing, number, percent, plural
+from oarlock.storage.epoch import moment_text
 from oarlock.tracking.track import Track
 
 NARROW_COVERAGE, WIDE_COVERAGE = 0.93, 0.995
@@ -111,8 +112,10 @@ def _what(track: Track) -> str:
         if track.smoothed
         else "filtered: each estimate uses only earlier and current readings"
     )
+    begin = moment_text(track.provenance.get("epoch"), float(track.time_s[0]))
+    since = f", from {begin}" if begin else ""
     return (
-        f"{plural(len(track.joint_names), 'joint')} of {body} over {number(duration)} s "
+        f"{plural(len(track.joint_names), 'joint')} of {body} over {number(duration)} s{since} "
         f"({plural(len(track.time_s), 'sample')}{rate}), {how}. {_seen_words(seen, len(track.joint_names))}"
     )
 

@@ -13,11 +13,12 @@ from oarlock import _core
 from oarlock._core import Belief, Config, Model, Run
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected, correction_notes
+from oarlock.recording.epoch import shift_notes
 from oarlock.recording.plausibility import Finding, require_plausible
 from oarlock.recording.recording import Recording
 from oarlock.storage.errors import DataError, DivergedError
 from oarlock.storage.suggest import did_you_mean
-from oarlock.tracking.track import Track, track_of_run
+from oarlock.tracking.track import Track, notes_without_hinges, track_of_run
 
 Progress = Callable[[float], object]
 
@@ -109,6 +110,7 @@ def finished(
         "model_sha256": hashlib.sha256(model.text.encode()).hexdigest(),
         "parameters": model.parameters | dict(calibration.parameters if calibration else {}),
         "recording_sha256": _hash(recording),
+        **({} if recording.epoch is None else {"epoch": recording.epoch}),
         "config": config.to_dict(),
         "nominal_mounts": run.nominal_mounts,
         "steps": run.steps,
@@ -123,6 +125,7 @@ def finished(
         model = model.with_parameters(calibration.parameters)
     notes = (
         *run_notes,
+        *shift_notes(recording.meta),
         *correction_notes(recording, calibration),
         *(f"{f.sensor}: {f.message}" for f in findings),
     )
@@ -147,7 +150,7 @@ def smooth(track: Track, *, progress: Progress | None = None) -> Track:
     began = time.perf_counter()
     run = track.run.smooth(ROOM_TO_GIVE_BYTES, progress)
     provenance = dict(track.provenance) | {"smoothing_wall_s": time.perf_counter() - began}
-    return track_of_run(track.model, run, track.notes, provenance)
+    return track_of_run(track.model, run, notes_without_hinges(track), provenance)
 
 
 def require_recording(given: object) -> None:
