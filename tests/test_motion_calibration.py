@@ -112,7 +112,7 @@ def test_untold_constants_stay_and_the_others_follow():
         covariance,
         np.ones(2),
     )
-    told = both.without_the_untold()
+    told = both.without_undetermined()
     assert told.refused == ("parameters.b",) and both.share[1] < OBSERVABLE_SHARE
     assert told.moved[1] == 0.0
     assert told.moved[0] == pytest.approx(1.0 - 0.45 / 0.99 * 0.5)

@@ -24,6 +24,7 @@ from oarlock.model.rotation import (
     quat_from_rotvec,
     quat_inverse,
     quat_product,
+    right_jacobian,
     rotvec_between,
     rotvec_from_quat,
     unit_quats,
@@ -246,3 +247,14 @@ def test_at_a_pole_the_deviation_is_not_a_number_to_trust():
 def test_inverse_of_a_quaternion():
     q = random_quats(5)
     assert apart(quat_product(q, quat_inverse(q)), np.tile([1.0, 0, 0, 0], (5, 1))) < ROUNDING
+
+
+@pytest.mark.parametrize("angle_rad", [0.0, 1e-4, 0.009, 0.011, 1.4, 3.0])
+def test_the_right_jacobian_is_the_derivative_of_the_exponential(angle_rad):
+    rotvec = angle_rad * np.array([0.6, -0.48, 0.64])
+    step = 1e-5 * np.eye(3)
+    here = Rotation.from_rotvec(rotvec).inv()
+    turns = [(here * Rotation.from_rotvec(rotvec + s)).as_rotvec() for s in (*step, *-step)]
+    difference = (np.array(turns[:3]) - np.array(turns[3:])).T / 2e-5
+    # a central difference of this step is good to 1e-10
+    assert np.abs(right_jacobian(rotvec) - difference).max() < 1e-9

@@ -17,6 +17,8 @@ from oarlock import (
     SessionPlan,
     SessionStep,
 )
+from oarlock.calibration.robust_fit import huber, robust_fit
+from oarlock.calibration.session.body import Body
 from oarlock.calibration.session.encoders import encoder_scales
 from refusals import assert_refused
 
@@ -269,3 +271,31 @@ def test_a_clock_is_applied_before_the_steps_are_sought(model, trial):
     found = oarlock.calibrate_session(model, Recording(streams), calibration=oarlock.Calibration(clocks=far))
     step = next(s for s in found.noted["session"]["step"] if s["name"] == "T-pose")
     assert abs(step["start_s"] - trial.spans["T-pose"][0]) < 1.0
+
+
+@pytest.mark.parametrize("name", ["sculler", "qmt_full_body"])
+def test_slopes_of_an_axis_are_its_derivatives(name):
+    model = oarlock.load_model(name)
+    body = Body.of(model, [s.name for s in model.describe().inertial_units])
+    q = np.random.default_rng(3).normal(0.0, 0.5, len(model.coordinate_names))
+    pairs = [(joint, child) for joint in body.joints for child in body.below(joint)]
+    assert pairs
+    for joint, child in pairs:
+        about = None if len(body.joints[joint]) == 1 else np.array([0.6, 0.8, 0.0])
+        slopes = body.axis_in_link(joint, about, child, q)[1]
+        for k, step in enumerate(1e-4 * np.eye(len(q))):
+            ahead, behind = (body.axis_in_link(joint, about, child, q + s)[0] for s in (step, -step))
+            # the difference is off by its step squared, 1e-8
+            assert slopes[k] == pytest.approx((ahead - behind) / 2e-4, abs=1e-8), (joint, child, k)
+
+
+def test_a_robust_fit_gives_outliers_less_weight_and_keeps_what_nothing_determines():
+    readings = np.array([1.0, 1.1, 0.9, 1.0, 50.0])
+
+    def linearised(p):
+        return p[0] - readings, np.tile([1.0, 0.0], (5, 1))
+
+    found, covariance = robust_fit(linearised, np.array([9.0, 7.0]), huber(3.0), damping=1e-9)
+    # the outlier pulls as a residual of 3 does: 4 p - 4 = 3
+    assert found == pytest.approx([1.75, 7.0], abs=1e-6)
+    assert covariance[1, 1] == pytest.approx(1e9)

@@ -359,3 +359,12 @@ def test_a_lost_context_becomes_a_flat_figure(opened, arm_page):
     tab.wait_for_function("oarlock.players[0].flat")
     player(tab, "p.seek(2.0)")
     assert tab.get_by_text("no WebGL").is_visible()
+
+
+def test_the_player_shows_the_moment_where_the_track_knows_it(arm, tmp_path, opened):
+    shown = scene(arm, title="arm") | {"epoch": {"ms": 1.7e12, "dated": True, "zone": "UTC"}}
+    (tmp_path / "dated.html").write_text(page(shown, "arm"), encoding="utf-8")
+    tab = opened(tmp_path / "dated.html")
+    player(tab, "p.seek(2.5)")
+    settle(tab)
+    assert tab.locator(".op-bar .op-time").all_inner_texts() == ["2.50 s", "2023-11-14 22:13:22.50 UTC"]

@@ -1,5 +1,11 @@
 // The time that everything in a player shows; it runs while playing and turns back at the end of its loop.
 
+/** The moment `time_s` after a scene's epoch, such as "2024-05-01 16:59:58.02 UTC"; without a day if it is not known. */
+export function momentText({ ms, dated, zone }, time_s) {
+  const iso = new Date(10 * Math.round((ms + 1000 * time_s) / 10)).toISOString();
+  return `${dated ? `${iso.slice(0, 10)} ` : ""}${iso.slice(11, 22)} ${zone}`;
+}
+
 export class Clock {
   constructor(start_s, end_s, told) {
     this.whole = { start_s, end_s };

@@ -1,5 +1,6 @@
 // Buttons, slider, choices and keys of a player.
 
+import { momentText } from "./clock.js";
 import { button, choice, element } from "./dom.js";
 
 const SPEEDS = ["0.1", "0.25", "0.5", "1", "2", "4"];
@@ -31,7 +32,8 @@ export class Controls {
     this.playButton = button("▶", () => this.toggle(), { label: "Play (space)", class: "op-play" });
     this.slider = element("input", { type: "range", min: start_s, max: end_s, step: "any", value: start_s, "aria-label": "Time", on: { input: () => player.seek(Number(this.slider.value)) } });
     this.readout = element("output", { class: "op-time", "aria-live": "off" });
-    this.bar = element("div", { class: "op-bar" }, this.playButton, this.slider, this.readout);
+    this.moment = element("output", { class: "op-time", "aria-live": "off", hidden: !player.scene.epoch });
+    this.bar = element("div", { class: "op-bar" }, this.playButton, this.slider, this.readout, this.moment);
   }
 
   makeTools() {
@@ -132,6 +134,7 @@ export class Controls {
     this.slider.value = clock.time_s;
     this.slider.setAttribute("aria-valuetext", `${clock.time_s.toFixed(2)} s of ${clock.whole.end_s.toFixed(2)} s`);
     this.readout.textContent = `${clock.time_s.toFixed(2)} s`;
+    if (player.scene.epoch) this.moment.textContent = momentText(player.scene.epoch, clock.time_s);
     this.playButton.textContent = clock.playing ? "❚❚" : "▶";
     const words = clock.playing ? "Pause (space)" : "Play (space)";
     this.playButton.setAttribute("aria-label", words);

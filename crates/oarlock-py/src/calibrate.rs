@@ -3,8 +3,9 @@
 use crate::array::{items, reals, Any};
 use crate::errors::{raise, DataError};
 use oarlock::calibrate::aligned::{aligned_mount, Sight};
+use oarlock::calibrate::chain_sensor::{ChainOptions, ChainSensor};
 use oarlock::calibrate::hinge_axes::{hinge_axis, AxisOptions};
-use oarlock::calibrate::hinge_chain::{mounts, ChainOptions, ChainSensor, FoundMount};
+use oarlock::calibrate::hinge_chain::{mounts, FoundMount};
 use oarlock::calibrate::joint_centers::{joint_center, CenterOptions};
 use oarlock::calibrate::lever_arms::{lever_arms, LeverOptions};
 use oarlock::calibrate::local_field::{local_field, FieldOptions, MagneticUnit};

@@ -10,6 +10,7 @@
 //! from a still stretch, and [`local_field::local_field`] the norm and dip of the magnetic field.
 
 pub mod aligned;
+pub mod chain_sensor;
 pub mod hinge_axes;
 pub mod hinge_chain;
 pub mod joint_centers;
@@ -23,6 +24,7 @@ pub mod still;
 mod chain_motion;
 mod clock;
 mod least_squares;
+mod matrix;
 mod rest;
 mod robust_fit;
 mod spin_axis;

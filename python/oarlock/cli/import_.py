@@ -54,8 +54,11 @@ for _format in FORMATS:
 
 def _write(recording: Recording, source: Path, out: Path, force: bool, json_output: bool) -> None:
     from oarlock.evaluation.summary import rate_text
+    from oarlock.recording.epoch import clock_notes
     from oarlock.recording.packets import lost_packets, missing_packets, missing_share, own_rate_hz
+    from oarlock.storage.epoch import moment_text
 
+    notes = clock_notes(recording.meta)
     with output_folder(out, "recording", force, fresh=True) as stage:
         recording.save(stage)
     if json_output:
@@ -64,6 +67,9 @@ def _write(recording: Recording, source: Path, out: Path, force: bool, json_outp
                 "recording": out,
                 "source": source,
                 "start_s": recording.start_s,
+                "start": moment_text(recording.epoch, recording.start_s),
+                "epoch": recording.epoch,
+                "notes": notes,
                 "end_s": recording.end_s,
                 "streams": [
                     {
@@ -80,6 +86,10 @@ def _write(recording: Recording, source: Path, out: Path, force: bool, json_outp
         )
         return
     say(f"Wrote {out} from {source}", style="bold")
+    if start := moment_text(recording.epoch, recording.start_s):
+        say(f"start {start}, {recording.duration_s:.1f} s", indent=2)
+    for note in notes:
+        say(note, indent=2)
     table(
         ["stream", "kind", ">samples", ">rate Hz", ">missing %"],
         [

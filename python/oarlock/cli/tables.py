@@ -29,6 +29,7 @@ def write_summary(track: Track) -> None:
             ),
             ("streams", summary.stream_rates),
             ("readings", _readings(summary.readings)),
+            ("start", summary.start),
             ("speed", speed(summary)),
             ("joints", f"{summary.joints_observed} of {summary.joints} observed"),
             ("smoothed", "yes" if summary.smoothed else "no"),

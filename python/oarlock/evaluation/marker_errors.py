@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 from scipy.optimize import minimize, minimize_scalar
+from scipy.spatial.transform import Rotation
 
 from oarlock.evaluation.clock import coarse_offset
 from oarlock.evaluation.interval import Bools, Floats, Interval
@@ -201,10 +202,8 @@ def _rigid(own: Floats, seen: Floats, check: bool = True) -> Floats:
             f"evaluate_markers: the markers stay on a line ({1e3 * extent[0]:.0f} mm long, {1e3 * extent[1]:.2f} mm "
             "across), so axes cannot be aligned. Use more markers, or turn them yourself and give align_frame=False."
         )
-    left, _, right = np.linalg.svd((a - a0).T @ (b - b0))
-    mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
     pose = np.eye(4)
-    pose[:3, :3] = left @ mirror @ right
+    pose[:3, :3] = Rotation.align_vectors(a - a0, b - b0)[0].as_matrix()
     pose[:3, 3] = a0 - pose[:3, :3] @ b0
     return pose
 

@@ -13,6 +13,7 @@ from oarlock.evaluation.errors import OBSERVED_SHARE
 from oarlock.evaluation.interval import Interval
 from oarlock.evaluation.scores import SensorScore
 from oarlock.model.coordinates import joint_columns
+from oarlock.storage.epoch import moment_text
 from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.track import Track
 
@@ -26,7 +27,7 @@ LEAST_SHARE = 0.0005
 class TrackSummary:
     """Key figures of a track for the top of a page.
 
-    `samples` counts the rows of the track and `rate_hz` is their rate; each stream has its own (`stream_rates`).
+    `start` is the moment of the first row as text, empty if it is not known. `samples` counts the rows of the track and `rate_hz` is their rate; each stream has its own (`stream_rates`).
     `steps_per_s` is None for a track without a filter run, and `real_time_factor` is the recording's time divided by
     the time of computation. `readings` are the sums over all streams.
     """
@@ -34,6 +35,7 @@ class TrackSummary:
     model: str
     samples: int
     duration_s: float
+    start: str
     rate_hz: float
     stream_rates: str
     steps_per_s: float | None
@@ -78,6 +80,7 @@ def summarize(track: Track) -> TrackSummary:
         model=str(getattr(track.model, "name", track.provenance.get("model", "unknown"))),
         samples=len(track.time_s),
         duration_s=duration_s,
+        start=moment_text(track.provenance.get("epoch"), float(track.time_s[0])) if len(track.time_s) else "",
         rate_hz=row_rate_hz(track),
         stream_rates=stream_rates(track.counts),
         steps_per_s=None if steps_per_s is None else float(steps_per_s),

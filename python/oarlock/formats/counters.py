@@ -38,6 +38,26 @@ def unwrapped(values: FloatArray, wraps_at: float, places: Sequence[str]) -> Flo
     return np.asarray(values + turns * wraps_at)
 
 
+_REGISTERS = (2.0**8, 2.0**16, 2.0**24, 2.0**32)
+
+
+def probable_modulus(values: FloatArray) -> float | None:
+    """The register size (8, 16, 24 or 32 bit) at which a count restarts; None if it does not restart, or not so.
+
+    Every step back must be one to three usual steps modulo the register.
+    """
+    steps = np.diff(values)
+    back = steps[steps < 0.0]
+    if not back.size:
+        return None
+    usual, high = float(np.median(steps)), float(values.max())
+    for modulus in _REGISTERS:
+        onward = back + modulus
+        if high < modulus and bool(((onward > 0.0) & (onward <= 3.0 * usual)).all()):
+            return modulus
+    return None
+
+
 def lost_packets(counter: FloatArray, time_s: FloatArray, places: Sequence[str]) -> Lost:
     """Find jumps of a packet counter, and their sizes.
 

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from oarlock.formats.counters import Lost, lost_packets, unwrapped
 from oarlock.formats.csv_mapping import Counter, FileMapping, Quantity, SensorColumns, read_mapping
-from oarlock.formats.times import COUNTED, Stamps, on_one_axis, parsed_stamps, relative_stamps
+from oarlock.formats.csv_time import TimeUnit, counted_stamps, time_unit
+from oarlock.formats.times import Stamps, on_one_axis, parsed_stamps
+from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.recording.packets import META_KEY
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, ScalarStream, ScalarUnit, Stream, VectorStream
@@ -30,6 +32,8 @@ class _Table:
     stamps: Stamps
     lines: NDArray[np.int64]
     columns: dict[int, FloatArray]
+    unit: TimeUnit
+    said: tuple[str, ...]
 
 
 class _Places(Sequence[str]):
@@ -82,7 +86,9 @@ def read_csv(mapping_file: str | PathLike[str], folder: str | PathLike[str] | No
         if entry.counter is not None:
             lost |= dict.fromkeys((s.name for s in entry.sensors), _lost(table, time_s, entry.counter))
     source = {"format": "csv", "mapping": mapping.file.name, "files": [t.layout.file.name for t in tables]}
-    meta = {"source": source, "clock": clock, **({META_KEY: lost} if lost else {})}
+    said = [sentence for table in tables for sentence in table.said]
+    clock |= {"found": said} if said else {}
+    meta = {"source": source, CLOCK_KEY: clock, **({META_KEY: lost} if lost else {})}
     return Recording(_streams(parts), meta | dict(mapping.meta))
 
 
@@ -102,30 +108,26 @@ def _read_table(entry: FileMapping, root: Path) -> _Table:
     layout = Layout.of(file, entry.dialect)
     time_index = layout.index(entry.time_column)
     wanted = list(dict.fromkeys([time_index, *_wanted(layout, entry)]))
-    relative = entry.time_unit in COUNTED
+    unit = time_unit(layout, entry)
     lines: list[int] = []
     stamps: list[str] = []
     readings: list[list[FloatArray]] = [[] for _ in wanted]
     for batch in layout.batches(wanted):
         lines += batch.lines
-        if not relative:
+        if not unit.counted:
             stamps += batch.cells[0]
-        for position in range(0 if relative else 1, len(wanted)):
+        for position in range(0 if unit.counted else 1, len(wanted)):
             readings[position].append(numbers(layout, batch, position, wanted[position]))
     if not lines:
         raise DataError(f"{file}: has no rows of data")
     joined = {i: np.concatenate(r) for i, r in zip(wanted, readings, strict=True) if r}
-    if relative:
+    places = _Places(layout, np.array(lines, dtype=np.int64), time_index)
+    if unit.counted:
         _check_present(layout, time_index, joined[time_index], lines)
-        count = joined[time_index]
-        if entry.time_wraps_at is not None:
-            places = _Places(layout, np.array(lines, dtype=np.int64), time_index)
-            count = unwrapped(count, entry.time_wraps_at, places)
-        axis = relative_stamps(count, entry.time_unit, entry.tick_s)
+        axis, said = counted_stamps(joined[time_index], unit, entry, places)
     else:
-        label = layout.label(time_index)
-        axis = parsed_stamps(stamps, [f"{file}:{n}, {label}" for n in lines], entry.time_unit)
-    return _Table(layout, axis, np.array(lines, dtype=np.int64), joined)
+        axis, said = parsed_stamps(stamps, places, unit.unit), ()
+    return _Table(layout, axis, np.array(lines, dtype=np.int64), joined, unit, (*unit.said, *said))
 
 
 def _wanted(layout: Layout, entry: FileMapping) -> list[int]:
@@ -156,9 +158,7 @@ def _check_increasing(table: _Table, time_s: FloatArray, entry: FileMapping) -> 
     if late.size:
         index = int(late[0]) + 1
         label = table.layout.label(table.layout.index(entry.time_column))
-        back = (
-            time_s[index] < time_s[index - 1] and entry.time_unit in COUNTED and entry.time_wraps_at is None
-        )
+        back = time_s[index] < time_s[index - 1] and table.unit.counted and entry.time_wraps_at is None
         hint = " If the device's clock restarts at 0, give time.wraps_at." if back else ""
         raise DataError(
             f"{table.layout.file}:{table.lines[index]}, {label}: time_s{disorder_text(time_s, index)}{hint}"

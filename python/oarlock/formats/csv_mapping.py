@@ -6,7 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Literal, TypeAlias
 
-from oarlock.formats.times import COUNTED, TICKS, TIME_UNITS, plain_time_unit
+from oarlock.formats.times import COUNTED, SAMPLES, TICKS, TIME_UNITS, plain_time_unit
 from oarlock.storage.delimited import MISSING_MARKERS, Dialect
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
@@ -82,10 +82,10 @@ class FileMapping:
         path: relative to the mapping file's folder, or to the folder given with it.
         dialect: delimiter, decimal mark, encoding, header.
         time_column: by name or by number from 1.
-        time_unit: one of `TIME_UNITS`.
+        time_unit: one of `TIME_UNITS`; None: recognised from the column.
         time_offset_s: added to every time stamp, to align another device's clock with the common one.
         time_wraps_at: value at which the time column restarts at 0, in its own unit; None if it never does.
-        tick_s: length of a tick, for the unit "ticks".
+        tick_s: length of a tick or a sample, for the units "ticks" and "samples"; None: found in the file.
         counter: the device's count of packets, if there is one.
         sensors: at least one.
         where: file and line of the table, for errors.
@@ -94,10 +94,10 @@ class FileMapping:
     path: str
     dialect: Dialect
     time_column: Column
-    time_unit: str
+    time_unit: str | None
     time_offset_s: float
     time_wraps_at: float | None
-    tick_s: float
+    tick_s: float | None
     counter: Counter | None
     sensors: tuple[SensorColumns, ...]
     where: str
@@ -123,12 +123,8 @@ def read_mapping(file: Path) -> CsvMapping:
 def _file(table: TomlTable) -> FileMapping:
     table.check_keys({*_DIALECT_KEYS, "path", "time", "counter", "sensor"})
     time = table.table("time")
-    time.check_keys({"column", "unit", "offset_s", "wraps_at", "tick_s"})
-    unit = plain_time_unit(time.string("unit"))
-    if unit not in TIME_UNITS:
-        raise DataError(
-            f'{time.where("unit")}: the time unit "{unit}" is not known. {did_you_mean(unit, TIME_UNITS)}'
-        )
+    time.check_keys({"column", "unit", "offset_s", "wraps_at", "tick_s", "rate_hz"})
+    unit = _time_unit(time)
     return FileMapping(
         path=table.string("path"),
         dialect=_dialect(table),
@@ -143,8 +139,20 @@ def _file(table: TomlTable) -> FileMapping:
     )
 
 
-def _time_wraps_at(time: TomlTable, unit: str) -> float | None:
-    if "wraps_at" in time.values and unit not in COUNTED:
+def _time_unit(time: TomlTable) -> str | None:
+    if "unit" not in time.values:
+        return SAMPLES if "rate_hz" in time.values else None
+    unit = plain_time_unit(time.string("unit"))
+    if unit not in TIME_UNITS:
+        raise DataError(
+            f'{time.where("unit")}: the time unit "{unit}" is not known. {did_you_mean(unit, TIME_UNITS)} '
+            "Without a unit it is recognised from the column."
+        )
+    return unit
+
+
+def _time_wraps_at(time: TomlTable, unit: str | None) -> float | None:
+    if "wraps_at" in time.values and unit is not None and unit not in COUNTED:
         raise DataError(
             f'{time.where("wraps_at")}: a time in "{unit}" does not wrap; wraps_at needs {", ".join(COUNTED)}'
         )
@@ -162,17 +170,25 @@ def _wraps_at(table: TomlTable) -> float | None:
     return modulus
 
 
-def _tick_s(time: TomlTable, unit: str) -> float:
+def _tick_s(time: TomlTable, unit: str | None) -> float | None:
+    if "rate_hz" in time.values and unit != SAMPLES:
+        raise DataError(f'{time.where("rate_hz")}: the rate of a count needs unit = "{SAMPLES}"')
+    if unit == SAMPLES:
+        return 1.0 / _above_zero(time, "rate_hz", "rate in Hz") if "rate_hz" in time.values else None
     given = "tick_s" in time.values
     if given != (unit == TICKS):
         raise DataError(
             f'{time.where("tick_s" if given else "unit")}: the unit "{TICKS}" and tick_s, the length of a tick in s, '
             "go together"
         )
-    tick_s = time.number("tick_s", 1.0)
-    if not tick_s > 0.0:
-        raise DataError(f"{time.where('tick_s')}: is {tick_s:g}; expected the length of a tick in s")
-    return tick_s
+    return _above_zero(time, "tick_s", "length of a tick in s") if given else None
+
+
+def _above_zero(table: TomlTable, key: str, meaning: str) -> float:
+    value = table.number(key, 0.0)
+    if not value > 0.0:
+        raise DataError(f"{table.where(key)}: is {value:g}; expected the {meaning}")
+    return value
 
 
 def _counter(table: TomlTable) -> Counter | None:

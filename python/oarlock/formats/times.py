@@ -15,16 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.epoch import FIRST_S, LAST_S, epoch_text, moment_text
 from oarlock.storage.errors import DataError
 
-Family: TypeAlias = Literal["relative", "utc", "local", "clock"]
+Family: TypeAlias = Literal["relative", "samples", "utc", "local", "clock"]
 
-RELATIVE = MappingProxyType({"s": 1.0, "ms": 1e3, "us": 1e6})
+RELATIVE = MappingProxyType({"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9})
 TICKS = "ticks"
+SAMPLES = "samples"
 EPOCH = MappingProxyType({"epoch_s": 10**9, "epoch_ms": 10**6, "epoch_us": 10**3, "epoch_ns": 1})
 CLOCK = "HH:MM:SS"
 ISO = "iso"
-COUNTED = (*RELATIVE, TICKS)
+COUNTED = (*RELATIVE, TICKS, SAMPLES)
 """Units of numbers that count from an unknown start."""
 TIME_UNITS = (*COUNTED, *EPOCH, CLOCK, ISO)
 
@@ -39,8 +41,8 @@ class Stamps:
     """Time stamps of one file before a common zero is chosen.
 
     Args:
-        family: origin of the time stamps: an unknown start, UTC, a local calendar, or midnight.
-        seconds: (T,) s, for "relative".
+        family: origin of the time stamps: an unknown start, the first sample, UTC, a local calendar, or midnight.
+        seconds: (T,) s, for "relative" and "samples".
         nanoseconds: (T,) integers since 1970 or since midnight, for the others: float64 seconds since 1970
             would round to 0.2 us.
     """
@@ -58,10 +60,24 @@ def plain_time_unit(unit: str) -> str:
     return ISO if text.casefold() == ISO else text.replace("µ", "u")
 
 
+def is_clock_time(cell: str) -> bool:
+    """True for a time of day such as 14:03:27.250."""
+    return _CLOCK_TIME.fullmatch(cell.strip()) is not None
+
+
+def is_iso_time(cell: str) -> bool:
+    """True for an ISO date-time; a date alone is none."""
+    try:
+        datetime.datetime.fromisoformat(cell.strip())
+    except ValueError:
+        return False
+    return ":" in cell
+
+
 def relative_stamps(values: FloatArray, unit: str, tick_s: float = 1.0) -> Stamps:
-    """Time stamps in s, ms, us or ticks of `tick_s` from an unknown start."""
-    seconds = values * tick_s if unit == TICKS else values / RELATIVE[unit]
-    return Stamps("relative", seconds, np.zeros(0, dtype=np.int64))
+    """Time stamps in s, ms, us, ns, or ticks or samples of `tick_s`, from an unknown start."""
+    seconds = values / RELATIVE[unit] if unit in RELATIVE else values * tick_s
+    return Stamps("samples" if unit == SAMPLES else "relative", seconds, np.zeros(0, dtype=np.int64))
 
 
 def parsed_stamps(cells: Sequence[str], places: Sequence[str], unit: str) -> Stamps:
@@ -88,7 +104,7 @@ def parsed_stamps(cells: Sequence[str], places: Sequence[str], unit: str) -> Sta
 def on_one_axis(files: Sequence[Stamps], names: Sequence[str]) -> tuple[list[FloatArray], dict[str, object]]:
     """Times of all files in seconds on a common axis, and a note on its zero.
 
-    Relative time stamps stay unchanged; for the others the earliest time stamp becomes 0 s.
+    Relative time stamps stay unchanged; for the others the earliest time stamp or sample becomes 0 s.
 
     Args:
         files: the time stamps of each file.
@@ -109,16 +125,20 @@ def on_one_axis(files: Sequence[Stamps], names: Sequence[str]) -> tuple[list[Flo
             )
     if family == "relative":
         return [s.seconds for s in files], {"kind": "relative"}
+    if family == "samples":
+        first_s = min(float(s.seconds.min()) for s in files)
+        return [s.seconds - first_s for s in files], {"kind": "samples"}
     ticks = [s.nanoseconds for s in files]
     if family == "clock":
         ticks = [_nearest_day(t, int(ticks[0][0])) for t in ticks]
     zero = min(int(t.min()) for t in ticks)
-    return [(t - zero) / 1e9 for t in ticks], {"kind": family, "zero": _zero_text(zero, family)}
+    return [(t - zero) / 1e9 for t in ticks], {"kind": family, "zero": epoch_text(zero, family)}
 
 
 _FAMILY_TEXT: MappingProxyType[Family, str] = MappingProxyType(
     {
         "relative": "counted from an unnamed start",
+        "samples": "a count of samples",
         "utc": "UTC",
         "local": "a local date-time without time zone",
         "clock": "a time of day without date",
@@ -134,7 +154,19 @@ def _epoch_ns(cell: str, ticks: int, place: str) -> int:
             raise InvalidOperation
         return round(value)
     except InvalidOperation as error:
-        raise DataError(f'{place}: "{cell}" is not an epoch time') from error
+        raise DataError(f'{place}: "{cell}" is not an epoch time{_other_epoch(text)}') from error
+
+
+def _other_epoch(text: str) -> str:
+    """Words on the unit in which a number is a moment between 1990 and 2100; empty if there is none."""
+    try:
+        value = float(text)
+    except ValueError:
+        return ""
+    found = [(unit, value * ns / 1e9) for unit, ns in EPOCH.items() if FIRST_S <= value * ns / 1e9 <= LAST_S]
+    return "".join(
+        f' in this unit; with unit = "{u}" it is {moment_text("1970-01-01T00:00:00Z", s)}' for u, s in found
+    )
 
 
 def _clock_ns(cell: str, _ticks: int, place: str) -> int:
@@ -176,11 +208,3 @@ def _across_midnight(ticks: NDArray[np.int64]) -> NDArray[np.int64]:
 def _nearest_day(ticks: NDArray[np.int64], reference: int) -> NDArray[np.int64]:
     """Shifts by whole days so that the first stamp is within twelve hours of the reference."""
     return ticks - round((int(ticks[0]) - reference) / _DAY_NS) * _DAY_NS
-
-
-def _zero_text(zero: int, family: Family) -> str:
-    whole, rest = divmod(zero, 10**9)
-    moment = (_EPOCH_UTC if family == "utc" else _EPOCH_LOCAL) + datetime.timedelta(seconds=whole)
-    if family == "clock":
-        return f"{moment:%H:%M:%S}.{rest:09d}"
-    return f"{moment:%Y-%m-%dT%H:%M:%S}.{rest:09d}" + ("Z" if family == "utc" else "")

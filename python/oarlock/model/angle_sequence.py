@@ -55,12 +55,15 @@ def angles_from_quat(quat_wxyz: Floats, sequence: str) -> Floats:
     rotation that is not near singular gets its triple in the usual range (first and last in (-180, 180] deg, the
     middle in [0, 180] deg where the first letter comes back, else in [-90, 90]); every other one the triple nearest to
     the last rotation before it that is not near singular. Near a pole it is the triple nearest to the straight line
-    between the two sides. So an arm that swings through a pole gets angles without a jump.
+    between the two sides. So an arm that swings through a pole gets angles without a jump. Full turns are removed from
+    the whole course of an angle if its median is more than half a turn away from 0.
     """
     there = np.isfinite(quat_wxyz).all(axis=1)
     result = np.full((len(quat_wxyz), 3), np.nan)
     if there.any():
-        result[there] = _as_named(_continuous(_proper_angles(quat_wxyz[there], sequence)), sequence)
+        result[there] = _near_zero(
+            _as_named(_continuous(_proper_angles(quat_wxyz[there], sequence)), sequence)
+        )
     return result
 
 
@@ -142,6 +145,11 @@ def _as_proper(named: Floats, sequence: str) -> Floats:
     if sequence[0] == sequence[2]:
         return named
     return named * [1.0, 1.0, -_handedness(sequence)] + [0.0, 0.5 * np.pi, 0.0]
+
+
+def _near_zero(named: Floats) -> Floats:
+    """The same angles less the full turns by which the median of each is away from 0."""
+    return np.asarray(named - 2.0 * np.pi * np.round(np.median(named, axis=0) / (2.0 * np.pi)))
 
 
 def _near_pole(proper: Floats) -> Bools:

@@ -63,6 +63,16 @@ def rotvec_between(start_wxyz: ArrayLike, end_wxyz: ArrayLike) -> Floats:
     return rotvec_from_quat(quat_product(quat_inverse(start_wxyz), end_wxyz))
 
 
+def right_jacobian(rotvec_rad: ArrayLike) -> Floats:
+    """(3, 3) turn about the child's axes by a change of a rotation vector (3,): Exp(r + dr) = Exp(r) Exp(J dr)."""
+    r = np.asarray(rotvec_rad, dtype=np.float64)
+    angle, cross = float(np.linalg.norm(r)), np.cross(np.eye(3), r)
+    half = np.sinc(0.5 * angle / np.pi)
+    # (angle - sin(angle)) / angle^3 cancels near zero
+    third = (1.0 - np.sinc(angle / np.pi)) / angle**2 if angle > 1e-2 else (1.0 - angle**2 / 20.0) / 6.0
+    return np.asarray(np.eye(3) - 0.5 * half**2 * cross + third * cross @ cross)
+
+
 def quat_from_matrix(matrix: ArrayLike) -> Floats:
     """Unit quaternions (..., 4) of rotation matrices (..., 3, 3)."""
     m = np.asarray(matrix, dtype=np.float64)

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from oarlock.recording.epoch import PACKETS_KEY
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import Stream
 from oarlock.storage.array_gate import FloatArray, real_array
 from oarlock.storage.errors import DataError
 
-META_KEY = "packets"
+META_KEY = PACKETS_KEY
 """`Recording.meta[META_KEY][stream]` is a reader's result from the packet counter: `after_s`, `packets`, `step_s`."""
 
 _GAP_STEPS = 1.5

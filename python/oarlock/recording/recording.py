@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from oarlock.recording.epoch import epoch_of, from_zero
 from oarlock.recording.folder import read_folder, write_folder
 from oarlock.recording.streams import Stream
 from oarlock.storage.copies import copied_notes
@@ -18,6 +19,9 @@ from oarlock.storage.suggest import did_you_mean
 @dataclass(frozen=True, init=False, eq=False, repr=False)
 class Recording:
     """Streams of one trial on one clock. They may differ in rate, start and end.
+
+    If all time stamps are seconds since 1970 (between 1990 and 2100), they are shifted to start at 0 s, `epoch` keeps
+    the moment, and a track has a note.
 
     Args:
         streams: the streams, each with its own name.
@@ -33,8 +37,10 @@ class Recording:
 
     def __init__(self, streams: Iterable[Stream], meta: Mapping[str, object] | None = None) -> None:
         object.__setattr__(self, "streams", tuple(streams))
-        object.__setattr__(self, "meta", MappingProxyType(copied_notes(meta or {}, "recording, meta")))
         self._check_streams()
+        moved, told = from_zero(self.streams, copied_notes(meta or {}, "recording, meta"))
+        object.__setattr__(self, "streams", tuple(moved))
+        object.__setattr__(self, "meta", MappingProxyType(told))
 
     def _check_streams(self) -> None:
         if not self.streams:
@@ -57,6 +63,14 @@ class Recording:
     def names(self) -> tuple[str, ...]:
         """The streams' names, in order."""
         return tuple(s.name for s in self.streams)
+
+    @property
+    def epoch(self) -> str | None:
+        """The moment of `time_s` = 0 as ISO text, from ``meta["clock"]["zero"]``; None if it is not known.
+
+        It ends with "Z" in UTC, has no suffix in local time, and has no date if the device gave a time of day only.
+        """
+        return epoch_of(self.meta)
 
     @property
     def start_s(self) -> float:

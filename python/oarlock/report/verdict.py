@@ -11,6 +11,7 @@ from oarlock.evaluation.summary import observed_joints, rate_text, row_rate_hz, 
 from oarlock.evaluation.suspects.text import SUSPECT_NOTE
 from oarlock.report.section import KeyFigure
 from oarlock.report.text import fixed, listing, number, percent, plural
+from oarlock.storage.epoch import moment_text
 from oarlock.tracking.track import Track
 
 NARROW_COVERAGE, WIDE_COVERAGE = 0.93, 0.995
@@ -91,8 +92,10 @@ def _what(track: Track) -> str:
         if track.smoothed
         else "filtered: each estimate uses only earlier and current readings"
     )
+    begin = moment_text(track.provenance.get("epoch"), float(track.time_s[0]))
+    since = f", from {begin}" if begin else ""
     return (
-        f"{plural(len(track.joint_names), 'joint')} of {body} over {number(duration, 4)} s "
+        f"{plural(len(track.joint_names), 'joint')} of {body} over {number(duration, 4)} s{since} "
         f"({plural(len(track.time_s), 'row')}{rate}{streams}), {how}. {_seen_words(seen, len(track.joint_names))}"
     )
 

@@ -49,7 +49,11 @@ def open_text(file: Path, encoding: str) -> TextIO:
             f"{file}: has no line end in its first {shown_bytes(LINE_LIMIT_BYTES)}; it is no table of text"
         )
     stream.seek(0)
-    return io.TextIOWrapper(stream, encoding=encoding, newline="")
+    try:
+        return io.TextIOWrapper(stream, encoding=encoding, newline="")
+    except LookupError:
+        stream.close()
+        raise
 
 
 def read_bytes(file: Path, limit_bytes: int = TABLE_LIMIT_BYTES) -> bytes:

@@ -164,6 +164,11 @@ class Estimates:
             "observed": self.observed[:, columns].all(axis=1),
         }
 
+    @property
+    def epoch(self) -> str | None:
+        """The moment of `time_s` = 0 as ISO text, as `Recording.epoch`; None if it is not known."""
+        return self.provenance.get("epoch")
+
     def __len__(self) -> int:
         return len(self.time_s)
 

@@ -19,6 +19,7 @@ from oarlock.tracking.estimates import Estimates, Floats, Later
 from oarlock.tracking.folder import read_track, write_track
 from oarlock.tracking.places import PositionSpread, model_of, poses_of, position_spreads, relative_positions
 from oarlock.tracking.records import Beliefs, SensorInfo, SlowSeries
+from oarlock.tracking.turns import NotesOfRun, hinges_of, placed, turn_notes, without_turn_notes
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -196,6 +197,7 @@ def track_of_run(
     """A Track from the engine's run. Its arrays are computed when they are first read."""
     states = {name: i for i, name in enumerate(run.state_names)}
     names, joints = model.coordinate_names, model.describe().joints
+    hinges = hinges_of(joints, names)
 
     def estimates(suffix: str, std: bool) -> Floats:
         return run.states([states.get(name + suffix) for name in names], std)
@@ -204,7 +206,10 @@ def track_of_run(
         values = estimates("", False)
         columns, readings = run.inputs()
         values[:, columns] = readings
-        return values
+        return placed(hinges, values, lambda: estimates(".velocity", False), run.time_s())
+
+    def hinge_notes() -> tuple[str, ...]:
+        return turn_notes(hinges, q(), run.observed().astype(bool))
 
     def q_std() -> Floats:
         values = estimates("", True)
@@ -238,13 +243,21 @@ def track_of_run(
         slow=later(lambda: _slow(run, states, model)),
         info=later(lambda: _info(run)),
         beliefs=later(lambda: _beliefs(run)),
-        notes=tuple(dict.fromkeys(notes)),
+        notes=later(NotesOfRun(tuple(notes), hinge_notes)),
         provenance=MappingProxyType(dict(provenance)),
         smoothed=run.smoothed,
         last_belief=run.last_belief,
         run=run,
         counts=counts,
     )
+
+
+def notes_without_hinges(track: Track) -> tuple[str, ...]:
+    """The notes that do not depend on the estimates; does not read these."""
+    notes = track.__dict__["notes"]
+    if isinstance(notes, Later) and isinstance(notes.make, NotesOfRun):
+        return notes.make.known
+    return without_turn_notes(track.notes)
 
 
 def _info(run: Run) -> SensorInfo:

@@ -13,12 +13,13 @@ from oarlock import _core
 from oarlock._core import Belief, Config, Model, Run
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected, correction_notes
+from oarlock.recording.epoch import shift_notes
 from oarlock.recording.plausibility import Finding, require_plausible
 from oarlock.recording.recording import Recording
 from oarlock.storage.errors import DataError, DivergedError
 from oarlock.tracking.counts import count_streams
 from oarlock.tracking.known_streams import known_streams
-from oarlock.tracking.track import Track, track_of_run
+from oarlock.tracking.track import Track, notes_without_hinges, track_of_run
 
 Progress = Callable[[float], object]
 
@@ -116,6 +117,7 @@ def finished(
         "model_sha256": hashlib.sha256(model.text.encode()).hexdigest(),
         "parameters": model.parameters | dict(calibration.parameters if calibration else {}),
         "recording_sha256": _hash(recording),
+        **({} if recording.epoch is None else {"epoch": recording.epoch}),
         "config": run.config.to_dict(),
         "nominal_mounts": run.nominal_mounts,
         "steps": run.steps,
@@ -130,6 +132,7 @@ def finished(
         model = model.with_parameters(calibration.parameters)
     notes = (
         *run_notes,
+        *shift_notes(recording.meta),
         *correction_notes(recording, calibration),
         *(f"{f.sensor}: {f.message}" for f in findings),
     )
@@ -157,7 +160,7 @@ def smooth(track: Track, *, progress: Progress | None = None) -> Track:
     run = track.run.smooth(ROOM_TO_GIVE_BYTES, progress)
     provenance = dict(track.provenance) | {"smoothing_wall_s": time.perf_counter() - began}
     # Smoothing can determine joints that the filter alone does not, so the notes of the run are made again.
-    others = [note for note in track.notes if note not in filtered_notes]
+    others = [note for note in notes_without_hinges(track) if note not in filtered_notes]
     return track_of_run(track.model, run, (*run.notes, *others), provenance, track.counts)
 
 

@@ -1,8 +1,9 @@
 //! The mount that agrees best with directions known in both sensor and link axes, closest to the nominal mount.
 
+use super::matrix::{mat3, matrix, rows};
 use crate::rotation::Mat3;
 use nalgebra::{Matrix3, Matrix4, Quaternion, Rotation3, SymmetricEigen, UnitQuaternion, Vector3};
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
 /// One direction in both axes, unit vectors, and its uncertainty, rad.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,7 +34,7 @@ pub struct TurnedMount {
 /// about the sight. Source: G. Wahba (1965), "A least squares estimate of satellite attitude", solved by Davenport's
 /// eigenvector method.
 pub fn aligned_mount(nominal: &Mat3<f64>, sights: &[Sight]) -> TurnedMount {
-    let nominal = Matrix3::from_fn(|i, j| nominal.0[i][j]);
+    let nominal = matrix(nominal);
     let strongest = sights.iter().map(|s| s.std_rad.powi(-2)).fold(f64::NAN, f64::max);
     // Far below any sight's weight, far above rounding: it decides only directions that no sight determines.
     let mut profile = nominal * if strongest.is_nan() { 1.0 } else { 1e-7 * strongest };
@@ -44,7 +45,7 @@ pub fn aligned_mount(nominal: &Mat3<f64>, sights: &[Sight]) -> TurnedMount {
     let turned = *best_rotation(&profile).to_rotation_matrix().matrix();
     let left = |s: &Sight| (turned * Vector3::from(s.in_sensor)).angle(&Vector3::from(s.in_link));
     TurnedMount {
-        link_from_sensor: Mat3([0, 1, 2].map(|i| [0, 1, 2].map(|j| turned[(i, j)]))),
+        link_from_sensor: mat3(&turned),
         turned_rad: Rotation3::from_matrix_unchecked(turned * nominal.transpose()).angle(),
         left_rad: sights.iter().map(left).collect(),
     }
@@ -62,9 +63,4 @@ fn best_rotation(profile: &Matrix3<f64>) -> UnitQuaternion<f64> {
     let eigen = SymmetricEigen::new(gain);
     let best = eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned();
     UnitQuaternion::from_quaternion(Quaternion::new(best[0], best[1], best[2], best[3]))
-}
-
-/// A matrix as three rows of three.
-pub(crate) fn rows<S: Serializer>(matrix: &Mat3<f64>, to: S) -> Result<S::Ok, S::Error> {
-    matrix.0.serialize(to)
 }

@@ -1,8 +1,9 @@
 //! Motion of the links of a hinge chain from gyroscopes alone, on one time grid. `lever_arms` and `magnetic` use it.
 
+use super::chain_sensor::ChainSensor;
 use super::clock::{common_clock, interpolated};
-use super::hinge_chain::{in_swing, matrix, ChainSensor, FoundMount};
-use super::swing_sense::common_direction;
+use super::hinge_chain::FoundMount;
+use super::matrix::matrix;
 use crate::{Error, Result};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
@@ -40,13 +41,13 @@ impl ChainMotion {
         let clocks: Vec<&[f64]> = sensors.iter().map(|s| s.time_s).collect();
         let (time_s, step_s) = common_clock(&clocks)?;
         let still_s = mounts[0].still_s;
-        let swings = time_s.iter().map(|&t| sensors.iter().any(|s| in_swing(s, still_s, t))).collect();
+        let swings = time_s.iter().map(|&t| sensors.iter().any(|s| s.swings_at(t, still_s))).collect();
         let half_window = (smooth_s / step_s).round().max(1.0) as usize;
         let mut chain = Self {
             time_s,
             swings,
             links: Vec::new(),
-            planar: sensors.windows(2).all(|s| common_direction(&s[0], &s[1]).is_some()),
+            planar: sensors.windows(2).all(|s| s[0].common_direction(&s[1]).is_some()),
             half_window,
             step_s,
         };

@@ -8,81 +8,15 @@
 //! During its swing a sensor must rotate about one axis that is fixed in the world. Parallel hinges may swing at the
 //! same time. Of hinges that are not parallel only one may move at a time, and each sensor names its own `swing_s`.
 
-use super::aligned::rows;
-use super::signals::Signals;
-use super::still::{common_still, StillLimits};
+use super::chain_sensor::{ChainOptions, ChainSensor};
+use super::matrix::{mat3, matrix, rows};
+use super::still::common_still;
 use super::swing_sense::choose_signs;
 use super::turning::Turning;
 use crate::rotation::Mat3;
 use crate::{Error, Result};
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
-
-/// One sensor of the chain with its readings. A chain is listed from its base to its tip, one sensor per link.
-#[derive(Debug, Clone, Copy)]
-pub struct ChainSensor<'a> {
-    /// Name for error messages.
-    pub name: &'a str,
-    /// Rotation from link to world (root) axes, in the posture of the still stretch.
-    pub world_from_link: Mat3<f64>,
-    /// Axis of the hinge that moves the link, in world axes, in the same posture; need not be a unit vector.
-    pub hinge_axis_in_world: [f64; 3],
-    /// Increasing time stamps, s.
-    pub time_s: &'a [f64],
-    /// Angular velocity in sensor axes, rad/s; rows that are not finite are ignored.
-    pub gyro_rad_s: &'a [[f64; 3]],
-    /// Specific force in sensor axes, m/s2: at rest it points up.
-    pub accel_m_s2: &'a [[f64; 3]],
-    /// When this sensor swings about its hinge alone, (start, end) in s; `None`: whenever the chain is not still.
-    pub swing_s: Option<(f64, f64)>,
-}
-
-impl<'a> ChainSensor<'a> {
-    /// Its readings.
-    pub(crate) fn signals(&self) -> Signals<'a> {
-        Signals { name: self.name, time_s: self.time_s, gyro_rad_s: self.gyro_rad_s, accel_m_s2: self.accel_m_s2 }
-    }
-}
-
-/// Information from the user, and thresholds.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ChainOptions {
-    /// The still stretch (start, end) in s; `None`: the longest one common to all sensors.
-    pub still_s: Option<(f64, f64)>,
-    /// Thresholds of stillness.
-    pub still_limits: StillLimits,
-    /// Whether the first clear rotation of the first link (half of `least_turn_rad`) is positive.
-    pub first_turn_positive: bool,
-    /// Standard deviation of the still posture and of the stated hinge axes, rad.
-    pub posture_std_rad: f64,
-    /// Constant error of the accelerometers, m/s2.
-    pub accel_bias_std_m_s2: f64,
-    /// Misalignment between the gyroscope's axes and the accelerometer's, rad.
-    pub misalignment_std_rad: f64,
-    /// Largest share of the squared angular velocity off the hinge axis, 0 to 1.
-    pub most_off_axis_share: f64,
-    /// Largest angle by which gravity and hinge axis may disagree, rad.
-    pub most_disagreement_rad: f64,
-    /// Least rotation about the hinge, rad.
-    pub least_turn_rad: f64,
-}
-
-impl Default for ChainOptions {
-    /// For consumer MEMS sensors on links whose hinges were levelled by eye.
-    fn default() -> Self {
-        Self {
-            still_s: None,
-            still_limits: StillLimits::default(),
-            first_turn_positive: true,
-            posture_std_rad: 1.0_f64.to_radians(),
-            accel_bias_std_m_s2: 0.05,
-            misalignment_std_rad: 0.3_f64.to_radians(),
-            most_off_axis_share: 0.05,
-            most_disagreement_rad: 10.0_f64.to_radians(),
-            least_turn_rad: 0.2,
-        }
-    }
-}
 
 /// A mount and its quality.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -142,7 +76,7 @@ pub fn mounts(sensors: &[ChainSensor], up_in_world: [f64; 3], options: &ChainOpt
         return Err(Error::Data(format!("up {up_in_world:?} has no direction; expected a vector such as [0, 0, 1]")));
     }
     for sensor in sensors {
-        check_sensor(sensor)?;
+        sensor.check()?;
     }
     let still_s = match options.still_s {
         Some(named) => named,
@@ -155,25 +89,6 @@ pub fn mounts(sensors: &[ChainSensor], up_in_world: [f64; 3], options: &ChainOpt
     let correlations = choose_signs(sensors, &mut turns, up, options)?;
     let found = sensors.iter().zip(&turns).zip(correlations);
     found.map(|((sensor, turning), correlation)| turning.mount(sensor, up, correlation, options)).collect()
-}
-
-/// Whether a row of the sensor belongs to its swing.
-pub(crate) fn in_swing(sensor: &ChainSensor, still_s: (f64, f64), time_s: f64) -> bool {
-    match sensor.swing_s {
-        Some((start, end)) => (start..=end).contains(&time_s),
-        None => !(still_s.0..=still_s.1).contains(&time_s),
-    }
-}
-
-fn check_sensor(sensor: &ChainSensor) -> Result<()> {
-    let axis = Vector3::from(sensor.hinge_axis_in_world).norm();
-    if !axis.is_normal() {
-        return Err(Error::Data(format!(
-            "sensor `{}`: the hinge axis {:?} has no direction; expected a vector such as [0, 0, 1]",
-            sensor.name, sensor.hinge_axis_in_world
-        )));
-    }
-    sensor.signals().check()
 }
 
 impl Turning {
@@ -196,7 +111,7 @@ impl Turning {
         let link_from_world = matrix(&sensor.world_from_link).transpose();
         Ok(FoundMount {
             name: sensor.name.to_owned(),
-            link_from_sensor: rotation(&(link_from_world * world * own.transpose())),
+            link_from_sensor: mat3(&(link_from_world * world * own.transpose())),
             std_about_hinge_rad: up_std / stated.sin(),
             std_about_up_rad: axis_std,
             std_about_third_rad: (axis_std.powi(-2) + up_std.powi(-2)).powf(-0.5),
@@ -240,13 +155,4 @@ fn check_posture(name: &str, stated: f64, seen: f64, options: &ChainOptions) -> 
         )));
     }
     Ok(())
-}
-
-/// The same matrix in nalgebra's type.
-pub(crate) fn matrix(m: &Mat3<f64>) -> Matrix3<f64> {
-    Matrix3::from_fn(|i, j| m.0[i][j])
-}
-
-fn rotation(m: &Matrix3<f64>) -> Mat3<f64> {
-    Mat3([0, 1, 2].map(|i| [0, 1, 2].map(|j| m[(i, j)])))
 }

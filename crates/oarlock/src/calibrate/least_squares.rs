@@ -1,7 +1,11 @@
-//! Linear least squares with a prior. Blocks in time are kept apart, so that a jackknife gives the uncertainty.
+//! Linear least squares with a prior, the one solver of all calibrations. Blocks in time are kept apart, so that a jackknife
+//! gives the uncertainty. `robust_fit` linearises for it; [`SensorRows`] estimates the noise of each sensor with it.
 
 use crate::{Error, Result};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
+
+/// Number of consecutive parts of a recording that the jackknife leaves out in turn.
+pub(crate) const BLOCKS: usize = 8;
 
 /// Normal equations of one block: information matrix and information vector.
 #[derive(Debug, Clone)]
@@ -12,7 +16,7 @@ struct Block {
     noise: DMatrix<f64>,
 }
 
-/// Collects weighted rows in `blocks` consecutive blocks of the recording.
+/// Collects weighted rows in consecutive blocks of the recording.
 #[derive(Debug, Clone)]
 pub(crate) struct LeastSquares {
     blocks: Vec<Block>,
@@ -29,18 +33,17 @@ pub(crate) struct Estimate {
 
 impl LeastSquares {
     /// For unknowns with a prior of zero mean and standard deviation `prior_std`.
-    pub fn new(prior_std: DVector<f64>, blocks: usize) -> Self {
+    pub fn new(prior_std: DVector<f64>) -> Self {
         let n = prior_std.len();
         let zero = DMatrix::zeros(n, n);
         let empty = Block { matrix: zero.clone(), vector: DVector::zeros(n), noise: zero };
-        Self { blocks: vec![empty; blocks.max(2)], prior_std }
+        Self { blocks: vec![empty; BLOCKS], prior_std }
     }
 
     /// Adds rows `a x = y + noise` with noise of standard deviation `std`, in part `block`.
     pub fn add(&mut self, block: usize, a: &DMatrix<f64>, y: &DVector<f64>, std: f64) {
         let weight = 1.0 / (std * std);
-        let last = self.blocks.len() - 1;
-        let block = &mut self.blocks[block.min(last)];
+        let block = &mut self.blocks[block];
         block.matrix.gemm_tr(weight, a, a, 1.0);
         block.vector.gemv_tr(weight, a, y, 1.0);
     }
@@ -105,14 +108,61 @@ impl LeastSquares {
         }
         let eigen = SymmetricEigen::new(&seen - &scale * &sum.noise * &scale);
         let mut kept = DMatrix::zeros(seen.nrows(), seen.nrows());
-        for (k, &told) in eigen.eigenvalues.iter().enumerate() {
+        for (k, &information) in eigen.eigenvalues.iter().enumerate() {
             let direction = eigen.eigenvectors.column(k);
-            if told > (1.0 - MOST) * (direction.transpose() * &seen * direction)[0] {
+            if information > (1.0 - MOST) * (direction.transpose() * &seen * direction)[0] {
                 kept += direction * direction.transpose();
             }
         }
         let back = DMatrix::from_diagonal(&self.prior_std.map(|s| 1.0 / s));
         sum.matrix = &back * &kept * seen * &kept * &back;
         sum.vector = &back * kept * scale * &sum.vector;
+    }
+}
+
+/// Linear readings of several sensors at common times, three rows each. The noise of the sensors is unknown.
+pub(crate) trait SensorRows {
+    /// Number of sensors.
+    fn sensors(&self) -> usize;
+    /// Indices of the times in use.
+    fn times(&self) -> &[usize];
+    /// Coefficients of the unknowns and reading of sensor `i` at time `k`.
+    fn row(&self, i: usize, k: usize) -> (DMatrix<f64>, DVector<f64>);
+
+    /// The estimate, weighted by the noise that the residuals show. `noise` turns the sensors' root mean square residuals
+    /// into their standard deviations.
+    fn reweighted(
+        &self,
+        prior_std: &DVector<f64>,
+        start_std: f64,
+        noise: impl Fn(Vec<f64>) -> Vec<f64>,
+    ) -> Result<Estimate> {
+        let mut std = vec![start_std; self.sensors()];
+        for _ in 0..2 {
+            let value = self.equations(prior_std, &std).value()?;
+            std = noise((0..self.sensors()).map(|i| self.residual(i, &value)).collect());
+        }
+        self.equations(prior_std, &std).solve()
+    }
+
+    fn equations(&self, prior_std: &DVector<f64>, std: &[f64]) -> LeastSquares {
+        let mut squares = LeastSquares::new(prior_std.clone());
+        for (n, &k) in self.times().iter().enumerate() {
+            for (i, &std) in std.iter().enumerate() {
+                let (coefficients, reading) = self.row(i, k);
+                squares.add(n * BLOCKS / self.times().len(), &coefficients, &reading, std);
+            }
+        }
+        squares
+    }
+
+    /// Root mean square residual of sensor `i` per axis.
+    fn residual(&self, i: usize, value: &DVector<f64>) -> f64 {
+        let left = |&k: &usize| {
+            let (coefficients, reading) = self.row(i, k);
+            (reading - coefficients * value).norm_squared()
+        };
+        let sum: f64 = self.times().iter().map(left).sum();
+        (sum / (3.0 * self.times().len().max(1) as f64)).sqrt()
     }
 }

@@ -6,8 +6,9 @@
 //! is estimated with them; it absorbs the accelerometer's bias and the slow drift of the integrated angle.
 
 use super::chain_motion::ChainMotion;
-use super::hinge_chain::{ChainSensor, FoundMount};
-use super::least_squares::LeastSquares;
+use super::chain_sensor::ChainSensor;
+use super::hinge_chain::FoundMount;
+use super::least_squares::SensorRows;
 use crate::Result;
 use nalgebra::{DMatrix, DVector, Vector3};
 use serde::Serialize;
@@ -52,8 +53,6 @@ pub struct FoundLever {
     pub constant_m_s2: [f64; 3],
 }
 
-const BLOCKS: usize = 8;
-
 /// Estimates offsets and hinge distances of a chain whose first hinge is fixed in the world. Each sensor's link is
 /// attached to the link of the previous sensor. `up_in_world` as for [`mounts`](super::hinge_chain::mounts), whose
 /// result is `mounts`.
@@ -75,13 +74,8 @@ pub fn lever_arms(
     }
     let rows: Vec<usize> = (0..motion.time_s.len()).filter(|&k| motion.swings[k] && motion.is_inner(k)).collect();
     let fit = Fit { motion, forces, gravity, rows };
-    // The noise of each sensor is the residual of the previous fit.
-    let mut noise = vec![0.1; sensors.len()];
-    for _ in 0..2 {
-        let value = fit.solve(&noise, options)?.solve()?.value;
-        noise = (0..sensors.len()).map(|i| fit.residual(i, &value).max(1e-6)).collect();
-    }
-    let estimate = fit.solve(&noise, options)?.solve()?;
+    let estimate =
+        fit.reweighted(&fit.prior_std(options), 0.1, |residuals| residuals.iter().map(|r| r.max(1e-6)).collect())?;
     Ok((0..sensors.len())
         .map(|i| {
             let at = |v: &DVector<f64>, first: usize| [v[first], v[first + 1], v[first + 2]];
@@ -124,40 +118,34 @@ impl Fit {
         9 * self.forces.len() - 3
     }
 
-    fn solve(&self, noise: &[f64], options: &LeverOptions) -> Result<LeastSquares> {
+    fn prior_std(&self, options: &LeverOptions) -> DVector<f64> {
         let mut prior = DVector::from_element(self.unknowns(), options.prior_std_m);
         for i in 0..self.forces.len() {
             prior.rows_mut(self.constant(i), 3).fill(options.constant_std_m_s2);
         }
-        let mut squares = LeastSquares::new(prior, BLOCKS);
-        for (n, &k) in self.rows.iter().enumerate() {
-            for (i, &std) in noise.iter().enumerate() {
-                squares.add(n * BLOCKS / self.rows.len(), &self.design(i, k), &self.measured(i, k), std);
-            }
-        }
-        Ok(squares)
+        prior
+    }
+}
+
+impl SensorRows for Fit {
+    fn sensors(&self) -> usize {
+        self.forces.len()
     }
 
-    fn measured(&self, i: usize, k: usize) -> DVector<f64> {
-        let rest = self.motion.links[i].world_from_link[k].tr_mul(&self.gravity);
-        DVector::from_column_slice((self.forces[i][k] - rest).as_slice())
+    fn times(&self) -> &[usize] {
+        &self.rows
     }
 
-    fn design(&self, i: usize, k: usize) -> DMatrix<f64> {
-        let mut a = DMatrix::zeros(3, self.unknowns());
+    fn row(&self, i: usize, k: usize) -> (DMatrix<f64>, DVector<f64>) {
         let own = &self.motion.links[i];
+        let mut a = DMatrix::zeros(3, self.unknowns());
         a.fixed_view_mut::<3, 3>(0, self.offset(i)).copy_from(&own.swirl[k]);
         a.fixed_view_mut::<3, 3>(0, self.constant(i)).fill_with_identity();
         for (j, link) in self.motion.links[..i].iter().enumerate() {
             let carried = own.world_from_link[k].tr_mul(&link.world_from_link[k]) * link.swirl[k];
             a.fixed_view_mut::<3, 3>(0, self.to_next(j)).copy_from(&carried);
         }
-        a
-    }
-
-    fn residual(&self, i: usize, value: &DVector<f64>) -> f64 {
-        let left = |&k: &usize| (self.measured(i, k) - self.design(i, k) * value).norm_squared();
-        let sum: f64 = self.rows.iter().map(left).sum();
-        (sum / (3.0 * self.rows.len().max(1) as f64)).sqrt()
+        let rest = own.world_from_link[k].tr_mul(&self.gravity);
+        (a, DVector::from_column_slice((self.forces[i][k] - rest).as_slice()))
     }
 }

@@ -6,8 +6,10 @@
 //! standard deviation is large.
 
 use super::chain_motion::ChainMotion;
-use super::hinge_chain::{matrix, ChainSensor, FoundMount};
-use super::least_squares::LeastSquares;
+use super::chain_sensor::ChainSensor;
+use super::hinge_chain::FoundMount;
+use super::least_squares::{Estimate, SensorRows};
+use super::matrix::matrix;
 use crate::{Error, Result};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use serde::Serialize;
@@ -54,8 +56,6 @@ pub struct FoundOffset {
     pub residual_without_ut: f64,
 }
 
-const BLOCKS: usize = 8;
-
 /// Estimates the field and the offsets. `mag_ut[i]` contains the readings of `sensors[i]` in sensor axes, at its time
 /// stamps; `mounts` are the result of [`mounts`](super::hinge_chain::mounts).
 ///
@@ -82,7 +82,7 @@ pub fn magnetic_field(
     let without = fit.solve(1e-6, options)?;
     let offsets = (0..sensors.len()).map(|i| fit.offset(i, &with, &without, sensors, mounts)).collect();
     let three = |v: &DVector<f64>| [v[0], v[1], v[2]];
-    Ok(FoundField { field_in_world_ut: three(&with.0), field_std_ut: three(&with.1), offsets })
+    Ok(FoundField { field_in_world_ut: three(&with.value), field_std_ut: three(&with.std), offsets })
 }
 
 struct Fit {
@@ -91,68 +91,54 @@ struct Fit {
     rows: Vec<usize>,
 }
 
-type Solution = (DVector<f64>, DVector<f64>);
-
 impl Fit {
-    fn solve(&self, offset_std_ut: f64, options: &MagneticOptions) -> Result<Solution> {
+    fn solve(&self, offset_std_ut: f64, options: &MagneticOptions) -> Result<Estimate> {
         let mut prior = DVector::from_element(3 + 3 * self.readings.len(), offset_std_ut);
         prior.rows_mut(0, 3).fill(options.field_std_ut);
-        // Differences of the field between places limit the fit, more than the sensor's noise.
-        let mut noise = 1.0;
-        for _ in 0..2 {
-            let value = self.equations(&prior, noise).solve()?.value;
-            let squares: f64 = (0..self.readings.len()).map(|i| self.residual(i, &value).powi(2)).sum();
-            noise = (squares / self.readings.len() as f64).sqrt().max(1e-3);
-        }
-        let estimate = self.equations(&prior, noise).solve()?;
-        Ok((estimate.value, estimate.std))
-    }
-
-    fn equations(&self, prior: &DVector<f64>, noise: f64) -> LeastSquares {
-        let mut squares = LeastSquares::new(prior.clone(), BLOCKS);
-        for (n, &k) in self.rows.iter().enumerate() {
-            for (i, column) in self.readings.iter().enumerate() {
-                let y = DVector::from_column_slice(column[k].as_slice());
-                squares.add(n * BLOCKS / self.rows.len(), &self.design(i, k, prior.len()), &y, noise);
-            }
-        }
-        squares
-    }
-
-    fn design(&self, i: usize, k: usize, unknowns: usize) -> DMatrix<f64> {
-        let mut a = DMatrix::zeros(3, unknowns);
-        a.fixed_view_mut::<3, 3>(0, 0).copy_from(&self.motion.links[i].world_from_link[k].transpose());
-        a.fixed_view_mut::<3, 3>(0, 3 + 3 * i).fill_with_identity();
-        a
-    }
-
-    fn residual(&self, i: usize, value: &DVector<f64>) -> f64 {
-        let left = |&k: &usize| {
-            let fitted = self.design(i, k, value.len()) * value;
-            (DVector::from_column_slice(self.readings[i][k].as_slice()) - fitted).norm_squared()
-        };
-        (self.rows.iter().map(left).sum::<f64>() / (3.0 * self.rows.len().max(1) as f64)).sqrt()
+        // Differences of the field between places limit the fit, more than the sensor's noise; they are alike for all.
+        self.reweighted(&prior, 1.0, |residuals| {
+            let squares: f64 = residuals.iter().map(|r| r.powi(2)).sum();
+            vec![(squares / residuals.len() as f64).sqrt().max(1e-3); residuals.len()]
+        })
     }
 
     fn offset(
         &self,
         i: usize,
-        with: &Solution,
-        without: &Solution,
+        with: &Estimate,
+        without: &Estimate,
         sensors: &[ChainSensor],
         mounts: &[FoundMount],
     ) -> FoundOffset {
         let sensor_from_link = matrix(&mounts[i].link_from_sensor).transpose();
-        let in_link = Vector3::from_iterator(with.0.rows(3 + 3 * i, 3).iter().copied());
-        let variance = Matrix3::from_diagonal(&Vector3::from_iterator(with.1.rows(3 + 3 * i, 3).iter().map(|s| s * s)));
+        let in_link = Vector3::from_iterator(with.value.rows(3 + 3 * i, 3).iter().copied());
+        let variance =
+            Matrix3::from_diagonal(&Vector3::from_iterator(with.std.rows(3 + 3 * i, 3).iter().map(|s| s * s)));
         let std = (sensor_from_link * variance * sensor_from_link.transpose()).diagonal().map(f64::sqrt);
         FoundOffset {
             name: sensors[i].name.to_owned(),
             offset_ut: (sensor_from_link * in_link).into(),
             offset_std_ut: std.into(),
-            residual_ut: self.residual(i, &with.0),
-            residual_without_ut: self.residual(i, &without.0),
+            residual_ut: self.residual(i, &with.value),
+            residual_without_ut: self.residual(i, &without.value),
         }
+    }
+}
+
+impl SensorRows for Fit {
+    fn sensors(&self) -> usize {
+        self.readings.len()
+    }
+
+    fn times(&self) -> &[usize] {
+        &self.rows
+    }
+
+    fn row(&self, i: usize, k: usize) -> (DMatrix<f64>, DVector<f64>) {
+        let mut a = DMatrix::zeros(3, 3 + 3 * self.readings.len());
+        a.fixed_view_mut::<3, 3>(0, 0).copy_from(&self.motion.links[i].world_from_link[k].transpose());
+        a.fixed_view_mut::<3, 3>(0, 3 + 3 * i).fill_with_identity();
+        (a, DVector::from_column_slice(self.readings[i][k].as_slice()))
     }
 }
 

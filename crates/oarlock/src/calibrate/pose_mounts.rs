@@ -3,7 +3,8 @@
 //! Gravity determines two of the three degrees of freedom of a mount. The third, the rotation about the vertical, keeps
 //! its nominal value: the mount is rotated by the smallest angle that makes gravity agree.
 
-use super::aligned::{aligned_mount, rows, Sight};
+use super::aligned::{aligned_mount, Sight};
+use super::matrix::rows;
 use super::rest::Rest;
 use super::signals::Signals;
 use super::still::{common_still, mean, still_stretches, StillLimits};

@@ -1,7 +1,7 @@
 //! Robust nonlinear least squares: Gauss-Newton steps with Cauchy's loss, from several starts. `joint_centers` and
 //! `hinge_axes` use it.
 
-use super::least_squares::{Estimate, LeastSquares};
+use super::least_squares::{Estimate, LeastSquares, BLOCKS};
 use crate::Result;
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
@@ -41,7 +41,6 @@ pub(crate) struct Fit<S> {
     pub spread: f64,
 }
 
-const BLOCKS: usize = 8;
 const MOST_STEPS: usize = 60;
 /// Steps after the scatter is fixed; the fit is nearly linear by then.
 const LAST_STEPS: usize = 6;
@@ -156,7 +155,7 @@ impl<P: Problem> Descent<'_, P> {
             slopes.row_mut(row).scale_mut(weight.sqrt());
             wanted[row] *= weight.sqrt();
         }
-        let mut equations = LeastSquares::new(prior_std, BLOCKS);
+        let mut equations = LeastSquares::new(prior_std);
         for block in 0..BLOCKS {
             let rows = part(errors.len(), block);
             let slopes = slopes.rows(rows.start, rows.len()).into_owned();

@@ -1,6 +1,6 @@
 //! The sign of each hinge axis of a chain.
 
-use super::hinge_chain::{ChainOptions, ChainSensor};
+use super::chain_sensor::{ChainOptions, ChainSensor};
 use super::turning::Turning;
 use crate::{Error, Result};
 use nalgebra::Vector3;
@@ -17,7 +17,7 @@ pub(crate) fn choose_signs(
         let (before, rest) = turns.split_at_mut(k);
         let (here, sensor) = (&mut rest[0], &sensors[k]);
         let related = before.last().and_then(|previous| {
-            let sense = common_direction(&sensors[k - 1], sensor)?;
+            let sense = sensors[k - 1].common_direction(sensor)?;
             Some(correlation(previous, here) * sense)
         });
         let reversed = match (reversed_by_gravity(sensor, here, up_in_world, options), related) {
@@ -49,13 +49,6 @@ fn reversed_by_gravity(
     let stated = Vector3::from(sensor.hinge_axis_in_world).normalize().dot(&up_in_world);
     let slanted = stated.abs() > options.most_disagreement_rad.sin();
     slanted.then(|| stated * here.spin.axis.dot(&here.rest.up) < 0.0)
-}
-
-/// 1 or -1 for two hinges parallel within 5 deg, in the same or the opposite sense.
-pub(crate) fn common_direction(a: &ChainSensor, b: &ChainSensor) -> Option<f64> {
-    let (a, b) = (Vector3::from(a.hinge_axis_in_world), Vector3::from(b.hinge_axis_in_world));
-    let cosine = a.normalize().dot(&b.normalize());
-    (cosine.abs() > 5.0_f64.to_radians().cos()).then(|| cosine.signum())
 }
 
 /// Correlation of the rates of two sensors while both swing; 0 without overlap.

@@ -1,6 +1,6 @@
 //! Rest and swing of one sensor: bias, up, hinge axis and angle.
 
-use super::hinge_chain::{in_swing, ChainOptions, ChainSensor};
+use super::chain_sensor::{ChainOptions, ChainSensor};
 use super::rest::Rest;
 use super::spin_axis::{spin_axis, SpinAxis};
 use crate::{Error, Result};
@@ -33,7 +33,7 @@ impl Turning {
         let mut rates = Vec::new();
         for (&t, row) in sensor.time_s.iter().zip(sensor.gyro_rad_s) {
             let rate = Vector3::from(*row) - self.rest.bias;
-            if in_swing(sensor, self.rest.still_s, t) && rate.iter().all(|x| x.is_finite()) {
+            if sensor.swings_at(t, self.rest.still_s) && rate.iter().all(|x| x.is_finite()) {
                 self.time_s.push(t);
                 rates.push(rate);
             }

@@ -46,17 +46,17 @@ def _fitted(
     design = np.column_stack([np.ones_like(time_s), time_s])
     prior = np.diag([0.0, drift_std**-2])
     expected = np.array([0.0, drift * drift_std**-2])
-    doubt, scale = np.ones_like(time_s), 1.0
+    excess, scale = np.ones_like(time_s), 1.0
     fit, normal = np.zeros(2), np.eye(2)
     for _ in range(20):
-        weight = 1.0 / (scale * std_s) ** 2 / doubt
+        weight = 1.0 / (scale * std_s) ** 2 / excess
         normal = design.T @ (weight[:, None] * design) + prior
         fit = np.asarray(np.linalg.inv(normal) @ (design.T @ (weight * delay_s) + expected))
         apart = np.abs(delay_s - design @ fit) / std_s
         if len(apart) > 2:
             found = 1.4826 * float(np.median(apart)) * np.sqrt(len(apart) / (len(apart) - 2))
             scale = max(_LEAST_SCALE if len(apart) >= _MANY else 1.0, found)
-        doubt = np.maximum(1.0, apart / scale / _HUBER)
+        excess = np.maximum(1.0, apart / scale / _HUBER)
     return fit, np.asarray(_CORRELATED**2 * np.linalg.inv(normal))
 
 

@@ -136,8 +136,8 @@ def _solved(
             turn[row, len(others) + k] = 1.0 / parameters[row][1]
     prior = np.diag(np.r_[np.ones(len(others)), np.full(len(clocks), _OPEN_S**-2)])
     # What rounding and gates leave below nought is none.
-    told, axes = np.linalg.eigh(_SHARE * turn.T @ normal @ turn)
-    spread = np.linalg.inv((axes * np.maximum(told, 0.0)) @ axes.T + prior)
+    information, axes = np.linalg.eigh(_SHARE * turn.T @ normal @ turn)
+    spread = np.linalg.inv((axes * np.maximum(information, 0.0)) @ axes.T + prior)
     delay = (spread @ (_SHARE * turn.T @ right))[len(others) :]
     spread = spread[len(others) :, len(others) :]
     if not anchored:
@@ -147,5 +147,5 @@ def _solved(
 
 
 def bare(known: Calibration) -> Calibration:
-    """What the filter is told: values alone, for it is to doubt them as the model does."""
+    """The calibration for the filter: values alone; their uncertainty is that of the model."""
     return Calibration(known.parameters, known.mounts, mag_offsets_ut=known.mag_offsets_ut)

@@ -24,7 +24,7 @@ _NEAR_S = 0.003
 """Closer than this all pieces are used; the first steps do with a few."""
 
 
-def settle(seen_by: Filtering, recording: Recording, told: Callable[[float], object]) -> Clocks:
+def settle(seen_by: Filtering, recording: Recording, progress: Callable[[float], object]) -> Clocks:
     """The clock of each stream of the groups.
 
     Looks at pieces, lays a line through each clock's delays, sets the stamps right, and begins again until no clock
@@ -33,7 +33,7 @@ def settle(seen_by: Filtering, recording: Recording, told: Callable[[float], obj
     Args:
         seen_by: what delays are seen through.
         recording: stamps are within a tenth of a second of the truth.
-        told: called with the share done.
+        progress: called with the share done.
     """
     groups = seen_by.groups
     clocks = {name: Clock(0.0) for group in groups for name in group}
@@ -43,7 +43,7 @@ def settle(seen_by: Filtering, recording: Recording, told: Callable[[float], obj
         now = with_clocks(recording, clocks)
         pieces = spans(now, _ROUGH_PIECES if few else _PIECES)
         steps = _steps(seen_by, now, pieces, clocks)
-        told((round_ + 1) / _ROUNDS)
+        progress((round_ + 1) / _ROUNDS)
         if not steps and few:
             few = False
             continue
@@ -52,7 +52,7 @@ def settle(seen_by: Filtering, recording: Recording, told: Callable[[float], obj
         clocks = {n: after(clocks[n], steps[g[0]]) for g in groups for n in g}
         middle = 0.5 * (now.start_s + now.end_s)
         moved = {name: abs(c.offset_s + c.drift * middle) for name, c in steps.items()}
-        # Stamps that are all the same are set apart only for a good reason: together they tell most.
+        # Stamps that are all the same are set apart only for a good reason: together they give most information.
         least = {n: SAME_CLOCK_STDS * c.offset_std_s if one_clock else _SETTLED_S for n, c in steps.items()}
         if all(moved[n] < least[n] for n in moved) and not (few and len(pieces) == _ROUGH_PIECES):
             break

@@ -92,7 +92,7 @@ def candidate(stretch: Stretch, hypothesis: Hypothesis, part: Recording) -> Cand
         searched, belief = stretch.search(hypothesis, part)
     except DivergedError:
         return None
-    constants = Constants.of(belief, searched, hypothesis.samples_per_error).without_the_untold()
+    constants = Constants.of(belief, searched, hypothesis.samples_per_error).without_undetermined()
     parameters = set(stretch.model.parameters)
     calibration = constants.calibration(searched, stretch.known, parameters)
     own = stretch.held_out_nis(hypothesis, calibration)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from oarlock._core import Model
 from oarlock.calibration.motion.searched_model import PLACE, ZERO
@@ -37,7 +38,7 @@ class Constants:
         moved: (n,) how far from there, m or rad.
         covariance: (n, n) of it.
         prior_std: (n,) before the search.
-        refused: names of what the movement did not tell, and which stays.
+        refused: names of undetermined constants, which keep their values.
     """
 
     names: tuple[str, ...]
@@ -70,26 +71,27 @@ class Constants:
     @property
     def share(self) -> Floats:
         """(n,) of the prior variance, what the movement took away."""
-        told: Floats = 1.0 - np.diag(self.covariance) / self.prior_std**2
-        return told
+        share: Floats = 1.0 - np.diag(self.covariance) / self.prior_std**2
+        return share
 
     def surprise(self) -> float:
         """Root mean square change of the determined constants, in standard deviations of the prior."""
-        told = self.share >= OBSERVABLE_SHARE
-        return float(np.sqrt(np.mean((self.moved / self.prior_std)[told] ** 2))) if told.any() else 0.0
+        moved = (self.moved / self.prior_std)[self.share >= OBSERVABLE_SHARE]
+        return float(np.sqrt(np.mean(moved**2))) if len(moved) else 0.0
 
-    def without_the_untold(self) -> Constants:
+    def without_undetermined(self) -> Constants:
         """Undetermined constants at their prior values, the others conditioned on these (conditional Gaussian)."""
-        untold = self.share < OBSERVABLE_SHARE
-        if not untold.any():
+        undetermined = self.share < OBSERVABLE_SHARE
+        if not undetermined.any():
             return self
-        told = ~untold
-        gain = self.covariance[np.ix_(told, untold)] @ np.linalg.inv(self.covariance[np.ix_(untold, untold)])
+        determined = ~undetermined
+        inverse = np.linalg.inv(self.covariance[np.ix_(undetermined, undetermined)])
+        gain = self.covariance[np.ix_(determined, undetermined)] @ inverse
         moved, covariance = np.zeros_like(self.moved), np.diag(self.prior_std**2)
-        moved[told] = self.moved[told] - gain @ self.moved[untold]
-        # What is not known of the untold is not known of what hangs on it either: the marginal stays.
-        covariance[np.ix_(told, told)] = self.covariance[np.ix_(told, told)]
-        refused = tuple(n for n, gone in zip(self.names, untold, strict=True) if gone)
+        moved[determined] = self.moved[determined] - gain @ self.moved[undetermined]
+        # What is not known of an undetermined constant is not known of what hangs on it either: the marginal stays.
+        covariance[np.ix_(determined, determined)] = self.covariance[np.ix_(determined, determined)]
+        refused = tuple(n for n, gone in zip(self.names, undetermined, strict=True) if gone)
         return replace(self, moved=moved, covariance=covariance, refused=refused)
 
     def inflated(self, factor: float) -> Constants:
@@ -147,9 +149,7 @@ class Constants:
 
 def nearest_rotation(matrix: Floats) -> Floats:
     """The rotation nearest to a matrix that is nearly one."""
-    left, _, right = np.linalg.svd(matrix)
-    rotation: Floats = left @ right
-    return rotation
+    return np.asarray(Rotation.align_vectors(matrix.T, np.eye(3))[0].as_matrix())
 
 
 def _std_in_link(rotation: Floats, covariance: Floats) -> Floats:

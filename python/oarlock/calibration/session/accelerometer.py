@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oarlock.calibration.session.robust_fit import robust_fit
+from oarlock.calibration.robust_fit import huber, robust_fit
 from oarlock.calibration.session.unit_rows import Span, UnitRows
 from oarlock.storage.array_gate import FloatArray
 
@@ -17,6 +17,7 @@ REST_STD_M_S2 = 0.01
 BIAS_LIMIT_M_S2 = 0.05
 LEAST_ATTITUDES = 6
 APART = np.cos(np.radians(20.0))
+OUTLIER_STDS = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +33,7 @@ class AccelRest:
 
     @property
     def known(self) -> bool:
-        """Whether the attitudes tell all three axes."""
+        """Whether the attitudes determine all three axes."""
         return self.attitudes >= LEAST_ATTITUDES and bool((self.bias_std_m_s2 <= BIAS_LIMIT_M_S2).all())
 
 
@@ -42,15 +43,19 @@ def accel_rest(unit: UnitRows, stills: Sequence[tuple[Span, bool]], gravity_m_s2
     if not means:
         return None
     forces = np.array(means)
+    prior = 1.0 / np.repeat([BIAS_PRIOR_M_S2, SCALE_PRIOR], 3)
 
-    def misses(p: FloatArray) -> FloatArray:
-        norms = np.linalg.norm((forces - p[:3]) / (1.0 + p[3:]), axis=1)
-        prior = np.concatenate([p[:3] / BIAS_PRIOR_M_S2, p[3:] / SCALE_PRIOR])
-        return np.concatenate([(norms - gravity_m_s2) / REST_STD_M_S2, prior])
+    def linearised(p: FloatArray) -> tuple[FloatArray, FloatArray]:
+        true = (forces - p[:3]) / (1.0 + p[3:])
+        norms = np.linalg.norm(true, axis=1)
+        by_bias = -true / norms[:, None] / (1.0 + p[3:])
+        residuals = np.concatenate([(norms - gravity_m_s2) / REST_STD_M_S2, p * prior])
+        slopes = np.concatenate([np.hstack([by_bias, by_bias * true]) / REST_STD_M_S2, np.diag(prior)])
+        return residuals, slopes
 
-    found, covariance = robust_fit(misses, np.zeros(6))
+    found, covariance = robust_fit(linearised, np.zeros(6), huber(OUTLIER_STDS))
     bias_std = np.sqrt(np.diag(covariance)[:3])
-    left = misses(found)[: len(forces)] * REST_STD_M_S2
+    left = linearised(found)[0][: len(forces)] * REST_STD_M_S2
     before = np.linalg.norm(forces, axis=1) - gravity_m_s2
     return AccelRest(
         found[:3],

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from oarlock.calibration.static.pose_mounts import rest_posture
-from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec, quat_inverse
+from oarlock.model.coordinates import rotation_columns
+from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec, quat_inverse, right_jacobian
 from oarlock.storage.array_gate import FloatArray
 
 if TYPE_CHECKING:
     from oarlock._core import Model
+    from oarlock.model.description import FrameDescription
 
-STEP_RAD = 1e-4
 TURNS = 1e-6
 """A link that turns by less than this per radian does not turn with a coordinate."""
 
@@ -30,6 +31,7 @@ class Body:
         frames: unit -> index of its frame.
         turns_with: unit -> coordinates that turn its link.
         joints: joint -> its coordinates that turn.
+        carriers: joint and unit below it -> the frame that carries the joint on the way to the unit.
         up: (3,) unit vector, root axes.
         forward: (3,) level unit vector, root axes.
     """
@@ -39,6 +41,7 @@ class Body:
     frames: Mapping[str, int]
     turns_with: Mapping[str, frozenset[str]]
     joints: Mapping[str, tuple[str, ...]]
+    carriers: Mapping[tuple[str, str], str]
     up: FloatArray
     forward: FloatArray
 
@@ -61,7 +64,12 @@ class Body:
             turned = np.abs(by_coordinate[frame, 3:]).max(axis=0)
             turns[unit] = frozenset(n for n, t in zip(names, turned, strict=True) if t > TURNS)
         up, forward = np.asarray(told.world.up), np.asarray(told.world.forward)
-        return cls(model, tuple(units), frames, turns, joints, up, forward)
+        carriers = {
+            (joint, name): parent
+            for name in units
+            for joint, parent in _carriers(told.frames, frame_of[name]).items()
+        }
+        return cls(model, tuple(units), frames, turns, joints, carriers, up, forward)
 
     def posture(self, pose: Mapping[str, float]) -> FloatArray:
         """(n,) coordinates, the rest posture where the pose names none."""
@@ -87,20 +95,44 @@ class Body:
         moved = [u for u in self.units if turning <= self.turns_with[u]]
         return [u for u in moved if not any(self.turns_with[v] < self.turns_with[u] for v in moved)]
 
-    def axis(self, joint: str, about: FloatArray | None, child: str, q: FloatArray) -> FloatArray:
-        """(..., 3) unit axis in root axes about which a joint turns a link, at postures (..., n)."""
-        frame = self.model.frame_names[self.frames[child]]
-        columns = [self.model.coordinate_names.index(c) for c in self.joints[joint]]
-        turns = self.model.frame_jacobian(q, [frame]).by_coordinate[..., 0, 3:, :][..., columns]
-        if about is None:
-            turn = turns[..., 0]
-        else:
-            # columns are turns about the child's axes, the plan names an axis of the parent
-            in_child = matrix_from_quat(quat_inverse(quat_from_rotvec(q[..., columns]))) @ about
-            turn = np.einsum("...ij,...j->...i", turns, in_child)
-        return np.asarray(turn / np.linalg.norm(turn, axis=-1, keepdims=True))
+    def axis_in_link(
+        self, joint: str, about: FloatArray | None, child: str, q: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Unit axis (3,) about which a joint turns, in a link's axes, and its derivatives (n, 3) by all coordinates.
 
-    def slopes(self, q: FloatArray) -> FloatArray:
-        """(2n, n) postures a step before and behind along each coordinate, for central differences."""
-        steps = STEP_RAD * np.eye(len(q))
-        return np.concatenate([q + steps, q - steps])
+        The axis is constant in the frame that carries the joint, so that only the angular velocities of this frame and
+        of the link enter.
+
+        Args:
+            joint: above the link.
+            about: (3,) axis in the frame that carries the joint; None is a hinge's own.
+            child: unit on the link.
+            q: (n,) posture.
+        """
+        own = self.model.frame_names[self.frames[child]]
+        names = [self.carriers[joint, child], own]
+        carrier_turns, own_turns = self.model.frame_jacobian(q, names).by_coordinate[:, 3:]
+        columns = [self.model.coordinate_names.index(c) for c in self.joints[joint]]
+        axis = own_turns[:, columns[0]]
+        if about is not None:
+            # The columns of a ball joint are rotations about its child's axes.
+            child_from_carrier = matrix_from_quat(quat_inverse(quat_from_rotvec(q[columns])))
+            axis = own_turns[:, columns] @ child_from_carrier @ about
+        axis = axis / np.linalg.norm(axis)
+        turns = carrier_turns - own_turns
+        for columns in rotation_columns(self.model.coordinate_names):
+            turns[:, columns] = turns[:, columns] @ right_jacobian(q[columns])
+        link_from_root = self.root_from_link(child, q).T
+        return link_from_root @ axis, np.cross(turns.T, axis) @ link_from_root.T
+
+
+def _carriers(described: Sequence[FrameDescription], frame: str) -> dict[str, str]:
+    """Joint -> the frame that carries it, of all joints from a frame to the root; of a repeated joint the nearest."""
+    frames = {f.name: f for f in described}
+    found: dict[str, str] = {}
+    here = frames[frame]
+    while here.parent is not None:
+        if here.joint is not None:
+            found.setdefault(here.joint, here.parent)
+        here = frames[here.parent]
+    return found

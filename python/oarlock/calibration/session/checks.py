@@ -36,7 +36,7 @@ class Check:
     outcome: str
     sentence: str
 
-    def told(self) -> dict[str, object]:
+    def as_dict(self) -> dict[str, object]:
         """For a file: without what is not a number."""
         values = {k: v for k, v in asdict(self).items() if not (isinstance(v, float) and not np.isfinite(v))}
         return {k: float(v) if isinstance(v, float) else v for k, v in values.items()}

@@ -16,7 +16,7 @@ from oarlock.recording.streams import ScalarStream
 from oarlock.storage.errors import DataError
 
 SAME_MARK = 1e-3
-"""Marks closer than this, rad or m, tell a zero but no scale."""
+"""Marks closer than this, rad or m, determine a zero but no scale."""
 SCALE_LIMIT = 0.05
 REST_LIMIT = 0.005
 """Scatter of a reading at a mark, rad or m, that still is held."""
@@ -50,17 +50,17 @@ def encoder_scales(
     known_signs: dict[str, int] = {}
     for stream, own in marks.items():
         if len({round(m.value / SAME_MARK) for _, m in own}) > 1:
-            found[stream], told = _line(stream, own)
+            found[stream], check = _line(stream, own)
             known_signs[stream] = int(np.sign(found[stream].scale))
-            checks.append(told)
+            checks.append(check)
     for stream in [n for n in signs if n in recording and n not in known_signs]:
-        sign, told = _sign(signs[stream], spans, recording, known_signs)
-        checks.append(told)
+        sign, check = _sign(signs[stream], spans, recording, known_signs)
+        checks.append(check)
         known_signs[stream] = sign
     for stream, own in marks.items():
         if stream not in found:
-            found[stream], told = _zero(stream, own, known_signs.get(stream))
-            checks.append(told)
+            found[stream], check = _zero(stream, own, known_signs.get(stream))
+            checks.append(check)
     for stream, sign in known_signs.items():
         if stream not in found and sign < 0:
             found[stream] = EncoderScale(0.0, -1.0)
@@ -101,10 +101,10 @@ def _line(stream: str, own: Sequence[tuple[SessionStep, Mark]]) -> tuple[Encoder
     )
     names = ", ".join(s.name for s, _ in own)
     text = f"zero {-constant / scale:+.4f}, scale {scale:+.4f}"
-    told = Check(
+    check = Check(
         names, stream, "zero and scale", text, max(left, held), REST_LIMIT, "rad or m", outcome, sentence
     )
-    return EncoderScale(float(-constant / scale), float(scale)), told
+    return EncoderScale(float(-constant / scale), float(scale)), check
 
 
 def _zero(
@@ -121,8 +121,8 @@ def _zero(
         else "It was not held still at its mark: hold it there for two seconds and record again."
     )
     names = ", ".join(s.name for s, _ in own)
-    told = Check(names, stream, "zero", f"zero {zero:+.4f}", held, REST_LIMIT, "rad or m", outcome, sentence)
-    return EncoderScale(zero, scale), told
+    check = Check(names, stream, "zero", f"zero {zero:+.4f}", held, REST_LIMIT, "rad or m", outcome, sentence)
+    return EncoderScale(zero, scale), check
 
 
 def _sign(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oarlock.calibration.session.robust_fit import robust_fit
+from oarlock.calibration.robust_fit import huber, robust_fit
 from oarlock.calibration.session.unit_rows import Span, UnitRows
 from oarlock.storage.array_gate import FloatArray
 
@@ -19,6 +19,7 @@ DIP_STD = 0.05
 OFFSET_LIMIT_UT = 1.0
 LEAST_COVERAGE = 0.08
 """Smallest share of the squared directions along one axis; a third each if all are seen alike."""
+OUTLIER_STDS = 3.0
 NORM_LIMIT = 0.05
 """Scatter of the norm, as a share, that still is one field."""
 
@@ -39,8 +40,8 @@ class MagFit:
     @property
     def known(self) -> bool:
         """Whether the unit was turned enough, and what is left is one field."""
-        told = bool((self.offset_std_ut <= OFFSET_LIMIT_UT).all()) and self.coverage >= LEAST_COVERAGE
-        return told and self.after <= NORM_LIMIT
+        determined = bool((self.offset_std_ut <= OFFSET_LIMIT_UT).all()) and self.coverage >= LEAST_COVERAGE
+        return determined and self.after <= NORM_LIMIT
 
 
 def mag_fit(unit: UnitRows, spans: Sequence[Span], stills: Sequence[tuple[Span, bool]]) -> MagFit | None:
@@ -56,18 +57,12 @@ def mag_fit(unit: UnitRows, spans: Sequence[Span], stills: Sequence[tuple[Span, 
     if len(rows) < 50:
         return None
     rows = rows[:: max(1, len(rows) // MOST_ROWS)]
-    at_rest = _at_rest(unit, stills)
+    ups, resting = _at_rest(unit, stills)
     norm = float(np.median(np.linalg.norm(rows - rows.mean(axis=0), axis=1)))
     start = np.concatenate([rows.mean(axis=0), np.zeros(5), [norm, 0.0]])
 
-    def misses(p: FloatArray) -> FloatArray:
-        matrix, field = _matrix(p[3:8]), p[8]
-        apart = np.linalg.norm((rows - p[:3]) @ matrix.T, axis=1) - field
-        dips = [(up @ matrix @ (m - p[:3]) / field + p[9]) / DIP_STD for up, m in at_rest]
-        prior = np.concatenate([(p[:3] - start[:3]) / OFFSET_PRIOR_UT, p[3:8] / SOFT_PRIOR])
-        return np.concatenate([apart / ROW_STD_UT, dips, prior])
-
-    found, covariance = robust_fit(misses, start)
+    readings = _Readings(rows, ups, resting, start)
+    found, covariance = robust_fit(readings.linearised, start, huber(OUTLIER_STDS))
     offset_std = np.sqrt(np.diag(covariance)[:3])
     matrix, offset = _matrix(found[3:8]), found[:3]
     field = (rows - offset) @ matrix.T
@@ -79,12 +74,49 @@ def mag_fit(unit: UnitRows, spans: Sequence[Span], stills: Sequence[tuple[Span, 
         offset,
         matrix,
         float(found[8]),
-        float(np.arcsin(np.clip(found[9], -1.0, 1.0))) if at_rest else np.nan,
+        float(np.arcsin(np.clip(found[9], -1.0, 1.0))) if len(ups) else np.nan,
         offset_std,
         coverage,
         float(raw.std() / raw.mean()),
         float(norms.std() / norms.mean()),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Readings:
+    """Readings (n, 3) uT, up (k, 3) and mean readings (k, 3) uT of the intervals at rest, and the prior mean.
+
+    The unknowns are offset (3), matrix (5), norm of the field, uT, and sine of its dip.
+    """
+
+    rows_ut: FloatArray
+    ups: FloatArray
+    resting_ut: FloatArray
+    expected: FloatArray
+
+    def linearised(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Residuals (n + k + 8,) of norms, dips and prior, in standard deviations, and their Jacobian."""
+        parts = self._norms(p), self._dips(p), self._prior(p)
+        return np.concatenate([r for r, _ in parts]), np.concatenate([s for _, s in parts])
+
+    def _norms(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
+        matrix, offsetless = _matrix(p[3:8]), self.rows_ut - p[:3]
+        field = offsetless @ matrix.T
+        norms = np.linalg.norm(field, axis=1)
+        along = field / norms[:, None]
+        slopes = [-along @ matrix, _by_matrix(along, offsetless), np.tile([-1.0, 0.0], (len(along), 1))]
+        return (norms - p[8]) / ROW_STD_UT, np.hstack(slopes) / ROW_STD_UT
+
+    def _dips(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
+        matrix, offsetless, norm = _matrix(p[3:8]), self.resting_ut - p[:3], p[8]
+        sines = np.einsum("ki,ij,kj->k", self.ups, matrix, offsetless) / norm
+        by_norm_and_dip = np.column_stack([-sines / norm, np.ones_like(sines)])
+        slopes = [-self.ups @ matrix / norm, _by_matrix(self.ups, offsetless) / norm, by_norm_and_dip]
+        return (sines + p[9]) / DIP_STD, np.hstack(slopes) / DIP_STD
+
+    def _prior(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
+        std = np.repeat([OFFSET_PRIOR_UT, SOFT_PRIOR], [3, 5])
+        return (p - self.expected)[:8] / std, np.eye(8, 10) / std[:, None]
 
 
 def _matrix(p: FloatArray) -> FloatArray:
@@ -93,15 +125,24 @@ def _matrix(p: FloatArray) -> FloatArray:
     return np.asarray(np.eye(3) + np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, -xx - yy]]))
 
 
-def _at_rest(unit: UnitRows, stills: Sequence[tuple[Span, bool]]) -> list[tuple[FloatArray, FloatArray]]:
-    """Up and the magnetometer's mean in each still stretch."""
+_BY_ENTRY = np.stack([_matrix(p) - np.eye(3) for p in np.eye(5)])
+
+
+def _by_matrix(left: FloatArray, right: FloatArray) -> FloatArray:
+    """(n, 5) derivatives of ``left @ _matrix(p) @ right`` by p, for rows of vectors (n, 3)."""
+    return np.asarray(np.einsum("ni,kij,nj->nk", left, _BY_ENTRY, right))
+
+
+def _at_rest(unit: UnitRows, stills: Sequence[tuple[Span, bool]]) -> tuple[FloatArray, FloatArray]:
+    """Up (k, 3) and the magnetometer's mean (k, 3), uT, in each interval at rest."""
     assert unit.mag is not None
-    found = []
+    ups, means = [], []
     for span, _ in stills:
         rows = unit.rows(span)
         mag = unit.mag[rows]
         mag = mag[np.isfinite(mag).all(axis=1)]
         if len(mag) >= 4:
             up = unit.accel[rows].mean(axis=0)
-            found.append((up / np.linalg.norm(up), mag.mean(axis=0)))
-    return found
+            ups.append(up / np.linalg.norm(up))
+            means.append(mag.mean(axis=0))
+    return np.reshape(ups, (-1, 3)), np.reshape(means, (-1, 3))

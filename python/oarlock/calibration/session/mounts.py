@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oarlock.calibration.session.body import STEP_RAD, Body
+from oarlock.calibration.session.body import Body
 from oarlock.calibration.session.movement import Turning, turning
 from oarlock.calibration.session.plan import SessionPlan, SessionStep
 from oarlock.calibration.session.unit_rows import Span, UnitRows
@@ -147,21 +147,14 @@ class MountSearch:
         self, step: SessionStep, joint: str, about: FloatArray | None, child: str, q: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """The axis in the child's link, and how uncertain the posture of the other joints leaves it."""
-
-        def seen(postures: FloatArray) -> FloatArray:
-            axes = self.body.axis(joint, about, child, postures)
-            return np.asarray(np.einsum("...ji,...j->...i", self.body.root_from_link(child, postures), axes))
-
-        n = len(q)
-        slopes = seen(self.body.slopes(q))
-        slopes = (slopes[:n] - slopes[n:]) / (2.0 * STEP_RAD)
+        axis, slopes = self.body.axis_in_link(joint, about, child, q)
         turning_ones = [
             k for k, c in enumerate(self.body.model.coordinate_names) if c in self.body.turns_with[child]
         ]
         own = set(self.body.joints[joint]) if about is None else set()
         kept = [k for k in turning_ones if self.body.model.coordinate_names[k] not in own]
         spread = slopes[kept] * self._std(step)
-        return seen(q), spread.T @ spread
+        return axis, spread.T @ spread
 
     # --- north --------------------------------------------------------------------------------------
 

@@ -215,10 +215,10 @@ def default_plan(model: Model) -> SessionPlan:
 
 def _told(step: SessionStep) -> dict[str, object]:
     """The keys of a step that are not as by default."""
-    told: dict[str, object] = {}
+    table: dict[str, object] = {}
     for f in fields(SessionStep):
         value = getattr(step, f.name)
         empty = value is None or (isinstance(value, Sized) and not value)
         if f.name in ("name", "kind") or not (empty or value == f.default):
-            told[f.name] = dict(value) if isinstance(value, Mapping) else value
-    return told
+            table[f.name] = dict(value) if isinstance(value, Mapping) else value
+    return table

@@ -13,7 +13,7 @@ from oarlock.calibration.session.mount_checks import mount_checks
 from oarlock.calibration.session.mounts import Mounts, MountSearch
 from oarlock.calibration.session.plan import SessionPlan, default_plan
 from oarlock.calibration.session.sensors import SensorSearch
-from oarlock.calibration.session.step_summary import missing_steps, step_told
+from oarlock.calibration.session.step_summary import missing_steps, step_note
 from oarlock.calibration.session.timing import located
 from oarlock.calibration.session.unit_rows import Span, UnitRows
 from oarlock.calibration.session.world_field import field_checks, field_parameters
@@ -154,8 +154,8 @@ def _calibrated(
             "plan": plan.name,
             "model": worn.model.name,
             "passed": not any(c.outcome == REDO for c in checks),
-            "step": [step_told(step, spans, checks) for step in plan.steps],
-            "check": [c.told() for c in checks],
+            "step": [step_note(step, spans, checks) for step in plan.steps],
+            "check": [c.as_dict() for c in checks],
         },
     }
     calibrated = worn.calibrated(mounts, noted, parameters)

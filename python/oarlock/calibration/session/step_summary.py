@@ -33,16 +33,16 @@ def missing_steps(plan: SessionPlan, spans: Mapping[str, Span]) -> list[Check]:
     ]
 
 
-def step_told(step: SessionStep, spans: Mapping[str, Span], checks: Sequence[Check]) -> dict[str, object]:
+def step_note(step: SessionStep, spans: Mapping[str, Span], checks: Sequence[Check]) -> dict[str, object]:
     """The step for the calibration's notes."""
     own = [c for c in checks if step.name in c.step.split(", ") or c.step == step.name]
     if step.kind in ("turn", "still") and step.name in spans:
         own += [c for c in checks if c.what in OF_REST]
     outcome, sentence = _in_words(step, own)
-    told: dict[str, object] = {"name": step.name, "kind": step.kind, "say": step.say}
+    note: dict[str, object] = {"name": step.name, "kind": step.kind, "say": step.say}
     if step.name in spans:
-        told |= {"start_s": float(spans[step.name][0]), "end_s": float(spans[step.name][1])}
-    return told | {"outcome": outcome, "sentence": sentence}
+        note |= {"start_s": float(spans[step.name][0]), "end_s": float(spans[step.name][1])}
+    return note | {"outcome": outcome, "sentence": sentence}
 
 
 def _in_words(step: SessionStep, own: Sequence[Check]) -> tuple[str, str]:

@@ -36,7 +36,7 @@ def located(plan: SessionPlan, body: Body, units: Mapping[str, UnitRows]) -> dic
     The others are sought in order: stillness of all units for postures, what lies between for movements. Among all
     ways to lay the steps over the segments the best has long segments, and movements that turn their own units.
     """
-    told = {s.name: span for s in plan.steps if (span := s.span_s) is not None}
+    placed = {s.name: span for s in plan.steps if (span := s.span_s) is not None}
     sought = [s for s in plan.steps if s.span_s is None and s.kind in ("still", "pose", "move")]
     segments = _segments(units) if sought else []
     scores = np.array([[_score(step, seg, body, units) for seg in segments] for step in sought])
@@ -44,17 +44,17 @@ def located(plan: SessionPlan, body: Body, units: Mapping[str, UnitRows]) -> dic
     for step, index in zip(sought, found, strict=True):
         if index is not None:
             _, start, end = segments[index]
-            told[step.name] = (start - ROOM_S, end) if step.kind == "move" else (start, end)
-    return told | _turns(plan, told, units)
+            placed[step.name] = (start - ROOM_S, end) if step.kind == "move" else (start, end)
+    return placed | _turns(plan, placed, units)
 
 
-def _turns(plan: SessionPlan, told: Mapping[str, Span], units: Mapping[str, UnitRows]) -> dict[str, Span]:
+def _turns(plan: SessionPlan, placed: Mapping[str, Span], units: Mapping[str, UnitRows]) -> dict[str, Span]:
     """Turning units is a to and fro of rests and movements: all that lies between its neighbours."""
     found = {}
     for k, step in enumerate(plan.steps):
-        if step.kind == "turn" and step.name not in told:
-            before = [told[s.name][1] for s in plan.steps[:k] if s.name in told]
-            after = [told[s.name][0] for s in plan.steps[k + 1 :] if s.name in told]
+        if step.kind == "turn" and step.name not in placed:
+            before = [placed[s.name][1] for s in plan.steps[:k] if s.name in placed]
+            after = [placed[s.name][0] for s in plan.steps[k + 1 :] if s.name in placed]
             start = max(before, default=min(float(u.time_s[0]) for u in units.values()))
             end = min(after, default=max(float(u.time_s[-1]) for u in units.values()))
             if end - start >= LEAST_MOVE_S:

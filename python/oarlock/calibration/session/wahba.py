@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from oarlock.calibration.robust_fit import huber, robust_fit
 from oarlock.storage.array_gate import FloatArray
 
 PRIOR_STD_RAD = float(np.radians(60.0))
@@ -15,7 +16,6 @@ PRIOR_STD_RAD = float(np.radians(60.0))
 SHARED = 0.5
 """Share of the variance that postures have in common in which a direction is the same: people repeat their errors."""
 ALIKE = float(np.cos(np.radians(15.0)))
-TURNS = 30
 HUBER = 2.5
 
 
@@ -47,8 +47,8 @@ class SolvedMount:
     Args:
         link_from_sensor: (3, 3).
         covariance: (3, 3) rad2, of small turns about the link's axes.
-        off_rad: how far each sight is off, rad.
-        off_stds: the same in its standard deviations.
+        off_rad: residual angle of each sight, rad.
+        off_stds: the same in standard deviations.
     """
 
     link_from_sensor: FloatArray
@@ -74,43 +74,38 @@ def isotropic(direction: FloatArray, std_rad: float) -> FloatArray:
 
 def solved_mount(sights: Sequence[Sight], nominal: FloatArray) -> SolvedMount:
     """The most likely mount. Undetermined directions keep the nominal mount and have a large covariance."""
-    rotation = _start(sights, nominal)
-    weights = [np.linalg.inv(c) for c in _covariances(sights)]
-    prior = np.eye(3) / PRIOR_STD_RAD**2
-    information = prior
-    for _ in range(TURNS):
-        information, slope = prior.copy(), np.zeros(3)
-        for sight, weight in zip(sights, weights, strict=True):
-            seen = rotation @ sight.in_sensor
-            off = seen - sight.in_link
-            size = float(np.sqrt(max(float(off @ weight @ off), 1e-18)))
-            jacobian = -_cross(seen)
-            trusted = weight * min(1.0, HUBER / size)
-            information += jacobian.T @ trusted @ jacobian
-            slope -= jacobian.T @ trusted @ off
-        step = np.linalg.solve(information, slope)
-        rotation = Rotation.from_rotvec(step).as_matrix() @ rotation
-        if np.linalg.norm(step) < 1e-10:
-            break
-    offs = [rotation @ s.in_sensor - s.in_link for s in sights]
-    sizes = tuple(float(np.sqrt(float(o @ w @ o))) for o, w in zip(offs, weights, strict=True))
-    excess = sum(min(size, HUBER) ** 2 for size in sizes) / max(2 * len(sights) - 3, 1)
+    in_sensor = np.reshape([s.in_sensor for s in sights], (-1, 3))
+    in_link = np.reshape([s.in_link for s in sights], (-1, 3))
+    whitened = np.reshape([np.linalg.cholesky(np.linalg.inv(c)).T for c in _covariances(sights)], (-1, 3, 3))
+
+    def linearised(rotation: FloatArray) -> tuple[FloatArray, FloatArray]:
+        seen = in_sensor @ rotation.T
+        slopes = whitened @ np.cross(np.eye(3), -seen[:, None])
+        return np.einsum("nij,nj->ni", whitened, seen - in_link).reshape(-1), slopes.reshape(-1, 3)
+
+    rotation, covariance = robust_fit(
+        linearised,
+        _start(sights, nominal),
+        huber(HUBER, rows=3),
+        moved=lambda before, step: Rotation.from_rotvec(step).as_matrix() @ before,
+        damping=PRIOR_STD_RAD**-2,
+        converged=1e-10,
+    )
+    stds = np.linalg.norm(linearised(rotation)[0].reshape(-1, 3), axis=1)
+    excess = float((np.minimum(stds, HUBER) ** 2).sum()) / max(2 * len(sights) - 3, 1)
+    off_rad = np.linalg.norm(in_sensor @ rotation.T - in_link, axis=1)
     return SolvedMount(
-        rotation,
-        np.asarray(np.linalg.inv(information) * max(1.0, excess), dtype=np.float64),
-        tuple(float(np.linalg.norm(o)) for o in offs),
-        sizes,
+        rotation, covariance * max(1.0, excess), tuple(map(float, off_rad)), tuple(map(float, stds))
     )
 
 
 def _start(sights: Sequence[Sight], nominal: FloatArray) -> FloatArray:
-    """Least squares with one number for each sight's weight, by the singular value decomposition (Markley 1988)."""
-    profile = nominal / PRIOR_STD_RAD**2
-    for sight in sights:
-        variance = float(np.trace(sight.own + sight.posture)) / 2.0
-        profile = profile + np.outer(sight.in_link, sight.in_sensor) / variance
-    left, _, right = np.linalg.svd(profile)
-    return np.asarray(left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right)
+    """Wahba's problem with one variance for each sight, and the nominal mount as three more sights."""
+    weights = [2.0 / float(np.trace(s.own + s.posture)) for s in sights]
+    in_link = [*nominal.T, *(s.in_link for s in sights)]
+    in_sensor = [*np.eye(3), *(s.in_sensor for s in sights)]
+    solved, _ = Rotation.align_vectors(in_link, in_sensor, [PRIOR_STD_RAD**-2] * 3 + weights)
+    return np.asarray(solved.as_matrix())
 
 
 def _covariances(sights: Sequence[Sight]) -> list[FloatArray]:
@@ -122,7 +117,3 @@ def _covariances(sights: Sequence[Sight]) -> list[FloatArray]:
         along = np.outer(sight.in_link, sight.in_link) * float(np.trace(sight.own + sight.posture))
         found.append(sight.own + sight.posture * (1.0 + SHARED * (alike - 1)) + along)
     return found
-
-
-def _cross(v: FloatArray) -> FloatArray:
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

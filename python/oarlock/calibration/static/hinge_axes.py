@@ -30,7 +30,7 @@ WELL_KNOWN_RAD = np.radians(10.0)
 """An axis that is known less well turns no mount."""
 
 CLEAR_SENSE = 0.1
-"""From here on the motion tells which way the two axes point together."""
+"""From here on the motion determines the common sense of the two axes."""
 
 Sight = tuple[list[float], list[float], float]
 
@@ -46,9 +46,9 @@ def calibrate_hinge_axes(
 ) -> Calibration:
     """Turn mounts so that hinges lie where the motion shows them.
 
-    Wherever a single hinge lies between two units, their gyroscopes tell its axis in both. A mount is turned by
+    Wherever a single hinge lies between two units, their gyroscopes give its axis in both. A mount is turned by
     the least angle that brings the axes of its hinges to those of the model: with one hinge the turn about it
-    stays nominal, with two that are not parallel the mount is told altogether.
+    stays nominal, with two that are not parallel the mount is fully determined.
 
     Args:
         model: says which hinges lie between which units, and their axes.
@@ -62,7 +62,7 @@ def calibrate_hinge_axes(
 
     Returns:
         The starting calibration with turned mounts. ``noted`` holds each axis, its standard deviation, by how much
-        the mount was turned, and axes that the motion did not tell.
+        the mount was turned, and undetermined axes.
 
     Raises:
         DataError: no two units with a single hinge between them, two units on one body, a stream without

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from oarlock import _core
-from oarlock.calibration.static.link_pairs import ROOT, LinkPair, link_pairs
-from oarlock.calibration.static.offset_parameters import STEP_M, STRAIGHT, offset_parameters
+from oarlock.calibration.static.link_pairs import EXACT, ROOT, LinkPair, link_pairs
+from oarlock.calibration.static.offset_parameters import offset_parameters
 from oarlock.calibration.static.worn_model import Worn
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected
@@ -44,9 +44,9 @@ def calibrate_joint_centers(
 ) -> Calibration:
     """Find where joints lie from motion alone: offsets of the units, and lengths between joints.
 
-    For every two bodies with a unit each and a joint between them, gyroscopes and accelerometers tell the vector
+    For every two bodies with a unit each and a joint between them, gyroscopes and accelerometers give the vector
     from the joint to each unit, in the unit's own axes. The mounts' rotations bring it to the links. What the
-    motion does not tell keeps the model's value: always a hinge's place along its axis.
+    motion does not determine keeps the model's value: always a hinge's place along its axis.
 
     Args:
         model: says which joints lie between which units. A unit without a joint above it keeps its offset if
@@ -62,7 +62,7 @@ def calibrate_joint_centers(
 
     Returns:
         The starting calibration with the offsets of the units, and every length that moves a joint which was
-        found. An offset that the model file writes as three parameters of its own is told by these (unless the
+        found. An offset that the model file writes as three parameters of its own is set by these (unless the
         starting calibration holds the unit's mount), so that ``Config(estimate=["lengths"])`` can go on from it.
         ``noted`` holds standard deviations, loose directions, residuals, and by how much joints still miss one
         another because lengths are fixed numbers (``left_m``).
@@ -86,11 +86,11 @@ def calibrate_joint_centers(
     tree = Tree.of(worn, centered, prior_std_m)
     solved = tree.solve(found)
     named = offset_parameters(worn, solved.offsets, solved.parameters)
-    told = dict(pair for values in named.values() for pair in values.items())
+    separate = dict(pair for values in named.values() for pair in values.items())
     offsets = {name: offset for name, offset in solved.offsets.items() if name not in named}
     mounts = {name: (worn.rotations[name], offset) for name, offset in offsets.items()}
     noted = _noted(recording, names, pairs, dict(zip(centered, found, strict=True)), solved)
-    return worn.calibrated(mounts, noted, {**solved.parameters, **told})
+    return worn.calibrated(mounts, noted, {**solved.parameters, **separate})
 
 
 def _found(
@@ -188,12 +188,13 @@ class Tree:
         missing, known = {}, {}
         for pair, joint in zip(self.pairs, found, strict=True):
             turned, rows = _turned(pair, self.worn), self.design(pair)
-            told = turned @ np.concatenate([joint["first_m"], joint["second_m"]]) - _levers(pair, self.worn)
+            found_m = np.concatenate([joint["first_m"], joint["second_m"]])
+            difference = turned @ found_m - _levers(pair, self.worn)
             covariance = np.asarray(turned @ np.asarray(joint["covariance_m2"]) @ turned.T)
             weight = np.linalg.inv(covariance)
             information += rows.T @ weight @ rows
-            vector += rows.T @ weight @ told
-            missing[pair.label], known[pair.label] = told, _tight(covariance)
+            vector += rows.T @ weight @ difference
+            missing[pair.label], known[pair.label] = difference, _tight(covariance)
         covariance = np.asarray(np.linalg.inv(information))
         moved = _tight(covariance) @ covariance @ vector
         return self._solved(moved, np.sqrt(np.diag(covariance)), missing, known)
@@ -202,7 +203,7 @@ class Tree:
         self,
         moved: FloatArray,
         std: FloatArray,
-        told: Mapping[str, FloatArray],
+        difference: Mapping[str, FloatArray],
         tight: Mapping[str, FloatArray],
     ) -> Solved:
         units = [name for name in self.columns if name not in self.slopes]
@@ -212,7 +213,7 @@ class Tree:
             for name in self.slopes
         }
         stds = {name: std[part] for name, part in self.columns.items()}
-        left = {p.label: tight[p.label] @ (told[p.label] - self.design(p) @ moved) for p in self.pairs}
+        left = {p.label: tight[p.label] @ (difference[p.label] - self.design(p) @ moved) for p in self.pairs}
         kept = [
             f"{name}: offset along {axis} of its link"
             for name in units
@@ -244,24 +245,10 @@ def _unknown_units(pairs: Sequence[LinkPair], slopes: Mapping[str, FloatArray]) 
 
 
 def _slopes(model: Model, pairs: Sequence[LinkPair]) -> dict[str, FloatArray]:
-    """(n_pairs, 6) of each length that moves a centre, in proportion."""
-    here = _centers(model, pairs)
-    slopes = {}
-    for name, value in model.parameters.items():
-        low, high = (
-            _centers(model.with_parameters({name: value + step}), pairs) for step in (-STEP_M, STEP_M)
-        )
-        moves = np.abs(high - low).max() > STRAIGHT
-        if moves and np.abs(high - 2.0 * here + low).max() < STRAIGHT:
-            slopes[name] = (high - low) / (2.0 * STEP_M)
-    return slopes
-
-
-def _centers(model: Model, pairs: Sequence[LinkPair]) -> FloatArray:
-    """(n_pairs, 6) m."""
-    names = dict.fromkeys(n for pair in pairs for n in pair.units if n != ROOT)
-    by_child = {p.child: p.center for p in link_pairs(model, list(names), SEARCH, root_at_rest=True)}
-    return np.array([by_child[pair.child] for pair in pairs])
+    """(n_pairs, 6) derivatives of the centres by each length that moves one."""
+    slopes = np.array([pair.center_by_length for pair in pairs])
+    moving = (np.abs(slopes) > EXACT).any(axis=(0, 1))
+    return {name: slopes[..., k] for k, name in enumerate(model.length_names) if moving[k]}
 
 
 # --- what is noted ------------------------------------------------------------------------------------

@@ -34,6 +34,7 @@ class LinkPair:
         center: (6,) the joint's centre in axes of the parent's frame, then of the child's, m; None where no point is
             fixed in both. Of a hinge it is the point of the axis nearest to the child frame's origin.
         axis: (6,) a hinge's axis in the same two axes, unit vectors of one sense; None for other joints.
+        center_by_length: (6, n_lengths) derivatives of the centre by `Model.length_names`; None without a centre.
     """
 
     parent: str
@@ -41,6 +42,7 @@ class LinkPair:
     joints: tuple[str, ...]
     center: FloatArray | None
     axis: FloatArray | None
+    center_by_length: FloatArray | None
 
     @property
     def label(self) -> str:
@@ -82,41 +84,47 @@ def link_pairs(
         root_at_rest = not free and not described.base_acceleration
     if root_at_rest and () not in paths.values():
         frame_of[ROOT], paths = model.frame_names[0], {ROOT: (), **paths}
-    poses = _poses(model)
+    poses, by_length = _poses(model)
     pairs = []
     for child, path in paths.items():
         below = [n for n, own in paths.items() if len(own) < len(path) and path[: len(own)] == own]
         if below:
             parent = max(below, key=lambda name: len(paths[name]))
             frames = [model.frame_names.index(frame_of[name]) for name in (parent, child)]
-            center, axis = _joint(poses[:, frames[0]], poses[:, frames[1]])
-            pairs.append(LinkPair(parent, child, path[len(paths[parent]) :], center, axis))
+            geometry = _joint(poses[:, frames], by_length[:, frames])
+            pairs.append(LinkPair(parent, child, path[len(paths[parent]) :], *geometry))
     return tuple(pairs)
 
 
-def _poses(model: Model) -> FloatArray:
-    """(POSTURES, n_frames, 4, 4) in postures of no meaning, always the same ones."""
+def _poses(model: Model) -> tuple[FloatArray, FloatArray]:
+    """(POSTURES, n_frames, 4, 4) in arbitrary postures, always the same, and derivatives of the origins by lengths."""
     described = model.describe()
     slides = {j.name for j in described.joints if j.kind == "slide"}
     # a free joint's positions are as good as its turns
     scale = [0.3 if name in slides else 0.7 for name in model.coordinate_names]
     q = np.random.default_rng(1).standard_normal((POSTURES, len(scale))) * scale
-    return np.asarray(model.forward_kinematics(q))
+    return np.asarray(model.forward_kinematics(q)), np.asarray(model.frame_jacobian(q).by_length)
 
 
-def _joint(parent: FloatArray, child: FloatArray) -> tuple[FloatArray | None, FloatArray | None]:
-    """Centre and axis of what lies between two frames, (POSTURES, 4, 4) each."""
-    between = np.linalg.inv(parent) @ child
+def _joint(
+    poses: FloatArray, by_length: FloatArray
+) -> tuple[FloatArray | None, FloatArray | None, FloatArray | None]:
+    """Centre and axis of a joint and the centre's derivatives, from two frames' (POSTURES, 2, 4, 4) poses."""
+    between = np.linalg.inv(poses[:, 0]) @ poses[:, 1]
     turns, shifts = between[:, :3, :3], between[:, :3, 3]
-    # A point fixed in both: turn times its place in the child plus the shift is its place in the parent.
+    # A point fixed in both: the rotation times its place in the child plus the shift is its place in the parent.
     rows = np.concatenate([-np.broadcast_to(np.eye(3), turns.shape), turns], axis=2).reshape(-1, 6)
     _, strengths, directions = np.linalg.svd(rows)
     free = directions[strengths < EXACT * strengths[0]]
-    center = -np.linalg.pinv(rows, rcond=EXACT) @ shifts.reshape(-1)
+    solve = -np.linalg.pinv(rows, rcond=EXACT)
+    center = solve @ shifts.reshape(-1)
     apart = float(np.abs(rows @ center + shifts.reshape(-1)).max())
     if len(free) > 1 or apart > EXACT * (1.0 + float(np.abs(shifts).max())):
-        return None, None
+        return None, None, None
+    moves = np.swapaxes(poses[:, 0, :3, :3], 1, 2) @ (by_length[:, 1] - by_length[:, 0])
+    center_by_length = solve @ moves.reshape(len(rows), -1)
     if not len(free):
-        return center, None
+        return center, None, center_by_length
     axis = free[0] * np.sqrt(2.0)
-    return center - axis * float(axis[3:] @ center[3:]), axis
+    nearest = np.eye(6) - np.outer(axis, np.r_[np.zeros(3), axis[3:]])
+    return nearest @ center, axis, nearest @ center_by_length

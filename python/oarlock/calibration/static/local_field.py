@@ -5,6 +5,7 @@ The search itself is the engine's (`calibrate::local_field`); docs/mounts.md exp
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
     from oarlock._core import Model
 
 SEARCH = "magnetic field"
-STEP = 1e-3
-EXACT = 1e-9
 
 
 def calibrate_field(
@@ -82,15 +81,9 @@ def _with_magnetometer(model: Model, recording: Recording) -> list[str]:
 
 
 def parameter_of(model: Model, key: str) -> str | None:
-    """The one parameter that is this number of the world, if there is such a one."""
-    here = getattr(model.describe().world, key)
-    moving = {}
-    for name, value in model.parameters.items():
-        there = getattr(model.with_parameters({name: value + STEP}).describe().world, key)
-        if there != here:
-            moving[name] = (there - here) / STEP
-    alone = len(moving) == 1 and abs(next(iter(moving.values())) - 1.0) < EXACT / STEP
-    return next(iter(moving)) if alone else None
+    """The parameter that the model file names as this number of its world, if it names one."""
+    entry = tomllib.loads(model.text).get("world", {}).get(key)
+    return entry.strip() if isinstance(entry, str) and entry.strip() in model.parameters else None
 
 
 def _figures(unit: Mapping[str, Any]) -> dict[str, Any]:

@@ -12,8 +12,9 @@ from oarlock.model.description import ImuDescription, ModelDescription
 from oarlock.storage.array_gate import FloatArray
 
 STEP_M = 0.01
-STRAIGHT = 1e-9
-"""A place follows a length in proportion; what departs by more than rounding is an angle, or something else."""
+"""A step, because no Jacobian contains all that a parameter may change: whole descriptions are compared."""
+ROUNDING_M = 1e-9
+"""A position is linear in a length: a larger deviation from the step shows an angle, or another kind of parameter."""
 
 
 def offset_parameters(
@@ -27,7 +28,7 @@ def offset_parameters(
     Args:
         worn: the model's values, and what is known.
         offsets: unit -> (3,) m, in its link's axes.
-        taken: parameters that are told otherwise.
+        taken: parameters that are found otherwise.
     """
     axes: dict[str, dict[int, list[str]]] = {}
     own = worn.model.describe()
@@ -51,12 +52,12 @@ def _moved_alone(model: ModelDescription, longer: ModelDescription) -> list[tupl
     """The unit and the axis along which a longer parameter moves it and nothing else, metre for metre; else nothing."""
     here, there = _places(model), _places(longer)
     moved = {unit: there[unit] - here[unit] for unit in here}
-    moved = {unit: by for unit, by in moved.items() if np.abs(by).max() > STRAIGHT}
+    moved = {unit: by for unit, by in moved.items() if np.abs(by).max() > ROUNDING_M}
     if len(moved) != 1 or _without_places(model) != _without_places(longer):
         return []
     ((unit, by),) = moved.items()
     axis = int(np.argmax(np.abs(by)))
-    follows = np.abs(by - STEP_M * np.eye(3)[axis]).max() < STRAIGHT
+    follows = np.abs(by - STEP_M * np.eye(3)[axis]).max() < ROUNDING_M
     return [(unit, axis)] if follows else []
 
 

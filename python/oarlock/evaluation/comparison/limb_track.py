@@ -138,7 +138,11 @@ def _merged(
         beliefs=_beliefs(limbs, tracks),
         notes=_notes(limbs, tracks),
         provenance={
-            **{key: tracks[0].provenance[key] for key in ("oarlock", "config")},
+            **{
+                key: tracks[0].provenance[key]
+                for key in ("oarlock", "config", "epoch")
+                if key in tracks[0].provenance
+            },
             "model": model.name,
             "parameters": dict(sized.parameters),
             "filter": "limbs",

@@ -29,6 +29,7 @@ from oarlock.storage.suggest import did_you_mean
 from oarlock.tracking.known_streams import known_streams
 from oarlock.tracking.track import Track, track_without_filter
 from oarlock.tracking.tracking import admit
+from oarlock.tracking.turns import hinges_of, placed
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -96,11 +97,14 @@ def track_orientations(
     measured = _measured(worn, recording, units, found, time_s)
     began_kinematics = time.perf_counter(), time.thread_time()
     q, _ = solve(worn.model, measured, time_s)
+    hinges = hinges_of(worn.model.describe().joints, worn.model.coordinate_names)
+    q = placed(hinges, q, lambda: np.zeros_like(q), time_s)
     ended, ended_cpu = time.perf_counter(), time.thread_time()
     provenance = {
         "oarlock": _core.__version__,
         "model": model.name,
         "parameters": dict(worn.model.parameters),
+        **({} if recording.epoch is None else {"epoch": recording.epoch}),
         "config": {"filter": filter},
         "nominal_mounts": [n for n in units if calibration is None or n not in calibration.mounts],
         "steps": len(time_s),

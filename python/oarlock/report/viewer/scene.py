@@ -14,6 +14,7 @@ from oarlock.report.viewer.curves import Curve, joint_curves, packed_panels
 from oarlock.report.viewer.figure import Figure, add_frames, add_loops, add_strands, carried_shapes
 from oarlock.report.viewer.marks import Mark, marks_and_spans
 from oarlock.report.viewer.packing import packed, packed_times
+from oarlock.storage.epoch import ZONE_WORDS, moment_of
 from oarlock.storage.errors import DataError
 from oarlock.tracking.places import model_of, poses_of, position_spreads
 
@@ -82,6 +83,7 @@ def scene(
         "title": title,
         "model": model.name,
         "time_s": packed_times(times),
+        "epoch": _epoch(track),
         "world": {"up": list(description.world.up), "forward": list(description.world.forward)},
         "ground": {"kind": seen.ground, "height_m": seen.ground_m},
         "viewpoints": [_viewpoint(one) for one in seen.viewpoints or _usual(description.world)],
@@ -100,6 +102,14 @@ def scene(
         "notes": list(seen.notes),
         "ghost": _ghost_scene(ghost, every_s, look),
     }
+
+
+def _epoch(track: Track) -> dict[str, Any] | None:
+    """The moment of time 0 as the player's clock needs it: ms since 1970 or midnight, and the words of its zone."""
+    moment = moment_of(track.provenance.get("epoch"))
+    if moment is None:
+        return None
+    return {"ms": 1e3 * moment.seconds, "dated": moment.kind != "clock", "zone": ZONE_WORDS[moment.kind]}
 
 
 def shown_rows(time_s: Floats, every_s: float, start_s: float | None, end_s: float | None) -> Ints:

@@ -4,7 +4,8 @@ mod refusals;
 pub mod signals;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
-use oarlock::calibrate::hinge_chain::{mounts, ChainOptions, ChainSensor, FoundMount};
+use oarlock::calibrate::chain_sensor::{ChainOptions, ChainSensor};
+use oarlock::calibrate::hinge_chain::{mounts, FoundMount};
 use oarlock::calibrate::lever_arms::{lever_arms, LeverOptions};
 use oarlock::calibrate::magnetic::{magnetic_field, MagneticOptions};
 use oarlock::calibrate::still::{find_still, StillLimits};

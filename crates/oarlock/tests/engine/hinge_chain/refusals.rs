@@ -2,7 +2,8 @@
 
 use super::signals::{Noise, Readings, White, GRAVITY, UP};
 use super::{all_readings, pendulum, sensors};
-use oarlock::calibrate::hinge_chain::{mounts, ChainOptions, ChainSensor};
+use oarlock::calibrate::chain_sensor::{ChainOptions, ChainSensor};
+use oarlock::calibrate::hinge_chain::mounts;
 use oarlock::calibrate::lever_arms::{lever_arms, LeverOptions};
 use oarlock::calibrate::magnetic::{magnetic_field, MagneticOptions};
 use oarlock::Error;
