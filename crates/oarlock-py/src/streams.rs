@@ -6,7 +6,7 @@ use crate::errors::{raise, DataError};
 use crate::lent::column;
 use oarlock::config::Config;
 use oarlock::corrections::Clock;
-use oarlock::recording::{Channel, Recording, Sample, Stream};
+use oarlock::recording::{Channel, Gathering, Recording, Sample, Stream};
 use oarlock::sensor::Quantity;
 use oarlock::track::{Calibration, Tracker};
 use pyo3::prelude::*;
@@ -26,7 +26,7 @@ pub fn samples(
     recording: &Any<'_>,
 ) -> PyResult<Vec<Sample>> {
     let body = tracker.body();
-    let recording = Recording::new(&body.model, &body.suite, streams(recording)?, clocks, config.gathering());
+    let recording = Recording::new(&body.model, &body.suite, streams(recording)?, clocks, Gathering::of(config));
     let recording = recording.map_err(|e| raise(py, e))?;
     let (mut cursor, mut sample, mut all) = (recording.start(), tracker.empty_sample(), Vec::new());
     while recording.next(&mut cursor, &mut sample) {

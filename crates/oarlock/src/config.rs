@@ -2,8 +2,6 @@
 //! them.
 
 use crate::error::{Error, Result};
-use crate::recording::ticks::Ticks;
-use crate::recording::Gathering;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -144,14 +142,6 @@ const HIGHEST_RATE_HZ: f64 = 20_000.0;
 pub const DEFAULT_ESTIMATE: [&str; 3] = ["gyro_bias", "accel_bias", "surge"];
 
 impl Config {
-    /// How readings are gathered into samples. What is to be found from time stamps must be found before.
-    pub fn gathering(&self) -> Gathering {
-        match self.sample_rate_hz.filter(|hz| *hz > 0.0) {
-            Some(rate_hz) => Gathering::Ticks(Ticks::new(rate_hz, self.row_rate_hz())),
-            None => Gathering::Instants(self.merge_s),
-        }
-    }
-
     /// Rate of the rows, Hz; None: every sample is a row.
     pub fn row_rate_hz(&self) -> Option<f64> {
         self.output_rate_hz.filter(|hz| *hz > 0.0)

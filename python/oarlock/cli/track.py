@@ -147,8 +147,8 @@ def track(
     if asked in OTHER_FILTERS and (smooth or len(recordings) > 1):
         lacks = "--smooth" if smooth else "several recordings at once"
         raise UsageError(f"--filter {asked} has no {lacks}; {', '.join(tree_filters())} have")
+    wearing = load_calibration(calibration) if calibration is not None else None
     if len(recordings) > 1:
-        wearing = load_calibration(calibration) if calibration is not None else None
         folders = folders_for(recordings, out, force)
         track_several(
             body,
@@ -164,9 +164,7 @@ def track(
             json_output=json_output,
         )
         return
-    recording = recordings[0]
-    measured = load(recording)
-    wearing = load_calibration(calibration) if calibration is not None else None
+    measured = load(recordings[0])
     if (out / RECORDING_FILE).exists():
         raise UsageError(f"{out} is a recording; choose another folder for the results")
     with explained(out, f"Track of {body.name}", force) as found, output_folder(out, TRACK, force) as stage:
@@ -178,7 +176,7 @@ def track(
         print_json(document(result, out, found))
         return
     write_suspects(found)
-    say(f"Tracked {recording}", style="bold")
+    say(f"Tracked {recordings[0]}", style="bold")
     write_summary(result)
     tables = ["track", *beside(result)]
     say(f"\nWrote {out}: {', '.join(tables)} (.parquet), model.toml, run.toml, report.html")

@@ -27,7 +27,8 @@ LEAST_SHARE = 0.0005
 class TrackSummary:
     """Key figures of a track for the top of a page.
 
-    `start` is the moment of the first row as text, empty if it is not known. `samples` counts the rows of the track and `rate_hz` is their rate; each stream has its own (`stream_rates`).
+    `start` is the moment of the first row as text, empty if it is not known. `samples` counts the rows of the track and
+    `rate_hz` is their rate; each stream has its own (`stream_rates`).
     `steps_per_s` is None for a track without a filter run, and `real_time_factor` is the recording's time divided by
     the time of computation. `readings` are the sums over all streams.
     """

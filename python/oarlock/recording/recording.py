@@ -10,6 +10,7 @@ import numpy as np
 
 from oarlock.recording.epoch import epoch_of, from_zero
 from oarlock.recording.folder import read_folder, write_folder
+from oarlock.recording.packets import missing_share, own_rate_hz
 from oarlock.recording.streams import Stream
 from oarlock.storage.copies import copied_notes
 from oarlock.storage.errors import DataError
@@ -167,8 +168,6 @@ class Recording:
         write_folder(self.streams, self.meta, folder, file_format, force)
 
     def __repr__(self) -> str:
-        from oarlock.recording.packets import missing_share, own_rate_hz
-
         width = max(len(n) for n in self.names)
         kind_width = max(6, *(len(s.kind) for s in self))
         lines = [

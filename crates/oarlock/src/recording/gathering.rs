@@ -2,6 +2,7 @@
 
 use super::ticks::Ticks;
 use super::Sample;
+use crate::config::Config;
 
 /// How readings are gathered into samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,6 +43,14 @@ pub trait Heads {
 }
 
 impl Gathering {
+    /// As the configuration says. What is to be found from time stamps must be found before.
+    pub fn of(config: &Config) -> Self {
+        match config.sample_rate_hz.filter(|hz| *hz > 0.0) {
+            Some(rate_hz) => Gathering::Ticks(Ticks::new(rate_hz, config.row_rate_hz())),
+            None => Gathering::Instants(config.merge_s),
+        }
+    }
+
     /// Reads the next sample; false at the end. Allocates nothing.
     pub fn next(&self, heads: &impl Heads, cursor: &mut Cursor, sample: &mut Sample) -> bool {
         sample.clear();

@@ -1,6 +1,6 @@
 //! What time stamps tell of a recording: whether its sensors tick together, at which rates, and how exact the stamps are.
 
-use super::{Channel, Recording, Sample, Stream};
+use super::{Channel, Gathering, Recording, Sample, Stream};
 use crate::config::Config;
 use crate::corrections::Clock;
 use crate::error::Result;
@@ -64,7 +64,7 @@ impl Streams<'_> {
 
     /// Goes through the instants of the recording once.
     fn census(&self, config: &Config) -> Result<Census> {
-        let instants = Config { sample_rate_hz: None, ..config.clone() }.gathering();
+        let instants = Gathering::of(&Config { sample_rate_hz: None, ..config.clone() });
         let recording = Recording::new(self.model, self.suite, self.streams.to_vec(), self.clocks, instants)?;
         let (mut cursor, mut sample) = (recording.start(), Sample::empty(self.model, self.suite));
         let inputs: Vec<usize> = self.model.joints.iter().filter(|j| j.input).map(|j| j.first).collect();

@@ -8,7 +8,7 @@ use super::hypothesis::Hypothesis;
 use super::{Sink, Tracker};
 use crate::error::{Error, Result};
 use crate::recording::feed::{Feed, Place};
-use crate::recording::{Cursor, Sample};
+use crate::recording::{Cursor, Gathering, Sample};
 use std::collections::VecDeque;
 
 /// Time for which state estimates are kept, and the interval between them, s.
@@ -54,7 +54,7 @@ impl Arrivals {
     pub fn new(tracker: &Tracker) -> Self {
         let (body, config) = (&tracker.subject.body, &tracker.config);
         let rows = body.suite.sources.iter().map(|s| s.rows.clone()).collect();
-        let feed = Feed::new(config.gathering(), rows, body.model.coordinate_count());
+        let feed = Feed::new(Gathering::of(config), rows, body.model.coordinate_count());
         let (cursor, sample) = (feed.start(), tracker.empty_sample());
         let (kept, counts, last_s) = (VecDeque::new(), Counts::default(), f64::NEG_INFINITY);
         Arrivals { feed, cursor, wait_s: config.wait_s, kept, sample, last_s, counts }

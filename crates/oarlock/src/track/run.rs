@@ -88,7 +88,7 @@ pub fn track(
     let mut tracker = Tracker::new(model.clone(), calibration, config)?;
     let body = tracker.body();
     let inputs = body.model.joints.iter().filter(|j| j.input).map(|j| j.first).collect();
-    let recording = Recording::new(&body.model, &body.suite, streams, clocks, config.gathering())?;
+    let recording = Recording::new(&body.model, &body.suite, streams, clocks, Gathering::of(config))?;
     if let Some(start) = start {
         tracker.resume(start)?;
     }
@@ -257,7 +257,7 @@ impl Keeper<'_> {
         tally.judge(&tracker.subject, info, tracker.fields(info).zip(tracker.source_faults(info)));
         // Decided by the time stamp alone, so that a run in two parts keeps the same rows. A rounding error late counts
         // as on time.
-        let is_row = match run.config.gathering() {
+        let is_row = match Gathering::of(&run.config) {
             Gathering::Ticks(ticks) => ticks.is_row(ticks.nearest(time_s)),
             Gathering::Instants(_) => {
                 let rate_hz = run.config.row_rate_hz();

@@ -81,7 +81,7 @@ fn no_reading_is_lost_in_gathering() {
     let tracker = Tracker::new(model(SCULLER), &Calibration::default(), &config).unwrap();
     let body = tracker.body();
     let all =
-        Recording::new(&body.model, &body.suite, streams.clone(), &Default::default(), config.gathering()).unwrap();
+        Recording::new(&body.model, &body.suite, streams.clone(), &Default::default(), Gathering::of(&config)).unwrap();
     let (mut cursor, mut sample, mut last_s) = (all.start(), tracker.empty_sample(), f64::NEG_INFINITY);
     let mut counts = vec![0; body.suite.sources.len()];
     while all.next(&mut cursor, &mut sample) {
