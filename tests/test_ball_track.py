@@ -12,6 +12,7 @@ from ball_body import BallBody, noisy, true_track
 from oarlock.evaluation.summary import summarize
 from oarlock.model.angle_sequence import quat_from_angles
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec, rotvec_between
+from oarlock.storage.manifest import MANIFEST
 from oarlock.storage.toml import TomlTable, write_toml
 from oarlock.tracking.joint_series import BallSeries, FreeSeries, JointSeries
 from refusals import assert_refused
@@ -156,6 +157,7 @@ def test_folders_from_before_ball_joints_are_read(tmp_path):
     track = noisy(true_track(body, 3.0), 0.01)
     replace(track, model=None).save(tmp_path)
     run = TomlTable.read(tmp_path / "run.toml").values
+    (tmp_path / MANIFEST).unlink()  # older versions wrote none
     write_toml(
         tmp_path / "run.toml", {k: v for k, v in run.items() if k not in ("coordinates", "angle_sequences")}
     )

@@ -6,6 +6,7 @@ import pytest
 import oarlock
 from exact_recording import figures, load_excerpt
 from oarlock import rowing
+from oarlock.storage.manifest import MANIFEST
 
 FILTERS = ("ukf", "ekf", "factorised")
 # What a straight line may cost where readings are nearly straight.
@@ -59,6 +60,7 @@ def test_a_track_of_the_removed_iterated_filter_still_loads(tracks, tmp_path):
     run = tmp_path / "run.toml"
     text = run.read_text(encoding="utf-8")
     assert text.count('filter = "ekf"') == 1
+    (tmp_path / MANIFEST).unlink()  # older versions wrote none
     run.write_text(text.replace('filter = "ekf"', 'filter = "iekf"'), encoding="utf-8")
     loaded = oarlock.load_track(tmp_path)
     assert loaded.provenance["config"]["filter"] == "iekf"

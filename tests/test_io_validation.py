@@ -223,7 +223,7 @@ def test_openaxes(tmp_path):
 
 
 def test_mistakes_in_openaxes(tmp_path):
-    assert_refused(lambda: openaxes_runs(tmp_path), "holds no run")
+    assert_refused(lambda: openaxes_runs(tmp_path), "contains no run")
     with pytest.raises(DataError, match=r'no run "spiral".*circle-100'):
         read_openaxes(openaxes_folder(tmp_path), "spiral")
     with pytest.raises(DataError, match=r"6 rows, but its clock .* has 5"):

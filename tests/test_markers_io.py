@@ -1,6 +1,7 @@
 """Marker files: C3D, TRC, CSV, the exports of Vicon Nexus and Qualisys; what is written is read back."""
 
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 
 from local_data import local_folder
 from oarlock import DataError, Markers, load_markers
+from oarlock.storage.array_gate import LEAST_INTERVAL_S
 from refusals import assert_refused
 
 OPENSIM = Path(__file__).parent / "data/opensim"
@@ -27,7 +29,8 @@ names = st.lists(name.filter(lambda n: ":" not in n), min_size=1, max_size=4, un
 @st.composite
 def any_markers(draw):
     chosen = draw(names)
-    stamps = sorted(draw(st.lists(st.floats(-HOUR, HOUR), min_size=1, max_size=6, unique=True)))
+    drawn = sorted(draw(st.lists(st.floats(-HOUR, HOUR), min_size=1, max_size=6)))
+    stamps = drawn[:1] + [b for a, b in pairwise(drawn) if b - a >= LEAST_INTERVAL_S]
     cell = st.one_of(st.just((np.nan,) * 3), st.tuples(coordinate, coordinate, coordinate))
     row = st.tuples(*[cell] * len(chosen))
     return Markers(tuple(chosen), stamps, [draw(row) for _ in stamps])

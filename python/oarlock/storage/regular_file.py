@@ -42,16 +42,15 @@ def open_text(file: Path, encoding: str) -> TextIO:
         DataError: as `open_regular`, or the first line does not end within `LINE_LIMIT_BYTES`.
     """
     stream = open_regular(file)
-    start = stream.read(LINE_LIMIT_BYTES)
-    if len(start) == LINE_LIMIT_BYTES and b"\n" not in start and b"\r" not in start:
-        stream.close()
-        raise DataError(
-            f"{file}: has no line end in its first {shown_bytes(LINE_LIMIT_BYTES)}; it is no table of text"
-        )
-    stream.seek(0)
     try:
+        start = stream.read(LINE_LIMIT_BYTES)
+        if len(start) == LINE_LIMIT_BYTES and b"\n" not in start and b"\r" not in start:
+            raise DataError(
+                f"{file}: has no line end in its first {shown_bytes(LINE_LIMIT_BYTES)}; it is no table of text"
+            )
+        stream.seek(0)
         return io.TextIOWrapper(stream, encoding=encoding, newline="")
-    except LookupError:
+    except BaseException:
         stream.close()
         raise
 

@@ -50,7 +50,7 @@ _COLUMNS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("work_j", "J", ("Work",)),
     ("power_w", "W", ("Power",)),
 )
-_NOT_COUNTED = "--- in the file: the oarlock felt a stroke that the SpeedCoach did not count"
+_NOT_COUNTED = "--- in the file: the oarlock measured a stroke that the SpeedCoach did not count"
 
 
 def read(grid: Grid, header: int) -> StrokeTable:
@@ -127,7 +127,7 @@ def _name_oarlock_strokes(gathered: Gathered) -> None:
         gathered.columns[name] = Column(column.values, column.but(rows, _NOT_COUNTED).reasons)
     if alone.any():
         gathered.notes.append(
-            f"the oarlock felt {many(alone.sum(), 'stroke')} that the SpeedCoach did not count"
+            f"the oarlock measured {many(alone.sum(), 'stroke')} that the SpeedCoach did not count"
         )
 
 
