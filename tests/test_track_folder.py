@@ -104,7 +104,9 @@ def test_config_of_a_loaded_track_is_the_one_it_was_tracked_with(recording, tmp_
     loaded = oarlock.Config(**oarlock.load_track(tmp_path).provenance["config"])
     # What is left to be found from the time stamps is found.
     found = {"sample_rate_hz": 0.0, "output_rate_hz": 0.0, "inputs": loaded.inputs, "stamp_std_s": {}}
-    assert loaded == oarlock.Config(**(config.to_dict() | found)) == oarlock.Config(**track.provenance["config"])
+    assert (
+        loaded == oarlock.Config(**(config.to_dict() | found)) == oarlock.Config(**track.provenance["config"])
+    )
 
 
 def test_another_recording_has_another_hash(recording, track):

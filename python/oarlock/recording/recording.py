@@ -1,5 +1,6 @@
 """`Recording`: the streams of one trial. Importers and simulators create recordings; `oarlock.track` tracks them."""
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from os import PathLike
@@ -174,10 +175,14 @@ class Recording:
             f"Recording: {len(self)} streams, {self.start_s:.6g} to {self.end_s:.6g} s ({self.duration_s:.4g} s)"
         ]
         for s in self.streams:
-            rate = "-" if len(s) == 1 else f"{own_rate_hz(self, s):.4g}"
+            try:
+                rate, missing = own_rate_hz(self, s), missing_share(self, s)
+            except DataError:  # an invalid note on packets, which is refused where it is used
+                rate = missing = math.nan
+            shown = "-" if math.isnan(rate) else f"{rate:.4g}"
             lines.append(
-                f"  {s.name:<{width}}  {s.kind:<{kind_width}}  {rate:>6} Hz  {len(s):>8} samples  "
-                f"{100 * missing_share(self, s):5.1f} % missing  {' '.join(s.values)}"
+                f"  {s.name:<{width}}  {s.kind:<{kind_width}}  {shown:>6} Hz  {len(s):>8} samples  "
+                f"{100 * missing:5.1f} % missing  {' '.join(s.values)}"
             )
         return "\n".join(lines)
 
