@@ -30,7 +30,7 @@ ENGINE_MAY_USE: dict[str, set[str]] = {
     "jacobian": SETTINGS | {"sensor"},
     "describe": BODY | {"body", "sensor"},
     "corrections": FOUNDATION | {"sensor"},
-    "recording": BODY | {"corrections", "sensor"},
+    "recording": BODY | {"config", "corrections", "sensor"},
     "track": SETTINGS | {"state", "motion", "sensor", "corrections", "body", "recording"},
     "simulate": BODY | {"state", "motion", "track"},
     "calibrate": BODY,

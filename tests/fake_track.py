@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock import FrameDescription
+from oarlock.tracking.counts import StreamCount
 
 Floats = NDArray[np.float64]
 
@@ -82,6 +83,7 @@ class FakeTrack:
     provenance: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     smoothed: bool = False
+    counts: tuple[StreamCount, ...] = ()
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:
@@ -147,7 +149,14 @@ def noisy_track(truth: FakeTrack, std: float, seed: int = 0, claimed: float | No
             "nominal_mounts": ["back"],
         },
         notes=("theta: not observed (no stream)",),
+        counts=healthy_counts(len(truth.time_s)),
     )
+
+
+def healthy_counts(samples: int) -> tuple[StreamCount, ...]:
+    """Of the two sensors of `healthy_info` that have a stream: nothing is missing, ten readings are rejected."""
+    rows = {"back": 9 * samples, "seat": samples}
+    return tuple(StreamCount(name, 100.0, n, n, n - 10, 10) for name, n in rows.items())
 
 
 def healthy_info(samples: int, rng: np.random.Generator) -> FakeInfo:

@@ -218,7 +218,11 @@ def test_an_earlier_run_gives_its_settings(trial):
     found = settings.settings_of_file(trial / "out" / "run.toml")
     assert found == oarlock.load_track(trial / "out").provenance["config"]
     model = oarlock.load_model("sculler")
-    assert settings.configuration(model, found) == oarlock.Config()
+    again = settings.configuration(model, found).to_dict()
+    by_itself = {"sample_rate_hz", "output_rate_hz", "inputs", "stamp_std_s"}
+    assert {
+        key: value for key, value in oarlock.Config().to_dict().items() if again[key] != value
+    }.keys() == by_itself
 
 
 @pytest.mark.parametrize("flag", settings.NOW_SETTINGS)

@@ -227,10 +227,12 @@ def test_singular_beliefs_are_counted_and_left_out(truth):
 def test_nis_per_measurement_of_each_sensor(truth):
     scores = {score.name: score for score in evaluate(noisy_track(truth, 0.01), truth).sensors}
     n = len(TIME_S) - 200
-    assert (scores["back"].used, scores["seat"].used) == (9 * n, n)
-    assert scores["r_grip"].used + scores["r_grip"].missing == 6 * n
-    for score in scores.values():
-        assert abs(score.nis - 1) < FIVE_SIGMA * np.sqrt(2 / score.used)
+    assert (scores["back"].count.used, scores["seat"].count.used) == (9 * len(TIME_S) - 10, len(TIME_S) - 10)
+    assert scores["r_grip"].count is None
+    rows = {"back": 9 * n, "seat": n, "r_grip": 3 * n, "all inertial": 9 * n}
+    for name, score in scores.items():
+        assert abs(score.nis - 1) < FIVE_SIGMA * np.sqrt(2 / rows[name])
+        assert score.interval_95[0] < 1 < score.interval_95[1]
 
 
 def test_truth_has_no_sensors_and_no_beliefs(truth):

@@ -104,10 +104,11 @@ def test_pandas_reads_the_same_from_csv_and_parquet(exported: oarlock.Export) ->
         pandas.testing.assert_frame_equal(text, table, rtol=1e-14, atol=0, check_dtype=False)
 
 
-def test_csv_leaves_cells_empty_where_there_is_no_number(exported: oarlock.Export) -> None:
+def test_csv_has_a_joint_that_nothing_observes_at_its_rest(exported: oarlock.Export) -> None:
     with (exported.folder / "coordinates.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert {row["r_oar_theta_rad"] for row in rows} == {""}
+    # No sensor tells the feathering: it is at its rest, as the band says.
+    assert {row["r_oar_theta_rad"] for row in rows} == {"0"}
     assert all(row["trunk_rad"] for row in rows)
 
 
@@ -151,7 +152,7 @@ def test_header_of_the_motion_is_opensims_own(exported: oarlock.Export) -> None:
     assert f"nColumns={len(lines[end + 1].split(chr(9)))}" in head
     assert "inDegrees=yes" in head
     assert "Angles are in degrees." in head
-    assert any(line.startswith("r_oar_theta: no stream measured it") for line in head)
+    assert any(line.startswith("r_oar_theta: not observed in") for line in head)
     assert sum("=" in line for line in head) == 4, "readers take every line with = for a key"
     speeds = (exported.folder / "velocities.sto").read_text(encoding="ascii").splitlines()
     assert speeds[0] == "Speeds"

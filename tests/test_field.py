@@ -80,9 +80,9 @@ def test_a_disturbance_is_named_everywhere_and_does_no_harm(kind: str, tmp_path:
     assert np.array_equal(track.info.disturbed(kind)[:, 0], within)
     assert np.array_equal(track.info.disturbed()[:, 0], within)
     (note,) = (n for n in track.notes if "magnetic field disturbed" in n)
-    assert note.startswith("head: magnetic field disturbed for 5.0 of ") and f"({kind} 5.0 s)" in note
+    assert note.startswith(f"head: magnetic field disturbed in 25.0 % of the readings ({kind} 25.0 %)")
     (score,) = (s for s in sensor_scores(track, Interval(-np.inf, np.inf)) if s.name == "head")
-    assert score.disturbed == {kind: pytest.approx(within.mean())}
+    assert score.count is not None and score.count.disturbed == {kind: pytest.approx(within.mean())}
     page = write_report(track, tmp_path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ")
     assert f"<td>{kind} 25.0 %</td>" in page
     track.save(tmp_path / "track")

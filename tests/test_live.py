@@ -57,7 +57,8 @@ def assert_same_rows(one: oarlock.Track, other: oarlock.Track, rows: Any = slice
 @pytest.mark.parametrize("source", ["recording", "gappy"])
 def test_stream_equals_batch(source, request):
     recording = request.getfixturevalue(source)
-    whole, tracker = oarlock.track(sculler(), recording), oarlock.Tracker(sculler())
+    whole = oarlock.track(sculler(), recording)
+    tracker = oarlock.Tracker(sculler(), config=oarlock.Config(**whole.provenance["config"]))
     steps = streamed(tracker, tracker.samples(recording))
     assert [info.time_s for _, info in steps] == list(whole.time_s)
     started = next(i for i, (belief, _) in enumerate(steps) if belief is not None)
@@ -126,8 +127,9 @@ def test_absent_keys_are_missing_readings(recording):
 def test_cut_equals_uncut(source, cut_s, request):
     recording = request.getfixturevalue(source)
     whole = oarlock.track(sculler(), recording)
-    before = oarlock.track(sculler(), recording.slice(end_s=cut_s))
-    after = oarlock.track(sculler(), recording.slice(start_s=cut_s), start=before.last_belief)
+    found = oarlock.Config(**whole.provenance["config"])
+    before = oarlock.track(sculler(), recording.slice(end_s=cut_s), config=found)
+    after = oarlock.track(sculler(), recording.slice(start_s=cut_s), config=found, start=before.last_belief)
     assert len(before) + len(after) == len(whole)
     assert_same_rows(whole, before, slice(len(before)))
     assert_same_rows(whole, after, slice(len(before), None))

@@ -352,8 +352,12 @@ def test_what_makes_no_chain_or_posture(model):
     assert_refused(lambda: posture(model, [0.1, 0.2]), "(2,)", "(3,)")
 
 
-def test_a_stream_that_the_model_does_not_know_names_the_way_out(model, measured):
-    assert_refused(lambda: oarlock.track(model, measured), '"static"', "--only upper,middle,lower")
+def test_a_stream_that_the_model_does_not_know_is_left_out(model, measured):
+    track, alone = (
+        oarlock.track(model, one) for one in (measured, measured.only(["upper", "middle", "lower"]))
+    )
+    assert "1 stream without a sensor in this model: static; not used" in track.notes
+    np.testing.assert_array_equal(track.q, alone.q)
     assert measured.only(["lower", "upper"]).names == ("upper", "lower")
     assert_refused(lambda: measured.only(["uper"]), '"upper"')
 

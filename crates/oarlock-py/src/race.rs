@@ -33,7 +33,7 @@ pub fn race<'py>(
         return Err(DataError::new_err("race: no configuration; give one at least"));
     };
     let config = config.get().0.clone();
-    let all = samples(py, first, &BTreeMap::new(), config.merge_s, recording)?;
+    let all = samples(py, first, &BTreeMap::new(), &config, recording)?;
     if all.len() <= warm {
         return Err(DataError::new_err(format!(
             "race: {} samples, of which {warm} only warm up: give more",

@@ -199,6 +199,12 @@ impl PyRun {
         table(py, series.time_s.len(), values)
     }
 
+    /// The configuration with what was found from the time stamps.
+    #[getter]
+    fn config(&self) -> PyConfig {
+        PyConfig(self.run().config().clone())
+    }
+
     /// Coordinates of input joints, and their readings (T, inputs).
     fn inputs<'py>(&self, py: Python<'py>) -> PyResult<(Vec<usize>, Bound<'py, PyArray2<f64>>)> {
         let run = self.run();
@@ -230,6 +236,23 @@ impl PyRun {
         let inertial: (Vec<f64>, Vec<u32>) = s.inertial.iter().copied().unzip();
         out.set_item("inertial_nis", PyArray1::from_vec(py, inertial.0))?;
         out.set_item("inertial_used", PyArray1::from_vec(py, inertial.1))?;
+        Ok(out)
+    }
+
+    /// Counts of each stream's readings over all samples, in the recording's order.
+    fn counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        let out = PyList::empty(py);
+        for count in self.run().counts() {
+            let one = PyDict::new(py);
+            one.set_item("name", count.name)?;
+            one.set_item("channels", count.channels)?;
+            one.set_item("received", count.received)?;
+            one.set_item("used", count.used)?;
+            one.set_item("rejected", count.rejected)?;
+            one.set_item("fields", count.fields)?;
+            one.set_item("faults", count.faults)?;
+            out.append(one)?;
+        }
         Ok(out)
     }
 

@@ -4,8 +4,9 @@ use crate::array::{by_name, matrix, three, Any};
 use crate::corrections::corrections;
 use crate::errors::{raise, DataError};
 use crate::lent::column;
+use oarlock::config::Config;
 use oarlock::corrections::Clock;
-use oarlock::recording::{Channel, Recording, Sample, Stream};
+use oarlock::recording::{Channel, Gathering, Recording, Sample, Stream};
 use oarlock::sensor::Quantity;
 use oarlock::track::{Calibration, Tracker};
 use pyo3::prelude::*;
@@ -21,11 +22,11 @@ pub fn samples(
     py: Python<'_>,
     tracker: &Tracker,
     clocks: &BTreeMap<String, Clock>,
-    merge_s: f64,
+    config: &Config,
     recording: &Any<'_>,
 ) -> PyResult<Vec<Sample>> {
     let body = tracker.body();
-    let recording = Recording::new(&body.model, &body.suite, streams(recording)?, clocks, merge_s);
+    let recording = Recording::new(&body.model, &body.suite, streams(recording)?, clocks, Gathering::of(config));
     let recording = recording.map_err(|e| raise(py, e))?;
     let (mut cursor, mut sample, mut all) = (recording.start(), tracker.empty_sample(), Vec::new());
     while recording.next(&mut cursor, &mut sample) {

@@ -6,10 +6,15 @@ use crate::config::PyConfig;
 use crate::errors::{raise, DataError};
 use crate::model::PyModel;
 use crate::streams::{calibration, samples};
+use oarlock::config::Config;
 use oarlock::corrections::Clock;
+use oarlock::estimate::filter::Info;
+use oarlock::recording::feed::Place;
 use oarlock::recording::{input_joint, Sample};
 use oarlock::rotation::turn::Turn;
 use oarlock::sensor::Quantity;
+use oarlock::track::arrivals::{Arrivals, Counts};
+use oarlock::track::hypothesis::Hypothesis;
 use oarlock::track::{Status, Tracker};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -38,12 +43,15 @@ impl PySample {
 #[pyclass(name = "Tracker", module = "oarlock")]
 pub struct PyTracker {
     tracker: Tracker,
-    merge_s: f64,
+    config: Config,
     clocks: BTreeMap<String, Clock>,
     /// Reused for each sample that is given as a dictionary.
     sample: Sample,
     names: Vec<String>,
     sensors: Vec<String>,
+    /// Readings that were pushed; and what was estimated from them and not yet returned.
+    arrivals: Option<Box<Arrivals>>,
+    given: Vec<(Hypothesis, Info)>,
 }
 
 #[pymethods]
@@ -67,7 +75,7 @@ impl PyTracker {
         let sensors = tracker.body().suite.sources.iter().map(|s| s.name.clone()).collect();
         let sample = tracker.empty_sample();
         let clocks = calibration.corrections.clocks;
-        Ok(PyTracker { tracker, merge_s: config.merge_s, clocks, sample, names, sensors })
+        Ok(PyTracker { tracker, config, clocks, sample, names, sensors, arrivals: None, given: Vec::new() })
     }
 
     /// A sample at a true time from readings by sensor, as measured: `{"back": {"gyro_rad_s": (3,), ...}, "seat":
@@ -92,7 +100,7 @@ impl PyTracker {
 
     /// The samples of a recording as measured, merged by true time as `oarlock.track` merges them.
     fn samples(&self, py: Python<'_>, recording: &Any<'_>) -> PyResult<Vec<PySample>> {
-        let all = samples(py, &self.tracker, &self.clocks, self.merge_s, recording)?;
+        let all = samples(py, &self.tracker, &self.clocks, &self.config, recording)?;
         Ok(all.into_iter().map(PySample).collect())
     }
 
@@ -127,6 +135,49 @@ impl PyTracker {
         let troubles = self.tracker.fields(&info).zip(self.tracker.source_faults(&info)).collect();
         let info = PyInfo { info, time_s, status, sensor_names, troubles };
         Ok((self.belief(), info))
+    }
+
+    /// Takes the readings of one sensor at a stamp of its own clock, in any order: `push("seat", 12.31, 0.42)`,
+    /// `push("back", 12.31, {"gyro_rad_s": (3,), ...})`. Returns a list of (belief, info): what is estimated from the samples
+    /// that are complete now. Readings are waited for `Config.wait_s`; `arrivals` counts those that came later.
+    fn push(
+        &mut self,
+        py: Python<'_>,
+        stream: &str,
+        stamp_s: &Bound<'_, PyAny>,
+        readings: &Bound<'_, PyAny>,
+    ) -> PyResult<Vec<(PyBelief, PyInfo)>> {
+        let true_s = self.corrected_time_s(stream, one_number(stamp_s, "push, stamp_s")?)?;
+        let one = PyDict::new(py);
+        one.set_item(stream, readings)?;
+        let mut reading = self.tracker.empty_sample();
+        self.fill(&mut reading, true_s, &one)?;
+        let place = self.place(stream);
+        let PyTracker { tracker, arrivals, given, .. } = self;
+        let arrivals = arrivals.get_or_insert_with(|| Box::new(Arrivals::new(tracker)));
+        let done = arrivals.take(tracker, place, &reading, &mut |_, one, info| given.push((one.clone(), info.clone())));
+        done.map_err(|e| raise(py, e))?;
+        Ok(self.take_given())
+    }
+
+    /// What is estimated from all readings that still wait, at the end of a session: a list of (belief, info).
+    fn flush(&mut self, py: Python<'_>) -> PyResult<Vec<(PyBelief, PyInfo)>> {
+        let PyTracker { tracker, arrivals, given, .. } = self;
+        if let Some(arrivals) = arrivals {
+            let done = arrivals.finish(tracker, &mut |_, one, info| given.push((one.clone(), info.clone())));
+            done.map_err(|e| raise(py, e))?;
+        }
+        Ok(self.take_given())
+    }
+
+    /// How pushed readings arrived: numbers of `received`, `late` (used by going back), `too_late`, `repeated` and `waiting`.
+    #[getter]
+    fn arrivals(&self) -> BTreeMap<&'static str, usize> {
+        let counts = self.arrivals.as_ref().map(|a| a.counts()).unwrap_or_default();
+        let waiting = self.arrivals.as_ref().map_or(0, |a| a.waiting());
+        let Counts { received, late, too_late, repeated } = counts;
+        let all = [received, late, too_late, repeated, waiting];
+        ["received", "late", "too_late", "repeated", "waiting"].into_iter().zip(all).collect()
     }
 
     /// Current state estimate; None until the start window is full.
@@ -172,6 +223,26 @@ fn rotation_vector(value: &Any<'_>, label: &str) -> PyResult<[f64; 3]> {
 }
 
 impl PyTracker {
+    /// Where the readings of a stream belong, whose name is known.
+    fn place(&self, stream: &str) -> Place {
+        let body = self.tracker.body();
+        match input_joint(&body.model, stream) {
+            Some(joint) => Place::Input(body.model.joints[joint].first),
+            None => Place::Source(body.suite.sources.iter().position(|s| s.name == stream).unwrap_or(0)),
+        }
+    }
+
+    fn take_given(&mut self) -> Vec<(PyBelief, PyInfo)> {
+        let given = std::mem::take(&mut self.given);
+        let one = |(known, info): (Hypothesis, Info)| {
+            let troubles = self.tracker.fields(&info).zip(self.tracker.source_faults(&info)).collect();
+            let (time_s, sensor_names) = (known.belief.time_s, self.sensors.clone());
+            let info = PyInfo { info, time_s, status: "tracking", sensor_names, troubles };
+            (PyBelief { known, names: self.names.clone() }, info)
+        };
+        given.into_iter().map(one).collect()
+    }
+
     fn fill(&self, sample: &mut Sample, time_s: f64, readings: &Bound<'_, PyDict>) -> PyResult<()> {
         sample.clear();
         sample.time_s = time_s;

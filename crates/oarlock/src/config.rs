@@ -3,6 +3,7 @@
 
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Process noise of the joints.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -78,8 +79,18 @@ pub struct Config {
     pub beta: f64,
     /// Usually 0.
     pub kappa: f64,
-    /// Time stamps closer than this form one sample, s.
+    /// Time stamps closer than this are one instant, s.
     pub merge_s: f64,
+    /// Rate, Hz, of the samples into which readings are gathered, each used at its own time; 0: every instant is a
+    /// sample. None: found from the time stamps; for a live tracker 0.
+    pub sample_rate_hz: Option<f64>,
+    /// Input joints whose encoder readings are taken as they are. The others are states that their encoders measure. None:
+    /// those read at every sample; for a live tracker all that the model marks.
+    pub inputs: Option<Vec<String>>,
+    /// Per stream: standard deviation of its time stamps, s. None: found from the time stamps; for a live tracker zero.
+    pub stamp_std_s: Option<BTreeMap<String, f64>>,
+    /// Time that a live tracker waits for readings that come late, s.
+    pub wait_s: f64,
     /// Duration of the first samples that are fitted together as the start, s.
     pub start_window_s: f64,
     /// Reject innovations with a tail probability below 1e-6.
@@ -92,7 +103,7 @@ pub struct Config {
     pub consider: Consider,
     /// Interval at which the full state estimate is stored, s.
     pub belief_interval_s: f64,
-    /// Rate of the stored samples, Hz: the first sample of each 1/rate s; none stores every sample.
+    /// Rate of the rows of a track, Hz; 0: a row for every sample. None: found from the time stamps.
     pub output_rate_hz: Option<f64>,
 }
 
@@ -109,6 +120,10 @@ impl Default for Config {
             beta: 2.0,
             kappa: 0.0,
             merge_s: 5e-4,
+            sample_rate_hz: None,
+            inputs: None,
+            stamp_std_s: None,
+            wait_s: 0.03,
             start_window_s: 0.1,
             gate: true,
             gate_patience_s: 0.05,
@@ -120,24 +135,49 @@ impl Default for Config {
     }
 }
 
+/// Highest rate of samples and rows, Hz: sensors of bodies are slower, and a row takes a kilobyte.
+const HIGHEST_RATE_HZ: f64 = 20_000.0;
+
 /// States that are estimated by default, beside the joints.
 pub const DEFAULT_ESTIMATE: [&str; 3] = ["gyro_bias", "accel_bias", "surge"];
 
 impl Config {
+    /// Rate of the rows, Hz; None: every sample is a row.
+    pub fn row_rate_hz(&self) -> Option<f64> {
+        self.output_rate_hz.filter(|hz| *hz > 0.0)
+    }
+
     /// Refuses invalid numbers and names the valid ones.
     pub fn check(&self) -> Result<()> {
+        let rate = |rate: Option<f64>| rate.filter(|hz| *hz != 0.0).unwrap_or(1.0);
         let positive = [
             ("merge_s", self.merge_s, "s, for example 0.0005"),
             ("start_window_s", self.start_window_s, "s, for example 0.1"),
             ("gate_patience_s", self.gate_patience_s, "s, for example 0.05"),
             ("learning_memory_s", self.learning_memory_s.unwrap_or(1.0), "s, for example 3, or none"),
             ("belief_interval_s", self.belief_interval_s, "s, for example 1"),
-            ("output_rate_hz", self.output_rate_hz.unwrap_or(1.0), "Hz, or none for every sample"),
+            ("output_rate_hz", rate(self.output_rate_hz), "Hz, or 0 for every sample"),
+            ("sample_rate_hz", rate(self.sample_rate_hz), "Hz, or 0 for every instant"),
         ];
         for (key, value, unit) in positive {
             if !(value > 0.0 && value.is_finite()) {
                 return Err(Error::Data(format!("config: {key} = {value}: expected a positive number ({unit})")));
             }
+        }
+        for (key, hz) in [("output_rate_hz", self.output_rate_hz), ("sample_rate_hz", self.sample_rate_hz)] {
+            if let Some(hz) = hz.filter(|hz| *hz > HIGHEST_RATE_HZ) {
+                return Err(Error::Data(format!("config: {key} = {hz}: expected at most {HIGHEST_RATE_HZ} Hz")));
+            }
+        }
+        let stds = self.stamp_std_s.iter().flatten();
+        if let Some((stream, std)) = { stds }.find(|(_, std)| !(**std >= 0.0 && std.is_finite())) {
+            return Err(Error::Data(format!("config: stamp_std_s of '{stream}' = {std}: expected 0 s or more")));
+        }
+        if !(self.wait_s >= 0.0 && self.wait_s.is_finite()) {
+            return Err(Error::Data(format!(
+                "config: wait_s = {}: expected 0 s or more, for example 0.03",
+                self.wait_s
+            )));
         }
         if !(self.alpha > 0.0 && self.alpha <= 1.0) {
             return Err(Error::Data(format!(

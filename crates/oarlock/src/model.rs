@@ -2,6 +2,7 @@
 
 pub mod build;
 pub mod expr;
+mod inputs;
 mod locate;
 pub mod point;
 pub(crate) mod section;

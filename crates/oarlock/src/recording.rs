@@ -1,6 +1,10 @@
 //! Streams of readings, and their merging into samples.
 
 pub mod column;
+pub mod feed;
+pub mod gathering;
+pub mod ticks;
+pub mod timing;
 
 use crate::corrections::Clock;
 use crate::error::{Error, Result};
@@ -9,6 +13,8 @@ use crate::model::{Model, SensorKind};
 use crate::rotation::turn::Turn;
 use crate::sensor::{Quantity, Suite};
 use column::Column;
+use gathering::Heads;
+pub use gathering::{Cursor, Gathering};
 use std::collections::BTreeMap;
 
 /// One quantity of a stream, row-major; NaN is missing.
@@ -41,32 +47,42 @@ pub struct Sample {
     pub z: Vec<f64>,
     /// Per coordinate of the model: readings of input joints, NaN where missing.
     pub inputs: Vec<f64>,
+    /// Per source: time of its readings after that of the sample, s. Empty: zero.
+    pub offset_s: Vec<f64>,
 }
 
 impl Clone for Sample {
     fn clone(&self) -> Self {
-        Sample { time_s: self.time_s, z: self.z.clone(), inputs: self.inputs.clone() }
+        let Sample { time_s, z, inputs, offset_s } = self;
+        Sample { time_s: *time_s, z: z.clone(), inputs: inputs.clone(), offset_s: offset_s.clone() }
     }
 
     /// Copies into existing memory: a step allocates nothing.
     fn clone_from(&mut self, from: &Self) {
-        let Sample { time_s, z, inputs } = self;
+        let Sample { time_s, z, inputs, offset_s } = self;
         *time_s = from.time_s;
         z.clone_from(&from.z);
         inputs.clone_from(&from.inputs);
+        offset_s.clone_from(&from.offset_s);
     }
 }
 
 impl Sample {
     /// A sample without readings.
     pub fn empty(model: &Model, suite: &Suite) -> Self {
-        Sample { time_s: f64::NAN, z: vec![f64::NAN; suite.len()], inputs: vec![f64::NAN; model.coordinate_count()] }
+        Sample {
+            time_s: f64::NAN,
+            z: vec![f64::NAN; suite.len()],
+            inputs: vec![f64::NAN; model.coordinate_count()],
+            offset_s: vec![0.0; suite.sources.len()],
+        }
     }
 
     /// Removes all readings.
     pub fn clear(&mut self) {
         self.z.fill(f64::NAN);
         self.inputs.fill(f64::NAN);
+        self.offset_s.fill(0.0);
     }
 }
 
@@ -96,30 +112,43 @@ pub struct Recording {
     streams: Vec<Clocked>,
     /// Per stream and channel: its rows in the sample.
     targets: Vec<Vec<Target>>,
-    merge_s: f64,
+    /// Per stream: its source; `None` for an input.
+    sources: Vec<Option<usize>>,
+    gathering: Gathering,
     /// Notes on readings that the model does not use.
     pub notes: Vec<String>,
 }
 
-/// Position in a recording: the next row of every stream.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Cursor(Vec<usize>);
+/// What a stream supplies.
+#[derive(Debug, Clone)]
+pub struct Feeds {
+    /// Its source; `None` for an input.
+    pub source: Option<usize>,
+    /// First row of each part of the measurement vector that it supplies.
+    pub rows: Vec<usize>,
+    /// Coordinate of the input that it supplies.
+    pub input: Option<usize>,
+}
 
 impl Recording {
-    /// Checks time stamps, lengths and names. Streams are merged by true time according to `clocks` (by stream).
+    /// Checks time stamps, lengths and names. Readings are gathered by true time according to `clocks` (by stream).
     pub fn new(
         model: &Model,
         suite: &Suite,
         streams: Vec<Stream>,
         clocks: &BTreeMap<String, Clock>,
-        merge_s: f64,
+        gathering: Gathering,
     ) -> Result<Self> {
-        let mut recording = Recording { streams: Vec::new(), targets: Vec::new(), merge_s, notes: Vec::new() };
+        let (streams_, notes) = (Vec::new(), Vec::new());
+        let mut recording = Recording { streams: streams_, targets: Vec::new(), sources: Vec::new(), gathering, notes };
         for stream in streams {
             let clock = clocks.get(&stream.name).copied().unwrap_or_default();
             let clocked = Clocked { stream, clock };
             check(&clocked)?;
             let targets = recording.targets_of(model, suite, &clocked.stream)?;
+            let is_source = |s: &crate::sensor::Source| s.name == clocked.stream.name;
+            let is_row = targets.iter().any(|t| matches!(t, Target::Row(_)));
+            recording.sources.push(suite.sources.iter().position(is_source).filter(|_| is_row));
             recording.targets.push(targets);
             recording.streams.push(clocked);
         }
@@ -156,12 +185,27 @@ impl Recording {
 
     /// The position before the first row.
     pub fn start(&self) -> Cursor {
-        Cursor(vec![0; self.streams.len()])
+        Cursor::new(self.streams.len())
     }
 
     /// Names of the streams.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.streams.iter().map(|s| s.stream.name.as_str())
+    }
+
+    /// Name of every stream, and what it supplies.
+    pub fn feeds(&self) -> impl Iterator<Item = (&str, Feeds)> {
+        self.names().zip(self.targets.iter().zip(&self.sources)).map(|(name, (targets, source))| {
+            let mut feeds = Feeds { source: *source, rows: Vec::new(), input: None };
+            for target in targets {
+                match *target {
+                    Target::Row(usize::MAX) => {}
+                    Target::Row(first) => feeds.rows.push(first),
+                    Target::Input(coordinate) => feeds.input = Some(coordinate),
+                }
+            }
+            (name, feeds)
+        })
     }
 
     /// First and last true time, s; `None` without rows.
@@ -172,37 +216,41 @@ impl Recording {
         Some((first, last))
     }
 
-    /// Reads the next sample, all rows within `merge_s` of the earliest; false at the end. Allocates nothing.
+    /// Reads the next sample; false at the end. Allocates nothing.
     pub fn next(&self, cursor: &mut Cursor, sample: &mut Sample) -> bool {
-        let heads = self.streams.iter().zip(&cursor.0).filter_map(|(s, &at)| s.true_s(at));
-        let Some(time_s) = heads.reduce(f64::min) else {
-            return false;
-        };
-        sample.clear();
-        sample.time_s = time_s;
-        for ((stream, targets), at) in self.streams.iter().zip(&self.targets).zip(&mut cursor.0) {
-            let here = stream.true_s(*at).is_some_and(|t| t - time_s < self.merge_s);
-            if !here {
-                continue;
-            }
-            for (channel, target) in stream.stream.channels.iter().zip(targets) {
-                let width = width(channel.quantity);
-                match *target {
-                    Target::Row(usize::MAX) => {}
-                    Target::Row(row) if channel.quantity == Quantity::Orientation => {
-                        let mut quaternion = [0.0; 4];
-                        channel.values.read(*at * width, &mut quaternion);
-                        sample.z[row..row + 3].copy_from_slice(&Turn(quaternion).log());
-                    }
-                    Target::Row(row) => channel.values.read(*at * width, &mut sample.z[row..row + width]),
-                    Target::Input(coordinate) => {
-                        channel.values.read(*at * width, &mut sample.inputs[coordinate..=coordinate]);
-                    }
+        self.gathering.next(self, cursor, sample)
+    }
+}
+
+impl Heads for Recording {
+    fn count(&self) -> usize {
+        self.streams.len()
+    }
+
+    fn true_s(&self, stream: usize, row: usize) -> Option<f64> {
+        self.streams[stream].true_s(row)
+    }
+
+    fn source(&self, stream: usize) -> Option<usize> {
+        self.sources[stream]
+    }
+
+    fn put(&self, stream: usize, row: usize, sample: &mut Sample) {
+        for (channel, target) in self.streams[stream].stream.channels.iter().zip(&self.targets[stream]) {
+            let width = width(channel.quantity);
+            match *target {
+                Target::Row(usize::MAX) => {}
+                Target::Row(first) if channel.quantity == Quantity::Orientation => {
+                    let mut quaternion = [0.0; 4];
+                    channel.values.read(row * width, &mut quaternion);
+                    sample.z[first..first + 3].copy_from_slice(&Turn(quaternion).log());
+                }
+                Target::Row(first) => channel.values.read(row * width, &mut sample.z[first..first + width]),
+                Target::Input(coordinate) => {
+                    channel.values.read(row * width, &mut sample.inputs[coordinate..=coordinate]);
                 }
             }
-            *at += 1;
         }
-        true
     }
 }
 

@@ -1,5 +1,6 @@
 //! Tracks a model: `Tracker` takes samples one by one and returns state estimates. `run` and the Python package use it.
 
+pub mod arrivals;
 mod bank;
 mod begin;
 mod consider;
@@ -12,6 +13,7 @@ pub mod magnetic;
 pub mod many;
 mod north;
 pub mod notes;
+mod own_time;
 mod postures;
 mod readings;
 mod regain;
@@ -24,7 +26,7 @@ mod worn;
 
 use crate::body::Body;
 use crate::config::{Config, FilterKind};
-use crate::corrections::Corrections;
+use crate::corrections::{Clock, Corrections};
 use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::{Diverged, Filter, Gate, Info, UpdateSettings};
@@ -34,7 +36,8 @@ use crate::estimate::transition::Transition;
 use crate::estimate::System;
 use crate::kernels::arch::Arch;
 use crate::model::Model;
-use crate::recording::Sample;
+use crate::recording::timing::Streams;
+use crate::recording::{Sample, Stream};
 use crate::sensor::MountValue;
 use consider::Considering;
 pub use consider::Doubt;
@@ -44,6 +47,7 @@ use hypothesis::Hypothesis;
 use loops::Loops;
 use magnetic::{Field, Magnetic};
 use north::North;
+use own_time::OwnTime;
 use readings::Readings;
 use rest::Rest;
 use std::collections::BTreeMap;
@@ -102,6 +106,7 @@ pub struct Tracker {
     faults: Faults,
     rest: Rest,
     loops: Loops,
+    own_time: OwnTime,
     magnetic: Magnetic,
     north: North,
     filter: Filter<Body>,
@@ -119,10 +124,15 @@ impl Tracker {
     /// Combines model, calibration and configuration. Allocates all memory that steps need.
     pub fn new(model: Arc<Model>, calibration: &Calibration, config: &Config) -> Result<Self> {
         config.check()?;
+        let model = match &config.inputs {
+            Some(kept) => Arc::new(model.with_inputs(kept)?),
+            None => model,
+        };
+        let model = as_known(model, calibration);
         let parameters = parameter_values(&model, &calibration.parameters)?;
         let mounts = mount_values(&model, &calibration.mounts)?;
         check_stds(&model, calibration)?;
-        let body = Body::new(as_known(model, calibration), &parameters, &mounts, config)?;
+        let body = Body::new(model, &parameters, &mounts, config)?;
         if body.layout.partition.pose == 0 || body.suite.is_empty() {
             return Err(Error::Model(format!(
                 "model '{}': nothing to track: it needs a joint that moves (and is no input) and a sensor",
@@ -141,6 +151,7 @@ impl Tracker {
             entry,
             rest: Rest::new(&subject.body),
             loops: Loops::new(&subject, config.closures),
+            own_time: OwnTime::new(&subject, config),
             magnetic: Magnetic::new(&subject, config.magnetometer),
             north: North::new(&subject, config),
             filter: filter(&subject, config.filter),
@@ -153,6 +164,12 @@ impl Tracker {
             config: config.clone(),
             subject,
         })
+    }
+
+    /// The configuration with all that it leaves to be found from the time stamps of these streams.
+    pub fn settle(&self, streams: &[Stream], clocks: &BTreeMap<String, Clock>, config: &Config) -> Result<Config> {
+        let Subject { body, depends, .. } = &self.subject;
+        Streams { model: &body.model, suite: &body.suite, depends, streams, clocks }.settle(config)
     }
 
     /// Continues from a state estimate of an earlier run instead of fitting a start.
@@ -251,6 +268,12 @@ impl Tracker {
                 sample.z.len(),
                 sample.inputs.len(),
                 self.subject.body.model.name
+            )));
+        }
+        if let Some(offset_s) = sample.offset_s.iter().find(|s| !s.is_finite()) {
+            return Err(Error::Data(format!(
+                "sample at {:.3} s: a reading is {offset_s} s after it; expected a finite time",
+                sample.time_s
             )));
         }
         self.check_finite(sample)

@@ -53,8 +53,9 @@ for _format in FORMATS:
 
 
 def _write(recording: Recording, source: Path, out: Path, force: bool, json_output: bool) -> None:
+    from oarlock.evaluation.summary import rate_text
     from oarlock.recording.epoch import clock_notes
-    from oarlock.recording.packets import lost_packets, missing_packets
+    from oarlock.recording.packets import lost_packets, missing_packets, missing_share, own_rate_hz
     from oarlock.storage.epoch import moment_text
 
     notes = clock_notes(recording.meta)
@@ -75,8 +76,9 @@ def _write(recording: Recording, source: Path, out: Path, force: bool, json_outp
                         "name": s.name,
                         "kind": s.kind,
                         "samples": len(s),
-                        "rate_hz": s.rate_hz,
+                        "rate_hz": own_rate_hz(recording, s),
                         "missing_packets": missing_packets(recording, s),
+                        "missing_share": missing_share(recording, s),
                     }
                     for s in recording.streams
                 ],
@@ -89,9 +91,15 @@ def _write(recording: Recording, source: Path, out: Path, force: bool, json_outp
     for note in notes:
         say(note, indent=2)
     table(
-        ["stream", "kind", ">samples", ">rate Hz", ">missing"],
+        ["stream", "kind", ">samples", ">rate Hz", ">missing %"],
         [
-            (s.name, s.kind, len(s), number(s.rate_hz, ".1f"), number(s.missing_share, ".1%"))
+            (
+                s.name,
+                s.kind,
+                len(s),
+                rate_text(own_rate_hz(recording, s)),
+                number(100 * missing_share(recording, s), ".1f"),
+            )
             for s in recording.streams
         ],
     )

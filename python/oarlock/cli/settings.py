@@ -29,7 +29,11 @@ MEANINGS = {
     "gate_patience_s": "accept a reading again after this time of rejection",
     "consider": "widen bands by the uncertainty of mounts and lengths: learnt, always, off",
     "start_window_s": "window of samples that the initial fit uses",
-    "merge_s": "time stamps closer than this form one sample",
+    "merge_s": "time stamps closer than this are one instant",
+    "sample_rate_hz": "rate of samples from sensors that do not tick together; 0: one for every instant",
+    "inputs": "input joints whose encoders are taken as they are, comma-separated; the others are states",
+    "stamp_std_s": "standard deviation of time stamps, by stream: {seat = 0.001}",
+    "wait_s": "time that a live tracker waits for late readings",
     "learning_memory_s": "time constant of noise learning",
     "belief_interval_s": "interval at which the full covariance is stored",
     "alpha": "spread of the sigma points, 0 to 1",
@@ -101,7 +105,7 @@ def split(texts: Iterable[str] | None, parameters: Container[str]) -> tuple[dict
         elif equals and key in DEFAULTS and key not in parameters:
             if key in settings:
                 raise UsageError(f"--set: {key} is given twice")
-            settings[key] = names(value) if key == "estimate" else _value(value)
+            settings[key] = names(value) if key in ("estimate", "inputs") else _value(value)
         else:
             of_model.append(text)
     if start:

@@ -8,8 +8,9 @@ from typing import Any
 from oarlock.cli.terminal import heading, number, pairs, say, table
 from oarlock.evaluation.marker_scores import MarkerEvaluation
 from oarlock.evaluation.scores import Evaluation, SensorScore, presentation
-from oarlock.evaluation.summary import TrackSummary, summarize
+from oarlock.evaluation.summary import Readings, TrackSummary, rate_text, shares_text, summarize
 from oarlock.evaluation.suspects.text import SUSPECT_NOTE
+from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.track import Track
 
 # decimals of an error in this unit
@@ -17,12 +18,17 @@ _DIGITS = {"deg": ".3f", "mm": ".2f"}
 
 
 def write_summary(track: Track) -> None:
-    """Prints samples, speed, unobserved joints and the health of each sensor."""
+    """Prints rows, rates, readings, speed, observed joints and the health of each sensor."""
     summary = summarize(track)
     pairs(
         [
             ("model", summary.model),
-            ("samples", f"{summary.samples}, {summary.duration_s:.1f} s at {summary.rate_hz:.0f} Hz"),
+            (
+                "rows",
+                f"{summary.samples:,} in {number(summary.duration_s, '.4g')} s, {rate_text(summary.rate_hz)} Hz",
+            ),
+            ("streams", summary.stream_rates),
+            ("readings", _readings(summary.readings)),
             ("start", summary.start),
             ("speed", speed(summary)),
             ("joints", f"{summary.joints_observed} of {summary.joints} observed"),
@@ -31,6 +37,10 @@ def write_summary(track: Track) -> None:
     )
     write_notes(summary.notes)
     write_sensors(summary.sensors)
+
+
+def _readings(readings: Readings | None) -> str:
+    return "" if readings is None else f"{100 * readings.used_share:.1f} % used, {readings.text()}"
 
 
 def write_notes(notes: Sequence[str]) -> None:
@@ -48,34 +58,43 @@ def speed(summary: TrackSummary) -> str:
 
 
 def write_sensors(sensors: Sequence[SensorScore]) -> None:
-    """Prints sensor health: NIS per measurement and the share of rows used, rejected and missing."""
+    """Prints sensor health: NIS per reading, and the readings of each stream."""
     if not sensors:
         return
-    heading("Sensors", "NIS per measurement: 1 = noise as stated, larger = disagrees with the model")
+    heading("Sensors", "NIS per reading: 1 = noise as stated, larger = disagrees with the model")
     table(
-        ["sensor", ">NIS", ">rows used", ">rejected", ">missing", "disturbed", "faults"],
         [
-            (
-                s.name,
-                number(s.nis, ".2f"),
-                s.used,
-                s.rejected,
-                s.missing,
-                _shares(s.disturbed),
-                _shares(s.faults),
-            )
-            for s in sensors
+            "sensor",
+            ">NIS",
+            ">Hz",
+            ">expected",
+            ">used",
+            ">rejected",
+            ">missing",
+            ">not needed",
+            "disturbed",
+            "faults",
         ],
+        [(s.name, number(s.nis, ".2f"), *_counted(s.count)) for s in sensors],
     )
 
 
-def _shares(shares: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {share:.1%}" for name, share in shares.items())
+def _counted(count: StreamCount | None) -> tuple[object, ...]:
+    """The cells of a stream's counts; empty for a closure, which has no stream."""
+    if count is None:
+        return ("",) * 8
+    return (
+        rate_text(count.rate_hz),
+        *(f"{n:,}" for n in (count.expected, count.used, count.rejected, count.missing)),
+        f"{count.unused:,}" if count.unused else "",
+        shares_text(count.disturbed),
+        shares_text(count.faults),
+    )
 
 
 def write_evaluation(evaluation: Evaluation) -> None:
     """Prints errors of joints and positions, and consistency, with units."""
-    heading("Joints against ground truth", f"from {evaluation.start_s:g} s on, {evaluation.samples} samples")
+    heading("Joints against ground truth", f"from {evaluation.start_s:g} s on, {evaluation.samples:,} rows")
     _scores("joint", evaluation.rows)
     if evaluation.part_rows:
         heading(
@@ -84,6 +103,7 @@ def write_evaluation(evaluation: Evaluation) -> None:
         _scores("component or angle", evaluation.part_rows)
     _positions(evaluation)
     _means(evaluation)
+    write_sensors(evaluation.sensors)
 
 
 def _scores(what: str, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -153,7 +173,7 @@ def _means(evaluation: Evaluation) -> None:
         [
             (f"mean RMSE of {turning}", f"{number(evaluation.mean_rmse_deg(), '.3f')} deg"),
             ("worst RMSE", f"{number(evaluation.worst_rmse_deg(), '.3f')} deg"),
-            ("mean coverage", number(evaluation.mean_coverage(), ".1%").replace("%", " %")),
+            ("mean share in the 95 % band", number(evaluation.mean_coverage(), ".1%").replace("%", " %")),
             ("NEES per state", number(evaluation.states.nees, ".2f") if evaluation.states else ""),
         ]
     )

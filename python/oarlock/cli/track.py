@@ -80,8 +80,11 @@ def track(
         typer.Option(
             "--only",
             metavar="NAMES",
-            help="Streams to use, comma-separated; default: all.",
+            help="Streams to use, comma-separated; default: all that the model has a sensor for.",
         ),
+    ] = None,
+    without: Annotated[
+        str | None, typer.Option("--without", metavar="NAMES", help="Streams to leave out, comma-separated.")
     ] = None,
     smooth: Annotated[bool, typer.Option("--smooth", help="Smooth over the whole recording.")] = False,
     filter_name: Annotated[
@@ -96,7 +99,9 @@ def track(
     ] = None,
     output_rate_hz: Annotated[
         float | None,
-        typer.Option(metavar="HZ", help="Reduce the output to this rate; default: every sample."),
+        typer.Option(
+            metavar="HZ", help="Rate of the rows, 0: one for every sample; default: found, see docs."
+        ),
     ] = None,
     threads: Annotated[
         int | None,
@@ -135,13 +140,15 @@ def track(
 
     def load(folder: Path) -> Recording:
         measured = load_recording(folder)
-        return measured if only is None else measured.only(names(only))
+        if only is not None:
+            measured = measured.only(names(only))
+        return measured if without is None else measured.without(names(without))
 
     if asked in OTHER_FILTERS and (smooth or len(recordings) > 1):
         lacks = "--smooth" if smooth else "several recordings at once"
         raise UsageError(f"--filter {asked} has no {lacks}; {', '.join(tree_filters())} have")
+    wearing = load_calibration(calibration) if calibration is not None else None
     if len(recordings) > 1:
-        wearing = load_calibration(calibration) if calibration is not None else None
         folders = folders_for(recordings, out, force)
         track_several(
             body,
@@ -157,9 +164,7 @@ def track(
             json_output=json_output,
         )
         return
-    recording = recordings[0]
-    measured = load(recording)
-    wearing = load_calibration(calibration) if calibration is not None else None
+    measured = load(recordings[0])
     if (out / RECORDING_FILE).exists():
         raise UsageError(f"{out} is a recording; choose another folder for the results")
     with explained(out, f"Track of {body.name}", force) as found, output_folder(out, TRACK, force) as stage:
@@ -171,7 +176,7 @@ def track(
         print_json(document(result, out, found))
         return
     write_suspects(found)
-    say(f"Tracked {recording}", style="bold")
+    say(f"Tracked {recordings[0]}", style="bold")
     write_summary(result)
     tables = ["track", *beside(result)]
     say(f"\nWrote {out}: {', '.join(tables)} (.parquet), model.toml, run.toml, report.html")

@@ -162,7 +162,7 @@ def _row(out: Path, result: Track) -> tuple[object, ...]:
 
 def _write(rows: list[tuple[object, ...]], out: Path) -> None:
     say("Tracked in parallel", style="bold")
-    table(["recording", ">samples", ">s", "speed", ">notes"], rows)
+    table(["recording", ">rows", ">s", "speed", ">notes"], rows)
     files = "track, sensors and beliefs (.parquet), model.toml, run.toml, report.html"
     say(f"\nWrote a folder for each into {out}: {files}")
     steps(f"open {out / str(rows[0][0]) / 'report.html'}")

@@ -16,18 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.special import gammaincinv
 
-from oarlock.evaluation.interval import (
-    Bools,
-    Floats,
-    Interval,
-    beliefs_of,
-    info_of,
-)
+from oarlock.evaluation.interval import Floats, Interval, beliefs_of, info_of
 from oarlock.evaluation.resample import resample, resample_rotation
 from oarlock.evaluation.scores import SensorScore, StateScore
 from oarlock.model.coordinates import Kind, parts
 from oarlock.model.rotation import quat_from_rotvec, rotvec_between, wrap
-from oarlock.tracking.records import DISTURBED, FAULT, FIELD, Beliefs, SensorInfo
+from oarlock.tracking.counts import StreamCount
+from oarlock.tracking.records import Beliefs
 from oarlock.tracking.track import Track
 
 
@@ -45,60 +40,38 @@ def chi2_quantile(probability: float, degrees: ArrayLike) -> Floats:
 
 
 def sensor_scores(track: Track, window: Interval) -> tuple[SensorScore, ...]:
-    """NIS per measurement of every sensor and closure: sum of NIS over sum of used rows in the window.
+    """NIS per reading of every sensor and closure in the window, and the counts of each stream over the whole track.
 
-    The last one, `all inertial`, treats all inertial units of a sample as one measurement with their joint covariance.
-    Units on one body share the body's uncertainty, so only this NIS is expected to be 1. The NIS of a single unit is
-    smaller if the body's motion is less certain than the unit's noise. Source: Bar-Shalom et al. 2001, section 5.4.2.
+    NIS per reading is the sum of NIS over the sum of used readings, its degrees of freedom. The last score,
+    `all inertial`, treats all inertial units of a sample as one measurement with their joint covariance. Units on one
+    body share the body's uncertainty, so only this NIS is expected to be 1. The NIS of a single unit is smaller if the
+    body's motion is less certain than the unit's noise. Source: Bar-Shalom et al. 2001, section 5.4.2.
     """
     info = info_of(track)
     if info is None:
         return ()
     kept = window.of(track.time_s)
-    scores = []
-    for k, name in enumerate(info.sensor_names):
-        nis, used = info.nis[kept, k], info.used[kept, k]
-        counted = np.isfinite(nis) & (used > 0)
-        degrees = int(used[counted].sum())
-        scores.append(
-            SensorScore(
-                name=name,
-                nis=float(nis[counted].sum() / degrees) if degrees else float("nan"),
-                interval_95=interval_95(degrees),
-                used=int(used.sum()),
-                rejected=int(info.rejected[kept, k].sum()),
-                missing=int(info.missing[kept, k].sum()),
-                disturbed=_disturbed(info.field[kept, k]),
-                faults=_faults(info.fault[kept, k], info.missing[kept, k] < _rows(info, k)),
-            )
-        )
-    return (*scores, *_inertial_score(info, kept))
+    counts = {count.name: count for count in track.counts}
+    scores = [
+        _score(name, info.nis[kept, k], info.used[kept, k], counts.get(name))
+        for k, name in enumerate(info.sensor_names)
+        if name in counts or info.used[:, k].any() or info.rejected[:, k].any()
+    ]
+    inputs = [_score(name, _NONE, _NONE, counts[name]) for name in counts if name not in info.sensor_names]
+    together = _score(ALL_INERTIAL, info.inertial_nis[kept], info.inertial_used[kept], None)
+    return (*scores, *inputs, *([together] if np.isfinite(together.nis) else []))
 
 
-def _disturbed(field: NDArray[Any]) -> dict[str, float]:
-    there = np.count_nonzero(field != FIELD.index("missing"))
-    failed = {test: np.count_nonzero(field == FIELD.index(test)) for test in DISTURBED}
-    return {test: count / there for test, count in failed.items() if count}
+ALL_INERTIAL = "all inertial"
+"""Name of the score of all inertial units together."""
+_NONE = np.zeros(0)
 
 
-def _rows(info: SensorInfo, k: int) -> int:
-    """Largest number of rows in one sample of the sensor."""
-    return int((info.used[:, k] + info.rejected[:, k] + info.missing[:, k]).max(initial=0))
-
-
-def _faults(fault: NDArray[Any], there: Bools) -> dict[str, float]:
-    found = {name: np.count_nonzero(fault == FAULT.index(name)) for name in FAULT[1:]}
-    return {name: count / np.count_nonzero(there) for name, count in found.items() if count}
-
-
-def _inertial_score(info: SensorInfo, kept: Bools) -> tuple[SensorScore, ...]:
-    nis, used = info.inertial_nis[kept], info.inertial_used[kept]
+def _score(name: str, nis: Floats, used: NDArray[Any], count: StreamCount | None) -> SensorScore:
     counted = np.isfinite(nis) & (used > 0)
     degrees = int(used[counted].sum())
-    if not degrees:
-        return ()
-    value = float(nis[counted].sum() / degrees)
-    return (SensorScore("all inertial", value, interval_95(degrees), degrees, 0, 0, joint=True),)
+    value = float(nis[counted].sum() / degrees) if degrees else float("nan")
+    return SensorScore(name, value, interval_95(degrees), count)
 
 
 def state_score(track: Track, truth: Track, window: Interval, joints: Sequence[str]) -> StateScore | None:

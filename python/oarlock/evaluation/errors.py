@@ -21,6 +21,9 @@ LANDMARKS = frozenset({"shoulder", "elbow", "wrist", "hand"})
 BAND_95 = 1.96
 """Half-width of the 95 % band in standard deviations."""
 
+OBSERVED_SHARE = 0.5
+"""A joint counts as observed if all its coordinates are observed in at least this share of the rows."""
+
 CONSTANT = 1e-9
 """A signal that varies by less than this (rad or m) counts as constant: its correlation is not computed."""
 
@@ -52,8 +55,8 @@ def part_error(track: Track, truth: Track, part: Part) -> Floats:
 
 
 def seen(track: Track, part: Part, kept: NDArray[np.bool_]) -> bool:
-    """Whether the part is observed in at least half of the kept samples (T,)."""
-    return bool(np.mean(track.observed[kept][:, list(part.columns)].all(axis=1)) >= 0.5)
+    """Whether the part is observed in at least half of the kept rows (T,), the same share as in `observed_joints`."""
+    return bool(np.mean(track.observed[kept][:, list(part.columns)].all(axis=1)) >= OBSERVED_SHARE)
 
 
 def scalar_score(

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
+from oarlock.tracking.counts import StreamCount
 
 NAN = float("nan")
 
@@ -124,29 +126,24 @@ class StateScore:
 
 @dataclass(frozen=True)
 class SensorScore:
-    """NIS per measurement of one sensor or closure, and its rows; 1 is expected.
+    """NIS per reading of one sensor or closure, 1 is expected, and the counts of its stream over the whole recording.
 
-    `joint` marks a score over several sensors, whose rows are also counted in their own scores. `disturbed` is the
-    share of a magnetometer's samples that failed each test (`norm`, `dip`, `innovation`), without tests that none
-    failed; `faults` is the share of faulty samples (`clipped`, `stuck`). Source: Bar-Shalom et al. 2001, section 5.4.
+    ``count`` is None for a closure and for several sensors together, which have no stream of their own; the NIS of an
+    encoder whose readings are inputs is NaN. Source: Bar-Shalom et al. 2001, section 5.4.
     """
 
     name: str
     nis: float
     interval_95: tuple[float, float]
-    used: int
-    rejected: int
-    missing: int
-    joint: bool = False
-    disturbed: Mapping[str, float] = field(default_factory=dict)
-    faults: Mapping[str, float] = field(default_factory=dict)
+    count: StreamCount | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-safe."""
-        own = {
-            name: plain(value) for name, value in vars(self).items() if name not in ("name", "joint", "nis")
-        }
-        return {"nis_per_measurement": plain(self.nis), **own}
+        own = {"nis_per_measurement": plain(self.nis), "interval_95": plain(self.interval_95)}
+        if self.count is None:
+            return own
+        counted = self.count.to_dict() | {"missing": self.count.missing, "unused": self.count.unused}
+        return own | {name: plain(value) for name, value in counted.items()}
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from oarlock.recording.epoch import PACKETS_KEY
-from oarlock.recording.recording import Recording
 from oarlock.recording.streams import Stream
 from oarlock.storage.array_gate import FloatArray, real_array
 from oarlock.storage.errors import DataError
@@ -53,7 +53,23 @@ class Lost:
         )
 
 
-def lost_packets(recording: Recording, stream: Stream) -> Lost | None:
+class Session(Protocol):
+    """What is needed of a `Recording` here: it prints its own streams' rates with these functions."""
+
+    @property
+    def meta(self) -> Mapping[str, Any]:
+        """Notes of the reader."""
+
+    @property
+    def start_s(self) -> float:
+        """First time stamp, s."""
+
+    @property
+    def end_s(self) -> float:
+        """Last time stamp, s."""
+
+
+def lost_packets(recording: Session, stream: Stream) -> Lost | None:
     """Gaps of a stream, from the packet counter if there is one, otherwise from time stamps; None if undetermined.
 
     Raises:
@@ -91,7 +107,35 @@ def _by_steps(stream: Stream) -> Lost | None:
     return Lost(stream.time_s[gaps], packets, steps[gaps] - usual, False)
 
 
-def missing_packets(recording: Recording, stream: Stream) -> int | None:
+def own_rate_hz(recording: Session, stream: Stream) -> float:
+    """Rate of a stream without its lost packets, Hz; NaN for a single row."""
+    if len(stream) < 2:
+        return float("nan")
+    rows = len(stream) + (missing_packets(recording, stream) or 0)
+    return (rows - 1) / float(stream.time_s[-1] - stream.time_s[0])
+
+
+def expected_rows(recording: Session, stream: Stream) -> int:
+    """Rows of a stream that has its own rate from the recording's first to its last time stamp.
+
+    They are the rows received, the lost packets, and the rows before the stream's first and after its last one. Packets
+    are not counted as lost where that is undetermined.
+    """
+    steps = own_rate_hz(recording, stream) * np.array(
+        [stream.time_s[0] - recording.start_s, recording.end_s - stream.time_s[-1]]
+    )
+    outside = int(np.floor(steps[steps > _GAP_STEPS]).sum())
+    return len(stream) + (missing_packets(recording, stream) or 0) + outside
+
+
+def missing_share(recording: Session, stream: Stream) -> float:
+    """Share of the expected values of a stream that are absent or NaN."""
+    width = sum(v.size for v in stream.values.values())
+    received = sum(np.count_nonzero(np.isfinite(v)) for v in stream.values.values())
+    return 1.0 - received * len(stream) / (width * expected_rows(recording, stream))
+
+
+def missing_packets(recording: Session, stream: Stream) -> int | None:
     """Number of missing packets of a stream; None if undetermined."""
     lost = lost_packets(recording, stream)
     return None if lost is None else int(lost.packets.sum())

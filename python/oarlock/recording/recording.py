@@ -1,5 +1,6 @@
 """`Recording`: the streams of one trial. Importers and simulators create recordings; `oarlock.track` tracks them."""
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from os import PathLike
@@ -10,6 +11,7 @@ import numpy as np
 
 from oarlock.recording.epoch import epoch_of, from_zero
 from oarlock.recording.folder import read_folder, write_folder
+from oarlock.recording.packets import missing_share, own_rate_hz
 from oarlock.recording.streams import Stream
 from oarlock.storage.copies import copied_notes
 from oarlock.storage.errors import DataError
@@ -135,6 +137,15 @@ class Recording:
         kept = {self.sensor(name).name for name in ([names] if isinstance(names, str) else names)}
         return Recording([s for s in self.streams if s.name in kept], self.meta)
 
+    def without(self, names: Iterable[str]) -> "Recording":
+        """The recording without the streams of these names.
+
+        Raises:
+            DataError: There is no stream of one of the names, or none would be left.
+        """
+        dropped = {self.sensor(name).name for name in ([names] if isinstance(names, str) else names)}
+        return self.only(name for name in self.names if name not in dropped)
+
     def save(
         self,
         folder: str | PathLike[str],
@@ -164,10 +175,14 @@ class Recording:
             f"Recording: {len(self)} streams, {self.start_s:.6g} to {self.end_s:.6g} s ({self.duration_s:.4g} s)"
         ]
         for s in self.streams:
-            rate = "-" if len(s) == 1 else f"{s.rate_hz:.4g}"
+            try:
+                rate, missing = own_rate_hz(self, s), missing_share(self, s)
+            except DataError:  # an invalid note on packets, which is refused where it is used
+                rate = missing = math.nan
+            shown = "-" if math.isnan(rate) else f"{rate:.4g}"
             lines.append(
-                f"  {s.name:<{width}}  {s.kind:<{kind_width}}  {rate:>6} Hz  {len(s):>8} samples  "
-                f"{100 * s.missing_share:5.1f} % missing  {' '.join(s.values)}"
+                f"  {s.name:<{width}}  {s.kind:<{kind_width}}  {shown:>6} Hz  {len(s):>8} samples  "
+                f"{100 * missing:5.1f} % missing  {' '.join(s.values)}"
             )
         return "\n".join(lines)
 

@@ -81,7 +81,7 @@ class _Stream:
         rate = "one sample" if len(self) == 1 else f"{self.rate_hz:.4g} Hz"
         return (
             f"{type(self).__name__}({self.name!r}: {' '.join(self.values)}, {len(self)} samples, {rate}, "
-            f"{self.time_s[0]:.6g} to {self.time_s[-1]:.6g} s, {100 * self.missing_share:.1f} % missing)"
+            f"{self.time_s[0]:.6g} to {self.time_s[-1]:.6g} s, {100 * self.missing_share:.1f} % NaN)"
         )
 
 

@@ -1,18 +1,21 @@
-"""The Sensor health section of the report: NIS per measurement and the share of readings used."""
+"""The Sensor health section of the report: NIS per reading, and the readings of each stream."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from oarlock.evaluation.consistency import chi2_quantile
+from oarlock.evaluation.consistency import ALL_INERTIAL, chi2_quantile
 from oarlock.evaluation.interval import Floats, info_of
 from oarlock.evaluation.scores import SensorScore
+from oarlock.evaluation.summary import rate_text, shares_text
 from oarlock.report import plot
-from oarlock.report.markup import figure, grid, table
+from oarlock.report.markup import Column, figure, grid, table
 from oarlock.report.text import DASH, breakable, fixed
+from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.records import SensorInfo
 from oarlock.tracking.track import Track
 
@@ -22,41 +25,87 @@ SMOOTHING_S = 0.5
 
 
 def health_table(scores: tuple[SensorScore, ...]) -> str:
-    """NIS per measurement and rows used, rejected and missing of each sensor and closure."""
-    rows = [
-        [breakable(s.name), fixed(s.nis, 2), *_counts(s), _shares(s.disturbed), _shares(s.faults), _bar(s)]
-        for s in scores
-    ]
+    """NIS per reading of each sensor and closure, and the readings of each stream."""
+    shown = [column for column in _COLUMNS if not column.optional or any(map(column.cell, _counts(scores)))]
+    rows = [[breakable(s.name), fixed(s.nis, 2), *_cells(s.count, shown)] for s in scores]
     caption = (
-        "Single readings (channels) of each sensor, and of each closure: the constraint that two points coincide, such "
-        "as a hand and its handle. NIS per measurement is 1 if innovations are as large as the filter expects; above 1 "
-        "they are larger, below 1 smaller. Disturbed: share of a magnetometer's samples that were not used, by the "
-        "first failed test: the field's norm, its dip, the innovation. Faults: share of samples at the limit of the "
-        "sensor's range (clipped) or exactly constant (stuck), which were not used either."
+        "Readings of each stream: single numbers, such as one axis of a gyroscope. Expected are those that the stream "
+        "gives at its own rate from the first to the last sample of the recording. Rejected are outliers and faulty "
+        "readings. Closures (two points coincide, such as a hand and its handle) have a NIS but no stream."
     )
-    return table(
-        "sensors",
-        caption,
-        ["sensor", "NIS", "used", "rejected", "missing", "disturbed", "faults", "share"],
-        rows,
-    )
+    heads = [Column("sensor"), Column("NIS", meaning=NIS_MEANING), *(column.head for column in shown)]
+    together = [k for k, score in enumerate(scores) if score.name == ALL_INERTIAL]
+    for k in together:
+        rows[k][0] = f'<span title="{ALL_MEANING}">{rows[k][0]}</span>'
+    return table("sensors", caption, heads, rows)
 
 
-def _counts(score: SensorScore) -> list[str]:
-    return [f"{n:,}" if n else "0" for n in (score.used, score.rejected, score.missing)]
+NIS_MEANING = (
+    "Normalised innovation squared, divided by the number of readings (its degrees of freedom): 1 if innovations are "
+    "as large as the filter expects, above 1 if they are larger, below 1 if they are smaller."
+)
+ALL_MEANING = (
+    "The readings of all inertial units of a sample as one measurement, with their joint covariance, divided by "
+    "their number. It shows contradictions between units that no single unit shows: check mounts and lengths if it is "
+    "far above 1."
+)
 
 
-def _shares(shares: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {100 * share:.1f} %" for name, share in shares.items()) or DASH
+@dataclass(frozen=True)
+class _Counted:
+    """A column of a stream's counts. An optional one is left out if it is empty for every stream."""
+
+    head: Column
+    cell: Callable[[StreamCount], str]
+    optional: bool = False
 
 
-def _bar(score: SensorScore) -> str:
-    total = score.used + score.rejected + score.missing
-    if not total:
+_COLUMNS = (
+    _Counted(Column("rate", "Hz"), lambda c: rate_text(c.rate_hz)),
+    _Counted(Column("expected"), lambda c: f"{c.expected:,}"),
+    _Counted(Column("used"), lambda c: f"{c.used:,}"),
+    _Counted(Column("rejected"), lambda c: f"{c.rejected:,}"),
+    _Counted(Column("missing"), lambda c: f"{c.missing:,}"),
+    _Counted(
+        Column("not needed", meaning="Received and not used, such as readings that a slow sensor repeats."),
+        lambda c: f"{c.unused:,}" if c.unused else "",
+        optional=True,
+    ),
+    _Counted(
+        Column(
+            "disturbed",
+            meaning="Share of a magnetometer's samples that were not used, by the first failed test: norm or dip of "
+            "the field, or the innovation.",
+        ),
+        lambda c: shares_text(c.disturbed),
+        optional=True,
+    ),
+    _Counted(
+        Column(
+            "faults",
+            meaning="Share of samples at the limit of the sensor's range (clipped) or exactly constant (stuck).",
+        ),
+        lambda c: shares_text(c.faults),
+        optional=True,
+    ),
+    _Counted(Column("share"), lambda c: _bar(c)),
+)
+
+
+def _counts(scores: tuple[SensorScore, ...]) -> list[StreamCount]:
+    return [score.count for score in scores if score.count is not None]
+
+
+def _cells(count: StreamCount | None, shown: Sequence[_Counted]) -> list[str]:
+    return [(column.cell(count) if count else "") or DASH for column in shown]
+
+
+def _bar(count: StreamCount) -> str:
+    if count.expected <= 0:
         return DASH
     parts, left = [], 0.0
     for style in ("used", "rejected", "missing"):
-        width = 100 * getattr(score, style) / total
+        width = 100 * max(getattr(count, style), 0) / count.expected
         width = max(width, 1.0) if width else 0.0
         parts.append(f'<rect class="{style}" x="{left:.2f}" width="{width:.2f}" height="10"/>')
         left += width
@@ -67,7 +116,7 @@ def _bar(score: SensorScore) -> str:
 
 
 def health_section(track: Track, scores: tuple[SensorScore, ...]) -> str:
-    """NIS per measurement over time, one drawing per sensor that was ever used."""
+    """NIS per reading over time, one drawing per sensor that was ever used."""
     info = info_of(track)
     if info is None:
         return ""
@@ -80,7 +129,7 @@ def health_section(track: Track, scores: tuple[SensorScore, ...]) -> str:
 
 
 def smoothed_nis(time_s: Floats, nis: Floats, used: Floats) -> tuple[Floats, Floats]:
-    """NIS per measurement in a centred window of 0.5 s, and the rows in it, (T,) each; NaN where none."""
+    """NIS per reading in a centred window of 0.5 s, and the rows in it, (T,) each; NaN where none."""
     counted = np.isfinite(nis) & (used > 0)
     sums = np.concatenate([[0.0], np.cumsum(np.where(counted, nis, 0.0))])
     rows = np.concatenate([[0.0], np.cumsum(np.where(counted, used, 0.0))])
@@ -112,9 +161,9 @@ def _nis_figure(time_s: Floats, info: SensorInfo, k: int, mean_nis: float) -> st
         ]
     )
     mean = fixed(mean_nis, 2)
-    description = f"NIS per measurement over time, mean {mean}, on a logarithmic scale; 1 is expected."
+    description = f"NIS per reading over time, mean {mean}, on a logarithmic scale; 1 is expected."
     svg = plot.drawing(
-        f"nis-{k}", (WIDTH, TOP + HEIGHT + FOOT), f"{name}: NIS per measurement", description, content
+        f"nis-{k}", (WIDTH, TOP + HEIGHT + FOOT), f"{name}: NIS per reading", description, content
     )
     return figure(name, svg, fact=f"NIS {mean}")
 

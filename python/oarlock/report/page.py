@@ -9,6 +9,7 @@ from importlib.resources import files
 from oarlock.evaluation.consistency import sensor_scores
 from oarlock.evaluation.interval import Interval
 from oarlock.evaluation.scores import Evaluation, SensorScore
+from oarlock.evaluation.summary import observed_joints
 from oarlock.report import curves, health, slow, tables, verdict
 from oarlock.report.markup import bar_legend, notes_list, rendered
 from oarlock.report.section import Section, refuse_doubles, tiles
@@ -40,7 +41,7 @@ def render(
     figures = [figure for section in handed for figure in section.figures]
     lead = (
         f'<div class="lead">{verdict.summary(track, evaluation, sensors, sentences)}</div>'
-        f"{tiles([*figures, *verdict.key_figures(track, evaluation, sensors)])}"
+        f"{tiles([*figures, *verdict.key_figures(track, evaluation)])}"
     )
     sections = [*((section.key, section.name, section.markup) for section in handed), *own]
     # The drawings of a field of application are more useful than the curves of all joints.
@@ -104,7 +105,7 @@ def _sections(
     ]
     if sensors:
         explanation = (
-            '<p class="hint">NIS per measurement over time, averaged over 0.5 s, on a logarithmic scale. '
+            '<p class="hint">NIS per reading over time, averaged over 0.5 s, on a logarithmic scale. '
             "If the model is right, it is inside the tinted band around 1 for 95 % of the time."
             f"{' The values are those of the filter, before smoothing.' if track.smoothed else ''}</p>"
         )
@@ -129,7 +130,7 @@ def _notes(track: Track) -> str:
         notes.append(
             f"Nominal mounts are assumed (not calibrated): {', '.join(nominal)}. Run oarlock calibrate."
         )
-    seen = verdict.observed_joints(track)
+    seen = observed_joints(track)
     unobserved = [n for n in track.joint_names if n not in seen and not any(n in note for note in notes)]
     if unobserved:
         notes.append(f"Not observed: {', '.join(unobserved)}.")

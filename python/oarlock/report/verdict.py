@@ -6,11 +6,9 @@ import math
 from collections.abc import Sequence
 from html import escape
 
-import numpy as np
-
 from oarlock.evaluation.scores import Evaluation, SensorScore
+from oarlock.evaluation.summary import observed_joints, rate_text, row_rate_hz, stream_rates, summarize
 from oarlock.evaluation.suspects.text import SUSPECT_NOTE
-from oarlock.model.coordinates import joint_columns
 from oarlock.report.section import KeyFigure
 from oarlock.report.text import fixed, listing, number, percent, plural
 from oarlock.storage.epoch import moment_text
@@ -21,7 +19,7 @@ NARROW_COVERAGE, WIDE_COVERAGE = 0.93, 0.995
 MISLEADING_COVERAGE = 0.8
 """Share below which a band is not usable."""
 NIS_TOO_LARGE = 1.25
-"""NIS per measurement above which the innovations of a sensor are clearly larger than expected."""
+"""NIS per reading above which the innovations of a sensor are clearly larger than expected."""
 
 
 def summary(
@@ -50,31 +48,20 @@ def suspect_sentences(notes: Sequence[str]) -> list[str]:
     return [f"<strong>Suspect:</strong> {escape(text)}" for text in found]
 
 
-def observed_joints(track: Track) -> list[str]:
-    """Names of the joints that were observed, in all their coordinates, at least half of the time."""
-    columns = joint_columns(track.coordinate_names)
-    seen = {name: track.observed[:, list(own)].all(axis=1) for name, own in columns.items()}
-    return [name for name in track.joint_names if np.mean(seen[name]) >= 0.5]
-
-
-def rate_hz(track: Track) -> float:
-    """Typical number of samples per second; NaN for a single one."""
-    return 1 / float(np.median(np.diff(track.time_s))) if len(track.time_s) > 1 else math.nan
-
-
-def key_figures(
-    track: Track, evaluation: Evaluation | None, sensors: tuple[SensorScore, ...]
-) -> list[KeyFigure]:
+def key_figures(track: Track, evaluation: Evaluation | None) -> list[KeyFigure]:
     """The key figures of the report."""
-    duration = float(track.time_s[-1] - track.time_s[0])
+    whole = summarize(track)
+    missed = len(whole.not_observed)
     figures = [
         KeyFigure(
             "duration",
-            f"{number(duration)} s",
-            f"{len(track.time_s):,} samples at {number(rate_hz(track))} Hz",
+            f"{number(whole.duration_s, 4)} s",
+            f"{whole.samples:,} rows at {rate_text(whole.rate_hz)} Hz",
         ),
         KeyFigure(
-            "joints observed", f"{len(observed_joints(track))} of {len(track.joint_names)}", _unseen(track)
+            "joints observed",
+            f"{whole.joints_observed} of {whole.joints}",
+            f"{missed} not observed" if missed else "all of the model",
         ),
     ]
     if evaluation and evaluation.turning():
@@ -84,21 +71,12 @@ def key_figures(
         expected = "95 % is expected" if evaluation.reference == "truth" else evaluation.reference
         name = "truth" if evaluation.reference == "truth" else "reference"
         figures.append(KeyFigure(f"{name} in the 95 % band", percent(evaluation.mean_coverage()), expected))
-    if sensors:
-        figures.append(KeyFigure("readings used", percent(_used_share(sensors)), _not_used(sensors)))
-    speed = track.provenance.get("steps_per_s")
-    if isinstance(speed, (int, float)) and math.isfinite(speed):
-        figures.append(
-            KeyFigure(
-                "computed", f"{number(speed / rate_hz(track), 2)} ×", f"real time, {speed:,.0f} steps/s"
-            )
-        )
+    if whole.readings is not None:
+        figures.append(KeyFigure("readings used", percent(whole.readings.used_share), whole.readings.text()))
+    if whole.steps_per_s is not None and whole.real_time_factor is not None:
+        speed = f"real time, {whole.steps_per_s:,.0f} steps/s"
+        figures.append(KeyFigure("computed", f"{number(whole.real_time_factor, 2)} ×", speed))
     return figures
-
-
-def _unseen(track: Track) -> str:
-    count = len(track.joint_names) - len(observed_joints(track))
-    return f"{count} not observed" if count else "all of the model"
 
 
 def _what(track: Track) -> str:
@@ -106,7 +84,9 @@ def _what(track: Track) -> str:
     name = escape(str(getattr(track.model, "name", "") or track.provenance.get("model", "")))
     body = f"the model <b>{name}</b>" if name else "the model"
     duration = float(track.time_s[-1] - track.time_s[0])
-    rate = f" at {number(rate_hz(track))} Hz" if len(track.time_s) > 1 else ""
+    rate = f" at {rate_text(row_rate_hz(track))} Hz" if len(track.time_s) > 1 else ""
+    rates = stream_rates(track.counts)
+    streams = f"; the sensors' rates: {escape(rates)}" if rates else ""
     how = (
         "smoothed over the whole recording"
         if track.smoothed
@@ -115,15 +95,15 @@ def _what(track: Track) -> str:
     begin = moment_text(track.provenance.get("epoch"), float(track.time_s[0]))
     since = f", from {begin}" if begin else ""
     return (
-        f"{plural(len(track.joint_names), 'joint')} of {body} over {number(duration)} s{since} "
-        f"({plural(len(track.time_s), 'sample')}{rate}), {how}. {_seen_words(seen, len(track.joint_names))}"
+        f"{plural(len(track.joint_names), 'joint')} of {body} over {number(duration, 4)} s{since} "
+        f"({plural(len(track.time_s), 'row')}{rate}{streams}), {how}. {_seen_words(seen, len(track.joint_names))}"
     )
 
 
 def _seen_words(seen: int, total: int) -> str:
     if seen == total:
         return "All joints were observed."
-    return f"{seen} joints were observed; {total - seen} were not and are not scored."
+    return f"{seen} of {total} joints were observed, the others for less than half of the time."
 
 
 def _how_well(evaluation: Evaluation | None) -> str:
@@ -180,17 +160,6 @@ def _readings(loud: list[str]) -> str:
     if not loud:
         return "All sensors agree: no innovations are larger than the filter expects."
     return (
-        f"Innovations are larger than the filter expects (NIS per measurement above {NIS_TOO_LARGE}) for "
+        f"Innovations are larger than the filter expects (NIS per reading above {NIS_TOO_LARGE}) for "
         f"{escape(listing(loud))}: a mount, a length or a noise level may be wrong. Run oarlock calibrate."
     )
-
-
-def _used_share(sensors: tuple[SensorScore, ...]) -> float:
-    alone = [s for s in sensors if not s.joint]
-    total = sum(s.used + s.rejected + s.missing for s in alone)
-    return sum(s.used for s in alone) / total if total else math.nan
-
-
-def _not_used(sensors: tuple[SensorScore, ...]) -> str:
-    rejected, missing = sum(s.rejected for s in sensors), sum(s.missing for s in sensors)
-    return f"{rejected:,} rejected, {missing:,} missing"

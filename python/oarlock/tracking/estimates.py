@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from oarlock.model.angle_sequence import DEFAULT_SEQUENCE
 from oarlock.model.coordinates import joint_columns
 from oarlock.storage.suggest import did_you_mean
+from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.joint_series import BallSeries, FreeSeries, JointSeries
 from oarlock.tracking.records import Beliefs, SensorInfo, SlowSeries
 
@@ -55,6 +56,7 @@ class Estimates:
         notes: sentences on missing or implausible data and on the track.
         provenance: version, configuration, hashes of the inputs, speed.
         smoothed: true if each estimate uses all samples, earlier and later ones.
+        counts: readings of each stream: expected, received, missing, used and rejected.
     """
 
     model: Model | None
@@ -79,6 +81,7 @@ class Estimates:
     smoothed: bool = False
     last_belief: Belief | None = None
     run: Run | None = field(default=None, repr=False)
+    counts: tuple[StreamCount, ...] = ()
 
     def __post_init__(self) -> None:
         for name in _ARRAYS:

@@ -22,6 +22,7 @@ from oarlock.storage.toml import TomlTable, write_toml
 from oarlock.storage.write_file import write_file
 from oarlock.tracking.columns import FIELDS, column_name, observed_name
 from oarlock.tracking.columns import columns_of as track_columns
+from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.estimates import Estimates
 from oarlock.tracking.records import FAULT, FIELD, Beliefs, SensorInfo, SlowSeries
 
@@ -94,6 +95,7 @@ def read_track(folder: str | PathLike[str]) -> dict[str, Any]:
         "notes": tuple(top["notes"]),
         "provenance": _with_none_read(top["provenance"]),
         "smoothed": bool(top["smoothed"]),
+        "counts": _counts(place / "run.toml", top.get("streams", {})),
     }
     check_files(manifest, [name for name in _FILES if (place / name).is_file()])
     return found
@@ -124,6 +126,14 @@ def _read_description(file: Path) -> Mapping[str, Any]:
     return top
 
 
+def _counts(file: Path, streams: Any) -> tuple[StreamCount, ...]:
+    # earlier versions wrote no counts
+    try:
+        return tuple(StreamCount(name, **count) for name, count in streams.items())
+    except (AttributeError, TypeError):
+        raise DataError(f"{file}: [streams] is damaged{_AGAIN}") from None
+
+
 def _description(track: Estimates) -> dict[str, Any]:
     return {
         "format": FORMAT,
@@ -135,6 +145,7 @@ def _description(track: Estimates) -> dict[str, Any]:
         "coordinates": {"names": list(track.coordinate_names), "units": list(track.coordinate_units)},
         "angle_sequences": dict(track.angle_sequences),
         "slow": {name: slow.unit for name, slow in track.slow.items()},
+        "streams": {count.name: count.to_dict() for count in track.counts},
         "provenance": _with_none_named(track.provenance),
     }
 

@@ -12,6 +12,7 @@ from oarlock.recording.corrections import corrected
 from oarlock.recording.plausibility import Finding
 from oarlock.recording.recording import Recording
 from oarlock.storage.errors import DataError, DivergedError, ModelError
+from oarlock.tracking.known_streams import known_streams
 from oarlock.tracking.track import Track
 from oarlock.tracking.tracking import Progress, add_findings, admit, finished, require_recording
 
@@ -110,18 +111,20 @@ def outcomes(
         DataError: `stop_on_refusal` is set and a recording is refused before any is tracked.
     """
     results: dict[str, Track | Failure] = {}
-    findings: dict[str, list[Finding]] = {}
-    for label, (recording, calibration, _) in jobs.items():
+    admitted: dict[str, tuple[Job, list[Finding], tuple[str, ...]]] = {}
+    for label, (whole, calibration, config) in jobs.items():
         try:
-            require_recording(recording)
-            findings[label] = admit(model, corrected(recording, calibration))
+            require_recording(whole)
+            recording, left_out = known_streams(model, whole)
+            findings = admit(model, corrected(recording, calibration))
+            admitted[label] = ((recording, calibration, config), findings, left_out)
         except DataError as error:
             results[label] = refused = _named(error, label)
             if stop_on_refusal:
                 raise refused from None
-    runs = _core.track_many(model, [jobs[label] for label in findings], smooth, threads, progress)
-    for (label, odd), run in zip(findings.items(), runs, strict=True):
-        results[label] = _result(model, label, jobs[label], run, odd)
+    runs = _core.track_many(model, [job for job, _, _ in admitted.values()], smooth, threads, progress)
+    for (label, (job, odd, left_out)), run in zip(admitted.items(), runs, strict=True):
+        results[label] = _result(model, label, job, run, odd, left_out)
     return [results[label] for label in jobs]
 
 
@@ -174,14 +177,18 @@ def _one_each(
     return each
 
 
-def _result(model: Model, label: str, job: Job, run: _Ended, findings: list[Finding]) -> Track | Failure:
-    recording, calibration, config = job
+def _result(
+    model: Model, label: str, job: Job, run: _Ended, findings: list[Finding], left_out: tuple[str, ...]
+) -> Track | Failure:
+    recording, calibration, _ = job
     if not isinstance(run, tuple):
         if isinstance(run, DivergedError):
             add_findings(run, findings)
         return _named(run, label)
     done, notes, wall_s, smoothing_wall_s = run
-    return finished(model, recording, calibration, config, done, notes, findings, wall_s, smoothing_wall_s)
+    return finished(
+        model, recording, calibration, done, (*notes, *left_out), findings, wall_s, smoothing_wall_s
+    )
 
 
 def _named(error: _AnyFailure, label: str) -> _AnyFailure:

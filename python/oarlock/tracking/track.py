@@ -14,6 +14,7 @@ from oarlock.model.rotation import continuous_quat, quat_from_matrix
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 from oarlock.tracking.columns import columns_of
+from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.estimates import Estimates, Floats, Later
 from oarlock.tracking.folder import read_track, write_track
 from oarlock.tracking.places import PositionSpread, model_of, poses_of, position_spreads, relative_positions
@@ -186,7 +187,13 @@ def track_without_filter(
     )
 
 
-def track_of_run(model: Model, run: Run, notes: tuple[str, ...], provenance: Mapping[str, Any]) -> Track:
+def track_of_run(
+    model: Model,
+    run: Run,
+    notes: tuple[str, ...],
+    provenance: Mapping[str, Any],
+    counts: tuple[StreamCount, ...],
+) -> Track:
     """A Track from the engine's run. Its arrays are computed when they are first read."""
     states = {name: i for i, name in enumerate(run.state_names)}
     names, joints = model.coordinate_names, model.describe().joints
@@ -206,9 +213,13 @@ def track_of_run(model: Model, run: Run, notes: tuple[str, ...], provenance: Map
 
     def q_std() -> Floats:
         values = estimates("", True)
-        columns, readings = run.inputs()
-        known = {joint.name: joint.std or 0.0 for joint in joints if joint.input}
-        values[:, columns] = np.where(np.isnan(readings), np.nan, [known[names[c]] for c in columns])
+        columns, _ = run.inputs()
+        # Where an input has no reading, its estimate is its rest and its band the prior: the soft limits are two
+        # standard deviations from their middle.
+        known = {joint.name: (joint.std or 0.0, np.ptp(joint.limits) / 4) for joint in joints if joint.input}
+        read = run.observed()[:, columns] == 1
+        stds = np.array([known[names[c]] for c in columns]).reshape(len(columns), 2)
+        values[:, columns] = np.where(read, stds[:, 0], stds[:, 1])
         return values
 
     def later(make: Callable[[], Any]) -> Any:
@@ -237,6 +248,7 @@ def track_of_run(model: Model, run: Run, notes: tuple[str, ...], provenance: Map
         smoothed=run.smoothed,
         last_belief=run.last_belief,
         run=run,
+        counts=counts,
     )
 
 

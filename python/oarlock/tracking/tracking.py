@@ -17,7 +17,8 @@ from oarlock.recording.epoch import shift_notes
 from oarlock.recording.plausibility import Finding, require_plausible
 from oarlock.recording.recording import Recording
 from oarlock.storage.errors import DataError, DivergedError
-from oarlock.storage.suggest import did_you_mean
+from oarlock.tracking.counts import count_streams
+from oarlock.tracking.known_streams import known_streams
 from oarlock.tracking.track import Track, notes_without_hinges, track_of_run
 
 Progress = Callable[[float], object]
@@ -52,12 +53,13 @@ def track(
         progress: called regularly with the share done, 0 to 1.
 
     Raises:
-        DataError: streams without a sensor in the model (`Recording.only` removes them), time stamps out of
-            order, or values in a wrong unit.
+        DataError: no stream has a sensor in the model, or a name is probably misspelt; time stamps out of order, or
+            values in a wrong unit. Other streams without a sensor are left out with a note.
         DivergedError: the filter diverged; `time_s` is the time at which it did.
     """
     config = config if config is not None else Config()
     require_recording(recording)
+    recording, left_out = known_streams(model, recording)
     findings = admit(model, corrected(recording, calibration))
     began = time.perf_counter()
     try:
@@ -67,7 +69,14 @@ def track(
         raise
     wall_s = time.perf_counter() - began
     return finished(
-        model, recording, calibration, config, run, run.notes, findings, wall_s, resumed=start is not None
+        model,
+        recording,
+        calibration,
+        run,
+        (*run.notes, *left_out),
+        findings,
+        wall_s,
+        resumed=start is not None,
     )
 
 
@@ -78,7 +87,6 @@ def admit(model: Model, recording: Recording) -> list[Finding]:
         DataError: as `track`.
     """
     require_recording(recording)
-    _require_known(model, recording)
     _require_one_clock(recording)
     if recording not in _FINDINGS:
         _FINDINGS[recording] = tuple(require_plausible(recording))
@@ -95,7 +103,6 @@ def finished(
     model: Model,
     recording: Recording,
     calibration: Calibration | None,
-    config: Config,
     run: Run,
     run_notes: Iterable[str],
     findings: Iterable[Finding],
@@ -103,7 +110,7 @@ def finished(
     smoothing_wall_s: float | None = None,
     resumed: bool = False,
 ) -> Track:
-    """The track of a run with notes and provenance; `run_notes` are the notes of the filtered run."""
+    """The track of a run with notes, counts and provenance; `run_notes` are the notes of the run."""
     provenance = {
         "oarlock": _core.__version__,
         "model": model.name,
@@ -111,7 +118,7 @@ def finished(
         "parameters": model.parameters | dict(calibration.parameters if calibration else {}),
         "recording_sha256": _hash(recording),
         **({} if recording.epoch is None else {"epoch": recording.epoch}),
-        "config": config.to_dict(),
+        "config": run.config.to_dict(),
         "nominal_mounts": run.nominal_mounts,
         "steps": run.steps,
         "wall_s": wall_s,
@@ -129,7 +136,8 @@ def finished(
         *correction_notes(recording, calibration),
         *(f"{f.sensor}: {f.message}" for f in findings),
     )
-    return track_of_run(model, run, notes, provenance)
+    counts = count_streams(corrected(recording, calibration), run.counts())
+    return track_of_run(model, run, notes, provenance, counts)
 
 
 def smooth(track: Track, *, progress: Progress | None = None) -> Track:
@@ -147,10 +155,13 @@ def smooth(track: Track, *, progress: Progress | None = None) -> Track:
             "smooth: this track has no samples (it was loaded from files, or is simulated). "
             "Track the recording again and smooth the result, or use `oarlock track --smooth`"
         )
+    filtered_notes = track.run.notes
     began = time.perf_counter()
     run = track.run.smooth(ROOM_TO_GIVE_BYTES, progress)
     provenance = dict(track.provenance) | {"smoothing_wall_s": time.perf_counter() - began}
-    return track_of_run(track.model, run, notes_without_hinges(track), provenance)
+    # Smoothing can determine joints that the filter alone does not, so the notes of the run are made again.
+    others = [note for note in notes_without_hinges(track) if note not in filtered_notes]
+    return track_of_run(track.model, run, (*run.notes, *others), provenance, track.counts)
 
 
 def require_recording(given: object) -> None:
@@ -160,24 +171,6 @@ def require_recording(given: object) -> None:
         raise DataError(
             f"track: expected a Recording, got {kind}; read one from a folder with oarlock.load_recording"
         )
-
-
-def _require_known(model: Model, recording: Recording) -> None:
-    inputs = [j.name for j in model.describe().inputs]
-    known = [*model.sensor_names, *inputs]
-    unknown = [name for name in recording.names if name not in known]
-    if not unknown:
-        return
-    kept = [name for name in recording.names if name in known]
-    way_out = (
-        f"To leave it out, keep the others: recording.only({kept}), or --only {','.join(kept)}"
-        if kept
-        else f"No stream of the recording ({', '.join(recording.names)}) belongs to this model: rename the streams"
-    )
-    raise DataError(
-        f'stream "{unknown[0]}": model "{model.name}" has no sensor or input of that name. '
-        f"{did_you_mean(unknown[0], known)} {way_out}"
-    )
 
 
 def _require_one_clock(recording: Recording) -> None:

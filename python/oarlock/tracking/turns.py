@@ -56,7 +56,9 @@ def hinges_of(joints: Sequence[JointDescription], coordinate_names: Sequence[str
 
 
 def placed(hinges: Sequence[Hinge], q: Floats, qd: Callable[[], Floats], time_s: Floats) -> Floats:
-    """Coordinates (T, n) in which each hinge is continuous and near its middle; only full turns are added, in place.
+    """Coordinates (T, n) in which each hinge is near its middle; only full turns are added, in place.
+
+    A wheel is continuous over the whole track, another hinge where the filter did not find the posture anew.
 
     Args:
         hinges: of the columns of `q`.
@@ -66,10 +68,19 @@ def placed(hinges: Sequence[Hinge], q: Floats, qd: Callable[[], Floats], time_s:
     """
     for hinge in hinges:
         known = np.flatnonzero(np.isfinite(q[:, hinge.column]))
-        if known.size:
-            rate = partial(_rates, qd, known, hinge.column)
-            angle = _unwrapped(q[known, hinge.column], rate, time_s[known])
-            q[known, hinge.column] = angle - TURN * _turns_away(angle, hinge.middle_rad)
+        if not known.size:
+            continue
+        angle = q[known, hinge.column]
+        jumps, turns = _jumps(angle, partial(_rates, qd, known, hinge.column), time_s[known])
+        if hinge.limits_rad is None:
+            added = np.zeros(len(angle))
+            added[jumps] = turns
+            angle = angle - TURN * np.cumsum(added)
+            jumps = jumps[:0]
+        pieces = np.split(angle, jumps)
+        q[known, hinge.column] = np.concatenate(
+            [piece - TURN * _turns_away(piece, hinge.middle_rad) for piece in pieces]
+        )
     return q
 
 
@@ -77,17 +88,20 @@ def _rates(qd: Callable[[], Floats], rows: NDArray[np.int64], column: int) -> Fl
     return np.asarray(qd()[rows, column])
 
 
-def _unwrapped(angle: Floats, rate: Callable[[], Floats], time_s: Floats) -> Floats:
-    """Jumps of more than half a turn are removed unless the rate explains them (a wheel at a low output rate)."""
+def _jumps(angle: Floats, rate: Callable[[], Floats], time_s: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """Rows at which the angle jumps by full turns that the rate does not explain, and the number of turns.
+
+    The filter's angles are continuous, so it has found the posture anew there. A wheel at a low output rate turns by
+    more than half a turn from row to row, and its rate explains that.
+    """
     step = np.diff(angle)
     jumps = np.flatnonzero(np.abs(step) > np.pi)
     if not jumps.size:
-        return angle
+        return jumps, np.zeros(0)
     speed = np.nan_to_num(rate())
     expected = 0.5 * (speed[jumps] + speed[jumps + 1]) * np.diff(time_s)[jumps]
-    turns = np.zeros(len(angle))
-    turns[jumps + 1] = np.round((step[jumps] - expected) / TURN)
-    return np.asarray(angle - TURN * np.cumsum(turns))
+    turns = np.round((step[jumps] - expected) / TURN)
+    return jumps[turns != 0] + 1, turns[turns != 0]
 
 
 def _turns_away(angle: Floats, middle_rad: float) -> float:

@@ -108,7 +108,7 @@ impl Body {
     }
 
     /// Predicts without use of a mean.
-    pub(super) fn read_all(&self, moment: &Moment, s: &mut BodyScratch, at: Points, out: &mut [Lane]) {
+    pub fn read_all(&self, moment: &Moment, s: &mut BodyScratch, at: Points, out: &mut [Lane]) {
         self.anchor(at.mean, &mut s.anchors);
         let room = &mut s.plain.posture;
         self.unpack_lanes(moment, at, room);

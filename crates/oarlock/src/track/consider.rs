@@ -325,13 +325,13 @@ impl Considering {
         let now = (belief.inflation, belief.roughness);
         let left =
             self.leftover(&subject.rough_rows, (&belief.covariance, update.shift, &update.info.innovation), |r| {
-                believed(r).then(|| subject.noise_variance(r, now))
+                believed(r).then(|| update.readings.noise_variance(subject, r, now))
             });
         learn_roughness(belief, left, update);
         let Some(doubt) = doubt else { return };
         let innovation = update.learning.map(|_| &update.info.innovation[..]);
         let before = self.inflated;
-        let noise = |r: usize| believed(r).then(|| subject.noise_variance(r, before));
+        let noise = |r: usize| believed(r).then(|| update.readings.noise_variance(subject, r, before));
         self.follow(doubt, (belief.time_s, &belief.covariance, update.shift, innovation), noise);
         self.learn(doubt, belief.time_s, &update.info.innovation, believed);
     }
@@ -339,7 +339,7 @@ impl Considering {
 
 /// The effect of an update.
 pub(super) struct Update<'a> {
-    z: &'a [f64],
+    readings: &'a Readings,
     info: &'a Info,
     shift: &'a [f64],
     since_s: f64,
@@ -357,11 +357,11 @@ impl<'a> Update<'a> {
         learning: Option<Learning>,
     ) -> Self {
         let (shift, since_s, whole) = (filter.shift(), filter.since_s(), filter.is_whole());
-        Update { z: &readings.z, info, shift, since_s, whole, learning }
+        Update { readings, info, shift, since_s, whole, learning }
     }
 
     fn believes(&self, subject: &Subject, row: usize) -> bool {
-        !self.z[row].is_nan() && self.info.parts[subject.part_of_row[row]] == Verdict::Accepted
+        !self.readings.z[row].is_nan() && self.info.parts[subject.part_of_row[row]] == Verdict::Accepted
     }
 }
 

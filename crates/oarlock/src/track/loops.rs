@@ -6,7 +6,6 @@ use super::subject::Subject;
 use crate::body::Body;
 use crate::kinematics::{FrameMotion, JointMotion};
 use crate::model::SensorKind;
-use crate::recording::Sample;
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::{Scene, Worn};
 
@@ -70,6 +69,10 @@ pub fn readings_from(
 /// A source without readings for longer than this has a dropout, s.
 pub(super) const SILENCE_S: f64 = 0.2;
 
+/// Interval at which a closure is used while no encoder reads its second side, s. Both sides are states then, with their
+/// uncertainty; more often would count the same error of the grip again.
+const INTERVAL_S: f64 = 0.02;
+
 /// The closures, whose readings are zero by definition.
 #[derive(Debug, Clone)]
 pub(super) struct Loops {
@@ -83,11 +86,21 @@ impl Loops {
     }
 
     /// Writes the closures' readings of zero.
-    pub fn fill(&self, subject: &Subject, sample: &Sample, readings: &mut Readings) {
+    pub fn fill(&self, subject: &Subject, readings: &mut Readings) {
         for l in &self.all {
-            let speaks = self.on && l.speaks(sample);
             let rows = subject.body.suite.sources[l.source].rows.clone();
-            readings.z[rows].fill(if speaks { 0.0 } else { f64::NAN });
+            readings.z[rows].fill(if self.on { 0.0 } else { f64::NAN });
+        }
+    }
+
+    /// Removes closures that were used shortly before and whose second side no encoder reads in this sample.
+    pub fn wait(&self, subject: &Subject, sources: &[SourceMemory], time_s: f64, readings: &mut Readings) {
+        for l in self.all.iter().filter(|l| !l.encoders.is_empty()) {
+            let is_read = l.encoders.iter().any(|&r| !readings.z[r].is_nan());
+            if !is_read && time_s - sources[l.source].seen_s < INTERVAL_S {
+                readings.moment.active[l.source] = false;
+                readings.silence(&subject.body.suite.sources[l.source].rows);
+            }
         }
     }
 
@@ -123,20 +136,13 @@ impl Loops {
     }
 }
 
-/// When a closure is used.
+/// A closure, and what reads its second side.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Loop {
     /// Index of its source.
     pub source: usize,
-    /// Rows of the encoders on its second side; the sample must contain one of them. Empty: no condition.
+    /// Rows of the encoders on its second side.
     pub encoders: Vec<usize>,
-}
-
-impl Loop {
-    /// Whether the sample contains the readings that the closure needs, except inputs, which are tested elsewhere.
-    pub fn speaks(&self, sample: &Sample) -> bool {
-        self.encoders.is_empty() || self.encoders.iter().any(|&r| !sample.z[r].is_nan())
-    }
 }
 
 /// The model's closures.

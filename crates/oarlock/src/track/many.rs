@@ -34,7 +34,7 @@ pub struct Job {
 pub struct Done {
     /// The track, smoothed if requested.
     pub run: Run,
-    /// Notes on the filtered track.
+    /// Notes on the track.
     pub notes: Vec<String>,
     /// Wall time of filtering, s.
     pub wall_s: f64,
@@ -114,13 +114,12 @@ impl Job {
         let begun = Instant::now();
         let run = track(self.model, self.streams, &self.calibration, &self.config, None, &mut |s| progress(part * s))?;
         let wall_s = begun.elapsed().as_secs_f64();
-        let notes = notes(&run);
         if !self.smooth {
-            return Ok(Done { run, notes, wall_s, smoothing_wall_s: None });
+            return Ok(Done { notes: notes(&run), run, wall_s, smoothing_wall_s: None });
         }
         let begun = Instant::now();
         let run = run.into_smooth(&mut |s| progress(part * (1.0 + s)))?;
-        Ok(Done { run, notes, wall_s, smoothing_wall_s: Some(begun.elapsed().as_secs_f64()) })
+        Ok(Done { notes: notes(&run), run, wall_s, smoothing_wall_s: Some(begun.elapsed().as_secs_f64()) })
     }
 }
 

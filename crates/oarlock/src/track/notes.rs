@@ -1,8 +1,10 @@
 //! Notes: sentences about what a run could not use or observe. `track` stores them and the report prints them.
 
+use super::faults::Fault;
 use super::loops::dependence;
-use super::magnetic::{Field, FIELD};
-use super::run::Run;
+use super::magnetic::Field;
+use super::run::{Run, StreamCount};
+use crate::config::Magnetometer;
 use crate::model::{JointKind, Model};
 use crate::recording::input_joint;
 
@@ -23,9 +25,11 @@ pub fn notes(run: &Run) -> Vec<String> {
     notes.extend(nominal_mounts(run));
     notes.extend(absent_streams(run));
     notes.extend(silent_loops(run));
-    notes.extend(rejections(run));
-    notes.extend(disturbances(run));
-    notes.extend(faults(run));
+    let (counts, field) = (run.counts(), expected_field(run));
+    notes.extend(no_magnetometers(run, &counts));
+    notes.extend(rejections(&counts, &field));
+    notes.extend(disturbances(&counts, &field));
+    notes.extend(faults(&counts));
     notes.extend(unobserved(run));
     notes.extend(contortions(run));
     notes.extend(losses(run));
@@ -102,92 +106,98 @@ fn silent_loops(run: &Run) -> Vec<String> {
         match missing {
             0 => None,
             m if m == rows => Some(format!("closure {}: never used ({whole})", c.name)),
-            m => Some(format!("closure {}: used in {} of {rows} samples", c.name, rows - m)),
+            m => Some(format!("closure {}: used in {} of {rows} rows", c.name, rows - m)),
         }
     };
     model.closures.iter().enumerate().filter_map(describe).collect()
 }
 
-fn rejections(run: &Run) -> Vec<String> {
-    let body = run.tracker().body();
-    let count = body.suite.sources.len();
-    let describe = |(s, source): (usize, &crate::sensor::Source)| {
-        let infos = run.series.reports.iter().skip(s).step_by(count);
-        let (rejected, there) = infos
-            .fold((0u64, 0u64), |(r, t), i| (r + u64::from(i.rejected), t + u64::from(i.rejected) + u64::from(i.used)));
-        let share = rejected as f64 / there.max(1) as f64;
+/// The field that magnetometers are expected to read.
+fn expected_field(run: &Run) -> String {
+    let field = run.tracker().body().field;
+    format!("{} uT, {:.0} deg below the horizon", field.norm_ut, field.dip_rad.to_degrees())
+}
+
+fn rejections(counts: &[StreamCount], field: &str) -> Vec<String> {
+    let describe = |count: &StreamCount| {
+        let share = count.rejected as f64 / count.received.max(1) as f64;
+        let magnetometer = if count.magnetometer == Some(true) {
+            format!(" and, for its magnetometer, the field's norm and dip in the model ({field})")
+        } else {
+            String::new()
+        };
         (share > REJECTED_SHARE).then(|| {
             format!(
-                "{}: {:.0} % of its readings were rejected as outliers; check its mount, its units and, for a \
-                 magnetometer, the field's norm and dip in the model ({} uT, {:.0} deg)",
-                source.name,
-                100.0 * share,
-                body.field.norm_ut,
-                body.field.dip_rad.to_degrees()
+                "{}: {} of {} readings ({:.1} %) were rejected; check its mount and its units{magnetometer}",
+                count.name,
+                count.rejected,
+                count.received,
+                100.0 * share
             )
         })
     };
-    body.suite.sources.iter().enumerate().filter_map(describe).collect()
+    counts.iter().filter_map(describe).collect()
 }
 
-/// A row counts for the time since the sensor's previous row, but at most for this time (s), so that gaps do not count.
-const LONGEST_SAMPLE_S: f64 = 1.0;
+/// A share that is printed as 0.0 % is no news.
+fn percent(share: f64) -> Option<f64> {
+    Some(100.0 * share).filter(|percent| *percent >= 0.05)
+}
 
-/// Reports how long the field of each magnetometer was disturbed, by the test that failed.
-fn disturbances(run: &Run) -> Vec<String> {
-    let body = run.tracker().body();
-    let count = body.suite.sources.len();
-    let describe = |(s, source): (usize, &crate::sensor::Source)| {
-        let fields = run.series.reports.iter().skip(s).step_by(count).map(|r| r.field);
-        let rows = run.series.time_s.iter().zip(fields).filter(|(_, field)| *field != Field::Missing);
-        let (mut seconds, mut whole_s, mut last_s) = ([0.0; FIELD.len()], 0.0, f64::NAN);
-        for (&time_s, field) in rows {
-            let lasted_s = if last_s.is_nan() { 0.0 } else { (time_s - last_s).min(LONGEST_SAMPLE_S) };
-            seconds[field as usize] += lasted_s;
-            whole_s += lasted_s;
-            last_s = time_s;
-        }
-        let tests = [Field::Norm, Field::Dip, Field::Innovation].map(|f| (f.name(), seconds[f as usize]));
-        let disturbed_s: f64 = tests.iter().map(|t| t.1).sum();
-        let named = tests.iter().filter(|t| t.1 > 0.0).map(|(name, s)| format!("{name} {s:.1} s"));
+/// Reports the share of disturbed readings of each magnetometer, by the test that failed.
+fn disturbances(counts: &[StreamCount], field: &str) -> Vec<String> {
+    let describe = |count: &StreamCount| {
+        let all: u64 = count.fields.iter().skip(1).sum();
+        let share = |of: Field| count.fields[of as usize] as f64 / all.max(1) as f64;
+        let tests = [Field::Norm, Field::Dip, Field::Innovation];
+        let disturbed = percent(tests.into_iter().map(share).sum())?;
+        let named = tests.into_iter().filter_map(|of| Some(format!("{} {:.1} %", of.name(), percent(share(of))?)));
         let named: Vec<String> = named.collect();
-        (disturbed_s > 0.0).then(|| {
-            format!(
-                "{}: magnetic field disturbed for {disturbed_s:.1} of {whole_s:.1} s ({}) and not used during that time; expected: {} uT, \
-                 {:.0} deg below the horizon; if that is wrong, correct the field's norm and dip in the model",
-                source.name,
-                named.join(", "),
-                body.field.norm_ut,
-                body.field.dip_rad.to_degrees()
-            )
-        })
+        let named = if named.is_empty() { String::new() } else { format!(" ({})", named.join(", ")) };
+        Some(format!(
+            "{}: magnetic field disturbed in {disturbed:.1} % of the readings{named}, which were not used; expected: {field}; \
+             if that is wrong, correct the field's norm and dip in the model",
+            count.name
+        ))
     };
-    body.suite.sources.iter().enumerate().filter_map(describe).collect()
+    counts.iter().filter_map(describe).collect()
 }
 
-/// Reports how long sensors were clipped (at the end of their range) or stuck.
-fn faults(run: &Run) -> Vec<String> {
-    let sources = &run.tracker().body().suite.sources;
-    let describe = |(s, source): (usize, &crate::sensor::Source)| {
-        let reports = run.series.reports.iter().skip(s).step_by(sources.len());
-        let (mut seconds, mut whole_s, mut last_s) = ([0.0; 3], 0.0, f64::NAN);
-        for (&time_s, report) in run.series.time_s.iter().zip(reports).filter(|(_, r)| r.used + r.rejected > 0) {
-            let lasted_s = if last_s.is_nan() { 0.0 } else { (time_s - last_s).min(LONGEST_SAMPLE_S) };
-            seconds[report.fault as usize] += lasted_s;
-            whole_s += lasted_s;
-            last_s = time_s;
-        }
-        let [_, clipped_s, stuck_s] = seconds;
-        let told =
-            |s: f64, text: &str| (s > 0.0).then(|| format!("{}: {text} for {s:.2} of {whole_s:.1} s", source.name));
-        let clipped = told(clipped_s, "readings at the end of the sensor's range").map(|text| {
-            format!("{text}; the clipped axes were not used during that time; use a sensor with a wider range or a softer mount")
+/// Reports the share of samples in which sensors were clipped (at the end of their range) or stuck.
+fn faults(counts: &[StreamCount]) -> Vec<String> {
+    let describe = |count: &StreamCount| {
+        let all: u64 = count.faults.iter().sum();
+        let share = |of: Fault| percent(count.faults[of as usize] as f64 / all.max(1) as f64);
+        let clipped = share(Fault::Clipped).map(|percent| {
+            format!(
+                "{}: at the end of the sensor's range in {percent:.1} % of the samples; the clipped axes were not used there; use a \
+                 sensor with a wider range or a softer mount",
+                count.name
+            )
         });
-        let stuck = told(stuck_s, "readings stuck (identical to the bit)")
-            .map(|text| format!("{text} and not used during that time; check its firmware, battery and radio link"));
+        let stuck = share(Fault::Stuck).map(|percent| {
+            format!(
+                "{}: readings stuck (identical to the bit) in {percent:.1} % of the samples and not used there; check its firmware, \
+                 battery and radio link",
+                count.name
+            )
+        });
         [clipped, stuck]
     };
-    sources.iter().enumerate().flat_map(describe).flatten().collect()
+    counts.iter().flat_map(describe).flatten().collect()
+}
+
+/// Names the units whose magnetometer, which the model has, never gave a reading.
+fn no_magnetometers(run: &Run, counts: &[StreamCount]) -> Option<String> {
+    let without: Vec<&str> = counts.iter().filter(|c| c.magnetometer == Some(false)).map(|c| c.name.as_str()).collect();
+    if without.is_empty() || run.config().magnetometer == Magnetometer::Off {
+        return None;
+    }
+    Some(if counts.iter().any(|c| c.magnetometer == Some(true)) {
+        format!("no magnetometer readings from: {}", without.join(", "))
+    } else {
+        "no unit has a magnetometer: headings are relative".into()
+    })
 }
 
 /// Reports observed joints that often exceed their soft limits. Limits do not affect observed joints, so the cause lies elsewhere.
@@ -255,13 +265,12 @@ fn unobserved(run: &Run) -> Vec<String> {
     for (j, joint) in body.model.joints.iter().enumerate().filter(|(_, j)| j.kind != JointKind::Fixed) {
         let seen =
             (0..rows).filter(|r| joint.coordinates().all(|c| run.series.observed[r * coordinates + c] == 1)).count();
-        // An input has readings only at its own time stamps.
-        let enough = if joint.input { seen > 0 } else { 2 * seen >= rows };
-        if enough && rows > 0 {
+        if 2 * seen >= rows && rows > 0 {
             continue;
         }
         let felt = (0..sources).any(|s| used[s] && depends[s][j]);
         let why = match (joint.input, felt) {
+            (true, _) if seen > 0 => "its encoder has readings at fewer than half of the rows",
             (true, _) => "no stream",
             (false, false) => "no working sensor measures it",
             (false, true) => "its sensors do not determine it",

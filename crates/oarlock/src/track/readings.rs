@@ -12,19 +12,34 @@ pub(super) struct Readings {
     /// In the order of the measurement vector; missing or removed readings are NaN.
     pub z: Vec<f64>,
     pub moment: Moment,
+    /// Per source: time of its readings after that of the sample, s.
+    pub offset_s: Vec<f64>,
+    /// Standard deviation of each row's noise in this sample.
+    pub std: Vec<f64>,
 }
 
 impl Readings {
     pub fn new(body: &Body) -> Self {
-        Readings { z: vec![f64::NAN; body.suite.len()], moment: body.moment() }
+        let offset_s = vec![0.0; body.suite.sources.len()];
+        Readings { z: vec![f64::NAN; body.suite.len()], moment: body.moment(), offset_s, std: body.suite.std() }
     }
 
     /// Copies the readings of a sample.
     pub fn take(&mut self, sample: &Sample) {
         self.z.copy_from_slice(&sample.z);
+        let offsets = sample.offset_s.iter().copied().chain(std::iter::repeat(0.0));
+        self.offset_s.iter_mut().zip(offsets).for_each(|(own, s)| *own = s);
         for (input, &value) in self.moment.inputs.iter_mut().zip(&sample.inputs) {
             *input = if value.is_nan() { 0.0 } else { value };
         }
+    }
+
+    /// Variance of a row's noise with the learnt inflation: that of inertial units, and the additional one of rough
+    /// readings.
+    pub fn noise_variance(&self, subject: &Subject, row: usize, (inertial, rough): (f64, f64)) -> f64 {
+        let factor =
+            if subject.inertial_rows[row] { inertial } else { 1.0 } * if subject.rough_rows[row] { rough } else { 1.0 };
+        self.std[row] * self.std[row] * factor
     }
 
     /// Whether any of these rows has a reading.

@@ -1,6 +1,7 @@
 //! `Run`: tracks a whole recording by a loop over `Tracker::step` and stores the estimates.
 
 mod back;
+mod counts;
 mod packed;
 mod series;
 
@@ -13,7 +14,9 @@ use crate::estimate::belief::Belief;
 use crate::estimate::filter::Info;
 use crate::model::Model;
 use crate::motion::is_observed;
-use crate::recording::{Cursor, Recording, Sample, Stream};
+use crate::recording::{Cursor, Gathering, Recording, Sample, Stream};
+pub use counts::StreamCount;
+use counts::Tally;
 use packed::Packed;
 pub use series::{Report, Series};
 use std::collections::VecDeque;
@@ -60,6 +63,7 @@ pub struct Run {
     pub refused: usize,
     checkpoints: Vec<Checkpoint>,
     partings: Vec<Parting>,
+    tally: Tally,
     /// Times of the resets, s.
     pub losses_s: Vec<f64>,
     /// Coordinates of joints that are inputs.
@@ -78,9 +82,13 @@ pub fn track(
     start: Option<Hypothesis>,
     progress: Progress,
 ) -> Result<Run> {
+    let clocks = &calibration.corrections.clocks;
+    let first = Tracker::new(model.clone(), calibration, config)?;
+    let config = &first.settle(&streams, clocks, config)?;
     let mut tracker = Tracker::new(model.clone(), calibration, config)?;
-    let recording =
-        Recording::new(&model, &tracker.body().suite, streams, &calibration.corrections.clocks, config.merge_s)?;
+    let body = tracker.body();
+    let inputs = body.model.joints.iter().filter(|j| j.input).map(|j| j.first).collect();
+    let recording = Recording::new(&body.model, &body.suite, streams, clocks, Gathering::of(config))?;
     if let Some(start) = start {
         tracker.resume(start)?;
     }
@@ -94,8 +102,9 @@ pub fn track(
         refused: 0,
         checkpoints: Vec::new(),
         partings: Vec::new(),
+        tally: Tally::default(),
         losses_s: Vec::new(),
-        inputs: model.joints.iter().filter(|j| j.input).map(|j| j.first).collect(),
+        inputs,
         last: None,
         tracker,
     };
@@ -116,6 +125,7 @@ impl Run {
         let mut count = 0;
         while recording.next(&mut cursor, &mut sample) {
             keeper.cursors.push_back(cursor.clone());
+            keeper.run.tally.receive(&sample);
             let status = tracker.step_with(&sample, &mut |sample, known, info| keeper.keep(sample, known, info))?;
             if status == Status::OutOfOrder {
                 keeper.cursors.pop_back();
@@ -133,7 +143,7 @@ impl Run {
 
     /// A run of the same recording with these estimates and only the last state estimate.
     fn with(&self, series: Series) -> Run {
-        let Run { tracker, recording, calibration, config, partings, losses_s, inputs, last, .. } = self;
+        let Run { tracker, recording, calibration, config, partings, tally, losses_s, inputs, last, .. } = self;
         Run {
             tracker: tracker.clone(),
             recording: recording.clone(),
@@ -142,6 +152,7 @@ impl Run {
             series,
             checkpoints: Vec::new(),
             partings: partings.clone(),
+            tally: tally.clone(),
             losses_s: losses_s.clone(),
             inputs: inputs.clone(),
             last: last.clone(),
@@ -158,7 +169,7 @@ impl Run {
     pub fn again(&self, progress: Progress) -> Result<Run> {
         let mut run = self.with(Series::default());
         (run.partings, run.losses_s, run.last) = (Vec::new(), Vec::new(), None);
-        (run.steps, run.refused) = (0, 0);
+        (run.steps, run.refused, run.tally) = (0, 0, Tally::default());
         run.filter(progress)?;
         Ok(run)
     }
@@ -171,6 +182,11 @@ impl Run {
     /// The recording.
     pub fn recording(&self) -> &Recording {
         &self.recording
+    }
+
+    /// Readings of every stream, received, used and rejected, in the recording's order.
+    pub fn counts(&self) -> Vec<StreamCount> {
+        self.tally.counts(&self.tracker.subject, &self.recording)
     }
 
     /// State estimate after the last sample, from which a later run can continue.
@@ -237,10 +253,18 @@ impl Keeper<'_> {
         run.steps += 1;
         run.note_partings(known);
         run.losses_s.extend(info.lost.then_some(time_s));
+        let Run { tally, tracker, .. } = run;
+        tally.judge(&tracker.subject, info, tracker.fields(info).zip(tracker.source_faults(info)));
         // Decided by the time stamp alone, so that a run in two parts keeps the same rows. A rounding error late counts
         // as on time.
-        let slot = |time_s: f64| run.config.output_rate_hz.map_or(f64::NAN, |rate| (time_s * rate + 1e-6).floor());
-        let is_row = slot(time_s) != slot(self.kept_s);
+        let is_row = match Gathering::of(&run.config) {
+            Gathering::Ticks(ticks) => ticks.is_row(ticks.nearest(time_s)),
+            Gathering::Instants(_) => {
+                let rate_hz = run.config.row_rate_hz();
+                let slot = |time_s: f64| rate_hz.map_or(f64::NAN, |rate| (time_s * rate + 1e-6).floor());
+                slot(time_s) != slot(self.kept_s)
+            }
+        };
         let row = run.series.time_s.len();
         let due = run.checkpoints.last().is_none_or(|c| {
             // A whole number of intervals up to rounding counts as reached.
@@ -279,14 +303,21 @@ impl Run {
     }
 
     fn grow(&mut self, sample: &Sample, info: &Info) {
-        let (n, s) = (self.tracker.body().layout.dim(), &mut self.series);
+        let (n, rest, s) = (self.tracker.body().layout.dim(), &self.tracker.body().axes, &mut self.series);
         s.time_s.push(sample.time_s);
         s.mean.resize(s.mean.len() + n, 0.0);
         s.std.resize(s.std.len() + n, 0.0);
         let is_input = |c: usize| self.inputs.contains(&c);
         let read = sample.inputs.iter().enumerate().map(|(c, x)| u8::from(is_input(c) && !x.is_nan()));
         s.observed.extend(read);
-        Arc::make_mut(&mut s.inputs).extend(self.inputs.iter().map(|&c| sample.inputs[c]));
+        Arc::make_mut(&mut s.inputs).extend(self.inputs.iter().map(|&c| {
+            let read = sample.inputs[c];
+            if read.is_nan() {
+                rest[c].rest
+            } else {
+                read
+            }
+        }));
         s.report(info, self.tracker.fields(info).zip(self.tracker.source_faults(info)));
     }
 }

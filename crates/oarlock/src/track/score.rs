@@ -7,7 +7,7 @@ use super::{Calibration, Tracker};
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::model::Model;
-use crate::recording::{Recording, Stream};
+use crate::recording::{Gathering, Recording, Stream};
 use std::sync::Arc;
 
 /// Normal equations in windows of a recording.
@@ -40,8 +40,9 @@ pub fn score(
         )));
     };
     considering.keep_score(&tracker.subject.body, settle_s, window_s);
-    let recording =
-        Recording::new(&model, &tracker.body().suite, streams, &calibration.corrections.clocks, config.merge_s)?;
+    let clocks = &calibration.corrections.clocks;
+    let body = tracker.body();
+    let recording = Recording::new(&body.model, &body.suite, streams, clocks, Gathering::of(config))?;
     let Some((begin, end)) = recording.span_s() else {
         return Err(Error::Data("the recording contains no rows: nothing to track; check the streams".into()));
     };

@@ -202,7 +202,7 @@ impl Tracker {
         readings.take(sample);
         self.faults.silence_clipped(subject, readings);
         readings.refer(subject);
-        self.loops.fill(subject, sample, readings);
+        self.loops.fill(subject, readings);
         readings.silence_what_needs_missing_inputs(subject, sample);
         self.magnetic.judge_norms(subject, readings);
         readings.mark_active(subject);
@@ -214,6 +214,7 @@ impl Tracker {
         let time_s = one.belief.time_s;
         self.faults.silence_stuck(subject, &mut one.sources, readings, time_s);
         self.rest.notice(&mut one.sources, readings, time_s);
+        self.loops.wait(subject, &one.sources, time_s, readings);
         let must_regain = is_lost || regain::is_due(subject, &self.loops, readings, one);
         if !(must_regain && self.regain(one, is_lost)) {
             self.filter_readings(one)?;
@@ -221,6 +222,7 @@ impl Tracker {
         self.info.lost = is_lost;
         self.north.report(&mut self.info);
         self.faults.report(&self.subject, &self.readings, &mut self.info);
+        self.rest.report(&self.subject, &mut self.info);
         Ok(())
     }
 
@@ -247,6 +249,7 @@ impl Tracker {
         let time_s = one.belief.time_s;
         self.loops.hush(subject, &one.sources, time_s, readings);
         readings.mark_seen(&mut one.sources, time_s);
+        self.own_time.bring(subject, &one.belief, readings);
         magnetic.measure_dips(subject, readings, &one.belief.mean);
         // Derivatives are needed for learnt noise and for consider states.
         let wants_slopes = one.doubt.is_some() || self.settings.learning.memory_s.is_finite();
@@ -257,7 +260,7 @@ impl Tracker {
         self.north.bar_turned(subject, &one.sources, time_s, &mut magnetic.excluded);
         let measured = Measurement {
             z: &readings.z,
-            std: &subject.std,
+            std: &readings.std,
             excluded: &magnetic.excluded,
             strict: &self.strict,
             direction_tests: &magnetic.direction_tests,

@@ -50,14 +50,6 @@ impl Subject {
         self.std.len()
     }
 
-    /// Variance of a row's noise with the learnt inflation: that of inertial units, and the additional one of rough
-    /// readings.
-    pub fn noise_variance(&self, row: usize, (inertial, rough): (f64, f64)) -> f64 {
-        let factor =
-            if self.inertial_rows[row] { inertial } else { 1.0 } * if self.rough_rows[row] { rough } else { 1.0 };
-        self.std[row] * self.std[row] * factor
-    }
-
     /// Parts that measure a quantity.
     pub fn parts_of(&self, quantity: Quantity) -> impl Iterator<Item = usize> + '_ {
         (0..self.quantities.len()).filter(move |&p| self.quantities[p] == quantity)

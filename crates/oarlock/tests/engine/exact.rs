@@ -12,7 +12,7 @@ use oarlock::track::{Calibration, Status};
 use std::sync::Arc;
 use support::chance::Chance;
 use support::record::{punch_holes, rowed, streams, times};
-use support::{bits, body, model, tracker, SCULLER};
+use support::{bits, body, model, settled, tracker, SCULLER};
 
 struct Case {
     model: Arc<Model>,
@@ -23,7 +23,7 @@ struct Case {
 
 /// Three seconds of a sculler with holes, everything estimated, learnt and gated as by default.
 fn case(filter: FilterKind) -> Case {
-    let config = Config { filter, ..Config::default() };
+    let config = Config { filter, ..settled() };
     let model = model(SCULLER);
     let body = body(&model, &config);
     let mut chance = Chance::new(11);

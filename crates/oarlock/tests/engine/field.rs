@@ -184,17 +184,17 @@ fn a_field_that_stays_turned_is_believed_at_last() {
 }
 
 #[test]
-fn a_run_says_how_long_and_why() {
+fn a_run_says_how_often_and_why() {
     let head = Head::new(3);
     for (iron, told) in
-        [(Iron::Stronger, "(norm 5.0 s)"), (Iron::Flatter, "(dip 5.0 s)"), (Iron::Turned, "(innovation 5.0 s)")]
+        [(Iron::Stronger, "(norm 25.0 %)"), (Iron::Flatter, "(dip 25.0 %)"), (Iron::Turned, "(innovation 25.0 %)")]
     {
         let streams = streams(&head.body, &head.samples(iron, 20.0));
         let config = Config::default();
         let run =
             track(head.body.model.clone(), streams, &Calibration::default(), &config, None, &mut |_| true).unwrap();
         let notes = oarlock::track::notes::notes(&run);
-        let note = notes.iter().find(|n| n.starts_with("head: magnetic field disturbed for 5.0 of 20.0 s"));
+        let note = notes.iter().find(|n| n.starts_with("head: magnetic field disturbed in 25.0 % of the readings"));
         assert!(note.is_some_and(|n| n.contains(told)), "{notes:?}");
     }
 }

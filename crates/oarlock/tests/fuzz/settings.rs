@@ -10,6 +10,7 @@ use super::support::{model, CHAIN, SCULLER};
 use oarlock::config::{Config, Consider, FilterKind, Magnetometer, ProcessNoise};
 use oarlock::rotation::Mat3;
 use oarlock::track::{Calibration, Tracker};
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 /// Within the range that is allowed, or any number.
@@ -39,6 +40,11 @@ pub fn config(chance: &mut Chance, coordinates: usize) -> Config {
         beta: number(chance, 1.0, 4.0),
         kappa: number(chance, 0.0, 3.0),
         merge_s: number(chance, 1e-6, 1e-2),
+        sample_rate_hz: one_in(chance, 3).then(|| number(chance, 0.0, 1e3)),
+        inputs: one_in(chance, 3)
+            .then(|| vec![pick(chance, &["r_oar_phi", "seat", "l_oar_alpha", "no_such"]).to_string()]),
+        stamp_std_s: one_in(chance, 3).then(|| BTreeMap::from([("back".to_string(), number(chance, 0.0, 1e-2))])),
+        wait_s: number(chance, 0.0, 0.1),
         start_window_s: number(chance, 1e-3, 1.0),
         gate: one_in(chance, 2),
         consider: *pick(chance, &[Consider::Off, Consider::Learnt, Consider::Always]),

@@ -42,7 +42,7 @@ pub fn odd_samples(
         let one = |(step, z, inputs): (f64, Vec<f64>, Vec<f64>)| {
             let time_s = clock + step;
             clock = if time_s.is_finite() { time_s } else { clock };
-            Sample { time_s, z, inputs }
+            Sample { time_s, z, inputs, offset_s: Vec::new() }
         };
         samples.into_iter().map(one).collect()
     })

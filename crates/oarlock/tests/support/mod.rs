@@ -28,6 +28,14 @@ use std::sync::Arc;
 
 pub const SCULLER: &str = include_str!("../../../../python/oarlock/model/shipped/sculler.toml");
 
+/// Settings that leave nothing to be found from time stamps: every instant is a sample, and all input joints of the sculler are
+/// inputs even where their readings are missing.
+pub fn settled() -> Config {
+    let oars =
+        ["r", "l"].into_iter().flat_map(|side| ["phi", "alpha", "theta"].map(|angle| format!("{side}_oar_{angle}")));
+    Config { sample_rate_hz: Some(0.0), inputs: Some(oars.collect()), ..Config::default() }
+}
+
 /// Two links on crossed hinges, one inertial unit each, biases that are known.
 pub const CHAIN: &str = r#"
 format = 1

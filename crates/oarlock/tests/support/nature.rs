@@ -71,7 +71,8 @@ impl<'a> Nature<'a> {
             let clean = so3::three(&z, source.rows.start) - noise - slow;
             z[source.rows.clone()].copy_from_slice(so3::plus(clean, slow + noise).as_slice());
         }
-        Sample { time_s, z, inputs: vec![f64::NAN; body.model.coordinate_count()] }
+        let offset_s = vec![0.0; body.suite.sources.len()];
+        Sample { time_s, z, inputs: vec![f64::NAN; body.model.coordinate_count()], offset_s }
     }
 }
 

@@ -56,7 +56,7 @@ impl Scene<'_> {
                 inputs[joint.first] = p.q[joint.first] + noise;
             }
         }
-        Sample { time_s, z, inputs }
+        Sample { time_s, z, inputs, offset_s: vec![0.0; self.body.suite.sources.len()] }
     }
 
     /// The state that the samples were made of; biases are zero.

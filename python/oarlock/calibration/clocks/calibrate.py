@@ -18,6 +18,7 @@ from oarlock.recording.calibration import Calibration
 from oarlock.recording.recording import Recording
 from oarlock.recording.stream_scales import Clock
 from oarlock.storage.errors import DataError
+from oarlock.tracking.known_streams import known_streams
 from oarlock.tracking.tracking import Progress, admit
 
 Floats = NDArray[np.float64]
@@ -60,6 +61,7 @@ def calibrate_clocks(
         DataError: as `oarlock.track`; or all streams have one clock, they overlap by less than eight seconds, or the
             reference does not exist.
     """
+    recording, _ = known_streams(model, recording)
     admit(model, recording)
     known = calibration if calibration is not None else Calibration()
     measured = known.corrected(recording)

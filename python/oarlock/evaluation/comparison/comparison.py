@@ -27,6 +27,7 @@ from oarlock.storage.errors import DataError, DivergedError
 from oarlock.storage.folder_writer import replaced_folder
 from oarlock.storage.toml import write_toml
 from oarlock.storage.write_file import write_file
+from oarlock.tracking.known_streams import known_streams
 from oarlock.tracking.track import Track
 from oarlock.tracking.tracking import admit
 
@@ -169,6 +170,7 @@ def compare(
     left_out: dict[str, str] = {}
     joints = chosen_joints(model)
     # The recording is checked here, so that the time of the check does not count for the first estimator.
+    recording, _ = known_streams(model, recording)
     admit(model, corrected(recording, calibration))
     reference, name = truth, "truth"
     for one in chosen:

@@ -21,6 +21,7 @@ from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected
 from oarlock.recording.recording import Recording
 from oarlock.storage.errors import DataError
+from oarlock.tracking.known_streams import known_streams
 from oarlock.tracking.records import Beliefs
 from oarlock.tracking.track import Track, track_without_filter
 from oarlock.tracking.tracking import admit, track
@@ -61,6 +62,7 @@ def track_limbs(
         DivergedError: a filter diverged.
     """
     config = Config() if config is None else config
+    recording, _ = known_streams(model, recording)
     admit(model, corrected(recording, calibration))
     limbs = cut_into_limbs(model, config.closures)
     tracks, cpu_s = [], 0.0

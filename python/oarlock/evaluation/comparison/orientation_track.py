@@ -26,6 +26,7 @@ from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
+from oarlock.tracking.known_streams import known_streams
 from oarlock.tracking.track import Track, track_without_filter
 from oarlock.tracking.tracking import admit
 from oarlock.tracking.turns import hinges_of, placed
@@ -78,7 +79,8 @@ def track_orientations(
     if filter not in ORIENTATION_FILTERS:
         known = list(ORIENTATION_FILTERS)
         raise DataError(f"track_orientations: no filter '{filter}'. {did_you_mean(filter, known)}")
-    corrections = correction_notes(recording, calibration)
+    recording, others = known_streams(model, recording)
+    corrections = (*others, *correction_notes(recording, calibration))
     recording = corrected(recording, calibration)
     findings = admit(model, recording)
     worn = Worn.of(model, calibration)

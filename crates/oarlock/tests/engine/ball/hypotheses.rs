@@ -85,7 +85,7 @@ impl Pair {
             let mut z = readings_from(&self.body, root, Vec3([0.0; 3]), &p.q, &p.qd, &p.qdd);
             let std = self.body.suite.std();
             z.iter_mut().zip(std).for_each(|(z, std)| *z += std * chance.normal());
-            Sample { time_s: t, z, inputs: vec![f64::NAN; 6] }
+            Sample { time_s: t, z, ..Sample::empty(&self.body.model, &self.body.suite) }
         };
         times(0.0, 0.01, (seconds / 0.01) as usize).into_iter().map(one).collect()
     }

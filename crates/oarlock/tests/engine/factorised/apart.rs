@@ -62,7 +62,7 @@ fn where_nothing_falls_apart_it_is_the_unscented_filter() {
 fn only(sample: &Sample, whole: &Body, one: &Body) -> Sample {
     let (all, own) = (whole.suite.row_names(), one.suite.row_names());
     let z = own.iter().map(|name| sample.z[all.iter().position(|n| n == name).unwrap()]).collect();
-    Sample { time_s: sample.time_s, z, inputs: vec![f64::NAN; one.model.coordinate_count()] }
+    Sample { time_s: sample.time_s, z, ..Sample::empty(&one.model, &one.suite) }
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::support::chance::Chance;
 use super::support::record::{punch_holes, streams, times, Scene};
 use super::support::stroke::Stroke;
 use super::support::textbook::Worst;
-use super::support::{body, dense, model, plain, SCULLER};
+use super::support::{body, dense, model, plain, settled, SCULLER};
 use nalgebra::{DMatrix, DVector};
 use oarlock::body::Body;
 use oarlock::config::Config;
@@ -58,7 +58,8 @@ impl Smoothed {
 
 fn assert_is_the_textbooks(what: &str, config: Config) {
     // Every belief is kept.
-    let config = Config { belief_interval_s: 1e-6, ..config };
+    let Config { sample_rate_hz, inputs, .. } = settled();
+    let config = Config { belief_interval_s: 1e-6, sample_rate_hz, inputs, ..config };
     let model = model(SCULLER);
     let body = body(&model, &config);
     let stroke = Stroke::new(&body, 2.2);

@@ -1,0 +1,162 @@
+//! `Arrivals`: readings of single sensors as they arrive, late and unordered, brought into order for a tracker.
+//!
+//! A sample is made when the newest reading is `wait_s` younger than its end. A reading that comes later still is used if the
+//! state estimate of a time before it is kept: the tracker goes back and takes all samples since again, so that it is where it
+//! would be had the reading come in time. Estimates that were given stay as they were given.
+
+use super::hypothesis::Hypothesis;
+use super::{Sink, Tracker};
+use crate::error::{Error, Result};
+use crate::recording::feed::{Feed, Place};
+use crate::recording::{Cursor, Gathering, Sample};
+use std::collections::VecDeque;
+
+/// Time for which state estimates are kept, and the interval between them, s.
+const KEPT_S: f64 = 0.5;
+const KEEP_EVERY_S: f64 = 0.05;
+
+/// How readings arrived.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counts {
+    /// All readings.
+    pub received: usize,
+    /// Readings that came after their sample, and were used by going back.
+    pub late: usize,
+    /// Readings that came after their sample and could not be used.
+    pub too_late: usize,
+    /// Readings with the time stamp of another one of the same sensor.
+    pub repeated: usize,
+}
+
+/// A state estimate to which the tracker can go back.
+#[derive(Debug, Clone)]
+struct Kept {
+    known: Hypothesis,
+    cursor: Cursor,
+}
+
+/// Readings on their way to a tracker.
+#[derive(Debug, Clone)]
+pub struct Arrivals {
+    feed: Feed,
+    cursor: Cursor,
+    wait_s: f64,
+    /// Oldest first.
+    kept: VecDeque<Kept>,
+    sample: Sample,
+    /// Time of the last sample, s.
+    last_s: f64,
+    counts: Counts,
+}
+
+impl Arrivals {
+    /// No readings yet, for a tracker.
+    pub fn new(tracker: &Tracker) -> Self {
+        let (body, config) = (&tracker.subject.body, &tracker.config);
+        let rows = body.suite.sources.iter().map(|s| s.rows.clone()).collect();
+        let feed = Feed::new(Gathering::of(config), rows, body.model.coordinate_count());
+        let (cursor, sample) = (feed.start(), tracker.empty_sample());
+        let (kept, counts, last_s) = (VecDeque::new(), Counts::default(), f64::NEG_INFINITY);
+        Arrivals { feed, cursor, wait_s: config.wait_s, kept, sample, last_s, counts }
+    }
+
+    /// How readings arrived so far.
+    pub fn counts(&self) -> Counts {
+        self.counts
+    }
+
+    /// Number of readings that wait for others.
+    pub fn waiting(&self) -> usize {
+        self.feed.waiting(&self.cursor)
+    }
+
+    /// Takes the readings that `reading` has at `place`, and gives `sink` what the tracker estimates from the samples that are
+    /// complete now.
+    pub fn take(&mut self, tracker: &mut Tracker, place: Place, reading: &Sample, sink: Sink) -> Result<()> {
+        tracker.check(reading)?;
+        let true_s = reading.time_s;
+        if !true_s.is_finite() {
+            return Err(Error::Data(format!("reading at {true_s} s: expected a finite time stamp, s")));
+        }
+        self.counts.received += 1;
+        let is_late = self.feed.is_past(&self.cursor, self.last_s, true_s);
+        let back = if is_late { self.kept.iter().rposition(|kept| kept.is_before(&self.feed, true_s)) } else { None };
+        if is_late && back.is_none() {
+            self.counts.too_late += 1;
+            return Ok(());
+        }
+        if self.feed.add(place, true_s, reading).is_none() {
+            self.counts.repeated += 1;
+            return Ok(());
+        }
+        if let Some(back) = back {
+            self.counts.late += 1;
+            self.go_back(tracker, back)?;
+        }
+        self.go_on(tracker, self.wait_s, sink)
+    }
+
+    /// Takes all that still waits, at the end of a recording.
+    pub fn finish(&mut self, tracker: &mut Tracker, sink: Sink) -> Result<()> {
+        self.go_on(tracker, f64::NEG_INFINITY, sink)?;
+        tracker.finish(sink)
+    }
+
+    /// Takes the samples since a kept state estimate again.
+    fn go_back(&mut self, tracker: &mut Tracker, back: usize) -> Result<()> {
+        self.kept.truncate(back + 1);
+        let until_s = self.last_s;
+        let kept = &self.kept[back];
+        self.cursor = kept.cursor.clone();
+        tracker.resume(kept.known.clone())?;
+        loop {
+            let mut cursor = self.cursor.clone();
+            if !self.feed.next(f64::NEG_INFINITY, &mut cursor, &mut self.sample) || self.sample.time_s > until_s {
+                return Ok(());
+            }
+            self.cursor = cursor;
+            tracker.step(&self.sample)?;
+            self.keep(tracker);
+        }
+    }
+
+    fn go_on(&mut self, tracker: &mut Tracker, wait_s: f64, sink: Sink) -> Result<()> {
+        while self.feed.next(wait_s, &mut self.cursor, &mut self.sample) {
+            tracker.step_with(&self.sample, sink)?;
+            self.last_s = self.sample.time_s;
+            self.keep(tracker);
+        }
+        Ok(())
+    }
+
+    /// Keeps the state estimate now and then, and forgets what is too old.
+    fn keep(&mut self, tracker: &Tracker) {
+        let Some(known) = tracker.hypothesis() else { return };
+        let time_s = known.belief.time_s;
+        if self.kept.back().is_some_and(|kept| time_s - kept.known.belief.time_s < KEEP_EVERY_S) {
+            return;
+        }
+        let mut now = match self.kept.front() {
+            Some(oldest) if time_s - oldest.known.belief.time_s > KEPT_S => self.kept.pop_front(),
+            _ => None,
+        };
+        match &mut now {
+            Some(now) => {
+                now.known.clone_from(known);
+                now.cursor.clone_from(&self.cursor);
+            }
+            None => now = Some(Kept { known: known.clone(), cursor: self.cursor.clone() }),
+        }
+        self.kept.extend(now);
+        if let Some(oldest) = self.kept.front() {
+            self.feed.forget(&oldest.cursor);
+        }
+    }
+}
+
+impl Kept {
+    /// Whether a reading belongs to samples after this state estimate.
+    fn is_before(&self, feed: &Feed, true_s: f64) -> bool {
+        !feed.is_past(&self.cursor, self.known.belief.time_s, true_s)
+    }
+}

@@ -1,0 +1,139 @@
+"""Sensors that do not tick together: every joint in every row, live delivery in any order, streams nobody knows."""
+
+import numpy as np
+import pytest
+
+import oarlock
+from oarlock import rowing
+from refusals import assert_refused
+
+RATES_HZ = {
+    "back": 100.0,
+    "r_upperarm": 120.0,
+    "r_forearm": 60.0,
+    "l_upperarm": 286.0,
+    "l_forearm": 100.0,
+    "seat": 50.0,
+    "r_oar_phi": 20.0,
+    "r_oar_alpha": 20.0,
+    "l_oar_phi": 97.3,
+    "l_oar_alpha": 97.3,
+}
+TOGETHER_HZ = RATES_HZ | {
+    "r_upperarm": 100.0,
+    "l_upperarm": 300.0,
+    "l_oar_phi": 100.0,
+    "l_oar_alpha": 100.0,
+}
+"""The same information, as far as rates go that divide one another."""
+
+
+def recorded(model, motion, rates_hz, seed, jitter_s=0.0, drift=0.0, loss=0.05):
+    """Each sensor simulated at its own rate; `jitter_s` and `drift` in its stamps, some readings lost."""
+    rng, streams = np.random.default_rng(seed), []
+    for number, (name, rate_hz) in enumerate(rates_hz.items()):
+        _, one = oarlock.simulate(model, motion, [name], 100 * seed + number, rate_hz=rate_hz)
+        stream = one.streams[0]
+        stamps = np.asarray(stream.time_s) + rng.normal(0, jitter_s, len(stream.time_s))
+        stamps = stamps * (1 + drift * rng.choice([-1, 1]))
+        rising = np.r_[True, np.diff(np.maximum.accumulate(stamps)) > 1e-4]
+        streams.append((stream, stamps, rising & (rng.random(len(stamps)) > loss)))
+    return oarlock.Recording([part(*each) for each in streams])
+
+
+def part(stream, stamps, kept):
+    values = {name: value[kept] for name, value in stream.values.items()}
+    if isinstance(stream, oarlock.ScalarStream):
+        return oarlock.ScalarStream(stream.name, stamps[kept], values["value"], stream.unit)
+    return oarlock.ImuStream(stream.name, stamps[kept], **values)
+
+
+@pytest.fixture(scope="module")
+def rowed(sculler):
+    motion = rowing.sculling(sculler, 4.0, 24, surge=False, seed=2)
+    return recorded(sculler, motion, RATES_HZ, seed=2, jitter_s=1e-3)
+
+
+@pytest.fixture(scope="module")
+def rowed_track(sculler, rowed):
+    return oarlock.track(sculler, rowed)
+
+
+def test_every_joint_has_an_estimate_in_every_row(rowed_track):
+    for values in (rowed_track.q, rowed_track.q_std, oarlock.smooth(rowed_track).q):
+        assert np.isfinite(values).all()
+    steps = np.diff(rowed_track.time_s) * 286
+    np.testing.assert_allclose(steps, 1, atol=1e-9)
+    feathering = rowed_track.coordinate_names.index("r_oar_theta")
+    assert not rowed_track.observed[:, feathering].any()
+    # It stays at its rest with its prior: a quarter of its soft range.
+    np.testing.assert_allclose(rowed_track.q_std[:, feathering], np.deg2rad(240) / 4)
+    assert rowed_track.observed[:, rowed_track.coordinate_names.index("r_oar_phi")].all()
+
+
+def test_a_track_keeps_what_was_found_and_can_be_made_again(sculler, rowed, rowed_track, tmp_path):
+    found = rowed_track.provenance["config"]
+    assert (found["sample_rate_hz"], found["output_rate_hz"]) == (286.0, 286.0)
+    assert found["inputs"] == ["r_oar_theta", "l_oar_theta"]
+    # Jitter of 1 ms; the median of its neighbours' differences scatters by a tenth with 80 readings.
+    assert found["stamp_std_s"]["r_oar_phi"] == pytest.approx(1e-3, rel=0.4)
+    rowed_track.save(tmp_path)
+    again = oarlock.load_track(tmp_path).provenance["config"]
+    second = oarlock.track(sculler, rowed, config=oarlock.Config(**again))
+    np.testing.assert_array_equal(second.q, rowed_track.q)
+
+
+def test_rows_come_at_the_rate_that_is_asked_for(sculler, rowed):
+    slow = oarlock.track(sculler, rowed, config=oarlock.Config(output_rate_hz=25))
+    np.testing.assert_allclose(slow.time_s * 25, np.round(slow.time_s * 25), atol=1e-9)
+    assert np.isfinite(slow.q).all()
+
+
+def test_shuffled_delivery_gives_the_bits_of_the_recording(sculler, rowed):
+    whole = oarlock.track(sculler, rowed, config=oarlock.Config(output_rate_hz=0))
+    tracker = oarlock.Tracker(sculler, config=oarlock.Config(**whole.provenance["config"]))
+    rng, readings = np.random.default_rng(1), []
+    for stream in rowed.streams:
+        arrivals = stream.time_s + rng.uniform(0, 0.025, len(stream.time_s))
+        for row, at_s in enumerate(arrivals):
+            values = {name: value[row] for name, value in stream.values.items()}
+            readings.append((at_s, stream.name, stream.time_s[row], values.get("value", values)))
+    given = []
+    for _, name, stamp_s, values in sorted(readings, key=lambda reading: reading[0]):
+        given += tracker.push(name, stamp_s, values)
+    given += tracker.flush()
+    assert tracker.arrivals == {
+        "received": len(readings), "late": 0, "too_late": 0, "repeated": 0, "waiting": 0
+    }  # fmt: skip
+    np.testing.assert_array_equal([info.time_s for _, info in given], whole.time_s)
+    np.testing.assert_array_equal(given[-1][0].mean, whole.last_belief.mean)
+
+
+def test_streams_without_a_sensor_are_left_out_with_one_note(sculler, rowed):
+    others = [oarlock.ScalarStream(name, [0.0, 1.0, 2.0], [1.0, 2.0, 3.0]) for name in ("pulse", "grip_kg")]
+    track = oarlock.track(sculler, oarlock.Recording([*rowed.streams, *others]))
+    notes = [note for note in track.notes if "without a sensor" in note]
+    assert notes == ["2 streams without a sensor in this model: pulse, grip_kg; not used"]
+    np.testing.assert_array_equal(track.q, oarlock.track(sculler, rowed).q)
+    typo = oarlock.Recording([*rowed.without("seat").streams, part_named(rowed.sensor("seat"), "saet")])
+    assert_refused(lambda: oarlock.track(sculler, typo), 'Did you mean "seat"', "--without saet")
+    assert_refused(lambda: oarlock.track(sculler, oarlock.Recording(others)), "No stream of the recording")
+
+
+def part_named(stream, name):
+    return oarlock.ScalarStream(name, stream.time_s, stream.value, stream.unit)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_sensors_apart_are_as_accurate_as_together(sculler, seed):
+    motion = rowing.sculling(sculler, 20.0, 24, surge=False, seed=seed)
+    truth, _ = oarlock.simulate(sculler, motion, ["seat"], rate_hz=100.0)
+    scores = {}
+    for name, rates_hz, jitter_s in (("together", TOGETHER_HZ, 0.0), ("apart", RATES_HZ, 1e-3)):
+        track = oarlock.track(sculler, recorded(sculler, motion, rates_hz, seed, jitter_s))
+        evaluation = oarlock.evaluate(track, truth)
+        joints = [j.name for j in evaluation.joints if not j.name.endswith("theta") and j.name != "seat"]
+        scores[name] = evaluation.mean_rmse_deg(joints), evaluation.mean_coverage(joints)
+    assert scores["apart"][0] < 1.2 * scores["together"][0], scores
+    assert abs(scores["apart"][1] - scores["together"][1]) < 0.03, scores
