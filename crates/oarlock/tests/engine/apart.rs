@@ -127,8 +127,11 @@ fn arriving(tracker: &Tracker, streams: &[Stream], mut delay_s: impl FnMut() -> 
     all
 }
 
-/// Times, means and counts of a live run over arrivals, and the last state estimate.
-fn live(mut tracker: Tracker, all: &[Arrival]) -> (Vec<(f64, Vec<f64>)>, Counts, Vec<f64>) {
+/// Time and mean of an estimate.
+type Estimate = (f64, Vec<f64>);
+
+/// The estimates of a live run over arrivals, how these came, and the mean of the last state estimate.
+fn live(mut tracker: Tracker, all: &[Arrival]) -> (Vec<Estimate>, Counts, Vec<f64>) {
     let (mut arrivals, mut given) = (Arrivals::new(&tracker), Vec::new());
     for Arrival { place, reading, .. } in all {
         let mut sink = |_: &_, one: &oarlock::track::hypothesis::Hypothesis, _: &_| {
