@@ -91,10 +91,20 @@ impl Streams<'_> {
     /// depends on.
     fn inputs(&self, complete: &[usize]) -> Vec<String> {
         let told = |j: usize| self.streams.iter().any(|s| super::input_joint(self.model, &s.name) == Some(j));
-        let matters = |j: usize| told(j) || self.depends.iter().any(|joints| joints[j]);
+        let matters = |j: usize| told(j) || (0..self.depends.len()).any(|s| self.depends[s][j] && self.is_held(s));
         let joints = self.model.joints.iter().enumerate().filter(|(_, joint)| joint.input);
         let kept = joints.filter(|(j, joint)| complete.contains(&joint.first) || !matters(*j));
         kept.map(|(_, joint)| joint.name.clone()).collect()
+    }
+
+    /// Whether recorded streams depend on at least half of the joints of a source that are no inputs. A closure between an arm and
+    /// an oar of which neither is measured tells of none of them.
+    fn is_held(&self, source: usize) -> bool {
+        let recorded = |s: &usize| self.streams.iter().any(|stream| stream.name == self.suite.sources[*s].name);
+        let measured = |j: usize| (0..self.depends.len()).filter(recorded).any(|s| self.depends[s][j]);
+        let joints = self.model.joints.iter().enumerate().filter(|(j, joint)| self.depends[source][*j] && !joint.input);
+        let (held, all) = joints.fold((0, 0), |(held, all), (j, _)| (held + usize::from(measured(j)), all + 1));
+        2 * held >= all
     }
 
     /// Rate of the fastest inertial unit, or of the fastest stream, as a person would write it, Hz.
