@@ -97,8 +97,8 @@ impl Streams<'_> {
         kept.map(|(_, joint)| joint.name.clone()).collect()
     }
 
-    /// Whether recorded streams depend on at least half of the joints of a source that are no inputs. A closure between an arm and
-    /// an oar of which neither is measured tells of none of them.
+    /// Whether recorded streams depend on at least half of the joints of a source that are no inputs. A closure between two limbs
+    /// of which neither is measured tells of none of them.
     fn is_held(&self, source: usize) -> bool {
         let recorded = |s: &usize| self.streams.iter().any(|stream| stream.name == self.suite.sources[*s].name);
         let measured = |j: usize| (0..self.depends.len()).filter(recorded).any(|s| self.depends[s][j]);
