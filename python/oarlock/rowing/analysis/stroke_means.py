@@ -97,7 +97,7 @@ def _mean(
         return FeatureMean(name, 0, *[np.nan] * 6)
     mean, sd = float(np.mean(own)), float(np.std(own, ddof=1)) if len(own) > 1 else np.nan
     signed = signed or name not in FEATURES or bool(FEATURES[name].sign)
-    cv = sd / mean if not signed and mean >= _FAR_FROM_ZERO * sd else np.nan
+    cv = sd / mean if not signed and mean > 0.0 and mean >= _FAR_FROM_ZERO * sd else np.nan
     known = spread[np.isfinite(spread)]
     std = float(np.sqrt(np.mean(known**2))) if len(known) else np.nan
     return FeatureMean(name, len(own), mean, sd, float(own.min()), float(own.max()), std, cv)
