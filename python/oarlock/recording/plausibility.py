@@ -265,10 +265,8 @@ def _norms(rows: FloatArray | None) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Norms of the rows without NaN, and a mask of these rows. An axis without any reading counts as absent."""
     if rows is None:
         return np.zeros(0), np.zeros(0, dtype=np.bool_)
-    # A row with a NaN has no norm, so one axis without readings would leave no row.
-    norms = row_norms(rows)
-    whole = np.isfinite(norms)
-    return norms[whole], whole
+    whole = np.isfinite(rows).all(axis=1)
+    return row_norms(rows[whole]), whole
 
 
 def _stillest(time_s: FloatArray, rows: FloatArray) -> slice:

@@ -51,9 +51,8 @@ impl Feed {
         Cursor::new(self.queues.len())
     }
 
-    /// Adds the readings that `sample` has at `place`. Returns the row at which they now stand; `None` if that stream has a
-    /// reading of the same time.
-    pub fn add(&mut self, place: Place, true_s: f64, sample: &Sample) -> Option<(usize, usize)> {
+    /// Adds the readings that `sample` has at `place`; false if that stream has a reading of the same time.
+    pub fn add(&mut self, place: Place, true_s: f64, sample: &Sample) -> bool {
         let (stream, values) = match place {
             Place::Source(source) => (source, sample.z[self.rows[source].clone()].to_vec()),
             Place::Input(coordinate) => (self.rows.len() + coordinate, vec![sample.inputs[coordinate]]),
@@ -61,11 +60,11 @@ impl Feed {
         let queue = &mut self.queues[stream];
         let at = queue.readings.partition_point(|r| r.true_s < true_s);
         if queue.readings.get(at).is_some_and(|r| r.true_s == true_s) {
-            return None;
+            return false;
         }
         queue.readings.insert(at, Reading { true_s, values });
         self.newest_s = self.newest_s.max(true_s);
-        Some((stream, queue.dropped + at))
+        true
     }
 
     /// Whether a reading belongs to the samples that were read already.

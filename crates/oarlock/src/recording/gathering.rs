@@ -20,7 +20,7 @@ pub struct Cursor {
     pub(super) rows: Vec<usize>,
     /// With ticks: the slot of every stream's last reading, and that of the last sample.
     slots: Vec<i64>,
-    pub(super) slot: Option<i64>,
+    slot: Option<i64>,
 }
 
 impl Cursor {

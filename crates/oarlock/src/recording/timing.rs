@@ -6,6 +6,7 @@ use crate::corrections::Clock;
 use crate::error::Result;
 use crate::model::Model;
 use crate::sensor::{Quantity, Suite};
+use std::cell::LazyCell;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -41,22 +42,24 @@ impl Streams<'_> {
     /// The configuration with all that it leaves to be found from the time stamps.
     pub fn settle(&self, config: &Config) -> Result<Config> {
         let census = self.census(config)?;
+        let fit = || self.streams.iter().map(|s| RegularClock::of(&self.times(s))).collect::<Vec<_>>();
+        let clocks = LazyCell::new(fit);
         let mut found = config.clone();
         let together = census.together && (config.row_rate_hz().is_none() || census.even_rows);
         let sample_rate_hz = config.sample_rate_hz.unwrap_or_else(|| {
             if together {
                 return 0.0;
             }
-            let row_hz = config.row_rate_hz().unwrap_or_else(|| self.clean_rate_hz());
-            row_hz * (self.fastest_hz(|_| true) / row_hz - SLOWER_SHARE).ceil().max(1.0)
+            let row_hz = config.row_rate_hz().unwrap_or_else(|| self.clean_rate_hz(&clocks));
+            row_hz * (self.fastest_hz(&clocks, |_| true) / row_hz - SLOWER_SHARE).ceil().max(1.0)
         });
         let apart = sample_rate_hz > 0.0;
         found.sample_rate_hz = Some(sample_rate_hz);
-        found.output_rate_hz.get_or_insert_with(|| if apart { self.clean_rate_hz() } else { 0.0 });
+        found.output_rate_hz.get_or_insert_with(|| if apart { self.clean_rate_hz(&clocks) } else { 0.0 });
         found.inputs.get_or_insert_with(|| self.inputs(if apart { &[] } else { &census.complete }));
         let jitter = || {
-            let std = |s: &Stream| Some((s.name.clone(), RegularClock::of(&self.times(s))?.jitter_s));
-            self.streams.iter().filter_map(std).filter(|(_, std_s)| *std_s > LEAST_STD_S).collect()
+            let std = |(s, clock): (&Stream, &Option<RegularClock>)| Some((s.name.clone(), clock.as_ref()?.jitter_s));
+            self.streams.iter().zip(clocks.iter()).filter_map(std).filter(|(_, std_s)| *std_s > LEAST_STD_S).collect()
         };
         found.stamp_std_s.get_or_insert_with(|| if apart { jitter() } else { BTreeMap::new() });
         Ok(found)
@@ -87,18 +90,18 @@ impl Streams<'_> {
         Ok(Census { together: instants as f64 <= TOGETHER * fullest as f64, even_rows, complete })
     }
 
-    /// Input joints that stay inputs: the complete ones (by coordinate), and those that no stream tells of and no reading
-    /// depends on.
+    /// Input joints that stay inputs: the complete ones (by coordinate), and those that have no stream and that no usable
+    /// reading depends on.
     fn inputs(&self, complete: &[usize]) -> Vec<String> {
-        let told = |j: usize| self.streams.iter().any(|s| super::input_joint(self.model, &s.name) == Some(j));
-        let matters = |j: usize| told(j) || (0..self.depends.len()).any(|s| self.depends[s][j] && self.is_held(s));
+        let recorded = |j: usize| self.streams.iter().any(|s| super::input_joint(self.model, &s.name) == Some(j));
+        let matters = |j: usize| recorded(j) || (0..self.depends.len()).any(|s| self.depends[s][j] && self.is_held(s));
         let joints = self.model.joints.iter().enumerate().filter(|(_, joint)| joint.input);
         let kept = joints.filter(|(j, joint)| complete.contains(&joint.first) || !matters(*j));
         kept.map(|(_, joint)| joint.name.clone()).collect()
     }
 
-    /// Whether recorded streams depend on at least half of the joints of a source that are no inputs. A closure between two limbs
-    /// of which neither is measured tells of none of them.
+    /// Whether recorded streams measure at least half of the joints of a source that are no inputs. Without them a closure
+    /// determines neither of its sides.
     fn is_held(&self, source: usize) -> bool {
         let recorded = |s: &usize| self.streams.iter().any(|stream| stream.name == self.suite.sources[*s].name);
         let measured = |j: usize| (0..self.depends.len()).filter(recorded).any(|s| self.depends[s][j]);
@@ -108,16 +111,15 @@ impl Streams<'_> {
     }
 
     /// Rate of the fastest inertial unit, or of the fastest stream, as a person would write it, Hz.
-    fn clean_rate_hz(&self) -> f64 {
+    fn clean_rate_hz(&self, clocks: &[Option<RegularClock>]) -> f64 {
         let is_inertial = |c: &Channel| c.quantity.is_inertial() || c.quantity == Quantity::Orientation;
-        let inertial_hz = self.fastest_hz(|s| s.channels.iter().any(is_inertial));
-        nice(if inertial_hz > 0.0 { inertial_hz } else { self.fastest_hz(|_| true) })
+        let inertial_hz = self.fastest_hz(clocks, |s| s.channels.iter().any(is_inertial));
+        nice(if inertial_hz > 0.0 { inertial_hz } else { self.fastest_hz(clocks, |_| true) })
     }
 
-    fn fastest_hz(&self, of: impl Fn(&Stream) -> bool) -> f64 {
-        let rates =
-            self.streams.iter().filter(|s| of(s)).filter_map(|s| Some(1.0 / RegularClock::of(&self.times(s))?.step_s));
-        rates.fold(0.0, f64::max)
+    fn fastest_hz(&self, clocks: &[Option<RegularClock>], of: impl Fn(&Stream) -> bool) -> f64 {
+        let chosen = self.streams.iter().zip(clocks).filter(|(s, _)| of(s));
+        chosen.filter_map(|(_, clock)| Some(1.0 / clock.as_ref()?.step_s)).fold(0.0, f64::max)
     }
 
     fn times(&self, stream: &Stream) -> Vec<f64> {
@@ -202,9 +204,8 @@ impl RegularClock {
             angles.fold((0.0, 0.0), |(sin, cos), x| (sin + x.sin(), cos + x.cos()))
         };
         let rates = (-half..=half).map(|i| 1.0 / guess_s + f64::from(i) * finest_hz).filter(|hz| *hz > 0.0);
-        let strength = |hz: f64| turn(hz).0.hypot(turn(hz).1);
-        let best_hz = rates.max_by(|a, b| strength(*a).total_cmp(&strength(*b))).unwrap_or(1.0 / guess_s);
-        let (sin, cos) = turn(best_hz);
+        let best = rates.map(|hz| (hz, turn(hz))).max_by(|(_, a), (_, b)| a.0.hypot(a.1).total_cmp(&b.0.hypot(b.1)));
+        let (best_hz, (sin, cos)) = best.unwrap_or((1.0 / guess_s, turn(1.0 / guess_s)));
         RegularClock { step_s: 1.0 / best_hz, start_s: first + sin.atan2(cos) / TAU / best_hz, jitter_s: 0.0 }
     }
 

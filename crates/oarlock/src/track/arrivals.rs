@@ -85,7 +85,7 @@ impl Arrivals {
             self.counts.too_late += 1;
             return Ok(());
         }
-        if self.feed.add(place, true_s, reading).is_none() {
+        if !self.feed.add(place, true_s, reading) {
             self.counts.repeated += 1;
             return Ok(());
         }
