@@ -6,10 +6,10 @@ from scipy.spatial.transform import Rotation
 
 import oarlock
 from local_data import local_folder
-from oarlock.formats.broad import read_broad, read_broad_reference
-from oarlock.formats.dfjimu import read_dfjimu
-from oarlock.formats.diodem import read_diodem, read_diodem_reference
-from oarlock.formats.openaxes import LINK_FROM_SENSOR, openaxes_runs, read_openaxes
+from oarlock.formats.datasets.broad import read_broad, read_broad_reference
+from oarlock.formats.datasets.dfjimu import read_dfjimu
+from oarlock.formats.datasets.diodem import read_diodem, read_diodem_reference
+from oarlock.formats.datasets.openaxes import LINK_FROM_SENSOR, openaxes_runs, read_openaxes
 
 pytestmark = pytest.mark.data
 

@@ -20,9 +20,9 @@ import oarlock
 from oarlock import DataError, ModelError
 from oarlock.cli import app
 from oarlock.evaluation.study.rows import write_rows
-from oarlock.formats.apdm import read_apdm
-from oarlock.formats.broad import read_broad
 from oarlock.formats.csv import read_csv
+from oarlock.formats.datasets.broad import read_broad
+from oarlock.formats.devices.apdm import read_apdm
 from oarlock.model.load import load_model
 from oarlock.model.shipped_files import model_path
 from oarlock.recording.streams import ImuStream, ScalarStream

@@ -6,9 +6,9 @@ from validation import ours
 from validation.scores import heading_zeroed, later, relative_error_rad, rmse_deg
 
 from local_data import local_folder
-from oarlock.formats.dfjimu import BODIES, read_dfjimu, read_dfjimu_reference
-from oarlock.formats.diodem import read_diodem, read_diodem_reference
-from oarlock.formats.openaxes import read_openaxes, read_openaxes_reference
+from oarlock.formats.datasets.dfjimu import BODIES, read_dfjimu, read_dfjimu_reference
+from oarlock.formats.datasets.diodem import read_diodem, read_diodem_reference
+from oarlock.formats.datasets.openaxes import read_openaxes, read_openaxes_reference
 
 pytestmark = pytest.mark.data
 

@@ -12,12 +12,12 @@ from scipy.io import savemat
 import oarlock
 from fuzz_campaign import answered, campaign
 from fuzz_wounds import byte_wounds, feed, wounded, wounded_bytes, wounds
-from oarlock.formats import mat
-from oarlock.formats.apdm import read_apdm, read_apdm_orientations
-from oarlock.formats.broad import read_broad, read_broad_reference
 from oarlock.formats.csv import read_csv
-from oarlock.formats.dfjimu import read_dfjimu, read_dfjimu_reference
-from oarlock.formats.qmt import read_qmt
+from oarlock.formats.datasets import mat
+from oarlock.formats.datasets.broad import read_broad, read_broad_reference
+from oarlock.formats.datasets.dfjimu import read_dfjimu, read_dfjimu_reference
+from oarlock.formats.datasets.qmt import read_qmt
+from oarlock.formats.devices.apdm import read_apdm, read_apdm_orientations
 from oarlock.model.shipped_files import model_path
 from oarlock.rowing import SIMULATORS
 from oarlock.storage.manifest import MANIFEST

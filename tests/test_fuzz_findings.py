@@ -10,9 +10,9 @@ from scipy.sparse import csc_array
 
 import oarlock
 from oarlock.formats import child_process
-from oarlock.formats.apdm import read_apdm
-from oarlock.formats.broad import read_broad
-from oarlock.formats.mat import read_mat
+from oarlock.formats.datasets.broad import read_broad
+from oarlock.formats.datasets.mat import read_mat
+from oarlock.formats.devices.apdm import read_apdm
 from oarlock.recording.packets import lost_packets
 from oarlock.recording.plausibility import plausibility
 from oarlock.storage.errors import DataError

@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from oarlock.formats.apdm import read_apdm, read_apdm_orientations
+from oarlock.formats.devices.apdm import read_apdm, read_apdm_orientations
 from refusals import assert_refused
 
 PENDULUM = Path(__file__).parents[1] / "examples/pendulum/imuData01.csv"

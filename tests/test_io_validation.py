@@ -9,11 +9,16 @@ from scipy.io import savemat
 from command_line import run
 from oarlock import load_recording
 from oarlock.evaluation.reference import Reference
-from oarlock.formats.broad import read_broad, read_broad_reference
-from oarlock.formats.dfjimu import read_dfjimu, read_dfjimu_reference
-from oarlock.formats.diodem import SEGMENTS, read_diodem, read_diodem_reference
-from oarlock.formats.openaxes import LINK_FROM_SENSOR, openaxes_runs, read_openaxes, read_openaxes_reference
-from oarlock.formats.qmt import read_qmt
+from oarlock.formats.datasets.broad import read_broad, read_broad_reference
+from oarlock.formats.datasets.dfjimu import read_dfjimu, read_dfjimu_reference
+from oarlock.formats.datasets.diodem import SEGMENTS, read_diodem, read_diodem_reference
+from oarlock.formats.datasets.openaxes import (
+    LINK_FROM_SENSOR,
+    openaxes_runs,
+    read_openaxes,
+    read_openaxes_reference,
+)
+from oarlock.formats.datasets.qmt import read_qmt
 from oarlock.storage.errors import DataError
 from refusals import assert_refused
 

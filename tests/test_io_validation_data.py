@@ -5,17 +5,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from local_data import local_folder
-from oarlock.formats.broad import read_broad, read_broad_reference
-from oarlock.formats.dfjimu import read_dfjimu, read_dfjimu_reference
-from oarlock.formats.diodem import SEGMENTS, read_diodem, read_diodem_reference
-from oarlock.formats.openaxes import (
+from oarlock.formats.datasets.broad import read_broad, read_broad_reference
+from oarlock.formats.datasets.dfjimu import read_dfjimu, read_dfjimu_reference
+from oarlock.formats.datasets.diodem import SEGMENTS, read_diodem, read_diodem_reference
+from oarlock.formats.datasets.openaxes import (
     LINK_FROM_SENSOR,
     LINKS,
     openaxes_runs,
     read_openaxes,
     read_openaxes_reference,
 )
-from oarlock.formats.qmt import read_qmt
+from oarlock.formats.datasets.qmt import read_qmt
 
 pytestmark = pytest.mark.data
 

@@ -12,7 +12,7 @@ import oarlock
 from command_line import run
 from oarlock import Calibration, ImuStream, Motion, Recording
 from oarlock.evaluation.orientations import angles_from_orientations
-from oarlock.formats.apdm import read_apdm, read_apdm_orientations
+from oarlock.formats.devices.apdm import read_apdm, read_apdm_orientations
 from oarlock.model.chain_geometry import hinge_links, posture
 from refusals import assert_refused
 

@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from oarlock.formats.apdm import read_apdm
+from oarlock.formats.devices.apdm import read_apdm
 from oarlock.recording.gyro_scale import gyro_per_gravity_turn
 from oarlock.recording.plausibility import plausibility, require_plausible
 from oarlock.recording.recording import Recording

@@ -7,7 +7,7 @@ import oarlock
 from local_data import local_folder
 from oarlock import Config, DataError, OrientationStream, Recording, ScalarStream
 from oarlock.evaluation.comparison.inverse_kinematics import Measured, solve
-from oarlock.formats.openaxes import LINK_FROM_SENSOR, read_openaxes, read_openaxes_reference
+from oarlock.formats.datasets.openaxes import LINK_FROM_SENSOR, read_openaxes, read_openaxes_reference
 from oarlock.model.rotation import quat_from_matrix, quat_inverse, quat_product, rotvec_from_quat
 from oarlock.rowing import sculling
 from refusals import assert_refused

@@ -10,7 +10,7 @@ from validation.scores import relative_error_rad, rmse_deg
 
 from local_data import local_folder
 from oarlock import Recording
-from oarlock.formats.dfjimu import BODIES, read_dfjimu, read_dfjimu_reference
+from oarlock.formats.datasets.dfjimu import BODIES, read_dfjimu, read_dfjimu_reference
 
 pytestmark = pytest.mark.data
 

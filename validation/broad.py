@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from oarlock import Recording
-from oarlock.formats.broad import BODY, read_broad, read_broad_reference
+from oarlock.formats.datasets.broad import BODY, read_broad, read_broad_reference
 
 from . import others, ours
 from .estimate import Estimate, Outcome, attempt

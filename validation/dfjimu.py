@@ -10,7 +10,7 @@ import numpy as np
 
 from oarlock import Recording
 from oarlock.evaluation.reference import Reference
-from oarlock.formats.dfjimu import BODIES, read_dfjimu, read_dfjimu_reference
+from oarlock.formats.datasets.dfjimu import BODIES, read_dfjimu, read_dfjimu_reference
 
 from . import others, ours
 from .estimate import Estimate, Outcome, attempt

@@ -8,7 +8,7 @@ import numpy as np
 
 from oarlock import Recording
 from oarlock.evaluation.reference import Reference
-from oarlock.formats.diodem import Mounted, read_diodem, read_diodem_reference
+from oarlock.formats.datasets.diodem import Mounted, read_diodem, read_diodem_reference
 
 from . import chains, others, ours
 from .chains import Link

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from oarlock import DataError, Recording
-from oarlock.formats.openaxes import (
+from oarlock.formats.datasets.openaxes import (
     LINK_FROM_SENSOR,
     LINKS,
     openaxes_runs,

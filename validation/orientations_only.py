@@ -11,7 +11,7 @@ from pathlib import Path
 
 import oarlock
 from oarlock import OrientationStream, Recording
-from oarlock.formats.openaxes import LINKS
+from oarlock.formats.datasets.openaxes import LINKS
 
 from . import chains, ours
 from .chains import Chain, Link

@@ -15,10 +15,10 @@ from scipy.spatial.transform import Rotation
 
 import oarlock
 from oarlock import Calibration, Config, Recording, Track
-from oarlock.formats.broad import BODY
-from oarlock.formats.dfjimu import BODIES
-from oarlock.formats.diodem import SEGMENTS
-from oarlock.formats.openaxes import LINKS
+from oarlock.formats.datasets.broad import BODY
+from oarlock.formats.datasets.dfjimu import BODIES
+from oarlock.formats.datasets.diodem import SEGMENTS
+from oarlock.formats.datasets.openaxes import LINKS
 
 from .estimate import Estimate, NotRunError
 

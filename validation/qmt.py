@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from oarlock import ImuStream, Recording
-from oarlock.formats.qmt import read_qmt
+from oarlock.formats.datasets.qmt import read_qmt
 
 from . import others, ours
 from .estimate import Estimate, Outcome, attempt

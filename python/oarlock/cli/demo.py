@@ -175,7 +175,7 @@ def _pendulum(folder: Path, place: Path) -> Pendulum:
     """
     import oarlock
     from oarlock.evaluation.orientations import angles_from_orientations
-    from oarlock.formats.apdm import read_apdm, read_apdm_orientations
+    from oarlock.formats.devices.apdm import read_apdm, read_apdm_orientations
     from oarlock.storage import examples
 
     file = examples.path("pendulum") / "imuData01.csv"

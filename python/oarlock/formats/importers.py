@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, cast
 
 if TYPE_CHECKING:
+    from oarlock.formats.listing import Found, Listing
     from oarlock.recording.recording import Recording
 
 
@@ -23,10 +25,13 @@ class ReaderOption:
 
 @dataclass(frozen=True)
 class Format:
-    """A format: the module `oarlock.formats.NAME` reads it with `read_NAME(path, **options)`.
+    """A format: the module `oarlock.formats.ROOM.NAME` reads it with `read_NAME(path, **options)`.
+
+    The module's ``find_NAME(listing)`` recognises it by names and first bytes (`oarlock.formats.listing`).
 
     Args:
-        name: of the verb.
+        name: of the verb and of the module.
+        room: the folder of the module, below `oarlock.formats`; empty for none.
         place: what the path is: `FILE`, `FOLDER` or `MAPPING`.
         contents: what the path contains.
         summary: one line of help.
@@ -36,6 +41,7 @@ class Format:
     """
 
     name: str
+    room: str
     place: str
     contents: str
     summary: str
@@ -54,13 +60,22 @@ class Format:
         Raises:
             DataError: the file is not of this format.
         """
-        reader = getattr(import_module(f"oarlock.formats.{self.name}"), f"read_{self.name}")
+        reader = getattr(self._module(), f"read_{self.name}")
         return cast("Recording", reader(path, **options))
+
+    def find(self, listing: Listing) -> list[Found]:
+        """The recordings of this format in a place; none if its module recognises none by content."""
+        finder = getattr(self._module(), f"find_{self.name}", None)
+        return [] if finder is None else cast("list[Found]", finder(listing))
+
+    def _module(self) -> ModuleType:
+        return import_module(".".join(filter(None, ("oarlock.formats", self.room, self.name))))
 
 
 FORMATS = (
     Format(
         "apdm",
+        "devices",
         "FILE",
         "CSV export of an APDM (Opal) recording.",
         "Import an APDM export: gyroscope, accelerometer, magnetometer of every sensor.",
@@ -69,6 +84,7 @@ FORMATS = (
     ),
     Format(
         "csv",
+        "",
         "MAPPING",
         "TOML file with the names of files, columns, units and sensors.",
         "Import CSV files described by a mapping file; decimal commas, clock times and epoch milliseconds are read.",
@@ -77,6 +93,7 @@ FORMATS = (
     ),
     Format(
         "dfjimu",
+        "datasets",
         "FILE",
         "A recording of dfjimu, .mat.",
         "Import a dfjimu recording: two inertial units on two bodies connected by a ball joint.",
@@ -85,6 +102,7 @@ FORMATS = (
     ),
     Format(
         "diodem",
+        "datasets",
         "FOLDER",
         "A trial: the folder with imu_rigid.csv.",
         "Import a DIODEM trial: five inertial units on a chain of five links.",
@@ -101,6 +119,7 @@ FORMATS = (
     ),
     Format(
         "openaxes",
+        "datasets",
         "FOLDER",
         "The data folder that contains synced_imu.",
         "Import an OpenAXES run: two inertial units on the links of a robot.",
@@ -110,6 +129,7 @@ FORMATS = (
     ),
     Format(
         "broad",
+        "datasets",
         "FILE",
         "A trial of the BROAD data set, .mat.",
         "Import a BROAD trial: one inertial unit with magnetometer.",
@@ -118,6 +138,7 @@ FORMATS = (
     ),
     Format(
         "qmt",
+        "datasets",
         "FILE",
         "The full-body example of qmt, .mat.",
         "Import the full-body example of qmt: an inertial unit on each of sixteen segments.",

@@ -265,7 +265,7 @@ def _norms(rows: FloatArray | None) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Norms of the rows without NaN, and a mask of these rows. An axis without any reading counts as absent."""
     if rows is None:
         return np.zeros(0), np.zeros(0, dtype=np.bool_)
-    whole = np.isfinite(rows).all(axis=1)
+    whole: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(rows), axis=1)
     return row_norms(rows[whole]), whole
 
 

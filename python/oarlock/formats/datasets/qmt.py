@@ -8,7 +8,7 @@ not documented.
 
 from os import PathLike
 
-from oarlock.formats.mat import matrix, read_mat, same_length, structure
+from oarlock.formats.datasets.mat import matrix, read_mat, same_length, structure
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import time_array

@@ -13,7 +13,7 @@ assumption explains 1.75 ms.
 from os import PathLike
 
 from oarlock.evaluation.reference import Reference
-from oarlock.formats.mat import matrix, read_mat, same_length, sampling_rate
+from oarlock.formats.datasets.mat import matrix, read_mat, same_length, sampling_rate
 from oarlock.formats.stamps import interval_middles_s, row_times_s
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
