@@ -10,6 +10,9 @@ from numpy.typing import ArrayLike
 
 from oarlock.storage.array_gate import FloatArray, real_array
 
+ARBITRARY = "a.u."
+"""How mapping files name the unit."""
+
 NOMINAL_FIELD_UT = 50.0
 """Total intensity of the earth's field at middle latitudes; 22 to 67 uT over the earth (World Magnetic Model)."""
 
