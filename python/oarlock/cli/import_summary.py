@@ -61,7 +61,6 @@ def write_summary(recording: Recording, source: Path, out: Path, about: str) -> 
         [
             ("format", about),
             ("session", session_text(session_info(recording.meta))),
-            ("start", f"{start}, {recording.duration_s:.1f} s" if start else ""),
             ("duration", "" if start else f"{recording.duration_s:.1f} s"),
             ("units", f"{len(units)} inertial" if units else "none inertial"),
             ("clock", _clock(recording)),
@@ -69,6 +68,8 @@ def write_summary(recording: Recording, source: Path, out: Path, about: str) -> 
             ("absent", _absent(units)),
         ]
     )
+    if start:
+        say(f"start {start}, {recording.duration_s:.1f} s", indent=2)
     _write_streams(recording)
     for note in reader_notes(recording.meta):
         say(note, indent=2)

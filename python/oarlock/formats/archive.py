@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import stat
 import tempfile
+import weakref
 import zipfile
 import zlib
 from pathlib import Path, PurePosixPath
@@ -31,20 +32,32 @@ def is_zip(file: Path) -> bool:
         return False
 
 
-def unpacked(file: Path) -> tempfile.TemporaryDirectory[str]:
-    """A temporary folder with the contents of a zip file; it is removed with the object.
+class Unpacked:
+    """A temporary folder that is removed with this object.
+
+    Args:
+        folder: the folder.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.remove = weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+
+
+def unpacked(file: Path) -> Unpacked:
+    """The contents of a zip file in a temporary folder.
 
     Raises:
         DataError: The file is damaged, encrypted or too large, or a name in it leads out of the folder.
     """
-    folder = tempfile.TemporaryDirectory(prefix="oarlock-", ignore_cleanup_errors=True)
+    made = Unpacked(Path(tempfile.mkdtemp(prefix="oarlock-")))
     try:
         with open_regular(file) as stream, zipfile.ZipFile(stream) as archive:
             entries = [entry for entry in archive.infolist() if not entry.is_dir()]
             places = _places(file, entries)
-            _check_sizes(file, entries, Path(folder.name))
+            _check_sizes(file, entries, made.folder)
             for entry, place in zip(entries, places, strict=True):
-                _unpack(archive, entry, Path(folder.name) / place)
+                _unpack(archive, entry, made.folder / place)
     except (
         OSError,
         zipfile.BadZipFile,
@@ -54,13 +67,13 @@ def unpacked(file: Path) -> tempfile.TemporaryDirectory[str]:
         ValueError,
         EOFError,
     ) as error:
-        folder.cleanup()
+        made.remove()
         if isinstance(error, DataError):
             raise
         raise DataError(
             f"{file}: cannot be unpacked ({error}). Unpack it yourself and give the folder."
         ) from error
-    return folder
+    return made
 
 
 def _places(file: Path, entries: list[zipfile.ZipInfo]) -> list[PurePosixPath]:

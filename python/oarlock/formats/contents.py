@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 
-from oarlock.formats.archive import is_zip, unpacked
+from oarlock.formats.archive import Unpacked, is_zip, unpacked
 from oarlock.formats.importers import FORMATS, Format
 from oarlock.formats.listing import Found, Listing, listed
 from oarlock.formats.near_misses import nearest_text
@@ -34,7 +33,7 @@ class Contents:
     recordings: tuple[Found, ...]
     others: tuple[Path, ...]
     listing: Listing = field(repr=False)
-    _unpacked: tempfile.TemporaryDirectory[str] | None = field(default=None, repr=False, compare=False)
+    _unpacked: Unpacked | None = field(default=None, repr=False, compare=False)
 
     def only(self, name: str | None = None) -> Found:
         """The recording of this name; without a name the only one.
@@ -70,7 +69,7 @@ def find_recordings(path: str | PathLike[str]) -> Contents:
     """
     asked = place_of(path)
     kept = unpacked(asked) if asked.is_file() and is_zip(asked) and asked.suffix.lower() == ".zip" else None
-    listing = listed(kept.name if kept else asked)
+    listing = listed(kept.folder if kept else asked)
     _refuse_own_recording(asked, listing)
     found = recognised(listing)
     if not found:

@@ -124,12 +124,14 @@ def _rows(lines: Sequence[str], delimiter: str) -> Iterator[tuple[int, list[str]
 
 
 def _is_data(rows: Sequence[tuple[int, list[str]]], place: int) -> bool:
-    """True if this row and the next ones have numbers in columns, and the row above has not."""
+    """True if this row and one of the next two have numbers in columns, and the row above has not."""
     cells = rows[place][1]
     if len(cells) < _LEAST_COLUMNS or _share_of_numbers(cells) < 0.5:
         return False
     following = [other for _, other in rows[place + 1 : place + 3]]
-    alike = all(len(other) == len(cells) and _share_of_numbers(other) >= 0.5 for other in following)
+    alike = not following or any(
+        len(other) == len(cells) and _share_of_numbers(other) >= 0.5 for other in following
+    )
     return alike and _share_of_numbers(rows[place - 1][1]) < 0.5
 
 
