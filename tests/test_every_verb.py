@@ -52,8 +52,8 @@ LEAF = {
     "track": "test_cli.test_track_json_is_one_document",
     "view": "test_viewer_cli.test_it_opens_nothing_when_told_so",
 }
-# In these the words of a verb stand in the page or the fixture that the test reads.
-SAID_ELSEWHERE = {"markers simulate", "simulate"}
+# In these the words of a verb stand in the page or the fixture that the test reads, or a file stands for PATH.
+SAID_ELSEWHERE = {"import PATH", "markers simulate", "simulate"}
 
 
 def leaves(command: Any, words: tuple[str, ...]) -> list[str]:
