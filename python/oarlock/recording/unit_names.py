@@ -58,7 +58,6 @@ _ALSO = MappingProxyType(
 )
 """Segments that a name may mean if the model has none of its own."""
 _SIDES = MappingProxyType({"r": "r", "rt": "r", "right": "r", "l": "l", "lt": "l", "left": "l"})
-_LATERAL = frozenset("shoulder upper_arm forearm hand thigh shank foot arm leg".split())
 
 
 @dataclass(frozen=True)
