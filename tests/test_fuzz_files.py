@@ -1,7 +1,7 @@
 """Real files with wounds at every reader: read, or refused with a reason."""
 
 import os
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from oarlock.formats.datasets.broad import read_broad, read_broad_reference
 from oarlock.formats.datasets.dfjimu import read_dfjimu, read_dfjimu_reference
 from oarlock.formats.datasets.qmt import read_qmt
 from oarlock.formats.devices.apdm import read_apdm, read_apdm_orientations
+from oarlock.formats.devices.mtmanager import read_mtmanager
 from oarlock.model.shipped_files import model_path
 from oarlock.rowing import SIMULATORS
 from oarlock.storage.manifest import MANIFEST
@@ -81,6 +82,17 @@ def test_csv_with_its_mapping(tmp_path):
 def test_apdm(tmp_path):
     text = first_lines(ROOT / "examples/pendulum/imuData01.csv", 12)
     feed(tmp_path / "units.csv", text, read_apdm, read_apdm_orientations)
+
+
+MTMANAGER = ROOT / "tests/data/opensim/mtmanager"
+
+
+@pytest.mark.parametrize(
+    "name", ["MT2022_ACC_GYRO_ROT_ALL_TAB_NAN_00B42D4B.txt", "MT46_01-000_00B42D4D.txt", "test1_00B421E6.txt"]
+)
+def test_mtmanager(name, tmp_path):
+    text = (MTMANAGER / name).read_text(encoding="utf-8")
+    feed(tmp_path / name, text, partial(read_mtmanager, rate_hz=100.0, orientations=True), read_mtmanager)
 
 
 TOML = {
@@ -196,7 +208,9 @@ def test_matlab_files(name, tmp_path, monkeypatch):
 
 OWN = ("load_model", "load_recording", "load_calibration", "load_track", "load_study", "load_markers")
 READERS = {name: getattr(oarlock, name) for name in (*OWN, "load_attachments")}
-READERS |= {read.__name__: read for read in (read_csv, read_apdm, read_broad, read_dfjimu, read_qmt)}
+READERS |= {
+    read.__name__: read for read in (read_csv, read_apdm, read_broad, read_dfjimu, read_qmt, read_mtmanager)
+}
 
 
 @pytest.mark.parametrize("name", READERS)

@@ -27,8 +27,8 @@ def scaled_mag(mag: ArrayLike, name: str = "") -> tuple[FloatArray | None, str]:
         name: of the stream, for the note.
 
     Returns:
-        (T, 3) readings in uT, None if there is none or all are zero, and one sentence for the reader. `mag_factor` gives
-        the factor that was used.
+        (T, 3) readings in uT, None if there is none or all are zero, and one sentence for the reader. `mag_factor`
+        gives the factor that was used.
     """
     rows = real_array(mag, (None, 3), f"{name or 'magnetometer'}, readings in arbitrary units")
     told = f"{name}: " if name else ""

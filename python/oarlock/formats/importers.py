@@ -32,7 +32,7 @@ class Format:
     Args:
         name: of the verb and of the module.
         room: the folder of the module, below `oarlock.formats`; empty for none.
-        place: what the path is: `FILE`, `FOLDER` or `MAPPING`.
+        place: what the path is: `FILE`, `FOLDER`, `PLACE` (either of them) or `MAPPING`.
         contents: what the path contains.
         summary: one line of help.
         example: arguments of an example.
@@ -72,6 +72,13 @@ class Format:
         return import_module(".".join(filter(None, ("oarlock.formats", self.room, self.name))))
 
 
+_TRIAL = ReaderOption(
+    "trial", str | None, "Which trial, if the folder has several: what the files' names share."
+)
+_ORIENTATIONS = ReaderOption(
+    "orientations", bool, "Also import the orientations that units with a gyroscope computed.", False
+)
+
 FORMATS = (
     Format(
         "apdm",
@@ -90,6 +97,24 @@ FORMATS = (
         "Import CSV files described by a mapping file; decimal commas, clock times and epoch milliseconds are read.",
         "mapping.toml",
         "any CSV file, as a mapping file describes it",
+    ),
+    Format(
+        "mtmanager",
+        "devices",
+        "PLACE",
+        "Text export of Xsens MT Manager, or the folder with a file for each unit.",
+        "Import exports of Xsens MT Manager (MTw, MTi): gyroscope, accelerometer, magnetometer, orientation.",
+        "MT_01200454_000-000_00B40DE4.txt --rate-hz 100",
+        "text exports of Xsens MT Manager: one file, or all units of a trial",
+        (
+            _TRIAL,
+            ReaderOption(
+                "rate_hz",
+                float | None,
+                "Rate of the packet counter, Hz, where the file states no time and no rate.",
+            ),
+            _ORIENTATIONS,
+        ),
     ),
     Format(
         "dfjimu",
