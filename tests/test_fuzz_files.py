@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy.io import savemat
 
 import oarlock
+import test_io_dot
 from fuzz_campaign import answered, campaign
 from fuzz_wounds import byte_wounds, feed, wounded, wounded_bytes, wounds
 from oarlock.formats.csv import read_csv
@@ -18,6 +19,7 @@ from oarlock.formats.datasets.broad import read_broad, read_broad_reference
 from oarlock.formats.datasets.dfjimu import read_dfjimu, read_dfjimu_reference
 from oarlock.formats.datasets.qmt import read_qmt
 from oarlock.formats.devices.apdm import read_apdm, read_apdm_orientations
+from oarlock.formats.devices.dot import read_dot
 from oarlock.formats.devices.mtmanager import read_mtmanager
 from oarlock.model.shipped_files import model_path
 from oarlock.rowing import SIMULATORS
@@ -93,6 +95,12 @@ MTMANAGER = ROOT / "tests/data/opensim/mtmanager"
 def test_mtmanager(name, tmp_path):
     text = (MTMANAGER / name).read_text(encoding="utf-8")
     feed(tmp_path / name, text, partial(read_mtmanager, rate_hz=100.0, orientations=True), read_mtmanager)
+
+
+@pytest.mark.parametrize("body", [test_io_dot.RATES, test_io_dot.RECORDED])
+def test_dot(body, tmp_path):
+    text = test_io_dot.HEAD.format(tag="Arm", sync="Synced", mode="Recording") + body
+    feed(tmp_path / "Arm_20250711_200600_086.csv", text, partial(read_dot, orientations=True))
 
 
 TOML = {

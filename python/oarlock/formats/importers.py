@@ -117,6 +117,16 @@ FORMATS = (
         ),
     ),
     Format(
+        "dot",
+        "devices",
+        "PLACE",
+        "CSV file of a Movella DOT, or the folder with a file for each unit.",
+        "Import CSV files of Movella DOT (Xsens DOT): gyroscope, accelerometer, magnetometer, orientation.",
+        "1_20250711_200600_086.csv",
+        "CSV files of Movella DOT (Xsens DOT): one file, or all synchronised units of a trial",
+        (_TRIAL, _ORIENTATIONS),
+    ),
+    Format(
         "dfjimu",
         "datasets",
         "FILE",

@@ -13,9 +13,6 @@ from dataclasses import dataclass
 from os import PathLike
 from types import MappingProxyType
 
-import numpy as np
-
-from oarlock.formats.counters import lost_packets, unwrapped
 from oarlock.formats.devices.exported_table import (
     Columns,
     ExportedTable,
@@ -24,12 +21,14 @@ from oarlock.formats.devices.exported_table import (
     found_header,
     read_columns_of,
 )
+from oarlock.formats.devices.sample_clock import COUNTER, TICKS, SampleClock, clock_note
 from oarlock.formats.devices.trials import Trial, trial_at
 from oarlock.formats.devices.unit_readings import (
     UnitReadings,
     quat_from_matrices,
     quat_from_roll_pitch_yaw,
     recording_of,
+    source_of,
     stream_name,
 )
 from oarlock.formats.listing import Found, ListedFile, Listing
@@ -38,17 +37,23 @@ from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 
-COUNTER, TICKS = "PacketCounter", "SampleTimeFine"
-COUNTER_WRAPS_AT, TICKS_WRAP_AT = 2.0**16, 2.0**32
-TICK_RATE_HZ = 1e4
 ACCEL, GYRO, MAG = (tuple(f"{kind}_{axis}" for axis in "XYZ") for kind in ("Acc", "Gyr", "Mag"))
 _QUAT = tuple(f"Quat_q{k}" for k in range(4))
 # Stored column by column.
 _MATRIX = tuple(f"Mat[{row}][{column}]" for column in (1, 2, 3) for row in (1, 2, 3))
 _ANGLES = ("Roll", "Pitch", "Yaw")
-_OWN = frozenset((*_QUAT, *_MATRIX, *_ANGLES, "VelInc_X", "OriInc_q0", "OriInc_w"))
+_FIELDS = MappingProxyType({"accel_m_s2": ACCEL, "gyro_rad_s": GYRO, "mag_arbitrary": MAG})
+_READ = frozenset((COUNTER, TICKS, *ACCEL, *GYRO, *MAG, *_QUAT, *_MATRIX, *_ANGLES))
+MT_ONLY = frozenset((*_QUAT, *_MATRIX, *_ANGLES, "VelInc_X", "OriInc_q0", "OriInc_w"))
+"""Columns of MT Manager alone."""
 DOT_ONLY = frozenset(("Quat_W", "Euler_X", "dq_W", "dv[1]"))
 """Columns of Movella DOT, whose exports begin with the same names."""
+_CLOCK = SampleClock(
+    2.0**16,
+    2.0**32,
+    1e4,
+    "gives an Update Rate. Give the rate of the recording with --rate-hz, such as --rate-hz 100.",
+)
 _Z_UP = frozenset(("ENU", "NWU"))
 _STEM = re.compile(r"(?P<trial>.*?)[_-]?(?P<device>[0-9A-Fa-f]{8})")
 _RATE = re.compile(r"update rate:\s*(\d+(?:\.\d+)?)\s*hz", re.IGNORECASE)
@@ -88,14 +93,6 @@ class _Unit:
             return quat_from_matrices(matrices, self.columns.places(_MATRIX[0]))
         return quat_from_roll_pitch_yaw(self.columns.rows(_ANGLES)) if self.has(_ANGLES) else None
 
-    def count(self) -> FloatArray:
-        return unwrapped(
-            self.columns.present(COUNTER, "counter"), COUNTER_WRAPS_AT, self.columns.places(COUNTER)
-        )
-
-    def has_ticks(self) -> bool:
-        return TICKS in self.columns.values and bool(np.isfinite(self.columns.values[TICKS]).any())
-
 
 def read_mtmanager(
     path: str | PathLike[str],
@@ -121,19 +118,25 @@ def read_mtmanager(
     """
     chosen = trial_at(place_of(path), trial, _trials, "exports of MT Manager")
     units = [_unit(one) for one in chosen.files]
-    times = _times(units, rate_hz)
-    readings = []
-    for unit, (time_s, count) in zip(units, times, strict=True):
-        fields = {
-            field: unit.columns.rows(names)
-            for field, names in (("accel_m_s2", ACCEL), ("gyro_rad_s", GYRO), ("mag_arbitrary", MAG))
-            if unit.has(names)
-        }
-        lost = lost_packets(count, time_s, unit.columns.places(COUNTER))
-        readings.append(UnitReadings(unit.name, time_s, **fields, quat_wxyz=unit.quat_wxyz(), lost=lost))
-    by_ticks = units[0].has_ticks()
-    clock = {"kind": "relative" if by_ticks else "samples", "from": TICKS if by_ticks else COUNTER}
-    return recording_of(readings, _source(chosen, units), clock, orientations, _notes(units))
+    columns = [unit.columns for unit in units]
+    rates_hz = [rate_hz if unit.rate_hz is None else unit.rate_hz for unit in units]
+    readings = [
+        UnitReadings(
+            unit.name,
+            stamped.time_s,
+            **{field: unit.columns.rows(names) for field, names in _FIELDS.items() if unit.has(names)},
+            quat_wxyz=unit.quat_wxyz(),
+            lost=stamped.lost,
+        )
+        for unit, stamped in zip(units, _CLOCK.stamped(columns, rates_hz), strict=True)
+    ]
+    said = {unit.name: unit.said | _stated(unit.rate_hz) for unit in units}
+    source = source_of("mtmanager", chosen.name, [unit.table for unit in units], said, _READ)
+    return recording_of(readings, source, clock_note(columns), orientations, _notes(units))
+
+
+def _stated(rate_hz: float | None) -> dict[str, object]:
+    return {} if rate_hz is None else {"rate_hz": rate_hz}
 
 
 def find_mtmanager(listing: Listing) -> list[Found]:
@@ -164,7 +167,7 @@ def _header(one: ListedFile) -> Header | None:
     above = [line for line in one.lines[: header.row] if line.strip()]
     if any(not line.lstrip().startswith("//") for line in above):
         return None
-    return header if above or _OWN & set(header.names) or set(ACCEL) & set(header.names) else None
+    return header if above or MT_ONLY & set(header.names) or set(ACCEL) & set(header.names) else None
 
 
 def _trial_and_device(one: ListedFile) -> tuple[str, str]:
@@ -216,58 +219,6 @@ def _unit(one: ListedFile) -> _Unit:
     rate_hz = float(rate[1]) if rate is not None and float(rate[1]) > 0.0 else None
     name = stream_name(_trial_and_device(one)[1])
     return _Unit(table, _said(table.above), rate_hz, name or "unit", columns)
-
-
-def _times(units: Sequence[_Unit], rate_hz: float | None) -> list[tuple[FloatArray, FloatArray]]:
-    """Time stamps in s and unwrapped packet counts of each unit, on one axis."""
-    counts = _aligned([unit.count() for unit in units], COUNTER_WRAPS_AT)
-    with_ticks = [unit.has_ticks() for unit in units]
-    if any(with_ticks) != all(with_ticks):
-        raise DataError(
-            f"{units[with_ticks.index(False)].table.file}: {TICKS} is empty, that of "
-            f"{units[with_ticks.index(True)].table.file.name} is filled. They have no common clock; import them alone."
-        )
-    if not all(with_ticks):
-        zero = min(float(count[0]) for count in counts)
-        rates = [_rate_hz(unit, rate_hz) for unit in units]
-        return [((count - zero) / rate, count) for count, rate in zip(counts, rates, strict=True)]
-    ticks = [
-        unwrapped(unit.columns.present(TICKS, "time"), TICKS_WRAP_AT, unit.columns.places(TICKS))
-        for unit in units
-    ]
-    times = [tick / TICK_RATE_HZ for tick in _aligned(ticks, TICKS_WRAP_AT)]
-    for unit, time_s in zip(units, times, strict=True):
-        unit.columns.check_increasing(time_s, TICKS)
-    return list(zip(times, counts, strict=True))
-
-
-def _aligned(counts: Sequence[FloatArray], wraps_at: float) -> list[FloatArray]:
-    """Counts of one clock that began near each other, possibly on both sides of a wrap."""
-    first = float(counts[0][0])
-    return [count - wraps_at * round((float(count[0]) - first) / wraps_at) for count in counts]
-
-
-def _rate_hz(unit: _Unit, given: float | None) -> float:
-    rate_hz = unit.rate_hz if unit.rate_hz is not None else given
-    if rate_hz is None or not 0.0 < rate_hz < float("inf"):
-        raise DataError(
-            f"{unit.table.file}: the time is not known: {TICKS} is empty and no line above the names gives an "
-            "Update Rate. Give the rate of the recording with --rate-hz, such as --rate-hz 100."
-        )
-    return rate_hz
-
-
-def _source(trial: Trial, units: Sequence[_Unit]) -> dict[str, object]:
-    read = {COUNTER, TICKS, *ACCEL, *GYRO, *MAG, *_QUAT, *_MATRIX, *_ANGLES, ""}
-    names = dict.fromkeys(name for unit in units for name in unit.table.layout.names if name not in read)
-    rates = {unit.name: {"rate_hz": unit.rate_hz} if unit.rate_hz is not None else {} for unit in units}
-    return {
-        "format": "mtmanager",
-        "files": [unit.table.file.name for unit in units],
-        "trial": trial.name,
-        "units": {unit.name: unit.said | rates[unit.name] for unit in units},
-        "left_out": list(names),
-    }
 
 
 def _notes(units: Sequence[_Unit]) -> list[str]:

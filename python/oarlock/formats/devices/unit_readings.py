@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from oarlock.formats.arbitrary_units import scale_meta, scaled_mag
 from oarlock.formats.counters import Lost
+from oarlock.formats.devices.exported_table import ExportedTable
 from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.recording.packets import META_KEY
 from oarlock.recording.recording import Recording
@@ -106,6 +107,26 @@ def recording_of(
     }
     meta |= scale_meta({unit.name: unit.mag_arbitrary for unit in units})
     return Recording(streams, meta | ({META_KEY: lost} if lost else {}))
+
+
+def source_of(
+    format_name: str,
+    trial: str,
+    tables: Sequence[ExportedTable],
+    said: Mapping[str, Mapping[str, object]],
+    read: Container[str],
+) -> dict[str, object]:
+    """For ``meta["source"]``: the format, the files, what each says of its unit, and the columns that were not read."""
+    names = dict.fromkeys(
+        name for table in tables for name in table.layout.names if name and name not in read
+    )
+    return {
+        "format": format_name,
+        "files": [table.file.name for table in tables],
+        "trial": trial,
+        "units": {name: dict(entry) for name, entry in said.items()},
+        "left_out": list(names),
+    }
 
 
 def stream_name(label: str) -> str:
