@@ -11,6 +11,7 @@ from scipy.io import savemat
 
 import oarlock
 import test_io_dot
+import test_io_shimmer
 from fuzz_campaign import answered, campaign
 from fuzz_wounds import byte_wounds, feed, wounded, wounded_bytes, wounds
 from oarlock.formats.csv import read_csv
@@ -21,6 +22,7 @@ from oarlock.formats.datasets.qmt import read_qmt
 from oarlock.formats.devices.apdm import read_apdm, read_apdm_orientations
 from oarlock.formats.devices.dot import read_dot
 from oarlock.formats.devices.mtmanager import read_mtmanager
+from oarlock.formats.devices.shimmer import read_shimmer
 from oarlock.model.shipped_files import model_path
 from oarlock.rowing import SIMULATORS
 from oarlock.storage.manifest import MANIFEST
@@ -101,6 +103,11 @@ def test_mtmanager(name, tmp_path):
 def test_dot(body, tmp_path):
     text = test_io_dot.HEAD.format(tag="Arm", sync="Synced", mode="Recording") + body
     feed(tmp_path / "Arm_20250711_200600_086.csv", text, partial(read_dot, orientations=True))
+
+
+@pytest.mark.parametrize("text", [test_io_shimmer.SESSION, test_io_shimmer.TWO])
+def test_shimmer(text, tmp_path):
+    feed(tmp_path / "session.csv", text, read_shimmer, partial(read_shimmer, accel="WR"))
 
 
 TOML = {

@@ -127,6 +127,21 @@ FORMATS = (
         (_TRIAL, _ORIENTATIONS),
     ),
     Format(
+        "shimmer",
+        "devices",
+        "PLACE",
+        "Calibrated CSV export of Shimmer Consensys, or the folder of a session.",
+        "Import exports of Shimmer Consensys: gyroscope, accelerometer, magnetometer.",
+        "Session1_Shimmer_40AC_Calibrated_SD.csv --accel WR",
+        "calibrated exports of Shimmer Consensys: one file, or the files of a session",
+        (
+            _TRIAL,
+            ReaderOption(
+                "accel", str | None, "LN (low noise) or WR (wide range); if not given, LN where there is one."
+            ),
+        ),
+    ),
+    Format(
         "dfjimu",
         "datasets",
         "FILE",
