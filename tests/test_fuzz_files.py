@@ -11,6 +11,7 @@ from scipy.io import savemat
 
 import oarlock
 import test_io_dot
+import test_io_mvnx
 import test_io_shimmer
 from fuzz_campaign import answered, campaign
 from fuzz_wounds import byte_wounds, feed, wounded, wounded_bytes, wounds
@@ -22,7 +23,9 @@ from oarlock.formats.datasets.qmt import read_qmt
 from oarlock.formats.devices.apdm import read_apdm, read_apdm_orientations
 from oarlock.formats.devices.dot import read_dot
 from oarlock.formats.devices.mtmanager import read_mtmanager
+from oarlock.formats.devices.mvnx import read_mvnx
 from oarlock.formats.devices.shimmer import read_shimmer
+from oarlock.formats.devices.sto import read_sto
 from oarlock.model.shipped_files import model_path
 from oarlock.rowing import SIMULATORS
 from oarlock.storage.manifest import MANIFEST
@@ -108,6 +111,15 @@ def test_dot(body, tmp_path):
 @pytest.mark.parametrize("text", [test_io_shimmer.SESSION, test_io_shimmer.TWO])
 def test_shimmer(text, tmp_path):
     feed(tmp_path / "session.csv", text, read_shimmer, partial(read_shimmer, accel="WR"))
+
+
+def test_mvnx(tmp_path):
+    feed(tmp_path / "trial.mvnx", test_io_mvnx.TRIAL, read_mvnx)
+
+
+def test_orientations_of_opensim(tmp_path):
+    text = (ROOT / "tests/data/opensim/orientation_quats.sto").read_text(encoding="utf-8")
+    feed(tmp_path / "turns.sto", text, read_sto, partial(read_sto, up="y"))
 
 
 TOML = {

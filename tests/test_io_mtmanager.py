@@ -199,6 +199,7 @@ def test_decimal_commas(tmp_path):
         ("\n04098", "\n", [":7", '"PacketCounter"', "counter is missing"]),
         ("\n04098", "\n99999", [":7", '"PacketCounter"', "99999", "65536"]),
         ("\t-0.484709\n", "\n", [":6", "15 fields", "16"]),
+        ("0.414280", "0.914280", [":6", '"Quat_q0"', "norm"]),
         ("Gyr_Y", "Gyr_U", ['"Gyr_X"', 'none "Gyr_Y"']),
         ("Update Rate: 100.0Hz", "Update Rate: unknown", ["time is not known", "--rate-hz"]),
         ("PacketCounter", "Counter", ["not an export of MT Manager", "PacketCounter"]),

@@ -142,6 +142,29 @@ FORMATS = (
         ),
     ),
     Format(
+        "mvnx",
+        "devices",
+        "FILE",
+        "MVNX export of Xsens MVN.",
+        "Import an MVNX export of Xsens MVN: orientations of segments and sensors, magnetic field of sensors.",
+        "trial.mvnx",
+        "MVNX exports of Xsens MVN: orientations of segments and sensors",
+    ),
+    Format(
+        "sto",
+        "devices",
+        "FILE",
+        "Table of orientations of OpenSim, .sto.",
+        "Import a table of orientations of OpenSim (OpenSense): an orientation of each sensor.",
+        "orientations.sto",
+        "tables of orientations of OpenSim (OpenSense)",
+        (
+            ReaderOption(
+                "up", str, "Axis of the file's reference that points up: z (units) or y (OpenSim).", "z"
+            ),
+        ),
+    ),
+    Format(
         "dfjimu",
         "datasets",
         "FILE",

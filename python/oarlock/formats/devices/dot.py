@@ -29,6 +29,7 @@ from oarlock.formats.devices.sample_clock import COUNTER, TICKS, SampleClock, cl
 from oarlock.formats.devices.trials import Trial, trial_at
 from oarlock.formats.devices.unit_readings import (
     UnitReadings,
+    check_quaternions,
     quat_from_roll_pitch_yaw,
     recording_of,
     source_of,
@@ -93,7 +94,7 @@ class _Unit:
         if self.has(MAG):
             fields["mag_arbitrary"] = self.columns.rows(MAG)
         if self.has(_QUAT):
-            fields["quat_wxyz"] = self.columns.rows(_QUAT)
+            fields["quat_wxyz"] = check_quaternions(self.columns.rows(_QUAT), self.columns.places(_QUAT[0]))
         elif self.has(_EULER):
             fields["quat_wxyz"] = quat_from_roll_pitch_yaw(self.columns.rows(_EULER))
         return fields

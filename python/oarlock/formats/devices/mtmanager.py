@@ -25,6 +25,7 @@ from oarlock.formats.devices.sample_clock import COUNTER, TICKS, SampleClock, cl
 from oarlock.formats.devices.trials import Trial, trial_at
 from oarlock.formats.devices.unit_readings import (
     UnitReadings,
+    check_quaternions,
     quat_from_matrices,
     quat_from_roll_pitch_yaw,
     recording_of,
@@ -87,7 +88,7 @@ class _Unit:
         if self.said.get("coordinate_system", "ENU") not in _Z_UP:
             return None
         if self.has(_QUAT):
-            return self.columns.rows(_QUAT)
+            return check_quaternions(self.columns.rows(_QUAT), self.columns.places(_QUAT[0]))
         if self.has(_MATRIX):
             matrices = self.columns.rows(_MATRIX).reshape(-1, 3, 3).transpose(0, 2, 1)
             return quat_from_matrices(matrices, self.columns.places(_MATRIX[0]))

@@ -236,7 +236,7 @@ def _readings(unit: _Unit, columns: Columns, time_s: FloatArray, accel: str | No
         fields["mag_arbitrary" if kind == _LOCAL_FLUX else field] = (
             rows if kind == _LOCAL_FLUX else to_held_unit(rows, kind)
         )
-    return UnitReadings(stream_name(unit.label), time_s, **fields)
+    return UnitReadings(stream_name(unit.label), time_s, **fields, lost=None)
 
 
 def _wrong_unit(unit: _Unit, name: str, found: str, needed: str) -> DataError:

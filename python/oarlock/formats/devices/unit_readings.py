@@ -23,7 +23,7 @@ from oarlock.storage.errors import DataError
 ORIENTATION = "_orientation"
 """Ends the name of the stream of orientations that a unit computed itself, beside the stream of its readings."""
 _ROTATION_TOLERANCE = 0.01
-"""Allowed error of an element of R R': files round to six digits; a larger one indicates that it is no rotation."""
+"""Allowed error of a norm and of an element of R R'. Files have six digits; a larger one shows that it is no rotation."""
 _WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
 
 
@@ -159,6 +159,20 @@ def quat_from_matrices(matrices: FloatArray, places: Sequence[str]) -> FloatArra
             f"{places[int(bad[0])]}: the matrix of this row is no rotation ({bad.size} of {len(matrices)} rows)"
         )
     return _filled(there, Rotation.from_matrix(matrices[there]))
+
+
+def check_quaternions(quat_wxyz: FloatArray, places: Sequence[str]) -> FloatArray:
+    """The same (T, 4), none of which may be other than a unit quaternion; errors name its place."""
+    with np.errstate(over="ignore"):
+        norm = np.linalg.norm(quat_wxyz, axis=1)
+    bad = np.flatnonzero(np.abs(norm - 1.0) > _ROTATION_TOLERANCE)
+    if bad.size:
+        row = int(bad[0])
+        raise DataError(
+            f"{places[row]}: the quaternion of this row has the norm {norm[row]:.4g}; expected 1 "
+            f"({bad.size} of {len(norm)} rows)"
+        )
+    return quat_wxyz
 
 
 def quat_from_roll_pitch_yaw(angles_deg: FloatArray) -> FloatArray:
