@@ -21,11 +21,12 @@ from oarlock.formats.datasets.broad import read_broad, read_broad_reference
 from oarlock.formats.datasets.dfjimu import read_dfjimu, read_dfjimu_reference
 from oarlock.formats.datasets.qmt import read_qmt
 from oarlock.formats.devices.apdm import read_apdm, read_apdm_orientations
-from oarlock.formats.devices.dot import read_dot
-from oarlock.formats.devices.mtmanager import read_mtmanager
-from oarlock.formats.devices.mvnx import read_mvnx
-from oarlock.formats.devices.shimmer import read_shimmer
-from oarlock.formats.devices.sto import read_sto
+from oarlock.formats.devices.dot import find_dot, read_dot
+from oarlock.formats.devices.mtmanager import find_mtmanager, read_mtmanager
+from oarlock.formats.devices.mvnx import find_mvnx, read_mvnx
+from oarlock.formats.devices.shimmer import find_shimmer, read_shimmer
+from oarlock.formats.devices.sto import find_sto, read_sto
+from oarlock.formats.listing import listed
 from oarlock.model.shipped_files import model_path
 from oarlock.rowing import SIMULATORS
 from oarlock.storage.manifest import MANIFEST
@@ -120,6 +121,26 @@ def test_mvnx(tmp_path):
 def test_orientations_of_opensim(tmp_path):
     text = (ROOT / "tests/data/opensim/orientation_quats.sto").read_text(encoding="utf-8")
     feed(tmp_path / "turns.sto", text, read_sto, partial(read_sto, up="y"))
+
+
+DEVICES = {
+    "MT46_01-000_00B42D4D.txt": (MTMANAGER / "MT46_01-000_00B42D4D.txt").read_text(encoding="utf-8"),
+    "1_20250711_200600_086.csv": test_io_dot.HEAD.format(tag="1", sync="Synced", mode="") + test_io_dot.RATES,
+    "session.csv": test_io_shimmer.SESSION,
+    "trial.mvnx": test_io_mvnx.TRIAL,
+    "turns.sto": (ROOT / "tests/data/opensim/orientation_quats.sto").read_text(encoding="utf-8"),
+}
+
+
+@pytest.mark.parametrize("name", DEVICES)
+def test_finders_of_devices(name, tmp_path):
+    def check(harm):
+        put(tmp_path / name, wounded(DEVICES[name], harm))
+        listing = listed(tmp_path)
+        for find in (find_mtmanager, find_dot, find_shimmer, find_mvnx, find_sto):
+            assert all(one.files == (tmp_path / name,) and one.name and one.about for one in find(listing))
+
+    campaign(check, wounds)
 
 
 TOML = {

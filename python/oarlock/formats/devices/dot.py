@@ -199,7 +199,7 @@ def _label_and_moment(one: ListedFile) -> tuple[str, datetime.datetime | None]:
 
 def _header(one: ListedFile) -> Header | None:
     """The line of names; None if this is no file of a DOT."""
-    header = found_header(one.lines, lambda names: COUNTER in names)
+    header = found_header(one.lines, COUNTER, lambda names: COUNTER in names)
     if header is None or MT_ONLY & set(header.names):
         return None
     above = one.lines[: header.row]

@@ -124,10 +124,12 @@ class Columns:
             raise DataError(f"{self.places(name)[index]}: time_s{disorder_text(time_s, index)}{hint}")
 
 
-def found_header(lines: Sequence[str], is_header: Callable[[Sequence[str]], bool]) -> Header | None:
-    """The first line whose fields are names, as `is_header` decides; None if there is none."""
+def found_header(
+    lines: Sequence[str], containing: str, is_header: Callable[[Sequence[str]], bool]
+) -> Header | None:
+    """The first line with this text whose fields are names, as `is_header` decides; None if there is none."""
     for row, line in enumerate(lines):
-        for separator in _SEPARATORS:
+        for separator in _SEPARATORS if containing in line else ():
             names = tuple(cell.strip().strip('"').strip() for cell in line.split(separator))
             if len(names) > 1 and is_header(names):
                 return Header(row, separator, names)

@@ -162,7 +162,7 @@ def _trials(listing: Listing) -> list[Trial]:
 
 def _header(one: ListedFile) -> Header | None:
     """The line of names; None if this is no export of MT Manager."""
-    header = found_header(one.lines, lambda names: COUNTER in names)
+    header = found_header(one.lines, COUNTER, lambda names: COUNTER in names)
     if header is None or DOT_ONLY & set(header.names):
         return None
     above = [line for line in one.lines[: header.row] if line.strip()]

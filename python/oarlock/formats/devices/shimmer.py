@@ -33,9 +33,12 @@ from oarlock.storage.units import plain_unit, to_held_unit
 _COLUMN = re.compile(
     r"(?P<unit>.+?)_(?P<channel>Accel_LN|Accel_WR|Gyro|Mag|Timestamp\w*?)(?:_(?P<axis>[XYZ]))?_(?P<kind>CAL|RAW)"
 )
-_UNIX = ("TimestampSync_Unix", "Timestamp_Unix")
-_FORMATTED = ("TimestampSync_FormattedUnix", "Timestamp_FormattedUnix")
-_CLOCKS = (*_UNIX, *_FORMATTED, "TimestampSync", "Timestamp")
+_OF_A_UNIT = "_X_"
+"""In the names of all sensors."""
+_CLOCKS = (
+    *("TimestampSync_Unix", "Timestamp_Unix", "TimestampSync_FormattedUnix", "Timestamp_FormattedUnix"),
+    *("TimestampSync", "Timestamp"),
+)
 """Moments before a count from the unit's start, those of synchronised clocks first."""
 _DATE_UNIT = "yyyy/mm/dd hh:mm:ss.000"
 _DATE = re.compile(r"(\d{4})/(\d{2})/(\d{2}) (\d{2}:\d{2}:\d{2}(?:[.,]\d{1,6})?)", re.ASCII)
@@ -131,7 +134,7 @@ def _trials(listing: Listing) -> list[Trial]:
 
 
 def _header(one: ListedFile) -> Header | None:
-    return found_header(one.lines, lambda names: any(_COLUMN.fullmatch(name) for name in names))
+    return found_header(one.lines, _OF_A_UNIT, lambda names: any(_COLUMN.fullmatch(name) for name in names))
 
 
 def _labels(one: ListedFile) -> list[str]:

@@ -87,7 +87,7 @@ def _header(one: ListedFile) -> Header | None:
     end = lines.index(_END)
     if not any(line.replace(" ", "").lower() == "datatype=quaternion" for line in lines[:end]):
         return None
-    header = found_header(one.lines[end + 1 :], lambda names: names[0] == _TIME)
+    header = found_header(one.lines[end + 1 :], _TIME, lambda names: names[0] == _TIME)
     return None if header is None else Header(header.row + end + 1, header.separator, header.names)
 
 

@@ -23,7 +23,7 @@ from oarlock.storage.errors import DataError
 ORIENTATION = "_orientation"
 """Ends the name of the stream of orientations that a unit computed itself, beside the stream of its readings."""
 _ROTATION_TOLERANCE = 0.01
-"""Allowed error of a norm and of an element of R R'. Files have six digits; a larger one shows that it is no rotation."""
+"""Allowed error of a norm and of an element of R R'. Files have six digits; a larger one shows no rotation."""
 _WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
 
 
