@@ -62,7 +62,8 @@ def test_orientations_and_magnetic_field(tmp_path):
     )
     arm = recording["right_fore_arm"]
     assert isinstance(arm, OrientationStream)
-    assert arm.time_s.tolist() == [0.0, 0.017, 0.067, 0.083]
+    assert arm.time_s.tolist() == [0.0, 1 / 60, 4 / 60, 5 / 60]
+    assert recording.meta["clock"]["from"] == "index"
     assert arm.quat_wxyz[:2].tolist() == [[0.5, -0.5, 0.5, 0.500001], [0.5, -0.5, 0.5, 0.500002]]
     sensor = recording["right_fore_arm_sensor"]
     factor = recording.meta["mag_scale"]["right_fore_arm_sensor"]
@@ -81,6 +82,16 @@ def test_what_a_recording_says(tmp_path):
     assert source["left_out"] == ["position", "sensorFreeAcceleration"]
     assert any("sensorFreeAcceleration was left out" in note for note in source["notes"])
     assert "A07" not in str(dict(recording.meta)), "the subject's label may be a name"
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [('time="67"', 'time="70"'), ('index="4" ', ""), ('frameRate="60"', "")]
+)
+def test_milliseconds_where_the_index_gives_no_times(old, new, tmp_path):
+    recording = read_mvnx(written(tmp_path, TRIAL.replace(old, new)))
+    expected = [0.0, 0.017, 0.07 if "70" in new else 0.067, 0.083]
+    assert recording["t8"].time_s.tolist() == expected
+    assert recording.meta["clock"]["from"] == "time"
 
 
 def test_recognised_by_content(tmp_path):

@@ -37,6 +37,8 @@ FULL_BODY = (
 )
 """Labels of the 23 segments in their fixed order, for exports without labels."""
 _LEFT_OUT = ("sensorFreeAcceleration", "sensorAcceleration", "sensorAngularVelocity")
+_ROUNDING_S = 1.01e-3
+"""Allowed difference of a time in whole milliseconds and the exact one; the first frame may be rounded, too."""
 _WHOLE = re.compile(r"\d{1,15}", re.ASCII)
 _START = re.compile(r"<(?:\w+:)?(mvnx|mvn|subject|frames)[\s>]")
 
@@ -49,7 +51,8 @@ def read_mvnx(path: str | PathLike[str]) -> Recording:
 
     Returns:
         An `OrientationStream` per segment, named after its label: `RightForeArm` becomes `right_fore_arm`. Streams of
-        sensors end in `_sensor`. Time stamps are the frames' milliseconds; ``meta["clock"]`` has the start if stated.
+        sensors end in `_sensor`. Time stamps are the frames' index divided by the frame rate if the
+        frames' milliseconds agree, else these; ``meta["clock"]`` has the start if stated.
 
     Raises:
         DataError: no MVNX file, a second subject, or a frame that differs from the first; names file and line.
@@ -57,7 +60,7 @@ def read_mvnx(path: str | PathLike[str]) -> Recording:
     found = parsed_mvnx(single_file(place_of(path)).path)
     if not found.lines:
         raise DataError(f'{found.file}: has no frames of type "normal"; it is no MVNX export of a recording')
-    time_s = _times(found)
+    time_s, from_index = _times(found)
     lost = _lost(found, time_s)
     units = []
     turns = _turns(found, "orientation")
@@ -72,7 +75,7 @@ def read_mvnx(path: str | PathLike[str]) -> Recording:
         raise DataError(
             f"{found.file}: its frames have no orientation. Choose orientation in MVN for the export."
         )
-    return recording_of(units, _source(found), _clock(found), True, _notes(found))
+    return recording_of(units, _source(found), _clock(found, from_index), True, _notes(found))
 
 
 def find_mvnx(listing: Listing) -> list[Found]:
@@ -128,18 +131,31 @@ def _numbered(what: str, count: int) -> list[str]:
     return [f"{what}_{k + 1}" for k in range(count)]
 
 
-def _times(found: MvnxContents) -> FloatArray:
-    """Milliseconds since the start as s."""
+def _times(found: MvnxContents) -> tuple[FloatArray, bool]:
+    """Seconds since the start, and whether they are index / rate.
+
+    The milliseconds of the frames are rounded: where they fit, the index divided by the frame rate is exact.
+    """
     odd = next((k for k, text in enumerate(found.time) if not _WHOLE.fullmatch(text)), None)
     places = found.places()
     if odd is not None:
         raise DataError(f'{places[odd]}: time is "{found.time[odd]}"; expected whole milliseconds')
     time_s = np.array([int(text) for text in found.time]) / 1e3
-    late = np.flatnonzero(np.diff(time_s) <= 0.0)
+    exact_s = _by_index(found)
+    by_index = exact_s is not None and bool((np.abs(exact_s - time_s) <= _ROUNDING_S).all())
+    stamps = exact_s if by_index and exact_s is not None else time_s
+    late = np.flatnonzero(np.diff(stamps) <= 0.0)
     if late.size:
         index = int(late[0]) + 1
-        raise DataError(f"{places[index]}: time_s{disorder_text(time_s, index)}")
-    return time_s
+        raise DataError(f"{places[index]}: time_s{disorder_text(stamps, index)}")
+    return stamps, by_index
+
+
+def _by_index(found: MvnxContents) -> FloatArray | None:
+    rate = found.subject.get("frameRate", "")
+    if not _WHOLE.fullmatch(rate) or int(rate) == 0 or not all(map(_WHOLE.fullmatch, found.index)):
+        return None
+    return np.array([int(text) for text in found.index]) / float(rate)
 
 
 def _lost(found: MvnxContents, time_s: FloatArray) -> Lost | None:
@@ -149,11 +165,15 @@ def _lost(found: MvnxContents, time_s: FloatArray) -> Lost | None:
     return lost_packets(np.array([float(text) for text in found.index]), time_s, found.places())
 
 
-def _clock(found: MvnxContents) -> dict[str, object]:
+def _clock(found: MvnxContents, from_index: bool) -> dict[str, object]:
+    source: dict[str, object] = {"from": "index" if from_index else "time"}
     if not _WHOLE.fullmatch(found.first_ms) or int(found.first_ms) < int(found.time[0]) + 1:
-        return {"kind": "relative"}
+        return {"kind": "relative"} | source
     zero_ns = (int(found.first_ms) - int(found.time[0])) * 10**6
-    return {"kind": "utc", "zero": epoch_text(zero_ns, "utc")} if zero_ns < 2**62 else {"kind": "relative"}
+    known: dict[str, object] = {"kind": "relative"}
+    if zero_ns < 2**62:
+        known = {"kind": "utc", "zero": epoch_text(zero_ns, "utc")}
+    return known | source
 
 
 def _source(found: MvnxContents) -> dict[str, object]:

@@ -60,7 +60,7 @@ class SampleClock:
         ]
 
     def _count(self, unit: Columns) -> FloatArray:
-        return unwrapped(unit.present(COUNTER, "counter"), self.counter_wraps_at, unit.places(COUNTER))
+        return _unwrapped(unit, COUNTER, "counter", self.counter_wraps_at)
 
     def _times(
         self, units: Sequence[Columns], counts: Sequence[FloatArray], rates_hz: Sequence[float | None]
@@ -76,9 +76,7 @@ class SampleClock:
                 f"{empty}: {TICKS} is empty, that of {filled.name} is filled. They have no common clock; import them "
                 "alone."
             )
-        ticks = [
-            unwrapped(unit.present(TICKS, "time"), self.ticks_wrap_at, unit.places(TICKS)) for unit in units
-        ]
+        ticks = [_unwrapped(unit, TICKS, "time", self.ticks_wrap_at) for unit in units]
         times = [tick / self.tick_rate_hz for tick in _aligned(ticks, self.ticks_wrap_at)]
         for unit, time_s in zip(units, times, strict=True):
             unit.check_increasing(time_s, TICKS, " If the unit was restarted, split the file here.")
@@ -102,6 +100,15 @@ def clock_note(units: Sequence[Columns]) -> dict[str, object]:
 def has_ticks(unit: Columns) -> bool:
     """True if a cell of `TICKS` is filled."""
     return TICKS in unit.values and bool(np.isfinite(unit.values[TICKS]).any())
+
+
+def _unwrapped(unit: Columns, name: str, what: str, wraps_at: float) -> FloatArray:
+    values = unit.present(name, what)
+    outside = np.flatnonzero((values < 0.0) | (values >= wraps_at))
+    if outside.size:
+        row = int(outside[0])
+        raise DataError(f"{unit.places(name)[row]}: is {values[row]:.15g}; expected 0 to {wraps_at - 1:.15g}")
+    return unwrapped(values, wraps_at, unit.places(name))
 
 
 def _aligned(counts: Sequence[FloatArray], wraps_at: float) -> list[FloatArray]:
