@@ -210,6 +210,13 @@ def test_mistakes(tmp_path, old, new, words):
     refused(edited(tmp_path, old, new), "00B42D4D.txt", *words)
 
 
+def test_rates_that_contradict(tmp_path):
+    refused(SAMPLES / "MT46_01-000_00B42D4D.txt", "Update Rate is 100 Hz", "60 Hz", rate_hz=60.0)
+    edited(tmp_path, "100.0Hz", "60.0Hz")
+    edited(tmp_path, "", "", "MT46_01-000_00B42D4E.txt")
+    refused(tmp_path, "different rates (60, 100 Hz)")
+
+
 def test_matrix_that_is_no_rotation(tmp_path):
     name = "test1_00B421E6.txt"
     refused(edited(tmp_path, "-0.482056", "0.982056", name), ":7", "no rotation", orientations=True)

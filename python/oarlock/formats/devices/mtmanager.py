@@ -120,7 +120,7 @@ def read_mtmanager(
     chosen = trial_at(place_of(path), trial, _trials, "exports of MT Manager")
     units = [_unit(one) for one in chosen.files]
     columns = [unit.columns for unit in units]
-    rates_hz = [rate_hz if unit.rate_hz is None else unit.rate_hz for unit in units]
+    rates_hz = [_rate_hz(unit, rate_hz) for unit in units]
     readings = [
         UnitReadings(
             unit.name,
@@ -134,6 +134,15 @@ def read_mtmanager(
     said = {unit.name: unit.said | _stated(unit.rate_hz) for unit in units}
     source = source_of("mtmanager", chosen.name, [unit.table for unit in units], said, _READ)
     return recording_of(readings, source, clock_note(columns), orientations, _notes(units))
+
+
+def _rate_hz(unit: _Unit, given: float | None) -> float | None:
+    if given is not None and unit.rate_hz is not None and given != unit.rate_hz:
+        raise DataError(
+            f"{unit.table.file}: its Update Rate is {unit.rate_hz:g} Hz, but the rate given is {given:g} Hz. "
+            "Leave it out."
+        )
+    return given if unit.rate_hz is None else unit.rate_hz
 
 
 def _stated(rate_hz: float | None) -> dict[str, object]:

@@ -69,6 +69,12 @@ class SampleClock:
         if not any(ticking):
             zero = min(float(count[0]) for count in counts)
             rates = [self._rate_hz(unit, rate) for unit, rate in zip(units, rates_hz, strict=True)]
+            if len(set(rates)) > 1:
+                raise DataError(
+                    f"{units[0].layout.file.parent}: its units count packets at different rates "
+                    f"({', '.join(f'{rate:g}' for rate in sorted(set(rates)))} Hz), so their counts have no common "
+                    "start. Import them alone."
+                )
             return [(count - zero) / rate for count, rate in zip(counts, rates, strict=True)]
         if not all(ticking):
             empty, filled = (units[ticking.index(has)].layout.file for has in (False, True))
