@@ -38,6 +38,8 @@ class Format:
         example: arguments of an example.
         reads: what can be read, for the page.
         options: further keywords of the reader.
+        suffixes: how its files' names end, in small letters, for the reasons why a file was not recognised.
+        is_last_resort: it is asked about files that no other format recognises.
     """
 
     name: str
@@ -48,6 +50,13 @@ class Format:
     example: str
     reads: str
     options: tuple[ReaderOption, ...] = ()
+    suffixes: tuple[str, ...] = ()
+    is_last_resort: bool = False
+
+    @property
+    def title(self) -> str:
+        """What the format is, in a few words."""
+        return self.contents.rstrip(".")
 
     @property
     def command(self) -> str:
@@ -81,6 +90,7 @@ FORMATS = (
         "Import an APDM export: gyroscope, accelerometer, magnetometer of every sensor.",
         "imuData01.csv",
         'CSV exports of APDM (Opal) units: the "Test Name" layout and "Format=7"',
+        suffixes=(".csv",),
     ),
     Format(
         "csv",
@@ -90,6 +100,26 @@ FORMATS = (
         "Import CSV files described by a mapping file; decimal commas, clock times and epoch milliseconds are read.",
         "mapping.toml",
         "any CSV file, as a mapping file describes it",
+        suffixes=(".toml",),
+    ),
+    Format(
+        "table",
+        "table",
+        "FILE",
+        "A table of text with names of columns.",
+        "Import a CSV or TSV file with clear names of columns, without a mapping file.",
+        "arm.csv",
+        "a CSV or TSV file whose columns have clear names, such as `Shank ACC X (G)` or `thorax_gx`",
+        (
+            ReaderOption("accel_unit", str | None, "Unit of the accelerometers: g, m/s2, mg, mm/s2."),
+            ReaderOption("gyro_unit", str | None, "Unit of the gyroscopes: rad/s, deg/s."),
+            ReaderOption("mag_unit", str | None, "Unit of the magnetometers: uT, gauss, mG, nT, T, a.u."),
+            ReaderOption("time_unit", str | None, "Unit of the time column, as in a mapping file."),
+            ReaderOption("rate_hz", float | None, "Rows in a second, if the file has no time stamps."),
+            ReaderOption("save_mapping", Path | None, "File for the mapping that was used."),
+        ),
+        suffixes=(".csv", ".tsv", ".txt", ".dat", ".sto"),
+        is_last_resort=True,
     ),
     Format(
         "dfjimu",
@@ -99,6 +129,7 @@ FORMATS = (
         "Import a dfjimu recording: two inertial units on two bodies connected by a ball joint.",
         "data_3D_01.mat",
         "two units on bodies joined by a ball joint; see [public data sets](#public-data-sets)",
+        suffixes=(".mat",),
     ),
     Format(
         "diodem",
@@ -135,6 +166,7 @@ FORMATS = (
         "Import a BROAD trial: one inertial unit with magnetometer.",
         "01_undisturbed_slow_rotation_A.mat",
         "one unit with magnetometer",
+        suffixes=(".mat",),
     ),
     Format(
         "qmt",
@@ -144,6 +176,7 @@ FORMATS = (
         "Import the full-body example of qmt: an inertial unit on each of sixteen segments.",
         "full_body_example_data.mat",
         "sixteen units on a person",
+        suffixes=(".mat",),
     ),
 )
 """All formats, in the order of the help."""
