@@ -34,7 +34,9 @@ def empty_notes(track: Track, files: Sequence[str]) -> tuple[str, ...]:
     """A note on the columns that tables leave out because they have no number."""
     tables = [name for name in files if name in ("coordinates.csv", "coordinates.parquet")]
     rates = {"velocity or acceleration": track.qd, "standard deviation": track.q_std}
-    told = {what: np.isfinite(values).any(axis=0) for what, values in rates.items()}
+    told: dict[str, Bools] = {
+        what: np.asarray(np.isfinite(values).any(axis=0)) for what, values in rates.items()
+    }
     lacks = {
         what: [name for name, known in zip(track.coordinate_names, columns, strict=True) if not known]
         for what, columns in told.items()
