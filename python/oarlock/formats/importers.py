@@ -32,7 +32,7 @@ class Format:
     Args:
         name: of the verb and of the module.
         room: the folder of the module, below `oarlock.formats`; empty for none.
-        place: what the path is: `FILE`, `FOLDER` or `MAPPING`.
+        place: what the path is: `FILE`, `FOLDER`, `PLACE` (either of them) or `MAPPING`.
         contents: what the path contains.
         summary: one line of help.
         example: arguments of an example.
@@ -81,6 +81,13 @@ class Format:
         return import_module(".".join(filter(None, ("oarlock.formats", self.room, self.name))))
 
 
+_TRIAL = ReaderOption(
+    "trial", str | None, "Which trial, if the folder has several: what the files' names share."
+)
+_ORIENTATIONS = ReaderOption(
+    "orientations", bool, "Also import the orientations that units with a gyroscope computed.", False
+)
+
 FORMATS = (
     Format(
         "apdm",
@@ -120,6 +127,72 @@ FORMATS = (
         ),
         suffixes=(".csv", ".tsv", ".txt", ".dat", ".sto"),
         is_last_resort=True,
+    ),
+    Format(
+        "mtmanager",
+        "devices",
+        "PLACE",
+        "Text export of Xsens MT Manager, or the folder with a file for each unit.",
+        "Import exports of Xsens MT Manager (MTw, MTi): gyroscope, accelerometer, magnetometer, orientation.",
+        "MT_01200454_000-000_00B40DE4.txt --rate-hz 100",
+        "text exports of Xsens MT Manager: one file, or all units of a trial",
+        (
+            _TRIAL,
+            ReaderOption(
+                "rate_hz",
+                float | None,
+                "Rate of the packet counter, Hz, where the file states no time and no rate.",
+            ),
+            _ORIENTATIONS,
+        ),
+    ),
+    Format(
+        "dot",
+        "devices",
+        "PLACE",
+        "CSV file of a Movella DOT, or the folder with a file for each unit.",
+        "Import CSV files of Movella DOT (Xsens DOT): gyroscope, accelerometer, magnetometer, orientation.",
+        "1_20250711_200600_086.csv",
+        "CSV files of Movella DOT (Xsens DOT): one file, or all synchronised units of a trial",
+        (_TRIAL, _ORIENTATIONS),
+    ),
+    Format(
+        "shimmer",
+        "devices",
+        "PLACE",
+        "Calibrated CSV export of Shimmer Consensys, or the folder of a session.",
+        "Import exports of Shimmer Consensys: gyroscope, accelerometer, magnetometer.",
+        "Session1_Shimmer_40AC_Calibrated_SD.csv --accel WR",
+        "calibrated exports of Shimmer Consensys: one file, or the files of a session",
+        (
+            _TRIAL,
+            ReaderOption(
+                "accel", str | None, "LN (low noise) or WR (wide range); if not given, LN where there is one."
+            ),
+        ),
+    ),
+    Format(
+        "mvnx",
+        "devices",
+        "FILE",
+        "MVNX export of Xsens MVN.",
+        "Import an MVNX export of Xsens MVN: orientations of segments and sensors, magnetic field of sensors.",
+        "trial.mvnx",
+        "MVNX exports of Xsens MVN: orientations of segments and sensors",
+    ),
+    Format(
+        "sto",
+        "devices",
+        "FILE",
+        "Table of orientations of OpenSim, .sto.",
+        "Import a table of orientations of OpenSim (OpenSense): an orientation of each sensor.",
+        "orientations.sto",
+        "tables of orientations of OpenSim (OpenSense)",
+        (
+            ReaderOption(
+                "up", str, "Axis of the file's reference that points up: z (units) or y (OpenSim).", "z"
+            ),
+        ),
     ),
     Format(
         "dfjimu",
