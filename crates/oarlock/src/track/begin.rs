@@ -120,7 +120,7 @@ impl Start<'_> {
             }
             None => None,
         };
-        let middle = body.axes.iter().map(|axis| 0.5 * (axis.limits[0] + axis.limits[1])).collect();
+        let middle = body.axes.iter().map(|a| if a.turns { 0.0 } else { 0.5 * (a.limits[0] + a.limits[1]) }).collect();
         let mut postures: Vec<Vec<f64>> = asked.into_iter().chain([rest, vec![0.0; count], middle]).collect();
         postures.dedup();
         let turns_whole = !body.floating.is_empty();
@@ -176,12 +176,15 @@ impl Start<'_> {
     /// If the joint gives its own start standard deviation, both limits are equal to it.
     fn place_turns(&self, fit: &Fit, compass: bool, covariance: &mut Square) {
         for (c, slots) in &self.subject.body.layout.turns {
-            let axis = &self.subject.body.axes[*c];
+            let axes = &self.subject.body.axes[*c..c + 3];
+            let (least, most) = (axes[0].process.start_std[0], axes[0].start_spread());
+            // Relative to the spread of the first axis; the ratio of equal spreads is exactly one.
+            let scale = Vector3::from_fn(|i, _| axes[i].start_spread() / most);
+            let scales = scale * scale.transpose();
             let block = Matrix3::from_fn(|i, j| fit.covariance.at(slots.q + i, slots.q + j));
-            let mut eigen = SymmetricEigen::new(block);
-            let (least, most) = (axis.process.start_std[0], axis.start_spread());
+            let mut eigen = SymmetricEigen::new(block.component_div(&scales));
             eigen.eigenvalues.apply(|v| *v = v.clamp(least.min(most).powi(2), most * most));
-            let mut block = eigen.recompose();
+            let mut block = eigen.recompose().component_mul(&scales);
             if let Some((_, outer)) = self.subject.body.floating.iter().find(|(f, _)| f == c).filter(|_| !compass) {
                 let up = outer
                     .then(&Turn::exp(three(&fit.mean, slots.q)).matrix())
