@@ -45,6 +45,7 @@ from .formats.marker_files import load_markers
 from .model.description import (
     BaseAccelerationDescription,
     ClosureDescription,
+    ConeDescription,
     EncoderDescription,
     FrameDescription,
     ImuDescription,
@@ -83,6 +84,7 @@ __all__ = [
     "Clock",
     "ClosureDescription",
     "Comparison",
+    "ConeDescription",
     "Config",
     "DataError",
     "DivergedError",

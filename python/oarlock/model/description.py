@@ -97,12 +97,9 @@ class ConeDescription:
 
     def limits_about(self) -> tuple[tuple[float, float], ...]:
         """Soft limits of the three coordinates of the rotation vector from rest, rad."""
-        swings = iter(self.swing)
-        return tuple(
-            self.twist if axis == self.axis else (-swing, swing)
-            for axis in "xyz"
-            for swing in ([0.0] if axis == self.axis else [next(swings)])
-        )
+        swings = tuple((-angle, angle) for angle in self.swing)
+        before = "xyz".index(self.axis)
+        return (*swings[:before], self.twist, *swings[before:])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

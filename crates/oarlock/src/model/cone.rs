@@ -85,3 +85,65 @@ impl Cone {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{UnitQuaternion, Vector3};
+    use std::f64::consts::PI;
+
+    /// The rotation vector of a twist about an axis and then a swing, composed by nalgebra.
+    fn composed(axis: usize, swing: [f64; 2], twist: f64) -> [f64; 3] {
+        let [a, b] = [[1, 2], [0, 2], [0, 1]][axis];
+        let (mut line, mut along) = (Vector3::zeros(), Vector3::zeros());
+        (line[a], line[b], along[axis]) = (swing[0], swing[1], twist);
+        let turned = UnitQuaternion::from_scaled_axis(line) * UnitQuaternion::from_scaled_axis(along);
+        turned.scaled_axis().into()
+    }
+
+    #[test]
+    fn parts_are_those_of_a_twist_and_then_a_swing() {
+        let swings = [[0.0, 0.0], [1e-9, -2e-9], [0.3, 0.0], [0.0, -1.2], [-0.7, 0.9], [2.0, 1.5]];
+        let cone = |axis| Cone { axis, swing: [1.0; 2], twist: [-1.0, 1.0] };
+        for axis in 0..3 {
+            for swing in swings {
+                for twist in [0.0, 1e-10, 0.4, -1.7, 3.0, -3.1] {
+                    let (swung, twisted) = cone(axis).parts(composed(axis, swing, twist));
+                    let gaps = [swung[0] - swing[0], swung[1] - swing[1], twisted - twist];
+                    assert!(gaps.iter().all(|g| g.abs() < 1e-13), "{axis} {swing:?} {twist}: {gaps:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn beyond_is_the_angle_to_the_ellipse_or_to_the_end_of_the_twist() {
+        let cone = Cone { axis: 2, swing: [0.5, 1.0], twist: [-0.3, 0.9] };
+        let beyond = |swing, twist| cone.beyond(composed(2, swing, twist));
+        // The ellipse's radius at 45 degrees: 1 / sqrt(0.5 / 0.5^2 + 0.5 / 1^2).
+        let edge = (2.0f64 / 5.0).sqrt();
+        let slanted = |angle: f64| [angle / 2f64.sqrt(), angle / 2f64.sqrt()];
+        for (swing, twist, angle, range) in [
+            ([0.7, 0.0], 0.2, 0.2, 1.0),
+            ([0.0, -1.3], 0.2, 0.3, 2.0),
+            (slanted(edge + 0.1), 0.0, 0.1, 2.0 * edge),
+            ([0.1, 0.1], 1.0, 0.1, 1.2),
+            ([0.1, 0.1], -0.8, 0.5, 1.2),
+            ([0.6, 0.0], -0.8, 0.5, 1.2),
+        ] {
+            let found = beyond(swing, twist);
+            let gaps = [found.angle - angle, found.range - range];
+            assert!(gaps.iter().all(|g| g.abs() < 1e-13), "{swing:?} {twist}: {found:?}");
+        }
+        assert!(beyond([0.0, 0.0], 0.0).angle < 0.0 && beyond([0.3, 0.5], 0.8).angle < 0.0);
+        let all = Cone { axis: 1, swing: [PI; 2], twist: [-PI, PI] };
+        assert!(all.beyond([0.0, PI, 0.0]).angle <= 0.0 && all.beyond([0.0, 0.0, -PI]).angle <= 0.0);
+    }
+
+    #[test]
+    fn limits_of_coordinates_are_those_of_swing_and_twist() {
+        let cone = Cone { axis: 1, swing: [0.5, 1.0], twist: [-0.3, 0.9] };
+        assert_eq!([0, 1, 2].map(|k| cone.limits_about(k)), [[-0.5, 0.5], [-0.3, 0.9], [-1.0, 1.0]]);
+        assert_eq!(cone.widest(), [-1.0, 1.0]);
+    }
+}

@@ -10,8 +10,8 @@ use crate::estimate::belief::Belief;
 use crate::estimate::start::{Fit, Prior, StartFit, StartSample};
 use crate::estimate::System;
 use crate::kernels::dense::Square;
-use crate::model::JointKind;
-use crate::rotation::turn::{plus, Turn};
+use crate::model::{Axis, JointKind};
+use crate::rotation::turn::{norm, plus, Turn};
 use crate::rotation::Vec3;
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -177,14 +177,14 @@ impl Start<'_> {
     fn place_turns(&self, fit: &Fit, compass: bool, covariance: &mut Square) {
         for (c, slots) in &self.subject.body.layout.turns {
             let axes = &self.subject.body.axes[*c..c + 3];
-            let (least, most) = (axes[0].process.start_std[0], axes[0].start_spread());
-            // Relative to the spread of the first axis; the ratio of equal spreads is exactly one.
-            let scale = Vector3::from_fn(|i, _| axes[i].start_spread() / most);
-            let scales = scale * scale.transpose();
             let block = Matrix3::from_fn(|i, j| fit.covariance.at(slots.q + i, slots.q + j));
-            let mut eigen = SymmetricEigen::new(block.component_div(&scales));
-            eigen.eigenvalues.apply(|v| *v = v.clamp(least.min(most).powi(2), most * most));
-            let mut block = eigen.recompose().component_mul(&scales);
+            let mut eigen = SymmetricEigen::new(block);
+            let least = axes[0].process.start_std[0];
+            for (value, direction) in eigen.eigenvalues.iter_mut().zip(eigen.eigenvectors.column_iter()) {
+                let most = spread_along(axes, direction.into());
+                *value = value.clamp(least.min(most).powi(2), most * most);
+            }
+            let mut block = eigen.recompose();
             if let Some((_, outer)) = self.subject.body.floating.iter().find(|(f, _)| f == c).filter(|_| !compass) {
                 let up = outer
                     .then(&Turn::exp(three(&fit.mean, slots.q)).matrix())
@@ -200,6 +200,15 @@ impl Start<'_> {
             }
         }
     }
+}
+
+/// Standard deviation of a rotation vector along a unit vector, before any measurement.
+fn spread_along(axes: &[Axis], direction: [f64; 3]) -> f64 {
+    let spreads = [0, 1, 2].map(|i| axes[i].start_spread());
+    if spreads[1..].iter().all(|s| *s == spreads[0]) {
+        return spreads[0];
+    }
+    norm([0, 1, 2].map(|i| spreads[i] * direction[i]))
 }
 
 /// Wraps an angle to [-pi, pi).

@@ -2,7 +2,7 @@
 
 use crate::body::three;
 use crate::model::cone::Beyond;
-use crate::model::{Axis, Frame, Joint, JointKind, Model};
+use crate::model::{Axis, Joint, JointKind, Model};
 use crate::state::Slots;
 use crate::track::run::Run;
 
@@ -104,15 +104,19 @@ fn question(sensors: &[&str]) -> String {
 
 /// Inertial and orientation sensors on the segment that a joint moves.
 fn sensors_on(model: &Model, joint: usize) -> Vec<&str> {
-    let moved_by = |mut frame: &Frame| loop {
-        match frame.joint {
-            Some((j, _)) if model.joints[j].kind != JointKind::Fixed => return Some(j),
-            _ if frame.parent == 0 => return None,
-            _ => frame = &model.frames[frame.parent],
-        }
-    };
-    let on = |frame: Option<usize>| frame.and_then(|f| moved_by(&model.frames[f])) == Some(joint);
-    model.sensors.iter().filter(|s| on(s.kind.mount().and(s.kind.frame()))).map(|s| s.name.as_str()).collect()
+    let on = |frame: usize| moving_joint(model, frame) == Some(joint);
+    model
+        .sensors
+        .iter()
+        .filter(|s| s.kind.mount().and(s.kind.frame()).is_some_and(on))
+        .map(|s| s.name.as_str())
+        .collect()
+}
+
+/// The joint that moves a frame's segment.
+fn moving_joint(model: &Model, frame: usize) -> Option<usize> {
+    let own = model.frames[frame].joint.map(|(j, _)| j).filter(|&j| model.joints[j].kind != JointKind::Fixed);
+    own.or_else(|| (frame > 0).then(|| moving_joint(model, model.frames[frame].parent))?)
 }
 
 /// Rounds to two decimals, or to whole numbers from 10 on.
