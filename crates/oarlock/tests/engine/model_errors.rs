@@ -270,7 +270,7 @@ mod a_ball {
         for (kind, limits, wanted) in [
             ("ball", "{ swing = 1 }", "limits: key `axis` is missing, such as axis = \"y\""),
             ("ball", "{ axis = \"y\" }", "limits: key `swing` is missing, such as swing = \"60*pi/180\""),
-            ("ball", "{ axis = \"w\", swing = 1 }", "limits.axis: unknown axis `w`; expected `x`, `y` or `z`"),
+            ("ball", "{ axis = \"along\", swing = 1 }", "limits.axis: unknown axis `along`; valid: `x`, `y`, `z`"),
             ("ball", "{ axis = \"y\", swing = 60 }", degrees),
             ("ball", "{ axis = \"y\", swing = [1, -1] }", "limits.swing[2]: -1.0000 rad; expected more than 0"),
             ("ball", "{ axis = \"y\", swing = [1, 1, 1] }", "limits.swing: expected one angle or two"),

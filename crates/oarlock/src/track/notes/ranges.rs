@@ -76,8 +76,8 @@ fn overturned_note(model: &Model, ball: usize, excesses: &[Beyond]) -> Option<St
     let most = excesses.iter().fold(0.0, |most: f64, e| most.max(e.angle));
     let joint = &model.joints[ball];
     Some(format!(
-        "{}: beyond its range ({}) in {} % of the samples, by up to {:.0} deg; {}; run `oarlock calibrate motion`, or correct \
-         its `limits` in the model file",
+        "{}: beyond its range ({}) in {} % of the samples, by up to {:.0} deg: {} Run `oarlock calibrate motion`, \
+         or correct its `limits` in the model file",
         joint.name,
         range(joint),
         tidy(100.0 * share(&|e| e.angle > 0.0)),
@@ -96,7 +96,7 @@ fn range(ball: &Joint) -> String {
 
 fn question(sensors: &[&str]) -> String {
     match sensors {
-        [] => "check the mounts of the sensors next to it".into(),
+        [] => "are the sensors next to it mounted as in the model?".into(),
         [one] => format!("is {one} mounted as in the model?"),
         several => format!("are {} mounted as in the model?", several.join(", ")),
     }
