@@ -121,7 +121,7 @@ def test_an_unmeasured_ball_stays_at_its_prior(folder, kind):
     assert track["trunk"].observed.all()
     # Within 6 s the springs have taken the start's distribution to within 2 % of the prior.
     np.testing.assert_allclose(
-        track.std[late][:, columns], np.tile(STD_DEG, (late.sum(), 1)) * DEG, rtol=0.02
+        track.q_std[late][:, columns], np.tile(STD_DEG, (late.sum(), 1)) * DEG, rtol=0.02
     )
     assert not range_notes(track)
 
@@ -151,7 +151,8 @@ def test_the_box_of_angles_contains_the_cone(folder):
     box = angle_box(neck.cone, np.zeros(3))
     # Twist first, then a swing: about x alone it is the angle x, about y alone the angle y.
     assert box[0, 0] == pytest.approx(-box[0, 1])
-    assert box[1, 0] <= -60 * DEG <= 80 * DEG <= box[1, 1]
+    assert box[1, 0] <= -60 * DEG * (1 - 1e-9)
+    assert box[1, 1] >= 80 * DEG * (1 - 1e-9)
     random = np.random.default_rng(1)
     share, around = np.sqrt(random.uniform(size=500)), random.uniform(0, 2 * np.pi, 500)
     radius = share / np.hypot(np.cos(around) / neck.cone.swing[0], np.sin(around) / neck.cone.swing[1])
