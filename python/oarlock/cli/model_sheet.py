@@ -121,7 +121,7 @@ def _cones(model: ModelDescription) -> None:
 def _swing(cone: ConeDescription) -> str:
     """The largest swing; two if they differ, with the axes about which they are."""
     first, second = (number(angle * presentation("rad")[0], ".0f") for angle in cone.swing)
-    a, b = "xyz".replace(cone.axis, "")
+    a, b = (axis for axis in "xyz" if axis != cone.axis)
     return first if cone.swing[0] == cone.swing[1] else f"{first} about {a}, {second} about {b}"
 
 

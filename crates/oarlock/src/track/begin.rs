@@ -202,13 +202,13 @@ impl Start<'_> {
     }
 }
 
-/// Standard deviation of a rotation vector along a unit vector, before any measurement.
+/// Standard deviation of a rotation vector along a unit vector before any measurement, the other directions being known.
 fn spread_along(axes: &[Axis], direction: [f64; 3]) -> f64 {
     let spreads = [0, 1, 2].map(|i| axes[i].start_spread());
     if spreads[1..].iter().all(|s| *s == spreads[0]) {
         return spreads[0];
     }
-    norm([0, 1, 2].map(|i| spreads[i] * direction[i]))
+    1.0 / norm([0, 1, 2].map(|i| direction[i] / spreads[i]))
 }
 
 /// Wraps an angle to [-pi, pi).
