@@ -32,7 +32,7 @@ class Format:
     Args:
         name: of the verb and of the module.
         room: the folder of the module, below `oarlock.formats`; empty for none.
-        place: what the path is: `FILE`, `FOLDER` or `MAPPING`.
+        place: what the path is: `FILE`, `FOLDER`, `MAPPING`, or `PATH` for a file or a folder.
         contents: what the path contains.
         summary: one line of help.
         example: arguments of an example.
@@ -144,6 +144,15 @@ FORMATS = (
         "Import the full-body example of qmt: an inertial unit on each of sixteen segments.",
         "full_body_example_data.mat",
         "sixteen units on a person",
+    ),
+    Format(
+        "ximu3",
+        "devices",
+        "PATH",
+        "Folder with the units' folders of CSV files, or a .ximu3 file.",
+        "Import x-io x-IMU3 units: CSV folders of the vendor's software, or files of the data logger.",
+        "logged_lower_body",
+        "x-io x-IMU3 units: folders of CSV files, or .ximu3 files; see [x-IMU3](#x-imu3)",
     ),
 )
 """All formats, in the order of the help."""
