@@ -11,6 +11,7 @@ DATA = Path(__file__).parent / "data"
 
 def test_the_command_line_imports_each(tmp_path):
     commands = {
+        "xdf": [DATA / "xdf/minimal.xdf"],
         "ximu3": [DATA / "ximu3"],
     }
     for verb, arguments in commands.items():

@@ -35,6 +35,7 @@ LEAF = {
     "import diodem": "test_io_validation.test_the_command_line_imports_each",
     "import openaxes": "test_io_validation.test_the_command_line_imports_each",
     "import qmt": "test_io_validation.test_the_command_line_imports_each",
+    "import xdf": "test_device_verbs.test_the_command_line_imports_each",
     "import ximu3": "test_device_verbs.test_the_command_line_imports_each",
     "markers attach": "test_markers_cli.test_attach_places_markers_by_a_static_trial",
     "markers show": "test_markers_cli.test_show_tells_what_is_in_a_file",

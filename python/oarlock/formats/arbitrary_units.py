@@ -10,6 +10,9 @@ from numpy.typing import ArrayLike
 
 from oarlock.storage.array_gate import FloatArray, real_array
 
+ARBITRARY = "a.u."
+"""How mapping files name the unit."""
+
 NOMINAL_FIELD_UT = 50.0
 """Total intensity of the earth's field at middle latitudes; 22 to 67 uT over the earth (World Magnetic Model)."""
 
@@ -27,8 +30,8 @@ def scaled_mag(mag: ArrayLike, name: str = "") -> tuple[FloatArray | None, str]:
         name: of the stream, for the note.
 
     Returns:
-        (T, 3) readings in uT, None if there is none or all are zero, and one sentence for the reader. `mag_factor` gives
-        the factor that was used.
+        (T, 3) readings in uT, None if there is none or all are zero, and one sentence for the reader. `mag_factor`
+        gives the factor that was used.
     """
     rows = real_array(mag, (None, 3), f"{name or 'magnetometer'}, readings in arbitrary units")
     told = f"{name}: " if name else ""

@@ -146,6 +146,15 @@ FORMATS = (
         "sixteen units on a person",
     ),
     Format(
+        "xdf",
+        "devices",
+        "FILE",
+        "XDF file, as LabRecorder writes it.",
+        "Import streams of the Lab Streaming Layer: inertial units by their labels, all other channels as numbers.",
+        "trial.xdf",
+        "XDF files of the Lab Streaming Layer (LSL), all streams; see [XDF](#xdf)",
+    ),
+    Format(
         "ximu3",
         "devices",
         "PATH",
