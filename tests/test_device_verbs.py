@@ -5,12 +5,14 @@ from pathlib import Path
 
 import oarlock
 from command_line import run
+from test_ngimu import unit as ngimu_unit
 
 DATA = Path(__file__).parent / "data"
 
 
 def test_the_command_line_imports_each(tmp_path):
     commands = {
+        "ngimu": [ngimu_unit(tmp_path / "session", "Arm", "00383454").parent],
         "xdf": [DATA / "xdf/minimal.xdf"],
         "ximu3": [DATA / "ximu3"],
     }

@@ -146,6 +146,15 @@ FORMATS = (
         "sixteen units on a person",
     ),
     Format(
+        "ngimu",
+        "devices",
+        "FOLDER",
+        "Folder of a session, with a folder for each unit.",
+        "Import x-io NGIMU units: CSV folders of the vendor's software.",
+        "LOG_0000",
+        "x-io NGIMU units: folders of CSV files; see [NGIMU](#ngimu)",
+    ),
+    Format(
         "xdf",
         "devices",
         "FILE",

@@ -13,18 +13,18 @@ from os import PathLike
 from pathlib import Path
 
 from oarlock.formats.arbitrary_units import scale_meta
+from oarlock.formats.devices.several_units import common_time_notes, unit_names
 from oarlock.formats.devices.ximu3_csv import COMMANDS, folder_unit
 from oarlock.formats.devices.ximu3_messages import file_units
-from oarlock.formats.devices.ximu3_unit import COLUMNS, TIME, Unit, names_of
+from oarlock.formats.devices.ximu3_unit import COLUMNS, TIME, Unit
 from oarlock.formats.listing import Found, ListedFile, Listing
 from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.recording.recording import Recording
-from oarlock.recording.streams import ImuStream, OrientationStream
+from oarlock.recording.streams import OrientationStream
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 
 _SUFFIX = ".ximu3"
-_TOGETHER_S = 1.0
 _SERIAL = re.compile(rb'"sn" *: *"([^"]+)"')
 
 
@@ -43,7 +43,7 @@ def read_ximu3(path: str | PathLike[str]) -> Recording:
         DataError: a file is damaged, or the units have no common time.
     """
     units = _units(place_of(path))
-    names = names_of(units)
+    names = _names(units)
     streams = [s for u, n in zip(units, names, strict=True) if (s := u.stream(n)) is not None]
     if not streams:
         raise DataError(f"{path}: no unit has inertial or magnetometer messages")
@@ -58,7 +58,7 @@ def read_ximu3(path: str | PathLike[str]) -> Recording:
         "units": {n: _about(u) for n, u in zip(names, units, strict=True)},
         "notes": [note for unit in units for note in unit.notes],
     }
-    clock = {"kind": "relative", "found": _clock_notes(streams, str(path))}
+    clock = {"kind": "relative", "found": common_time_notes(streams, str(path), "on one Wi-Fi network")}
     return Recording(streams, {"source": source, CLOCK_KEY: clock, **scale_meta(arbitrary)})
 
 
@@ -82,7 +82,7 @@ def read_ximu3_orientations(path: str | PathLike[str]) -> dict[str, OrientationS
                 f"{unit.where}: its orientations are in north-east-down axes; Z must point up. "
                 "Track the unit's readings instead, or record with north-west-up or east-north-up."
             )
-    found = {name: unit.orientations(name) for name, unit in zip(names_of(units), units, strict=True)}
+    found = {name: unit.orientations(name) for name, unit in zip(_names(units), units, strict=True)}
     return {name: stream for name, stream in found.items() if stream is not None}
 
 
@@ -158,30 +158,11 @@ def _units(place: Path) -> list[Unit]:
     return units
 
 
+def _names(units: Sequence[Unit]) -> list[str]:
+    return unit_names([u.label for u in units], [u.serial for u in units], [u.where for u in units])
+
+
 def _about(unit: Unit) -> dict[str, object]:
     told = {"device_name": unit.label, "serial": unit.serial}
     time = unit.commands.get("time")
     return {**told, **({"device_time": time} if isinstance(time, str) else {})}
-
-
-def _clock_notes(streams: Sequence[ImuStream], place: str) -> list[str]:
-    """Whether the units share a time base, by the stamps of their first readings."""
-    starts, ends = [float(s.time_s[0]) for s in streams], [float(s.time_s[-1]) for s in streams]
-    if max(starts) > min(ends):
-        late, early = streams[starts.index(max(starts))].name, streams[ends.index(min(ends))].name
-        raise DataError(
-            f'{place}: "{late}" starts {max(starts) - min(ends):.1f} s after "{early}" ends: their clocks were not '
-            "synchronised, or they are different recordings. Import each unit alone."
-        )
-    if len(streams) < 2:
-        return []
-    apart_s = max(starts) - min(starts)
-    if apart_s <= _TOGETHER_S:
-        return [
-            f"The units share one time base: their first readings are within {1e3 * apart_s:.0f} ms, as on one Wi-Fi "
-            "network."
-        ]
-    return [
-        f"The first readings of the units are {apart_s:.1f} s apart. Units have one time base only on one Wi-Fi "
-        "network: if they were not, run `oarlock calibrate clocks`."
-    ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -115,22 +115,3 @@ class Unit:
         """The orientations of its own filter; None if there are none."""
         found = self.in_order("Quaternion")
         return None if found is None else OrientationStream(name, *found)
-
-
-def names_of(units: Sequence[Unit]) -> list[str]:
-    """Names for the streams: device names in lower case with "_" for spaces; with the serial number where they repeat.
-
-    Raises:
-        DataError: two units have the same device name and the same serial number.
-    """
-    plain = ["_".join(unit.label.lower().split()) or "x-imu3" for unit in units]
-    names = [
-        name if plain.count(name) == 1 else f"{name}_{unit.serial.lower()}"
-        for name, unit in zip(plain, units, strict=True)
-    ]
-    for index, name in enumerate(names):
-        if (first := names.index(name)) != index:
-            raise DataError(
-                f'{units[first].where} and {units[index].where}: both are of a unit "{name}". Import them separately.'
-            )
-    return names
