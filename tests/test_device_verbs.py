@@ -5,6 +5,7 @@ from pathlib import Path
 
 import oarlock
 from command_line import run
+from test_lines import HEADER, line, put
 from test_ngimu import unit as ngimu_unit
 
 DATA = Path(__file__).parent / "data"
@@ -12,6 +13,7 @@ DATA = Path(__file__).parent / "data"
 
 def test_the_command_line_imports_each(tmp_path):
     commands = {
+        "lines": [put(tmp_path, HEADER + "\n" + line(2500, 1) + line(5000, 2))],
         "ngimu": [ngimu_unit(tmp_path / "session", "Arm", "00383454").parent],
         "xdf": [DATA / "xdf/minimal.xdf"],
         "ximu3": [DATA / "ximu3"],

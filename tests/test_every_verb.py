@@ -33,6 +33,7 @@ LEAF = {
     "import csv": "test_packets.test_import_reports_missing_packets",
     "import dfjimu": "test_io_validation.test_the_command_line_imports_each",
     "import diodem": "test_io_validation.test_the_command_line_imports_each",
+    "import lines": "test_device_verbs.test_the_command_line_imports_each",
     "import ngimu": "test_device_verbs.test_the_command_line_imports_each",
     "import openaxes": "test_io_validation.test_the_command_line_imports_each",
     "import qmt": "test_io_validation.test_the_command_line_imports_each",

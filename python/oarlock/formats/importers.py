@@ -155,6 +155,15 @@ FORMATS = (
         "x-io NGIMU units: folders of CSV files; see [NGIMU](#ngimu)",
     ),
     Format(
+        "lines",
+        "devices",
+        "FILE",
+        "Lines t_us,seq,ax,ay,az,gx,gy,gz,mx,my,mz.",
+        "Import a unit that somebody built, which writes Oarlock's line protocol to a serial port or by UDP.",
+        "left_hand.csv",
+        "units that you built yourself: Oarlock's line protocol; see [the line protocol](#the-line-protocol)",
+    ),
+    Format(
         "xdf",
         "devices",
         "FILE",
