@@ -205,7 +205,7 @@ def test_the_same_track_gives_the_same_files(track: oarlock.Track, tmp_path: Pat
 
 def test_a_track_without_its_model_gives_its_table_alone(track: oarlock.Track, tmp_path: Path) -> None:
     alone = dataclasses.replace(track, model=None)
-    assert list(oarlock.export(alone, tmp_path, ["csv"]).files) == ["coordinates.csv"]
+    assert list(oarlock.export(alone, tmp_path, ["csv"]).files) == ["coordinates.csv", "angles.csv"]
     with pytest.raises(oarlock.DataError, match=r"mot, osim need the track's model.*csv and parquet"):
         oarlock.export(alone, tmp_path, ["csv", "mot", "osim"])
 
@@ -259,7 +259,13 @@ def saved(track: oarlock.Track, tmp_path_factory: pytest.TempPathFactory) -> Pat
 def test_typed(saved: Path, tmp_path: Path) -> None:
     done = run("export", saved, "--to", tmp_path / "x", "--format", "mot,osim", "-f", "csv", "--json")
     document = json.loads(done.stdout)
-    assert list(document["files"]) == ["coordinates.mot", "model.osim", "coordinates.csv", "frames.csv"]
+    assert list(document["files"]) == [
+        "coordinates.mot",
+        "model.osim",
+        "coordinates.csv",
+        "angles.csv",
+        "frames.csv",
+    ]
     assert document["body_names"]["r_wrist"] == "r_wrist"
     again = run("export", saved, "--to", tmp_path / "x", "--radians", "--axes", "root")
     assert "Wrote" in again.stdout

@@ -64,6 +64,7 @@ class Found:
         name: a name for the recording, such as the trial's.
         about: what it is, in a few words: maker, device, number of units.
         options: further keywords of the reader.
+        start: moment of the first sample as text, if the first bytes say it.
     """
 
     format: str
@@ -72,6 +73,7 @@ class Found:
     name: str
     about: str
     options: Mapping[str, object] = field(default_factory=dict)
+    start: str = ""
 
 
 def listed(path: str | Path) -> Listing:
