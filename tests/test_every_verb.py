@@ -31,6 +31,7 @@ LEAF = {
     "import PATH": "test_import_path.test_one_recording_is_written_and_described",
     "import apdm": "test_pendulum.test_the_commands_of_the_page_lead_from_the_file_to_angles",
     "import broad": "test_io_validation.test_the_command_line_imports_each",
+    "import c3d": "test_device_verbs.test_the_command_line_imports_each",
     "import csv": "test_packets.test_import_reports_missing_packets",
     "import dfjimu": "test_io_validation.test_the_command_line_imports_each",
     "import diodem": "test_io_validation.test_the_command_line_imports_each",

@@ -272,6 +272,16 @@ FORMATS = (
         suffixes=(".csv", ".txt", ".log"),
     ),
     Format(
+        "c3d",
+        "devices",
+        "FILE",
+        "C3D file with analogue channels.",
+        "Import analogue channels of a C3D file: inertial units by their labels, all other channels as numbers.",
+        "trial.c3d",
+        "analogue channels of C3D files, inertial units among them; see [C3D](#c3d)",
+        suffixes=(".c3d",),
+    ),
+    Format(
         "xdf",
         "devices",
         "FILE",

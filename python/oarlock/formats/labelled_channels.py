@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from oarlock.formats.arbitrary_units import ARBITRARY, scaled_mag
 from oarlock.formats.table.header import Quantity, channel_of
+from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.units import to_held_unit
 
 _FIELDS: Mapping[Quantity, str] = {"gyro": "gyro_rad_s", "accel": "accel_m_s2", "mag": "mag_ut"}
 
@@ -27,6 +30,33 @@ class Triple:
     measured_in: str
 
 
+def inertial_fields(
+    triples: Sequence[Triple], values: FloatArray, name: str
+) -> tuple[dict[str, FloatArray], FloatArray | None, list[str]]:
+    """The fields of an `ImuStream` from the triples of one unit.
+
+    Args:
+        triples: of the unit.
+        values: (T, channels) as the file has them.
+        name: of the stream, for notes.
+
+    Returns:
+        The fields in the units of a stream; the readings of a magnetometer in arbitrary units; notes.
+    """
+    fields: dict[str, FloatArray] = {}
+    arbitrary, notes = None, []
+    for triple in triples:
+        rows = values[:, triple.places]
+        if triple.measured_in != ARBITRARY:
+            fields[triple.field] = to_held_unit(rows, triple.measured_in)
+            continue
+        arbitrary = rows
+        scaled, note = scaled_mag(rows, name)
+        notes.append(note)
+        fields |= {} if scaled is None else {triple.field: scaled}
+    return fields, arbitrary, notes
+
+
 def inertial_triples(labels: Sequence[str], units: Sequence[str]) -> tuple[list[Triple], list[str]]:
     """The triples among channels, and sentences on those that lack an axis or a unit of measurement.
 
@@ -37,7 +67,9 @@ def inertial_triples(labels: Sequence[str], units: Sequence[str]) -> tuple[list[
     axes: dict[tuple[str, Quantity], dict[str, tuple[int, str | None]]] = {}
     for place, (label, unit) in enumerate(zip(labels, units, strict=True)):
         found = channel_of(label, unit)
-        if found is not None and found.quantity in _FIELDS:
+        # A moment "Mx1" in Nmm is no magnetometer: a unit of another quantity decides.
+        is_other = found is not None and found.measured_in is None and unit.strip() != ""
+        if found is not None and not is_other and found.quantity in _FIELDS:
             axes.setdefault((found.unit, found.quantity), {}).setdefault(
                 found.axis, (place, found.measured_in)
             )

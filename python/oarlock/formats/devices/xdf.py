@@ -8,10 +8,10 @@ from os import PathLike
 
 import numpy as np
 
-from oarlock.formats.arbitrary_units import ARBITRARY, scale_meta, scaled_mag
+from oarlock.formats.arbitrary_units import scale_meta
 from oarlock.formats.devices.xdf_chunks import MAGIC, ChannelInfo, XdfStream, read_chunks
 from oarlock.formats.devices.xdf_clock import Clock, on_the_recorders_clock
-from oarlock.formats.labelled_channels import Triple, inertial_triples
+from oarlock.formats.labelled_channels import Triple, inertial_fields, inertial_triples
 from oarlock.formats.listing import Found, Listing
 from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.recording.recording import Recording
@@ -20,7 +20,6 @@ from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
 from oarlock.storage.names import LONGEST_NAME
 from oarlock.storage.paths import place_of
-from oarlock.storage.units import to_held_unit
 
 EVENTS_KEY = "events"
 """`Recording.meta[EVENTS_KEY][stream]` has the texts of a stream of markers: `time_s` and `text`."""
@@ -122,22 +121,14 @@ class _Reading:
     def _unit(
         self, name: str, unit: str, triples: Sequence[Triple], values: FloatArray, time_s: FloatArray
     ) -> None:
-        unit_name = unit or _plain(name).lower()
-        fields: dict[str, FloatArray] = {}
-        for triple in triples:
-            rows = values[:, triple.places]
-            if triple.measured_in == ARBITRARY:
-                self.arbitrary[unit_name] = rows
-                scaled, note = scaled_mag(rows, unit_name)
-                self.notes.append(note)
-                fields |= {} if scaled is None else {triple.field: scaled}
-            else:
-                fields[triple.field] = to_held_unit(rows, triple.measured_in)
+        own = unit if unit and not unit.isdigit() else "_".join(filter(None, (_plain(name).lower(), unit)))
+        fields, arbitrary, said = inertial_fields(triples, values, own)
+        self.notes += said
+        if arbitrary is not None:
+            self.arbitrary[own] = arbitrary
         if fields:
-            self.streams.append(ImuStream(unit_name, time_s, **fields))
-            self.notes.append(
-                f"{name}: {unit_name} was recognised by its labels ({', '.join(sorted(fields))})."
-            )
+            self.streams.append(ImuStream(own[:LONGEST_NAME], time_s, **fields))
+            self.notes.append(f"{name}: {own} was recognised by its labels ({', '.join(sorted(fields))}).")
 
 
 def _numbers(name: str, stream: XdfStream, notes: list[str]) -> FloatArray:
