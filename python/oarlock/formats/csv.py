@@ -22,6 +22,7 @@ from oarlock.formats.csv_mapping import (
 )
 from oarlock.formats.csv_time import TimeUnit, counted_stamps, time_unit
 from oarlock.formats.listing import Found, Listing
+from oarlock.formats.merged import merged
 from oarlock.formats.times import SAMPLES, Stamps, on_one_axis, parsed_stamps, relative_stamps
 from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.recording.packets import META_KEY
@@ -278,7 +279,7 @@ def _stream(parts: list[_Part]) -> Stream:
                 "Only gyro, accel and mag of one sensor may come from different files."
             )
         seen |= part.fields.keys()
-    time_s, fields = _merged(parts)
+    time_s, fields = merged([(p.time_s, p.fields) for p in parts])
     name = first.sensor.name
     if first.sensor.kind == "imu":
         return ImuStream(name, time_s, **fields)
@@ -286,20 +287,6 @@ def _stream(parts: list[_Part]) -> Stream:
         return VectorStream(name, time_s, fields["value"])
     unit = "rad" if first.sensor.quantities[0].unit in ANGLE else "m"
     return ScalarStream(name, time_s, fields["value"], cast(ScalarUnit, unit))
-
-
-def _merged(parts: list[_Part]) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """All time stamps of the parts, in order, and their fields; NaN where a part has no sample."""
-    if len(parts) == 1:
-        return parts[0].time_s, parts[0].fields
-    time_s = np.unique(np.concatenate([p.time_s for p in parts]))
-    fields = {}
-    for part in parts:
-        rows = np.searchsorted(time_s, part.time_s)
-        for name, values in part.fields.items():
-            fields[name] = np.full((len(time_s), 3), np.nan)
-            fields[name][rows] = values
-    return time_s, fields
 
 
 def find_csv(listing: Listing) -> list[Found]:
