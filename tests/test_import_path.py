@@ -9,13 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.io import savemat
+from typer.testing import CliRunner
 
 import oarlock
 from command_line import run
 from local_data import local_folder
+from oarlock.cli import app, import_path
 from oarlock.formats import archive
+from oarlock.formats.choices import UnclearError
 from oarlock.formats.contents import find_recordings, import_recording
 from oarlock.formats.datasets.mat_names import mat_names
+from oarlock.formats.importers import Format
+from oarlock.formats.listing import Found
 from test_table import HEADER, columns_of, table
 
 ROOT = Path(__file__).parents[1]
@@ -59,6 +64,45 @@ def test_one_recording_is_written_and_described(arm, tmp_path, monkeypatch):
 def test_a_format_in_front_reads_it_as_that(arm, tmp_path):
     run("import", "table", arm, "--accel-unit", "g", "--gyro-unit", "rad/s", "--out", tmp_path / "rec")
     assert oarlock.load_recording(tmp_path / "rec")["imu"].accel_m_s2.max() > 50.0
+
+
+@pytest.fixture
+def terminal(monkeypatch):
+    """A person at the terminal."""
+    monkeypatch.setattr(import_path, "asks_questions", lambda no_questions, _: not no_questions)
+
+    def typed(answers, *words):
+        done = CliRunner().invoke(app, [str(word) for word in words], input=answers, prog_name="oarlock")
+        assert done.exit_code == 0, done.output
+        return done.output
+
+    return typed
+
+
+def test_a_terminal_asks_what_is_not_clear_and_who_it_was(tmp_path, terminal):
+    (tmp_path / "a.csv").write_text(table(HEADER[1:], columns_of(scale_accel=0.3)[:, 1:]))
+    answers = "100\nstone\ng\nA07\nyesterday\n2026-05-01\n\n\n\n\n\n"
+    said = terminal(answers, "import", tmp_path / "a.csv", "--out", tmp_path / "rec")
+    recording = oarlock.load_recording(tmp_path / "rec")
+    assert recording.meta["session"] == {"athlete": "A07", "date": "2026-05-01"}
+    assert recording["imu"].rate_hz == pytest.approx(100.0) and recording["imu"].accel_m_s2.max() > 20.0
+    assert '"yesterday" is no date' in said and "times gravity" in said
+    units = ("--rate-hz", "100", "--accel-unit", "g")
+    terminal("", "import", tmp_path / "a.csv", "--out", tmp_path / "b", "--no-questions", *units)
+    assert "session" not in oarlock.load_recording(tmp_path / "b").meta
+
+
+def test_two_formats_that_recognise_one_file(arm, monkeypatch):
+    def find(one, listing):
+        claims = one.name in ("apdm", "mvnx")
+        return [Found(one.name, listing.root, (listing.root,), "x", f"as {one.name}")] if claims else []
+
+    monkeypatch.setattr(Format, "find", find)
+    with pytest.raises(UnclearError, match=r"oarlock import apdm .*arm\.csv") as unclear:
+        find_recordings(arm)
+    assert unclear.value.choices == {"apdm": "as apdm", "mvnx": "as mvnx"}
+    assert [one.format for one in find_recordings(arm, ["mvnx"]).recordings] == ["mvnx"]
+    assert "several formats" in run("import", arm, "--no-questions", status=1).stderr
 
 
 def test_json_is_one_document(arm, tmp_path):
@@ -181,6 +225,8 @@ def test_a_mapping_with_a_mistake_says_the_mistake(tmp_path):
 
 def test_a_recording_of_oarlock_is_not_imported_again(arm, tmp_path):
     run("import", arm, "--out", tmp_path / "rec")
+    oarlock.load_recording(tmp_path / "rec").save(tmp_path / "as_csv", "csv")
+    assert [one.name for one in find_recordings(tmp_path).recordings] == ["arm"]
     assert "is a recording of Oarlock already" in run("import", tmp_path / "rec", status=1).stderr
 
 

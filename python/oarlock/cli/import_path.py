@@ -80,15 +80,13 @@ def import_path(
     **options: Any,
 ) -> None:
     """Recognise the recordings of a file, a folder or a zip file, and convert them."""
-    from oarlock.formats.contents import find_recordings
-
     session = taken_session(options)
     naming = taken_naming(options, path)
     reading = taken_reading(options)
     if every and pick is not None:
         raise UsageError("--all and --pick contradict each other")
-    contents = find_recordings(path)
     asks = asks_questions(no_questions, json_output)
+    contents = _found(path, asks)
     if len(contents.recordings) > 1 and pick is None and not every:
         _list(contents, path, json_output)
         return
@@ -137,6 +135,21 @@ def _with_session(recording: Recording, session: Mapping[str, str], out: Path) -
 
     known = {**read_session(out), **session_info(recording.meta), **session}
     return Recording(recording.streams, {**recording.meta, SESSION_KEY: known}) if known else recording
+
+
+def _found(path: Path, asks: bool) -> Contents:
+    """What is recognised; on a terminal ask for the format where several recognise the same files."""
+    from oarlock.formats.choices import UnclearError
+    from oarlock.formats.contents import find_recordings
+
+    prefer: list[str] = []
+    while True:
+        try:
+            return find_recordings(path, prefer)
+        except UnclearError as unclear:
+            if not asks:
+                raise
+            prefer.append(str(_answer(unclear)))
 
 
 def _read(found: Found, asks: bool, options: Mapping[str, object]) -> Recording:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 
 from oarlock.formats.archive import Unpacked, is_zip, unpacked
+from oarlock.formats.choices import UnclearError
 from oarlock.formats.importers import FORMATS, Format
 from oarlock.formats.listing import Found, Listing, listed
 from oarlock.formats.near_misses import nearest_text
@@ -58,20 +59,22 @@ class Contents:
         return file.relative_to(root).as_posix() if file != root and file.is_relative_to(root) else file.name
 
 
-def find_recordings(path: str | PathLike[str]) -> Contents:
+def find_recordings(path: str | PathLike[str], prefer: Sequence[str] = ()) -> Contents:
     """Recognise the recordings of a place by names and first bytes; nothing else is read.
 
     Args:
         path: a file, a folder, or a zip file, which is unpacked into a temporary folder as long as the result exists.
+        prefer: of several formats that recognise the same files, the one that is named here.
 
     Raises:
+        UnclearError: Several formats recognise the same files and none of them is preferred.
         DataError: The place cannot be read or nothing was recognised. The text says what was looked at.
     """
     asked = place_of(path)
     kept = unpacked(asked) if asked.is_file() and is_zip(asked) and asked.suffix.lower() == ".zip" else None
     listing = listed(kept.folder if kept else asked)
     _refuse_own_recording(asked, listing)
-    found = recognised(listing)
+    found = recognised(_without_own_folders(listing), prefer)
     if not found:
         raise DataError(nearest_text(asked, listing, FORMATS))
     used = {file for one in found for file in one.files}
@@ -110,16 +113,16 @@ def format_of(found: Found) -> Format:
     return next(one for one in FORMATS if one.name == found.format)
 
 
-def recognised(listing: Listing) -> list[Found]:
+def recognised(listing: Listing, prefer: Sequence[str] = ()) -> list[Found]:
     """The recordings of a listing in the order of their paths; of those that share files the one with most files.
 
     Raises:
-        DataError: Two formats recognise the same files.
+        UnclearError: Several formats recognise the same files and none of them is in `prefer`.
     """
     found: list[Found] = []
     for one in (one for one in FORMATS if not one.is_last_resort):
         found += one.find(listing)
-    found = _without_parts(found)
+    found = _without_parts(found, prefer)
     used = {file for one in found for file in one.files}
     rest = replace(listing, files=tuple(one for one in listing.files if one.path not in used))
     for one in (one for one in FORMATS if one.is_last_resort):
@@ -127,7 +130,7 @@ def recognised(listing: Listing) -> list[Found]:
     return sorted(found, key=lambda one: (one.files, one.name))
 
 
-def _without_parts(found: list[Found]) -> list[Found]:
+def _without_parts(found: list[Found], prefer: Sequence[str]) -> list[Found]:
     kept: list[Found] = []
     for one in found:
         files = set(one.files)
@@ -135,17 +138,26 @@ def _without_parts(found: list[Found]) -> list[Found]:
         if any(files < set(other.files) for other in rivals):
             continue
         equal = [other for other in rivals if other.format != one.format and not set(other.files) < files]
-        if equal:
-            _refuse_ambiguous(one, equal)
+        if any(other.format in prefer for other in equal) and one.format not in prefer:
+            continue
+        if equal and one.format not in prefer:
+            _refuse_unclear(one, equal)
         kept.append(one)
     return kept
 
 
-def _refuse_ambiguous(one: Found, others: Iterable[Found]) -> None:
-    choices = "\n".join(
-        f"oarlock import {o.format} {o.path} --out rec    ({o.about})" for o in (one, *others)
+def _refuse_unclear(one: Found, others: Iterable[Found]) -> None:
+    choices = {other.format: other.about for other in (one, *others)}
+    commands = "\n".join(f"oarlock import {name} {one.path}    ({about})" for name, about in choices.items())
+    raise UnclearError(
+        f"{one.path}: several formats recognise it. Name the format:\n{commands}", "format", choices
     )
-    raise DataError(f"{one.path}: several formats recognise it. Name the format:\n{choices}")
+
+
+def _without_own_folders(listing: Listing) -> Listing:
+    """The listing without files in folders that are recordings of Oarlock."""
+    own = {one.path.parent for one in listing.files if one.path.name == INDEX_FILE}
+    return replace(listing, files=tuple(one for one in listing.files if one.path.parent not in own))
 
 
 def _refuse_own_recording(path: Path, listing: Listing) -> None:
