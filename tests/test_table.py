@@ -156,6 +156,18 @@ def test_a_file_without_time_stamps_needs_its_rate(tmp_path):
     assert read_table(tmp_path / "b.csv")["imu"].rate_hz == pytest.approx(100.0)
 
 
+def test_a_count_of_samples_shows_missing_rows(tmp_path):
+    rows = np.delete(np.column_stack([np.arange(1, 401), columns_of()[:, 1:]]), [5, 6], axis=0)
+    (tmp_path / "a.csv").write_text(table(["Frame", *HEADER[1:]], rows))
+    with pytest.raises(UnclearError, match="--rate-hz"):
+        read_table(tmp_path / "a.csv")
+    recording = read_table(tmp_path / "a.csv", rate_hz=100.0)
+    assert np.diff(recording["imu"].time_s).max() == pytest.approx(0.03)
+    assert '"Frame" counts samples at 100 Hz' in recording.meta["source"]["notes"][0]
+    with pytest.raises(oarlock.DataError, match='--time-unit "weeks"'):
+        read_table(tmp_path / "a.csv", time_unit="weeks")
+
+
 def test_columns_of_several_units_and_their_orientations(tmp_path):
     time_s, gyro, accel, _ = moving()
     quat = np.tile([1.0, 0.0, 0.0, 0.0], (len(time_s), 1))

@@ -36,15 +36,17 @@ def time_table(
         UnclearError: the unit or the rate is not clear.
         DataError: `unit` or `rate_hz` is not possible.
     """
-    if place is None or (rate_hz is not None and unit is None):
-        return _counted(start, rate_hz)
+    if unit is None and (place is None or place in columns.counts or rate_hz is not None):
+        return _counted(start, rate_hz, place if place in columns.counts else None)
+    if place is None:
+        raise DataError(f"{start.file}: --time-unit is given, but no column is a time. Give --rate-hz.")
     cells = [row[place] for row in start.rows]
     values = _numbers(cells, start.dialect.decimal)
     column = _column(start, place)
     if unit is not None:
         return _given(start, column, unit, rate_hz)
     where = f'{start.file.name}, column "{start.names[place]}"'
-    if values is not None and place not in columns.counts:
+    if values is not None:
         found = possible_units(start.names[place], values)
         if len(found) > 1 or (found and found[0].unit in (TICKS, SAMPLES)):
             raise UnclearError(
@@ -64,13 +66,13 @@ def _given(
     if plain not in TIME_UNITS:
         raise DataError(f'{start.file}: --time-unit "{unit}" is not known. Units: {", ".join(TIME_UNITS)}.')
     if plain == SAMPLES:
-        return _counted(start, rate_hz)
+        return _counted(start, rate_hz, None)
     extra = {"tick_s": _TICK_S} if plain == TICKS else {}
     return {"column": column, "unit": plain, **extra}, ""
 
 
-def _counted(start: TableStart, rate_hz: float | None) -> tuple[dict[str, object], str]:
-    """Rows at a known rate: a missing row would not be noticed, so the sentence says it."""
+def _counted(start: TableStart, rate_hz: float | None, place: int | None) -> tuple[dict[str, object], str]:
+    """Samples at a known rate: counted by a column, or row by row, where a missing one is not noticed."""
     if rate_hz is None:
         rates = rates_named(start.above)
         if len(rates) != 1:
@@ -85,7 +87,11 @@ def _counted(start: TableStart, rate_hz: float | None) -> tuple[dict[str, object
         raise DataError(
             f"{start.file}: --rate-hz is {rate_hz:g}; expected rows in a second, up to {_MOST_HZ:g}"
         )
-    return {"unit": SAMPLES, "rate_hz": rate_hz}, f"{start.file.name}: rows were counted at {rate_hz:g} Hz."
+    keys: dict[str, object] = {"unit": SAMPLES, "rate_hz": rate_hz}
+    if place is None:
+        return keys, f"{start.file.name}: rows were counted at {rate_hz:g} Hz."
+    said = f'{start.file.name}: column "{start.names[place]}" counts samples at {rate_hz:g} Hz.'
+    return {"column": _column(start, place), **keys}, said
 
 
 def counter_table(start: TableStart, place: int, values: FloatArray) -> dict[str, object]:
