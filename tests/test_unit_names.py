@@ -156,6 +156,16 @@ def test_streams_get_the_sensors_names():
         renamed(recording("a", "b"), {"a": "b"})
 
 
+def test_orientations_follow_their_unit():
+    time_s = np.arange(5) / 50.0
+    quat = np.tile([1.0, 0.0, 0.0, 0.0], (5, 1))
+    unit = recording("Hips")["Hips"]
+    both = oarlock.Recording([unit, oarlock.OrientationStream("Hips_orientation", time_s, quat)])
+    assert with_unit_names(both, BODY)[0].names == ("pelvis", "pelvis_orientation")
+    alone = oarlock.Recording([oarlock.OrientationStream("tibia_r_imu", time_s, quat)])
+    assert with_unit_names(alone, BODY)[0].names == ("shank_r",)
+
+
 def test_typed(tmp_path):
     from test_table import HEADER, columns_of, table
 

@@ -85,8 +85,12 @@ class Assignment:
     free: tuple[str, ...] = field(default=())
 
     def renamed(self, recording: Recording) -> Recording:
-        """The recording with its streams named as the sensors; others keep their names."""
-        return renamed(recording, {stream: sensor for sensor, stream in self.units.items()})
+        """The recording with its streams named as the sensors, and their orientations with them; others keep theirs."""
+        names = {stream: sensor for sensor, stream in self.units.items()}
+        for stream, owner in _orientations(recording).items():
+            if owner in names:
+                names[stream] = names[owner] + stream.removeprefix(owner)
+        return renamed(recording, names)
 
 
 def place_of_name(name: str) -> Place:
@@ -199,6 +203,16 @@ _BY_STREAM = (PACKETS_KEY, "mag_scale")
 """Entries of `Recording.meta` by name of stream."""
 
 
+def _orientations(recording: Recording) -> dict[str, str]:
+    """Orientation streams beside the inertial unit that computed them, whose name theirs begins with."""
+    units = [stream.name for stream in recording.streams if stream.kind == "imu"]
+    return {
+        stream.name: max(owners, key=len)
+        for stream in recording.streams
+        if stream.kind == "orientation" and (owners := [u for u in units if stream.name.startswith(u)])
+    }
+
+
 def _renamed_keys(entry: object, names: Mapping[str, str]) -> object:
     if not isinstance(entry, Mapping):
         return entry
@@ -301,7 +315,8 @@ def with_unit_names(
     Raises:
         DataError: as `assign_units`, or no stream could be matched.
     """
-    streams = [stream.name for stream in recording.streams if stream.kind in ("imu", "orientation")]
+    owned = _orientations(recording)
+    streams = [s.name for s in recording.streams if s.kind in ("imu", "orientation") and s.name not in owned]
     hand, known = dict(by_hand or {}), dict(ids or {})
     wanted = list(dict.fromkeys([*hand, *known.values()])) if sensors is None else list(sensors)
     found = assign_units(wanted, streams, hand, known)

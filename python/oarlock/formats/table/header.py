@@ -24,6 +24,7 @@ _AXES: Mapping[Quantity, str] = MappingProxyType(
 _SHORT: Mapping[str, Quantity] = MappingProxyType({"a": "accel", "g": "gyro", "w": "gyro", "m": "mag"})
 _SHORT_NAME = re.compile(r"(?<![A-Za-z0-9])([agmwAGMW])_?([xyzXYZ])(?![A-Za-z])")
 _SHORT_QUATERNION = re.compile(r"(?<![A-Za-z0-9])[qQ]_?([wxyzWXYZ0-4])(?![A-Za-z0-9])")
+_LONGEST_NAME = 200
 _BRACKETS = re.compile(r"[\[(]([^\[\]()]*)[\])]")
 _NOT_MEASURED = frozenset(
     [
@@ -109,6 +110,8 @@ def channel_of(name: str, unit_below: str = "") -> Channel | None:
         name: as the header has it.
         unit_below: text of the column in a line of units.
     """
+    if len(name) > _LONGEST_NAME:
+        return None
     bracketed = _BRACKETS.findall(name)
     bare = _BRACKETS.sub(lambda found: " " if _is_unit(found[1]) else found[0], name).strip()
     found = _by_word(bare) or _by_letter(bare)
