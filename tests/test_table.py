@@ -207,6 +207,29 @@ def test_each_signal_with_a_time_column_of_its_own(tmp_path):
     assert oarlock.recording.packets.missing_share(recording, unit) == pytest.approx(0.0, abs=0.01)
 
 
+def test_names_of_sensors_above_and_rates_below_the_names(tmp_path):
+    """As a program for electromyography exports: a time column before each signal, rates and periods below."""
+    time_s, gyro, accel, _ = moving()
+    signals = [*(f"ACC {a} (G)" for a in "XYZ"), *(f"GYRO {a} (deg/s)" for a in "XYZ")]
+    names = [text for s in signals for text in (f"{s.split(' (')[0]} Time Series (s)", s)]
+    head = [
+        ["Application:", " Trigno Discover"],
+        ["Femur Anterior (75657)", *[" "] * 11, "Tibia Lateral (75812)", *[" "] * 11],
+        [*["sensor mode: 609", *[" "] * 11] * 2],
+        names * 2,
+        [" ", " 100.0 Hz"] * 12,
+        [" ", " 0.01 s"] * 12,
+    ]
+    values = np.column_stack([accel / G, np.degrees(gyro)])
+    rows = [[x for v in row for x in (t, v)] * 2 for t, row in zip(time_s, values, strict=True)]
+    lines = [",".join(line) for line in head] + [",".join(f"{x:.9g}" for x in row) for row in rows]
+    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
+    recording = read_table(tmp_path / "a.csv")
+    assert recording.names == ("femur_anterior", "tibia_lateral")
+    np.testing.assert_allclose(recording["tibia_lateral"].gyro_rad_s, gyro, atol=1e-6)
+    np.testing.assert_allclose(recording["tibia_lateral"].accel_m_s2, accel, atol=1e-6)
+
+
 def test_the_raw_accelerometer_is_taken_where_a_segment_has_the_same_name(tmp_path):
     time_s, gyro, accel, _ = moving()
     header = ["time", *(f"Noraxon MyoMotion-Segments-Pelvis-Acceleration-{a} (mG)" for a in "xyz")]

@@ -155,14 +155,15 @@ def _found(path: Path, asks: bool) -> Contents:
 def _read(found: Found, asks: bool, options: Mapping[str, object]) -> Recording:
     """Read a recording; on a terminal ask what is not clear."""
     from oarlock.formats.choices import UnclearError
-    from oarlock.formats.contents import read_found
+    from oarlock.formats.contents import format_of, read_found
 
     answers: dict[str, object] = dict(options)
+    known = {option.name for option in format_of(found).options}
     while True:
         try:
             return read_found(found, answers)
         except UnclearError as unclear:
-            if not asks or unclear.option in answers:
+            if not asks or unclear.option in answers or unclear.option not in known:
                 raise
             answers[unclear.option] = _answer(unclear)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from oarlock.formats.choices import UnclearError
 from oarlock.formats.counters import Lost, lost_packets, unwrapped
 from oarlock.formats.devices.exported_table import Columns
 from oarlock.storage.array_gate import FloatArray
@@ -90,9 +91,11 @@ class SampleClock:
 
     def _rate_hz(self, unit: Columns, rate_hz: float | None) -> float:
         if rate_hz is None or not 0.0 < rate_hz < float("inf"):
-            raise DataError(
+            raise UnclearError(
                 f"{unit.layout.file}: the time is not known: {TICKS} is empty and no line above the names "
-                f"{self.rate_hint}"
+                f"{self.rate_hint}",
+                "rate_hz",
+                {},
             )
         return rate_hz
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from oarlock.formats.table.header import Channel, Quantity, channel_of
+from oarlock.formats.table.header import Channel, Quantity, channel_of, unit_name
 from oarlock.formats.table.layout import TableStart
 from oarlock.storage.errors import DataError
 
@@ -116,7 +117,7 @@ def table_columns(start: TableStart) -> TableColumns:
     )
     owners = _time_of(channels, times)
     found: dict[str, dict[Quantity, dict[str, int]]] = {}
-    for place, name in _named(channels).items():
+    for place, name in _named(start, channels).items():
         channel = channels[place]
         axes = found.setdefault(name, {}).setdefault(channel.quantity, {})
         if channel.axis not in axes or (channel.is_raw and not channels[axes[channel.axis]].is_raw):
@@ -156,8 +157,8 @@ def _unit(
     return UnitColumns(name, whole, tuple(turned[letter] for letter in letters))
 
 
-def _named(channels: Mapping[int, Channel]) -> dict[int, str]:
-    """Name of the unit of each column; equal columns of several units are numbered in their order."""
+def _named(start: TableStart, channels: Mapping[int, Channel]) -> dict[int, str]:
+    """Name of the unit of each column; equal columns of several units are named by a line above, or numbered."""
     seen: dict[tuple[str, Quantity, str, bool], int] = {}
     repeats: dict[int, int] = {}
     for place, one in channels.items():
@@ -165,10 +166,33 @@ def _named(channels: Mapping[int, Channel]) -> dict[int, str]:
         seen[key] = seen.get(key, 0) + 1
         repeats[place] = seen[key]
     several = {key[0] for key, count in seen.items() if count > 1}
+    if several and (above := _named_above(start, repeats)):
+        return {place: above[repeats[place] - 1] for place in channels}
     return {
         place: f"{one.unit or 'imu'}_{repeats[place]}" if one.unit in several else one.unit or "imu"
         for place, one in channels.items()
     }
+
+
+def _named_above(start: TableStart, repeats: Mapping[int, int]) -> list[str]:
+    """Names of repeated units from a line above that has each over the first of its columns; empty without one."""
+    count = max(repeats.values())
+    spans = [[place for place, k in repeats.items() if k == wanted] for wanted in range(1, count + 1)]
+    for line in start.above:
+        cells = next(csv.reader([line], delimiter=start.dialect.delimiter), [])
+        filled = [place for place, cell in enumerate(cells) if cell.strip()]
+        names = [unit_name(cells[place]) for place in filled]
+        ends = [*filled[1:], len(start.names)]
+        if (
+            len(filled) == count == len(set(names))
+            and all(names)
+            and all(
+                first <= min(own) and max(own) < end
+                for first, own, end in zip(filled, spans, ends, strict=True)
+            )
+        ):
+            return names
+    return []
 
 
 def _time_of(channels: Mapping[int, Channel], times: Sequence[int]) -> dict[int, int | None]:

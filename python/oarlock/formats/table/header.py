@@ -129,6 +129,11 @@ def channel_of(name: str, unit_below: str = "") -> Channel | None:
     return Channel(_name(words), quantity, axis, measured_in, "sensor" in plain)
 
 
+def unit_name(text: str) -> str:
+    """A unit's name in small letters with `_`, without a number in brackets: "Femur (75657)" gives "femur"."""
+    return _name(_words(_BRACKETS.sub(" ", text)))
+
+
 def measured_unit(text: str, quantity: Quantity) -> str | None:
     """A unit of measurement as Oarlock spells it; None if the text is none for this quantity."""
     plain = text.strip().lower().replace("µ", "u").replace("μ", "u").replace("²", "2").replace("⁻", "-")

@@ -18,6 +18,8 @@ START_BYTES = 2**20
 """Headers of 600 columns have 25 kB, and rows of them 10 kB."""
 _START_LINES = 400
 _DELIMITERS = ("\t", ";", ",", "|")
+_MOST_BETWEEN = 4
+"""Lines from the names to the first row of data."""
 _LEAST_COLUMNS = 3
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
@@ -85,14 +87,12 @@ def _start(file: Path, lines: Sequence[str], delimiter: str, encoding: str) -> T
     if first is None:
         return None
     width = len(rows[first][1])
-    header = first - 1
-    units: Sequence[str] = [""] * width
-    if header > 0 and len(rows[header][1]) == len(rows[header - 1][1]) and looks_like_units(rows[header][1]):
-        units = rows[header][1]
-        header -= 1
-    number, names = rows[header]
-    if len(names) != width or _share_of_numbers(names) > 0.0:
+    header = _header(rows, first)
+    if header is None:
         return None
+    number, names = rows[header]
+    below = rows[header + 1][1] if header + 1 < first else []
+    units = below if len(below) == width and looks_like_units(below) else [""] * width
     kept = [cells for _, cells in rows[first:] if len(cells) == width]
     dialect = Dialect(
         delimiter=delimiter,
@@ -110,6 +110,22 @@ def _start(file: Path, lines: Sequence[str], delimiter: str, encoding: str) -> T
         tuple(line.strip() for line in lines[:number]),
         tuple(tuple(cells) for cells in kept),
     )
+
+
+def _header(rows: Sequence[tuple[int, list[str]]], first: int) -> int | None:
+    """The line of names above the first row of data; units, rates and periods may stand between."""
+    width = len(rows[first][1])
+    places = [
+        place
+        for place in range(max(0, first - _MOST_BETWEEN), first)
+        if len(rows[place][1]) == width and _share_of_numbers(rows[place][1]) == 0.0
+    ]
+    channels = {place: sum(channel_of(name) is not None for name in rows[place][1]) for place in places}
+    if not places:
+        return None
+    if max(channels.values()) == 0 and len(places) > 1 and looks_like_units(rows[places[-1]][1]):
+        places.pop()
+    return max(places, key=lambda place: (channels[place], place))
 
 
 def _rows(lines: Sequence[str], delimiter: str) -> Iterator[tuple[int, list[str]]]:
