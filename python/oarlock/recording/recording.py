@@ -11,7 +11,7 @@ import numpy as np
 
 from oarlock.recording.epoch import epoch_of, from_zero
 from oarlock.recording.folder import read_folder, write_folder
-from oarlock.recording.packets import missing_share, own_rate_hz
+from oarlock.recording.packets import missing_share, stream_rate_hz
 from oarlock.recording.streams import Stream
 from oarlock.storage.copies import copied_notes
 from oarlock.storage.errors import DataError
@@ -176,7 +176,7 @@ class Recording:
         ]
         for s in self.streams:
             try:
-                rate, missing = own_rate_hz(self, s), missing_share(self, s)
+                rate, missing = stream_rate_hz(self, s), missing_share(self, s)
             except DataError:  # an invalid note on packets, which is refused where it is used
                 rate = missing = math.nan
             shown = "-" if math.isnan(rate) else f"{rate:.4g}"
