@@ -124,7 +124,32 @@ def _texts(group: Any, name: str) -> list[str]:
     return found
 
 
-_READERS = {"c3d": read_c3d, "c3d_analogue": read_c3d_analogue, "mat": read_mat}
+def read_hdf5(file: str) -> dict[str, Any]:
+    """Numbers by path, and attributes that are numbers or texts as `path@name`; nothing of other files is read."""
+    import h5py
+
+    found: dict[str, Any] = {}
+
+    def visit(path: str, node: Any) -> None:
+        for name, value in node.attrs.items():
+            if isinstance(value, bytes):
+                value = value.decode("utf-8", "replace")
+            if isinstance(value, str | np.number):
+                found[f"{path}@{name}"] = np.array(str(value))
+        if (
+            isinstance(node, h5py.Dataset)
+            and node.dtype.kind in "biuf"
+            and not (node.external or node.is_virtual)
+        ):
+            found[path] = node[()]
+
+    with h5py.File(file, "r") as content:
+        visit("", content)
+        content.visititems(visit)
+    return found
+
+
+_READERS = {"c3d": read_c3d, "c3d_analogue": read_c3d_analogue, "hdf5": read_hdf5, "mat": read_mat}
 
 
 def main(kind: str, file: str) -> int:
