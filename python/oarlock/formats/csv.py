@@ -91,18 +91,21 @@ def read_csv(mapping_file: str | PathLike[str], folder: str | PathLike[str] | No
     return read_mapped(mapping, root, {"format": "csv", "mapping": mapping.file.name})
 
 
-def read_mapped(mapping: CsvMapping, root: Path, source: Mapping[str, object]) -> Recording:
+def read_mapped(
+    mapping: CsvMapping, root: Path, source: Mapping[str, object], most_rows: int | None = None
+) -> Recording:
     """Read the files of a checked mapping.
 
     Args:
         mapping: files, columns, units and sensors.
         root: folder from which the files' paths begin.
         source: entries of ``meta["source"]``.
+        most_rows: read about this many rows of each file; None: all.
 
     Raises:
         DataError: A mistake in the data (file, line, column, text found).
     """
-    tables = [_read_table(f, root) for f in mapping.files]
+    tables = [_read_table(f, root, most_rows) for f in mapping.files]
     times, clock = on_one_axis([t.stamps for t in tables], [str(t.layout.file) for t in tables])
     parts: list[_Part] = []
     lost: dict[str, Lost] = {}
@@ -134,17 +137,17 @@ def _lost(table: _Table, time_s: FloatArray, counter: Counter) -> Lost:
     return lost_packets(count, time_s, places)
 
 
-def _read_table(entry: FileMapping, root: Path) -> _Table:
+def _read_table(entry: FileMapping, root: Path, most_rows: int | None) -> _Table:
     file = place_of(root / entry.path)
     if not file.is_file():
         raise DataError(f'{entry.where}: there is no file "{file}"')
     layout = Layout.of(file, entry.dialect)
     if entry.time_column is None:
-        return _counted_rows(layout, entry)
+        return _counted_rows(layout, entry, most_rows)
     time_index = layout.index(entry.time_column)
     wanted = list(dict.fromkeys([time_index, *_wanted(layout, entry)]))
     unit = time_unit(layout, entry)
-    lines, stamps, joined = _columns(layout, wanted, as_text=0 if unit.counted else 1)
+    lines, stamps, joined = _columns(layout, wanted, as_text=0 if unit.counted else 1, most_rows=most_rows)
     if unit.counted:
         lines, joined = _without_empty_end(lines, joined)
     places = _Places(layout, np.array(lines, dtype=np.int64), time_index)
@@ -156,10 +159,10 @@ def _read_table(entry: FileMapping, root: Path) -> _Table:
     return _Table(layout, axis, np.array(lines, dtype=np.int64), joined, unit, (*unit.said, *said))
 
 
-def _counted_rows(layout: Layout, entry: FileMapping) -> _Table:
+def _counted_rows(layout: Layout, entry: FileMapping, most_rows: int | None) -> _Table:
     """A file without a time column: its rows are samples at the rate that the mapping gives."""
     assert entry.tick_s is not None
-    lines, _, joined = _columns(layout, _wanted(layout, entry), as_text=0)
+    lines, _, joined = _columns(layout, _wanted(layout, entry), as_text=0, most_rows=most_rows)
     axis = relative_stamps(np.arange(float(len(lines))), SAMPLES, entry.tick_s)
     return _Table(
         layout, axis, np.array(lines, dtype=np.int64), joined, TimeUnit(SAMPLES, entry.tick_s, ()), ()
@@ -167,7 +170,7 @@ def _counted_rows(layout: Layout, entry: FileMapping) -> _Table:
 
 
 def _columns(
-    layout: Layout, wanted: Sequence[int], as_text: int
+    layout: Layout, wanted: Sequence[int], as_text: int, most_rows: int | None
 ) -> tuple[list[int], list[str], dict[int, FloatArray]]:
     """Line numbers, texts of the first column if it is wanted `as_text`, and the other columns by position."""
     lines: list[int] = []
@@ -179,6 +182,8 @@ def _columns(
             texts += batch.cells[0]
         for position in range(as_text, len(wanted)):
             readings[position].append(numbers(layout, batch, position, wanted[position]))
+        if most_rows is not None and len(lines) >= most_rows:
+            break
     if not lines:
         raise DataError(f"{layout.file}: has no rows of data")
     return lines, texts, {i: np.concatenate(r) for i, r in zip(wanted, readings, strict=True) if r}
