@@ -282,6 +282,16 @@ FORMATS = (
         suffixes=(".c3d",),
     ),
     Format(
+        "mcap",
+        "devices",
+        "FILE",
+        "MCAP file of ROS 2.",
+        "Import inertial units from an MCAP file of ROS 2: messages Imu and MagneticField.",
+        "bag.mcap",
+        "MCAP files of ROS 2: inertial units and magnetometers; see [MCAP](#mcap)",
+        suffixes=(".mcap",),
+    ),
+    Format(
         "xdf",
         "devices",
         "FILE",
