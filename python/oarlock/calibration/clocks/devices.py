@@ -13,7 +13,7 @@ from oarlock.storage.errors import DataError
 
 _SAME_SHARE = 0.9
 """Different clocks never give identical stamps; a stream that lost packets still shares most of its stamps."""
-_AGREE_S = 0.002
+_AGREE_S, _AGREE_DRIFT = 0.002, 1e-5
 _AGREE_STDS = 2.0
 
 
@@ -52,7 +52,7 @@ def unknowns(recording: Recording, reference: Iterable[str]) -> list[tuple[str, 
 
 
 def most_agree(clocks: Mapping[str, Clock], middle_s: float) -> tuple[str, ...]:
-    """The largest set of streams whose clocks agree in the middle of a recording."""
+    """The largest set of streams whose clocks agree in the middle of a recording and run equally fast."""
     found: tuple[str, ...] = ()
     for clock in clocks.values():
         near = tuple(n for n, c in clocks.items() if _apart(clock, c, middle_s) <= 1.0)
@@ -63,7 +63,9 @@ def most_agree(clocks: Mapping[str, Clock], middle_s: float) -> tuple[str, ...]:
 def _apart(one: Clock, other: Clock, middle_s: float) -> float:
     way = one.offset_s - other.offset_s + (one.drift - other.drift) * middle_s
     std = np.hypot(one.offset_std_s, other.offset_std_s)
-    return abs(way) / (_AGREE_S + _AGREE_STDS * float(std))
+    drift_std = np.hypot(one.drift_std, other.drift_std)
+    faster = abs(one.drift - other.drift) / (_AGREE_DRIFT + _AGREE_STDS * float(drift_std))
+    return max(abs(way) / (_AGREE_S + _AGREE_STDS * float(std)), faster)
 
 
 def _groups(recording: Recording) -> list[list[str]]:
