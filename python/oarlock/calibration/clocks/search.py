@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from oarlock.calibration.clocks.lines import after, line
+from oarlock.calibration.clocks.lines import after, line, usual_scatter
 from oarlock.calibration.clocks.scores import Filtering, Span, spans
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.recording import Recording
@@ -72,7 +72,8 @@ def _steps(seen_by: Filtering, recording: Recording, pieces: list[Span], so_far:
         return {}
     time_s = np.array([s.time_s for s in seen])
     delay, std = (np.array([getattr(s, key) for s in seen]) for key in ("delay_s", "std_s"))
+    usual = usual_scatter(time_s, delay, std)
     return {
-        group[0]: line(time_s, delay[:, k], std[:, k], so_far[group[0]].drift)
+        group[0]: line(time_s, delay[:, k], std[:, k], so_far[group[0]].drift, usual)
         for k, group in enumerate(seen_by.groups)
     }
