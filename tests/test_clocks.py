@@ -10,7 +10,14 @@ from command_line import run
 from oarlock import Calibration, Clock, ImuStream, Motion, Recording, ScalarStream
 from oarlock.calibration.clocks.coarse import coarse_delays
 from oarlock.calibration.clocks.devices import most_agree, reference_streams, unknowns
-from oarlock.calibration.clocks.lines import CRYSTAL_DRIFT, MODEL_STD_S, after, line, usual_scatter
+from oarlock.calibration.clocks.lines import (
+    CRYSTAL_DRIFT,
+    MODEL_STD_S,
+    after,
+    line,
+    usual_drift,
+    usual_scatter,
+)
 from oarlock.rowing.simulation.experiment import simulate_sculling
 
 FOUND_S = 5e-4
@@ -118,6 +125,15 @@ def test_few_windows_of_many_clocks_show_how_exact_they_are():
     assert usual_scatter(time_s, delay[:, :2], std[:, :2]) == 1.0
 
 
+def test_clocks_that_drift_far_make_a_drift_that_nothing_shows_uncertain():
+    time_s, std = np.array([6.5, 11.5, 16.5]), np.full(3, 5e-3)
+    assert usual_drift([Clock(0.0, 1e-5), Clock(0.0, -2e-5), Clock(0.0, 9e-4)]) == CRYSTAL_DRIFT
+    wide = usual_drift([Clock(0.0, 2e-4), Clock(0.0, -2e-4), Clock(0.0, 1e-6)])
+    assert wide == 2e-4
+    assert line(time_s, np.zeros(3), std).drift_std < 6e-5
+    assert line(time_s, np.zeros(3), std, drift_std=wide).drift_std > 2e-4
+
+
 def test_two_corrections_are_one():
     time_s, first, then = np.arange(10.0), Clock(0.1, 1e-3), Clock(-0.02, 2e-4)
     both = after(first, then)
@@ -139,8 +155,9 @@ def test_streams_that_share_their_stamps_are_the_reference():
 def test_what_most_clocks_agree_on_is_the_reference_where_none_is_named():
     clocks = {n: Clock(o, 0.0, 1e-4, 1e-6) for n, o in (("a", 0.0), ("b", 0.05), ("c", 0.0005))}
     assert most_agree(clocks, 10.0) == ("a", "c")
+    unsure = {"any": Clock(0.0, 5e-5, 2e-3, 3e-4)}
     drifting = {n: Clock(0.0, d, 2e-3, 2e-5) for n, d in (("a", 2e-4), ("b", -2e-4), ("c", 1.8e-4))}
-    assert most_agree(drifting, 10.0) == ("a", "c")
+    assert most_agree(unsure | drifting, 10.0) == ("a", "c")
 
 
 def test_clocks_of_an_arm_are_found_against_one_of_its_units(arm):

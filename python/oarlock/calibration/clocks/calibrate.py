@@ -95,8 +95,9 @@ def _by_majority(found: Clocks, recording: Recording) -> tuple[tuple[str, ...], 
     agreed = most_agree({n: c for n, c in found.items() if _is_determined(c, middle)}, middle)
     if not agreed:
         return agreed, found
-    offset = float(np.mean([found[n].offset_s for n in agreed]))
-    drift = float(np.mean([found[n].drift for n in agreed]))
+    theirs = [found[n] for n in agreed]
+    offset = float(np.average([c.offset_s for c in theirs], weights=[c.offset_std_s**-2 for c in theirs]))
+    drift = float(np.average([c.drift for c in theirs], weights=[c.drift_std**-2 for c in theirs]))
     moved = {
         n: replace(c, offset_s=c.offset_s - offset, drift=c.drift - drift)
         for n, c in found.items()

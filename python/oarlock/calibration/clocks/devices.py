@@ -15,6 +15,8 @@ _SAME_SHARE = 0.9
 """Different clocks never give identical stamps; a stream that lost packets still shares most of its stamps."""
 _AGREE_S, _AGREE_DRIFT = 0.002, 1e-5
 _AGREE_STDS = 2.0
+_SURE_DRIFT = 5e-5
+"""A larger standard deviation makes no two clocks agree: the estimate corrects better than another clock's stamps."""
 
 
 def same_stamps(one: Stream, other: Stream) -> bool:
@@ -53,17 +55,22 @@ def unknowns(recording: Recording, reference: Iterable[str]) -> list[tuple[str, 
 
 def most_agree(clocks: Mapping[str, Clock], middle_s: float) -> tuple[str, ...]:
     """The largest set of streams whose clocks agree in the middle of a recording and run equally fast."""
-    found: tuple[str, ...] = ()
-    for clock in clocks.values():
-        near = tuple(n for n, c in clocks.items() if _apart(clock, c, middle_s) <= 1.0)
-        found = max(found, near, key=len)
-    return found
+    # The surest first: an uncertain clock may agree with two that do not agree with each other.
+    surest = sorted(clocks, key=lambda name: clocks[name].drift_std)
+    found: list[str] = []
+    for first in surest:
+        group = [first]
+        for name in surest:
+            if name != first and all(_apart(clocks[name], clocks[n], middle_s) <= 1.0 for n in group):
+                group.append(name)
+        found = max(found, group, key=len)
+    return tuple(name for name in clocks if name in found)
 
 
 def _apart(one: Clock, other: Clock, middle_s: float) -> float:
     way = one.offset_s - other.offset_s + (one.drift - other.drift) * middle_s
     std = np.hypot(one.offset_std_s, other.offset_std_s)
-    drift_std = np.hypot(one.drift_std, other.drift_std)
+    drift_std = min(np.hypot(one.drift_std, other.drift_std), _SURE_DRIFT)
     faster = abs(one.drift - other.drift) / (_AGREE_DRIFT + _AGREE_STDS * float(drift_std))
     return max(abs(way) / (_AGREE_S + _AGREE_STDS * float(std)), faster)
 

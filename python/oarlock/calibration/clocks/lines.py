@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,16 +28,22 @@ _MANY, _LEAST_SCALE = 8, 0.2
 
 
 def line(
-    time_s: Floats, delay_s: Floats, std_s: Floats, drift_so_far: float = 0.0, usual: float = 1.0
+    time_s: Floats,
+    delay_s: Floats,
+    std_s: Floats,
+    drift_so_far: float = 0.0,
+    *,
+    usual: float = 1.0,
+    drift_std: float = CRYSTAL_DRIFT,
 ) -> Clock:
     """The clock whose stamps are late by ``delay_s`` (W,) at ``time_s`` (W,), with standard deviations.
 
     Robust least squares (Huber 1964). `std_s` (W,) are standard deviations up to a common factor. It follows from
     the scatter of many windows; for few it is at least `usual` (see `usual_scatter`). `drift_so_far` was corrected
-    before: the whole drift is expected to be a crystal's.
+    before; `drift_std` is the prior of the whole drift.
     """
     middle = float(np.average(time_s, weights=1.0 / std_s**2))
-    fit, spread = _fitted(time_s - middle, delay_s, std_s, drift_so_far, usual)
+    fit, spread = _fitted(time_s - middle, delay_s, std_s, usual, (drift_so_far, drift_std))
     return _clock(fit, spread, middle, time_s)
 
 
@@ -54,10 +62,16 @@ def usual_scatter(time_s: Floats, delay_s: Floats, std_s: Floats) -> float:
     return float(np.clip(np.sqrt(squares / free), _LEAST_SCALE, 1.0))
 
 
+def usual_drift(clocks: Iterable[Clock]) -> float:
+    """Prior standard deviation of a drift: a crystal's, or the median of these clocks' drifts if that is larger."""
+    return max(CRYSTAL_DRIFT, float(np.quantile([abs(c.drift) for c in clocks], 0.5, method="lower")))
+
+
 def _fitted(
-    time_s: Floats, delay_s: Floats, std_s: Floats, drift_so_far: float, usual: float
+    time_s: Floats, delay_s: Floats, std_s: Floats, usual: float, prior: tuple[float, float]
 ) -> tuple[Floats, Floats]:
-    """Offset and drift (2,) and their covariance (2, 2)."""
+    """Offset and drift (2,) and their covariance (2, 2). `prior`: the drift so far, and the whole drift's std."""
+    drift_so_far, drift_std = prior
     design = np.column_stack([np.ones_like(time_s), time_s])
     excess, scale = np.ones_like(time_s), usual
     # Degrees of freedom, own ones and of `_MANY` windows.
@@ -65,13 +79,13 @@ def _fitted(
     least = usual if own < enough else _LEAST_SCALE
     fit, normal = np.zeros(2), np.eye(2)
     # Without a prior at first, so that a drift far beyond a crystal's is reached.
-    precision = 0.0 if own > 0 else CRYSTAL_DRIFT**-2
+    precision = 0.0 if own > 0 else drift_std**-2
     for _ in range(_ROUNDS):
         weight = 1.0 / (scale * std_s) ** 2 / excess
         normal = design.T @ (weight[:, None] * design) + np.diag([0.0, precision])
         right = design.T @ (weight * delay_s) - [0.0, precision * drift_so_far]
         fit = np.asarray(np.linalg.inv(normal) @ right)
-        precision = 2.0 / (2.0 * CRYSTAL_DRIFT**2 + (fit[1] + drift_so_far) ** 2)
+        precision = 2.0 / (2.0 * drift_std**2 + (fit[1] + drift_so_far) ** 2)
         apart = np.abs(delay_s - design @ fit) / std_s
         if own > 0:
             found = 1.4826**2 * float(np.median(apart)) ** 2 * len(apart) / own
