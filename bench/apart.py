@@ -9,9 +9,13 @@ from collections.abc import Mapping
 from time import process_time
 
 import numpy as np
+from numpy.typing import NDArray
 
 import oarlock
 from oarlock import rowing
+
+Floats = NDArray[np.float64]
+Stream = oarlock.ImuStream | oarlock.ScalarStream
 
 RATES_HZ = {
     "back": 100.0,
@@ -57,7 +61,7 @@ def recorded(
     return oarlock.Recording(streams)
 
 
-def _part(stream: oarlock.Stream, stamps: np.ndarray, kept: np.ndarray) -> oarlock.Stream:
+def _part(stream: Stream, stamps: Floats, kept: NDArray[np.bool_]) -> Stream:
     values = {name: value[kept] for name, value in stream.values.items()}
     if isinstance(stream, oarlock.ScalarStream):
         return oarlock.ScalarStream(stream.name, stamps[kept], values["value"], stream.unit)

@@ -28,8 +28,8 @@ _BETTER = 0.1
 """Least gain in correlation over zero lag, because the correlation peaks of different limbs are broad."""
 _LEAST = 0.5
 _LEAST_LATE = 0.7
-"""Least correlation for a delay. Joints of one stroke move at different times, such as an oar's blade that is lifted
-after its drive: with right clocks their rates correlate by up to 0.64 at lags of half a second."""
+"""Least correlation for a delay. Joints of one periodic movement turn in succession: with correct clocks their rates
+correlate by up to 0.64 at lags of half a second."""
 
 
 def coarse_delays(recording: Recording, fixed: Sequence[str]) -> dict[str, float]:
