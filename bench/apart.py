@@ -54,6 +54,7 @@ def recorded(
     for number, (name, rate_hz) in enumerate(rates_hz.items()):
         _, one = oarlock.simulate(model, motion, [name], 100 * seed + number, rate_hz=rate_hz)
         stream = one.streams[0]
+        assert isinstance(stream, oarlock.ImuStream | oarlock.ScalarStream)
         stamps = np.asarray(stream.time_s) + rng.normal(0, jitter_s, len(stream.time_s))
         stamps = stamps * (1 + (drifts or {}).get(name, 0.0))
         rising = np.r_[True, np.diff(np.maximum.accumulate(stamps)) > 1e-4]

@@ -53,6 +53,12 @@ def unknowns(recording: Recording, reference: Iterable[str]) -> list[tuple[str, 
     return units + ([tuple(g) for g in _groups(Recording(others))] if others else [])
 
 
+def is_one_logger(recording: Recording) -> bool:
+    """Whether all streams but inertial units share their time stamps."""
+    rest = [s for s in recording if not isinstance(s, ImuStream)]
+    return all(same_stamps(rest[0], other) for other in rest[1:])
+
+
 def most_agree(clocks: Mapping[str, Clock], middle_s: float) -> tuple[str, ...]:
     """The largest set of streams whose clocks agree in the middle of a recording and run equally fast."""
     # The surest first: an uncertain clock may agree with two that do not agree with each other.
