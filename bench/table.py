@@ -106,6 +106,9 @@ def _rest(figures: dict[str, Any]) -> str:
     rows.append(
         ["sensors at 125 Hz, n = 41, ukf", f"{user['times_real_time']:.0f} times faster than real time"]
     )
+    apart = figures["apart"]
+    text = f"{apart['apart_ms']:.1f} ms ({apart['ratio']:.2f} times that of sensors that do)"
+    rows.append(["tracking a second of sensors that do not tick together", text])
     for row in figures["memory"]:
         text = f"{row['peak_mib']:.0f} MiB"
         if row["what"] not in ("imports", "recording"):
