@@ -42,7 +42,7 @@ def _filtered(stream: ImuStream, cutoff_hz: float) -> Stream:
 
 def _in_stretches(time_s: FloatArray, values: FloatArray, step_s: float, cutoff_hz: float) -> FloatArray:
     filtered = np.array(values)
-    there = np.isfinite(values).all(axis=1)
+    there = np.asarray(np.isfinite(values).all(axis=1))
     broken = np.diff(time_s) > _GAP * step_s
     edges = np.flatnonzero(broken | (there[1:] != there[:-1])) + 1
     for rows in np.split(np.arange(len(time_s)), edges):
