@@ -174,7 +174,13 @@ def states_sentence(states: StateScore | None) -> str:
 
 def positions_table(scores: Sequence[PositionScore]) -> str:
     """Error of frame positions in root axes, mm."""
-    head = ["frame", "RMSE 3D", *(f"RMSE {k}" for k in "xyz"), *(f"correlation {k}" for k in "xyz"), "in 95 % band"]
+    head = [
+        "frame",
+        "RMSE 3D",
+        *(f"RMSE {k}" for k in "xyz"),
+        *(f"correlation {k}" for k in "xyz"),
+        "in 95 % band",
+    ]
     rows = [
         [
             breakable(score.frame),
