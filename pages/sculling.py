@@ -42,7 +42,7 @@ def errors(
     track: oarlock.Track, truth: oarlock.Track, true_s: Floats, true_m: Mapping[str, Floats]
 ) -> Errors:
     """Score a track against joint values and against positions (T, 3) at the times (T,)."""
-    scores = oarlock.evaluate(track, truth, start_s=SETTLED_S)
+    scores = angles(track, truth)
     kept = track.time_s >= track.time_s[0] + SETTLED_S
     places = []
     for frame in PLACES:
@@ -59,3 +59,8 @@ def errors(
         places_mm=1e3 * float(np.mean([place.rmse_m for place in places])),
         places_coverage=float(np.mean([place.coverage for place in places])),
     )
+
+
+def angles(track: oarlock.Track, truth: oarlock.Track) -> oarlock.Evaluation:
+    """Scores of the joints, without the first seconds."""
+    return oarlock.evaluate(track, truth, start_s=SETTLED_S)

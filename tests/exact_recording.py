@@ -9,14 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from pages.recordings import UNITS, kept, read_simulated
-from pages.recordings import Simulated as Exact
-from pages.sculling import ELEVEN, HANDS, PALMAR, RADIAL, SETTLED_S
+from pages import recordings, sculling
 
 import oarlock
 from local_data import local_folder
 
 Floats = NDArray[np.float64]
+
+Exact = recordings.Simulated
+UNITS, ENCODERS = recordings.UNITS, recordings.ENCODERS
+kept, at_rate = recordings.kept, recordings.at_rate
+SHOULDER, ARM, ELEVEN = sculling.SHOULDER, sculling.ARM, sculling.ELEVEN
+RADIAL, PALMAR, HANDS, SETTLED_S = sculling.RADIAL, sculling.PALMAR, sculling.HANDS, sculling.SETTLED_S
 
 EXCERPT = Path(__file__).parent / "data/exact_B-B_10s.npz"
 TRUE_BIAS = {"S-NB": 0.0, "B-NB": 0.0, "S-B": 0.01, "B-B": 0.01}
@@ -56,7 +60,7 @@ def excerpt_track() -> oarlock.Track:
 
 
 def read_exact(file: Path, name: str) -> Exact:
-    return read_simulated(file, name, sculler())
+    return recordings.read_simulated(file, name, sculler())
 
 
 def lossy(recording: oarlock.Recording, share: float, seed: int, whole: bool) -> oarlock.Recording:
