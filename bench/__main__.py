@@ -11,11 +11,13 @@ import os
 from pathlib import Path
 from typing import Any
 
+from pages.sections import into_page
+
 from oarlock.lab.bench.measure import measure
 
 from .memory import peaks
 from .startup import startups
-from .table import into_page, write
+from .table import write
 
 OUT = Path("out/bench")
 RUST = ("ratios", "latency", "many")

@@ -160,7 +160,7 @@ def check_wild(errors: dict[str, tuple[Floats, Floats]]) -> None:
 @pytest.mark.long
 def test_lean_and_arm_plane_of_another_authors_wild_recording():
     wild = read_exact(local_folder("recordings") / "wild_0.npz", "wild")
-    check_wild(field_errors(oarlock.track(sculler(), wild.recording), wild.truth, WILD))
+    check_wild(field_errors(oarlock.track(sculler(), wild.recording, wild.nominal), wild.truth, WILD))
 
 
 @pytest.mark.long
