@@ -63,7 +63,7 @@ bench-page: ## put the table of the last `make bench` into docs/performance.md
 	$(BIN)/python -m bench --page docs/performance.md
 
 # `make pages PAGES=status` measures one of them, SEEDS=1 a shorter study of faults; `--recorded` in PAGES measures nothing.
-PAGES ?= status validation robustness
+PAGES ?= status validation robustness_quick robustness
 pages: $(VENV)/.package $(VENV)/.validation ## measure the figures of README, bands, validation and robustness anew, with date and commit
 	$(BIN)/python -m pages $(PAGES) $(if $(SEEDS),--seeds $(SEEDS))
 

@@ -14,6 +14,7 @@ from .sections import into_page
 SECTIONS: Mapping[str, Callable[[record.Record], Mapping[str, Mapping[str, str]]]] = {
     "status": status.sections,
     "validation": validation.sections,
+    "robustness_quick": robustness.sections,
     "robustness": robustness.sections,
 }
 
@@ -39,8 +40,8 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _measured(name: str, asked: argparse.Namespace) -> dict[str, Any]:
-    if name == "robustness":
-        return robustness.measured(None if asked.seeds is None else range(asked.seeds), asked.jobs)
+    if name.startswith("robustness"):
+        return robustness.measured(name, None if asked.seeds is None else range(asked.seeds), asked.jobs)
     return {"status": status.measured, "validation": validation.measured}[name]()
 
 

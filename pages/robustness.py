@@ -1,6 +1,6 @@
-"""The section of docs/robustness.md: the error that each fault causes, from the study `robustness`.
+"""The sections of docs/robustness.md: the error that each fault causes, of the whole study and of its quick variant.
 
-The study's rows of finished groups stay in `out/robustness`, so that a run that was stopped goes on where it was.
+The rows of finished groups stay in `out/`, so that a run that was stopped goes on where it was.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from .record import ROOT, Record, made_text
 from .sculling import HANDS
 from .sections import table
 
-OUT = Path("out/robustness")
+OUT = Path("out")
 PAGE, PICTURE = "docs/robustness.md", "docs/pictures/robustness.svg"
 HEAD = ("fault", "error of the angles in deg at each strength")
 USUAL = (
@@ -42,17 +42,18 @@ USUAL = (
 )
 
 
-def measured(seeds: Sequence[int] | None = None, jobs: int | None = None) -> dict[str, Any]:
-    """Runs the study, saves it with its page and its picture, and gives the table's cells."""
-    study = oarlock.load_study("robustness", SIMULATORS, seeds)
-    began = time.perf_counter()
-    result = oarlock.study(study, jobs=jobs, folder=OUT)
+def measured(name: str, seeds: Sequence[int] | None = None, jobs: int | None = None) -> dict[str, Any]:
+    """Runs a study, saves it with its page, and gives the table's cells; the whole study draws the picture, too."""
+    study = oarlock.load_study(name, SIMULATORS, seeds)
+    began, out = time.perf_counter(), OUT / name
+    result = oarlock.study(study, jobs=jobs, folder=out)
     minutes = (time.perf_counter() - began) / 60.0
-    result.save(OUT)
-    (OUT / "report.html").write_text(study_page(result), encoding="utf-8")
-    (ROOT / PICTURE).write_text(fault_picture(result), encoding="utf-8")
+    result.save(out)
+    (out / "report.html").write_text(study_page(result), encoding="utf-8")
+    if name == "robustness":
+        (ROOT / PICTURE).write_text(fault_picture(result), encoding="utf-8")
     how = {"runs": study.run_count, "seeds": list(study.seeds), "minutes": minutes, "cores": os.cpu_count()}
-    return {"study": "robustness", **how, **cells(result)}
+    return {"study": name, **how, **cells(result)}
 
 
 def cells(result: StudyResult) -> dict[str, Any]:
@@ -81,14 +82,15 @@ def cells(result: StudyResult) -> dict[str, Any]:
 
 
 def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
-    """The section of the page."""
+    """The section of the page that shows this study."""
     words = "\n".join(f"- **{head}** {text}" for head, text in record["findings"])
     how = (
         f"{made_text(record)}. Study `{record['study']}`: {record['runs']} runs, seeds "
         f"{', '.join(map(str, record['seeds']))}; the last go took {record['minutes']:.0f} minutes on "
         f"{record['cores']} cores."
     )
-    return {PAGE: {"figures": f"{how}\n\n{words}\n\n{table(record['columns'], record['rows'])}"}}
+    mark = "figures" if record["study"] == "robustness" else "quick"
+    return {PAGE: {mark: f"{how}\n\n{words}\n\n{table(record['columns'], record['rows'])}"}}
 
 
 def _hands(result: StudyResult, dose: Dose) -> tuple[float, float]:
