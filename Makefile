@@ -62,10 +62,10 @@ bench-others: $(VENV)/.package $(VENV)/.bench ## measure this machine beside fil
 bench-page: ## put the table of the last `make bench` into docs/performance.md
 	$(BIN)/python -m bench --page docs/performance.md
 
-# `make pages PAGES=status` measures one of them, SEEDS=1 a shorter study of faults; `--recorded` in PAGES measures nothing.
+# `make pages PAGES=status` measures one of them, SEEDS=1 a shorter study of faults, SETS=broad one set of the validation.
 PAGES ?= status validation robustness_quick robustness
 pages: $(VENV)/.package $(VENV)/.validation ## measure the figures of README, bands, validation and robustness anew, with date and commit
-	$(BIN)/python -m pages $(PAGES) $(if $(SEEDS),--seeds $(SEEDS))
+	$(BIN)/python -m pages $(PAGES) $(if $(SEEDS),--seeds $(SEEDS)) $(if $(SETS),--sets $(SETS))
 
 player: ## build the 3D player from viewer/ with npm, into python/oarlock/viewer/
 	cd viewer && npm ci --no-audit --no-fund --silent && npm run --silent build

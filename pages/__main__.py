@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 from . import record, robustness, status, validation
 from .sections import into_page
@@ -25,24 +24,29 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(SECTIONS)}; default: all")
     parser.add_argument("--seeds", type=int, help="robustness: seeds 0 to N-1 instead of the study's")
     parser.add_argument("--jobs", type=int, help="robustness: processes; else all cores")
-    parser.add_argument(
-        "--recorded", action="store_true", help="write the pages from the records, measure nothing"
-    )
+    parser.add_argument("--sets", nargs="+", choices=list(validation.SETS), help="validation: only these")
+    parser.add_argument("--recorded", action="store_true", help="write the pages, measure nothing")
     asked = parser.parse_args(arguments)
     if unknown := sorted(set(asked.names) - set(SECTIONS)):
         parser.error(f"{', '.join(unknown)}: expected {', '.join(SECTIONS)}")
     for name in asked.names or SECTIONS:
         if not asked.recorded:
-            print(f"wrote {record.save(name, record.stamped(_measured(name, asked)))}")
+            for found in _measured(name, asked):
+                print(f"wrote {record.save(name, found)}", flush=True)
         for file in write(name):
             print(f"wrote {file}")
     return 0
 
 
-def _measured(name: str, asked: argparse.Namespace) -> dict[str, Any]:
-    if name.startswith("robustness"):
-        return robustness.measured(name, None if asked.seeds is None else range(asked.seeds), asked.jobs)
-    return {"status": status.measured, "validation": validation.measured}[name]()
+def _measured(name: str, asked: argparse.Namespace) -> Iterator[record.Record]:
+    """The record, for a part of the validation after each set."""
+    if name == "validation":
+        yield from validation.measured(asked.sets or (), record.load(name) if asked.sets else None)
+    elif name == "status":
+        yield record.stamped(status.measured())
+    else:
+        seeds = None if asked.seeds is None else range(asked.seeds)
+        yield record.stamped(robustness.measured(name, seeds, asked.jobs))
 
 
 def write(name: str, root: Path = record.ROOT) -> list[Path]:

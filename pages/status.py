@@ -71,7 +71,7 @@ class Row:
     key: str
     label: str
     trials: Sequence[Make]
-    how: str = "filtered"  # or "smoothed", or "calibrated" on the first seconds and scored on the rest
+    how: str = "filtered"  # or "calibrated" on the first seconds and scored on the rest
 
 
 def rows(folder: Path | None) -> Iterator[Row]:
@@ -96,11 +96,8 @@ def rows(folder: Path | None) -> Iterator[Row]:
         yield Row("wild_7", "another one of these", [other])
     rigid = [partial(_field, FieldEffects.misfit(), seed) for seed in (1, 2, 3)]
     yield Row("misfit", "field simulator, `misfit`, seeds 1 to 3", rigid)
-    again = [partial(_field, FieldEffects.misfit(), seed) for seed in (21, 22, 23)]
-    yield Row("misfit_calibrated", "the same, seeds 21 to 23, self-calibrated on 20 s", again, "calibrated")
-    rough = [partial(_field, ROUGH, seed) for seed in range(61, 66)]
-    yield Row("rough", "field simulator, `careful` with three times the noise, seeds 61 to 65", rough)
-    yield Row("rough_smoothed", "the same, smoothed", rough, "smoothed")
+    rough = [partial(_field, ROUGH, seed) for seed in (61, 62, 63)]
+    yield Row("rough", "field simulator, `careful` with three times the noise, seeds 61 to 63", rough)
     careful = [partial(_field, FieldEffects(), seed) for seed in (1, 2, 3)]
     yield Row("careful", "field simulator, `careful`, seeds 1 to 3", careful)
 
@@ -127,7 +124,6 @@ def _run(trial: Trial, how: str) -> dict[str, float]:
         known = oarlock.calibrate_motion(model, recording, known, end_s=CALIBRATED_ON_S)
         recording = recording.slice(start_s=CALIBRATED_ON_S)
     track = oarlock.track(model, recording, known)
-    track = oarlock.smooth(track) if how == "smoothed" else track
     alone = oarlock.track(model, recording, known, NOISE_ALONE)
     found = errors(track, trial.truth, trial.true_s, trial.true_m)
     return {**asdict(found), "noise_coverage": angles(alone, trial.truth).mean_coverage(ELEVEN)}

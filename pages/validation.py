@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from validation import dfjimu, diodem, openaxes, others, page
 from validation.__main__ import SETS, run
 
-from .record import Record, made_text
+from .record import Record, made_text, stamped
 from .sections import table
 
 PAGE = "docs/validation.md"
-OUT = Path("out/validation")
 FACTS = ("note", "ours", "online")
+"""What a row has beside its figures."""
 
 SCORED = (
     ("dfjimu", f"Relative orientation, RMSE after 10 s, {dfjimu.OWN}"),
@@ -32,27 +31,31 @@ SCORED = (
 Rows = Mapping[str, Mapping[str, Any]]
 
 
-def measured() -> dict[str, Any]:
-    """Runs all sets, writes their page into `out/validation`, and gives their figures."""
-    results = run(list(SETS))
-    versions = others.versions()
-    page.write(results, versions, OUT)
-    return page.document(results, versions)
+def measured(names: Sequence[str] = (), earlier: Record | None = None) -> Iterator[Record]:
+    """The record after each set that was run: a run that is stopped keeps what it has, and other sets keep theirs."""
+    sets = dict(earlier["sets"]) if earlier else {}
+    for name in names or SETS:
+        (result,) = run([name])
+        sets[result.name] = stamped(page.document([result], {})["sets"][result.name])
+        yield {"versions": others.versions(), "sets": sets}
 
 
 def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
-    """The section of the page: a table for each set."""
+    """The section of the page: a table for each set, with the date and commit of its figures."""
     versions = ", ".join(f"{name} {version}" for name, version in record["versions"].items())
-    parts = [f"{made_text(record)}, beside {versions}; `make pages PAGES=validation` measures it anew."]
+    parts = [f"Beside {versions}. `make pages PAGES=validation` measures all anew, `SETS=broad` one set."]
     for name, title in SCORED:
-        one = record["sets"][name]
-        if one["absent"]:
-            parts.append(f"**{one['title']}**: not run, {one['absent']}.")
-            continue
-        found = next(t for t in one["tables"] if title in (None, t["title"]))
-        unit = f", {found['unit']}" if found["unit"] else ""
-        parts += [f"**{one['title']}: {found['title']}{unit}**", _compared(found["rows"])]
+        if name in record["sets"]:
+            parts += _set(record["sets"][name], title)
     return {PAGE: {"figures": "\n\n".join(parts)}}
+
+
+def _set(one: Mapping[str, Any], title: str | None) -> list[str]:
+    if one["absent"]:
+        return [f"**{one['title']}**: not run, {one['absent']}."]
+    found = next(t for t in one["tables"] if title in (None, t["title"]))
+    unit = f", {found['unit']}" if found["unit"] else ""
+    return [f"**{one['title']}: {found['title']}{unit}.** {made_text(one)}.", _compared(found["rows"])]
 
 
 def _compared(rows: Rows) -> str:
