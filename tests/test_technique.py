@@ -32,7 +32,7 @@ SAME_SPEED = 0.02
 LEAN_RAD, PLANE_RAD = np.radians(4.0), np.radians(5.0)
 """What is asked of recordings in which the model is wrong, root mean square over a recording."""
 LEAN_OF_NOMINAL_RAD = np.radians(5.0)
-"""The same with nominal lengths: those of `wild_0` are 3 % off, which takes its lean at the finish from 2.9 to 4.5 deg."""
+"""The same with nominal lengths: those of `wild_0` are 3 % off, and its lean at the finish is 4.5 deg off, not 2.9."""
 COVERED = 0.75
 """Of a recording's strokes in their 95 % bands: its errors last, so few recordings are few draws."""
 DRAWS, LIKE_DRAWN = 32, (0.6, 1.6)
