@@ -14,6 +14,8 @@ from .sections import table
 PAGE = "docs/validation.md"
 FACTS = ("note", "ours", "online")
 """What a row has beside its figures."""
+HELPED = "heading given"
+"""In the name of an estimate that got the relative heading of its bodies from the reference."""
 
 SCORED = (
     ("dfjimu", f"Relative orientation, RMSE after 10 s, {dfjimu.OWN}"),
@@ -59,30 +61,38 @@ def _set(one: Mapping[str, Any], title: str | None) -> list[str]:
 
 
 def _compared(rows: Rows) -> str:
-    """All lines of Oarlock, then the best live and the best offline line of the other software."""
-    names = list(rows)
-    columns = [c for c in rows[names[0]] if c not in FACTS]
-    ours = [name for name in names if rows[name]["ours"]]
-    rest = [best for live in (True, False) if (best := best_other(rows, columns, live))]
-    lines = [[_called(name, rows[name]), *(_cell(rows[name][c]) for c in columns)] for name in [*ours, *rest]]
+    """All lines of Oarlock, then the best of the other software in each column, live and offline."""
+    columns = [c for c in next(iter(rows.values())) if c not in FACTS]
+    lines = [[name, *(_cell(row[c]) for c in columns)] for name, row in rows.items() if row["ours"]]
+    for helped in (False, True):
+        for live in (True, False):
+            best = {column: best_other(rows, column, live, helped) for column in columns}
+            if any(best.values()):
+                lines.append(_line_of_best(rows, best, "live" if live else "offline"))
     return table(["", *columns], lines)
 
 
-def best_other(rows: Rows, columns: Sequence[str], live: bool) -> str | None:
-    """The other software with the smallest mean of the columns that all lines have; None if none ran."""
-    shared = [c for c in columns if all(row[c] is not None for row in rows.values() if row["ours"])]
-    means = {
-        name: sum(row[c] for c in shared) / len(shared)
+def _line_of_best(rows: Rows, best: Mapping[str, str | None], when: str) -> list[str]:
+    """The name stands once if it is the same in all columns, else in each cell."""
+    names = set(best.values())
+    if len(names) == 1:
+        name = str(*names)
+        return [f"best of the others, {when}: {name}", *(_cell(rows[name][column]) for column in best)]
+    cells = [f"{_cell(rows[name][column])} ({name})" if name else "–" for column, name in best.items()]
+    return [f"best of the others, {when}", *cells]
+
+
+def best_other(rows: Rows, column: str, live: bool, helped: bool) -> str | None:
+    """The other software with the smallest figure of a column; None if none has one."""
+    figures = {
+        name: row[column]
         for name, row in rows.items()
-        if not row["ours"] and row["online"] == live and shared and all(row[c] is not None for c in shared)
+        if not row["ours"]
+        and row["online"] == live
+        and (HELPED in name) == helped
+        and row[column] is not None
     }
-    return min(means, key=lambda name: means[name]) if means else None
-
-
-def _called(name: str, row: Mapping[str, Any]) -> str:
-    if row["ours"]:
-        return name
-    return f"{name} (best of the others, {'live' if row['online'] else 'offline'})"
+    return min(figures, key=lambda name: figures[name]) if figures else None
 
 
 def _cell(value: Any) -> str:
