@@ -25,6 +25,7 @@ LAYERS = (
     "formats",
     "report",
     "",
+    "movement",
     "rowing",
     "lab",
     "cli",

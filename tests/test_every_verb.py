@@ -28,13 +28,25 @@ LEAF = {
     "demo": "test_every_verb.test_demo",
     "evaluate": "test_cli.test_evaluate_prints_a_table_and_json",
     "export": "test_export.test_typed",
+    "import PATH": "test_import_path.test_one_recording_is_written_and_described",
     "import apdm": "test_pendulum.test_the_commands_of_the_page_lead_from_the_file_to_angles",
     "import broad": "test_io_validation.test_the_command_line_imports_each",
+    "import c3d": "test_device_verbs.test_the_command_line_imports_each",
     "import csv": "test_packets.test_import_reports_missing_packets",
     "import dfjimu": "test_io_validation.test_the_command_line_imports_each",
     "import diodem": "test_io_validation.test_the_command_line_imports_each",
+    "import dot": "test_io_devices.test_the_command_line_imports_each",
+    "import lines": "test_device_verbs.test_the_command_line_imports_each",
+    "import mtmanager": "test_io_devices.test_the_command_line_imports_each",
+    "import mvnx": "test_io_devices.test_the_command_line_imports_each",
+    "import ngimu": "test_device_verbs.test_the_command_line_imports_each",
     "import openaxes": "test_io_validation.test_the_command_line_imports_each",
     "import qmt": "test_io_validation.test_the_command_line_imports_each",
+    "import shimmer": "test_io_devices.test_the_command_line_imports_each",
+    "import sto": "test_io_devices.test_the_command_line_imports_each",
+    "import table": "test_import_path.test_a_format_in_front_reads_it_as_that",
+    "import xdf": "test_device_verbs.test_the_command_line_imports_each",
+    "import ximu3": "test_device_verbs.test_the_command_line_imports_each",
     "markers attach": "test_markers_cli.test_attach_places_markers_by_a_static_trial",
     "markers show": "test_markers_cli.test_show_tells_what_is_in_a_file",
     "markers simulate": "test_markers_cli.test_a_session_becomes_a_study_that_is_tracked_and_scored",
@@ -50,8 +62,8 @@ LEAF = {
     "track": "test_cli.test_track_json_is_one_document",
     "view": "test_viewer_cli.test_it_opens_nothing_when_told_so",
 }
-# In these the words of a verb stand in the page or the fixture that the test reads.
-SAID_ELSEWHERE = {"markers simulate", "simulate"}
+# In these the words of a verb stand in the page or the fixture that the test reads, or a file stands for PATH.
+SAID_ELSEWHERE = {"import PATH", "markers simulate", "simulate"}
 
 
 def leaves(command: Any, words: tuple[str, ...]) -> list[str]:

@@ -57,8 +57,11 @@ def test_each_format_writes_its_own_files(name: str, track: oarlock.Track, tmp_p
 
 def test_parquet_holds_every_number_and_every_unit(track: oarlock.Track, exported: oarlock.Export) -> None:
     table = parquet.read_table(exported.folder / "coordinates.parquet")
-    columns = track.columns()
+    columns = {name: values for name, values in track.columns().items() if np.isfinite(values).any()}
     assert table.column_names == list(columns)
+    left_out = set(track.columns()) - set(columns)
+    assert left_out and all("_velocity_" in name or "_acceleration_" in name for name in left_out)
+    assert any("no velocity or acceleration of r_hand_abduction" in note for note in exported.notes)
     for name, values in columns.items():
         np.testing.assert_array_equal(table[name].to_numpy(), values)
     units = {field.name: field.metadata[b"unit"].decode() for field in table.schema}
@@ -205,7 +208,7 @@ def test_the_same_track_gives_the_same_files(track: oarlock.Track, tmp_path: Pat
 
 def test_a_track_without_its_model_gives_its_table_alone(track: oarlock.Track, tmp_path: Path) -> None:
     alone = dataclasses.replace(track, model=None)
-    assert list(oarlock.export(alone, tmp_path, ["csv"]).files) == ["coordinates.csv"]
+    assert list(oarlock.export(alone, tmp_path, ["csv"]).files) == ["coordinates.csv", "angles.csv"]
     with pytest.raises(oarlock.DataError, match=r"mot, osim need the track's model.*csv and parquet"):
         oarlock.export(alone, tmp_path, ["csv", "mot", "osim"])
 
@@ -259,7 +262,13 @@ def saved(track: oarlock.Track, tmp_path_factory: pytest.TempPathFactory) -> Pat
 def test_typed(saved: Path, tmp_path: Path) -> None:
     done = run("export", saved, "--to", tmp_path / "x", "--format", "mot,osim", "-f", "csv", "--json")
     document = json.loads(done.stdout)
-    assert list(document["files"]) == ["coordinates.mot", "model.osim", "coordinates.csv", "frames.csv"]
+    assert list(document["files"]) == [
+        "coordinates.mot",
+        "model.osim",
+        "coordinates.csv",
+        "angles.csv",
+        "frames.csv",
+    ]
     assert document["body_names"]["r_wrist"] == "r_wrist"
     again = run("export", saved, "--to", tmp_path / "x", "--radians", "--axes", "root")
     assert "Wrote" in again.stdout

@@ -23,6 +23,11 @@ from oarlock.evaluation.study.rows import write_rows
 from oarlock.formats.csv import read_csv
 from oarlock.formats.datasets.broad import read_broad
 from oarlock.formats.devices.apdm import read_apdm
+from oarlock.formats.devices.dot import read_dot
+from oarlock.formats.devices.mtmanager import read_mtmanager
+from oarlock.formats.devices.mvnx import read_mvnx
+from oarlock.formats.devices.shimmer import read_shimmer
+from oarlock.formats.devices.sto import read_sto
 from oarlock.model.load import load_model
 from oarlock.model.shipped_files import model_path
 from oarlock.recording.streams import ImuStream, ScalarStream
@@ -413,10 +418,12 @@ def test_a_small_file_of_equal_rows_is_refused_before_it_is_decoded(tmp_path: Pa
 def test_only_regular_files_are_read(tmp_path: Path) -> None:
     readers: dict[str, list[Callable[[Path], object]]] = {
         "toml": [load_model, oarlock.load_calibration, oarlock.load_session_plan, read_csv, load_study],
-        "csv": [read_apdm, load_stroke_export, oarlock.load_markers],
+        "csv": [read_apdm, read_dot, read_mtmanager, read_shimmer, load_stroke_export, oarlock.load_markers],
         "trc": [oarlock.load_markers],
         "c3d": [oarlock.load_markers],
         "mat": [read_broad],
+        "mvnx": [read_mvnx],
+        "sto": [read_sto],
     }
     for kind, named in readers.items():
         os.mkfifo(tmp_path / f"pipe.{kind}")

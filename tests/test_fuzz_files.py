@@ -1,7 +1,7 @@
 """Real files with wounds at every reader: read, or refused with a reason."""
 
 import os
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,9 @@ from hypothesis import strategies as st
 from scipy.io import savemat
 
 import oarlock
+import test_io_dot
+import test_io_mvnx
+import test_io_shimmer
 from fuzz_campaign import answered, campaign
 from fuzz_wounds import byte_wounds, feed, wounded, wounded_bytes, wounds
 from oarlock.formats.csv import read_csv
@@ -18,6 +21,12 @@ from oarlock.formats.datasets.broad import read_broad, read_broad_reference
 from oarlock.formats.datasets.dfjimu import read_dfjimu, read_dfjimu_reference
 from oarlock.formats.datasets.qmt import read_qmt
 from oarlock.formats.devices.apdm import read_apdm, read_apdm_orientations
+from oarlock.formats.devices.dot import find_dot, read_dot
+from oarlock.formats.devices.mtmanager import find_mtmanager, read_mtmanager
+from oarlock.formats.devices.mvnx import find_mvnx, read_mvnx
+from oarlock.formats.devices.shimmer import find_shimmer, read_shimmer
+from oarlock.formats.devices.sto import find_sto, read_sto
+from oarlock.formats.listing import listed
 from oarlock.model.shipped_files import model_path
 from oarlock.rowing import SIMULATORS
 from oarlock.storage.manifest import MANIFEST
@@ -81,6 +90,57 @@ def test_csv_with_its_mapping(tmp_path):
 def test_apdm(tmp_path):
     text = first_lines(ROOT / "examples/pendulum/imuData01.csv", 12)
     feed(tmp_path / "units.csv", text, read_apdm, read_apdm_orientations)
+
+
+MTMANAGER = ROOT / "tests/data/opensim/mtmanager"
+
+
+@pytest.mark.parametrize(
+    "name", ["MT2022_ACC_GYRO_ROT_ALL_TAB_NAN_00B42D4B.txt", "MT46_01-000_00B42D4D.txt", "test1_00B421E6.txt"]
+)
+def test_mtmanager(name, tmp_path):
+    text = (MTMANAGER / name).read_text(encoding="utf-8")
+    feed(tmp_path / name, text, partial(read_mtmanager, rate_hz=100.0, orientations=True), read_mtmanager)
+
+
+@pytest.mark.parametrize("body", [test_io_dot.RATES, test_io_dot.RECORDED])
+def test_dot(body, tmp_path):
+    text = test_io_dot.HEAD.format(tag="Arm", sync="Synced", mode="Recording") + body
+    feed(tmp_path / "Arm_20250711_200600_086.csv", text, partial(read_dot, orientations=True))
+
+
+@pytest.mark.parametrize("text", [test_io_shimmer.SESSION, test_io_shimmer.TWO])
+def test_shimmer(text, tmp_path):
+    feed(tmp_path / "session.csv", text, read_shimmer, partial(read_shimmer, accel="WR"))
+
+
+def test_mvnx(tmp_path):
+    feed(tmp_path / "trial.mvnx", test_io_mvnx.TRIAL, read_mvnx)
+
+
+def test_orientations_of_opensim(tmp_path):
+    text = (ROOT / "tests/data/opensim/orientation_quats.sto").read_text(encoding="utf-8")
+    feed(tmp_path / "turns.sto", text, read_sto, partial(read_sto, up="y"))
+
+
+DEVICES = {
+    "MT46_01-000_00B42D4D.txt": (MTMANAGER / "MT46_01-000_00B42D4D.txt").read_text(encoding="utf-8"),
+    "1_20250711_200600_086.csv": test_io_dot.HEAD.format(tag="1", sync="Synced", mode="") + test_io_dot.RATES,
+    "session.csv": test_io_shimmer.SESSION,
+    "trial.mvnx": test_io_mvnx.TRIAL,
+    "turns.sto": (ROOT / "tests/data/opensim/orientation_quats.sto").read_text(encoding="utf-8"),
+}
+
+
+@pytest.mark.parametrize("name", DEVICES)
+def test_finders_of_devices(name, tmp_path):
+    def check(harm):
+        put(tmp_path / name, wounded(DEVICES[name], harm))
+        listing = listed(tmp_path)
+        for find in (find_mtmanager, find_dot, find_shimmer, find_mvnx, find_sto):
+            assert all(one.files == (tmp_path / name,) and one.name and one.about for one in find(listing))
+
+    campaign(check, wounds)
 
 
 TOML = {
@@ -196,7 +256,9 @@ def test_matlab_files(name, tmp_path, monkeypatch):
 
 OWN = ("load_model", "load_recording", "load_calibration", "load_track", "load_study", "load_markers")
 READERS = {name: getattr(oarlock, name) for name in (*OWN, "load_attachments")}
-READERS |= {read.__name__: read for read in (read_csv, read_apdm, read_broad, read_dfjimu, read_qmt)}
+READERS |= {
+    read.__name__: read for read in (read_csv, read_apdm, read_broad, read_dfjimu, read_qmt, read_mtmanager)
+}
 
 
 @pytest.mark.parametrize("name", READERS)

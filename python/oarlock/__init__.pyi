@@ -40,11 +40,13 @@ from .evaluation.study.study_file import load_study
 from .evaluation.study.sweeps import FaultSweep
 from .evaluation.study.trial import StudySimulator, StudyTrial
 from .evaluation.suspects.suspects import Suspect, suspects
+from .formats.contents import find_recordings, import_recording
 from .formats.export.export import Export, export
 from .formats.marker_files import load_markers
 from .model.description import (
     BaseAccelerationDescription,
     ClosureDescription,
+    ConeDescription,
     EncoderDescription,
     FrameDescription,
     ImuDescription,
@@ -83,6 +85,7 @@ __all__ = [
     "Clock",
     "ClosureDescription",
     "Comparison",
+    "ConeDescription",
     "Config",
     "DataError",
     "DivergedError",
@@ -151,7 +154,9 @@ __all__ = [
     "evaluate_orientations",
     "export",
     "fill_gaps",
+    "find_recordings",
     "fit_body",
+    "import_recording",
     "inverse_kinematics",
     "load_attachments",
     "load_calibration",

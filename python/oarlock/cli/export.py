@@ -54,6 +54,7 @@ def add_to(app: typer.Typer) -> None:
             "oarlock export out --to exported",
             "oarlock export out --to exported --format osim,mot,trc",
             "oarlock export out --to exported --format mot --radians --missing drop",
+            "oarlock export out --to blender --format bvh,glb",
             "oarlock export out --to exported --format csv --json | jq .files",
         )
         + "\n\n"
@@ -78,7 +79,8 @@ def export(
         bool, typer.Option("--degrees/--radians", help="Angles in .mot and .sto; their header says which.")
     ] = True,
     axes: Annotated[
-        str, typer.Option("--axes", metavar="y-up|root", help="Ground of .osim and .trc, see below.")
+        str,
+        typer.Option("--axes", metavar="y-up|root", help="Ground of .osim, .trc, .bvh and .c3d, see below."),
     ] = "y-up",
     missing: Annotated[
         str,
@@ -87,7 +89,7 @@ def export(
     force: Force = False,
     json_output: Json = False,
 ) -> None:
-    """Write a track for other software: tables, and model, motion and markers for OpenSim."""
+    """Write a track for other software: tables, files for OpenSim, and animations (BVH, glTF, C3D)."""
     import oarlock
 
     chosen = _chosen(formats)
@@ -110,8 +112,10 @@ def export(
     _write(written)
 
 
-def _chosen(formats: list[str] | None) -> tuple[str, ...]:
-    chosen = FORMATS if formats is None else tuple(name for text in formats for name in names(text))
+def _chosen(formats: list[str] | None) -> tuple[str, ...] | None:
+    if formats is None:
+        return None
+    chosen = tuple(name for text in formats for name in names(text))
     for name in chosen:
         _check("--format", name, FORMATS)
     if not chosen:

@@ -1,22 +1,39 @@
-"""`oarlock import`: converts other formats to a recording folder, one verb per entry of `FORMATS`."""
+"""`oarlock import`: converts other formats to a recording folder: by content, or one verb per entry of `FORMATS`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from inspect import Parameter, Signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
+from oarlock.cli.import_path import PATH_OPTIONS, PATH_VERB, import_path, write_recording
+from oarlock.cli.made_verb import made_verb
 from oarlock.cli.options import Force, Json, OutFolder, example
-from oarlock.cli.terminal import number, output_folder, print_json, say, steps, table, verb
+from oarlock.cli.session_options import SESSION_OPTIONS, taken_session
 from oarlock.formats.importers import FORMATS, Format
 
-if TYPE_CHECKING:
-    from oarlock import Recording
 
-group = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Convert other formats to a recording.")
+class FormatOrPath(TyperGroup):
+    """Reads `oarlock import PATH ...` where the first word is no format."""
+
+    def parse_args(self, context: Any, words: list[str]) -> list[str]:
+        """Put the verb that recognises files before words that begin with none."""
+        if words and words[0] not in self.commands and words[0] not in context.help_option_names:
+            words = [PATH_VERB, *words]
+        return super().parse_args(context, words)
+
+
+group = typer.Typer(
+    cls=FormatOrPath,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    subcommand_metavar="PATH|FORMAT [ARGS]...",
+    help="Convert files of other devices and programs to a recording. PATH, a file, a folder or a zip file, is "
+    "recognised by its content; a format's name in front of it reads it as that format.",
+)
 
 
 def add_to(app: typer.Typer) -> None:
@@ -27,83 +44,26 @@ def add_to(app: typer.Typer) -> None:
 def _reader(one: Format) -> Callable[..., None]:
     """The verb of a format. Typer takes the options from the signature."""
 
-    def run(path: Path, out: Path, force: bool, json_output: bool, **options: object) -> None:
-        _write(one.read(path, **options), path, out, force, json_output)
+    def run(path: Path, out: Path, force: bool, json_output: bool, **options: Any) -> None:
+        session = taken_session(options)
+        write_recording(one.read(path, **options), session, path, out, one.title, force, json_output)
 
     place = typer.Argument(metavar=one.place, help=one.contents)
     wanted: list[tuple[str, Any, Any]] = [("path", Annotated[Path, place], ...), ("out", OutFolder, ...)]
     wanted += [(o.name, Annotated[o.kind, typer.Option(help=o.about)], o.default) for o in one.options]
+    wanted += [(name, kind, None) for name, kind in SESSION_OPTIONS]
     wanted += [("force", Force, False), ("json_output", Json, False)]
-    run.__signature__ = Signature(  # type: ignore[attr-defined]
-        [
-            Parameter(
-                name,
-                Parameter.KEYWORD_ONLY,
-                annotation=kind,
-                default=Parameter.empty if default is ... else default,
-            )
-            for name, kind, default in wanted
-        ]
-    )
-    return verb(run)
+    return made_verb(run, wanted)
 
 
+group.command(
+    PATH_VERB,
+    help="Recognise the recordings of a file, a folder or a zip file by their content, and convert them.",
+    epilog=example(
+        "oarlock import trial.csv",
+        "oarlock import session.zip --all --out monday",
+        "oarlock import measurements --pick trial_03 --out rec --athlete A07",
+    ),
+)(made_verb(import_path, PATH_OPTIONS))
 for _format in FORMATS:
     group.command(_format.name, help=_format.summary, epilog=example(_format.command))(_reader(_format))
-
-
-def _write(recording: Recording, source: Path, out: Path, force: bool, json_output: bool) -> None:
-    from oarlock.evaluation.summary import rate_text
-    from oarlock.recording.epoch import clock_notes
-    from oarlock.recording.packets import lost_packets, missing_packets, missing_share, own_rate_hz
-    from oarlock.storage.epoch import moment_text
-
-    notes = clock_notes(recording.meta)
-    with output_folder(out, "recording", force, fresh=True) as stage:
-        recording.save(stage)
-    if json_output:
-        print_json(
-            {
-                "recording": out,
-                "source": source,
-                "start_s": recording.start_s,
-                "start": moment_text(recording.epoch, recording.start_s),
-                "epoch": recording.epoch,
-                "notes": notes,
-                "end_s": recording.end_s,
-                "streams": [
-                    {
-                        "name": s.name,
-                        "kind": s.kind,
-                        "samples": len(s),
-                        "rate_hz": own_rate_hz(recording, s),
-                        "missing_packets": missing_packets(recording, s),
-                        "missing_share": missing_share(recording, s),
-                    }
-                    for s in recording.streams
-                ],
-            }
-        )
-        return
-    say(f"Wrote {out} from {source}", style="bold")
-    if start := moment_text(recording.epoch, recording.start_s):
-        say(f"start {start}, {recording.duration_s:.1f} s", indent=2)
-    for note in notes:
-        say(note, indent=2)
-    table(
-        ["stream", "kind", ">samples", ">rate Hz", ">missing %"],
-        [
-            (
-                s.name,
-                s.kind,
-                len(s),
-                rate_text(own_rate_hz(recording, s)),
-                number(100 * missing_share(recording, s), ".1f"),
-            )
-            for s in recording.streams
-        ],
-    )
-    for stream in recording.streams:
-        if (lost := lost_packets(recording, stream)) is not None and lost.text():
-            say(f"{stream.name}: {lost.text()}", indent=2)
-    steps(f"oarlock track {out} --model MODEL --out {out}-track")

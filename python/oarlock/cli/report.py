@@ -107,7 +107,7 @@ def write_any_report(
     targets: str | None = None,
 ) -> list[Path]:
     """Write the report of any model; add strokes for rowers. Return the written files, the report first."""
-    from oarlock.report import write_report
+    from oarlock.movement.report import write_movement_report
     from oarlock.rowing.report.write import is_of_rower, write_rowing_report
 
     if is_of_rower(track):
@@ -117,4 +117,4 @@ def write_any_report(
             raise UsageError(
                 f"{flag} needs the track of a rower; this one has the joints {', '.join(track.joint_names[:6])}"
             )
-    return [write_report(track, path, evaluation, truth)]
+    return write_movement_report(track, path, evaluation, truth)

@@ -10,6 +10,7 @@ from oarlock.evaluation.marker_scores import MarkerEvaluation
 from oarlock.evaluation.scores import Evaluation, SensorScore, presentation
 from oarlock.evaluation.summary import Readings, TrackSummary, rate_text, shares_text, summarize
 from oarlock.evaluation.suspects.text import SUSPECT_NOTE
+from oarlock.recording.session_info import session_text
 from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.track import Track
 
@@ -22,6 +23,7 @@ def write_summary(track: Track) -> None:
     summary = summarize(track)
     pairs(
         [
+            ("session", session_text(summary.session)),
             ("model", summary.model),
             (
                 "rows",

@@ -75,7 +75,7 @@ def view(
     free_file(target, force)
     with progress("drawing"), added_files(target.parent, force) as stage:
         drawn = _scene(track, other, shown_s, every_s, str(ghost or ""))
-        text = page(drawn, f"{drawn['model']}: {out.resolve().name}")
+        text = page(drawn, f"{drawn['model']}: {drawn['title'] or out.resolve().name}")
         write_file(stage / target.name, text)
     opened = not (no_open or json_output) and webbrowser.open(target.resolve().as_uri())
     if json_output:

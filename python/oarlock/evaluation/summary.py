@@ -13,6 +13,7 @@ from oarlock.evaluation.errors import OBSERVED_SHARE
 from oarlock.evaluation.interval import Interval
 from oarlock.evaluation.scores import SensorScore
 from oarlock.model.coordinates import joint_columns
+from oarlock.recording.session_info import session_info
 from oarlock.storage.epoch import moment_text
 from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.track import Track
@@ -27,13 +28,15 @@ LEAST_SHARE = 0.0005
 class TrackSummary:
     """Key figures of a track for the top of a page.
 
-    `start` is the moment of the first row as text, empty if it is not known. `samples` counts the rows of the track and
+    `session` says who was recorded and when (`recording.session_info`), empty if it is not known. `start` is the moment
+    of the first row as text, empty if it is not known. `samples` counts the rows of the track and
     `rate_hz` is their rate; each stream has its own (`stream_rates`).
     `steps_per_s` is None for a track without a filter run, and `real_time_factor` is the recording's time divided by
     the time of computation. `readings` are the sums over all streams.
     """
 
     model: str
+    session: Mapping[str, str]
     samples: int
     duration_s: float
     start: str
@@ -79,6 +82,7 @@ def summarize(track: Track) -> TrackSummary:
     steps_per_s, wall_s = track.provenance.get("steps_per_s"), track.provenance.get("wall_s")
     return TrackSummary(
         model=str(getattr(track.model, "name", track.provenance.get("model", "unknown"))),
+        session=session_info(track.provenance),
         samples=len(track.time_s),
         duration_s=duration_s,
         start=moment_text(track.provenance.get("epoch"), float(track.time_s[0])) if len(track.time_s) else "",
@@ -105,9 +109,9 @@ def observed_joints(track: Track) -> list[str]:
 
 
 def row_rate_hz(track: Track) -> float:
-    """Rows of a track per second; NaN for a single one."""
+    """Rows of a track per second, to nine digits: time stamps have no more; NaN for a single row."""
     duration_s = float(track.time_s[-1] - track.time_s[0]) if len(track.time_s) else 0.0
-    return (len(track.time_s) - 1) / duration_s if duration_s > 0.0 else math.nan
+    return float(f"{(len(track.time_s) - 1) / duration_s:.9g}") if duration_s > 0.0 else math.nan
 
 
 def stream_rates(counts: Sequence[StreamCount]) -> str:

@@ -9,8 +9,8 @@ from oarlock.storage.delimited import Layout, numbers
 from oarlock.storage.errors import DataError
 
 
-def read_columns(layout: Layout, names: Sequence[str]) -> FloatArray:
-    """The columns of these names, (T, len(names)); NaN where a cell is empty.
+def read_columns(layout: Layout, names: Sequence[str | int]) -> FloatArray:
+    """The columns of these names or numbers from 1, (T, len(names)); NaN where a cell is empty.
 
     Raises:
         DataError: A column is missing, a cell is not a number (file, line, column), or there are no rows.

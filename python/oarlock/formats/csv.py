@@ -1,7 +1,8 @@
 """Reads CSV files of any device as described by a mapping file, for `oarlock import csv`."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, cast
@@ -9,10 +10,20 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock.formats.arbitrary_units import ARBITRARY, scale_meta, scaled_mag
 from oarlock.formats.counters import Lost, lost_packets, unwrapped
-from oarlock.formats.csv_mapping import Counter, FileMapping, Quantity, SensorColumns, read_mapping
+from oarlock.formats.csv_mapping import (
+    Counter,
+    CsvMapping,
+    FileMapping,
+    Quantity,
+    SensorColumns,
+    read_mapping,
+)
 from oarlock.formats.csv_time import TimeUnit, counted_stamps, time_unit
-from oarlock.formats.times import Stamps, on_one_axis, parsed_stamps
+from oarlock.formats.listing import Found, Listing
+from oarlock.formats.merged import merged
+from oarlock.formats.times import SAMPLES, Stamps, on_one_axis, parsed_stamps, relative_stamps
 from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.recording.packets import META_KEY
 from oarlock.recording.recording import Recording
@@ -22,6 +33,8 @@ from oarlock.storage.delimited import Layout, numbers
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 from oarlock.storage.units import ANGLE, to_held_unit
+
+_FILE_TABLE = re.compile(r"\s*\[\[\s*file\s*\]\]")
 
 
 @dataclass(frozen=True)
@@ -75,7 +88,24 @@ def read_csv(mapping_file: str | PathLike[str], folder: str | PathLike[str] | No
     """
     mapping = read_mapping(place_of(mapping_file))
     root = place_of(folder) if folder is not None else mapping.file.parent
-    tables = [_read_table(f, root) for f in mapping.files]
+    return read_mapped(mapping, root, {"format": "csv", "mapping": mapping.file.name})
+
+
+def read_mapped(
+    mapping: CsvMapping, root: Path, source: Mapping[str, object], most_rows: int | None = None
+) -> Recording:
+    """Read the files of a checked mapping.
+
+    Args:
+        mapping: files, columns, units and sensors.
+        root: folder from which the files' paths begin.
+        source: entries of ``meta["source"]``.
+        most_rows: read about this many rows of each file; None: all.
+
+    Raises:
+        DataError: A mistake in the data (file, line, column, text found).
+    """
+    tables = [_read_table(f, root, most_rows) for f in mapping.files]
     times, clock = on_one_axis([t.stamps for t in tables], [str(t.layout.file) for t in tables])
     parts: list[_Part] = []
     lost: dict[str, Lost] = {}
@@ -85,11 +115,17 @@ def read_csv(mapping_file: str | PathLike[str], folder: str | PathLike[str] | No
         parts += [_part(s, table, time_s) for s in entry.sensors]
         if entry.counter is not None:
             lost |= dict.fromkeys((s.name for s in entry.sensors), _lost(table, time_s, entry.counter))
-    source = {"format": "csv", "mapping": mapping.file.name, "files": [t.layout.file.name for t in tables]}
+    streams, notes, scales = _streams(parts)
+    told = {"notes": notes} if notes else {}
+    files = list(dict.fromkeys(t.layout.file.name for t in tables))
     said = [sentence for table in tables for sentence in table.said]
     clock |= {"found": said} if said else {}
-    meta = {"source": source, CLOCK_KEY: clock, **({META_KEY: lost} if lost else {})}
-    return Recording(_streams(parts), meta | dict(mapping.meta))
+    meta = {
+        "source": {**source, "files": files, **told},
+        CLOCK_KEY: clock,
+        **({META_KEY: lost} if lost else {}),
+    }
+    return Recording(streams, meta | dict(scales) | dict(mapping.meta))
 
 
 def _lost(table: _Table, time_s: FloatArray, counter: Counter) -> Lost:
@@ -101,26 +137,19 @@ def _lost(table: _Table, time_s: FloatArray, counter: Counter) -> Lost:
     return lost_packets(count, time_s, places)
 
 
-def _read_table(entry: FileMapping, root: Path) -> _Table:
+def _read_table(entry: FileMapping, root: Path, most_rows: int | None) -> _Table:
     file = place_of(root / entry.path)
     if not file.is_file():
         raise DataError(f'{entry.where}: there is no file "{file}"')
     layout = Layout.of(file, entry.dialect)
+    if entry.time_column is None:
+        return _counted_rows(layout, entry, most_rows)
     time_index = layout.index(entry.time_column)
     wanted = list(dict.fromkeys([time_index, *_wanted(layout, entry)]))
     unit = time_unit(layout, entry)
-    lines: list[int] = []
-    stamps: list[str] = []
-    readings: list[list[FloatArray]] = [[] for _ in wanted]
-    for batch in layout.batches(wanted):
-        lines += batch.lines
-        if not unit.counted:
-            stamps += batch.cells[0]
-        for position in range(0 if unit.counted else 1, len(wanted)):
-            readings[position].append(numbers(layout, batch, position, wanted[position]))
-    if not lines:
-        raise DataError(f"{file}: has no rows of data")
-    joined = {i: np.concatenate(r) for i, r in zip(wanted, readings, strict=True) if r}
+    lines, stamps, joined = _columns(layout, wanted, as_text=0 if unit.counted else 1, most_rows=most_rows)
+    if unit.counted:
+        lines, joined = _without_empty_end(lines, joined)
     places = _Places(layout, np.array(lines, dtype=np.int64), time_index)
     if unit.counted:
         _check_present(layout, time_index, joined[time_index], lines)
@@ -128,6 +157,45 @@ def _read_table(entry: FileMapping, root: Path) -> _Table:
     else:
         axis, said = parsed_stamps(stamps, places, unit.unit), ()
     return _Table(layout, axis, np.array(lines, dtype=np.int64), joined, unit, (*unit.said, *said))
+
+
+def _counted_rows(layout: Layout, entry: FileMapping, most_rows: int | None) -> _Table:
+    """A file without a time column: its rows are samples at the rate that the mapping gives."""
+    assert entry.tick_s is not None
+    lines, _, joined = _columns(layout, _wanted(layout, entry), as_text=0, most_rows=most_rows)
+    axis = relative_stamps(np.arange(float(len(lines))), SAMPLES, entry.tick_s)
+    return _Table(
+        layout, axis, np.array(lines, dtype=np.int64), joined, TimeUnit(SAMPLES, entry.tick_s, ()), ()
+    )
+
+
+def _columns(
+    layout: Layout, wanted: Sequence[int], as_text: int, most_rows: int | None
+) -> tuple[list[int], list[str], dict[int, FloatArray]]:
+    """Line numbers, texts of the first column if it is wanted `as_text`, and the other columns by position."""
+    lines: list[int] = []
+    texts: list[str] = []
+    readings: list[list[FloatArray]] = [[] for _ in wanted]
+    for batch in layout.batches(wanted):
+        lines += batch.lines
+        if as_text:
+            texts += batch.cells[0]
+        for position in range(as_text, len(wanted)):
+            readings[position].append(numbers(layout, batch, position, wanted[position]))
+        if most_rows is not None and len(lines) >= most_rows:
+            break
+    if not lines:
+        raise DataError(f"{layout.file}: has no rows of data")
+    return lines, texts, {i: np.concatenate(r) for i, r in zip(wanted, readings, strict=True) if r}
+
+
+def _without_empty_end(
+    lines: list[int], columns: dict[int, FloatArray]
+) -> tuple[list[int], dict[int, FloatArray]]:
+    """The rows up to the last one that has any number: beside a faster sensor, a slower one's columns end earlier."""
+    filled = np.flatnonzero(np.logical_or.reduce([np.isfinite(values) for values in columns.values()]))
+    stop = int(filled[-1]) + 1 if filled.size else len(lines)
+    return lines[:stop], {index: values[:stop] for index, values in columns.items()}
 
 
 def _wanted(layout: Layout, entry: FileMapping) -> list[int]:
@@ -154,6 +222,8 @@ def _check_present(layout: Layout, index: int, values: FloatArray, lines: list[i
 
 
 def _check_increasing(table: _Table, time_s: FloatArray, entry: FileMapping) -> None:
+    if entry.time_column is None:
+        return
     late = np.flatnonzero(np.diff(time_s) <= 0.0)
     if late.size:
         index = int(late[0]) + 1
@@ -173,16 +243,30 @@ def _readings(quantity: Quantity, table: _Table) -> FloatArray:
     raw = np.column_stack([table.columns[table.layout.index(c)] for c in quantity.columns])
     if any(s != 1.0 for s in quantity.scale) or any(o != 0.0 for o in quantity.offset):
         raw = raw * np.array(quantity.scale) + np.array(quantity.offset)
-    held = to_held_unit(raw, quantity.unit)
+    held = raw if quantity.unit == ARBITRARY else to_held_unit(raw, quantity.unit)
     turned = np.column_stack([held[:, i] if sign > 0 else -held[:, i] for i, sign in quantity.axes])
     return turned[:, 0] if quantity.field == "value" and len(quantity.columns) == 1 else turned
 
 
-def _streams(parts: Iterable[_Part]) -> list[Stream]:
+def _streams(parts: Sequence[_Part]) -> tuple[list[Stream], list[str], Mapping[str, object]]:
+    """The streams, sentences on magnetometers in arbitrary units, and the factors of these."""
+    arbitrary: dict[str, FloatArray] = {}
+    notes: list[str] = []
     by_name: dict[str, list[_Part]] = {}
     for part in parts:
+        if any(q.unit == ARBITRARY for q in part.sensor.quantities):
+            arbitrary[part.sensor.name] = part.fields["mag_ut"]
+            part, note = _scaled(part)
+            notes.append(note)
         by_name.setdefault(part.sensor.name, []).append(part)
-    return [_stream(same) for same in by_name.values()]
+    streams = [_stream(same) for same in by_name.values() if any(part.fields for part in same)]
+    return streams, notes, scale_meta(arbitrary)
+
+
+def _scaled(part: _Part) -> tuple[_Part, str]:
+    mag_ut, note = scaled_mag(part.fields["mag_ut"], part.sensor.name)
+    others = {name: values for name, values in part.fields.items() if name != "mag_ut"}
+    return replace(part, fields=others if mag_ut is None else {**others, "mag_ut": mag_ut}), note
 
 
 def _stream(parts: list[_Part]) -> Stream:
@@ -195,7 +279,7 @@ def _stream(parts: list[_Part]) -> Stream:
                 "Only gyro, accel and mag of one sensor may come from different files."
             )
         seen |= part.fields.keys()
-    time_s, fields = _merged(parts)
+    time_s, fields = merged([(p.time_s, p.fields) for p in parts])
     name = first.sensor.name
     if first.sensor.kind == "imu":
         return ImuStream(name, time_s, **fields)
@@ -205,15 +289,23 @@ def _stream(parts: list[_Part]) -> Stream:
     return ScalarStream(name, time_s, fields["value"], cast(ScalarUnit, unit))
 
 
-def _merged(parts: list[_Part]) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """All time stamps of the parts, in order, and their fields; NaN where a part has no sample."""
-    if len(parts) == 1:
-        return parts[0].time_s, parts[0].fields
-    time_s = np.unique(np.concatenate([p.time_s for p in parts]))
-    fields = {}
-    for part in parts:
-        rows = np.searchsorted(time_s, part.time_s)
-        for name, values in part.fields.items():
-            fields[name] = np.full((len(time_s), 3), np.nan)
-            fields[name][rows] = values
-    return time_s, fields
+def find_csv(listing: Listing) -> list[Found]:
+    """Mapping files of a place, with the CSV files that they name."""
+    found = []
+    for one in listing.suffixed(".toml"):
+        if not any(_FILE_TABLE.match(line) for line in one.lines):
+            continue
+        try:
+            mapping = read_mapping(one.path)
+        except DataError as error:
+            if one.path == listing.root:
+                raise
+            about = f"mapping file with a mistake: {str(error).splitlines()[0]}"
+            found.append(Found("csv", one.path, (one.path,), one.path.stem, about))
+            continue
+        files = [one.path, *(one.path.parent / entry.path for entry in mapping.files)]
+        sensors = {sensor.name for entry in mapping.files for sensor in entry.sensors}
+        name = one.path.parent.name if one.path.stem == "mapping" else one.path.stem
+        about = f"mapping file, {len(sensors)} sensors"
+        found.append(Found("csv", one.path, tuple(dict.fromkeys(files)), name or one.path.stem, about))
+    return found

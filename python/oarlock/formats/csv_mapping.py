@@ -6,6 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Literal, TypeAlias
 
+from oarlock.formats.arbitrary_units import ARBITRARY
 from oarlock.formats.times import COUNTED, SAMPLES, TICKS, TIME_UNITS, plain_time_unit
 from oarlock.storage.delimited import MISSING_MARKERS, Dialect
 from oarlock.storage.errors import DataError
@@ -21,7 +22,7 @@ QUANTITIES: Mapping[str, tuple[Kind, str, tuple[str, ...]]] = MappingProxyType(
     {
         "gyro": ("imu", "gyro_rad_s", GYRO),
         "accel": ("imu", "accel_m_s2", ACCEL),
-        "mag": ("imu", "mag_ut", MAG),
+        "mag": ("imu", "mag_ut", (*MAG, ARBITRARY)),
         "value": ("scalar", "value", (*LENGTH, *ANGLE)),
         "position": ("vector", "value", LENGTH),
     }
@@ -81,7 +82,7 @@ class FileMapping:
     Args:
         path: relative to the mapping file's folder, or to the folder given with it.
         dialect: delimiter, decimal mark, encoding, header.
-        time_column: by name or by number from 1.
+        time_column: by name or by number from 1; None: the rows are counted.
         time_unit: one of `TIME_UNITS`; None: recognised from the column.
         time_offset_s: added to every time stamp, to align another device's clock with the common one.
         time_wraps_at: value at which the time column restarts at 0, in its own unit; None if it never does.
@@ -93,7 +94,7 @@ class FileMapping:
 
     path: str
     dialect: Dialect
-    time_column: Column
+    time_column: Column | None
     time_unit: str | None
     time_offset_s: float
     time_wraps_at: float | None
@@ -114,10 +115,16 @@ class CsvMapping:
 
 def read_mapping(file: Path) -> CsvMapping:
     """Read and check a mapping file; every mistake is a `DataError` with file, line and key."""
-    top = TomlTable.read(file)
+    return mapping_of(TomlTable.read(file))
+
+
+def mapping_of(top: TomlTable) -> CsvMapping:
+    """Check the text of a mapping; every mistake is a `DataError` with file, line and key."""
     top.check_keys({"format", "meta", "file"})
     top.check_format(1)
-    return CsvMapping(file, tuple(_file(t) for t in top.tables("file")), top.table("meta", default={}).values)
+    return CsvMapping(
+        top.file, tuple(_file(t) for t in top.tables("file")), top.table("meta", default={}).values
+    )
 
 
 def _file(table: TomlTable) -> FileMapping:
@@ -128,7 +135,7 @@ def _file(table: TomlTable) -> FileMapping:
     return FileMapping(
         path=table.string("path"),
         dialect=_dialect(table),
-        time_column=_column(time, "column", time.require("column")),
+        time_column=_time_column(time, unit),
         time_unit=unit,
         time_offset_s=time.number("offset_s", 0.0),
         time_wraps_at=_time_wraps_at(time, unit),
@@ -137,6 +144,13 @@ def _file(table: TomlTable) -> FileMapping:
         sensors=tuple(_sensor(s) for s in table.tables("sensor")),
         where=table.where(),
     )
+
+
+def _time_column(time: TomlTable, unit: str | None) -> Column | None:
+    """The time column; a file without one has rows at a rate."""
+    if "column" not in time.values and unit == SAMPLES and "rate_hz" in time.values:
+        return None
+    return _column(time, "column", time.require("column"))
 
 
 def _time_unit(time: TomlTable) -> str | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
@@ -47,6 +47,7 @@ def time_unit(layout: Layout, entry: FileMapping) -> TimeUnit:
     Raises:
         DataError: the unit or the rate is not clear; the text lists the choices.
     """
+    assert entry.time_column is not None
     index = layout.index(entry.time_column)
     unit, said = entry.time_unit, []
     if unit is None:
@@ -98,11 +99,16 @@ def _as_numbers(layout: Layout, batch: Batch, index: int) -> FloatArray | None:
     return present if present.size else None
 
 
+def rates_named(lines: Iterable[str]) -> set[float]:
+    """The rates that lines of text name, such as "Rate: 100 Hz", in Hz."""
+    return {float(text.replace(",", ".")) for line in lines for text in _RATE.findall(line)}
+
+
 def _rate_above_header(layout: Layout, entry: FileMapping) -> float:
     """The one rate that the skipped lines name, Hz."""
     with open_text(layout.file, layout.dialect.encoding) as file:
         above = list(islice(file, layout.dialect.skip_rows))
-    found = {float(text.replace(",", ".")) for line in above for text in _RATE.findall(line)}
+    found = rates_named(above)
     if len(found) == 1 and (rate_hz := found.pop()) > 0.0:
         return rate_hz
     listed = f"they name {', '.join(f'{r:g} Hz' for r in sorted(found))}" if found else "they name none"

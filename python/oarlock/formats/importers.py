@@ -32,12 +32,14 @@ class Format:
     Args:
         name: of the verb and of the module.
         room: the folder of the module, below `oarlock.formats`; empty for none.
-        place: what the path is: `FILE`, `FOLDER` or `MAPPING`.
+        place: what the path is: `FILE`, `FOLDER`, `PLACE` (either of them) or `MAPPING`.
         contents: what the path contains.
         summary: one line of help.
         example: arguments of an example.
         reads: what can be read, for the page.
         options: further keywords of the reader.
+        suffixes: how its files' names end, in small letters, for the reasons why a file was not recognised.
+        is_last_resort: it is asked about files that no other format recognises.
     """
 
     name: str
@@ -48,6 +50,13 @@ class Format:
     example: str
     reads: str
     options: tuple[ReaderOption, ...] = ()
+    suffixes: tuple[str, ...] = ()
+    is_last_resort: bool = False
+
+    @property
+    def title(self) -> str:
+        """What the format is, in a few words."""
+        return self.contents.rstrip(".")
 
     @property
     def command(self) -> str:
@@ -72,6 +81,13 @@ class Format:
         return import_module(".".join(filter(None, ("oarlock.formats", self.room, self.name))))
 
 
+_TRIAL = ReaderOption(
+    "trial", str | None, "Which trial, if the folder has several: what the files' names share."
+)
+_ORIENTATIONS = ReaderOption(
+    "orientations", bool, "Also import the orientations that units with a gyroscope computed.", False
+)
+
 FORMATS = (
     Format(
         "apdm",
@@ -81,6 +97,7 @@ FORMATS = (
         "Import an APDM export: gyroscope, accelerometer, magnetometer of every sensor.",
         "imuData01.csv",
         'CSV exports of APDM (Opal) units: the "Test Name" layout and "Format=7"',
+        suffixes=(".csv",),
     ),
     Format(
         "csv",
@@ -90,6 +107,92 @@ FORMATS = (
         "Import CSV files described by a mapping file; decimal commas, clock times and epoch milliseconds are read.",
         "mapping.toml",
         "any CSV file, as a mapping file describes it",
+        suffixes=(".toml",),
+    ),
+    Format(
+        "table",
+        "table",
+        "FILE",
+        "A table of text with names of columns.",
+        "Import a CSV or TSV file with clear names of columns, without a mapping file.",
+        "arm.csv",
+        "a CSV or TSV file whose columns have clear names, such as `Shank ACC X (G)` or `thorax_gx`",
+        (
+            ReaderOption("accel_unit", str | None, "Unit of the accelerometers: g, m/s2, mg, mm/s2."),
+            ReaderOption("gyro_unit", str | None, "Unit of the gyroscopes: rad/s, deg/s."),
+            ReaderOption("mag_unit", str | None, "Unit of the magnetometers: uT, gauss, mG, nT, T, a.u."),
+            ReaderOption("time_unit", str | None, "Unit of the time column, as in a mapping file."),
+            ReaderOption("rate_hz", float | None, "Rows in a second, if the file has no time stamps."),
+            ReaderOption("save_mapping", Path | None, "File for the mapping that was used."),
+        ),
+        suffixes=(".csv", ".tsv", ".txt", ".dat", ".sto"),
+        is_last_resort=True,
+    ),
+    Format(
+        "mtmanager",
+        "devices",
+        "PLACE",
+        "Text export of Xsens MT Manager, or the folder with a file for each unit.",
+        "Import exports of Xsens MT Manager (MTw, MTi): gyroscope, accelerometer, magnetometer, orientation.",
+        "MT_01200454_000-000_00B40DE4.txt --rate-hz 100",
+        "text exports of Xsens MT Manager: one file, or all units of a trial",
+        (
+            _TRIAL,
+            ReaderOption(
+                "rate_hz",
+                float | None,
+                "Rate of the packet counter, Hz, where the file states no time and no rate.",
+            ),
+            _ORIENTATIONS,
+        ),
+    ),
+    Format(
+        "dot",
+        "devices",
+        "PLACE",
+        "CSV file of a Movella DOT, or the folder with a file for each unit.",
+        "Import CSV files of Movella DOT (Xsens DOT): gyroscope, accelerometer, magnetometer, orientation.",
+        "1_20250711_200600_086.csv",
+        "CSV files of Movella DOT (Xsens DOT): one file, or all synchronised units of a trial",
+        (_TRIAL, _ORIENTATIONS),
+    ),
+    Format(
+        "shimmer",
+        "devices",
+        "PLACE",
+        "Calibrated CSV export of Shimmer Consensys, or the folder of a session.",
+        "Import exports of Shimmer Consensys: gyroscope, accelerometer, magnetometer.",
+        "Session1_Shimmer_40AC_Calibrated_SD.csv --accel WR",
+        "calibrated exports of Shimmer Consensys: one file, or the files of a session",
+        (
+            _TRIAL,
+            ReaderOption(
+                "accel", str | None, "LN (low noise) or WR (wide range); if not given, LN where there is one."
+            ),
+        ),
+    ),
+    Format(
+        "mvnx",
+        "devices",
+        "FILE",
+        "MVNX export of Xsens MVN.",
+        "Import an MVNX export of Xsens MVN: orientations of segments and sensors, magnetic field of sensors.",
+        "trial.mvnx",
+        "MVNX exports of Xsens MVN: orientations of segments and sensors",
+    ),
+    Format(
+        "sto",
+        "devices",
+        "FILE",
+        "Table of orientations of OpenSim, .sto.",
+        "Import a table of orientations of OpenSim (OpenSense): an orientation of each sensor.",
+        "orientations.sto",
+        "tables of orientations of OpenSim (OpenSense)",
+        (
+            ReaderOption(
+                "up", str, "Axis of the file's reference that points up: z (units) or y (OpenSim).", "z"
+            ),
+        ),
     ),
     Format(
         "dfjimu",
@@ -99,6 +202,7 @@ FORMATS = (
         "Import a dfjimu recording: two inertial units on two bodies connected by a ball joint.",
         "data_3D_01.mat",
         "two units on bodies joined by a ball joint; see [public data sets](#public-data-sets)",
+        suffixes=(".mat",),
     ),
     Format(
         "diodem",
@@ -135,6 +239,7 @@ FORMATS = (
         "Import a BROAD trial: one inertial unit with magnetometer.",
         "01_undisturbed_slow_rotation_A.mat",
         "one unit with magnetometer",
+        suffixes=(".mat",),
     ),
     Format(
         "qmt",
@@ -144,6 +249,57 @@ FORMATS = (
         "Import the full-body example of qmt: an inertial unit on each of sixteen segments.",
         "full_body_example_data.mat",
         "sixteen units on a person",
+        suffixes=(".mat",),
+    ),
+    Format(
+        "ngimu",
+        "devices",
+        "FOLDER",
+        "Folder of a session, with a folder for each unit.",
+        "Import x-io NGIMU units: CSV folders of the vendor's software.",
+        "LOG_0000",
+        "x-io NGIMU units: folders of CSV files; see [NGIMU](#ngimu)",
+        suffixes=(".csv",),
+    ),
+    Format(
+        "lines",
+        "devices",
+        "FILE",
+        "Lines t_us,seq,ax,ay,az,gx,gy,gz,mx,my,mz.",
+        "Import a unit that somebody built, which writes Oarlock's line protocol to a serial port or by UDP.",
+        "left_hand.csv",
+        "units that you built yourself: Oarlock's line protocol; see [the line protocol](#the-line-protocol)",
+        suffixes=(".csv", ".txt", ".log"),
+    ),
+    Format(
+        "c3d",
+        "devices",
+        "FILE",
+        "C3D file with analogue channels.",
+        "Import analogue channels of a C3D file: inertial units by their labels, all other channels as numbers.",
+        "trial.c3d",
+        "analogue channels of C3D files, inertial units among them; see [C3D](#c3d)",
+        suffixes=(".c3d",),
+    ),
+    Format(
+        "xdf",
+        "devices",
+        "FILE",
+        "XDF file, as LabRecorder writes it.",
+        "Import streams of the Lab Streaming Layer: inertial units by their labels, all other channels as numbers.",
+        "trial.xdf",
+        "XDF files of the Lab Streaming Layer (LSL), all streams; see [XDF](#xdf)",
+        suffixes=(".xdf",),
+    ),
+    Format(
+        "ximu3",
+        "devices",
+        "PLACE",
+        "Folder with the units' folders of CSV files, or a .ximu3 file.",
+        "Import x-io x-IMU3 units: CSV folders of the vendor's software, or files of the data logger.",
+        "logged_lower_body",
+        "x-io x-IMU3 units: folders of CSV files, or .ximu3 files; see [x-IMU3](#x-imu3)",
+        suffixes=(".csv", ".ximu3"),
     ),
 )
 """All formats, in the order of the help."""

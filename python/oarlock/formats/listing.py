@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from types import MappingProxyType
 
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
@@ -17,7 +16,6 @@ from oarlock.storage.regular_file import open_regular
 
 HEAD_BYTES = 16_384
 MAX_FILES = 20_000
-_NOTHING: Mapping[str, object] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -66,6 +64,7 @@ class Found:
         name: a name for the recording, such as the trial's.
         about: what it is, in a few words: maker, device, number of units.
         options: further keywords of the reader.
+        start: moment of the first sample as text, if the first bytes say it.
     """
 
     format: str
@@ -73,7 +72,8 @@ class Found:
     files: tuple[Path, ...]
     name: str
     about: str
-    options: Mapping[str, object] = _NOTHING
+    options: Mapping[str, object] = field(default_factory=dict)
+    start: str = ""
 
 
 def listed(path: str | Path) -> Listing:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from oarlock.storage.array_gate import FloatArray
 
 
@@ -43,6 +45,28 @@ def table_text(
     ]
     rows = zip(time_s.tolist(), values.tolist(), strict=True)
     return "\n".join([*head, *("\t".join(map(repr, (time, *row))) for time, row in rows)]) + "\n"
+
+
+def quaternion_text(labels: Sequence[str], time_s: FloatArray, quat_wxyz: FloatArray) -> str:
+    """A table of orientations for OpenSense: cells `w,x,y,z`, rows with a NaN left out.
+
+    Args:
+        labels: names of the columns, `BODY_imu` for OpenSense.
+        time_s: (T,) s.
+        quat_wxyz: (T, n, 4) ground from body.
+    """
+    step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1.0
+    head = [
+        f"DataRate={1.0 / step_s:.6f}",
+        "DataType=Quaternion",
+        "version=3",
+        "OpenSimVersion=4.6",
+        "endheader",
+    ]
+    known = np.isfinite(quat_wxyz).all(axis=(1, 2))
+    rows = zip(time_s[known].tolist(), quat_wxyz[known].tolist(), strict=True)
+    lines = ("\t".join([repr(time), *(",".join(map(repr, quat)) for quat in row)]) for time, row in rows)
+    return "\n".join([*head, "\t".join(["time", *labels]), *lines]) + "\n"
 
 
 def _plain(remark: str) -> str:

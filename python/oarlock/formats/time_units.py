@@ -70,6 +70,16 @@ def recognised_unit(
     return found[0].unit, f"{place}: read as {found[0].keys} ({found[0].meaning}), {because}."
 
 
+def possible_units(header: str, values: FloatArray) -> list[Found]:
+    """The units that a time column of numbers may have: those that give a plausible rate and date.
+
+    Args:
+        header: name of the column; empty if there is none.
+        values: (T,) finite numbers of the column.
+    """
+    return list(_readings(values, _scale_in(header)))
+
+
 def _from_texts(cells: Sequence[str], place: str) -> tuple[str, str]:
     for unit, fits in ((CLOCK, is_clock_time), (ISO, is_iso_time)):
         if all(fits(cell) for cell in cells):

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from oarlock.recording.session_info import SESSION_KEY, read_session, without_session, write_session
 from oarlock.recording.streams import (
     ImuStream,
     OrientationStream,
@@ -69,16 +70,18 @@ def write_folder(
     if file_format not in ("parquet", "csv"):
         raise DataError(f'file_format is {file_format!r}; expected "parquet" or "csv"')
     files = file_names([stream.name for stream in streams], file_format)
+    session, others = without_session(meta)
     document = {
         "format": FORMAT,
         "stream": [_entry(s, f) for s, f in zip(streams, files, strict=True)],
-        "meta": dict(meta),
+        "meta": others,
     }
     text = toml_text(document)
     with replaced_folder(folder, KIND, force) as root:
         for stream, file in zip(streams, files, strict=True):
             _write_columns(root / file, _columns_of(stream))
         write_file(root / INDEX_FILE, text)
+        write_session(root, session)
 
 
 def read_folder(path: str | PathLike[str]) -> tuple[list[Stream], Mapping[str, object]]:
@@ -107,7 +110,9 @@ def read_folder(path: str | PathLike[str]) -> tuple[list[Stream], Mapping[str, o
     check_files(manifest, [index.name, *(table.string("file") for table in tables)])
     # pyarrow keeps its buffers for the next file; for an hour of data they are a third of the recording's size.
     pa.default_memory_pool().release_unused()
-    return streams, top.table("meta", default={}).values
+    meta = top.table("meta", default={}).values
+    session = read_session(index.parent)
+    return streams, {**meta, SESSION_KEY: dict(session)} if session else meta
 
 
 def _entry(stream: Stream, file: str) -> dict[str, object]:

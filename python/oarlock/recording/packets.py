@@ -21,6 +21,8 @@ _GAP_STEPS = 1.5
 _REGULAR_SHARE, _REGULAR_STEP = 0.8, 0.3
 """Time stamps show lost packets only if this share of the intervals is within this share of the typical interval."""
 _LEAST_STEPS = 10
+_SLOWER_SHARE = 0.99
+"""A quantity with fewer regular rows than this share of its stream has a rate of its own."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ def lost_packets(recording: Session, stream: Stream) -> Lost | None:
     counted = recording.meta.get(META_KEY)
     if isinstance(counted, Mapping) and isinstance(counted.get(stream.name), Mapping):
         return _counted(counted[stream.name], stream)
-    return _by_steps(stream)
+    return _by_steps(stream.time_s)
 
 
 def _counted(found: Mapping[str, ArrayLike], stream: Stream) -> Lost:
@@ -95,8 +97,8 @@ def _counted(found: Mapping[str, ArrayLike], stream: Stream) -> Lost:
     return Lost(after[inside], packets[inside], packets[inside] * step_s, True)
 
 
-def _by_steps(stream: Stream) -> Lost | None:
-    steps = np.diff(stream.time_s)
+def _by_steps(time_s: FloatArray) -> Lost | None:
+    steps = np.diff(time_s)
     if steps.size < _LEAST_STEPS:
         return None
     usual = float(np.median(steps))
@@ -104,7 +106,7 @@ def _by_steps(stream: Stream) -> Lost | None:
         return None
     gaps = np.flatnonzero(steps > _GAP_STEPS * usual)
     packets = np.round(steps[gaps] / usual) - 1.0
-    return Lost(stream.time_s[gaps], packets, steps[gaps] - usual, False)
+    return Lost(time_s[gaps], packets, steps[gaps] - usual, False)
 
 
 def own_rate_hz(recording: Session, stream: Stream) -> float:
@@ -129,10 +131,43 @@ def expected_rows(recording: Session, stream: Stream) -> int:
 
 
 def missing_share(recording: Session, stream: Stream) -> float:
-    """Share of the expected values of a stream that are absent or NaN."""
-    width = sum(v.size for v in stream.values.values())
+    """Share of the expected values of a stream that are absent or NaN, each quantity against its own rate."""
     received = sum(np.count_nonzero(np.isfinite(v)) for v in stream.values.values())
-    return 1.0 - received * len(stream) / (width * expected_rows(recording, stream))
+    rows = expected_quantity_rows(recording, stream)
+    return 1.0 - received / sum(rows[name] * (v.size // len(v)) for name, v in stream.values.items())
+
+
+def expected_quantity_rows(recording: Session, stream: Stream) -> dict[str, int]:
+    """`expected_rows` of each quantity. A slow one, such as a magnetometer at 20 Hz beside 100 Hz, has fewer."""
+    rows = expected_rows(recording, stream)
+    found = {}
+    for name, own in _own_stamps(stream).items():
+        found[name] = rows
+        lost = _by_steps(own) if own.size < len(stream) else None
+        if lost is not None:
+            rate_hz = (own.size - 1 + lost.packets.sum()) / (own[-1] - own[0])
+            steps = rate_hz * np.array([own[0] - recording.start_s, recording.end_s - own[-1]])
+            expected = own.size + int(lost.packets.sum()) + int(np.floor(steps[steps > _GAP_STEPS]).sum())
+            if expected < min(_SLOWER_SHARE * rows, rows - 2):
+                found[name] = expected
+    return found
+
+
+def quantity_rates(recording: Session, stream: Stream) -> dict[str, float]:
+    """Rate of each quantity of a stream, Hz; that of its rows unless the quantity has a slower rate of its own."""
+    rows, whole_hz = expected_rows(recording, stream), own_rate_hz(recording, stream)
+    return {
+        name: whole_hz if own == rows else whole_hz * own / rows
+        for name, own in expected_quantity_rows(recording, stream).items()
+    }
+
+
+def _own_stamps(stream: Stream) -> dict[str, FloatArray]:
+    """Time stamps of the rows in which each quantity has a reading."""
+    return {
+        name: stream.time_s[np.isfinite(values).reshape(len(values), -1).any(axis=1)]
+        for name, values in stream.values.items()
+    }
 
 
 def missing_packets(recording: Session, stream: Stream) -> int | None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from oarlock.recording.frozen_signals import clipped_texts, moves, stuck_texts
 from oarlock.recording.gyro_scale import gyro_per_gravity_turn, row_norms
-from oarlock.recording.packets import lost_packets
+from oarlock.recording.packets import expected_quantity_rows, lost_packets
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, ScalarStream, Stream
 from oarlock.storage.array_gate import FloatArray
@@ -93,7 +93,7 @@ def require_plausible(recording: Recording) -> list[Finding]:
 
 
 def _stream_findings(recording: Recording, stream: Stream) -> list[Finding]:
-    findings = _gap_findings(recording, stream) + _missing_findings(stream)
+    findings = _gap_findings(recording, stream) + _missing_findings(recording, stream)
     if isinstance(stream, ImuStream):
         findings += _accel_findings(stream) + _gyro_findings(stream) + _mag_findings(stream)
     elif isinstance(stream, ScalarStream):
@@ -210,7 +210,7 @@ def _scalar_findings(stream: ScalarStream) -> list[Finding]:
     ]
 
 
-def _missing_findings(stream: Stream) -> list[Finding]:
+def _missing_findings(recording: Recording, stream: Stream) -> list[Finding]:
     findings = []
     if isinstance(stream, ImuStream):
         # A track says in one line for all units which of its model's magnetometers are absent.
@@ -223,9 +223,17 @@ def _missing_findings(stream: Stream) -> list[Finding]:
         missing = np.isnan(rows).reshape(len(rows), -1)
         if missing.all():
             findings.append(_warning(stream, f"{field} has no reading (all NaN)."))
-        elif missing.any():
+        elif missing.any() and _lacks_rows(recording, stream, field):
             findings.append(_note(stream, _missing_text(stream, field, missing)))
     return findings
+
+
+def _lacks_rows(recording: Recording, stream: Stream, field: str) -> bool:
+    """False for a quantity that is slower than its stream and has all its own rows."""
+    expected = expected_quantity_rows(recording, stream)
+    there = np.isfinite(stream.values[field]).reshape(len(stream), -1)
+    rows = int(np.logical_or.reduce(there, axis=1).sum())
+    return rows < expected[field] or rows * there.shape[1] > int(np.count_nonzero(there))
 
 
 def _missing_text(stream: Stream, field: str, missing: NDArray[np.bool_]) -> str:

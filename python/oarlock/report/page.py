@@ -10,6 +10,7 @@ from oarlock.evaluation.consistency import sensor_scores
 from oarlock.evaluation.interval import Interval
 from oarlock.evaluation.scores import Evaluation, SensorScore
 from oarlock.evaluation.summary import observed_joints
+from oarlock.recording.session_info import session_info, session_text
 from oarlock.report import curves, health, slow, tables, verdict
 from oarlock.report.markup import bar_legend, notes_list, rendered
 from oarlock.report.section import Section, refuse_doubles, tiles
@@ -34,6 +35,8 @@ def render(
     heading = (
         title or f"Track of {getattr(track.model, 'name', None) or track.provenance.get('model', 'a model')}"
     )
+    session = session_text(session_info(track.provenance))
+    heading = f"{heading}: {session}" if session else heading
     sensors = evaluation.sensors if evaluation else sensor_scores(track, Interval.after(track.time_s, 0.0))
     own = _sections(track, evaluation, truth, sensors)
     refuse_doubles(handed, [key for key, _, _ in own])

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_lock import TREE, WORK, FolderLock, is_staged
-from oarlock.storage.manifest import MANIFEST, Manifest, sha256_of
+from oarlock.storage.manifest import MANIFEST, SESSION_FILE, Manifest, sha256_of
 from oarlock.storage.regular_file import read_text
 from oarlock.storage.write_file import check_replaceable, sync_file, sync_folder, unwritable, write_file
 
@@ -84,7 +84,8 @@ class FolderWriter:
             before = (Manifest.read(self.folder) or Manifest(self.folder)).with_nested()
             staged = _files_under(self.stage)
             listed = before.kinds.get(self._kind, {})
-            gone = [] if keeps_others else [name for name in listed if name not in staged]
+            ours = [*listed, *([SESSION_FILE] if listed else [])]
+            gone = [] if keeps_others else [name for name in ours if name not in staged]
             self._check_free(before, [*staged, *gone])
             files = _hashed(self.stage)
             after = before.with_files(self._kind, {**listed, **files} if keeps_others else files)
@@ -109,7 +110,7 @@ class FolderWriter:
     def _check_free(self, before: Manifest, names: list[str]) -> None:
         """Refuse to replace what is not ours. A manifest of somebody else has failed to be read before."""
         check_replaceable(self.folder / MANIFEST)
-        for name in (name for name in names if name != MANIFEST):
+        for name in (name for name in names if name != MANIFEST and Path(name).name != SESSION_FILE):
             file = _inside(self.folder, name)
             if os.path.lexists(file):
                 check_replaceable(file)
@@ -178,7 +179,8 @@ def check_files(manifest: Manifest | None, names: list[str]) -> None:
 
 
 def _hashed(folder: Path) -> dict[str, str]:
-    return {name: sha256_of(folder / name) for name in _files_under(folder) if name != MANIFEST}
+    names = (n for n in _files_under(folder) if n != MANIFEST and Path(n).name != SESSION_FILE)
+    return {name: sha256_of(folder / name) for name in names}
 
 
 def _files_under(folder: Path) -> list[str]:

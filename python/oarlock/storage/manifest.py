@@ -12,6 +12,8 @@ from oarlock.storage.regular_file import open_regular
 from oarlock.storage.toml import TomlTable, toml_text
 
 MANIFEST = "oarlock-manifest.toml"
+SESSION_FILE = "session.toml"
+"""Who was recorded, when and where. People edit it, so it is never listed; it is replaced with the rest."""
 FORMAT = 1
 _HEAD = """\
 # The files that Oarlock wrote into this folder, with their SHA-256. A file that differs is not read.

@@ -40,7 +40,7 @@ def unit_of(column: str) -> str:
     slow = re.search(r" \[(.+)\]$", column)
     if slow is not None:
         return slow[1]
-    plain = re.search(r"_(rad_s2|rad_s|rad|m_s2|m_s|m|s)$", column)
+    plain = re.search(r"_(rad_s2|rad_s|rad|m_s2|m_s|m|s|deg|cm)$", column)
     return "1" if plain is None else plain[1].replace("_s", "/s")
 
 

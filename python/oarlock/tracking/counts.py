@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from oarlock.recording.packets import expected_rows, own_rate_hz
+from oarlock.recording.packets import expected_quantity_rows, expected_rows, own_rate_hz
 from oarlock.recording.recording import Recording
+from oarlock.recording.streams import Stream
 from oarlock.tracking.records import DISTURBED, FAULT, FIELD
 
 
@@ -60,17 +61,28 @@ class StreamCount:
 
 def count_streams(recording: Recording, counts: Sequence[Mapping[str, Any]]) -> tuple[StreamCount, ...]:
     """The counts of a run (`Run.counts`) against the rates of the recording's streams."""
-    rows = {s.name: (own_rate_hz(recording, s), expected_rows(recording, s)) for s in recording.streams}
-    return tuple(_count(one, *rows[one["name"]]) for one in counts)
+    return tuple(_count(one, recording, recording[one["name"]]) for one in counts)
 
 
-def _count(one: Mapping[str, Any], rate_hz: float, rows: int) -> StreamCount:
+def _expected(recording: Recording, stream: Stream, channels: int) -> int:
+    """Readings of the channels that the model uses. Those that a slow quantity never has are not expected."""
+    rows = expected_rows(recording, stream)
+    slower = expected_quantity_rows(recording, stream)
+    widths = {name: values.size // len(values) for name, values in stream.values.items()}
+    inertial = [name for name in widths if name != "mag_ut"]
+    for used in (list(widths), inertial):
+        if sum(widths[name] for name in used) == channels:
+            return sum(widths[name] * slower[name] for name in used)
+    return rows * channels
+
+
+def _count(one: Mapping[str, Any], recording: Recording, stream: Stream) -> StreamCount:
     fields = dict(zip(FIELD[1:], one["fields"][1:], strict=True))
     faults = dict(zip(FAULT, one["faults"], strict=True))
     return StreamCount(
         name=one["name"],
-        rate_hz=rate_hz,
-        expected=rows * one["channels"],
+        rate_hz=own_rate_hz(recording, stream),
+        expected=_expected(recording, stream, one["channels"]),
         received=one["received"],
         used=one["used"],
         rejected=one["rejected"],

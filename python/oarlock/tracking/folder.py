@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,8 @@ from numpy.typing import NDArray
 from pyarrow import parquet
 
 from oarlock._core import Model
+from oarlock.recording.session_info import SESSION_KEY, read_session, without_session, write_session
+from oarlock.storage.epoch import epoch_of_stamps, shifted_text
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import check_files, read_manifest, replaced_folder
 from oarlock.storage.parquet_table import columns_of, read_table
@@ -49,7 +52,9 @@ def write_track(track: Estimates, folder: str | PathLike[str], force: bool = Fal
             parquet.write_table(_belief_table(track.beliefs), place / "beliefs.parquet")
         if track.model is not None:
             write_file(place / "model.toml", track.model.text)
-        write_toml(place / "run.toml", _description(track))
+        session, provenance = without_session(track.provenance)
+        write_toml(place / "run.toml", _description(track, provenance))
+        write_session(place, session)
 
 
 def read_track(folder: str | PathLike[str]) -> dict[str, Any]:
@@ -65,6 +70,7 @@ def read_track(folder: str | PathLike[str]) -> dict[str, Any]:
             f"{place}: contains no track (run.toml or track.parquet is missing); write one with `oarlock track`"
         )
     top = _read_description(place / "run.toml")
+    session = dict(read_session(place))
     table = read_table(place / "track.parquet", _AGAIN)
     # earlier versions wrote no coordinates for models with only hinges and slides; there each joint is a coordinate
     coordinates = top.get("coordinates", top["joints"])
@@ -93,12 +99,28 @@ def read_track(folder: str | PathLike[str]) -> dict[str, Any]:
         "info": _info(place / "sensors.parquet", tuple(top["sensors"])),
         "beliefs": _beliefs(place / "beliefs.parquet", tuple(top["states"])),
         "notes": tuple(top["notes"]),
-        "provenance": _with_none_read(top["provenance"]),
+        "provenance": _with_none_read(top["provenance"]) | ({SESSION_KEY: session} if session else {}),
         "smoothed": bool(top["smoothed"]),
         "counts": _counts(place / "run.toml", top.get("streams", {})),
     }
     check_files(manifest, [name for name in _FILES if (place / name).is_file()])
-    return found
+    return _from_zero(found)
+
+
+def _from_zero(found: dict[str, Any]) -> dict[str, Any]:
+    """With rows from 0 s and an epoch, if the stamps are seconds since 1970, as earlier versions wrote them."""
+    time_s, beliefs, provenance = found["time_s"], found["beliefs"], found["provenance"]
+    if not len(time_s) or "epoch" in provenance:
+        return found
+    zero = epoch_of_stamps(float(time_s[0]), float(time_s[-1]))
+    if zero is None:
+        return found
+    return found | {
+        "time_s": time_s - time_s[0],
+        "beliefs": None if beliefs is None else replace(beliefs, time_s=beliefs.time_s - time_s[0]),
+        "provenance": {**provenance, "epoch": zero},
+        "notes": (*found["notes"], shifted_text(zero)),
+    }
 
 
 def _read_description(file: Path) -> Mapping[str, Any]:
@@ -134,7 +156,7 @@ def _counts(file: Path, streams: Any) -> tuple[StreamCount, ...]:
         raise DataError(f"{file}: [streams] is damaged{_AGAIN}") from None
 
 
-def _description(track: Estimates) -> dict[str, Any]:
+def _description(track: Estimates, provenance: Mapping[str, object]) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "smoothed": track.smoothed,
@@ -146,7 +168,7 @@ def _description(track: Estimates) -> dict[str, Any]:
         "angle_sequences": dict(track.angle_sequences),
         "slow": {name: slow.unit for name, slow in track.slow.items()},
         "streams": {count.name: count.to_dict() for count in track.counts},
-        "provenance": _with_none_named(track.provenance),
+        "provenance": _with_none_named(provenance),
     }
 
 

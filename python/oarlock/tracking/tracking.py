@@ -16,6 +16,7 @@ from oarlock.recording.corrections import corrected, correction_notes
 from oarlock.recording.epoch import shift_notes
 from oarlock.recording.plausibility import Finding, require_plausible
 from oarlock.recording.recording import Recording
+from oarlock.recording.session_info import SESSION_KEY, session_info
 from oarlock.storage.errors import DataError, DivergedError
 from oarlock.tracking.counts import count_streams
 from oarlock.tracking.known_streams import known_streams
@@ -118,6 +119,7 @@ def finished(
         "parameters": model.parameters | dict(calibration.parameters if calibration else {}),
         "recording_sha256": _hash(recording),
         **({} if recording.epoch is None else {"epoch": recording.epoch}),
+        **({SESSION_KEY: dict(session)} if (session := session_info(recording.meta)) else {}),
         "config": run.config.to_dict(),
         "nominal_mounts": run.nominal_mounts,
         "steps": run.steps,

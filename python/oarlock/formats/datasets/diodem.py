@@ -20,6 +20,7 @@ import numpy as np
 
 from oarlock.evaluation.reference import Reference
 from oarlock.formats.columns import read_columns
+from oarlock.formats.listing import Found, Listing
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import FloatArray
@@ -125,3 +126,16 @@ def _open(file: Path) -> tuple[Layout, float]:
 def _whole_rows(rows: FloatArray) -> FloatArray:
     """A row that lacks a component is missing as a whole."""
     return np.where(np.isnan(rows).any(axis=1, keepdims=True), np.nan, rows)
+
+
+def find_diodem(listing: Listing) -> list[Found]:
+    """Trials of a place: each of the two ways of mounting is a recording."""
+    found = []
+    for mounted, file_name in _FILES.items():
+        for one in listing.suffixed(file_name):
+            if one.path.name == file_name and one.lines and _RATE.fullmatch(one.lines[0]):
+                folder = one.path.parent
+                name = f"{folder.name}_{mounted}"
+                about = f"DIODEM trial, five units, mounted {mounted}"
+                found.append(Found("diodem", folder, (one.path,), name, about, {"mounted": mounted}))
+    return found

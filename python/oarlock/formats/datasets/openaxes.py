@@ -14,6 +14,7 @@ import numpy as np
 
 from oarlock.evaluation.reference import Reference
 from oarlock.formats.columns import read_columns
+from oarlock.formats.listing import Found, Listing
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import FloatArray, time_array
@@ -102,7 +103,7 @@ def _clock_and_orientation(folder: str | PathLike[str], run: str, link: str) -> 
 
 
 def _readings_file(folder: str | PathLike[str], run: str, link: str) -> Path:
-    file = place_of(folder) / "synced_imu" / run / f"{link}_adx.csv"
+    file = _readings_name(folder, run, link)
     if not file.is_file():
         raise DataError(
             f'there is no run "{run}": {file} is missing. Runs: {", ".join(openaxes_runs(folder))}'
@@ -110,5 +111,23 @@ def _readings_file(folder: str | PathLike[str], run: str, link: str) -> Path:
     return file
 
 
+def _readings_name(folder: str | PathLike[str], run: str, link: str) -> Path:
+    return place_of(folder) / "synced_imu" / run / f"{link}_adx.csv"
+
+
 def _reference_file(folder: str | PathLike[str], run: str, link: str) -> Path:
     return place_of(folder) / "groundtruth" / f"robot-{run}" / f"{link}.csv"
+
+
+def find_openaxes(listing: Listing) -> list[Found]:
+    """Runs of the data folders of a place."""
+    found = []
+    for one in listing.suffixed(f"{LINKS[0]}_adx.csv"):
+        run = one.path.parent
+        root = run.parent.parent
+        files = [_readings_name(root, run.name, link) for link in LINKS]
+        files += [_reference_file(root, run.name, link) for link in LINKS]
+        if run.parent.name == "synced_imu" and all(file.is_file() for file in files):
+            about = "OpenAXES run, two units on a robot"
+            found.append(Found("openaxes", root, tuple(files), run.name, about, {"run": run.name}))
+    return found

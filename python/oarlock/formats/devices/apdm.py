@@ -10,6 +10,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from oarlock.formats.listing import Found, Listing
 from oarlock.formats.times import on_one_axis, parsed_stamps, relative_stamps
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
@@ -253,3 +254,14 @@ def _check_stamps(time_s: FloatArray, places: list[str]) -> None:
     if late.size:
         index = int(late[0]) + 1
         raise DataError(f"{places[index]}: time_s{disorder_text(time_s, index)}")
+
+
+def find_apdm(listing: Listing) -> list[Found]:
+    """Exports among the .csv files of a place."""
+    found = []
+    for one in listing.suffixed(".csv"):
+        first = one.lines[0] if one.lines else ""
+        is_format_7 = first.startswith("Format=") and len(one.lines) > 1 and one.lines[1].startswith("Time,")
+        if is_format_7 or first.startswith("Test Name:"):
+            found.append(Found("apdm", one.path, (one.path,), one.path.stem, "APDM (Opal) export"))
+    return found

@@ -1,4 +1,4 @@
-"""`export`: writes a track as CSV, Parquet, and OpenSim's .mot, .sto, .trc and .osim."""
+"""`export`: writes a track as tables, for OpenSim, and as movement of a skeleton (BVH, glTF, C3D)."""
 
 from __future__ import annotations
 
@@ -24,10 +24,12 @@ _FILES: Final[Mapping[str, Mapping[str, str]]] = MappingProxyType(
     {
         "csv": {
             "coordinates.csv": "all estimates, one column each, unit in its name; SI, rad, root axes; empty: no number",
+            "angles.csv": "joint angles and their standard deviations, deg; lengths in cm; empty: no number",
             "frames.csv": "positions of all frames, m, root axes; empty: no number",
         },
         "parquet": {
             "coordinates.parquet": "the same as coordinates.csv; units are also metadata; NaN: no number",
+            "angles.parquet": "the same as angles.csv",
             "frames.parquet": "the same as frames.csv",
         },
         "mot": {"coordinates.mot": "coordinates of model.osim over time, {angle} and m; nan: no reading"},
@@ -37,10 +39,15 @@ _FILES: Final[Mapping[str, Mapping[str, str]]] = MappingProxyType(
         },
         "trc": {"frames.trc": "positions of all frames as markers, mm, {ground}; NaN: no position"},
         "osim": {"model.osim": "one body and one marker for each frame, {ground}; masses are placeholders"},
+        "bvh": {"animation.bvh": "skeleton and its movement, cm, deg, {ground}"},
+        "glb": {"animation.glb": "skeleton and its movement, glTF 2.0 binary, m, Y up"},
+        "c3d": {"frames.c3d": "positions of all frames but the root as points, mm, {ground}"},
+        "opensense": {"orientations.sto": "orientations of bodies with units for OpenSense, {ground}"},
     }
 )
 FORMATS: Final = tuple(_FILES)
 OPENSIM: Final = ("mot", "sto", "trc", "osim")
+ANIMATIONS: Final = ("bvh", "glb", "c3d", "opensense")
 SUMMARY: Final = "export.toml"
 KIND: Final = "export"
 
@@ -84,7 +91,7 @@ class Export:
 def export(
     track: Track,
     folder: str | PathLike[str],
-    formats: Sequence[str] = FORMATS,
+    formats: Sequence[str] | None = None,
     *,
     degrees: bool = True,
     axes: Axes = "y-up",
@@ -93,9 +100,12 @@ def export(
 ) -> Export:
     """Write a track for other software, and export.toml, which lists the contents of each file.
 
-    `csv`: coordinates.csv and frames.csv. `parquet`: the same as .parquet, with the unit of each column in its
-    metadata. `mot`: coordinates.mot. `sto`: velocities.sto and std.sto. `trc`: frames.trc, positions of frames as
-    virtual markers, mm. `osim`: model.osim, in which each frame is a body and a marker.
+    `csv`: coordinates.csv, frames.csv, and angles.csv in degrees. `parquet`: the same as .parquet, with each column's
+    unit in its metadata. `mot`: coordinates.mot. `sto`: velocities.sto and std.sto. `trc`: frames.trc, positions of
+    frames as virtual markers, mm. `osim`: model.osim, in which each frame is a body and a marker. `bvh`, `glb`:
+    animation.bvh and animation.glb, the skeleton and its movement. `c3d`: frames.c3d, positions of frames as points; it
+    needs ezc3d. `opensense`: orientations.sto, orientations of the bodies with units. If no formats are given, c3d is
+    left out with a note where it cannot be written.
 
     In OpenSim's files a ball or free joint has three angles `NAME_XYZ_x`, `NAME_XYZ_y`, `NAME_XYZ_z`: body-fixed
     rotations about x, y and z of the joint, R = Rx Ry Rz, continuous over time. A free joint also has `NAME_tx`,
@@ -105,7 +115,7 @@ def export(
     Args:
         track: the track; without its model only `csv` and `parquet` without frames can be written.
         folder: folder to write; it is created, and an earlier export in it is replaced as a whole.
-        formats: some of `csv`, `parquet`, `mot`, `sto`, `trc`, `osim`.
+        formats: some of `csv`, `parquet`, `mot`, `sto`, `trc`, `osim`, `bvh`, `glb`, `c3d`, `opensense`; None: all.
         degrees: angles of .mot and .sto in degrees, else in rad; their headers (`inDegrees`) say which.
         axes: axes of OpenSim's ground and of the .trc. `y-up`: the root's axes, rotated by the smallest angle that
             makes the model's `up` Y; `root`: the root's axes, with gravity along the model's down. Tables are always in
@@ -118,25 +128,33 @@ def export(
         DataError: an unknown format, no samples, no model where one is needed, or a folder that cannot be written or
             has files of others in the way.
     """
-    chosen = _checked(track, formats, axes, missing)
+    chosen = _checked(track, FORMATS if formats is None else formats, axes, missing)
     with replaced_folder(folder, KIND, force) as stage:
-        written = _written(track, stage, chosen, degrees, axes, missing)
+        written = _written(track, stage, chosen, degrees, axes, missing, formats is None)
     return replace(written, folder=Path(folder))
 
 
 def _written(
-    track: Track, place: Path, formats: Sequence[str], degrees: bool, axes: Axes, missing: Missing
+    track: Track,
+    place: Path,
+    formats: Sequence[str],
+    degrees: bool,
+    axes: Axes,
+    missing: Missing,
+    skip_c3d: bool,
 ) -> Export:
-    from oarlock.formats.export.notes import reading_notes
+    from oarlock.formats.export.animation import write_animations
+    from oarlock.formats.export.notes import empty_notes, reading_notes
     from oarlock.formats.export.write_opensim import write_opensim
     from oarlock.storage.toml import write_toml
 
     done = _write_tables(track, place, formats)
-    notes, names = reading_notes(track), {}
-    if set(formats) & set(OPENSIM):
+    notes, names = (*reading_notes(track), *empty_notes(track, done)), {}
+    if set(formats) & {*OPENSIM, *ANIMATIONS}:
         opensim = write_opensim(track, place, formats, degrees, axes, missing)
-        done += opensim.files
-        notes, names = (*notes, *opensim.notes), dict(opensim.body_names)
+        animated, remarks = write_animations(track, place, formats, axes, opensim.body_names, skip_c3d)
+        done += [*opensim.files, *animated]
+        notes, names = (*notes, *opensim.notes, *remarks), dict(opensim.body_names)
     texts = files_of("deg" if degrees else "rad", "ground with Y up" if axes == "y-up" else "root axes")
     held = {file: text for name in formats for file, text in texts[name].items() if file in done}
     found = Export(place, held, notes, names)
@@ -152,11 +170,18 @@ def _written(
 
 def _write_tables(track: Track, place: Path, formats: Sequence[str]) -> list[str]:
     from oarlock.formats.export.frames import frame_places
-    from oarlock.formats.export.tables import frame_columns, write_csv, write_parquet
+    from oarlock.formats.export.tables import (
+        angle_columns,
+        frame_columns,
+        told_columns,
+        write_csv,
+        write_parquet,
+    )
 
     if not {"csv", "parquet"} & set(formats):
         return []
-    tables = {"coordinates": track.columns()}
+    columns = told_columns(track)
+    tables = {"coordinates": columns, "angles": angle_columns(columns)}
     if track.model is not None:
         tables["frames"] = frame_columns(frame_places(track))
     done = []
@@ -185,7 +210,7 @@ def _checked(track: Track, formats: Sequence[str], axes: str, missing: str) -> t
         raise DataError(f"export: no format is given; choose some of {', '.join(FORMATS)}")
     if not len(track):
         raise DataError("export: the track has no samples")
-    needing = [name for name in chosen if name in OPENSIM]
+    needing = [name for name in chosen if name in (*OPENSIM, *ANIMATIONS)]
     if track.model is None and needing:
         raise DataError(
             f"export: {', '.join(needing)} need the track's model, which was not found when it was loaded; restore its "

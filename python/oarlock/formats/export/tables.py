@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pyarrow as pa
 from pyarrow import parquet
 
@@ -17,8 +19,14 @@ from oarlock.tracking.columns import unit_of
 
 if TYPE_CHECKING:
     from oarlock.evaluation.markers.trajectories import Markers
+    from oarlock.tracking.track import Track
 
 Columns = Mapping[str, FloatArray]
+
+
+def told_columns(track: Track) -> dict[str, FloatArray]:
+    """The columns of a track without those that have no number, such as velocities of joints that have none."""
+    return {name: values for name, values in track.columns().items() if np.isfinite(values).any()}
 
 
 def frame_columns(frames: Markers) -> dict[str, FloatArray]:
@@ -26,6 +34,17 @@ def frame_columns(frames: Markers) -> dict[str, FloatArray]:
     found = {"time_s": frames.time_s}
     for k, name in enumerate(frames.names):
         found |= {f"{name}_{axis}_m": frames.position_m[:, k, i] for i, axis in enumerate("xyz")}
+    return found
+
+
+def angle_columns(columns: Columns) -> dict[str, FloatArray]:
+    """Angles in deg and lengths in cm with their standard deviations: `elbow_deg`, `seat_std_cm`."""
+    found = {"time_s": columns["time_s"]}
+    for name, values in columns.items():
+        shown = re.fullmatch(r"([^.]+)_(rad)|(.+)_(m)", name)  # components of rotation vectors have a dot
+        if shown is not None:
+            unit, factor = ("deg", 180.0 / np.pi) if shown[2] else ("cm", 100.0)
+            found[f"{shown[1] or shown[3]}_{unit}"] = factor * values
     return found
 
 

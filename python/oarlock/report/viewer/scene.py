@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from oarlock.model.description import WorldDescription
 from oarlock.model.shapes import Look, Viewpoint
+from oarlock.recording.session_info import session_info, session_text
 from oarlock.report.viewer.curves import Curve, joint_curves, packed_panels
 from oarlock.report.viewer.figure import Figure, add_frames, add_loops, add_strands, carried_shapes
 from oarlock.report.viewer.marks import Mark, marks_and_spans
@@ -57,7 +58,7 @@ def scene(
         start_s: start of the shown interval, s; None: the track's start.
         end_s: end of the shown interval, s.
         look: shapes, viewpoints and ground of the field of application.
-        title: a line above the figure.
+        title: a line above the figure; if empty, who was recorded and when, as far as it is known.
 
     Raises:
         DataError: no model, no samples in the interval, a shape on a missing frame, invalid marks or curves.
@@ -80,7 +81,7 @@ def scene(
     chosen = joint_curves(track) if curves is None else tuple(curves)
     return {
         "format": FORMAT,
-        "title": title,
+        "title": title or session_text(session_info(track.provenance)),
         "model": model.name,
         "time_s": packed_times(times),
         "epoch": _epoch(track),

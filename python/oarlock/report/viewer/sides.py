@@ -1,4 +1,4 @@
-"""Finds the side of the body in a name such as `r_elbow` or `elbow_right`, for the viewer's colours."""
+"""Finds the side of the body in a name such as `r_elbow`, `elbow_r` or `elbow_right`, for colours and comparisons."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Literal
 Side = Literal["right", "left", ""]
 
 _BEFORE: dict[str, Side] = {"r_": "right", "l_": "left"}
-_BEHIND: dict[str, Side] = {"_right": "right", "_left": "left"}
+_BEHIND: dict[str, Side] = {"_right": "right", "_left": "left", "_r": "right", "_l": "left"}
 
 
 def side_of(name: str) -> tuple[Side, str]:

@@ -1,0 +1,270 @@
+"""`oarlock import PATH`: recognises the recordings of a place and writes one, or all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+
+from oarlock.cli.import_summary import document, write_summary
+from oarlock.cli.options import Force, Json
+from oarlock.cli.session_options import (
+    SESSION_OPTIONS,
+    NoQuestions,
+    asked_session,
+    asks_questions,
+    taken_session,
+)
+from oarlock.cli.terminal import EXIT_DATA, UsageError, output_folder, print_json, say, steps, table
+from oarlock.cli.unit_options import UNIT_OPTIONS, Naming, taken_naming
+
+if TYPE_CHECKING:
+    from oarlock import Recording
+    from oarlock.formats.contents import Contents
+    from oarlock.formats.listing import Found
+
+PATH_VERB: Final = "PATH"
+"""Name of the verb in the help; no format has capitals."""
+_LISTED_FILES = 5
+
+
+PATH_OPTIONS: Final[list[tuple[str, Any, Any]]] = [
+    (
+        "path",
+        Annotated[Path, typer.Argument(metavar="PATH", help="File, folder or zip file with recordings.")],
+        ...,
+    ),
+    (
+        "out",
+        Annotated[
+            Path | None,
+            typer.Option(
+                "--out", "-o", metavar="FOLDER", help="Folder to write; default: NAME-recording, here."
+            ),
+        ],
+        None,
+    ),
+    (
+        "every",
+        Annotated[
+            bool, typer.Option("--all", help="Write every recording, each into its own folder in FOLDER.")
+        ],
+        False,
+    ),
+    (
+        "pick",
+        Annotated[str | None, typer.Option(metavar="NAME", help="Write only the recording of this name.")],
+        None,
+    ),
+    (
+        "save_mapping",
+        Annotated[
+            Path | None, typer.Option(metavar="FILE", help="Also write the mapping of a table of text.")
+        ],
+        None,
+    ),
+    *UNIT_OPTIONS,
+    *((name, kind, None) for name, kind in SESSION_OPTIONS),
+    ("no_questions", NoQuestions, False),
+    ("force", Force, False),
+    ("json_output", Json, False),
+]
+"""Name, annotation and default of each option of `oarlock import PATH`."""
+
+
+def import_path(
+    path: Path,
+    out: Path | None,
+    every: bool,
+    pick: str | None,
+    save_mapping: Path | None,
+    no_questions: bool,
+    force: bool,
+    json_output: bool,
+    **options: Any,
+) -> None:
+    """Recognise the recordings of a file, a folder or a zip file, and convert them."""
+    from oarlock.formats.contents import find_recordings
+
+    session = taken_session(options)
+    naming = taken_naming(options, path)
+    if every and pick is not None:
+        raise UsageError("--all and --pick contradict each other")
+    contents = find_recordings(path)
+    if save_mapping is not None and (every or not _is_table(contents, pick)):
+        raise UsageError(
+            "--save-mapping: only a table of text that was recognised by its columns has a mapping"
+        )
+    asks = asks_questions(no_questions, json_output)
+    if len(contents.recordings) > 1 and pick is None and not every:
+        _list(contents, path, json_output)
+        return
+    if every:
+        folder = out or Path(f"{_plain(path)}-recordings")
+        _write_all(contents, folder, session, naming, asks, force, json_output)
+        return
+    found = contents.only(pick)
+    recording = _read(found, asks, {} if save_mapping is None else {"save_mapping": save_mapping})
+    recording = naming.named(recording)
+    session = _session(recording, session, asks)
+    target = out or Path(f"{_plain(Path(found.name))}-recording")
+    write_recording(recording, session, path, target, found.about, force, json_output)
+    if not json_output:
+        naming.say()
+        _say_others(contents)
+        if save_mapping is not None:
+            say(f"Wrote {save_mapping}")
+
+
+def write_recording(
+    recording: Recording,
+    session: Mapping[str, str],
+    source: Path,
+    out: Path,
+    about: str,
+    force: bool,
+    json_output: bool,
+) -> None:
+    """Write a recording's folder, and say what is in it."""
+    recording = _with_session(recording, session, out)
+    with output_folder(out, "recording", force, fresh=True) as stage:
+        recording.save(stage)
+    if json_output:
+        print_json(document(recording, source, out, about))
+        return
+    write_summary(recording, source, out, about)
+    steps(f"oarlock track {out} --model MODEL --out {out}-track")
+
+
+def _with_session(recording: Recording, session: Mapping[str, str], out: Path) -> Recording:
+    """The recording with its session: as given, else as the file says, else that of the folder that is replaced."""
+    from oarlock import Recording
+    from oarlock.recording.session_info import SESSION_KEY, read_session, session_info
+
+    known = {**read_session(out), **session_info(recording.meta), **session}
+    return Recording(recording.streams, {**recording.meta, SESSION_KEY: known}) if known else recording
+
+
+def _is_table(contents: Contents, pick: str | None) -> bool:
+    return (pick is not None or len(contents.recordings) == 1) and contents.only(pick).format == "table"
+
+
+def _read(found: Found, asks: bool, options: Mapping[str, object]) -> Recording:
+    """Read a recording; on a terminal ask what is not clear."""
+    from oarlock.formats.choices import UnclearError
+    from oarlock.formats.contents import read_found
+
+    answers: dict[str, object] = dict(options)
+    while True:
+        try:
+            return read_found(found, answers)
+        except UnclearError as unclear:
+            if not asks or unclear.option in answers:
+                raise
+            answers[unclear.option] = _answer(unclear)
+
+
+def _answer(unclear: Any) -> object:
+    say(str(unclear))
+    if not unclear.choices:
+        return typer.prompt("  your answer", type=float)
+    for choice, meaning in unclear.choices.items():
+        say(f"{choice}: {meaning}", indent=2)
+    valid = list(unclear.choices)
+    while True:
+        answer = str(typer.prompt(f"  which of {', '.join(valid)}"))
+        if answer in valid:
+            return answer
+
+
+def _session(recording: Recording, session: Mapping[str, str], asks: bool) -> dict[str, str]:
+    from oarlock.recording.session_info import session_info
+
+    known = {**session_info(recording.meta), **session}
+    if not asks or session:
+        return known
+    return asked_session(known, _date(recording.epoch))
+
+
+def _date(epoch: str | None) -> str:
+    """The date of the recording's clock; empty if it has none."""
+    return epoch[:10] if epoch and len(epoch) > 10 and epoch[4] == "-" else ""
+
+
+def _plain(path: Path) -> str:
+    """A name for a folder from the name of a file."""
+    return path.resolve().stem if path.is_file() else path.resolve().name
+
+
+def _list(contents: Contents, path: Path, json_output: bool) -> None:
+    rows = [
+        (one.name, one.format, one.start, one.about, contents.relative(one.path))
+        for one in contents.recordings
+    ]
+    if json_output:
+        keys = ("name", "format", "start", "about", "path")
+        others = [contents.relative(file) for file in contents.others]
+        print_json({"recordings": [dict(zip(keys, row, strict=True)) for row in rows], "others": others})
+        return
+    say(f"{path} contains {len(rows)} recordings", style="bold")
+    table(["name", "format", "start", "what", "path"], rows)
+    _say_others(contents)
+    steps(f"oarlock import {path} --pick {rows[0][0]}", f"oarlock import {path} --all --out FOLDER")
+
+
+def _say_others(contents: Contents) -> None:
+    if not contents.others:
+        return
+    shown = ", ".join(contents.relative(file) for file in contents.others[:_LISTED_FILES])
+    more = len(contents.others) - _LISTED_FILES
+    count = len(contents.others)
+    files = "1 file belongs" if count == 1 else f"{count} files belong"
+    say(f"{files} to no recording: {shown}{f' and {more} more' if more > 0 else ''}")
+
+
+def _write_all(
+    contents: Contents,
+    out: Path,
+    session: Mapping[str, str],
+    naming: Naming,
+    asks: bool,
+    force: bool,
+    json_output: bool,
+) -> None:
+    """Write each recording into a folder of its own. What cannot be read is reported, and the others are written."""
+    if asks and not session:
+        session = asked_session({}, "")
+    written: list[dict[str, object]] = []
+    refused: list[dict[str, str]] = []
+    for one in contents.recordings:
+        target = out / _safe(one.name)
+        try:
+            recording = _with_session(naming.named(_read(one, asks, {})), session, target)
+        except ValueError as error:
+            refused.append({"name": one.name, "message": str(error)})
+            continue
+        with output_folder(target, "recording", force, fresh=True) as stage:
+            recording.save(stage)
+        written.append(document(recording, one.path, target, one.about))
+        if not json_output:
+            say(
+                f"Wrote {target}: {one.about}, {len(recording.streams)} streams, {recording.duration_s:.1f} s"
+            )
+    others = [contents.relative(file) for file in contents.others]
+    if json_output:
+        print_json({"recordings": written, "refused": refused, "others": others})
+    else:
+        for problem in refused:
+            say(f"Not written: {problem['name']}: {problem['message']}")
+        _say_others(contents)
+    if refused:
+        raise typer.Exit(EXIT_DATA)
+
+
+def _safe(name: str) -> str:
+    """A name of a folder that every file system has."""
+    from oarlock.storage.names import file_names
+
+    return file_names([name], "x")[0].removesuffix(".x")

@@ -1,0 +1,171 @@
+"""Builds the sections of a movement's report: ranges, player, courses over a cycle, right against left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from html import escape
+
+import numpy as np
+
+from oarlock.movement.angles import JointAngle
+from oarlock.movement.cycles import Repetition, cycle_courses
+from oarlock.movement.movement import Movement
+from oarlock.movement.ranges import BAND_95, side_pairs
+from oarlock.movement.words import key_figures, plain, sentences
+from oarlock.report import (
+    Axis,
+    Column,
+    Section,
+    Series,
+    course_chart,
+    fixed,
+    plain_table,
+    sort_script,
+    sortable_table,
+    value_cell,
+)
+from oarlock.report.viewer import embed, joint_curves, scene
+from oarlock.report.viewer.sides import side_of
+
+LONGEST_S = 60.0
+"""Longest part in the player of the page; `oarlock view` shows the whole track."""
+LEAST_MOVEMENT_DEG = 5.0
+"""Angles that move less are not drawn over cycles."""
+
+
+def sections_of(movement: Movement, csv_name: str) -> list[Section]:
+    """The sections of a body's movement, for `write_report`; none if no joint angle is observed."""
+    if not movement.angles:
+        return []
+    parts = [
+        ("ranges", "Range of motion", _ranges(movement)),
+        ("moving", "The movement", _player(movement)),
+        ("cycles", "Over a cycle", _cycles(movement, csv_name)),
+        ("sides", "Right and left", _sides(movement)),
+    ]
+    sections = [Section(key, name, markup) for key, name, markup in parts if markup]
+    spoken, figures = tuple(sentences(movement)), tuple(key_figures(movement))
+    first = replace(sections[0], sentences=spoken, figures=figures, script=sort_script())
+    return [first, *sections[1:]]
+
+
+def _ranges(movement: Movement) -> str:
+    heads: list[Column] = [
+        Column("angle"),
+        Column("smallest", "deg"),
+        Column("largest", "deg"),
+        Column("range", "deg"),
+        Column("±", "deg"),
+    ]
+    if movement.in_cycles:
+        heads.append(Column("range in a cycle", "deg", "mean over the cycles"))
+    rows: list[list[str]] = []
+    muted: list[int] = []
+    for angle in movement.angles:
+        one = movement.ranges[angle.name]
+        name = f'<span title="{escape(angle.label)}">{escape(plain(angle.name))}</span>'
+        cells = [value_cell(v, fixed(v, 1)) for v in (one.lowest_deg, one.highest_deg, one.range_deg)]
+        cells.append(value_cell(one.range_std_deg, fixed(BAND_95 * one.range_std_deg, 1)))
+        if movement.in_cycles:
+            mean = movement.in_cycles.get(angle.name)
+            cells.append(value_cell(mean.range_deg, fixed(mean.range_deg, 1)) if mean else "–")
+        if one.range_deg < LEAST_MOVEMENT_DEG:
+            muted.append(len(rows))
+        rows.append([name, *cells])
+    caption = (
+        "Angles that sensors observed, over the whole track. ±: half of the 95 % interval of the range. Grey: moved by "
+        f"less than {LEAST_MOVEMENT_DEG:g}°. A click on a head sorts."
+    )
+    return sortable_table("ranges", caption, heads, rows, muted=muted)
+
+
+def _player(movement: Movement) -> str:
+    track, main = movement.track, movement.main
+    first, last = float(track.time_s[0]), float(track.time_s[-1])
+    start = first if main is None else max(first, min(float(main.begins_s[0]) - 1.0, last - LONGEST_S))
+    end = min(last, start + LONGEST_S)
+    marks = []
+    if main is not None:
+        pairs = zip(main.begins_s[:-1], main.begins_s[1:], strict=True)
+        marks = [
+            (float(a), float(b), f"cycle {k}") for k, (a, b) in enumerate(pairs, 1) if a >= start and b <= end
+        ]
+    shown = scene(track, marks=marks, curves=joint_curves(track), start_s=start, end_s=end)
+    hint = (
+        "Drag to rotate, wheel or + and − to zoom; space plays, arrows step. Loop repeats a cycle, Ghost draws another "
+        "one over it. Uncertainty shows where each joint is with 95 % probability."
+    )
+    if end - start < last - first - 1e-9:
+        hint += f" It shows {start:.0f} to {end:.0f} s; <code>oarlock view</code> shows the whole track."
+    return f'<p class="hint">{hint}</p>{embed(shown, "player")}'
+
+
+def _cycles(movement: Movement, csv_name: str) -> str:
+    main = movement.main
+    if main is None:
+        return ""
+    hint = (
+        f"Means over {main.count} cycles; 0 % is where {escape(plain(main.lead))} is largest. Tinted: plus and minus "
+        f"one standard deviation between cycles. Each cycle is a row of <code>{escape(csv_name)}</code> beside this "
+        "page."
+    )
+    charts = [_chart(movement, main, k, name, group) for k, (name, group) in enumerate(_groups(movement))]
+    return f'<p class="hint">{hint}</p><div class="grid-figures">{"".join(charts)}</div>'
+
+
+def _groups(movement: Movement) -> list[tuple[str, list[JointAngle]]]:
+    """Angles that move, right and left together, in the order of the model."""
+    moving = {
+        angle.name: angle
+        for angle in movement.angles
+        if angle.name in movement.in_cycles and movement.in_cycles[angle.name].range_deg >= LEAST_MOVEMENT_DEG
+    }
+    pairs = side_pairs(list(moving))
+    stems = {name: stem for stem, both in pairs.items() for name in both}
+    found: dict[str, list[JointAngle]] = {}
+    for name, angle in moving.items():
+        found.setdefault(stems.get(name, name), []).append(angle)
+    return list(found.items())
+
+
+def _chart(
+    movement: Movement, repetition: Repetition, place: int, name: str, group: Sequence[JointAngle]
+) -> str:
+    series = []
+    for angle in sorted(group, key=_side, reverse=True):
+        courses = cycle_courses(movement.track.time_s, angle.value_deg, repetition.begins_s)
+        mean, spread = courses.mean(axis=0), courses.std(axis=0, ddof=1)
+        label = _side(angle) if len(group) > 1 else plain(angle.name)
+        series.append(Series(label, np.linspace(0.0, 100.0, len(mean)), mean, mean - spread, mean + spread))
+    return course_chart(
+        f"cycle-{place}", plain(name), series, Axis("cycle", "%", (0.0, 100.0)), Axis("", "deg", least=5.0)
+    )
+
+
+def _side(angle: JointAngle) -> str:
+    return side_of(angle.name.partition(" ")[0])[0]
+
+
+def _sides(movement: Movement) -> str:
+    if not movement.sides:
+        return ""
+    rows = []
+    for one in movement.sides:
+        texts = [fixed(v, 1) for v in (one.right.range_deg, one.left.range_deg, one.difference_deg)]
+        verdict = "yes" if one.certain else "no"
+        rows.append([escape(plain(one.name)), *texts, fixed(BAND_95 * one.std_deg, 1), verdict])
+    over = "means over the cycles" if movement.in_cycles else "over the whole track"
+    caption = (
+        f"Ranges of both sides, {over}. ±: half of the 95 % interval of the difference. The last column says whether "
+        "the difference is above 2° and outside this interval."
+    )
+    heads: list[str | Column] = [
+        "angle",
+        Column("right", "deg"),
+        Column("left", "deg"),
+        Column("difference", "deg"),
+        Column("±", "deg"),
+        "differs",
+    ]
+    return plain_table("sides", caption, heads, rows)

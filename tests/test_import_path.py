@@ -1,0 +1,219 @@
+"""`oarlock import PATH`: what is recognised in files, folders and zip files, what is written, refused and said."""
+
+import json
+import shutil
+import stat
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+import oarlock
+from command_line import run
+from local_data import local_folder
+from oarlock.formats import archive
+from oarlock.formats.contents import find_recordings, import_recording
+from oarlock.formats.datasets.mat_names import mat_names
+from test_table import HEADER, columns_of, table
+
+ROOT = Path(__file__).parents[1]
+APDM = ROOT / "examples/pendulum/imuData01.csv"
+CLUB = ROOT / "examples/club_csv"
+
+
+@pytest.fixture
+def arm(tmp_path):
+    """A table of text of one unit."""
+    file = tmp_path / "arm.csv"
+    file.write_text(table(HEADER, columns_of()))
+    return file
+
+
+@pytest.fixture
+def mixed(tmp_path):
+    """A folder with recordings of three formats and other files."""
+    place = tmp_path / "mixed"
+    shutil.copytree(CLUB, place / "club")
+    (place / "day 1").mkdir()
+    (place / "day 2").mkdir()
+    shutil.copy(APDM, place / "day 1/imuData01.csv")
+    for day in ("day 1", "day 2"):
+        (place / day / "arm.csv").write_text(table(HEADER, columns_of()))
+    (place / "notes.txt").write_text("windy\n")
+    (place / ".hidden").write_text("no\n")
+    return place
+
+
+def test_one_recording_is_written_and_described(arm, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    said = run("import", arm).stdout
+    assert "Wrote arm-recording" in said and "1 inertial" in said and "accelerometer read as m/s2" in said
+    assert oarlock.load_recording("arm-recording").names == ("imu",)
+    run("import", arm, status=2)  # the folder exists
+    assert "arm-recording exists" in run("import", arm, status=2).stderr
+    run("import", "--force", arm)
+
+
+def test_a_format_in_front_reads_it_as_that(arm, tmp_path):
+    run("import", "table", arm, "--accel-unit", "g", "--gyro-unit", "rad/s", "--out", tmp_path / "rec")
+    assert oarlock.load_recording(tmp_path / "rec")["imu"].accel_m_s2.max() > 50.0
+
+
+def test_json_is_one_document(arm, tmp_path):
+    found = json.loads(run("import", arm, "--out", tmp_path / "rec", "--json", "--athlete", "A07").stdout)
+    assert found["session"] == {"athlete": "A07"} and found["about"].startswith("table of text, 1 unit")
+    (stream,) = found["streams"]
+    assert stream["missing_share"] == 0.0 and set(stream["quantities"]) == {
+        "gyro_rad_s",
+        "accel_m_s2",
+        "mag_ut",
+    }
+
+
+def test_a_folder_lists_its_recordings(mixed):
+    contents = find_recordings(mixed)
+    assert {one.name: one.format for one in contents.recordings} == {
+        "club": "csv",
+        "imuData01": "apdm",
+        "day 1_arm": "table",
+        "day 2_arm": "table",
+    }
+    assert "notes.txt" in [contents.relative(file) for file in contents.others]
+    assert all(Path(file).name not in ("rumpf.csv", "rollsitz.csv") for file in contents.others)
+    said = run("import", mixed).stdout
+    assert "4 recordings" in said and "--pick" in said and "to no recording" in said
+    listed = json.loads(run("import", mixed, "--json").stdout)
+    assert [one["name"] for one in listed["recordings"]] == [one.name for one in contents.recordings]
+
+
+def test_all_and_pick(mixed, tmp_path):
+    run("import", mixed, "--pick", "day 2_arm", "--out", tmp_path / "one")
+    assert oarlock.load_recording(tmp_path / "one").names == ("imu",)
+    said = run("import", mixed, "--pick", "day 3_arm", "--out", tmp_path / "none", status=1).stderr
+    assert 'Did you mean "day 2_arm"?' in said
+    run("import", mixed, "--all", "--pick", "club", status=2)
+    (mixed / "day 2/arm.csv").write_text(table(HEADER, columns_of()) + "9,x,,,,,,,,\n")
+    done = run("import", mixed, "--all", "--out", tmp_path / "every", "--athlete", "A07", status=1)
+    assert "Not written: day 2_arm" in done.stdout
+    written = sorted(place.name for place in (tmp_path / "every").iterdir())
+    assert written == ["club", "day%201_arm", "imuData01"]
+    assert oarlock.load_recording(tmp_path / "every/imuData01").meta["session"] == {"athlete": "A07"}
+
+
+def test_in_python(mixed, arm):
+    assert import_recording(arm).names == ("imu",)
+    assert oarlock.import_recording(mixed, "club").names == ("back", "seat")
+    with pytest.raises(oarlock.DataError, match=r"contains 4 recordings\. Pick one: club"):
+        import_recording(mixed)
+    assert import_recording(arm, options={"accel_unit": "g"})["imu"].accel_m_s2.max() > 50.0
+
+
+def test_a_zip_file_is_unpacked_safely(mixed, tmp_path):
+    packed = shutil.make_archive(str(tmp_path / "session"), "zip", mixed)
+    contents = find_recordings(packed)
+    folder = contents.listing.root
+    assert len(contents.recordings) == 4 and folder.is_dir()
+    assert import_recording(packed, "club").names == ("back", "seat")
+    del contents
+    assert not folder.exists()
+
+
+def evil(file, names=("a.csv",), text="x" * 10, mode=None):
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as made:
+        for name in names:
+            entry = zipfile.ZipInfo(name)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            if mode is not None:
+                entry.external_attr = mode << 16
+            made.writestr(entry, text)
+    return file
+
+
+@pytest.mark.parametrize("name", ["../out.csv", "/out.csv", "a/../../out.csv", "C:\\out.csv", "..\\out.csv"])
+def test_names_that_lead_out_of_a_zip_file(tmp_path, name):
+    with pytest.raises(oarlock.DataError, match="leads out of it"):
+        find_recordings(evil(tmp_path / "a.zip", [name]))
+    assert not (tmp_path.parent / "out.csv").exists()
+
+
+def test_zip_files_that_are_refused(tmp_path, monkeypatch):
+    with pytest.raises(oarlock.DataError, match="contains the link"):
+        find_recordings(evil(tmp_path / "link.zip", text="/etc/passwd", mode=stat.S_IFLNK | 0o777))
+    with pytest.raises(oarlock.DataError, match="times its size"):
+        find_recordings(evil(tmp_path / "bomb.zip", text="0" * 40_000_000))
+    monkeypatch.setattr(archive, "LIMIT_BYTES", 5)
+    with pytest.raises(oarlock.DataError, match="unpacks to 10 bytes"):
+        find_recordings(evil(tmp_path / "large.zip"))
+    whole = evil(tmp_path / "cut.zip", text="ab" * 2).read_bytes()
+    for end in (4, 30, len(whole) - 10):
+        (tmp_path / "cut.zip").write_bytes(whole[:end])
+        with pytest.raises(oarlock.DataError, match=r"cut\.zip"):
+            find_recordings(tmp_path / "cut.zip")
+
+
+def test_what_was_looked_at_is_named_if_nothing_is_recognised(tmp_path):
+    (tmp_path / "a.csv").write_text("time,power\n0,1\n1,2\n2,3\n")
+    (tmp_path / "b.mat").write_bytes(b"none")
+    (tmp_path / "c.pdf").write_bytes(b"%PDF")
+    (tmp_path / "d.csv").touch()
+    said = run("import", tmp_path, status=1).stderr
+    for words in (
+        "4 files were looked at",
+        "a.csv: nearest format table",
+        "d.csv: is empty",
+        ".pdf",
+        "mapping",
+    ):
+        assert words in said
+    assert "does not exist" in run("import", tmp_path / "nowhere", status=1).stderr
+    (tmp_path / "empty").mkdir()
+    assert "contains no files" in run("import", tmp_path / "empty", status=1).stderr
+
+
+def test_a_mapping_with_a_mistake_says_the_mistake(tmp_path):
+    shutil.copytree(CLUB, tmp_path / "club")
+    mapping = tmp_path / "club/mapping.toml"
+    mapping.write_text(mapping.read_text().replace('unit = "deg/s"', 'unit = "dag/s"'))
+    assert "dag/s" in run("import", mapping, "--out", tmp_path / "rec", status=1).stderr
+
+
+def test_a_recording_of_oarlock_is_not_imported_again(arm, tmp_path):
+    run("import", arm, "--out", tmp_path / "rec")
+    assert "is a recording of Oarlock already" in run("import", tmp_path / "rec", status=1).stderr
+
+
+def test_save_mapping(arm, mixed, tmp_path):
+    run("import", arm, "--out", tmp_path / "rec", "--save-mapping", tmp_path / "used.toml")
+    run("import", "csv", tmp_path / "used.toml", "--out", tmp_path / "again")
+    one, again = (oarlock.load_recording(tmp_path / name)["imu"] for name in ("rec", "again"))
+    np.testing.assert_array_equal(one.accel_m_s2, again.accel_m_s2)
+    run("import", mixed, "--pick", "club", "--out", tmp_path / "x", "--save-mapping", "y.toml", status=2)
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_variables_of_matlab_files(tmp_path, compressed):
+    segment = {"gyr": np.zeros((500, 3)), "acc": np.zeros((500, 3)), "a_longer_name": 1.0}
+    content = {"t": np.arange(3.0), "upper_leg_left": segment, "x": "text"}
+    savemat(tmp_path / "a.mat", content, do_compression=compressed)
+    found = mat_names(tmp_path / "a.mat")
+    assert found == {"t": (), "upper_leg_left": ("gyr", "acc", "a_longer_name"), "x": ()}
+    whole = (tmp_path / "a.mat").read_bytes()
+    for end in (0, 100, 130, 200, len(whole) // 2):
+        (tmp_path / "a.mat").write_bytes(whole[:end])
+        assert mat_names(tmp_path / "a.mat").items() <= found.items()
+
+
+@pytest.mark.parametrize(
+    ("folder", "format", "count"),
+    [
+        ("qmt_full_body", "qmt", 1),
+        ("broad", "broad", 7),
+        ("dfjimu", "dfjimu", 5),
+        ("openaxes_ur5", "openaxes", 4),
+    ],
+)
+def test_data_sets_are_recognised(folder, format, count):
+    found = find_recordings(local_folder(f"data/{folder}")).recordings
+    assert [one.format for one in found] == [format] * count
