@@ -11,12 +11,14 @@ import os
 from pathlib import Path
 from typing import Any
 
+from pages.sections import into_page
+
 from oarlock.lab.bench.measure import measure
 
 from .apart import costs
 from .memory import peaks
 from .startup import startups
-from .table import into_page, write
+from .table import write
 
 OUT = Path("out/bench")
 RUST = ("ratios", "latency", "many")
