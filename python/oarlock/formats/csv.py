@@ -5,12 +5,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.formats.arbitrary_units import ARBITRARY, scale_meta, scaled_mag
+from oarlock.formats.columns import Places
 from oarlock.formats.counters import Lost, lost_packets, unwrapped
 from oarlock.formats.csv_mapping import (
     Counter,
@@ -47,19 +48,6 @@ class _Table:
     columns: dict[int, FloatArray]
     unit: TimeUnit
     said: tuple[str, ...]
-
-
-class _Places(Sequence[str]):
-    """File, line and column of each row, as text for errors."""
-
-    def __init__(self, layout: Layout, lines: NDArray[np.int64], index: int) -> None:
-        self._layout, self._lines, self._index = layout, lines, index
-
-    def __len__(self) -> int:
-        return len(self._lines)
-
-    def __getitem__(self, row: Any) -> Any:
-        return f"{self._layout.file}:{self._lines[row]}, {self._layout.label(self._index)}"
 
 
 @dataclass(frozen=True)
@@ -130,7 +118,7 @@ def read_mapped(
 
 def _lost(table: _Table, time_s: FloatArray, counter: Counter) -> Lost:
     index = table.layout.index(counter.column)
-    places = _Places(table.layout, table.lines, index)
+    places = Places(table.layout, table.lines, index)
     count = table.columns[index]
     if counter.wraps_at is not None:
         count = unwrapped(count, counter.wraps_at, places)
@@ -150,7 +138,7 @@ def _read_table(entry: FileMapping, root: Path, most_rows: int | None) -> _Table
     lines, stamps, joined = _columns(layout, wanted, as_text=0 if unit.counted else 1, most_rows=most_rows)
     if unit.counted:
         lines, joined = _without_empty_end(lines, joined)
-    places = _Places(layout, np.array(lines, dtype=np.int64), time_index)
+    places = Places(layout, np.array(lines, dtype=np.int64), time_index)
     if unit.counted:
         _check_present(layout, time_index, joined[time_index], lines)
         axis, said = counted_stamps(joined[time_index], unit, entry, places)

@@ -93,11 +93,11 @@ FORMATS = (
         "apdm",
         "devices",
         "FILE",
-        "CSV export of an APDM (Opal) recording.",
+        "CSV export or HDF5 file of an APDM (Opal) recording.",
         "Import an APDM export: gyroscope, accelerometer, magnetometer of every sensor.",
         "imuData01.csv",
-        'CSV exports of APDM (Opal) units: the "Test Name" layout and "Format=7"',
-        suffixes=(".csv",),
+        'CSV exports of APDM (Opal) units: the "Test Name" layout and "Format=7"; HDF5 files',
+        suffixes=(".csv", ".h5", ".hdf5"),
     ),
     Format(
         "csv",
@@ -145,6 +145,7 @@ FORMATS = (
             ),
             _ORIENTATIONS,
         ),
+        suffixes=(".txt", ".csv"),
     ),
     Format(
         "dot",
@@ -155,6 +156,7 @@ FORMATS = (
         "1_20250711_200600_086.csv",
         "CSV files of Movella DOT (Xsens DOT): one file, or all synchronised units of a trial",
         (_TRIAL, _ORIENTATIONS),
+        suffixes=(".csv", ".txt"),
     ),
     Format(
         "shimmer",
@@ -170,6 +172,7 @@ FORMATS = (
                 "accel", str | None, "LN (low noise) or WR (wide range); if not given, LN where there is one."
             ),
         ),
+        suffixes=(".csv", ".txt", ".dat"),
     ),
     Format(
         "mvnx",
@@ -179,6 +182,7 @@ FORMATS = (
         "Import an MVNX export of Xsens MVN: orientations of segments and sensors, magnetic field of sensors.",
         "trial.mvnx",
         "MVNX exports of Xsens MVN: orientations of segments and sensors",
+        suffixes=(".mvnx", ".xml"),
     ),
     Format(
         "sto",
@@ -193,6 +197,7 @@ FORMATS = (
                 "up", str, "Axis of the file's reference that points up: z (units) or y (OpenSim).", "z"
             ),
         ),
+        suffixes=(".sto",),
     ),
     Format(
         "dfjimu",
@@ -280,6 +285,16 @@ FORMATS = (
         "trial.c3d",
         "analogue channels of C3D files, inertial units among them; see [C3D](#c3d)",
         suffixes=(".c3d",),
+    ),
+    Format(
+        "mcap",
+        "devices",
+        "FILE",
+        "MCAP file of ROS 2.",
+        "Import inertial units from an MCAP file of ROS 2: messages Imu and MagneticField.",
+        "bag.mcap",
+        "MCAP files of ROS 2: inertial units and magnetometers; see [MCAP](#mcap)",
+        suffixes=(".mcap",),
     ),
     Format(
         "xdf",
