@@ -5,6 +5,8 @@ import pytest
 
 import oarlock
 from command_line import run
+from local_data import local_folder
+from oarlock.formats.contents import import_recording
 from oarlock.recording.unit_names import (
     Place,
     assign_units,
@@ -52,6 +54,33 @@ def test_places_in_names(name, segment, side):
 
 def test_every_sensor_name_says_its_own_place():
     assert [assign_units(BODY, [name]).units for name in BODY] == [{name: name} for name in BODY]
+
+
+@pytest.mark.parametrize("model", ["full_body", "upper_body", "lower_body", "arm", "trunk", "qmt_full_body"])
+def test_names_of_bodies_that_ship_are_told_apart(model):
+    sensors = [sensor.name for sensor in oarlock.load_model(model).describe().inertial_units]
+    for name in sensors:
+        assert place_of_name(name).segment, name
+        assert assign_units(sensors, [f"{name}_00B421E6"]).units == {name: f"{name}_00B421E6"}
+
+
+def test_recordings_of_people_find_their_sensors():
+    arm = import_recording(local_folder("data/opensimrt_upper_limb_ngimu") / "ngimu_data.csv")
+    sensors = [sensor.name for sensor in oarlock.load_model("arm").describe().inertial_units]
+    assert with_unit_names(arm, sensors)[0].names == ("thorax", "upper_arm_r", "forearm_r")
+    legs = [sensor.name for sensor in oarlock.load_model("lower_body").describe().inertial_units]
+    names = [
+        "left_foot",
+        "left_lower_leg",
+        "left_upper_leg",
+        "right_foot",
+        "right_lower_leg",
+        "right_upper_leg",
+    ]
+    found = assign_units(legs, [*names, "pelvis"])
+    assert (
+        not found.unused and found.units["thigh_l"] == "left_upper_leg" and found.units["pelvis"] == "pelvis"
+    )
 
 
 @pytest.mark.parametrize("model", ["qmt", "noitom", "opensense"])

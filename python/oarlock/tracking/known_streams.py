@@ -27,7 +27,7 @@ def known_streams(model: Model, recording: Recording) -> tuple[Recording, tuple[
         raise DataError(
             f'stream "{others[0]}": model "{model.name}" has no sensor or input of that name. '
             f"{did_you_mean(others[0], known)} No stream of the recording ({', '.join(recording.names)}) belongs to "
-            "this model: rename the streams"
+            f"this model: rename the streams, or import them with `oarlock import PATH --model {model.name}`"
         )
     free = {name.casefold(): name for name in known if name not in kept}
     for name in others:
