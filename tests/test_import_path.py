@@ -144,6 +144,11 @@ def test_all_and_pick(mixed, tmp_path):
     written = sorted(place.name for place in (tmp_path / "every").iterdir())
     assert written == ["club", "day%201_arm", "imuData01"]
     assert oarlock.load_recording(tmp_path / "every/imuData01").meta["session"] == {"athlete": "A07"}
+    shutil.rmtree(tmp_path / "every/club")
+    run(
+        "import", mixed, "--all", "--out", tmp_path / "every", status=2
+    )  # nothing is written if a folder is there
+    assert not (tmp_path / "every/club").exists()
 
 
 def test_in_python(mixed, arm):

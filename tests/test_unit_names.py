@@ -1,5 +1,7 @@
 """Names and device ids of inertial units, matched with the sensors of a model."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -208,3 +210,7 @@ def test_typed(tmp_path):
     run("import", tmp_path / "a.csv", "--out", tmp_path / "c")
     assert oarlock.load_recording(tmp_path / "c").names == ("lower",)
     run("import", tmp_path / "a.csv", "--out", tmp_path / "d", "--units", "upper", status=2)
+    words = ("--model", "pendulum3", "--units", "lower=upper", "--json", "--force")
+    told = json.loads(run("import", tmp_path / "a.csv", "--out", tmp_path / "b", *words).stdout)
+    assert told["units"] == {"lower": {"unit": "upper", "reason": "by hand"}}
+    assert told["free_sensors"] == ["upper", "middle"] and told["others"] == []

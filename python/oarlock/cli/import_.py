@@ -9,10 +9,12 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from oarlock.cli.import_path import PATH_OPTIONS, PATH_VERB, import_path, write_recording
+from oarlock.cli.import_path import PATH_OPTIONS, PATH_VERB, import_path, say_next, written
+from oarlock.cli.import_summary import document, write_summary
 from oarlock.cli.made_verb import made_verb
 from oarlock.cli.options import Force, Json, OutFolder, example
 from oarlock.cli.session_options import SESSION_OPTIONS, taken_session
+from oarlock.cli.terminal import print_json
 from oarlock.formats.importers import FORMATS, Format
 
 
@@ -46,7 +48,12 @@ def _reader(one: Format) -> Callable[..., None]:
 
     def run(path: Path, out: Path, force: bool, json_output: bool, **options: Any) -> None:
         session = taken_session(options)
-        write_recording(one.read(path, **options), session, path, out, one.title, force, json_output)
+        recording = written(one.read(path, **options), session, out, force)
+        if json_output:
+            print_json(document(recording, path, out, one.title))
+            return
+        write_summary(recording, path, out, one.title)
+        say_next(out, "MODEL")
 
     place = typer.Argument(metavar=one.place, help=one.contents)
     wanted: list[tuple[str, Any, Any]] = [("path", Annotated[Path, place], ...), ("out", OutFolder, ...)]

@@ -18,7 +18,16 @@ from oarlock.cli.session_options import (
     asks_questions,
     taken_session,
 )
-from oarlock.cli.terminal import EXIT_DATA, UsageError, output_folder, print_json, say, steps, table
+from oarlock.cli.terminal import (
+    EXIT_DATA,
+    UsageError,
+    check_folder,
+    output_folder,
+    print_json,
+    say,
+    steps,
+    table,
+)
 from oarlock.cli.unit_options import UNIT_OPTIONS, Naming, taken_naming
 
 if TYPE_CHECKING:
@@ -100,32 +109,30 @@ def import_path(
     recording = naming.named(recording)
     session = _session(recording, session, asks)
     target = out or Path(f"{_plain(Path(found.name))}-recording")
-    write_recording(recording, session, path, target, found.about, force, json_output)
-    if not json_output:
-        naming.say()
-        _say_others(contents)
-        if "save_mapping" in reading:
-            say(f"Wrote {reading['save_mapping']}")
+    recording = written(recording, session, target, force)
+    if json_output:
+        others = [contents.relative(file) for file in contents.others]
+        print_json({**document(recording, path, target, found.about), **naming.document(), "others": others})
+        return
+    write_summary(recording, path, target, found.about)
+    naming.say()
+    _say_others(contents)
+    if "save_mapping" in reading:
+        say(f"Wrote {reading['save_mapping']}")
+    say_next(target, naming.model or "MODEL")
 
 
-def write_recording(
-    recording: Recording,
-    session: Mapping[str, str],
-    source: Path,
-    out: Path,
-    about: str,
-    force: bool,
-    json_output: bool,
-) -> None:
-    """Write a recording's folder, and say what is in it."""
+def written(recording: Recording, session: Mapping[str, str], out: Path, force: bool) -> Recording:
+    """Write a recording's folder; the recording with its session."""
     recording = _with_session(recording, session, out)
     with output_folder(out, "recording", force, fresh=True) as stage:
         recording.save(stage)
-    if json_output:
-        print_json(document(recording, source, out, about))
-        return
-    write_summary(recording, source, out, about)
-    steps(f"oarlock track {out} --model MODEL --out {out}-track")
+    return recording
+
+
+def say_next(out: Path, model: str) -> None:
+    """Prints what to do with the recording."""
+    steps(f"oarlock track {out} --model {model} --out {out}-track")
 
 
 def _with_session(recording: Recording, session: Mapping[str, str], out: Path) -> Recording:
@@ -237,29 +244,28 @@ def _write_all(
     json_output: bool,
 ) -> None:
     """Write each recording into a folder of its own. What cannot be read is reported, and the others are written."""
+    for one in contents.recordings:
+        check_folder(out / _safe(one.name), (), force)
     if asks and not session:
         session = asked_session({}, "")
-    written: list[dict[str, object]] = []
+    done: list[dict[str, object]] = []
     refused: list[dict[str, str]] = []
     for one in contents.recordings:
         target = out / _safe(one.name)
         try:
-            recording = _with_session(
-                naming.named(_read(one, asks, of_format(reading, one.format))), session, target
-            )
+            recording = naming.named(_read(one, asks, of_format(reading, one.format)))
         except ValueError as error:
             refused.append({"name": one.name, "message": str(error)})
             continue
-        with output_folder(target, "recording", force, fresh=True) as stage:
-            recording.save(stage)
-        written.append(document(recording, one.path, target, one.about))
+        recording = written(recording, session, target, force)
+        done.append(document(recording, one.path, target, one.about))
         if not json_output:
             say(
                 f"Wrote {target}: {one.about}, {len(recording.streams)} streams, {recording.duration_s:.1f} s"
             )
     others = [contents.relative(file) for file in contents.others]
     if json_output:
-        print_json({"recordings": written, "refused": refused, "others": others})
+        print_json({"recordings": done, "refused": refused, "others": others})
     else:
         for problem in refused:
             say(f"Not written: {problem['name']}: {problem['message']}")

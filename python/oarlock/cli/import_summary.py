@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from oarlock import Recording
     from oarlock.recording.streams import Stream
 
+_FACTOR = re.compile(r" \(1 unit = [^()]*\)")
 _SHORT = {"gyro_rad_s": "gyro", "accel_m_s2": "accel", "mag_ut": "mag", "quat_wxyz": "orientation"}
 
 
@@ -71,11 +73,24 @@ def write_summary(recording: Recording, source: Path, out: Path, about: str) -> 
     if start:
         say(f"start {start}, {recording.duration_s:.1f} s", indent=2)
     _write_streams(recording)
-    for note in reader_notes(recording.meta):
+    for note in joined_notes(reader_notes(recording.meta)):
         say(note, indent=2)
     for stream in recording.streams:
         if (lost := lost_packets(recording, stream)) is not None and lost.text():
             say(f"{stream.name}: {lost.text()}", indent=2)
+
+
+def joined_notes(notes: Sequence[str]) -> list[str]:
+    """The notes; those that differ only in the unit and its factor become one that names all units."""
+    joined: dict[str, list[str]] = {}
+    for note in notes:
+        name, colon, rest = note.partition(": ")
+        joined.setdefault(_FACTOR.sub("", rest) if colon else note, []).append(name if colon else "")
+    single = {_FACTOR.sub("", note.partition(": ")[2]): note for note in notes}
+    return [
+        f"{', '.join(names)}: {text}" if len(names) > 1 and all(names) else single.get(text, text)
+        for text, names in joined.items()
+    ]
 
 
 def _write_streams(recording: Recording) -> None:

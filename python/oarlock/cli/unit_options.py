@@ -52,12 +52,14 @@ class Naming:
     """How the units of recordings are named.
 
     Args:
-        sensors: names of the model's inertial units; None without a model.
+        model: name or file of the model; empty without one.
+        sensors: names of its inertial units; None without a model.
         by_hand: sensor -> stream, or a part of its name.
         ids: device's id -> segment or sensor.
         last: the assignment of the last recording.
     """
 
+    model: str
     sensors: list[str] | None
     by_hand: dict[str, str]
     ids: dict[str, str]
@@ -71,6 +73,13 @@ class Naming:
             return recording
         found, self.last = with_unit_names(recording, self.sensors, self.by_hand, self.ids)
         return found
+
+    def document(self) -> dict[str, object]:
+        """The assignment for `--json`; empty without one."""
+        if self.last is None:
+            return {}
+        units = {s: {"unit": u, "reason": self.last.reasons[s]} for s, u in self.last.units.items()}
+        return {"units": units, "unused_units": self.last.unused, "free_sensors": self.last.free}
 
     def say(self) -> None:
         """Prints which unit became which sensor and why."""
@@ -109,4 +118,4 @@ def taken_naming(options: dict[str, Any], path: Path) -> Naming:
         from oarlock import load_model
 
         sensors = [sensor.name for sensor in load_model(model).describe().inertial_units]
-    return Naming(sensors, by_hand, {} if file is None else read_units_file(file))
+    return Naming(model or "", sensors, by_hand, {} if file is None else read_units_file(file))
