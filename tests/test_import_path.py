@@ -105,6 +105,15 @@ def test_two_formats_that_recognise_one_file(arm, monkeypatch):
     assert "several formats" in run("import", arm, "--no-questions", status=1).stderr
 
 
+def test_the_list_has_the_start_of_tables_that_know_it(arm, tmp_path):
+    rows = columns_of()
+    rows[:, 0] += 1.7e9
+    np.savetxt(tmp_path / "dated.csv", rows, "%.3f", ",", header=",".join(HEADER), comments="")
+    starts = {one.name: one.start for one in find_recordings(tmp_path).recordings}
+    assert starts == {"arm": "", "dated": "2023-11-14 22:13:20.00 UTC"}
+    assert "2023-11-14 22:13:20.00" in run("import", tmp_path).stdout
+
+
 def test_json_is_one_document(arm, tmp_path):
     found = json.loads(run("import", arm, "--out", tmp_path / "rec", "--json", "--athlete", "A07").stdout)
     assert found["session"] == {"athlete": "A07"} and found["about"].startswith("table of text, 1 unit")

@@ -12,7 +12,7 @@ from oarlock.formats.listing import Found, Listing
 from oarlock.formats.table.columns import table_columns
 from oarlock.formats.table.layout import table_start
 from oarlock.formats.table.mapping import Given, TableMapping, table_mapping
-from oarlock.formats.table.time_column import column_names
+from oarlock.formats.table.time_column import column_names, first_moment
 from oarlock.recording.recording import Recording
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.delimited import Layout
@@ -87,12 +87,14 @@ def find_table(listing: Listing) -> list[Found]:
     for one in listing.suffixed(*SUFFIXES):
         try:
             start = table_start(one.path)
-            names = [unit.name for unit in table_columns(start).units]
+            columns = table_columns(start)
         except DataError:
             continue
+        names = [unit.name for unit in columns.units]
         shown = ", ".join(names[:_SHOWN_UNITS]) + (" ..." if len(names) > _SHOWN_UNITS else "")
         about = f"table of text, {len(names)} {'unit' if len(names) == 1 else 'units'} by names of columns: {shown}"
-        found.append(Found("table", one.path, (one.path,), one.path.stem, about))
+        moment = first_moment(start, columns)
+        found.append(Found("table", one.path, (one.path,), one.path.stem, about, start=moment))
     return found
 
 

@@ -12,8 +12,17 @@ from oarlock.formats.csv_time import rates_named
 from oarlock.formats.table.columns import TableColumns
 from oarlock.formats.table.layout import TableStart
 from oarlock.formats.time_units import possible_units, recognised_unit
-from oarlock.formats.times import SAMPLES, TICKS, TIME_UNITS, plain_time_unit
+from oarlock.formats.times import (
+    COUNTED,
+    SAMPLES,
+    TICKS,
+    TIME_UNITS,
+    on_one_axis,
+    parsed_stamps,
+    plain_time_unit,
+)
 from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.epoch import moment_text
 from oarlock.storage.errors import DataError
 
 _TICK_S = 1e-4
@@ -57,6 +66,20 @@ def time_table(
             )
     name, sentence = recognised_unit(start.names[place], cells, values, where)
     return {"column": column, "unit": name}, sentence
+
+
+def first_moment(start: TableStart, columns: TableColumns) -> str:
+    """The moment of the first row as text; empty if the time column has no date and no time of day."""
+    for place in columns.times[:1]:
+        try:
+            time, _ = time_table(start, columns, place, None, None)
+            if time["unit"] not in COUNTED:
+                stamps = parsed_stamps([start.rows[0][place]], [str(start.file)], str(time["unit"]))
+                _, clock = on_one_axis([stamps], [str(start.file)])
+                return moment_text(str(clock.get("zero")), 0.0)
+        except DataError:
+            continue
+    return ""
 
 
 def _given(
