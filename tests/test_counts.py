@@ -307,6 +307,21 @@ def test_a_slow_magnetometer_misses_nothing(told: Callable[[str], Told]) -> None
     assert not [finding for finding in plausibility(said.recording) if "missing" in finding.message]
 
 
+def test_rows_of_magnetometers_alone_do_not_make_a_track_faster() -> None:
+    recording = swung(0.3)
+    streams = []
+    for unit in recording:
+        between = unit.time_s[:-1:2] + 0.4 / RATE_HZ
+        time_s = np.sort(np.concatenate([unit.time_s, between]))
+        fields = {name: np.full((len(time_s), 3), np.nan) for name in (*unit.values, "mag_ut")}
+        for name in ("gyro_rad_s", "accel_m_s2"):
+            fields[name][np.searchsorted(time_s, unit.time_s)] = unit.values[name]
+        fields["mag_ut"][np.searchsorted(time_s, between)] = [30.0, 0.0, 40.0]
+        streams.append(ImuStream(unit.name, time_s, **fields))
+    track = oarlock.track(oarlock.load_model("pendulum3"), Recording(streams))
+    assert (len(track) - 1) / (track.time_s[-1] - track.time_s[0]) == pytest.approx(RATE_HZ, rel=0.01)
+
+
 def test_gaps_are_missing_readings(told: Callable[[str], Told]) -> None:
     said = told("gaps")
     silent = (rowed()["back"].time_s >= GAP_S[0]) & (rowed()["back"].time_s < GAP_S[1])

@@ -85,7 +85,8 @@ impl Streams<'_> {
                 row = slot;
             }
         }
-        let fullest = self.streams.iter().map(|s| s.time_s.len()).max().unwrap_or(0);
+        let rows = |s: &Stream| (0..s.time_s.len()).filter(|row| !is_magnetic_only(s, *row)).count();
+        let fullest = self.streams.iter().map(rows).max().unwrap_or(0);
         let complete = inputs.iter().zip(present).filter(|(_, count)| *count == instants).map(|(&c, _)| c).collect();
         Ok(Census { together: instants as f64 <= TOGETHER * fullest as f64, even_rows, complete })
     }
@@ -124,8 +125,18 @@ impl Streams<'_> {
 
     fn times(&self, stream: &Stream) -> Vec<f64> {
         let clock = self.clocks.get(&stream.name).copied().unwrap_or_default();
-        stream.time_s.iter().map(|stamp_s| clock.true_s(stamp_s)).collect()
+        let rows = stream.time_s.iter().enumerate().filter(|(row, _)| !is_magnetic_only(stream, *row));
+        rows.map(|(_, stamp_s)| clock.true_s(stamp_s)).collect()
     }
+}
+
+/// Whether a row of an inertial unit has a reading of its magnetometer alone. A magnetometer with rows of its own does not
+/// make the unit faster.
+fn is_magnetic_only(stream: &Stream, row: usize) -> bool {
+    let has = |channel: &Channel| (3 * row..3 * row + 3).any(|k| channel.values.get(k).is_some_and(|v| !v.is_nan()));
+    let of = |quantity: Quantity| stream.channels.iter().filter(move |c| c.quantity == quantity);
+    let moves = || of(Quantity::Gyro).chain(of(Quantity::Accel));
+    of(Quantity::Mag).next().is_some() && moves().next().is_some() && !moves().any(has) && of(Quantity::Mag).any(has)
 }
 
 /// What one pass through the instants counts.
