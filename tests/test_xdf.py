@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fuzz_wounds import feed
 from local_data import local_folder
 from oarlock.formats.devices.xdf import find_xdf, read_xdf
 from oarlock.formats.devices.xdf_chunks import XdfStream, read_chunks
@@ -295,18 +294,3 @@ def test_found_by_content(tmp_path):
     shutil.copy(SAMPLES / "minimal.xdf", tmp_path / "renamed.bin")
     (found,) = find_xdf(listed(tmp_path))
     assert (found.path, found.name) == (tmp_path / "renamed.bin", "renamed")
-
-
-def test_wounded_files(tmp_path):
-    file = written(
-        tmp_path,
-        header(1, "float32", IMU, 100.0),
-        header(2, "string", [("m", "")], name="Markers"),
-        samples(1, "float32", [1.0, None, None], np.ones((3, 7))),
-        offset(1, 1.0, -0.5),
-        samples(2, "string", [1.02], [["go"]]),
-        chunk(5, BOUNDARY),
-        samples(1, "float32", [1.03, 1.04, 1.05], np.ones((3, 7))),
-        offset(1, 2.0, -0.5),
-    )
-    feed(file, file.read_bytes(), lambda path: read_xdf(path).save(tmp_path / "rec", force=True))
