@@ -113,6 +113,7 @@ def test_units_without_a_common_time(tmp_path):
         (SENSORS + ROWS[:-40], (":4", "cut off")),
         (SENSORS + ROWS + ROWS, ("row 4", "Time (s)")),
         (SENSORS + ROWS.replace("16.5", "sixteen"), (":2", "sixteen")),
+        (SENSORS + ROWS.replace("-0.7678422", "1e308"), ("arm", "accel_m_s2")),
     ],
 )
 def test_damaged_tables_are_named(content, words, tmp_path):

@@ -274,6 +274,14 @@ def test_damage_is_passed_over_up_to_the_next_boundary(tmp_path):
     assert read_xdf(file)["Arm_a"].value.tolist() == [0.0]
 
 
+def test_impossible_stamps_are_damage(tmp_path):
+    parts = [samples(1, "float32", [stamp], [[k]]) for k, stamp in enumerate((1.0, 1e300, float("inf"), 2.0))]
+    recording = read_xdf(written(tmp_path, header(1, "float32", [("a", "")]), *parts, offset(1, 1.0, 1e200)))
+    assert recording["Arm_a"].value.tolist() == [0.0, 3.0]
+    assert recording["Arm_a"].time_s.tolist() == [0.0, 1.0]
+    assert "a stamp is 1e+300 s" in recording.meta["source"]["notes"][0]
+
+
 def test_what_is_refused(tmp_path):
     file = tmp_path / "trial.xdf"
     for content, words in (
