@@ -449,3 +449,22 @@ def test_what_cannot_be_mirrored_or_cut_is_refused(tmp_path, changed, to, about)
     file.write_text(MIRRORED.replace(changed, to))
     with pytest.raises(oarlock.ModelError, match=about):
         oarlock.load_model(file)
+
+
+def test_a_magnetometer_that_the_body_does_not_use_adds_no_samples():
+    body = oarlock.load_model("trunk")
+    _, recording = oarlock.simulate(body, moving(body), seed=6, rate_hz=50.0)
+    plain = oarlock.track(body, recording)
+    with_field = []
+    for stream in recording.streams:
+        time_s = np.sort(np.concatenate([stream.time_s, stream.time_s[:-1:3] + 0.007]))
+        rows = np.searchsorted(time_s, stream.time_s)
+        gyro, accel, field = np.full((3, len(time_s), 3), np.nan)
+        gyro[rows], accel[rows] = stream.gyro_rad_s, stream.accel_m_s2
+        field[np.setdiff1d(np.arange(len(time_s)), rows)] = 30.0
+        with_field.append(
+            oarlock.ImuStream(stream.name, time_s, gyro_rad_s=gyro, accel_m_s2=accel, mag_ut=field)
+        )
+    track = oarlock.track(body, oarlock.Recording(with_field))
+    np.testing.assert_array_equal(track.time_s, plain.time_s)
+    np.testing.assert_array_equal(track.q, plain.q)

@@ -40,19 +40,7 @@ def of_body(place, body):
     """A recording with its streams named as the units of a body, told by their names in the files."""
     recording = oarlock.import_recording(place)
     units = assign_units(body.sensor_names, recording.names).units
-    recording = renamed(recording, {stream: sensor for sensor, stream in units.items()})
-    return oarlock.Recording([without_magnetometer(stream) for stream in recording.streams])
-
-
-def without_magnetometer(stream):
-    """Gyroscope and accelerometer where they read: rows of a magnetometer at other times would only add samples."""
-    rows = np.isfinite(stream.gyro_rad_s).all(axis=1)
-    return oarlock.ImuStream(
-        stream.name,
-        stream.time_s[rows],
-        gyro_rad_s=stream.gyro_rad_s[rows],
-        accel_m_s2=stream.accel_m_s2[rows],
-    )
+    return renamed(recording, {stream: sensor for sensor, stream in units.items()})
 
 
 def worn(body, rotations):
