@@ -468,3 +468,11 @@ def test_a_magnetometer_that_the_body_does_not_use_adds_no_samples():
     track = oarlock.track(body, oarlock.Recording(with_field))
     np.testing.assert_array_equal(track.time_s, plain.time_s)
     np.testing.assert_array_equal(track.q, plain.q)
+
+
+def test_mistakes_of_a_mirrored_file_name_its_own_lines(tmp_path):
+    file = tmp_path / "pair.toml"
+    file.write_text(MIRRORED.replace('kind = "hinge"', 'kind = "hing"'))
+    with pytest.raises(oarlock.ModelError) as refused:
+        oarlock.load_model(file)
+    assert f"{file}:9:" in str(refused.value)
