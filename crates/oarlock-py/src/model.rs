@@ -255,6 +255,12 @@ impl PyModel {
         with_one(slf, "closure", name, keys)
     }
 
+    /// The model with these sensors only. If the body moves freely and nothing closes a loop, the part that they measure is cut
+    /// out: joints that lie before or beyond all of them go. Otherwise the other sensors go and every joint stays.
+    fn with_units<'py>(slf: &Bound<'py, Self>, names: &Any<'py>) -> PyResult<Any<'py>> {
+        slf.py().import("oarlock.model.part")?.call_method1("with_units", (slf, names))
+    }
+
     /// The model without these joints, frames, sensors, closures and base accelerations, by name. With a joint go the frames
     /// that it moves, with a frame all that hangs on it: frames, sensors and closures.
     #[pyo3(signature = (*, joints=None, frames=None, sensors=None, closures=None, base_accelerations=None))]

@@ -1,4 +1,4 @@
-"""Model files that name a base and only what differs from it: `extends = "sculler"`; for `load_model`."""
+"""Model files that name a base (`extends = "sculler"`) and only what differs, mirror or cut it; for `load_model`."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from oarlock.model.edit import NAMED, merged
+from oarlock.model.mirror import with_mirror
+from oarlock.model.part import with_part
 from oarlock.model.shipped_files import model_names, model_path
 from oarlock.storage.errors import DataError, ModelError
 from oarlock.storage.regular_file import read_text
 from oarlock.storage.suggest import did_you_mean
 from oarlock.storage.toml import key_lines, toml_text
 
-_KEY = re.compile(r"^\s*extends\s*=", re.MULTILINE)
+_KEY = re.compile(r"^\s*(extends\s*=|\[?(mirror|part)\b)", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ class ModelFile:
 
 
 def model_file(path: Path, text: str, above: tuple[Path, ...] = ()) -> ModelFile:
-    """A model file with its bases put in.
+    """A model file with its bases put in, mirrored and cut as it says.
 
     Args:
         path: of the file.
@@ -72,15 +74,19 @@ def model_file(path: Path, text: str, above: tuple[Path, ...] = ()) -> ModelFile
     except ValueError:
         # the engine says where it is no TOML
         return alone
-    if "extends" not in document:
+    if not {"extends", "mirror", "part"} & set(document):
         return alone
-    where = f"{path}:{key_lines(text).get(('extends',), 1)}: extends"
-    base = _base(where, path, document["extends"], (*above, path))
+    sources = alone.sources
     try:
-        whole = merged(tomllib.loads(base.text), document)
+        if "extends" in document:
+            where = f"{path}:{key_lines(text).get(('extends',), 1)}: extends"
+            base = _base(where, path, document["extends"], (*above, path))
+            sources += base.sources
+            document = merged(tomllib.loads(base.text), document)
+        document = with_part(with_mirror(document))
     except DataError as error:
         raise ModelError(f"{path}: {error}") from None
-    return ModelFile(str(path), toml_text(whole), ((str(path), text), *base.sources))
+    return ModelFile(str(path), toml_text(document), sources)
 
 
 def _base(where: str, path: Path, name: Any, above: tuple[Path, ...]) -> ModelFile:

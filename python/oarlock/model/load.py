@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from oarlock._core import Model
+from oarlock.model.anthropometry import for_person
 from oarlock.model.extends import model_file
 from oarlock.model.shipped_files import model_names, model_path
 from oarlock.storage.errors import DataError, ModelError
@@ -40,19 +41,27 @@ class Base:
             object.__setattr__(self, name, np.broadcast_to(np.asarray(getattr(self, name)), (*rows, 3)))
 
 
-def load_model(name: str | PathLike[str], parameters: Mapping[str, float] | None = None) -> Model:
+def load_model(
+    name: str | PathLike[str],
+    parameters: Mapping[str, float] | None = None,
+    *,
+    stature_m: float | None = None,
+    mass_kg: float | None = None,
+) -> Model:
     """Read a model.
 
     Args:
         name: a shipped model's name, or the path of a model file.
         parameters: values (m, rad) that replace the file's defaults.
+        stature_m: standing height without shoes; sets the lengths of a body such as "lower_body", with 5 %.
+        mass_kg: of the person; sets the radii of limbs, on which units sit. Needs a stature.
 
     A file may extend a shipped model or another file and name only what differs, see docs/model-files.md; the
     model's `text` then is that of the whole.
 
     Raises:
         ModelError: there is no such model, or its file is wrong; every mistake is listed with file and line.
-        DataError: a parameter that the model does not have.
+        DataError: a parameter that the model does not have, or a stature for a model without a body's lengths.
     """
     shipped = model_names()
     path = model_path(str(name)) if str(name) in shipped else Path(name)
@@ -70,6 +79,9 @@ def load_model(name: str | PathLike[str], parameters: Mapping[str, float] | None
         ) from None
     file = model_file(path, text)
     try:
-        return Model.from_toml(file.text, file.path, dict(parameters or {}))
+        if stature_m is None and mass_kg is None:
+            return Model.from_toml(file.text, file.path, dict(parameters or {}))
+        person = for_person(Model.from_toml(file.text, file.path, {}), stature_m, mass_kg)
+        return person.with_parameters(parameters)
     except ModelError as error:
         raise ModelError(file.located(str(error))) from None

@@ -1,0 +1,219 @@
+"""Shipped bodies: left and right, lengths of a person, parts and units, angles."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import oarlock
+from oarlock.model.anthropometry import LENGTH_PER_STATURE, radius_m
+
+BODIES = ("trunk", "arm", "arm_left", "upper_body", "lower_body", "full_body")
+REFLECTION = np.diag([1.0, 1.0, -1.0])
+ROUNDED_M = 6e-4
+
+
+@pytest.fixture(scope="module")
+def full() -> oarlock.Model:
+    return oarlock.load_model("full_body")
+
+
+def other_side(name: str) -> str:
+    return name[:-2] + {"_r": "_l", "_l": "_r"}.get(name[-2:], name[-2:])
+
+
+def coordinate_sides(model: oarlock.Model) -> tuple[list[int], np.ndarray]:
+    """Column of the other side of each coordinate, and -1 where a reflection across z changes its sign."""
+    names = list(model.coordinate_names)
+    joints = [name.rpartition(".") for name in names]
+    twins = [f"{other_side(joint)}.{label}" if joint else other_side(label) for joint, _, label in joints]
+    middle = ("_bending", "_rotation")
+    signs = [
+        -1.0
+        if name in ("pelvis.z", "pelvis.rx", "pelvis.ry") or label in ("rx", "ry")
+        else -1.0
+        if not joint and twin == name and name.endswith(middle)
+        else 1.0
+        for name, twin, (joint, _, label) in zip(names, twins, joints, strict=True)
+    ]
+    return [names.index(twin) for twin in twins], np.array(signs)
+
+
+def test_left_is_right_mirrored_in_every_posture(full):
+    random = np.random.default_rng(0)
+    q = random.uniform(-1.0, 1.0, (20, len(full.coordinate_names)))
+    columns, signs = coordinate_sides(full)
+    poses, mirrored = full.forward_kinematics(q), full.forward_kinematics(q[:, columns] * signs)
+    twins = [full.frame_names.index(other_side(name)) for name in full.frame_names]
+    assert sum(other_side(name) != name for name in full.frame_names) == 2 * 18
+    expected = REFLECTION @ poses[..., :3, :3] @ REFLECTION
+    np.testing.assert_allclose(mirrored[:, twins][..., :3, :3], expected, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        mirrored[:, twins][..., :3, 3], poses[..., :3, 3] @ REFLECTION, rtol=0, atol=1e-12
+    )
+
+
+def test_left_and_right_have_equal_limits_units_and_lengths(full):
+    described = full.describe()
+    joints = {joint.name: joint for joint in described.joints}
+    sensors = {sensor.name: sensor for sensor in described.inertial_units}
+    for name, joint in joints.items():
+        assert joints[other_side(name)].limits == joint.limits, name
+    for name, sensor in sensors.items():
+        twin = np.array(sensors[other_side(name)].mount.offset)
+        np.testing.assert_array_equal(
+            twin, REFLECTION @ np.array(sensor.mount.offset) if name[-2:] == "_r" else twin
+        )
+    for name, value in full.parameters.items():
+        assert full.parameters[other_side(name)] == value
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_lengths_are_those_of_a_person_of_175_cm(name):
+    model = oarlock.load_model(name)
+    person = oarlock.load_model(name, stature_m=1.75, mass_kg=70.0)
+    for parameter, value in model.parameters.items():
+        assert person.parameters[parameter] == pytest.approx(value, abs=ROUNDED_M), parameter
+
+
+def test_lengths_follow_stature_and_radii_mass():
+    person = oarlock.load_model("full_body", stature_m=1.92, mass_kg=95.0)
+    assert person.parameters["thigh_l"] == pytest.approx(0.245 * 1.92)
+    # a cylinder of 0.1 of the mass and 1050 kg/m3
+    volume_m3 = np.pi * person.parameters["thigh_radius_r"] ** 2 * 0.245 * 1.92
+    assert volume_m3 * 1050.0 == pytest.approx(9.5)
+    stds = {p.name: p.std for p in person.describe().parameters}
+    assert stds["forearm_r"] == pytest.approx(0.05 * 0.146 * 1.92)
+    assert stds["hip_r"] == pytest.approx(0.10 * LENGTH_PER_STATURE["hip"] * 1.92)
+    assert radius_m("thigh", 1.92, 95.0) == person.parameters["thigh_radius_l"]
+
+
+def test_standing_is_as_tall_as_the_person():
+    model = oarlock.load_model("full_body", stature_m=1.80)
+    poses = model.forward_kinematics(np.zeros(len(model.coordinate_names)))
+    height = {name: pose[1, 3] for name, pose in zip(model.frame_names, poses, strict=True)}
+    assert height["head_top"] - height["toe_r"] == pytest.approx((0.530 + 0.288 + 0.052 + 0.130) * 1.80)
+    assert height["upper_arm_l"] - height["thigh_l"] == pytest.approx(0.288 * 1.80)
+
+
+def test_a_measured_length_has_precedence():
+    model = oarlock.load_model("arm", {"upper_arm_r": 0.30}, stature_m=1.78)
+    assert model.parameters["upper_arm_r"] == 0.30
+
+
+@pytest.mark.parametrize(
+    ("asked", "about"),
+    [
+        ({"stature_m": 178.0}, "expected 1 to 2.4 m"),
+        ({"mass_kg": 74.0}, "give stature_m too"),
+        ({"stature_m": 1.78, "mass_kg": 7400.0}, "expected 15 to 250 kg"),
+    ],
+)
+def test_a_stature_in_another_unit_is_refused(asked, about):
+    with pytest.raises(oarlock.DataError, match=about):
+        oarlock.load_model("arm", **asked)
+
+
+def test_a_model_without_a_body_has_no_stature():
+    with pytest.raises(oarlock.DataError, match="none of the lengths"):
+        oarlock.load_model("pendulum3", stature_m=1.78)
+
+
+@pytest.mark.parametrize("name", [name for name in BODIES if name != "full_body"])
+def test_a_part_moves_as_in_the_whole_body(name, full):
+    part = oarlock.load_model(name)
+    q = np.random.default_rng(1).uniform(-1.0, 1.0, (5, len(part.coordinate_names)))
+    whole = np.zeros((5, len(full.coordinate_names)))
+    for column, coordinate in enumerate(part.coordinate_names):
+        if coordinate in full.coordinate_names:
+            whole[:, full.coordinate_names.index(coordinate)] = q[:, column]
+    root = part.frame_names[1]
+    ours, theirs = part.forward_kinematics(q), full.forward_kinematics(whole)
+    for frame in part.frame_names[1:]:
+        np.testing.assert_allclose(
+            np.linalg.inv(ours[:, 1]) @ ours[:, part.frame_names.index(frame)],
+            np.linalg.inv(theirs[:, full.frame_names.index(root)]) @ theirs[:, full.frame_names.index(frame)],
+            rtol=0,
+            atol=1e-12,
+            err_msg=frame,
+        )
+
+
+def test_arms_are_mirrored_and_lower_body_has_no_arm():
+    assert oarlock.load_model("arm_left").coordinate_names == [
+        other_side(name) if name[-2:] == "_r" else name.replace("_r.", "_l.")
+        for name in oarlock.load_model("arm").coordinate_names
+    ]
+    lower = oarlock.load_model("lower_body")
+    assert not [name for name in (*lower.frame_names, *lower.parameters) if "arm" in name]
+    assert lower.sensor_names == ["pelvis", "thigh_r", "shank_r", "foot_r", "thigh_l", "shank_l", "foot_l"]
+
+
+def test_units_cut_the_body_to_what_they_measure(full):
+    leg = full.with_units(["shank_l", "thigh_l"])
+    assert leg.sensor_names == ["thigh_l", "shank_l"]
+    assert [joint.name for joint in leg.describe().joints] == [
+        "thigh_l",
+        "knee_flexion_l",
+        "knee_adduction_l",
+        "knee_rotation_l",
+    ]
+    assert leg.describe().joints[0].kind == "free"
+    assert set(leg.parameters) == {"thigh_l", "thigh_radius_l", "shank_l", "shank_radius_l"}
+    both = full.with_units(["thigh_l", "thigh_r"])
+    assert both.frame_names[:2] == ["root", "pelvis"]
+    assert full.with_units(full.sensor_names).coordinate_names == full.coordinate_names
+
+
+def test_units_of_a_body_on_a_boat_only_take_sensors_away():
+    sculler = oarlock.load_model("sculler")
+    fewer = sculler.with_units(["back", "seat"])
+    assert fewer.coordinate_names == sculler.coordinate_names
+    assert fewer.sensor_names == ["back", "seat"]
+
+
+@pytest.mark.parametrize(("units", "about"), [(["shin_r"], "no sensor"), ([], "none is named")])
+def test_unknown_units_are_refused(full, units, about):
+    with pytest.raises(oarlock.DataError, match=about):
+        full.with_units(units)
+
+
+JOINT_TRIPLES = {
+    ("pelvis", "thigh"): (("hip_flexion", 1), ("hip_adduction", 1), ("hip_rotation", 1)),
+    ("thigh", "shank"): (("knee_flexion", -1), ("knee_adduction", 1), ("knee_rotation", 1)),
+    ("shank", "foot"): (("ankle_dorsiflexion", 1), ("ankle_inversion", 1), ("ankle_rotation", 1)),
+    ("upper_arm", "forearm"): (("elbow_flexion", 1), ("elbow_carrying", -1), ("elbow_pronation", 1)),
+    ("forearm", "hand"): (("wrist_flexion", 1), ("wrist_deviation", 1)),
+    ("pelvis", "lumbar"): (("lumbar_flexion", -1), ("lumbar_bending", 1), ("lumbar_rotation", 1)),
+    ("lumbar", "thorax"): (("thoracic_flexion", -1), ("thoracic_bending", 1), ("thoracic_rotation", 1)),
+    ("thorax", "head"): (("neck_flexion", -1), ("neck_bending", 1), ("neck_rotation", 1)),
+}
+
+
+@pytest.mark.parametrize("side", ["r", "l"])
+@pytest.mark.parametrize(("parent", "child"), JOINT_TRIPLES)
+def test_joints_are_the_society_s_sequence_z_x_y(full, parent, child, side):
+    q = np.random.default_rng(2).uniform(-1.0, 1.0, (10, len(full.coordinate_names)))
+    poses = full.forward_kinematics(q)[..., :3, :3]
+
+    def segment(name):
+        sided = f"{name}_{side}"
+        return poses[:, full.frame_names.index(sided if sided in full.frame_names else name)]
+
+    relative = np.swapaxes(segment(parent), 1, 2) @ segment(child)
+    sided = f"{child}_{side}" in full.frame_names
+    if side == "l" and sided:
+        # the society reports a left limb as if it were a right one, by its mirror image in the sagittal plane
+        relative = REFLECTION @ relative @ REFLECTION
+    angles = Rotation.from_matrix(relative).as_euler("ZXY")
+    for k, (name, sign) in enumerate(JOINT_TRIPLES[parent, child]):
+        column = full.coordinate_names.index(f"{name}_{side}" if sided else name)
+        np.testing.assert_allclose(angles[:, k], sign * q[:, column], rtol=0, atol=1e-12, err_msg=name)
+
+
+def test_limits_are_wider_than_walking_and_narrower_than_a_turn(full):
+    limits = {
+        joint.name: np.degrees(joint.limits) for joint in full.describe().joints if joint.kind == "hinge"
+    }
+    assert limits["knee_flexion_r"] == pytest.approx([-10, 145])
+    assert limits["elbow_carrying_l"] == pytest.approx([0, 20])
+    assert all(high - low <= 180 for low, high in limits.values())
