@@ -89,6 +89,10 @@ class FakeTrack:
     def coordinate_names(self) -> tuple[str, ...]:
         return self.joint_names
 
+    @property
+    def epoch(self) -> str | None:
+        return self.provenance.get("epoch")
+
     def __getitem__(self, name: str) -> FakeSeries:
         return FakeSeries(self.units[self.joint_names.index(name)])
 

@@ -2,15 +2,29 @@
 
 import json
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from command_line import run
-from oarlock import Motion, Recording, ScalarStream, load_model, load_recording, load_track, simulate, track
+from oarlock import (
+    DataError,
+    Motion,
+    Recording,
+    ScalarStream,
+    Track,
+    evaluate,
+    load_model,
+    load_recording,
+    load_track,
+    simulate,
+    track,
+)
 from oarlock.formats.csv import read_csv
+from oarlock.report import write_report
 from oarlock.report.viewer.scene import scene
-from oarlock.storage.epoch import epoch_text, moment_of, moment_text
+from oarlock.storage.epoch import apart_s, epoch_text, moment_of, moment_text
 from refusals import assert_refused
 
 SEAT = """format = 1
@@ -24,6 +38,8 @@ value = {{ column = "x", unit = "m" }}
 EPOCH_S = 1_700_000_000
 ROUNDING_S = 2**-27
 """Spacing of float64 at 2**32 samples of 0.01 s."""
+STAMP_S = 2**-22
+"""Spacing of float64 at seconds since 1970."""
 
 
 @pytest.fixture
@@ -224,3 +240,66 @@ def test_import_shows_start_and_what_it_recognised(mapping, tmp_path):
     told = json.loads(run("import", "csv", file, "--out", tmp_path / "rec2", "--json").stdout)
     assert told["epoch"] == "2023-11-14T22:13:20.000000000Z"
     assert told["start"] == "2023-11-14 22:13:20.00 UTC"
+
+
+@pytest.mark.parametrize(
+    ("epoch", "other", "apart"),
+    [
+        ("2024-05-01T17:00:00.000000001Z", "2024-05-01T16:59:58.020000000Z", 1.980000001),
+        ("2024-05-01T17:00:00Z", "2024-05-02T17:00:00.5Z", -86400.5),
+        ("17:00:00.250000000", "16:00:00.000000000", 3600.25),
+        ("2024-05-01T17:00:00.000000000", "2024-05-01T17:00:00.000000000Z", None),
+        ("2024-05-01T17:00:00.000000000Z", "17:00:00.000000000", None),
+        (None, "17:00:00.000000000", None),
+        ("tomorrow", "17:00:00.000000000", None),
+    ],
+)
+def test_epochs_of_one_kind_have_a_distance(epoch, other, apart):
+    assert apart_s(epoch, other) == apart
+    assert apart_s(other, epoch) == (None if apart is None else -apart)
+
+
+def later(track: Track, seconds: float, epoch: str | None) -> Track:
+    """The same movement by a clock whose zero is that many seconds earlier."""
+    known = {} if epoch is None else {"epoch": epoch}
+    return replace(track, time_s=track.time_s + seconds, provenance=known)
+
+
+def test_tracks_with_epochs_are_compared_as_moments(pair, tmp_path):
+    *_, (_, dated) = pair.values()
+    same = evaluate(dated, dated, 0.2)
+    by_another_clock = later(dated, 100.25, "2023-11-14T22:11:39.750000000Z")
+    moved = evaluate(dated, by_another_clock, 0.2)
+    assert moved.samples == same.samples
+    assert [score.rmse for score in moved.joints] == pytest.approx([0.0] * 3, abs=1e-12)
+    write_report(dated, tmp_path / "report.html", truth=by_another_clock)
+    for epoch in (None, "2023-11-14T22:11:39.750000000"):
+        with pytest.raises(DataError, match="do not overlap"):
+            evaluate(dated, later(dated, 100.25, epoch), 0.2)
+    apart = later(dated, 0.0, "2023-11-14T23:13:20.000000000Z")
+    with pytest.raises(DataError, match=r"truth 3600\.000 to .* time 0 is 2023-11-14 22:13:20\.00 UTC"):
+        evaluate(dated, apart, 0.2)
+
+
+def test_an_older_track_with_such_stamps_loads_from_0(pair, tmp_path):
+    (_, plain), (_, dated) = pair.values()
+    old = replace(
+        plain,
+        time_s=plain.time_s + EPOCH_S,
+        beliefs=replace(plain.beliefs, time_s=plain.beliefs.time_s + EPOCH_S),
+    )
+    old.save(tmp_path / "old")
+    (tmp_path / "old/oarlock-manifest.toml").unlink()
+    found = load_track(tmp_path / "old")
+    first_s = float(plain.time_s[0])
+    assert found.time_s[0] == 0.0
+    assert found.time_s == pytest.approx(plain.time_s - first_s, abs=STAMP_S)
+    assert found.beliefs.time_s == pytest.approx(plain.beliefs.time_s - first_s, abs=STAMP_S)
+    assert apart_s(found.epoch, dated.epoch) == pytest.approx(first_s, abs=STAMP_S)
+    assert "they now start at 0 s" in found.notes[-1]
+    assert (found.q == plain.q).all()
+    scores = evaluate(found, dated, 0.2)
+    assert [score.rmse for score in scores.joints] == pytest.approx([0.0] * 3, abs=1e-6)
+    found.save(tmp_path / "again")
+    again = load_track(tmp_path / "again")
+    assert again.epoch == found.epoch and again.notes == found.notes

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from local_data import local_folder
+from oarlock.formats.choices import UnclearError
 from oarlock.formats.devices.mtmanager import find_mtmanager, read_mtmanager
 from oarlock.formats.listing import listed
 from oarlock.model.rotation import matrix_from_quat
@@ -208,6 +209,12 @@ def test_decimal_commas(tmp_path):
 )
 def test_mistakes(tmp_path, old, new, words):
     refused(edited(tmp_path, old, new), "00B42D4D.txt", *words)
+
+
+def test_a_rate_that_is_not_stated_can_be_answered():
+    with pytest.raises(UnclearError, match="oarlock import mtmanager PATH --rate-hz") as unclear:
+        read_mtmanager(SAMPLES / "MT2022_ACC_00B42D4B.txt")
+    assert unclear.value.option == "rate_hz" and not unclear.value.choices
 
 
 def test_rates_that_contradict(tmp_path):

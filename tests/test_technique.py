@@ -315,6 +315,26 @@ def test_an_arm_that_no_sensor_tells_is_not_reported():
     assert np.isfinite(found["l_finish_elbow_flexion_rad"]).all()
 
 
+def test_a_side_of_which_nothing_is_measured_is_left_out_with_one_note():
+    excerpt = load_excerpt()
+    bare = [name for name in excerpt.recording.names if name.startswith("l_")]
+    track = oarlock.track(sculler(), excerpt.recording.without(bare))
+    assert (
+        np.isfinite(track.q).all() and not track.observed[:, track.coordinate_names.index("l_oar_phi")].any()
+    )
+    whole, found = technique(oarlock.track(sculler(), excerpt.recording)), technique(track)
+    assert [note for note in found.found.notes if "left out" in note] == list(found.found.notes[:1])
+    for name in found.strokes.columns:
+        if name.startswith("l_") or "crossover" in name or "overlap" in name or "difference" in name:
+            assert np.isnan(found.strokes[name]).all(), name
+            assert all(found.strokes.reason(name)), name
+    assert not any(mean.count for mean in found.symmetry.values())
+    assert not any(name.startswith("l_") for name in found.curves)
+    for name in ("handle_travel_m", "handle_peak_speed_m_s", "arms_share"):
+        of_right = whole.strokes[f"r_{name}"] if f"r_{name}" in whole.strokes.columns else whole.strokes[name]
+        assert found.strokes[name] == pytest.approx(of_right, rel=0.1), name
+
+
 @pytest.mark.parametrize("name", ["sweep", "ergometer"])
 def test_other_boats_give_what_they_can(name):
     model = oarlock.load_model(name)

@@ -11,7 +11,7 @@ import pytest
 import oarlock
 from oarlock import DataError, Look, Motion, Shape
 from oarlock.model.shapes import PARTS, box, ellipsoid, loft, tube
-from oarlock.report.viewer import Curve, embed, page, player_assets, scene
+from oarlock.report.viewer import Curve, embed, joint_curves, page, player_assets, scene
 from oarlock.report.viewer.marks import marks_and_spans
 from oarlock.report.viewer.packing import packed, packed_times, unpacked, unpacked_times
 from oarlock.report.viewer.scene import shown_rows
@@ -274,3 +274,11 @@ def test_strokes_become_marks(piece):
     assert len(drawn["spans"]) == ended.sum() > 2
     assert [span["start_s"] for span in drawn["spans"]] == pytest.approx(strokes.catch_time_s[ended])
     assert {mark["label"] for mark in drawn["marks"]} == {"catch", "finish"}
+
+
+def test_a_joint_that_is_never_observed_has_no_curve():
+    track = moving("pendulum3", rows=11)
+    observed = np.ones(track.q.shape, dtype=bool)
+    observed[:, 1] = observed[3:, 2] = False
+    first, _, last = track.joint_names
+    assert [curve.key for curve in joint_curves(replace(track, observed=observed))] == [first, last]

@@ -46,6 +46,7 @@ from .formats.marker_files import load_markers
 from .model.description import (
     BaseAccelerationDescription,
     ClosureDescription,
+    ConeDescription,
     EncoderDescription,
     FrameDescription,
     ImuDescription,
@@ -84,6 +85,7 @@ __all__ = [
     "Clock",
     "ClosureDescription",
     "Comparison",
+    "ConeDescription",
     "Config",
     "DataError",
     "DivergedError",

@@ -15,7 +15,7 @@ use crate::kinematics::near::Reach;
 use crate::kinematics::pieces::Pieces;
 use crate::kinematics::{FrameMotion, JointMotion, Tree};
 use crate::model::{Axis, Model, Transform, World};
-use crate::motion::{base_block, error_block, joint_block, push_turn, Now};
+use crate::motion::{base_block, error_block, is_observed, is_turn_observed, joint_block, push_turn, Now};
 use crate::rotation::turn::{minus, plus, right_jacobian};
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::near::Seats;
@@ -250,9 +250,10 @@ impl Body {
 
     fn push_turns(&self, dt: f64, mean: &[f64], variance: &[f64], drives: &[f64], out: &mut Transition) {
         for (c, slots) in &self.layout.turns {
-            let spread = variance[slots.q..slots.q + 3].iter().sum();
-            let now = [0, 1, 2].map(|i| Now { dt, variance: spread, drive: self.drive_of(c + i, drives) });
-            push_turn(&self.axes[*c..c + 3], *slots, mean, now, self.config.process_noise, out);
+            let axes = &self.axes[*c..c + 3];
+            let held = !is_turn_observed(axes, &variance[slots.q..slots.q + 3]);
+            let now = [0, 1, 2].map(|i| Now { dt, held, drive: self.drive_of(c + i, drives) });
+            push_turn(axes, *slots, mean, now, self.config.process_noise, out);
         }
     }
 
@@ -341,7 +342,8 @@ impl System for Body {
         out.clear();
         for (c, (axis, slots)) in self.axes.iter().zip(&self.layout.coordinates).enumerate() {
             let Some(slots) = slots.filter(|s| !self.turned[s.q]) else { continue };
-            let now = Now { dt, variance: variance[slots.q], drive: self.drive_of(c, drives) };
+            let held = !is_observed(axis, variance[slots.q]);
+            let now = Now { dt, held, drive: self.drive_of(c, drives) };
             out.blocks.push(joint_block(axis, slots, now, self.config.process_noise));
         }
         self.push_turns(dt, mean, variance, drives, out);

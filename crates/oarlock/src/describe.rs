@@ -1,6 +1,7 @@
 //! Description of a model as plain data (names and numbers) for other languages. Python's `Model.describe` uses it.
 
 use crate::body::Body;
+use crate::model::cone::Cone;
 use crate::model::{Frame, Joint, JointKind, Process, ProcessKind, Sensor, Transform};
 use crate::sensor::kind::{Described, Kind};
 use serde_json::{json, Value};
@@ -41,13 +42,18 @@ fn joint(j: &Joint) -> Value {
     let moves = !j.input && j.kind != JointKind::Fixed;
     let rest = if j.kind.width() == 1 { json!(j.rest[0]) } else { json!(j.rest) };
     let mut out = json!({"name": j.name, "kind": kind, "label": j.label, "coordinates": j.coordinate_names(),
-        "limits": j.limits, "rest": rest, "input": j.input, "std": j.input.then_some(j.input_std),
+        "limits": j.limits, "cone": j.cone.as_ref().map(cone), "rest": rest, "input": j.input, "std": j.input.then_some(j.input_std),
         "process": moves.then(|| process(&j.process)), "angles": j.kind.turns_freely().then_some(&j.angles)});
     if let Some(t) = &j.translation {
         out["translation"] = process(&t.process);
         out["translation"]["limits"] = json!(t.limits);
     }
     out
+}
+
+fn cone(c: &Cone) -> Value {
+    let axis = ["x", "y", "z"][c.axis];
+    json!({"axis": axis, "swing": c.swing, "twist": c.twist})
 }
 
 fn process(p: &Process) -> Value {

@@ -1,6 +1,7 @@
 //! `Model`: the body of a model file with its joints, frames, sensors, closures and parameters. It is immutable.
 
 pub mod build;
+pub mod cone;
 pub mod expr;
 mod inputs;
 mod locate;
@@ -11,6 +12,7 @@ pub mod spec;
 pub mod suggest;
 pub mod transform;
 
+use crate::rotation::turn::minus;
 pub use crate::sensor::closure::Closure;
 pub use crate::sensor::encoder::Encoder;
 pub use crate::sensor::imu::{Imu, ImuNoise};
@@ -19,6 +21,7 @@ pub use crate::sensor::position::Position;
 pub use crate::sensor::range::Range;
 pub use crate::sensor::{Mount, SensorKind};
 pub use build::read_model;
+use cone::{Beyond, Cone};
 pub use expr::Expr;
 pub use point::Point;
 use std::f64::consts::{PI, TAU};
@@ -109,8 +112,10 @@ pub struct Joint {
     /// Index of its first coordinate.
     pub first: usize,
     /// Soft limits, rad or m: two standard deviations either side of their middle; of a ball, about each axis from
-    /// `rest`.
+    /// `rest`, and the widest ones if it has a cone.
     pub limits: [f64; 2],
+    /// Range of a ball that differs between directions.
+    pub cone: Option<Cone>,
     /// Rest value of each coordinate, rad or m. An unobserved joint stays near it.
     pub rest: Vec<f64>,
     /// Its process; of a free joint, that of its rotation.
@@ -167,9 +172,22 @@ impl Joint {
             Some(t) if i < 3 => {
                 Axis { process: t.process, limits: t.limits.map(|x| x + rest), rest, place: true, turns: false }
             }
-            _ => Axis { process: self.process, limits: self.limits, rest, place: false, turns },
+            _ => {
+                let limits = self.cone.map_or(self.limits, |cone| cone.limits_about(i));
+                Axis { process: self.process, limits, rest, place: false, turns }
+            }
         };
         self.rest.iter().enumerate().map(axis).collect()
+    }
+
+    /// How far a ball with rotation vector `r` is beyond its range.
+    pub fn beyond(&self, r: [f64; 3]) -> Beyond {
+        let from_rest = minus(r, [self.rest[0], self.rest[1], self.rest[2]]);
+        let [low, high] = self.limits;
+        self.cone.map_or_else(
+            || Beyond { angle: from_rest.iter().fold(low, |most, x| most.max(x.abs() - high)), range: high - low },
+            |cone| cone.beyond(from_rest),
+        )
     }
 
     /// Indices of its coordinates.

@@ -11,18 +11,26 @@ use crate::state::{PushSlot, Slots};
 /// A joint with a standard deviation above this share of its prior's counts as not observed and is kept near its prior.
 pub const HELD_SHARE: f64 = 0.8;
 
-/// Whether a coordinate with this variance counts as observed; for a rotation vector, the sum of all three.
+/// Whether a coordinate with this variance counts as observed.
 pub fn is_observed(axis: &Axis, variance: f64) -> bool {
     variance.sqrt() < HELD_SHARE * axis.prior_std()
 }
 
-/// Input of a motion model: time step and current uncertainty of a coordinate.
+/// Whether a rotation vector with these variances counts as observed: their sum, each relative to its own prior.
+pub fn is_turn_observed(axes: &[Axis], variance: &[f64]) -> bool {
+    let prior = axes[0].prior_std();
+    // The ratio of equal priors is exactly one.
+    let relative = axes.iter().zip(variance).map(|(axis, v)| v * (prior / axis.prior_std()).powi(2));
+    is_observed(&axes[0], relative.sum())
+}
+
+/// Input of a motion model: time step and state of a coordinate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Now {
     /// Time step, s.
     pub dt: f64,
-    /// Variance of the value; for a rotation vector, the sum of all three.
-    pub variance: f64,
+    /// Whether it counts as not observed, so that its prior acts on it.
+    pub held: bool,
     /// Factor on the variance of its driving noise.
     pub drive: f64,
 }
@@ -30,8 +38,7 @@ pub struct Now {
 /// Motion of one coordinate. An unobserved one uses the model's process noise instead of the learnt one. Positions are
 /// the exception: the spring always acts on them, and every accelerometer determines their accelerations.
 pub fn joint_block(axis: &Axis, slots: Slots, now: Now, noise: ProcessNoise) -> Block {
-    let dt = now.dt;
-    let held = !is_observed(axis, now.variance);
+    let Now { dt, held, .. } = now;
     let density2 = axis.process.density * axis.process.density * if held && !axis.place { 1.0 } else { now.drive };
     let Some((rate, accel)) = slots.rates else {
         return if held { held_walk(slots.q, axis, density2, dt) } else { Block::walk(slots.q, density2 * dt) };
@@ -66,7 +73,7 @@ pub fn push_turn(axes: &[Axis], slots: Slots, mean: &[f64], now: [Now; 3], noise
     let blocks = [0, 1, 2].map(block);
     let r = index.map(|i| mean[i]);
     let rest = [axes[0].rest, axes[1].rest, axes[2].rest];
-    let held = !is_observed(&axes[0], now[0].variance);
+    let held = now[0].held;
     let (anchor, chart) = if held { (rest, minus(r, rest)) } else { (r, [0.0; 3]) };
     let moved = [0, 1, 2].map(|k| {
         let b = &blocks[k];

@@ -18,6 +18,7 @@ from oarlock.cli.session_options import (
     taken_session,
 )
 from oarlock.cli.terminal import EXIT_DATA, UsageError, output_folder, print_json, say, steps, table
+from oarlock.cli.unit_options import UNIT_OPTIONS, Naming, taken_naming
 
 if TYPE_CHECKING:
     from oarlock import Recording
@@ -64,6 +65,7 @@ PATH_OPTIONS: Final[list[tuple[str, Any, Any]]] = [
         ],
         None,
     ),
+    *UNIT_OPTIONS,
     *((name, kind, None) for name, kind in SESSION_OPTIONS),
     ("no_questions", NoQuestions, False),
     ("force", Force, False),
@@ -87,6 +89,7 @@ def import_path(
     from oarlock.formats.contents import find_recordings
 
     session = taken_session(options)
+    naming = taken_naming(options, path)
     if every and pick is not None:
         raise UsageError("--all and --pick contradict each other")
     contents = find_recordings(path)
@@ -99,14 +102,17 @@ def import_path(
         _list(contents, path, json_output)
         return
     if every:
-        _write_all(contents, out or Path(f"{_plain(path)}-recordings"), session, asks, force, json_output)
+        folder = out or Path(f"{_plain(path)}-recordings")
+        _write_all(contents, folder, session, naming, asks, force, json_output)
         return
     found = contents.only(pick)
     recording = _read(found, asks, {} if save_mapping is None else {"save_mapping": save_mapping})
+    recording = naming.named(recording)
     session = _session(recording, session, asks)
     target = out or Path(f"{_plain(Path(found.name))}-recording")
     write_recording(recording, session, path, target, found.about, force, json_output)
     if not json_output:
+        naming.say()
         _say_others(contents)
         if save_mapping is not None:
             say(f"Wrote {save_mapping}")
@@ -219,7 +225,13 @@ def _say_others(contents: Contents) -> None:
 
 
 def _write_all(
-    contents: Contents, out: Path, session: Mapping[str, str], asks: bool, force: bool, json_output: bool
+    contents: Contents,
+    out: Path,
+    session: Mapping[str, str],
+    naming: Naming,
+    asks: bool,
+    force: bool,
+    json_output: bool,
 ) -> None:
     """Write each recording into a folder of its own. What cannot be read is reported, and the others are written."""
     if asks and not session:
@@ -229,7 +241,7 @@ def _write_all(
     for one in contents.recordings:
         target = out / _safe(one.name)
         try:
-            recording = _with_session(_read(one, asks, {}), session, target)
+            recording = _with_session(naming.named(_read(one, asks, {})), session, target)
         except ValueError as error:
             refused.append({"name": one.name, "message": str(error)})
             continue

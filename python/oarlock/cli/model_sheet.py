@@ -8,6 +8,7 @@ from oarlock.cli.terminal import heading, number, say, table
 from oarlock.evaluation.scores import presentation
 from oarlock.model.angle_sequence import angle_labels
 from oarlock.model.description import (
+    ConeDescription,
     ImuDescription,
     JointDescription,
     ModelDescription,
@@ -86,6 +87,7 @@ def _joints(model: ModelDescription) -> None:
         ["joint", "kind", ">from", ">to", ">rest", "unit", "moves as", "state"],
         [_joint_row(joint, model.state_names) for joint in model.joints],
     )
+    _cones(model)
     _coordinates(model)
     labelled = [joint for joint in model.joints if joint.label]
     if labelled:
@@ -100,6 +102,27 @@ def _joint_row(joint: JointDescription, state_names: Sequence[str]) -> tuple[str
     rows = _joint_states(joint.name, state_names)
     unit = {"slide": "m", "fixed": "m", "free": "m, deg"}.get(joint.kind, presentation("rad")[1])
     return (joint.name, joint.kind, *shown, unit, motion, rows)
+
+
+def _cones(model: ModelDescription) -> None:
+    coned = [(joint.name, joint.cone) for joint in model.joints if joint.cone is not None]
+    if coned:
+        factor, unit = presentation("rad")
+        heading("Ranges of balls", "from rest: twist about an axis of the child, then a swing of this axis")
+        table(
+            ["joint", "axis", ">swing", ">twist from", ">to", "unit"],
+            [
+                (name, cone.axis, _swing(cone), *(number(v * factor, ".0f") for v in cone.twist), unit)
+                for name, cone in coned
+            ],
+        )
+
+
+def _swing(cone: ConeDescription) -> str:
+    """The largest swing; two if they differ, with the axes about which they are."""
+    first, second = (number(angle * presentation("rad")[0], ".0f") for angle in cone.swing)
+    a, b = (axis for axis in "xyz" if axis != cone.axis)
+    return first if cone.swing[0] == cone.swing[1] else f"{first} about {a}, {second} about {b}"
 
 
 def _in_unit(value: float | Sequence[float], kind: str) -> str:

@@ -236,14 +236,17 @@ def free_file(file: Path, force: bool) -> None:
 
     Raises:
         UsageError: something else is there, and `force` is not set; or it is a folder or a device.
+        DataError: its folder cannot be written or made.
     """
     from oarlock.storage.added_files import check_free
     from oarlock.storage.errors import DataError
+    from oarlock.storage.write_file import check_writable
 
     try:
         check_free(file, force)
     except DataError as error:
         raise UsageError(str(error)) from None
+    check_writable(file.parent)
 
 
 @contextmanager

@@ -10,11 +10,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from oarlock.evaluation.common_clock import on_clock_of
 from oarlock.evaluation.consistency import sensor_scores, state_score
 from oarlock.evaluation.errors import landmark_frames, position_scores
 from oarlock.evaluation.interval import Interval
 from oarlock.evaluation.joints import joint_scores
 from oarlock.evaluation.scores import Evaluation
+from oarlock.storage.epoch import moment_text
 from oarlock.storage.errors import DataError
 from oarlock.tracking.track import Track
 
@@ -27,7 +29,8 @@ def evaluate(
     Args:
         track: the estimate, with standard deviations and, if available, beliefs and sensor infos.
         truth: the ground truth. A cubic spline interpolates it at the track's time stamps, within its range and not
-            across gaps. Where time stamps agree within 1e-9 s, its value is used without interpolation.
+            across gaps. Where time stamps agree within 1e-9 s, its value is used without interpolation. If both know
+            their epochs, time stamps are compared as moments.
         start_s: time after the track's first time stamp that is not scored, s, so that the filter can converge.
         frames: frames whose position in root axes is scored. Default: those named shoulder, elbow, wrist or
             hand; if there are none, the ends of the tree.
@@ -41,6 +44,7 @@ def evaluate(
     Raises:
         DataError: no sample of the track lies after ``start_s`` and within the time span of the ground truth.
     """
+    truth = on_clock_of(track, truth)
     window = Interval.after(track.time_s, start_s)
     _require_overlap(track, truth, window)
     names = landmark_frames(track, truth) if frames is None else tuple(frames)
@@ -67,7 +71,8 @@ def _require_overlap(track: Track, truth: Track, window: Interval) -> None:
     if inside is None or not (kept & inside.of(track.time_s)).any():
         raise DataError(
             f"track and truth do not overlap: the track covers {_span(track)}, the truth {_span(truth)}, and "
-            f"scoring starts at {window.start_s:.3f} s. Check that both use the same clock."
+            f"scoring starts at {window.start_s:.3f} s. Check that both use the same clock"
+            + (f"; time 0 is {moment_text(track.epoch)}." if track.epoch and truth.epoch else ".")
         )
 
 

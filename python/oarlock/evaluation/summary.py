@@ -109,9 +109,9 @@ def observed_joints(track: Track) -> list[str]:
 
 
 def row_rate_hz(track: Track) -> float:
-    """Rows of a track per second; NaN for a single one."""
+    """Rows of a track per second, to nine digits: time stamps have no more; NaN for a single row."""
     duration_s = float(track.time_s[-1] - track.time_s[0]) if len(track.time_s) else 0.0
-    return (len(track.time_s) - 1) / duration_s if duration_s > 0.0 else math.nan
+    return float(f"{(len(track.time_s) - 1) / duration_s:.9g}") if duration_s > 0.0 else math.nan
 
 
 def stream_rates(counts: Sequence[StreamCount]) -> str:

@@ -17,10 +17,10 @@ from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import open_regular
 
 _CHILD = Path(__file__).with_name("reader_child.py")
-_NAMES = {"c3d": "C3D", "mat": "MATLAB"}
+_NAMES = {"c3d": "C3D", "c3d_analogue": "C3D", "mat": "MATLAB"}
 
 
-def arrays_of(kind: Literal["c3d", "mat"], file: Path) -> dict[str, NDArray[Any]]:
+def arrays_of(kind: Literal["c3d", "c3d_analogue", "mat"], file: Path) -> dict[str, NDArray[Any]]:
     """The arrays that `reader_child` finds in a file, by name.
 
     Raises:

@@ -1,12 +1,27 @@
-"""Reads whole columns of a delimited file by name, for the readers of this folder."""
+"""Reads whole columns of a delimited file by name, and names the places of cells. For the readers of this room."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.delimited import Layout, numbers
 from oarlock.storage.errors import DataError
+
+
+class Places(Sequence[str]):
+    """File, line and column of each row, as text for errors."""
+
+    def __init__(self, layout: Layout, lines: NDArray[np.int64], index: int) -> None:
+        self._layout, self._lines, self._index = layout, lines, index
+
+    def __len__(self) -> int:
+        return len(self._lines)
+
+    def __getitem__(self, row: Any) -> Any:
+        return f"{self._layout.file}:{self._lines[row]}, {self._layout.label(self._index)}"
 
 
 def read_columns(layout: Layout, names: Sequence[str | int]) -> FloatArray:

@@ -5,12 +5,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.formats.arbitrary_units import ARBITRARY, scale_meta, scaled_mag
+from oarlock.formats.columns import Places
 from oarlock.formats.counters import Lost, lost_packets, unwrapped
 from oarlock.formats.csv_mapping import (
     Counter,
@@ -22,6 +23,7 @@ from oarlock.formats.csv_mapping import (
 )
 from oarlock.formats.csv_time import TimeUnit, counted_stamps, time_unit
 from oarlock.formats.listing import Found, Listing
+from oarlock.formats.merged import merged
 from oarlock.formats.times import SAMPLES, Stamps, on_one_axis, parsed_stamps, relative_stamps
 from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.recording.packets import META_KEY
@@ -46,19 +48,6 @@ class _Table:
     columns: dict[int, FloatArray]
     unit: TimeUnit
     said: tuple[str, ...]
-
-
-class _Places(Sequence[str]):
-    """File, line and column of each row, as text for errors."""
-
-    def __init__(self, layout: Layout, lines: NDArray[np.int64], index: int) -> None:
-        self._layout, self._lines, self._index = layout, lines, index
-
-    def __len__(self) -> int:
-        return len(self._lines)
-
-    def __getitem__(self, row: Any) -> Any:
-        return f"{self._layout.file}:{self._lines[row]}, {self._layout.label(self._index)}"
 
 
 @dataclass(frozen=True)
@@ -90,18 +79,21 @@ def read_csv(mapping_file: str | PathLike[str], folder: str | PathLike[str] | No
     return read_mapped(mapping, root, {"format": "csv", "mapping": mapping.file.name})
 
 
-def read_mapped(mapping: CsvMapping, root: Path, source: Mapping[str, object]) -> Recording:
+def read_mapped(
+    mapping: CsvMapping, root: Path, source: Mapping[str, object], most_rows: int | None = None
+) -> Recording:
     """Read the files of a checked mapping.
 
     Args:
         mapping: files, columns, units and sensors.
         root: folder from which the files' paths begin.
         source: entries of ``meta["source"]``.
+        most_rows: read about this many rows of each file; None: all.
 
     Raises:
         DataError: A mistake in the data (file, line, column, text found).
     """
-    tables = [_read_table(f, root) for f in mapping.files]
+    tables = [_read_table(f, root, most_rows) for f in mapping.files]
     times, clock = on_one_axis([t.stamps for t in tables], [str(t.layout.file) for t in tables])
     parts: list[_Part] = []
     lost: dict[str, Lost] = {}
@@ -126,27 +118,27 @@ def read_mapped(mapping: CsvMapping, root: Path, source: Mapping[str, object]) -
 
 def _lost(table: _Table, time_s: FloatArray, counter: Counter) -> Lost:
     index = table.layout.index(counter.column)
-    places = _Places(table.layout, table.lines, index)
+    places = Places(table.layout, table.lines, index)
     count = table.columns[index]
     if counter.wraps_at is not None:
         count = unwrapped(count, counter.wraps_at, places)
     return lost_packets(count, time_s, places)
 
 
-def _read_table(entry: FileMapping, root: Path) -> _Table:
+def _read_table(entry: FileMapping, root: Path, most_rows: int | None) -> _Table:
     file = place_of(root / entry.path)
     if not file.is_file():
         raise DataError(f'{entry.where}: there is no file "{file}"')
     layout = Layout.of(file, entry.dialect)
     if entry.time_column is None:
-        return _counted_rows(layout, entry)
+        return _counted_rows(layout, entry, most_rows)
     time_index = layout.index(entry.time_column)
     wanted = list(dict.fromkeys([time_index, *_wanted(layout, entry)]))
     unit = time_unit(layout, entry)
-    lines, stamps, joined = _columns(layout, wanted, as_text=0 if unit.counted else 1)
+    lines, stamps, joined = _columns(layout, wanted, as_text=0 if unit.counted else 1, most_rows=most_rows)
     if unit.counted:
         lines, joined = _without_empty_end(lines, joined)
-    places = _Places(layout, np.array(lines, dtype=np.int64), time_index)
+    places = Places(layout, np.array(lines, dtype=np.int64), time_index)
     if unit.counted:
         _check_present(layout, time_index, joined[time_index], lines)
         axis, said = counted_stamps(joined[time_index], unit, entry, places)
@@ -155,10 +147,10 @@ def _read_table(entry: FileMapping, root: Path) -> _Table:
     return _Table(layout, axis, np.array(lines, dtype=np.int64), joined, unit, (*unit.said, *said))
 
 
-def _counted_rows(layout: Layout, entry: FileMapping) -> _Table:
+def _counted_rows(layout: Layout, entry: FileMapping, most_rows: int | None) -> _Table:
     """A file without a time column: its rows are samples at the rate that the mapping gives."""
     assert entry.tick_s is not None
-    lines, _, joined = _columns(layout, _wanted(layout, entry), as_text=0)
+    lines, _, joined = _columns(layout, _wanted(layout, entry), as_text=0, most_rows=most_rows)
     axis = relative_stamps(np.arange(float(len(lines))), SAMPLES, entry.tick_s)
     return _Table(
         layout, axis, np.array(lines, dtype=np.int64), joined, TimeUnit(SAMPLES, entry.tick_s, ()), ()
@@ -166,7 +158,7 @@ def _counted_rows(layout: Layout, entry: FileMapping) -> _Table:
 
 
 def _columns(
-    layout: Layout, wanted: Sequence[int], as_text: int
+    layout: Layout, wanted: Sequence[int], as_text: int, most_rows: int | None
 ) -> tuple[list[int], list[str], dict[int, FloatArray]]:
     """Line numbers, texts of the first column if it is wanted `as_text`, and the other columns by position."""
     lines: list[int] = []
@@ -178,6 +170,8 @@ def _columns(
             texts += batch.cells[0]
         for position in range(as_text, len(wanted)):
             readings[position].append(numbers(layout, batch, position, wanted[position]))
+        if most_rows is not None and len(lines) >= most_rows:
+            break
     if not lines:
         raise DataError(f"{layout.file}: has no rows of data")
     return lines, texts, {i: np.concatenate(r) for i, r in zip(wanted, readings, strict=True) if r}
@@ -273,7 +267,7 @@ def _stream(parts: list[_Part]) -> Stream:
                 "Only gyro, accel and mag of one sensor may come from different files."
             )
         seen |= part.fields.keys()
-    time_s, fields = _merged(parts)
+    time_s, fields = merged([(p.time_s, p.fields) for p in parts])
     name = first.sensor.name
     if first.sensor.kind == "imu":
         return ImuStream(name, time_s, **fields)
@@ -281,20 +275,6 @@ def _stream(parts: list[_Part]) -> Stream:
         return VectorStream(name, time_s, fields["value"])
     unit = "rad" if first.sensor.quantities[0].unit in ANGLE else "m"
     return ScalarStream(name, time_s, fields["value"], cast(ScalarUnit, unit))
-
-
-def _merged(parts: list[_Part]) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """All time stamps of the parts, in order, and their fields; NaN where a part has no sample."""
-    if len(parts) == 1:
-        return parts[0].time_s, parts[0].fields
-    time_s = np.unique(np.concatenate([p.time_s for p in parts]))
-    fields = {}
-    for part in parts:
-        rows = np.searchsorted(time_s, part.time_s)
-        for name, values in part.fields.items():
-            fields[name] = np.full((len(time_s), 3), np.nan)
-            fields[name][rows] = values
-    return time_s, fields
 
 
 def find_csv(listing: Listing) -> list[Found]:

@@ -145,6 +145,7 @@ FORMATS = (
             ),
             _ORIENTATIONS,
         ),
+        suffixes=(".txt", ".csv"),
     ),
     Format(
         "dot",
@@ -155,6 +156,7 @@ FORMATS = (
         "1_20250711_200600_086.csv",
         "CSV files of Movella DOT (Xsens DOT): one file, or all synchronised units of a trial",
         (_TRIAL, _ORIENTATIONS),
+        suffixes=(".csv", ".txt"),
     ),
     Format(
         "shimmer",
@@ -170,6 +172,7 @@ FORMATS = (
                 "accel", str | None, "LN (low noise) or WR (wide range); if not given, LN where there is one."
             ),
         ),
+        suffixes=(".csv", ".txt", ".dat"),
     ),
     Format(
         "mvnx",
@@ -179,6 +182,7 @@ FORMATS = (
         "Import an MVNX export of Xsens MVN: orientations of segments and sensors, magnetic field of sensors.",
         "trial.mvnx",
         "MVNX exports of Xsens MVN: orientations of segments and sensors",
+        suffixes=(".mvnx", ".xml"),
     ),
     Format(
         "sto",
@@ -193,6 +197,7 @@ FORMATS = (
                 "up", str, "Axis of the file's reference that points up: z (units) or y (OpenSim).", "z"
             ),
         ),
+        suffixes=(".sto",),
     ),
     Format(
         "dfjimu",
@@ -250,6 +255,56 @@ FORMATS = (
         "full_body_example_data.mat",
         "sixteen units on a person",
         suffixes=(".mat",),
+    ),
+    Format(
+        "ngimu",
+        "devices",
+        "FOLDER",
+        "Folder of a session, with a folder for each unit.",
+        "Import x-io NGIMU units: CSV folders of the vendor's software.",
+        "LOG_0000",
+        "x-io NGIMU units: folders of CSV files; see [NGIMU](#ngimu)",
+        suffixes=(".csv",),
+    ),
+    Format(
+        "lines",
+        "devices",
+        "FILE",
+        "Lines t_us,seq,ax,ay,az,gx,gy,gz,mx,my,mz.",
+        "Import a unit that somebody built, which writes Oarlock's line protocol to a serial port or by UDP.",
+        "left_hand.csv",
+        "units that you built yourself: Oarlock's line protocol; see [the line protocol](#the-line-protocol)",
+        suffixes=(".csv", ".txt", ".log"),
+    ),
+    Format(
+        "c3d",
+        "devices",
+        "FILE",
+        "C3D file with analogue channels.",
+        "Import analogue channels of a C3D file: inertial units by their labels, all other channels as numbers.",
+        "trial.c3d",
+        "analogue channels of C3D files, inertial units among them; see [C3D](#c3d)",
+        suffixes=(".c3d",),
+    ),
+    Format(
+        "xdf",
+        "devices",
+        "FILE",
+        "XDF file, as LabRecorder writes it.",
+        "Import streams of the Lab Streaming Layer: inertial units by their labels, all other channels as numbers.",
+        "trial.xdf",
+        "XDF files of the Lab Streaming Layer (LSL), all streams; see [XDF](#xdf)",
+        suffixes=(".xdf",),
+    ),
+    Format(
+        "ximu3",
+        "devices",
+        "PLACE",
+        "Folder with the units' folders of CSV files, or a .ximu3 file.",
+        "Import x-io x-IMU3 units: CSV folders of the vendor's software, or files of the data logger.",
+        "logged_lower_body",
+        "x-io x-IMU3 units: folders of CSV files, or .ximu3 files; see [x-IMU3](#x-imu3)",
+        suffixes=(".csv", ".ximu3"),
     ),
 )
 """All formats, in the order of the help."""

@@ -1,4 +1,4 @@
-"""Reads one file with a library that a damaged file may crash: `python reader_child.py c3d|mat FILE`.
+"""Reads one file with a library that a damaged file may crash: `python reader_child.py KIND FILE`.
 
 Used by `oarlock.formats.child_process`. It imports nothing of oarlock, so that it starts quickly. It writes the arrays
 to standard output as .npz. If the library refuses the file, it writes the reason to standard error and exits with 1.
@@ -77,7 +77,30 @@ def read_c3d(file: str) -> dict[str, Any]:
         "rate_hz": np.float64(header["frame_rate"]),
         "first_frame": np.int64(header["first_frame"]),
         "unit": np.array(str(units[0]) if len(units) else ""),
-        "labels": np.array(_labels(point), dtype=np.str_),
+        "labels": np.array(_texts(point, "LABELS"), dtype=np.str_),
+    }
+
+
+def read_c3d_analogue(file: str) -> dict[str, Any]:
+    """Arrays `channels` (N, T), `rate_hz`, `start_s`, `labels` and `units` of the analogue channels."""
+    import ezc3d
+
+    content = ezc3d.c3d(file)
+    points, analogue = content["header"]["points"], content["header"]["analogs"]
+    channels = np.asarray(content["data"]["analogs"], dtype=np.float64)[0]
+    rate_hz, frame_hz = float(analogue["frame_rate"]), float(points["frame_rate"])
+    held, announced = content["data"]["points"].shape[2], _announced_frames(file)
+    if rate_hz > 0.0 and frame_hz > 0.0:
+        held = max(held, round(channels.shape[1] * frame_hz / rate_hz))
+    if held < announced:
+        raise ValueError(f"its header states {announced} frames, but it contains {held}; was it cut off?")
+    group = content["parameters"]["ANALOG"]
+    return {
+        "channels": channels,
+        "rate_hz": np.float64(rate_hz),
+        "start_s": np.float64(points["first_frame"] / frame_hz if frame_hz > 0.0 else 0.0),
+        "labels": np.array(_texts(group, "LABELS"), dtype=np.str_),
+        "units": np.array(_texts(group, "UNITS"), dtype=np.str_),
     }
 
 
@@ -90,22 +113,25 @@ def _announced_frames(file: str) -> int:
     return int(last) - int(first) + 1
 
 
-def _labels(point: Any) -> list[str]:
-    """All labels: a C3D parameter has at most 255, so larger sets continue in LABELS2, LABELS3, ..."""
+def _texts(group: Any, name: str) -> list[str]:
+    """All texts: a C3D parameter has at most 255, so larger sets continue in LABELS2, LABELS3, ..."""
     found: list[str] = []
     for number in range(1, 100):
-        key = "LABELS" if number == 1 else f"LABELS{number}"
-        if key not in point:
+        key = name if number == 1 else f"{name}{number}"
+        if key not in group:
             break
-        found += [str(label).strip() for label in point[key]["value"]]
+        found += [str(text).strip() for text in group[key]["value"]]
     return found
+
+
+_READERS = {"c3d": read_c3d, "c3d_analogue": read_c3d_analogue, "mat": read_mat}
 
 
 def main(kind: str, file: str) -> int:
     """Read one file; the exit status."""
     try:
         limit_resources(file)
-        arrays = {"c3d": read_c3d, "mat": read_mat}[kind](file)
+        arrays = _READERS[kind](file)
     except Exception as error:  # the library may raise any exception
         print(str(error) or type(error).__name__, file=sys.stderr)
         return 1

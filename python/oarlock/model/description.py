@@ -82,6 +82,27 @@ class ProcessDescription:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ConeDescription:
+    """The range of a ball joint, counted from its rest: a twist about one axis of the child, then a swing of this axis.
+
+    Args:
+        axis: "x", "y" or "z" of the child.
+        swing: largest swing about each of the other two axes, in the order x, y, z, rad.
+        twist: least and largest twist about `axis`, rad.
+    """
+
+    axis: str
+    swing: tuple[float, float]
+    twist: tuple[float, float]
+
+    def limits_about(self) -> tuple[tuple[float, float], ...]:
+        """Soft limits of the three coordinates of the rotation vector from rest, rad."""
+        swings = tuple((-angle, angle) for angle in self.swing)
+        before = "xyz".index(self.axis)
+        return (*swings[:before], self.twist, *swings[before:])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class JointDescription:
     """A joint.
 
@@ -90,13 +111,14 @@ class JointDescription:
         kind: "fixed", "hinge", "slide", "ball" or "free".
         label: what it is, for people.
         coordinates: names of its coordinates, columns of `q`.
-        limits: soft limits, rad or m; of a ball about each axis from `rest`.
+        limits: soft limits, rad or m; of a ball about each axis from `rest`, the widest ones if it has a `cone`.
         rest: rest value, rad or m; of a ball or free joint one for each coordinate.
         input: whether its value comes from a stream and is no state.
         std: standard deviation of an input's reading, rad or m; None for others.
         process: how it moves by itself, of a free joint its rotation; None if it is fixed or an input.
         angles: angle sequence such as "YXY" for reports; None for joints without a free rotation.
         translation: how a free joint's position moves; None for others.
+        cone: range of a ball that differs between directions; None for others.
     """
 
     name: str
@@ -110,6 +132,7 @@ class JointDescription:
     process: ProcessDescription | None
     angles: str | None
     translation: ProcessDescription | None = None
+    cone: ConeDescription | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -393,6 +416,7 @@ _PARTS = {
     "world": WorldDescription,
     "parameters": ParameterDescription,
     "joints": JointDescription,
+    "cone": ConeDescription,
     "process": ProcessDescription,
     "translation": ProcessDescription,
     "frames": FrameDescription,

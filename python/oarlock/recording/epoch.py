@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from oarlock.recording.streams import Stream
-from oarlock.storage.epoch import FIRST_S, LAST_S, epoch_text, moment_text
+from oarlock.storage.epoch import epoch_of_stamps, moment_text, shifted_text
 
 CLOCK_KEY = "clock"
 """`Recording.meta[CLOCK_KEY]` describes the time stamps: `kind`, `zero` (the epoch), `shifted_s`, `found`."""
@@ -30,12 +30,11 @@ def from_zero(
     known = [s for s in streams if len(s)]
     if not known or epoch_of(meta) is not None:
         return streams, meta
-    if not all(s.time_s[0] >= FIRST_S and s.time_s[-1] <= LAST_S for s in known):
-        return streams, meta
     zero_s = min(float(s.time_s[0]) for s in known)
+    zero = epoch_of_stamps(zero_s, max(float(s.time_s[-1]) for s in known))
+    if zero is None:
+        return streams, meta
     moved = [s.at_rows(slice(None), s.time_s - zero_s) for s in streams]
-    whole = int(zero_s)
-    zero = epoch_text(whole * 10**9 + round((zero_s - whole) * 1e9), "utc")
     clock = meta.get(CLOCK_KEY)
     told = dict(clock) if isinstance(clock, Mapping) else {}
     told |= {"kind": "utc", "zero": zero, "shifted_s": zero_s}
@@ -47,9 +46,7 @@ def shift_notes(meta: Mapping[str, object]) -> tuple[str, ...]:
     clock = meta.get(CLOCK_KEY)
     if not isinstance(clock, Mapping) or "shifted_s" not in clock:
         return ()
-    return (
-        f"The time stamps were seconds since 1970; they now start at 0 s, which is {moment_text(epoch_of(meta))}.",
-    )
+    return (shifted_text(epoch_of(meta)),)
 
 
 def clock_notes(meta: Mapping[str, object]) -> tuple[str, ...]:

@@ -282,3 +282,33 @@ def _words(name: str) -> list[str]:
     ]
     parts = (part for word in kept for part in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", word))
     return [part.lower() for part in parts]
+
+
+def with_unit_names(
+    recording: Recording,
+    sensors: Sequence[str] | None = None,
+    by_hand: Mapping[str, str] | None = None,
+    ids: Mapping[str, str] | None = None,
+) -> tuple[Recording, Assignment]:
+    """The recording with its inertial units named as the sensors of a model, and the assignment.
+
+    Args:
+        recording: a recording.
+        sensors: names of the model's inertial units; None: the names of `by_hand` and `ids` are used as they are.
+        by_hand: sensor -> stream, or a part of its name.
+        ids: device's id -> segment or sensor.
+
+    Raises:
+        DataError: as `assign_units`, or no stream could be matched.
+    """
+    streams = [stream.name for stream in recording.streams if stream.kind in ("imu", "orientation")]
+    hand, known = dict(by_hand or {}), dict(ids or {})
+    wanted = list(dict.fromkeys([*hand, *known.values()])) if sensors is None else list(sensors)
+    found = assign_units(wanted, streams, hand, known)
+    if sensors is not None and not found.units:
+        raise DataError(
+            f"no stream ({', '.join(streams) or 'none is inertial'}) has the name of a sensor of the model "
+            f"({', '.join(wanted)}). Say which is which: --units {wanted[0] if wanted else 'SENSOR'}="
+            f"{streams[0] if streams else 'STREAM'},... or a units.toml with id = segment."
+        )
+    return found.renamed(recording), found

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from oarlock.evaluation.common_clock import on_clock_of
 from oarlock.evaluation.evaluate import evaluate
 from oarlock.evaluation.scores import Evaluation
 from oarlock.report.page import render
@@ -40,6 +41,7 @@ def write_report(
     """
     if not len(track.time_s):
         raise DataError("nothing to report: the track has no samples. Was the recording empty?")
+    truth = None if truth is None else on_clock_of(track, truth)
     if evaluation is None and truth is not None:
         # the default, or a tenth of a shorter recording
         evaluation = evaluate(track, truth, min(2.0, 0.1 * float(track.time_s[-1] - track.time_s[0])))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import FolderWriter, read_manifest
-from oarlock.storage.write_file import check_replaceable, write_file
+from oarlock.storage.write_file import check_replaceable, unwritable, write_file
 
 
 @contextmanager
@@ -30,7 +30,10 @@ def added_files(folder: Path, force: bool = False, kind: str | None = None) -> I
     with tempfile.TemporaryDirectory(prefix="oarlock-") as temporary:
         stage = Path(temporary)
         yield stage
-        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise unwritable(folder, error) from error
         before = read_manifest(folder)
         files = {file.name: file.read_bytes() for file in sorted(stage.iterdir())}
         if before is not None or kind is not None:

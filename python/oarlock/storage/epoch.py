@@ -7,6 +7,7 @@ zone) and `16:59:58.020000000` (a time of day without a date).
 from __future__ import annotations
 
 import datetime
+import math
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal, TypeAlias
@@ -49,6 +50,36 @@ def epoch_text(zero_ns: int, kind: Kind) -> str:
     if kind == "clock":
         return f"{moment:%H:%M:%S}.{rest:09d}"
     return f"{moment:%Y-%m-%dT%H:%M:%S}.{rest:09d}" + ("Z" if kind == "utc" else "")
+
+
+def epoch_of_stamps(first_s: float, last_s: float) -> str | None:
+    """The epoch of `first_s`, if stamps between these are seconds since 1970 (UTC); None if they are not."""
+    if not FIRST_S <= first_s <= last_s <= LAST_S:
+        return None
+    whole = int(first_s)
+    return epoch_text(whole * 10**9 + round((first_s - whole) * 1e9), "utc")
+
+
+def shifted_text(epoch: object) -> str:
+    """The sentence on stamps that were seconds since 1970 and were shifted to this epoch."""
+    return f"The time stamps were seconds since 1970; they now start at 0 s, which is {moment_text(epoch)}."
+
+
+def apart_s(epoch: object, other: object) -> float | None:
+    """How much later an epoch is than another, s, to the ns; None if one is not known or their kinds differ."""
+    here, there = _exact(epoch), _exact(other)
+    if here is None or there is None or here[1] != there[1]:
+        return None
+    return (here[0] - there[0]) / 1e9
+
+
+def _exact(epoch: object) -> tuple[int, Kind] | None:
+    """The ns since 1970 or midnight; `datetime` has only microseconds."""
+    moment = moment_of(epoch)
+    if moment is None or not isinstance(epoch, str):
+        return None
+    fraction = epoch.removesuffix("Z").partition(".")[2]
+    return math.floor(moment.seconds) * 10**9 + int(f"{fraction:0<9}"[:9]), moment.kind
 
 
 def moment_of(epoch: object, at_s: float = 0.0) -> Moment | None:

@@ -6,6 +6,7 @@ import errno
 import os
 import secrets
 import stat
+from contextlib import suppress
 from pathlib import Path
 
 from oarlock.storage.errors import DataError
@@ -13,13 +14,14 @@ from oarlock.storage.folder_lock import is_staged
 from oarlock.storage.names import check_text
 
 TEMPORARY = ".oarlock-"
+_ELSEWHERE = " Choose a folder that you may write into."
 
 
 def write_file(file: Path, contents: str | bytes) -> None:
     """Write a new file beside `file`, sync it to the disk and rename it. A link is replaced, not followed.
 
     Args:
-        file: the file; it is replaced if it exists.
+        file: the file; it is replaced if it exists. Its folder is made if it does not exist.
         contents: bytes, or text that is written as UTF-8 without changes to its line ends.
 
     Raises:
@@ -34,11 +36,13 @@ def write_file(file: Path, contents: str | bytes) -> None:
         return
     temporary = file.with_name(f"{TEMPORARY}{secrets.token_hex(8)}")
     try:
+        file.parent.mkdir(parents=True, exist_ok=True)
         _write_new(temporary, contents)
         os.replace(temporary, file)
         sync_folder(file.parent)
     except BaseException as error:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # on a read-only disk even this fails
+            temporary.unlink(missing_ok=True)
         if isinstance(error, OSError):
             raise unwritable(file, error) from error
         raise
@@ -57,6 +61,23 @@ def check_replaceable(file: Path) -> None:
     if not (stat.S_ISREG(mode) or stat.S_ISLNK(mode)):
         what = "a folder" if stat.S_ISDIR(mode) else "a device or a pipe"
         raise DataError(f"{file}: is {what}, so it cannot be replaced by a file; choose another name")
+
+
+def check_writable(folder: Path) -> None:
+    """Refuse a folder into which nothing can be written, before the work of which the result shall be there.
+
+    Folders that are missing on the way to it count as writable if they can be made.
+
+    Raises:
+        DataError: it is a file, or it cannot be written or made.
+    """
+    place = folder.absolute()
+    while not os.path.lexists(place):
+        place = place.parent
+    if not place.is_dir():
+        raise DataError(f"{place}: is not a folder, so nothing can be written into it; choose another place")
+    if not os.access(place, os.W_OK | os.X_OK):
+        raise unwritable(folder, OSError(errno.EACCES, "no permission, or a read-only disk"))
 
 
 def sync_folder(folder: Path) -> None:
@@ -85,6 +106,9 @@ def unwritable(place: Path, error: OSError) -> DataError:
         errno.ENOSPC: " Free some space, or choose a folder on another disk; what was there before is unchanged.",
         errno.EFBIG: " The file would exceed the limit on file sizes (ulimit -f); what was there is unchanged.",
         errno.EDQUOT: " Your quota is used up; what was there before is unchanged.",
+        errno.EROFS: _ELSEWHERE,
+        errno.EACCES: _ELSEWHERE,
+        errno.EPERM: _ELSEWHERE,
     }.get(error.errno or 0, "")
     return DataError(f"{place}: cannot be written ({error.strerror or error}).{advice}")
 

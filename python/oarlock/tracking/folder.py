@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from pyarrow import parquet
 
 from oarlock._core import Model
 from oarlock.recording.session_info import SESSION_KEY, read_session, without_session, write_session
+from oarlock.storage.epoch import epoch_of_stamps, shifted_text
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import check_files, read_manifest, replaced_folder
 from oarlock.storage.parquet_table import columns_of, read_table
@@ -102,7 +104,23 @@ def read_track(folder: str | PathLike[str]) -> dict[str, Any]:
         "counts": _counts(place / "run.toml", top.get("streams", {})),
     }
     check_files(manifest, [name for name in _FILES if (place / name).is_file()])
-    return found
+    return _from_zero(found)
+
+
+def _from_zero(found: dict[str, Any]) -> dict[str, Any]:
+    """With rows from 0 s and an epoch, if the stamps are seconds since 1970, as earlier versions wrote them."""
+    time_s, beliefs, provenance = found["time_s"], found["beliefs"], found["provenance"]
+    if not len(time_s) or "epoch" in provenance:
+        return found
+    zero = epoch_of_stamps(float(time_s[0]), float(time_s[-1]))
+    if zero is None:
+        return found
+    return found | {
+        "time_s": time_s - time_s[0],
+        "beliefs": None if beliefs is None else replace(beliefs, time_s=beliefs.time_s - time_s[0]),
+        "provenance": {**provenance, "epoch": zero},
+        "notes": (*found["notes"], shifted_text(zero)),
+    }
 
 
 def _read_description(file: Path) -> Mapping[str, Any]:

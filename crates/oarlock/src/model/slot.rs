@@ -52,6 +52,10 @@ impl<'a> Slot<'a> {
         self.mistake(format!("expected {wanted}, found {}", describe(self.value.get_ref())));
     }
 
+    pub(crate) fn is_table(&self) -> bool {
+        self.value.get_ref().as_table().is_some()
+    }
+
     pub(crate) fn text(&self) -> Option<&'a str> {
         let text = self.value.get_ref().as_str();
         if text.is_none() {

@@ -10,8 +10,8 @@ use crate::estimate::belief::Belief;
 use crate::estimate::start::{Fit, Prior, StartFit, StartSample};
 use crate::estimate::System;
 use crate::kernels::dense::Square;
-use crate::model::JointKind;
-use crate::rotation::turn::{plus, Turn};
+use crate::model::{Axis, JointKind};
+use crate::rotation::turn::{norm, plus, Turn};
 use crate::rotation::Vec3;
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -120,7 +120,7 @@ impl Start<'_> {
             }
             None => None,
         };
-        let middle = body.axes.iter().map(|axis| 0.5 * (axis.limits[0] + axis.limits[1])).collect();
+        let middle = body.axes.iter().map(|a| if a.turns { 0.0 } else { 0.5 * (a.limits[0] + a.limits[1]) }).collect();
         let mut postures: Vec<Vec<f64>> = asked.into_iter().chain([rest, vec![0.0; count], middle]).collect();
         postures.dedup();
         let turns_whole = !body.floating.is_empty();
@@ -176,11 +176,14 @@ impl Start<'_> {
     /// If the joint gives its own start standard deviation, both limits are equal to it.
     fn place_turns(&self, fit: &Fit, compass: bool, covariance: &mut Square) {
         for (c, slots) in &self.subject.body.layout.turns {
-            let axis = &self.subject.body.axes[*c];
+            let axes = &self.subject.body.axes[*c..c + 3];
             let block = Matrix3::from_fn(|i, j| fit.covariance.at(slots.q + i, slots.q + j));
             let mut eigen = SymmetricEigen::new(block);
-            let (least, most) = (axis.process.start_std[0], axis.start_spread());
-            eigen.eigenvalues.apply(|v| *v = v.clamp(least.min(most).powi(2), most * most));
+            let least = axes[0].process.start_std[0];
+            for (value, direction) in eigen.eigenvalues.iter_mut().zip(eigen.eigenvectors.column_iter()) {
+                let most = spread_along(axes, direction.into());
+                *value = value.clamp(least.min(most).powi(2), most * most);
+            }
             let mut block = eigen.recompose();
             if let Some((_, outer)) = self.subject.body.floating.iter().find(|(f, _)| f == c).filter(|_| !compass) {
                 let up = outer
@@ -197,6 +200,15 @@ impl Start<'_> {
             }
         }
     }
+}
+
+/// Standard deviation of a rotation vector along a unit vector before any measurement, the other directions being known.
+fn spread_along(axes: &[Axis], direction: [f64; 3]) -> f64 {
+    let spreads = [0, 1, 2].map(|i| axes[i].start_spread());
+    if spreads[1..].iter().all(|s| *s == spreads[0]) {
+        return spreads[0];
+    }
+    1.0 / norm([0, 1, 2].map(|i| direction[i] / spreads[i]))
 }
 
 /// Wraps an angle to [-pi, pi).

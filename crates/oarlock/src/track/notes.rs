@@ -1,5 +1,7 @@
 //! Notes: sentences about what a run could not use or observe. `track` stores them and the report prints them.
 
+mod ranges;
+
 use super::faults::Fault;
 use super::loops::dependence;
 use super::magnetic::Field;
@@ -13,12 +15,6 @@ const WORTH_A_WORD_DEG: f64 = 0.1;
 /// Share of rejected readings above which a note reports a sensor.
 const REJECTED_SHARE: f64 = 0.05;
 
-/// A note reports a joint that exceeds its soft limits by more than this share of its range in more than `OFTEN_SHARE` of
-/// the samples. The limits are two standard deviations, so that about 5 % of the postures exceed them in any case.
-const BEYOND_SHARE: f64 = 0.1;
-/// See `BEYOND_SHARE`.
-const OFTEN_SHARE: f64 = 0.1;
-
 /// All notes on a run.
 pub fn notes(run: &Run) -> Vec<String> {
     let mut notes = run.recording().notes.clone();
@@ -31,7 +27,8 @@ pub fn notes(run: &Run) -> Vec<String> {
     notes.extend(disturbances(&counts, &field));
     notes.extend(faults(&counts));
     notes.extend(unobserved(run));
-    notes.extend(contortions(run));
+    notes.extend(ranges::contortions(run));
+    notes.extend(ranges::overturned(run));
     notes.extend(losses(run));
     notes.extend(widened(run));
     if run.refused > 0 {
@@ -198,49 +195,6 @@ fn no_magnetometers(run: &Run, counts: &[StreamCount]) -> Option<String> {
     } else {
         "no unit has a magnetometer: headings are relative".into()
     })
-}
-
-/// Reports observed joints that often exceed their soft limits. Limits do not affect observed joints, so the cause lies elsewhere.
-fn contortions(run: &Run) -> Vec<String> {
-    let body = run.tracker().body();
-    let (n, coordinates, rows) = (body.layout.dim(), body.model.coordinate_count(), run.series.time_s.len());
-    let names = body.model.coordinate_names();
-    let describe = |(c, axis, slots): (usize, &crate::model::Axis, crate::state::Slots)| {
-        let slides = match body.model.joints.iter().find(|j| j.first == c)?.kind {
-            JointKind::Slide => true,
-            JointKind::Hinge => false,
-            _ => return None,
-        };
-        let [low, high] = axis.limits;
-        let observed = (0..rows).filter(|r| run.series.observed[r * coordinates + c] == 1);
-        let excess = observed.map(|r| run.series.mean[r * n + slots.q]).map(|q| (q - high).max(low - q));
-        let (all, beyond, most) = excess.fold((0u32, 0u32, 0.0f64), |(all, beyond, most), e| {
-            (all + 1, beyond + u32::from(e > BEYOND_SHARE * (high - low)), most.max(e))
-        });
-        let share = f64::from(beyond) / f64::from(all.max(1));
-        (share > OFTEN_SHARE).then(|| {
-            let (by, unit) = if slides { (1.0, "m") } else { (1f64.to_degrees(), "deg") };
-            format!(
-                "{}: beyond its soft limits ({} to {} {unit}) in {:.0} % of the samples, by up to {} {unit}; check for \
-                 a wrong mount, exchanged sensors or a start in a mirrored posture, or correct the limits in the model file",
-                names[c],
-                tidy(by * low),
-                tidy(by * high),
-                100.0 * share,
-                tidy(by * most)
-            )
-        })
-    };
-    body.moving().filter_map(describe).collect()
-}
-
-/// Rounds to two decimals, or to whole numbers from 10 on.
-fn tidy(x: f64) -> f64 {
-    if x.abs() < 10.0 {
-        (x * 100.0).round() / 100.0
-    } else {
-        x.round()
-    }
 }
 
 fn losses(run: &Run) -> Option<String> {

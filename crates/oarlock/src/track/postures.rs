@@ -6,7 +6,7 @@
 //! distinguishes them. Both are tracked until then.
 
 use super::subject::Subject;
-use crate::body::{Body, Moment};
+use crate::body::{three, Body, Moment};
 use crate::estimate::start::{Fit, Prior, StartFit, StartSample};
 use crate::model::Axis;
 
@@ -97,15 +97,19 @@ impl Postures<'_> {
         fit.cost * if self.is_contorted(&fit.mean) { CONTORTED_COSTS } else { 1.0 }
     }
 
-    /// Whether a hinge is far beyond its limits. The fit may then be a mirrored posture, in which consecutive hinges
-    /// reach the same position from the other side.
+    /// Whether a hinge, or a ball with a cone, is far beyond its limits. The fit may then be a mirrored posture, in which
+    /// consecutive joints reach the same position from the other side.
     pub(super) fn is_contorted(&self, mean: &[f64]) -> bool {
-        self.subject.free_hinges().any(|(axis, q)| beyond(axis, mean[q]) > CONTORTED)
+        let bent = self.subject.free_hinges().any(|(axis, q)| beyond(axis, mean[q]) > CONTORTED);
+        bent || self.subject.coned_balls().any(|(ball, q)| ball.beyond(three(mean, q)).share() > CONTORTED)
     }
 
-    /// The same posture with every hinge beyond its limits moved to their middle.
+    /// The same posture with every hinge beyond its limits moved to their middle, and every such ball to its rest.
     fn eased(&self, mean: &[f64]) -> Vec<f64> {
         let mut eased = mean.to_vec();
+        for (ball, q) in self.subject.coned_balls().filter(|(ball, q)| ball.beyond(three(mean, *q)).angle > 0.0) {
+            eased[q..q + 3].copy_from_slice(&ball.rest);
+        }
         for (axis, q) in self.subject.free_hinges().filter(|(axis, q)| beyond(axis, mean[*q]) > 0.0) {
             eased[q] = 0.5 * (axis.limits[0] + axis.limits[1]);
         }

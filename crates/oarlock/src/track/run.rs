@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::Info;
 use crate::model::Model;
-use crate::motion::is_observed;
+use crate::motion::{is_observed, is_turn_observed};
 use crate::recording::{Cursor, Gathering, Recording, Sample, Stream};
 pub use counts::StreamCount;
 use counts::Tally;
@@ -216,8 +216,8 @@ impl Run {
             self.series.observed[first + c] = u8::from(is_observed(axis, variance[slots.q]));
         }
         for (c, slots) in &body.layout.turns {
-            let turned = variance[slots.q..slots.q + 3].iter().sum();
-            self.series.observed[first + c..first + c + 3].fill(u8::from(is_observed(&body.axes[*c], turned)));
+            let seen = is_turn_observed(&body.axes[*c..c + 3], &variance[slots.q..slots.q + 3]);
+            self.series.observed[first + c..first + c + 3].fill(u8::from(seen));
         }
     }
 

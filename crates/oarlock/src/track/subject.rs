@@ -3,7 +3,7 @@
 use super::loops::dependence;
 use crate::body::Body;
 use crate::estimate::filter::RowGroups;
-use crate::model::{Axis, JointKind, SensorKind};
+use crate::model::{Axis, Joint, JointKind, SensorKind};
 use crate::sensor::Quantity;
 
 /// A body, and tables of its readings that the stages of a step share.
@@ -83,6 +83,12 @@ impl Subject {
         let joints = self.body.model.joints.iter();
         let hinges = joints.filter(|j| j.kind == JointKind::Hinge && !self.is_encoded(&j.name));
         hinges.filter_map(|j| Some((&self.body.axes[j.first], self.body.layout.coordinates[j.first]?.q)))
+    }
+
+    /// Balls with a cone, and the first of their states.
+    pub fn coned_balls(&self) -> impl Iterator<Item = (&Joint, usize)> + '_ {
+        let balls = self.body.model.joints.iter().filter(|j| j.cone.is_some());
+        balls.filter_map(|j| Some((j, self.body.layout.coordinates[j.first]?.q)))
     }
 
     /// Whether a rotation vector rotates the whole body.

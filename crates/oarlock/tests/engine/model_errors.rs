@@ -249,6 +249,52 @@ mod a_ball {
     }
 
     #[test]
+    fn has_a_cone_instead_of_equal_limits() {
+        let read = |limits: &str| {
+            let text = balled("ball", &format!("limits = {limits}"));
+            let model = Model::from_toml(&text, "body.toml").unwrap_or_else(|e| panic!("{e}"));
+            (model.joints[0].limits, model.axes()[..3].iter().map(|axis| axis.limits).collect::<Vec<_>>())
+        };
+        let (widest, about) = read("{ axis = \"y\", swing = 0.8, twist = [-0.5, 1.2] }");
+        assert_eq!((widest, about), ([-1.2, 1.2], vec![[-0.8, 0.8], [-0.5, 1.2], [-0.8, 0.8]]));
+        let (widest, about) = read("{ axis = \"x\", swing = [0.4, \"60*pi/180\"] }");
+        let (pi, third) = (std::f64::consts::PI, std::f64::consts::FRAC_PI_3);
+        assert_eq!((widest, about[0], about[1]), ([-pi, pi], [-pi, pi], [-0.4, 0.4]));
+        assert!((about[2][1] - third).abs() < 1e-15 && about[2][0] == -about[2][1]);
+    }
+
+    #[test]
+    fn with_a_bad_cone_is_refused() {
+        let degrees =
+            "limits.swing: 60.0000 rad; expected more than 0 and at most pi, the angle from the rest; write degrees";
+        for (kind, limits, wanted) in [
+            ("ball", "{ swing = 1 }", "limits: key `axis` is missing, such as axis = \"y\""),
+            ("ball", "{ axis = \"y\" }", "limits: key `swing` is missing, such as swing = \"60*pi/180\""),
+            ("ball", "{ axis = \"along\", swing = 1 }", "limits.axis: unknown axis `along`; valid: `x`, `y`, `z`"),
+            ("ball", "{ axis = \"y\", swing = 60 }", degrees),
+            ("ball", "{ axis = \"y\", swing = [1, -1] }", "limits.swing[2]: -1.0000 rad; expected more than 0"),
+            ("ball", "{ axis = \"y\", swing = [1, 1, 1] }", "limits.swing: expected one angle or two"),
+            ("ball", "{ axis = \"y\", swing = 1, twist = 1 }", "limits.twist: expected two numbers [lowest, highest]"),
+            ("ball", "{ axis = \"y\", swing = 1, twist = [1, -1] }", "lowest 1.0000 is not below highest -1.0000"),
+            ("ball", "{ axis = \"y\", swing = 1, twist = [-4, 1] }", "is more than half a turn from the rest"),
+            ("ball", "{ axis = \"y\", swing = 1, twist = [0.2, 1] }", "[0.2000, 1.0000] rad excludes 0, the rest"),
+            ("ball", "{ axis = \"y\", swing = 1, cone = 1 }", "limits: unknown key `cone`; "),
+            (
+                "free",
+                "{ axis = \"y\", swing = 1 }",
+                "limits: expected two numbers [lowest, highest], found a table of keys",
+            ),
+            (
+                "hinge",
+                "{ axis = \"y\", swing = 1 }",
+                "limits: expected two numbers [lowest, highest], found a table of keys",
+            ),
+        ] {
+            refused_ball(kind, &format!("limits = {limits}"), wanted);
+        }
+    }
+
+    #[test]
     fn with_bad_angles_is_refused() {
         let wanted = "joint `shoulder`: angles: expected three axes in a row, no neighbours equal";
         for angles in ["YYX", "YXX", "YX", "YXYX", "yxy", "ABC", ""] {

@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use oarlock::body::Body;
 use oarlock::config::Config;
 use oarlock::estimate::belief::Belief;
-use oarlock::motion::is_observed;
+use oarlock::motion::{is_observed, is_turn_observed};
 use oarlock::recording::Sample;
 use oarlock::track::hypothesis::Hypothesis;
 use oarlock::track::Status;
@@ -112,12 +112,12 @@ pub fn unscented(textbook: &mut Ukf, z: &[f64], std: &[f64], inputs: &[f64]) {
 
 /// The textbook side knows no spring for joints that nothing observes; none may set in here.
 fn assert_no_spring(body: &Body, belief: &Belief) {
-    for (c, axis, slots) in body.moving() {
-        let turn = body.layout.turns.iter().find(|(first, _)| (*first..first + 3).contains(&c));
-        let variance = match turn {
-            Some((_, turn)) => (0..3).map(|i| belief.covariance.at(turn.q + i, turn.q + i)).sum(),
-            None => belief.covariance.at(slots.q, slots.q),
-        };
-        assert!(is_observed(axis, variance), "{}", body.layout.names[slots.q]);
+    let variance = |q: usize| belief.covariance.at(q, q);
+    for (_, axis, slots) in body.moving().filter(|(_, axis, _)| !axis.turns) {
+        assert!(is_observed(axis, variance(slots.q)), "{}", body.layout.names[slots.q]);
+    }
+    for (c, slots) in &body.layout.turns {
+        let variances = [0, 1, 2].map(|i| variance(slots.q + i));
+        assert!(is_turn_observed(&body.axes[*c..c + 3], &variances), "{}", body.layout.names[slots.q]);
     }
 }

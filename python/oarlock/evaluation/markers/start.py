@@ -34,8 +34,9 @@ def body_prior(model: Model) -> tuple[FloatArray, FloatArray]:
             mean.append(0.5 * (low + high))
             std.append(0.25 * (high - low))
             continue
+        about = joint.cone.limits_about() if joint.cone else (joint.limits,) * 3
         mean += np.ravel(joint.rest).tolist()
-        std += [_PLACE_STD_M] * (width - 3) + [0.25 * (high - low)] * 3
+        std += [_PLACE_STD_M] * (width - 3) + [0.25 * (high - low) for low, high in about]
     return np.array(mean), np.array(std)
 
 

@@ -19,14 +19,14 @@ _LABELS = (
 
 
 def frame_rate_hz(time_s: FloatArray) -> float:
-    """Frames per second; NaN for a single frame. If frames are missing, the reciprocal of the median step."""
+    """Frames per second, to nine digits; NaN for a single frame. If frames are missing, one over the median step."""
     if len(time_s) < 2:
         return float("nan")
     steps = np.diff(time_s)
     # the mean removes the rounding of time stamps to milliseconds
     usual = float(np.median(steps))
     step = steps.mean() if steps.max() < 1.5 * usual else usual
-    return 1.0 / float(step)
+    return float(f"{1.0 / float(step):.9g}")
 
 
 def trc_text(

@@ -9,11 +9,11 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock.formats.columns import Places
 from oarlock.formats.listing import ListedFile, listed
 from oarlock.storage.array_gate import FloatArray, disorder_text
 from oarlock.storage.delimited import Dialect, Layout, numbers
@@ -73,19 +73,6 @@ class ExportedTable:
                 f"{did_you_mean(missing, self.layout.names)}"
             )
         return bool(found)
-
-
-class Places(Sequence[str]):
-    """File, line and column of each row, as text for errors."""
-
-    def __init__(self, layout: Layout, lines: NDArray[np.int64], index: int) -> None:
-        self._layout, self._lines, self._index = layout, lines, index
-
-    def __len__(self) -> int:
-        return len(self._lines)
-
-    def __getitem__(self, row: Any) -> Any:
-        return f"{self._layout.file}:{self._lines[row]}, {self._layout.label(self._index)}"
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,8 @@ _CLOCK = SampleClock(
     2.0**16,
     2.0**32,
     1e4,
-    "gives an Update Rate. Give the rate of the recording with --rate-hz, such as --rate-hz 100.",
+    "gives an Update Rate. Give the rate of the recording, Hz: oarlock import mtmanager PATH --rate-hz 100.",
+    "rate_hz",
 )
 _Z_UP = frozenset(("ENU", "NWU"))
 _STEM = re.compile(r"(?P<trial>.*?)[_-]?(?P<device>[0-9A-Fa-f]{8})")
@@ -115,7 +116,8 @@ def read_mtmanager(
         Time stamps are SampleTimeFine where it is filled, else the packet counter divided by the rate.
 
     Raises:
-        DataError: Another layout, a cell that is not a number, no rate; names file, line and column.
+        DataError: Another layout, a cell that is not a number; names file, line and column.
+        UnclearError: The rate is not known.
     """
     chosen = trial_at(place_of(path), trial, _trials, "exports of MT Manager")
     units = [_unit(one) for one in chosen.files]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from oarlock.formats.choices import UnclearError
 from oarlock.formats.counters import Lost, lost_packets, unwrapped
 from oarlock.formats.devices.exported_table import Columns
 from oarlock.storage.array_gate import FloatArray
@@ -37,12 +38,14 @@ class SampleClock:
         ticks_wrap_at: modulus of `TICKS`.
         tick_rate_hz: ticks in a second.
         rate_hint: where the rate of the counter stands and what to do without it, for the error.
+        rate_option: keyword of the reader that gives the rate; empty for none.
     """
 
     counter_wraps_at: float
     ticks_wrap_at: float
     tick_rate_hz: float
     rate_hint: str
+    rate_option: str = ""
 
     def stamped(self, units: Sequence[Columns], rates_hz: Sequence[float | None]) -> list[Stamped]:
         """Time stamps of units that share one clock: ticks, or where no unit has any, packets at their rates.
@@ -50,7 +53,8 @@ class SampleClock:
         Ticks count from an unknown start; of packets the earliest is at 0 s.
 
         Raises:
-            DataError: a count is missing or not in order, a rate is not known, or only some units have ticks.
+            DataError: a count is missing or not in order, or only some units have ticks.
+            UnclearError: a rate is not known and the reader has an option for it.
         """
         counts = _aligned([self._count(unit) for unit in units], self.counter_wraps_at)
         times = self._times(units, counts, rates_hz)
@@ -90,10 +94,11 @@ class SampleClock:
 
     def _rate_hz(self, unit: Columns, rate_hz: float | None) -> float:
         if rate_hz is None or not 0.0 < rate_hz < float("inf"):
-            raise DataError(
+            text = (
                 f"{unit.layout.file}: the time is not known: {TICKS} is empty and no line above the names "
                 f"{self.rate_hint}"
             )
+            raise UnclearError(text, self.rate_option, {}) if self.rate_option else DataError(text)
         return rate_hz
 
 

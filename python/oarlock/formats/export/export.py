@@ -144,12 +144,12 @@ def _written(
     skip_c3d: bool,
 ) -> Export:
     from oarlock.formats.export.animation import write_animations
-    from oarlock.formats.export.notes import reading_notes
+    from oarlock.formats.export.notes import empty_notes, reading_notes
     from oarlock.formats.export.write_opensim import write_opensim
     from oarlock.storage.toml import write_toml
 
     done = _write_tables(track, place, formats)
-    notes, names = reading_notes(track), {}
+    notes, names = (*reading_notes(track), *empty_notes(track, done)), {}
     if set(formats) & {*OPENSIM, *ANIMATIONS}:
         opensim = write_opensim(track, place, formats, degrees, axes, missing)
         animated, remarks = write_animations(track, place, formats, axes, opensim.body_names, skip_c3d)
@@ -170,11 +170,18 @@ def _written(
 
 def _write_tables(track: Track, place: Path, formats: Sequence[str]) -> list[str]:
     from oarlock.formats.export.frames import frame_places
-    from oarlock.formats.export.tables import angle_columns, frame_columns, write_csv, write_parquet
+    from oarlock.formats.export.tables import (
+        angle_columns,
+        frame_columns,
+        told_columns,
+        write_csv,
+        write_parquet,
+    )
 
     if not {"csv", "parquet"} & set(formats):
         return []
-    tables = {"coordinates": track.columns(), "angles": angle_columns(track.columns())}
+    columns = told_columns(track)
+    tables = {"coordinates": columns, "angles": angle_columns(columns)}
     if track.model is not None:
         tables["frames"] = frame_columns(frame_places(track))
     done = []

@@ -30,6 +30,24 @@ def reading_notes(track: Track) -> tuple[str, ...]:
     )
 
 
+def empty_notes(track: Track, files: Sequence[str]) -> tuple[str, ...]:
+    """A note on the columns that tables leave out because they have no number."""
+    tables = [name for name in files if name in ("coordinates.csv", "coordinates.parquet")]
+    rates = {"velocity or acceleration": track.qd, "standard deviation": track.q_std}
+    told: dict[str, Bools] = {
+        what: np.asarray(np.isfinite(values).any(axis=0)) for what, values in rates.items()
+    }
+    lacks = {
+        what: [name for name, known in zip(track.coordinate_names, columns, strict=True) if not known]
+        for what, columns in told.items()
+    }
+    return tuple(
+        f"{' and '.join(tables)} leave out columns without a number: there is no {what} of {', '.join(names)}."
+        for what, names in lacks.items()
+        if tables and names
+    )
+
+
 def model_notes(model: Model) -> tuple[str, ...]:
     """Notes on parts of a model that the OpenSim model does not contain."""
     closures = model.closure_names

@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from oarlock._core import Model
+from oarlock.formats.export.angle_box import angle_box
 from oarlock.formats.export.plain_names import PlainNames, plain_name
 from oarlock.formats.osim import GROUND, Kind, OsimBody, OsimCoordinate, OsimJoint, OsimModel
 from oarlock.model.angle_sequence import angle_labels, angles_from_quat
@@ -201,4 +202,5 @@ def _default(joint: JointDescription, part: Part, axis: int) -> tuple[float, tup
     if part.kind == "position":
         return float(rest[axis]), _SHIFT_M
     angles = angles_from_quat(quat_from_rotvec(rest[None, -3:]), SEQUENCE)
-    return float(angles[0, axis]), _TURN
+    low, high = angle_box(joint.cone, rest)[axis].tolist() if joint.cone else _TURN
+    return float(angles[0, axis]), (low, high)

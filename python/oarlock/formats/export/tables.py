@@ -19,8 +19,14 @@ from oarlock.tracking.columns import unit_of
 
 if TYPE_CHECKING:
     from oarlock.evaluation.markers.trajectories import Markers
+    from oarlock.tracking.track import Track
 
 Columns = Mapping[str, FloatArray]
+
+
+def told_columns(track: Track) -> dict[str, FloatArray]:
+    """The columns of a track without those that have no number, such as velocities of joints that have none."""
+    return {name: values for name, values in track.columns().items() if np.isfinite(values).any()}
 
 
 def frame_columns(frames: Markers) -> dict[str, FloatArray]:

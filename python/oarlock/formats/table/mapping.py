@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import TypeAlias
 
 from oarlock.formats.arbitrary_units import ARBITRARY
+from oarlock.formats.choices import UnclearError
 from oarlock.formats.columns import read_columns
 from oarlock.formats.csv import read_mapped
 from oarlock.formats.csv_mapping import CsvMapping, mapping_of
@@ -18,6 +19,7 @@ from oarlock.formats.table.header import Quantity
 from oarlock.formats.table.layout import TableStart, table_start
 from oarlock.formats.table.measured import accel_unit, gyro_unit, mag_unit
 from oarlock.formats.table.time_column import column_names, counter_table, time_table
+from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
 from oarlock.storage.delimited import MISSING_MARKERS, Layout
 from oarlock.storage.errors import DataError
@@ -32,6 +34,8 @@ _ASK: tuple[tuple[Quantity, tuple[str, ...], Callable[[str, Sequence[ImuStream]]
     ("gyro", GYRO, gyro_unit),
     ("mag", (*MAG, ARBITRARY), mag_unit),
 )
+_ROWS_TO_MEASURE = 60_000
+"""Ten minutes at 100 Hz: usually enough motion and rest to recognise units of measurement."""
 _HELD: Mapping[Quantity, str] = MappingProxyType({"accel": "m/s2", "gyro": "rad/s", "mag": "uT"})
 
 
@@ -187,12 +191,24 @@ def _units(
         key: _HELD[key[1]] if key[0] in open_units.get(key[1], ()) else unit for key, unit in found.items()
     }
     mapping = _checked(start.file, _document(start, columns, times, held, {}))
-    recording = read_mapped(mapping, start.file.parent, {})
+    place, folder = start.file.name, start.file.parent
+    try:
+        measured, notes = _measured(place, read_mapped(mapping, folder, {}, _ROWS_TO_MEASURE), open_units)
+    except UnclearError:
+        measured, notes = _measured(place, read_mapped(mapping, folder, {}), open_units)
+    return {**found, **measured}, notes
+
+
+def _measured(
+    place: str, recording: Recording, open_units: Mapping[Quantity, Sequence[str]]
+) -> tuple[Units, list[str]]:
+    """The units that the readings show, of the quantities and inertial units whose header says none."""
+    found: dict[tuple[str, Quantity], str] = {}
     notes = []
     for quantity, _, measure in _ASK:
         if names := open_units.get(quantity):
             streams = [s for name in names if isinstance(s := recording[name], ImuStream)]
-            unit, said = measure(start.file.name, streams)
+            unit, said = measure(place, streams)
             found |= {(name, quantity): unit for name in names}
             notes.append(said)
     return found, notes

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.model.angle_sequence import angle_labels
+from oarlock.model.coordinates import joint_columns
 from oarlock.report.viewer.packing import packed
 from oarlock.report.viewer.sides import Side, side_of
 from oarlock.storage.errors import DataError
@@ -47,9 +48,10 @@ class Curve:
 
 
 def joint_curves(track: Track) -> tuple[Curve, ...]:
-    """Every joint with values, angles in degrees and positions in millimetres; named angles of ball and free joints."""
-    labels = _labels(track)
-    curves = [curve for name in track.joint_names for curve in _of_joint(track[name], labels.get(name, ""))]
+    """Every observed joint, angles in degrees and positions in millimetres; named angles of ball and free joints."""
+    labels, columns = _labels(track), joint_columns(track.coordinate_names)
+    seen = [name for name in track.joint_names if track.observed[:, list(columns[name])].any()]
+    curves = [curve for name in seen for curve in _of_joint(track[name], labels.get(name, ""))]
     return tuple(curve for curve in curves if np.isfinite(curve.value).any())
 
 

@@ -14,7 +14,8 @@ from oarlock.storage.errors import DataError
 
 Floats = NDArray[np.float64]
 
-PARTS = ("shoulder", "elbow", "wrist", "hand", "handle")
+ARM_PARTS = ("elbow", "wrist", "hand")
+PARTS = ("shoulder", *ARM_PARTS, "handle")
 SIDES = ("r", "l")
 NEEDED = ("seat", "r_shoulder", "l_shoulder")
 
@@ -92,11 +93,14 @@ class Rower:
         return [name for name in ("seat", *wanted) if name in names]
 
     def _forget(self, found: dict[str, Floats], unread: list[str]) -> None:
-        """A handle without readings is nowhere, though the turn of an oar about itself matters to none."""
+        """What was not read has no place: a handle, though the turn of an oar about itself matters to none; an arm."""
         for side in SIDES:
             own = [n for n in unread if n in self.handle_joints and n[:2] not in _other(side)]
             if own and f"{side}_handle" in found:
                 found[f"{side}_handle"] = np.full_like(found[f"{side}_handle"], np.nan)
+            if set(unread) & set(self.arm_joints(side)):
+                own_parts = [f"{side}_{part}" for part in ARM_PARTS if f"{side}_{part}" in found]
+                found.update({name: np.full_like(found[name], np.nan) for name in own_parts})
 
 
 def _unread(q: Floats) -> NDArray[np.bool_]:

@@ -71,9 +71,14 @@ class Course:
 
     Rates are slopes of the values over 0.14 s (Savitzky and Golay 1964): a filter's own rates jump from sample to
     sample where its model is wrong, and a peak would be one of these jumps.
+
+    Args:
+        track: gives times and standard deviations.
+        q: (T, n_coordinates) its coordinates; NaN where they were not observed.
     """
 
     track: Track
+    q: Floats
 
     def at(self, grid: Grid) -> tuple[Floats, Floats, Floats, Floats]:
         """Values, rates and their standard deviations, (N, POINTS, n_coordinates) each; NaN where nothing was read."""
@@ -96,8 +101,7 @@ class Course:
 
     @cached_property
     def _read(self) -> list[_Read | None]:
-        columns = (self.track.q[:, column] for column in range(len(self.track.coordinate_names)))
-        return [_Read.of(self.track.time_s, column) for column in columns]
+        return [_Read.of(self.track.time_s, column) for column in self.q.T]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from oarlock import Calibration, Track
 from oarlock.rowing.analysis.features import CURVES, FEATURES, NUMBERS, Feature
+from oarlock.rowing.analysis.observed_posture import SEEN_SHARE, observed_q
 from oarlock.rowing.analysis.posture_errors import SHAPES, Events, Scatter
 from oarlock.rowing.analysis.rower_places import SIDES, Rower
 from oarlock.rowing.analysis.stroke_grid import Course, Grid
@@ -37,7 +38,6 @@ SETTLED_S = 2.0
 """As `evaluate` scores tracks: until then errors are larger than the filter can know."""
 _YOUNG = f"it began in the first {SETTLED_S:.0f} s of filtering"
 _STROKES_AT_ONCE = 32
-_SEEN_SHARE = 0.5
 _ARM = ("elbow", "shoulder", "arm_plane", "forearm")
 
 
@@ -148,7 +148,7 @@ def _values(
 ) -> tuple[Values, Values]:
     if len(found) == 0:
         return {}, {}
-    course, events = Course(track), _events(found)
+    course, events = Course(track, observed_q(track, rower)), _events(found)
     parts = []
     for first in range(0, len(found), _STROKES_AT_ONCE):
         own = events.part(slice(first, first + _STROKES_AT_ONCE))
@@ -230,7 +230,7 @@ def _unseen(track: Track, found: Strokes, columns: list[int]) -> NDArray[np.bool
     seen = track.observed[:, columns].all(axis=1)
     total = np.concatenate([[0], np.cumsum(seen)])
     length = np.maximum(edges[1] - edges[0], 1)
-    return np.asarray((total[edges[1]] - total[edges[0]]) / length < _SEEN_SHARE)
+    return np.asarray((total[edges[1]] - total[edges[0]]) / length < SEEN_SHARE)
 
 
 def _table(track: Track, found: Strokes, values: Values, stds: Values) -> tuple[StrokeTable, tuple[str, ...]]:

@@ -65,8 +65,11 @@ def _arms(piece: Piece) -> dict[str, Floats]:
     arms = {}
     for side in SIDES:
         chain = [found[f"{side}_{joint}"][:, at] for joint in JOINTS if f"{side}_{joint}" in found]
-        if len(chain) == len(JOINTS) and np.isfinite(chain).all():
-            arms[side] = np.stack(chain, axis=1)
+        if len(chain) == len(JOINTS):
+            arm = np.stack(chain, axis=1)
+            known = np.isfinite(arm).all(axis=(1, 2))
+            if known.any():
+                arms[side] = arm[known]
     return arms
 
 

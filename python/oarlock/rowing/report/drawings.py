@@ -164,11 +164,11 @@ def hand_paths(pieces: Sequence[Piece]) -> str:
     """Paths of the handles from the side and from above, mean and SD over the strokes."""
     held = [(piece, piece.frames(_handles(piece))) for piece in pieces]
     seen = [
-        (piece, _path(path), SIDES[side] if len(pieces) == 1 else f"{piece.name}, {SIDES[side]}")
+        (piece, _path(path[known]), SIDES[side] if len(pieces) == 1 else f"{piece.name}, {SIDES[side]}")
         for piece, found in held
         for side in SIDES
         for name, path in found.items()
-        if name.startswith(f"{side}_") and np.isfinite(path).all()
+        if name.startswith(f"{side}_") and (known := np.isfinite(path).all(axis=(1, 2))).any()
     ]
     if not seen:
         return ""

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock.rowing.analysis.observed_posture import observed_q
+from oarlock.rowing.analysis.rower_places import Rower
 from oarlock.rowing.strokes.table import Floats, StrokeTable
 
 if TYPE_CHECKING:
@@ -16,8 +18,6 @@ if TYPE_CHECKING:
 
 POINTS = 101
 """Shares of a stroke at which curves are compared: whole percents (RtcNoord takes 100)."""
-HULL = "hull"
-"""The frame of a boat whose rotation is in the model."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Stack:
 
     Attributes:
         time_s: (N, POINTS) when each stroke was there, s.
-        q: (N, POINTS, n_coordinates) posture then.
+        q: (N, POINTS, n_coordinates) posture then; NaN where it was not observed.
     """
 
     time_s: Floats
@@ -37,33 +37,26 @@ class Stack:
 
 
 def stack(track: Track, table: StrokeTable, counted: NDArray[np.bool_]) -> Stack:
-    """The counted strokes inside the track."""
+    """The counted strokes inside the track; NaN where a posture was not observed."""
     start, end = table["catch_time_s"], table["end_time_s"]
     inside = counted & (start >= track.time_s[0]) & (end <= track.time_s[-1])
     start, end = start[inside], end[inside]
+    q = track.q if track.model is None else observed_q(track, Rower(track.model))
     time_s = start[:, None] + (end - start)[:, None] * np.linspace(0.0, 1.0, POINTS)
-    flat = [np.interp(time_s.ravel(), track.time_s, column) for column in track.q.T]
+    flat = [np.interp(time_s.ravel(), track.time_s, column) for column in q.T]
     return Stack(time_s, np.stack(flat, axis=-1).reshape(*time_s.shape, len(flat)))
 
 
 def frame_courses(track: Track, strokes: Stack, frames: Sequence[str]) -> dict[str, Floats]:
-    """Origins of frames in axes of the hull, or of the root without a hull; (N, POINTS, 3) m by name.
+    """Places of the rower's frames as in `Rower.places`; (N, POINTS, 3) m by name, NaN where they are not known.
 
     Computed stroke by stroke to limit memory.
     """
-    model = track.model
-    if model is None:
+    if track.model is None:
         return {}
-    places = {name: model.frame_names.index(name) for name in frames if name in model.frame_names}
-    hull = model.frame_names.index(HULL) if HULL in model.frame_names else 0
-    known = np.where(np.isnan(track.q).all(axis=0), 0.0, strokes.q)
-    found: dict[str, list[Floats]] = {name: [] for name in places}
-    for posture in known:
-        poses = model.forward_kinematics(posture)
-        turned, origin = poses[:, hull, :3, :3], poses[:, hull, :3, 3]
-        for name, place in places.items():
-            found[name].append(np.einsum("tji,tj->ti", turned, poses[:, place, :3, 3] - origin))
-    return {name: np.stack(rows) if rows else np.empty((0, POINTS, 3)) for name, rows in found.items()}
+    rower, names = Rower(track.model), [name for name in frames if name in track.model.frame_names]
+    found = [rower.places(posture) for posture in strokes.q]
+    return {name: np.array([one[name] for one in found]).reshape(-1, POINTS, 3) for name in names}
 
 
 def mean_and_sd(values: Floats) -> tuple[Floats, Floats]:

@@ -92,7 +92,7 @@ def _notes(signals: Sequence[Signal], strokes: Sequence[Stroke], still: Sequence
             f"Strokes were found from {kind.words}: catch and finish are less accurate, see their standard deviations."
         )
     if signals[0].source == "oars" and len(signals) == 1 and signals[0].side:
-        told = "moved" if still else "was read"
+        told = "moved" if still else "was measured; numbers and path of the other hand are left out"
         notes.append(f"Only the {_OAR[signals[0].side]} oar {told}.")
     notes += [f"The {_OAR[s.side]} oar never moved: its encoder may be broken. Check it." for s in still]
     if not strokes:

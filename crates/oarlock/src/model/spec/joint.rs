@@ -1,17 +1,17 @@
 //! Reads `[[joint]]` and `[process]` of a model file.
 
+mod range;
+
 use crate::model::section::Section;
 use crate::model::slot::{Named, Slot};
 use crate::model::{Joint, JointKind, Process, ProcessKind, Translation};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 pub(in crate::model) const KEYS: [&str; 10] =
     ["name", "label", "kind", "limits", "rest", "process", "input", "std", "angles", "translation"];
 const PROCESS_KEYS: [&str; 4] = ["kind", "density", "start_std", "time_s"];
 const TRANSLATION_KEYS: [&str; 5] = ["kind", "density", "start_std", "time_s", "limits"];
 
-/// Largest limit, one and a half turns: larger ones are probably in degrees.
-const HINGE_BOUND_RAD: f64 = 1.5 * TAU;
 /// Default standard deviation of an encoder, rad or m.
 const INPUT_STD: f64 = 0.001;
 
@@ -134,7 +134,10 @@ pub(super) fn read(section: &Section, defaults: &Defaults) -> JointSpec {
         JointKind::Hinge | JointKind::Fixed => (&defaults.hinge, "rad"),
         JointKind::Ball | JointKind::Free => (&defaults.ball, "rad"),
     };
-    let limits = section.get("limits").and_then(|slot| read_limits(&slot, kind)).unwrap_or(match kind {
+    let cone = section.get("limits").filter(|slot| slot.is_table() && kind == JointKind::Ball).map(range::read_cone);
+    let plain = section.get("limits").filter(|_| cone.is_none()).and_then(|slot| range::read_limits(&slot, kind));
+    let cone = cone.flatten();
+    let limits = cone.map(|cone| cone.widest()).or(plain).unwrap_or(match kind {
         JointKind::Fixed => [0.0, 0.0],
         JointKind::Slide => [-1.0, 1.0],
         _ => [-PI, PI],
@@ -149,7 +152,8 @@ pub(super) fn read(section: &Section, defaults: &Defaults) -> JointSpec {
         kind,
         first: 0,
         limits,
-        rest: read_rest(section, kind, limits, unit),
+        cone,
+        rest: range::read_rest(section, kind, limits, unit),
         process,
         translation: (kind == JointKind::Free).then(|| read_translation(section, defaults)),
         angles,
@@ -165,7 +169,7 @@ fn read_translation(whole: &Section, defaults: &Defaults) -> Translation {
     let Some(section) = whole.get("translation").and_then(|slot| Section::of(slot, &TRANSLATION_KEYS)) else {
         return default;
     };
-    let limits = section.get("limits").and_then(|slot| read_limits(&slot, JointKind::Slide));
+    let limits = section.get("limits").and_then(|slot| range::read_limits(&slot, JointKind::Slide));
     Translation { process: read_process_of(&section, &default.process, "m"), limits: limits.unwrap_or(default.limits) }
 }
 
@@ -199,46 +203,6 @@ fn read_angles(slot: &Slot) -> Option<String> {
         return None;
     }
     Some(text.to_string())
-}
-
-fn read_limits(slot: &Slot, kind: JointKind) -> Option<[f64; 2]> {
-    let ends: Vec<_> = slot.list(2, "two numbers [lowest, highest]")?.iter().map(Slot::number).collect();
-    let [Some(low), Some(high)] = ends[..] else {
-        return None;
-    };
-    if low >= high {
-        slot.mistake(format!("lowest {low:.4} is not below highest {high:.4}; expected [lowest, highest]"));
-        return None;
-    }
-    if kind != JointKind::Slide && low.abs().max(high.abs()) > HINGE_BOUND_RAD {
-        slot.mistake(format!("[{low:.4}, {high:.4}] rad is many turns; write degrees as \"90*pi/180\""));
-    }
-    if kind.turns_freely() && low + high != 0.0 {
-        slot.mistake(format!("[{low:.4}, {high:.4}] rad; a ball's limits count from its rest alike: expected [-a, a]"));
-    }
-    Some([low, high])
-}
-
-fn read_rest(section: &Section, kind: JointKind, [low, high]: [f64; 2], unit: &str) -> Vec<f64> {
-    let inside = |x: f64| low <= x && x <= high;
-    let middle = if inside(0.0) { 0.0 } else { 0.5 * (low + high) };
-    let Some(slot) = section.get("rest") else {
-        return vec![middle; kind.width()];
-    };
-    if kind.width() > 1 {
-        let wanted = match kind {
-            JointKind::Ball => "a rotation vector [rx, ry, rz] in rad",
-            _ => "a place in m and a rotation vector in rad: [x, y, z, rx, ry, rz]",
-        };
-        let numbers = slot.list(kind.width(), wanted).unwrap_or_default();
-        let numbers: Option<Vec<f64>> = numbers.iter().map(Slot::number).collect();
-        return numbers.filter(|n| n.len() == kind.width()).unwrap_or(vec![0.0; kind.width()]);
-    }
-    let rest = slot.number().unwrap_or(middle);
-    if !inside(rest) && !section.path.is_empty() {
-        slot.mistake(format!("{rest} {unit} is outside the limits [{low:.4}, {high:.4}] {unit}"));
-    }
-    vec![rest]
 }
 
 /// Reports keys that contradict each other.

@@ -3,13 +3,14 @@
 use super::chart::{away, moved, response, shifted, Square9, State};
 use super::support::chance::Chance;
 use super::support::{belief, body, model, plain, so3, start_std, worse};
-use nalgebra::{DMatrix, SMatrix, Vector3};
+use nalgebra::{DMatrix, Matrix3, SMatrix, Vector3};
 use oarlock::body::Body;
 use oarlock::estimate::belief::Belief;
 use oarlock::estimate::transition::Transition;
 use oarlock::estimate::System;
 use oarlock::kernels::arch::Arch;
 use oarlock::kernels::dense::Square;
+use oarlock::motion::is_turn_observed;
 
 /// A single ball with an inertial unit; `process` is its motion.
 fn ball(process: &str, more: &str) -> Body {
@@ -41,6 +42,17 @@ fn engine(body: &Body, x: &State, t: f64) -> (State, Square9, Square9) {
     (State::from_row_slice(&mean), f, q)
 }
 
+/// The same of a ball that counts as not observed: mean and F.
+fn held(body: &Body, x: &State, t: f64) -> (State, Square9) {
+    let mut transition = Transition::default();
+    body.transition(t, x.as_slice(), &[10.0; 9], &[1.0; 3], &mut transition);
+    let mut mean = x.as_slice().to_vec();
+    transition.apply_to_mean(&mut mean);
+    let mut f = Square9::identity().as_slice().to_vec();
+    transition.apply_to_rows(&mut f, 9);
+    (State::from_row_slice(&mean), Square9::from_row_slice(&f))
+}
+
 /// The start's fit needs F' x and v' Q v of the same motion.
 fn assert_transposed(transition: &Transition, transposed: &Square9, q: &Square9) {
     let v = State::from_fn(|i, _| (1.0 + i as f64).sin());
@@ -70,6 +82,8 @@ const CASES: [(&str, f64); 2] = [(JERK, f64::INFINITY), (SINGER, TAU)];
 
 /// Central differences of 1e-5 of a map with derivatives near one.
 const SLOPE: f64 = 1e-9;
+/// The same of a chart whose third derivatives reach 10, far from its origin.
+const HELD_SLOPE: f64 = 1e-8;
 
 #[test]
 fn derivative_is_that_of_the_exact_retraction() {
@@ -202,26 +216,80 @@ const SETTLED: f64 = 1e-9;
 /// A ball that nothing observes comes to rest at its prior, from anywhere.
 #[test]
 fn held_ball_settles_at_its_prior() {
-    let rest = Vector3::new(0.3, -0.8, 0.5);
-    for process in [JERK, SINGER] {
-        let body = ball(process, "rest = [0.3, -0.8, 0.5]\nlimits = [-1.2, 1.2]");
-        let prior = 0.6;
-        let mut chance = Chance::new(12);
-        for k in 0..12 {
-            let away = Vector3::from_vec(chance.normals(3)).normalize() * (0.25 * f64::from(k));
-            let mut mean = chance.normals(9);
-            mean[..3].copy_from_slice(so3::plus(rest, away).as_slice());
-            let std = start_std(&body);
-            let settled = coast(&body, belief(&body, 0.0, mean, &std), 0.05, 4_000);
-            let gap = so3::minus(so3::three(&settled.mean, 0), rest).norm();
-            let spread = |i: usize| settled.covariance.at(i, i).sqrt();
-            let shares = [0, 1, 2].map(|i| spread(i) / prior);
-            assert!(gap < SETTLED, "{gap} rad from rest");
-            assert!(shares.iter().all(|s| (s - 1.0).abs() < SETTLED), "{shares:?}");
-            let n = settled.mean.len();
-            let p = DMatrix::from_row_slice(n, n, settled.covariance.as_slice());
-            assert!(p.cholesky().is_some(), "the covariance kept its sign");
-            assert!(settled.mean[3..].iter().all(|x| x.abs() < SETTLED), "{:?}", settled.mean);
+    let cone = "limits = { axis = \"y\", swing = [0.8, 1.6], twist = [-0.4, 1.0] }";
+    for (limits, prior) in [("limits = [-1.2, 1.2]", [0.6; 3]), (cone, [0.4, 0.35, 0.8])] {
+        for process in [JERK, SINGER] {
+            assert_settled(&ball(process, &format!("rest = [0.3, -0.8, 0.5]\n{limits}")), prior);
         }
     }
+}
+
+fn assert_settled(body: &Body, prior: [f64; 3]) {
+    let rest = Vector3::new(0.3, -0.8, 0.5);
+    let mut chance = Chance::new(12);
+    for k in 0..12 {
+        let away = Vector3::from_vec(chance.normals(3)).normalize() * (0.25 * f64::from(k));
+        let mut mean = chance.normals(9);
+        mean[..3].copy_from_slice(so3::plus(rest, away).as_slice());
+        let settled = coast(body, belief(body, 0.0, mean, &start_std(body)), 0.05, 4_000);
+        let gap = so3::minus(so3::three(&settled.mean, 0), rest).norm();
+        let spread = |i: usize| settled.covariance.at(i, i).sqrt();
+        let shares = [0, 1, 2].map(|i| spread(i) / prior[i]);
+        assert!(gap < SETTLED, "{gap} rad from rest");
+        assert!(shares.iter().all(|s| (s - 1.0).abs() < SETTLED), "{shares:?}");
+        let n = settled.mean.len();
+        let p = DMatrix::from_row_slice(n, n, settled.covariance.as_slice());
+        assert!(p.cholesky().is_some(), "the covariance kept its sign");
+        assert!(settled.mean[3..].iter().all(|x| x.abs() < SETTLED), "{:?}", settled.mean);
+    }
+}
+
+/// Motion with a spring for each direction: matrix exponentials in the chart at the rest.
+fn sprung(x: &State, rest: Vector3<f64>, prior: [f64; 3], t: f64) -> State {
+    let chart = so3::minus(x.fixed_rows::<3>(0).into(), rest);
+    let mut out = State::zeros();
+    for k in 0..3 {
+        // White jerk d against a triple pole p has the variance 3 d^2 / (16 p^5).
+        let p = (3.0 * DENSITY * DENSITY / (16.0 * prior[k] * prior[k])).powf(0.2);
+        let a = Matrix3::new(0.0, 1.0, 0.0, 0.0, 0.0, 1.0, -p * p * p, -3.0 * p * p, -3.0 * p);
+        let next = (a * t).exp() * Vector3::new(chart[k], x[3 + k], x[6 + k]);
+        (0..3).for_each(|i| out[3 * i + k] = next[i]);
+    }
+    let turned = so3::plus(rest, out.fixed_rows::<3>(0).into());
+    out.fixed_rows_mut::<3>(0).copy_from(&turned);
+    out
+}
+
+/// A ball with a cone that nothing observes: each direction has its own spring, and the derivatives are exact.
+#[test]
+fn held_motion_is_that_of_a_spring_in_each_direction() {
+    let (rest, prior) = (Vector3::new(0.3, -0.8, 0.5), [0.8, 0.35, 0.4]);
+    let cone = "limits = { axis = \"y\", swing = [1.6, 0.8], twist = [-0.4, 1.0] }";
+    let body = ball(JERK, &format!("rest = [0.3, -0.8, 0.5]\n{cone}"));
+    let (mut means, mut slopes) = (0.0, 0.0);
+    for x in states().into_iter().filter(|x| x.fixed_rows::<3>(0).norm() < 2.1) {
+        for t in [1e-3, 0.02, 0.1] {
+            let (mean, f) = held(&body, &x, t);
+            let wanted = sprung(&x, rest, prior, t);
+            means = worse(means, away(&mean, &wanted).amax());
+            let h = 1e-5;
+            for k in 0..9 {
+                let step = State::from_fn(|i, _| if i == k { h } else { 0.0 });
+                let ends = [step, -step].map(|d| away(&sprung(&shifted(&x, &d), rest, prior, t), &wanted));
+                slopes = worse(slopes, ((ends[0] - ends[1]) / (2.0 * h) - f.column(k)).amax());
+            }
+        }
+    }
+    println!("held ball's motion: mean {means:.1e}, derivative {slopes:.1e}");
+    assert!(means < 1e-11 && slopes < HELD_SLOPE);
+}
+
+/// Whether the prior acts depends on each direction's own range.
+#[test]
+fn narrow_directions_count_by_their_own_range() {
+    let cone = "limits = { axis = \"z\", swing = 1.6, twist = [-0.2, 0.2] }";
+    let observed = |limits: &str, variance: [f64; 3]| is_turn_observed(&ball(JERK, limits).axes, &variance);
+    // A twist that is known to 0.09 rad is hardly known beside its prior of 0.1 rad; a swing is, beside 0.8 rad.
+    assert!(!observed(cone, [1e-4, 1e-4, 0.0081]) && observed(cone, [0.0081, 1e-4, 1e-4]));
+    assert!(observed("limits = [-1.6, 1.6]", [1e-4, 1e-4, 0.0081]));
 }

@@ -1,0 +1,112 @@
+"""Options that name the inertial units of a recording as the sensors of a model. For `oarlock import PATH`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from oarlock.cli.terminal import UsageError, say, table
+
+if TYPE_CHECKING:
+    from oarlock import Recording
+    from oarlock.recording.unit_names import Assignment
+
+UNIT_OPTIONS: list[tuple[str, Any, Any]] = [
+    (
+        "model",
+        Annotated[
+            str | None,
+            typer.Option(
+                metavar="NAME|FILE", help="Name the units as this model's sensors, by their own names."
+            ),
+        ],
+        None,
+    ),
+    (
+        "units",
+        Annotated[
+            list[str] | None,
+            typer.Option(metavar="SENSOR=STREAM,...", help="Which unit sits where: its name or device id."),
+        ],
+        None,
+    ),
+    (
+        "units_file",
+        Annotated[
+            Path | None,
+            typer.Option(
+                metavar="FILE", help="Device ids and their segments; default: units.toml beside the files."
+            ),
+        ],
+        None,
+    ),
+]
+"""Name, annotation and default of each option."""
+
+
+@dataclass
+class Naming:
+    """How the units of recordings are named.
+
+    Args:
+        sensors: names of the model's inertial units; None without a model.
+        by_hand: sensor -> stream, or a part of its name.
+        ids: device's id -> segment or sensor.
+        last: the assignment of the last recording.
+    """
+
+    sensors: list[str] | None
+    by_hand: dict[str, str]
+    ids: dict[str, str]
+    last: Assignment | None = field(default=None)
+
+    def named(self, recording: Recording) -> Recording:
+        """The recording with its units named; unchanged without an option."""
+        from oarlock.recording.unit_names import with_unit_names
+
+        if self.sensors is None and not self.by_hand and not self.ids:
+            return recording
+        found, self.last = with_unit_names(recording, self.sensors, self.by_hand, self.ids)
+        return found
+
+    def say(self) -> None:
+        """Prints which unit became which sensor and why."""
+        if self.last is None:
+            return
+        table(
+            ["sensor", "unit", "because of"],
+            [(sensor, unit, self.last.reasons[sensor]) for sensor, unit in self.last.units.items()],
+        )
+        if self.last.unused:
+            say(f"no sensor for {', '.join(self.last.unused)}", indent=2)
+        if self.last.free:
+            say(f"no unit for {', '.join(self.last.free)}", indent=2)
+
+
+def taken_naming(options: dict[str, Any], path: Path) -> Naming:
+    """The naming among the options of a verb, which are removed from them.
+
+    Raises:
+        UsageError: `--units` cannot be understood.
+        DataError: the model or the file cannot be read.
+    """
+    from oarlock.recording.unit_names import UNITS_FILE, parsed_units, read_units_file
+    from oarlock.storage.errors import DataError
+
+    model, units, file = (options.pop(name, None) for name in ("model", "units", "units_file"))
+    try:
+        by_hand = parsed_units(units or ())
+    except DataError as error:
+        raise UsageError(str(error)) from None
+    beside = (path if path.is_dir() else path.parent) / UNITS_FILE
+    if file is None and beside.is_file():
+        file = beside
+    sensors = None
+    if model is not None:
+        from oarlock import load_model
+
+        sensors = [sensor.name for sensor in load_model(model).describe().inertial_units]
+    return Naming(sensors, by_hand, {} if file is None else read_units_file(file))
