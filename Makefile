@@ -19,7 +19,7 @@ export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 
 RUST_SOURCES := Cargo.toml Cargo.lock $(wildcard crates/*/Cargo.toml) $(shell find crates/*/src -name '*.rs')
 
-.PHONY: help demo test test-all test-long fuzz bench bench-others bench-page robustness-page player pictures lint format docs validation lock clean
+.PHONY: help demo test test-all test-long fuzz bench bench-others bench-page pages player pictures lint format docs validation lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -62,8 +62,10 @@ bench-others: $(VENV)/.package $(VENV)/.bench ## measure this machine beside fil
 bench-page: ## put the table of the last `make bench` into docs/performance.md
 	$(BIN)/python -m bench --page docs/performance.md
 
-robustness-page: $(VENV)/.package ## run the study of faults, and put its table and picture into docs/robustness.md
-	$(BIN)/python -m bench.robustness --page docs/robustness.md
+# `make pages PAGES=status` measures one of them, SEEDS=1 a shorter study of faults, SETS=broad one set of the validation.
+PAGES ?= status validation robustness_quick robustness
+pages: $(VENV)/.package $(VENV)/.validation ## measure the figures of README, bands, validation and robustness anew, with date and commit
+	$(BIN)/python -m pages $(PAGES) $(if $(SEEDS),--seeds $(SEEDS)) $(if $(SETS),--sets $(SETS))
 
 player: ## build the 3D player from viewer/ with npm, into python/oarlock/viewer/
 	cd viewer && npm ci --no-audit --no-fund --silent && npm run --silent build
@@ -97,7 +99,7 @@ COMPILE := CUSTOM_COMPILE_COMMAND="make lock" $(VENV)/lock/bin/pip-compile --qui
 lock: $(VENV)/.created ## compute the pinned versions in requirements/ again
 	$(BIN)/python -m venv $(VENV)/lock
 	$(VENV)/lock/bin/python -m pip install --quiet --disable-pip-version-check pip-tools
-	$(COMPILE) --extra test --extra lint --extra dataframe --extra xarray --extra c3d --extra compare \
+	$(COMPILE) --extra test --extra lint --extra dataframe --extra xarray --extra c3d --extra hdf5 --extra mcap --extra compare \
 		--output-file requirements/dev.txt pyproject.toml requirements/build.in
 	$(COMPILE) --constraint requirements/dev.txt --output-file requirements/run.txt pyproject.toml requirements/build.in
 	$(COMPILE) --constraint requirements/dev.txt --output-file requirements/validation.txt requirements/validation.in

@@ -11,11 +11,14 @@ import os
 from pathlib import Path
 from typing import Any
 
+from pages.sections import into_page
+
 from oarlock.lab.bench.measure import measure
 
+from .apart import costs
 from .memory import peaks
 from .startup import startups
-from .table import into_page, write
+from .table import write
 
 OUT = Path("out/bench")
 RUST = ("ratios", "latency", "many")
@@ -41,6 +44,7 @@ def collect(seconds: float, memory_s: float) -> dict[str, Any]:
     figures["load"] = os.getloadavg()[0]
     figures["criterion"] = criterion(Path(os.environ.get("CARGO_TARGET_DIR", "target")))
     figures["user"] = measure(seconds).to_dict()
+    figures["apart"] = costs()
     figures["memory"] = peaks(memory_s)
     figures["startup"] = startups()
     return figures

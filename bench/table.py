@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-Row = dict[str, Any]
+from pages.sections import table
 
-BEGIN, END = "<!-- figures: begin -->", "<!-- figures: end -->"
+Row = dict[str, Any]
 
 
 def write(figures: dict[str, Any]) -> str:
@@ -28,22 +28,6 @@ def write(figures: dict[str, Any]) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def into_page(page: str, tables: str) -> str:
-    """The page with its figures replaced.
-
-    Raises:
-        ValueError: the page has no place for them.
-    """
-    if BEGIN not in page or END not in page:
-        raise ValueError(f"the page has no lines {BEGIN} and {END}")
-    return page.split(BEGIN)[0] + BEGIN + "\n\n" + tables + "\n" + END + page.split(END)[1]
-
-
-def _table(columns: list[str], rows: list[list[object]]) -> str:
-    lines = [columns, ["---"] * len(columns), *rows]
-    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
-
-
 def _us(value: float) -> str:
     return f"{value:.0f}" if value >= 100 else f"{value:.1f}"
 
@@ -61,7 +45,7 @@ def _ratios(rows: list[Row]) -> str:
         ]
 
     columns = ["body", "n", "m", "filter", "step (10 % quantile)", "textbook's UKF", "ratio"]
-    return _table(columns, [line(row) for row in rows])
+    return table(columns, [line(row) for row in rows])
 
 
 def _parts(criterion: dict[str, dict[str, float]]) -> str:
@@ -79,7 +63,7 @@ def _parts(criterion: dict[str, dict[str, float]]) -> str:
     ]
     back = [criterion["smooth"][n] - criterion["track"][n] for n in sizes]
     rows.append(["the way back alone, a sample (the difference of the two)", *map(_us, back)])
-    return _table(["what, µs", *(f"n = {n}" for n in sizes)], rows)
+    return table(["what, µs", *(f"n = {n}" for n in sizes)], rows)
 
 
 def _latency(rows: list[Row], user: Row) -> str:
@@ -88,7 +72,7 @@ def _latency(rows: list[Row], user: Row) -> str:
 
     lines = [line("Rust", row["n"], row["filter"], row) for row in rows]
     lines += [line("Python", part["n"], "ukf", part) for part in (user, user["with_biases"])]
-    return _table(["`Tracker.step` from", "n", "filter", "p50", "p99", "p99.9"], lines)
+    return table(["`Tracker.step` from", "n", "filter", "p50", "p99", "p99.9"], lines)
 
 
 def _rest(figures: dict[str, Any]) -> str:
@@ -106,6 +90,9 @@ def _rest(figures: dict[str, Any]) -> str:
     rows.append(
         ["sensors at 125 Hz, n = 41, ukf", f"{user['times_real_time']:.0f} times faster than real time"]
     )
+    apart = figures["apart"]
+    text = f"{apart['apart_ms']:.1f} ms ({apart['ratio']:.2f} times that of sensors that do)"
+    rows.append(["tracking a second of sensors that do not tick together", text])
     for row in figures["memory"]:
         text = f"{row['peak_mib']:.0f} MiB"
         if row["what"] not in ("imports", "recording"):
@@ -116,7 +103,7 @@ def _rest(figures: dict[str, Any]) -> str:
     rows += [
         [f"processor time of `{what}`", f"{time_s:.2f} s"] for what, time_s in figures["startup"].items()
     ]
-    return _table(["what", "figure"], rows)
+    return table(["what", "figure"], rows)
 
 
 def _others(user: Row) -> str:
@@ -129,9 +116,9 @@ def _others(user: Row) -> str:
     asked = f"{paper['n']} states, {paper['m']} readings; {paper['machine']}"
     rows.append((f"the source, {paper['program']}", paper["steps_s"], asked))
     rows.sort(key=lambda row: -row[1])
-    table = _table(
+    rates = table(
         ["software, n = 41", "steps/s", "problem"], [[name, f"{rate:.0f}", text] for name, rate, text in rows]
     )
     if user["missing"]:
-        table += f"\n\nNot installed where this was measured: {', '.join(user['missing'])}."
-    return table
+        rates += f"\n\nNot installed where this was measured: {', '.join(user['missing'])}."
+    return rates

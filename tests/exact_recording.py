@@ -1,6 +1,6 @@
 """Simulated sculling with its truth, ways to spoil it, and the figures by which tracking it is judged."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -9,36 +9,22 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from pages import recordings, sculling
 
 import oarlock
 from local_data import local_folder
-from oarlock.tracking.track import joint_units
 
 Floats = NDArray[np.float64]
 
+Exact = recordings.Simulated
+UNITS, ENCODERS = recordings.UNITS, recordings.ENCODERS
+kept, at_rate = recordings.kept, recordings.at_rate
+SHOULDER, ARM, ELEVEN = sculling.SHOULDER, sculling.ARM, sculling.ELEVEN
+RADIAL, PALMAR, HANDS, SETTLED_S = sculling.RADIAL, sculling.PALMAR, sculling.HANDS, sculling.SETTLED_S
+
 EXCERPT = Path(__file__).parent / "data/exact_B-B_10s.npz"
-UNITS = ("back", "r_upperarm", "r_forearm", "l_upperarm", "l_forearm")
-ENCODERS = ("seat", "r_oar_phi", "r_oar_alpha", "l_oar_phi", "l_oar_alpha")
-SHOULDER = ("shoulder_abduction", "shoulder_rotation", "shoulder_flexion")
-ARM = (*SHOULDER, "elbow_flexion", "elbow_rotation")
-ELEVEN = ("trunk", *(f"{side}_{joint}" for side in "rl" for joint in ARM))
-RADIAL = ("r_hand_abduction", "l_hand_abduction")
-PALMAR = ("r_hand_flexion", "l_hand_flexion")
-HANDS = RADIAL + PALMAR
-SETTLED_S = 2.0
 TRUE_BIAS = {"S-NB": 0.0, "B-NB": 0.0, "S-B": 0.01, "B-B": 0.01}
 """rad/s and m/s2 on every axis of every unit."""
-
-
-@dataclass(frozen=True)
-class Exact:
-    """A simulated recording, its truth, and the boat's true acceleration (T,) m/s2, stern positive."""
-
-    name: str
-    recording: oarlock.Recording
-    truth: oarlock.Track
-    surge_m_s2: Floats
-    positions_m: dict[str, Floats]
 
 
 @cache
@@ -74,46 +60,7 @@ def excerpt_track() -> oarlock.Track:
 
 
 def read_exact(file: Path, name: str) -> Exact:
-    with np.load(file) as arrays:
-        time_s, imu, oars = arrays["time_s"], arrays["imu"].astype(float), arrays["oar_rad"]
-        encoders = np.column_stack([arrays["seat_m"], oars])
-        streams: list[Any] = [
-            oarlock.ImuStream(unit, time_s, gyro_rad_s=x[:, :3], accel_m_s2=x[:, 3:6], mag_ut=x[:, 6:])
-            for unit, x in zip(UNITS, imu.transpose(1, 0, 2), strict=True)
-        ]
-        streams += [oarlock.ScalarStream(n, time_s, x) for n, x in zip(ENCODERS, encoders.T, strict=True)]
-        truth = _truth(time_s, *(arrays[k] for k in ("true_q", "true_qd", "true_qdd")))
-        positions = {
-            k.removeprefix("true_"): arrays[k].astype(float)
-            for k in arrays.files
-            if k.startswith("true_") and arrays[k].ndim == 2 and arrays[k].shape[1] == 3
-        }
-        return Exact(name, oarlock.Recording(streams), truth, arrays["true_boat_acc_m_s2"], positions)
-
-
-def _truth(time_s: Floats, q: Floats, qd: Floats, qdd: Floats) -> oarlock.Track:
-    model = sculler()
-    return oarlock.Track(
-        model=model,
-        time_s=time_s,
-        joint_names=tuple(model.joint_names),
-        joint_units=joint_units(model),
-        q=q,
-        qd=qd,
-        qdd=qdd,
-        **{f"{k}_std": np.full_like(q, np.nan) for k in ("q", "qd", "qdd")},
-        observed=np.ones(q.shape, dtype=bool),
-    )
-
-
-def kept(recording: oarlock.Recording, rows_of: Callable[[Any], NDArray[Any]]) -> oarlock.Recording:
-    """The recording with those rows of each stream that `rows_of(stream)` names."""
-    streams: list[Any] = []
-    for s in recording.streams:
-        rows = rows_of(s)
-        values = {name: v[rows] for name, v in s.values.items()}
-        streams.append(type(s)(s.name, s.time_s[rows], **values))
-    return oarlock.Recording(streams)
+    return recordings.read_simulated(file, name, sculler())
 
 
 def lossy(recording: oarlock.Recording, share: float, seed: int, whole: bool) -> oarlock.Recording:
@@ -128,18 +75,6 @@ def silenced(recording: oarlock.Recording, sensor: str, start_s: float, for_s: f
 
     def rows(s: Any) -> NDArray[Any]:
         return (s.name != sensor) | (s.time_s < start_s) | (s.time_s >= start_s + for_s)
-
-    return kept(recording, rows)
-
-
-def at_rate(recording: oarlock.Recording, rate_hz: float) -> oarlock.Recording:
-    """The rows nearest to an even grid, with their own stamps."""
-
-    def rows(s: Any) -> NDArray[Any]:
-        grid = np.arange(s.time_s[0], s.time_s[-1], 1.0 / rate_hz)
-        after = np.clip(np.searchsorted(s.time_s, grid), 1, len(s) - 1)
-        nearer_before = grid - s.time_s[after - 1] <= s.time_s[after] - grid
-        return np.unique(after - nearer_before)
 
     return kept(recording, rows)
 

@@ -77,6 +77,7 @@ class FakeTrack:
     observed: NDArray[np.bool_]
     model: FakeModel | None = None
     positions: Mapping[str, Floats] = field(default_factory=dict)
+    position_std_m: float = np.nan
     slow: Mapping[str, FakeSlow] = field(default_factory=dict)
     info: FakeInfo | None = None
     beliefs: FakeBeliefs | None = None
@@ -98,6 +99,9 @@ class FakeTrack:
 
     def frame_positions(self, frame: str, relative_to: str = "root") -> Floats:
         return self.positions[frame]
+
+    def frame_position_stds(self, frame: str, relative_to: str = "root") -> Floats:
+        return np.full_like(self.positions[frame], self.position_std_m)
 
 
 def motion(time_s: Floats, units: tuple[str, ...]) -> tuple[Floats, Floats, Floats]:

@@ -2,56 +2,17 @@
 
 import numpy as np
 import pytest
+from bench.apart import JITTER_S, RATES_HZ, TOGETHER_HZ, recorded
 
 import oarlock
 from oarlock import rowing
 from refusals import assert_refused
 
-RATES_HZ = {
-    "back": 100.0,
-    "r_upperarm": 120.0,
-    "r_forearm": 60.0,
-    "l_upperarm": 286.0,
-    "l_forearm": 100.0,
-    "seat": 50.0,
-    "r_oar_phi": 20.0,
-    "r_oar_alpha": 20.0,
-    "l_oar_phi": 97.3,
-    "l_oar_alpha": 97.3,
-}
-TOGETHER_HZ = RATES_HZ | {
-    "r_upperarm": 100.0,
-    "l_upperarm": 300.0,
-    "l_oar_phi": 100.0,
-    "l_oar_alpha": 100.0,
-}
-"""The same information, as far as rates go that divide one another."""
-
-
-def recorded(model, motion, rates_hz, seed, jitter_s=0.0, drift=0.0, loss=0.05):
-    """Each sensor simulated at its own rate; `jitter_s` and `drift` in its stamps, some readings lost."""
-    rng, streams = np.random.default_rng(seed), []
-    for number, (name, rate_hz) in enumerate(rates_hz.items()):
-        _, one = oarlock.simulate(model, motion, [name], 100 * seed + number, rate_hz=rate_hz)
-        stream = one.streams[0]
-        stamps = np.asarray(stream.time_s) + rng.normal(0, jitter_s, len(stream.time_s))
-        stamps = stamps * (1 + drift * rng.choice([-1, 1]))
-        rising = np.r_[True, np.diff(np.maximum.accumulate(stamps)) > 1e-4]
-        streams.append((stream, stamps, rising & (rng.random(len(stamps)) > loss)))
-    return oarlock.Recording([part(*each) for each in streams])
-
-
-def part(stream, stamps, kept):
-    values = {name: value[kept] for name, value in stream.values.items()}
-    if isinstance(stream, oarlock.ScalarStream):
-        return oarlock.ScalarStream(stream.name, stamps[kept], values["value"], stream.unit)
-    return oarlock.ImuStream(stream.name, stamps[kept], **values)
-
 
 @pytest.fixture(scope="module")
 def rowed(sculler):
     motion = rowing.sculling(sculler, 4.0, 24, surge=False, seed=2)
-    return recorded(sculler, motion, RATES_HZ, seed=2, jitter_s=1e-3)
+    return recorded(sculler, motion, RATES_HZ, seed=2, jitter_s=JITTER_S)
 
 
 @pytest.fixture(scope="module")
@@ -130,7 +91,7 @@ def test_sensors_apart_are_as_accurate_as_together(sculler, seed):
     motion = rowing.sculling(sculler, 20.0, 24, surge=False, seed=seed)
     truth, _ = oarlock.simulate(sculler, motion, ["seat"], rate_hz=100.0)
     scores = {}
-    for name, rates_hz, jitter_s in (("together", TOGETHER_HZ, 0.0), ("apart", RATES_HZ, 1e-3)):
+    for name, rates_hz, jitter_s in (("together", TOGETHER_HZ, 0.0), ("apart", RATES_HZ, JITTER_S)):
         track = oarlock.track(sculler, recorded(sculler, motion, rates_hz, seed, jitter_s))
         evaluation = oarlock.evaluate(track, truth)
         joints = [j.name for j in evaluation.joints if not j.name.endswith("theta") and j.name != "seat"]

@@ -10,7 +10,14 @@ from command_line import run
 from oarlock import Calibration, Clock, ImuStream, Motion, Recording, ScalarStream
 from oarlock.calibration.clocks.coarse import coarse_delays
 from oarlock.calibration.clocks.devices import most_agree, reference_streams, unknowns
-from oarlock.calibration.clocks.lines import CRYSTAL_DRIFT, MODEL_STD_S, after, line
+from oarlock.calibration.clocks.lines import (
+    CRYSTAL_DRIFT,
+    MODEL_STD_S,
+    after,
+    line,
+    usual_drift,
+    usual_scatter,
+)
 from oarlock.rowing.simulation.experiment import simulate_sculling
 
 FOUND_S = 5e-4
@@ -75,6 +82,15 @@ def test_small_delays_are_left_to_the_fine_search():
     assert coarse_delays(Recording(streams), ("a",)) == {}
 
 
+def test_joints_that_move_in_turn_are_no_delay():
+    # Rates of oars and blades correlate by 0.55 to 0.64, half a second apart, and each stream may have its own clock.
+    _, recording = simulate_sculling(oarlock.load_model("sculler"), duration_s=14.0, seed=7)
+    assert coarse_delays(recording, ()) == {}
+    ends = late(recording, {name: Clock(0.3) for name in recording.names if "oar" in name or name == "seat"})
+    found = coarse_delays(ends, [name for name in recording.names if "arm" in name or name == "back"])
+    assert found["r_oar_phi"] == pytest.approx(0.3, abs=COARSE_S)
+
+
 def test_a_line_gives_offset_and_drift_within_its_deviations_and_does_not_mind_outliers():
     time_s, truth = np.linspace(5.0, 595.0, 24), Clock(0.004, 5e-5)
     for seed in range(20):
@@ -92,6 +108,30 @@ def test_a_short_recording_expects_a_crystal_and_a_wild_clock_is_still_found():
     wild = line(time_s, 1.5e-3 * time_s, np.full(8, SCATTER_S))
     assert wild.drift == pytest.approx(1.5e-3, rel=0.02)
     assert wild.offset_std_s > MODEL_STD_S
+
+
+def test_few_windows_of_many_clocks_show_how_exact_they_are():
+    time_s, drifts = np.array([6.5, 11.5, 16.5]), np.array([4e-4, -4e-4] * 5)
+    scores, errors = [], []
+    for seed in range(20):
+        # Windows say 1 ms and scatter by 0.2.
+        noise = 2e-4 * np.random.default_rng(seed).standard_normal((3, 10))
+        delay, std = time_s[:, None] * drifts + noise, np.full((3, 10), 1e-3)
+        scores.append(usual_scatter(time_s, delay, std))
+        found = [line(time_s, delay[:, k], std[:, k], usual=scores[-1]) for k in range(10)]
+        errors += [(f.drift - drift) / f.drift_std for f, drift in zip(found, drifts, strict=True)]
+    assert np.mean(scores) == pytest.approx(0.23, abs=0.05)
+    assert np.sqrt(np.mean(np.square(errors))) < 1.0
+    assert usual_scatter(time_s, delay[:, :2], std[:, :2]) == 1.0
+
+
+def test_clocks_that_drift_far_make_a_drift_that_nothing_shows_uncertain():
+    time_s, std = np.array([6.5, 11.5, 16.5]), np.full(3, 5e-3)
+    assert usual_drift([Clock(0.0, 1e-5), Clock(0.0, -2e-5), Clock(0.0, 9e-4)]) == CRYSTAL_DRIFT
+    wide = usual_drift([Clock(0.0, 2e-4), Clock(0.0, -2e-4), Clock(0.0, 1e-6)])
+    assert wide == 2e-4
+    assert line(time_s, np.zeros(3), std).drift_std < 6e-5
+    assert line(time_s, np.zeros(3), std, drift_std=wide).drift_std > 2e-4
 
 
 def test_two_corrections_are_one():
@@ -115,6 +155,9 @@ def test_streams_that_share_their_stamps_are_the_reference():
 def test_what_most_clocks_agree_on_is_the_reference_where_none_is_named():
     clocks = {n: Clock(o, 0.0, 1e-4, 1e-6) for n, o in (("a", 0.0), ("b", 0.05), ("c", 0.0005))}
     assert most_agree(clocks, 10.0) == ("a", "c")
+    unsure = {"any": Clock(0.0, 5e-5, 2e-3, 3e-4)}
+    drifting = {n: Clock(0.0, d, 2e-3, 2e-5) for n, d in (("a", 2e-4), ("b", -2e-4), ("c", 1.8e-4))}
+    assert most_agree(unsure | drifting, 10.0) == ("a", "c")
 
 
 def test_clocks_of_an_arm_are_found_against_one_of_its_units(arm):

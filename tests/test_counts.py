@@ -1,4 +1,4 @@
-"""Seven kinds of recordings: each number has one value in terminal, report, JSON and notes, and counts are right."""
+"""Eight kinds of recordings: each number has one value in terminal, report, JSON and notes, and counts are right."""
 
 import html
 import json
@@ -17,7 +17,8 @@ from command_line import run
 from exact_recording import sculler
 from oarlock import ImuStream, Motion, Recording
 from oarlock.cli.track_folder import document
-from oarlock.recording.packets import missing_share
+from oarlock.recording.packets import missing_share, quantity_rates
+from oarlock.recording.plausibility import plausibility
 from oarlock.rowing import simulate_field
 from oarlock.rowing.simulation.experiment import simulate_sculling
 from oarlock.storage.manifest import MANIFEST
@@ -66,6 +67,22 @@ def with_a_slow_seat() -> Recording:
     return replaced(rowed(), rowed()["seat"].at_rows(slice(None, None, SLOWER)))
 
 
+def with_slow_magnetometers() -> Recording:
+    """One unit has empty cells between its magnetometer's readings, another has rows of their own for them."""
+    back, arm = rowed()["back"], rowed()["r_forearm"]
+    mag = np.full_like(back.mag_ut, np.nan)
+    mag[::SLOWER] = back.mag_ut[::SLOWER]
+    between = arm.time_s[:-1:SLOWER] + 0.4 / RATE_HZ
+    time_s = np.sort(np.concatenate([arm.time_s, between]))
+    own, later = np.searchsorted(time_s, arm.time_s), np.searchsorted(time_s, between)
+    fields = {name: np.full((len(time_s), 3), np.nan) for name in arm.values}
+    for name in ("gyro_rad_s", "accel_m_s2"):
+        fields[name][own] = arm.values[name]
+    fields["mag_ut"][later] = arm.mag_ut[:-1:SLOWER]
+    slow = {**back.values, "mag_ut": mag}
+    return replaced(rowed(), ImuStream("back", back.time_s, **slow), ImuStream("r_forearm", time_s, **fields))
+
+
 def with_gaps() -> Recording:
     back, arm = rowed()["back"], rowed()["r_forearm"]
     silent = (back.time_s >= GAP_S[0]) & (back.time_s < GAP_S[1])
@@ -84,6 +101,7 @@ KINDS: Mapping[str, tuple[str, Callable[[], Recording]]] = {
     "no magnetometers": ("pendulum3", without_magnetometers),
     "absent stream": ("sculler", without_a_stream),
     "slow encoder": ("sculler", with_a_slow_seat),
+    "slow magnetometers": ("sculler", with_slow_magnetometers),
     "gaps": ("sculler", with_gaps),
     "rest": ("pendulum3", at_rest),
 }
@@ -271,6 +289,22 @@ def test_a_slow_sensor_misses_nothing(told: Callable[[str], Told]) -> None:
     assert (count(said, "seat")["missing"], count(said, "seat")["used"]) == (0, rows)
     assert said.json["stream_rates"] == f"125 Hz (9 streams), {RATE_HZ / SLOWER:.4g} Hz (seat)"
     assert said.json["readings"]["missing"] == 0
+
+
+def test_a_slow_magnetometer_misses_nothing(told: Callable[[str], Told]) -> None:
+    said = told("slow magnetometers")
+    rows = len(rowed()["back"])
+    for name in ("back", "r_forearm"):
+        stream = said.recording[name]
+        slow = int(np.isfinite(stream.mag_ut).all(axis=1).sum())
+        assert missing_share(said.recording, stream) == 0.0
+        rates = quantity_rates(said.recording, stream)
+        assert rates["mag_ut"] == pytest.approx(RATE_HZ / SLOWER)
+        assert rates["gyro_rad_s"] == pytest.approx(RATE_HZ)
+        assert count(said, name)["expected"] == 6 * rows + 3 * slow
+        assert count(said, name)["missing"] == 0
+    assert said.json["stream_rates"] == "125 Hz"
+    assert not [finding for finding in plausibility(said.recording) if "missing" in finding.message]
 
 
 def test_gaps_are_missing_readings(told: Callable[[str], Told]) -> None:

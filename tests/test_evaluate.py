@@ -181,6 +181,14 @@ def test_positions_by_axis_and_in_space(truth):
     assert wrist.axis_rmse_m == pytest.approx((0.003, 0.0, 0.004), abs=EXACT)
     assert wrist.axis_correlation[0] == pytest.approx(1.0, abs=EXACT)
     assert np.isnan(wrist.axis_correlation[2])
+    assert np.isnan(wrist.coverage)
+
+
+@pytest.mark.parametrize(("std_m", "share"), [(0.0021, 1.0), (0.0016, 2 / 3), (0.001, 1 / 3)])
+def test_coverage_of_positions_counts_single_axes(truth, std_m, share):
+    moved = {name: xyz + np.array([0.003, 0.0, 0.004]) for name, xyz in truth.positions.items()}
+    track = replace(noisy_track(truth, 0.01), positions=moved, position_std_m=std_m)
+    assert evaluate(track, truth).positions[1].coverage == pytest.approx(share)
 
 
 def test_frames_default_to_the_ends_of_the_tree(truth):

@@ -37,6 +37,7 @@ LEAF = {
     "import diodem": "test_io_validation.test_the_command_line_imports_each",
     "import dot": "test_io_devices.test_the_command_line_imports_each",
     "import lines": "test_device_verbs.test_the_command_line_imports_each",
+    "import mcap": "test_device_verbs.test_the_command_line_imports_each",
     "import mtmanager": "test_io_devices.test_the_command_line_imports_each",
     "import mvnx": "test_io_devices.test_the_command_line_imports_each",
     "import ngimu": "test_device_verbs.test_the_command_line_imports_each",

@@ -189,7 +189,18 @@ def test_save_mapping(arm, mixed, tmp_path):
     run("import", "csv", tmp_path / "used.toml", "--out", tmp_path / "again")
     one, again = (oarlock.load_recording(tmp_path / name)["imu"] for name in ("rec", "again"))
     np.testing.assert_array_equal(one.accel_m_s2, again.accel_m_s2)
-    run("import", mixed, "--pick", "club", "--out", tmp_path / "x", "--save-mapping", "y.toml", status=2)
+    said = run(
+        "import", mixed, "--pick", "club", "--out", tmp_path / "x", "--save-mapping", "y.toml", status=2
+    )
+    assert "--save-mapping: the format csv has no such option (table has it)" in said.stderr
+
+
+def test_options_of_a_reader_are_options_of_the_path(tmp_path):
+    still = columns_of(0.0)
+    (tmp_path / "a.csv").write_text(table(HEADER, still))
+    run("import", tmp_path / "a.csv", "--out", tmp_path / "rec", status=1)
+    run("import", tmp_path / "a.csv", "--out", tmp_path / "rec", "--gyro-unit", "deg/s")
+    assert oarlock.load_recording(tmp_path / "rec")["imu"].gyro_rad_s.max() == 0.0
 
 
 @pytest.mark.parametrize("compressed", [True, False])

@@ -153,12 +153,12 @@ def test_recording_of_another_generator():
     from exact_recording import read_exact
 
     exact = read_exact(local_folder("recordings") / "misfit_0.npz", "B-B")
-    found = oarlock.calibrate_motion(sculler(), exact.recording, end_s=20.0)
+    found = oarlock.calibrate_motion(sculler(), exact.recording, exact.nominal, end_s=20.0)
     rest = exact.recording.slice(start_s=20.0)
     boat = oarlock.load_model("sculler_boat")
     errors = [
         oarlock.evaluate(oarlock.track(model, rest, known), exact.truth).mean_rmse_deg(ELEVEN)
-        for model, known in ((sculler(), None), (sculler(), found), (boat, found))
+        for model, known in ((sculler(), exact.nominal), (sculler(), found), (boat, found))
     ]
     print(f"before {errors[0]:.2f} deg, after {errors[1]:.2f}, with sculler_boat {errors[2]:.2f}")
     assert errors[1] < 1.2 and errors[2] < 0.4

@@ -8,7 +8,13 @@ import pytest
 from command_line import run
 from oarlock import ImuStream, Recording, load_recording
 from oarlock.formats.csv import read_csv
-from oarlock.recording.packets import lost_packets, missing_packets
+from oarlock.recording.packets import (
+    expected_quantity_rows,
+    lost_packets,
+    missing_packets,
+    missing_share,
+    quantity_rates,
+)
 from oarlock.recording.plausibility import plausibility
 from refusals import assert_refused
 
@@ -85,6 +91,26 @@ def test_without_a_counter_gaps_between_stamps_tell():
     recording = Recording([ImuStream("back", time_s, gyro_rad_s=np.zeros((len(time_s), 3)))])
     lost = lost_packets(recording, recording["back"])
     assert lost is not None and lost.text() == "3 packets missing in 2 places, longest 20 ms at 2.0 s."
+
+
+def test_a_slow_quantity_is_counted_against_its_own_rate():
+    """A magnetometer at 20 Hz beside a gyroscope at 100 Hz, which lost three readings of its own."""
+    time_s = np.arange(1000) / 100.0
+    gyro = np.ones((1000, 3))
+    mag = np.full((1000, 3), np.nan)
+    mag[::5] = 30.0
+    mag[[100, 105, 500]] = np.nan
+    recording = Recording([ImuStream("shank", time_s, gyro_rad_s=gyro, mag_ut=mag)])
+    (stream,) = recording
+    assert expected_quantity_rows(recording, stream) == {"gyro_rad_s": 1000, "mag_ut": 200}
+    assert quantity_rates(recording, stream)["mag_ut"] == pytest.approx(20.0)
+    assert missing_share(recording, stream) == pytest.approx(3 / 1200)
+    assert [f.message for f in plausibility(recording) if "mag_ut" in f.message]
+    whole = ImuStream("foot", time_s, gyro_rad_s=gyro, mag_ut=np.where(np.isnan(mag), 30.0, mag))
+    gap = ImuStream("hand", time_s, gyro_rad_s=np.where(np.arange(1000)[:, None] // 300 == 1, np.nan, gyro))
+    both = Recording([whole, gap])
+    assert missing_share(both, both["foot"]) == 0.0
+    assert missing_share(both, both["hand"]) == pytest.approx(0.3)
 
 
 def test_irregular_stamps_tell_nothing_of_packets():

@@ -21,7 +21,7 @@ from .scores import heading_zeroed, later, relative_error_rad, rmse_deg, turn_be
 from .stretches import worst_of, worst_plot
 
 FOLDER = "dfjimu"
-TRIALS = ("1D_01", "2D_01", "3D_01", "3D_05")
+TRIALS = ("1D_01", "2D_01", "3D_01", "3D_03", "3D_05")
 SCORED_AFTER_S = 10.0
 STRETCH_S = 10.0
 
@@ -36,8 +36,10 @@ TEXT = (
     "not measured by anything but the joint itself."
 )
 PLAIN, AUTHORS, REMOVED = "as the files stand", "reference one row later", "limits and delays removed"
+OWN = "each aligned as its authors do"
 HEADED = tuple(f"{name}, heading given" for name in others.VQF_WITHOUT_MAG)
 HOW = {
+    OWN: "The reference is one row later for dfjimu, as its authors score it, and as the files stand for all others.",
     PLAIN: "",
     AUTHORS: "As the authors of the recordings score their own software: the reference is early by one row.",
     REMOVED: "Lag of the reference, turns of its clusters and each software's own delay are found from gyroscopes.",
@@ -75,10 +77,11 @@ def _trial(
     kept = plain.time_s > SCORED_AFTER_S
     errors: dict[str, tuple[Estimate, Floats]] = {}
     for outcome in _outcomes(recording, references[REMOVED]):
-        for name, reference in references.items():
+        for name in HOW:
             if not isinstance(outcome, Estimate):
                 scored[name].add(outcome, {})
                 continue
+            reference = references[_alignment(outcome) if name == OWN else name]
             compared = punctual(recording, outcome) if name == REMOVED else outcome
             error = relative_error_rad(compared, reference, BODIES)
             scored[name].add(outcome, {trial: rmse_deg(error, kept)})
@@ -87,6 +90,11 @@ def _trial(
     what = f"trial {trial}, {REMOVED}"
     truth = [("angle between the bodies, deg", angle)]
     return worst_plot(f"dfjimu-{trial}", what, errors, references[REMOVED].time_s, kept, STRETCH_S, truth)
+
+
+def _alignment(outcome: Estimate) -> str:
+    """The alignment with which the authors of a software score it."""
+    return AUTHORS if outcome.name in others.DFJIMU_NAMES else PLAIN
 
 
 def _outcomes(recording: Recording, reference: Reference) -> list[Outcome]:

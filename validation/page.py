@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
@@ -28,9 +29,14 @@ def write(results: Sequence[SetResult], versions: Mapping[str, str], folder: Pat
     folder.mkdir(parents=True, exist_ok=True)
     page, figures = folder / "index.html", folder / "figures.json"
     page.write_text(html(results, versions), encoding="utf-8")
-    document = {"versions": dict(versions), "sets": {r.name: _plain(r) for r in results}}
-    figures.write_text(json.dumps(document, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    text = json.dumps(document(results, versions), indent=1, allow_nan=False)
+    figures.write_text(text + "\n", encoding="utf-8")
     return page, figures
+
+
+def document(results: Sequence[SetResult], versions: Mapping[str, str]) -> dict[str, Any]:
+    """All figures without the curves."""
+    return {"versions": dict(versions), "sets": {r.name: _plain(r) for r in results}}
 
 
 def html(results: Sequence[SetResult], versions: Mapping[str, str]) -> str:
@@ -79,7 +85,7 @@ def _plain(result: SetResult) -> dict[str, object]:
             "title": t.title,
             "unit": t.unit,
             "rows": {
-                r.name: {"note": r.note, "ours": r.ours}
+                r.name: {"note": r.note, "ours": r.ours, "online": r.online}
                 | {
                     column: (None if isinstance(c, float) and not math.isfinite(c) else c)
                     for column, c in zip(t.columns, r.cells, strict=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .estimate import Missing, Outcome
+from .estimate import Estimate, Missing, Outcome
 from .rotations import Floats
 
 Cell = float | int | str | None
@@ -21,6 +21,7 @@ class Row:
     cells: tuple[Cell, ...]
     note: str = ""
     ours: bool = False
+    online: bool = True
 
 
 @dataclass(frozen=True)
@@ -103,6 +104,7 @@ class Collected:
     figures: dict[str, dict[str, Cell]] = field(default_factory=dict)
     notes: dict[str, str] = field(default_factory=dict)
     ours: dict[str, bool] = field(default_factory=dict)
+    online: dict[str, bool] = field(default_factory=dict)
 
     def add(self, outcome: Outcome, figures: Mapping[str, Cell]) -> None:
         """The figures of one outcome by column; none for a missing one."""
@@ -112,6 +114,7 @@ class Collected:
             outcome.reason if isinstance(outcome, Missing) else outcome.note,
             outcome.ours,
         )
+        self.online[outcome.name] = not isinstance(outcome, Estimate) or outcome.online
 
     def put(self, name: str, figures: Mapping[str, Cell], note: str = "", ours: bool = False) -> None:
         """More figures of the line with this name."""
@@ -132,7 +135,8 @@ class Collected:
             cells: list[Cell] = [self.figures[name].get(column) for column in self.columns]
             if mean:
                 cells.append(_mean(cells))
-            rows.append(Row(name, tuple(cells), self.notes.get(name, ""), self.ours[name]))
+            online = self.online.get(name, True)
+            rows.append(Row(name, tuple(cells), self.notes.get(name, ""), self.ours[name], online))
         columns = (*self.columns, *(("mean",) if mean else ()))
         return Table(title, columns, tuple(rows), unit, digits, text)
 

@@ -71,6 +71,7 @@ from .simulation.motion import Motion
 from .simulation.session import SessionErrors, SessionTrial, simulate_session
 from .simulation.simulate import simulate
 from .storage.errors import DataError, DivergedError, ModelError
+from .tracking.joint_angles import JointAngle, joint_angles
 from .tracking.many import track_many
 from .tracking.track import Track, load_track
 from .tracking.tracking import smooth, track
@@ -98,6 +99,7 @@ __all__ = [
     "ImuDescription",
     "ImuStream",
     "Info",
+    "JointAngle",
     "JointDescription",
     "Look",
     "MarkerEvaluation",
@@ -158,6 +160,7 @@ __all__ = [
     "fit_body",
     "import_recording",
     "inverse_kinematics",
+    "joint_angles",
     "load_attachments",
     "load_calibration",
     "load_markers",

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from oarlock.cli.body import Mass, Stature, Units, chosen_body
 from oarlock.cli.calibrate_tree import Sensors
 from oarlock.cli.options import Json, ModelName, Settings, assignments, example, names
 from oarlock.cli.terminal import UsageError, free_file, heading, number, print_json, say, steps, table, verb
@@ -46,6 +47,9 @@ def session(
         Path | None, typer.Option("--write-plan", metavar="FILE", help="Write the model's plan and exit.")
     ] = None,
     settings: Settings = None,
+    stature_m: Stature = None,
+    mass_kg: Mass = None,
+    units: Units = None,
     calibration: Annotated[
         Path | None,
         typer.Option("--calibration", metavar="FILE", help="An earlier calibration, such as of clocks."),
@@ -62,7 +66,7 @@ def session(
     import oarlock
     from oarlock.report.session_page import write_session_page
 
-    body = oarlock.load_model(model, parameters=assignments(settings, "--set"))
+    body = chosen_body(model, assignments(settings, "--set"), stature_m, mass_kg, units)
     if write_plan is not None:
         free_file(write_plan, force)
         oarlock.default_plan(body).save(write_plan)

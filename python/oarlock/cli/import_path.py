@@ -10,6 +10,7 @@ import typer
 
 from oarlock.cli.import_summary import document, write_summary
 from oarlock.cli.options import Force, Json
+from oarlock.cli.reader_options import of_format, reader_options, refuse_others, taken_reading
 from oarlock.cli.session_options import (
     SESSION_OPTIONS,
     NoQuestions,
@@ -58,13 +59,7 @@ PATH_OPTIONS: Final[list[tuple[str, Any, Any]]] = [
         Annotated[str | None, typer.Option(metavar="NAME", help="Write only the recording of this name.")],
         None,
     ),
-    (
-        "save_mapping",
-        Annotated[
-            Path | None, typer.Option(metavar="FILE", help="Also write the mapping of a table of text.")
-        ],
-        None,
-    ),
+    *reader_options(),
     *UNIT_OPTIONS,
     *((name, kind, None) for name, kind in SESSION_OPTIONS),
     ("no_questions", NoQuestions, False),
@@ -79,7 +74,6 @@ def import_path(
     out: Path | None,
     every: bool,
     pick: str | None,
-    save_mapping: Path | None,
     no_questions: bool,
     force: bool,
     json_output: bool,
@@ -90,23 +84,21 @@ def import_path(
 
     session = taken_session(options)
     naming = taken_naming(options, path)
+    reading = taken_reading(options)
     if every and pick is not None:
         raise UsageError("--all and --pick contradict each other")
     contents = find_recordings(path)
-    if save_mapping is not None and (every or not _is_table(contents, pick)):
-        raise UsageError(
-            "--save-mapping: only a table of text that was recognised by its columns has a mapping"
-        )
     asks = asks_questions(no_questions, json_output)
     if len(contents.recordings) > 1 and pick is None and not every:
         _list(contents, path, json_output)
         return
     if every:
         folder = out or Path(f"{_plain(path)}-recordings")
-        _write_all(contents, folder, session, naming, asks, force, json_output)
+        _write_all(contents, folder, session, naming, reading, asks, force, json_output)
         return
     found = contents.only(pick)
-    recording = _read(found, asks, {} if save_mapping is None else {"save_mapping": save_mapping})
+    refuse_others(reading, found.format)
+    recording = _read(found, asks, reading)
     recording = naming.named(recording)
     session = _session(recording, session, asks)
     target = out or Path(f"{_plain(Path(found.name))}-recording")
@@ -114,8 +106,8 @@ def import_path(
     if not json_output:
         naming.say()
         _say_others(contents)
-        if save_mapping is not None:
-            say(f"Wrote {save_mapping}")
+        if "save_mapping" in reading:
+            say(f"Wrote {reading['save_mapping']}")
 
 
 def write_recording(
@@ -145,10 +137,6 @@ def _with_session(recording: Recording, session: Mapping[str, str], out: Path) -
 
     known = {**read_session(out), **session_info(recording.meta), **session}
     return Recording(recording.streams, {**recording.meta, SESSION_KEY: known}) if known else recording
-
-
-def _is_table(contents: Contents, pick: str | None) -> bool:
-    return (pick is not None or len(contents.recordings) == 1) and contents.only(pick).format == "table"
 
 
 def _read(found: Found, asks: bool, options: Mapping[str, object]) -> Recording:
@@ -229,6 +217,7 @@ def _write_all(
     out: Path,
     session: Mapping[str, str],
     naming: Naming,
+    reading: Mapping[str, object],
     asks: bool,
     force: bool,
     json_output: bool,
@@ -241,7 +230,9 @@ def _write_all(
     for one in contents.recordings:
         target = out / _safe(one.name)
         try:
-            recording = _with_session(naming.named(_read(one, asks, {})), session, target)
+            recording = _with_session(
+                naming.named(_read(one, asks, of_format(reading, one.format))), session, target
+            )
         except ValueError as error:
             refused.append({"name": one.name, "message": str(error)})
             continue

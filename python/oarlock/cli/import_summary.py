@@ -17,7 +17,7 @@ _SHORT = {"gyro_rad_s": "gyro", "accel_m_s2": "accel", "mag_ut": "mag", "quat_wx
 
 def document(recording: Recording, source: Path, out: Path, about: str) -> dict[str, object]:
     """The summary for `--json`."""
-    from oarlock.recording.packets import missing_packets, missing_share, own_rate_hz, quantity_rates
+    from oarlock.recording.packets import missing_packets, missing_share, quantity_rates, stream_rate_hz
     from oarlock.recording.reader_notes import reader_notes
     from oarlock.recording.session_info import session_info
     from oarlock.storage.epoch import moment_text
@@ -37,7 +37,7 @@ def document(recording: Recording, source: Path, out: Path, about: str) -> dict[
                 "name": s.name,
                 "kind": s.kind,
                 "samples": len(s),
-                "rate_hz": own_rate_hz(recording, s),
+                "rate_hz": stream_rate_hz(recording, s),
                 "quantities": quantity_rates(recording, s),
                 "missing_packets": missing_packets(recording, s),
                 "missing_share": missing_share(recording, s),
@@ -80,7 +80,7 @@ def write_summary(recording: Recording, source: Path, out: Path, about: str) -> 
 
 def _write_streams(recording: Recording) -> None:
     from oarlock.evaluation.summary import rate_text
-    from oarlock.recording.packets import missing_share, own_rate_hz
+    from oarlock.recording.packets import missing_share, stream_rate_hz
 
     table(
         ["stream", "kind", ">samples", ">rate Hz", ">missing %", "measures"],
@@ -89,7 +89,7 @@ def _write_streams(recording: Recording) -> None:
                 s.name,
                 s.kind,
                 len(s),
-                rate_text(own_rate_hz(recording, s)),
+                rate_text(stream_rate_hz(recording, s)),
                 number(100 * missing_share(recording, s), ".1f"),
                 _measures(recording, s),
             )
@@ -101,9 +101,9 @@ def _write_streams(recording: Recording) -> None:
 def _measures(recording: Recording, stream: Stream) -> str:
     """The quantities of a stream, with the rate of those that are slower than its rows."""
     from oarlock.evaluation.summary import rate_text
-    from oarlock.recording.packets import own_rate_hz, quantity_rates
+    from oarlock.recording.packets import quantity_rates, stream_rate_hz
 
-    whole = own_rate_hz(recording, stream)
+    whole = stream_rate_hz(recording, stream)
     rates = quantity_rates(recording, stream)
     return ", ".join(
         f"{_SHORT.get(name, name)} at {rate_text(rate)} Hz" if rate < 0.98 * whole else _SHORT.get(name, "")

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from oarlock.cli import model_sheet
+from oarlock.cli.body import Mass, Stature, Units, chosen_body
 from oarlock.cli.options import Json, Replace, Settings, assignments, example
 from oarlock.cli.terminal import EXIT_DATA, UsageError, free_file, page, print_json, say, steps, table, verb
 from oarlock.model.description import ModelDescription
@@ -57,6 +58,7 @@ def _short(description: ModelDescription) -> dict[str, Any]:
         "oarlock model show sculler",
         "oarlock model show my.toml --svg pose.svg",
         "oarlock model show sculler --set l_ua_r=0.31 --at seat=0.3 --at trunk=-0.4",
+        "oarlock model show full_body --stature 1.78 --mass 74 --units pelvis,thigh_r,shank_r",
         "oarlock model show sculler --json | jq .measurement_names",
     ),
 )
@@ -75,11 +77,13 @@ def show(
         ),
     ] = None,
     settings: Settings = None,
+    stature_m: Stature = None,
+    mass_kg: Mass = None,
+    units: Units = None,
     force: Replace = False,
     json_output: Json = False,
 ) -> None:
     """Frames, joints, sensors, parameters, layout of state and measurement, and the pose, drawn."""
-    from oarlock import load_model
     from oarlock.report.pose_picture.skeleton import skeleton
     from oarlock.report.pose_picture.svg import draw_svg
     from oarlock.report.pose_picture.text import draw_text
@@ -87,7 +91,7 @@ def show(
 
     if svg is not None:
         free_file(svg, force)
-    loaded = load_model(model, parameters=assignments(settings, "--set"))
+    loaded = chosen_body(model, assignments(settings, "--set"), stature_m, mass_kg, units)
     description = loaded.describe()
     body = skeleton(loaded, posture(description, assignments(at, "--at"), "--at"))
     if svg is not None:

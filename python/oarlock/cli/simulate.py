@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from oarlock.cli.body import Mass, Stature, Units, chosen_body
 from oarlock.cli.options import Force, Json, ModelName, OutFolder, Settings, assignments, example
 from oarlock.cli.simulate_field import Effect, Field, RateHz, Strength, asked_effects, simulate_in_the_field
 from oarlock.cli.simulate_session import simulate_guided_session
@@ -45,6 +46,7 @@ def add_to(app: typer.Typer) -> None:
             "oarlock simulate --model sweep --out pair",
             "oarlock simulate --session --out session",
             "oarlock simulate --session --model arm7 --seed 3 --out session",
+            "oarlock simulate --session --model lower_body --stature 1.78 --mass 74 --out session",
         ),
     )(simulate)
 
@@ -91,23 +93,23 @@ def simulate(
     strength: Strength = 1.0,
     rate_hz: RateHz = 125.0,
     settings: Settings = None,
+    stature_m: Stature = None,
+    mass_kg: Mass = None,
+    units: Units = None,
     force: Force = False,
     json_output: Json = False,
 ) -> None:
     """Simulate a rower: write a recording, and the ground truth into its folder truth/."""
-    from oarlock import load_model
     from oarlock.rowing.simulation.experiment import simulate_rowing
 
+    loaded = chosen_body(model, assignments(settings, "--set"), stature_m, mass_kg, units)
     if session:
-        simulate_guided_session(
-            load_model(model, parameters=assignments(settings, "--set")), out, model, seed, force, json_output
-        )
+        simulate_guided_session(loaded, out, model, seed, force, json_output)
         return
     chosen = _condition(condition, boat)
     rates = _rates(rate_spm)
     amplitudes = {"pitch_rad": hull_pitch_rad, "roll_rad": hull_roll_rad, "yaw_rad": hull_yaw_rad}
     rotation = _rotation(boat, {name: value for name, value in amplitudes.items() if value is not None})
-    loaded = load_model(model, parameters=assignments(settings, "--set"))
     effects = asked_effects(field, effect, strength, rate_hz)
     if effects is not None and boat in (BoatMotion.pitch, BoatMotion.rotating):
         raise UsageError(

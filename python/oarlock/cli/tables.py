@@ -138,9 +138,13 @@ def _positions(evaluation: Evaluation) -> None:
     factor, unit = presentation("m")
     heading("Positions against ground truth", "root axes")
     table(
-        ["frame", f">RMSE {unit}", f">x {unit}", f">y {unit}", f">z {unit}"],
+        ["frame", f">RMSE {unit}", f">x {unit}", f">y {unit}", f">z {unit}", ">in band %"],
         [
-            (p.frame, *(number(value * factor, ".2f") for value in (p.rmse_m, *p.axis_rmse_m)))
+            (
+                p.frame,
+                *(number(value * factor, ".2f") for value in (p.rmse_m, *p.axis_rmse_m)),
+                number(p.coverage * 100, ".1f"),
+            )
             for p in evaluation.positions
         ],
     )

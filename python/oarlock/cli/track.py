@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from oarlock.cli.body import Mass, Stature, Units, chosen_body
 from oarlock.cli.options import CalibrationFile, Force, Json, ModelName, OutFolder, example, names
 from oarlock.cli.settings import (
     DEFAULTS,
@@ -43,6 +44,7 @@ def add_to(app: typer.Typer) -> None:
             "oarlock track rec --model pendulum3 --calibration cal.toml --only upper,middle,lower --out out",
             "oarlock track trial --model sculler --out out --json | jq .steps_per_s",
             "oarlock track monday tuesday friday --model sculler --threads 2 --out season",
+            "oarlock track walk --model lower_body --stature 1.78 --mass 74 --low-pass 6 --out out",
             "oarlock track again --model sculler --config out/run.toml --set gate=false --out again",
         )
         + settings_help(),
@@ -86,6 +88,15 @@ def track(
     without: Annotated[
         str | None, typer.Option("--without", metavar="NAMES", help="Streams to leave out, comma-separated.")
     ] = None,
+    low_pass_hz: Annotated[
+        float | None,
+        typer.Option(
+            "--low-pass", metavar="HZ", help="First remove faster vibration of inertial units; people: 6."
+        ),
+    ] = None,
+    stature_m: Stature = None,
+    mass_kg: Mass = None,
+    units: Units = None,
     smooth: Annotated[bool, typer.Option("--smooth", help="Smooth over the whole recording.")] = False,
     filter_name: Annotated[
         str | None,
@@ -121,13 +132,12 @@ def track(
     json_output: Json = False,
 ) -> None:
     """Track a recording: write joint angles with uncertainty, run.toml and report.html into a folder."""
-    from oarlock import load_calibration, load_model, load_recording
+    from oarlock import load_calibration, load_model
     from oarlock import suspects as find_suspects
 
     body = load_model(model)
     parameters, chosen = split(settings, body.parameters)
-    if parameters:
-        body = load_model(model, parameters=parameters)
+    body = chosen_body(model, parameters, stature_m, mass_kg, units)
     chosen = {**(settings_of_file(config_file) if config_file else {}), **chosen}
     if output_rate_hz is not None:
         chosen["output_rate_hz"] = output_rate_hz
@@ -139,10 +149,7 @@ def track(
     )
 
     def load(folder: Path) -> Recording:
-        measured = load_recording(folder)
-        if only is not None:
-            measured = measured.only(names(only))
-        return measured if without is None else measured.without(names(without))
+        return _measured(folder, only, without, low_pass_hz)
 
     if asked in OTHER_FILTERS and (smooth or len(recordings) > 1):
         lacks = "--smooth" if smooth else "several recordings at once"
@@ -181,3 +188,14 @@ def track(
     tables = ["track", *beside(result)]
     say(f"\nWrote {out}: {', '.join(tables)} (.parquet), model.toml, run.toml, report.html")
     steps(f"open {out / 'report.html'}", f"oarlock evaluate {out} TRUTH        if you have a reference")
+
+
+def _measured(folder: Path, only: str | None, without: str | None, low_pass_hz: float | None) -> Recording:
+    from oarlock import load_recording
+
+    measured = load_recording(folder)
+    if only is not None:
+        measured = measured.only(names(only))
+    if without is not None:
+        measured = measured.without(names(without))
+    return measured if low_pass_hz is None else measured.low_passed(low_pass_hz)

@@ -105,14 +105,18 @@ def position_scores(
 
 
 def _position_score(track: Track, truth: Track, frame: str, kept: NDArray[np.bool_]) -> PositionScore:
-    at_s, estimate, true = (
-        track.time_s[kept],
-        track.frame_positions(frame)[kept],
-        truth.frame_positions(frame),
-    )
+    true, at_s = truth.frame_positions(frame), track.time_s[kept]
     reference = np.stack([resample(truth.time_s, true[:, k], at_s) for k in range(3)], axis=1)
+    std = track.frame_position_stds(frame)[kept]
+    return position_score(frame, track.frame_positions(frame)[kept], reference, std)
+
+
+def position_score(frame: str, estimate: Floats, reference: Floats, std: Floats) -> PositionScore:
+    """The score of positions (N, 3) with their standard deviations (N, 3), m."""
     good = np.isfinite(estimate).all(axis=1) & np.isfinite(reference).all(axis=1)
     error = estimate[good] - reference[good]
+    std = std[good]
+    banded = np.isfinite(std) & (std > 0)
     pairs = zip(estimate[good].T, reference[good].T, strict=True)
     x, y, z = (rms(error[:, k]) for k in range(3))
     cx, cy, cz = (correlation(a, b) for a, b in pairs)
@@ -122,6 +126,7 @@ def _position_score(track: Track, truth: Track, frame: str, kept: NDArray[np.boo
         rmse_m=float(np.sqrt(x * x + y * y + z * z)),
         axis_rmse_m=(x, y, z),
         axis_correlation=(cx, cy, cz),
+        coverage=mean_of(np.abs(error[banded]) <= BAND_95 * std[banded]),
     )
 
 

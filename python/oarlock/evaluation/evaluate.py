@@ -37,8 +37,8 @@ def evaluate(
 
     Returns:
         Evaluation: RMSE, bias, correlation, coverage of the 95 % band and NEES of each joint, for ball and free joints
-        also of each component and named angle (see `JointScore`); RMSE and correlation of frame positions; NEES per
-        state over the track's beliefs; NIS per reading of each sensor. NEES and NIS as in Bar-Shalom, Li,
+        also of each component and named angle (see `JointScore`); RMSE, correlation and coverage of frame positions;
+        NEES per state over the track's beliefs; NIS per reading of each sensor. NEES and NIS as in Bar-Shalom, Li,
         Kirubarajan (2001), "Estimation with Applications to Tracking and Navigation", section 5.4.
 
     Raises:

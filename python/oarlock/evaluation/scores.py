@@ -90,17 +90,22 @@ class JointScore:
 
 @dataclass(frozen=True)
 class PositionScore:
-    """Position errors of one frame's origin in root axes: 3D and per axis, m; correlation is NaN if constant."""
+    """Position errors of one frame's origin in root axes: 3D and per axis, m; correlation is NaN if constant.
+
+    ``coverage`` is the share of single axes with |error| <= 1.96 std; NaN if the track has no standard deviations.
+    """
 
     frame: str
     samples: int
     rmse_m: float
     axis_rmse_m: tuple[float, float, float]
     axis_correlation: tuple[float, float, float]
+    coverage: float
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-safe, SI."""
-        return {name: plain(value) for name, value in vars(self).items() if name != "frame"}
+        names = {"coverage": "coverage_95"}
+        return {names.get(name, name): plain(value) for name, value in vars(self).items() if name != "frame"}
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Runs readers of MATLAB and C3D files in a child process, so that a crash of the library becomes a DataError."""
+"""Runs readers of MATLAB, C3D, HDF5 and MCAP files in a child process: a crash of the library becomes a DataError."""
 
 from __future__ import annotations
 
@@ -17,10 +17,12 @@ from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import open_regular
 
 _CHILD = Path(__file__).with_name("reader_child.py")
-_NAMES = {"c3d": "C3D", "c3d_analogue": "C3D", "mat": "MATLAB"}
+_NAMES = {"c3d": "C3D", "c3d_analogue": "C3D", "hdf5": "HDF5", "mat": "MATLAB", "mcap": "MCAP"}
 
 
-def arrays_of(kind: Literal["c3d", "c3d_analogue", "mat"], file: Path) -> dict[str, NDArray[Any]]:
+def arrays_of(
+    kind: Literal["c3d", "c3d_analogue", "hdf5", "mat", "mcap"], file: Path
+) -> dict[str, NDArray[Any]]:
     """The arrays that `reader_child` finds in a file, by name.
 
     Raises:

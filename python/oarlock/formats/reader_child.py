@@ -124,7 +124,69 @@ def _texts(group: Any, name: str) -> list[str]:
     return found
 
 
-_READERS = {"c3d": read_c3d, "c3d_analogue": read_c3d_analogue, "mat": read_mat}
+def read_hdf5(file: str) -> dict[str, Any]:
+    """Numbers by path, and attributes that are numbers or texts as `path@name`; nothing of other files is read."""
+    import h5py
+
+    found: dict[str, Any] = {}
+
+    def visit(path: str, node: Any) -> None:
+        for name, value in node.attrs.items():
+            if isinstance(value, bytes):
+                value = value.decode("utf-8", "replace")
+            if isinstance(value, str | np.number):
+                found[f"{path}@{name}"] = np.array(str(value))
+        if (
+            isinstance(node, h5py.Dataset)
+            and node.dtype.kind in "biuf"
+            and not (node.external or node.is_virtual)
+        ):
+            found[path] = node[()]
+
+    with h5py.File(file, "r") as content:
+        visit("", content)
+        content.visititems(visit)
+    return found
+
+
+def read_mcap(file: str) -> dict[str, Any]:
+    """Messages of inertial units and magnetometers by channel: `N.topic`, `N.schema`, `N.log_ns`, `N.sizes`, `N.data`.
+
+    `others` has topic and schema of every other channel.
+    """
+    from mcap.reader import make_reader
+
+    told: dict[int, tuple[str, str]] = {}
+    stamps: dict[int, list[int]] = {}
+    bodies: dict[int, list[bytes]] = {}
+    with open(file, "rb") as stream:
+        for schema, channel, message in make_reader(stream).iter_messages(log_time_order=False):
+            name = "" if schema is None else schema.name
+            told[channel.id] = (channel.topic, f"{name} {channel.message_encoding}")
+            if told[channel.id][1] in _MCAP_SCHEMAS:
+                stamps.setdefault(channel.id, []).append(message.log_time)
+                bodies.setdefault(channel.id, []).append(message.data)
+    found: dict[str, Any] = {
+        "others": np.array(
+            [f"{t} ({s})" for number, (t, s) in told.items() if number not in bodies], dtype=np.str_
+        )
+    }
+    for place, number in enumerate(bodies):
+        found[f"{place}.topic"], found[f"{place}.schema"] = (np.array(text) for text in told[number])
+        found[f"{place}.log_ns"] = np.array(stamps[number], dtype=np.uint64)
+        found[f"{place}.sizes"] = np.array([len(body) for body in bodies[number]], dtype=np.int64)
+        found[f"{place}.data"] = np.frombuffer(b"".join(bodies[number]), dtype=np.uint8)
+    return found
+
+
+_MCAP_SCHEMAS = ("sensor_msgs/msg/Imu cdr", "sensor_msgs/msg/MagneticField cdr")
+_READERS = {
+    "c3d": read_c3d,
+    "c3d_analogue": read_c3d_analogue,
+    "hdf5": read_hdf5,
+    "mat": read_mat,
+    "mcap": read_mcap,
+}
 
 
 def main(kind: str, file: str) -> int:

@@ -72,6 +72,9 @@ class _Mirror:
             if len(rest) != 3:
                 raise DataError(f'mirror: joint "{table["name"]}" is free; write both sides')
             made["rest"] = self._turn(rest)
+        cone = made.get("limits")
+        if isinstance(cone, dict) and "twist" in cone and cone["axis"] != "xyz"[self.across]:
+            made["limits"] = {**cone, "twist": [_negated(bound) for bound in reversed(cone["twist"])]}
         return made
 
     def frame(self, table: Document) -> Document:

@@ -139,27 +139,34 @@ def missing_share(recording: Session, stream: Stream) -> float:
 
 def expected_quantity_rows(recording: Session, stream: Stream) -> dict[str, int]:
     """`expected_rows` of each quantity. A slow one, such as a magnetometer at 20 Hz beside 100 Hz, has fewer."""
-    rows = expected_rows(recording, stream)
-    found = {}
-    for name, own in _own_stamps(stream).items():
-        found[name] = rows
-        lost = _by_steps(own) if own.size < len(stream) else None
-        if lost is not None:
-            rate_hz = (own.size - 1 + lost.packets.sum()) / (own[-1] - own[0])
-            steps = rate_hz * np.array([own[0] - recording.start_s, recording.end_s - own[-1]])
-            expected = own.size + int(lost.packets.sum()) + int(np.floor(steps[steps > _GAP_STEPS]).sum())
-            if expected < min(_SLOWER_SHARE * rows, rows - 2):
-                found[name] = expected
-    return found
+    return {name: rows for name, (rows, _) in _quantities(recording, stream).items()}
 
 
 def quantity_rates(recording: Session, stream: Stream) -> dict[str, float]:
     """Rate of each quantity of a stream, Hz; that of its rows unless the quantity has a slower rate of its own."""
-    rows, whole_hz = expected_rows(recording, stream), own_rate_hz(recording, stream)
-    return {
-        name: whole_hz if own == rows else whole_hz * own / rows
-        for name, own in expected_quantity_rows(recording, stream).items()
-    }
+    return {name: rate_hz for name, (_, rate_hz) in _quantities(recording, stream).items()}
+
+
+def stream_rate_hz(recording: Session, stream: Stream) -> float:
+    """Rate of the fastest quantity, Hz. Where each quantity has rows of its own, the rows come more often."""
+    return max(quantity_rates(recording, stream).values())
+
+
+def _quantities(recording: Session, stream: Stream) -> dict[str, tuple[int, float]]:
+    """Expected rows and rate in Hz of each quantity."""
+    rows, rows_hz = expected_rows(recording, stream), own_rate_hz(recording, stream)
+    found = {}
+    for name, own in _own_stamps(stream).items():
+        found[name] = rows, rows_hz
+        lost = _by_steps(own) if own.size < len(stream) else None
+        if lost is not None:
+            whole = own.size + int(lost.packets.sum())
+            rate_hz = float((whole - 1) / (own[-1] - own[0]))
+            steps = rate_hz * np.array([own[0] - recording.start_s, recording.end_s - own[-1]])
+            expected = whole + int(np.floor(steps[steps > _GAP_STEPS]).sum())
+            if expected < min(_SLOWER_SHARE * rows, rows - 2):
+                found[name] = expected, rate_hz
+    return found
 
 
 def _own_stamps(stream: Stream) -> dict[str, FloatArray]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from oarlock.recording.epoch import epoch_of, from_zero
 from oarlock.recording.folder import read_folder, write_folder
-from oarlock.recording.packets import missing_share, own_rate_hz
+from oarlock.recording.packets import missing_share, stream_rate_hz
 from oarlock.recording.streams import Stream
 from oarlock.storage.copies import copied_notes
 from oarlock.storage.errors import DataError
@@ -128,6 +128,22 @@ class Recording:
             )
         return Recording(cut, self.meta)
 
+    def low_passed(self, cutoff_hz: float) -> "Recording":
+        """Inertial units without what is faster than a cut-off, at four or more samples a period of it.
+
+        For units on clothes and soft tissue, which vibrate at every step: a person moves below 6 Hz. Butterworth of
+        fourth order, forward and backward, so nothing is delayed; it needs the whole recording. Other streams stay.
+
+        Args:
+            cutoff_hz: frequency at which the amplitude falls to 1/sqrt(2), Hz.
+
+        Raises:
+            DataError: no positive cut-off, or a unit with too few samples for it.
+        """
+        from oarlock.recording.low_pass import low_passed
+
+        return Recording(low_passed(self.streams, cutoff_hz), self.meta)
+
     def only(self, names: Iterable[str]) -> "Recording":
         """The recording with only the streams of these names, in the order of the recording.
 
@@ -176,7 +192,7 @@ class Recording:
         ]
         for s in self.streams:
             try:
-                rate, missing = own_rate_hz(self, s), missing_share(self, s)
+                rate, missing = stream_rate_hz(self, s), missing_share(self, s)
             except DataError:  # an invalid note on packets, which is refused where it is used
                 rate = missing = math.nan
             shown = "-" if math.isnan(rate) else f"{rate:.4g}"

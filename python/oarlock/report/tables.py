@@ -174,12 +174,19 @@ def states_sentence(states: StateScore | None) -> str:
 
 def positions_table(scores: Sequence[PositionScore]) -> str:
     """Error of frame positions in root axes, mm."""
-    head = ["frame", "RMSE 3D", *(f"RMSE {k}" for k in "xyz"), *(f"correlation {k}" for k in "xyz")]
+    head = [
+        "frame",
+        "RMSE 3D",
+        *(f"RMSE {k}" for k in "xyz"),
+        *(f"correlation {k}" for k in "xyz"),
+        "in 95 % band",
+    ]
     rows = [
         [
             breakable(score.frame),
             *(number(1e3 * v) for v in (score.rmse_m, *score.axis_rmse_m)),
             *("constant" if math.isnan(v) else fixed(v, 4) for v in score.axis_correlation),
+            _coverage(score.coverage),
         ]
         for score in scores
     ]

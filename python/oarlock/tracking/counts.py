@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from oarlock.recording.packets import expected_quantity_rows, expected_rows, own_rate_hz
+from oarlock.recording.packets import expected_quantity_rows, expected_rows, stream_rate_hz
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import Stream
 from oarlock.tracking.records import DISTURBED, FAULT, FIELD
@@ -81,7 +81,7 @@ def _count(one: Mapping[str, Any], recording: Recording, stream: Stream) -> Stre
     faults = dict(zip(FAULT, one["faults"], strict=True))
     return StreamCount(
         name=one["name"],
-        rate_hz=own_rate_hz(recording, stream),
+        rate_hz=stream_rate_hz(recording, stream),
         expected=_expected(recording, stream, one["channels"]),
         received=one["received"],
         used=one["used"],

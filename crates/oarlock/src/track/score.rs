@@ -31,6 +31,8 @@ pub fn score(
     (settle_s, window_s): (f64, f64),
     progress: Progress,
 ) -> Result<Score> {
+    let clocks = &calibration.corrections.clocks;
+    let config = &Tracker::new(model.clone(), calibration, config)?.settle(&streams, clocks, config)?;
     let mut tracker = Tracker::new(model.clone(), calibration, config)?;
     let Some(considering) = &mut tracker.considering else {
         return Err(Error::Data(format!(
@@ -40,7 +42,6 @@ pub fn score(
         )));
     };
     considering.keep_score(&tracker.subject.body, settle_s, window_s);
-    let clocks = &calibration.corrections.clocks;
     let body = tracker.body();
     let recording = Recording::new(&body.model, &body.suite, streams, clocks, Gathering::of(config))?;
     let Some((begin, end)) = recording.span_s() else {

@@ -92,15 +92,24 @@ def _nobody(_share: float) -> None:
 def _by_majority(found: Clocks, recording: Recording) -> tuple[tuple[str, ...], Clocks]:
     """Make the largest group of agreeing clocks the reference, and express the other clocks relative to it."""
     middle = 0.5 * (recording.start_s + recording.end_s)
-    agreed = most_agree(found, middle)
-    offset = float(np.mean([found[n].offset_s for n in agreed]))
-    drift = float(np.mean([found[n].drift for n in agreed]))
+    agreed = most_agree({n: c for n, c in found.items() if _is_determined(c, middle)}, middle)
+    if not agreed:
+        return agreed, found
+    theirs = [found[n] for n in agreed]
+    offset = float(np.average([c.offset_s for c in theirs], weights=[c.offset_std_s**-2 for c in theirs]))
+    drift = float(np.average([c.drift for c in theirs], weights=[c.drift_std**-2 for c in theirs]))
     moved = {
         n: replace(c, offset_s=c.offset_s - offset, drift=c.drift - drift)
         for n, c in found.items()
         if n not in agreed
     }
     return agreed, moved
+
+
+def _is_determined(clock: Clock, middle_s: float) -> bool:
+    """Whether the standard deviation of its offset in the middle of the recording is small enough."""
+    variance = clock.offset_std_s**2 - (middle_s * clock.drift_std) ** 2
+    return bool(variance <= LARGEST_STD_S**2)
 
 
 def _judged(recording: Recording, found: Clocks, fixed: Sequence[str]) -> tuple[Clocks, dict[str, str]]:
@@ -110,13 +119,12 @@ def _judged(recording: Recording, found: Clocks, fixed: Sequence[str]) -> tuple[
     for name, clock in found.items():
         shared = any(same_stamps(recording[name], recording[other]) for other in fixed if other in recording)
         way = clock.offset_s + clock.drift * middle
-        in_the_middle = np.sqrt(np.maximum(clock.offset_std_s**2 - (middle * clock.drift_std) ** 2, 0.0))
-        if np.isnan(in_the_middle):
+        if np.isnan(clock.offset_std_s):
             refused[name] = (
                 "no part of the recording could be tracked well enough to estimate its clock. Check mounts and sensors "
                 "first: run oarlock track and read its notes"
             )
-        elif not in_the_middle <= LARGEST_STD_S:
+        elif not _is_determined(clock, middle):
             refused[name] = (
                 f"the standard deviation of its clock offset is {1e3 * clock.offset_std_s:.1f} ms; "
                 f"at most {1e3 * LARGEST_STD_S:g} ms are accepted. Record faster or longer movement of its link"

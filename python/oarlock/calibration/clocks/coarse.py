@@ -27,6 +27,9 @@ _SLOW_S = 0.5
 _BETTER = 0.1
 """Least gain in correlation over zero lag, because the correlation peaks of different limbs are broad."""
 _LEAST = 0.5
+_LEAST_LATE = 0.7
+"""Least correlation for a delay. Joints of one periodic movement turn in succession: with correct clocks their rates
+correlate by up to 0.64 at lags of half a second."""
 
 
 def coarse_delays(recording: Recording, fixed: Sequence[str]) -> dict[str, float]:
@@ -57,7 +60,10 @@ def _hung(
         (tree_a, at_a), (tree_b, at_b) = place[a], place[b]
         if tree_a == tree_b or strength < _LEAST:
             continue
-        way = lag if abs(lag) > WORTH_S and gain > _BETTER else 0.0
+        is_late = abs(lag) > WORTH_S and gain > _BETTER
+        if is_late and strength < _LEAST_LATE:
+            continue
+        way = lag if is_late else 0.0
         if tree_a < tree_b:
             moved, step, into = tree_b, at_a + way - at_b, tree_a
         else:

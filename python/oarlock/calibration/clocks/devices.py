@@ -13,8 +13,10 @@ from oarlock.storage.errors import DataError
 
 _SAME_SHARE = 0.9
 """Different clocks never give identical stamps; a stream that lost packets still shares most of its stamps."""
-_AGREE_S = 0.002
+_AGREE_S, _AGREE_DRIFT = 0.002, 1e-5
 _AGREE_STDS = 2.0
+_SURE_DRIFT = 5e-5
+"""A larger standard deviation makes no two clocks agree: the estimate corrects better than another clock's stamps."""
 
 
 def same_stamps(one: Stream, other: Stream) -> bool:
@@ -51,19 +53,32 @@ def unknowns(recording: Recording, reference: Iterable[str]) -> list[tuple[str, 
     return units + ([tuple(g) for g in _groups(Recording(others))] if others else [])
 
 
+def is_one_logger(recording: Recording) -> bool:
+    """Whether all streams but inertial units share their time stamps."""
+    rest = [s for s in recording if not isinstance(s, ImuStream)]
+    return all(same_stamps(rest[0], other) for other in rest[1:])
+
+
 def most_agree(clocks: Mapping[str, Clock], middle_s: float) -> tuple[str, ...]:
-    """The largest set of streams whose clocks agree in the middle of a recording."""
-    found: tuple[str, ...] = ()
-    for clock in clocks.values():
-        near = tuple(n for n, c in clocks.items() if _apart(clock, c, middle_s) <= 1.0)
-        found = max(found, near, key=len)
-    return found
+    """The largest set of streams whose clocks agree in the middle of a recording and run equally fast."""
+    # The surest first: an uncertain clock may agree with two that do not agree with each other.
+    surest = sorted(clocks, key=lambda name: clocks[name].drift_std)
+    found: list[str] = []
+    for first in surest:
+        group = [first]
+        for name in surest:
+            if name != first and all(_apart(clocks[name], clocks[n], middle_s) <= 1.0 for n in group):
+                group.append(name)
+        found = max(found, group, key=len)
+    return tuple(name for name in clocks if name in found)
 
 
 def _apart(one: Clock, other: Clock, middle_s: float) -> float:
     way = one.offset_s - other.offset_s + (one.drift - other.drift) * middle_s
     std = np.hypot(one.offset_std_s, other.offset_std_s)
-    return abs(way) / (_AGREE_S + _AGREE_STDS * float(std))
+    drift_std = min(np.hypot(one.drift_std, other.drift_std), _SURE_DRIFT)
+    faster = abs(one.drift - other.drift) / (_AGREE_DRIFT + _AGREE_STDS * float(drift_std))
+    return max(abs(way) / (_AGREE_S + _AGREE_STDS * float(std)), faster)
 
 
 def _groups(recording: Recording) -> list[list[str]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,9 +12,8 @@ from oarlock.recording.stream_scales import Clock
 Floats = NDArray[np.float64]
 
 CRYSTAL_DRIFT = 3e-5
-"""Prior standard deviation of a clock's drift: quartz oscillators are specified to 20 to 50 ppm."""
-_NO_CRYSTAL = 4.0
-"""Standard deviations beyond which a drift is no crystal's, and nothing is expected of it."""
+"""Prior standard deviation of a clock's drift: quartz oscillators are specified to 20 to 50 ppm. Its tails are those of
+Student's t with one degree of freedom, so that a clearly larger drift is accepted."""
 MODEL_STD_S = 2e-3
 """What straps, mounts and a body that is no tree add to an offset, alike in all windows, so that their scatter does
 not show it. The docs' page on clocks has the figures."""
@@ -21,41 +22,75 @@ MODEL_WANDER_S = 3e-4
 _CORRELATED = np.sqrt(2.0)
 """Neighbouring windows share errors; measured as such on simulated recordings of the field."""
 _HUBER = 1.5
+_ROUNDS = 50
 _MANY, _LEAST_SCALE = 8, 0.2
+"""From this number of windows on, their own scatter shows how exact they are; it is never taken to be smaller."""
 
 
-def line(time_s: Floats, delay_s: Floats, std_s: Floats, drift_so_far: float = 0.0) -> Clock:
+def line(
+    time_s: Floats,
+    delay_s: Floats,
+    std_s: Floats,
+    drift_so_far: float = 0.0,
+    *,
+    usual: float = 1.0,
+    drift_std: float = CRYSTAL_DRIFT,
+) -> Clock:
     """The clock whose stamps are late by ``delay_s`` (W,) at ``time_s`` (W,), with standard deviations.
 
-    Robust least squares (Huber 1964). `std_s` (W,) says how the windows compare; how large it is their scatter says,
-    where they are more than a few. `drift_so_far` was set right before: the whole drift is expected to be a crystal's.
+    Robust least squares (Huber 1964). `std_s` (W,) are standard deviations up to a common factor. It follows from
+    the scatter of many windows; for few it is at least `usual` (see `usual_scatter`). `drift_so_far` was corrected
+    before; `drift_std` is the prior of the whole drift.
     """
     middle = float(np.average(time_s, weights=1.0 / std_s**2))
-    if len(time_s) > 2:
-        fit, spread = _fitted(time_s - middle, delay_s, std_s, 0.0, 1.0)
-        if abs(fit[1] + drift_so_far) > _NO_CRYSTAL * np.hypot(np.sqrt(spread[1, 1]), CRYSTAL_DRIFT):
-            return _clock(fit, spread, middle, time_s)
-    fit, spread = _fitted(time_s - middle, delay_s, std_s, -drift_so_far, CRYSTAL_DRIFT)
+    fit, spread = _fitted(time_s - middle, delay_s, std_s, usual, (drift_so_far, drift_std))
     return _clock(fit, spread, middle, time_s)
 
 
+def usual_scatter(time_s: Floats, delay_s: Floats, std_s: Floats) -> float:
+    """Scatter of the delays (W, clocks) of all clocks about their lines, relative to `std_s`; 1 for few windows.
+
+    In a short recording no clock has windows enough to show its own.
+    """
+    free = delay_s.shape[1] * (len(time_s) - 2)
+    if free < _MANY - 2:
+        return 1.0
+    squares = 0.0
+    for delay, std in zip(delay_s.T, std_s.T, strict=True):
+        design = np.column_stack([1.0 / std, time_s / std])
+        squares += float(np.linalg.lstsq(design, delay / std)[1].sum())
+    return float(np.clip(np.sqrt(squares / free), _LEAST_SCALE, 1.0))
+
+
+def usual_drift(clocks: Iterable[Clock]) -> float:
+    """Prior standard deviation of a drift: a crystal's, or the median of these clocks' drifts if that is larger."""
+    return max(CRYSTAL_DRIFT, float(np.quantile([abs(c.drift) for c in clocks], 0.5, method="lower")))
+
+
 def _fitted(
-    time_s: Floats, delay_s: Floats, std_s: Floats, drift: float, drift_std: float
+    time_s: Floats, delay_s: Floats, std_s: Floats, usual: float, prior: tuple[float, float]
 ) -> tuple[Floats, Floats]:
-    """Offset and drift (2,) and their covariance (2, 2)."""
+    """Offset and drift (2,) and their covariance (2, 2). `prior`: the drift so far, and the whole drift's std."""
+    drift_so_far, drift_std = prior
     design = np.column_stack([np.ones_like(time_s), time_s])
-    prior = np.diag([0.0, drift_std**-2])
-    expected = np.array([0.0, drift * drift_std**-2])
-    excess, scale = np.ones_like(time_s), 1.0
+    excess, scale = np.ones_like(time_s), usual
+    # Degrees of freedom, own ones and of `_MANY` windows.
+    own, enough = len(time_s) - 2, _MANY - 2
+    least = usual if own < enough else _LEAST_SCALE
     fit, normal = np.zeros(2), np.eye(2)
-    for _ in range(20):
+    # Without a prior at first, so that a drift far beyond a crystal's is reached.
+    precision = 0.0 if own > 0 else drift_std**-2
+    for _ in range(_ROUNDS):
         weight = 1.0 / (scale * std_s) ** 2 / excess
-        normal = design.T @ (weight[:, None] * design) + prior
-        fit = np.asarray(np.linalg.inv(normal) @ (design.T @ (weight * delay_s) + expected))
+        normal = design.T @ (weight[:, None] * design) + np.diag([0.0, precision])
+        right = design.T @ (weight * delay_s) - [0.0, precision * drift_so_far]
+        fit = np.asarray(np.linalg.inv(normal) @ right)
+        precision = 2.0 / (2.0 * drift_std**2 + (fit[1] + drift_so_far) ** 2)
         apart = np.abs(delay_s - design @ fit) / std_s
-        if len(apart) > 2:
-            found = 1.4826 * float(np.median(apart)) * np.sqrt(len(apart) / (len(apart) - 2))
-            scale = max(_LEAST_SCALE if len(apart) >= _MANY else 1.0, found)
+        if own > 0:
+            found = 1.4826**2 * float(np.median(apart)) ** 2 * len(apart) / own
+            share = min(own / enough, 1.0)
+            scale = max(least, float(np.sqrt(share * found + (1.0 - share) * usual**2)))
         excess = np.maximum(1.0, apart / scale / _HUBER)
     return fit, np.asarray(_CORRELATED**2 * np.linalg.inv(normal))
 

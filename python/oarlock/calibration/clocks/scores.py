@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from oarlock._core import Config, Model, score_many
+from oarlock.calibration.clocks.devices import is_one_logger
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
@@ -94,7 +96,14 @@ class Filtering:
         places and zeros goes along with it (Friedland 1969), and each window's normal equations are solved for all of
         these together.
         """
-        config = Config(filter="ekf", estimate=_estimate(recording), merge_s=_MERGE_S)
+        sampling: dict[str, Any] = {}
+        if is_one_logger(recording):
+            # Its encoders are read together, so they are inputs at their instants; clocks of units are a little off.
+            sampling = {
+                "sample_rate_hz": 0.0,
+                "inputs": [joint.name for joint in self.model.describe().inputs],
+            }
+        config = Config(filter="ekf", estimate=_estimate(recording), merge_s=_MERGE_S, **sampling)
         jobs = [(recording.slice(*piece), self.known, config) for piece in pieces]
         settle = min(SETTLE_S, 0.25 * (pieces[0][1] - pieces[0][0]))
         found = []

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from oarlock.calibration.clocks.lines import after, line
+from oarlock.calibration.clocks.lines import CRYSTAL_DRIFT, after, line, usual_drift, usual_scatter
 from oarlock.calibration.clocks.scores import Filtering, Span, spans
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.recording import Recording
@@ -72,7 +72,13 @@ def _steps(seen_by: Filtering, recording: Recording, pieces: list[Span], so_far:
         return {}
     time_s = np.array([s.time_s for s in seen])
     delay, std = (np.array([getattr(s, key) for s in seen]) for key in ("delay_s", "std_s"))
-    return {
-        group[0]: line(time_s, delay[:, k], std[:, k], so_far[group[0]].drift)
-        for k, group in enumerate(seen_by.groups)
-    }
+    usual = usual_scatter(time_s, delay, std)
+
+    def lines(drift_std: float) -> Clocks:
+        return {
+            g[0]: line(time_s, delay[:, k], std[:, k], so_far[g[0]].drift, usual=usual, drift_std=drift_std)
+            for k, g in enumerate(seen_by.groups)
+        }
+
+    first = lines(CRYSTAL_DRIFT)
+    return lines(usual_drift(after(so_far[name], clock) for name, clock in first.items()))

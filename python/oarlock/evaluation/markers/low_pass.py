@@ -6,10 +6,10 @@ from dataclasses import replace
 from typing import Final, overload
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from oarlock.evaluation.markers.gaps import FilledMarkers, stretches
 from oarlock.evaluation.markers.trajectories import Markers
+from oarlock.recording.butterworth import passed_twice
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
 
@@ -62,22 +62,12 @@ def low_pass(
             f"{rate_hz / _FEWEST_FRAMES_A_PERIOD:.3g} Hz or less."
         )
     _check_even(markers.time_s)
-    sections = _sections(cutoff_hz, rate_hz, order)
-    period = int(np.ceil(rate_hz / cutoff_hz))
     position = np.array(markers.position_m)
     for k in range(len(markers.names)):
         for first, last in stretches(markers.seen[:, k]):
             if last - first > 1:
-                pad = min(period, last - first - 1)
-                position[first:last, k] = sosfiltfilt(sections, position[first:last, k], axis=0, padlen=pad)
+                position[first:last, k] = passed_twice(position[first:last, k], rate_hz, cutoff_hz, order)
     return Markers(markers.names, markers.time_s, position)
-
-
-def _sections(cutoff_hz: float, rate_hz: float, order: int) -> FloatArray:
-    """Coefficients of one pass; two passes together have the requested cut-off."""
-    twice = (np.sqrt(2.0) - 1.0) ** (-1.0 / order)
-    warped = np.arctan(np.tan(np.pi * cutoff_hz / rate_hz) * twice) / np.pi * rate_hz
-    return np.asarray(butter(order // 2, warped, fs=rate_hz, output="sos"))
 
 
 def _check_even(time_s: FloatArray) -> None:

@@ -39,6 +39,7 @@ class Dose:
         place_mm: mean RMSE of the scored positions; NaN where none are scored or the run failed.
         clean_place_mm: the same without the fault.
         coverage: share of the angles inside their 95 % bands; NaN where the run failed.
+        place_coverage: the same of single axes of the scored positions; NaN without scored positions.
     """
 
     fault: FaultSweep | None
@@ -49,6 +50,7 @@ class Dose:
     place_mm: Floats
     clean_place_mm: Floats
     coverage: Floats
+    place_coverage: Floats
 
     @property
     def label(self) -> str:
@@ -107,6 +109,7 @@ class Dose:
             "position_median_mm": middle(self.place_mm),
             "position_cost_median_mm": self.place_cost_mm,
             "coverage_95_median": middle(self.coverage),
+            "position_coverage_95_median": middle(self.place_coverage),
         }
 
 
@@ -114,8 +117,7 @@ def doses(study: Study, rows: Sequence[Row]) -> tuple[Dose, ...]:
     """Every fault at every strength under every setting, in the order of the study."""
     errors = np.nan_to_num(scores_of(study, rows), nan=math.inf)
     coverage = scores_of(study, rows, score="coverage_95")
-    places = np.array([scores_of(study, rows, frame, kind="frame") for frame in study.frames])
-    place = places.mean(axis=0) if len(places) else np.full_like(errors, math.nan)
+    place, place_coverage = (_of_places(study, rows, score) for score in ("rmse", "coverage_95"))
     faults = {fault.name: fault for fault in study.faults}
     found, clean, before = list[Dose](), 0, ("", 0)
     for scenario in study.expanded():
@@ -134,9 +136,18 @@ def doses(study: Study, rows: Sequence[Row]) -> tuple[Dose, ...]:
                 place_mm=place[here],
                 clean_place_mm=place[clean],
                 coverage=coverage[here],
+                place_coverage=place_coverage[here],
             )
         )
     return tuple(found)
+
+
+def _of_places(study: Study, rows: Sequence[Row], score: str) -> Floats:
+    """Mean of a score over the scored positions, (scenarios, seeds)."""
+    places = np.array([scores_of(study, rows, frame, score, "frame") for frame in study.frames])
+    return (
+        places.mean(axis=0) if len(places) else np.full((len(study.expanded()), len(study.seeds)), math.nan)
+    )
 
 
 def ranked(found: Sequence[Dose]) -> list[FaultSweep]:

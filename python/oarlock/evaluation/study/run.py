@@ -172,7 +172,8 @@ def _position_rows(place: PositionScore) -> list[Row]:
         _row("frame", f"{place.frame}.{axis}", unit, rmse=rmse * factor, correlation=r)
         for axis, rmse, r in errors
     ]
-    return [_row("frame", place.frame, unit, rmse=place.rmse_m * factor), *parts]
+    whole = _row("frame", place.frame, unit, rmse=place.rmse_m * factor, coverage_95=place.coverage)
+    return [whole, *parts]
 
 
 def _mean_row(study: Study, scores: Evaluation) -> Row:

@@ -1,4 +1,7 @@
-"""Reads CSV exports of APDM (Opal) units: Mobility Lab's "Test Name" layout and Motion Studio's "Format=7"."""
+"""Reads CSV exports of APDM (Opal) units: Mobility Lab's "Test Name" layout and Motion Studio's "Format=7".
+
+HDF5 files are passed on to `devices.apdm_hdf5`.
+"""
 
 import csv
 from collections.abc import Sequence
@@ -10,6 +13,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from oarlock.formats.devices.apdm_hdf5 import MAGIC, hdf5_orientations, hdf5_recording, is_hdf5
 from oarlock.formats.listing import Found, Listing
 from oarlock.formats.times import on_one_axis, parsed_stamps, relative_stamps
 from oarlock.recording.recording import Recording
@@ -55,7 +59,7 @@ def read_apdm(path: str | PathLike[str]) -> Recording:
 
     Args:
         path: the CSV file. Its "Test Name" layout states its units, which must be s, m/s^2, rad/s and uT;
-            "Format=7" states none and is SI by definition, with time in microseconds since 1970.
+            "Format=7" states none and is SI by definition, with time in microseconds since 1970. Or an HDF5 file.
 
     Returns:
         One `ImuStream` per unit, named after its label in lower case with "_" for spaces. Epoch times are shifted to
@@ -64,6 +68,8 @@ def read_apdm(path: str | PathLike[str]) -> Recording:
     Raises:
         DataError: Another layout or unit, a missing column, or a cell that is not a number, with file and line.
     """
+    if is_hdf5(place_of(path)):
+        return hdf5_recording(place_of(path))
     export = _open(place_of(path))
     time_s, columns, clock = _read(export, set(_NEEDED_UNITS))
     streams = []
@@ -91,6 +97,8 @@ def read_apdm_orientations(path: str | PathLike[str]) -> dict[str, FloatArray]:
     Raises:
         DataError: As `read_apdm`.
     """
+    if is_hdf5(place_of(path)):
+        return hdf5_orientations(place_of(path))
     export = _open(place_of(path))
     _, columns, _ = _read(export, {"quat_wxyz"})
     return {
@@ -257,8 +265,12 @@ def _check_stamps(time_s: FloatArray, places: list[str]) -> None:
 
 
 def find_apdm(listing: Listing) -> list[Found]:
-    """Exports among the .csv files of a place."""
-    found = []
+    """Exports among the .csv files of a place, and HDF5 files that have sensors."""
+    found = [
+        Found("apdm", one.path, (one.path,), one.path.stem, "APDM (Opal), HDF5")
+        for one in listing.files
+        if one.head.startswith(MAGIC) and b"Sensors\0" in one.head
+    ]
     for one in listing.suffixed(".csv"):
         first = one.lines[0] if one.lines else ""
         is_format_7 = first.startswith("Format=") and len(one.lines) > 1 and one.lines[1].startswith("Time,")

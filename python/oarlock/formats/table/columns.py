@@ -130,6 +130,8 @@ def table_columns(start: TableStart) -> TableColumns:
     units = tuple(
         unit for name, axes in found.items() if (unit := _unit(name, axes, channels, owners)).quantities
     )
+    # A magnetometer alone is no inertial unit, and Mx, My, Mz are moments too.
+    units = tuple(unit for unit in units if {"gyro", "accel"} & unit.quantities.keys())
     if not units:
         raise DataError(f"{start.file}: {_nothing_text(start)}")
     counter = next((p for p in counts if times and _words(start.names[p]) & _COUNTER_WORDS), None)
@@ -189,4 +191,4 @@ def _words(name: str) -> set[str]:
 def _nothing_text(start: TableStart) -> str:
     shown = ", ".join(name for name in start.names[:8] if name)
     more = f" and {len(start.names) - 8} more" if len(start.names) > 8 else ""
-    return f"no three columns are an accelerometer, a gyroscope or a magnetometer (columns: {shown}{more})"
+    return f"no three columns are an accelerometer or a gyroscope (columns: {shown}{more})"

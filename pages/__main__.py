@@ -1,0 +1,66 @@
+"""Measures the figures of some pages, keeps their records, and writes them into the pages."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+
+from . import record, robustness, status, validation
+from .sections import into_page
+
+SECTIONS: Mapping[str, Callable[[record.Record], Mapping[str, Mapping[str, str]]]] = {
+    "status": status.sections,
+    "validation": validation.sections,
+    "robustness_quick": robustness.sections,
+    "robustness": robustness.sections,
+}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Exit 0; a measurement that cannot run raises."""
+    parser = argparse.ArgumentParser(prog="python -m pages", description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(SECTIONS)}; default: all")
+    parser.add_argument("--seeds", type=int, help="robustness: seeds 0 to N-1 instead of the study's")
+    parser.add_argument("--jobs", type=int, help="robustness: processes; else all cores")
+    parser.add_argument("--sets", nargs="+", choices=list(validation.SETS), help="validation: only these")
+    parser.add_argument("--recorded", action="store_true", help="write the pages, measure nothing")
+    asked = parser.parse_args(arguments)
+    if unknown := sorted(set(asked.names) - set(SECTIONS)):
+        parser.error(f"{', '.join(unknown)}: expected {', '.join(SECTIONS)}")
+    for name in asked.names or SECTIONS:
+        if not asked.recorded:
+            for found in _measured(name, asked):
+                print(f"wrote {record.save(name, found)}", flush=True)
+        for file in write(name):
+            print(f"wrote {file}")
+    return 0
+
+
+def _measured(name: str, asked: argparse.Namespace) -> Iterator[record.Record]:
+    """The record, for a part of the validation after each set."""
+    if name == "validation":
+        yield from validation.measured(asked.sets or (), record.load(name) if asked.sets else None)
+    elif name == "status":
+        yield record.stamped(status.measured())
+    else:
+        seeds = None if asked.seeds is None else range(asked.seeds)
+        yield record.stamped(robustness.measured(name, seeds, asked.jobs))
+
+
+def write(name: str, root: Path = record.ROOT) -> list[Path]:
+    """Put the record of this name into its pages."""
+    files = []
+    for page, texts in SECTIONS[name](record.load(name, root)).items():
+        file = root / page
+        text = file.read_text(encoding="utf-8")
+        for mark, section in texts.items():
+            text = into_page(text, section, mark)
+        file.write_text(text, encoding="utf-8")
+        files.append(file)
+    return files
+
+
+if __name__ == "__main__":
+    sys.exit(main())

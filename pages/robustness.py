@@ -1,0 +1,135 @@
+"""The sections of docs/robustness.md: the error that each fault causes, of the whole study and of its quick variant.
+
+The rows of finished groups stay in `out/`, so that a run that was stopped goes on where it was.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import oarlock
+from oarlock.evaluation.study.costs import Dose, middle
+from oarlock.evaluation.study.result import StudyResult
+from oarlock.evaluation.study.sweeps import NO_FAULT
+from oarlock.report.fault_page import by_fault, usual_row
+from oarlock.report.fault_picture import fault_picture
+from oarlock.report.fault_words import findings
+from oarlock.report.study_page import study_page
+from oarlock.report.text import number, percent
+from oarlock.rowing import SIMULATORS
+
+from .record import ROOT, Record, made_text
+from .sculling import HANDS
+from .sections import table
+
+OUT = Path("out")
+PAGE, PICTURE = "docs/robustness.md", "docs/pictures/robustness.svg"
+HEAD = ("fault", "error of the angles in deg at each strength")
+USUAL = (
+    "adds, deg (worst seed)",
+    "in band",
+    "hands, deg",
+    "hands in band",
+    "wrists add, mm",
+    "wrists in band",
+)
+
+
+def measured(name: str, seeds: Sequence[int] | None = None, jobs: int | None = None) -> dict[str, Any]:
+    """Runs a study, saves it with its page, and gives the table's cells; the whole study draws the picture, too."""
+    study = oarlock.load_study(name, SIMULATORS, seeds)
+    began, out = time.perf_counter(), OUT / name
+    result = oarlock.study(study, jobs=jobs, folder=out)
+    minutes = (time.perf_counter() - began) / 60.0
+    result.save(out)
+    (out / "report.html").write_text(study_page(result), encoding="utf-8")
+    if name == "robustness":
+        (ROOT / PICTURE).write_text(fault_picture(result), encoding="utf-8")
+    how = {"runs": study.run_count, "seeds": list(study.seeds), "minutes": minutes, "cores": os.cpu_count()}
+    return {"study": name, **how, **cells(result)}
+
+
+def cells(result: StudyResult) -> dict[str, Any]:
+    """The findings, and a row for each fault: error at each strength, and more at the usual one."""
+    clean, curves = by_fault(result)
+    first, *others = clean
+    rows = []
+    for name, by_setting in curves.items():
+        usual, *rest = usual_row(by_setting).values()
+        steps = " · ".join(_step(dose, usual) for dose in by_setting[first])
+        hands = _hands(result, usual)
+        rows.append([name, steps, *_usual(usual, hands), *(_degrees(dose.median_deg) for dose in rest)])
+    none = clean[first]
+    steps = _degrees(none.median_deg)
+    calm = [
+        "no fault",
+        steps,
+        *_usual(none, _hands(result, none)),
+        *(_degrees(clean[n].median_deg) for n in others),
+    ]
+    return {
+        "findings": [list(pair) for pair in findings(clean, curves)],
+        "columns": [*HEAD, *USUAL, *others],
+        "rows": [calm, *rows],
+    }
+
+
+def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
+    """The section of the page that shows this study."""
+    words = "\n".join(f"- **{head}** {text}" for head, text in record["findings"])
+    how = (
+        f"{made_text(record)}. Study `{record['study']}`: {record['runs']} runs, seeds "
+        f"{', '.join(map(str, record['seeds']))}; the last go took {record['minutes']:.0f} minutes on "
+        f"{record['cores']} cores."
+    )
+    mark = "figures" if record["study"] == "robustness" else "quick"
+    return {PAGE: {mark: f"{how}\n\n{words}\n\n{table(record['columns'], record['rows'])}"}}
+
+
+def _hands(result: StudyResult, dose: Dose) -> tuple[float, float]:
+    """Error of the hands' angles, deg, and the coverage of their bands: means over them, medians over the seeds."""
+    own = {"fault": dose.fault.name if dose.fault else NO_FAULT, "setting": dose.setting}
+    same = [s.index for s in result.study.expanded() if own.items() <= dict(s.swept).items()]
+    scenario = same[dose.index if dose.fault else 0]
+    found = []
+    for score in ("rmse", "coverage_95"):
+        of_hands = np.array([result.scores(name, score, "joint")[scenario] for name in HANDS])
+        found.append(middle(of_hands.mean(axis=0)))
+    return found[0], found[1]
+
+
+def _step(dose: Dose, usual: Dose) -> str:
+    text = f"{dose.label}: {_degrees(dose.median_deg)}"
+    text += f" ({dose.lost} of {len(dose.error_deg)} lost)" if dose.lost else ""
+    return f"**{text}**" if dose.index == usual.index else text
+
+
+def _usual(dose: Dose, hands: tuple[float, float]) -> list[str]:
+    adds = "–"
+    if dose.fault is not None:
+        worst = _degrees(float((dose.error_deg - dose.clean_deg).max()))
+        adds = f"{_degrees(dose.cost_deg) if dose.noticed else 'nothing'} ({worst})"
+    place = number(max(dose.place_cost_mm, 0.0), 2) if math.isfinite(dose.place_cost_mm) else "lost"
+    return [
+        adds,
+        _share(middle(dose.coverage)),
+        _degrees(hands[0]),
+        _share(hands[1]),
+        place,
+        _share(middle(dose.place_coverage)),
+    ]
+
+
+def _share(value: float) -> str:
+    return percent(value) if math.isfinite(value) else "lost"
+
+
+def _degrees(value: float) -> str:
+    return number(round(value, 3), 2) if math.isfinite(value) else "lost"

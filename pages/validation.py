@@ -1,0 +1,99 @@
+"""The sections of docs/validation.md: Oarlock and the best of the other software on each public recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from validation import dfjimu, diodem, openaxes, others, page
+from validation.__main__ import SETS, run
+
+from .record import Record, made_text, stamped
+from .sections import table
+
+PAGE = "docs/validation.md"
+FACTS = ("note", "ours", "online")
+"""What a row has beside its figures."""
+HELPED = "heading given"
+"""In the name of an estimate that got the relative heading of its bodies from the reference."""
+
+SCORED = (
+    ("dfjimu", f"Relative orientation, RMSE after 10 s, {dfjimu.OWN}"),
+    ("diodem_arm", f"Rigid units, RMSE after 5 s, {diodem.PLAIN}"),
+    ("diodem_arm", f"Foam units, RMSE after 5 s, {diodem.PLAIN}"),
+    ("openaxes_ur5", f"Relative orientation, median after 5 s, {openaxes.PLAIN}"),
+    ("openaxes_ur5", f"Orientations only, median after 5 s, {openaxes.PLAIN}"),
+    ("broad", "Inclination, RMSE over the movement"),
+    ("broad", "Heading, RMSE over the movement"),
+    ("qmt_full_body", None),
+    ("singular", "Upper arm in the world, RMSE after 2 s"),
+)
+"""The set and the title of each table that the page shows; None is the set's first."""
+
+Rows = Mapping[str, Mapping[str, Any]]
+
+
+def measured(names: Sequence[str] = (), earlier: Record | None = None) -> Iterator[Record]:
+    """The record after each set that was run: a run that is stopped keeps what it has, and other sets keep theirs."""
+    sets = dict(earlier["sets"]) if earlier else {}
+    for name in names or SETS:
+        (result,) = run([name])
+        sets[result.name] = stamped(page.document([result], {})["sets"][result.name])
+        yield {"versions": others.versions(), "sets": sets}
+
+
+def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
+    """The section of the page: a table for each set, with the date and commit of its figures."""
+    versions = ", ".join(f"{name} {version}" for name, version in record["versions"].items())
+    parts = [f"Beside {versions}. `make pages PAGES=validation` measures all anew, `SETS=broad` one set."]
+    for name, title in SCORED:
+        if name in record["sets"]:
+            parts += _set(record["sets"][name], title)
+    return {PAGE: {"figures": "\n\n".join(parts)}}
+
+
+def _set(one: Mapping[str, Any], title: str | None) -> list[str]:
+    if one["absent"]:
+        return [f"**{one['title']}**: not run, {one['absent']}."]
+    found = next(t for t in one["tables"] if title in (None, t["title"]))
+    unit = f", {found['unit']}" if found["unit"] else ""
+    return [f"**{one['title']}: {found['title']}{unit}.** {made_text(one)}.", _compared(found["rows"])]
+
+
+def _compared(rows: Rows) -> str:
+    """All lines of Oarlock, then the best of the other software in each column, live and offline."""
+    columns = [c for c in next(iter(rows.values())) if c not in FACTS]
+    lines = [[name, *(_cell(row[c]) for c in columns)] for name, row in rows.items() if row["ours"]]
+    for helped in (False, True):
+        for live in (True, False):
+            best = {column: best_other(rows, column, live, helped) for column in columns}
+            if any(best.values()):
+                lines.append(_line_of_best(rows, best, "live" if live else "offline"))
+    return table(["", *columns], lines)
+
+
+def _line_of_best(rows: Rows, best: Mapping[str, str | None], when: str) -> list[str]:
+    """The name stands once if it is the same in all columns, else in each cell."""
+    names = set(best.values())
+    if len(names) == 1:
+        name = str(*names)
+        return [f"best of the others, {when}: {name}", *(_cell(rows[name][column]) for column in best)]
+    cells = [f"{_cell(rows[name][column])} ({name})" if name else "–" for column, name in best.items()]
+    return [f"best of the others, {when}", *cells]
+
+
+def best_other(rows: Rows, column: str, live: bool, helped: bool) -> str | None:
+    """The other software with the smallest figure of a column; None if none has one."""
+    figures = {
+        name: row[column]
+        for name, row in rows.items()
+        if not row["ours"]
+        and row["online"] == live
+        and (HELPED in name) == helped
+        and row[column] is not None
+    }
+    return min(figures, key=lambda name: figures[name]) if figures else None
+
+
+def _cell(value: Any) -> str:
+    return "–" if value is None else f"{value:.2f}" if isinstance(value, float) else str(value)

@@ -1,0 +1,51 @@
+"""A recording without the vibration of skin and clothes: `Recording.low_passed`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from oarlock.recording.butterworth import passed_twice
+from oarlock.recording.streams import ImuStream, Stream
+from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.errors import DataError
+
+_SAMPLES_A_PERIOD = 4.0
+"""Samples that stay for each period of the cut-off."""
+_GAP = 1.5
+"""A step of so many usual ones is a gap; each side is filtered by itself."""
+
+
+def low_passed(streams: Iterable[Stream], cutoff_hz: float) -> list[Stream]:
+    """See `Recording.low_passed`."""
+    if not (np.isfinite(cutoff_hz) and cutoff_hz > 0.0):
+        raise DataError(
+            f"low_passed: cutoff_hz = {cutoff_hz}; expected a positive number of Hz, for example 6"
+        )
+    return [_filtered(s, cutoff_hz) if isinstance(s, ImuStream) else s for s in streams]
+
+
+def _filtered(stream: ImuStream, cutoff_hz: float) -> Stream:
+    if len(stream.time_s) < 2:
+        return stream
+    step_s = float(np.median(np.diff(stream.time_s)))
+    every = int(1.0 / (step_s * _SAMPLES_A_PERIOD * cutoff_hz))
+    if every < 1:
+        raise DataError(
+            f'low_passed: "{stream.name}" has {1.0 / step_s:.4g} samples/s; a cut-off of {cutoff_hz:g} Hz needs '
+            f"{_SAMPLES_A_PERIOD * cutoff_hz:g}. Choose {1.0 / (step_s * _SAMPLES_A_PERIOD):.3g} Hz or less"
+        )
+    values = {name: _in_stretches(stream.time_s, v, step_s, cutoff_hz) for name, v in stream.values.items()}
+    return ImuStream(stream.name, stream.time_s[::every], **{name: v[::every] for name, v in values.items()})
+
+
+def _in_stretches(time_s: FloatArray, values: FloatArray, step_s: float, cutoff_hz: float) -> FloatArray:
+    filtered = np.array(values)
+    there = np.asarray(np.isfinite(values).all(axis=1))
+    broken = np.diff(time_s) > _GAP * step_s
+    edges = np.flatnonzero(broken | (there[1:] != there[:-1])) + 1
+    for rows in np.split(np.arange(len(time_s)), edges):
+        if there[rows[0]] and len(rows) > 2:
+            filtered[rows] = passed_twice(values[rows], 1.0 / step_s, cutoff_hz)
+    return filtered
