@@ -15,7 +15,7 @@ SWAY_RAD = 0.005
 WANDER_RAD_S = 5e-5
 """A bias is no constant: what it changes by within some seconds."""
 BIAS_LIMIT_RAD_S, WORN_BIAS_LIMIT_RAD_S = 0.001, 0.003
-"""Largest std that passes: of units that lay somewhere, and of units that were only worn, which sway with the person."""
+"""Largest std that passes: of units that lay somewhere, and of units that were only worn and sway with the person."""
 
 
 @dataclass(frozen=True, eq=False)

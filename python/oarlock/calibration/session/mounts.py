@@ -130,7 +130,10 @@ class MountSearch:
     def _turned(self, step: SessionStep, joint: str) -> list[str]:
         """The units that a movement of a joint turns: the nearest, and those that move with them as one."""
         own = set(self.body.joints[joint])
-        return [*self.body.below(joint), *(u for u in step.units if own <= self.body.turns_with.get(u, set()))]
+        return [
+            *self.body.below(joint),
+            *(u for u in step.units if own <= self.body.turns_with.get(u, set())),
+        ]
 
     def _turning(
         self,

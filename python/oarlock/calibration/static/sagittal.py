@@ -1,21 +1,23 @@
 """`calibrate_sagittal`: mounts of any orientation from standing still and ordinary movement, such as walking.
 
-Gravity in the standing posture gives the inclination of a unit. What is missing is its turn about the vertical. People walk,
-squat, reach and row mostly in the sagittal plane, so the level axis about which a unit turns most is the body's lateral
-axis. Its sign follows from the ranges of the joints: knees and elbows bend to one side only. A unit that turns about no
-level axis clearly, such as that of a pelvis in gait, takes the direction of magnetic north that the other units agree on.
+Gravity in the standing posture gives the inclination of a unit. What is missing is its turn about the vertical. People
+walk, squat, reach and row mostly in the sagittal plane, so the level axis about which a unit turns most is the body's
+lateral axis. Its sign follows from the ranges of the joints: knees and elbows bend to one side only. A unit that turns
+about no level axis clearly, such as that of a pelvis in gait, takes the direction of magnetic north that the other units
+agree on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from oarlock.calibration.session.body import Body
+from oarlock.calibration.session.unit_rows import UnitRows, common
 from oarlock.calibration.static.pose_mounts import calibrate_pose, rest_posture
 from oarlock.calibration.static.sagittal_signs import flexion_signs
 from oarlock.calibration.static.worn_model import Worn
@@ -39,6 +41,7 @@ PLANE_STD_RAD = float(np.radians(8.0))
 NORTH_STD_RAD = float(np.radians(15.0))
 """Of magnetometers that are not calibrated, indoors."""
 UNKNOWN_STD_RAD = float(np.radians(60.0))
+LEAST_STILL_S = 0.5
 PARTS = 8
 
 
@@ -83,28 +86,38 @@ def calibrate_sagittal(
         model: its `forward` and `up` define the sagittal plane in the posture; its limits the sides of the joints.
         recording: gyroscope and accelerometer of the units; magnetometers help units that turn about no clear axis.
         pose: as for `calibrate_pose`.
-        start_s: as for `calibrate_pose`.
-        end_s: as for `calibrate_pose`.
+        start_s: where the still stretch begins, s; None finds the first that all units share.
+        end_s: where it ends.
         sensors: as for `calibrate_pose`.
         calibration: mounts and lengths to start from; None takes the model's.
         posture_std_rad: how well the posture is taken up, rad.
 
     Returns:
         The starting calibration with mounts and their standard deviations (3,) rad about the link's axes. ``noted`` has
-        for each unit how its heading was found (`movement`, `north`, or `nominal`), its standard deviation, and the share
-        of the turning that was about one level axis.
+        for each unit how its heading was found (`movement`, `north`, or `nominal`), its standard deviation, and the
+        share of the turning that was about one level axis.
 
     Raises:
         DataError: as `calibrate_pose`; no unit turns about a clear axis.
     """
     names = chosen_units(model, recording, sensors, "sagittal")
+    measured = corrected(recording, calibration)
+    if start_s is None and end_s is None:
+        start_s, end_s = _first_still(measured, names)
     upright = calibrate_pose(
-        model, recording, pose, start_s, end_s, sensors=names, calibration=calibration,
+        model,
+        recording,
+        pose,
+        start_s,
+        end_s,
+        sensors=names,
+        calibration=calibration,
         posture_std_rad=posture_std_rad,
     )
-    measured, worn = corrected(recording, calibration), Worn.of(model, upright)
+    worn = Worn.of(model, upright)
     body, q = Body.of(worn.model, names), rest_posture(worn.model, pose)
-    still_s = (float(upright.noted["still_s"][0]), float(upright.noted["still_s"][1]))
+    noted_still: Any = upright.noted["still_s"]
+    still_s = (float(noted_still[0]), float(noted_still[1]))
     swings = {name: _swing(_unit(measured, name), worn.rotations[name], body, q, still_s) for name in names}
     clear = {name: swing for name, swing in swings.items() if swing.clear}
     if not clear:
@@ -117,7 +130,8 @@ def calibrate_sagittal(
         if name not in clear:
             headings[name], how[name] = _by_north(name, headings, norths)
     mounts = {
-        name: (_turned(body, q, name, headings[name][0]) @ worn.rotations[name], worn.offsets[name]) for name in names
+        name: (_turned(body, q, name, headings[name][0]) @ worn.rotations[name], worn.offsets[name])
+        for name in names
     }
     stds = {name: _stds(body, q, name, posture_std_rad, headings[name][1]) for name in names}
     noted = {
@@ -134,6 +148,12 @@ def calibrate_sagittal(
     }
     found = worn.calibrated(mounts, noted)
     return replace(found, mount_stds_rad={**found.mount_stds_rad, **stds})
+
+
+def _first_still(recording: Recording, names: Iterable[str]) -> tuple[float | None, float | None]:
+    """The first stretch in which all units are still; none is found by `calibrate_pose`, which says why."""
+    stills = common([UnitRows.of(_unit(recording, name)).still(worn=True) for name in names])
+    return next(((start, end) for start, end in stills if end - start >= LEAST_STILL_S), (None, None))
 
 
 def _unit(recording: Recording, name: str) -> ImuStream:
@@ -167,11 +187,13 @@ def _swing(
     about = level @ np.array([np.cos(heading), np.sin(heading)])
     angle = np.concatenate([[0.0], np.cumsum(0.5 * (about[1:] + about[:-1]) * np.diff(time_s))])
     # The axis lies at this angle from lateral to forward; the mount must turn by as much back about the vertical.
-    return _Swing(time_s, angle - angle[rest].mean(), heading, float(np.hypot(jackknife, PLANE_STD_RAD)), share)
+    return _Swing(
+        time_s, angle - angle[rest].mean(), heading, float(np.hypot(jackknife, PLANE_STD_RAD)), share
+    )
 
 
 def _principal(level: FloatArray) -> tuple[float, float]:
-    """Angle of the principal axis from the first column to the second, in (-pi/2, pi/2], and its share of the energy."""
+    """Angle of the principal axis from the first column to the second, within a quarter turn, and its energy's share."""
     values, vectors = np.linalg.eigh(level.T @ level)
     x, y = vectors[:, 1]
     heading = float(np.arctan2(y, x))
@@ -182,7 +204,7 @@ def _principal(level: FloatArray) -> tuple[float, float]:
 def _turned(body: Body, q: FloatArray, name: str, heading_rad: float) -> FloatArray:
     """The turn of a link about the vertical that takes the axis at this angle to the lateral one."""
     up, _, _ = _level(body, q, name)
-    # A positive turn about up takes forward to the left, that is, the axis from forward towards lateral by its negative.
+    # A positive turn about up takes forward to the left: the axis goes from forward to lateral by a negative one.
     return matrix_from_quat(quat_from_rotvec(-heading_rad * up))
 
 
@@ -207,7 +229,9 @@ def _by_north(
     """The heading with which a unit's north agrees with that of the units that move; else the nominal one."""
     own = norths[name]
     others = [
-        north - headings[n][0] for n, north in norths.items() if north is not None and n in headings and n != name
+        north - headings[n][0]
+        for n, north in norths.items()
+        if north is not None and n in headings and n != name
     ]
     if own is None or not others:
         return (0.0, UNKNOWN_STD_RAD), "nominal"
@@ -228,6 +252,6 @@ def _no_axis_text(swings: Mapping[str, _Swing]) -> str:
         for name, s in swings.items()
     ]
     return (
-        f"sagittal: no unit turns by {np.degrees(LEAST_SWING_RAD):.0f} deg with {100 * LEAST_SHARE:.0f} % about one level "
-        f"axis ({'; '.join(texts)}). Walk or squat a few times, or record a session (`oarlock calibrate session`)"
+        f"sagittal: no unit turns by {np.degrees(LEAST_SWING_RAD):.0f} deg with {100 * LEAST_SHARE:.0f} % about one "
+        f"level axis ({'; '.join(texts)}). Walk or squat a few times, or record a session (`oarlock calibrate session`)"
     )

@@ -1,7 +1,7 @@
 """Which way units face, from the ranges of joints: signs of sagittal turns for `calibrate_sagittal`.
 
-Between a unit and the one above it lie joints that turn about the lateral axis, with limits. Of the two signs of each unit,
-those are taken with which the joints stay inside their limits: a minimum over the tree of units, pair by pair.
+Between a unit and the one above it lie joints that turn about the lateral axis, with limits. Of the two signs of each
+unit, those are taken with which the joints stay inside their limits: a minimum over the tree of units, pair by pair.
 """
 
 from __future__ import annotations
@@ -49,7 +49,10 @@ def flexion_signs(model: Model, body: Body, q: FloatArray, turns: Turns) -> dict
         for sign in SIGNS:
             chosen, cost = {}, NOMINAL * (sign < 0)
             for child in below[name]:
-                options = {s: costs[child][s] + _beyond(model, body, q, turns, (name, sign), (child, s)) for s in SIGNS}
+                options = {
+                    s: costs[child][s] + _beyond(model, body, q, turns, (name, sign), (child, s))
+                    for s in SIGNS
+                }
                 chosen[child] = min(options, key=lambda s: (options[s], -s))
                 cost += options[chosen[child]]
             costs[name][sign], choice[name, sign] = cost, chosen
@@ -82,7 +85,7 @@ def _beyond(
     parent: tuple[str, int] | None,
     child: tuple[str, int],
 ) -> float:
-    """Mean square of what the joints between two units turn beyond their limits, rad2. Without a parent it is at rest."""
+    """Mean square of what the joints between two units turn beyond their limits, rad2; no parent is one at rest."""
     name, sign = child
     time_s, angle = turns[name]
     relative = sign * angle
