@@ -3,8 +3,8 @@
 Gravity in the standing posture gives the inclination of a unit. What is missing is its turn about the vertical. People
 walk, squat, reach and row mostly in the sagittal plane, so the level axis about which a unit turns most is the body's
 lateral axis. Its sign follows from the ranges of the joints: knees and elbows bend to one side only. A unit that turns
-about no level axis clearly, such as that of a pelvis in gait, takes the direction of magnetic north that the other units
-agree on.
+about no level axis clearly, such as that of a pelvis in gait, takes the direction of magnetic north that the other
+units agree on.
 """
 
 from __future__ import annotations
@@ -193,7 +193,7 @@ def _swing(
 
 
 def _principal(level: FloatArray) -> tuple[float, float]:
-    """Angle of the principal axis from the first column to the second, within a quarter turn, and its energy's share."""
+    """Angle of the principal axis from the first column to the second, within a quarter turn, and its share."""
     values, vectors = np.linalg.eigh(level.T @ level)
     x, y = vectors[:, 1]
     heading = float(np.arctan2(y, x))
