@@ -63,6 +63,12 @@ def run(
     athlete: Annotated[
         str | None, typer.Option(metavar="NAME", help="Who was recorded; a pseudonym is enough.")
     ] = None,
+    low_pass_hz: Annotated[
+        float,
+        typer.Option(
+            "--low-pass", metavar="HZ", help="Cut-off of the readings of units on skin and clothes; 0: none."
+        ),
+    ] = 6.0,
     force: Force = False,
 ) -> None:
     """Import, calibrate with what is there, track, smooth and report: one command from files to angles.
@@ -85,9 +91,8 @@ def run(
     elif calibration is None:
         words = ("calibrate", "sagittal", recording, "--model", body, *chosen)
         known = steps_done.run(*words, out="calibration.toml")
-    steps_done.run(
-        "track", recording, "--model", body, *chosen, "--calibration", known, "--smooth", out="track"
-    )
+    smooth = ("--smooth", *(("--low-pass", low_pass_hz) if low_pass_hz > 0.0 else ()))
+    steps_done.run("track", recording, "--model", body, *chosen, "--calibration", known, *smooth, out="track")
     say(f"\nWrote {out}", style="bold")
     track = out / "track"
     steps(f"open {track / 'report.html'}", f"oarlock view {track}", f"oarlock export {track} --to FOLDER")
