@@ -67,7 +67,7 @@ def readings(stream: object) -> dict[str, Any]:
     columns = [rows for rows in (stream.gyro_rad_s, stream.accel_m_s2) if rows is not None]
     moving = np.flatnonzero(~np.isnan(np.hstack(columns)).all(axis=1)) if columns else np.arange(len(stream))
     if mag is not None and len(moving) < len(stream):
-        mag = _at_nearest(stream.time_s, mag, moving)
+        mag = at_nearest(stream.time_s, mag, moving)
     return {
         "name": stream.name,
         "time_s": stream.time_s[moving],
@@ -77,7 +77,7 @@ def readings(stream: object) -> dict[str, Any]:
     }
 
 
-def _at_nearest(time_s: FloatArray, mag: FloatArray, kept: NDArray[np.int64]) -> FloatArray:
+def at_nearest(time_s: FloatArray, mag: FloatArray, kept: NDArray[np.int64]) -> FloatArray:
     """The readings (T, 3) at the kept rows; those of other rows at the kept row that is nearest in time."""
     rows = np.flatnonzero(np.isfinite(mag).any(axis=1))
     middles = 0.5 * (time_s[kept][1:] + time_s[kept][:-1])

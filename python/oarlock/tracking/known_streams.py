@@ -7,6 +7,7 @@ import numpy as np
 
 from oarlock._core import Model
 from oarlock.model.description import ImuDescription
+from oarlock.recording.inertial_units import at_nearest
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, Stream
 from oarlock.storage.errors import DataError
@@ -20,7 +21,8 @@ def known_streams(model: Model, recording: Recording) -> tuple[Recording, tuple[
     """The streams of a recording that belong to the model, and a note that names the others.
 
     Rows of an inertial unit that hold only what the model does not measure, such as those of a magnetometer between
-    those of the gyroscope, are left out: they would become samples without a reading.
+    those of the gyroscope, are left out, because they would become samples without a reading. Such readings stand at
+    the nearest row instead, so that notes and counts know of them.
 
     Raises:
         DataError: no stream belongs to the model, or a name is so similar to that of a sensor without a stream that it
@@ -77,6 +79,9 @@ def _with_readings(stream: Stream, units: Mapping[str, ImuDescription]) -> Strea
     idle = empty & np.any([np.isfinite(values).any(axis=1) for values in unused], axis=0)
     if not idle.any():
         return stream
-    return ImuStream(
-        stream.name, stream.time_s[~idle], **{name: v[~idle] for name, v in stream.values.items()}
-    )
+    kept = np.flatnonzero(~idle)
+    values = {
+        name: v[kept] if name in used else at_nearest(stream.time_s, v, kept)
+        for name, v in stream.values.items()
+    }
+    return ImuStream(stream.name, stream.time_s[kept], **values)
