@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from fuzz_wounds import feed
 from oarlock.formats.devices.apdm import find_apdm, read_apdm, read_apdm_orientations
 from oarlock.formats.listing import listed
 from refusals import assert_refused
@@ -115,8 +114,3 @@ def test_damaged_files_are_refused(tmp_path):
     whole = file.read_bytes()
     file.write_bytes(whole[:2000])
     assert_refused(lambda: read_apdm(file), "walk.h5", "is not a HDF5 file, or is damaged")
-
-
-def test_wounded_files(tmp_path):
-    file = hdf5_file(tmp_path / "walk.h5")
-    feed(file, file.read_bytes(), read_apdm, count=15)

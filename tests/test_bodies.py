@@ -1,10 +1,13 @@
 """Shipped bodies: left and right, lengths of a person, parts and units, angles."""
 
+import json
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import oarlock
+from command_line import run
 from oarlock.model.anthropometry import LENGTH_PER_STATURE, radius_m
 
 BODIES = ("trunk", "arm", "arm_left", "upper_body", "lower_body", "full_body")
@@ -357,3 +360,119 @@ def test_low_pass_removes_vibration_and_keeps_turning():
     assert np.isnan(calm.gyro_rad_s[(calm.time_s > 4.0) & (calm.time_s < 4.19)]).all()
     with pytest.raises(oarlock.DataError, match="25 Hz or less"):
         mixed.low_passed(30.0)
+
+
+def test_the_command_line_chooses_a_person_and_units():
+    asked = [
+        "model",
+        "show",
+        "full_body",
+        "--stature",
+        "1.92",
+        "--mass",
+        "95",
+        "--units",
+        "thigh_l,shank_l",
+        "--json",
+    ]
+    shown = json.loads(run(*asked).stdout)
+    assert [sensor["name"] for sensor in shown["sensors"]] == ["thigh_l", "shank_l"]
+    lengths = {parameter["name"]: parameter["value"] for parameter in shown["parameters"]}
+    assert lengths["shank_l"] == pytest.approx(0.246 * 1.92)
+
+
+def test_the_command_line_tracks_with_fewer_units(tmp_path):
+    body = oarlock.load_model("lower_body")
+    _, recording = oarlock.simulate(body, moving(body), seed=5, rate_hz=50.0)
+    recording.save(tmp_path / "rec")
+    asked = [
+        "track",
+        str(tmp_path / "rec"),
+        "--model",
+        "lower_body",
+        "--stature",
+        "1.75",
+        "--units",
+        "thigh_r,shank_r",
+    ]
+    run(*asked, "--low-pass", "6", "--no-suspects", "--out", tmp_path / "out")
+    tracked = oarlock.load_track(tmp_path / "out")
+    assert tracked.coordinate_names[-1] == "knee_flexion_r"
+    assert len(tracked.coordinate_names) == 7
+
+
+MIRRORED = """format = 1
+name = "pair"
+mirror = { from = "_r", to = "_l", across = "z" }
+[world]
+up = "y"
+forward = "x"
+[[joint]]
+name = "swing_r"
+kind = "hinge"
+[[frame]]
+name = "arm_r"
+parent = "root"
+joint = "swing_r"
+axis = "x"
+transform = { translation = [0, 1, "2*0.1"] }
+"""
+
+
+def test_a_file_of_one_s_own_is_mirrored(tmp_path):
+    file = tmp_path / "pair.toml"
+    file.write_text(MIRRORED)
+    pair = oarlock.load_model(file)
+    assert pair.joint_names == ["swing_r", "swing_l"]
+    right, left = pair.forward_kinematics([0.3, 0.3])[1:]
+    np.testing.assert_allclose(left[:3, :3], REFLECTION @ right[:3, :3] @ REFLECTION, rtol=0, atol=1e-15)
+    assert left[:3, 3] == pytest.approx([0.0, 1.0, -0.2])
+
+
+@pytest.mark.parametrize(
+    ("changed", "to", "about"),
+    [
+        ('across = "z"', 'across = "w"', "mirror.across"),
+        ('across = "z" }', 'across = "z", by = 1 }', "mirror: expected"),
+        (
+            'transform = { translation = [0, 1, "2*0.1"] }',
+            "dh = { a = 1, alpha = 0, d = 0, theta = 0 }",
+            "dh row",
+        ),
+        ("[world]", 'part = { root = "leg_r", frames = [] }\n[world]', "part"),
+        ("[world]", 'part = { root = "arm_r", frames = ["arm_l"] }\n[world]', "does not hang on"),
+        ("[world]", 'part = { root = "root", frames = ["leg_r"] }\n[world]', 'no frame "leg_r"'),
+    ],
+)
+def test_what_cannot_be_mirrored_or_cut_is_refused(tmp_path, changed, to, about):
+    file = tmp_path / "pair.toml"
+    file.write_text(MIRRORED.replace(changed, to))
+    with pytest.raises(oarlock.ModelError, match=about):
+        oarlock.load_model(file)
+
+
+def test_a_magnetometer_that_the_body_does_not_use_adds_no_samples():
+    body = oarlock.load_model("trunk")
+    _, recording = oarlock.simulate(body, moving(body), seed=6, rate_hz=50.0)
+    plain = oarlock.track(body, recording)
+    with_field = []
+    for stream in recording.streams:
+        time_s = np.sort(np.concatenate([stream.time_s, stream.time_s[:-1:3] + 0.007]))
+        rows = np.searchsorted(time_s, stream.time_s)
+        gyro, accel, field = np.full((3, len(time_s), 3), np.nan)
+        gyro[rows], accel[rows] = stream.gyro_rad_s, stream.accel_m_s2
+        field[np.setdiff1d(np.arange(len(time_s)), rows)] = 30.0
+        with_field.append(
+            oarlock.ImuStream(stream.name, time_s, gyro_rad_s=gyro, accel_m_s2=accel, mag_ut=field)
+        )
+    track = oarlock.track(body, oarlock.Recording(with_field))
+    np.testing.assert_array_equal(track.time_s, plain.time_s)
+    np.testing.assert_array_equal(track.q, plain.q)
+
+
+def test_mistakes_of_a_mirrored_file_name_its_own_lines(tmp_path):
+    file = tmp_path / "pair.toml"
+    file.write_text(MIRRORED.replace('kind = "hinge"', 'kind = "hing"'))
+    with pytest.raises(oarlock.ModelError) as refused:
+        oarlock.load_model(file)
+    assert f"{file}:9:" in str(refused.value)

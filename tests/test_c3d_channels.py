@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from fuzz_wounds import feed
 from local_data import local_folder
 from oarlock.formats.devices.c3d import find_c3d, read_c3d
 from oarlock.formats.listing import listed
@@ -87,8 +86,3 @@ def test_what_is_refused(tmp_path):
     file.write_bytes(b"")
     assert_refused(lambda: read_c3d(file), "trial.c3d", "is not a C3D file")
     assert_refused(lambda: read_c3d(tmp_path / "nowhere.c3d"), "cannot be read")
-
-
-def test_wounded_files(tmp_path):
-    c3d_file(tmp_path / "trial.c3d")
-    feed(tmp_path / "trial.c3d", (tmp_path / "trial.c3d").read_bytes(), read_c3d, count=15)

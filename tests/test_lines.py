@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from fuzz_wounds import feed
 from oarlock.formats.devices.lines import HEADER, find_lines, read_lines
 from oarlock.formats.listing import listed
 from refusals import assert_refused
@@ -83,8 +82,3 @@ def test_found_by_content(tmp_path):
     put(tmp_path, "12,0.3\n" + line(5000, 1) + line(7500, 2), "b.log")
     put(tmp_path, "1,2,3,4,5,6,7,8\n2,4,3,4,5,6,7,8\n4,4,3,4,5,6,7,8\n", "c.csv")
     assert [found.path.name for found in find_lines(listed(tmp_path))] == ["a.txt", "b.log"]
-
-
-def test_wounded_files(tmp_path):
-    text = HEADER + "\n" + "".join(line(2500 * k, k) for k in range(9))
-    feed(tmp_path / "unit.csv", text, lambda file: read_lines(file).save(tmp_path / "rec", force=True))

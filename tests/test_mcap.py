@@ -5,7 +5,6 @@ import struct
 import numpy as np
 import pytest
 
-from fuzz_wounds import feed
 from oarlock.formats.devices.mcap import find_mcap, read_mcap
 from oarlock.formats.listing import listed
 from refusals import assert_refused
@@ -117,8 +116,3 @@ def test_what_is_refused(tmp_path):
 def test_found_by_content(tmp_path):
     bag(tmp_path)
     assert [found.name for found in find_mcap(listed(tmp_path))] == ["bag"]
-
-
-def test_wounded_files(tmp_path):
-    file = bag(tmp_path)
-    feed(file, file.read_bytes(), read_mcap, count=15)

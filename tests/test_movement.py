@@ -9,11 +9,11 @@ import pytest
 import oarlock
 from command_line import run
 from oarlock.movement import (
-    JointAngle,
+    MovementAngle,
     cycle_courses,
     cycle_ranges,
     find_cycles,
-    joint_angles,
+    movement_angles,
     ranges_of_motion,
     side_differences,
     side_pairs,
@@ -24,11 +24,11 @@ from oarlock.tracking.track import track_without_filter
 TIME_S = np.arange(0.0, 60.0, 0.01)
 
 
-def angle(name: str, value_deg: np.ndarray, std_deg: float = 1.0) -> JointAngle:
-    return JointAngle(name, "", value_deg, np.full(len(value_deg), std_deg))
+def angle(name: str, value_deg: np.ndarray, std_deg: float = 1.0) -> MovementAngle:
+    return MovementAngle(name, "", value_deg, np.full(len(value_deg), std_deg))
 
 
-def gait(period_s: float, start_s: float, end_s: float, seed: int = 0) -> list[JointAngle]:
+def gait(period_s: float, start_s: float, end_s: float, seed: int = 0) -> list[MovementAngle]:
     """Knees and hips that swing half a cycle apart between two times, and sway elsewhere."""
     random = np.random.default_rng(seed)
     moving = (start_s <= TIME_S) & (end_s >= TIME_S)
@@ -91,7 +91,7 @@ def test_two_rhythms_are_two_repetitions():
 def test_ranges_have_the_stds_of_their_ends():
     value = 10.0 + 40.0 * np.sin(TIME_S)
     std = np.where(value > 30.0, 3.0, 4.0)
-    (one,) = ranges_of_motion([JointAngle("elbow", "", value, std)]).values()
+    (one,) = ranges_of_motion([MovementAngle("elbow", "", value, std)]).values()
     assert (one.lowest_deg, one.highest_deg) == pytest.approx((-30.0, 50.0), abs=1e-3)
     assert one.range_std_deg == pytest.approx(5.0)
 
@@ -140,7 +140,7 @@ def reaches() -> oarlock.Track:
 
 
 def test_angles_are_those_of_observed_joints(reaches):
-    angles = joint_angles(reaches)
+    angles = movement_angles(reaches)
     assert [one.name for one in angles] == [
         j.name for j in reaches.model.describe().joints if j.kind == "hinge"
     ]
@@ -154,8 +154,8 @@ def test_the_report_begins_with_the_movement(reaches, tmp_path):
     assert order == sorted(order)
     assert "cycles of 2.00 s" in text
     rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
-    assert len(rows) == len(find_cycles(reaches.time_s, joint_angles(reaches))[0].begins_s) - 1
-    first = joint_angles(reaches)[0].name
+    assert len(rows) == len(find_cycles(reaches.time_s, movement_angles(reaches))[0].begins_s) - 1
+    first = movement_angles(reaches)[0].name
     for row in rows:
         assert float(row["duration_s"]) == pytest.approx(2.0, abs=0.02)
         assert float(row[f"{first}_range_deg"]) == pytest.approx(np.degrees(0.2), rel=0.01)

@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 
-from fuzz_wounds import feed
 from local_data import local_folder
 from oarlock.formats.devices.ngimu import find_ngimu, read_ngimu, read_ngimu_orientations
 from oarlock.formats.listing import listed
@@ -114,6 +113,7 @@ def test_units_without_a_common_time(tmp_path):
         (SENSORS + ROWS[:-40], (":4", "cut off")),
         (SENSORS + ROWS + ROWS, ("row 4", "Time (s)")),
         (SENSORS + ROWS.replace("16.5", "sixteen"), (":2", "sixteen")),
+        (SENSORS + ROWS.replace("-0.7678422", "1e308"), ("arm", "accel_m_s2")),
     ],
 )
 def test_damaged_tables_are_named(content, words, tmp_path):
@@ -132,13 +132,3 @@ def test_what_is_no_recording_is_refused(tmp_path):
 def test_marks_of_other_systems(tmp_path):
     unit(tmp_path, "Arm", "1", "\ufeff" + (SENSORS + ROWS).replace("\n", "\r\n"))
     assert len(read_ngimu(tmp_path)["arm"]) == 3
-
-
-def test_wounded_files(tmp_path):
-    folder = unit(tmp_path, "Arm", "1")
-    for name in ("sensors.csv", "quaternion.csv", "Device.xml"):
-        whole = (folder / name).read_text(encoding="utf-8")
-        feed(
-            folder / name, whole, lambda _: read_ngimu(tmp_path), lambda _: read_ngimu_orientations(tmp_path)
-        )
-        (folder / name).write_text(whole, encoding="utf-8")

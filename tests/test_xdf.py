@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fuzz_wounds import feed
 from local_data import local_folder
 from oarlock.formats.devices.xdf import find_xdf, read_xdf
 from oarlock.formats.devices.xdf_chunks import XdfStream, read_chunks
@@ -275,6 +274,14 @@ def test_damage_is_passed_over_up_to_the_next_boundary(tmp_path):
     assert read_xdf(file)["Arm_a"].value.tolist() == [0.0]
 
 
+def test_impossible_stamps_are_damage(tmp_path):
+    parts = [samples(1, "float32", [stamp], [[k]]) for k, stamp in enumerate((1.0, 1e300, float("inf"), 2.0))]
+    recording = read_xdf(written(tmp_path, header(1, "float32", [("a", "")]), *parts, offset(1, 1.0, 1e200)))
+    assert recording["Arm_a"].value.tolist() == [0.0, 3.0]
+    assert recording["Arm_a"].time_s.tolist() == [0.0, 1.0]
+    assert "a stamp is 1e+300 s" in recording.meta["source"]["notes"][0]
+
+
 def test_what_is_refused(tmp_path):
     file = tmp_path / "trial.xdf"
     for content, words in (
@@ -295,18 +302,3 @@ def test_found_by_content(tmp_path):
     shutil.copy(SAMPLES / "minimal.xdf", tmp_path / "renamed.bin")
     (found,) = find_xdf(listed(tmp_path))
     assert (found.path, found.name) == (tmp_path / "renamed.bin", "renamed")
-
-
-def test_wounded_files(tmp_path):
-    file = written(
-        tmp_path,
-        header(1, "float32", IMU, 100.0),
-        header(2, "string", [("m", "")], name="Markers"),
-        samples(1, "float32", [1.0, None, None], np.ones((3, 7))),
-        offset(1, 1.0, -0.5),
-        samples(2, "string", [1.02], [["go"]]),
-        chunk(5, BOUNDARY),
-        samples(1, "float32", [1.03, 1.04, 1.05], np.ones((3, 7))),
-        offset(1, 2.0, -0.5),
-    )
-    feed(file, file.read_bytes(), lambda path: read_xdf(path).save(tmp_path / "rec", force=True))

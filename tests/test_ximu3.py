@@ -1,7 +1,6 @@
 """x-IMU3: CSV folders beside the values in them, and .ximu3 files, which are made here from the published protocol."""
 
 import csv
-import json
 import math
 import struct
 from pathlib import Path
@@ -9,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fuzz_wounds import feed
 from local_data import local_folder
 from oarlock.formats.devices.ximu3 import find_ximu3, read_ximu3, read_ximu3_orientations
 from oarlock.formats.listing import listed
@@ -240,19 +238,3 @@ def test_what_is_no_recording_is_refused(tmp_path):
     assert_refused(lambda: read_ximu3(tmp_path / "nowhere"), "does not exist")
     assert_refused(lambda: read_ximu3(log(tmp_path, b"")), "has no message of an x-IMU3")
     assert_refused(lambda: read_ximu3(log(tmp_path, PING)), "no unit has inertial")
-
-
-def test_wounded_files(tmp_path):
-    folder = tmp_path / "unit"
-    folder.mkdir()
-    for file in (SAMPLE / FOOT).iterdir():
-        (folder / file.name).write_bytes(file.read_bytes())
-    for name in ("Inertial.csv", "Command.json"):
-        whole = (folder / name).read_text(encoding="utf-8")
-        feed(folder / name, whole, lambda _: read_ximu3(folder), lambda _: read_ximu3_orientations(folder))
-        (folder / name).write_text(whole, encoding="utf-8")
-    rows = [message("I", 2500 * k, 1.0, 2.0, 3.0, 0.1, 0.2, 0.9) for k in range(1, 9)]
-    content = b"".join(
-        [PING, json.dumps({"time": "2026-01-01 00:00:00"}).encode() + b"\n", *rows, QUATERNION]
-    )
-    feed(tmp_path / "log.ximu3", content, read_ximu3, read_ximu3_orientations)

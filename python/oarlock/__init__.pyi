@@ -10,6 +10,7 @@ from .calibration.static.hinge_chain import calibrate_hinge_chain
 from .calibration.static.joint_centers import calibrate_joint_centers
 from .calibration.static.local_field import calibrate_field
 from .calibration.static.pose_mounts import calibrate_pose
+from .calibration.static.sagittal import calibrate_sagittal
 from .evaluation.comparison.comparison import Comparison, compare
 from .evaluation.comparison.limb_track import track_limbs
 from .evaluation.comparison.orientation_track import track_orientations
@@ -147,6 +148,7 @@ __all__ = [
     "calibrate_joint_centers",
     "calibrate_motion",
     "calibrate_pose",
+    "calibrate_sagittal",
     "calibrate_session",
     "compare",
     "default_plan",

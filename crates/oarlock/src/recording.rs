@@ -115,8 +115,8 @@ pub struct Recording {
     /// Per stream: its source; `None` for an input.
     sources: Vec<Option<usize>>,
     gathering: Gathering,
-    /// Notes on readings that the model does not use.
-    pub notes: Vec<String>,
+    /// Readings that the model does not use: quantity, and the streams that have it.
+    unused: BTreeMap<String, Vec<String>>,
 }
 
 /// What a stream supplies.
@@ -139,8 +139,9 @@ impl Recording {
         clocks: &BTreeMap<String, Clock>,
         gathering: Gathering,
     ) -> Result<Self> {
-        let (streams_, notes) = (Vec::new(), Vec::new());
-        let mut recording = Recording { streams: streams_, targets: Vec::new(), sources: Vec::new(), gathering, notes };
+        let (streams_, unused) = (Vec::new(), BTreeMap::new());
+        let mut recording =
+            Recording { streams: streams_, targets: Vec::new(), sources: Vec::new(), gathering, unused };
         for stream in streams {
             let clock = clocks.get(&stream.name).copied().unwrap_or_default();
             let clocked = Clocked { stream, clock };
@@ -171,16 +172,25 @@ impl Recording {
                 }
                 None => {
                     let what = format!("{:?}", channel.quantity).to_lowercase();
-                    self.notes.push(format!(
-                        "{}: {what} readings are not used because the model's sensor has none; to use them, add their \
-                         noise to the model file",
-                        stream.name
-                    ));
+                    self.unused.entry(what).or_default().push(stream.name.clone());
                     targets.push(Target::Row(usize::MAX));
                 }
             }
         }
         Ok(targets)
+    }
+
+    /// Notes on readings that the model does not use, one for each quantity.
+    pub fn notes(&self) -> Vec<String> {
+        let text = |(what, names): (&String, &Vec<String>)| {
+            let sensors = if names.len() == 1 { "sensor has" } else { "sensors have" };
+            format!(
+                "{}: {what} readings are not used because the model's {sensors} none; to use them, add their noise to the \
+                 model file",
+                names.join(", ")
+            )
+        };
+        self.unused.iter().map(text).collect()
     }
 
     /// The position before the first row.

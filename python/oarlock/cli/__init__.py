@@ -14,6 +14,7 @@ from typer.main import get_group
 
 VERBS = {
     "demo": "Track a simulated sculler and a real pendulum.",
+    "run": "From files of a recording to angles and a report, in one command.",
     "simulate": "Simulate a rower: write a recording and its ground truth.",
     "track": "Turn a recording into joint angles with uncertainty.",
     "evaluate": "Score a track against ground truth or optical markers.",

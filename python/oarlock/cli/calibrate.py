@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from oarlock.cli import calibrate_clocks, calibrate_motion, calibrate_session, calibrate_tree
+from oarlock.cli import (
+    calibrate_clocks,
+    calibrate_motion,
+    calibrate_sagittal,
+    calibrate_session,
+    calibrate_tree,
+)
 from oarlock.cli.calibrate_tree import OutFile, RecordingFolder, Still, saved
 from oarlock.cli.options import Json, ModelName, Replace, Settings, assignments, example, names
 from oarlock.cli.terminal import free_file, heading, number, say, steps, table, verb
@@ -25,6 +31,7 @@ group = typer.Typer(
 def add_to(app: typer.Typer) -> None:
     """Registers the verbs."""
     calibrate_session.add_to(group)
+    calibrate_sagittal.add_to(group)
     calibrate_tree.add_to(group)
     calibrate_clocks.add_to(group)
     calibrate_motion.add_to(group)

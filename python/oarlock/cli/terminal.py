@@ -11,6 +11,7 @@ import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, Final, NoReturn, ParamSpec, TypeVar
 
@@ -60,8 +61,23 @@ def heading(text: str, remark: str = "") -> None:
     _print_trimmed(Text.assemble((text, "bold"), (f"   {remark}" if remark else "", "dim")))
 
 
+_NEXT_STEPS = ContextVar("next_steps", default=True)
+
+
+@contextmanager
+def without_next_steps() -> Iterator[None]:
+    """Within it `steps` prints nothing: a verb that runs others says itself what comes next."""
+    token = _NEXT_STEPS.set(False)
+    try:
+        yield
+    finally:
+        _NEXT_STEPS.reset(token)
+
+
 def steps(*lines: str) -> None:
     """Prints the suggested next commands, one a line."""
+    if not _NEXT_STEPS.get():
+        return
     heading("Next")
     for line in lines:
         say(f"  {line}")

@@ -36,7 +36,7 @@ class ModelFile:
 
     def located(self, message: str) -> str:
         """A message of the engine about the whole text, with files and lines where they really stand."""
-        if len(self.sources) == 1:
+        if self.text == self.sources[0][1]:
             return message
         lines = {line: path for path, line in reversed(key_lines(self.text).items())}
         found = re.compile(rf"^{re.escape(self.path)}:(\d+):", re.MULTILINE)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock import DataError, Track
+from oarlock import DataError, JointAngle, Track, joint_angles
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -18,8 +18,12 @@ CLEAR_SHARE = 0.8
 """An angle of a ball joint is used if its sequence is away from its poles at least in this share of the rows."""
 
 
+_SHOULDERS = dict.fromkeys(("shoulder_r", "shoulder_l"), ("flexion", "abduction", "rotation"))
+"""Shoulders of the shipped bodies: ZXY is singular only with the arm sideways and level, YXY while it hangs."""
+
+
 @dataclass(frozen=True, eq=False)
-class JointAngle:
+class MovementAngle:
     """One angle over time.
 
     Args:
@@ -42,7 +46,7 @@ class JointAngle:
         return float(np.nanmax(self.value_deg) - np.nanmin(self.value_deg))
 
 
-def joint_angles(track: Track) -> tuple[JointAngle, ...]:
+def movement_angles(track: Track) -> tuple[MovementAngle, ...]:
     """The observed angles of all joints of a track, in the order of the model.
 
     The rotation of a free joint is left out: it says how the whole body is turned. So are the angles of a ball joint
@@ -52,7 +56,7 @@ def joint_angles(track: Track) -> tuple[JointAngle, ...]:
         DataError: the track has no model.
     """
     if track.model is None:
-        raise DataError("joint_angles: this track was loaded without its model; load the model file again")
+        raise DataError("movement_angles: this track was loaded without its model; load the model file again")
     found = []
     for joint in track.model.describe().joints:
         if joint.kind == "hinge":
@@ -64,7 +68,11 @@ def joint_angles(track: Track) -> tuple[JointAngle, ...]:
     return tuple(angle for angle in found if angle is not None)
 
 
-def _ball_angles(track: Track, name: str, label: str) -> list[JointAngle | None]:
+def _ball_angles(track: Track, name: str, label: str) -> list[MovementAngle | None]:
+    if name in _SHOULDERS:
+        side = name.rpartition("_")[2]
+        named = joint_angles(track, shoulder="ZXY")
+        return [_shoulder_angle(named[f"shoulder_{what}_{side}"], label) for what in _SHOULDERS[name]]
     series = track[name]
     near = series.near_singular()
     if near.mean() > 1.0 - CLEAR_SHARE:
@@ -75,6 +83,11 @@ def _ball_angles(track: Track, name: str, label: str) -> list[JointAngle | None]
         _angle(f"{name} {sequence} {axis}", label, value[:, k], std[:, k], clear, None)
         for k, axis in enumerate(_axes(sequence))
     ]
+
+
+def _shoulder_angle(named: JointAngle, label: str) -> MovementAngle | None:
+    clear: Bools = named.observed & ~named.near_singular
+    return _angle(named.name, label, named.angle_rad, named.std_rad, clear, None)
 
 
 def _axes(sequence: str) -> list[str]:
@@ -88,9 +101,9 @@ def _axes(sequence: str) -> list[str]:
 
 def _angle(
     name: str, label: str, value: Floats, std: Floats, observed: Bools, limits: tuple[float, float] | None
-) -> JointAngle | None:
+) -> MovementAngle | None:
     known: Bools = observed & np.isfinite(value)
     if known.mean() < OBSERVED_SHARE:
         return None
     shown, claimed = (np.where(known, np.degrees(array), np.nan) for array in (value, std))
-    return JointAngle(name, label, shown, claimed, limits)
+    return MovementAngle(name, label, shown, claimed, limits)

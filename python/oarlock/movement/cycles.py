@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import find_peaks
 
-from oarlock.movement.angles import Floats, JointAngle
+from oarlock.movement.angles import Floats, MovementAngle
 
 WINDOW_S, HOP_S, RATE_HZ = 10.0, 1.0, 25.0
 SHORTEST_S = 0.3
@@ -62,7 +62,7 @@ class Repetition:
         return float(self.durations_s.mean())
 
 
-def find_cycles(time_s: Floats, angles: Sequence[JointAngle]) -> tuple[Repetition, ...]:
+def find_cycles(time_s: Floats, angles: Sequence[MovementAngle]) -> tuple[Repetition, ...]:
     """The repetitions of a movement, the one with the most cycles first; none if nothing repeats three times."""
     if len(time_s) < 2 or not angles or time_s[-1] - time_s[0] < LEAST_CYCLES * SHORTEST_S:
         return ()
@@ -129,7 +129,7 @@ def _repetition(
     rows: Floats,
     group: Sequence[tuple[int, float, float]],
     width: int,
-    angles: Sequence[JointAngle],
+    angles: Sequence[MovementAngle],
 ) -> Repetition | None:
     period = float(np.median([window[1] for window in group]))
     start, stop = group[0][0], group[-1][0] + width

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 
 from oarlock import Track
-from oarlock.movement.angles import JointAngle, joint_angles
+from oarlock.movement.angles import MovementAngle, movement_angles
 from oarlock.movement.cycles import Repetition, cycle_courses, find_cycles
 from oarlock.movement.ranges import (
     MotionRange,
@@ -24,7 +24,7 @@ class Movement:
     """What the sections show: the track, its angles, their ranges, and the repetition with the most cycles."""
 
     track: Track
-    angles: tuple[JointAngle, ...]
+    angles: tuple[MovementAngle, ...]
     ranges: dict[str, MotionRange]
     repetitions: tuple[Repetition, ...]
     in_cycles: dict[str, MotionRange]
@@ -46,7 +46,7 @@ def movement_of(track: Track) -> Movement:
     Raises:
         DataError: the track has no model.
     """
-    angles = joint_angles(track)
+    angles = movement_angles(track)
     repetitions = find_cycles(track.time_s, angles)
     in_cycles = cycle_ranges(track.time_s, angles, repetitions[0].begins_s) if repetitions else {}
     return Movement(track, angles, ranges_of_motion(angles), repetitions, in_cycles)

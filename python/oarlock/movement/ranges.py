@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.movement.angles import Floats, JointAngle
+from oarlock.movement.angles import Floats, MovementAngle
 from oarlock.movement.cycles import cycle_courses
 from oarlock.report.viewer.sides import side_of
 
@@ -70,7 +70,7 @@ class SideDifference:
         return size > LEAST_DIFFERENCE_DEG and size > BAND_95 * self.std_deg
 
 
-def ranges_of_motion(angles: Sequence[JointAngle]) -> dict[str, MotionRange]:
+def ranges_of_motion(angles: Sequence[MovementAngle]) -> dict[str, MotionRange]:
     """The range of each angle over the whole track, by its name."""
     found = {}
     for angle in angles:
@@ -82,7 +82,7 @@ def ranges_of_motion(angles: Sequence[JointAngle]) -> dict[str, MotionRange]:
     return found
 
 
-def cycle_ranges(time_s: Floats, angles: Sequence[JointAngle], begins_s: Floats) -> dict[str, MotionRange]:
+def cycle_ranges(time_s: Floats, angles: Sequence[MovementAngle], begins_s: Floats) -> dict[str, MotionRange]:
     """The mean range over cycles of each angle, by its name.
 
     The standard deviation of a mean has two parts, added in squares: that of the track at the extremes, which may be

@@ -8,7 +8,7 @@ from html import escape
 
 import numpy as np
 
-from oarlock.movement.angles import JointAngle
+from oarlock.movement.angles import MovementAngle
 from oarlock.movement.cycles import Repetition, cycle_courses
 from oarlock.movement.movement import Movement
 from oarlock.movement.ranges import BAND_95, side_pairs
@@ -114,7 +114,7 @@ def _cycles(movement: Movement, csv_name: str) -> str:
     return f'<p class="hint">{hint}</p><div class="grid-figures">{"".join(charts)}</div>'
 
 
-def _groups(movement: Movement) -> list[tuple[str, list[JointAngle]]]:
+def _groups(movement: Movement) -> list[tuple[str, list[MovementAngle]]]:
     """Angles that move, right and left together, in the order of the model."""
     moving = {
         angle.name: angle
@@ -123,14 +123,14 @@ def _groups(movement: Movement) -> list[tuple[str, list[JointAngle]]]:
     }
     pairs = side_pairs(list(moving))
     stems = {name: stem for stem, both in pairs.items() for name in both}
-    found: dict[str, list[JointAngle]] = {}
+    found: dict[str, list[MovementAngle]] = {}
     for name, angle in moving.items():
         found.setdefault(stems.get(name, name), []).append(angle)
     return list(found.items())
 
 
 def _chart(
-    movement: Movement, repetition: Repetition, place: int, name: str, group: Sequence[JointAngle]
+    movement: Movement, repetition: Repetition, place: int, name: str, group: Sequence[MovementAngle]
 ) -> str:
     series = []
     for angle in sorted(group, key=_side, reverse=True):
@@ -143,7 +143,7 @@ def _chart(
     )
 
 
-def _side(angle: JointAngle) -> str:
+def _side(angle: MovementAngle) -> str:
     return side_of(angle.name.partition(" ")[0])[0]
 
 

@@ -28,6 +28,11 @@ def gyro_per_gravity_turn(stream: ImuStream) -> float | None:
         The ratio, near 57.3 for a gyroscope in deg/s. None if it cannot be determined: a quantity is absent, there is
         little motion, or accelerations mask gravity.
     """
+    if stream.gyro_rad_s is None or stream.accel_m_s2 is None:
+        return None
+    # Rows of another quantity, such as a magnetometer with a rate of its own, are no gaps.
+    both = np.logical_or.reduce(np.isfinite(np.hstack([stream.gyro_rad_s, stream.accel_m_s2])), axis=1)
+    stream = stream if np.all(both) or np.sum(both) < LEAST_ROWS else stream.at_rows(both)
     if stream.gyro_rad_s is None or stream.accel_m_s2 is None or len(stream) < LEAST_ROWS:
         return None
     width = max(2, round(SMOOTHING_S * stream.rate_hz))

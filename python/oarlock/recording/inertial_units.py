@@ -6,9 +6,11 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
+from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 
@@ -55,12 +57,30 @@ def chosen_units(
 
 
 def readings(stream: object) -> dict[str, Any]:
-    """A unit's columns by the names of the engine. A magnetometer without any reading counts as absent."""
+    """A unit's columns by the names of the engine. A magnetometer without any reading counts as absent.
+
+    A magnetometer with a rate of its own has rows without gyroscope and accelerometer. The searches need rows of these,
+    so such a reading stands at the nearest row of theirs.
+    """
     assert isinstance(stream, ImuStream)
+    mag = None if stream.mag_ut is None or np.isnan(stream.mag_ut).all() else stream.mag_ut
+    columns = [rows for rows in (stream.gyro_rad_s, stream.accel_m_s2) if rows is not None]
+    moving = np.flatnonzero(~np.isnan(np.hstack(columns)).all(axis=1)) if columns else np.arange(len(stream))
+    if mag is not None and len(moving) < len(stream):
+        mag = at_nearest(stream.time_s, mag, moving)
     return {
         "name": stream.name,
-        "time_s": stream.time_s,
-        "gyro_rad_s": stream.gyro_rad_s,
-        "accel_m_s2": stream.accel_m_s2,
-        "mag_ut": None if stream.mag_ut is None or np.isnan(stream.mag_ut).all() else stream.mag_ut,
+        "time_s": stream.time_s[moving],
+        "gyro_rad_s": None if stream.gyro_rad_s is None else stream.gyro_rad_s[moving],
+        "accel_m_s2": None if stream.accel_m_s2 is None else stream.accel_m_s2[moving],
+        "mag_ut": mag,
     }
+
+
+def at_nearest(time_s: FloatArray, mag: FloatArray, kept: NDArray[np.int64]) -> FloatArray:
+    """The readings (T, 3) at the kept rows; those of other rows at the kept row that is nearest in time."""
+    rows = np.flatnonzero(np.isfinite(mag).any(axis=1))
+    middles = 0.5 * (time_s[kept][1:] + time_s[kept][:-1])
+    found = np.full((len(kept), mag.shape[1]), np.nan)
+    found[np.searchsorted(middles, time_s[rows])] = mag[rows]
+    return found

@@ -27,17 +27,30 @@ def low_passed(streams: Iterable[Stream], cutoff_hz: float) -> list[Stream]:
 
 
 def _filtered(stream: ImuStream, cutoff_hz: float) -> Stream:
-    if len(stream.time_s) < 2:
-        return stream
-    step_s = float(np.median(np.diff(stream.time_s)))
-    every = int(1.0 / (step_s * _SAMPLES_A_PERIOD * cutoff_hz))
-    if every < 1:
-        raise DataError(
-            f'low_passed: "{stream.name}" has {1.0 / step_s:.4g} samples/s; a cut-off of {cutoff_hz:g} Hz needs '
-            f"{_SAMPLES_A_PERIOD * cutoff_hz:g}. Choose {1.0 / (step_s * _SAMPLES_A_PERIOD):.3g} Hz or less"
-        )
-    values = {name: _in_stretches(stream.time_s, v, step_s, cutoff_hz) for name, v in stream.values.items()}
-    return ImuStream(stream.name, stream.time_s[::every], **{name: v[::every] for name, v in values.items()})
+    """Each quantity at its own rows: a magnetometer with a rate of its own does not interrupt the gyroscope."""
+    moving = [name for name in stream.values if name != "mag_ut"] or list(stream.values)
+    parts = [moving, [name for name in stream.values if name not in moving]]
+    kept = np.zeros(len(stream), dtype=bool)
+    values = {name: np.full(v.shape, np.nan) for name, v in stream.values.items()}
+    for names in filter(None, parts):
+        columns = np.hstack([stream.values[name] for name in names])
+        rows = np.flatnonzero(np.isfinite(columns).any(axis=1))
+        if len(rows) < 2:
+            return stream
+        own = stream.time_s[rows]
+        step_s = float(np.median(np.diff(own)))
+        every = int(1.0 / (step_s * _SAMPLES_A_PERIOD * cutoff_hz))
+        if every < 1 and names is moving:
+            raise DataError(
+                f'low_passed: "{stream.name}" has {1.0 / step_s:.4g} samples/s; a cut-off of {cutoff_hz:g} Hz needs '
+                f"{_SAMPLES_A_PERIOD * cutoff_hz:g}. Choose {1.0 / (step_s * _SAMPLES_A_PERIOD):.3g} Hz or less"
+            )
+        for name in names:
+            array = stream.values[name][rows]
+            passed = _in_stretches(own, array, step_s, cutoff_hz) if every >= 1 else array
+            values[name][rows[:: max(every, 1)]] = passed[:: max(every, 1)]
+        kept[rows[:: max(every, 1)]] = True
+    return ImuStream(stream.name, stream.time_s[kept], **{name: v[kept] for name, v in values.items()})
 
 
 def _in_stretches(time_s: FloatArray, values: FloatArray, step_s: float, cutoff_hz: float) -> FloatArray:

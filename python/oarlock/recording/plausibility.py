@@ -223,20 +223,23 @@ def _missing_findings(recording: Recording, stream: Stream) -> list[Finding]:
         missing = np.isnan(rows).reshape(len(rows), -1)
         if missing.all():
             findings.append(_warning(stream, f"{field} has no reading (all NaN)."))
-        elif missing.any() and _lacks_rows(recording, stream, field):
-            findings.append(_note(stream, _missing_text(stream, field, missing)))
+        elif missing.any() and (text := _missing_text(recording, stream, field, missing)):
+            findings.append(_note(stream, text))
     return findings
 
 
-def _lacks_rows(recording: Recording, stream: Stream, field: str) -> bool:
-    """False for a quantity that is slower than its stream and has all its own rows."""
-    expected = expected_quantity_rows(recording, stream)
-    there = np.isfinite(stream.values[field]).reshape(len(stream), -1)
-    rows = int(np.logical_or.reduce(there, axis=1).sum())
-    return rows < expected[field] or rows * there.shape[1] > int(np.count_nonzero(there))
+def _missing_text(recording: Recording, stream: Stream, field: str, missing: NDArray[np.bool_]) -> str:
+    """Empty if a quantity that is slower than the rows of its stream has all readings of its own rate."""
+    expected = expected_quantity_rows(recording, stream)[field]
+    received = int(np.logical_or.reduce(~missing, axis=1).sum())
+    axes_gone = received * missing.shape[1] > int(np.count_nonzero(~missing))
+    if expected < len(missing) and not axes_gone:
+        gone = expected - received
+        return f"{field} is missing in {gone} of {expected} samples of its own rate." if gone > 0 else ""
+    return _rows_text(stream, field, missing)
 
 
-def _missing_text(stream: Stream, field: str, missing: NDArray[np.bool_]) -> str:
+def _rows_text(stream: Stream, field: str, missing: NDArray[np.bool_]) -> str:
     gone = np.logical_and.reduce(missing, axis=0)
     axes = [axis for axis, never in zip("xyz", gone, strict=False) if never]
     rows = np.logical_or.reduce(missing[:, ~gone], axis=1)

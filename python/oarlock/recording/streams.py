@@ -225,7 +225,8 @@ class OrientationStream(_Stream):
 
     def __post_init__(self) -> None:
         self._admit(4, ["quat_wxyz"])
-        norm = np.linalg.norm(self.quat_wxyz, axis=1)
+        with np.errstate(over="ignore"):  # a norm beyond all numbers is refused below
+            norm = np.linalg.norm(self.quat_wxyz, axis=1)
         bad = np.flatnonzero(np.abs(norm - 1.0) > _UNIT_TOLERANCE)
         if bad.size:
             raise DataError(

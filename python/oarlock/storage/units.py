@@ -4,6 +4,8 @@ import math
 from collections.abc import Mapping
 from types import MappingProxyType
 
+import numpy as np
+
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.suggest import did_you_mean
 
@@ -59,8 +61,9 @@ def plain_unit(text: str) -> str:
 def to_held_unit(values: FloatArray, unit: str) -> FloatArray:
     """Values in `unit`, as rad/s, m/s2, uT, m or rad; unchanged bit for bit where it is that unit already."""
     factor, divisor = _CONVERSIONS[unit]
-    scaled = values if factor == 1.0 else values * factor
-    return scaled if divisor == 1.0 else scaled / divisor
+    with np.errstate(over="ignore"):  # a stream refuses infinite readings by name
+        scaled = values if factor == 1.0 else values * factor
+        return scaled if divisor == 1.0 else scaled / divisor
 
 
 def from_held_unit(values: FloatArray, unit: str) -> FloatArray:

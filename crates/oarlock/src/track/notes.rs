@@ -17,7 +17,7 @@ const REJECTED_SHARE: f64 = 0.05;
 
 /// All notes on a run.
 pub fn notes(run: &Run) -> Vec<String> {
-    let mut notes = run.recording().notes.clone();
+    let mut notes = run.recording().notes();
     notes.extend(nominal_mounts(run));
     notes.extend(absent_streams(run));
     notes.extend(silent_loops(run));

@@ -14,17 +14,24 @@ SWAY_RAD = 0.005
 """Net turn of somebody who stands still, over one stretch."""
 WANDER_RAD_S = 5e-5
 """A bias is no constant: what it changes by within some seconds."""
-BIAS_LIMIT_RAD_S = 0.001
+BIAS_LIMIT_RAD_S, WORN_BIAS_LIMIT_RAD_S = 0.001, 0.003
+"""Largest std that passes: of units that lay somewhere, and of units that were only worn and sway with the person."""
 
 
 @dataclass(frozen=True, eq=False)
 class GyroRest:
-    """A gyroscope at rest: bias and its std (3,) rad/s, noise (3,) rad/s a sample, seconds of rest."""
+    """A gyroscope at rest: bias and its std (3,) rad/s, noise (3,) rad/s a sample, seconds of rest, whether it lay."""
 
     bias_rad_s: FloatArray
     std_rad_s: FloatArray
     noise_rad_s: FloatArray
     rest_s: float
+    lay: bool
+
+    @property
+    def limit_rad_s(self) -> float:
+        """Largest standard deviation that passes."""
+        return BIAS_LIMIT_RAD_S if self.lay else WORN_BIAS_LIMIT_RAD_S
 
 
 def gyro_rest(unit: UnitRows, stills: Sequence[tuple[Span, bool]]) -> GyroRest | None:
@@ -49,4 +56,5 @@ def gyro_rest(unit: UnitRows, stills: Sequence[tuple[Span, bool]]) -> GyroRest |
     if len(means) > 2:  # stretches that disagree by more than they should
         chi2 = (weights * (np.array(means) - bias) ** 2).sum(axis=0) / (len(means) - 1)
         std = std * np.sqrt(np.maximum(chi2, 1.0))
-    return GyroRest(bias, std, np.median(noises, axis=0), rest_s)
+    lay = any(not worn for _, worn in stills)
+    return GyroRest(bias, std, np.median(noises, axis=0), rest_s, lay)

@@ -114,7 +114,7 @@ class MountSearch:
             q = self.body.posture(step.pose)
             about = None if step.axis is None else np.asarray(step.axis, dtype=np.float64)
             for joint in step.joints:
-                for child in self.body.below(joint):
+                for child in self._turned(step, joint):
                     parent = self.body.above(joint, child) if against_parents else None
                     one = self._turning(step, child, parent, q, mounts)
                     moved[step.name, child] = one
@@ -126,6 +126,14 @@ class MountSearch:
                         Sight(step.name, "axis", one.axis, in_link, own, posture)
                     )
         return found, moved
+
+    def _turned(self, step: SessionStep, joint: str) -> list[str]:
+        """The units that a movement of a joint turns: the nearest, and those that move with them as one."""
+        own = set(self.body.joints[joint])
+        return [
+            *self.body.below(joint),
+            *(u for u in step.units if own <= self.body.turns_with.get(u, set())),
+        ]
 
     def _turning(
         self,

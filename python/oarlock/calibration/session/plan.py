@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sized
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from oarlock._core import Model
 
 FORMAT = 1
+WHOLE_BODY = "full_body"
+"""The shipped body whose plan serves its parts."""
 KINDS = ("still", "turn", "pose", "move", "mark", "sign")
 POSTURE_STD_RAD = float(np.radians(3.0))
 """How well a person who was shown a posture takes it up, each direction."""
@@ -30,6 +32,7 @@ _CHECKS: dict[str, Callable[[object, str], object]] = {
     "end_s": values.finite,
     "pose": values.posture,
     "joints": values.names,
+    "units": values.names,
     "axis": values.axis,
     "first": values.one_way,
     "stream": values.text,
@@ -37,6 +40,7 @@ _CHECKS: dict[str, Callable[[object, str], object]] = {
     "other": values.text,
     "sign": values.one_way,
     "posture_std_rad": values.posture_std,
+    "optional": values.yes_or_no,
     "say": values.text,
 }
 _MAY_BE_NONE = ("start_s", "end_s", "axis", "posture_std_rad")
@@ -55,6 +59,8 @@ class SessionStep:
         end_s: when it ends, s.
         pose: the posture held, or that in which a movement begins, by coordinate (rad, m); the others as at rest.
         joints: of a `move`: the joints that turn, at the same time, one for each side.
+        units: of a `move`: further units beyond these joints that turn with them as one rigid body, such as those of a
+            straight arm.
         axis: (3,) of a `move` of ball joints: the axis, in the axes of the joint's parent.
         first: of a `move`: 1 if the first clear turn is positive, -1 if negative.
         stream: of a `mark` or `sign`: the scalar stream.
@@ -62,6 +68,7 @@ class SessionStep:
         other: of a `sign`: the stream that it is held against.
         sign: of a `sign`: 1 if both rise together, -1 if one falls as the other rises.
         posture_std_rad: how well the posture is taken up, rad; None: the plan's.
+        optional: whether the session is complete without it.
         say: what to tell the person.
 
     Raises:
@@ -74,6 +81,7 @@ class SessionStep:
     end_s: float | None = None
     pose: Mapping[str, float] = field(default_factory=dict)
     joints: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
     axis: tuple[float, float, float] | None = None
     first: int = 1
     stream: str = ""
@@ -81,6 +89,7 @@ class SessionStep:
     other: str = ""
     sign: int = 1
     posture_std_rad: float | None = None
+    optional: bool = False
     say: str = ""
 
     def __post_init__(self) -> None:
@@ -118,11 +127,13 @@ class SessionPlan:
         name: of the protocol.
         steps: its steps.
         posture_std_rad: how well postures are taken up, rad, each direction.
+        any_order: whether the steps may be done in any order; they are told apart by the units that move.
     """
 
     name: str
     steps: tuple[SessionStep, ...]
     posture_std_rad: float = POSTURE_STD_RAD
+    any_order: bool = False
 
     def __post_init__(self) -> None:
         where = f'plan "{values.text(self.name, "plan, name")}"'
@@ -135,6 +146,7 @@ class SessionPlan:
             raise DataError(f"{where}: has no steps")
         std_rad = values.posture_std(self.posture_std_rad, f"{where}: posture_std_rad")
         object.__setattr__(self, "posture_std_rad", std_rad)
+        object.__setattr__(self, "any_order", values.yes_or_no(self.any_order, f"{where}: any_order"))
 
     def check(self, model: Model) -> None:
         """Refuse names that the model does not have.
@@ -170,6 +182,7 @@ class SessionPlan:
                 "format": FORMAT,
                 "name": self.name,
                 "posture_std_rad": self.posture_std_rad,
+                "any_order": self.any_order,
                 "step": [_told(step) for step in self.steps],
             },
         )
@@ -185,7 +198,7 @@ def load_session_plan(file: str | PathLike[str]) -> SessionPlan:
 
     top = TomlTable.read(Path(file))
     top.check_format(FORMAT)
-    top.check_keys({"format", "name", "posture_std_rad", "step"})
+    top.check_keys({"format", "name", "posture_std_rad", "any_order", "step"})
     known = {f.name for f in fields(SessionStep)}
     steps = []
     for table in top.tables("step"):
@@ -198,19 +211,41 @@ def load_session_plan(file: str | PathLike[str]) -> SessionPlan:
         except DataError as error:
             raise DataError(f"{table.where()}: {error}") from None
     name = top.string("name", Path(file).stem)
-    return SessionPlan(name, tuple(steps), top.number("posture_std_rad", POSTURE_STD_RAD))
+    posture_std_rad = top.number("posture_std_rad", POSTURE_STD_RAD)
+    return SessionPlan(name, tuple(steps), posture_std_rad, top.boolean("any_order", False))
 
 
 def default_plan(model: Model) -> SessionPlan:
-    """The protocol that ships with a model, or a plain one: stand still, turn about each hinge, stand still."""
-    shipped = model_folder() / "plans" / f"{model.name}.toml"
+    """The protocol that ships with a model or with the body that it is a part of, or a plain one: turn each hinge."""
+    folder = model_folder() / "plans"
+    shipped = folder / f"{model.name}.toml"
     if shipped.is_file():
-        return load_session_plan(shipped)
+        return fitted(load_session_plan(shipped), model)
+    body = fitted(load_session_plan(folder / f"{WHOLE_BODY}.toml"), model)
+    if any(step.kind == "move" for step in body.steps):
+        return replace(body, name=f"{model.name}: {body.name}")
     hinges = [j.name for j in model.describe().joints if j.kind == "hinge" and not j.input]
     moves = [SessionStep(f"turn {name}", "move", joints=(name,)) for name in hinges]
     rest = [SessionStep(f"rest posture {k}", "pose") for k in range(len(moves) + 1)]
     paired = [step for both in zip(rest, [*moves, rest[-1]], strict=True) for step in both][:-1]
     return SessionPlan(f"{model.name}, hinge by hinge", tuple(paired))
+
+
+def fitted(plan: SessionPlan, model: Model) -> SessionPlan:
+    """A plan without joints, units and coordinates that a model does not have, and without movements of none."""
+    described = model.describe()
+    joints, units = {j.name for j in described.joints}, {s.name for s in described.inertial_units}
+    coordinates = set(model.coordinate_names)
+    steps = []
+    for step in plan.steps:
+        kept = tuple(name for name in step.joints if name in joints)
+        if step.kind == "move" and not kept:
+            continue
+        pose = {name: value for name, value in step.pose.items() if name in coordinates}
+        steps.append(
+            replace(step, joints=kept, units=tuple(name for name in step.units if name in units), pose=pose)
+        )
+    return replace(plan, steps=tuple(steps))
 
 
 def _told(step: SessionStep) -> dict[str, object]:

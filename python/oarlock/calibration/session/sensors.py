@@ -82,7 +82,7 @@ class SensorSearch:
                 )
             ]
         std = float(rest.std_rad_s.max())
-        outcome = within(std, BIAS_LIMIT_RAD_S)
+        outcome = within(std, rest.limit_rad_s)
         sentence = (
             f"It rested for {rest.rest_s:.0f} s, which is enough."
             if outcome == PASSED

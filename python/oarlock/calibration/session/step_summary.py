@@ -15,22 +15,15 @@ OF_REST = ("accelerometer", "magnetometer", "gyroscope's bias", "field")
 
 
 def missing_steps(plan: SessionPlan, spans: Mapping[str, Span]) -> list[Check]:
-    """A line to do again for each step that lies nowhere."""
-    return [
-        Check(
-            s.name,
-            "",
-            s.kind,
-            "-",
-            np.nan,
-            np.nan,
-            "",
-            REDO,
-            f'"{s.name}" was not found in the recording: do it again.',
-        )
-        for s in plan.steps
-        if s.name not in spans and s.kind not in ("sign", "mark")
-    ]
+    """A line for each step that lies nowhere: to do again, unless it is optional."""
+    missing = [s for s in plan.steps if s.name not in spans and s.kind not in ("sign", "mark")]
+    return [Check(s.name, "", s.kind, "-", np.nan, np.nan, "", *_missing(s)) for s in missing]
+
+
+def _missing(step: SessionStep) -> tuple[str, str]:
+    if step.optional:
+        return KEPT, f'"{step.name}" was not found in the recording; it is optional.'
+    return REDO, f'"{step.name}" was not found in the recording: do it again.'
 
 
 def step_note(step: SessionStep, spans: Mapping[str, Span], checks: Sequence[Check]) -> dict[str, object]:

@@ -23,6 +23,17 @@ def text(value: object, where: str) -> str:
     return value
 
 
+def yes_or_no(value: object, where: str) -> bool:
+    """True or false.
+
+    Raises:
+        DataError: something else.
+    """
+    if not isinstance(value, bool):
+        raise DataError(f"{where}: is {_shown(value)}; expected true or false")
+    return value
+
+
 def finite(value: object, where: str) -> float:
     """A finite number.
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from oarlock.calibration.session.body import Body
 from oarlock.calibration.session.plan import SessionPlan, SessionStep
@@ -22,25 +23,30 @@ EDGE_S = 0.3
 """A person comes to rest, and starts, slowly: so much of each end is no rest yet."""
 QUIET_BREAK_S = 0.8
 """People pause at the ends of a movement; a shorter rest does not end it."""
-MISSED = -20.0
+MISSED, OPTIONAL_MISSED = -20.0, 2.0
+"""Score of a step that was not found. An optional one is taken if a movement is clearly its own."""
 UNMOVED = -6.0
 SKIPPED = 0.2
 """Steps follow one another: what lies between two of them costs a little."""
 
+NEVER = -1e6
 Segment = tuple[str, float, float]
 
 
 def located(plan: SessionPlan, body: Body, units: Mapping[str, UnitRows]) -> dict[str, Span]:
     """Step -> (start, end) s. Steps that name their times keep them; those that are not found are left out.
 
-    The others are sought in order: stillness of all units for postures, what lies between for movements. Among all
-    ways to lay the steps over the segments the best has long segments, and movements that turn their own units.
+    The others are sought: stillness of all units for postures, what lies between for movements. Among all ways to lay
+    the steps over the segments, in order or in any order as the plan says, the best has long segments, and movements
+    that turn their own units.
     """
     placed = {s.name: span for s in plan.steps if (span := s.span_s) is not None}
     sought = [s for s in plan.steps if s.span_s is None and s.kind in ("still", "pose", "move")]
     segments = _segments(units) if sought else []
     scores = np.array([[_score(step, seg, body, units) for seg in segments] for step in sought])
-    found = _laid(scores.reshape(len(sought), len(segments)))
+    lay = _assigned if plan.any_order else _laid
+    missed = np.array([OPTIONAL_MISSED if step.optional else MISSED for step in sought])
+    found = lay(scores.reshape(len(sought), len(segments)), missed)
     for step, index in zip(sought, found, strict=True):
         if index is not None:
             _, start, end = segments[index]
@@ -116,7 +122,16 @@ def _swings(names: set[str], units: Mapping[str, UnitRows], span_s: Span) -> flo
     return 2.0 * min(shares, default=0.0)
 
 
-def _laid(scores: FloatArray) -> list[int | None]:
+def _assigned(scores: FloatArray, missed: FloatArray) -> list[int | None]:
+    """The best way to give each step (rows) a segment (columns) of its own in any order; a step may be missed."""
+    steps, segments = scores.shape
+    own_column = np.where(np.eye(steps, dtype=bool), missed, -np.inf)
+    worth = np.nan_to_num(np.hstack([scores, own_column]), neginf=NEVER)
+    _, columns = linear_sum_assignment(worth, maximize=True)
+    return [int(column) if column < segments else None for column in columns]
+
+
+def _laid(scores: FloatArray, missed: FloatArray) -> list[int | None]:
     """The best way to give steps (rows) segments (columns) in order; a step may be missed."""
     steps, segments = scores.shape
     best = np.full((steps + 1, segments + 1), -np.inf)
@@ -124,7 +139,7 @@ def _laid(scores: FloatArray) -> list[int | None]:
     choice = np.zeros((steps + 1, segments + 1), dtype=int)
     for i in range(1, steps + 1):
         for j in range(segments + 1):
-            options = [best[i - 1, j] + MISSED]
+            options = [best[i - 1, j] + missed[i - 1]]
             options.append(best[i, j - 1] - (SKIPPED if i < steps else 0.0) if j else -np.inf)
             options.append(best[i - 1, j - 1] + scores[i - 1, j - 1] if j else -np.inf)
             choice[i, j] = int(np.argmax(options))

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from oarlock.evaluation.suspects.text import axes_text, exchange_text, factor_text, stuck_text, turn_text
+from oarlock.recording.gyro_scale import gyro_per_gravity_turn
+from oarlock.recording.plausibility import GYRO_MAX_RAD_S
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, Stream
 from oarlock.storage.array_gate import FloatArray
@@ -112,10 +114,21 @@ def unit_factors(units: Sequence[ImuStream]) -> Iterator[Change]:
     """Wrong units of gyroscopes and accelerometers, if values are large or small: of each inertial unit, or of all."""
     for quantity, what, factor, low, high in _UNIT_FACTORS:
         there = [s for s in units if quantity in s.values and low < _largest(s.values[quantity]) < high]
+        if what == "in deg/s":
+            there = [s for s in there if _may_be_degrees(s)]
         for streams in _alone_and_all([s.name for s in there]):
             yield Change(
                 "unit", streams, factor_text(streams, quantity, what, factor), {}, (quantity,), factor
             )
+
+
+def _may_be_degrees(unit: ImuStream) -> bool:
+    """False where gravity in the accelerometer turns at the gyroscope's rate, or a limb merely turns fast.
+
+    Movement that is slow enough to stay below 40 deg/s shows in the direction of gravity.
+    """
+    ratio = gyro_per_gravity_turn(unit)
+    return _largest(unit.values["gyro_rad_s"]) > GYRO_MAX_RAD_S if ratio is None else ratio > MANY_TIMES
 
 
 def turns(names: Sequence[str]) -> Iterator[Change]:
@@ -226,4 +239,6 @@ _UNIT_FACTORS = (
     ("accel_m_s2", "in mg", GRAVITY_M_S2 / 1000.0, 500.0, np.inf),
     ("accel_m_s2", "converted from g twice", 1.0 / GRAVITY_M_S2, 40.0, np.inf),
 )
+MANY_TIMES = 10.0
+"""A gyroscope that reads so many times the rate of gravity may be in deg/s, which is 57 times."""
 _COMPASS_UNITS = (("in gauss", 100.0), ("in mG", 0.1), ("in nT", 0.001))

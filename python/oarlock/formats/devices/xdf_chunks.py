@@ -28,6 +28,8 @@ _NUMBERS = MappingProxyType(
 )
 _STAMPED = 8
 _MOST_NOTES = 5
+_LATEST_S = 1e11
+"""Stamps are seconds since a machine was started, or since 1970."""
 
 
 @dataclass(frozen=True)
@@ -164,8 +166,8 @@ def _take(tag: int, body: bytes, streams: dict[int, XdfStream]) -> None:
         streams[number] = _stream(number, body[4:])
     elif tag == _CLOCK_OFFSET:
         time_s, offset_s = struct.unpack_from("<2d", body, 4)
-        if np.isfinite([time_s, offset_s]).all():
-            streams[number].measured.append((time_s, offset_s))
+        _check_times(np.array([time_s, offset_s]))
+        streams[number].measured.append((time_s, offset_s))
     else:
         _samples(streams[number], body, 4)
 
@@ -201,15 +203,18 @@ def _samples(stream: XdfStream, body: bytes, at: int) -> None:
     if count > len(body):
         raise ValueError(f"it announces {count} samples")
     stamps = np.full(count, np.nan)
+    texts: list[list[str]] = []
+    values: list[NDArray[np.generic]] = []
     if stream.is_text:
-        texts = []
         for index in range(count):
             stamps[index], at = _stamp(body, at)
             sample, at = _texts(body, at, len(stream.channels))
             texts.append(sample)
-        stream.texts += texts
     else:
-        stream.values.append(_numbers(stream, body, at, stamps))
+        values.append(_numbers(stream, body, at, stamps))
+    _check_times(stamps[~np.isnan(stamps)])
+    stream.texts += texts
+    stream.values += values
     stream.stamps.append(_deduced(stamps, stream))
     stream.offsets_before.append(len(stream.measured))
 
@@ -234,9 +239,13 @@ def _stamp(body: bytes, at: int) -> tuple[float, int]:
     if _part(body, at, 1) == b"\0":
         return float("nan"), at + 1
     (stamp,) = struct.unpack("<d", _part(body, at + 1, 8))
-    if not np.isfinite(stamp):
-        raise ValueError(f"a stamp is {stamp}")
     return stamp, at + 9
+
+
+def _check_times(seconds: FloatArray) -> None:
+    odd = np.flatnonzero(~(np.abs(seconds) < _LATEST_S))
+    if odd.size:
+        raise ValueError(f"a stamp is {seconds[odd[0]]:g} s")
 
 
 def _texts(body: bytes, at: int, count: int) -> tuple[list[str], int]:

@@ -1,0 +1,94 @@
+"""`oarlock calibrate sagittal`: mounts of any orientation from standing still and ordinary movement."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from oarlock.cli.body import Mass, Stature, Units, chosen_body
+from oarlock.cli.calibrate_tree import OutFile, RecordingFolder, Start
+from oarlock.cli.options import Json, ModelName, Replace, Settings, assignments, example
+from oarlock.cli.terminal import free_file, number, print_json, say, steps, table, verb
+
+if TYPE_CHECKING:
+    from oarlock import Calibration
+
+HEADINGS = {
+    "movement": "its movement",
+    "north": "north of the other units",
+    "nominal": "the model (not found)",
+}
+
+
+def add_to(group: typer.Typer) -> None:
+    """Registers the verb."""
+    group.command(
+        "sagittal",
+        short_help="Find mounts from standing still and walking, squatting or reaching.",
+        epilog=example(
+            "oarlock calibrate sagittal rec --model lower_body --stature 1.78 --mass 74 --out cal.toml",
+            "oarlock calibrate sagittal rec --model lower_body --still 0 2 --out cal.toml",
+        ),
+    )(sagittal)
+
+
+@verb
+def sagittal(
+    recording: RecordingFolder,
+    model: ModelName,
+    out: OutFile,
+    settings: Settings = None,
+    stature_m: Stature = None,
+    mass_kg: Mass = None,
+    units: Units = None,
+    calibration: Start = None,
+    still: Annotated[
+        tuple[float, float] | None,
+        typer.Option("--still", metavar="START END", help="Stationary interval, s; default: the first one."),
+    ] = None,
+    force: Replace = False,
+    json_output: Json = False,
+) -> None:
+    """Find mounts from standing still and movement that is mostly forward and backward. They may be of any orientation.
+
+    Stand still for two seconds in the model's rest posture (upright, arms hanging, palms inward), then walk, squat or
+    reach.
+    """
+    import oarlock
+
+    free_file(out, force)
+    body = chosen_body(model, assignments(settings, "--set"), stature_m, mass_kg, units)
+    start_s, end_s = still or (None, None)
+    known = None if calibration is None else oarlock.load_calibration(calibration)
+    found = oarlock.calibrate_sagittal(
+        body, oarlock.load_recording(recording), start_s=start_s, end_s=end_s, calibration=known
+    )
+    found.save(out)
+    if json_output:
+        print_json({"calibration": out, "found": dict(found.noted)})
+        return
+    say(f"Wrote {out}", style="bold")
+    write_sagittal(found)
+    steps(f"oarlock track {recording} --model {model} --calibration {out} --out OUT")
+
+
+def write_sagittal(found: Calibration) -> None:
+    """Prints one line for each unit."""
+    import numpy as np
+
+    noted: Any = found.noted
+    start_s, end_s = noted["still_s"]
+    say(f"stood still from {start_s:.2f} to {end_s:.2f} s", indent=2)
+    table(
+        ["unit", "heading from", ">std deg", ">about one axis %"],
+        [
+            (
+                name,
+                HEADINGS[unit["heading_by"]],
+                number(np.degrees(unit["heading_std_rad"]), ".0f"),
+                number(100 * unit["share_about_one_axis"], ".0f"),
+            )
+            for name, unit in noted["sensor"].items()
+        ],
+    )

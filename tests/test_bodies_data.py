@@ -1,0 +1,162 @@
+"""Shipped bodies on public recordings of persons, without magnetometers."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+from scipy.signal import find_peaks
+from scipy.spatial.transform import Rotation
+
+import oarlock
+from local_data import local_folder
+from oarlock.recording.unit_names import assign_units, renamed
+
+# Rotations of the segments relative to the units, w x y z, set by hand by the authors of the example
+# (github.com/dlaidig/qmt, examples/full_body_tracking_basic_example.py, MIT licence).
+QMT_SENSOR_FROM_SEGMENT = {
+    "pelvis": (0.542, 0.542, 0.455, -0.455),
+    "lumbar": (0.455, 0.455, 0.542, -0.542),
+    "thorax": (0.579, 0.579, 0.406, -0.406),
+    "head": (0.406, 0.406, 0.579, -0.579),
+    "upper_arm_l": (0.488, 0.354, 0.449, -0.66),
+    "forearm_l": (0.482, 0.517, 0.517, -0.482),
+    "hand_l": (0.5, 0.5, 0.5, -0.5),
+    "upper_arm_r": (0.43, 0.467, 0.617, -0.465),
+    "forearm_r": (0.542, 0.455, 0.455, -0.542),
+    "hand_r": (0.46, 0.478, 0.622, -0.416),
+    "thigh_l": (0.172, -0.73, -0.661, 0.014),
+    "shank_l": (0.641, -0.299, -0.242, -0.664),
+    "foot_l": (-0.205, 0.158, 0.766, 0.588),
+    "thigh_r": (0.703, -0.182, 0.048, -0.686),
+    "shank_r": (0.282, -0.681, -0.624, -0.259),
+    "foot_r": (-0.158, 0.205, 0.588, 0.766),
+}
+QMT_WALKING_S = 100.0
+"""From here to the end, 140 s, the person walks; before, it stands and sits."""
+
+
+def of_body(place, body):
+    """A recording with its streams named as the units of a body, told by their names in the files."""
+    recording = oarlock.import_recording(place)
+    units = assign_units(body.sensor_names, recording.names).units
+    return renamed(recording, {stream: sensor for sensor, stream in units.items()})
+
+
+def worn(body, rotations):
+    offsets = {unit.name: unit.mount.offset for unit in body.describe().inertial_units}
+    return oarlock.Calibration(mounts={name: (rotations[name], offsets[name]) for name in offsets})
+
+
+def walked(name, kind):
+    body = oarlock.load_model(name)
+    place = local_folder("data/qmt_full_body") / "full_body_example_data.mat"
+    recording = of_body(place, oarlock.load_model("full_body")).only(body.sensor_names).low_passed(6.0)
+    mounts = {
+        unit: Rotation.from_quat(quat, scalar_first=True).inv().as_matrix()
+        for unit, quat in QMT_SENSOR_FROM_SEGMENT.items()
+    }
+    return oarlock.track(body, recording, worn(body, mounts), oarlock.Config(filter=kind))
+
+
+def check_walk(track):
+    swing = {}
+    walking = track.time_s > QMT_WALKING_S
+    for side in "rl":
+        knee = np.degrees(track[f"knee_flexion_{side}"].angle_rad[walking])
+        # The knee of a walking person: straight or nearly so in stance, 60 to 70 deg in swing (Perry and Burnfield
+        # 2010), and 5 to 10 deg for mounts that were set by eye.
+        assert -10.0 < np.percentile(knee, 2) < 15.0, side
+        assert 50.0 < np.percentile(knee, 98) < 85.0, side
+        steps, _ = find_peaks(knee, prominence=25.0, distance=12)
+        assert len(steps) in range(38, 44)
+        swing[side] = np.median(knee[steps])
+    assert abs(swing["r"] - swing["l"]) < 10.0
+
+
+def test_a_person_walks_with_lower_body():
+    track = walked("lower_body", "ukf")
+    check_walk(track)
+    sitting = (track.time_s > 60.0) & (track.time_s < 75.0)
+    for side in "rl":
+        assert 65.0 < np.degrees(np.median(track[f"knee_flexion_{side}"].angle_rad[sitting])) < 95.0
+        assert 50.0 < np.degrees(np.median(track[f"hip_flexion_{side}"].angle_rad[sitting])) < 90.0
+
+
+@pytest.mark.long
+def test_a_person_walks_with_full_body():
+    check_walk(walked("full_body", "ekf"))
+
+
+XIO_RIGHT = {
+    "pelvis": (0.0, -1.0, 0.0),
+    "thigh_r": (0.0, -0.7, 0.7),
+    "thigh_l": (0.0, -0.7, -0.7),
+    "shank_r": (0.0, -0.5, 0.7),
+    "shank_l": (0.0, -0.5, -0.7),
+    "foot_r": (0.0, -1.0, 0.0),
+    "foot_l": (0.0, -1.0, 0.0),
+}
+"""The person's right in the axes of each unit, within 45 deg, as the units are strapped on."""
+
+
+def standing_mount(stream, right):
+    """A segment stands upright in the first 1.6 s, and turns mostly about its right; the pelvis does not."""
+    rows = stream.time_s < stream.time_s[0] + 1.6
+    up = np.nanmean(stream.accel_m_s2[rows], axis=0)
+    up /= np.linalg.norm(up)
+    if stream.name != "pelvis":
+        gyro = stream.gyro_rad_s[np.isfinite(stream.gyro_rad_s).all(axis=1)]
+        level = gyro - np.outer(gyro @ up, up)
+        axis = np.linalg.svd(level, full_matrices=False)[2][0]
+        right = axis * np.sign(axis @ right)
+    right = right - up * (right @ up)
+    right /= np.linalg.norm(right)
+    return np.array([np.cross(up, right), up, right])
+
+
+@cache
+def stepping():
+    """The track of seven x-io units, their mounts, and the vendor's orientations."""
+    body = oarlock.load_model("lower_body", stature_m=1.78, mass_kg=75.0)
+    folder = local_folder("data/xio_imumocap_lower_body") / "Examples" / "logged_lower_body"
+    recording = of_body(folder, body)
+    mounts = {s.name: standing_mount(s, np.array(XIO_RIGHT[s.name])) for s in recording.streams}
+    vendor = {}
+    for name, start in (
+        ("thigh_r", "Right Upper"),
+        ("shank_r", "Right Lower"),
+        ("thigh_l", "Left Upper"),
+        ("shank_l", "Left Lower"),
+    ):
+        (own,) = folder.glob(f"{start}*")
+        rows = np.loadtxt(own / "Quaternion.csv", delimiter=",", skiprows=1)
+        vendor[name] = rows[:, 0] * 1e-6, rows[:, 1:]
+    return oarlock.track(body, recording, worn(body, mounts)), mounts, vendor
+
+
+def vendor_segment(vendor, mount, time_s):
+    stamps_s, quat = vendor
+    signs = np.cumprod(np.concatenate([[1.0], np.where((quat[1:] * quat[:-1]).sum(axis=1) < 0, -1.0, 1.0)]))
+    between = CubicSpline(stamps_s, quat * signs[:, None])(np.clip(time_s, stamps_s[0], stamps_s[-1]))
+    return Rotation.from_quat(between, scalar_first=True) * Rotation.from_matrix(mount).inv()
+
+
+@pytest.mark.parametrize("side", ["r", "l"])
+def test_knees_agree_with_the_vendor_s_orientations(side):
+    track, mounts, vendor = stepping()
+    knee = track[f"knee_flexion_{side}"].angle_rad
+    thigh, shank = (
+        vendor_segment(vendor[name], mounts[name], track.time_s)
+        for name in (f"thigh_{side}", f"shank_{side}")
+    )
+    ours = Rotation.from_euler("z", -knee[:, None])
+    turn = ((thigh.inv() * shank).inv() * ours).mean()
+    theirs = -(thigh.inv() * shank * turn).as_euler("ZXY")[:, 0]
+    assert np.degrees(np.ptp(knee)) > 80.0
+    assert np.degrees(np.sqrt(np.mean((knee - theirs) ** 2))) < 6.0
+
+
+def test_hips_and_knees_stay_within_their_ranges():
+    track, _, _ = stepping()
+    assert not [note for note in track.notes if "beyond" in note or "turns through" in note]
