@@ -1,4 +1,4 @@
-"""`fitted_axes`: the axes of two hinges in a row and the relative heading of the units at both ends, for `two_hinges`."""
+"""`fitted_axes`: axes of two hinges in a row and relative heading of the units at both ends, for `two_hinges`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ HUBER = 2.0
 
 @dataclass(frozen=True, eq=False)
 class AxesFit:
-    """A solution; the opposite of both axes is another.
+    """A solution; the opposite of each axis is another.
 
     Args:
         first: (3,) unit vector in the upper unit's axes.
@@ -30,6 +30,7 @@ class AxesFit:
         cosine: of the angle between them.
         heading_rad: (N,) turn about the vertical that takes the lower unit's world to the upper unit's.
         misfit_rad: root mean square of the change of the angle between the axes.
+        stds_rad: (2,) of the axes by the rows' own noise; large where the movement does not determine them.
         estimate: (9,) axes, heading and its drift, cosine.
         cost: of the robust fit.
     """
@@ -39,6 +40,7 @@ class AxesFit:
     cosine: float
     heading_rad: FloatArray
     misfit_rad: float
+    stds_rad: FloatArray
     estimate: FloatArray
     cost: float
 
@@ -80,11 +82,20 @@ def fitted_axes(
         return np.concatenate([residuals, known]), np.concatenate([slopes, priors])
 
     def solved(start: FloatArray) -> AxesFit:
-        estimate, _ = robust_fit(linearised, start, loss, moved=_moved, damping=DAMPING)
+        estimate, covariance = robust_fit(linearised, start, loss, moved=_moved, damping=DAMPING)
         residuals, _ = linearised(estimate)
         one, two, heading, drift, angle = _parts(estimate)
-        misfit = float(np.sqrt((residuals[:-2] ** 2).mean()) * MISFIT_STD_RAD / max(np.sqrt(1.0 - min(angle**2, 0.99)), 0.1))
-        return AxesFit(one, two, angle, heading + drift * late_s, misfit, estimate, loss(residuals)[0])
+        misfit = float(
+            np.sqrt((residuals[:-2] ** 2).mean())
+            * MISFIT_STD_RAD
+            / max(np.sqrt(1.0 - min(angle**2, 0.99)), 0.1)
+        )
+        # Axes are lines; of the two ends of the second, the one on the model's side of the first.
+        side = 1.0 if angle * cosine >= 0 else -1.0
+        stds = np.array([_across(one, covariance[:3, :3]), _across(two, covariance[3:6, 3:6])])
+        heading_rad = heading + drift * late_s
+        cost = loss(residuals)[0]
+        return AxesFit(one, side * two, side * angle, heading_rad, misfit, stds, estimate, cost)
 
     if near is not None:
         return solved(near.estimate)
@@ -93,6 +104,12 @@ def fitted_axes(
 
 def _parts(estimate: FloatArray) -> tuple[FloatArray, FloatArray, float, float, float]:
     return estimate[:3], estimate[3:6], float(estimate[6]), float(estimate[7]), float(estimate[8])
+
+
+def _across(axis: FloatArray, covariance: FloatArray) -> float:
+    """Largest standard deviation of an axis; a step along it turns nothing."""
+    across = np.eye(3) - np.outer(axis, axis)
+    return float(np.sqrt(max(np.linalg.eigvalsh(across @ covariance @ across)[-1], 0.0)))
 
 
 def _moved(before: FloatArray, step: FloatArray) -> FloatArray:

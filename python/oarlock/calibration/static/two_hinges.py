@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -131,7 +132,8 @@ class _Pair:
         fit = fitted_axes(time_s, turns[0], turns[1], angle)
         fits = [fitted_axes(np.delete(time_s, p), *(np.delete(t, p, axis=0) for t in turns), angle, fit)
                 for p in np.array_split(np.arange(len(time_s)), PARTS)]  # fmt: skip
-        stds = np.sqrt((PARTS - 1) / PARTS * np.array([fit.apart(f) ** 2 for f in fits]).sum(axis=0))
+        squares = np.array([fit.apart(f) ** 2 for f in fits]).sum(axis=0)
+        stds = np.sqrt((PARTS - 1) / PARTS * squares + fit.stds_rad**2)
         off = abs(float(np.arccos(np.clip(fit.cosine, -1, 1)) - np.arccos(np.clip(angle, -1, 1))))
         refused = self._refused(fit, stds, off)
         mounts = {} if refused else self._mounts(fit, stds, ups, turns, rest, nominal)
@@ -139,7 +141,7 @@ class _Pair:
 
     def _axes_in_links(self) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
         """Of each hinge its axis in the link above and in the link below, in the posture."""
-        parent, child = self.units
+        child = self.units[1]
         links = [self.body.root_from_link(n, self.q) for n in self.units]
         below = [self.body.axis_in_link(j, None, child, self.q)[0] for j in self.joints]
         above = [links[0].T @ links[1] @ axis for axis in below]
@@ -147,7 +149,7 @@ class _Pair:
 
     def _refused(self, fit: AxesFit, stds: FloatArray, off: float) -> str:
         figures = [
-            ("the units do not move as two hinges allow: the angle between the axes changes by", fit.misfit_rad, LARGEST_MISFIT_RAD),
+            ("the angle between the axes, which two hinges keep, changes by", fit.misfit_rad, LARGEST_MISFIT_RAD),
             ("the angle between the axes differs from the model's by", off, LARGEST_OFF_RAD),
             ("an axis has a standard deviation of", float(stds.max()), LARGEST_STD_RAD),
         ]  # fmt: skip
@@ -173,25 +175,23 @@ class _Pair:
         seen = turns[1][rest].mean(axis=0).T @ heading.T @ turns[0][rest].mean(axis=0) @ fit.first
         seen = seen / np.linalg.norm(seen)
         best: tuple[float, dict[str, SolvedMount]] | None = None
-        for one in (1.0, -1.0):
-            other = one * np.sign(fit.cosine * float(first[1] @ second[1])) if abs(fit.cosine) > 0.5 else 0.0
-            for two in (other,) if other else (1.0, -1.0):
-                sights = {
-                    self.units[0]: [
-                        _up(ups[0], in_links[0], self.posture_std_rad),
-                        _axis(one * fit.first, first[0], float(stds[0]), 0.0),
-                    ],
-                    self.units[1]: [
-                        _up(ups[1], in_links[1], self.posture_std_rad),
-                        _axis(two * fit.second, second[1], float(stds[1]), 0.0),
-                        _axis(one * seen, first[1], float(stds[0]), TWIST_STD_RAD),
-                    ],
-                }
-                solved = {n: solved_mount(s, nominal[n]) for n, s in sights.items()}
-                cost = sum(float(np.square(m.off_stds).sum()) for m in solved.values())
-                cost += self._beyond(solved, fit, turns) / self.posture_std_rad**2
-                if best is None or cost < best[0]:
-                    best = cost, solved
+        for one, two in product((1.0, -1.0), repeat=2):
+            sights = {
+                self.units[0]: [
+                    _up(ups[0], in_links[0], self.posture_std_rad),
+                    _axis(one * fit.first, first[0], float(stds[0]), 0.0),
+                ],
+                self.units[1]: [
+                    _up(ups[1], in_links[1], self.posture_std_rad),
+                    _axis(two * fit.second, second[1], float(stds[1]), 0.0),
+                    _axis(one * seen, first[1], float(stds[0]), TWIST_STD_RAD),
+                ],
+            }
+            solved = {n: solved_mount(s, nominal[n]) for n, s in sights.items()}
+            cost = sum(float(np.square(m.off_stds).sum()) for m in solved.values())
+            cost += self._beyond(solved, fit, turns) / self.posture_std_rad**2
+            if best is None or cost < best[0]:
+                best = cost, solved
         assert best is not None
         return best[1]
 
@@ -205,7 +205,9 @@ class _Pair:
         level = second[0] - first[0] * (first[0] @ second[0])
         joint = next(j for j in self.model.describe().joints if j.name == self.joints[0])
         angle = np.arctan2(now @ side, now @ level) + float(np.ravel(joint.rest)[0])
-        return float((np.maximum(0.0, np.maximum(joint.limits[0] - angle, angle - joint.limits[1])) ** 2).mean())
+        return float(
+            (np.maximum(0.0, np.maximum(joint.limits[0] - angle, angle - joint.limits[1])) ** 2).mean()
+        )
 
 
 def _about_up(angle_rad: FloatArray | float) -> FloatArray:
@@ -214,7 +216,14 @@ def _about_up(angle_rad: FloatArray | float) -> FloatArray:
 
 
 def _up(in_sensor: FloatArray, in_link: FloatArray, posture_std_rad: float) -> Sight:
-    return Sight("posture", "up", in_sensor, in_link, isotropic(in_link, ACCEL_STD), isotropic(in_link, posture_std_rad))
+    return Sight(
+        "posture",
+        "up",
+        in_sensor,
+        in_link,
+        isotropic(in_link, ACCEL_STD),
+        isotropic(in_link, posture_std_rad),
+    )
 
 
 def _axis(in_sensor: FloatArray, in_link: FloatArray, std_rad: float, posture_std_rad: float) -> Sight:
