@@ -47,7 +47,7 @@ class AxesFit:
     def apart(self, other: AxesFit) -> FloatArray:
         """(2,) angles between the axes of two solutions, rad."""
         cosines = [self.first @ other.first, self.second @ other.second]
-        return np.arccos(np.clip(np.abs(cosines), 0.0, 1.0))
+        return np.asarray(np.arccos(np.clip(np.abs(cosines), 0.0, 1.0)))
 
 
 def fitted_axes(

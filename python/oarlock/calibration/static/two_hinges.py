@@ -130,8 +130,10 @@ class _Pair:
         first, second = self._axes_in_links()
         angle = float(first[1] @ second[1])
         fit = fitted_axes(time_s, turns[0], turns[1], angle)
-        fits = [fitted_axes(np.delete(time_s, p), *(np.delete(t, p, axis=0) for t in turns), angle, fit)
-                for p in np.array_split(np.arange(len(time_s)), PARTS)]  # fmt: skip
+        fits = []
+        for part in np.array_split(np.arange(len(time_s)), PARTS):
+            upper, lower = (np.delete(t, part, axis=0) for t in turns)
+            fits.append(fitted_axes(np.delete(time_s, part), upper, lower, angle, fit))
         squares = np.array([fit.apart(f) ** 2 for f in fits]).sum(axis=0)
         stds = np.sqrt((PARTS - 1) / PARTS * squares + fit.stds_rad**2)
         off = abs(float(np.arccos(np.clip(fit.cosine, -1, 1)) - np.arccos(np.clip(angle, -1, 1))))
