@@ -20,6 +20,7 @@ from oarlock.calibration.session.body import Body
 from oarlock.calibration.session.unit_rows import UnitRows, common
 from oarlock.calibration.static.pose_mounts import calibrate_pose, rest_posture
 from oarlock.calibration.static.sagittal_signs import flexion_signs
+from oarlock.calibration.static.two_hinges import two_hinges
 from oarlock.calibration.static.worn_model import Worn
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
 from oarlock.recording.calibration import Calibration
@@ -134,6 +135,12 @@ def calibrate_sagittal(
         for name in names
     }
     stds = {name: _stds(body, q, name, posture_std_rad, headings[name][1]) for name in names}
+    streams = {name: _unit(measured, name) for name in names}
+    nominal = {name: rotation for name, (rotation, _) in mounts.items()}
+    pairs = two_hinges(worn.model, body, q, streams, nominal, still_s, posture_std_rad)
+    for name, solved in (m for pair in pairs for m in pair.mounts.items()):
+        mounts[name], stds[name] = (solved.link_from_sensor, worn.offsets[name]), solved.std_rad
+        how[name] = "two hinges"
     noted = {
         "how": "standing still and sagittal movement",
         "still_s": list(still_s),
@@ -145,6 +152,7 @@ def calibrate_sagittal(
             }
             for name in names
         },
+        "two_hinges": [pair.noted() for pair in pairs],
     }
     found = worn.calibrated(mounts, noted)
     return replace(found, mount_stds_rad={**found.mount_stds_rad, **stds})
