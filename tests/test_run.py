@@ -48,3 +48,23 @@ def test_a_step_that_fails_ends_it(recording, tmp_path):
 def test_two_sources_of_mounts_contradict_each_other(recording, tmp_path):
     both = ("--session", recording, "--calibration", tmp_path / "cal.toml")
     run("run", recording, "--body", "lower_body", *both, "--out", tmp_path / "out", status=2)
+
+
+def test_a_folder_that_exists_is_replaced_only_with_force(recording, tmp_path):
+    command = ("run", recording, "--body", "lower_body", "--out", tmp_path / "out")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out/calibration.toml").write_text("mine")
+    run(*command, status=2)
+    assert (tmp_path / "out/calibration.toml").read_text() == "mine"
+    run(*command, "--force")
+    assert (tmp_path / "out/track/report.html").is_file()
+
+
+def test_a_calibration_is_used_as_it_is(recording, tmp_path):
+    known = tmp_path / "cal.toml"
+    run("calibrate", "sagittal", recording, *BODY, "--out", known)
+    out = tmp_path / "out"
+    said = run("run", recording, "--body", "lower_body", "--calibration", known, "--out", out).output
+    assert "$ oarlock calibrate" not in said and not (out / "calibration.toml").exists()
+    assert said.count("$ oarlock ") == 1 and "$ oarlock track" in said
+    assert (out / "track/report.html").is_file()

@@ -1,4 +1,4 @@
-"""`calibrate_sagittal`: mounts of any orientation from standing still and movement that is mostly forward and backward."""
+"""`calibrate_sagittal`: mounts of any orientation from standing still and mostly sagittal movement."""
 
 from dataclasses import replace
 

@@ -41,7 +41,7 @@ class Walk:
 
 
 def _about_up(turn: Rotation) -> float:
-    x, y, z, w = turn.as_quat()
+    _, y, _, w = turn.as_quat()
     return float(2.0 * np.arctan2(y, w) if w >= 0.0 else 2.0 * np.arctan2(-y, -w))
 
 
