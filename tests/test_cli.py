@@ -13,6 +13,7 @@ from oarlock.cli import settings, terminal
 VERBS = (
     *((verb,) for verb in ("bench", "demo", "simulate", "strokes", "track", "evaluate", "compare", "report")),
     *(("export",), ("import", "apdm"), ("import", "csv"), ("calibrate", "chain"), ("calibrate", "session")),
+    *(("run",), ("calibrate", "sagittal")),
     *(("model", verb) for verb in ("list", "show", "check", "copy")),
 )
 
