@@ -12,7 +12,7 @@ import typer
 
 from oarlock.cli.body import Mass, Stature, Units
 from oarlock.cli.options import Force, example
-from oarlock.cli.terminal import UsageError, heading, say, steps, verb, without_next_steps
+from oarlock.cli.terminal import UsageError, say, steps, verb, without_next_steps
 
 
 def add_to(app: typer.Typer) -> None:
@@ -109,7 +109,7 @@ class _Steps:
         """Run one verb; returns what it wrote. With `may_fail` a status other than 0 ends nothing if it wrote."""
         target = self.out / out
         command = [str(word) for word in (*words, "--out", target, *(["--force"] if self.force else []))]
-        heading(f"$ oarlock {shlex.join(command)}")
+        typer.echo(f"\n$ oarlock {shlex.join(command)}")  # on one line, so that it can be copied
         status = _status(command)
         if status and not (may_fail and target.exists()):
             raise typer.Exit(status)
