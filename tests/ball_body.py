@@ -15,6 +15,8 @@ from oarlock.tracking.records import Beliefs
 from oarlock.tracking.track import Track
 
 Floats = NDArray[np.float64]
+STEP = 1e-5
+"""Of central differences, rad or m: errors of 1e-10."""
 
 COORDINATES = {
     "hinge": ("",),
@@ -35,6 +37,7 @@ class BallBody:
     name, text, path, description = "ball_body", "", "", ""
     parameters: dict[str, float] = {}  # noqa: RUF012
     sensor_names: tuple[str, ...] = ()
+    length_names: tuple[str, ...] = ()
 
     def __init__(self, kinds: dict[str, str] = ARM) -> None:
         self.kinds = kinds
@@ -95,6 +98,33 @@ class BallBody:
             turned = poses[..., k - 1, :, :] @ _move(self.kinds.get(joint, ""), values, link)
             poses[..., k, :, :] = turned
         return poses
+
+    def frame_jacobian(
+        self, q: Floats, frames: list[str], lengths: Floats | None = None
+    ) -> tuple[Floats, Floats]:
+        """Central differences (T, K, 6, n): moves and turns in root axes; of balls about the child's axes."""
+        chosen = [self.frame_names.index(name) for name in frames]
+        columns = [self._moved(q, k, STEP) for k in range(len(self.coordinate_names))]
+        found = np.stack([a[:, chosen] - b[:, chosen] for a, b in columns], axis=-1) / (2.0 * STEP)
+        here = self.forward_kinematics(q)[:, chosen, :3, :3]
+        spins = np.einsum("tkijn,tklj->tkiln", found[..., :3, :3, :], here)
+        turns = np.stack([spins[:, :, 2, 1], spins[:, :, 0, 2], spins[:, :, 1, 0]], axis=2)
+        whole = np.concatenate([found[..., :3, 3, :], turns], axis=2)
+        return whole, np.zeros((*whole.shape[:2], 3, 0))
+
+    def _moved(self, q: Floats, k: int, step: float) -> tuple[Floats, Floats]:
+        """Poses with one coordinate, or one axis of a ball, moved forward and back."""
+        name, found = self.coordinate_names[k], []
+        for sign in (1.0, -1.0):
+            moved = np.array(q, dtype=float)
+            if name.endswith((".rx", ".ry", ".rz")):
+                ball = slice(k - "xyz".index(name[-1]), k - "xyz".index(name[-1]) + 3)
+                turn = Rotation.from_rotvec(sign * step * np.eye(3)["xyz".index(name[-1])])
+                moved[:, ball] = (Rotation.from_rotvec(moved[:, ball]) * turn).as_rotvec()
+            else:
+                moved[:, k] += sign * step
+            found.append(self.forward_kinematics(moved))
+        return found[0], found[1]
 
 
 def _move(kind: str, values: Floats, link: str) -> Floats:

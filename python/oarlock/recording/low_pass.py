@@ -31,10 +31,11 @@ def _filtered(stream: ImuStream, cutoff_hz: float) -> Stream:
     moving = [name for name in stream.values if name != "mag_ut"] or list(stream.values)
     parts = [moving, [name for name in stream.values if name not in moving]]
     kept = np.zeros(len(stream), dtype=bool)
+    silent = np.isnan(np.hstack([v.reshape(len(v), -1) for v in stream.values.values()])).all(axis=1)
     values = {name: np.full(v.shape, np.nan) for name, v in stream.values.items()}
     for names in filter(None, parts):
         columns = np.hstack([stream.values[name] for name in names])
-        rows = np.flatnonzero(np.isfinite(columns).any(axis=1))
+        rows = np.flatnonzero(np.isfinite(columns).any(axis=1) | silent)
         if len(rows) < 2:
             return stream
         own = stream.time_s[rows]
