@@ -85,8 +85,8 @@ def test_a_unit_that_turns_about_no_axis_takes_the_north_of_the_others(model):
 def test_without_magnetometers_it_keeps_the_nominal_heading_and_says_so(found):
     for cal in found:
         assert headings(cal)["pelvis"] == "nominal"
-        assert cal.noted["sensor"]["pelvis"]["heading_std_rad"] == pytest.approx(np.radians(60.0))
-        assert cal.mount_stds_rad["pelvis"][1] == pytest.approx(np.radians(60.0), rel=0.01)
+        assert cal.noted["sensor"]["pelvis"]["heading_std_rad"] == pytest.approx(np.pi / np.sqrt(3.0))
+        assert cal.mount_stds_rad["pelvis"][1] == pytest.approx(np.pi / np.sqrt(3.0), rel=0.01)
 
 
 def test_a_magnetometer_of_its_own_rate_gives_the_same_north(model):
@@ -148,3 +148,13 @@ def test_seven_units_on_hips_and_legs(tmp_path):
     for knee in ("knee_flexion_r", "knee_flexion_l"):
         angle_deg = np.degrees(track[knee].angle_rad)
         assert angle_deg.min() > -10.0 and angle_deg.max() < 145.0
+
+
+def test_legs_without_a_pelvis_may_face_either_way():
+    """A thigh alone swings as far back as forward, and its knee allows both, so the search must not claim to know."""
+    one = walk(2)
+    worn = ["thigh_r", "shank_r", "foot_r"]
+    leg = oarlock.load_model("lower_body").with_units(worn)
+    found = oarlock.calibrate_sagittal(leg, one.recording.only(worn))
+    assert headings(found)["thigh_r"] == "movement, either way"
+    assert found.noted["sensor"]["thigh_r"]["heading_std_rad"] == pytest.approx(np.pi / np.sqrt(3.0))

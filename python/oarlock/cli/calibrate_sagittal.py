@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 HEADINGS = {
     "movement": "its movement",
+    "movement, either way": "its movement; forward or backward is not determined",
     "north": "north of the other units",
     "nominal": "the model (not found)",
 }

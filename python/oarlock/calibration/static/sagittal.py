@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from oarlock.calibration.session.body import Body
 from oarlock.calibration.session.unit_rows import UnitRows, common
 from oarlock.calibration.static.pose_mounts import calibrate_pose, rest_posture
-from oarlock.calibration.static.sagittal_signs import flexion_signs
+from oarlock.calibration.static.sagittal_signs import flexion_signs, unsure_signs
 from oarlock.calibration.static.two_hinges import two_hinges
 from oarlock.calibration.static.worn_model import Worn
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
@@ -41,9 +41,11 @@ PLANE_STD_RAD = float(np.radians(8.0))
 """How far the plane of ordinary movement is from the sagittal one."""
 NORTH_STD_RAD = float(np.radians(15.0))
 """Of magnetometers that are not calibrated, indoors."""
-UNKNOWN_STD_RAD = float(np.radians(60.0))
+UNKNOWN_STD_RAD = float(np.pi / np.sqrt(3.0))
+"""Of a heading that may be any."""
 LEAST_STILL_S = 0.5
 PARTS = 8
+EITHER_WAY = "movement, either way"
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +97,8 @@ def calibrate_sagittal(
 
     Returns:
         The starting calibration with mounts and their standard deviations (3,) rad about the link's axes. ``noted`` has
-        for each unit how its heading was found (`movement`, `north`, or `nominal`), its standard deviation, and the
+        for each unit how its heading was found (`movement`, `movement, either way` where the joints allow both
+        directions, `north`, or `nominal`), its standard deviation, and the
         share of the turning that was about one level axis.
 
     Raises:
@@ -123,10 +126,15 @@ def calibrate_sagittal(
     clear = {name: swing for name, swing in swings.items() if swing.clear}
     if not clear:
         raise DataError(_no_axis_text(swings))
-    signs = flexion_signs(worn.model, body, q, {n: (s.time_s, s.angle_rad) for n, s in clear.items()})
-    headings = {n: (s.heading_rad + (0.0 if signs[n] > 0 else np.pi), s.std_rad) for n, s in clear.items()}
+    turns = {n: (s.time_s, s.angle_rad) for n, s in clear.items()}
+    signs = flexion_signs(worn.model, body, q, turns)
+    unsure = unsure_signs(worn.model, body, q, turns, signs)
+    headings = {
+        n: (s.heading_rad + (0.0 if signs[n] > 0 else np.pi), UNKNOWN_STD_RAD if n in unsure else s.std_rad)
+        for n, s in clear.items()
+    }
     norths = {n: _north(_unit(measured, n), worn.rotations[n], body, q, still_s) for n in names}
-    how = dict.fromkeys(names, "movement")
+    how = {name: EITHER_WAY if name in unsure else "movement" for name in names}
     for name in names:
         if name not in clear:
             headings[name], how[name] = _by_north(name, headings, norths)

@@ -26,6 +26,8 @@ BALL_RANGE_RAD = (-1.0, 3.0)
 NOMINAL = 1e-4
 """Cost of the opposite of the nominal mount, rad2: it decides where the limits do not."""
 SIGNS = (1, -1)
+TIMES, LEAST_RAD2 = 4.0, 0.003
+"""A sign is sure if the other one takes joints beyond their limits by twice as much (RMS), and by 3 deg at least."""
 
 
 def flexion_signs(model: Model, body: Body, q: FloatArray, turns: Turns) -> dict[str, int]:
@@ -118,3 +120,25 @@ def _range(model: Model, body: Body, q: FloatArray, name: str, above: frozenset[
                 ends = [limit - float(np.ravel(joint.rest)[0]) for limit in joint.limits]
                 low, high = (low + ends[0], high + ends[1]) if along > 0 else (low - ends[1], high - ends[0])
     return low, high
+
+
+def unsure_signs(model: Model, body: Body, q: FloatArray, turns: Turns, signs: Mapping[str, int]) -> set[str]:
+    """Units that could as well face the other way, alone or with all units below them: their joints allow both."""
+
+    def cost(chosen: Mapping[str, int]) -> float:
+        pairs = [(name, _above(body, name, turns)) for name in turns]
+        return sum(
+            _beyond(
+                model, body, q, turns, None if above is None else (above, chosen[above]), (name, chosen[name])
+            )
+            for name, above in pairs
+        )
+
+    best, unsure = cost(signs), set()
+    for name in turns:
+        below = {n for n in turns if n == name or body.turns_with[name] < body.turns_with[n]}
+        for turned in ({name}, below):
+            other = {n: -sign if n in turned else sign for n, sign in signs.items()}
+            if cost(other) < TIMES * best + LEAST_RAD2:
+                unsure |= turned
+    return unsure

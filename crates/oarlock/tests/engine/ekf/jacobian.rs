@@ -16,12 +16,15 @@ const STEP: f64 = 1e-3;
 /// Against the largest entry of its row or the reading itself, whichever is more: a hundred times what the difference leaves.
 const SAME_SLOPE: f64 = 1e-10;
 
+/// The shipped models but those of persons, whose left sides and parts only the package makes.
 fn shipped() -> Vec<(String, String)> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../python/oarlock/model/shipped");
     let files = std::fs::read_dir(folder).expect("the models are there").map(|f| f.expect("a file").path());
     let models = files.filter(|f| f.extension().is_some_and(|e| e == "toml"));
     let name = |f: std::path::PathBuf| f.file_stem().expect("a name").to_string_lossy().into_owned();
-    models.map(name).map(|n| (n.clone(), whole(&n))).collect()
+    let texts = models.map(name).map(|n| (n.clone(), whole(&n)));
+    let is_mirrored = |text: &str| text.parse::<toml::Table>().is_ok_and(|table| table.contains_key("mirror"));
+    texts.filter(|(_, text)| !is_mirrored(text)).collect()
 }
 
 /// Somewhere in the state space: angles and rates of order one, lengths near what the model says.
