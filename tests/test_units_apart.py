@@ -9,7 +9,7 @@ from validation import ours
 from validation.scores import relative_error_rad, rmse_deg
 
 from local_data import local_folder
-from oarlock import Recording
+from oarlock import Config, Recording
 from oarlock.formats.datasets.dfjimu import BODIES, read_dfjimu, read_dfjimu_reference
 
 pytestmark = pytest.mark.data
@@ -28,8 +28,9 @@ def sampled_later(stream, delay_s):
     return replace(stream, time_s=at_s, gyro_rad_s=gyro, accel_m_s2=accel)
 
 
-def error_deg(recording, reference):
-    estimate = next(ours.track_dfjimu(recording))
+def error_deg(recording, reference, **settings):
+    config = Config(**{**ours.WITH_LENGTHS.to_dict(), **settings})
+    estimate = next(ours.track_dfjimu(recording, config))
     return rmse_deg(relative_error_rad(estimate, reference, BODIES), reference.time_s > SETTLED_S)
 
 
@@ -42,6 +43,17 @@ def test_units_that_sample_apart_find_their_heading_all_the_same(trial, delay_s)
     assert np.diff(together[BODIES[0]].time_s).mean() == pytest.approx(0.02, rel=0.01)
     late = sampled_later(together[BODIES[1]], delay_s)
     apart = Recording([together[BODIES[0]], late], together.meta)
-    found, known = error_deg(apart, reference), error_deg(together, reference)
+    found, known = error_deg(apart, reference, sample_rate_hz=0.0), error_deg(together, reference)
     print(f"{trial}, {1e3 * delay_s:g} ms apart: {found:.2f} deg, together {known:.2f}")
     assert found < known + COSTS_DEG
+
+
+@pytest.mark.long
+@pytest.mark.xfail(strict=True, reason="samples at 50 Hz cost 1.4 to 2.6 deg: two units need every instant")
+@pytest.mark.parametrize("trial", ["2D_01", "3D_05"])
+def test_the_sampling_that_tracking_finds_is_as_good(trial):
+    file = local_folder("data/dfjimu") / f"data_{trial}.mat"
+    together, reference = read_dfjimu(file), read_dfjimu_reference(file)
+    late = sampled_later(together[BODIES[1]], 0.002)
+    apart = Recording([together[BODIES[0]], late], together.meta)
+    assert error_deg(apart, reference) < error_deg(together, reference) + COSTS_DEG

@@ -39,12 +39,13 @@ WITH_LENGTHS = Config(estimate=("gyro_bias", "accel_bias", "lengths"))
 """Lever arms are known to a centimetre, or not at all: they are states with the model file's standard deviations."""
 
 
-def track_dfjimu(recording: Recording) -> Iterator[Estimate]:
+def track_dfjimu(recording: Recording, config: Config | None = None) -> Iterator[Estimate]:
     """Root attitude and a ball joint: the bodies' frames lie in the joint and have the axes of their units."""
     joint = cast(Mapping[str, list[float]], recording.meta["joint_in_sensor_m"])
     sensors = zip(("r1", "r2"), BODIES, strict=True)
     levers = {f"{r}_{a}": -x for r, body in sensors for a, x in zip("xyz", joint[body], strict=True)}
-    return _tracked("dfjimu", recording, BODIES, Calibration(parameters=levers), WITH_LENGTHS)
+    chosen = WITH_LENGTHS if config is None else config
+    return _tracked("dfjimu", recording, BODIES, Calibration(parameters=levers), chosen)
 
 
 def track_diodem(recording: Recording) -> Iterator[Estimate]:
