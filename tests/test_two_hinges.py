@@ -80,6 +80,21 @@ def test_mounts_of_any_orientation_are_within_their_standard_deviations(model, s
         assert np.abs(off / found.mount_stds_rad[name]).max() < STDS_BOUND, (name, np.degrees(off))
 
 
+def test_the_verb_shows_mounts_of_an_elbow_with_their_own_standard_deviations(model, tmp_path):
+    _, recording = recorded(model, reaching(model, 0), 0)
+    recording.save(tmp_path / "reach")
+    body = ("--model", "arm", "--stature", 1.78, "--mass", 75, "--units", ",".join(UNITS))
+    out = tmp_path / "cal.toml"
+    shown = run("calibrate", "sagittal", tmp_path / "reach", *body, "--still", *STILL_S, "--out", out).output
+    found = oarlock.load_calibration(out)
+    for name in ELBOW:
+        unit = found.noted["sensor"][name]
+        # The vertical is the long axis of a hanging arm, but for the elbow's carrying angle.
+        assert unit["heading_std_rad"] == pytest.approx(found.mount_stds_rad[name][1], rel=0.1)
+        (line,) = (line for line in shown.splitlines() if line.split()[:1] == [name])
+        assert f"{np.degrees(unit['heading_std_rad']):.0f}" in line.split()
+
+
 def test_an_elbow_that_does_not_bend_is_refused(model):
     _, recording = recorded(model, reaching(model, 0, flexion=0.0), 0)
     found = calibrate_sagittal(model, recording, start_s=STILL_S[0], end_s=STILL_S[1])

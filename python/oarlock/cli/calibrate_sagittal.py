@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 HEADINGS = {
     "movement": "its movement",
     "movement, either way": "its movement; forward or backward is not determined",
+    "two hinges": "both hinges between the units",
     "north": "north of the other units",
     "nominal": "the model (not found)",
 }

@@ -98,8 +98,8 @@ def calibrate_sagittal(
     Returns:
         The starting calibration with mounts and their standard deviations (3,) rad about the link's axes. ``noted`` has
         for each unit how its heading was found (`movement`, `movement, either way` where the joints allow both
-        directions, `north`, or `nominal`), its standard deviation, and the
-        share of the turning that was about one level axis.
+        directions, `two hinges`, `north`, or `nominal`), its standard deviation, and the share of the turning that was
+        about one level axis.
 
     Raises:
         DataError: as `calibrate_pose`; no unit turns about a clear axis.
@@ -142,12 +142,15 @@ def calibrate_sagittal(
         name: (_turned(body, q, name, headings[name][0]) @ worn.rotations[name], worn.offsets[name])
         for name in names
     }
-    stds = {name: _stds(body, q, name, posture_std_rad, headings[name][1]) for name in names}
+    heading_stds = {name: std_rad for name, (_, std_rad) in headings.items()}
+    stds = {name: _stds(body, q, name, posture_std_rad, heading_stds[name]) for name in names}
     streams = {name: _unit(measured, name) for name in names}
     nominal = {name: rotation for name, (rotation, _) in mounts.items()}
     pairs = two_hinges(worn.model, body, q, streams, nominal, still_s, posture_std_rad)
     for name, solved in (m for pair in pairs for m in pair.mounts.items()):
         mounts[name], stds[name] = (solved.link_from_sensor, worn.offsets[name]), solved.std_rad
+        up, _, _ = _level(body, q, name)
+        heading_stds[name] = float(np.sqrt(up @ solved.covariance @ up))
         how[name] = "two hinges"
     noted = {
         "how": "standing still and sagittal movement",
@@ -155,7 +158,7 @@ def calibrate_sagittal(
         "sensor": {
             name: {
                 "heading_by": how[name],
-                "heading_std_rad": headings[name][1],
+                "heading_std_rad": heading_stds[name],
                 "share_about_one_axis": swings[name].share,
             }
             for name in names
