@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -82,11 +82,11 @@ class Body:
     def above(self, joint: str, child: str) -> str | None:
         """The nearest unit on the other side of a joint, seen from a unit below it; None is the root."""
         turning = set(self.joints[joint])
-        others = [
-            u
-            for u in self.units
-            if not turning & self.turns_with[u] and self.turns_with[u] < self.turns_with[child]
-        ]
+        return self.unit_above(child, (u for u in self.units if not turning & self.turns_with[u]))
+
+    def unit_above(self, child: str, among: Iterable[str]) -> str | None:
+        """The nearest of some units on the way from a unit to the root; None if there is none."""
+        others = [u for u in among if self.turns_with[u] < self.turns_with[child]]
         return max(others, key=lambda u: len(self.turns_with[u]), default=None)
 
     def below(self, joint: str) -> list[str]:

@@ -67,7 +67,7 @@ def fitted_axes(
 
     def linearised(estimate: FloatArray) -> tuple[FloatArray, FloatArray]:
         one, two, heading, drift, angle = _parts(estimate)
-        turned = _about_up(heading + drift * late_s) @ lower
+        turned = about_up(heading + drift * late_s) @ lower
         a, b = upper @ one, turned @ two
         by_one = np.cross(one, np.einsum("nij,ni->nj", upper, b))
         by_two = np.cross(two, np.einsum("nij,ni->nj", turned, a))
@@ -126,5 +126,6 @@ def _starts() -> list[FloatArray]:
     return [np.concatenate([a.reshape(-1), [h, 0.0, 0.0]]) for a, h in zip(axes, headings, strict=True)]
 
 
-def _about_up(angle_rad: FloatArray) -> FloatArray:
+def about_up(angle_rad: FloatArray | float) -> FloatArray:
+    """(..., 3, 3) turns about the third axis."""
     return matrix_from_quat(quat_from_rotvec(np.multiply.outer(angle_rad, [0.0, 0.0, 1.0])))

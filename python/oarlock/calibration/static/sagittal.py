@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from oarlock.calibration.session.body import Body
 from oarlock.calibration.session.unit_rows import UnitRows, common
 from oarlock.calibration.static.pose_mounts import calibrate_pose, rest_posture
-from oarlock.calibration.static.sagittal_signs import flexion_signs, unsure_signs
+from oarlock.calibration.static.sagittal_signs import facing
 from oarlock.calibration.static.two_hinges import two_hinges
 from oarlock.calibration.static.worn_model import Worn
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
@@ -72,6 +72,88 @@ class _Swing:
         return self.share >= LEAST_SHARE and float(np.ptp(self.angle_rad)) >= LEAST_SWING_RAD
 
 
+@dataclass(frozen=True)
+class _Heading:
+    """The turn about the vertical that a mount lacks, its standard deviation, and how it was found."""
+
+    angle_rad: float
+    std_rad: float
+    by: str
+
+
+@dataclass(frozen=True, eq=False)
+class _Standing:
+    """The units of a body in its still posture.
+
+    Args:
+        body: links of the units.
+        q: (n,) the posture.
+        units: corrected streams.
+        rotations: unit -> (3, 3), link from sensor, right but for a turn about the vertical.
+        still_s: the stretch in the posture.
+    """
+
+    body: Body
+    q: FloatArray
+    units: Mapping[str, ImuStream]
+    rotations: Mapping[str, FloatArray]
+    still_s: tuple[float, float]
+
+    def level(self, name: str) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Up, forward and lateral (to the right) of the posture in a link's axes."""
+        link_from_root = self.body.root_from_link(name, self.q).T
+        right = np.cross(self.body.forward, self.body.up)
+        return link_from_root @ self.body.up, link_from_root @ self.body.forward, link_from_root @ right
+
+    def rests(self, time_s: FloatArray) -> NDArray[np.bool_]:
+        """(T,) whether the stamps are in the still stretch."""
+        return np.asarray((time_s >= self.still_s[0]) & (time_s <= self.still_s[1]))
+
+    def swing(self, name: str) -> _Swing:
+        """The level axis about which a unit turns most."""
+        stream = self.units[name]
+        assert stream.gyro_rad_s is not None
+        known = np.isfinite(stream.gyro_rad_s).all(axis=1)
+        time_s, gyro = stream.time_s[known], stream.gyro_rad_s[known]
+        rest = self.rests(time_s)
+        rates = (gyro - gyro[rest].mean(axis=0)) @ self.rotations[name].T
+        _, forward, right = self.level(name)
+        level = np.stack([rates @ right, rates @ forward], axis=1)
+        heading, share = _principal(level)
+        parts = np.array_split(np.arange(len(level)), PARTS)
+        others = [_principal(np.delete(level, part, axis=0))[0] for part in parts]
+        off = (np.array(others) - heading + np.pi / 2) % np.pi - np.pi / 2
+        jackknife = float(np.sqrt((PARTS - 1) / PARTS * (off**2).sum()))
+        about = level @ np.array([np.cos(heading), np.sin(heading)])
+        angle = np.concatenate([[0.0], np.cumsum(0.5 * (about[1:] + about[:-1]) * np.diff(time_s))])
+        std_rad = float(np.hypot(jackknife, PLANE_STD_RAD))
+        return _Swing(time_s, angle - angle[rest].mean(), heading, std_rad, share)
+
+    def turned(self, name: str, heading_rad: float) -> FloatArray:
+        """The mount (3, 3) of a unit, turned about the vertical: the axis at this angle becomes the lateral one."""
+        up, _, _ = self.level(name)
+        # A positive turn about up takes forward to the left, so forward goes to lateral by a negative one.
+        return np.asarray(matrix_from_quat(quat_from_rotvec(-heading_rad * up)) @ self.rotations[name])
+
+    def north_rad(self, name: str) -> float | None:
+        """Angle of magnetic north from lateral to forward in the still stretch, by the mount before its turn."""
+        stream = self.units[name]
+        if stream.mag_ut is None:
+            return None
+        rows = stream.mag_ut[self.rests(stream.time_s)]
+        rows = rows[np.isfinite(rows).all(axis=1)]
+        if not len(rows):
+            return None
+        _, forward, right = self.level(name)
+        field = self.rotations[name] @ rows.mean(axis=0)
+        return float(np.arctan2(field @ forward, field @ right))
+
+    def stds_rad(self, name: str, posture_std_rad: float, heading_std_rad: float) -> FloatArray:
+        """(3,) about the link's axes: the heading's about the vertical, the posture's about the others."""
+        up, _, _ = self.level(name)
+        return np.sqrt(posture_std_rad**2 * (1.0 - up**2) + heading_std_rad**2 * up**2)
+
+
 def calibrate_sagittal(
     model: Model,
     recording: Recording,
@@ -122,51 +204,54 @@ def calibrate_sagittal(
     body, q = Body.of(worn.model, names), rest_posture(worn.model, pose)
     noted_still: Any = upright.noted["still_s"]
     still_s = (float(noted_still[0]), float(noted_still[1]))
-    swings = {name: _swing(_unit(measured, name), worn.rotations[name], body, q, still_s) for name in names}
-    clear = {name: swing for name, swing in swings.items() if swing.clear}
-    if not clear:
-        raise DataError(_no_axis_text(swings))
-    turns = {n: (s.time_s, s.angle_rad) for n, s in clear.items()}
-    signs = flexion_signs(worn.model, body, q, turns)
-    unsure = unsure_signs(worn.model, body, q, turns, signs)
-    headings = {
-        n: (s.heading_rad + (0.0 if signs[n] > 0 else np.pi), UNKNOWN_STD_RAD if n in unsure else s.std_rad)
-        for n, s in clear.items()
-    }
-    norths = {n: _north(_unit(measured, n), worn.rotations[n], body, q, still_s) for n in names}
-    how = {name: EITHER_WAY if name in unsure else "movement" for name in names}
-    for name in names:
-        if name not in clear:
-            headings[name], how[name] = _by_north(name, headings, norths)
-    mounts = {
-        name: (_turned(body, q, name, headings[name][0]) @ worn.rotations[name], worn.offsets[name])
-        for name in names
-    }
-    heading_stds = {name: std_rad for name, (_, std_rad) in headings.items()}
-    stds = {name: _stds(body, q, name, posture_std_rad, heading_stds[name]) for name in names}
-    streams = {name: _unit(measured, name) for name in names}
-    nominal = {name: rotation for name, (rotation, _) in mounts.items()}
-    pairs = two_hinges(worn.model, body, q, streams, nominal, still_s, posture_std_rad)
+    standing = _Standing(body, q, {name: _unit(measured, name) for name in names}, worn.rotations, still_s)
+    swings = {name: standing.swing(name) for name in names}
+    headings = _headings(standing, swings)
+    mounts = {name: standing.turned(name, headings[name].angle_rad) for name in names}
+    pairs = two_hinges(worn.model, body, q, standing.units, mounts, still_s, posture_std_rad)
+    stds = {name: standing.stds_rad(name, posture_std_rad, headings[name].std_rad) for name in names}
     for name, solved in (m for pair in pairs for m in pair.mounts.items()):
-        mounts[name], stds[name] = (solved.link_from_sensor, worn.offsets[name]), solved.std_rad
-        up, _, _ = _level(body, q, name)
-        heading_stds[name] = float(np.sqrt(up @ solved.covariance @ up))
-        how[name] = "two hinges"
+        mounts[name], stds[name] = solved.link_from_sensor, solved.std_rad
+        up, _, _ = standing.level(name)
+        headings[name] = _Heading(0.0, float(np.sqrt(up @ solved.covariance @ up)), "two hinges")
     noted = {
         "how": "standing still and sagittal movement",
         "still_s": list(still_s),
         "sensor": {
             name: {
-                "heading_by": how[name],
-                "heading_std_rad": heading_stds[name],
+                "heading_by": headings[name].by,
+                "heading_std_rad": headings[name].std_rad,
                 "share_about_one_axis": swings[name].share,
             }
             for name in names
         },
         "two_hinges": [pair.noted() for pair in pairs],
     }
-    found = worn.calibrated(mounts, noted)
+    found = worn.calibrated({name: (mounts[name], worn.offsets[name]) for name in names}, noted)
     return replace(found, mount_stds_rad={**found.mount_stds_rad, **stds})
+
+
+def _headings(standing: _Standing, swings: Mapping[str, _Swing]) -> dict[str, _Heading]:
+    """The turn of each unit about the vertical, from its own movement or from north.
+
+    Raises:
+        DataError: no unit turns about a clear axis.
+    """
+    clear = {name: swing for name, swing in swings.items() if swing.clear}
+    if not clear:
+        raise DataError(_no_axis_text(swings))
+    turns = {name: (swing.time_s, swing.angle_rad) for name, swing in clear.items()}
+    signs, unsure = facing(standing.body, standing.q, turns)
+    found = {}
+    for name, swing in clear.items():
+        angle_rad = swing.heading_rad + (0.0 if signs[name] > 0 else np.pi)
+        std_rad, by = (UNKNOWN_STD_RAD, EITHER_WAY) if name in unsure else (swing.std_rad, "movement")
+        found[name] = _Heading(angle_rad, std_rad, by)
+    norths = {name: standing.north_rad(name) for name in swings}
+    for name in swings:
+        if name not in clear:
+            found[name] = _by_north(name, found, norths)
+    return found
 
 
 def _first_still(recording: Recording, names: Iterable[str]) -> tuple[float | None, float | None]:
@@ -181,36 +266,6 @@ def _unit(recording: Recording, name: str) -> ImuStream:
     return stream
 
 
-def _level(body: Body, q: FloatArray, name: str) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Up, forward and lateral (to the right) of the posture in a link's axes."""
-    link_from_root = body.root_from_link(name, q).T
-    right = np.cross(body.forward, body.up)
-    return link_from_root @ body.up, link_from_root @ body.forward, link_from_root @ right
-
-
-def _swing(
-    stream: ImuStream, link_from_sensor: FloatArray, body: Body, q: FloatArray, still_s: tuple[float, float]
-) -> _Swing:
-    assert stream.gyro_rad_s is not None
-    known = np.isfinite(stream.gyro_rad_s).all(axis=1)
-    time_s, gyro = stream.time_s[known], stream.gyro_rad_s[known]
-    rest = (time_s >= still_s[0]) & (time_s <= still_s[1])
-    rates = (gyro - gyro[rest].mean(axis=0)) @ link_from_sensor.T
-    _, forward, right = _level(body, q, stream.name)
-    level = np.stack([rates @ right, rates @ forward], axis=1)
-    heading, share = _principal(level)
-    parts = np.array_split(np.arange(len(level)), PARTS)
-    others = [_principal(np.delete(level, part, axis=0))[0] for part in parts]
-    off = (np.array(others) - heading + np.pi / 2) % np.pi - np.pi / 2
-    jackknife = float(np.sqrt((PARTS - 1) / PARTS * (off**2).sum()))
-    about = level @ np.array([np.cos(heading), np.sin(heading)])
-    angle = np.concatenate([[0.0], np.cumsum(0.5 * (about[1:] + about[:-1]) * np.diff(time_s))])
-    # The axis lies at this angle from lateral to forward; the mount must turn by as much back about the vertical.
-    return _Swing(
-        time_s, angle - angle[rest].mean(), heading, float(np.hypot(jackknife, PLANE_STD_RAD)), share
-    )
-
-
 def _principal(level: FloatArray) -> tuple[float, float]:
     """Angle of the principal axis from the first column to the second, within a quarter turn, and its share."""
     values, vectors = np.linalg.eigh(level.T @ level)
@@ -220,49 +275,19 @@ def _principal(level: FloatArray) -> tuple[float, float]:
     return wrapped, float(values[1] / max(values.sum(), 1e-12))
 
 
-def _turned(body: Body, q: FloatArray, name: str, heading_rad: float) -> FloatArray:
-    """The turn of a link about the vertical that takes the axis at this angle to the lateral one."""
-    up, _, _ = _level(body, q, name)
-    # A positive turn about up takes forward to the left: the axis goes from forward to lateral by a negative one.
-    return matrix_from_quat(quat_from_rotvec(-heading_rad * up))
-
-
-def _north(
-    stream: ImuStream, link_from_sensor: FloatArray, body: Body, q: FloatArray, still_s: tuple[float, float]
-) -> float | None:
-    """Angle of magnetic north from lateral to forward in the still stretch, by the mount before its turn."""
-    if stream.mag_ut is None:
-        return None
-    rows = stream.mag_ut[(stream.time_s >= still_s[0]) & (stream.time_s <= still_s[1])]
-    rows = rows[np.isfinite(rows).all(axis=1)]
-    if not len(rows):
-        return None
-    _, forward, right = _level(body, q, stream.name)
-    field = link_from_sensor @ rows.mean(axis=0)
-    return float(np.arctan2(field @ forward, field @ right))
-
-
-def _by_north(
-    name: str, headings: Mapping[str, tuple[float, float]], norths: Mapping[str, float | None]
-) -> tuple[tuple[float, float], str]:
+def _by_north(name: str, headings: Mapping[str, _Heading], norths: Mapping[str, float | None]) -> _Heading:
     """The heading with which a unit's north agrees with that of the units that move; else the nominal one."""
     own = norths[name]
     others = [
-        north - headings[n][0]
+        north - headings[n].angle_rad
         for n, north in norths.items()
         if north is not None and n in headings and n != name
     ]
     if own is None or not others:
-        return (0.0, UNKNOWN_STD_RAD), "nominal"
+        return _Heading(0.0, UNKNOWN_STD_RAD, "nominal")
     mean = np.exp(1j * np.array(others)).mean()
     spread = float(np.sqrt(-2.0 * np.log(max(abs(mean), 1e-9))))
-    return (own - float(np.angle(mean)), float(np.hypot(NORTH_STD_RAD, spread))), "north"
-
-
-def _stds(body: Body, q: FloatArray, name: str, posture_std_rad: float, heading_std_rad: float) -> FloatArray:
-    """(3,) rad about the link's axes: the heading's about the vertical, the posture's about the others."""
-    up, _, _ = _level(body, q, name)
-    return np.sqrt(posture_std_rad**2 * (1.0 - up**2) + heading_std_rad**2 * up**2)
+    return _Heading(own - float(np.angle(mean)), float(np.hypot(NORTH_STD_RAD, spread)), "north")
 
 
 def _no_axis_text(swings: Mapping[str, _Swing]) -> str:

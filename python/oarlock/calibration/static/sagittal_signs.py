@@ -7,15 +7,13 @@ unit, those are taken with which the joints stay inside their limits: a minimum 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from oarlock.calibration.session.body import Body
 from oarlock.storage.array_gate import FloatArray
-
-if TYPE_CHECKING:
-    from oarlock._core import Model
 
 Turns = Mapping[str, tuple[FloatArray, FloatArray]]
 
@@ -30,82 +28,80 @@ TIMES, LEAST_RAD2 = 4.0, 0.003
 """A sign is sure if the other one takes joints beyond their limits by twice as much (RMS), and by 3 deg at least."""
 
 
-def flexion_signs(model: Model, body: Body, q: FloatArray, turns: Turns) -> dict[str, int]:
-    """+1 or -1 for each unit: whether its turn about its axis is that about the lateral axis, or its opposite.
+@dataclass(frozen=True)
+class _Link:
+    """A unit and the one above it.
 
     Args:
-        model: with the limits.
-        body: links of the units.
+        above: the nearest unit above of those whose turns are known; None is a root at rest.
+        beyond_rad2: (sign of the unit above, own sign) -> mean square of what the joints between turn beyond their
+            limits; the sign of a root at rest is 0.
+    """
+
+    above: str | None
+    beyond_rad2: Mapping[tuple[int, int], float]
+
+
+def facing(body: Body, q: FloatArray, turns: Turns) -> tuple[dict[str, int], set[str]]:
+    """Whether each unit's turn about its axis is that about the lateral axis (+1) or its opposite (-1).
+
+    Args:
+        body: links of the units, and the limits.
         q: (n,) the posture at angle 0.
         turns: unit -> its times (T,) s and angles (T,) rad about its axis.
+
+    Returns:
+        The signs, and the units that could as well face the other way, alone or with all units below them.
     """
-    parents = {name: _above(body, name, turns) for name in turns}
-    below = {name: [n for n, parent in parents.items() if parent == name] for name in turns}
-    costs: dict[str, dict[int, float]] = {}
-    choice: dict[tuple[str, int], dict[str, int]] = {}
-
-    def solve(name: str) -> None:
-        costs[name] = {}
-        for child in below[name]:
-            solve(child)
-        for sign in SIGNS:
-            chosen, cost = {}, NOMINAL * (sign < 0)
-            for child in below[name]:
-                options = {
-                    s: costs[child][s] + _beyond(model, body, q, turns, (name, sign), (child, s))
-                    for s in SIGNS
-                }
-                chosen[child] = min(options, key=lambda s: (options[s], -s))
-                cost += options[chosen[child]]
-            costs[name][sign], choice[name, sign] = cost, chosen
-
-    found: dict[str, int] = {}
-
-    def take(name: str, sign: int) -> None:
-        found[name] = sign
-        for child, own in choice[name, sign].items():
-            take(child, own)
-
-    for root in (name for name, parent in parents.items() if parent is None):
-        solve(root)
-        alone = {s: costs[root][s] + _beyond(model, body, q, turns, None, (root, s)) for s in SIGNS}
-        take(root, min(alone, key=lambda s: (alone[s], -s)))
-    return found
+    links = {name: _link(body, q, turns, name) for name in turns}
+    signs: dict[str, int] = {}
+    for root in (name for name, link in links.items() if link.above is None):
+        signs |= _best(links, root, 0)[1]
+    best, unsure = _cost(links, signs), set()
+    for name in turns:
+        below = {n for n in turns if n == name or body.turns_with[name] < body.turns_with[n]}
+        for turned in ({name}, below):
+            other = {n: -sign if n in turned else sign for n, sign in signs.items()}
+            if _cost(links, other) < TIMES * best + LEAST_RAD2:
+                unsure |= turned
+    return signs, unsure
 
 
-def _above(body: Body, name: str, turns: Turns) -> str | None:
-    """The nearest unit above, of those whose turns are known."""
-    above = [u for u in turns if u != name and body.turns_with[u] < body.turns_with[name]]
-    return max(above, key=lambda u: len(body.turns_with[u]), default=None)
+def _best(links: Mapping[str, _Link], name: str, above: int) -> tuple[float, dict[str, int]]:
+    """The least cost of a unit with all units below it, for a sign of the unit above, and their signs."""
+    found = []
+    for own in SIGNS:
+        cost, signs = links[name].beyond_rad2[above, own] + NOMINAL * (own < 0), {name: own}
+        for child in (n for n, link in links.items() if link.above == name):
+            below, chosen = _best(links, child, own)
+            cost, signs = cost + below, signs | chosen
+        found.append((cost, signs))
+    return min(found, key=lambda option: option[0])
 
 
-def _beyond(
-    model: Model,
-    body: Body,
-    q: FloatArray,
-    turns: Turns,
-    parent: tuple[str, int] | None,
-    child: tuple[str, int],
-) -> float:
-    """Mean square of what the joints between two units turn beyond their limits, rad2; no parent is one at rest."""
-    name, sign = child
+def _cost(links: Mapping[str, _Link], signs: Mapping[str, int]) -> float:
+    above = {name: 0 if link.above is None else signs[link.above] for name, link in links.items()}
+    return sum(link.beyond_rad2[above[name], signs[name]] for name, link in links.items())
+
+
+def _link(body: Body, q: FloatArray, turns: Turns, name: str) -> _Link:
+    above = body.unit_above(name, turns)
     time_s, angle = turns[name]
-    relative = sign * angle
-    above: frozenset[str] = frozenset()
-    if parent is not None:
-        other_s, other = turns[parent[0]]
-        relative = relative - parent[1] * np.interp(time_s, other_s, other)
-        above = body.turns_with[parent[0]]
-    low, high = _range(model, body, q, name, above)
-    beyond = np.maximum(0.0, np.maximum(low - relative, relative - high))
-    return float((beyond**2).mean())
+    carried = np.zeros(len(time_s)) if above is None else np.interp(time_s, *turns[above])
+    low, high = _range(body, q, name, frozenset() if above is None else body.turns_with[above])
+    beyond = {}
+    for parent, own in product((0,) if above is None else SIGNS, SIGNS):
+        relative = own * angle - parent * carried
+        off = np.maximum(0.0, np.maximum(low - relative, relative - high))
+        beyond[parent, own] = float((off**2).mean())
+    return _Link(above, beyond)
 
 
-def _range(model: Model, body: Body, q: FloatArray, name: str, above: frozenset[str]) -> tuple[float, float]:
+def _range(body: Body, q: FloatArray, name: str, above: frozenset[str]) -> tuple[float, float]:
     """How far a unit may turn about the lateral axis against the unit above it, rad from the posture."""
     right = np.cross(body.forward, body.up)
     low = high = 0.0
-    for joint in model.describe().joints:
+    for joint in body.model.describe().joints:
         own = set(joint.coordinates) & body.turns_with[name] - above
         if not own:
             continue
@@ -120,25 +116,3 @@ def _range(model: Model, body: Body, q: FloatArray, name: str, above: frozenset[
                 ends = [limit - float(np.ravel(joint.rest)[0]) for limit in joint.limits]
                 low, high = (low + ends[0], high + ends[1]) if along > 0 else (low - ends[1], high - ends[0])
     return low, high
-
-
-def unsure_signs(model: Model, body: Body, q: FloatArray, turns: Turns, signs: Mapping[str, int]) -> set[str]:
-    """Units that could as well face the other way, alone or with all units below them: their joints allow both."""
-
-    def cost(chosen: Mapping[str, int]) -> float:
-        pairs = [(name, _above(body, name, turns)) for name in turns]
-        return sum(
-            _beyond(
-                model, body, q, turns, None if above is None else (above, chosen[above]), (name, chosen[name])
-            )
-            for name, above in pairs
-        )
-
-    best, unsure = cost(signs), set()
-    for name in turns:
-        below = {n for n in turns if n == name or body.turns_with[name] < body.turns_with[n]}
-        for turned in ({name}, below):
-            other = {n: -sign if n in turned else sign for n, sign in signs.items()}
-            if cost(other) < TIMES * best + LEAST_RAD2:
-                unsure |= turned
-    return unsure

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -15,9 +16,8 @@ import numpy as np
 
 from oarlock.calibration.session.body import Body
 from oarlock.calibration.session.wahba import Sight, SolvedMount, isotropic, solved_mount
-from oarlock.calibration.static.hinge_axes_fit import AxesFit, fitted_axes
+from oarlock.calibration.static.hinge_axes_fit import AxesFit, about_up, fitted_axes
 from oarlock.calibration.static.inclination import world_from_sensor
-from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
 from oarlock.storage.array_gate import FloatArray
 
 if TYPE_CHECKING:
@@ -96,16 +96,15 @@ def _pairs(model: Model, body: Body) -> Iterator[tuple[tuple[str, str], tuple[st
     """Units and hinges between them, each from above to below."""
     told = model.describe().joints
     for child in body.units:
-        above = [u for u in body.units if body.turns_with[u] < body.turns_with[child]]
-        if not above:
+        parent = body.unit_above(child, body.units)
+        if parent is None:
             continue
-        parent = max(above, key=lambda u: len(body.turns_with[u]))
         own = body.turns_with[child] - body.turns_with[parent]
         joints = [j for j in told if own & set(j.coordinates)]
         if len(joints) != 2 or any(j.kind != "hinge" for j in joints):
             continue
-        # The upper hinge carries the lower one.
-        first, second = sorted(joints, key=lambda j: told.index(j))
+        # Joints stand in the order of the model: the first hinge carries the second.
+        first, second = joints
         yield (parent, child), (first.name, second.name)
 
 
@@ -127,7 +126,7 @@ class _Pair:
         turns = [world_from_sensor(s, self.still_s, time_s) for s in streams]
         ups = [t[rest].mean(axis=0)[2] for t in turns]
         ups = [u / np.linalg.norm(u) for u in ups]
-        first, second = self._axes_in_links()
+        first, second = self._axes_in_links
         angle = float(first[1] @ second[1])
         fit = fitted_axes(time_s, turns[0], turns[1], angle)
         fits = []
@@ -141,6 +140,7 @@ class _Pair:
         mounts = {} if refused else self._mounts(fit, stds, ups, turns, rest, nominal)
         return TwoHinges(self.units, self.joints, mounts, fit.misfit_rad, off, stds, refused)
 
+    @cached_property
     def _axes_in_links(self) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
         """Of each hinge its axis in the link above and in the link below, in the posture."""
         child = self.units[1]
@@ -171,9 +171,9 @@ class _Pair:
         nominal: Mapping[str, FloatArray],
     ) -> dict[str, SolvedMount]:
         """By the sense of both axes with which the posture and the limits agree best."""
-        first, second = self._axes_in_links()
+        first, second = self._axes_in_links
         in_links = [self.body.root_from_link(n, self.q).T @ self.body.up for n in self.units]
-        heading = _about_up(fit.heading_rad[rest].mean())
+        heading = about_up(fit.heading_rad[rest].mean())
         seen = turns[1][rest].mean(axis=0).T @ heading.T @ turns[0][rest].mean(axis=0) @ fit.first
         seen = seen / np.linalg.norm(seen)
         best: tuple[float, dict[str, SolvedMount]] | None = None
@@ -200,8 +200,8 @@ class _Pair:
     def _beyond(self, solved: Mapping[str, SolvedMount], fit: AxesFit, turns: list[FloatArray]) -> float:
         """Mean square of what the first hinge turns beyond its limits, rad2."""
         above, below = (solved[n].link_from_sensor for n in self.units)
-        first, second = self._axes_in_links()
-        from_below = np.swapaxes(turns[0], 1, 2) @ _about_up(fit.heading_rad) @ turns[1]
+        first, second = self._axes_in_links
+        from_below = np.swapaxes(turns[0], 1, 2) @ about_up(fit.heading_rad) @ turns[1]
         now = (above @ from_below @ below.T) @ second[1]
         side = np.cross(first[0], second[0])
         level = second[0] - first[0] * (first[0] @ second[0])
@@ -210,11 +210,6 @@ class _Pair:
         return float(
             (np.maximum(0.0, np.maximum(joint.limits[0] - angle, angle - joint.limits[1])) ** 2).mean()
         )
-
-
-def _about_up(angle_rad: FloatArray | float) -> FloatArray:
-    """Turns about the third axis."""
-    return matrix_from_quat(quat_from_rotvec(np.multiply.outer(np.asarray(angle_rad), [0.0, 0.0, 1.0])))
 
 
 def _up(in_sensor: FloatArray, in_link: FloatArray, posture_std_rad: float) -> Sight:
