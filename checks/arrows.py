@@ -25,6 +25,7 @@ LAYERS = (
     "formats",
     "report",
     "",
+    "live",
     "movement",
     "rowing",
     "lab",

@@ -1,0 +1,1 @@
+"""From sensors that send to joint angles, while the athlete moves."""
