@@ -75,7 +75,8 @@ def test_packets_become_frames_a_recording_and_the_same_track(sculler, rowed, tm
     frames, told = asyncio.run(lived(live, packets, port, live.server))
 
     assert len(frames) > 20 and live.transports["radio"].dropped in (0, None)
-    assert {"type": "event", "text": "tracking"} in told
+    (tracking,) = (one for one in told if one["type"] == "event" and one["text"] == "tracking")
+    assert 0.0 < tracking["time_s"] < SECONDS
     place = LiveFolder.load(tmp_path / "today")
     again = oarlock.load_recording(tmp_path / "today" / "recording")
     session = place.session(sculler)

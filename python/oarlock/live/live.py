@@ -100,7 +100,10 @@ class Live:
         keys = {str(k): v for k, v in told.items() if k != "do"}
         before = len(self.session.problems)
         self.deliver(command(now_ns(), told["do"], **keys))
-        return self.session.problems[-1] if len(self.session.problems) > before else None
+        if len(self.session.problems) > before:
+            return self.session.problems[-1]
+        self._tell(_carried_out(told["do"], keys))
+        return None
 
     async def _until_ended(self, seconds: float | None) -> None:
         if self.server is not None:
@@ -139,7 +142,8 @@ class Live:
     def _tell(self, text: str) -> None:
         self.on_event(text)
         if self.server is not None:
-            self.server.announce({"type": "event", "text": text})
+            now_s = self.session.intake.seconds(now_ns())
+            self.server.announce({"type": "event", "time_s": round(now_s, 2), "text": text})
 
     def _publish(self) -> None:
         now_s = time.monotonic()
@@ -148,3 +152,12 @@ class Live:
         self._published_s = now_s
         self.server.publish(frame_of(self._newest, self.model, self.picture))
         self._newest = None
+
+
+def _carried_out(do: str, keys: Mapping[str, Any]) -> str:
+    """The event of a command that was carried out."""
+    if do == "note":
+        return f"note: {keys.get('text', '')}"
+    if do == "assign":
+        return f"{keys['device']} feeds {keys['stream']} from now on"
+    return {"track": "tracking", "stop": "tracking was stopped"}[do]

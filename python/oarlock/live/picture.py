@@ -68,6 +68,7 @@ class LivePicture:
             "strands": [],
             "shapes": shapes,
             "carriers": {"points": origins},
+            "first_curves": [name.replace("_", " ") for name in seen.first_curves],
         }
         names = list(model.frame_names)
         frames = [names.index(name) for name in dict.fromkeys(shape.frame for shape in seen.shapes)]

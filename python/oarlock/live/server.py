@@ -10,6 +10,8 @@ import asyncio
 import hmac
 import json
 import mimetypes
+import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from http import HTTPStatus
@@ -28,6 +30,8 @@ LONGEST_MESSAGE = 1 << 16
 MOST_RUBBISH = 100
 """A viewer that sends more messages than this that are none is disconnected."""
 MOST_TOLD = 1000
+MOST_KEPT = 200
+"""Announcements that a viewer gets who comes later."""
 _SECURITY = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
@@ -42,6 +46,8 @@ class Viewer:
     """One connected viewer. It says `{"shown": 1}` for each message of type `now`."""
 
     number: int
+    clock: Callable[[], float]
+    """Seconds, sent with each message of type `now`: so the viewer knows how old a frame is."""
     skipped: int = 0
     """Messages that newer ones replaced before it had shown the last."""
     rubbish: int = 0
@@ -75,7 +81,8 @@ class Viewer:
             messages, self._told = self._told, []
             if self._is_ready and self._newest:
                 parts = (f'"{kind}":{text}' for kind, text in self._newest.items())
-                messages.append('{"type":"now",' + ",".join(parts) + "}")
+                about = f'{{"type":"now","sent_s":{self.clock():.4f},"skipped":{self.skipped},'
+                messages.append(about + ",".join(parts) + "}")
                 self._newest, self._is_ready = {}, False
             if messages:
                 return messages
@@ -92,6 +99,7 @@ class PageServer:
         host: address of this machine; 127.0.0.1 reaches no other machine.
         port: 0 for any that is free.
         token: part of the address that viewers need; "" for none.
+        clock: seconds by the clock of the frames' `arrival_s`.
     """
 
     files: Mapping[str, bytes]
@@ -100,10 +108,12 @@ class PageServer:
     host: str = "127.0.0.1"
     port: int = 0
     token: str = ""
+    clock: Callable[[], float] = time.monotonic
     viewers: list[Viewer] = field(default_factory=list)
     refused: int = 0
     _server: Server | None = None
     _numbers: int = 0
+    _kept: deque[str] = field(default_factory=lambda: deque(maxlen=MOST_KEPT))
 
     async def start(self) -> None:
         """Opens the port.
@@ -148,8 +158,9 @@ class PageServer:
                 viewer.offer(message["type"], text)
 
     def announce(self, message: Mapping[str, Any]) -> None:
-        """Tells all viewers something that none may miss."""
+        """Tells all viewers something that none may miss, and those who come later."""
         text = json.dumps(message, allow_nan=False)
+        self._kept.append(text)
         for viewer in self.viewers:
             viewer.tell(text)
 
@@ -184,8 +195,9 @@ class PageServer:
 
     async def _view(self, connection: ServerConnection) -> None:
         self._numbers += 1
-        viewer = Viewer(self._numbers)
-        viewer.tell(json.dumps(self.hello(), allow_nan=False))
+        viewer = Viewer(self._numbers, self.clock)
+        for text in (json.dumps(self.hello(), allow_nan=False), *self._kept):
+            viewer.tell(text)
         self.viewers.append(viewer)
         sending = asyncio.create_task(_send(connection, viewer))
         try:

@@ -1,0 +1,115 @@
+"""A whole session with its page in a thread of its own, fed by simulated senders: for tests in a browser."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import threading
+from concurrent.futures import Future
+
+from senders import packets_of, rig_of
+
+from oarlock import rowing
+from oarlock.live.live import Live
+from oarlock.live.page import page_server
+from oarlock.live.picture import LivePicture
+from oarlock.live.reading import Packet
+from oarlock.live.rig import Rig, Source
+from oarlock.simulation.simulate import simulate
+
+STROKES = {
+    "columns": [
+        {"key": "rate", "label": "Rate", "unit": "per min"},
+        {"key": "catch", "label": "Catch", "unit": "deg"},
+        {"key": "arc", "label": "Arc", "unit": "deg", "better": "high"},
+        {"key": "drive", "label": "Drive time", "unit": "s"},
+    ]
+}
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
+
+
+class PageSession:
+    """Rows for `seconds`, in true time. `silenced` names streams that stop; `spare` adds a unit that nobody uses."""
+
+    def __init__(self, model, folder, seconds=60.0, port=0, token="", look=None, rate_hz=100, seed=6):
+        motion = rowing.sculling(model, seconds, 24, surge=False, seed=seed)
+        recording = simulate(model, motion, seed=seed, rate_hz=rate_hz)[1]
+        self.port_in, self.silenced, self.paused = free_port(), set(), threading.Event()
+        self.packets = packets_of(recording, part=True)
+        self.names = [stream.name for stream in recording.streams]
+        self.radio = Source("radio", "test-json", "udp", {"port": self.port_in, "host": "127.0.0.1"})
+        rig = Rig(model.name, None, {"radio": self.radio}, rig_of(model, recording).feeds)
+        self.live = Live(rig, model, folder, picture=LivePicture.of(model, look))
+        self.server = page_server(self.live, port=port, token=token, title="Simulated sculler", strokes=STROKES)
+        self.ready = threading.Event()
+        self.ended: Future[None] = Future()
+        self.thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self):
+        self.thread.start()
+        if not self.ready.wait(60):
+            self.ended.result(0)
+        return self
+
+    def __exit__(self, *_):
+        self.loop.call_soon_threadsafe(self.running.cancel)
+        self.thread.join(60)
+
+    @property
+    def url(self):
+        return self.server.url
+
+    def call(self, work):
+        """Runs `work()` in the session's own loop."""
+        found: Future = Future()
+        self.loop.call_soon_threadsafe(lambda: found.set_result(work()))
+        return found.result(60)
+
+    def stroke(self, number, **values):
+        told = {key: {"value": value, "std": 0.01 * abs(value)} for key, value in values.items()}
+        message = {"type": "stroke", "number": number, "time_s": 2.5 * number, "values": told}
+        self.call(lambda: self.server.announce(message))
+
+    def spare(self):
+        """One reading of a unit that the rig does not use."""
+        packet = Packet("radio", "", "", 0, self.packets[0].data)
+        data = packet.data.replace(self.names[0].encode(), b"spare-7")
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.sendto(data, ("127.0.0.1", self.port_in))
+
+    def _run(self):
+        try:
+            asyncio.run(self._live())
+        except asyncio.CancelledError:
+            pass
+        except BaseException as error:
+            self.ended.set_exception(error)
+
+    async def _live(self):
+        self.loop = asyncio.get_running_loop()
+        self.running = asyncio.current_task()
+        session = asyncio.create_task(self.live.run())
+        await self.live.started.wait()
+        self.ready.set()
+        try:
+            await self._send()
+            await session
+        finally:
+            session.cancel()
+            await asyncio.gather(session, return_exceptions=True)
+
+    async def _send(self):
+        first_ns, begun_s = self.packets[0].arrival_ns, self.loop.time()
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            for packet in self.packets:
+                wait_s = (packet.arrival_ns - first_ns) / 1e9 - (self.loop.time() - begun_s)
+                if wait_s > 0:
+                    await asyncio.sleep(wait_s)
+                hidden = (f'"part": "{name}"'.encode() in packet.data for name in self.silenced)
+                if not self.paused.is_set() and not any(hidden):
+                    sender.sendto(packet.data, ("127.0.0.1", self.port_in))
