@@ -8,10 +8,10 @@ const REACH = 14;
 const SHADOW_PX = 1024;
 
 export class SpaceStage {
-  /** Throws where the browser has no WebGL. */
-  constructor(canvas, view, figure, ghost) {
-    this.renderer = new WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true, powerPreference: "low-power" });
-    this.renderer.shadowMap.enabled = true;
+  /** Throws where the browser has no WebGL. `isQuick` leaves out shadows and smooth edges. */
+  constructor(canvas, view, figure, ghost, isQuick = false) {
+    this.renderer = new WebGLRenderer({ canvas, antialias: !isQuick, preserveDrawingBuffer: true, powerPreference: "low-power" });
+    this.renderer.shadowMap.enabled = !isQuick;
     this.renderer.shadowMap.type = PCFShadowMap;
     this.canvas = canvas;
     this.view = view;

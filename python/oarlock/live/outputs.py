@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import json
 import socket
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from oarlock._core import Model
     from oarlock.live.picture import LivePicture
     from oarlock.live.session import Estimate
 
+Floats = NDArray[np.float64]
 SCHEMA = 1
 
 
@@ -24,20 +27,29 @@ class Output(Protocol):
         """Takes an estimate."""
 
 
+def coordinates_of(estimate: Estimate, model: Model) -> tuple[Floats, Floats]:
+    """Mean and standard deviation of each coordinate, rad or m; NaN for one that is no state, since nothing measures it."""
+    column = {name: k for k, name in enumerate(estimate.belief.state_names)}
+    columns = [column.get(name) for name in model.coordinate_names]
+    mean, std = estimate.belief.mean, estimate.belief.std
+    return _picked(mean, columns), _picked(std, columns)
+
+
+def _picked(values: Floats, columns: Sequence[int | None]) -> Floats:
+    return np.array([np.nan if column is None else values[column] for column in columns])
+
+
 def joints_of(estimate: Estimate, model: Model) -> dict[str, list[float]]:
-    """Coordinate -> value and standard deviation, rad or m."""
-    names = model.coordinate_names
-    mean, std = estimate.belief.mean[: len(names)], estimate.belief.std[: len(names)]
-    return {
-        name: [round(float(m), 5), round(float(s), 5)] for name, m, s in zip(names, mean, std, strict=True)
-    }
+    """Coordinate -> value and standard deviation, rad or m; without those that are unknown."""
+    rows = zip(model.coordinate_names, *coordinates_of(estimate, model), strict=True)
+    return {name: [round(float(m), 5), round(float(s), 5)] for name, m, s in rows if np.isfinite(m + s)}
 
 
 def frame_of(estimate: Estimate, model: Model, picture: LivePicture | None = None) -> dict[str, Any]:
     """An estimate as the page and the WebSocket have it, docs/live.md.
 
     Args:
-        estimate: of a live session whose encoders are sensors: its first states are the coordinates.
+        estimate: of a live session.
         model: of the body.
         picture: adds positions of the figure's points.
     """
@@ -49,7 +61,7 @@ def frame_of(estimate: Estimate, model: Model, picture: LivePicture | None = Non
         "joints": joints_of(estimate, model),
     }
     if picture is not None:
-        frame |= picture.frame(np.asarray(estimate.belief.mean[: len(model.coordinate_names)]))
+        frame |= picture.frame(coordinates_of(estimate, model)[0])
     return frame
 
 

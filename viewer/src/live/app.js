@@ -17,6 +17,8 @@ import { Strokes } from "./strokes.js";
 /** A figure that is older stands still: it is greyed. */
 const STALE_S = 1;
 const WORDS_MS = 200;
+/** Longer between two frames: the page was hidden. */
+const PAUSE_MS = 500;
 const KEPT = 5000;
 const LOST = "No connection to the session: what you see is old. The page tries again by itself. If the session was ended, start it again.";
 
@@ -33,7 +35,7 @@ export class App {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.recolour());
     addEventListener("keydown", (event) => this.key(event));
     setInterval(() => this.tell(), WORDS_MS);
-    requestAnimationFrame(() => this.turn());
+    requestAnimationFrame((now_ms) => this.turn(now_ms, now_ms));
   }
 
   hear(message, arrived_s) {
@@ -68,9 +70,10 @@ export class App {
   }
 
   /** Each animation frame: the newest message, if there is one. */
-  turn() {
-    requestAnimationFrame(() => this.turn());
+  turn(now_ms, before_ms) {
+    requestAnimationFrame((next_ms) => this.turn(next_ms, now_ms));
     if (!this.bar) return;
+    if (this.stage && this.big.root.hidden && now_ms - before_ms < PAUSE_MS) this.stage.pace(now_ms - before_ms);
     if (this.waiting) this.take(this.waiting);
     else if (this.stage?.isStale && this.frame) this.stage.draw(this.frame.time_s);
   }

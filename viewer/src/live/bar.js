@@ -11,8 +11,8 @@ export class Bar {
     this.state = element("span", { class: "ol-chip", role: "status" });
     this.age = element("span", { class: "ol-age", "aria-live": "off" });
     this.track = button("Start tracking", () => this.press(), { class: "ol-button ol-main", label: "Start tracking (key T)" });
-    this.big = button("Large numbers (B)", big, { class: "ol-button", label: "Large numbers (key B)", "aria-pressed": "false" });
-    this.root = element("header", { class: "ol-bar" }, element("h1", { text: title }), this.state, this.age, element("div", { class: "ol-actions", role: "group", "aria-label": "Session" }, this.track, button("Note (N)", note, { class: "ol-button", label: "Write a note into the recording (key N)" }), this.big));
+    this.big = keyed("Large numbers", "B", big, { "aria-pressed": "false" });
+    this.root = element("header", { class: "ol-bar" }, element("h1", { text: title }), this.state, this.age, element("div", { class: "ol-actions", role: "group", "aria-label": "Session" }, this.track, keyed("Note", "N", note), this.big));
     this.alarms = element("div", { class: "ol-alarms", role: "alert" });
     this.wrong = new Map();
   }
@@ -53,7 +53,7 @@ export class Bar {
     this.isTracking = isTracking;
     this.label();
     this.track.disabled = !isOpen;
-    const [words, level] = !isOpen ? ["No connection", "bad"] : !isTracking ? ["Not tracking", "odd"] : isStale ? ["Figure stands", "bad"] : ["Tracking", "good"];
+    const [words, level] = !isOpen ? ["No connection", "bad"] : !isTracking ? ["Not tracking", "odd"] : isStale ? ["No new figure", "bad"] : ["Tracking", "good"];
     if (this.state.textContent !== words) this.state.textContent = words;
     this.state.className = `ol-chip ol-${level}`;
   }
@@ -74,4 +74,11 @@ export class Bar {
     this.wrong.set(kind, line);
     this.alarms.append(line);
   }
+}
+
+/** A large button with its key, which small screens leave out. */
+function keyed(words, key, pressed, attributes = {}) {
+  const made = button(words, pressed, { class: "ol-button", label: `${words} (key ${key})`, ...attributes });
+  made.append(element("span", { class: "ol-key", text: ` (${key})` }));
+  return made;
 }

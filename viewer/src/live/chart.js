@@ -147,9 +147,9 @@ function split(rows) {
   return parts;
 }
 
-/** Three or four round numbers between two. */
+/** Some round numbers between two. */
 export function ticks(low, high) {
-  const rough = (high - low) / 3;
+  const rough = (high - low) / 4;
   const power = 10 ** Math.floor(Math.log10(rough));
   const step = [1, 2, 5, 10].map((k) => k * power).find((size) => size >= rough);
   const found = [];

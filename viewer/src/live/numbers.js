@@ -3,11 +3,9 @@
 export function decimals(value, digits) {
   if (!Number.isFinite(value)) return "–";
   const size = Math.abs(value);
-  return value.toFixed(digits ?? (size >= 100 ? 0 : size >= 1 ? 1 : 2)).replace("-", "−");
+  const text = value.toFixed(digits ?? (size >= 100 ? 0 : size >= 1 ? 1 : 2));
+  return Number(text) === 0 ? text.replace("-", "") : text.replace("-", "−");
 }
-
-/** For large print: a whole number, or one decimal where whole ones hide the change. */
-export const plain = (value) => decimals(value, Math.abs(value) < 10 ? 1 : 0).replace(/^−(0(\.0)?)$/, "$1");
 
 export const angleUnit = (unit) => (unit === "deg" ? "°" : ` ${unit}`);
 

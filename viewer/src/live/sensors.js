@@ -8,11 +8,15 @@ const LOSSY_PERCENT = 3;
 const LOW_PERCENT = 15;
 const LATE_MS = 100;
 
+const NUMBERS = ["rate", "lost", "delay", "drift", "battery", "unit"];
+
+const write = (place, text) => place.textContent === text || (place.textContent = text);
+
 const plural = (count, word) => `${count} ${word}${count === 1 ? "" : "s"}`;
 
 export class Sensors {
   constructor(streams, order) {
-    Object.assign(this, { streams, order });
+    Object.assign(this, { streams, order, rows: new Map() });
     this.body = element("tbody", {});
     const heads = ["Sensor", "State", "Rate", "Lost", "Delay", "Drift", "Battery", "Unit"].map((text) => element("th", { scope: "col", text }));
     const table = element("table", { class: "ol-sensors" }, element("thead", {}, element("tr", {}, ...heads)), this.body);
@@ -34,7 +38,10 @@ export class Sensors {
     const rows = this.streams.map((stream) => stateOf(stream, health));
     const used = new Set(rows.map((row) => row.device).filter(Boolean));
     const spare = health.devices.filter((device) => !used.has(device) && !device.streams.length);
-    this.body.replaceChildren(...rows.map((row) => this.row(row)), ...spare.map((device) => this.row({ name: "not used", device, state: device.silent_s > 1 ? `silent for ${ago(device.silent_s)}` : "sends", level: "spare" })));
+    const spares = spare.map((device) => ({ name: device.name, device, state: device.silent_s > 1 ? `not used, silent for ${ago(device.silent_s)}` : "not used, sends", level: "spare" }));
+    const shown = [...rows, ...spares];
+    for (const row of shown) this.row(row);
+    for (const [name, { root }] of this.rows) if (!shown.some((row) => row.name === name)) root.remove(), this.rows.delete(name);
     const silent = rows.filter((row) => row.level === "bad").length;
     this.summary.textContent = silent ? `${silent} of ${rows.length} silent` : `all ${rows.length} send`;
     this.offer([...spare, ...used]);
@@ -54,20 +61,26 @@ export class Sensors {
     this.apply.disabled = names.length === 0;
   }
 
+  /** Rows stay, so that a button in them keeps the focus; only words change. */
   row({ name, device, state, level }) {
-    const exchange = level === "bad" ? button("Exchange", () => this.open(name), { label: `Exchange the unit of ${name}`, class: "ol-small" }) : null;
-    const cell = (label, text, isOdd) => element("td", { "data-label": label, class: isOdd ? "ol-odd" : "", text });
-    const numbers = device
-      ? [
-          cell("rate", `${decimals(device.rate_hz, 0)} Hz`),
-          cell("lost", `${decimals(device.lost_percent, 1)} %`, device.lost_percent > LOSSY_PERCENT),
-          cell("delay", `${decimals(device.delay_ms, 0)} ms`, device.delay_ms > LATE_MS),
-          cell("drift", `${decimals(device.drift_ppm, 0)} ppm`),
-          cell("battery", device.battery_percent === null ? "–" : `${decimals(device.battery_percent, 0)} %`, device.battery_percent !== null && device.battery_percent < LOW_PERCENT),
-          cell("unit", device.name || device.source),
-        ]
-      : ["rate", "lost", "delay", "drift", "battery", "unit"].map((label) => cell(label, "–"));
-    return element("tr", { class: `ol-${level}` }, element("th", { scope: "row", text: name }), element("td", { class: "ol-state" }, element("span", { text: state }), exchange), ...numbers);
+    if (!this.rows.has(name)) this.rows.set(name, this.newRow(name));
+    const { root, words, exchange, cells } = this.rows.get(name);
+    root.className = `ol-${level}`;
+    write(words, state);
+    exchange.hidden = level !== "bad";
+    numbersOf(device).forEach(([text, isOdd], k) => {
+      write(cells[k], text);
+      cells[k].classList.toggle("ol-odd", Boolean(isOdd));
+    });
+  }
+
+  newRow(name) {
+    const words = element("span", {});
+    const exchange = button("Exchange", () => this.open(name), { label: `Exchange the unit of ${name}`, class: "ol-small" });
+    const cells = NUMBERS.map((label) => element("td", { "data-label": label }));
+    const root = element("tr", {}, element("th", { scope: "row", text: name }), element("td", { class: "ol-state" }, words, exchange), ...cells);
+    this.body.append(root);
+    return { root, words, exchange, cells };
   }
 
   open(name) {
@@ -88,6 +101,20 @@ export class Sensors {
     const states = sources.map((source) => `${source.name}: ${source.state}`);
     this.arrivals.textContent = [`Sources: ${states.join(", ")}.`, late.length ? `Readings: ${late.join(", ")}.` : "", damaged.length ? `${damaged.join(", ")}.` : ""].filter(Boolean).join(" ");
   }
+}
+
+/** Texts of `NUMBERS` for a device, and whether each is odd. */
+function numbersOf(device) {
+  if (!device) return NUMBERS.map(() => ["–"]);
+  const { rate_hz, lost_percent, delay_ms, drift_ppm, battery_percent, name, source } = device;
+  return [
+    [`${decimals(rate_hz, 0)} Hz`],
+    [`${decimals(lost_percent, 1)} %`, lost_percent > LOSSY_PERCENT],
+    [`${decimals(delay_ms, 0)} ms`, delay_ms > LATE_MS],
+    [`${decimals(drift_ppm, 0)} ppm`],
+    battery_percent === null ? ["–"] : [`${decimals(battery_percent, 0)} %`, battery_percent < LOW_PERCENT],
+    [name || source],
+  ];
 }
 
 /** What a stream does, in words; level "bad" for silent, "odd" for slow or lossy, "good" otherwise. */

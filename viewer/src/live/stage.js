@@ -14,12 +14,29 @@ const EASE = 0.08;
 const CHANGED = 0.15;
 const TURN_RAD = 0.12;
 
-const hasWebGL = () => Boolean(document.createElement("canvas").getContext("webgl2"));
+/** Of a picture's full sharpness, from the best to what a machine without graphics card can draw. */
+const SHARPNESS = [1, 0.75, 0.55, 0.4];
+const WITHOUT_CARD = /swiftshader|llvmpipe|software|basic render/i;
+const START_WITHOUT_CARD = 2;
+/** A picture that takes longer than this between two frames is drawn less sharp; the median of so many. */
+const SLOW_MS = 27;
+const JUDGED = 45;
+
+/** What draws in this browser: "none", "software" or "card". */
+function drawer() {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  if (!gl) return "none";
+  const told = gl.getExtension("WEBGL_debug_renderer_info");
+  const name = gl.getParameter(told ? told.UNMASKED_RENDERER_WEBGL : gl.RENDERER);
+  gl.getExtension("WEBGL_lose_context")?.loseContext();
+  return WITHOUT_CARD.test(name) ? "software" : "card";
+}
 
 export class Stage {
   constructor(figure, memory) {
     const { viewpoints, world } = figure.scene;
-    Object.assign(this, { figure, memory, viewpoints });
+    Object.assign(this, { figure, memory, viewpoints, drawer: drawer(), intervals_ms: [] });
+    this.level = this.drawer === "software" ? START_WITHOUT_CARD : 0;
     this.camera = new Camera(world.up, world.forward);
     this.labels = new Labels(figure);
     this.place = element("div", { class: "ol-canvas" });
@@ -51,13 +68,13 @@ export class Stage {
   }
 
   /** Once there is a figure: before that its size is unknown. */
-  build(flat = !hasWebGL()) {
+  build(flat = this.drawer === "none") {
     this.drawn?.dispose();
     this.camera.lookAt(this.figure.bounds());
     this.view = this.viewOf();
     const canvas = element("canvas", { role: "img", tabindex: "0", "aria-label": `Moving figure of ${this.figure.scene.model}. Arrow keys turn it, plus and minus zoom.` });
     this.place.replaceChildren(canvas);
-    this.drawn = new (flat ? FlatStage : SpaceStage)(canvas, this.view, this.figure, null);
+    this.drawn = new (flat ? FlatStage : SpaceStage)(canvas, this.view, this.figure, null, this.level > 0);
     this.flat = flat;
     this.empty.hidden = true;
     this.note.hidden = !flat;
@@ -88,7 +105,7 @@ export class Stage {
     const { clientWidth, clientHeight } = this.place;
     if (!this.drawn || !clientWidth || !clientHeight) return;
     this.camera.aspect = clientWidth / clientHeight;
-    this.drawn.resize(clientWidth, clientHeight, Math.min(devicePixelRatio || 1, 2));
+    this.drawn.resize(clientWidth, clientHeight, Math.min(devicePixelRatio || 1, 2) * SHARPNESS[this.level]);
     this.isStale = true;
   }
 
@@ -98,6 +115,18 @@ export class Stage {
     if (this.drawn.solids) this.drawn.solids.radius_m = this.view.radius_m;
     this.drawn.recolour();
     this.isStale = true;
+  }
+
+  /** Draws less sharp where frames come too slowly: a late figure is worse than a coarse one. */
+  pace(interval_ms) {
+    this.intervals_ms.push(interval_ms);
+    if (this.intervals_ms.length < JUDGED) return;
+    const median_ms = this.intervals_ms.sort((one, other) => one - other)[JUDGED >> 1];
+    this.intervals_ms = [];
+    if (median_ms < SLOW_MS || this.level === SHARPNESS.length - 1 || !this.drawn) return;
+    this.level += 1;
+    if (this.level === 1 && !this.flat) this.build();
+    else this.resize();
   }
 
   draw(time_s) {
