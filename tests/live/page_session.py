@@ -6,6 +6,7 @@ import asyncio
 import socket
 import threading
 from concurrent.futures import Future
+from functools import cache
 
 from senders import packets_of, rig_of
 
@@ -33,14 +34,20 @@ def free_port() -> int:
         return one.getsockname()[1]
 
 
+@cache
+def rowed(model, seconds, rate_hz, seed):
+    """A recording of sculling, and its packets."""
+    motion = rowing.sculling(model, seconds, 24, surge=False, seed=seed)
+    recording = simulate(model, motion, seed=seed, rate_hz=rate_hz)[1]
+    return recording, packets_of(recording, part=True)
+
+
 class PageSession:
     """Rows for `seconds`, in true time. `silenced` names streams that stop; `spare` adds a unit that nobody uses."""
 
     def __init__(self, model, folder, seconds=60.0, port=0, token="", look=None, rate_hz=100, seed=6):
-        motion = rowing.sculling(model, seconds, 24, surge=False, seed=seed)
-        recording = simulate(model, motion, seed=seed, rate_hz=rate_hz)[1]
-        self.port_in, self.silenced, self.paused = free_port(), set(), threading.Event()
-        self.packets = packets_of(recording, part=True)
+        recording, self.packets = rowed(model, seconds, rate_hz, seed)
+        self.port_in, self.silenced = free_port(), set()
         self.names = [stream.name for stream in recording.streams]
         self.radio = Source("radio", "test-json", "udp", {"port": self.port_in, "host": "127.0.0.1"})
         rig = Rig(model.name, None, {"radio": self.radio}, rig_of(model, recording).feeds)
@@ -57,8 +64,13 @@ class PageSession:
         return self
 
     def __exit__(self, *_):
-        self.loop.call_soon_threadsafe(self.running.cancel)
-        self.thread.join(60)
+        self.end()
+
+    def end(self):
+        """Ends the session; its page loses the connection."""
+        if self.thread.is_alive():
+            self.loop.call_soon_threadsafe(self.running.cancel)
+            self.thread.join(60)
 
     @property
     def url(self):
@@ -111,5 +123,5 @@ class PageSession:
                 if wait_s > 0:
                     await asyncio.sleep(wait_s)
                 hidden = (f'"part": "{name}"'.encode() in packet.data for name in self.silenced)
-                if not self.paused.is_set() and not any(hidden):
+                if not any(hidden):
                     sender.sendto(packet.data, ("127.0.0.1", self.port_in))

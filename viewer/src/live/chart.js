@@ -62,7 +62,7 @@ export class Chart {
     pen.beginPath();
     pen.rect(LEFT_PX, 0, this.width - LEFT_PX, HEIGHT_PX - BOTTOM_PX + 1);
     pen.clip();
-    curves.forEach((rows, k) => this.drawCurve(pen, scales, rows, coloured(colours, this.joints[k].side || "right")));
+    curves.forEach((rows, k) => this.drawCurve(pen, scales, rows, coloured(colours, this.joints[k].side || "right"), k < curves.length - 1 ? 4 : 2));
     pen.restore();
   }
 
@@ -119,7 +119,8 @@ export class Chart {
     }
   }
 
-  drawCurve(pen, { x, y }, rows, colour) {
+  /** The curve beneath is wider: it still shows where both sides are alike. */
+  drawCurve(pen, { x, y }, rows, colour, lineWidth) {
     for (const part of split(rows)) {
       const banded = part.filter(([, , band]) => Number.isFinite(band));
       if (banded.length > 1) {
@@ -132,7 +133,7 @@ export class Chart {
       }
       pen.beginPath();
       part.forEach(([time_s, value]) => pen.lineTo(x(time_s), y(value)));
-      Object.assign(pen, { strokeStyle: colour, lineWidth: 2, lineJoin: "round" });
+      Object.assign(pen, { strokeStyle: colour, lineWidth, lineJoin: "round" });
       pen.stroke();
     }
   }
