@@ -33,7 +33,9 @@ class Format:
         return cast("Decoder", import_module(f"{__name__}.{self.module}").decoder(**options))
 
 
-_FORMATS: tuple[Format, ...] = ()
+_FORMATS: tuple[Format, ...] = (
+    Format("lsl", "lsl", ("lsl",), "Lab Streaming Layer: inertial units by labels and units, other channels"),
+)
 
 DECODERS: Mapping[str, Format] = MappingProxyType({format.name: format for format in _FORMATS})
 """The formats by name."""
