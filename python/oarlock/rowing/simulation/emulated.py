@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
+import sys
 from collections.abc import Iterator
 
-from oarlock import Model, Recording, simulate
+from oarlock import Model, Recording, load_model, simulate
 from oarlock.live.emulators.deliveries import Delivery, Faults, endless
+from oarlock.live.emulators.lines import send
 from oarlock.rowing.simulation.motion import sculling
 
 STROKES, RATE_SPM, RATE_HZ = 8, 24.0, 100.0
@@ -34,3 +37,7 @@ def endless_sculling(model: Model, seed: int = 0) -> Recording:
 def rowing_devices(model: Model, faults: Faults = USUAL_FAULTS, seed: int = 0) -> Iterator[Delivery]:
     """What the devices of a sculler send who rows until she is stopped."""
     return endless(endless_sculling(model, seed), PERIOD_S, faults, seed)
+
+
+if __name__ == "__main__":  # a process of its own, so that it does not share the tracker's time
+    asyncio.run(send(rowing_devices(load_model("sculler")), "127.0.0.1", int(sys.argv[1])))
