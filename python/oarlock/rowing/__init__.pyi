@@ -1,6 +1,7 @@
 """The public names of `oarlock.rowing` and the modules that define them."""
 
 from .analysis.features import FEATURES, Feature
+from .analysis.live_technique import LiveStroke, LiveTechnique, Stretch, live_stroke
 from .analysis.stroke_means import FeatureMean, PhaseCurve
 from .analysis.stroke_summary import SummaryRow, summarise_strokes
 from .analysis.targets import TARGET_CLASSES, Target, load_targets
@@ -49,12 +50,15 @@ __all__ = [
     "HullPitch",
     "HullRotation",
     "ImuNoise",
+    "LiveStroke",
     "LiveStrokes",
+    "LiveTechnique",
     "Machine",
     "PhaseCurve",
     "Piece",
     "ScullingSimulator",
     "SimulatedCondition",
+    "Stretch",
     "StrokeEvent",
     "StrokeShape",
     "StrokeTable",
@@ -69,6 +73,7 @@ __all__ = [
     "ergometer_piece",
     "find_strokes",
     "hull_pitch",
+    "live_stroke",
     "load_stroke_export",
     "load_targets",
     "on_hull",
