@@ -1,4 +1,4 @@
-"""`DECODERS`: the wire formats that a rig file may name, one module each. None needs a package beyond the core's."""
+"""`DECODERS`: the wire formats that a rig file may name, one module each. None needs a further package."""
 
 from __future__ import annotations
 
@@ -28,13 +28,31 @@ class Format:
     transports: tuple[str, ...]
     about: str
 
-    def decoder(self, **options: object) -> Decoder:
-        """A new decoder, for one device."""
+    def decoder(self, transport: str = "", **options: object) -> Decoder:
+        """A new decoder, for one device.
+
+        Args:
+            transport: what carries its bytes; over `udp` each packet has whole messages.
+            options: of the format, by the names of its module's `decoder`.
+        """
+        if transport == "udp" and len(self.transports) > 1:
+            options = {"datagrams": True, **options}
         return cast("Decoder", import_module(f"{__name__}.{self.module}").decoder(**options))
 
 
 _FORMATS: tuple[Format, ...] = (
     Format("lsl", "lsl", ("lsl",), "Lab Streaming Layer: inertial units by labels and units, other channels"),
+    Format("dot", "dot", ("ble",), "Movella DOT (Xsens DOT): measurement payloads, battery, messages"),
+    Format(
+        "lines", "lines", ("serial", "tcp", "udp"), "own lines t_us,seq,ax..mz, or JSON, one object a line"
+    ),
+    Format("mvn", "mxtp", ("tcp", "udp"), "Xsens MVN network streamer: types 02 and 23"),
+    Format("ngimu", "ngimu", ("serial", "udp"), "x-io NGIMU"),
+    Format("nmea", "nmea", ("serial", "tcp", "udp"), "GPS receivers: RMC and VTG"),
+    Format("osc", "osc_readings", ("serial", "udp"), "Open Sound Control, addresses DEVICE/QUANTITY"),
+    Format("shimmer3", "shimmer3", ("serial",), "Shimmer3 with LogAndStream firmware"),
+    Format("vicon", "vicon", ("udp",), "Vicon Tracker: UDP object stream"),
+    Format("ximu3", "ximu3", ("serial", "tcp", "udp"), "x-io x-IMU3"),
 )
 
 DECODERS: Mapping[str, Format] = MappingProxyType({format.name: format for format in _FORMATS})
