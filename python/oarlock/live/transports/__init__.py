@@ -1,0 +1,1 @@
+"""What carries bytes: each transport delivers packets as they arrive, and says how it does."""
