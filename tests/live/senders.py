@@ -28,7 +28,7 @@ class JsonDecoder:
             self.damaged += 1
             return []
         values = {k: tuple(v) if isinstance(v, list) else v for k, v in told["values"].items()}
-        return [Reading(told.get("part", ""), told["clock_s"], values, told["count"])]
+        return [Reading(told.get("part") or "", told["clock_s"], values, told["count"])]
 
 
 class JsonFormat(Format):
@@ -63,7 +63,7 @@ def rig_of(model, recording, **keys):
     return Rig("test", None, {"radio": Source("radio", FORMAT.name, "udp")}, tuple(feeds), **keys)
 
 
-def packets_of(recording, seed=0, *, drift_ppm=0.0, queue_s=2e-3, loss=0.0, least_s=1e-3):
+def packets_of(recording, seed=0, *, drift_ppm=0.0, queue_s=2e-3, loss=0.0, least_s=1e-3, part=False):
     """Packets in the order of arrival; clocks start anywhere and drift up or down by `drift_ppm`."""
     rng = np.random.default_rng(seed)
     found = []
@@ -74,7 +74,13 @@ def packets_of(recording, seed=0, *, drift_ppm=0.0, queue_s=2e-3, loss=0.0, leas
         kept = rng.random(len(time_s)) >= loss
         for row in np.flatnonzero(kept):
             values = {name: value[row].tolist() for name, value in stream.values.items()}
-            told = {"clock_s": zero_s + (1 + drift) * time_s[row], "count": int(row), "values": values}
+            told = {
+                "part": part and stream.name,
+                "clock_s": zero_s + (1 + drift) * time_s[row],
+                "count": int(row),
+                "values": values,
+            }
             arrival_ns = START_NS + int(1e9 * arrival_s[row])
-            found.append(Packet("radio", stream.name, "", arrival_ns, json.dumps(told).encode()))
+            address = "" if part else stream.name
+            found.append(Packet("radio", address, "", arrival_ns, json.dumps(told).encode()))
     return sorted(found, key=lambda packet: packet.arrival_ns)

@@ -72,7 +72,7 @@ def test_a_viewer_that_stalls_gets_the_newest_frame_next():
             assert await got(quick) == await got(stalled) == {"type": "hello"}
             for number in range(1000):
                 server.publish({"type": "frame", "number": number})
-                assert (await got(quick))["number"] == number
+                assert (await got(quick))["frame"]["number"] == number
                 await quick.send('{"shown": 1}')
             server.announce({"type": "event", "text": "seat is silent"})
             first = await got(stalled)
@@ -80,7 +80,7 @@ def test_a_viewer_that_stalls_gets_the_newest_frame_next():
             await stalled.send('{"shown": 1}')
             last = await got(stalled)
             assert [viewer.skipped for viewer in server.viewers] == [0, 998]
-            return first["number"], event["text"], last["number"]
+            return first["frame"]["number"], event["text"], last["frame"]["number"]
 
     assert served(work)[0] == (0, "seat is silent", 999)
 
@@ -127,7 +127,7 @@ def test_rubbish_is_answered_and_ends_only_its_own_connection():
                     await got(bad)
             await good.send('{"do": "note", "text": "start"}')
             server.publish({"type": "frame"})
-            assert (await got(good))["type"] == "frame"
+            assert (await got(good))["frame"] == {"type": "frame"}
 
     _, commands = served(work)
     assert commands == [{"do": "dance"}, {"do": "note", "text": "start"}]
@@ -152,7 +152,7 @@ def test_ten_viewers_all_get_frames():
         for number in range(20):
             server.publish({"type": "frame", "number": number})
             for socket in sockets:
-                assert (await got(socket))["number"] == number
+                assert (await got(socket))["frame"]["number"] == number
                 await socket.send('{"shown": 1}')
         for socket in sockets:
             await socket.close()

@@ -55,6 +55,8 @@ class Device:
     delay_s: float = 0.0
     """How much later than the fastest readings the last ones came, on average."""
     battery_percent: float | None = None
+    is_settled: bool = False
+    """Whether the time of its last reading is known."""
     _count: int | None = None
     _second: tuple[float, int] = (-math.inf, 0)
     _rate_hz: float = 0.0
@@ -82,8 +84,10 @@ class Device:
         if isinstance(battery, float | int):
             self.battery_percent = float(battery)
         if reading.clock_s is None:
+            self.is_settled = True
             return arrival_s
         time_s = self.clock.time_s(reading.clock_s, arrival_s)
+        self.is_settled = time_s is not None
         if time_s is not None:
             self.delay_s += 0.02 * (arrival_s - time_s - self.delay_s)
         return time_s

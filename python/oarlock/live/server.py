@@ -27,6 +27,7 @@ SOCKET_PATH = "/live"
 LONGEST_MESSAGE = 1 << 16
 MOST_RUBBISH = 100
 """A viewer that sends more messages than this that are none is disconnected."""
+MOST_TOLD = 1000
 _SECURITY = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
@@ -35,31 +36,30 @@ _SECURITY = {
     "Cache-Control": "no-store",
 }
 
-Frame = Mapping[str, Any]
-
 
 @dataclass(eq=False)
 class Viewer:
-    """One connected viewer."""
+    """One connected viewer. It says `{"shown": 1}` for each message of type `now`."""
 
     number: int
     skipped: int = 0
-    """Frames that newer ones replaced before it had shown the last."""
+    """Messages that newer ones replaced before it had shown the last."""
     rubbish: int = 0
-    _waiting: str | None = None
+    _newest: dict[str, str] = field(default_factory=dict)
     _is_ready: bool = True
     _news: asyncio.Event = field(default_factory=asyncio.Event)
     _told: list[str] = field(default_factory=list)
 
-    def offer(self, frame: str) -> None:
-        """The newest frame; it replaces one that still waits."""
-        self.skipped += self._waiting is not None
-        self._waiting = frame
+    def offer(self, kind: str, message: str) -> None:
+        """How it is now; it replaces a message of this kind that still waits."""
+        self.skipped += kind in self._newest
+        self._newest[kind] = message
         self._news.set()
 
     def tell(self, message: str) -> None:
-        """A message that must not be skipped: what changed, not how it looks now."""
-        self._told.append(message)
+        """What changed: not replaced, up to `MOST_TOLD` for a viewer that does not read."""
+        if len(self._told) < MOST_TOLD:
+            self._told.append(message)
         self._news.set()
 
     def shown(self) -> None:
@@ -73,9 +73,10 @@ class Viewer:
             await self._news.wait()
             self._news.clear()
             messages, self._told = self._told, []
-            if self._is_ready and self._waiting is not None:
-                messages.append(self._waiting)
-                self._waiting, self._is_ready = None, False
+            if self._is_ready and self._newest:
+                parts = (f'"{kind}":{text}' for kind, text in self._newest.items())
+                messages.append('{"type":"now",' + ",".join(parts) + "}")
+                self._newest, self._is_ready = {}, False
             if messages:
                 return messages
 
@@ -139,12 +140,12 @@ class PageServer:
         host = "127.0.0.1" if self.host in ("", "0.0.0.0") else self.host
         return f"http://{host}:{self.port}/" + (f"?token={self.token}" if self.token else "")
 
-    def publish(self, frame: Frame) -> None:
-        """Offers a frame to all viewers."""
+    def publish(self, message: Mapping[str, Any]) -> None:
+        """Offers a message to all viewers; only the newest of each `type` waits for those that are slow."""
         if self.viewers:
-            text = json.dumps(frame, allow_nan=False, separators=(",", ":"))
+            text = json.dumps(message, allow_nan=False, separators=(",", ":"))
             for viewer in self.viewers:
-                viewer.offer(text)
+                viewer.offer(message["type"], text)
 
     def announce(self, message: Mapping[str, Any]) -> None:
         """Tells all viewers something that none may miss."""

@@ -1,0 +1,91 @@
+"""A whole session over real sockets: sources, recorder, tracker and page together."""
+
+import asyncio
+import json
+import socket
+
+import numpy as np
+import pytest
+from senders import packets_of, rig_of, with_test_format
+from websockets.asyncio.client import connect
+
+import oarlock
+from oarlock import rowing
+from oarlock.live.folder import LiveFolder
+from oarlock.live.live import Live
+from oarlock.live.picture import LivePicture
+from oarlock.live.rig import Rig, Source
+from oarlock.live.server import PageServer
+
+SECONDS = 6.0
+
+
+def free_port():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
+
+
+async def send(packets, port):
+    """Each packet as a datagram, when it is due."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        loop, first_ns = asyncio.get_running_loop(), packets[0].arrival_ns
+        begun_s = loop.time()
+        for packet in packets:
+            await asyncio.sleep(max(0.0, (packet.arrival_ns - first_ns) / 1e9 - (loop.time() - begun_s)))
+            sender.sendto(packet.data, ("127.0.0.1", port))
+
+
+async def viewed(server, frames, told):
+    """A viewer that shows every frame it gets."""
+    async with connect(f"ws://127.0.0.1:{server.port}/live") as page:
+        async for message in page:
+            told.append(json.loads(message))
+            if told[-1]["type"] == "now":
+                frames += [told[-1]["frame"]] if "frame" in told[-1] else []
+                await page.send('{"shown": 1}')
+
+
+async def lived(live, packets, port, server):
+    frames, told = [], []
+    running = asyncio.create_task(live.run(SECONDS + 1.0))
+    await live.started.wait()
+    viewing = asyncio.create_task(viewed(server, frames, told))
+    await send(packets, port)
+    await running
+    await asyncio.gather(viewing, return_exceptions=True)
+    return frames, told
+
+
+@pytest.fixture(scope="module")
+def rowed(sculler):
+    motion = rowing.sculling(sculler, SECONDS, 24, surge=False, seed=6)
+    return oarlock.simulate(sculler, motion, seed=6, rate_hz=100)
+
+
+def test_packets_become_frames_a_recording_and_the_same_track(sculler, rowed, tmp_path, monkeypatch):
+    with_test_format(monkeypatch)
+    recording = rowed[1]
+    port = free_port()
+    radio = Source("radio", "test-json", "udp", {"port": port, "host": "127.0.0.1"})
+    rig = Rig("sculler", None, {"radio": radio}, rig_of(sculler, recording).feeds)
+    live = Live(rig, sculler, tmp_path / "today", picture=LivePicture.of(sculler))
+    live.server = PageServer({"/": b"page"}, live.do, lambda: {"type": "hello"})
+    packets = packets_of(recording, part=True)
+    frames, told = asyncio.run(lived(live, packets, port, live.server))
+
+    assert len(frames) > 20 and live.transports["radio"].dropped in (0, None)
+    assert {"type": "event", "text": "tracking"} in told
+    place = LiveFolder.load(tmp_path / "today")
+    again = oarlock.load_recording(tmp_path / "today" / "recording")
+    session = place.session(sculler)
+    estimates = [one for packet in place.read() for one in session.take(packet)]
+    assert len(estimates) == live.estimates
+    by_time = {round(one.time_s, 4): one for one in estimates}
+    for frame in frames:
+        value, std = frame["joints"]["trunk"]
+        one = by_time[frame["time_s"]]
+        trunk = one.belief.state_names.index("trunk")
+        assert (value, std) == (round(one.belief.mean[trunk], 5), round(one.belief.std[trunk], 5))
+    whole = oarlock.track(sculler, again.slice(start_s=session.from_s), config=session.config)
+    np.testing.assert_array_equal(whole.last_belief.mean, estimates[-1].belief.mean)
