@@ -6,6 +6,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from enough import EnoughError, Sent
 
 from oarlock import ImuStream
 from oarlock.live.decoders import DECODERS
@@ -28,23 +29,25 @@ async def ended(*tasks):
             await task
 
 
-async def heard(be, options, enough):
-    """Packets of a virtual device, which `be(device)` runs, until `enough(packets)`; and the transport."""
+async def heard(be, options):
+    """Packets of a virtual device, which `be(device)` runs, until it has sent enough."""
     air = Air()
     emulator = asyncio.create_task(be(air.device(ADDRESS)))
-    packets = []
+    packets, states = [], set()
     transport = Ble("machine", Options("machine", options | {"address": ADDRESS}), VirtualRadio(air.device()))
     receiver = asyncio.create_task(transport.run(packets.append))
-    while not enough(packets):
+    while not emulator.done():
         await asyncio.sleep(0.01)
-        for task in (emulator, receiver):
-            if task.done():
-                task.result()
-    state = transport.state
-    await ended(emulator)
-    await asyncio.sleep(0.1)  # what is still on the link
+        states.add(transport.state)
+        if receiver.done():
+            receiver.result()
+    with pytest.raises(EnoughError):
+        await emulator
+    # What was sent arrives before the end of the connection.
+    while not transport.state.startswith("lost"):
+        await asyncio.sleep(0.005)
     await ended(receiver)
-    assert state == f"receives from {ADDRESS}"
+    assert f"receives from {ADDRESS}" in states
     assert all(packet.source == "machine" and packet.address == ADDRESS for packet in packets)
     arrivals_ns = [packet.arrival_ns for packet in packets]
     assert arrivals_ns == sorted(arrivals_ns)
@@ -80,17 +83,13 @@ def assert_read_as_sent(readings, sent):
 
 
 def test_pm5_that_rows():
-    sent = []
+    sent = Sent(lambda sent: sum(number == 0x35 for number, _ in sent) == 12)
     rowing = pm5.Rowing(rate_per_min=30.0, drive_s=0.75)
-
-    def strokes(packets):
-        return sum(number == 0x35 for number, _ in sent) >= 8
 
     packets = asyncio.run(
         heard(
-            lambda device: pm5.run(device, rowing, speed=15.0, sent=lambda *one: sent.append(one)),
+            lambda device: pm5.run(device, rowing, speed=15.0, sent=sent),
             {"profile": "pm5", "period_ms": 100},
-            strokes,
         )
     )
     decoder = DECODERS["pm5"].decoder()
@@ -114,26 +113,26 @@ def test_pm5_that_rows():
 
 
 def test_pm5_of_which_only_the_multiplexed_characteristic_is_heard():
-    sent, messages = [], []
+    sent, messages = Sent(lambda sent: sum(number == 0x35 for number, _ in sent) == 6), []
 
     async def listen():
         air = Air()
-        emulator = asyncio.create_task(
-            pm5.run(air.device(ADDRESS), speed=15.0, sent=lambda *one: sent.append(one))
-        )
+        emulator = asyncio.create_task(pm5.run(air.device(ADDRESS), speed=15.0, sent=sent))
         radio = VirtualRadio(air.device())
-        [found] = await radio.scan(0.3)
+        while not (found := await radio.scan(0.1)):
+            pass
+        [found] = found
         assert (found.address, found.name, kind_of(found.name, found.services)) == (
             ADDRESS,
             "PM5 430000000",
             "pm5",
         )
-        await radio.connect(ADDRESS, lambda: None)
+        lost = asyncio.Event()
+        await radio.connect(ADDRESS, lost.set)
         await radio.subscribe(ADDRESS, "ce060080-43e5-11e4-916c-0800200c9a66", messages.append)
-        while sum(number == 0x35 for number, _ in sent) < 4:
-            await asyncio.sleep(0.01)
-        await ended(emulator)
-        await asyncio.sleep(0.1)
+        with pytest.raises(EnoughError):
+            await emulator
+        await lost.wait()
         await radio.disconnect(ADDRESS)
 
     asyncio.run(listen())
@@ -145,17 +144,16 @@ def test_pm5_of_which_only_the_multiplexed_characteristic_is_heard():
 
 
 def test_heart_rate_belt():
-    sent = []
+    sent = Sent(lambda sent: len(sent) == 40)
     packets = asyncio.run(
         heard(
-            lambda device: heart_rate.run(device, speed=50.0, sent=lambda *one: sent.append(one)),
+            lambda device: heart_rate.run(device, speed=50.0, sent=sent),
             {"profile": "heart_rate"},
-            lambda packets: len(packets) >= 40,
         )
     )
     decoder = DECODERS["heart_rate"].decoder()
     readings = [reading for packet in packets for reading in decoder.decode(packet.data, packet.channel)]
-    assert len(readings) == len(sent) >= 40
+    assert len(readings) == len(sent) == 40
     for reading, (rate_per_min, rr_s) in zip(readings, sent, strict=True):
         assert reading.values["heart_rate_per_min"] == round(rate_per_min)
         np.testing.assert_allclose(reading.values["rr_s"], rr_s, rtol=0.0, atol=0.5 / 1024 + 1e-12)
@@ -176,7 +174,7 @@ LAYOUTS = {20: ("<I6f3h", 40), 21: ("<I6f", 40), 26: ("<I10f", 63)}
 
 @pytest.mark.parametrize("mode", [20, 21, 26])
 def test_dot_that_replays_a_stream(mode):
-    stream, rows = wavering(), []
+    stream, sent = wavering(), Sent(lambda sent: sent[-1] == (119,))
     rng = np.random.default_rng(4)
     quat = rng.standard_normal((120, 4))
     quat /= np.linalg.norm(quat, axis=1, keepdims=True)
@@ -184,15 +182,13 @@ def test_dot_that_replays_a_stream(mode):
     first_us = (1 << 32) - 1_000_000
     packets = asyncio.run(
         heard(
-            lambda device: dot.run(
-                device, stream, quat_wxyz=quat, first_us=first_us, speed=10.0, sent=rows.append
-            ),
+            lambda device: dot.run(device, stream, quat_wxyz=quat, first_us=first_us, speed=10.0, sent=sent),
             {"profile": "dot", "mode": mode},
-            lambda packets: len(packets) >= 120,
         )
     )
     battery, *payloads = packets
     assert (battery.channel, battery.data) == ("15173001", bytes([88, 0]))
+    rows = [row for (row,) in sent]
     assert rows == [row for row in range(120) if row != 17]
     layout, length = LAYOUTS[mode]
     assert {len(packet.data) for packet in payloads} == {length}

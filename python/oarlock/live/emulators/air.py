@@ -20,12 +20,15 @@ class Air:
     def __init__(self) -> None:
         self._link = LocalLink()  # type: ignore[no-untyped-call]
         self._places = 0
+        self._controllers: dict[str, Controller] = {}
 
     def device(self, address: str = "") -> Device:
-        """A new device; without an address one gets the next of F0:00:00:00:00:01 and on."""
+        """A new device, in place of one with its address; without one it gets the next of F0:00:00:00:00:01 and on."""
         self._places += 1
         address = address or f"F0:00:00:00:00:{self._places:02X}"
-        controller = Controller(address, link=self._link)
+        if before := self._controllers.pop(address, None):
+            self._link.remove_controller(before)
+        controller = self._controllers[address] = Controller(address, link=self._link)
         return Device(address=Address(address), host=Host(controller, AsyncPipeSink(controller)))
 
 

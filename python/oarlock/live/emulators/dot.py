@@ -84,13 +84,13 @@ class _Unit:
         self._told = asyncio.Event()
 
     async def run(self, first_us: int, speed: float, sent: Callable[[int], None]) -> None:
-        await self._peripheral.begin()
-        while True:
-            await self._told.wait()
-            self._told.clear()
-            if self._mode is not None:
-                await self._peripheral.notify(_UUID.format(_BATTERY), bytes([88, 0]))
-                await self._replay(self._mode, first_us, speed, sent)
+        async with self._peripheral.there():
+            while True:
+                await self._told.wait()
+                self._told.clear()
+                if self._mode is not None:
+                    await self._peripheral.notify(_UUID.format(_BATTERY), bytes([88, 0]))
+                    await self._replay(self._mode, first_us, speed, sent)
 
     async def _replay(self, mode: int, first_us: int, speed: float, sent: Callable[[int], None]) -> None:
         loop = asyncio.get_running_loop()

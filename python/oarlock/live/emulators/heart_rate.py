@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import count
 from struct import pack
 
 from bumble.device import Device
@@ -41,14 +42,20 @@ async def run(
         sent: called with rate and intervals of each message that was notified.
     """
     peripheral = Peripheral(device, name, {_SERVICE: Offers([_MEASUREMENT])})
-    await peripheral.begin()
-    loop = asyncio.get_running_loop()
-    began_s, beat_s, second = loop.time(), 0.0, 0
-    while True:
+    async with peripheral.there():
+        loop = asyncio.get_running_loop()
+        began_s = loop.time()
+        for second, (rate, rr_s) in enumerate(_beats(rate_per_min, swing_per_min), 1):
+            await asyncio.sleep(began_s + second / speed - loop.time())
+            if await peripheral.notify(_MEASUREMENT, message(rate, rr_s)):
+                sent(rate, rr_s)
+
+
+def _beats(rate_per_min: float, swing_per_min: float) -> Iterator[tuple[float, tuple[float, ...]]]:
+    """Rate and intervals of the beats in each second, without end."""
+    beat_s = 0.0
+    for second in count(1):
         rate = rate_per_min + swing_per_min * math.sin(2.0 * math.pi * second / 30.0)
-        beats = max(0, int((second + 1 - beat_s) * rate / 60.0))
+        beats = max(0, int((second - beat_s) * rate / 60.0))
         beat_s += beats * 60.0 / rate
-        second += 1
-        await asyncio.sleep(began_s + second / speed - loop.time())
-        if await peripheral.notify(_MEASUREMENT, message(rate, (60.0 / rate,) * beats)):
-            sent(rate, (60.0 / rate,) * beats)
+        yield rate, (60.0 / rate,) * beats

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 
 from bumble.att import Attribute
-from bumble.core import UUID, AdvertisingData
+from bumble.core import UUID, AdvertisingData, BaseBumbleError
 from bumble.device import Connection, Device
 from bumble.gatt import Characteristic, CharacteristicValue, Service
 
@@ -45,8 +46,16 @@ class Peripheral:
         self._notifying: dict[str, Characteristic[bytes]] = {}
         self._subscribed: set[str] = set()
 
-    async def begin(self) -> None:
-        """Power on and advertise, again after each connection."""
+    @asynccontextmanager
+    async def there(self) -> AsyncIterator[None]:
+        """Advertise, again after each connection; at the end disconnect, as a device that is switched off."""
+        await self._begin()
+        try:
+            yield
+        finally:
+            await self._end()
+
+    async def _begin(self) -> None:
         for uuid, offers in self._services.items():
             self._device.add_service(Service(UUID(uuid), self._characteristics(offers)))
         self._device.on(Device.EVENT_CONNECTION, self._connected)
@@ -66,9 +75,11 @@ class Peripheral:
             return told, [(kind.COMPLETE_LIST_OF_128_BIT_SERVICE_CLASS_UUIDS, first)]
         return [*told, (kind.COMPLETE_LIST_OF_16_BIT_SERVICE_CLASS_UUIDS, first)], []
 
-    async def end(self) -> None:
-        """Disconnect and stop to advertise."""
-        await self._device.power_off()
+    async def _end(self) -> None:
+        await self._device.stop_advertising()
+        for connection in list(self._device.connections.values()):
+            with suppress(BaseBumbleError):
+                await connection.disconnect()
 
     def is_subscribed(self, uuid: str) -> bool:
         """Whether a characteristic notifies anybody."""

@@ -120,20 +120,22 @@ class _Monitor:
         self._period_s = _PERIODS_S[1]
 
     async def run(self, speed: float) -> None:
-        await self._peripheral.begin()
-        loop = asyncio.get_running_loop()
-        began_s, status_s, events = loop.time(), 0.0, self._rowing.events()
-        event_s, numbers = next(events)
-        while True:
-            is_status = status_s <= event_s
-            time_s = status_s if is_status else event_s
-            await asyncio.sleep(began_s + time_s / speed - loop.time())
-            for number in _STATUS if is_status else numbers:
-                await self._notify(number, time_s)
-            if is_status:
+        async with self._peripheral.there():
+            loop = asyncio.get_running_loop()
+            began_s = loop.time()
+            for time_s, numbers in self._moments():
+                await asyncio.sleep(began_s + time_s / speed - loop.time())
+                for number in numbers:
+                    await self._notify(number, time_s)
+
+    def _moments(self) -> Iterator[tuple[float, tuple[int, ...]]]:
+        """When which characteristics notify, without end."""
+        status_s = 0.0
+        for event_s, numbers in self._rowing.events():
+            while status_s <= event_s:
+                yield status_s, _STATUS
                 status_s += self._period_s
-            else:
-                event_s, numbers = next(events)
+            yield event_s, numbers
 
     async def _notify(self, number: int, time_s: float) -> None:
         """By the own characteristic if somebody has subscribed to it, else by the multiplexed one."""

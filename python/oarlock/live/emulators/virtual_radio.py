@@ -49,8 +49,13 @@ class VirtualRadio:
         """Connect a device, with an MTU for long notifications, and find its characteristics."""
         await self._power_on()
         connection = await self._done(self._device.connect_le(address, timeout=5.0))
-        connection.on(Connection.EVENT_DISCONNECTION, lambda _: lost())
         self._connections[address] = connection
+
+        def ended(_: int) -> None:
+            self._connections.pop(address, None)
+            lost()
+
+        connection.on(Connection.EVENT_DISCONNECTION, ended)
         peer = self._peers[address] = Peer(connection)
         await self._done(peer.request_mtu(_MTU))
         await self._done(peer.discover_services())
