@@ -11,6 +11,8 @@ from oarlock import DataError
 from oarlock.live.emulators import heart_rate
 from oarlock.live.emulators.air import Air
 from oarlock.live.emulators.virtual_radio import VirtualRadio
+from oarlock.live.rig import Source
+from oarlock.live.transports import opened
 from oarlock.live.transports.ble import Ble
 from oarlock.live.transports.ble_profiles import kind_of
 from oarlock.live.transports.bleak_radio import BleakRadio
@@ -185,6 +187,18 @@ def test_a_virtual_belt_that_is_switched_off_and_on():
 def test_options_are_checked(options, says):
     with pytest.raises(DataError, match=says):
         transport(FakeRadio(), **options)
+
+
+def test_a_source_of_a_rig_asks_for_what_its_decoder_reads(monkeypatch):
+    radio = FakeRadio()
+    monkeypatch.setattr("oarlock.live.transports.ble._own_radio", lambda: radio)
+    ble = opened(Source("units", "dot", "ble", {"address": "A"}, {"mode": 21}))
+    asyncio.run(running(ble, lambda: ble.state == "receives from A"))
+    assert ("write", "A", "15172001", "010115") in radio.asked
+    with pytest.raises(DataError, match=r"below \[sources.units.decoder\]"):
+        opened(Source("units", "dot", "ble", {"address": "A", "mode": 21}))
+    with pytest.raises(DataError, match="Valid: cycling_power, dot"):
+        opened(Source("units", "nmea", "ble", {"address": "A"}))
 
 
 def test_kinds_are_recognised():

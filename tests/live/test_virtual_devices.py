@@ -192,19 +192,22 @@ def test_dot_that_replays_a_stream(mode):
     assert rows == [row for row in range(120) if row != 17]
     layout, length = LAYOUTS[mode]
     assert {len(packet.data) for packet in payloads} == {length}
+    decoder = DECODERS["dot"].decoder(mode=mode)
     for packet, row in zip(payloads, rows, strict=True):
+        expected = {"accel_m_s2": stream.accel_m_s2[row], "gyro_rad_s": stream.gyro_rad_s[row]}
+        further = {20: {"mag_arbitrary": stream.mag_ut[row] / 50.0}, 26: {"quat_wxyz": quat[row]}}
+        expected |= further.get(mode, {})
         stamp, *numbers = struct.unpack_from(layout, packet.data)
         assert stamp == (first_us + round(1e6 * (stream.time_s[row] - 5.0))) % (1 << 32)
-        if mode == 26:
-            np.testing.assert_allclose(numbers[:4], quat[row], atol=1e-7)
-            numbers = numbers[4:]
-        np.testing.assert_allclose(numbers[:3], stream.accel_m_s2[row], rtol=1e-6)
-        np.testing.assert_allclose(np.radians(numbers[3:6]), stream.gyro_rad_s[row], rtol=1e-6)
-        np.testing.assert_allclose(
-            np.array(numbers[6:]) / 4096 * 50.0,
-            stream.mag_ut[row][: len(numbers) - 6],
-            atol=0.5 / 4096 * 50.0,
-        )
+        first = 4 if mode == 26 else 0
+        np.testing.assert_allclose(numbers[first : first + 3], expected["accel_m_s2"], rtol=1e-6)
+        [reading] = decoder.decode(packet.data, packet.channel)
+        assert reading.clock_s - first_us / 1e6 == pytest.approx(stream.time_s[row] - 5.0, abs=1e-6)
+        assert reading.values.keys() == expected.keys()
+        for name, values in expected.items():
+            atol = 0.5 / 4096 if name == "mag_arbitrary" else 1e-6
+            np.testing.assert_allclose(reading.values[name], values, rtol=1e-6, atol=atol, err_msg=name)
+    assert decoder.damaged == 0
 
 
 def test_dot_that_is_started_before_it_is_heard_sends_nothing():

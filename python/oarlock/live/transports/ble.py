@@ -25,8 +25,8 @@ _TURNS: WeakKeyDictionary[asyncio.AbstractEventLoop, asyncio.Lock] = WeakKeyDict
 class Ble:
     """Devices of one kind. A packet's channel is the short UUID of the characteristic, such as `2A37` or `CE060035`.
 
-    Options: `profile`, a name of `ble_profiles.KINDS`; `addresses`, a list, or `address`; those of the
-    profile: `mode` and `rate_hz` of a DOT, `period_ms` of a PM5.
+    Options: `addresses`, a list, or `address`; `rate_hz` of a DOT, `period_ms` of a PM5. Two follow from a rig file's
+    format and decoder: `profile`, a name of `ble_profiles.KINDS`, and the `mode` of a DOT.
 
     Args:
         source: its name.
