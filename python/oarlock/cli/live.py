@@ -93,9 +93,10 @@ def demo(
     from oarlock.live.emulators.rig import lines_rig
     from oarlock.live.folder import dated_folder
     from oarlock.live.transports.udp import free_port
+    from oarlock.rowing.simulation.emulated import RATE_HZ, STREAMS
 
     model, sent_to = oarlock.load_model("sculler"), free_port()
-    rig = lines_rig(model, "sculler", sent_to, 100.0)
+    rig = lines_rig(model, "sculler", sent_to, RATE_HZ, STREAMS)
     emulator = subprocess.Popen([sys.executable, "-m", "oarlock.rowing.simulation.emulated", str(sent_to)])
     try:
         _run(rig, model, None, out or dated_folder(Path("out")), port, share, no_page, None, seconds)
@@ -140,7 +141,6 @@ def _run(
 ) -> None:
     from oarlock.live.live import Live
     from oarlock.live.outputs import UdpLines
-    from oarlock.live.page import page_server
     from oarlock.live.picture import LivePicture
 
     follower = _strokes(model, calibration)
@@ -149,6 +149,8 @@ def _run(
         host, _, to_port = udp.rpartition(":")
         live.outputs = [UdpLines(model, host or "127.0.0.1", int(to_port))]
     if not no_page:
+        from oarlock.live.page import page_server
+
         columns = None if follower is None else {"columns": follower.columns}
         token = secrets.token_urlsafe(12) if share else ""
         page_server(live, "0.0.0.0" if share else "127.0.0.1", port, token, strokes=columns)

@@ -58,7 +58,7 @@ class Live:
         server: page and WebSocket; None without.
         picture: the figure of the page; None without.
         outputs: what else gets each estimate.
-        follower: makes messages of what it recognises in the estimates, such as repetitions of a movement; None without.
+        follower: makes messages of what it recognises in the estimates, such as repetitions; None without.
         is_tracked_at_once: track without a command, as soon as all streams have been heard and their clocks settled.
     """
 

@@ -23,5 +23,5 @@ def lines_rig(model: Model, name: str, port: int, rate_hz: float, streams: tuple
         for stream, (kind, values) in streams_of(model).items()
         if not streams or stream in streams
     )
-    source = Source(LINES, LINES, "udp", {"port": port, "host": "127.0.0.1"}, {"datagrams": True})
+    source = Source(LINES, LINES, "udp", {"port": port, "host": "127.0.0.1"})
     return Rig(name, None, {LINES: source}, feeds)

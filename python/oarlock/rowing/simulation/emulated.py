@@ -15,6 +15,12 @@ STROKES, RATE_SPM, RATE_HZ = 8, 24.0, 100.0
 PERIOD_S = STROKES * 60.0 / RATE_SPM
 _LEAD_S = 5.0
 
+STREAMS = (
+    *("back", "r_upperarm", "r_forearm", "l_upperarm", "l_forearm"),
+    *("seat", "r_oar_phi", "r_oar_alpha", "l_oar_phi", "l_oar_alpha"),
+)
+"""The sculler's devices: five units, and encoders of the seat and of the oars."""
+
 USUAL_FAULTS = Faults(
     drift_ppm=40.0,
     least_ms=2.0,
@@ -29,7 +35,7 @@ USUAL_FAULTS = Faults(
 def endless_sculling(model: Model, seed: int = 0) -> Recording:
     """One period of strokes that are all alike, whose end joins its start, as the sensors of a model measure it."""
     motion = sculling(model, _LEAD_S + PERIOD_S + 1.0, RATE_SPM, surge=False, variation=0.0, seed=seed)
-    _, recording = simulate(model, motion, seed=seed, rate_hz=RATE_HZ)
+    _, recording = simulate(model, motion, STREAMS, seed, rate_hz=RATE_HZ)
     cut = recording.slice(start_s=_LEAD_S, end_s=_LEAD_S + PERIOD_S)
     return Recording([stream.at_rows(slice(None), stream.time_s - _LEAD_S) for stream in cut.streams])
 
