@@ -102,11 +102,9 @@ class VirtualRadio:
 
 def _found(told: Advertisement) -> Found:
     kind = AdvertisingData.Type
-    keys = (
-        kind.COMPLETE_LIST_OF_16_BIT_SERVICE_CLASS_UUIDS,
-        kind.COMPLETE_LIST_OF_128_BIT_SERVICE_CLASS_UUIDS,
-    )
-    services = [one for key in keys for one in told.data.get(key) or ()]
+    short = told.data.get_all(kind.COMPLETE_LIST_OF_16_BIT_SERVICE_CLASS_UUIDS)
+    long = told.data.get_all(kind.COMPLETE_LIST_OF_128_BIT_SERVICE_CLASS_UUIDS)
+    services = [one for several in (*short, *long) for one in several]
     name = told.data.get(kind.COMPLETE_LOCAL_NAME) or ""
     full = tuple(str(uuid.UUID(bytes=one.to_bytes(force_128=True)[::-1])) for one in services)
     return Found(str(told.address).partition("/")[0], str(name), full, float(told.rssi))
