@@ -17,7 +17,7 @@ import oarlock
 from oarlock.live.decoders import DECODERS
 from oarlock.live.intake import Intake, Sampled
 from oarlock.live.reading import Decoder, Packet
-from oarlock.live.rig import Rig
+from oarlock.live.rig import Rig, Source
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
@@ -147,8 +147,9 @@ def recorded(packets: Iterable[Packet], rig: Rig, start_ns: int) -> oarlock.Reco
     return oarlock.Recording(streams, {"source": {"format": "live"}})
 
 
-def _new_decoder(format_name: str, options: Mapping[str, object]) -> Decoder:
-    return DECODERS[format_name].decoder(**options)
+def _new_decoder(source: Source) -> Decoder:
+    chosen = DECODERS[source.format]
+    return chosen.decoder(**{**chosen.options_over(source.transport), **source.decoder})
 
 
 def _follow(intake: Intake, packet: Packet) -> None:

@@ -28,15 +28,12 @@ class Format:
     transports: tuple[str, ...]
     about: str
 
-    def decoder(self, transport: str = "", **options: object) -> Decoder:
-        """A new decoder, for one device.
+    def options_over(self, transport: str) -> Mapping[str, object]:
+        """Options of its decoder that follow from the transport: over `udp` each packet has whole messages."""
+        return {"datagrams": True} if transport == "udp" and len(self.transports) > 1 else {}
 
-        Args:
-            transport: what carries its bytes; over `udp` each packet has whole messages.
-            options: of the format, by the names of its module's `decoder`.
-        """
-        if transport == "udp" and len(self.transports) > 1:
-            options = {"datagrams": True, **options}
+    def decoder(self, **options: object) -> Decoder:
+        """A new decoder, for one device."""
         return cast("Decoder", import_module(f"{__name__}.{self.module}").decoder(**options))
 
 
