@@ -54,6 +54,7 @@ USUAL_S = {
     # Estimates from a run of all tests on two cores.
     "engine": 90.0,
     "fuzz engine": 70.0,
+    "fuzz decoders": 90.0,
     "fuzz files": 220.0,
 }
 NEW_S = 60.0

@@ -9,7 +9,7 @@ G = 9.80665
 
 def decoder_of(name, transport="", **options):
     """As a session makes it for a source with this transport."""
-    return DECODERS[name].decoder(**DECODERS[name].options_over(transport), **options)
+    return DECODERS[name].decoder(transport, **options)
 
 
 def readings(name, *packets, channel="", **options):

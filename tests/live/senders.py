@@ -32,7 +32,7 @@ class JsonDecoder:
 
 
 class JsonFormat(Format):
-    def decoder(self, **options):
+    def decoder(self, transport="", **options):
         return JsonDecoder()
 
 

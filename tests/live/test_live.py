@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-import socket
 
 import numpy as np
 import pytest
@@ -17,14 +16,9 @@ from oarlock.live.folder import LiveFolder
 from oarlock.live.live import Live
 from oarlock.live.picture import LivePicture
 from oarlock.live.server import PageServer
+from oarlock.live.transports.udp import free_port
 
 SECONDS = 6.0
-
-
-def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
-        one.bind(("127.0.0.1", 0))
-        return one.getsockname()[1]
 
 
 async def viewed(server, frames, told):

@@ -109,7 +109,7 @@ class Intake:
     Args:
         rig: which device feeds which stream.
         start_ns: the session's start by the clock of arrivals; times count from there.
-        decoders: a new decoder for one device of a source.
+        decoders: makes a new decoder for a device of a source.
     """
 
     rig: Rig
@@ -161,6 +161,10 @@ class Intake:
             for stream in device.streams:
                 heard[stream] = max(heard[stream], device.last_arrival_s)
         return [stream for stream, last_s in heard.items() if now_s - last_s > longer_s]
+
+    def heard(self) -> list[str]:
+        """Streams of which anything has come."""
+        return [stream for device in self.devices.values() for stream in device.streams]
 
     def _device(self, packet: Packet, part: str) -> Device:
         key = (packet.source, packet.address, part)

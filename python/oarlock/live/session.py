@@ -19,6 +19,7 @@ from oarlock.live.intake import Intake, Sampled
 from oarlock.live.reading import Decoder, Packet
 from oarlock.live.rig import Rig, Source
 from oarlock.storage.errors import DataError
+from oarlock.storage.suggest import did_you_mean
 
 if TYPE_CHECKING:
     from oarlock._core import Belief, Config, Info, Model, Tracker
@@ -148,8 +149,11 @@ def recorded(packets: Iterable[Packet], rig: Rig, start_ns: int) -> oarlock.Reco
 
 
 def _new_decoder(source: Source) -> Decoder:
-    chosen = DECODERS[source.format]
-    return chosen.decoder(**{**chosen.options_over(source.transport), **source.decoder})
+    if source.format not in DECODERS:
+        known = did_you_mean(source.format, sorted(DECODERS))
+        raise DataError(f"source '{source.name}': the format {source.format} is unknown. {known}")
+    options: Mapping[str, Any] = source.decoder
+    return DECODERS[source.format].decoder(source.transport, **options)
 
 
 def _follow(intake: Intake, packet: Packet) -> None:

@@ -10,8 +10,10 @@ from .exports.load import EXPORT_FORMATS, ExportFormat, load_stroke_export
 from .field.effects import FieldEffects
 from .field.trial import FieldTrial, simulate_field
 from .figure.shapes import rowing_look, stroke_marks
+from .report.live import StrokeFollower
 from .simulation.anthropometry import anthropometry
 from .simulation.boat import Boat, HullMotion
+from .simulation.emulated import rowing_devices
 from .simulation.ergometer import ErgometerShape, Machine, ergometer_piece
 from .simulation.hull import HullRotation, on_hull
 from .simulation.motion import Piece, row_piece, sculling
@@ -60,6 +62,7 @@ __all__ = [
     "SimulatedCondition",
     "Stretch",
     "StrokeEvent",
+    "StrokeFollower",
     "StrokeShape",
     "StrokeTable",
     "StrokeTiming",
@@ -79,6 +82,7 @@ __all__ = [
     "on_hull",
     "on_unknown_rail",
     "row_piece",
+    "rowing_devices",
     "rowing_look",
     "save_strokes",
     "sculling",

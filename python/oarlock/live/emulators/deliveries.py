@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -66,17 +67,37 @@ def deliveries(recording: Recording, faults: Faults, seed: int = 0) -> list[Deli
         faults: on the way.
         seed: of all that is drawn.
     """
+    return _round(recording, faults, seed, 0, 0.0)
+
+
+def endless(recording: Recording, period_s: float, faults: Faults, seed: int = 0) -> Iterator[Delivery]:
+    """A recording of a movement that repeats itself, again and again, while clocks and counters run on.
+
+    Args:
+        recording: from 0 to before `period_s`; its end joins its start.
+        period_s: after which it begins again.
+        faults: on the way; their times count from the first start.
+        seed: of all that is drawn.
+    """
+    for number in itertools.count():
+        yield from _round(recording, faults, seed, number, period_s)
+
+
+def _round(recording: Recording, faults: Faults, seed: int, number: int, period_s: float) -> list[Delivery]:
     found = [
         delivery
-        for number, stream in enumerate(recording.streams)
-        for delivery in _of(stream, faults, np.random.default_rng((seed, number)))
+        for device, stream in enumerate(recording.streams)
+        for delivery in _of(stream, faults, (seed, device), number, number * period_s)
     ]
     return sorted(found, key=lambda delivery: delivery.due_s)
 
 
-def _of(stream: Stream, faults: Faults, rng: np.random.Generator) -> Iterator[Delivery]:
-    time_s = stream.time_s
-    zero_s, drift = rng.uniform(0.0, 1000.0), 1e-6 * faults.drift_ppm * rng.choice([-1.0, 1.0])
+def _of(
+    stream: Stream, faults: Faults, seed: tuple[int, int], number: int, late_s: float
+) -> Iterator[Delivery]:
+    own, rng = np.random.default_rng(seed), np.random.default_rng((*seed, number))
+    zero_s, drift = own.uniform(0.0, 1000.0), 1e-6 * faults.drift_ppm * own.choice([-1.0, 1.0])
+    time_s, first = stream.time_s + late_s, number * len(stream.time_s)
     ready_s = _together(time_s, faults.burst)
     queue_s = 1e-3 * (faults.least_ms + rng.exponential(faults.jitter_ms, len(time_s)))
     # A radio keeps the order of one device; a burst shares its time on the way.
@@ -86,9 +107,9 @@ def _of(stream: Stream, faults: Faults, rng: np.random.Generator) -> Iterator[De
         sent &= (stream.name != device) | (time_s < from_s) | (time_s >= to_s)
     clock_s = zero_s + (1.0 + drift) * time_s
     for row in np.flatnonzero(sent):
-        values = _values(stream, int(row), faults)
+        values = _values(stream, int(row), float(time_s[row]), faults)
         if values:
-            yield Delivery(float(due_s[row]), stream.name, float(clock_s[row]), int(row), values)
+            yield Delivery(float(due_s[row]), stream.name, float(clock_s[row]), first + int(row), values)
 
 
 def _together(values: Floats, burst: int) -> Floats:
@@ -98,7 +119,7 @@ def _together(values: Floats, burst: int) -> Floats:
     return found
 
 
-def _values(stream: Stream, row: int, faults: Faults) -> dict[str, float | tuple[float, ...]]:
+def _values(stream: Stream, row: int, time_s: float, faults: Faults) -> dict[str, float | tuple[float, ...]]:
     found: dict[str, float | tuple[float, ...]] = {}
     for name, rows in stream.values.items():
         value = rows[row]
@@ -107,6 +128,6 @@ def _values(stream: Stream, row: int, faults: Faults) -> dict[str, float | tuple
     field_ut = found.get("mag_ut")
     if isinstance(field_ut, tuple):
         for device, from_s, to_s, added_ut in faults.magnet:
-            if stream.name == device and from_s <= stream.time_s[row] < to_s:
+            if stream.name == device and from_s <= time_s < to_s:
                 found["mag_ut"] = (field_ut[0] + added_ut, *field_ut[1:])
     return found

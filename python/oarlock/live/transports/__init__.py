@@ -19,6 +19,7 @@ TRANSPORTS: Mapping[str, tuple[str, str]] = MappingProxyType(
         "udp": ("Udp", "datagrams to a port of this machine"),
         "tcp": ("Tcp", "a device that serves its data at a port"),
         "serial": ("Serial", "a serial line"),
+        "lsl": ("Lsl", "a stream of the Lab Streaming Layer"),
         "replay": ("Replay", "a recording, with its true timing"),
     }
 )
