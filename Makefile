@@ -50,7 +50,7 @@ fuzz: export OARLOCK_FUZZ_SEED ?= $(shell date +%s)
 fuzz: $(VENV)/.package $(VENV)/.dev ## feed parsers, readers, arrays and filters with rubbish for FUZZ_MINUTES (60)
 	@echo "seeds from $$OARLOCK_FUZZ_SEED, $$OARLOCK_FUZZ_SECONDS s a campaign"
 	cargo test --locked --quiet --package oarlock --test fuzz -- --nocapture --test-threads 1
-	$(BIN)/python -m pytest --timeout 0 -s tests/test_fuzz_arrays.py tests/test_fuzz_settings.py tests/test_fuzz_files.py tests/test_fuzz_units.py tests/test_fuzz_wearings.py
+	$(BIN)/python -m pytest --timeout 0 -s tests/test_fuzz_arrays.py tests/test_fuzz_settings.py tests/test_fuzz_files.py tests/test_fuzz_units.py tests/test_fuzz_wearings.py tests/test_fuzz_decoders.py
 
 bench: $(VENV)/.package ## time steps, parts, recordings, latency and memory, and print one table
 	OARLOCK_BENCH_OUT=$(CURDIR)/out/bench cargo bench --locked --package oarlock

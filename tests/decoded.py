@@ -7,9 +7,14 @@ from oarlock.live.decoders import DECODERS
 G = 9.80665
 
 
+def decoder_of(name, transport="", **options):
+    """As a session makes it for a source with this transport."""
+    return DECODERS[name].decoder(transport, **options)
+
+
 def readings(name, *packets, channel="", **options):
     """Of packets that arrive one after the other; none may be damaged."""
-    decoder = DECODERS[name].decoder(**options)
+    decoder = decoder_of(name, **options)
     found = [reading for packet in packets for reading in decoder.decode(as_bytes(packet), channel)]
     assert decoder.damaged == 0
     return found
@@ -23,7 +28,7 @@ def one(name, *packets, **options):
 
 def damaged(name, *packets, channel="", **options):
     """How much is damaged, of packets that give no reading."""
-    decoder = DECODERS[name].decoder(**options)
+    decoder = decoder_of(name, **options)
     assert [r for packet in packets for r in decoder.decode(as_bytes(packet), channel)] == []
     return decoder.damaged
 

@@ -266,4 +266,4 @@ def test_bundles_in_bundles_have_an_end():
     for _ in range(12):
         deep = bundle(5, [deep])
     assert damaged("osc", deep, transport="udp") == 1
-    assert DECODERS["osc"].decoder("serial").decode(b"\xc0") == []
+    assert DECODERS["osc"].decoder().decode(b"\xc0") == []

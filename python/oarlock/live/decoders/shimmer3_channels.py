@@ -119,10 +119,12 @@ def calibrations_of(response: bytes) -> dict[str, Calibration]:
     """Sensor -> its calibration, by a calibration response without its first byte; some may have none."""
     found = {}
     for name, numbers in zip(_SENSORS, _CALIBRATION.iter_unpack(response), strict=True):
+        if min(numbers[3:6]) <= 0:
+            continue
         sensitivity = np.array(numbers[3:6]) / (100.0 if name == "gyro" else 1.0)
         alignment = np.array(numbers[6:]).reshape(3, 3) / 100.0
         # Rows are directions: memory that was never written has others.
-        if (sensitivity > 0.0).all() and 0.5 < abs(np.linalg.det(alignment)) < 1.5:
+        if 0.5 < abs(np.linalg.det(alignment)) < 1.5:
             matrix = np.linalg.inv(alignment) / sensitivity
             found[name] = Calibration(np.array(numbers[:3], float), matrix)
     return found
