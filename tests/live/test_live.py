@@ -2,38 +2,23 @@
 
 import asyncio
 import json
-import socket
 
 import numpy as np
 import pytest
-from senders import packets_of, rig_of, with_test_format
+from senders import encoded, rig_of, with_test_format
 from websockets.asyncio.client import connect
 
 import oarlock
 from oarlock import rowing
+from oarlock.live.emulators.deliveries import Faults, deliveries
+from oarlock.live.emulators.lines import send
 from oarlock.live.folder import LiveFolder
 from oarlock.live.live import Live
 from oarlock.live.picture import LivePicture
-from oarlock.live.rig import Rig, Source
 from oarlock.live.server import PageServer
+from oarlock.live.transports.udp import free_port
 
 SECONDS = 6.0
-
-
-def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
-        one.bind(("127.0.0.1", 0))
-        return one.getsockname()[1]
-
-
-async def send(packets, port):
-    """Each packet as a datagram, when it is due."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        loop, first_ns = asyncio.get_running_loop(), packets[0].arrival_ns
-        begun_s = loop.time()
-        for packet in packets:
-            await asyncio.sleep(max(0.0, (packet.arrival_ns - first_ns) / 1e9 - (loop.time() - begun_s)))
-            sender.sendto(packet.data, ("127.0.0.1", port))
 
 
 async def viewed(server, frames, told):
@@ -46,12 +31,12 @@ async def viewed(server, frames, told):
                 await page.send('{"shown": 1}')
 
 
-async def lived(live, packets, port, server):
+async def lived(live, sent, port):
     frames, told = [], []
     running = asyncio.create_task(live.run(SECONDS + 1.0))
     await live.started.wait()
-    viewing = asyncio.create_task(viewed(server, frames, told))
-    await send(packets, port)
+    viewing = asyncio.create_task(viewed(live.server, frames, told))
+    await send(sent, "127.0.0.1", port, encoded)
     await running
     await asyncio.gather(viewing, return_exceptions=True)
     return frames, told
@@ -67,12 +52,10 @@ def test_packets_become_frames_a_recording_and_the_same_track(sculler, rowed, tm
     with_test_format(monkeypatch)
     recording = rowed[1]
     port = free_port()
-    radio = Source("radio", "test-json", "udp", {"port": port, "host": "127.0.0.1"})
-    rig = Rig("sculler", None, {"radio": radio}, rig_of(sculler, recording).feeds)
+    rig = rig_of(sculler, recording, {"port": port, "host": "127.0.0.1"})
     live = Live(rig, sculler, tmp_path / "today", picture=LivePicture.of(sculler))
     live.server = PageServer({"/": b"page"}, live.do, lambda: {"type": "hello"})
-    packets = packets_of(recording, part=True)
-    frames, told = asyncio.run(lived(live, packets, port, live.server))
+    frames, told = asyncio.run(lived(live, deliveries(recording, Faults()), port))
 
     assert len(frames) > 20 and live.transports["radio"].dropped in (0, None)
     (tracking,) = (one for one in told if one["type"] == "event" and one["text"] == "tracking")

@@ -32,7 +32,7 @@ def lived(rig, model, packets, folder):
     return session, found
 
 
-@pytest.mark.parametrize("faults", [{}, {"drift_ppm": 50.0, "queue_s": 0.01, "loss": 0.03}])
+@pytest.mark.parametrize("faults", [{}, {"drift_ppm": 50.0, "jitter_ms": 10.0, "burst": 3, "loss": 0.03}])
 def test_the_track_of_the_recording_is_the_live_track(sculler, rowed, tmp_path, monkeypatch, faults):
     with_test_format(monkeypatch)
     rig = rig_of(sculler, rowed, wait_s=0.05)

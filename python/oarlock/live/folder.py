@@ -32,6 +32,11 @@ SESSION, RIG, CALIBRATION, PACKETS, RECORDING = (
 )
 
 
+def dated_folder(parent: Path) -> Path:
+    """A folder for a session that begins now, named by date and time of day."""
+    return parent / time.strftime("live-%Y-%m-%d-%H%M%S")
+
+
 @dataclass(frozen=True)
 class LiveFolder:
     """The folder of a session.

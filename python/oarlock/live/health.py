@@ -20,18 +20,20 @@ class Watch:
     """Notices what changes from one look to the next."""
 
     intake: Intake
-    _silent: set[str] | None = None
+    _heard: set[str] = field(default_factory=set)
+    _silent: set[str] = field(default_factory=set)
     _restarts: dict[str, int] = field(default_factory=dict)
 
     def events(self, now_s: float) -> Iterator[str]:
         """Sentences about what has changed since the last look."""
-        silent = set(self.intake.silent(now_s, SILENT_S))
-        before = silent if self._silent is None else self._silent
-        for stream in sorted(silent - before):
+        # Before its first reading a stream is awaited, not silent.
+        silent = set(self.intake.silent(now_s, SILENT_S)) & self._heard
+        for stream in sorted(silent - self._silent):
             yield f"{stream} is silent"
-        for stream in sorted(before - silent):
+        for stream in sorted(self._silent - silent):
             yield f"{stream} is back"
         self._silent = silent
+        self._heard |= set(self.intake.heard())
         for device in list(self.intake.devices.values()):
             if device.clock.restarts > self._restarts.get(device.name, 0):
                 yield f"the clock of {device.name} was started again; its readings are used again in 2 s"

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 from oarlock.live.clock import DeviceClock
 from oarlock.live.reading import Decoder, Packet, Reading
-from oarlock.live.rig import Feed, Rig
+from oarlock.live.rig import Feed, Rig, Source
 
 RATE_OVER_S = 2.0
 """Rates are counted over so much time."""
@@ -109,12 +109,12 @@ class Intake:
     Args:
         rig: which device feeds which stream.
         start_ns: the session's start by the clock of arrivals; times count from there.
-        decoders: name of a format -> a new decoder with the source's options.
+        decoders: makes a new decoder for a device of a source.
     """
 
     rig: Rig
     start_ns: int
-    decoders: Callable[[str, Mapping[str, object]], Decoder]
+    decoders: Callable[[Source], Decoder]
     devices: dict[tuple[str, str, str], Device] = field(default_factory=dict)
     _decoders: dict[tuple[str, str], Decoder] = field(default_factory=dict)
     _feeds: dict[str, Feed] = field(default_factory=dict)
@@ -130,7 +130,7 @@ class Intake:
             return []
         key = (packet.source, packet.address)
         if key not in self._decoders:
-            self._decoders[key] = self.decoders(source.format, source.decoder)
+            self._decoders[key] = self.decoders(source)
         arrival_s = self.seconds(packet.arrival_ns)
         found: list[Sampled] = []
         for reading in self._decoders[key].decode(packet.data, packet.channel):
@@ -161,6 +161,10 @@ class Intake:
             for stream in device.streams:
                 heard[stream] = max(heard[stream], device.last_arrival_s)
         return [stream for stream, last_s in heard.items() if now_s - last_s > longer_s]
+
+    def heard(self) -> list[str]:
+        """Streams of which anything has come."""
+        return [stream for device in self.devices.values() for stream in device.streams]
 
     def _device(self, packet: Packet, part: str) -> Device:
         key = (packet.source, packet.address, part)

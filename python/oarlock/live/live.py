@@ -6,9 +6,12 @@ import asyncio
 import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
+from multiprocessing import get_context
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from oarlock.live.folder import LiveFolder
 from oarlock.live.health import Watch, health
@@ -22,7 +25,7 @@ from oarlock.live.transports import opened
 from oarlock.live.transports.transport import Transport, now_ns
 
 if TYPE_CHECKING:
-    from oarlock._core import Model
+    from oarlock._core import Belief, Model
     from oarlock.live.picture import LivePicture
     from oarlock.recording.calibration import Calibration
 
@@ -30,6 +33,17 @@ FRAMES_HZ = 60.0
 HEALTH_S = 0.5
 DOINGS = ("track", "stop", "note", "assign")
 """What a viewer may ask for."""
+
+
+class Follower(Protocol):
+    """Recognises something in the estimates as they come."""
+
+    @property
+    def work(self) -> Callable[[Any], Mapping[str, Any] | None]:
+        """Makes a message, with the key `type`, of what `step` returned. It runs in another process."""
+
+    def step(self, time_s: float, belief: Belief) -> object | None:
+        """What is to be worked on, if an estimate completes something; quick, because the tracker waits."""
 
 
 @dataclass
@@ -44,6 +58,7 @@ class Live:
         server: page and WebSocket; None without.
         picture: the figure of the page; None without.
         outputs: what else gets each estimate.
+        follower: makes messages of what it recognises in the estimates, such as repetitions; None without.
         is_tracked_at_once: track without a command, as soon as all streams have been heard and their clocks settled.
     """
 
@@ -54,6 +69,7 @@ class Live:
     server: PageServer | None = None
     picture: LivePicture | None = None
     outputs: Sequence[Output] = ()
+    follower: Follower | None = None
     is_tracked_at_once: bool = True
     on_event: Callable[[str], None] = lambda text: None
     session: LiveSession = field(init=False)
@@ -73,12 +89,16 @@ class Live:
         self.transports = {name: opened(source) for name, source in self.rig.sources.items()}
         self._watch = Watch(self.session.intake)
         self._newest: Estimate | None = None
+        self._working: set[asyncio.Task[None]] = set()
         self._published_s = 0.0
         place = LiveFolder.create(self.folder, self.rig, self.calibration, start_ns)
         self._recorder = Recorder(place.packets)
+        self._pool = None if self.follower is None else ProcessPoolExecutor(1, get_context("spawn"))
         try:
             await self._until_ended(seconds)
         finally:
+            if self._pool is not None:
+                self._pool.shutdown(wait=False, cancel_futures=True)
             self.deliver(command(now_ns(), "stop"))
             self._recorder.close()
             place.finish(self.model)
@@ -91,6 +111,7 @@ class Live:
             self._newest = estimate
             for output in self.outputs:
                 output.put(estimate)
+            self._follow(estimate)
         self._publish()
 
     def do(self, told: Mapping[str, Any]) -> str | None:
@@ -138,6 +159,25 @@ class Live:
                 free = shutil.disk_usage(self.folder).free
                 states = {name: t.state for name, t in self.transports.items()}
                 self.server.publish(health(self.session, states, self._recorder, free, now_s))
+
+    def _follow(self, estimate: Estimate) -> None:
+        task = None if self.follower is None else self.follower.step(estimate.time_s, estimate.belief)
+        if task is not None and self.follower is not None and self._pool is not None:
+            working = asyncio.get_running_loop().create_task(self._work(self.follower, task))
+            # The loop itself keeps no reference to its tasks.
+            self._working.add(working)
+            working.add_done_callback(self._working.discard)
+
+    async def _work(self, follower: Follower, task: object) -> None:
+        loop = asyncio.get_running_loop()
+        try:
+            message = await loop.run_in_executor(self._pool, follower.work, task)
+        except (BrokenProcessPool, RuntimeError) as error:
+            self._pool = None
+            self._tell(f"it is no longer followed what is repeated: {error}")
+            return
+        if message is not None and self.server is not None:
+            self.server.announce(message)
 
     def _tell(self, text: str) -> None:
         self.on_event(text)

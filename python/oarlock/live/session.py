@@ -17,8 +17,9 @@ import oarlock
 from oarlock.live.decoders import DECODERS
 from oarlock.live.intake import Intake, Sampled
 from oarlock.live.reading import Decoder, Packet
-from oarlock.live.rig import Rig
+from oarlock.live.rig import Rig, Source
 from oarlock.storage.errors import DataError
+from oarlock.storage.suggest import did_you_mean
 
 if TYPE_CHECKING:
     from oarlock._core import Belief, Config, Info, Model, Tracker
@@ -147,8 +148,12 @@ def recorded(packets: Iterable[Packet], rig: Rig, start_ns: int) -> oarlock.Reco
     return oarlock.Recording(streams, {"source": {"format": "live"}})
 
 
-def _new_decoder(format_name: str, options: Mapping[str, object]) -> Decoder:
-    return DECODERS[format_name].decoder(**options)
+def _new_decoder(source: Source) -> Decoder:
+    if source.format not in DECODERS:
+        known = did_you_mean(source.format, sorted(DECODERS))
+        raise DataError(f"source '{source.name}': the format {source.format} is unknown. {known}")
+    options: Mapping[str, Any] = source.decoder
+    return DECODERS[source.format].decoder(source.transport, **options)
 
 
 def _follow(intake: Intake, packet: Packet) -> None:

@@ -18,7 +18,9 @@ TRANSPORTS: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
         "udp": ("Udp", "datagrams to a port of this machine"),
         "tcp": ("Tcp", "a device that serves its data at a port"),
+        "ble": ("Ble", "devices of Bluetooth Low Energy"),
         "serial": ("Serial", "a serial line"),
+        "lsl": ("Lsl", "a stream of the Lab Streaming Layer"),
         "replay": ("Replay", "a recording, with its true timing"),
     }
 )
@@ -38,4 +40,19 @@ def opened(source: Source) -> Transport:
         raise DataError(f"source '{source.name}': the transport {source.transport} is unknown. {known}")
     module = import_module(f"{__name__}.{source.transport}")
     made = getattr(module, TRANSPORTS[source.transport][0])
-    return cast("Transport", made(source.name, Options(source.name, source.options)))
+    return cast("Transport", made(source.name, Options(source.name, _asked(source) | dict(source.options))))
+
+
+def _asked(source: Source) -> dict[str, object]:
+    """What a Bluetooth device is asked for, from its format and the decoder's options; others are asked nothing."""
+    if source.transport != "ble":
+        return {}
+    if "mode" in source.options:
+        raise DataError(
+            f"source '{source.name}': the mode is an option of the decoder, too. Write it once, below "
+            f"[sources.{source.name}.decoder]"
+        )
+    return {
+        "profile": source.format,
+        **{key: source.decoder[key] for key in ("mode",) if key in source.decoder},
+    }

@@ -67,6 +67,13 @@ class Options:
             raise self._wrong(key, value, "a whole number")
         return value
 
+    def texts(self, key: str) -> tuple[str, ...]:
+        """A list of texts."""
+        values = self.values.get(key)
+        if not isinstance(values, list | tuple) or not all(isinstance(value, str) for value in values):
+            raise self._wrong(key, values, "a list of texts in quotes")
+        return tuple(values)
+
     def port(self, default: int | None = None) -> int:
         """The port of a socket."""
         port = self.integer("port", default)

@@ -71,6 +71,13 @@ class Udp:
         return None
 
 
+def free_port() -> int:
+    """A port of this machine at which nothing listens now."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind(("127.0.0.1", 0))
+        return int(one.getsockname()[1])
+
+
 class _Receiver(asyncio.DatagramProtocol):
     def __init__(self, source: str, deliver: Deliver) -> None:
         self._source, self._deliver = source, deliver
