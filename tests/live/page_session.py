@@ -52,7 +52,9 @@ class PageSession:
         self.radio = Source("radio", "test-json", "udp", {"port": self.port_in, "host": "127.0.0.1"})
         rig = Rig(model.name, None, {"radio": self.radio}, rig_of(model, recording).feeds)
         self.live = Live(rig, model, folder, picture=LivePicture.of(model, look))
-        self.server = page_server(self.live, port=port, token=token, title="Simulated sculler", strokes=STROKES)
+        self.server = page_server(
+            self.live, port=port, token=token, title="Simulated sculler", more={"strokes": STROKES}
+        )
         self.ready = threading.Event()
         self.ended: Future[None] = Future()
         self.thread = threading.Thread(target=self._run, daemon=True)

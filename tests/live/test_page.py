@@ -31,7 +31,11 @@ def test_every_file_that_the_page_names_is_served_with_the_token():
     page = files["/"].decode()
     assert 'src="live.js?token=a%20b%26%3Cc"' in page and 'href="live.css?token=a%20b%26%3Cc"' in page
     assert set(files) == {"/", "/live.js", "/live.css"}
-    assert "<script>" not in page and "style=" not in page and "http" not in page.replace("http://www.w3.org", "")
+    assert (
+        "<script>" not in page
+        and "style=" not in page
+        and "http" not in page.replace("http://www.w3.org", "")
+    )
     assert 'src="live.js"' in page_files()["/"].decode()
 
 
@@ -79,9 +83,11 @@ def test_the_first_message_names_every_coordinate_with_its_unit(name, tmp_path):
     model = oarlock.load_model(name)
     live = Live(Rig(name, None, {}, ()), model, tmp_path)
     live.session = LiveSession(live.rig, model, 0)
-    told = hello(live, strokes=STROKES)
+    told = hello(live, more={"strokes": STROKES})
     joints = {joint["name"]: joint for joint in told["joints"]}
-    assert list(joints) == [model.coordinate_names[k] for c in joint_columns(model.coordinate_names).values() for k in c]
+    assert list(joints) == [
+        model.coordinate_names[k] for c in joint_columns(model.coordinate_names).values() for k in c
+    ]
     assert told["strokes"] == STROKES and told["title"] == name and told["figure"] is None
     distances = {joint for joint in joints if joints[joint]["unit"] == "mm"}
     assert distances == ({"seat"} if name == "sculler" else {"pelvis.x", "pelvis.y", "pelvis.z"})

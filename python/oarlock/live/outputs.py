@@ -28,7 +28,7 @@ class Output(Protocol):
 
 
 def coordinates_of(estimate: Estimate, model: Model) -> tuple[Floats, Floats]:
-    """Mean and standard deviation of each coordinate, rad or m; NaN for one that is no state, since nothing measures it."""
+    """Mean and standard deviation of each coordinate, rad or m; NaN for one that nothing measures: it is no state."""
     column = {name: k for k, name in enumerate(estimate.belief.state_names)}
     columns = [column.get(name) for name in model.coordinate_names]
     mean, std = estimate.belief.mean, estimate.belief.std

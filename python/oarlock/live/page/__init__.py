@@ -33,7 +33,7 @@ def page_server(
     token: str = "",
     *,
     title: str = "",
-    strokes: Mapping[str, Any] | None = None,
+    more: Mapping[str, Any] | None = None,
 ) -> PageServer:
     """The server of a session's page; it is the session's `server` from now on.
 
@@ -43,12 +43,12 @@ def page_server(
         port: 0 for any that is free.
         token: part of the address that viewers need; "" for none.
         title: heads the page; the model's name if empty.
-        strokes: `{"columns": [{"key", "label", "unit", "better"}]}` of the messages of type `stroke`, docs/live.md.
+        more: further keys of the first message, such as columns of a table that grows in the session, docs/live.md.
     """
     live.server = PageServer(
         page_files(token),
         live.do,
-        lambda: hello(live, title, strokes),
+        lambda: hello(live, title, more),
         host,
         port,
         token,
@@ -65,7 +65,7 @@ def page_files(token: str = "") -> dict[str, bytes]:
     return {"/": page.replace("{{query}}", escape(query)).encode(), **files}
 
 
-def hello(live: Live, title: str = "", strokes: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def hello(live: Live, title: str = "", more: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """The first message to a viewer: what stays as it is during the session."""
     told: dict[str, Any] = {
         "type": "hello",
@@ -79,7 +79,7 @@ def hello(live: Live, title: str = "", strokes: Mapping[str, Any] | None = None)
             {"name": feed.stream, "kind": feed.kind, "rate_hz": feed.rate_hz} for feed in live.rig.feeds
         ],
     }
-    return told | ({} if strokes is None else {"strokes": dict(strokes)})
+    return told | dict(more or {})
 
 
 def _joints(model: Model) -> Iterator[dict[str, Any]]:
