@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import socket
 import threading
 from concurrent.futures import Future
 from functools import cache
 
-from senders import packets_of, rig_of
+from senders import encoded, rig_of
 
 from oarlock import rowing
+from oarlock.live.emulators.deliveries import Faults, deliveries
 from oarlock.live.live import Live
 from oarlock.live.page import page_server
 from oarlock.live.picture import LivePicture
-from oarlock.live.reading import Packet
-from oarlock.live.rig import Rig, Source
+from oarlock.live.transports.udp import free_port
 from oarlock.simulation.simulate import simulate
 
 STROKES = {
@@ -28,29 +29,21 @@ STROKES = {
 }
 
 
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
-        one.bind(("127.0.0.1", 0))
-        return one.getsockname()[1]
-
-
 @cache
 def rowed(model, seconds, rate_hz, seed):
-    """A recording of sculling, and its packets."""
+    """A recording of sculling, and what its units send."""
     motion = rowing.sculling(model, seconds, 24, surge=False, seed=seed)
     recording = simulate(model, motion, seed=seed, rate_hz=rate_hz)[1]
-    return recording, packets_of(recording, part=True)
+    return recording, list(deliveries(recording, Faults()))
 
 
 class PageSession:
     """Rows for `seconds`, in true time. `silenced` names streams that stop; `spare` adds a unit that nobody uses."""
 
     def __init__(self, model, folder, seconds=60.0, port=0, token="", look=None, rate_hz=100, seed=6):
-        recording, self.packets = rowed(model, seconds, rate_hz, seed)
+        recording, self.sent = rowed(model, seconds, rate_hz, seed)
         self.port_in, self.silenced = free_port(), set()
-        self.names = [stream.name for stream in recording.streams]
-        self.radio = Source("radio", "test-json", "udp", {"port": self.port_in, "host": "127.0.0.1"})
-        rig = Rig(model.name, None, {"radio": self.radio}, rig_of(model, recording).feeds)
+        rig = rig_of(model, recording, {"port": self.port_in, "host": "127.0.0.1"})
         self.live = Live(rig, model, folder, picture=LivePicture.of(model, look))
         self.server = page_server(
             self.live, port=port, token=token, title="Simulated sculler", more={"strokes": STROKES}
@@ -91,8 +84,7 @@ class PageSession:
 
     def spare(self):
         """One reading of a unit that the rig does not use."""
-        packet = Packet("radio", "", "", 0, self.packets[0].data)
-        data = packet.data.replace(self.names[0].encode(), b"spare-7")
+        data = encoded(dataclasses.replace(self.sent[0], device="spare-7"))
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
             sender.sendto(data, ("127.0.0.1", self.port_in))
 
@@ -118,12 +110,11 @@ class PageSession:
             await asyncio.gather(session, return_exceptions=True)
 
     async def _send(self):
-        first_ns, begun_s = self.packets[0].arrival_ns, self.loop.time()
+        begun_s = self.loop.time()
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-            for packet in self.packets:
-                wait_s = (packet.arrival_ns - first_ns) / 1e9 - (self.loop.time() - begun_s)
+            for one in self.sent:
+                wait_s = one.due_s - (self.loop.time() - begun_s)
                 if wait_s > 0:
                     await asyncio.sleep(wait_s)
-                hidden = (f'"part": "{name}"'.encode() in packet.data for name in self.silenced)
-                if not any(hidden):
-                    sender.sendto(packet.data, ("127.0.0.1", self.port_in))
+                if one.device not in self.silenced:
+                    sender.sendto(encoded(one), ("127.0.0.1", self.port_in))

@@ -151,9 +151,9 @@ def _run(
     if not no_page:
         from oarlock.live.page import page_server
 
-        columns = None if follower is None else {"columns": follower.columns}
+        more = None if follower is None else {"strokes": {"columns": follower.columns}}
         token = secrets.token_urlsafe(12) if share else ""
-        page_server(live, "0.0.0.0" if share else "127.0.0.1", port, token, strokes=columns)
+        page_server(live, "0.0.0.0" if share else "127.0.0.1", port, token, more=more)
     asyncio.run(_until_stopped(live, seconds))
     say(f"{live.estimates:,} estimates")
     say(f"Wrote {out}")

@@ -90,6 +90,7 @@ class Live:
         self._watch = Watch(self.session.intake)
         self._newest: Estimate | None = None
         self._working: set[asyncio.Task[None]] = set()
+        self._followed = 0
         self._published_s = 0.0
         place = LiveFolder.create(self.folder, self.rig, self.calibration, start_ns)
         self._recorder = Recorder(place.packets)
@@ -177,7 +178,8 @@ class Live:
             self._tell(f"it is no longer followed what is repeated: {error}")
             return
         if message is not None and self.server is not None:
-            self.server.announce(message)
+            self._followed += 1
+            self.server.announce({**message, "number": self._followed})
 
     def _tell(self, text: str) -> None:
         self.on_event(text)

@@ -112,8 +112,10 @@ export class App {
   takeHealth(health) {
     this.health = health;
     this.sensors.take(health);
-    const silent = health.silent;
-    this.bar.alarm("silent", silent.length ? `Silent: ${silent.join(", ")}. Check battery and radio, or exchange the unit.` : "");
+    const heard = new Set(health.devices.flatMap((device) => device.streams));
+    const [silent, awaited] = [true, false].map((isHeard) => health.silent.filter((name) => heard.has(name) === isHeard).join(", "));
+    this.bar.alarm("silent", silent && `Silent: ${silent}. Check battery and radio, or exchange the unit.`);
+    this.bar.alarm("awaited", awaited && `Not heard yet: ${awaited}. Switch these units on.`, "odd");
     this.bar.alarm("recorder", health.recorder.problem ? `The recorder has a problem: ${health.recorder.problem}` : "");
   }
 

@@ -65,12 +65,12 @@ export class Bar {
   }
 
   /** What is wrong now; an empty text takes it away. Only what changes is written, so that readers aloud say it once. */
-  alarm(kind, text) {
+  alarm(kind, text, level = "bad") {
     if ((this.wrong.get(kind)?.textContent ?? "") === text) return;
     this.wrong.get(kind)?.remove();
     this.wrong.delete(kind);
     if (!text) return;
-    const line = element("p", { class: "ol-alarm", text });
+    const line = element("p", { class: `ol-alarm ol-${level}`, text });
     this.wrong.set(kind, line);
     this.alarms.append(line);
   }

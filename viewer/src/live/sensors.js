@@ -12,6 +12,8 @@ const NUMBERS = ["rate", "lost", "delay", "drift", "battery", "unit"];
 
 const write = (place, text) => place.textContent === text || (place.textContent = text);
 
+const UNHEARD = "not heard yet";
+
 const plural = (count, word) => `${count} ${word}${count === 1 ? "" : "s"}`;
 
 export class Sensors {
@@ -42,8 +44,8 @@ export class Sensors {
     const shown = [...rows, ...spares];
     for (const row of shown) this.row(row);
     for (const [name, { root }] of this.rows) if (!shown.some((row) => row.name === name)) root.remove(), this.rows.delete(name);
-    const silent = rows.filter((row) => row.level === "bad").length;
-    this.summary.textContent = silent ? `${silent} of ${rows.length} silent` : `all ${rows.length} send`;
+    const missing = health.silent.length;
+    this.summary.textContent = missing ? `${rows.length - missing} of ${rows.length} send` : `all ${rows.length} send`;
     this.offer([...spare, ...used]);
     this.tellRecorder(health.recorder);
     this.tellArrivals(health);
@@ -67,7 +69,7 @@ export class Sensors {
     const { root, words, exchange, cells } = this.rows.get(name);
     root.className = `ol-${level}`;
     write(words, state);
-    exchange.hidden = level !== "bad";
+    exchange.hidden = level !== "bad" && state !== UNHEARD;
     numbersOf(device).forEach(([text, isOdd], k) => {
       write(cells[k], text);
       cells[k].classList.toggle("ol-odd", Boolean(isOdd));
@@ -123,7 +125,7 @@ export function stateOf({ name, rate_hz }, health) {
   const device = heard.sort((one, other) => (one.silent_s ?? Infinity) - (other.silent_s ?? Infinity))[0] ?? null;
   if (health.silent.includes(name)) {
     const never = !device || device.silent_s === null;
-    return { name, device, level: "bad", state: never ? "not heard yet" : `silent for ${ago(device.silent_s)}` };
+    return never ? { name, device, level: "odd", state: UNHEARD } : { name, device, level: "bad", state: `silent for ${ago(device.silent_s)}` };
   }
   const odd = oddities(device, rate_hz);
   return { name, device, level: odd.length ? "odd" : "good", state: odd.length ? odd.join(", ") : "good" };
