@@ -67,7 +67,7 @@ PAGES ?= status validation robustness_quick robustness
 pages: $(VENV)/.package $(VENV)/.validation ## measure the figures of README, bands, validation and robustness anew, with date and commit
 	$(BIN)/python -m pages $(PAGES) $(if $(SEEDS),--seeds $(SEEDS)) $(if $(SETS),--sets $(SETS))
 
-player: ## build the 3D player from viewer/ with npm, into python/oarlock/viewer/
+player: ## build player and live page from viewer/ with npm, into python/oarlock/
 	cd viewer && npm ci --no-audit --no-fund --silent && npm run --silent build
 
 pictures: $(VENV)/.package $(VENV)/.dev ## make the pictures of the pages anew from the demo; needs Chromium

@@ -1,11 +1,14 @@
 """The page's files and first message, and a program that follows a session."""
 
+import json
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
 from page_session import STROKES, PageSession
 from senders import with_test_format
+from websockets.sync.client import connect
 
 import oarlock
 from oarlock.live.client import socket_address
@@ -17,6 +20,7 @@ from oarlock.model.coordinates import joint_columns
 from oarlock.storage.errors import DataError
 
 FEW = 20
+PAGE = Path(__file__).parents[2] / "docs/live.md"
 
 
 @pytest.fixture
@@ -51,6 +55,22 @@ def test_a_program_gets_the_newest_frames_until_the_session_ends(session):
     value, std = found[-1]["joints"]["trunk"]
     assert abs(value) < np.pi and 0.0 < std < 1.0
     assert len(found[-1]["places_mm"]) % 3 == 0
+
+
+def test_the_documentation_names_every_key_of_every_message(session):
+    text = PAGE.read_text(encoding="utf-8")
+    messages = []
+    with connect(socket_address(session.url)) as socket:
+        while not any("health" in one for one in messages) or not any("frame" in one for one in messages):
+            messages.append(json.loads(socket.recv()))
+            socket.send('{"shown": 1}')
+    assert [one["type"] for one in messages[:1]] == ["hello"]
+    health = next(one["health"] for one in messages if "health" in one)
+    frame = next(one["frame"] for one in messages if "frame" in one)
+    parts = [*messages, frame, health, health["recorder"], *health["devices"], *health["sources"]]
+    first = [*messages[0]["joints"], *messages[0]["streams"], *messages[0]["strokes"]["columns"]]
+    missing = {key for part in (*parts, *first) for key in part if f"`{key}`" not in text}
+    assert missing == set()
 
 
 def test_a_program_with_a_wrong_address_is_told_what_to_do(session):
