@@ -8,9 +8,9 @@ const REACH = 14;
 const SHADOW_PX = 1024;
 
 export class SpaceStage {
-  /** Throws where the browser has no WebGL. `isQuick` leaves out shadows and smooth edges. */
+  /** Throws where the browser has no WebGL. `isQuick` leaves out shadows, smooth edges and a copy for print. */
   constructor(canvas, view, figure, ghost, isQuick = false) {
-    this.renderer = new WebGLRenderer({ canvas, antialias: !isQuick, preserveDrawingBuffer: true, powerPreference: "low-power" });
+    this.renderer = new WebGLRenderer({ canvas, antialias: !isQuick, preserveDrawingBuffer: !isQuick, powerPreference: "low-power" });
     this.renderer.shadowMap.enabled = !isQuick;
     this.renderer.shadowMap.type = PCFShadowMap;
     this.canvas = canvas;

@@ -2,9 +2,12 @@
 
 import { choice, element } from "../dom.js";
 import { Chart } from "./chart.js";
+import { DRAWER } from "./drawer.js";
 
 const SPANS_S = [10, 20, 30];
 const FIRST = 4;
+/** Without a graphics card each frame draws every second panel. */
+const TURNS = DRAWER === "card" ? 1 : 2;
 
 export class Curves {
   constructor(joints, first, history, memory) {
@@ -54,7 +57,8 @@ export class Curves {
   }
 
   draw(colours) {
-    for (const chart of this.shown) chart.draw(this.span_s, colours);
+    this.turn = ((this.turn ?? 0) + 1) % TURNS;
+    this.shown.forEach((chart, k) => k % TURNS === this.turn && chart.draw(this.span_s, colours));
   }
 
   tell() {

@@ -7,6 +7,7 @@ import { orbit } from "../orbit.js";
 import { palette } from "../palette.js";
 import { FlatStage } from "../stage2d.js";
 import { SpaceStage } from "../stage3d.js";
+import { DRAWER } from "./drawer.js";
 
 /** Of the way to where the camera should look, a frame. */
 const EASE = 0.08;
@@ -16,26 +17,15 @@ const TURN_RAD = 0.12;
 
 /** Of a picture's full sharpness, from the best to what a machine without graphics card can draw. */
 const SHARPNESS = [1, 0.75, 0.55, 0.4];
-const WITHOUT_CARD = /swiftshader|llvmpipe|software|basic render/i;
 const START_WITHOUT_CARD = 2;
 /** A picture that takes longer than this between two frames is drawn less sharp; the median of so many. */
 const SLOW_MS = 27;
 const JUDGED = 45;
 
-/** What draws in this browser: "none", "software" or "card". */
-function drawer() {
-  const gl = document.createElement("canvas").getContext("webgl2");
-  if (!gl) return "none";
-  const told = gl.getExtension("WEBGL_debug_renderer_info");
-  const name = gl.getParameter(told ? told.UNMASKED_RENDERER_WEBGL : gl.RENDERER);
-  gl.getExtension("WEBGL_lose_context")?.loseContext();
-  return WITHOUT_CARD.test(name) ? "software" : "card";
-}
-
 export class Stage {
   constructor(figure, memory) {
     const { viewpoints, world } = figure.scene;
-    Object.assign(this, { figure, memory, viewpoints, drawer: drawer(), intervals_ms: [] });
+    Object.assign(this, { figure, memory, viewpoints, drawer: DRAWER, intervals_ms: [] });
     this.level = this.drawer === "software" ? START_WITHOUT_CARD : 0;
     this.camera = new Camera(world.up, world.forward);
     this.labels = new Labels(figure);
