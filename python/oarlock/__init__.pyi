@@ -63,6 +63,7 @@ from .model.description import (
     TransformDescription,
     WorldDescription,
 )
+from .model.ball_joint import with_ball_joint
 from .model.load import Base, load_model
 from .model.shapes import Look, Shape, Strand, Viewpoint
 from .recording.calibration import Calibration, Clock, EncoderScale, load_calibration
