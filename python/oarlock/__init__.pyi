@@ -44,6 +44,7 @@ from .evaluation.suspects.suspects import Suspect, suspects
 from .formats.contents import find_recordings, import_recording
 from .formats.export.export import Export, export
 from .formats.marker_files import load_markers
+from .model.ball_joint import with_ball_joint
 from .model.description import (
     BaseAccelerationDescription,
     ClosureDescription,
@@ -63,7 +64,6 @@ from .model.description import (
     TransformDescription,
     WorldDescription,
 )
-from .model.ball_joint import with_ball_joint
 from .model.load import Base, load_model
 from .model.shapes import Look, Shape, Strand, Viewpoint
 from .recording.calibration import Calibration, Clock, EncoderScale, load_calibration
@@ -184,4 +184,5 @@ __all__ = [
     "track_limbs",
     "track_many",
     "track_orientations",
+    "with_ball_joint",
 ]

@@ -67,7 +67,7 @@ def ball_note(ball: str) -> str:
 
     upper, lower = names(ball)
     return (
-        f"{ball_name(upper, lower)}: one ball in place of {upper} and {lower}, whose axes are unknown in the units' axes. "
-        "Its angles count from the rest posture, and the directions of its axes are as uncertain as the headings of "
-        "the mounts. For better angles record a session: docs/calibration.md"
+        f"{ball_name(upper, lower)}: one ball in place of {upper} and {lower}, because their axes are unknown. "
+        "Only the angle between the segments has a meaning. For all angles record a session (`oarlock calibrate "
+        "session`, docs/calibration.md) or move the joint about both axes"
     )

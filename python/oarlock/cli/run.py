@@ -75,8 +75,8 @@ def run(
     """Import, calibrate with what is there, track, smooth and report: one command from files to angles.
 
     Mounts come from --calibration, or from the guided session, or from the recording itself: it begins with two
-    seconds of standing still in the rest posture, and most movement is forward and backward. An elbow whose axes this does
-    not determine is tracked as a ball. Each step's own command is printed; run it again to change something.
+    seconds of standing still in the rest posture, and most movement is forward and backward. An elbow whose axes this
+    does not determine is tracked as a ball. Each step's own command is printed; run it again to change something.
     """
     if session is not None and calibration is not None:
         raise UsageError("--session and --calibration contradict each other")

@@ -69,9 +69,9 @@ _IN_THE_ROOM: Final = _Named("YXZ", ("rotation", "obliquity", "tilt"), (1.0, -1.
 def joint_angles(track: Track, shoulder: str = "YXY") -> dict[str, JointAngle]:
     """All angles of a track of one of the shipped bodies, by name.
 
-    Hinges keep their names. A shoulder gives `shoulder_plane_r`, `shoulder_elevation_r` and `shoulder_rotation_r`; an
-    elbow that is a ball (`with_ball_joint`) gives only `elbow_flexion_r`, between the long axes of both segments, which
-    does not depend on how units are turned about these; the free segment `pelvis_rotation`, `pelvis_obliquity` and `pelvis_tilt` (or `thorax_...`).
+    Hinges keep their names. A shoulder gives `shoulder_plane_r`, `shoulder_elevation_r` and `shoulder_rotation_r`; the
+    free segment `pelvis_rotation`, `pelvis_obliquity` and `pelvis_tilt` (or `thorax_...`). An elbow that is a ball
+    (`with_ball_joint`) gives only `elbow_flexion_r`, the angle between both segments.
     docs/bodies.md has the signs.
 
     Args:
