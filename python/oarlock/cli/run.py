@@ -84,7 +84,7 @@ def run(
     recording = steps_done.imported(path, "recording", body, pick, athlete)
     cut = units if units is not None else _units_there(recording, body)
     chosen = _options(("--stature", stature_m), ("--mass", mass_kg), ("--units", cut))
-    known = calibration
+    known, balls = calibration, list[str]()
     if session is not None:
         measured = steps_done.imported(session, "session", body, None, None)
         words = ("calibrate", "session", measured, "--model", body, *chosen)
@@ -92,7 +92,7 @@ def run(
     elif calibration is None:
         words = ("calibrate", "sagittal", recording, "--model", body, *chosen)
         known = steps_done.run(*words, out="calibration.toml")
-    balls = [] if session is not None or calibration is not None else _balls(known)
+        balls = _balls(known)
     smooth = ("--smooth", *(("--low-pass", low_pass_hz) if low_pass_hz > 0.0 else ()))
     steps_done.run(
         "track", recording, "--model", body, *chosen, *balls, "--calibration", known, *smooth, out="track"

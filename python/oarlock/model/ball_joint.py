@@ -51,6 +51,7 @@ def with_ball_joint(model: Model, upper: str, lower: str) -> Model:
     first, second = (_moved_frame(model, document, name) for name in (upper, lower))
     frames = {frame.name: frame for frame in model.describe().frames}
     ahead, behind = frames[first["name"]].before, frames[second["name"]].before
+    assert ahead is not None and behind is not None, "frames with a transform have a pose in their parent"
     users = [t for t in document["frame"] if t["parent"] == first["name"]]
     seated = [t for t in document.get("sensor", ()) if t.get("frame") == first["name"]]
     if (
@@ -83,7 +84,8 @@ def _moved_frame(model: Model, document: Document, joint: str) -> Table:
     frames = [table for table in document["frame"] if table.get("joint") == joint]
     if kinds.get(joint) != "hinge" or len(frames) != 1 or "transform" not in frames[0]:
         raise DataError(f'ball: "{joint}" is no hinge of the model "{model.name}" that moves one frame')
-    return frames[0]
+    (frame,) = frames
+    return dict(frame)
 
 
 def _ball(model: Model, upper: JointDescription, second: Table, parent: str) -> Document:
@@ -91,6 +93,7 @@ def _ball(model: Model, upper: JointDescription, second: Table, parent: str) -> 
     poses = model.forward_kinematics(rest)
     above, below = (poses[model.frame_names.index(name), :3, :3] for name in (parent, second["name"]))
     axis = str(second.get("axis", "z")).lstrip("-")
+    assert upper.process is not None, "hinges move"
     return {
         "name": ball_name(upper.name, str(second["joint"])),
         "kind": "ball",
