@@ -29,6 +29,15 @@ Units = Annotated[
     ),
 ]
 
+Pose = Annotated[
+    str,
+    typer.Option(
+        "--pose",
+        metavar="N|T|sitting",
+        help="Still pose of the session: N (arms hanging), T (arms level) or sitting.",
+    ),
+]
+
 
 def chosen_body(
     model: str,

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from oarlock.cli.body import Mass, Stature, Units
+from oarlock.cli.body import Mass, Pose, Stature, Units
 from oarlock.cli.options import Force, example
 from oarlock.cli.terminal import UsageError, say, steps, verb, without_next_steps
 
@@ -56,6 +56,7 @@ def run(
         Path | None,
         typer.Option("--session", metavar="PATH", help="A recording of the guided calibration session."),
     ] = None,
+    pose: Pose = "N",
     calibration: Annotated[
         Path | None,
         typer.Option("--calibration", metavar="FILE", help="A calibration; nothing is calibrated then."),
@@ -86,7 +87,7 @@ def run(
     known = calibration
     if session is not None:
         measured = steps_done.imported(session, "session", body, None, None)
-        words = ("calibrate", "session", measured, "--model", body, *chosen)
+        words = ("calibrate", "session", measured, "--model", body, "--pose", pose, *chosen)
         known = steps_done.run(*words, out="calibration.toml", may_fail=True)
     elif calibration is None:
         words = ("calibrate", "sagittal", recording, "--model", body, *chosen)
