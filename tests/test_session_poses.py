@@ -33,11 +33,10 @@ def mean_mount_deg(trial, found):
 def directions(body, pose):
     """Frame -> rotation matrix in the first still pose of a session."""
     plan = oarlock.default_plan(body, pose)
-    at_rest = dict(
-        zip(body.coordinate_names, np.concatenate([np.ravel(j.rest) for j in body.describe().joints]))
-    )
-    q = np.array(list({**at_rest, **next(s.pose for s in plan.steps if s.kind == "pose")}.values()))
-    return dict(zip(body.frame_names, body.forward_kinematics(q)))
+    rest = np.concatenate([np.ravel(joint.rest) for joint in body.describe().joints])
+    pose = next(s.pose for s in plan.steps if s.kind == "pose")
+    q = [pose.get(name, value) for name, value in zip(body.coordinate_names, rest, strict=True)]
+    return dict(zip(body.frame_names, body.forward_kinematics(np.array(q)), strict=True))
 
 
 def test_arms_are_level_and_palms_down_in_the_pose_t():

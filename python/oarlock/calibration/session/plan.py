@@ -230,8 +230,7 @@ def default_plan(model: Model, pose: str = STANDING) -> SessionPlan:
 
     Args:
         model: a body.
-        pose: the still pose; for bodies of persons `N` (standing, arms hanging), `T` (standing, arms level to the sides)
-            or `sitting`.
+        pose: the still pose; bodies of persons have `N` (standing, arms hanging), `T` (arms level) and `sitting`.
 
     Raises:
         DataError: the protocol has no such pose.

@@ -1,4 +1,4 @@
-"""Still poses of a plan file (N, T, sitting): their postures and the steps that belong to each. For `load_session_plan`."""
+"""Still poses of a plan file (N, T, sitting): their postures and their steps. Used by `load_session_plan`."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ def located(plan: SessionPlan, body: Body, units: Mapping[str, UnitRows]) -> dic
     """
     placed = {s.name: span for s in plan.steps if (span := s.span_s) is not None}
     sought = [s for s in plan.steps if s.span_s is None and s.kind in ("still", "pose", "move")]
-    segments = _segments(units) if sought else []
+    segments = segments_of(units) if sought else []
     scores = np.array([[_score(step, seg, body, units) for seg in segments] for step in sought])
     lay = _assigned if plan.any_order else _laid
     scores = scores.reshape(len(sought), len(segments))
@@ -95,7 +95,7 @@ def _turns(plan: SessionPlan, placed: Mapping[str, Span], units: Mapping[str, Un
     return found
 
 
-def _segments(units: Mapping[str, UnitRows]) -> list[Segment]:
+def segments_of(units: Mapping[str, UnitRows]) -> list[Segment]:
     """Still and moving stretches of the whole, in order of time."""
     start = max(u.time_s[0] for u in units.values())
     end = min(u.time_s[-1] for u in units.values())
