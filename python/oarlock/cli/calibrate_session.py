@@ -89,7 +89,8 @@ def session(
         calibration=None if calibration is None else oarlock.load_calibration(calibration),
     )
     found.save(out)
-    write_session_page(found, page)
+    still = next((dict(step.pose) for step in followed.steps if step.kind == "pose"), None)
+    write_session_page(found, page, body, still)
     told: Any = found.noted["session"]
     if json_output:
         print_json({"calibration": out, "page": page, "session": told})
