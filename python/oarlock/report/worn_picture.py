@@ -1,4 +1,4 @@
-"""A picture of a body in a still pose with its units: where each sits and which way its axes point. For session pages."""
+"""A body in a still pose with its units: where each sits and which way its axes point. For pages of sessions."""
 
 from __future__ import annotations
 
@@ -16,14 +16,21 @@ if TYPE_CHECKING:
     from oarlock._core import Model
     from oarlock.recording.calibration import Calibration
 
-WIDTH, MARGIN, TOP, BOTTOM = 380.0, 104.0, 30.0, 22.0
-TALLEST, MOST_PX_PER_M = 500.0, 420.0
-AXIS_M = 0.13
+WIDTH, MARGIN, PAD = 430.0, 126.0, 40.0
+TALLEST, MOST_PX_PER_M = 520.0, 380.0
+AXIS_PX, UNIT_PX, RING_PX = 30.0, 16.0, 4.2
 SIDE_M = 0.04
 """A unit so far from the middle is on a side."""
-LABEL_PX = 31.0
+LABEL_PX = 34.0
+WIDE_M = 0.8
+"""A body this wide, such as one with level arms, has its labels below the arms instead of beside them."""
 ALONG_VIEW = 0.5
 """An axis is drawn as a point (toward the reader) or a cross (away) if its arrow would be shorter than this share."""
+LIMBS = {
+    "trunk": ("pelvis", "lumbar", "thorax", "trunk", "head"),
+    "arm": ("shoulder", "upper_arm", "forearm", "hand", "arm"),
+    "leg": ("thigh", "shank", "foot", "leg"),
+}
 THICK_M = {
     "pelvis": 0.2,
     "lumbar": 0.2,
@@ -35,9 +42,11 @@ THICK_M = {
     "hand": 0.055,
     "thigh": 0.14,
     "shank": 0.1,
-    "foot": 0.075,
+    "foot": 0.06,
 }
 OTHER_THICK_M = 0.04
+ACROSS_M = 0.1
+"""Thickness of a line from the trunk to a shoulder or a hip."""
 CENTRAL_PX = 12.0
 """A unit so near to the middle of a picture may have its label on either side."""
 STRAIGHT_DEG = 15.0
@@ -112,58 +121,110 @@ class WornBody:
 
 
 def worn_picture(worn: WornBody) -> str:
-    """All views as figures beside each other."""
-    panels = "".join(_panel(worn, view, units) for view, units in worn.panels())
+    """All views as figures beside each other, at one scale where there is room."""
+    views = [(view, units, *_bounds(worn, view)) for view, units in worn.panels()]
+    scales = [_scale(high - low) for _, _, low, high in views]
+    common = min(
+        (k for k, (*_, low, high) in zip(scales, views, strict=True) if not _wide(high - low)), default=0.0
+    )
+    panels = "".join(
+        _panel(worn, view, units, (low, high), own if _wide(high - low) else common)
+        for own, (view, units, low, high) in zip(scales, views, strict=True)
+    )
     return f'<div class="grid-figures worn">{panels}</div>'
 
 
-def _panel(worn: WornBody, view: View, units: Sequence[WornUnit]) -> str:
-    ends = np.array([p for link in worn.body.links for p in (link.start, link.end)])
-    across, high = ends @ view.right, ends @ view.up
-    room = WIDTH - 2 * MARGIN
-    scale = min(TALLEST / max(np.ptp(high), 0.1), room / max(np.ptp(across), 0.1), MOST_PX_PER_M)
-    middle, top = 0.5 * (across.min() + across.max()), high.max()
-    height = TOP + max(scale * float(np.ptp(high)), LABEL_PX * len(units) / 2.0 + 20.0) + BOTTOM
+def _bounds(worn: WornBody, view: View) -> tuple[Vector, Vector]:
+    """Least and largest (right, up) of the body and its units in a view, m."""
+    ends = [point for link in worn.body.links for point in (link.start, link.end)]
+    flat = np.array([view.project(point) for point in [*ends, *(unit.point for unit in worn.units)]])
+    return flat.min(axis=0), flat.max(axis=0)
+
+
+def _wide(size_m: Vector) -> bool:
+    return float(size_m[0]) > WIDE_M
+
+
+def _scale(size_m: Vector) -> float:
+    """Pixels per metre at which a body of this size leaves room for labels."""
+    room = WIDTH - 2 * (PAD if _wide(size_m) else MARGIN)
+    return float(min(room / max(size_m[0], 0.1), TALLEST / max(size_m[1], 0.1), MOST_PX_PER_M))
+
+
+def _panel(
+    worn: WornBody, view: View, units: Sequence[WornUnit], bounds: tuple[Vector, Vector], scale: float
+) -> str:
+    low, high = bounds
 
     def place(point: Vector) -> Point:
         right, up = view.project(point)
-        return WIDTH / 2 + scale * (right - middle), TOP + scale * (top - up)
+        return WIDTH / 2 + scale * (right - 0.5 * (low[0] + high[0])), PAD + scale * (high[1] - up)
 
     near = np.cross(view.right, view.up)
-    links = sorted(worn.body.links, key=lambda link: float((link.start + link.end) @ near))
-    limbs = "".join(_limb(link, place, scale) for link in links)
-    marks = "".join(
-        _unit(unit, view, near, place, scale) for unit in sorted(units, key=lambda u: u.point @ near)
-    )
-    labels = _labels(units, place, height)
+    limbs = "".join(_limb(links, worn.body.up, place, scale) for links in _limbs(worn, near))
+    marks = "".join(_unit(unit, view, near, place) for unit in sorted(units, key=lambda u: u.point @ near))
+    top = _top(worn, place) if _wide(high - low) else PAD
+    height = 2 * PAD + max(scale * float(high[1] - low[1]), top - PAD + LABEL_PX * (len(units) + 1) / 2.0)
     return (
         f'<figure><figcaption><span class="name">{escape(view.title)}</span></figcaption>'
         f'<svg viewBox="0 0 {WIDTH:.0f} {height:.0f}" role="img" aria-label="The units on the body, '
-        f'{escape(view.title)}">{limbs}{labels}{marks}</svg></figure>'
+        f'{escape(view.title)}">{limbs}{_labels(units, place, top, height)}{marks}</svg></figure>'
     )
 
 
-def _limb(link: Link, place: Place, scale: float) -> str:
-    (x1, y1), (x2, y2) = place(link.start), place(link.end)
-    thick = scale * THICK_M.get(place_of_name(link.frame).segment, OTHER_THICK_M)
-    line = f'x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}" stroke-width'
-    return f'<line class="limb-edge" {line}="{thick + 2.0:.1f}"/><line class="limb" {line}="{thick:.1f}"/>'
+def _top(worn: WornBody, place: Place) -> float:
+    """Below what reaches into the columns of the labels, px."""
+    points = [place(point) for link in worn.body.links for point in (link.start, link.end)]
+    return max((y for x, y in points if not MARGIN < x < WIDTH - MARGIN), default=0.0) + AXIS_PX + LABEL_PX
 
 
-def _unit(unit: WornUnit, view: View, near: Vector, place: Place, scale: float) -> str:
+def _limbs(worn: WornBody, near: Vector) -> list[list[Link]]:
+    """Links of the trunk and of each limb, those behind first."""
+    limbs: dict[tuple[str, str], list[Link]] = {}
+    for link in worn.body.links:
+        place = place_of_name(link.frame)
+        kind = next((kind for kind, names in LIMBS.items() if place.segment in names), "")
+        limbs.setdefault((kind, place.side), []).append(link)
+    return sorted(limbs.values(), key=lambda links: float(np.mean([(k.start + k.end) @ near for k in links])))
+
+
+def _limb(links: Sequence[Link], up: Vector, place: Place, scale: float) -> str:
+    """Thick lines with one outline around them all."""
+    lines = []
+    for link in links:
+        (x1, y1), (x2, y2) = place(link.start), place(link.end)
+        segment = place_of_name(link.frame).segment
+        thick_m = THICK_M.get(segment, OTHER_THICK_M)
+        if segment in LIMBS["trunk"] and _across(link, up):
+            thick_m = ACROSS_M
+        lines.append(
+            (f'x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}" stroke-width', scale * thick_m)
+        )
+    edges = "".join(f'<line class="limb-edge" {line}="{thick + 2.5:.1f}"/>' for line, thick in lines)
+    return edges + "".join(f'<line class="limb" {line}="{thick:.1f}"/>' for line, thick in lines)
+
+
+def _across(link: Link, up: Vector) -> bool:
+    """Whether a link runs rather sideways than up."""
+    way = link.end - link.start
+    return abs(float(way @ up)) < 0.7 * float(np.linalg.norm(way))
+
+
+def _unit(unit: WornUnit, view: View, near: Vector, place: Place) -> str:
     """A square in the colour of its verdict, and the three axes of the sensor with their letters."""
     x, y = place(unit.point)
-    axes = []
+    half, axes = UNIT_PX / 2.0, []
     for axis, letter in zip(unit.root_from_sensor.T, "xyz", strict=True):
         right, up = view.project(axis)
         toward = float(axis @ near)
-        axes.append((toward, _axis(letter, (x, y), (right, -up), toward, AXIS_M * scale)))
+        axes.append((toward, _axis(letter, (x, y), (right, -up), toward)))
     drawn = "".join(text for _, text in sorted(axes))
-    square = f'<rect class="worn-unit {unit.style}" x="{x - 6:.1f}" y="{y - 6:.1f}" width="12" height="12" rx="2.5"/>'
+    size = f'width="{UNIT_PX:.0f}" height="{UNIT_PX:.0f}" rx="3"'
+    square = f'<rect class="worn-unit {unit.style}" x="{x - half:.1f}" y="{y - half:.1f}" {size}/>'
     return f"<g><title>{escape(unit.name)}: {escape(unit.verdict)}</title>{square}{drawn}</g>"
 
 
-def _axis(letter: str, at: Point, direction: Point, toward: float, length: float) -> str:
+def _axis(letter: str, at: Point, direction: Point, toward: float) -> str:
     """An arrow; a ring with a point if the axis points to the reader, with a cross if it points away."""
     x, y = at
     share = float(np.hypot(*direction))
@@ -174,9 +235,9 @@ def _axis(letter: str, at: Point, direction: Point, toward: float, length: float
             if toward > 0.0
             else f'<path {style} d="M{x - 3:.1f} {y - 3:.1f}l6 6m0 -6l-6 6"/>'
         )
-        ring = f'<circle class="worn-ring axis-{letter}" cx="{x:.1f}" cy="{y:.1f}" r="4.6"/>'
+        ring = f'<circle class="worn-ring axis-{letter}" cx="{x:.1f}" cy="{y:.1f}" r="{RING_PX}"/>'
         return ring + inside
-    dx, dy = length * direction[0], length * direction[1]
+    dx, dy = AXIS_PX * direction[0], AXIS_PX * direction[1]
     tx, ty = x + dx, y + dy
     ux, uy = direction[0] / share, direction[1] / share
     back_x, back_y = tx - 5.0 * ux, ty - 5.0 * uy
@@ -188,7 +249,7 @@ def _axis(letter: str, at: Point, direction: Point, toward: float, length: float
     )
 
 
-def _labels(units: Sequence[WornUnit], place: Place, height: float) -> str:
+def _labels(units: Sequence[WornUnit], place: Place, top: float, height: float) -> str:
     """Names and verdicts in two columns beside the body, each joined to its unit by a line."""
     points = {unit.name: place(unit.point) for unit in units}
     columns: tuple[list[WornUnit], list[WornUnit]] = ([], [])
@@ -199,16 +260,16 @@ def _labels(units: Sequence[WornUnit], place: Place, height: float) -> str:
     return "".join(
         _label(unit, points[unit.name], y, column == 1)
         for column, own in enumerate(columns)
-        for unit, y in zip(own, _spread([points[u.name][1] for u in own], height), strict=True)
+        for unit, y in zip(own, _spread([points[u.name][1] for u in own], top, height), strict=True)
     )
 
 
-def _spread(wanted: Sequence[float], height: float) -> list[float]:
+def _spread(wanted: Sequence[float], top: float, height: float) -> list[float]:
     """Heights near the wanted ones, in the same order, that leave room for a label each."""
     found: list[float] = []
     for y in wanted:
-        found.append(max(y, found[-1] + LABEL_PX) if found else max(y, TOP))
-    last = height - BOTTOM
+        found.append(max(y, found[-1] + LABEL_PX) if found else max(y, top))
+    last = height - 0.5 * PAD
     for k in range(len(found) - 1, -1, -1):
         found[k] = min(found[k], last)
         last = found[k] - LABEL_PX
@@ -221,8 +282,8 @@ def _label(unit: WornUnit, at: Point, y: float, on_the_right: bool) -> str:
     x = edge + (4.0 if on_the_right else -4.0)
     return (
         f'<path class="worn-leader" d="M{edge:.1f} {y:.1f}L{at[0]:.1f} {at[1]:.1f}"/>'
-        f'<text class="worn-name" x="{x:.1f}" y="{y - 1:.1f}" text-anchor="{anchor}">{escape(unit.name)}</text>'
-        f'<text class="worn-verdict {unit.style}" x="{x:.1f}" y="{y + 12:.1f}" text-anchor="{anchor}">'
+        f'<text class="worn-name" x="{x:.1f}" y="{y - 2:.1f}" text-anchor="{anchor}">{escape(unit.name)}</text>'
+        f'<text class="worn-verdict {unit.style}" x="{x:.1f}" y="{y + 13:.1f}" text-anchor="{anchor}">'
         f"{MARKS[unit.style]} {escape(unit.verdict)}</text>"
     )
 
