@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from oarlock._core import Model
     from oarlock.recording.calibration import Calibration
 
-WIDTH, MARGIN, PAD = 430.0, 126.0, 40.0
+WIDTH, MARGIN, PAD = 430.0, 126.0, 46.0
 TALLEST, MOST_PX_PER_M = 520.0, 380.0
 AXIS_PX, UNIT_PX, RING_PX = 30.0, 16.0, 4.2
 SIDE_M = 0.04
@@ -105,8 +105,7 @@ class WornBody:
 
     def side(self, unit: WornUnit) -> int:
         """1 on the person's right, -1 on the left, 0 in the middle."""
-        middle = np.mean([0.5 * (link.start + link.end) for link in self.body.links], axis=0)
-        aside = float((unit.point - middle) @ self.right)
+        aside = float((unit.point - self.body.links[0].start) @ self.right)
         return 0 if abs(aside) < SIDE_M else int(np.sign(aside))
 
     def panels(self) -> list[tuple[View, list[WornUnit]]]:
