@@ -215,11 +215,13 @@ def load_session_plan(file: str | PathLike[str], pose: str = STANDING) -> Sessio
         keys: dict[str, Any] = dict(table.values)
         try:
             poses = values.names(keys.pop("poses", ()), "poses")
+            if still.taken_in(table.string("kind")):
+                keys.setdefault("pose", still.pose)
             step = SessionStep(**keys)
         except DataError as error:
             raise DataError(f"{table.where()}: {error}") from None
         if belongs(poses, still):
-            steps.append(still.taken(step))
+            steps.append(step)
     name = top.string("name", Path(file).stem) + ("" if still.name == STANDING else f", pose {still.name}")
     posture_std_rad = top.number("posture_std_rad", POSTURE_STD_RAD)
     return SessionPlan(name, tuple(steps), posture_std_rad, top.boolean("any_order", False))

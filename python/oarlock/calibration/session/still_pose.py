@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from oarlock.calibration.session import step_values as values
@@ -11,7 +11,6 @@ from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 
 if TYPE_CHECKING:
-    from oarlock.calibration.session.plan import SessionStep
     from oarlock.storage.toml import TomlTable
 
 STANDING = "N"
@@ -32,11 +31,9 @@ class StillPose:
     pose: Mapping[str, float] = field(default_factory=dict)
     movements: bool = False
 
-    def taken(self, step: SessionStep) -> SessionStep:
-        """The step in this posture, unless it names its own."""
-        if step.pose or not (step.kind == "pose" or (step.kind == "move" and self.movements)):
-            return step
-        return replace(step, pose=self.pose)
+    def taken_in(self, kind: str) -> bool:
+        """Whether steps of this kind are in the posture."""
+        return kind == "pose" or (kind == "move" and self.movements)
 
 
 def still_poses(plan: TomlTable) -> dict[str, StillPose]:
