@@ -76,6 +76,28 @@ def test_a_calibration_is_used_as_it_is(recording, tmp_path):
     np.testing.assert_array_equal(once.q, twice.q)
 
 
+def test_a_session_in_another_pose(tmp_path):
+    body = oarlock.load_model("lower_body").with_units(LEG)
+    guided = oarlock.simulate_session(body, oarlock.default_plan(body, "sitting"), seed=2)
+    guided.recording.save(tmp_path / "session")
+    walk(0, model=body, duration_s=8.0).recording.save(tmp_path / "rec")
+    command = (
+        "run",
+        tmp_path / "rec",
+        "--body",
+        "lower_body",
+        "--out",
+        tmp_path / "out",
+        "--pose",
+        "sitting",
+    )
+    assert "--session" in run(*command, status=2).output
+    run(*command, "--session", tmp_path / "session")
+    noted = oarlock.load_calibration(tmp_path / "out/calibration.toml").noted["session"]
+    assert "sitting again" in [step["name"] for step in noted["step"]]
+    assert (tmp_path / "out/track/report.html").is_file()
+
+
 def test_files_of_text_with_a_session_and_names_by_device(tmp_path, monkeypatch):
     """As a user would: text files of three units whose names say nothing, movements, a session, a trial."""
     body = oarlock.load_model("lower_body").with_units(LEG)

@@ -86,6 +86,8 @@ def run(
     """
     if session is not None and calibration is not None:
         raise UsageError("--session and --calibration contradict each other")
+    if session is None and pose != "N":
+        raise UsageError(f"--pose {pose} is the still pose of a guided session: give it with --session")
     steps_done = _Steps(out, force)
     naming = (body, units_file)
     recording = steps_done.imported(path, "recording", naming, pick, athlete)

@@ -30,7 +30,8 @@ def worn_section(calibration: Calibration, model: Model, pose: Mapping[str, floa
     """
     q = np.asarray(rest_posture(model, dict(pose) if pose else None))
     stds = heading_stds_deg(calibration, model, q)
-    verdicts = unit_verdicts(calibration.noted["session"]["check"], stds)
+    noted: Any = calibration.noted["session"]
+    verdicts = unit_verdicts(noted["check"], stds)
     worn = WornBody.of(model, q, calibration, verdicts)
     styles = {style: sum(unit.style == style for unit in worn.units) for style in MARKS}
     lead = rendered("session_worn", styles=styles, marks=MARKS)
