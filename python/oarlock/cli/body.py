@@ -38,6 +38,15 @@ Balls = Annotated[
     ),
 ]
 
+Pose = Annotated[
+    str,
+    typer.Option(
+        "--pose",
+        metavar="N|T|sitting",
+        help="Still pose of the session: N (arms hanging), T (arms level) or sitting.",
+    ),
+]
+
 
 def chosen_body(
     model: str,

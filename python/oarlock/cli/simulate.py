@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from oarlock.cli.body import Mass, Stature, Units, chosen_body
+from oarlock.cli.body import Mass, Pose, Stature, Units, chosen_body
 from oarlock.cli.options import Force, Json, ModelName, OutFolder, Settings, assignments, example
 from oarlock.cli.simulate_field import Effect, Field, RateHz, Strength, asked_effects, simulate_in_the_field
 from oarlock.cli.simulate_session import simulate_guided_session
@@ -88,6 +88,7 @@ def simulate(
             help="Simulate a guided calibration session of any model instead; see calibrate session.",
         ),
     ] = False,
+    pose: Pose = "N",
     field: Field = None,
     effect: Effect = None,
     strength: Strength = 1.0,
@@ -104,7 +105,7 @@ def simulate(
 
     loaded = chosen_body(model, assignments(settings, "--set"), stature_m, mass_kg, units)
     if session:
-        simulate_guided_session(loaded, out, model, seed, force, json_output)
+        simulate_guided_session(loaded, out, model, pose, seed, force, json_output)
         return
     chosen = _condition(condition, boat)
     rates = _rates(rate_spm)
