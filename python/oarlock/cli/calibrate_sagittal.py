@@ -72,7 +72,14 @@ def sagittal(
         return
     say(f"Wrote {out}", style="bold")
     write_sagittal(found)
-    steps(f"oarlock track {recording} --model {model} --calibration {out} --out OUT")
+    balls = "".join(f" --ball {ball}" for ball in balls_of(found))
+    steps(f"oarlock track {recording} --model {model} --calibration {out}{balls} --out OUT")
+
+
+def balls_of(found: Calibration) -> list[str]:
+    """What `oarlock track --ball` needs: pairs of hinges whose axes stayed unknown."""
+    noted: Any = found.noted
+    return [",".join(pair) for pair in noted.get("balls", ())]
 
 
 def write_sagittal(found: Calibration) -> None:
@@ -94,3 +101,8 @@ def write_sagittal(found: Calibration) -> None:
             for name, unit in noted["sensor"].items()
         ],
     )
+    for pair in noted["two_hinges"]:
+        if pair["refused"]:
+            say(f"axes of {' and '.join(pair['joints'])} not found: {pair['refused']}", indent=2)
+    for ball in balls_of(found):
+        say(f"track these as one ball joint: --ball {ball}", indent=2)

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from oarlock.cli.body import Mass, Stature, Units
+from oarlock.cli.calibrate_sagittal import balls_of
 from oarlock.cli.options import Force, example
 from oarlock.cli.terminal import UsageError, say, steps, verb, without_next_steps
 
@@ -74,8 +75,8 @@ def run(
     """Import, calibrate with what is there, track, smooth and report: one command from files to angles.
 
     Mounts come from --calibration, or from the guided session, or from the recording itself: it begins with two
-    seconds of standing still in the rest posture, and most movement is forward and backward. Each step's own command
-    is printed; run it again to change something.
+    seconds of standing still in the rest posture, and most movement is forward and backward. An elbow whose axes this
+    does not determine is tracked as a ball. Each step's own command is printed; run it again to change something.
     """
     if session is not None and calibration is not None:
         raise UsageError("--session and --calibration contradict each other")
@@ -83,7 +84,7 @@ def run(
     recording = steps_done.imported(path, "recording", body, pick, athlete)
     cut = units if units is not None else _units_there(recording, body)
     chosen = _options(("--stature", stature_m), ("--mass", mass_kg), ("--units", cut))
-    known = calibration
+    known, balls = calibration, list[str]()
     if session is not None:
         measured = steps_done.imported(session, "session", body, None, None)
         words = ("calibrate", "session", measured, "--model", body, *chosen)
@@ -91,8 +92,11 @@ def run(
     elif calibration is None:
         words = ("calibrate", "sagittal", recording, "--model", body, *chosen)
         known = steps_done.run(*words, out="calibration.toml")
+        balls = _balls(known)
     smooth = ("--smooth", *(("--low-pass", low_pass_hz) if low_pass_hz > 0.0 else ()))
-    steps_done.run("track", recording, "--model", body, *chosen, "--calibration", known, *smooth, out="track")
+    steps_done.run(
+        "track", recording, "--model", body, *chosen, *balls, "--calibration", known, *smooth, out="track"
+    )
     say(f"\nWrote {out}", style="bold")
     track = out / "track"
     steps(f"open {track / 'report.html'}", f"oarlock view {track}", f"oarlock export {track} --to FOLDER")
@@ -140,6 +144,13 @@ def _status(command: Sequence[str]) -> int:
 
 def _options(*pairs: tuple[str, object]) -> list[str]:
     return [str(word) for name, value in pairs if value is not None for word in (name, value)]
+
+
+def _balls(calibration: Path) -> list[str]:
+    """`--ball` for the hinges whose axes the recording did not determine."""
+    from oarlock import load_calibration
+
+    return [word for ball in balls_of(load_calibration(calibration)) for word in ("--ball", ball)]
 
 
 def _units_there(folder: Path, body: str) -> str | None:
