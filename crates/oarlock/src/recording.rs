@@ -3,6 +3,7 @@
 pub mod column;
 pub mod feed;
 pub mod gathering;
+pub mod rows;
 pub mod ticks;
 pub mod timing;
 

@@ -79,7 +79,7 @@ impl Arrivals {
             return Err(Error::Data(format!("reading at {true_s} s: expected a finite time stamp, s")));
         }
         self.counts.received += 1;
-        let is_late = self.feed.is_past(&self.cursor, self.last_s, true_s);
+        let is_late = self.feed.is_past(&self.cursor, true_s);
         let back = if is_late { self.kept.iter().rposition(|kept| kept.is_before(&self.feed, true_s)) } else { None };
         if is_late && back.is_none() {
             self.counts.too_late += 1;
@@ -157,6 +157,6 @@ impl Arrivals {
 impl Kept {
     /// Whether a reading belongs to samples after this state estimate.
     fn is_before(&self, feed: &Feed, true_s: f64) -> bool {
-        !feed.is_past(&self.cursor, self.known.belief.time_s, true_s)
+        !feed.is_past(&self.cursor, true_s)
     }
 }
