@@ -131,7 +131,8 @@ impl Arrivals {
 
     /// Keeps the state estimate now and then, and forgets what is too old.
     fn keep(&mut self, tracker: &Tracker) {
-        let Some(known) = tracker.hypothesis() else { return };
+        // What is learnt from the time before a sample without readings is no part of its state estimate.
+        let Some(known) = tracker.hypothesis().filter(|_| !tracker.info().nis.is_nan()) else { return };
         let time_s = known.belief.time_s;
         if self.kept.back().is_some_and(|kept| time_s - kept.known.belief.time_s < KEEP_EVERY_S) {
             return;

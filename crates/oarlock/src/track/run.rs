@@ -259,8 +259,9 @@ impl Keeper<'_> {
         let is_row = Gathering::of(&run.config).is_row(self.kept_s, time_s);
         let row = run.series.time_s.len();
         let due = run.checkpoints.last().is_none_or(|c| {
-            // A whole number of intervals up to rounding counts as reached.
-            time_s - c.known.time_s() >= run.config.belief_interval_s * (1.0 - 1e-9)
+            // A whole number of intervals up to rounding counts as reached. What is learnt from the time before a sample
+            // without readings is no part of its state estimate.
+            !info.nis.is_nan() && time_s - c.known.time_s() >= run.config.belief_interval_s * (1.0 - 1e-9)
         });
         if due {
             run.checkpoints.push(Checkpoint { known: Packed::of(known), cursor, row, is_row });
