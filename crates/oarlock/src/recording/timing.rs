@@ -1,5 +1,6 @@
 //! What time stamps tell of a recording: whether its sensors tick together, at which rates, and how exact the stamps are.
 
+use super::own_rows::lacks;
 use super::{Channel, Gathering, Recording, Sample, Stream};
 use crate::config::Config;
 use crate::corrections::Clock;
@@ -129,10 +130,7 @@ impl Streams<'_> {
 /// Whether a row of an inertial unit has a reading of its magnetometer alone. A magnetometer with rows of its own does not
 /// make the unit faster.
 fn is_magnetic_only(stream: &Stream, row: usize) -> bool {
-    let has = |channel: &Channel| (3 * row..3 * row + 3).any(|k| channel.values.get(k).is_some_and(|v| !v.is_nan()));
-    let of = |quantity: Quantity| stream.channels.iter().filter(move |c| c.quantity == quantity);
-    let moves = || of(Quantity::Gyro).chain(of(Quantity::Accel));
-    of(Quantity::Mag).next().is_some() && moves().next().is_some() && !moves().any(has) && of(Quantity::Mag).any(has)
+    lacks(stream, row, |_, c| matches!(c.quantity, Quantity::Gyro | Quantity::Accel))
 }
 
 /// What one pass through the instants counts.
