@@ -24,9 +24,14 @@ impl Rows {
         ((time_s - number / self.rate_hz).abs() < self.even_s).then_some(number)
     }
 
+    /// Number of the last row at or before a time.
+    pub fn slot(&self, time_s: f64) -> f64 {
+        ((time_s + self.even_s) * self.rate_hz).floor()
+    }
+
     /// Time of the first row after `last_s` and before `next_s`, unless a sample is that row or a pause lies between them.
     pub fn between(&self, last_s: f64, next_s: f64) -> Option<f64> {
-        let row_s = (((last_s + self.even_s) * self.rate_hz).floor() + 1.0) / self.rate_hz;
+        let row_s = (self.slot(last_s) + 1.0) / self.rate_hz;
         let is_between = row_s > last_s && next_s - row_s >= self.even_s;
         (is_between && next_s - last_s <= PAUSE_S).then_some(row_s)
     }

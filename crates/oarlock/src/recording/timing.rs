@@ -1,6 +1,7 @@
 //! What time stamps tell of a recording: whether its sensors tick together, at which rates, and how exact the stamps are.
 
 use super::own_rows::lacks;
+use super::rows::Rows;
 use super::{Channel, Gathering, Recording, Sample, Stream};
 use crate::config::Config;
 use crate::corrections::Clock;
@@ -14,8 +15,8 @@ use std::f64::consts::TAU;
 /// Sensors tick together if a sample for each instant gives at most this many times the readings of the fullest stream:
 /// lost packets make the fullest stream shorter.
 const TOGETHER: f64 = 1.25;
-/// Up to this many times, every instant is a sample: less work than it seems, because each has fewer readings, and more
-/// accurate than ticks, whose readings are predicted over the time between.
+/// Up to this many times, every instant is a sample if all streams are inertial units: readings at ticks lose accuracy
+/// over their offsets. With encoders ticks are as accurate and need half the time, because joints and closures are read together.
 const EVERY_INSTANT: f64 = 2.25;
 /// A rate within this share of a multiple of 5 Hz is that multiple, and any other a whole number of Hz.
 const NICE_SHARE: f64 = 0.002;
@@ -47,9 +48,10 @@ impl Streams<'_> {
         let fit = || self.streams.iter().map(|s| RegularClock::of(&self.times(s))).collect::<Vec<_>>();
         let clocks = LazyCell::new(fit);
         let mut found = config.clone();
-        let together = census.share <= TOGETHER;
+        let is_inertial_only = self.streams.iter().all(is_inertial);
+        let together = census.share <= TOGETHER && (is_inertial_only || census.even_rows);
         let sample_rate_hz = config.sample_rate_hz.unwrap_or_else(|| {
-            if census.share <= EVERY_INSTANT {
+            if together || (is_inertial_only && census.share <= EVERY_INSTANT) {
                 return 0.0;
             }
             let row_hz = config.row_rate_hz().unwrap_or_else(|| self.clean_rate_hz(&clocks));
@@ -74,9 +76,16 @@ impl Streams<'_> {
         let (mut cursor, mut sample, mut taken) = (recording.start(), Sample::empty(self.model, self.suite), 0);
         let inputs: Vec<usize> = self.model.joints.iter().filter(|j| j.input).map(|j| j.first).collect();
         let (mut present, mut samples, mut instants) = (vec![0_usize; inputs.len()], 0_usize, 0_usize);
+        let rows = config.row_rate_hz().map(Rows::new);
+        let (mut even_rows, mut row) = (true, f64::NAN);
         while recording.next(&mut cursor, &mut sample) {
             samples += 1;
-            instants += usize::from(cursor.taken() > taken);
+            if cursor.taken() > taken {
+                instants += 1;
+                let here = rows.map_or(f64::NAN, |rows| rows.slot(sample.time_s));
+                even_rows &= here == row || rows.is_none_or(|rows| rows.number(sample.time_s).is_some());
+                row = here;
+            }
             taken = cursor.taken();
             for (count, &c) in present.iter_mut().zip(&inputs) {
                 *count += usize::from(!sample.inputs[c].is_nan());
@@ -85,7 +94,7 @@ impl Streams<'_> {
         let rows = |s: &Stream| (0..s.time_s.len()).filter(|row| !is_magnetic_only(s, *row)).count();
         let fullest = self.streams.iter().map(rows).max().unwrap_or(0);
         let complete = inputs.iter().zip(present).filter(|(_, count)| *count == samples).map(|(&c, _)| c).collect();
-        Ok(Census { share: instants as f64 / fullest.max(1) as f64, complete })
+        Ok(Census { share: instants as f64 / fullest.max(1) as f64, even_rows, complete })
     }
 
     /// Input joints that stay inputs: the complete ones (by coordinate), and those that have no stream and that no usable
@@ -110,8 +119,7 @@ impl Streams<'_> {
 
     /// Rate of the fastest inertial unit, or of the fastest stream, as a person would write it, Hz.
     fn clean_rate_hz(&self, clocks: &[Option<RegularClock>]) -> f64 {
-        let is_inertial = |c: &Channel| c.quantity.is_inertial() || c.quantity == Quantity::Orientation;
-        let inertial_hz = self.fastest_hz(clocks, |s| s.channels.iter().any(is_inertial));
+        let inertial_hz = self.fastest_hz(clocks, is_inertial);
         nice(if inertial_hz > 0.0 { inertial_hz } else { self.fastest_hz(clocks, |_| true) })
     }
 
@@ -127,6 +135,10 @@ impl Streams<'_> {
     }
 }
 
+fn is_inertial(stream: &Stream) -> bool {
+    stream.channels.iter().any(|c: &Channel| c.quantity.is_inertial() || c.quantity == Quantity::Orientation)
+}
+
 /// Whether a row of an inertial unit has a reading of its magnetometer alone. A magnetometer with rows of its own does not
 /// make the unit faster.
 fn is_magnetic_only(stream: &Stream, row: usize) -> bool {
@@ -137,6 +149,8 @@ fn is_magnetic_only(stream: &Stream, row: usize) -> bool {
 struct Census {
     /// Number of instants for each reading of the fullest stream.
     share: f64,
+    /// Whether rows at the output rate fall on instants.
+    even_rows: bool,
     /// Coordinates of inputs that every sample reads.
     complete: Vec<usize>,
 }

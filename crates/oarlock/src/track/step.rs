@@ -202,7 +202,8 @@ impl Tracker {
         readings.take(sample);
         self.faults.silence_clipped(subject, readings);
         readings.refer(subject);
-        self.loops.fill(subject, readings);
+        let is_empty = sample.z.iter().chain(&sample.inputs).all(|x| x.is_nan());
+        self.loops.fill(subject, readings, is_empty);
         readings.silence_what_needs_missing_inputs(subject, sample);
         self.magnetic.judge_norms(subject, readings);
         readings.mark_active(subject);
