@@ -66,6 +66,8 @@ pub struct Filter<S: FastSystem> {
     fresh: Vec<f64>,
     /// Time since the last update, s.
     since_s: f64,
+    /// Time of a sample without readings, if noise is learnt: the next update learns from the process noise before it, too.
+    empty_s: Option<f64>,
     /// Jr(delta) of P3.
     reset: Vec<Block>,
     /// NIS and number of the rows that the last update rejected.
@@ -125,6 +127,7 @@ impl<S: FastSystem> Filter<S> {
             before: vec![0.0; n],
             fresh: vec![0.0; n],
             since_s: 0.0,
+            empty_s: None,
             reset: Vec::with_capacity(n),
             rejected_nis: 0.0,
             rejected_rows: 0,
@@ -166,10 +169,12 @@ impl<S: FastSystem> Filter<S> {
         self.since_s
     }
 
-    /// Starts a new sample: forgets the process noise of earlier predictions.
-    pub fn await_sample(&mut self) {
-        self.fresh.fill(0.0);
-        self.since_s = 0.0;
+    /// Starts a new sample after the one at `last_s`: forgets the process noise before that one, unless it had no readings.
+    pub fn await_sample(&mut self, last_s: f64) {
+        if self.empty_s.take() != Some(last_s) {
+            self.fresh.fill(0.0);
+            self.since_s = 0.0;
+        }
     }
 
     /// Predicts the belief at `to_s` (P1, P2); `transition` is the motion that was used.
@@ -198,6 +203,7 @@ impl<S: FastSystem> Filter<S> {
     ) -> Result<(), Diverged> {
         if measured.z.iter().all(|z| z.is_nan()) {
             self.report_missing(measured, info);
+            self.empty_s = settings.learning.memory_s.is_finite().then_some(belief.time_s);
             return Ok(());
         }
         info.innovation.fill(f64::NAN);

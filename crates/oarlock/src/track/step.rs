@@ -74,7 +74,7 @@ impl Tracker {
     fn begin(&mut self, sink: Sink) -> Result<()> {
         let waiting = std::mem::take(&mut self.waiting);
         let mut one = self.fit_start(&waiting)?;
-        self.filter.await_sample();
+        self.filter.await_sample(one.belief.time_s);
         for (i, sample) in waiting.iter().enumerate() {
             if i == 0 {
                 self.prepare(sample);
@@ -167,7 +167,7 @@ impl Tracker {
         on_predicted: &mut dyn FnMut(&Transition, &Belief),
     ) -> Result<()> {
         let since_s = one.belief.time_s;
-        self.filter.await_sample();
+        self.filter.await_sample(since_s);
         loop {
             let now_s = one.belief.time_s;
             let step_s = LONGEST_STEP_S.max(STEP_SHARE * (now_s - since_s));
@@ -202,7 +202,8 @@ impl Tracker {
         readings.take(sample);
         self.faults.silence_clipped(subject, readings);
         readings.refer(subject);
-        self.loops.fill(subject, readings);
+        let is_empty = sample.z.iter().chain(&sample.inputs).all(|x| x.is_nan());
+        self.loops.fill(subject, readings, is_empty);
         readings.silence_what_needs_missing_inputs(subject, sample);
         self.magnetic.judge_norms(subject, readings);
         readings.mark_active(subject);
