@@ -58,6 +58,12 @@ def left_out(names: list[str]) -> str:
     return f"{count} without a sensor in this model: {', '.join(names)}; not used"
 
 
+def not_measured(unit: ImuDescription) -> set[str]:
+    """Fields of a stream that the model's unit does not measure."""
+    stds = {"gyro_rad_s": unit.gyro_std_rad_s, "accel_m_s2": unit.accel_std_m_s2, "mag_ut": unit.mag_std_ut}
+    return {name for name, std in stds.items() if std is None}
+
+
 def _measured(recording: Recording, units: Mapping[str, ImuDescription]) -> Recording:
     """The recording itself, or without rows of units that hold no reading of what the model measures."""
     streams = [_with_readings(stream, units) for stream in recording.streams]
@@ -69,10 +75,9 @@ def _measured(recording: Recording, units: Mapping[str, ImuDescription]) -> Reco
 def _with_readings(stream: Stream, units: Mapping[str, ImuDescription]) -> Stream:
     if not isinstance(stream, ImuStream) or stream.name not in units:
         return stream
-    unit = units[stream.name]
-    stds = {"gyro_rad_s": unit.gyro_std_rad_s, "accel_m_s2": unit.accel_std_m_s2, "mag_ut": unit.mag_std_ut}
-    unused = [values for name, values in stream.values.items() if stds[name] is None]
-    used = {name: values for name, values in stream.values.items() if stds[name] is not None}
+    ignored = not_measured(units[stream.name])
+    unused = [values for name, values in stream.values.items() if name in ignored]
+    used = {name: values for name, values in stream.values.items() if name not in ignored}
     if not unused or not used:
         return stream
     empty = np.all([np.isnan(values).all(axis=1) for values in used.values()], axis=0)
