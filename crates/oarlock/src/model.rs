@@ -171,9 +171,14 @@ impl Joint {
     fn axes(&self) -> Vec<Axis> {
         let turns = self.kind.turns_freely();
         let axis = |(i, &rest): (usize, &f64)| match &self.translation {
-            Some(t) if i < 3 => {
-                Axis { process: t.process, limits: t.limits.map(|x| x + rest), rest, place: true, turns: false, travels: false }
-            }
+            Some(t) if i < 3 => Axis {
+                process: t.process,
+                limits: t.limits.map(|x| x + rest),
+                rest,
+                place: true,
+                turns: false,
+                travels: false,
+            },
             _ => {
                 let limits = self.cone.map_or(self.limits, |cone| cone.limits_about(i));
                 Axis { process: self.process, limits, rest, place: false, turns, travels: false }

@@ -245,11 +245,7 @@ fn double_pole(p: f64, t: f64) -> [[f64; 3]; 3] {
     let (x, e) = (p * t, (-p * t).exp());
     // The closed form of the last is inaccurate for short times.
     let travelled = if x < 1e-3 { t * t * (0.5 - x / 3.0) } else { (1.0 - e * (1.0 + x)) / (p * p) };
-    [
-        [1.0, (2.0 - e * (2.0 + x)) / p, travelled],
-        [0.0, e * (1.0 + x), t * e],
-        [0.0, -p * x * e, e * (1.0 - x)],
-    ]
+    [[1.0, (2.0 - e * (2.0 + x)) / p, travelled], [0.0, e * (1.0 + x), t * e], [0.0, -p * x * e, e * (1.0 - x)]]
 }
 
 /// Process noise that keeps the `settled` covariance stationary: S - F S F'.

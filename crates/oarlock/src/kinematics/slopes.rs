@@ -261,7 +261,16 @@ impl Tree {
             own.push(total..total + count);
             total += count;
         }
-        let none = Slope { column: 0, kind: Kind::Push, turn: ZERO, shift: ZERO, spin: ZERO, spun: ZERO, push: ZERO, drift: ZERO };
+        let none = Slope {
+            column: 0,
+            kind: Kind::Push,
+            turn: ZERO,
+            shift: ZERO,
+            spin: ZERO,
+            spun: ZERO,
+            push: ZERO,
+            drift: ZERO,
+        };
         let (still, lengths) = (vec![0.0; columns.coordinates.len()], vec![0.0; columns.lengths.len()]);
         let rest = FrameMotion::resting(ZERO);
         let mut slopes = Slopes {

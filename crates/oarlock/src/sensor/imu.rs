@@ -90,6 +90,9 @@ impl Kind for Imu {
             if noise.mag_std.is_some() {
                 at.need_magnetic_field("has a magnetometer (mag_std_ut)");
             }
+            if contact.is_some() && !at.model.base_accelerations.is_empty() {
+                at.mistake(at.name.at, contact::ROOT_MOVES);
+            }
             Some(Imu { frame: at.frame("frame", &frame)?, mount, noise, contact })
         })
     }

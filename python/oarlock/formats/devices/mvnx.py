@@ -130,7 +130,9 @@ def _specific_force(quat_wxyz: FloatArray, free_m_s2: FloatArray) -> FloatArray:
     there = np.isfinite(quat_wxyz).all(axis=1)
     force = np.full_like(lifted, np.nan)
     if there.any():
-        force[there] = Rotation.from_quat(quat_wxyz[there], scalar_first=True).apply(lifted[there], inverse=True)
+        force[there] = Rotation.from_quat(quat_wxyz[there], scalar_first=True).apply(
+            lifted[there], inverse=True
+        )
     return force
 
 

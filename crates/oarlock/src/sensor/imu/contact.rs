@@ -12,6 +12,10 @@ use crate::sensor::slopes::{Answers, Cause, Column, Group, Moving};
 use crate::sensor::{Fit, Scene};
 use serde_json::{json, Value};
 
+/// Base accelerations move the root, and no state is its velocity.
+pub(super) const ROOT_MOVES: &str =
+    "`contact`: its velocity is unknown, because the root accelerates; use a free joint instead of base accelerations";
+
 /// Contact with the ground in a model file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contact {
@@ -25,7 +29,8 @@ impl Contact {
     pub(super) fn read(section: &Section, noise: &ImuNoise) -> Option<Contact> {
         let contact = Section::of(section.get("contact")?, &["point", "std_m_s"])?;
         if noise.gyro_std.is_none() || noise.accel_std.is_none() {
-            contact.mistake(contact.at, "a contact is detected from gyroscope and accelerometer; add both or remove it");
+            contact
+                .mistake(contact.at, "a contact is detected from gyroscope and accelerometer; add both or remove it");
         }
         Some(Contact { point: contact.point("point"), std_m_s: contact.need_positive("std_m_s", "0.1", "m/s") })
     }
