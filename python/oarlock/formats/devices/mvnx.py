@@ -128,7 +128,7 @@ def _specific_force(quat_wxyz: FloatArray, free_m_s2: FloatArray) -> FloatArray:
     """What an accelerometer reads, in its axes, from free acceleration in global axes; their z points up."""
     lifted = free_m_s2 + np.array([0.0, 0.0, STANDARD_GRAVITY_M_S2])
     there = np.isfinite(quat_wxyz).all(axis=1)
-    force = np.full_like(lifted, np.nan)
+    force: FloatArray = np.full_like(lifted, np.nan)
     if there.any():
         force[there] = Rotation.from_quat(quat_wxyz[there], scalar_first=True).apply(
             lifted[there], inverse=True
