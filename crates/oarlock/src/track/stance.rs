@@ -77,7 +77,8 @@ impl StanceState {
         if unrest.is_nan() {
             return false;
         }
-        if unrest > if self.since_s.is_nan() { BEGINS_BELOW } else { ENDS_ABOVE } {
+        let limit = if self.since_s.is_nan() { BEGINS_BELOW } else { ENDS_ABOVE };
+        if unrest > limit {
             self.since_s = f64::NAN;
             return false;
         }
