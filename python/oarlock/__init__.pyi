@@ -44,6 +44,7 @@ from .evaluation.suspects.suspects import Suspect, suspects
 from .formats.contents import find_recordings, import_recording
 from .formats.export.export import Export, export
 from .formats.marker_files import load_markers
+from .model.ball_joint import with_ball_joint
 from .model.description import (
     BaseAccelerationDescription,
     ClosureDescription,
@@ -185,4 +186,5 @@ __all__ = [
     "track_limbs",
     "track_many",
     "track_orientations",
+    "with_ball_joint",
 ]

@@ -68,7 +68,14 @@ def sagittal(
     )
     saved(found, write_sagittal, out, json_output)
     if not json_output:
-        steps(track_next(recording, model, out))
+        balls = "".join(f" --ball {ball}" for ball in balls_of(found))
+        steps(f"{track_next(recording, model, out)}{balls}")
+
+
+def balls_of(found: Calibration) -> list[str]:
+    """What `oarlock track --ball` needs: pairs of hinges whose axes stayed unknown."""
+    noted: Any = found.noted
+    return [",".join(pair) for pair in noted.get("balls", ())]
 
 
 def write_sagittal(found: Calibration) -> None:
@@ -90,3 +97,8 @@ def write_sagittal(found: Calibration) -> None:
             for name, unit in noted["sensor"].items()
         ],
     )
+    for pair in noted["two_hinges"]:
+        if pair["refused"]:
+            say(f"axes of {' and '.join(pair['joints'])} not found: {pair['refused']}", indent=2)
+    for ball in balls_of(found):
+        say(f"track these as one ball joint: --ball {ball}", indent=2)

@@ -21,6 +21,8 @@ CLEAR_SHARE = 0.8
 
 _SHOULDERS = dict.fromkeys(("shoulder_r", "shoulder_l"), ("flexion", "abduction", "rotation"))
 """Shoulders of the shipped bodies: ZXY is singular only with the arm sideways and level, YXY while it hangs."""
+_ELBOWS = {"elbow_r": "elbow_flexion_r", "elbow_l": "elbow_flexion_l"}
+"""Elbows that `with_ball_joint` made, and the one angle of each that is known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +75,9 @@ def _ball_angles(track: Track, name: str, label: str) -> list[MovementAngle | No
     if name in _SHOULDERS:
         side = name.rpartition("_")[2]
         named = joint_angles(track, shoulder="ZXY")
-        return [_shoulder_angle(named[f"shoulder_{what}_{side}"], label) for what in _SHOULDERS[name]]
+        return [_named_angle(named[f"shoulder_{what}_{side}"], label) for what in _SHOULDERS[name]]
+    if name in _ELBOWS:
+        return [_named_angle(joint_angles(track)[_ELBOWS[name]], label)]
     series = track[name]
     near = series.near_singular()
     if near.mean() > 1.0 - CLEAR_SHARE:
@@ -86,7 +90,7 @@ def _ball_angles(track: Track, name: str, label: str) -> list[MovementAngle | No
     ]
 
 
-def _shoulder_angle(named: JointAngle, label: str) -> MovementAngle | None:
+def _named_angle(named: JointAngle, label: str) -> MovementAngle | None:
     clear: Bools = named.observed & ~named.near_singular
     return _angle(named.name, label, named.angle_rad, named.std_rad, clear, None)
 

@@ -10,7 +10,7 @@ mod measurement;
 mod report;
 
 use super::belief::Belief;
-use super::information::{InformationUpdate, WeightedReadings};
+use super::information::{Columns, InformationUpdate, Side, WeightedReadings};
 use super::learn::{Correction, Learning};
 use super::sigma::{PredictedReadings, ReadingContext, Spread};
 use super::transition::{congruence, Block, Transition};
@@ -145,6 +145,20 @@ impl<S: FastSystem> Filter<S> {
     /// x+ - x of the last update.
     pub fn shift(&self) -> &[f64] {
         &self.shift
+    }
+
+    /// Multiplies columns by the inverse of a factor of S, as the last update used it; see [`InformationUpdate::substitute`]. A
+    /// factorised filter has an S for each limb.
+    pub fn substitute(&self, side: Side, columns: &mut Columns) {
+        match &self.limbs {
+            None => self.information.substitute(self.arch, side, columns),
+            Some(limbs) => limbs.substitute(self.arch, side, columns),
+        }
+    }
+
+    /// The last update of a filter that uses all readings in one.
+    pub fn whole(&self) -> Option<&InformationUpdate> {
+        self.limbs.is_none().then_some(&self.information)
     }
 
     /// Time since the update before the last, s.

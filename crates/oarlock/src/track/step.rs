@@ -256,7 +256,7 @@ impl Tracker {
         let wants_slopes = one.doubt.is_some() || self.settings.learning.memory_s.is_finite();
         let mut considering = self.considering.as_mut().filter(|_| wants_slopes);
         if let Some(considering) = &mut considering {
-            considering.look(&one.belief, &readings.moment);
+            considering.look(&one.belief, one.doubt.as_ref(), &readings.moment);
         }
         self.north.bar_turned(subject, &one.sources, time_s, &mut magnetic.excluded);
         let measured = Measurement {
