@@ -180,8 +180,9 @@ def _balls(calibration: Path) -> list[str]:
 
 def _units_there(folder: Path, body: str) -> str | None:
     """The model's units that were recorded, if some are missing: the body is cut to them."""
-    from oarlock import load_model, load_recording
+    from oarlock import load_model
+    from oarlock.recording.folder import stream_names
 
-    there, sensors = load_recording(folder), [s.name for s in load_model(body).describe().inertial_units]
+    there, sensors = stream_names(folder), [s.name for s in load_model(body).describe().inertial_units]
     found = [name for name in sensors if name in there]
     return ",".join(found) if found and len(found) < len(sensors) else None

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock import DataError, JointAngle, Track, joint_angles
+from oarlock.model.angle_sequence import angle_labels
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -85,22 +86,13 @@ def _ball_angles(track: Track, name: str, label: str) -> list[MovementAngle | No
     value, std, sequence = series.angles_rad(), series.angles_std_rad(), series.angle_sequence
     return [
         _angle(f"{name} {sequence} {axis}", label, value[:, k], std[:, k], clear, None)
-        for k, axis in enumerate(_axes(sequence))
+        for k, axis in enumerate(angle_labels(sequence))
     ]
 
 
 def _named_angle(named: JointAngle, label: str) -> MovementAngle | None:
     clear: Bools = named.observed & ~named.near_singular
     return _angle(named.name, label, named.angle_rad, named.std_rad, clear, None)
-
-
-def _axes(sequence: str) -> list[str]:
-    """`y1`, `x`, `y2` of "YXY": a letter that comes twice has a number."""
-    letters = sequence.lower()
-    return [
-        f"{letter}{letters[: k + 1].count(letter)}" if letters.count(letter) > 1 else letter
-        for k, letter in enumerate(letters)
-    ]
 
 
 def _angle(

@@ -3,6 +3,7 @@
 import difflib
 
 from oarlock._core import Model
+from oarlock.model.description import ImuDescription
 from oarlock.recording.recording import Recording
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
@@ -45,3 +46,9 @@ def left_out(names: list[str]) -> str:
     """The note on streams that the model has no sensor for."""
     count = "1 stream" if len(names) == 1 else f"{len(names)} streams"
     return f"{count} without a sensor in this model: {', '.join(names)}; not used"
+
+
+def not_measured(unit: ImuDescription) -> set[str]:
+    """Fields of a stream that the model's unit does not measure."""
+    stds = {"gyro_rad_s": unit.gyro_std_rad_s, "accel_m_s2": unit.accel_std_m_s2, "mag_ut": unit.mag_std_ut}
+    return {name for name, std in stds.items() if std is None}

@@ -215,6 +215,7 @@ impl Tracker {
         let time_s = one.belief.time_s;
         self.faults.silence_stuck(subject, &mut one.sources, readings, time_s);
         self.rest.notice(&mut one.sources, readings, time_s);
+        self.stance.notice(&mut one.sources, readings, time_s);
         self.loops.wait(subject, &one.sources, time_s, readings);
         let must_regain = is_lost || regain::is_due(subject, &self.loops, readings, one);
         if !(must_regain && self.regain(one, is_lost)) {
@@ -223,7 +224,7 @@ impl Tracker {
         self.info.lost = is_lost;
         self.north.report(&mut self.info);
         self.faults.report(&self.subject, &self.readings, &mut self.info);
-        self.rest.report(&self.subject, &mut self.info);
+        self.subject.excuse_virtual(&mut self.info);
         Ok(())
     }
 
