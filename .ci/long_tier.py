@@ -29,7 +29,7 @@ USUAL_S = {
     "fuzz wearings": 45.0,
     "fuzz units": 85.0,
     "test_apart": 25.0,
-    "test_bodies_data": 60.0,
+    "test_bodies_data": 75.0,
     "test_body_sessions": 360.0,
     "test_clocks": 10.0,
     "test_clocks_apart": 900.0,

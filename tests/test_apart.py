@@ -50,6 +50,66 @@ def test_rows_come_at_the_rate_that_is_asked_for(sculler, rowed):
     assert np.isfinite(slow.q).all()
 
 
+@pytest.fixture(scope="module")
+def alternating():
+    """Two of three units read between the readings of the first, and no row of 50 Hz falls on a reading."""
+    model = oarlock.load_model("pendulum3")
+    knots = np.arange(0.0, 4.0, 0.02)
+    q = 0.6 * np.sin(2 * np.pi * np.outer(knots, [0.7, 0.9, 1.1]))
+    motion = oarlock.Motion(tuple(model.coordinate_names), knots, q)
+    _, recording = oarlock.simulate(model, motion, seed=4, rate_hz=100.0)
+    streams = []
+    for number, stream in enumerate(recording.streams):
+        rows = slice(int(number > 0), None, 2)
+        values = {name: value[rows] for name, value in stream.values.items()}
+        streams.append(oarlock.ImuStream(stream.name, stream.time_s[rows] + 0.003, **values))
+    return model, oarlock.Recording(streams)
+
+
+def test_rows_between_instants_come_at_a_clean_rate_and_change_no_estimate(alternating):
+    model, recording = alternating
+    track = oarlock.track(model, recording)
+    found = track.provenance["config"]
+    assert (found["sample_rate_hz"], found["output_rate_hz"]) == (0.0, 50.0)
+    np.testing.assert_allclose(np.diff(track.time_s) * 50, 1, atol=1e-9)
+    assert np.isfinite(oarlock.smooth(track).q).all()
+    every = oarlock.track(model, recording, config=oarlock.Config(**{**found, "output_rate_hz": 0.0}))
+    assert not np.isin(np.round(track.time_s, 6), np.round(every.time_s, 6)).any()
+    # A prediction in two parts is the same up to rounding, and so is what is learnt from it.
+    np.testing.assert_allclose(track.last_belief.mean, every.last_belief.mean, atol=1e-7)
+
+
+def test_a_live_tracker_gives_the_rows_between_instants(alternating):
+    model, recording = alternating
+    track = oarlock.track(model, recording)
+    tracker = oarlock.Tracker(model, config=oarlock.Config(**track.provenance["config"]))
+    rng, given = np.random.default_rng(2), []
+    readings = [(s.time_s[k] + rng.uniform(0, 0.025), s, k) for s in recording.streams for k in range(len(s))]
+    for _, stream, row in sorted(readings, key=lambda reading: reading[0]):
+        values = {name: value[row] for name, value in stream.values.items()}
+        given += tracker.push(stream.name, stream.time_s[row], values)
+    given += tracker.flush()
+    assert (tracker.arrivals["late"], tracker.arrivals["too_late"]) == (0, 0)
+    rows = {info.time_s: belief.mean for belief, info in given}
+    for time_s in track.time_s:
+        assert time_s in rows
+    np.testing.assert_array_equal(given[-1][0].mean, track.last_belief.mean)
+
+
+def test_a_closure_that_is_never_used_says_why(sculler, rowed):
+    def silent(recording, **settings):
+        notes = oarlock.track(sculler, recording, config=oarlock.Config(**settings)).notes
+        return [note for note in notes if "never used" in note and "closure" in note]
+
+    oars = [joint.name for joint in sculler.describe().inputs]
+    kept = silent(rowed, inputs=oars, sample_rate_hz=0.0, merge_s=1e-9)
+    assert kept and all("leave out the setting inputs" in note for note in kept)
+    without = silent(rowed.without("l_oar_alpha"), inputs=oars)
+    assert any("no stream for l_oar_alpha" in note for note in without)
+    assert all("switched off" in note for note in silent(rowed, closures=False))
+    assert not silent(rowed)
+
+
 def test_shuffled_delivery_gives_the_bits_of_the_recording(sculler, rowed):
     whole = oarlock.track(sculler, rowed, config=oarlock.Config(output_rate_hz=0))
     tracker = oarlock.Tracker(sculler, config=oarlock.Config(**whole.provenance["config"]))

@@ -1,5 +1,6 @@
 """Bands that count what is known only roughly: how they are made, when they open, whether they hold the truth."""
 
+import re
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -107,8 +108,18 @@ def test_what_is_off_changes_no_estimate() -> None:
     there = ~np.isnan(off.q_std)
     assert (learnt.q_std >= off.q_std)[there].all()
     assert np.median(learnt["trunk"].std_rad[settled]) > 3.0 * np.median(off["trunk"].std_rad[settled])
-    assert any("uncertainty was increased" in note for note in learnt.notes)
+    (note,) = (note for note in learnt.notes if "uncertainty was increased" in note)
+    assert note.endswith("run `oarlock calibrate motion`")
     assert not any("uncertainty was increased" in note for note in off.notes)
+
+
+def test_without_a_closed_loop_the_advice_is_a_calibration_that_needs_none() -> None:
+    open_text = re.sub(r"(?ms)^\[\[closure\]\].*?(?=^\[|\Z)", "", sculler().text)
+    body = oarlock.Model.from_toml(open_text, "open.toml", {})
+    assert not body.describe().closures
+    track = oarlock.track(body, wild(SEEDS[0]).recording, None, oarlock.Config(consider="always"))
+    (note,) = (note for note in track.notes if "uncertainty was increased" in note)
+    assert note.endswith("run `oarlock calibrate joints`")
 
 
 TOLD_RAD = np.radians(1.0)

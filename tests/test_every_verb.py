@@ -14,6 +14,7 @@ from exact_recording import at_rate, load_excerpt
 from oarlock.cli import app, load_verb
 
 LEAF = {
+    "assign": "test_assign.test_units_of_any_name_get_their_sensors",
     "bench": "test_bench.test_text_names_the_filters_and_the_paper",
     "calibrate axes": "test_calibrate_tree.test_commands",
     "calibrate chain": "test_pendulum.test_the_commands_of_the_page_lead_from_the_file_to_angles",

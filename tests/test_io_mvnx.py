@@ -79,9 +79,28 @@ def test_what_a_recording_says(tmp_path):
     assert missing_packets(recording, recording["t8"]) == 2
     source = recording.meta["source"]
     assert (source["software"], source["rate_hz"], source["configuration"]) == ("2019.0.0", "60", "UpperBody")
-    assert source["left_out"] == ["position", "sensorFreeAcceleration"]
-    assert any("sensorFreeAcceleration was left out" in note for note in source["notes"])
+    assert source["left_out"] == ["position"]
+    assert any("computed from sensorFreeAcceleration and sensorOrientation" in n for n in source["notes"])
     assert "A07" not in str(dict(recording.meta)), "the subject's label may be a name"
+
+
+def test_specific_force_from_free_acceleration(tmp_path):
+    """A unit that lies still reads gravity in its own axes; the global ones have Z up."""
+    on_its_side = "0.707106781187 0.707106781187 0 0"  # turned about X: the unit's Y points up
+    text = TRIAL.replace("0.796989 -0.034920 -0.600623 -0.053302", on_its_side)
+    still = text.replace("-0.027436 0.163358 -0.087386", "0 0 0")
+    accel = read_mvnx(written(tmp_path, still))["right_fore_arm_sensor"].accel_m_s2
+    np.testing.assert_allclose(accel, np.tile([0.0, 9.80665, 0.0], (4, 1)), atol=1e-9)
+    lifted = text.replace("-0.027436 0.163358 -0.087386", "1 2 3")
+    accel = read_mvnx(written(tmp_path, lifted))["right_fore_arm_sensor"].accel_m_s2
+    np.testing.assert_allclose(accel, np.tile([1.0, 12.80665, -2.0], (4, 1)), atol=1e-9)
+
+
+def test_free_acceleration_without_orientation_is_left_out(tmp_path):
+    text = "\n".join(line for line in TRIAL.splitlines() if "sensorOrientation" not in line)
+    recording = read_mvnx(written(tmp_path, text))
+    assert recording["right_fore_arm_sensor"].accel_m_s2 is None
+    assert any("sensorFreeAcceleration was left out" in n for n in recording.meta["source"]["notes"])
 
 
 @pytest.mark.parametrize(

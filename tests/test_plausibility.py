@@ -3,6 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import oarlock
 from oarlock.formats.devices.apdm import read_apdm
 from oarlock.recording.gyro_scale import gyro_per_gravity_turn
 from oarlock.recording.plausibility import plausibility, require_plausible
@@ -131,3 +132,12 @@ def test_short_streams_are_judged_too():
             [ImuStream("back", TIME_S[:rows], **parts), VectorStream("hand", [0.0], [[0, 0, 0]])]
         )
         assert [f.severity for f in plausibility(recording)] == ["error"]
+
+
+def test_missing_readings_of_what_the_model_does_not_measure_are_no_notes():
+    body = oarlock.load_model("lower_body").with_units(["thigh_r", "shank_r"])
+    fields = swinging()
+    fields["mag_ut"][200:400] = np.nan
+    units = [ImuStream(name, TIME_S, **fields) for name in ("thigh_r", "shank_r")]
+    assert any(found.missing == "mag_ut" for found in plausibility(Recording(units)))
+    assert not any("mag_ut is missing" in note for note in oarlock.track(body, Recording(units)).notes)

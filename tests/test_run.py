@@ -4,11 +4,15 @@ import shlex
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import oarlock
 from command_line import run
+from oarlock import SessionPlan, SessionStep
+from oarlock.recording.unit_names import renamed
 from walking_body import walk
 
+MEAN_MOUNT_DEG = 4.0
 LEG = ["pelvis", "thigh_r", "shank_r"]
 BODY = ("--model", "lower_body", "--units", ",".join(LEG))
 
@@ -70,3 +74,72 @@ def test_a_calibration_is_used_as_it_is(recording, tmp_path):
     run(*typed[1:-1], tmp_path / "again")  # the last word is the folder
     once, twice = (oarlock.load_track(place) for place in (out / "track", tmp_path / "again"))
     np.testing.assert_array_equal(once.q, twice.q)
+
+
+def test_a_session_in_another_pose(tmp_path):
+    body = oarlock.load_model("lower_body").with_units(LEG)
+    guided = oarlock.simulate_session(body, oarlock.default_plan(body, "sitting"), seed=2)
+    guided.recording.save(tmp_path / "session")
+    walk(0, model=body, duration_s=8.0).recording.save(tmp_path / "rec")
+    command = (
+        "run",
+        tmp_path / "rec",
+        "--body",
+        "lower_body",
+        "--out",
+        tmp_path / "out",
+        "--pose",
+        "sitting",
+    )
+    assert "--session" in run(*command, status=2).output
+    run(*command, "--session", tmp_path / "session")
+    noted = oarlock.load_calibration(tmp_path / "out/calibration.toml").noted["session"]
+    assert "sitting again" in [step["name"] for step in noted["step"]]
+    assert (tmp_path / "out/track/report.html").is_file()
+
+
+def test_files_of_text_with_a_session_and_names_by_device(tmp_path, monkeypatch):
+    """As a user would: text files of three units whose names say nothing, movements, a session, a trial."""
+    body = oarlock.load_model("lower_body").with_units(LEG)
+    ids = dict(zip(LEG, ("00B4271A", "00B4271C", "00B4271F"), strict=True))
+    swing = (SessionStep("swing", "move", joints=("hip_flexion_r",)),)
+    rests = (SessionStep("start", "pose"), SessionStep("end", "pose"))
+    moves = oarlock.simulate_session(body, SessionPlan("swing", (rests[0], *swing, rests[1])), seed=1)
+    guided = oarlock.simulate_session(body, seed=1)
+    for name, recording in (
+        ("moves", moves.recording),
+        ("session", guided.recording),
+        ("trial", guided.recording),
+    ):
+        written_as_text(renamed(recording, ids), tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    common = ("--body", "lower_body", "--units", ",".join(LEG))
+    run("assign", "moves", *common, "--order", "right_leg", "--out", "units.toml")
+    said = run(
+        "run", "trial", *common, "--units-file", "units.toml", "--session", "session", "--out", "out"
+    ).output
+    commands = [shlex.split(line[2:])[1] for line in said.splitlines() if line.startswith("$ oarlock ")]
+    assert commands == ["import", "import", "calibrate", "track"]
+    assert set(oarlock.load_recording("out/recording").names) == set(LEG)
+    off = [
+        oarlock.load_calibration("out/calibration.toml").mounts[s][0] @ guided.calibration.mounts[s][0].T
+        for s in LEG
+    ]
+    assert np.degrees(Rotation.from_matrix(np.array(off)).magnitude()).mean() < MEAN_MOUNT_DEG
+    assert (tmp_path / "out/track/report.html").is_file()
+    assert "Units on the body" in (tmp_path / "out/calibration.html").read_text()
+
+
+def written_as_text(recording, folder):
+    """A folder with one file of comma-separated text with the columns of all units."""
+    folder.mkdir()
+    header, columns = ["time (s)"], [recording.streams[0].time_s]
+    for stream in recording.streams:
+        for quantity, unit, values in (
+            ("gyro", "rad/s", stream.gyro_rad_s),
+            ("acc", "m/s2", stream.accel_m_s2),
+        ):
+            header += [f"{stream.name} {quantity} {axis} ({unit})" for axis in "xyz"]
+            columns += list(values.T)
+    table = np.column_stack(columns)
+    np.savetxt(folder / "units.csv", table, "%.6f", ",", header=",".join(header), comments="")

@@ -36,6 +36,12 @@ def test_a_session_becomes_a_calibration_and_a_page(folder):
     assert "http" not in page.replace("http-equiv", "")
 
 
+def test_a_body_that_does_not_row_is_simulated_in_its_session(tmp_path):
+    done = run("simulate", "--model", "arm", "--out", tmp_path / "rec")
+    assert "simulates its calibration session" in done.output
+    assert (tmp_path / "rec/plan.toml").is_file()
+
+
 def test_what_has_to_be_done_again_ends_with_status_1(folder):
     recording = oarlock.load_recording(folder / "rec")
     recording.slice(-np.inf, recording.end_s - 20.0).save(folder / "short")

@@ -1,5 +1,7 @@
 """Mounts of the two units at an elbow, found from ordinary movement without magnetometers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -8,6 +10,7 @@ import oarlock
 from command_line import run
 from local_data import local_folder
 from oarlock.calibration.static.sagittal import calibrate_sagittal
+from oarlock.calibration.static.two_hinges import TwoHinges
 
 UNITS = ["thorax", "upper_arm_r", "forearm_r"]
 ELBOW = UNITS[1:]
@@ -111,3 +114,17 @@ def test_units_that_do_not_move_as_two_hinges_are_refused(model, tmp_path):
     found = calibrate_sagittal(model, recording, start_s=recording.start_s, end_s=recording.start_s + 0.6)
     (pair,) = found.noted["two_hinges"]
     assert "axis has a standard deviation" in pair["refused"]
+    assert found.noted["balls"] == [["elbow_flexion_r", "elbow_pronation_r"]]
+
+
+def test_only_an_elbow_whose_axes_and_headings_are_unknown_becomes_a_ball(model):
+    """Where the headings of the mounts are known, hinges follow the arm better even without the axes' own search."""
+    _, recording = recorded(model, reaching(model, 0, flexion=0.7, pronation=0.0), 0)
+    found = calibrate_sagittal(model, recording, start_s=STILL_S[0], end_s=STILL_S[1])
+    (pair,) = found.noted["two_hinges"]
+    assert pair["refused"] and found.noted["balls"] == []
+    unclear = TwoHinges(tuple(ELBOW), ("a", "b"), {}, 0.0, 0.0, np.zeros(2), "refused", upright=True)
+    assert unclear.is_ball({"upper_arm_r": np.radians(24), "forearm_r": np.radians(8)})
+    assert not unclear.is_ball({"upper_arm_r": np.radians(9), "forearm_r": np.radians(8)})
+    assert not replace(unclear, upright=False).is_ball(dict.fromkeys(ELBOW, 1.0))
+    assert not replace(unclear, refused="").is_ball(dict.fromkeys(ELBOW, 1.0))

@@ -44,10 +44,12 @@ from .evaluation.suspects.suspects import Suspect, suspects
 from .formats.contents import find_recordings, import_recording
 from .formats.export.export import Export, export
 from .formats.marker_files import load_markers
+from .model.ball_joint import with_ball_joint
 from .model.description import (
     BaseAccelerationDescription,
     ClosureDescription,
     ConeDescription,
+    ContactDescription,
     EncoderDescription,
     FrameDescription,
     ImuDescription,
@@ -89,6 +91,7 @@ __all__ = [
     "Comparison",
     "ConeDescription",
     "Config",
+    "ContactDescription",
     "DataError",
     "DivergedError",
     "EncoderDescription",
@@ -184,4 +187,5 @@ __all__ = [
     "track_many",
     "track_of_beliefs",
     "track_orientations",
+    "with_ball_joint",
 ]

@@ -115,6 +115,7 @@ class Model:
 class Config:
     estimate: list[str]
     closures: bool
+    contacts: bool
     process_noise: str
     magnetometer: str
     filter: str

@@ -14,8 +14,8 @@ use crate::kernels::lane::{Lane, Real};
 use crate::kinematics::near::Reach;
 use crate::kinematics::pieces::Pieces;
 use crate::kinematics::{FrameMotion, JointMotion, Tree};
-use crate::model::{Axis, Model, Transform, World};
-use crate::motion::{base_block, error_block, is_observed, is_turn_observed, joint_block, push_turn, Now};
+use crate::model::{Axis, Model, Sensor, SensorKind, Transform, World};
+use crate::motion::{base_block, error_block, is_held, is_turn_observed, joint_block, push_turn, Now};
 use crate::rotation::turn::{minus, plus, right_jacobian};
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::near::Seats;
@@ -154,7 +154,7 @@ impl Body {
         Ok(Body {
             turned,
             floating: floating(&model, parameters),
-            axes: model.axes(),
+            axes: axes(&model, config.contacts),
             model,
             tree,
             suite,
@@ -266,6 +266,13 @@ impl Body {
     }
 }
 
+/// Process of every coordinate. With contacts, the body travels.
+fn axes(model: &Model, contacts: bool) -> Vec<Axis> {
+    let touches = |s: &Sensor| matches!(&s.kind, SensorKind::Imu(imu) if imu.contact.is_some());
+    let travels = contacts && model.sensors.iter().any(touches);
+    model.axes().into_iter().map(|axis| Axis { travels: travels && axis.place, ..axis }).collect()
+}
+
 /// See [`Body::floating`].
 fn floating(model: &Model, parameters: &[f64]) -> Vec<(usize, Mat3<f64>)> {
     let mut still: Vec<Option<Mat3<f64>>> = vec![None; model.frames.len()];
@@ -342,7 +349,7 @@ impl System for Body {
         out.clear();
         for (c, (axis, slots)) in self.axes.iter().zip(&self.layout.coordinates).enumerate() {
             let Some(slots) = slots.filter(|s| !self.turned[s.q]) else { continue };
-            let held = !is_observed(axis, variance[slots.q]);
+            let held = is_held(axis, slots, variance);
             let now = Now { dt, held, drive: self.drive_of(c, drives) };
             out.blocks.push(joint_block(axis, slots, now, self.config.process_noise));
         }

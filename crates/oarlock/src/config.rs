@@ -65,6 +65,8 @@ pub struct Config {
     pub estimate: Vec<String>,
     /// Use the closures.
     pub closures: bool,
+    /// Use the contacts with the ground that the model declares.
+    pub contacts: bool,
     /// Process noise of the joints.
     pub process_noise: ProcessNoise,
     /// Use of magnetometers.
@@ -112,6 +114,7 @@ impl Default for Config {
         Config {
             estimate: DEFAULT_ESTIMATE.map(String::from).to_vec(),
             closures: true,
+            contacts: true,
             process_noise: ProcessNoise::Jerk,
             magnetometer: Magnetometer::Gated,
             filter: FilterKind::Ukf,

@@ -1,4 +1,4 @@
-//! Poses, angular rates and accelerations of all frames of the tree in one recursion. Sensors and exports use it.
+//! Poses, velocities and accelerations of all frames of the tree in one recursion. Sensors and exports use it.
 //!
 //! All vectors are in root axes. A frame follows its parent by a fixed transform, the joint's motion about or along z,
 //! and another fixed transform. The recursion is eq. 9 of Ruffaldi, Peppoloni and Filippeschi, with the prismatic and
@@ -112,6 +112,8 @@ pub struct FrameMotion<T> {
     pub rotation: Mat3<T>,
     /// Origin, m.
     pub position: Vec3<T>,
+    /// Velocity of the origin relative to the root, m/s.
+    pub velocity: Vec3<T>,
     /// Angular velocity, rad/s.
     pub angular_velocity: Vec3<T>,
     /// Angular acceleration, rad/s2.
@@ -127,10 +129,17 @@ impl<T: Real> FrameMotion<T> {
         FrameMotion {
             rotation: Mat3::identity(),
             position: Vec3::zero(),
+            velocity: Vec3::zero(),
             angular_velocity: Vec3::zero(),
             angular_acceleration: Vec3::zero(),
             proper_acceleration,
         }
+    }
+
+    /// Velocity of a point fixed in the frame, at `arm` from its origin in root axes.
+    #[inline(always)]
+    pub fn velocity_at(&self, arm: Vec3<T>) -> Vec3<T> {
+        self.velocity + self.angular_velocity.cross(arm)
     }
 
     /// Acceleration of a point fixed in the frame, at `arm` from its origin in root axes.
@@ -145,6 +154,7 @@ impl<T: Real> FrameMotion<T> {
         if !fixed.translation.is_origin() {
             let arm = fixed.translation.turned(&self.rotation, lengths);
             self.proper_acceleration = self.proper_acceleration_at(arm);
+            self.velocity = self.velocity_at(arm);
             self.position += arm;
         }
         self.rotation = fixed.turn(&self.rotation);
@@ -208,6 +218,7 @@ impl<T: Real> FrameMotion<T> {
         let (arm, v, a) = (self.rotation.apply(p), self.rotation.apply(v), self.rotation.apply(a));
         let coriolis = self.angular_velocity.cross(v + v);
         self.proper_acceleration = self.proper_acceleration_at(arm) + coriolis + a;
+        self.velocity = self.velocity_at(arm) + v;
         self.position += arm;
     }
 
@@ -217,6 +228,7 @@ impl<T: Real> FrameMotion<T> {
         let arm = z * q;
         let coriolis = self.angular_velocity.cross(z * qd.scale(2.0));
         self.proper_acceleration = self.proper_acceleration_at(arm) + coriolis + z * qdd;
+        self.velocity = self.velocity_at(arm) + z * qd;
         self.position += arm;
     }
 }

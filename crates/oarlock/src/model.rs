@@ -15,7 +15,7 @@ pub mod transform;
 use crate::rotation::turn::minus;
 pub use crate::sensor::closure::Closure;
 pub use crate::sensor::encoder::Encoder;
-pub use crate::sensor::imu::{Imu, ImuNoise};
+pub use crate::sensor::imu::{Contact, Imu, ImuNoise};
 pub use crate::sensor::orientation::Orientation;
 pub use crate::sensor::position::Position;
 pub use crate::sensor::range::Range;
@@ -143,6 +143,8 @@ pub struct Axis {
     pub place: bool,
     /// Whether it belongs to a rotation vector; its limits count from its rest.
     pub turns: bool,
+    /// Whether the position is unbounded and only the velocity has a prior, because contacts measure velocities.
+    pub travels: bool,
 }
 
 impl Axis {
@@ -169,12 +171,17 @@ impl Joint {
     fn axes(&self) -> Vec<Axis> {
         let turns = self.kind.turns_freely();
         let axis = |(i, &rest): (usize, &f64)| match &self.translation {
-            Some(t) if i < 3 => {
-                Axis { process: t.process, limits: t.limits.map(|x| x + rest), rest, place: true, turns: false }
-            }
+            Some(t) if i < 3 => Axis {
+                process: t.process,
+                limits: t.limits.map(|x| x + rest),
+                rest,
+                place: true,
+                turns: false,
+                travels: false,
+            },
             _ => {
                 let limits = self.cone.map_or(self.limits, |cone| cone.limits_about(i));
-                Axis { process: self.process, limits, rest, place: false, turns }
+                Axis { process: self.process, limits, rest, place: false, turns, travels: false }
             }
         };
         self.rest.iter().enumerate().map(axis).collect()

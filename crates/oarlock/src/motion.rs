@@ -16,6 +16,14 @@ pub fn is_observed(axis: &Axis, variance: f64) -> bool {
     variance.sqrt() < HELD_SHARE * axis.prior_std()
 }
 
+/// Whether the prior acts on a coordinate: on one that is not observed. A body that travels has a prior of its velocity.
+pub fn is_held(axis: &Axis, slots: Slots, variance: &[f64]) -> bool {
+    match slots.rates {
+        Some((rate, _)) if axis.travels => variance[rate].sqrt() >= HELD_SHARE * prior_speed(axis),
+        _ => !is_observed(axis, variance[slots.q]),
+    }
+}
+
 /// Whether a rotation vector with these variances counts as observed: their sum, each relative to its own prior.
 pub fn is_turn_observed(axes: &[Axis], variance: &[f64]) -> bool {
     let prior = axes[0].prior_std();
@@ -45,7 +53,8 @@ pub fn joint_block(axis: &Axis, slots: Slots, now: Now, noise: ProcessNoise) -> 
     };
     let index = [slots.q, rate, accel];
     if held {
-        return held_jerk(index, axis, density2, dt);
+        let block = if axis.travels { held_speed } else { held_jerk };
+        return block(index, axis, density2, dt);
     }
     let mut block = Block { index, len: 3, factor: coasting(dt), offset: [0.0; 3], noise: [[0.0; 3]; 3] };
     block.noise = match (axis.process.kind, noise) {
@@ -204,12 +213,39 @@ fn printed(t: f64) -> [[f64; 3]; 3] {
 /// mean `rest`, standard deviation `prior_std`. Exact for any dt.
 fn held_jerk(index: [usize; 3], axis: &Axis, density2: f64, dt: f64) -> Block {
     let s2 = axis.prior_std() * axis.prior_std();
-    let pole = (3.0 * density2 / (16.0 * s2)).powf(0.2);
+    let pole = held_pole(axis, density2);
     let factor = triple_pole(pole, dt);
     let (l2, l4) = (pole * pole, pole.powi(4));
     let settled = [[s2, 0.0, -s2 * l2 / 3.0], [0.0, s2 * l2 / 3.0, 0.0], [-s2 * l2 / 3.0, 0.0, s2 * l4]];
     let offset = [0, 1, 2].map(|r| axis.rest * (f64::from(r == 0) - factor[r as usize][0]));
     Block { index, len: 3, factor, offset, noise: driving(&factor, &settled) }
+}
+
+/// Pole of `held_jerk`, 1/s: with it the white jerk's stationary standard deviation is the prior's.
+fn held_pole(axis: &Axis, density2: f64) -> f64 {
+    (3.0 * density2 / (16.0 * axis.prior_std().powi(2))).powf(0.2)
+}
+
+/// Standard deviation of the velocity of a coordinate that its prior bounds, per s: that of `held_jerk`.
+fn prior_speed(axis: &Axis) -> f64 {
+    axis.prior_std() * held_pole(axis, axis.process.density * axis.process.density) / 3.0_f64.sqrt()
+}
+
+/// The same white jerk with a critically damped spring on the velocity, v'' = -2 p v' - p^2 v: the velocity's stationary
+/// standard deviation is `prior_speed`, and the position is free.
+fn held_speed(index: [usize; 3], axis: &Axis, density2: f64, dt: f64) -> Block {
+    let p = (density2 / (4.0 * prior_speed(axis).powi(2))).cbrt();
+    let jolted = |t: f64| double_pole(p, t).map(|row| row[2]);
+    let noise = gathered(dt, jolted).map(|row| row.map(|x| x * density2));
+    Block { index, len: 3, factor: double_pole(p, dt), offset: [0.0; 3], noise }
+}
+
+/// exp(A t) of x''' = -2 p x'' - p^2 x'.
+fn double_pole(p: f64, t: f64) -> [[f64; 3]; 3] {
+    let (x, e) = (p * t, (-p * t).exp());
+    // The closed form of the last is inaccurate for short times.
+    let travelled = if x < 1e-3 { t * t * (0.5 - x / 3.0) } else { (1.0 - e * (1.0 + x)) / (p * p) };
+    [[1.0, (2.0 - e * (2.0 + x)) / p, travelled], [0.0, e * (1.0 + x), t * e], [0.0, -p * x * e, e * (1.0 - x)]]
 }
 
 /// Process noise that keeps the `settled` covariance stationary: S - F S F'.

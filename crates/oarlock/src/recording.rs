@@ -3,6 +3,8 @@
 pub mod column;
 pub mod feed;
 pub mod gathering;
+mod own_rows;
+pub mod rows;
 pub mod ticks;
 pub mod timing;
 
@@ -150,8 +152,10 @@ impl Recording {
             let is_source = |s: &crate::sensor::Source| s.name == clocked.stream.name;
             let is_row = targets.iter().any(|t| matches!(t, Target::Row(_)));
             recording.sources.push(suite.sources.iter().position(is_source).filter(|_| is_row));
+            let Clocked { stream, clock } = clocked;
+            let stream = own_rows::without_lacking(stream, |i, _| targets[i] != Target::Row(usize::MAX));
             recording.targets.push(targets);
-            recording.streams.push(clocked);
+            recording.streams.push(Clocked { stream, clock });
         }
         Ok(recording)
     }

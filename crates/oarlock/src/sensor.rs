@@ -61,6 +61,8 @@ pub enum Quantity {
     Closure,
     /// Angular velocity, rad/s; measured as zero while the unit rests.
     Rest,
+    /// Velocity of a point that touches the ground, m/s in root axes; measured as zero while it stands.
+    Contact,
     /// A distance, m.
     Range,
     /// A rotation vector from the measured to the predicted orientation, rad.
@@ -71,6 +73,11 @@ impl Quantity {
     /// Whether a stream of `given` supplies it. A stream with one number a row does not name its quantity.
     pub fn is_fed_by(self, given: Quantity) -> bool {
         self == given || (self, given) == (Quantity::Range, Quantity::Joint)
+    }
+
+    /// Whether no sensor measures it: the tracker itself finds when its value is known.
+    pub fn is_virtual(self) -> bool {
+        matches!(self, Quantity::Rest | Quantity::Contact | Quantity::Closure)
     }
 
     /// Whether an inertial unit measures it.

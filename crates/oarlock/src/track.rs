@@ -20,6 +20,7 @@ mod regain;
 mod rest;
 pub mod run;
 pub mod score;
+mod stance;
 mod step;
 mod subject;
 mod worn;
@@ -50,6 +51,7 @@ use north::North;
 use own_time::OwnTime;
 use readings::Readings;
 use rest::Rest;
+use stance::Stance;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use subject::Subject;
@@ -105,6 +107,7 @@ pub struct Tracker {
     readings: Readings,
     faults: Faults,
     rest: Rest,
+    stance: Stance,
     loops: Loops,
     own_time: OwnTime,
     magnetic: Magnetic,
@@ -150,6 +153,7 @@ impl Tracker {
             faults: Faults::new(&subject, &entry),
             entry,
             rest: Rest::new(&subject.body),
+            stance: Stance::new(&subject.body, config.contacts),
             loops: Loops::new(&subject, config.closures),
             own_time: OwnTime::new(&subject, config),
             magnetic: Magnetic::new(&subject, config.magnetometer),

@@ -28,6 +28,7 @@ VERBS = {
     "study": "Sweep sensors, noise, mounts, rates or settings over seeds.",
     "bench": "Measure speed and latency on this machine.",
     "import": "Convert other formats to a recording.",
+    "assign": "Find which unit sits where, from movements in a known order.",
     "markers": "Optical markers: C3D, TRC, CSV.",
     "calibrate": "Calibrate mounts, joint centres, magnetic field and clocks.",
     "model": "Show, check and copy model files.",

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from oarlock.cli.options import names
+from oarlock.cli.terminal import UsageError
 
 if TYPE_CHECKING:
     from oarlock import Model
@@ -28,6 +29,23 @@ Units = Annotated[
         help="Units that are worn, comma-separated; the body is cut to what they measure.",
     ),
 ]
+Balls = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--ball",
+        metavar="HINGE,HINGE",
+        help="Make one ball of two hinges whose axes are unknown, e.g. elbow_flexion_r,elbow_pronation_r. Repeatable.",
+    ),
+]
+
+Pose = Annotated[
+    str,
+    typer.Option(
+        "--pose",
+        metavar="N|T|sitting",
+        help="Still pose of the session: N (arms hanging), T (arms level) or sitting.",
+    ),
+]
 
 
 def chosen_body(
@@ -36,9 +54,29 @@ def chosen_body(
     stature_m: float | None = None,
     mass_kg: float | None = None,
     units: str | None = None,
+    balls: Iterable[str] = (),
 ) -> Model:
-    """The model with these parameters, the lengths of a person, and these units only."""
+    """The model with these parameters, the lengths of a person, these units only, and balls in place of hinges."""
     from oarlock import load_model
+    from oarlock.model.ball_joint import with_ball_joint
 
     body = load_model(model, parameters=parameters, stature_m=stature_m, mass_kg=mass_kg)
-    return body if units is None else body.with_units(names(units))
+    body = body if units is None else body.with_units(names(units))
+    for ball in balls:
+        hinges = names(ball)
+        if len(hinges) != 2:
+            raise UsageError(f"--ball {ball}: expected two hinges, the upper one first")
+        body = with_ball_joint(body, *hinges)
+    return body
+
+
+def ball_note(ball: str) -> str:
+    """What a reader of angles must know of a joint that `--ball` made."""
+    from oarlock.model.ball_joint import ball_name
+
+    upper, lower = names(ball)
+    return (
+        f"{ball_name(upper, lower)}: one ball in place of {upper} and {lower}, because their axes are unknown. "
+        "Only the angle between the segments has a meaning. For all angles record a session (`oarlock calibrate "
+        "session`, docs/calibration.md) or move the joint about both axes"
+    )

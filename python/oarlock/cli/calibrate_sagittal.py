@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from oarlock.cli.body import Mass, Stature, Units, chosen_body
-from oarlock.cli.calibrate_tree import OutFile, RecordingFolder, Start
+from oarlock.cli.calibrate_tree import OutFile, RecordingFolder, Start, saved, track_next
 from oarlock.cli.options import Json, ModelName, Replace, Settings, assignments, example
-from oarlock.cli.terminal import free_file, number, print_json, say, steps, table, verb
+from oarlock.cli.terminal import free_file, number, say, steps, table, verb
 
 if TYPE_CHECKING:
     from oarlock import Calibration
@@ -66,13 +66,16 @@ def sagittal(
     found = oarlock.calibrate_sagittal(
         body, oarlock.load_recording(recording), start_s=start_s, end_s=end_s, calibration=known
     )
-    found.save(out)
-    if json_output:
-        print_json({"calibration": out, "found": dict(found.noted)})
-        return
-    say(f"Wrote {out}", style="bold")
-    write_sagittal(found)
-    steps(f"oarlock track {recording} --model {model} --calibration {out} --out OUT")
+    saved(found, write_sagittal, out, json_output)
+    if not json_output:
+        balls = "".join(f" --ball {ball}" for ball in balls_of(found))
+        steps(f"{track_next(recording, model, out)}{balls}")
+
+
+def balls_of(found: Calibration) -> list[str]:
+    """What `oarlock track --ball` needs: pairs of hinges whose axes stayed unknown."""
+    noted: Any = found.noted
+    return [",".join(pair) for pair in noted.get("balls", ())]
 
 
 def write_sagittal(found: Calibration) -> None:
@@ -94,3 +97,8 @@ def write_sagittal(found: Calibration) -> None:
             for name, unit in noted["sensor"].items()
         ],
     )
+    for pair in noted["two_hinges"]:
+        if pair["refused"]:
+            say(f"axes of {' and '.join(pair['joints'])} not found: {pair['refused']}", indent=2)
+    for ball in balls_of(found):
+        say(f"track these as one ball joint: --ball {ball}", indent=2)

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from oarlock.cli.body import Mass, Stature, Units, chosen_body
+from oarlock.cli.body import Mass, Pose, Stature, Units, chosen_body
 from oarlock.cli.calibrate_tree import Sensors
 from oarlock.cli.options import Json, ModelName, Settings, assignments, example, names
 from oarlock.cli.terminal import UsageError, free_file, heading, number, print_json, say, steps, table, verb
@@ -25,6 +25,7 @@ def add_to(group: typer.Typer) -> None:
             "oarlock calibrate session rec --model sculler --out cal.toml",
             "oarlock calibrate session rec --model my.toml --plan plan.toml --out cal.toml",
             "oarlock calibrate session --model sculler --write-plan plan.toml",
+            "oarlock calibrate session rec --model lower_body --pose sitting --out cal.toml",
         ),
     )(session)
 
@@ -46,6 +47,7 @@ def session(
     write_plan: Annotated[
         Path | None, typer.Option("--write-plan", metavar="FILE", help="Write the model's plan and exit.")
     ] = None,
+    pose: Pose = "N",
     settings: Settings = None,
     stature_m: Stature = None,
     mass_kg: Mass = None,
@@ -69,23 +71,26 @@ def session(
     body = chosen_body(model, assignments(settings, "--set"), stature_m, mass_kg, units)
     if write_plan is not None:
         free_file(write_plan, force)
-        oarlock.default_plan(body).save(write_plan)
-        _say_plan(oarlock.default_plan(body), write_plan, json_output)
+        own = oarlock.default_plan(body, pose)
+        own.save(write_plan)
+        _say_plan(own, write_plan, json_output)
         return
     if recording is None or out is None:
         raise UsageError("give a RECORDING and --out FILE (or --write-plan FILE to see what to record)")
     page = out.with_suffix(".html")
     for file in (out, page):
         free_file(file, force)
+    followed = oarlock.default_plan(body, pose) if plan is None else oarlock.load_session_plan(plan, pose)
     found = oarlock.calibrate_session(
         body,
         oarlock.load_recording(recording),
-        None if plan is None else oarlock.load_session_plan(plan),
+        followed,
         sensors=None if sensors is None else names(sensors),
         calibration=None if calibration is None else oarlock.load_calibration(calibration),
     )
     found.save(out)
-    write_session_page(found, page)
+    still = next((dict(step.pose) for step in followed.steps if step.kind == "pose"), None)
+    write_session_page(found, page, body, still)
     told: Any = found.noted["session"]
     if json_output:
         print_json({"calibration": out, "page": page, "session": told})

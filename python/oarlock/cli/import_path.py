@@ -106,7 +106,7 @@ def import_path(
     found = contents.only(pick)
     refuse_others(reading, found.format)
     recording = _read(found, asks, reading)
-    recording = naming.named(recording)
+    recording = naming.named_or_asked(recording, asks)
     session = _session(recording, session, asks)
     target = out or Path(f"{_plain(Path(found.name))}-recording")
     recording = written(recording, session, target, force)

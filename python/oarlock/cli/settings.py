@@ -22,6 +22,7 @@ DEFAULTS = Config().to_dict()
 MEANINGS = {
     "estimate": "additional states, comma-separated, or none: biases, base accelerations, mounts, lengths",
     "closures": "use the model's closures",
+    "contacts": "use the model's contacts: the velocity of a foot that stands is zero",
     "process_noise": "white jerk (jerk), or Q of the paper's eq. 6 (paper)",
     "magnetometer": "reject disturbed readings (gated), use all (on) or none (off)",
     "initial_q.JOINT": "initial value of the first fit, rad or m; a coordinate of a ball joint is hip.rx",

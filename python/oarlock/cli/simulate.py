@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from oarlock.cli.body import Mass, Stature, Units, chosen_body
+from oarlock.cli.body import Mass, Pose, Stature, Units, chosen_body
 from oarlock.cli.options import Force, Json, ModelName, OutFolder, Settings, assignments, example
 from oarlock.cli.simulate_field import Effect, Field, RateHz, Strength, asked_effects, simulate_in_the_field
 from oarlock.cli.simulate_session import simulate_guided_session
 from oarlock.cli.terminal import UsageError, output_folder, pairs, print_json, progress, say, steps, verb
 
 if TYPE_CHECKING:
+    from oarlock import Model
     from oarlock.rowing import HullRotation
 
 
@@ -85,9 +86,11 @@ def simulate(
         bool,
         typer.Option(
             "--session",
-            help="Simulate a guided calibration session of any model instead; see calibrate session.",
+            help="Simulate a guided calibration session; see calibrate session. The default for bodies without a seat "
+            "and oars.",
         ),
     ] = False,
+    pose: Pose = "N",
     field: Field = None,
     effect: Effect = None,
     strength: Strength = 1.0,
@@ -99,12 +102,16 @@ def simulate(
     force: Force = False,
     json_output: Json = False,
 ) -> None:
-    """Simulate a rower: write a recording, and the ground truth into its folder truth/."""
+    """Simulate a rower, or a person's calibration session: write a recording, and the ground truth into truth/."""
     from oarlock.rowing.simulation.experiment import simulate_rowing
 
     loaded = chosen_body(model, assignments(settings, "--set"), stature_m, mass_kg, units)
+    if not (session or field or effect or boat or condition) and not _rows(loaded):
+        session = True
+        if not json_output:
+            say(f'"{loaded.name}" is no rower: this simulates its calibration session, as with --session.')
     if session:
-        simulate_guided_session(loaded, out, model, seed, force, json_output)
+        simulate_guided_session(loaded, out, model, pose, seed, force, json_output)
         return
     chosen = _condition(condition, boat)
     rates = _rates(rate_spm)
@@ -147,6 +154,10 @@ def simulate(
         f"oarlock track {out} --model {model} --out {out}-track",
         f"oarlock evaluate {out}-track {out}/truth",
     )
+
+
+def _rows(model: Model) -> bool:
+    return "seat" in {joint.name for joint in model.describe().joints}
 
 
 def _condition(condition: str | None, boat: BoatMotion | None) -> str:

@@ -12,13 +12,13 @@ if TYPE_CHECKING:
 
 
 def simulate_guided_session(
-    model: Model, out: Path, named: str, seed: int, force: bool, json_output: bool
+    model: Model, out: Path, named: str, pose: str, seed: int, force: bool, json_output: bool
 ) -> None:
     """Writes a recording of a person who follows the model's plan, and the ground truth."""
-    from oarlock import simulate_session
+    from oarlock import default_plan, simulate_session
 
     with output_folder(out, "recording", force, fresh=True) as stage, progress("simulating"):
-        trial = simulate_session(model, seed=seed)
+        trial = simulate_session(model, default_plan(model, pose), seed=seed)
         trial.save(stage)
     if json_output:
         names = trial.recording.names
@@ -33,4 +33,5 @@ def simulate_guided_session(
             ("true mounts and biases", out / "true_calibration.toml"),
         ]
     )
-    steps(f"oarlock calibrate session {out} --model {named} --out {out}-cal.toml")
+    taken = "" if pose == "N" else f" --pose {pose}"
+    steps(f"oarlock calibrate session {out} --model {named}{taken} --out {out}-cal.toml")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from oarlock.cli.body import Mass, Stature, Units, chosen_body
+from oarlock.cli.body import Balls, Mass, Stature, Units, ball_note, chosen_body
 from oarlock.cli.options import CalibrationFile, Force, Json, ModelName, OutFolder, example, names
 from oarlock.cli.settings import (
     DEFAULTS,
@@ -97,6 +97,7 @@ def track(
     stature_m: Stature = None,
     mass_kg: Mass = None,
     units: Units = None,
+    balls: Balls = None,
     smooth: Annotated[bool, typer.Option("--smooth", help="Smooth over the whole recording.")] = False,
     filter_name: Annotated[
         str | None,
@@ -137,7 +138,7 @@ def track(
 
     body = load_model(model)
     parameters, chosen = split(settings, body.parameters)
-    body = chosen_body(model, parameters, stature_m, mass_kg, units)
+    body = chosen_body(model, parameters, stature_m, mass_kg, units, balls or ())
     chosen = {**(settings_of_file(config_file) if config_file else {}), **chosen}
     if output_rate_hz is not None:
         chosen["output_rate_hz"] = output_rate_hz
@@ -177,7 +178,7 @@ def track(
     with explained(out, f"Track of {body.name}", force) as found, output_folder(out, TRACK, force) as stage:
         found += find_suspects(body, measured, wearing, config) if suspects else ()
         result = run_filter(body, measured, wearing, config, smooth, asked)
-        result = result.with_notes(*(suspect.note for suspect in found))
+        result = result.with_notes(*(suspect.note for suspect in found), *map(ball_note, balls or ()))
         write_folder(result, stage, csv)
     if json_output:
         print_json(document(result, out, found))

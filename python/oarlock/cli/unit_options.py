@@ -56,6 +56,7 @@ class Naming:
         sensors: names of its inertial units; None without a model.
         by_hand: sensor -> stream, or a part of its name.
         ids: device's id -> segment or sensor.
+        beside: the `units.toml` beside the recordings, whether it exists or not.
         last: the assignment of the last recording.
     """
 
@@ -63,6 +64,7 @@ class Naming:
     sensors: list[str] | None
     by_hand: dict[str, str]
     ids: dict[str, str]
+    beside: Path
     last: Assignment | None = field(default=None)
 
     def named(self, recording: Recording) -> Recording:
@@ -73,6 +75,28 @@ class Naming:
             return recording
         found, self.last = with_unit_names(recording, self.sensors, self.by_hand, self.ids)
         return found
+
+    def named_or_asked(self, recording: Recording, asks: bool) -> Recording:
+        """As `named`; if no name says anything, the person at the terminal is asked and units.toml is written."""
+        from oarlock.storage.errors import DataError
+
+        try:
+            return self.named(recording)
+        except DataError as error:
+            if not asks or not self.model or self.by_hand:
+                raise
+            say(str(error))
+        from oarlock import load_model
+        from oarlock.cli.asked_units import asked_units, save_units
+
+        self.by_hand = asked_units(recording, load_model(self.model))
+        self.ids = {}
+        named = self.named(recording)
+        if not self.beside.exists() and typer.confirm(
+            f"  write {self.beside} for the next time?", default=True
+        ):
+            save_units(self.by_hand, self.beside)
+        return named
 
     def document(self) -> dict[str, object]:
         """The assignment for `--json`; empty without one."""
@@ -118,4 +142,4 @@ def taken_naming(options: dict[str, Any], path: Path) -> Naming:
         from oarlock import load_model
 
         sensors = [sensor.name for sensor in load_model(model).describe().inertial_units]
-    return Naming(model or "", sensors, by_hand, {} if file is None else read_units_file(file))
+    return Naming(model or "", sensors, by_hand, {} if file is None else read_units_file(file), beside)

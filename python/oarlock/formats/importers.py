@@ -181,7 +181,7 @@ FORMATS = (
         "MVNX export of Xsens MVN.",
         "Import an MVNX export of Xsens MVN: orientations of segments and sensors, magnetic field of sensors.",
         "trial.mvnx",
-        "MVNX exports of Xsens MVN: orientations of segments and sensors",
+        "MVNX exports of Xsens MVN: orientations of segments and sensors, accelerometers, magnetic field",
         suffixes=(".mvnx", ".xml"),
     ),
     Format(

@@ -204,6 +204,19 @@ class SensorDescription:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ContactDescription:
+    """A point that touches the ground: while it stands, its velocity is measured as zero.
+
+    Args:
+        point: (3,) the point in the axes of the unit's frame, m.
+        std_m_s: standard deviation of its velocity while it stands.
+    """
+
+    point: Vector
+    std_m_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ImuDescription(SensorDescription):
     """An inertial unit; what it lacks is None.
 
@@ -212,6 +225,7 @@ class ImuDescription(SensorDescription):
         accel_std_m_s2: of the accelerometer.
         mag_std_ut: of the magnetometer.
         rest_std_rad_s: of the angular velocity at detected rest; None switches the detection off.
+        contact: the point of the unit's segment that touches the ground; None if none does.
         gyro_range_rad_s: range of the gyroscope; None if unknown.
         accel_range_m_s2: range of the accelerometer; None if unknown.
         mount: how it sits on its frame.
@@ -222,6 +236,7 @@ class ImuDescription(SensorDescription):
     accel_std_m_s2: float | None
     mag_std_ut: float | None
     rest_std_rad_s: float | None
+    contact: ContactDescription | None
     gyro_range_rad_s: float | None
     accel_range_m_s2: float | None
     mount: MountDescription
@@ -423,6 +438,7 @@ _PARTS = {
     "before": TransformDescription,
     "after": TransformDescription,
     "mount": MountDescription,
+    "contact": ContactDescription,
     "closures": ClosureDescription,
     "base_acceleration": BaseAccelerationDescription,
 }

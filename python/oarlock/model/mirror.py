@@ -90,6 +90,8 @@ class _Mirror:
         made = self._copied(table)
         if "mount" in made:
             made["mount"] = self._placed(made["mount"], "offset")
+        if "contact" in made:
+            made["contact"] = self._placed(made["contact"], "point")
         if "point" in made:
             made["point"] = self._shift(made["point"])
         return made

@@ -89,7 +89,7 @@ def part_of(document: Document, root: str, frames: Iterable[str]) -> Document:
         table for table in document.get("closure", ()) if _stays(table, keep | {_ROOT}, joints)
     ]
     made = {key: value for key, value in made.items() if value or key not in ("sensor", "closure")}
-    return _without_unused_parameters(made)
+    return without_unused_parameters(made)
 
 
 def _set_free(made: Document, tables: Mapping[str, Table], root: str) -> None:
@@ -142,7 +142,8 @@ def _stays(table: Table, frames: set[str], joints: set[Any]) -> bool:
     )
 
 
-def _without_unused_parameters(document: Document) -> Document:
+def without_unused_parameters(document: Document) -> Document:
+    """The document without parameters that no other table names."""
     if "parameters" not in document:
         return document
     used = set(_names(value for key, value in document.items() if key not in ("parameters", "description")))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock import DataError, JointAngle, Track, joint_angles
+from oarlock.model.angle_sequence import angle_labels
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -20,6 +21,8 @@ CLEAR_SHARE = 0.8
 
 _SHOULDERS = dict.fromkeys(("shoulder_r", "shoulder_l"), ("flexion", "abduction", "rotation"))
 """Shoulders of the shipped bodies: ZXY is singular only with the arm sideways and level, YXY while it hangs."""
+_ELBOWS = {"elbow_r": "elbow_flexion_r", "elbow_l": "elbow_flexion_l"}
+"""Elbows that `with_ball_joint` made, and the one angle of each that is known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +75,9 @@ def _ball_angles(track: Track, name: str, label: str) -> list[MovementAngle | No
     if name in _SHOULDERS:
         side = name.rpartition("_")[2]
         named = joint_angles(track, shoulder="ZXY")
-        return [_shoulder_angle(named[f"shoulder_{what}_{side}"], label) for what in _SHOULDERS[name]]
+        return [_named_angle(named[f"shoulder_{what}_{side}"], label) for what in _SHOULDERS[name]]
+    if name in _ELBOWS:
+        return [_named_angle(joint_angles(track)[_ELBOWS[name]], label)]
     series = track[name]
     near = series.near_singular()
     if near.mean() > 1.0 - CLEAR_SHARE:
@@ -81,22 +86,13 @@ def _ball_angles(track: Track, name: str, label: str) -> list[MovementAngle | No
     value, std, sequence = series.angles_rad(), series.angles_std_rad(), series.angle_sequence
     return [
         _angle(f"{name} {sequence} {axis}", label, value[:, k], std[:, k], clear, None)
-        for k, axis in enumerate(_axes(sequence))
+        for k, axis in enumerate(angle_labels(sequence))
     ]
 
 
-def _shoulder_angle(named: JointAngle, label: str) -> MovementAngle | None:
+def _named_angle(named: JointAngle, label: str) -> MovementAngle | None:
     clear: Bools = named.observed & ~named.near_singular
     return _angle(named.name, label, named.angle_rad, named.std_rad, clear, None)
-
-
-def _axes(sequence: str) -> list[str]:
-    """`y1`, `x`, `y2` of "YXY": a letter that comes twice has a number."""
-    letters = sequence.lower()
-    return [
-        f"{letter}{letters[: k + 1].count(letter)}" if letters.count(letter) > 1 else letter
-        for k, letter in enumerate(letters)
-    ]
 
 
 def _angle(

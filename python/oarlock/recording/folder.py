@@ -93,18 +93,9 @@ def read_folder(path: str | PathLike[str]) -> tuple[list[Stream], Mapping[str, o
     Raises:
         DataError: A file, column or key is missing or unknown, or a unit is not the required one.
     """
-    index = place_of(path)
-    if index.is_dir():
-        index = index / INDEX_FILE
+    index = _index_of(path)
     manifest = read_manifest(index.parent)
-    if not index.is_file():
-        raise DataError(
-            f'{index}: does not exist, so "{path}" is not a recording. '
-            "Create one from sensor files with `oarlock import`, or with Recording.save."
-        )
-    top = TomlTable.read(index)
-    top.check_format(FORMAT)
-    top.check_keys({"format", "stream", "meta"})
+    top = _read_index(index)
     tables = top.tables("stream")
     streams = [_read_stream(table, index.parent) for table in tables]
     check_files(manifest, [index.name, *(table.string("file") for table in tables)])
@@ -113,6 +104,33 @@ def read_folder(path: str | PathLike[str]) -> tuple[list[Stream], Mapping[str, o
     meta = top.table("meta", default={}).values
     session = read_session(index.parent)
     return streams, {**meta, SESSION_KEY: dict(session)} if session else meta
+
+
+def stream_names(path: str | PathLike[str]) -> tuple[str, ...]:
+    """Names of the streams of a recording folder, without their data.
+
+    Raises:
+        DataError: it is no recording.
+    """
+    return tuple(table.string("name") for table in _read_index(_index_of(path)).tables("stream"))
+
+
+def _index_of(path: str | PathLike[str]) -> Path:
+    place = place_of(path)
+    return place / INDEX_FILE if place.is_dir() else place
+
+
+def _read_index(index: Path) -> TomlTable:
+    if not index.is_file():
+        folder = index.parent if index.name == INDEX_FILE else index
+        raise DataError(
+            f'{index}: does not exist, so "{folder}" is not a recording. '
+            "Create one from sensor files with `oarlock import`, or with Recording.save."
+        )
+    top = TomlTable.read(index)
+    top.check_format(FORMAT)
+    top.check_keys({"format", "stream", "meta"})
+    return top
 
 
 def _entry(stream: Stream, file: str) -> dict[str, object]:

@@ -59,12 +59,14 @@ class Finding:
         severity: "error" stops a run, "warning" is shown, "note" reports missing data.
         message: one or more sentences: number, unit, and what to do.
         kind: "stuck" or "clipped" for these faults; otherwise empty.
+        missing: the field with missing readings, such as "mag_ut"; empty for other findings.
     """
 
     sensor: str
     severity: Severity
     message: str
     kind: str = ""
+    missing: str = ""
 
     def __str__(self) -> str:
         return f"{self.sensor}: {self.message}"
@@ -222,9 +224,10 @@ def _missing_findings(recording: Recording, stream: Stream) -> list[Finding]:
             continue  # a NaN would have made the sum NaN
         missing = np.isnan(rows).reshape(len(rows), -1)
         if missing.all():
-            findings.append(_warning(stream, f"{field} has no reading (all NaN)."))
+            text = f"{field} has no reading (all NaN)."
+            findings.append(Finding(stream.name, "warning", text, missing=field))
         elif missing.any() and (text := _missing_text(recording, stream, field, missing)):
-            findings.append(_note(stream, text))
+            findings.append(Finding(stream.name, "note", text, missing=field))
     return findings
 
 

@@ -223,7 +223,8 @@ def _sensor_of(stream: str, sensors: Sequence[str], ids: Mapping[str, str]) -> t
     """The sensor that a stream means and the reason; empty texts if it means none."""
     if stream in sensors:
         return stream, "same name"
-    for unit_id, meaning in ids.items():
+    # A whole name comes first: "sensor1" is also a part of "sensor10".
+    for unit_id, meaning in [(stream, ids[stream])] if stream in ids else ids.items():
         if unit_id.casefold() in stream.casefold():
             if meaning in sensors:
                 return meaning, f"id {unit_id}"
@@ -324,6 +325,7 @@ def with_unit_names(
         raise DataError(
             f"no stream ({', '.join(streams) or 'none is inertial'}) has the name of a sensor of the model "
             f"({', '.join(wanted)}). Say which is which: --units {wanted[0] if wanted else 'SENSOR'}="
-            f"{streams[0] if streams else 'STREAM'},... or a units.toml with id = segment."
+            f"{streams[0] if streams else 'STREAM'},... or a units.toml with id = segment, or let "
+            "`oarlock assign` find it from movements."
         )
     return found.renamed(recording), found

@@ -6,15 +6,19 @@ import math
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from oarlock.recording.calibration import Calibration
 from oarlock.report.markup import bar_legend, rendered, table
 from oarlock.report.page import shell
 from oarlock.report.section import KeyFigure, tiles
 from oarlock.report.text import DASH, breakable, fixed, listing, number, plural
+from oarlock.report.worn_section import worn_section
 from oarlock.storage.errors import DataError
 from oarlock.storage.write_file import write_file
+
+if TYPE_CHECKING:
+    from oarlock._core import Model
 
 STYLES = {"pass": "good", "redo": "bad", "kept": "open"}
 WORDS = {"pass": "pass", "redo": "do again", "kept": "kept"}
@@ -24,19 +28,32 @@ WIDTH, BAR, ROW = 900.0, 14.0, 24.0
 Check = Mapping[str, Any]
 
 
-def write_session_page(calibration: Calibration, path: str | Path) -> Path:
+def write_session_page(
+    calibration: Calibration,
+    path: str | Path,
+    model: Model | None = None,
+    pose: Mapping[str, float] | None = None,
+) -> Path:
     """Write the page of a calibration that `oarlock.calibrate_session` made; works offline and on paper.
+
+    Args:
+        calibration: of the session.
+        path: of the page.
+        model: the body; with it the page has a picture of the units on the body.
+        pose: the still pose of the picture by coordinate, rad and m; the others are as at rest.
 
     Raises:
         DataError: the calibration was not made by a session.
     """
     target = Path(path)
-    write_file(target, session_page(calibration))
+    write_file(target, session_page(calibration, model, pose))
     return target
 
 
-def session_page(calibration: Calibration) -> str:
-    """The whole page as text.
+def session_page(
+    calibration: Calibration, model: Model | None = None, pose: Mapping[str, float] | None = None
+) -> str:
+    """The whole page as text; see `write_session_page`.
 
     Raises:
         DataError: the calibration was not made by a session.
@@ -49,7 +66,8 @@ def session_page(calibration: Calibration) -> str:
         )
     checks: Sequence[Check] = session["check"]
     again = [c for c in checks if c["outcome"] == "redo"]
-    sections = [("again", "Steps to repeat", _again(again))] if again else []
+    sections = [("worn", "Units on the body", worn_section(calibration, model, pose))] if model else []
+    sections += [("again", "Steps to repeat", _again(again))] if again else []
     sections.append(("steps", "Steps", _steps(session)))
     sections.append(("units", "Sensors", _units(checks)))
     others = [c for c in checks if not c["subject"] or not _is_unit(c, checks)]

@@ -23,7 +23,7 @@ from oarlock.recording.recording import Recording
 from oarlock.recording.stream_scales import Clock
 from oarlock.recording.streams import ImuStream
 from oarlock.simulation.motion import Motion
-from oarlock.simulation.session_course import body_course, table_course
+from oarlock.simulation.session_course import PostureErrors, body_course, table_course
 from oarlock.simulation.simulate import simulate
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import replaced_folder
@@ -43,6 +43,8 @@ class SessionErrors:
     Args:
         mount_rad: mount error of each unit about each axis, rad.
         posture_rad: error of each joint in each posture, also while another joint moves, rad.
+        segment_rad: error of the attitude of each segment with a unit, about each axis, in each posture, rad: as far as
+            the joints allow, and in addition to `posture_rad`. Errors of joints add up along a chain, these do not.
         sway_rad: slow motion of joints during a posture, rad; four times as large during a movement.
         gyro_bias_rad_s: gyroscope bias of each axis.
         accel_bias_m_s2: accelerometer bias of each axis.
@@ -57,6 +59,7 @@ class SessionErrors:
 
     mount_rad: float = float(np.radians(12.0))
     posture_rad: float = float(np.radians(1.0))
+    segment_rad: float = 0.0
     sway_rad: float = float(np.radians(0.2))
     gyro_bias_rad_s: float = 0.02
     accel_bias_m_s2: float = 0.1
@@ -132,7 +135,8 @@ def simulate_session(
     truth = _true_calibration(units, errors, rng)
     rest = [np.ravel(j.rest) for j in description.joints]
     at_rest = dict(zip(model.coordinate_names, np.concatenate(rest).tolist(), strict=True))
-    course = body_course(description, plan, at_rest, errors.posture_rad, errors.sway_rad, rng)
+    posture_errors = PostureErrors(model, errors.posture_rad, errors.segment_rad, errors.sway_rad)
+    course = body_course(posture_errors, plan, at_rest, rng)
     motion = Motion(tuple(at_rest), course.time_s, course.q)
     names = [s.name for s in units]
     azimuth = float(rng.uniform(-np.pi, np.pi))

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +17,16 @@ from scipy.spatial.transform import Rotation
 from oarlock.calibration.session.plan import SessionPlan, SessionStep
 from oarlock.model.description import ModelDescription
 
+if TYPE_CHECKING:
+    from oarlock._core import Model
+
 Array = NDArray[np.float64]
 
 KNOT_S = 0.05
 HOLD_S, PAUSE_S, CHANGE_S = 4.0, 2.0, 1.5
 SWINGS = 4
+LEAST_ERROR = 0.05
+"""Weight of small joint errors against those of segments: it only decides where two joints have nearly one axis."""
 SWING_S = 1.0
 MOST_SWING_RAD = 1.3
 LEAST_SWING_RAD = 0.3
@@ -35,6 +41,35 @@ class Course:
     time_s: Array
     q: Array
     spans: Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class PostureErrors:
+    """Errors of the postures of a person.
+
+    Args:
+        model: the body.
+        joint_rad: standard deviation of the error of each angle in each step, rad.
+        segment_rad: the same of the attitude of each segment with a unit, about each axis, rad.
+        sway_rad: slow motion during a step, rad; four times as large during a movement.
+    """
+
+    model: Model
+    joint_rad: float
+    segment_rad: float
+    sway_rad: float
+
+    def drawn(self, posture: Array, turning: Array, rng: np.random.Generator) -> Array:
+        """Errors (n,) of the coordinates of a posture."""
+        errors = turning * rng.normal(0.0, self.joint_rad, len(posture))
+        if not self.segment_rad:
+            return np.asarray(errors)
+        frames = [s.frame for s in self.model.describe().inertial_units]
+        turns = self.model.frame_jacobian(posture, frames).by_coordinate[:, 3:] * turning
+        wanted = rng.normal(0.0, self.segment_rad, (len(frames), 3))
+        rows = np.vstack([turns.reshape(-1, len(posture)), LEAST_ERROR * np.eye(len(posture))])
+        found = np.linalg.lstsq(rows, np.r_[wanted.ravel(), np.zeros(len(posture))])[0]
+        return np.asarray(errors + turning * found)
 
 
 class _Score:
@@ -65,24 +100,17 @@ def smooth_step(share: Array) -> Array:
 
 
 def body_course(
-    description: ModelDescription,
-    plan: SessionPlan,
-    rest: Mapping[str, float],
-    posture_error_rad: float,
-    sway_rad: float,
-    rng: np.random.Generator,
+    errors: PostureErrors, plan: SessionPlan, rest: Mapping[str, float], rng: np.random.Generator
 ) -> Course:
     """Movement of the body through all steps of a plan except those on the table.
 
     Args:
-        description: description of the model.
+        errors: the body and its errors.
         plan: the steps; times are ignored.
         rest: coordinate -> rest posture.
-        posture_error_rad: standard deviation of the error of each angle in each step, rad.
-        sway_rad: slow motion during a step, rad; four times as large during a movement.
         rng: random generator of both.
     """
-    names = list(rest)
+    description, names = errors.model.describe(), list(rest)
     turning = np.array([_turns(description, n) for n in names])
     score = _Score(np.array(list(rest.values())))
     spans, moving = {}, []
@@ -90,7 +118,7 @@ def body_course(
         if step.kind not in ("still", "pose", "move"):
             continue
         posture = np.array([step.pose.get(n, rest[n]) for n in names])
-        posture = posture + turning * rng.normal(0.0, posture_error_rad, len(names))
+        posture = posture + errors.drawn(posture, turning, rng)
         score.go(posture, CHANGE_S)
         start = score.now_s
         score.hold(HOLD_S if step.kind != "move" else PAUSE_S)
@@ -107,7 +135,7 @@ def body_course(
     time_s = np.asarray(KNOT_S * np.arange(len(q)), dtype=np.float64)
     busy = 1.0 + 3.0 * _among(time_s, moving)
     own = {c for s in plan.steps for j in s.joints for c in _coordinates(description, j)}
-    sways = turning * sway_rad * busy[:, None] * _wander(len(q), len(names), rng)
+    sways = turning * errors.sway_rad * busy[:, None] * _wander(len(q), len(names), rng)
     sways[:, [k for k, n in enumerate(names) if n in own]] *= 0.5
     return Course(time_s, np.asarray(q + sways, dtype=np.float64), spans)
 

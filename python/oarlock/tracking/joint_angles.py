@@ -70,7 +70,8 @@ def joint_angles(track: Track, shoulder: str = "YXY") -> dict[str, JointAngle]:
     """All angles of a track of one of the shipped bodies, by name.
 
     Hinges keep their names. A shoulder gives `shoulder_plane_r`, `shoulder_elevation_r` and `shoulder_rotation_r`; the
-    free segment `pelvis_rotation`, `pelvis_obliquity` and `pelvis_tilt` (or `thorax_...`).
+    free segment `pelvis_rotation`, `pelvis_obliquity` and `pelvis_tilt` (or `thorax_...`). An elbow that is a ball
+    (`with_ball_joint`) gives only `elbow_flexion_r`, the angle between both segments.
     docs/bodies.md has the signs.
 
     Args:
@@ -98,9 +99,19 @@ def _angles(track: Track, joint: str, shoulder: str) -> Iterator[JointAngle]:
         stem, _, side = joint.rpartition("_")
         if stem == "shoulder" and side in ("r", "l"):
             yield from _named(series, _SHOULDER[shoulder], "shoulder_", f"_{side}")
+        elif stem == "elbow" and side in ("r", "l"):
+            yield _bend(series, f"elbow_flexion_{side}")
     elif series.unit == "rad":
         never = np.zeros(len(series.value), bool)
         yield JointAngle(joint, series.value, series.std, series.observed, never)
+
+
+def _bend(series: BallSeries, name: str) -> JointAngle:
+    """The angle between the long axes: the middle one of YXY, which is well defined near its poles too."""
+    angles = angles_from_quat(series.quat_wxyz, "YXY")
+    stds = angle_stds(angles, "YXY", series.std_rad)
+    never = np.zeros(len(angles), bool)
+    return JointAngle(name, np.arccos(np.cos(angles[:, 1])), stds[:, 1], series.observed, never)
 
 
 def _named(series: BallSeries, named: _Named, before: str, after: str) -> Iterator[JointAngle]:

@@ -19,7 +19,7 @@ from oarlock.recording.recording import Recording
 from oarlock.recording.session_info import SESSION_KEY, session_info
 from oarlock.storage.errors import DataError, DivergedError
 from oarlock.tracking.counts import count_streams
-from oarlock.tracking.known_streams import known_streams
+from oarlock.tracking.known_streams import known_streams, not_measured
 from oarlock.tracking.track import Track, notes_without_hinges, track_of_run
 
 Progress = Callable[[float], object]
@@ -84,6 +84,8 @@ def track(
 def admit(model: Model, recording: Recording) -> list[Finding]:
     """Warnings and notes on a recording, after checking that the model can track it.
 
+    Missing readings of what the model does not measure, such as a magnetometer, are no finding.
+
     Raises:
         DataError: as `track`.
     """
@@ -91,7 +93,8 @@ def admit(model: Model, recording: Recording) -> list[Finding]:
     _require_one_clock(recording)
     if recording not in _FINDINGS:
         _FINDINGS[recording] = tuple(require_plausible(recording))
-    return list(_FINDINGS[recording])
+    ignored = {(unit.name, field) for unit in model.describe().inertial_units for field in not_measured(unit)}
+    return [found for found in _FINDINGS[recording] if (found.sensor, found.missing) not in ignored]
 
 
 def add_findings(error: DivergedError, findings: Iterable[Finding]) -> None:

@@ -139,7 +139,7 @@ impl FastSystem for Body {
         let parts = self.suite.sources.iter().flat_map(|s| &s.parts);
         match parts.into_iter().find(|p| p.rows.contains(&row)).map(|p| p.quantity) {
             Some(Quantity::Accel) => Dependence::Full,
-            Some(Quantity::Gyro | Quantity::Rest) => Dependence::Affine,
+            Some(Quantity::Gyro | Quantity::Rest | Quantity::Contact) => Dependence::Affine,
             // Adds the slow errors of the sensors.
             Some(Quantity::Orientation)
                 if self.biases.iter().any(|(_, first, _)| (*first..first + 3).contains(&row)) =>

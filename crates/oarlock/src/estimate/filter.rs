@@ -10,7 +10,7 @@ mod measurement;
 mod report;
 
 use super::belief::Belief;
-use super::information::{InformationUpdate, WeightedReadings};
+use super::information::{Columns, InformationUpdate, Side, WeightedReadings};
 use super::learn::{Correction, Learning};
 use super::sigma::{PredictedReadings, ReadingContext, Spread};
 use super::transition::{congruence, Block, Transition};
@@ -66,6 +66,8 @@ pub struct Filter<S: FastSystem> {
     fresh: Vec<f64>,
     /// Time since the last update, s.
     since_s: f64,
+    /// Time of a sample without readings, if noise is learnt: the next update learns from the process noise before it, too.
+    empty_s: Option<f64>,
     /// Jr(delta) of P3.
     reset: Vec<Block>,
     /// NIS and number of the rows that the last update rejected.
@@ -125,6 +127,7 @@ impl<S: FastSystem> Filter<S> {
             before: vec![0.0; n],
             fresh: vec![0.0; n],
             since_s: 0.0,
+            empty_s: None,
             reset: Vec::with_capacity(n),
             rejected_nis: 0.0,
             rejected_rows: 0,
@@ -147,15 +150,31 @@ impl<S: FastSystem> Filter<S> {
         &self.shift
     }
 
+    /// Multiplies columns by the inverse of a factor of S, as the last update used it; see [`InformationUpdate::substitute`]. A
+    /// factorised filter has an S for each limb.
+    pub fn substitute(&self, side: Side, columns: &mut Columns) {
+        match &self.limbs {
+            None => self.information.substitute(self.arch, side, columns),
+            Some(limbs) => limbs.substitute(self.arch, side, columns),
+        }
+    }
+
+    /// The last update of a filter that uses all readings in one.
+    pub fn whole(&self) -> Option<&InformationUpdate> {
+        self.limbs.is_none().then_some(&self.information)
+    }
+
     /// Time since the update before the last, s.
     pub fn since_s(&self) -> f64 {
         self.since_s
     }
 
-    /// Starts a new sample: forgets the process noise of earlier predictions.
-    pub fn await_sample(&mut self) {
-        self.fresh.fill(0.0);
-        self.since_s = 0.0;
+    /// Starts a new sample after the one at `last_s`: forgets the process noise before that one, unless it had no readings.
+    pub fn await_sample(&mut self, last_s: f64) {
+        if self.empty_s.take() != Some(last_s) {
+            self.fresh.fill(0.0);
+            self.since_s = 0.0;
+        }
     }
 
     /// Predicts the belief at `to_s` (P1, P2); `transition` is the motion that was used.
@@ -184,6 +203,7 @@ impl<S: FastSystem> Filter<S> {
     ) -> Result<(), Diverged> {
         if measured.z.iter().all(|z| z.is_nan()) {
             self.report_missing(measured, info);
+            self.empty_s = settings.learning.memory_s.is_finite().then_some(belief.time_s);
             return Ok(());
         }
         info.innovation.fill(f64::NAN);

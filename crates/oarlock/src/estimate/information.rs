@@ -5,7 +5,7 @@
 
 use super::sigma::PredictedReadings;
 use crate::kernels::arch::{with_simd, Arch, Kernel};
-use crate::kernels::dense::{NotPositive, Square};
+use crate::kernels::dense::{accumulate, NotPositive, Square};
 use crate::kernels::registers::{F64x4, Simd};
 use crate::kernels::tiles::{factor, find_starts, gram, padded, Panel, Rows, Sweep, VECTOR};
 use std::ops::Range;
@@ -19,6 +19,8 @@ pub struct InformationUpdate {
     states: usize,
     /// Position of each reading among those in use.
     slots: Vec<usize>,
+    /// The readings in use, by position.
+    rows: Vec<usize>,
     used: usize,
     inertial: usize,
     /// E', a row for each column of E.
@@ -57,6 +59,7 @@ impl InformationUpdate {
         InformationUpdate {
             states,
             slots: vec![NOWHERE; rows],
+            rows: Vec::with_capacity(rows),
             used: 0,
             inertial: 0,
             e_transposed: Panel::zeros(padded(e_columns), m),
@@ -112,6 +115,8 @@ impl InformationUpdate {
     ) {
         (self.used, self.inertial) = (rows.len(), inertial);
         self.slots.fill(NOWHERE);
+        self.rows.clear();
+        self.rows.extend_from_slice(rows);
         let (h_at, n_pad) = (self.states_at(), padded(self.states));
         for (slot, &r) in rows.iter().enumerate() {
             self.slots[r] = slot;
@@ -223,6 +228,99 @@ impl InformationUpdate {
             // X is triangular with its columns in state order: row k begins at state n - 1 - k.
             let b = self.v_b_x.at(k, n);
             shift[n - 1 - k..].iter_mut().zip(rows(k)).for_each(|(s, x)| *s += b * x);
+        }
+    }
+
+    /// After `solve`: multiplies columns by U'^-1 (`Side::Left`) or U^-1 (`Side::Right`). `columns` has `width` numbers for each
+    /// reading, divided by its noise; those of readings not in use do not change.
+    pub fn substitute(&self, arch: Arch, side: Side, columns: &mut Columns) {
+        arch.run(Substituting { information: self, side, columns });
+    }
+
+    /// After `solve`: row `state` of W' (U6) times columns that `Side::Left` has been applied to, subtracted from `out`.
+    #[inline(always)]
+    pub fn subtract_product(&self, state: usize, columns: &Columns, out: &mut [f64]) {
+        let column = self.states_at() + self.states - 1 - state;
+        let terms = self.rows.iter().enumerate().map(|(slot, &r)| (-self.s_h_y.at(slot, column), columns.row(r)));
+        accumulate(out, terms);
+    }
+}
+
+/// Factor of S that [`InformationUpdate::substitute`] inverts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Side {
+    /// U'.
+    Left,
+    /// U.
+    Right,
+}
+
+/// Numbers for each reading, row-major.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Columns {
+    /// Numbers a row.
+    width: usize,
+    data: Vec<f64>,
+    /// Row that is being computed.
+    own: Vec<f64>,
+}
+
+impl Columns {
+    /// For so many readings.
+    pub fn zeros(rows: usize, width: usize) -> Self {
+        Columns { width, data: vec![0.0; rows * width], own: vec![0.0; width] }
+    }
+
+    /// Numbers of a reading.
+    pub fn row(&self, r: usize) -> &[f64] {
+        &self.data[r * self.width..(r + 1) * self.width]
+    }
+
+    /// Numbers of a reading.
+    pub fn row_mut(&mut self, r: usize) -> &mut [f64] {
+        &mut self.data[r * self.width..(r + 1) * self.width]
+    }
+
+    /// Sets all numbers to zero.
+    pub fn clear(&mut self) {
+        self.data.fill(0.0);
+    }
+
+    /// Row `r` less the sum of coefficient times row, divided by the pivot.
+    #[inline(always)]
+    fn eliminate(&mut self, r: usize, pivot: f64, terms: impl Iterator<Item = (f64, usize)>) {
+        let Columns { width, data, own } = self;
+        let row = |r: usize| &data[r * *width..(r + 1) * *width];
+        own.copy_from_slice(row(r));
+        accumulate(own, terms.map(|(by, other)| (-by, row(other))));
+        data[r * *width..(r + 1) * *width].iter_mut().zip(own).for_each(|(x, own)| *x = *own / pivot);
+    }
+}
+
+struct Substituting<'a> {
+    information: &'a InformationUpdate,
+    side: Side,
+    columns: &'a mut Columns,
+}
+
+impl Kernel for Substituting<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let (u, rows) = (&self.information.s_h_y, &self.information.rows);
+        for i in 0..rows.len() {
+            match self.side {
+                Side::Left => {
+                    let terms = (0..i).map(|k| (u.at(k, i), rows[k]));
+                    self.columns.eliminate(rows[i], u.at(i, i), terms);
+                }
+                Side::Right => {
+                    let i = rows.len() - 1 - i;
+                    let terms = (i + 1..rows.len()).map(|k| (u.at(i, k), rows[k]));
+                    self.columns.eliminate(rows[i], u.at(i, i), terms);
+                }
+            }
         }
     }
 }

@@ -294,6 +294,29 @@ impl Pieces {
         }
     }
 
+    /// Velocity of a point of a piece, in root axes. The piece's motion must be wanted.
+    #[inline(always)]
+    pub fn velocity<T: Real>(
+        &self,
+        mut at: usize,
+        point: Vec3<T>,
+        mean: &Mean,
+        joints: &JointMotion<T>,
+        near: &Near<T>,
+    ) -> Vec3<T> {
+        let (mut place, mut velocity) = (point, Vec3::zero());
+        while at != 0 {
+            let piece = &self.pieces[at];
+            let mut turn = near.turns[at];
+            if near.differs[at] == Differs::default() {
+                piece.keep(&mean.turns[at], &mut turn);
+            }
+            (place, velocity) = piece.raised_moving(&turn, place, velocity, joints);
+            at = piece.parent;
+        }
+        velocity
+    }
+
     /// Transforms a point of a piece to root axes; with `ROD`, a direction. The intermediate results are stored in
     /// `trail`, one per piece: the compiler would split loop variables into scalars.
     #[inline(always)]

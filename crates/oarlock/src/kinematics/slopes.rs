@@ -1,7 +1,7 @@
 //! Exact derivatives of every frame's motion by joints and lengths, in one recursion. The Jacobian of the readings uses
 //! it.
 //!
-//! Everything behind a joint moves as one rigid piece. The derivative by one coordinate is therefore five vectors,
+//! Everything behind a joint moves as one rigid piece. The derivative by one coordinate is therefore six vectors,
 //! written at the root's origin, that are valid for the whole piece: the derivatives of a spatial acceleration
 //! (Featherstone 2008, chapter 2; Carpentier and Mansard 2018), here of the specific force. Let the joint be at o with
 //! axis e. Let the carrier have angular velocity w with derivative wd, and velocity v and proper acceleration a at o.
@@ -12,7 +12,8 @@
 //! - an acceleration adds spun = e;
 //!
 //! and push = -e x a (only for an angle) - spun x o - 2 spin x v. For a slide, push is wd x e + w x (w x e), 2 w x e
-//! and e.
+//! and e. The velocity of the point p changes by e x (its velocity) (only for an angle) + spin x p + drift; for a slide drift is
+//! w x e and, by its rate, e.
 
 use super::{Fixed, FrameMotion, JointMotion, Link, Moved, Tree};
 use crate::model::{JointKind, Point};
@@ -28,9 +29,9 @@ pub enum Kind {
     Rate,
     /// By an angular acceleration: `spun` and `push`.
     Accel,
-    /// By a position or a length: `shift` and `push`.
+    /// By a position or a length: `shift`, `push` and `drift`.
     Shift,
-    /// By the rate or acceleration of a position: `push`.
+    /// By the rate or acceleration of a position: `push` and, by the rate, `drift`.
     Push,
 }
 
@@ -51,6 +52,8 @@ pub struct Slope {
     pub spun: Vec3<f64>,
     /// Proper acceleration at the root's origin.
     pub push: Vec3<f64>,
+    /// Velocity of a point at the root's origin, without that by `turn`.
+    pub drift: Vec3<f64>,
 }
 
 impl Slope {
@@ -61,6 +64,12 @@ impl Slope {
             Kind::Turn => self.shift + self.turn.cross(place),
             _ => self.shift,
         }
+    }
+
+    /// Derivative of the velocity of a point at `place`, m/s.
+    #[inline(always)]
+    pub fn speed(&self, place: Vec3<f64>, velocity: Vec3<f64>) -> Vec3<f64> {
+        self.turn.cross(velocity) + self.spin.cross(place) + self.drift
     }
 }
 
@@ -73,7 +82,7 @@ pub struct Columns {
     pub lengths: Vec<usize>,
 }
 
-/// All slopes of a tree, and the velocity of every frame's origin.
+/// All slopes of a tree.
 #[derive(Debug, Clone)]
 pub struct Slopes {
     columns: Columns,
@@ -81,8 +90,6 @@ pub struct Slopes {
     /// Slopes of the frame's own link.
     own: Vec<Range<usize>>,
     parents: Vec<usize>,
-    /// Velocities, m/s in root axes.
-    pub velocity: Vec<Vec3<f64>>,
     /// Per frame: its motion directly after its joint.
     pub stances: Vec<FrameMotion<f64>>,
     /// Sine and cosine of a hinge's angle.
@@ -138,16 +145,15 @@ struct Walk<'a> {
     slopes: &'a mut [Slope],
     next: usize,
     motion: FrameMotion<f64>,
-    velocity: Vec3<f64>,
     sin_cos: (f64, f64),
 }
 
 const ZERO: Vec3<f64> = Vec3([0.0; 3]);
 
 impl Walk<'_> {
-    fn push(&mut self, column: usize, kind: Kind, vectors: [Vec3<f64>; 5]) {
-        let [turn, shift, spin, spun, push] = vectors;
-        self.slopes[self.next] = Slope { column, kind, turn, shift, spin, spun, push };
+    fn push(&mut self, column: usize, kind: Kind, vectors: [Vec3<f64>; 6]) {
+        let [turn, shift, spin, spun, push, drift] = vectors;
+        self.slopes[self.next] = Slope { column, kind, turn, shift, spin, spun, push, drift };
         self.next += 1;
     }
 
@@ -155,10 +161,10 @@ impl Walk<'_> {
         let columns = self.columns;
         let here = self.motion;
         stretched(&fixed.translation, &here, &columns.lengths, |column, shift, push| {
-            self.push(column, Kind::Shift, [ZERO, shift, ZERO, ZERO, push]);
+            let drift = here.angular_velocity.cross(shift);
+            self.push(column, Kind::Shift, [ZERO, shift, ZERO, ZERO, push, drift]);
         });
         self.motion.carried(fixed, joints.lengths);
-        self.velocity += here.angular_velocity.cross(self.motion.position - here.position);
     }
 
     fn moved(&mut self, joint: &Moved, joints: &JointMotion<f64>) {
@@ -174,14 +180,12 @@ impl Walk<'_> {
             JointKind::Slide => {
                 self.motion.moved(joint, joints, None);
                 self.slide(first, z, &here);
-                self.travel(z * joints.qd[first], &here);
             }
             JointKind::Ball => self.ball(first, joint.turn, joints),
             JointKind::Free => {
                 let [p, v, a] = [joints.q, joints.qd, joints.qdd].map(|x| three(x, first));
                 self.motion.placed(p, v, a);
                 (0..3).for_each(|k| self.slide(first + k, here.rotation.column(k), &here));
-                self.travel(here.rotation.apply(v), &here);
                 self.ball(first + 3, joint.turn, joints);
             }
         }
@@ -195,31 +199,27 @@ impl Walk<'_> {
         (0..3).for_each(|k| self.turn(first + k, turned.column(k), &here));
     }
 
-    /// Updates the velocity after the origin moved away from `here`; `rate` is its velocity relative to the carrier.
-    fn travel(&mut self, rate: Vec3<f64>, here: &FrameMotion<f64>) {
-        self.velocity += rate + here.angular_velocity.cross(self.motion.position - here.position);
-    }
-
     /// Slopes of a rotation about `axis`, carried by `here`.
     fn turn(&mut self, coordinate: usize, axis: Vec3<f64>, here: &FrameMotion<f64>) {
         let [value, rate, accel] = self.columns.coordinates[coordinate];
-        let (origin, velocity, w) = (here.position, self.velocity, here.angular_velocity);
+        let (origin, velocity, w) = (here.position, here.velocity, here.angular_velocity);
         let push = |spin: Vec3<f64>, spun: Vec3<f64>| origin.cross(spun) + velocity.cross(spin + spin);
         if let Some((column, scale)) = value {
             let e = axis * scale;
             let spin = w.cross(e);
             let spun = here.angular_acceleration.cross(e) + w.cross(spin);
             let push = push(spin, spun) + here.proper_acceleration.cross(e);
-            self.push(column, Kind::Turn, [e, origin.cross(e), spin, spun, push]);
+            let drift = origin.cross(spin) + velocity.cross(e);
+            self.push(column, Kind::Turn, [e, origin.cross(e), spin, spun, push, drift]);
         }
         if let Some((column, scale)) = rate {
             let e = axis * scale;
             let spun = (w + self.motion.angular_velocity).cross(e);
-            self.push(column, Kind::Rate, [ZERO, ZERO, e, spun, push(e, spun)]);
+            self.push(column, Kind::Rate, [ZERO, ZERO, e, spun, push(e, spun), origin.cross(e)]);
         }
         if let Some((column, scale)) = accel {
             let e = axis * scale;
-            self.push(column, Kind::Accel, [ZERO, ZERO, ZERO, e, origin.cross(e)]);
+            self.push(column, Kind::Accel, [ZERO, ZERO, ZERO, e, origin.cross(e), ZERO]);
         }
     }
 
@@ -228,14 +228,15 @@ impl Walk<'_> {
         let [value, rate, accel] = self.columns.coordinates[coordinate];
         if let Some((column, scale)) = value {
             let e = axis * scale;
-            self.push(column, Kind::Shift, [ZERO, e, ZERO, ZERO, rigid_acceleration(here, e)]);
+            let drift = here.angular_velocity.cross(e);
+            self.push(column, Kind::Shift, [ZERO, e, ZERO, ZERO, rigid_acceleration(here, e), drift]);
         }
         if let Some((column, scale)) = rate {
             let e = axis * scale;
-            self.push(column, Kind::Push, [ZERO, ZERO, ZERO, ZERO, here.angular_velocity.cross(e + e)]);
+            self.push(column, Kind::Push, [ZERO, ZERO, ZERO, ZERO, here.angular_velocity.cross(e + e), e]);
         }
         if let Some((column, scale)) = accel {
-            self.push(column, Kind::Push, [ZERO, ZERO, ZERO, ZERO, axis * scale]);
+            self.push(column, Kind::Push, [ZERO, ZERO, ZERO, ZERO, axis * scale, ZERO]);
         }
     }
 }
@@ -260,7 +261,16 @@ impl Tree {
             own.push(total..total + count);
             total += count;
         }
-        let none = Slope { column: 0, kind: Kind::Push, turn: ZERO, shift: ZERO, spin: ZERO, spun: ZERO, push: ZERO };
+        let none = Slope {
+            column: 0,
+            kind: Kind::Push,
+            turn: ZERO,
+            shift: ZERO,
+            spin: ZERO,
+            spun: ZERO,
+            push: ZERO,
+            drift: ZERO,
+        };
         let (still, lengths) = (vec![0.0; columns.coordinates.len()], vec![0.0; columns.lengths.len()]);
         let rest = FrameMotion::resting(ZERO);
         let mut slopes = Slopes {
@@ -268,7 +278,6 @@ impl Tree {
             slopes: vec![none; total],
             own,
             parents: self.links.iter().map(|l| l.parent).collect(),
-            velocity: vec![ZERO; self.len()],
             stances: vec![rest; self.len()],
             sin_cos: vec![(0.0, 1.0); self.len()],
         };
@@ -288,11 +297,11 @@ impl Tree {
         slopes: &mut Slopes,
     ) {
         frames[0] = root;
-        let Slopes { columns, slopes, own, velocity, stances, sin_cos, .. } = slopes;
+        let Slopes { columns, slopes, own, stances, sin_cos, .. } = slopes;
         stances[0] = root;
         for (i, link) in self.links.iter().enumerate().skip(1).filter(|(i, _)| needed[*i]) {
-            let (motion, rate, next) = (frames[link.parent], velocity[link.parent], own[i].start);
-            let mut walk = Walk { columns, slopes, next, motion, velocity: rate, sin_cos: (0.0, 1.0) };
+            let (motion, next) = (frames[link.parent], own[i].start);
+            let mut walk = Walk { columns, slopes, next, motion, sin_cos: (0.0, 1.0) };
             if let Some(before) = &link.before {
                 walk.carried(before, &joints);
             }
@@ -303,7 +312,7 @@ impl Tree {
             if let Some(after) = &link.after {
                 walk.carried(after, &joints);
             }
-            (frames[i], velocity[i]) = (walk.motion, walk.velocity);
+            frames[i] = walk.motion;
         }
     }
 }

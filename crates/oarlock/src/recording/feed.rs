@@ -68,8 +68,8 @@ impl Feed {
     }
 
     /// Whether a reading belongs to the samples that were read already.
-    pub fn is_past(&self, cursor: &Cursor, last_s: f64, true_s: f64) -> bool {
-        self.gathering.is_past(cursor, last_s, true_s)
+    pub fn is_past(&self, cursor: &Cursor, true_s: f64) -> bool {
+        self.gathering.is_past(cursor, true_s)
     }
 
     /// Reads the next sample if nothing that comes within `wait_s` can still belong to it.

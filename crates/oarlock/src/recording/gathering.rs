@@ -1,5 +1,6 @@
 //! How readings with time stamps of their own become samples: for whole recordings and for readings as they arrive.
 
+use super::rows::Rows;
 use super::ticks::Ticks;
 use super::Sample;
 use crate::config::Config;
@@ -7,17 +8,25 @@ use crate::config::Config;
 /// How readings are gathered into samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Gathering {
-    /// All readings whose time stamps differ by less than this, s, at the first of these stamps.
-    Instants(f64),
+    /// All readings whose time stamps differ by less than `merge_s`, at the first of these stamps.
+    Instants {
+        /// s.
+        merge_s: f64,
+        /// Rows of the output, each a sample without readings where no instant is; `None`: every instant is a row.
+        rows: Option<Rows>,
+    },
     /// At regular times; each reading keeps its offset from them.
     Ticks(Ticks),
 }
 
 /// Position in the readings.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Cursor {
     /// The next row of every stream.
     pub(super) rows: Vec<usize>,
+    /// With instants: time of the last sample, and time before which all readings were taken, s.
+    sample_s: f64,
+    taken_s: f64,
     /// With ticks: the slot of every stream's last reading, and that of the last sample.
     slots: Vec<i64>,
     slot: Option<i64>,
@@ -26,7 +35,13 @@ pub struct Cursor {
 impl Cursor {
     /// Before the first row of `count` streams.
     pub fn new(count: usize) -> Self {
-        Cursor { rows: vec![0; count], slots: vec![i64::MIN; count], slot: None }
+        let (sample_s, taken_s) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
+        Cursor { rows: vec![0; count], sample_s, taken_s, slots: vec![i64::MIN; count], slot: None }
+    }
+
+    /// Number of readings before this position.
+    pub fn taken(&self) -> usize {
+        self.rows.iter().sum()
     }
 }
 
@@ -47,7 +62,7 @@ impl Gathering {
     pub fn of(config: &Config) -> Self {
         match config.sample_rate_hz.filter(|hz| *hz > 0.0) {
             Some(rate_hz) => Gathering::Ticks(Ticks::new(rate_hz, config.row_rate_hz())),
-            None => Gathering::Instants(config.merge_s),
+            None => Gathering::Instants { merge_s: config.merge_s, rows: config.row_rate_hz().map(Rows::new) },
         }
     }
 
@@ -55,7 +70,7 @@ impl Gathering {
     pub fn next(&self, heads: &impl Heads, cursor: &mut Cursor, sample: &mut Sample) -> bool {
         sample.clear();
         match *self {
-            Gathering::Instants(merge_s) => next_instant(merge_s, heads, cursor, sample),
+            Gathering::Instants { merge_s, rows } => next_instant(merge_s, rows, heads, cursor, sample),
             Gathering::Ticks(ticks) => next_tick(ticks, heads, cursor, sample),
         }
     }
@@ -63,16 +78,32 @@ impl Gathering {
     /// Time up to which all readings must be known before the next sample is complete, s; `None` at the end.
     pub fn complete_s(&self, heads: &impl Heads, cursor: &Cursor) -> Option<f64> {
         match *self {
-            Gathering::Instants(merge_s) => Some(first_s(heads, cursor)? + merge_s),
+            Gathering::Instants { merge_s, rows } => {
+                let first_s = first_s(heads, cursor)?;
+                let row_end_s = |rows: Rows| Some(rows.end_s(rows.between(cursor.sample_s, first_s)?));
+                Some(rows.and_then(row_end_s).unwrap_or(first_s + merge_s))
+            }
             Gathering::Ticks(ticks) => Some(ticks.end_s(next_slot(ticks, heads, cursor)?)),
         }
     }
 
     /// Whether a reading belongs to the samples that were read already.
-    pub fn is_past(&self, cursor: &Cursor, last_s: f64, true_s: f64) -> bool {
+    pub fn is_past(&self, cursor: &Cursor, true_s: f64) -> bool {
         match *self {
-            Gathering::Instants(merge_s) => true_s < last_s + merge_s,
+            Gathering::Instants { .. } => true_s < cursor.taken_s,
             Gathering::Ticks(ticks) => cursor.slot.is_some_and(|slot| ticks.slot(true_s) <= slot),
+        }
+    }
+
+    /// Whether a sample at `time_s` is a row of the output; `last_s`: time of the last row.
+    pub fn is_row(&self, last_s: f64, time_s: f64) -> bool {
+        match *self {
+            Gathering::Instants { rows: None, .. } => true,
+            Gathering::Instants { rows: Some(rows), .. } => {
+                let number = rows.number(time_s);
+                number.is_some() && number != rows.number(last_s)
+            }
+            Gathering::Ticks(ticks) => ticks.is_row(ticks.nearest(time_s)),
         }
     }
 }
@@ -81,12 +112,25 @@ fn first_s(heads: &impl Heads, cursor: &Cursor) -> Option<f64> {
     (0..heads.count()).filter_map(|i| heads.true_s(i, cursor.rows[i])).reduce(f64::min)
 }
 
-/// All rows within `merge_s` of the earliest.
-fn next_instant(merge_s: f64, heads: &impl Heads, cursor: &mut Cursor, sample: &mut Sample) -> bool {
+/// All rows within `merge_s` of the earliest; none if a row of the output comes before it.
+fn next_instant(
+    merge_s: f64,
+    rows: Option<Rows>,
+    heads: &impl Heads,
+    cursor: &mut Cursor,
+    sample: &mut Sample,
+) -> bool {
     let Some(time_s) = first_s(heads, cursor) else {
         return false;
     };
+    let row = rows.and_then(|rows| Some((rows, rows.between(cursor.sample_s, time_s)?)));
+    if let Some((rows, row_s)) = row {
+        sample.time_s = row_s;
+        (cursor.sample_s, cursor.taken_s) = (row_s, cursor.taken_s.max(rows.end_s(row_s)));
+        return true;
+    }
     sample.time_s = time_s;
+    (cursor.sample_s, cursor.taken_s) = (time_s, time_s + merge_s);
     for i in 0..heads.count() {
         if heads.true_s(i, cursor.rows[i]).is_some_and(|t| t - time_s < merge_s) {
             heads.put(i, cursor.rows[i], sample);

@@ -1,7 +1,6 @@
 //! `Ticks`: regular times at which readings of sensors that do not tick together are gathered into samples.
 
-/// Rows are not written through a silence of all sensors that is longer than this, s.
-const PAUSE_S: f64 = 10.0;
+use super::rows::PAUSE_S;
 
 /// Regular times of samples. Between two ticks lies one more slot, for a stream whose reading's slot is taken by the
 /// reading before it: jitter, or a clock that is a little faster.

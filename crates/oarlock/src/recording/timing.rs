@@ -1,5 +1,7 @@
 //! What time stamps tell of a recording: whether its sensors tick together, at which rates, and how exact the stamps are.
 
+use super::own_rows::lacks;
+use super::rows::Rows;
 use super::{Channel, Gathering, Recording, Sample, Stream};
 use crate::config::Config;
 use crate::corrections::Clock;
@@ -13,6 +15,9 @@ use std::f64::consts::TAU;
 /// Sensors tick together if a sample for each instant gives at most this many times the readings of the fullest stream:
 /// lost packets make the fullest stream shorter.
 const TOGETHER: f64 = 1.25;
+/// Up to this many times, every instant is a sample if all streams are inertial units: readings at ticks lose accuracy
+/// over their offsets. With encoders ticks are as accurate and need half the time, because joints and closures are read together.
+const EVERY_INSTANT: f64 = 2.25;
 /// A rate within this share of a multiple of 5 Hz is that multiple, and any other a whole number of Hz.
 const NICE_SHARE: f64 = 0.002;
 /// Ticks may be slower than the fastest stream by this share: its surplus readings have slots between them.
@@ -21,8 +26,6 @@ const SLOWER_SHARE: f64 = 0.02;
 const SILENT_STEPS: f64 = 20.0;
 /// A smaller standard deviation of time stamps is rounding, s.
 const LEAST_STD_S: f64 = 1e-6;
-/// Output rows count as even if they are within this of their rate's times, s.
-const EVEN_S: f64 = 1e-6;
 
 /// A recording's streams with the body that they belong to.
 pub struct Streams<'a> {
@@ -45,15 +48,16 @@ impl Streams<'_> {
         let fit = || self.streams.iter().map(|s| RegularClock::of(&self.times(s))).collect::<Vec<_>>();
         let clocks = LazyCell::new(fit);
         let mut found = config.clone();
-        let together = census.together && (config.row_rate_hz().is_none() || census.even_rows);
+        let is_inertial_only = self.streams.iter().all(is_inertial);
+        let together = census.share <= TOGETHER && (is_inertial_only || census.even_rows);
         let sample_rate_hz = config.sample_rate_hz.unwrap_or_else(|| {
-            if together {
+            if together || (is_inertial_only && census.share <= EVERY_INSTANT) {
                 return 0.0;
             }
             let row_hz = config.row_rate_hz().unwrap_or_else(|| self.clean_rate_hz(&clocks));
             row_hz * (self.fastest_hz(&clocks, |_| true) / row_hz - SLOWER_SHARE).ceil().max(1.0)
         });
-        let apart = sample_rate_hz > 0.0;
+        let apart = sample_rate_hz > 0.0 || (config.sample_rate_hz.is_none() && !together);
         found.sample_rate_hz = Some(sample_rate_hz);
         found.output_rate_hz.get_or_insert_with(|| if apart { self.clean_rate_hz(&clocks) } else { 0.0 });
         found.inputs.get_or_insert_with(|| self.inputs(if apart { &[] } else { &census.complete }));
@@ -69,26 +73,28 @@ impl Streams<'_> {
     fn census(&self, config: &Config) -> Result<Census> {
         let instants = Gathering::of(&Config { sample_rate_hz: None, ..config.clone() });
         let recording = Recording::new(self.model, self.suite, self.streams.to_vec(), self.clocks, instants)?;
-        let (mut cursor, mut sample) = (recording.start(), Sample::empty(self.model, self.suite));
+        let (mut cursor, mut sample, mut taken) = (recording.start(), Sample::empty(self.model, self.suite), 0);
         let inputs: Vec<usize> = self.model.joints.iter().filter(|j| j.input).map(|j| j.first).collect();
-        let (mut present, mut instants, mut even_rows) = (vec![0_usize; inputs.len()], 0_usize, true);
-        let rate_hz = config.row_rate_hz().unwrap_or(f64::INFINITY);
-        let mut row = f64::NAN;
+        let (mut present, mut samples, mut instants) = (vec![0_usize; inputs.len()], 0_usize, 0_usize);
+        let rows = config.row_rate_hz().map(Rows::new);
+        let (mut even_rows, mut row) = (true, f64::NAN);
         while recording.next(&mut cursor, &mut sample) {
-            instants += 1;
+            samples += 1;
+            if cursor.taken() > taken {
+                instants += 1;
+                let here = rows.map_or(f64::NAN, |rows| rows.slot(sample.time_s));
+                even_rows &= here == row || rows.is_none_or(|rows| rows.number(sample.time_s).is_some());
+                row = here;
+            }
+            taken = cursor.taken();
             for (count, &c) in present.iter_mut().zip(&inputs) {
                 *count += usize::from(!sample.inputs[c].is_nan());
-            }
-            let slot = (sample.time_s * rate_hz + rate_hz * EVEN_S).floor();
-            if slot != row {
-                even_rows &= (sample.time_s - slot / rate_hz).abs() < EVEN_S;
-                row = slot;
             }
         }
         let rows = |s: &Stream| (0..s.time_s.len()).filter(|row| !is_magnetic_only(s, *row)).count();
         let fullest = self.streams.iter().map(rows).max().unwrap_or(0);
-        let complete = inputs.iter().zip(present).filter(|(_, count)| *count == instants).map(|(&c, _)| c).collect();
-        Ok(Census { together: instants as f64 <= TOGETHER * fullest as f64, even_rows, complete })
+        let complete = inputs.iter().zip(present).filter(|(_, count)| *count == samples).map(|(&c, _)| c).collect();
+        Ok(Census { share: instants as f64 / fullest.max(1) as f64, even_rows, complete })
     }
 
     /// Input joints that stay inputs: the complete ones (by coordinate), and those that have no stream and that no usable
@@ -113,8 +119,7 @@ impl Streams<'_> {
 
     /// Rate of the fastest inertial unit, or of the fastest stream, as a person would write it, Hz.
     fn clean_rate_hz(&self, clocks: &[Option<RegularClock>]) -> f64 {
-        let is_inertial = |c: &Channel| c.quantity.is_inertial() || c.quantity == Quantity::Orientation;
-        let inertial_hz = self.fastest_hz(clocks, |s| s.channels.iter().any(is_inertial));
+        let inertial_hz = self.fastest_hz(clocks, is_inertial);
         nice(if inertial_hz > 0.0 { inertial_hz } else { self.fastest_hz(clocks, |_| true) })
     }
 
@@ -130,21 +135,23 @@ impl Streams<'_> {
     }
 }
 
+fn is_inertial(stream: &Stream) -> bool {
+    stream.channels.iter().any(|c: &Channel| c.quantity.is_inertial() || c.quantity == Quantity::Orientation)
+}
+
 /// Whether a row of an inertial unit has a reading of its magnetometer alone. A magnetometer with rows of its own does not
 /// make the unit faster.
 fn is_magnetic_only(stream: &Stream, row: usize) -> bool {
-    let has = |channel: &Channel| (3 * row..3 * row + 3).any(|k| channel.values.get(k).is_some_and(|v| !v.is_nan()));
-    let of = |quantity: Quantity| stream.channels.iter().filter(move |c| c.quantity == quantity);
-    let moves = || of(Quantity::Gyro).chain(of(Quantity::Accel));
-    of(Quantity::Mag).next().is_some() && moves().next().is_some() && !moves().any(has) && of(Quantity::Mag).any(has)
+    lacks(stream, row, |_, c| matches!(c.quantity, Quantity::Gyro | Quantity::Accel))
 }
 
 /// What one pass through the instants counts.
 struct Census {
-    together: bool,
+    /// Number of instants for each reading of the fullest stream.
+    share: f64,
     /// Whether rows at the output rate fall on instants.
     even_rows: bool,
-    /// Coordinates of inputs that every instant reads.
+    /// Coordinates of inputs that every sample reads.
     complete: Vec<usize>,
 }
 

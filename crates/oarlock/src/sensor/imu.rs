@@ -1,6 +1,7 @@
 //! Inertial unit: angular velocity, specific force and magnetic field in its own axes (eq. 8, with the sensor's offset
 //! on its link, and gravity once).
 
+mod contact;
 mod seen;
 
 use super::kind::{Described, Kind, Pending, Reads, Sits};
@@ -17,6 +18,8 @@ use crate::model::section::{Known, Section};
 use crate::model::slot::Slot;
 use crate::model::Point;
 use crate::rotation::{Mat3, Vec3};
+pub use contact::Contact;
+use contact::ContactReader;
 use seen::Seen;
 use serde_json::{json, Value};
 
@@ -54,6 +57,8 @@ pub struct Imu {
     pub mount: Mount,
     /// Its noise.
     pub noise: ImuNoise,
+    /// The point of the frame that touches the ground while the unit's link stands.
+    pub contact: Option<Contact>,
 }
 
 impl Kind for Imu {
@@ -65,6 +70,7 @@ impl Kind for Imu {
         "accel_std_m_s2",
         "mag_std_ut",
         "rest_std_rad_s",
+        "contact",
         "gyro_range_rad_s",
         "accel_range_m_s2",
         "gyro_bias_start_std_rad_s",
@@ -79,11 +85,15 @@ impl Kind for Imu {
         check_quantities(section, &noise);
         let frame = section.need_reference("frame", "\"r_elbow\"");
         let mount = Mount::read(section);
+        let contact = Contact::read(section, &noise);
         Box::new(move |at| {
             if noise.mag_std.is_some() {
                 at.need_magnetic_field("has a magnetometer (mag_std_ut)");
             }
-            Some(Imu { frame: at.frame("frame", &frame)?, mount, noise })
+            if contact.is_some() && !at.model.base_accelerations.is_empty() {
+                at.mistake(at.name.at, contact::ROOT_MOVES);
+            }
+            Some(Imu { frame: at.frame("frame", &frame)?, mount, noise, contact })
         })
     }
 
@@ -91,7 +101,7 @@ impl Kind for Imu {
         let noise = &self.noise;
         json!({"frame": at.frame(self.frame),
             "gyro_std_rad_s": noise.gyro_std, "accel_std_m_s2": noise.accel_std, "mag_std_ut": noise.mag_std,
-            "rest_std_rad_s": noise.rest_std,
+            "rest_std_rad_s": noise.rest_std, "contact": self.contact.as_ref().map(|c| c.describe(at)),
             "gyro_range_rad_s": noise.gyro_range, "accel_range_m_s2": noise.accel_range,
             "mount": at.mount(&self.mount)})
     }
@@ -99,7 +109,8 @@ impl Kind for Imu {
     fn reader(&self, fit: &Fit) -> Option<ImuReader> {
         let own = || (self.mount.rotation, fit.point(&self.mount.offset));
         let (rotation, offset) = fit.given.map_or_else(own, |(rotation, offset)| (rotation, Point::fixed(offset)));
-        Some(ImuReader { frame: self.frame, rotation, offset, noise: self.noise, mount: fit.mount })
+        let contact = self.contact.as_ref().map(|c| c.reader(self.frame, fit));
+        Some(ImuReader { frame: self.frame, rotation, offset, noise: self.noise, contact, mount: fit.mount })
     }
 
     fn frame(&self) -> Option<usize> {
@@ -171,6 +182,7 @@ pub struct ImuReader {
     rotation: Mat3<f64>,
     offset: Point,
     noise: ImuNoise,
+    contact: Option<ContactReader>,
     /// Number among the estimated mounts.
     mount: Option<usize>,
 }
@@ -179,6 +191,7 @@ pub struct ImuReader {
 const GYRO: usize = 0;
 const ACCEL: usize = 1;
 const MAG: usize = 2;
+const CONTACT: usize = 3;
 
 /// First row of each part.
 #[derive(Debug, Clone, Copy)]
@@ -187,6 +200,7 @@ struct Parts {
     accel: Option<usize>,
     mag: Option<usize>,
     rest: Option<usize>,
+    contact: Option<usize>,
 }
 
 impl ImuReader {
@@ -211,6 +225,7 @@ impl ImuReader {
             accel: part(noise.accel_std),
             mag: part(noise.mag_std),
             rest: part(noise.rest_std),
+            contact: part(self.contact.as_ref().map(|c| c.std_m_s)),
         }
     }
 }
@@ -218,13 +233,15 @@ impl ImuReader {
 impl Reads for ImuReader {
     type Seat = ImuSeat;
 
-    /// Rows in the order gyro, accel, mag, rest, as far as the unit has them.
+    /// Rows in the order gyro, accel, mag, rest, contact, as far as the unit has them.
     fn rows(&self) -> RowGroups {
-        let groups: [(Quantity, &'static [&'static str], Option<f64>); 4] = [
+        let touches = self.contact.as_ref().map(|c| c.std_m_s);
+        let groups: [(Quantity, &'static [&'static str], Option<f64>); 5] = [
             (Quantity::Gyro, &["gyro_x", "gyro_y", "gyro_z"], self.noise.gyro_std),
             (Quantity::Accel, &["accel_x", "accel_y", "accel_z"], self.noise.accel_std),
             (Quantity::Mag, &["mag_x", "mag_y", "mag_z"], self.noise.mag_std),
             (Quantity::Rest, &["rest_x", "rest_y", "rest_z"], self.noise.rest_std),
+            (Quantity::Contact, &["contact_x", "contact_y", "contact_z"], touches),
         ];
         groups.into_iter().filter_map(|(q, names, std)| Some((q, names, vec![std?; 3]))).collect()
     }
@@ -256,10 +273,13 @@ impl Reads for ImuReader {
         if self.noise.rest_std.is_some() {
             see(&root_from_sensor, frame.angular_velocity, out, &mut at);
         }
+        if let Some(contact) = &self.contact {
+            out[at..at + 3].copy_from_slice(&contact.velocity(scene).0);
+        }
     }
 
     fn causes(&self, row: usize, answers: &Answers) -> Vec<Found> {
-        let Parts { gyro, accel, mag, rest } = self.parts(row);
+        let Parts { gyro, accel, mag, rest, contact } = self.parts(row);
         let chain = |kinds: &[SlopeKind]| answers.chain(self.frame, 0, kinds);
         let found = |row, part, mut columns: Vec<Column>| {
             columns.extend(answers.mount(self.mount));
@@ -281,6 +301,8 @@ impl Reads for ImuReader {
             mag.columns.extend(answers.columns.azimuth.map(|column| (column, (Cause::Own, 0))));
             all.push(mag);
         }
+        let touches = contact.zip(self.contact.as_ref());
+        all.extend(touches.map(|(row, c)| Found { row, count: 3, part: CONTACT, columns: c.columns(answers) }));
         all
     }
 
@@ -290,15 +312,20 @@ impl Reads for ImuReader {
         let seen = Seen::new::<FUSED>(at, self.frame, &self.offset, &axes);
         let mount = self.mount.and_then(|i| at.worn.mounts.get(i));
         for group in groups {
-            seen.write::<FUSED>(group, mount, out);
+            match &self.contact {
+                Some(contact) if group.part == CONTACT => contact.write(group, at, out),
+                _ => seen.write::<FUSED>(group, mount, out),
+            }
         }
     }
 
     fn seat(&self, row: usize, homes: &Homes) -> (ImuSeat, Reach) {
         let (piece, arm) = homes.place(self.frame, &self.offset);
-        let own_reach = homes.own(&arm).max(homes.own_mount(self.mount));
+        let contact = self.contact.as_ref().map(|c| homes.place(self.frame, &c.point).1);
+        let touches = contact.as_ref().map_or(0, |point| homes.own(point));
+        let own_reach = homes.own(&arm).max(homes.own_mount(self.mount)).max(touches);
         let rotation = homes.rotation(self.frame).times(&self.rotation);
-        let seat = ImuSeat { piece, rotation, arm, mount: self.mount, own_reach, parts: self.parts(row) };
+        let seat = ImuSeat { piece, rotation, arm, contact, mount: self.mount, own_reach, parts: self.parts(row) };
         (seat, homes.reach(self.frame, own_reach))
     }
 }
@@ -317,6 +344,8 @@ pub struct ImuSeat {
     /// Piece from sensor.
     rotation: Mat3<f64>,
     arm: Point,
+    /// Point that touches the ground, in the axes of the piece.
+    contact: Option<Point>,
     /// Number among the estimated mounts.
     mount: Option<usize>,
     /// States that its mount and position depend on.
@@ -328,7 +357,7 @@ impl Sits for ImuSeat {
     fn mark(&self, wanted: &mut [Wanted]) {
         let piece = &mut wanted[self.piece];
         piece.place = true;
-        piece.motion |= self.parts.gyro.or(self.parts.accel).or(self.parts.rest).is_some();
+        piece.motion |= self.parts.gyro.or(self.parts.accel).or(self.parts.rest).or(self.parts.contact).is_some();
         piece.field |= self.parts.mag.is_some();
     }
 
@@ -355,11 +384,12 @@ impl Sits for ImuSeat {
         let (differs, own) = (around.near.differs[self.piece], &around.near.own[self.piece]);
         let worn = near.posed && self.own_reach > around.perturbed.from;
         let axes = Axes { nominal: &self.rotation, stand: &stand.rotation, turn: self.turned(around, worn) };
-        let Parts { gyro, accel, mag, rest } = self.parts;
+        let Parts { gyro, accel, mag, rest, contact } = self.parts;
         if !differs.motion {
             near.keep(gyro, 3);
             near.keep(accel, 3);
             near.keep(rest, 3);
+            near.keep(contact, 3);
         } else {
             if let Some(row) = accel {
                 let felt = if worn { own.felt_off(self.arm.at(around.joints.lengths)) } else { own.felt_at(stand.arm) };
@@ -371,6 +401,10 @@ impl Sits for ImuSeat {
                 if let Some(row) = rest {
                     near.put(row, spin);
                 }
+            }
+            if let Some((row, point)) = contact.zip(self.contact.as_ref()) {
+                let velocity = near.velocity(self.piece, point);
+                near.put(row, velocity);
             }
         }
         let Some(row) = mag else { return };

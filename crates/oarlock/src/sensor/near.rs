@@ -213,6 +213,17 @@ impl<const FUSED: bool> Nearby<'_, FUSED> {
         self.raised::<false>(piece, point)
     }
 
+    /// Velocity of a point of a piece whose motion is wanted, in root axes, m/s.
+    #[inline(always)]
+    pub(super) fn velocity(&mut self, piece: usize, point: &Point) -> Vec3<Lane<FUSED>> {
+        let Around { pieces, mean, near, joints, .. } = self.around;
+        let point = match point.constant() {
+            Some(point) => point.everywhere(),
+            None => point.at(joints.lengths),
+        };
+        pieces.velocity(piece, point, mean, joints, near)
+    }
+
     /// The first of two points minus the second, in root axes, m.
     #[inline(always)]
     pub(super) fn gap(&mut self, [(a, at), (b, bt)]: &Sides<Point>) -> Vec3<Lane<FUSED>> {

@@ -79,7 +79,7 @@ impl Arrivals {
             return Err(Error::Data(format!("reading at {true_s} s: expected a finite time stamp, s")));
         }
         self.counts.received += 1;
-        let is_late = self.feed.is_past(&self.cursor, self.last_s, true_s);
+        let is_late = self.feed.is_past(&self.cursor, true_s);
         let back = if is_late { self.kept.iter().rposition(|kept| kept.is_before(&self.feed, true_s)) } else { None };
         if is_late && back.is_none() {
             self.counts.too_late += 1;
@@ -131,7 +131,8 @@ impl Arrivals {
 
     /// Keeps the state estimate now and then, and forgets what is too old.
     fn keep(&mut self, tracker: &Tracker) {
-        let Some(known) = tracker.hypothesis() else { return };
+        // What is learnt from the time before a sample without readings is no part of its state estimate.
+        let Some(known) = tracker.hypothesis().filter(|_| !tracker.info().nis.is_nan()) else { return };
         let time_s = known.belief.time_s;
         if self.kept.back().is_some_and(|kept| time_s - kept.known.belief.time_s < KEEP_EVERY_S) {
             return;
@@ -157,6 +158,6 @@ impl Arrivals {
 impl Kept {
     /// Whether a reading belongs to samples after this state estimate.
     fn is_before(&self, feed: &Feed, true_s: f64) -> bool {
-        !feed.is_past(&self.cursor, self.known.belief.time_s, true_s)
+        !feed.is_past(&self.cursor, true_s)
     }
 }

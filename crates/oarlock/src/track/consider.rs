@@ -9,6 +9,8 @@
 
 mod delays;
 mod doubt;
+mod scoring;
+mod slopes;
 mod tally;
 mod twin;
 
@@ -21,11 +23,12 @@ use crate::config::{Config, Consider};
 use crate::error::Result;
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::{Filter, Info, Verdict};
+use crate::estimate::information::{Columns, Side};
 use crate::estimate::learn::Learning;
 use crate::estimate::transition::Transition;
 use crate::estimate::{FastSystem, System};
 use crate::kernels::arch::{Arch, Kernel};
-use crate::kernels::dense::{accumulate, Square};
+use crate::kernels::dense::Square;
 use crate::kernels::sparse_jacobian::SparseJacobian;
 use crate::kernels::tiles::padded;
 use crate::sensor::MountValue;
@@ -33,6 +36,8 @@ use crate::sensor::Quantity;
 use delays::Delays;
 pub use doubt::Doubt;
 use doubt::RowAverages;
+use scoring::Scoring;
+use slopes::{Forced, Prior};
 use tally::Tally;
 pub use tally::Window;
 use twin::{twin, Role, Roles, ZERO_STD};
@@ -74,11 +79,16 @@ pub(super) struct Considering {
     /// Names of the consider states in their order.
     names: Vec<String>,
     /// Delays of clocks, and normal equations of all parameters; only for calibration.
-    score: Option<(Delays, Tally)>,
+    score: Option<Scoring>,
     /// Derivative of each innovation by each parameter, row-major.
     answers: Vec<f64>,
-    /// J'WB.
+    /// dh/dp, divided by noise, then by the filter's S (U5).
+    forced: Columns,
+    /// Per row: one over the standard deviation of its noise; 0 if it was not used.
+    weights: Vec<f64>,
+    /// J'W dh/dp with W = (R^1/2 S R^1/2)^-1, of a factorised filter.
     pull: Vec<f64>,
+    prior: Prior,
     scales: Vec<f64>,
 }
 
@@ -128,7 +138,10 @@ impl Considering {
             names,
             score: None,
             answers: vec![0.0; m * width],
+            forced: Columns::zeros(m, width),
+            weights: vec![0.0; m],
             pull: vec![0.0; n * width],
+            prior: Prior::new(n, width),
             scales: Vec::with_capacity(m),
             twin,
         }))
@@ -143,9 +156,11 @@ impl Considering {
         let width = padded(self.names.len());
         self.size.2 = width;
         self.answers = vec![0.0; m * width];
+        self.forced = Columns::zeros(m, width);
         self.pull = vec![0.0; n * width];
+        self.prior = Prior::new(n, width);
         self.how = Consider::Always;
-        self.score = Some((delays, Tally::new(width, settle_s, window_s)));
+        self.score = Some(Scoring::new(delays, Tally::new(width, settle_s, window_s), (n, m, width)));
     }
 
     /// Names of the parameters, the standard deviations that are their units, and the windows.
@@ -159,7 +174,7 @@ impl Considering {
         }
         let delays = self.names.iter().zip(&mut stds).filter(|(name, _)| name.ends_with(".delay"));
         delays.for_each(|(_, std)| *std = delays::DELAY_STD_S);
-        let windows = self.score.as_mut().map_or(Vec::new(), |(_, tally)| tally.close().to_vec());
+        let windows = self.score.as_mut().map_or(Vec::new(), |s| s.tally.close().to_vec());
         (self.names.iter().cloned().zip(stds).collect(), windows)
     }
 
@@ -174,11 +189,14 @@ impl Considering {
         doubt.size() == self.size && doubt.told == self.told
     }
 
-    /// Computes the derivatives of the readings at the mean before an update.
-    pub(super) fn look(&mut self, belief: &Belief, moment: &Moment) {
+    /// Before an update: computes the derivatives of the readings at the mean, and P^-1 dx/dp.
+    pub(super) fn look(&mut self, belief: &Belief, doubt: Option<&Doubt>, moment: &Moment) {
+        if let Some(doubt) = doubt {
+            self.prior.divide(self.arch, &belief.covariance, &doubt.slopes);
+        }
         let mean = &belief.mean;
         self.inflated = (belief.inflation, belief.roughness);
-        if let Some((delays, _)) = &mut self.score {
+        if let Some(Scoring { delays, .. }) = &mut self.score {
             delays.look(belief.time_s, mean);
         }
         for (own, from) in self.mean.iter_mut().zip(&self.from) {
@@ -194,22 +212,31 @@ impl Considering {
     fn follow(
         &mut self,
         doubt: &mut Doubt,
-        (time_s, p, shift, innovation): (f64, &Square, &[f64], Option<&[f64]>),
+        (time_s, p, filter, innovation): (f64, &Square, &Filter<Body>, Option<&[f64]>),
         row_variance: impl Fn(usize) -> Option<f64>,
     ) {
-        let (width, slopes) = (self.size.2, &mut doubt.slopes[..]);
-        self.pull.fill(0.0);
-        let counts = innovation.is_some() && self.score.as_mut().is_some_and(|(_, tally)| tally.begin(time_s));
+        let slopes = &mut doubt.slopes[..];
+        self.forced.clear();
         for t in 0..self.straight.triples.len() {
-            self.answer(t, slopes, innovation.filter(|_| counts), &row_variance);
+            self.answer(t, slopes, &row_variance);
         }
-        if let Some((_, tally)) = self.score.as_mut().filter(|_| counts) {
-            tally.keep(slopes);
+        if let (Some(scoring), Some(innovation)) = (&mut self.score, innovation) {
+            if scoring.tally.begin(time_s) {
+                let weighed = scoring.take_rows(filter, (&self.answers, &self.weights, innovation)).clone();
+                gather_pull(&self.straight, &self.roles, &self.weights, &weighed, &mut scoring.pull);
+                scoring.take_states(self.arch, p, filter.shift());
+            }
         }
-        self.arch.run(Following { slopes, p, pull: &self.pull, width });
-        if let Some((_, tally)) = self.score.as_mut().filter(|_| counts) {
-            tally.update(&self.pull, slopes, shift);
-        }
+        filter.substitute(Side::Left, &mut self.forced);
+        let forced = match filter.whole() {
+            Some(update) => Forced::Whole(update, &self.forced),
+            None => {
+                filter.substitute(Side::Right, &mut self.forced);
+                gather_pull(&self.straight, &self.roles, &self.weights, &self.forced, &mut self.pull);
+                Forced::Pull(&self.pull)
+            }
+        };
+        self.prior.update(self.arch, p, forced, slopes);
         if !slopes.iter().all(|s| s.abs() < ABSURD) {
             slopes.fill(0.0);
         }
@@ -242,55 +269,45 @@ impl Considering {
         (squares, count)
     }
 
-    /// For a few rows: B = J dx/dp + dh/dp, and their part of J'WB.
-    fn answer(&mut self, t: usize, slopes: &[f64], counted: Option<&[f64]>, variance: &impl Fn(usize) -> Option<f64>) {
+    /// For a few rows: B = J dx/dp + dh/dp, and dh/dp divided by noise.
+    fn answer(&mut self, t: usize, slopes: &[f64], variance: &impl Fn(usize) -> Option<f64>) {
         let (_, _, width) = self.size;
         let triple = &self.straight.triples[t];
         for i in 0..triple.count {
             let row = triple.row + i;
-            let Some(noise) = variance(row) else { continue };
-            let answer = &mut self.answers[row * width..(row + 1) * width];
+            let noise = variance(row);
+            self.weights[row] = noise.map_or(0.0, |noise| 1.0 / noise.sqrt());
+            if noise.is_none() {
+                continue;
+            }
+            let (answer, forced) = (&mut self.answers[row * width..(row + 1) * width], self.forced.row_mut(row));
             answer.fill(0.0);
-            let mut input_noise = 0.0;
+            let mut moved = |s: usize, by: f64| {
+                answer.iter_mut().zip(&slopes[s * width..(s + 1) * width]).for_each(|(a, x)| *a += by * x);
+            };
             for slope in &self.straight.slopes[triple.slopes.clone()] {
                 let by = slope.rows[i];
                 match self.roles[slope.state] {
-                    Role::State(s) => {
-                        answer.iter_mut().zip(&slopes[s * width..(s + 1) * width]).for_each(|(a, x)| *a += by * x);
-                    }
-                    Role::Considered(k, std) => answer[k] += by * std,
+                    Role::State(s) => moved(s, by),
+                    Role::Considered(k, std) => forced[k] += by * std,
                     Role::Nothing => {}
                 }
-                if slope.state >= self.straight.n {
-                    input_noise += by * by;
-                }
             }
             if let Some(Role::State(s)) = triple.added.map(|first| self.roles[first + i]) {
-                answer.iter_mut().zip(&slopes[s * width..(s + 1) * width]).for_each(|(a, x)| *a += x);
+                moved(s, 1.0);
             }
             if let Some(k) = self.zeros[row] {
-                answer[k] += ZERO_STD;
+                forced[k] += ZERO_STD;
             }
-            if let Some((delays, _)) = &self.score {
+            if let Some(Scoring { delays, .. }) = &self.score {
                 let felt = &self.straight.slopes[triple.slopes.clone()];
                 if let Some((k, late)) = delays.answer(triple, i, felt, &self.roles) {
-                    answer[k] += late;
+                    forced[k] += late;
                 }
             }
-            let weight = 1.0 / (noise + input_noise);
-            if let (Some((_, tally)), Some(innovation)) = (&mut self.score, counted) {
-                tally.row(answer, weight, innovation[row]);
-            }
-            for slope in &self.straight.slopes[triple.slopes.clone()] {
-                if let Role::State(s) = self.roles[slope.state] {
-                    let by = weight * slope.rows[i];
-                    let pull = &mut self.pull[s * width..(s + 1) * width];
-                    pull.iter_mut().zip(&*answer).for_each(|(p, a)| *p += by * a);
-                }
-            }
-            if let Some(Role::State(s)) = triple.added.map(|first| self.roles[first + i]) {
-                let pull = &mut self.pull[s * width..(s + 1) * width];
-                pull.iter_mut().zip(&*answer).for_each(|(p, a)| *p += weight * a);
+            for (answer, forced) in answer.iter_mut().zip(forced) {
+                *answer += *forced;
+                *forced *= self.weights[row];
             }
         }
     }
@@ -323,16 +340,17 @@ impl Considering {
         let Hypothesis { belief, doubt, .. } = one;
         let believed = |r: usize| update.believes(subject, r);
         let now = (belief.inflation, belief.roughness);
-        let left =
-            self.leftover(&subject.rough_rows, (&belief.covariance, update.shift, &update.info.innovation), |r| {
-                believed(r).then(|| update.readings.noise_variance(subject, r, now))
-            });
+        let left = self.leftover(
+            &subject.rough_rows,
+            (&belief.covariance, update.filter.shift(), &update.info.innovation),
+            |r| believed(r).then(|| update.readings.noise_variance(subject, r, now)),
+        );
         learn_roughness(belief, left, update);
         let Some(doubt) = doubt else { return };
         let innovation = update.learning.map(|_| &update.info.innovation[..]);
         let before = self.inflated;
         let noise = |r: usize| believed(r).then(|| update.readings.noise_variance(subject, r, before));
-        self.follow(doubt, (belief.time_s, &belief.covariance, update.shift, innovation), noise);
+        self.follow(doubt, (belief.time_s, &belief.covariance, update.filter, innovation), noise);
         self.learn(doubt, belief.time_s, &update.info.innovation, believed);
     }
 }
@@ -341,10 +359,7 @@ impl Considering {
 pub(super) struct Update<'a> {
     readings: &'a Readings,
     info: &'a Info,
-    shift: &'a [f64],
-    since_s: f64,
-    /// Whether one update used all readings.
-    whole: bool,
+    filter: &'a Filter<Body>,
     /// `None` while several hypotheses compete.
     learning: Option<Learning>,
 }
@@ -356,8 +371,7 @@ impl<'a> Update<'a> {
         filter: &'a Filter<Body>,
         learning: Option<Learning>,
     ) -> Self {
-        let (shift, since_s, whole) = (filter.shift(), filter.since_s(), filter.is_whole());
-        Update { readings, info, shift, since_s, whole, learning }
+        Update { readings, info, filter, learning }
     }
 
     fn believes(&self, subject: &Subject, row: usize) -> bool {
@@ -367,8 +381,8 @@ impl<'a> Update<'a> {
 
 /// `squares` is the sum of squared residuals of accelerometers, for `count` readings.
 fn learn_roughness(belief: &mut Belief, (squares, count): (f64, f64), update: &Update) {
-    let Some(learning) = update.learning.filter(|_| count > 0.0 && update.whole) else { return };
-    let (dt, ratio) = (update.since_s, squares / count);
+    let Some(learning) = update.learning.filter(|_| count > 0.0 && update.filter.is_whole()) else { return };
+    let (dt, ratio) = (update.filter.since_s(), squares / count);
     let roughness = learning.inflation(belief.roughness, belief.leftover, dt, ratio);
     belief.leftover = learning.usual_nis(belief.leftover, dt, ratio);
     belief.roughness = roughness;
@@ -430,22 +444,22 @@ impl Kernel for Looking<'_> {
     }
 }
 
-/// Reduces dx/dp by P J'WB: the gain of an update with the updated covariance P.
-struct Following<'a> {
-    slopes: &'a mut [f64],
-    p: &'a Square,
-    pull: &'a [f64],
-    width: usize,
-}
-
-impl Kernel for Following<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<const FUSED: bool>(self) {
-        for (i, row) in self.slopes.chunks_exact_mut(self.width).enumerate() {
-            let terms = self.p.row(i).iter().zip(self.pull.chunks_exact(self.width));
-            accumulate(row, terms.map(|(p, pull)| (-p, pull)));
+/// J'W times some columns, which are already divided by all of W but one standard deviation of the noise.
+fn gather_pull(straight: &SparseJacobian, roles: &[Role], weights: &[f64], columns: &Columns, pull: &mut [f64]) {
+    pull.fill(0.0);
+    for triple in &straight.triples {
+        for i in 0..triple.count {
+            let (weight, column) = (weights[triple.row + i], columns.row(triple.row + i));
+            if weight == 0.0 {
+                continue;
+            }
+            let felt = straight.slopes[triple.slopes.clone()].iter().map(|s| (roles[s.state], s.rows[i]));
+            for (role, by) in felt.chain(triple.added.map(|first| (roles[first + i], 1.0))) {
+                if let Role::State(s) = role {
+                    let pull = &mut pull[s * column.len()..(s + 1) * column.len()];
+                    pull.iter_mut().zip(column).for_each(|(p, a)| *p += weight * by * a);
+                }
+            }
         }
     }
 }

@@ -6,6 +6,7 @@ use super::consider::Doubt;
 use super::faults::FaultState;
 use super::north::NorthState;
 use super::rest::RestState;
+use super::stance::StanceState;
 use crate::estimate::belief::Belief;
 use crate::estimate::System;
 pub use flat::MEMORY;
@@ -35,12 +36,14 @@ pub struct SourceMemory {
     pub(super) rest: RestState,
     pub(super) faults: FaultState,
     pub(super) north: NorthState,
+    pub(super) stance: StanceState,
 }
 
 impl SourceMemory {
     /// A memory that contains only the time of the last reading.
     pub fn new(seen_s: f64) -> Self {
-        SourceMemory { seen_s, rest: RestState::NONE, faults: FaultState::NONE, north: NorthState::NONE }
+        let (faults, north) = (FaultState::NONE, NorthState::NONE);
+        SourceMemory { seen_s, rest: RestState::NONE, faults, north, stance: StanceState::NONE }
     }
 }
 

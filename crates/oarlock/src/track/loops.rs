@@ -85,11 +85,11 @@ impl Loops {
         Loops { all: loops(&subject.body, &subject.depends), on }
     }
 
-    /// Writes the closures' readings of zero.
-    pub fn fill(&self, subject: &Subject, readings: &mut Readings) {
+    /// Writes the closures' readings of zero. None in a sample without readings, which is a row of the output alone.
+    pub fn fill(&self, subject: &Subject, readings: &mut Readings, is_empty: bool) {
         for l in &self.all {
             let rows = subject.body.suite.sources[l.source].rows.clone();
-            readings.z[rows].fill(if self.on { 0.0 } else { f64::NAN });
+            readings.z[rows].fill(if self.on && !is_empty { 0.0 } else { f64::NAN });
         }
     }
 

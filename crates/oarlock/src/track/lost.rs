@@ -58,7 +58,7 @@ pub(super) fn give_up(subject: &Subject, readings: &Readings, one: &mut Hypothes
         for c in joint.coordinates() {
             let (axis, Some(slots)) = (&body.axes[c], body.layout.coordinates[c]) else { continue };
             let value = belief.mean[slots.q];
-            belief.mean[slots.q] = match (wraps, axis.turns) {
+            belief.mean[slots.q] = match (wraps, axis.turns || axis.travels) {
                 (true, _) => axis.nearest(value),
                 (false, true) => value,
                 (false, false) => value.clamp(axis.limits[0], axis.limits[1]),

@@ -51,11 +51,23 @@ fn widened(run: &Run) -> Option<String> {
     (most > WORTH_A_WORD_DEG).then(|| {
         format!(
             "uncertainty was increased, by up to {:.1} deg ({}) at the end: for several seconds the sensors disagreed with the \
-             assumed mounts, lengths or sensor positions; run `oarlock calibrate motion`",
+             assumed mounts, lengths or sensor positions; run `oarlock calibrate {}`",
             1.96 * most,
-            body.model.coordinate_names()[joint]
+            body.model.coordinate_names()[joint],
+            calibration_verb(run)
         )
     })
+}
+
+/// The calibration from movement that works with this body and its recorded units.
+fn calibration_verb(run: &Run) -> &'static str {
+    let model = &run.tracker().body().model;
+    let is_unit = |name: &str| model.sensors.iter().any(|s| s.name == name && s.kind.mount().is_some());
+    match (model.closures.is_empty(), run.recording().names().filter(|name| is_unit(name)).count()) {
+        (false, _) => "motion",
+        (true, 2..) => "joints",
+        (true, _) => "pose",
+    }
 }
 
 /// Names of the sensors that are used with their nominal mount.
@@ -95,18 +107,34 @@ fn silent_loops(run: &Run) -> Vec<String> {
     let spoke = |s: usize| (0..rows).filter(|r| run.series.reports[r * sources + s].used > 0).count();
     let describe = |(i, c): (usize, &crate::model::Closure)| {
         let missing = rows - spoke(first + i);
-        let whole = if !run.config().closures {
-            "switched off"
-        } else {
-            "no sample contained all readings that it needs; if their time stamps differ by more than merge_s, increase merge_s"
-        };
         match missing {
             0 => None,
-            m if m == rows => Some(format!("closure {}: never used ({whole})", c.name)),
+            m if m == rows => Some(format!("closure {}: never used ({})", c.name, why_silent(run, first + i))),
             m => Some(format!("closure {}: used in {} of {rows} rows", c.name, rows - m)),
         }
     };
     model.closures.iter().enumerate().filter_map(describe).collect()
+}
+
+/// Why a closure, as a source, was never used.
+fn why_silent(run: &Run, source: usize) -> String {
+    if !run.config().closures {
+        return "switched off".into();
+    }
+    let subject = &run.tracker().subject;
+    let joints = subject.body.model.joints.iter().zip(&subject.depends[source]);
+    let needed: Vec<&str> = joints.filter(|(j, depends)| j.input && **depends).map(|(j, _)| j.name.as_str()).collect();
+    let streams: Vec<&str> = run.recording().names().collect();
+    let absent: Vec<&str> = needed.iter().copied().filter(|j| !is_there(&subject.body.model, &streams, j)).collect();
+    match (needed.is_empty(), absent.is_empty()) {
+        (true, _) => "sensors measure too few of its joints; check the streams of both of its sides".into(),
+        (_, false) => format!("no stream for {}; check the recording's stream names", absent.join(", ")),
+        _ => format!(
+            "no sample has readings of {} together; leave out the setting inputs, so that these joints are estimated between \
+             their readings",
+            needed.join(", ")
+        ),
+    }
 }
 
 /// The field that magnetometers are expected to read.

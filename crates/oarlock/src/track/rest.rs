@@ -6,9 +6,7 @@
 
 use super::hypothesis::SourceMemory;
 use super::readings::Readings;
-use super::subject::Subject;
 use crate::body::Body;
-use crate::estimate::filter::{Info, Verdict};
 use crate::sensor::{Quantity, Source};
 use std::ops::Range;
 
@@ -64,15 +62,6 @@ impl Rest {
             let SourceMemory { rest, seen_s, .. } = &mut sources[unit.source];
             let rests = rest.remember(of_unit, time_s, time_s - *seen_s);
             readings.z[unit.rest.clone()].fill(if rests { 0.0 } else { f64::NAN });
-        }
-    }
-
-    /// Removes readings of rest from the missing rows: no sensor owes them.
-    pub fn report(&self, subject: &Subject, info: &mut Info) {
-        for unit in &self.0 {
-            if info.parts[subject.part_of_row[unit.rest.start]] == Verdict::Missing {
-                info.sources[unit.source].missing -= unit.rest.len() as u8;
-            }
         }
     }
 }

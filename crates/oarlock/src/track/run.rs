@@ -255,20 +255,13 @@ impl Keeper<'_> {
         run.losses_s.extend(info.lost.then_some(time_s));
         let Run { tally, tracker, .. } = run;
         tally.judge(&tracker.subject, info, tracker.fields(info).zip(tracker.source_faults(info)));
-        // Decided by the time stamp alone, so that a run in two parts keeps the same rows. A rounding error late counts
-        // as on time.
-        let is_row = match Gathering::of(&run.config) {
-            Gathering::Ticks(ticks) => ticks.is_row(ticks.nearest(time_s)),
-            Gathering::Instants(_) => {
-                let rate_hz = run.config.row_rate_hz();
-                let slot = |time_s: f64| rate_hz.map_or(f64::NAN, |rate| (time_s * rate + 1e-6).floor());
-                slot(time_s) != slot(self.kept_s)
-            }
-        };
+        // Decided by the time stamp alone, so that a run in two parts keeps the same rows.
+        let is_row = Gathering::of(&run.config).is_row(self.kept_s, time_s);
         let row = run.series.time_s.len();
         let due = run.checkpoints.last().is_none_or(|c| {
-            // A whole number of intervals up to rounding counts as reached.
-            time_s - c.known.time_s() >= run.config.belief_interval_s * (1.0 - 1e-9)
+            // A whole number of intervals up to rounding counts as reached. What is learnt from the time before a sample
+            // without readings is no part of its state estimate.
+            !info.nis.is_nan() && time_s - c.known.time_s() >= run.config.belief_interval_s * (1.0 - 1e-9)
         });
         if due {
             run.checkpoints.push(Checkpoint { known: Packed::of(known), cursor, row, is_row });

@@ -74,7 +74,7 @@ impl Tracker {
     fn begin(&mut self, sink: Sink) -> Result<()> {
         let waiting = std::mem::take(&mut self.waiting);
         let mut one = self.fit_start(&waiting)?;
-        self.filter.await_sample();
+        self.filter.await_sample(one.belief.time_s);
         for (i, sample) in waiting.iter().enumerate() {
             if i == 0 {
                 self.prepare(sample);
@@ -167,7 +167,7 @@ impl Tracker {
         on_predicted: &mut dyn FnMut(&Transition, &Belief),
     ) -> Result<()> {
         let since_s = one.belief.time_s;
-        self.filter.await_sample();
+        self.filter.await_sample(since_s);
         loop {
             let now_s = one.belief.time_s;
             let step_s = LONGEST_STEP_S.max(STEP_SHARE * (now_s - since_s));
@@ -202,7 +202,8 @@ impl Tracker {
         readings.take(sample);
         self.faults.silence_clipped(subject, readings);
         readings.refer(subject);
-        self.loops.fill(subject, readings);
+        let is_empty = sample.z.iter().chain(&sample.inputs).all(|x| x.is_nan());
+        self.loops.fill(subject, readings, is_empty);
         readings.silence_what_needs_missing_inputs(subject, sample);
         self.magnetic.judge_norms(subject, readings);
         readings.mark_active(subject);
@@ -214,6 +215,7 @@ impl Tracker {
         let time_s = one.belief.time_s;
         self.faults.silence_stuck(subject, &mut one.sources, readings, time_s);
         self.rest.notice(&mut one.sources, readings, time_s);
+        self.stance.notice(&mut one.sources, readings, time_s);
         self.loops.wait(subject, &one.sources, time_s, readings);
         let must_regain = is_lost || regain::is_due(subject, &self.loops, readings, one);
         if !(must_regain && self.regain(one, is_lost)) {
@@ -222,7 +224,7 @@ impl Tracker {
         self.info.lost = is_lost;
         self.north.report(&mut self.info);
         self.faults.report(&self.subject, &self.readings, &mut self.info);
-        self.rest.report(&self.subject, &mut self.info);
+        self.subject.excuse_virtual(&mut self.info);
         Ok(())
     }
 
@@ -255,7 +257,7 @@ impl Tracker {
         let wants_slopes = one.doubt.is_some() || self.settings.learning.memory_s.is_finite();
         let mut considering = self.considering.as_mut().filter(|_| wants_slopes);
         if let Some(considering) = &mut considering {
-            considering.look(&one.belief, &readings.moment);
+            considering.look(&one.belief, one.doubt.as_ref(), &readings.moment);
         }
         self.north.bar_turned(subject, &one.sources, time_s, &mut magnetic.excluded);
         let measured = Measurement {

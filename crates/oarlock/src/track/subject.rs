@@ -2,7 +2,7 @@
 
 use super::loops::dependence;
 use crate::body::Body;
-use crate::estimate::filter::RowGroups;
+use crate::estimate::filter::{Info, RowGroups, Verdict};
 use crate::model::{Axis, Joint, JointKind, SensorKind};
 use crate::sensor::Quantity;
 
@@ -53,6 +53,15 @@ impl Subject {
     /// Parts that measure a quantity.
     pub fn parts_of(&self, quantity: Quantity) -> impl Iterator<Item = usize> + '_ {
         (0..self.quantities.len()).filter(move |&p| self.quantities[p] == quantity)
+    }
+
+    /// Removes readings of rest and contact from the missing rows: no sensor owes them.
+    pub fn excuse_virtual(&self, info: &mut Info) {
+        for p in [Quantity::Rest, Quantity::Contact].into_iter().flat_map(|q| self.parts_of(q)) {
+            if info.parts[p] == Verdict::Missing {
+                info.sources[self.source_of_part[p]].missing -= self.groups.parts[p].len() as u8;
+            }
+        }
     }
 
     /// Rows of magnetometers.

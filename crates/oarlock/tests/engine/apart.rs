@@ -112,8 +112,14 @@ fn arriving(tracker: &Tracker, streams: &[Stream], mut delay_s: impl FnMut() -> 
     let mut all = Vec::new();
     for stream in streams {
         let alone = vec![stream.clone()];
-        let one =
-            Recording::new(&body.model, &body.suite, alone, &Default::default(), Gathering::Instants(1e-9)).unwrap();
+        let one = Recording::new(
+            &body.model,
+            &body.suite,
+            alone,
+            &Default::default(),
+            Gathering::Instants { merge_s: 1e-9, rows: None },
+        )
+        .unwrap();
         let place = match input_joint(&body.model, &stream.name) {
             Some(joint) => Place::Input(body.model.joints[joint].first),
             None => Place::Source(body.suite.sources.iter().position(|s| s.name == stream.name).unwrap()),

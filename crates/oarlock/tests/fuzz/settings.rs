@@ -32,6 +32,7 @@ pub fn config(chance: &mut Chance, coordinates: usize) -> Config {
     Config {
         estimate,
         closures: one_in(chance, 2),
+        contacts: one_in(chance, 2),
         process_noise: *pick(chance, &[ProcessNoise::Jerk, ProcessNoise::Paper]),
         magnetometer: *pick(chance, &[Magnetometer::Off, Magnetometer::Gated, Magnetometer::On]),
         filter: *pick(chance, &[FilterKind::Ukf, FilterKind::Ekf, FilterKind::Factorised]),

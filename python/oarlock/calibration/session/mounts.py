@@ -161,8 +161,11 @@ class MountSearch:
         ]
         own = set(self.body.joints[joint]) if about is None else set()
         kept = [k for k in turning_ones if self.body.model.coordinate_names[k] not in own]
-        spread = slopes[kept] * self._std(step)
-        return axis, spread.T @ spread
+        slopes = slopes[kept]
+        # A segment keeps the posture's deviation in each direction, however many joints carry it: people steady trunk
+        # and head in space (Pozzo, Berthoz and Lefort 1990), so errors of joints do not add up along a chain.
+        shares, directions = np.linalg.eigh(slopes.T @ slopes)
+        return axis, self._std(step) ** 2 * (directions * np.minimum(shares, 1.0)) @ directions.T
 
     # --- north --------------------------------------------------------------------------------------
 

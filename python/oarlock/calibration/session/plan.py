@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from oarlock.calibration.session import step_values as values
+from oarlock.calibration.session.still_pose import STANDING, StillPose, belongs, chosen_pose, still_poses
 from oarlock.model.shipped_files import model_folder
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
@@ -188,42 +189,62 @@ class SessionPlan:
         )
 
 
-def load_session_plan(file: str | PathLike[str]) -> SessionPlan:
+def load_session_plan(file: str | PathLike[str], pose: str = STANDING) -> SessionPlan:
     """Read a plan.
 
+    Args:
+        file: a plan file.
+        pose: the still pose of the session; a plan offers those of its tables [[posture]].
+
     Raises:
-        DataError: the file cannot be read, a key is unknown, or a step does not make sense; with file and line.
+        DataError: the file cannot be read, a key is unknown, a step does not make sense, or the plan has no such pose;
+            with file and line.
     """
     from oarlock.storage.toml import TomlTable
 
     top = TomlTable.read(Path(file))
     top.check_format(FORMAT)
-    top.check_keys({"format", "name", "posture_std_rad", "any_order", "step"})
+    top.check_keys({"format", "name", "posture_std_rad", "any_order", "posture", "step"})
+    still = chosen_pose(still_poses(top), pose, f"plan {file}")
     known = {f.name for f in fields(SessionStep)}
     steps = []
     for table in top.tables("step"):
-        table.check_keys(known)
+        table.check_keys(known | {"poses"})
         table.string("name")
         table.string("kind")
         keys: dict[str, Any] = dict(table.values)
         try:
-            steps.append(SessionStep(**keys))
+            poses = values.names(keys.pop("poses", ()), "poses")
+            if still.taken_in(table.string("kind")):
+                keys.setdefault("pose", still.pose)
+            step = SessionStep(**keys)
         except DataError as error:
             raise DataError(f"{table.where()}: {error}") from None
-    name = top.string("name", Path(file).stem)
+        if belongs(poses, still):
+            steps.append(step)
+    name = top.string("name", Path(file).stem) + ("" if still.name == STANDING else f", pose {still.name}")
     posture_std_rad = top.number("posture_std_rad", POSTURE_STD_RAD)
     return SessionPlan(name, tuple(steps), posture_std_rad, top.boolean("any_order", False))
 
 
-def default_plan(model: Model) -> SessionPlan:
-    """The protocol that ships with a model or with the body that it is a part of, or a plain one: turn each hinge."""
+def default_plan(model: Model, pose: str = STANDING) -> SessionPlan:
+    """The protocol that ships with a model or with the body that it is a part of, or a plain one: turn each hinge.
+
+    Args:
+        model: a body.
+        pose: the still pose; bodies of persons have `N` (standing, arms hanging), `T` (arms level) and `sitting`.
+
+    Raises:
+        DataError: the protocol has no such pose.
+    """
     folder = model_folder() / "plans"
     shipped = folder / f"{model.name}.toml"
     if shipped.is_file():
-        return fitted(load_session_plan(shipped), model)
-    body = fitted(load_session_plan(folder / f"{WHOLE_BODY}.toml"), model)
+        return fitted(load_session_plan(shipped, pose), model)
+    body = fitted(load_session_plan(folder / f"{WHOLE_BODY}.toml", pose), model)
     if any(step.kind == "move" for step in body.steps):
         return replace(body, name=f"{model.name}: {body.name}")
+    chosen_pose({STANDING: StillPose(STANDING)}, pose, f'the plan of the model "{model.name}"')
     hinges = [j.name for j in model.describe().joints if j.kind == "hinge" and not j.input]
     moves = [SessionStep(f"turn {name}", "move", joints=(name,)) for name in hinges]
     rest = [SessionStep(f"rest posture {k}", "pose") for k in range(len(moves) + 1)]

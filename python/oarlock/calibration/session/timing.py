@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +10,7 @@ from scipy.optimize import linear_sum_assignment
 
 from oarlock.calibration.session.body import Body
 from oarlock.calibration.session.plan import SessionPlan, SessionStep
+from oarlock.calibration.session.posture_match import of_another_posture
 from oarlock.calibration.session.unit_rows import Span, UnitRows, common, joined
 
 if TYPE_CHECKING:
@@ -42,16 +43,42 @@ def located(plan: SessionPlan, body: Body, units: Mapping[str, UnitRows]) -> dic
     """
     placed = {s.name: span for s in plan.steps if (span := s.span_s) is not None}
     sought = [s for s in plan.steps if s.span_s is None and s.kind in ("still", "pose", "move")]
-    segments = _segments(units) if sought else []
+    segments = segments_of(units) if sought else []
     scores = np.array([[_score(step, seg, body, units) for seg in segments] for step in sought])
     lay = _assigned if plan.any_order else _laid
+    scores = scores.reshape(len(sought), len(segments))
     missed = np.array([OPTIONAL_MISSED if step.optional else MISSED for step in sought])
-    found = lay(scores.reshape(len(sought), len(segments)), missed)
+    found = lay(scores, missed)
+    if plan.any_order:
+        found = lay(_in_posture(scores, found, sought, segments, body, units), missed)
     for step, index in zip(sought, found, strict=True):
         if index is not None:
             _, start, end = segments[index]
             placed[step.name] = (start - ROOM_S, end) if step.kind == "move" else (start, end)
     return placed | _turns(plan, placed, units)
+
+
+def _in_posture(
+    scores: FloatArray,
+    found: Sequence[int | None],
+    sought: Sequence[SessionStep],
+    segments: Sequence[Segment],
+    body: Body,
+    units: Mapping[str, UnitRows],
+) -> FloatArray:
+    """The scores without rests in which gravity shows another posture than that of the step."""
+    known = [
+        (step, (segments[index][1] - ROOM_S, segments[index][1]))
+        for step, index in zip(sought, found, strict=True)
+        if step.kind == "move" and index is not None
+    ]
+    kept = scores.copy()
+    for row, step in enumerate(sought):
+        for column, (_, start, end) in enumerate(segments):
+            possible = step.kind == "pose" and np.isfinite(scores[row, column])
+            if possible and of_another_posture(step, (start, end), known, body, units):
+                kept[row, column] = -np.inf
+    return kept
 
 
 def _turns(plan: SessionPlan, placed: Mapping[str, Span], units: Mapping[str, UnitRows]) -> dict[str, Span]:
@@ -68,7 +95,7 @@ def _turns(plan: SessionPlan, placed: Mapping[str, Span], units: Mapping[str, Un
     return found
 
 
-def _segments(units: Mapping[str, UnitRows]) -> list[Segment]:
+def segments_of(units: Mapping[str, UnitRows]) -> list[Segment]:
     """Still and moving stretches of the whole, in order of time."""
     start = max(u.time_s[0] for u in units.values())
     end = min(u.time_s[-1] for u in units.values())

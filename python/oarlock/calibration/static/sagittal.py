@@ -181,7 +181,8 @@ def calibrate_sagittal(
         The starting calibration with mounts and their standard deviations (3,) rad about the link's axes. ``noted`` has
         for each unit how its heading was found (`movement`, `movement, either way` where the joints allow both
         directions, `two hinges`, `north`, or `nominal`), its standard deviation, and the share of the turning that was
-        about one level axis.
+        about one level axis. Its `balls` are pairs of hinges whose axes stay unknown: track them as one ball
+        (`with_ball_joint`, or `oarlock track --ball`).
 
     Raises:
         DataError: as `calibrate_pose`; no unit turns about a clear axis.
@@ -226,6 +227,7 @@ def calibrate_sagittal(
             for name in names
         },
         "two_hinges": [pair.noted() for pair in pairs],
+        "balls": [list(p.joints) for p in pairs if p.is_ball({n: headings[n].std_rad for n in names})],
     }
     found = worn.calibrated({name: (mounts[name], worn.offsets[name]) for name in names}, noted)
     return replace(found, mount_stds_rad={**found.mount_stds_rad, **stds})

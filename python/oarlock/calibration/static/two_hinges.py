@@ -34,6 +34,10 @@ LARGEST_MISFIT_RAD = float(np.radians(6.0))
 LARGEST_STD_RAD = float(np.radians(10.0))
 LARGEST_OFF_RAD = float(np.radians(15.0))
 """Between the angle that the movement shows between both hinges and the model's."""
+KNOWN_HEADING_STD_RAD = float(np.radians(15.0))
+"""With a larger one the axes of the hinges are wrong in the units' axes by more than joints of people forgive."""
+UPRIGHT = float(np.cos(np.radians(30.0)))
+"""Least cosine between an axis and the vertical with which an unknown heading turns the unit about this axis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +52,7 @@ class TwoHinges:
         off_rad: how far the angle between the axes is from the model's.
         stds_rad: (2,) of both axes.
         refused: why there are no mounts; empty if there are.
+        upright: whether the second axis is the lower segment's long axis, vertical in the posture, as in an elbow.
     """
 
     units: tuple[str, str]
@@ -57,6 +62,16 @@ class TwoHinges:
     off_rad: float
     stds_rad: FloatArray
     refused: str
+    upright: bool
+
+    def is_ball(self, heading_stds_rad: Mapping[str, float]) -> bool:
+        """Whether the axes are so uncertain that a ball describes the joint better.
+
+        Args:
+            heading_stds_rad: unit -> standard deviation of the turn of its mount about the vertical.
+        """
+        unknown = max(heading_stds_rad[n] for n in self.units) > KNOWN_HEADING_STD_RAD
+        return bool(self.refused) and self.upright and unknown
 
     def noted(self) -> dict[str, object]:
         """Texts and numbers only, so that a file can hold them."""
@@ -138,7 +153,9 @@ class _Pair:
         off = abs(float(np.arccos(np.clip(fit.cosine, -1, 1)) - np.arccos(np.clip(angle, -1, 1))))
         refused = self._refused(fit, stds, off)
         mounts = {} if refused else self._mounts(fit, stds, ups, turns, rest, nominal)
-        return TwoHinges(self.units, self.joints, mounts, fit.misfit_rad, off, stds, refused)
+        up = self.body.root_from_link(self.units[1], self.q).T @ self.body.up
+        upright = bool(abs(up @ second[1]) > UPRIGHT)
+        return TwoHinges(self.units, self.joints, mounts, fit.misfit_rad, off, stds, refused, upright)
 
     @cached_property
     def _axes_in_links(self) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:

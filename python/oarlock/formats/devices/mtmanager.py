@@ -53,7 +53,8 @@ _CLOCK = SampleClock(
     2.0**16,
     2.0**32,
     1e4,
-    "gives an Update Rate. Give the rate of the recording, Hz: oarlock import mtmanager PATH --rate-hz 100.",
+    "gives an Update Rate; PacketCounter has no rate. Give the rate that was set in MT Manager, usually "
+    "100, 60, 120, 80 or 40 Hz: oarlock import mtmanager PATH --rate-hz 100.",
     "rate_hz",
 )
 _Z_UP = frozenset(("ENU", "NWU"))

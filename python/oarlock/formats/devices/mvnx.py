@@ -1,11 +1,11 @@
-"""Reads MVNX exports of Xsens MVN: orientations of segments and of sensors, magnetic field of sensors.
+"""Reads MVNX exports of Xsens MVN: orientations of segments and sensors, specific force and magnetic field of sensors.
 
 Frames, elements and axes as in the MVN user manual (MV0319P, sections 14.4 and 19): `orientation` and
 `sensorOrientation` take the segment's or sensor's axes to the global ones, whose z points up; `sensorMagneticField` is
-in the sensor's axes, in arbitrary units. `sensorFreeAcceleration` has the global axes and no gravity, so the specific
-force that a unit measured is not in the file; units of `sensorAcceleration` and `sensorAngularVelocity` of old versions
-could not be verified. These are left out, and the recording says so. The tests read files that were made by hand from
-the manual.
+in the sensor's axes, in arbitrary units. `sensorFreeAcceleration` is in m/s2, in global axes and without gravity: with
+`sensorOrientation` it gives back the specific force that the unit measured, f = R' (a + g up); without, it is left out.
+No gyroscope is in a file of today; units of `sensorAcceleration` and `sensorAngularVelocity` of old versions could not
+be verified. They are left out, and the recording says so. The tests read files that were made by hand from the manual.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import re
 from os import PathLike
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from oarlock.formats.counters import Lost, lost_packets
 from oarlock.formats.devices.exported_table import single_file
@@ -25,6 +26,7 @@ from oarlock.storage.array_gate import FloatArray, disorder_text
 from oarlock.storage.epoch import epoch_text
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
+from oarlock.storage.units import STANDARD_GRAVITY_M_S2
 
 SENSOR = "_sensor"
 """Ends the names of the streams of a sensor, which has the label of its segment."""
@@ -36,7 +38,8 @@ FULL_BODY = (
     *(f"Left{part}" for part in ("UpperLeg", "LowerLeg", "Foot", "Toe")),
 )
 """Labels of the 23 segments in their fixed order, for exports without labels."""
-_LEFT_OUT = ("sensorFreeAcceleration", "sensorAcceleration", "sensorAngularVelocity")
+FREE_ACCELERATION = "sensorFreeAcceleration"
+_LEFT_OUT = ("sensorAcceleration", "sensorAngularVelocity")
 _ROUNDING_S = 1.01e-3
 """Allowed difference of a time in whole milliseconds and the exact one; the first frame may be rounded, too."""
 _WHOLE = re.compile(r"\d{1,15}", re.ASCII)
@@ -99,24 +102,38 @@ def _turns(found: MvnxContents, element: str) -> FloatArray | None:
 
 def _sensors(found: MvnxContents, time_s: FloatArray, lost: Lost | None) -> list[UnitReadings]:
     turns, field = _turns(found, "sensorOrientation"), found.rows("sensorMagneticField")
-    counts = {rows.shape[1] for rows in (turns, field) if rows is not None}
+    free = found.rows(FREE_ACCELERATION) if turns is not None else None
+    counts = {rows.shape[1] for rows in (turns, field, free) if rows is not None}
     if not counts:
         return []
     if len(counts) > 1:
         raise DataError(
-            f"{found.file}: has sensorOrientation and sensorMagneticField of different numbers of sensors"
+            f"{found.file}: its sensor elements, such as sensorOrientation, have different numbers of sensors"
         )
     labels = _labels(found, found.sensors, counts.pop(), "sensor")
     return [
         UnitReadings(
             f"{stream_name(label)}{SENSOR}",
             time_s,
+            accel_m_s2=None if turns is None or free is None else _specific_force(turns[:, k], free[:, k]),
             mag_arbitrary=None if field is None else field[:, k],
             quat_wxyz=None if turns is None else turns[:, k],
             lost=lost,
         )
         for k, label in enumerate(labels)
     ]
+
+
+def _specific_force(quat_wxyz: FloatArray, free_m_s2: FloatArray) -> FloatArray:
+    """What an accelerometer reads, in its axes, from free acceleration in global axes; their z points up."""
+    lifted = free_m_s2 + np.array([0.0, 0.0, STANDARD_GRAVITY_M_S2])
+    there = np.isfinite(quat_wxyz).all(axis=1)
+    force: FloatArray = np.full_like(lifted, np.nan)
+    if there.any():
+        force[there] = Rotation.from_quat(quat_wxyz[there], scalar_first=True).apply(
+            lifted[there], inverse=True
+        )
+    return force
 
 
 def _labels(found: MvnxContents, labels: list[str], count: int, what: str) -> list[str]:
@@ -192,11 +209,17 @@ def _source(found: MvnxContents) -> dict[str, object]:
 
 def _notes(found: MvnxContents) -> list[str]:
     notes = []
-    if _LEFT_OUT[0] in found.others:
-        notes.append(
-            "sensorFreeAcceleration was left out: it has no gravity and global axes, so it is not what a unit "
-            "measures. Export the units with MT Manager, or from MVN as raw data."
-        )
-    if old := [name for name in _LEFT_OUT[1:] if name in found.others]:
+    if FREE_ACCELERATION in found.numbers:
+        if "sensorOrientation" in found.numbers:
+            notes.append(
+                "The accelerometers' readings were computed from sensorFreeAcceleration and sensorOrientation; their "
+                "gyroscopes are not in the file. To track with gyroscopes, export the units with MT Manager."
+            )
+        else:
+            notes.append(
+                "sensorFreeAcceleration was left out: without sensorOrientation it does not give the readings of the "
+                "accelerometers. Choose sensor orientation in MVN for the export, too."
+            )
+    if old := [name for name in _LEFT_OUT if name in found.others]:
         notes.append(f"{' and '.join(old)} were left out: their units are not documented.")
     return notes

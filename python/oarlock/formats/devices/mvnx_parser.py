@@ -16,7 +16,9 @@ from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import TABLE_LIMIT_BYTES, open_regular, shown_bytes
 
-WIDTHS = MappingProxyType({"orientation": 4, "sensorOrientation": 4, "sensorMagneticField": 3})
+WIDTHS = MappingProxyType(
+    {"orientation": 4, "sensorOrientation": 4, "sensorMagneticField": 3, "sensorFreeAcceleration": 3}
+)
 """Elements of a frame that are read -> numbers per segment or sensor."""
 _DEEPEST = 32
 _LONGEST_TEXT = 2**20

@@ -94,8 +94,9 @@ class SampleClock:
 
     def _rate_hz(self, unit: Columns, rate_hz: float | None) -> float:
         if rate_hz is None or not 0.0 < rate_hz < float("inf"):
+            said = "empty" if TICKS in unit.values else "missing"
             text = (
-                f"{unit.layout.file}: the time is not known: {TICKS} is empty and no line above the names "
+                f"{unit.layout.file}: the time is not known: {TICKS} is {said} and no line above the names "
                 f"{self.rate_hint}"
             )
             raise UnclearError(text, self.rate_option, {}) if self.rate_option else DataError(text)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -55,6 +56,13 @@ class Skeleton:
 
     def local(self, node: int) -> tuple[FloatArray, FloatArray]:
         """Position (T, 3) in m and rotation (T, 3, 3) of a node in the axes of its parent."""
+        return self._local[node]
+
+    @cached_property
+    def _local(self) -> tuple[tuple[FloatArray, FloatArray], ...]:
+        return tuple(self._in_parent(node) for node in range(len(self.names)))
+
+    def _in_parent(self, node: int) -> tuple[FloatArray, FloatArray]:
         parent = self.parents[node]
         if parent < 0:
             return self.position_m[:, node], self.turn[:, node]

@@ -23,11 +23,12 @@ SAME_POINT_M = 1e-6
 
 @dataclass(frozen=True)
 class Link:
-    """A line between two points in root axes, m; `moves` is false if it is fixed to the root."""
+    """A line on a frame between two points in root axes, m; `moves` is false if it is fixed to the root."""
 
     start: Vector
     end: Vector
     moves: bool
+    frame: str
 
 
 @dataclass(frozen=True)
@@ -143,7 +144,11 @@ def _links(frame: FrameDescription, place: Mapping[str, Vector], moves: bool, ki
     # a Denavit-Hartenberg row translates along x, then along the joint's z: a spine, then a collar bone
     corner = end - float((end - start) @ parent[:3, 2]) * parent[:3, 2]
     ends = (start, corner, end) if kind in ("hinge", "slide") else (start, end)
-    return [Link(a, b, moves) for a, b in pairwise(ends) if float(np.linalg.norm(b - a)) > SAME_POINT_M]
+    return [
+        Link(a, b, moves, frame.parent)
+        for a, b in pairwise(ends)
+        if float(np.linalg.norm(b - a)) > SAME_POINT_M
+    ]
 
 
 def _spots(

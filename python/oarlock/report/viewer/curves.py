@@ -95,10 +95,11 @@ def _largest_ranges(panels: Mapping[str, Sequence[Curve]]) -> list[str]:
 
 
 def _panel(key: str, curves: Sequence[Curve], rows: NDArray[np.int64], opened: bool) -> dict[str, Any]:
-    one = curves[0]
+    one, name = curves[0], key.replace("_", " ")
+    alone = f"{one.label} {name}" if one.side else one.label
     return {
         "key": key,
-        "label": key.replace("_", " ") if len(curves) > 1 else one.label,
+        "label": name if len(curves) > 1 else alone,
         "unit": one.unit,
         "open": opened,
         "series": [_series(curve, rows) for curve in curves],

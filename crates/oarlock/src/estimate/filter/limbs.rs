@@ -8,7 +8,7 @@
 use super::{broken, log_likelihood, Diverged, Filter, Info, Measurement, RowGroups, UpdateSettings};
 use crate::estimate::belief::Belief;
 use crate::estimate::clique::{Clique, CliqueScratch, CliqueSystem};
-use crate::estimate::information::{InformationUpdate, WeightedReadings};
+use crate::estimate::information::{Columns, InformationUpdate, Side, WeightedReadings};
 use crate::estimate::sigma::{PredictedReadings, ReadingContext};
 use crate::estimate::split::Split;
 use crate::estimate::star::{places, Places, Star};
@@ -109,6 +109,11 @@ impl<C, M> Limbs<C, M> {
             split,
         };
         Some((made, limbs))
+    }
+
+    /// Of each stage, for its readings.
+    pub fn substitute(&self, arch: Arch, side: Side, columns: &mut Columns) {
+        self.stages.iter().for_each(|stage| stage.information.substitute(arch, side, columns));
     }
 
     /// Covariance of core and limb before the update of stage `k`.

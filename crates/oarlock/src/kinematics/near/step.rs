@@ -92,7 +92,30 @@ impl Piece {
         }
     }
 
-    /// A vector of this length along the axis of a slide.
+    /// A point of the piece and its velocity relative to the piece, as the parent sees both.
+    #[inline(always)]
+    pub fn raised_moving<T: Real>(
+        &self,
+        turn: &Turn<T>,
+        point: Vec3<T>,
+        velocity: Vec3<T>,
+        joints: &JointMotion<T>,
+    ) -> (Vec3<T>, Vec3<T>) {
+        let Some(joint) = &self.joint else { return (point, velocity) };
+        let (first, along) = (joint.first, |v: &[T]| self.along(v[joint.first].scale(joint.sign)));
+        let own = match joint.kind {
+            JointKind::Hinge => along(joints.qd).cross(point),
+            JointKind::Slide => along(joints.qd),
+            JointKind::Fixed => Vec3::zero(),
+            JointKind::Ball => three(joints.qd, first).cross(point),
+            JointKind::Free => {
+                three(joints.qd, first + 3).cross(point) + rows(turn).apply_transposed(three(joints.qd, first))
+            }
+        };
+        (self.raised::<T, false>(turn, point, joints), self.raised::<T, true>(turn, velocity + own, joints))
+    }
+
+    /// A vector of this length along the axis of a hinge or slide.
     #[inline(always)]
     fn along<T: Real>(&self, by: T) -> Vec3<T> {
         let mut v = Vec3::zero();

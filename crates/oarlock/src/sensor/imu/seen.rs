@@ -26,7 +26,7 @@ impl<'a> Seen<'a> {
     pub(super) fn new<const FUSED: bool>(at: Moving<'a>, frame: usize, offset: &Point, axes: &Mat3<f64>) -> Self {
         let motion = &at.frames[frame];
         let arm = offset.turned(&motion.rotation, at.worn.lengths);
-        let velocity = at.slopes.velocity[frame] + motion.angular_velocity.cross(arm);
+        let velocity = motion.velocity_at(arm);
         Seen {
             at,
             motion,

@@ -4,7 +4,6 @@
 use super::Role;
 use crate::body::Body;
 use crate::kernels::sparse_jacobian::{RowTriple, Slope};
-use crate::sensor::Quantity;
 
 /// Unit of a delay, s.
 pub(super) const DELAY_STD_S: f64 = 0.01;
@@ -30,7 +29,7 @@ impl Delays {
     pub(super) fn new(body: &Body, twin: &Body, first: usize) -> (Self, Vec<String>) {
         let (mut of_row, mut names) = (vec![None; body.suite.len()], Vec::new());
         for source in &body.suite.sources {
-            let felt = source.parts.iter().filter(|p| !matches!(p.quantity, Quantity::Closure | Quantity::Rest));
+            let felt = source.parts.iter().filter(|p| !p.quantity.is_virtual());
             let rows: Vec<usize> = felt.flat_map(|p| p.rows.clone()).collect();
             if rows.is_empty() {
                 continue;

@@ -3,7 +3,8 @@
 //!
 //! With B = J dx/dp + dh/dp, the innovations are B p plus white noise of covariance S = J P J' + R. By Woodbury's
 //! identity
-//! B'S^-1 B = B'WB - (J'WB)'P+(J'WB) with W = R^-1, and B'S^-1 nu = B'W nu - (J'WB)'dx with the step dx of the update.
+//! B'S^-1 B = B'WB - (J'WB)'P+(J'WB) with W = R^-1, and B'S^-1 nu = B'W nu - (J'WB)'dx with the step dx of the update. Where
+//! readings are curved, W is the inverse of the noise and of what the filter adds to it for curvature (U5).
 
 use crate::kernels::dense::accumulate;
 
@@ -29,13 +30,12 @@ pub(super) struct Tally {
     width: usize,
     now: Window,
     full: Vec<Window>,
-    before: Vec<f64>,
 }
 
 impl Tally {
     pub(super) fn new(width: usize, settle_s: f64, window_s: f64) -> Self {
         let now = Window::default();
-        Tally { settle_s, window_s, begun_s: f64::NAN, width, now, full: Vec::new(), before: Vec::new() }
+        Tally { settle_s, window_s, begun_s: f64::NAN, width, now, full: Vec::new() }
     }
 
     /// Whether rows at this time are counted.
@@ -56,28 +56,20 @@ impl Tally {
         true
     }
 
-    /// Adds one row: its derivatives B, weight and innovation.
-    pub(super) fn row(&mut self, answer: &[f64], weight: f64, innovation: f64) {
+    /// Adds one row: its derivatives B and its innovation, both multiplied by a factor of W.
+    pub(super) fn row(&mut self, answer: &[f64], innovation: f64) {
         self.now.rows += 1;
         for (row, &a) in self.now.normal.chunks_exact_mut(self.width).zip(answer) {
-            accumulate(row, std::iter::once((weight * a, answer)));
+            accumulate(row, std::iter::once((a, answer)));
         }
-        accumulate(&mut self.now.right, std::iter::once((weight * innovation, answer)));
+        accumulate(&mut self.now.right, std::iter::once((innovation, answer)));
     }
 
-    /// Stores the slopes before an update.
-    pub(super) fn keep(&mut self, slopes: &[f64]) {
-        self.before.clear();
-        self.before.extend_from_slice(slopes);
-    }
-
-    /// Adds the effect of the update: `pull` is J'WB, the update reduced the slopes by P+ J'WB and moved the mean by
-    /// `shift`.
-    pub(super) fn update(&mut self, pull: &[f64], slopes: &[f64], shift: &[f64]) {
+    /// Adds the effect of the update: `pull` is J'WB, `lost` is P+ J'WB, and the mean moved by `shift`.
+    pub(super) fn update(&mut self, pull: &[f64], lost: &[f64], shift: &[f64]) {
         let width = self.width;
-        self.before.iter_mut().zip(slopes).for_each(|(b, s)| *b -= s);
         for (state, pulled) in pull.chunks_exact(width).enumerate().filter(|(_, p)| p.iter().any(|x| *x != 0.0)) {
-            let lost = &self.before[state * width..(state + 1) * width];
+            let lost = &lost[state * width..(state + 1) * width];
             for (row, &p) in self.now.normal.chunks_exact_mut(width).zip(pulled) {
                 accumulate(row, std::iter::once((-p, lost)));
             }

@@ -2,9 +2,10 @@
 
 use super::SourceMemory;
 use crate::track::faults::Repeats;
+use crate::track::stance::StanceState;
 
 /// Number of values.
-pub const MEMORY: usize = 35;
+pub const MEMORY: usize = 37;
 
 impl SourceMemory {
     /// Excludes the time of the last reading, which is saved separately.
@@ -22,7 +23,7 @@ impl SourceMemory {
     }
 
     fn numbers(&mut self) -> impl Iterator<Item = &mut f64> {
-        let SourceMemory { rest, faults, north, .. } = self;
+        let SourceMemory { rest, faults, north, stance, .. } = self;
         let rest = rest.gyro.iter_mut().chain(&mut rest.accel).chain([&mut rest.since_s, &mut rest.used_s]);
         let faults = [&mut faults.gyro, &mut faults.accel, &mut faults.mag].into_iter().flat_map(repeats);
         let north = [
@@ -33,7 +34,8 @@ impl SourceMemory {
             &mut north.age_s,
             &mut north.since_s,
         ];
-        rest.chain(faults).chain(north)
+        let StanceState { since_s, used_s } = stance;
+        rest.chain(faults).chain(north).chain([since_s, used_s])
     }
 }
 
@@ -57,6 +59,7 @@ mod tests {
             (11.0, 19.0, 27.0)
         );
         assert_eq!((memory.north.usual_rad, memory.north.since_s), (29.0, 34.0));
+        assert_eq!((memory.stance.since_s, memory.stance.used_s), (35.0, 36.0));
     }
 
     #[test]

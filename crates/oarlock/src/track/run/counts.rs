@@ -55,7 +55,7 @@ impl Tally {
         count_numbers(&mut self.inputs, &sample.inputs);
     }
 
-    /// Counts what an update did with the readings of each source. Readings of rest come from no sensor.
+    /// Counts what an update did with the readings of each source. Readings of rest and contact come from no sensor.
     pub fn judge(&mut self, subject: &Subject, info: &Info, troubles: impl Iterator<Item = (Field, Fault)>) {
         self.sources.resize(info.sources.len(), Sums::default());
         for ((sums, source), (field, fault)) in self.sources.iter_mut().zip(&info.sources).zip(troubles) {
@@ -64,7 +64,7 @@ impl Tally {
             sums.fields[field as usize] += 1;
             sums.faults[fault as usize] += u64::from(source.used + source.rejected > 0);
         }
-        for p in subject.parts_of(Quantity::Rest) {
+        for p in [Quantity::Rest, Quantity::Contact].into_iter().flat_map(|q| subject.parts_of(q)) {
             let (sums, rows) = (&mut self.sources[subject.source_of_part[p]], subject.groups.parts[p].len() as u64);
             match info.parts[p] {
                 Verdict::Missing => {}

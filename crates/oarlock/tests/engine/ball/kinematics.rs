@@ -179,15 +179,17 @@ fn poses_are_products_of_exponentials() {
 const FIRST: [f64; 4] = [4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0];
 const SECOND: [f64; 4] = [8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0];
 
-/// Every frame's spin, its derivative and the acceleration of its origin, by differences of eighth order of poses that are
+/// Every frame's spin, its derivative, and the velocity and acceleration of its origin, by differences of eighth order of poses that are
 /// `step` s apart.
-fn differentiate(poses: &[Vec<(Matrix3<f64>, Vector3<f64>)>; 9], i: usize, step: f64) -> [Vector3<f64>; 3] {
+fn differentiate(poses: &[Vec<(Matrix3<f64>, Vector3<f64>)>; 9], i: usize, step: f64) -> [Vector3<f64>; 4] {
     let (turn, place) = poses[4][i];
-    let (mut rate, mut bend, mut acceleration) = (Matrix3::zeros(), Matrix3::zeros(), Vector3::zeros());
+    let (mut rate, mut bend) = (Matrix3::zeros(), Matrix3::zeros());
+    let (mut velocity, mut acceleration) = (Vector3::zeros(), Vector3::zeros());
     for k in 1..=4 {
         let (after, before) = (&poses[4 + k][i], &poses[4 - k][i]);
         rate += (after.0 - before.0) * (FIRST[k - 1] / step);
         bend += (after.0 + before.0 - 2.0 * turn) * (SECOND[k - 1] / (step * step));
+        velocity += (after.1 - before.1) * (FIRST[k - 1] / step);
         acceleration += (after.1 + before.1 - 2.0 * place) * (SECOND[k - 1] / (step * step));
     }
     // R' = [w] R and R'' = ([w'] + [w][w]) R, both in root axes.
@@ -197,7 +199,7 @@ fn differentiate(poses: &[Vec<(Matrix3<f64>, Vector3<f64>)>; 9], i: usize, step:
         let odd = (m - m.transpose()) * 0.5;
         Vector3::new(odd[(2, 1)], odd[(0, 2)], odd[(1, 0)])
     };
-    [axis(spin), axis(bent), acceleration]
+    [axis(spin), axis(bent), velocity, acceleration]
 }
 
 #[test]
@@ -213,15 +215,16 @@ fn twists_are_derivatives_of_poses() {
             let found = motions(&body, &now.q, &now.qd, &now.qdd, &[]);
             let around = std::array::from_fn(|k| tree.poses(&model, &wave.at(t + (k as f64 - 4.0) * step).q));
             for (i, found) in found.iter().enumerate() {
-                let [spin, change, acceleration] = differentiate(&around, i, step);
+                let [spin, change, velocity, acceleration] = differentiate(&around, i, step);
                 rates = worse(rates, (vector(found.angular_velocity) - spin).amax());
+                rates = worse(rates, (vector(found.velocity) - velocity).amax());
                 turns = worse(turns, (vector(found.angular_acceleration) - change).amax());
                 let force = acceleration + Vector3::from(body.field.lift);
                 accelerations = worse(accelerations, (vector(found.proper_acceleration) - force).amax());
             }
         }
     }
-    println!("twists: spin {rates:.1e} rad/s, its rate {turns:.1e} rad/s2, acceleration {accelerations:.1e} m/s2");
+    println!("twists: spin and velocity {rates:.1e} rad/s, m/s, its rate {turns:.1e} rad/s2, acceleration {accelerations:.1e} m/s2");
     assert!(rates < RATE && turns < ACCELERATION && accelerations < ACCELERATION);
 }
 
@@ -248,6 +251,7 @@ fn anchors_change_nothing() {
                     worst = worse(worst, (matrix(&found.rotation) - matrix(&wanted.rotation)).amax());
                     let pairs = [
                         (found.position, wanted.position),
+                        (found.velocity, wanted.velocity),
                         (found.angular_velocity, wanted.angular_velocity),
                         (found.angular_acceleration, wanted.angular_acceleration),
                         (found.proper_acceleration, wanted.proper_acceleration),
@@ -279,6 +283,7 @@ fn last_lane(body: &Body, [q, qd, qdd]: [&[f64]; 3], anchors: &[Mat3<f64>]) -> V
     let one = |f: &FrameMotion<Lane>| FrameMotion {
         rotation: Mat3(f.rotation.0.map(|row| row.map(|x| x.0[LANES - 1]))),
         position: vector(f.position),
+        velocity: vector(f.velocity),
         angular_velocity: vector(f.angular_velocity),
         angular_acceleration: vector(f.angular_acceleration),
         proper_acceleration: vector(f.proper_acceleration),

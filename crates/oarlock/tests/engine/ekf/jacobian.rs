@@ -1,12 +1,12 @@
 //! Analytic Jacobians against differences of the readings.
 
-use super::mixed::MIXED;
+use super::mixed::{standing, MIXED};
 use super::support::chance::Chance;
 use super::support::extended::shipped as whole;
 use super::support::tree::{spanned, TREE};
 use super::support::{body, model, plain, worse, CHAIN};
 use oarlock::body::{Body, Moment};
-use oarlock::estimate::{Points, System};
+use oarlock::estimate::{FastSystem, PerturbedStates, Points, System};
 use oarlock::kernels::lane::{Lane, LANES};
 use std::f64::consts::PI;
 use std::path::Path;
@@ -117,7 +117,7 @@ fn of_all_shipped_models() {
 
 #[test]
 fn of_every_joint_sensor_and_state() {
-    for (seed, text) in [MIXED, TREE, CHAIN, &spanned()].into_iter().enumerate() {
+    for (seed, text) in [MIXED, &standing(), TREE, CHAIN, &spanned()].into_iter().enumerate() {
         compare("all states", &all(text), seed as u64);
     }
     let body = all(MIXED);
@@ -127,6 +127,39 @@ fn of_every_joint_sensor_and_state() {
         assert!(names.iter().any(|n| n == part), "{part}: {names:?}");
     }
     assert_eq!(body.input_std().len(), 2);
+}
+
+/// Readings near a mean, computed on the pieces of the tree in their own axes, are those of the whole tree.
+#[test]
+fn readings_near_a_mean() {
+    for (seed, text) in [MIXED, &standing()].into_iter().enumerate() {
+        let body = all(text);
+        let mut chance = Chance::new(seed as u64);
+        let (mean, mut moment) = somewhere(&body, &mut chance);
+        moment.moving.fill(true);
+        let zero = Lane([0.0; LANES]);
+        let mut lanes =
+            |n: usize| -> Vec<Lane> { (0..n).map(|_| Lane(std::array::from_fn(|_| 0.3 * chance.normal()))).collect() };
+        let (delta, off) = (lanes(mean.len()), lanes(body.input_std().len()));
+        let (still, none) = (vec![zero; delta.len()], vec![zero; off.len()]);
+        let (mut near, mut plain) = (vec![zero; body.row_count()], vec![zero; body.row_count()]);
+        let mut scratch = body.scratch();
+        body.readings_at_mean::<false>(
+            &moment,
+            &mut scratch,
+            Points { mean: &mean, delta: &still, off: &none },
+            &mut near,
+        );
+        let points = Points { mean: &mean, delta: &delta, off: &off };
+        let all_differ = PerturbedStates { from: 0, inputs: true };
+        body.readings_near_mean::<false>(&moment, &mut scratch, points, all_differ, &mut near);
+        body.readings(&moment, &mut scratch, points, &mut plain);
+        for ((near, plain), name) in near.iter().zip(&plain).zip(body.suite.row_names()) {
+            for (a, b) in near.0.iter().zip(&plain.0) {
+                assert!((a - b).abs() < 1e-11 * (1.0 + b.abs()), "{name}: {a} instead of {b}");
+            }
+        }
+    }
 }
 
 /// Rotation vectors at nothing and near half a turn, where formulas divide by their length.

@@ -59,3 +59,13 @@ forward = [1, 0, 0]
 magnetic_norm_ut = 47.0
 magnetic_dip_rad = "60*pi/180"
 "#;
+
+/// The same on a root that stands still, with points that touch the ground.
+pub fn standing() -> String {
+    let (first, last) = (MIXED.find("base_acceleration"), MIXED.find("[parameters]"));
+    let (first, last) = first.zip(last).expect("both sections");
+    let still = [&MIXED[..first], &MIXED[last..]].concat();
+    let touches = |point: &str| format!("contact = {{ point = {point}, std_m_s = 0.1 }}, mount.offset = [0.0");
+    let on_b = still.replace("mount.offset = [0.05", &(touches("[0.2, \"-l_second\", 0.1]") + "5"));
+    on_b.replace("mount.offset = [0.03", &(touches("[\"l_first\", 0.3, -0.2]") + "3"))
+}

@@ -128,7 +128,7 @@ fn with_sensors(sensors: &Value) -> Model {
         let mount = Mount { rotation: Mat3(rotation), std_rad: 0.1, offset };
         let frame = s["frame"].as_u64().expect("a frame") as usize;
         let name = s["name"].as_str().expect("a name").to_string();
-        Sensor { name, kind: SensorKind::Imu(Imu { frame, mount, noise }) }
+        Sensor { name, kind: SensorKind::Imu(Imu { frame, mount, noise, contact: None }) }
     };
     model.sensors = sensors.as_array().expect("sensors").iter().map(sensor).collect();
     model

@@ -1,0 +1,1 @@
+"""Which inertial unit sits where, from movements in a known order."""
